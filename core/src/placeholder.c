@@ -1,0 +1,1 @@
+int amb_placeholder(void);int amb_placeholder(void){return 0;}

@@ -1,0 +1,1 @@
+"""Adaptive Kalman filters for active magnetic bearings."""
