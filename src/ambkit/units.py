@@ -1,0 +1,162 @@
+"""Units at the boundary: read ``"2 mm"`` into SI, print SI for humans.
+
+Numbers pass through `decimal.Decimal`, so that ``"2 mm"`` is exactly the float ``0.002`` and a
+value survives any number of trips through a file unchanged.
+"""
+
+import math
+import re
+from decimal import Decimal
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pint import Unit, UnitRegistry
+
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
+_DECIMAL_COMMA = re.compile(r"\s*([+-]?\d+),(\d+)")
+_PREFIXES = {"M": 6, "k": 3, "": 0, "m": -3, "µ": -6, "n": -9, "p": -12, "f": -15}
+
+
+@cache
+def _registry() -> "UnitRegistry[Any]":
+    from pint import UnitRegistry
+
+    return UnitRegistry(non_int_type=Decimal)
+
+
+@cache
+def _root(unit: str) -> tuple[Decimal, "Unit"]:
+    """Return the factor to SI base units, and these."""
+    registry = _registry()
+    try:
+        parsed = registry.parse_units("" if unit == "1" else unit)
+        scale, root = registry.get_root_units(parsed)
+        offset = registry.Quantity(Decimal(0), parsed).m_as(root)
+    except Exception:  # pint passes on whatever its tokenizer and evaluator raise
+        raise ValueError(f'"{unit}" is not a known unit') from None
+    if offset != 0:
+        raise ValueError(f"{unit} does not start at zero, use {root:~} instead")
+    return Decimal(str(scale)), root
+
+
+@cache
+def _decimal_factor(from_unit: str, to_unit: str) -> Decimal:
+    (source, source_root), (target, target_root) = _root(from_unit), _root(to_unit)
+    # pint would count an angle as a plain number, and let "50 rad/s" pass as 50 Hz.
+    if source_root != target_root:
+        raise ValueError(f"{from_unit} cannot be converted to {to_unit}")
+    return source / target
+
+
+def factor(from_unit: str, to_unit: str) -> float:
+    """Return what a number in `from_unit` is multiplied with to give `to_unit`.
+
+    Parameters
+    ----------
+    from_unit, to_unit : str
+        Units such as ``"mm"``, ``"N mm^2/A^2"``, ``"A/(m s)"``; ``"1"`` is no unit.
+
+    Raises
+    ------
+    ValueError
+        A unit is not known, or the two measure different things.
+
+    Examples
+    --------
+    >>> factor("mm", "m")
+    0.001
+    """
+    return float(_decimal_factor(from_unit, to_unit))
+
+
+def parse(text: str, unit: str) -> float:
+    """Read a number with its unit, and give it in `unit`.
+
+    Parameters
+    ----------
+    text : str
+        Such as ``"2 mm"``, ``"6.7 N mm^2/A^2"``.
+    unit : str
+        The unit of the result; ``"1"`` for a plain number.
+
+    Returns
+    -------
+    float
+        The value in `unit`, correctly rounded (decimal prefixes cost no accuracy).
+
+    Raises
+    ------
+    ValueError
+        No number, no unit, an unknown one, or one of another dimension; the message says which.
+
+    Examples
+    --------
+    >>> parse("2 mm", "m")
+    0.002
+    """
+    comma = _DECIMAL_COMMA.match(text)
+    if comma:
+        raise ValueError(f'"{text}" has a decimal comma, write {comma[1]}.{comma[2]}')
+    match = _QUANTITY.fullmatch(text)
+    if match is None:
+        raise ValueError(f'"{text}" is not a number with a unit')
+    number, given = match.groups()
+    if not given and unit != "1":
+        raise ValueError(f'"{text}" has no unit')
+    try:
+        value = float(Decimal(number) * _decimal_factor(given or "1", unit))
+    except ValueError as error:
+        raise ValueError(f'"{text}": {error}') from None
+    if not math.isfinite(value):
+        raise ValueError(f'"{text}" is too large a number')
+    return value
+
+
+def engineering(value: float, unit: str, digits: int | None = 6) -> str:
+    """Print a value as an engineer writes it: ``0.002, "m"`` gives ``"2 mm"``.
+
+    Parameters
+    ----------
+    value : float
+        In `unit`.
+    unit : str
+        SI unit; its metre (or else its first symbol) takes the prefix that puts the number between
+        0.1 and 10000.
+    digits : int or None
+        Significant digits; None gives as many as it takes for `parse` to return `value` exactly.
+
+    Examples
+    --------
+    >>> engineering(6.7e-6, "N m^2/A^2")
+    '6.7 N mm^2/A^2'
+    """
+    if not math.isfinite(value):
+        return f"{value} {unit}"
+    exact = Decimal(repr(float(value)) if digits is None else f"{value:.{digits}g}")
+    if unit == "1":
+        return _plain(exact)
+    head, symbol, power, tail, own = _split(unit)
+    scales = [(prefix, (shift - own) * power) for prefix, shift in _PREFIXES.items()]
+    if not symbol or exact == 0 or Decimal("0.1") <= abs(exact) < 10_000:
+        return f"{_plain(exact)} {unit}"
+    fitting = [(p, s) for p, s in scales if abs(exact.scaleb(-s)) >= Decimal("0.1")]
+    prefix, shift = fitting[0] if fitting else scales[-1]
+    return f"{_plain(exact.scaleb(-shift))} {head}{prefix}{symbol}{tail}"
+
+
+def _plain(number: Decimal) -> str:
+    """Print without needless zeros; with an exponent only where it is shorter."""
+    number = number.normalize()
+    return f"{number:f}" if -6 < number.adjusted() < 7 else f"{number:e}".replace("e+", "e")
+
+
+def _split(unit: str) -> tuple[str, str, int, str, int]:
+    """Split a unit into (before, symbol, power, after, power of ten of the prefix it carries)."""
+    numerator = unit.partition("/")[0]
+    terms = list(re.finditer(r"([A-Za-zΩ]+)(?:\^(\d+))?", numerator))
+    if not terms:
+        return "", "", 1, unit, 0
+    term = next((t for t in terms if t[1] == "m"), terms[0])
+    own, symbol = (3, "g") if term[1] == "kg" else (0, term[1])
+    return unit[: term.start()], symbol, int(term[2] or 1), unit[term.end(1) :], own
