@@ -1,3 +1,11 @@
-#include <nanobind/nanobind.h>
-namespace nb = nanobind;
-NB_MODULE(AMBKIT_MODULE_NAME, m) { m.attr("precision") = 8; }
+// One thin module: arrays in, arrays out, no logic. Built twice, for double and for float.
+#include "arrays.h"
+
+NB_MODULE(AMBKIT_MODULE_NAME, m)
+{
+  m.doc() = "The C core of ambkit.";
+  bind_magnets(m);
+  bind_kalman(m);
+  bind_adaline(m);
+  bind_loop(m);
+}

@@ -1,0 +1,53 @@
+// Arrays in, arrays out: NumPy on one side, plain pointers on the other.
+#pragma once
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
+
+#include <initializer_list>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+extern "C" {
+#include "ambkit/real.h"
+}
+
+namespace nb = nanobind;
+
+using Vector = nb::ndarray<const amb_real, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Matrix = nb::ndarray<const amb_real, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+template <typename T> using Out = nb::ndarray<nb::numpy, T>;
+
+// A new NumPy array that owns its memory, and the pointer to fill it through.
+template <typename T> struct Fresh {
+  T *data;
+  Out<T> array;
+  explicit Fresh(std::initializer_list<size_t> shape)
+  {
+    size_t size = 1;
+    for (size_t extent : shape)
+      size *= extent;
+    data = new T[size > 0 ? size : 1]();
+    nb::capsule owner(data, [](void *p) noexcept { delete[] static_cast<T *>(p); });
+    array = Out<T>(data, shape, owner);
+  }
+};
+
+inline void same_length(size_t n, size_t other, const char *name)
+{
+  if (other != n)
+    throw std::invalid_argument(std::string(name) + " has " + std::to_string(other) +
+                                " samples, expected " + std::to_string(n));
+}
+
+inline std::vector<amb_real> copied(const Vector &a)
+{
+  return std::vector<amb_real>(a.data(), a.data() + a.size());
+}
+
+void bind_magnets(nb::module_ &m);
+void bind_kalman(nb::module_ &m);
+void bind_adaline(nb::module_ &m);
+void bind_loop(nb::module_ &m);

@@ -1,0 +1,168 @@
+#include "magnets.h"
+
+extern "C" {
+#include "ambkit/exponential.h"
+}
+
+namespace
+{
+
+struct Constant : Magnet {
+  amb_stiffness k;
+  Constant(amb_real k_i, amb_real k_s) : k{k_i, k_s}
+  {
+    magnet = {&amb_constant_magnet, &k};
+  }
+};
+
+struct Law : Magnet {
+  amb_law law;
+  Law(amb_real k, amb_real s0, amb_real i0, bool two_sided, amb_real ampere, amb_real metre)
+      : law{k, s0, i0, two_sided, ampere, metre}
+  {
+    magnet = {&amb_law_magnet, &law};
+  }
+};
+
+struct Table : Magnet {
+  std::vector<amb_real> k_i, k_s;
+  amb_table table{};
+  Table(amb_real x_min, amb_real dx, amb_real iu_min, amb_real diu, const Matrix &ki,
+        const Matrix &ks)
+      : k_i(ki.data(), ki.data() + ki.size()), k_s(ks.data(), ks.data() + ks.size())
+  {
+    if (ki.shape(0) != ks.shape(0) || ki.shape(1) != ks.shape(1))
+      throw std::invalid_argument("k_i and k_s differ in shape");
+    if (ki.shape(0) < 2 || ki.shape(1) < 2)
+      throw std::invalid_argument("a table needs at least 2 x 2 nodes");
+    table = {static_cast<int>(ki.shape(0)),
+             static_cast<int>(ki.shape(1)),
+             x_min,
+             dx,
+             iu_min,
+             diu,
+             k_i.data(),
+             k_s.data()};
+    magnet = {&amb_table_magnet, &table};
+  }
+};
+
+struct Fuzzy : Magnet {
+  std::vector<amb_real> centre_iu, centre_x, sharp_ki, sharp_ks, weight_ki, weight_ks;
+  amb_fuzzy net{};
+  Fuzzy(const Vector &c_iu, const Vector &c_x, const Vector &h_ki, const Vector &w_ki,
+        const Vector &h_ks, const Vector &w_ks, amb_real per_ampere, amb_real per_metre,
+        amb_real iu_min, amb_real iu_max, amb_real x_min, amb_real x_max, bool normalised)
+      : centre_iu(copied(c_iu)), centre_x(copied(c_x)), sharp_ki(copied(h_ki)),
+        sharp_ks(copied(h_ks)), weight_ki(copied(w_ki)), weight_ks(copied(w_ks))
+  {
+    const size_t n = c_iu.size();
+    if (n < 1 || n > AMB_FUZZY_MAX_RULES)
+      throw std::invalid_argument("a network has 1 to " + std::to_string(AMB_FUZZY_MAX_RULES) +
+                                  " rules, got " + std::to_string(n));
+    for (const Vector *a : {&c_x, &h_ki, &w_ki, &h_ks, &w_ks})
+      same_length(n, a->size(), "a network's array");
+    net.rules = static_cast<int>(n);
+    net.normalised = normalised;
+    net.per_ampere = per_ampere;
+    net.per_metre = per_metre;
+    net.iu_min = iu_min;
+    net.iu_max = iu_max;
+    net.x_min = x_min;
+    net.x_max = x_max;
+    net.centre_iu = centre_iu.data();
+    net.centre_x = centre_x.data();
+    net.k_i = {sharp_ki.data(), weight_ki.data()};
+    net.k_s = {sharp_ks.data(), weight_ks.data()};
+    magnet = {&amb_fuzzy_magnet, &net};
+  }
+
+  Out<amb_real> membership(bool of_k_s, const Vector &iu, const Vector &x) const
+  {
+    same_length(iu.size(), x.size(), "x");
+    const size_t n = iu.size(), rules = centre_iu.size();
+    Fresh<amb_real> u({n, rules});
+    nb::gil_scoped_release release;
+    for (size_t k = 0; k < n; k++)
+      amb_fuzzy_membership(&net, of_k_s ? &net.k_s : &net.k_i, iu.data()[k], x.data()[k],
+                           u.data + k * rules);
+    return u.array;
+  }
+};
+
+Out<amb_real> force(const Magnet &self, const Vector &iu, const Vector &x)
+{
+  same_length(iu.size(), x.size(), "x");
+  Fresh<amb_real> f({iu.size()});
+  nb::gil_scoped_release release;
+  for (size_t k = 0; k < iu.size(); k++)
+    f.data[k] = self.magnet.methods->force(self.magnet.self, iu.data()[k], x.data()[k]);
+  return f.array;
+}
+
+using Form = amb_stiffness (*)(const void *, amb_real, amb_real);
+
+nb::tuple stiffness(const Magnet &self, Form form, const Vector &iu, const Vector &x)
+{
+  same_length(iu.size(), x.size(), "x");
+  Fresh<amb_real> k_i({iu.size()}), k_s({iu.size()});
+  {
+    nb::gil_scoped_release release;
+    for (size_t k = 0; k < iu.size(); k++) {
+      const amb_stiffness at = form(self.magnet.self, iu.data()[k], x.data()[k]);
+      k_i.data[k] = at.k_i;
+      k_s.data[k] = at.k_s;
+    }
+  }
+  return nb::make_tuple(k_i.array, k_s.array);
+}
+
+} // namespace
+
+void bind_magnets(nb::module_ &m)
+{
+  nb::class_<Magnet>(m, "Magnet", "Force and stiffnesses at (iu [A], x [m]); arrays (n,).")
+      .def("force", &force, nb::arg("iu"), nb::arg("x"),
+           "Force relative to the bias force [N], (n,).")
+      .def(
+          "through_origin",
+          [](const Magnet &self, const Vector &iu, const Vector &x) {
+            return stiffness(self, self.magnet.methods->through_origin, iu, x);
+          },
+          nb::arg("iu"), nb::arg("x"), "k_i [N/A], k_s [N/m] with F = k_i iu + k_s x.")
+      .def(
+          "tangent",
+          [](const Magnet &self, const Vector &iu, const Vector &x) {
+            return stiffness(self, self.magnet.methods->tangent, iu, x);
+          },
+          nb::arg("iu"), nb::arg("x"), "k_i = dF/diu [N/A], k_s = dF/dx [N/m].");
+  nb::class_<Constant, Magnet>(m, "Constant", "Constant stiffness (paper, eq. 14).")
+      .def(nb::init<amb_real, amb_real>(), nb::arg("k_i"), nb::arg("k_s"));
+  nb::class_<Law, Magnet>(m, "Law", "The closed force law (paper, eq. 1).")
+      .def(nb::init<amb_real, amb_real, amb_real, bool, amb_real, amb_real>(), nb::arg("k"),
+           nb::arg("s0"), nb::arg("i0"), nb::arg("two_sided"), nb::arg("ampere"), nb::arg("metre"));
+  nb::class_<Table, Magnet>(m, "Table", "Bilinear stiffness tables, rows of x.")
+      .def(nb::init<amb_real, amb_real, amb_real, amb_real, const Matrix &, const Matrix &>(),
+           nb::arg("x_min"), nb::arg("dx"), nb::arg("iu_min"), nb::arg("diu"), nb::arg("k_i"),
+           nb::arg("k_s"));
+  nb::class_<Fuzzy, Magnet>(m, "Fuzzy", "Fuzzy basis function network (paper, eq. 32-33).")
+      .def(nb::init<const Vector &, const Vector &, const Vector &, const Vector &, const Vector &,
+                    const Vector &, amb_real, amb_real, amb_real, amb_real, amb_real, amb_real,
+                    bool>(),
+           nb::arg("centre_iu"), nb::arg("centre_x"), nb::arg("sharpness_k_i"),
+           nb::arg("weight_k_i"), nb::arg("sharpness_k_s"), nb::arg("weight_k_s"),
+           nb::arg("per_ampere"), nb::arg("per_metre"), nb::arg("iu_min"), nb::arg("iu_max"),
+           nb::arg("x_min"), nb::arg("x_max"), nb::arg("normalised"))
+      .def("membership", &Fuzzy::membership, nb::arg("of_k_s"), nb::arg("iu"), nb::arg("x"),
+           "Membership of each rule (n, rules), eq. 32; held to the box.");
+  m.attr("MAX_RULES") = AMB_FUZZY_MAX_RULES;
+  m.def(
+      "exp_negative",
+      [](const Vector &t) {
+        Fresh<amb_real> e({t.size()});
+        for (size_t k = 0; k < t.size(); k++)
+          e.data[k] = amb_exp_negative(t.data()[k]);
+        return e.array;
+      },
+      nb::arg("t"), "exp(-t) for t >= 0 as the core computes it, (n,).");
+}

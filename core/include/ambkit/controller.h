@@ -1,0 +1,34 @@
+/* PID with derivative filter and anti-windup. Input metres, output a demand of control current. */
+#ifndef AMBKIT_CONTROLLER_H
+#define AMBKIT_CONTROLLER_H
+
+#include "ambkit/real.h"
+
+typedef struct amb_pid {
+  amb_real T;      /* sampling time [s] */
+  amb_real kp;     /* [A/m] */
+  amb_real ki;     /* [A/(m s)] */
+  amb_real kd;     /* [A s/m], on the measured value: a step of the reference does not kick */
+  amb_real T_f;    /* derivative filter, time constant [s]; 0: none */
+  amb_real T_t;    /* anti-windup by back-calculation, tracking time [s]; 0: the integrator stops */
+  amb_real iu_min; /* limits of the output [A] */
+  amb_real iu_max;
+} amb_pid;
+
+typedef struct amb_pid_state {
+  amb_real integral; /* [A] */
+  amb_real last_x;   /* [m] */
+  amb_real velocity; /* filtered derivative of x [m/s] */
+  bool started;
+} amb_pid_state;
+
+/* Reset with the integrator at `integral` [A]. */
+void amb_pid_reset(amb_pid_state *state, amb_real integral);
+
+/* One sample: reference r [m], position x [m], and the velocity [m/s] where an estimator knows it
+ * (`velocity` NULL: the filtered derivative of x). Returns the control current demanded [A], held
+ * to its limits. */
+amb_real amb_pid_step(const amb_pid *pid, amb_pid_state *state, amb_real r, amb_real x,
+                      const amb_real *velocity);
+
+#endif

@@ -1,0 +1,40 @@
+/* The expert system: a fuzzy basis function network for k_i and k_s (paper, eq. 32-33).
+ *
+ *   u_r = exp(-|p - c_r|^2 / (2 sigma_r^2)),  p = (iu * per_ampere, x * per_metre)
+ *   k   = sum_r w_r u_r                       plain, eq. 33 as printed
+ *   k   = sum_r w_r u_r / sum_r u_r           normalised (Wang and Mendel 1992)
+ *
+ * The normalised form takes the smallest exponent out of numerator and denominator first, so the
+ * sum is at least 1 and never underflows: far from every rule the nearest one decides.
+ * Outside its box the network answers as at the nearest point of the box.
+ */
+#ifndef AMBKIT_FUZZY_H
+#define AMBKIT_FUZZY_H
+
+#include "ambkit/magnet.h"
+
+#define AMB_FUZZY_MAX_RULES 64
+
+/* One output of the network; arrays of `rules` elements, the caller's. */
+typedef struct amb_fuzzy_output {
+  const amb_real *sharpness; /* 1 / (2 sigma^2), in scaled units */
+  const amb_real *weight;    /* [N/A] or [N/m] */
+} amb_fuzzy_output;
+
+typedef struct amb_fuzzy {
+  int rules; /* 1 .. AMB_FUZZY_MAX_RULES */
+  bool normalised;
+  amb_real per_ampere, per_metre;        /* scale of the inputs [1/A], [1/m] */
+  amb_real iu_min, iu_max, x_min, x_max; /* the box [A], [m] */
+  const amb_real *centre_iu, *centre_x;  /* rule centres, scaled */
+  amb_fuzzy_output k_i, k_s;
+} amb_fuzzy;
+
+extern const amb_magnet_methods amb_fuzzy_magnet;
+
+/* Membership of each rule, eq. 32, at (iu, x) [A, m]: out[rules]. Normalised networks have the
+ * smallest exponent taken out. Inputs are held to the box. */
+void amb_fuzzy_membership(const amb_fuzzy *net, const amb_fuzzy_output *output, amb_real iu,
+                          amb_real x, amb_real *out);
+
+#endif

@@ -1,0 +1,116 @@
+/* Kalman filter of one axial bearing (paper, eq. 7-21), linear or adaptive.
+ *
+ * The filter is linear or adaptive by the magnet it is given: with the constant magnet it is the
+ * paper's linear filter, with the fuzzy magnet its adaptive one (Fig. 8), and any other
+ * implementation of ambkit/magnet.h takes part in the same way.
+ *
+ * State X = [x, v, f_d, x_m]: displacement [m], velocity [m/s], disturbance force F_St [N], lagged
+ * position [m times sensor gain]. Covariance: upper triangle, row by row, 10 entries.
+ *
+ * Nothing here allocates, prints or keeps anything of its own: parameters are read only, the state
+ * is the caller's, history belongs to whoever wants one.
+ */
+#ifndef AMBKIT_KALMAN_H
+#define AMBKIT_KALMAN_H
+
+#include "ambkit/magnet.h"
+#include "ambkit/status.h"
+#include "generated/axial.h"
+
+/* What the user sets. */
+typedef struct amb_kalman_settings {
+  amb_real T;      /* sampling time [s], > 0 */
+  amb_real m;      /* mass of the rotor [kg], > 0 */
+  amb_real K_sen;  /* sensor gain [1], not 0 */
+  amb_real T_sen;  /* sensor lag [s], > 0 */
+  amb_real k_ui;   /* amplifier gain [A/V], not 0 */
+  amb_real f_0;    /* known constant force: weight and bias force of the magnet [N] */
+  amb_real iu_min; /* limits of the control current [A] */
+  amb_real iu_max;
+  amb_real x_max; /* mechanical stop: no estimate is less certain than this [m], > 0 */
+  amb_real var_u; /* variance of the control signal [V^2], >= 0 */
+  amb_real var_d; /* growth of the disturbance force's variance in a sample [N^2], >= 0 */
+  amb_real var_y; /* variance of the measurement [m^2], > 0 */
+  unsigned int frozen_limit; /* equal measurements in a row that are taken for frozen; 0: never */
+} amb_kalman_settings;
+
+/* Settings, and what is computed from them once. */
+typedef struct amb_kalman {
+  amb_kalman_settings set;
+  amb_axial_model model;
+} amb_kalman;
+
+typedef struct amb_kalman_state {
+  amb_real mean[AMB_AXIAL_STATES];
+  amb_real cov[AMB_AXIAL_TRIANGLE];
+  amb_real last_u;        /* last finite control signal [V] */
+  amb_real last_y;        /* last measurement [m] */
+  unsigned int unchanged; /* how many times in a row it has come again */
+} amb_kalman_state;
+
+/* What one step leaves behind besides the state. */
+typedef struct amb_kalman_result {
+  amb_real innovation;     /* y - H X(k|k-1) [m]; 0 where the measurement was not used */
+  amb_real variance;       /* S, its variance [m^2] */
+  amb_stiffness stiffness; /* k_i, k_s that the prediction used */
+  amb_status status;
+} amb_kalman_result;
+
+/* Check the settings and compute the constants. Returns AMB_OK, or AMB_BAD_PARAMETER and leaves
+ * `kf` as it was. */
+amb_status amb_kalman_init(amb_kalman *kf, const amb_kalman_settings *settings);
+
+/* Start from a mean [4] and standard deviations [4] of x, v, f_d, x_m, uncorrelated. Returns
+ * AMB_OK, or AMB_BAD_PARAMETER (not finite, not positive) and leaves the state as it was. */
+amb_status amb_kalman_reset(amb_kalman_state *state, const amb_real mean[AMB_AXIAL_STATES],
+                            const amb_real std[AMB_AXIAL_STATES]);
+
+/* Control current [A] that the filter takes from a control signal u [V]: the last good one where
+ * u is not finite, held to its limits; adds what happened to `status`. */
+amb_real amb_kalman_current(const amb_kalman *kf, amb_kalman_state *state, amb_real u,
+                            amb_status *status);
+
+/* Eq. 9, 10: one sample on, with the control current iu [A] that acted and the stiffnesses. */
+amb_status amb_kalman_predict(const amb_kalman *kf, amb_kalman_state *state, amb_stiffness k,
+                              amb_real iu);
+
+/* Eq. 11-13: take in the measurement y [m]. */
+amb_status amb_kalman_update(const amb_kalman *kf, amb_kalman_state *state, amb_real y,
+                             amb_kalman_result *result);
+
+/* Fig. 8: stiffnesses of the magnet at the estimated displacement and the control current, then
+ * prediction with the control signal u that acted since the last sample, then measurement y. */
+amb_status amb_kalman_step(const amb_kalman *kf, const amb_magnet *magnet, amb_kalman_state *state,
+                           amb_real y, amb_real u, amb_kalman_result *result);
+
+/* A whole record of n samples. u[k] acts from sample k to k + 1; the first sample is only taken in,
+ * and not predicted. k_i, k_s: given stiffnesses, u[k] and k_i[k] belong together; or NULL, and the
+ * magnet is asked. */
+typedef struct amb_kalman_input {
+  size_t n;
+  const amb_real *y;   /* [m] */
+  const amb_real *u;   /* [V] */
+  const amb_real *k_i; /* [N/A] or NULL */
+  const amb_real *k_s; /* [N/m] or NULL */
+} amb_kalman_input;
+
+/* Where the results go; each pointer but `mean` may be NULL. */
+typedef struct amb_kalman_history {
+  amb_real *mean;        /* n x 4 */
+  amb_real *cov;         /* n x 10 */
+  amb_real *innovation;  /* n [m] */
+  amb_real *variance;    /* n [m^2] */
+  amb_real *k_i;         /* n [N/A] */
+  amb_real *k_s;         /* n [N/m] */
+  unsigned char *status; /* n */
+} amb_kalman_history;
+
+/* Write sample k of a history. */
+void amb_kalman_note(const amb_kalman_state *state, const amb_kalman_result *result, size_t k,
+                     const amb_kalman_history *history);
+
+/* Returns all flags that were raised anywhere. `magnet` may be NULL where k_i, k_s are given. */
+amb_status amb_kalman_run(const amb_kalman *kf, const amb_magnet *magnet, amb_kalman_state *state,
+                          const amb_kalman_input *input, const amb_kalman_history *history);
+
+#endif

@@ -1,0 +1,54 @@
+/* What an estimator asks of its magnet: force and stiffnesses at (iu, x), and nothing else.
+ *
+ * All in SI: iu control current [A], x displacement towards the pulling magnet [m], force [N],
+ * k_i [N/A], k_s [N/m]. Forces are relative to the bias force F(0, 0), which is zero for a
+ * two-sided magnet and carries the rotor for a one-sided one; the bias force belongs to the known
+ * forces of the filter.
+ *
+ * Two forms of the stiffnesses:
+ *   through origin   F(iu, x) = k_i iu + k_s x exactly, no affine term (paper, eq. 26)
+ *   tangent          k_i = dF/diu, k_s = dF/dx
+ * They agree at the origin.
+ */
+#ifndef AMBKIT_MAGNET_H
+#define AMBKIT_MAGNET_H
+
+#include "ambkit/real.h"
+
+typedef struct amb_stiffness {
+  amb_real k_i; /* [N/A] */
+  amb_real k_s; /* [N/m] */
+} amb_stiffness;
+
+/* The interface. Each implementation provides one constant of this type. */
+typedef struct amb_magnet_methods {
+  amb_real (*force)(const void *self, amb_real iu, amb_real x);
+  amb_stiffness (*through_origin)(const void *self, amb_real iu, amb_real x);
+  amb_stiffness (*tangent)(const void *self, amb_real iu, amb_real x);
+} amb_magnet_methods;
+
+/* A magnet is methods and what they work on; `self` outlives it, and is the caller's. */
+typedef struct amb_magnet {
+  const amb_magnet_methods *methods;
+  const void *self;
+} amb_magnet;
+
+/* ---- Constant stiffness (paper, eq. 14): `self` is an amb_stiffness. ---- */
+extern const amb_magnet_methods amb_constant_magnet;
+
+/* ---- The closed law (paper, eq. 1, first equality): `self` is an amb_law. ---- */
+typedef struct amb_law {
+  amb_real k;      /* magnet constant, mu0 A N^2 / 4 [N m^2/A^2] */
+  amb_real s0;     /* nominal air gap [m] */
+  amb_real i0;     /* bias current [A] */
+  bool two_sided;  /* two magnets in differential mode; else one, against gravity */
+  amb_real ampere; /* what the through-origin form takes for equally far: [A] ... */
+  amb_real metre;  /* ... and [m]; the paper's least squares steps 0.01 A and 0.01 mm */
+} amb_law;
+
+extern const amb_magnet_methods amb_law_magnet;
+
+/* Whole force of the magnet, bias force and all [N]: k times the regressor. */
+amb_real amb_law_regressor(const amb_law *law, amb_real iu, amb_real x);
+
+#endif

@@ -1,0 +1,33 @@
+/* The one precision switch: the core computes in double, or in float with -DAMB_FLOAT. */
+#ifndef AMBKIT_REAL_H
+#define AMBKIT_REAL_H
+
+#include <float.h>
+#include <stdbool.h>
+#include <stddef.h>
+
+#if defined(AMB_FLOAT)
+typedef float amb_real;
+#define AMB_C(literal) literal##F
+#define AMB_PRINT "%.9g"
+#define AMB_REAL_MAX FLT_MAX
+#else
+typedef double amb_real;
+#define AMB_C(literal) literal
+#define AMB_PRINT "%.17g"
+#define AMB_REAL_MAX DBL_MAX
+#endif
+
+/* False for NaN and for both infinities; no libm. */
+static inline bool amb_is_finite(amb_real a)
+{
+  return (a >= -AMB_REAL_MAX) && (a <= AMB_REAL_MAX);
+}
+
+static inline amb_real amb_clamp(amb_real a, amb_real low, amb_real high)
+{
+  const amb_real above = a < low ? low : a;
+  return above > high ? high : above;
+}
+
+#endif

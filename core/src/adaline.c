@@ -1,0 +1,73 @@
+#include "ambkit/adaline.h"
+#include "ambkit/exponential.h"
+
+void amb_adaline_reset(amb_adaline_state *state, amb_real k)
+{
+  const amb_adaline_state fresh = {0};
+  *state = fresh;
+  state->k = k;
+}
+
+/* Critically damped low-pass z'' = w^2 (input - z) - 2 w z', exact for an input held over T. */
+static void low_pass(amb_real w, amb_real T, amb_real keep, amb_real input, amb_real *z,
+                     amb_real *z_dot)
+{
+  const amb_real off = *z - input, slope = *z_dot, wT = w * T;
+  *z = input + keep * ((1 + wT) * off + T * slope);
+  *z_dot = keep * ((1 - wT) * slope - w * wT * off);
+}
+
+amb_status amb_adaline_step(const amb_adaline *a, amb_adaline_state *s, amb_real y, amb_real u,
+                            amb_real f_d)
+{
+  if (!amb_is_finite(y))
+    return AMB_MISSING;
+  if (!amb_is_finite(u) || !amb_is_finite(f_d))
+    return AMB_BAD_CONTROL;
+
+  const amb_real iu = amb_clamp(a->k_ui * u, a->iu_min, a->iu_max);
+  const amb_real now = y / a->K_sen;
+  if (!s->started) {
+    s->iu = iu;
+    s->last_y = now;
+    s->x = now;
+    s->phi = amb_law_regressor(&a->law, iu, now);
+    s->phi_late = s->phi;
+    s->force = s->k * s->phi;
+    s->started = true;
+    return AMB_UNEXCITED;
+  }
+
+  /* Between the two samples: the current that acted, as the sensor shows it, and the mean place. */
+  const amb_real before = s->iu;
+  s->iu = a->a_sen * before + (1 - a->a_sen) * iu;
+  const amb_real place = AMB_C(0.5) * (s->last_y + now);
+  s->last_y = now;
+  const amb_real phi = amb_law_regressor(&a->law, AMB_C(0.5) * (before + s->iu), place);
+
+  const amb_real keep = amb_exp_negative(a->bandwidth * a->T);
+  const amb_real x = s->x, v = s->v;
+  low_pass(a->bandwidth, a->T, keep, place, &s->x, &s->v);
+  low_pass(a->bandwidth, a->T, keep, phi, &s->phi, &s->phi_dot);
+
+  /* Eq. 24: prediction, error, and the normalised rule for its last weight. */
+  const amb_real input = a->T * a->T / (2 * a->m);
+  const amb_real predicted = x + a->T * v + input * (f_d + a->f_0 + s->force);
+  s->force += a->rate_force * (s->x - predicted) / input;
+  s->phi_late += a->rate_force * (s->phi - s->phi_late);
+
+  const amb_real own = 2 * a->law.i0 / a->law.s0;
+  const amb_real reference = a->law.two_sided ? own * own : AMB_C(0.25) * own * own;
+  const amb_real relative = s->phi_late / reference;
+  s->excitation += a->rate_k * (relative * relative - s->excitation);
+  if (s->excitation < a->least_excitation * a->least_excitation)
+    return AMB_UNEXCITED;
+
+  /* Eq. 25. The normalisation is by the larger of this sample's input and the mean one: a passage
+   * of phi through zero must not make a huge step out of a small error. */
+  const amb_real square = relative * relative;
+  const amb_real norm = square > s->excitation ? square : s->excitation;
+  const amb_real error = s->force - s->k * s->phi_late;
+  s->k += a->rate_k * relative * error / (norm * reference);
+  return AMB_OK;
+}

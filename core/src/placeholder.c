@@ -1,1 +1,0 @@
-int amb_placeholder(void);int amb_placeholder(void){return 0;}

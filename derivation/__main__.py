@@ -1,0 +1,38 @@
+"""Write core/generated/ from the models: ``python -m derivation`` (``--check`` only compares)."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from derivation.axial import axial
+from derivation.emit import header
+
+ROOT = Path(__file__).resolve().parent.parent
+GENERATED = ROOT / "core" / "generated"
+
+
+def formatted(text: str) -> str:
+    """Return C as clang-format writes it with the project's style."""
+    tool = shutil.which("clang-format", path=str(Path(sys.executable).parent)) or "clang-format"
+    command = [tool, f"--style=file:{ROOT / '.clang-format'}"]
+    return subprocess.run(command, input=text, capture_output=True, text=True, check=True).stdout
+
+
+def main() -> int:
+    """Write, or compare, one header a model; return 1 where a committed file is stale."""
+    stale = 0
+    for model in (axial,):
+        path = GENERATED / f"{model.name}.h"
+        text = formatted(header(model))
+        if "--check" in sys.argv:
+            if not path.exists() or path.read_text() != text:
+                print(f"{path.relative_to(ROOT)} is not what the derivation writes", file=sys.stderr)
+                stale = 1
+        else:
+            path.write_text(text)
+    return stale
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,46 @@
+/* A whole closed-loop run in one call: plant, amplifier, sensor, controller, estimator. */
+#ifndef AMBKIT_SIM_LOOP_H
+#define AMBKIT_SIM_LOOP_H
+
+#include "ambkit/controller.h"
+#include "ambkit/kalman.h"
+#include "plant.h"
+
+typedef struct amb_loop {
+  amb_plant plant;
+  amb_pid pid;
+  amb_real T;               /* sampling time [s] */
+  amb_real k_ui;            /* amplifier gain [A/V] */
+  amb_real iu_min, iu_max;  /* its limits [A] */
+  const amb_kalman *kf;     /* estimator, or NULL */
+  const amb_magnet *magnet; /* what it knows of the magnet */
+  bool feedback_estimate;   /* controller fed by the estimate; else by the measurement */
+} amb_loop;
+
+/* What comes from outside, n samples each. Noise is drawn by the caller, so that a run can be
+ * repeated with recorded noise, and random streams are those of a well-known library. */
+typedef struct amb_loop_input {
+  size_t n;
+  const amb_real *r;       /* reference [m] */
+  const amb_real *f_d;     /* disturbance force [N] */
+  const amb_real *noise_u; /* on the control signal [V] */
+  const amb_real *noise_y; /* on the measurement [m] */
+} amb_loop_input;
+
+/* Where the run goes; n samples each, all wanted. */
+typedef struct amb_loop_output {
+  amb_real *x, *v, *x_m; /* truth at the sample: [m], [m/s], [m] */
+  amb_real *iu;          /* control current from this sample to the next, with noise, limited [A] */
+  amb_real *force;       /* magnet, weight and bias force at the sample, with that current [N] */
+  amb_real *y;           /* measurement [m] */
+  amb_real *u;           /* control signal from this sample to the next [V] */
+  amb_kalman_history estimate; /* used where there is an estimator */
+  size_t touched;              /* samples in which a stop was touched */
+} amb_loop_output;
+
+/* Runs n samples from the states given, which are left at the end of the run. Returns the flags
+ * that the estimator raised. */
+amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_plant_state *plant,
+                        amb_pid_state *pid, amb_kalman_state *kalman, amb_loop_output *out);
+
+#endif
