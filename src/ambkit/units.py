@@ -104,6 +104,8 @@ def parse(text: str, unit: str) -> float:
     number, given = match.groups()
     if not given and unit != "1":
         raise ValueError(f'"{text}" has no unit')
+    if given and unit == "1" and given != "%":
+        raise ValueError(f'"{text}" must be a plain number')
     try:
         value = float(Decimal(number) * _decimal_factor(given or "1", unit))
     except ValueError as error:
@@ -121,8 +123,8 @@ def engineering(value: float, unit: str, digits: int | None = 6) -> str:
     value : float
         In `unit`.
     unit : str
-        SI unit; its metre (or else its first symbol) takes the prefix that puts the number between
-        0.1 and 10000.
+        SI unit; its metre (or else its first symbol) takes the largest prefix that leaves
+        a number of at least 0.1 (0.01 of a squared one); none from there up to 10000.
     digits : int or None
         Significant digits; None gives as many as it takes for `parse` to return `value` exactly.
 
@@ -137,10 +139,11 @@ def engineering(value: float, unit: str, digits: int | None = 6) -> str:
     if unit == "1":
         return _plain(exact)
     head, symbol, power, tail, own = _split(unit)
-    scales = [(prefix, (shift - own) * power) for prefix, shift in _PREFIXES.items()]
-    if not symbol or exact == 0 or Decimal("0.1") <= abs(exact) < 10_000:
+    least = Decimal(1).scaleb(-power)
+    if not symbol or exact == 0 or least <= abs(exact) < 10_000:
         return f"{_plain(exact)} {unit}"
-    fitting = [(p, s) for p, s in scales if abs(exact.scaleb(-s)) >= Decimal("0.1")]
+    scales = [(prefix, (shift - own) * power) for prefix, shift in _PREFIXES.items()]
+    fitting = [scale for scale in scales if abs(exact.scaleb(-scale[1])) >= least]
     prefix, shift = fitting[0] if fitting else scales[-1]
     return f"{_plain(exact.scaleb(-shift))} {head}{prefix}{symbol}{tail}"
 

@@ -1,0 +1,52 @@
+"""Reading and writing files such that a failure is one clear line and leaves the old file whole."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from ambkit.errors import AmbkitError
+
+
+@contextmanager
+def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Give a temporary file beside `path`, and put it in the place of `path` at the end.
+
+    If the body of the ``with`` fails, the temporary file goes and `path` stays as it was.
+
+    Raises
+    ------
+    AmbkitError
+        The folder or the file cannot be written.
+    """
+    path = Path(path)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        yield temporary
+        os.replace(temporary, path)
+    except OSError as error:
+        raise AmbkitError(f"{path}: cannot be written: {error.strerror or error}") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_text(path: str | os.PathLike[str], text: str) -> None:
+    """Write UTF-8 text through a temporary file (see `replacing`)."""
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def read_text(path: str | os.PathLike[str]) -> str:
+    """Read UTF-8 text.
+
+    Raises
+    ------
+    AmbkitError
+        There is no such file, it cannot be opened, or it is not UTF-8 text.
+    """
+    try:
+        return Path(path).read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise AmbkitError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
+        raise AmbkitError(f"{path}: is not UTF-8 text (byte {error.start})") from error
