@@ -55,7 +55,8 @@ def in_words(model: type[BaseModel], error: Mapping[str, Any]) -> Problem:
             purpose = _purpose(model.model_fields[str(path[-1])])
             return problem._replace(text=f"missing{purpose}", missing=True)
         case "union_tag_not_found":
-            return problem._replace(path=(*path, "type"), text="missing: what kind this is")
+            text = f"missing: {_one_of(_kinds(model.model_fields[str(path[0])].annotation))}"
+            return problem._replace(path=(*path, "type"), text=text)
         case "union_tag_invalid":
             text = _choice(context["tag"], context["expected_tags"])
             return problem._replace(path=(*path, "type"), text=text)
@@ -123,8 +124,20 @@ def _choice(value: Any, allowed: str) -> str:
     """Say which words are allowed; `allowed` is pydantic's list of them in single quotes."""
     words = re.findall("'([^']*)'", allowed)
     near = difflib.get_close_matches(str(value), words, 1)
-    text = f"must be {' or '.join(map(_shown, words))}, is {_shown(value)}"
+    text = f"must be {_one_of(words)}, is {_shown(value)}"
     return text + (f"; did you mean {_shown(near[0])}?" if near else "")
+
+
+def _one_of(words: list[str]) -> str:
+    shown = [_shown(word) for word in words]
+    return " or ".join(shown) if len(shown) < 3 else f"one of {', '.join(shown)}"
+
+
+def _kinds(annotation: Any) -> list[str]:
+    """Return the type names of all the models in an annotation."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation.model_fields["type"].default]
+    return [kind for inner in get_args(annotation) for kind in _kinds(inner)]
 
 
 def _shown(value: Any) -> str:

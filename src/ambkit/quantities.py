@@ -3,6 +3,7 @@
 import json
 import math
 import numbers
+from collections.abc import Callable
 from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any
@@ -12,7 +13,12 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from ambkit import units
 
-_signal_unit: ContextVar[str | None] = ContextVar("signal unit", default=None)
+_place: "ContextVar[SignalIn | None]" = ContextVar("place of a signal", default=None)
+
+
+def place_of_signal() -> "SignalIn | None":
+    """Return where the signal that is just being read or written is used."""
+    return _place.get()
 
 
 @dataclass(frozen=True)
@@ -27,13 +33,13 @@ class Quantity:
     unit : str
         SI unit. ``@`` stands for the unit of the signal, which the place of use knows (`SignalIn`).
     example : str
-        How a user would write a sensible value.
+        How a user would write a sensible value; of a signal's value the place of use knows that.
     above, at_least : float or None
         Limits, in `unit`.
     """
 
     unit: str
-    example: str
+    example: str = ""
     above: float | None = None
     at_least: float | None = None
 
@@ -56,7 +62,7 @@ class Quantity:
         unit = self._unit()
         if isinstance(value, str):
             if unit is None:
-                raise ValueError(f'"{value}": outside a scenario a signal has no unit, give SI')
+                raise ValueError(f'"{value}": a signal by itself has no unit, give SI')
             return units.parse(value, unit)
         if isinstance(value, bool) or not isinstance(value, numbers.Real):
             raise ValueError(f"{json.dumps(value, default=repr)} is not a number")
@@ -65,22 +71,21 @@ class Quantity:
         return float(value)
 
     def _unit(self) -> str | None:
-        place = _signal_unit.get()
-        if "@" in self.unit:
-            return None if place is None else self.unit.replace("@", place)
-        return self.unit
+        if "@" not in self.unit:
+            return self.unit
+        place = _place.get()
+        return self.unit.replace("@", place.unit) if place else None
 
     def _shown(self, number: float) -> str:
-        return units.engineering(number, self._unit() or "SI")
+        unit = self._unit()
+        return units.engineering(number, unit) if unit else f"{number:g}"
 
     def shown_example(self) -> str:
-        """Give the example as it stands in a file; for a signal, in the unit of its place."""
-        unit = self._unit()
-        if unit == "1":
-            return self.example
+        """Give the example as it stands in a file."""
+        place = _place.get()
         if "@" in self.unit:
-            return f'"{self.example} {unit}"' if unit else self.example
-        return f'"{self.example}"'
+            return f'"{self.unit.replace("@", place.example)}"' if place else "0.001"
+        return self.example if self.unit == "1" else f'"{self.example}"'
 
     def _wrong(self, text: str) -> PydanticCustomError:
         return PydanticCustomError("problem", "{text}", {"text": text})
@@ -90,7 +95,7 @@ class Quantity:
         unit = self._unit()
         if info.context is None or unit in (None, "1"):
             return value
-        return units.engineering(value, unit, digits=None)
+        return units.engineering(value, str(unit), digits=None)
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
@@ -107,30 +112,43 @@ class Quantity:
     ) -> dict[str, Any]:
         if self.unit == "1":
             return {"type": "number", "examples": [float(self.example)]}
-        unit = self.unit.replace("@", "unit of the signal")
-        return {"type": "string", "unit": unit, "examples": [self.example]}
+        if "@" in self.unit:
+            examples = [self.unit.replace("@", example) for example in ("0.5 mm", "3 N")]
+        else:
+            examples = [self.example]
+        return {"type": "string", "examples": examples}
 
 
 @dataclass(frozen=True)
 class SignalIn:
-    """Marks where a signal is used, and so in which unit: ``Annotated[Signal, SignalIn("N")]``."""
+    """Marks where a signal is used, and so its unit: ``Annotated[Signal, SignalIn("N", "3 N")]``.
+
+    Attributes
+    ----------
+    unit : str
+        SI unit of the signal's values.
+    example : str
+        How a user would write such a value.
+    """
 
     unit: str
+    example: str
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
+        inner = handler(source)
         return core_schema.no_info_wrap_validator_function(
             self._inside,
-            handler(source),
+            inner,
             serialization=core_schema.wrap_serializer_function_ser_schema(
-                self._inside, schema=handler(source)
+                self._inside, schema=inner
             ),
         )
 
-    def _inside(self, value: Any, inner: Any) -> Any:
-        token = _signal_unit.set(self.unit)
+    def _inside(self, value: Any, inner: Callable[[Any], Any]) -> Any:
+        token = _place.set(self)
         try:
             return inner(value)
         finally:
-            _signal_unit.reset(token)
+            _place.reset(token)
