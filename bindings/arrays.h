@@ -29,7 +29,7 @@ template <typename T> struct Fresh {
     size_t size = 1;
     for (size_t extent : shape)
       size *= extent;
-    data = new T[size > 0 ? size : 1]();
+    data = new T[size > 0 ? size : 1]; // not zeroed: every element is written
     nb::capsule owner(data, [](void *p) noexcept { delete[] static_cast<T *>(p); });
     array = Out<T>(data, shape, owner);
   }

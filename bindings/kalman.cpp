@@ -61,14 +61,11 @@ nb::dict run(Kalman &self, const Vector &y, const Vector &u, std::optional<Vecto
   const amb_kalman_input input{n, y.data(), u.data(), k_i ? k_i->data() : nullptr,
                                k_s ? k_s->data() : nullptr};
   History history(n, covariance);
-  const amb_kalman_history pointers = history.pointers();
   {
     nb::gil_scoped_release release;
-    amb_kalman_run(&self.kf, &self.magnet, &self.state, &input, &pointers);
+    amb_kalman_run(&self.kf, &self.magnet, &self.state, &input, &history.to);
   }
-  nb::dict out;
-  history.put_into(out);
-  return out;
+  return history.arrays;
 }
 
 Out<amb_real> mean(const Kalman &self)
@@ -108,6 +105,7 @@ void bind_kalman(nb::module_ &m)
            "A whole record; u[k] acts from sample k to k + 1.")
       .def_prop_ro("mean", &mean, "State estimate (4,): x [m], v [m/s], f_d [N], x_m [m].")
       .def_prop_ro("covariance", &covariance, "Its covariance (4, 4).")
+      .def_prop_ro("status", [](const Kalman &s) { return s.result.status; })
       .def_prop_ro("innovation", [](const Kalman &s) { return s.result.innovation; })
       .def_prop_ro("variance", [](const Kalman &s) { return s.result.variance; })
       .def_prop_ro("k_i", [](const Kalman &s) { return s.result.stiffness.k_i; })

@@ -6,33 +6,41 @@ extern "C" {
 #include "ambkit/kalman.h"
 }
 
-// Where a filter writes its history: new arrays for n samples.
-struct History {
-  Fresh<amb_real> mean, cov, innovation, variance, k_i, k_s;
-  Fresh<unsigned char> status;
-  bool with_covariance;
-  History(size_t n, bool covariance)
-      : mean({n, AMB_AXIAL_STATES}), cov({covariance ? n : 0, AMB_AXIAL_TRIANGLE}), innovation({n}),
-        variance({n}), k_i({n}), k_s({n}), status({n}), with_covariance(covariance)
+// Where a filter writes its history: arrays for n samples, in one block of memory. One block,
+// because the allocator gives a block that was freed as a whole back at the next run, while many
+// large ones would be fetched from the system page by page, which costs as much as the filter.
+class History
+{
+public:
+  History(size_t n, bool with_covariance)
   {
+    const size_t triangle = with_covariance ? AMB_AXIAL_TRIANGLE : 0;
+    const size_t reals = n * (AMB_AXIAL_STATES + triangle + 4);
+    amb_real *next = new amb_real[reals + n / sizeof(amb_real) + 1];
+    owner = nb::capsule(next, [](void *p) noexcept { delete[] static_cast<amb_real *>(p); });
+    to.mean = place("mean", next, {n, AMB_AXIAL_STATES});
+    to.cov = with_covariance ? place("covariance", next, {n, AMB_AXIAL_TRIANGLE}) : nullptr;
+    to.innovation = place("innovation", next, {n});
+    to.variance = place("variance", next, {n});
+    to.k_i = place("k_i", next, {n});
+    to.k_s = place("k_s", next, {n});
+    to.status = reinterpret_cast<unsigned char *>(next);
+    arrays["status"] = Out<unsigned char>(to.status, {n}, owner);
   }
-  amb_kalman_history pointers() const
+  amb_kalman_history to{};
+  nb::dict arrays;
+
+private:
+  nb::capsule owner;
+  amb_real *place(const char *name, amb_real *&next, std::initializer_list<size_t> shape)
   {
-    return {mean.data,       with_covariance ? cov.data : nullptr,
-            innovation.data, variance.data,
-            k_i.data,        k_s.data,
-            status.data};
-  }
-  void put_into(nb::dict &d) const
-  {
-    d["mean"] = mean.array;
-    if (with_covariance)
-      d["covariance"] = cov.array;
-    d["innovation"] = innovation.array;
-    d["variance"] = variance.array;
-    d["k_i"] = k_i.array;
-    d["k_s"] = k_s.array;
-    d["status"] = status.array;
+    amb_real *data = next;
+    size_t size = 1;
+    for (size_t extent : shape)
+      size *= extent;
+    next += size;
+    arrays[name] = Out<amb_real>(data, shape, owner);
+    return data;
   }
 };
 

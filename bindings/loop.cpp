@@ -32,8 +32,7 @@ nb::dict simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, am
   const amb_loop_input input{n, r.data(), f_d.data(), noise_u.data(), noise_y.data()};
   Fresh<amb_real> x({n}), v({n}), x_m({n}), iu({n}), force({n}), y({n}), u({n});
   History history(kalman ? n : 0, kalman != nullptr);
-  amb_loop_output out{x.data, v.data, x_m.data,           iu.data, force.data,
-                      y.data, u.data, history.pointers(), 0};
+  amb_loop_output out{x.data, v.data, x_m.data, iu.data, force.data, y.data, u.data, history.to, 0};
   amb_plant_state plant{x_start, 0, K_sen * x_start};
   amb_pid_state pid;
   amb_pid_reset(&pid, integral);
@@ -50,11 +49,8 @@ nb::dict simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, am
   d["y"] = y.array;
   d["u"] = u.array;
   d["touched"] = out.touched;
-  if (kalman) {
-    nb::dict estimate;
-    history.put_into(estimate);
-    d["estimate"] = estimate;
-  }
+  if (kalman)
+    d["estimate"] = history.arrays;
   return d;
 }
 

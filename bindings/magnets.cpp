@@ -77,15 +77,15 @@ struct Fuzzy : Magnet {
     magnet = {&amb_fuzzy_magnet, &net};
   }
 
-  Out<amb_real> membership(bool of_k_s, const Vector &iu, const Vector &x) const
+  Out<amb_real> basis(bool of_k_s, const Vector &iu, const Vector &x) const
   {
     same_length(iu.size(), x.size(), "x");
     const size_t n = iu.size(), rules = centre_iu.size();
     Fresh<amb_real> u({n, rules});
     nb::gil_scoped_release release;
     for (size_t k = 0; k < n; k++)
-      amb_fuzzy_membership(&net, of_k_s ? &net.k_s : &net.k_i, iu.data()[k], x.data()[k],
-                           u.data + k * rules);
+      amb_fuzzy_basis(&net, of_k_s ? &net.k_s : &net.k_i, iu.data()[k], x.data()[k],
+                      u.data + k * rules);
     return u.array;
   }
 };
@@ -153,8 +153,8 @@ void bind_magnets(nb::module_ &m)
            nb::arg("weight_k_i"), nb::arg("sharpness_k_s"), nb::arg("weight_k_s"),
            nb::arg("per_ampere"), nb::arg("per_metre"), nb::arg("iu_min"), nb::arg("iu_max"),
            nb::arg("x_min"), nb::arg("x_max"), nb::arg("normalised"))
-      .def("membership", &Fuzzy::membership, nb::arg("of_k_s"), nb::arg("iu"), nb::arg("x"),
-           "Membership of each rule (n, rules), eq. 32; held to the box.");
+      .def("basis", &Fuzzy::basis, nb::arg("of_k_s"), nb::arg("iu"), nb::arg("x"),
+           "Fuzzy basis functions (n, rules), eq. 32: normalised ones sum to 1. Held to the box.");
   m.attr("MAX_RULES") = AMB_FUZZY_MAX_RULES;
   m.def(
       "exp_negative",

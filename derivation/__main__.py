@@ -7,6 +7,7 @@ from pathlib import Path
 
 from derivation.axial import axial
 from derivation.emit import header
+from derivation.exponential import exponential_header
 
 ROOT = Path(__file__).resolve().parent.parent
 GENERATED = ROOT / "core" / "generated"
@@ -20,11 +21,12 @@ def formatted(text: str) -> str:
 
 
 def main() -> int:
-    """Write, or compare, one header a model; return 1 where a committed file is stale."""
+    """Write, or compare, all headers; return 1 where a committed file is stale."""
     stale = 0
-    for model in (axial,):
-        path = GENERATED / f"{model.name}.h"
-        text = formatted(header(model))
+    written = {f"{model.name}.h": header(model) for model in (axial,)}
+    written["exponential.h"] = exponential_header()
+    for name, unformatted in written.items():
+        path, text = GENERATED / name, formatted(unformatted)
         if "--check" in sys.argv:
             if not path.exists() or path.read_text() != text:
                 print(f"{path.relative_to(ROOT)} is not what the derivation writes", file=sys.stderr)

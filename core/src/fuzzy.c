@@ -6,45 +6,99 @@ typedef struct surface {
   amb_real value, d_iu, d_x;
 } surface;
 
-static void memberships(const amb_fuzzy *net, const amb_real *sharpness, amb_real p, amb_real q,
-                        amb_real *u)
+/* Two numbers added up along the rules, in four chains: the adders are not waited for, and every
+ * compiler adds in this order. */
+typedef struct sums {
+  amb_real plain, weighted;
+} sums;
+
+static sums add_up(const amb_real *u, const amb_real *weight, int rules)
 {
-  amb_real least = AMB_REAL_MAX;
+  amb_real s[4] = {0, 0, 0, 0}, w[4] = {0, 0, 0, 0};
+  int r = 0;
+  for (; r + 4 <= rules; r += 4) {
+    for (int lane = 0; lane < 4; lane++) {
+      s[lane] += u[r + lane];
+      w[lane] += weight[r + lane] * u[r + lane];
+    }
+  }
+  for (; r < rules; r++) {
+    s[0] += u[r];
+    w[0] += weight[r] * u[r];
+  }
+  const sums total = {(s[0] + s[1]) + (s[2] + s[3]), (w[0] + w[1]) + (w[2] + w[3])};
+  return total;
+}
+
+static void exponents(const amb_fuzzy *net, const amb_real *sharpness, amb_real p, amb_real q,
+                      amb_real *e)
+{
   for (int r = 0; r < net->rules; r++) {
     const amb_real dp = p - net->centre_iu[r], dq = q - net->centre_x[r];
-    u[r] = (dp * dp + dq * dq) * sharpness[r];
-    least = u[r] < least ? u[r] : least;
+    e[r] = (dp * dp + dq * dq) * sharpness[r];
   }
-  const amb_real taken_out = net->normalised ? least : AMB_C(0.0);
-  for (int r = 0; r < net->rules; r++)
-    u[r] = amb_exp_negative(u[r] - taken_out);
 }
 
-void amb_fuzzy_membership(const amb_fuzzy *net, const amb_fuzzy_output *output, amb_real iu,
-                          amb_real x, amb_real *out)
+static void exponentials(amb_real *e, int n)
 {
-  memberships(net, output->sharpness, amb_clamp(iu, net->iu_min, net->iu_max) * net->per_ampere,
-              amb_clamp(x, net->x_min, net->x_max) * net->per_metre, out);
+  for (int r = 0; r < n; r++)
+    e[r] = amb_exp_negative(e[r]);
 }
 
-static amb_real value(const amb_fuzzy *net, const amb_fuzzy_output *output, amb_real p, amb_real q)
+/* The sums of one output from its memberships u. Where a normalised network is so far from every
+ * rule that they vanish, the smallest exponent is taken out of all of them first. */
+static sums total(const amb_fuzzy *net, const amb_fuzzy_output *output, amb_real p, amb_real q,
+                  amb_real *u)
 {
-  amb_real u[AMB_FUZZY_MAX_RULES];
-  memberships(net, output->sharpness, p, q, u);
-  amb_real sum = 0, weighted = 0;
-  for (int r = 0; r < net->rules; r++) {
-    sum += u[r];
-    weighted += output->weight[r] * u[r];
+  sums s = add_up(u, output->weight, net->rules);
+  if (net->normalised && (s.plain < AMB_C(1e-6))) {
+    exponents(net, output->sharpness, p, q, u);
+    amb_real least = u[0];
+    for (int r = 1; r < net->rules; r++)
+      least = u[r] < least ? u[r] : least;
+    for (int r = 0; r < net->rules; r++)
+      u[r] -= least;
+    exponentials(u, net->rules);
+    s = add_up(u, output->weight, net->rules);
   }
-  return net->normalised ? weighted / sum : weighted;
+  return s;
 }
 
+static sums memberships(const amb_fuzzy *net, const amb_fuzzy_output *output, amb_real p,
+                        amb_real q, amb_real *u)
+{
+  exponents(net, output->sharpness, p, q, u);
+  exponentials(u, net->rules);
+  return total(net, output, p, q, u);
+}
+
+void amb_fuzzy_basis(const amb_fuzzy *net, const amb_fuzzy_output *output, amb_real iu, amb_real x,
+                     amb_real *out)
+{
+  const sums s = memberships(net, output, amb_clamp(iu, net->iu_min, net->iu_max) * net->per_ampere,
+                             amb_clamp(x, net->x_min, net->x_max) * net->per_metre, out);
+  if (net->normalised) {
+    for (int r = 0; r < net->rules; r++)
+      out[r] /= s.plain;
+  }
+}
+
+/* Both outputs at once: one loop over twice as many exponentials fills the vector registers. */
 static amb_stiffness fuzzy_through_origin(const void *self, amb_real iu, amb_real x)
 {
   const amb_fuzzy *net = (const amb_fuzzy *)self;
   const amb_real p = amb_clamp(iu, net->iu_min, net->iu_max) * net->per_ampere;
   const amb_real q = amb_clamp(x, net->x_min, net->x_max) * net->per_metre;
-  const amb_stiffness k = {value(net, &net->k_i, p, q), value(net, &net->k_s, p, q)};
+  amb_real u[2 * AMB_FUZZY_MAX_RULES];
+  exponents(net, net->k_i.sharpness, p, q, u);
+  exponents(net, net->k_s.sharpness, p, q, u + net->rules);
+  exponentials(u, 2 * net->rules);
+  const sums i = total(net, &net->k_i, p, q, u), s = total(net, &net->k_s, p, q, u + net->rules);
+  amb_stiffness k = {i.weighted, s.weighted};
+  if (net->normalised) {
+    k.k_i /= i.plain;
+    k.k_s /= s.plain;
+  }
   return k;
 }
 
@@ -59,23 +113,21 @@ static surface with_slopes(const amb_fuzzy *net, const amb_fuzzy_output *output,
 {
   const amb_real p = iu * net->per_ampere, q = x * net->per_metre;
   amb_real u[AMB_FUZZY_MAX_RULES];
-  memberships(net, output->sharpness, p, q, u);
-  amb_real sum = 0, sum_p = 0, sum_q = 0, weighted = 0, weighted_p = 0, weighted_q = 0;
+  const sums both = memberships(net, output, p, q, u);
+  amb_real sum_p = 0, sum_q = 0, weighted_p = 0, weighted_q = 0;
   for (int r = 0; r < net->rules; r++) {
     const amb_real slope = -2 * output->sharpness[r] * u[r];
     const amb_real u_p = slope * (p - net->centre_iu[r]), u_q = slope * (q - net->centre_x[r]);
-    sum += u[r];
     sum_p += u_p;
     sum_q += u_q;
-    weighted += output->weight[r] * u[r];
     weighted_p += output->weight[r] * u_p;
     weighted_q += output->weight[r] * u_q;
   }
-  surface s = {weighted, weighted_p, weighted_q};
+  surface s = {both.weighted, weighted_p, weighted_q};
   if (net->normalised) {
-    s.value = weighted / sum;
-    s.d_iu = (weighted_p - s.value * sum_p) / sum;
-    s.d_x = (weighted_q - s.value * sum_q) / sum;
+    s.value = both.weighted / both.plain;
+    s.d_iu = (weighted_p - s.value * sum_p) / both.plain;
+    s.d_x = (weighted_q - s.value * sum_q) / both.plain;
   }
   s.d_iu *= net->per_ampere;
   s.d_x *= net->per_metre;

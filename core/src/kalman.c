@@ -48,8 +48,8 @@ amb_status amb_kalman_reset(amb_kalman_state *state, const amb_real mean[AMB_AXI
   return AMB_OK;
 }
 
-amb_real amb_kalman_current(const amb_kalman *kf, amb_kalman_state *state, amb_real u,
-                            amb_status *status)
+static amb_real current(const amb_kalman *kf, amb_kalman_state *state, amb_real u,
+                        amb_status *status)
 {
   if (amb_is_finite(u))
     state->last_u = u;
@@ -62,22 +62,20 @@ amb_real amb_kalman_current(const amb_kalman *kf, amb_kalman_state *state, amb_r
   return held;
 }
 
-amb_status amb_kalman_predict(const amb_kalman *kf, amb_kalman_state *state, amb_stiffness k,
-                              amb_real iu)
+/* The pieces of a step are static, so that amb_kalman_run becomes one loop whose state stays in
+ * registers; the public functions below are these pieces. */
+
+static amb_status predict(const amb_kalman *kf, amb_kalman_state *state, amb_stiffness k,
+                          amb_real iu)
 {
   const amb_kalman_settings *s = &kf->set;
-  amb_real mean[AMB_AXIAL_STATES], cov[AMB_AXIAL_TRIANGLE];
-  memcpy(mean, state->mean, sizeof mean);
-  memcpy(cov, state->cov, sizeof cov);
-  amb_axial_predict_mean(&kf->model, k.k_i * iu + k.k_s * mean[0] + s->f_0, mean);
-  amb_axial_predict_covariance(&kf->model, k.k_i, k.k_s, s->k_ui, s->var_u, s->var_d, cov);
   /* The plant is unstable: without measurements mean and covariance grow until they overflow.
-   * The stops bound the rotor, so beyond them nothing more is lost by standing still, and the
-   * filter finds back at the first good sample. NaN fails the comparison too. */
-  if (!(cov[0] <= s->x_max * s->x_max) || !amb_is_finite(mean[0] + mean[1] + mean[3]))
+   * The stops bound the rotor, so once nothing is known but that it is between them, nothing more
+   * is lost by standing still, and the filter finds back at the first good sample. */
+  if (!(state->cov[0] <= s->x_max * s->x_max))
     return AMB_HELD;
-  memcpy(state->mean, mean, sizeof mean);
-  memcpy(state->cov, cov, sizeof cov);
+  amb_axial_predict_mean(&kf->model, k.k_i * iu + k.k_s * state->mean[0] + s->f_0, state->mean);
+  amb_axial_predict_covariance(&kf->model, k.k_i, k.k_s, s->k_ui, s->var_u, s->var_d, state->cov);
   return AMB_OK;
 }
 
@@ -85,20 +83,22 @@ amb_status amb_kalman_predict(const amb_kalman *kf, amb_kalman_state *state, amb
 static bool frozen(const amb_kalman *kf, amb_kalman_state *state, amb_real y)
 {
   const bool moved = (y < state->last_y) || (y > state->last_y);
+  state->last_y = y;
   if (moved)
     state->unchanged = 0;
   else if (state->unchanged < kf->set.frozen_limit)
     state->unchanged++;
-  state->last_y = y;
   return (kf->set.frozen_limit > 0) && (state->unchanged >= kf->set.frozen_limit);
 }
 
-amb_status amb_kalman_update(const amb_kalman *kf, amb_kalman_state *state, amb_real y,
-                             amb_kalman_result *result)
+static amb_status update(const amb_kalman *kf, amb_kalman_state *state, amb_real y,
+                         amb_kalman_result *result)
 {
+  const amb_real far = AMB_FAR * kf->set.x_max * kf->set.K_sen;
+  const amb_real bound = far > 0 ? far : -far;
   result->innovation = 0;
   result->variance = state->cov[AMB_AXIAL_TRIANGLE - 1] + kf->set.var_y;
-  if (!amb_is_finite(y))
+  if (!((y >= -bound) && (y <= bound)))
     return AMB_MISSING;
   if (frozen(kf, state, y))
     return AMB_FROZEN;
@@ -109,68 +109,79 @@ amb_status amb_kalman_update(const amb_kalman *kf, amb_kalman_state *state, amb_
   return AMB_OK;
 }
 
+amb_real amb_kalman_current(const amb_kalman *kf, amb_kalman_state *state, amb_real u,
+                            amb_status *status)
+{
+  return current(kf, state, u, status);
+}
+
+amb_status amb_kalman_predict(const amb_kalman *kf, amb_kalman_state *state, amb_stiffness k,
+                              amb_real iu)
+{
+  return predict(kf, state, k, iu);
+}
+
+amb_status amb_kalman_update(const amb_kalman *kf, amb_kalman_state *state, amb_real y,
+                             amb_kalman_result *result)
+{
+  return update(kf, state, y, result);
+}
+
 amb_status amb_kalman_step(const amb_kalman *kf, const amb_magnet *magnet, amb_kalman_state *state,
                            amb_real y, amb_real u, amb_kalman_result *result)
 {
   result->status = AMB_OK;
-  const amb_real iu = amb_kalman_current(kf, state, u, &result->status);
+  const amb_real iu = current(kf, state, u, &result->status);
   result->stiffness = magnet->methods->through_origin(magnet->self, iu, state->mean[0]);
-  result->status |= amb_kalman_predict(kf, state, result->stiffness, iu);
-  result->status |= amb_kalman_update(kf, state, y, result);
+  result->status |= predict(kf, state, result->stiffness, iu);
+  result->status |= update(kf, state, y, result);
   return result->status;
+}
+
+static void note(const amb_kalman_state *state, const amb_kalman_result *result, size_t k,
+                 const amb_kalman_history *h)
+{
+  memcpy(h->mean + k * AMB_AXIAL_STATES, state->mean, sizeof state->mean);
+  h->innovation[k] = result->innovation;
+  h->variance[k] = result->variance;
+  h->k_i[k] = result->stiffness.k_i;
+  h->k_s[k] = result->stiffness.k_s;
+  h->status[k] = (unsigned char)result->status;
+  if (h->cov != NULL)
+    memcpy(h->cov + k * AMB_AXIAL_TRIANGLE, state->cov, sizeof state->cov);
 }
 
 void amb_kalman_note(const amb_kalman_state *state, const amb_kalman_result *result, size_t k,
-                     const amb_kalman_history *h)
+                     const amb_kalman_history *history)
 {
-  memcpy(h->mean + k * AMB_AXIAL_STATES, state->mean, sizeof state->mean);
-  if (h->cov != NULL)
-    memcpy(h->cov + k * AMB_AXIAL_TRIANGLE, state->cov, sizeof state->cov);
-  if (h->innovation != NULL)
-    h->innovation[k] = result->innovation;
-  if (h->variance != NULL)
-    h->variance[k] = result->variance;
-  if (h->k_i != NULL)
-    h->k_i[k] = result->stiffness.k_i;
-  if (h->k_s != NULL)
-    h->k_s[k] = result->stiffness.k_s;
-  if (h->status != NULL)
-    h->status[k] = (unsigned char)result->status;
-}
-
-static amb_status step_with_given(const amb_kalman *kf, amb_kalman_state *state, amb_real y,
-                                  amb_real u, amb_kalman_result *result)
-{
-  result->status = AMB_OK;
-  const amb_real iu = amb_kalman_current(kf, state, u, &result->status);
-  result->status |= amb_kalman_predict(kf, state, result->stiffness, iu);
-  result->status |= amb_kalman_update(kf, state, y, result);
-  return result->status;
+  note(state, result, k, history);
 }
 
 amb_status amb_kalman_run(const amb_kalman *kf, const amb_magnet *magnet, amb_kalman_state *state,
                           const amb_kalman_input *in, const amb_kalman_history *history)
 {
+  const amb_kalman own = *kf; /* copies: nothing that is written can be part of them */
+  const amb_kalman_history h = *history;
+  amb_kalman_state s = *state;
+  amb_kalman_result result = {0, 0, {0, 0}, AMB_OK};
   amb_status all = AMB_OK;
   const bool given = (in->k_i != NULL) && (in->k_s != NULL);
-  amb_kalman_result result = {0, 0, {0, 0}, AMB_OK};
   for (size_t k = 0; k < in->n; k++) {
+    const size_t acted = k > 0 ? k - 1 : 0;
+    result.status = AMB_OK;
+    const amb_real iu = k > 0 ? current(&own, &s, in->u[acted], &result.status) : AMB_C(0.0);
     if (given) {
-      const size_t acted = k > 0 ? k - 1 : 0;
       result.stiffness.k_i = in->k_i[acted];
       result.stiffness.k_s = in->k_s[acted];
-    }
-    if (k == 0) {
-      if (!given)
-        result.stiffness = magnet->methods->through_origin(magnet->self, 0, state->mean[0]);
-      result.status = amb_kalman_update(kf, state, in->y[0], &result);
-    } else if (given) {
-      (void)step_with_given(kf, state, in->y[k], in->u[k - 1], &result);
     } else {
-      (void)amb_kalman_step(kf, magnet, state, in->y[k], in->u[k - 1], &result);
+      result.stiffness = magnet->methods->through_origin(magnet->self, iu, s.mean[0]);
     }
+    if (k > 0)
+      result.status |= predict(&own, &s, result.stiffness, iu);
+    result.status |= update(&own, &s, in->y[k], &result);
     all |= result.status;
-    amb_kalman_note(state, &result, k, history);
+    note(&s, &result, k, &h);
   }
+  *state = s;
   return all;
 }

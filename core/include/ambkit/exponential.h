@@ -2,15 +2,17 @@
  * vectorised (no branch, no call).
  *
  * t = n ln 2 - r with |r| <= ln 2 / 2; adding 1.5 * 2^(mantissa bits) rounds t / ln 2 to n and
- * leaves n in the low bits, from where it is moved into the exponent of 2^-n. exp(r) is its Taylor
- * sum. Relative error below 2 units in the last place (tests/test_exponential.py); t is held to
- * the range whose result is a normal number, so e^-t never falls below about 2e-308 (1e-38 in
- * float). NaN gives that smallest value. IEEE 754 arithmetic, round to nearest.
+ * leaves n in the low bits, from where it is moved into the exponent of 2^-n. exp(r) is a
+ * polynomial (derivation/exponential.py). Relative error below 2 units in the last place
+ * (tests/test_exponential.py); t is held to the range whose result is a normal number, so e^-t
+ * never falls below about 2e-308 (1e-38 in float). NaN gives that smallest value. IEEE 754
+ * arithmetic, round to nearest.
  */
 #ifndef AMBKIT_EXPONENTIAL_H
 #define AMBKIT_EXPONENTIAL_H
 
 #include "ambkit/real.h"
+#include "generated/exponential.h"
 #include <stdint.h>
 #include <string.h>
 
@@ -22,14 +24,7 @@ static inline float amb_exp_negative(float t)
   const float shifted = held * 1.44269504F + 12582912.0F;
   const float n = shifted - 12582912.0F;
   const float r = (n * 0.693359375F - held) + n * -2.12194440e-4F; /* ln 2 in two parts */
-  float p = 1.0F / 5040.0F;
-  p = p * r + 1.0F / 720.0F;
-  p = p * r + 1.0F / 120.0F;
-  p = p * r + 1.0F / 24.0F;
-  p = p * r + 1.0F / 6.0F;
-  p = p * r + 0.5F;
-  p = p * r + 1.0F;
-  p = p * r + 1.0F;
+  const float p = amb_exp_polynomial(r);
   uint32_t bits;
   float power;
   memcpy(&bits, &shifted, sizeof bits);
@@ -46,20 +41,7 @@ static inline double amb_exp_negative(double t)
   const double shifted = held * 1.4426950408889634 + 6755399441055744.0;
   const double n = shifted - 6755399441055744.0;
   const double r = (n * 0.69314718036912382 - held) + n * 1.9082149292705877e-10;
-  double p = 1.0 / 6227020800.0;
-  p = p * r + 1.0 / 479001600.0;
-  p = p * r + 1.0 / 39916800.0;
-  p = p * r + 1.0 / 3628800.0;
-  p = p * r + 1.0 / 362880.0;
-  p = p * r + 1.0 / 40320.0;
-  p = p * r + 1.0 / 5040.0;
-  p = p * r + 1.0 / 720.0;
-  p = p * r + 1.0 / 120.0;
-  p = p * r + 1.0 / 24.0;
-  p = p * r + 1.0 / 6.0;
-  p = p * r + 0.5;
-  p = p * r + 1.0;
-  p = p * r + 1.0;
+  const double p = amb_exp_polynomial(r);
   uint64_t bits;
   double power;
   memcpy(&bits, &shifted, sizeof bits);

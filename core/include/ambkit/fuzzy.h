@@ -4,8 +4,7 @@
  *   k   = sum_r w_r u_r                       plain, eq. 33 as printed
  *   k   = sum_r w_r u_r / sum_r u_r           normalised (Wang and Mendel 1992)
  *
- * The normalised form takes the smallest exponent out of numerator and denominator first, so the
- * sum is at least 1 and never underflows: far from every rule the nearest one decides.
+ * Far from every rule the nearest one decides: the normalised form never divides by nothing.
  * Outside its box the network answers as at the nearest point of the box.
  */
 #ifndef AMBKIT_FUZZY_H
@@ -32,9 +31,9 @@ typedef struct amb_fuzzy {
 
 extern const amb_magnet_methods amb_fuzzy_magnet;
 
-/* Membership of each rule, eq. 32, at (iu, x) [A, m]: out[rules]. Normalised networks have the
- * smallest exponent taken out. Inputs are held to the box. */
-void amb_fuzzy_membership(const amb_fuzzy *net, const amb_fuzzy_output *output, amb_real iu,
-                          amb_real x, amb_real *out);
+/* Fuzzy basis functions at (iu, x) [A, m]: out[rules]. The memberships of eq. 32, divided by their
+ * sum where the network is normalised, so that k = sum_r w_r out_r. Inputs are held to the box. */
+void amb_fuzzy_basis(const amb_fuzzy *net, const amb_fuzzy_output *output, amb_real iu, amb_real x,
+                     amb_real *out);
 
 #endif

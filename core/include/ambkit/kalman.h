@@ -17,6 +17,9 @@
 #include "ambkit/status.h"
 #include "generated/axial.h"
 
+/* A measurement beyond this many travel limits cannot be the rotor: it counts as missing. */
+#define AMB_FAR 10
+
 /* What the user sets. */
 typedef struct amb_kalman_settings {
   amb_real T;      /* sampling time [s], > 0 */
@@ -94,10 +97,10 @@ typedef struct amb_kalman_input {
   const amb_real *k_s; /* [N/m] or NULL */
 } amb_kalman_input;
 
-/* Where the results go; each pointer but `mean` may be NULL. */
+/* Where the results go; `cov` may be NULL. */
 typedef struct amb_kalman_history {
   amb_real *mean;        /* n x 4 */
-  amb_real *cov;         /* n x 10 */
+  amb_real *cov;         /* n x 10, or NULL */
   amb_real *innovation;  /* n [m] */
   amb_real *variance;    /* n [m^2] */
   amb_real *k_i;         /* n [N/A] */

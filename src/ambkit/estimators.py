@@ -1,0 +1,255 @@
+"""Kalman filters of one axial bearing: linear, and adaptive (paper, eq. 7-21 and Fig. 8).
+
+Both are the same C code; they differ in what they know of their magnet.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ambkit.estimate import Estimate, Status
+from ambkit.magnets import ClosedLaw, ConstantStiffness, Precision, StiffnessSource, core_module
+
+if TYPE_CHECKING:
+    from ambkit.bearing import Bearing
+    from ambkit.record import Record
+
+STANDARD_GRAVITY = 9.81  # m/s^2, as in the paper's 5.08 N
+
+
+@dataclass(frozen=True)
+class FilterNoise:
+    """Variances that a filter assumes; ``None`` takes the bearing's own figure.
+
+    Parameters
+    ----------
+    measurement : float, optional
+        R, variance of the measured position [m^2].
+    control : float, optional
+        Variance of the control signal [V^2]; enters as ``B var B'`` (paper, below eq. 21).
+    disturbance : float, optional
+        Growth of the disturbance force's variance [N^2/s]; times T a sample. Default ``(2 m g)^2``:
+        a force that wanders by twice the rotor's weight in a second. The paper leaves it to
+        experiment: larger follows a load faster and lets more noise through.
+    """
+
+    measurement: float | None = None
+    control: float | None = None
+    disturbance: float | None = None
+
+
+class KalmanFilter:
+    """Linear Kalman filter with the stiffnesses of the working point (paper, eq. 7-21).
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What is filtered.
+    source : optional
+        What the filter knows of its magnet; by default the constant stiffnesses of the origin.
+    noise : FilterNoise, optional
+        Variances; by default those of the bearing.
+    gravity : {"known", "disturbance"}
+        ``"known"``: the weight is part of the model, and ``f_d`` is the disturbance alone.
+        ``"disturbance"``: as eq. 15-16 of the paper, where the weight is left out and lands in F_St.
+    precision : {"float64", "float32"}
+        Which build of the C core computes; float32 is what flies on a Cortex-M4F.
+    frozen_limit : int
+        Equal measurements in a row that are taken for a frozen sensor; 0: never.
+
+    Raises
+    ------
+    ValueError
+        Where a variance is negative or not finite, with its name, limit and value.
+    """
+
+    name = "linear Kalman filter"
+
+    def __init__(
+        self,
+        bearing: Bearing,
+        source: StiffnessSource | None = None,
+        *,
+        noise: FilterNoise | None = None,
+        gravity: Literal["known", "disturbance"] = "known",
+        precision: Precision = "float64",
+        frozen_limit: int = 10,
+    ) -> None:
+        if gravity not in ("known", "disturbance"):
+            raise ValueError(f"gravity must be 'known' or 'disturbance', got {gravity!r}")
+        if frozen_limit < 0:
+            raise ValueError(f"frozen_limit must be 0 or more, got {frozen_limit}")
+        self.bearing = bearing
+        self.source = source if source is not None else ConstantStiffness.of(bearing)
+        self.noise = _completed(bearing, noise or FilterNoise())
+        known = bearing.weight if gravity == "known" else 0.0
+        core = core_module(precision)
+        T = bearing.sampling_time
+        # A sensor faster than a thousandth of a sample is a sensor without lag.
+        lag = max(bearing.sensor.lag, 1e-3 * T)
+        self.core: Any = core.Kalman(
+            self.source.magnet(core),
+            T=T,
+            m=bearing.rotor.mass,
+            K_sen=bearing.sensor.gain,
+            T_sen=lag,
+            k_ui=bearing.amplifier.gain,
+            f_0=known + ClosedLaw(bearing).bias_force,
+            iu_min=bearing.current_min,
+            iu_max=bearing.current_max,
+            x_max=bearing.rotor.travel_limit,
+            var_u=self.noise.control,
+            var_d=T * (self.noise.disturbance or 0.0),
+            var_y=self.noise.measurement,
+            frozen_limit=frozen_limit,
+        )
+        self.reset()
+
+    def reset(self, mean: ArrayLike = (0, 0, 0, 0), std: Sequence[float] | None = None) -> None:
+        """Start anew.
+
+        Parameters
+        ----------
+        mean : array_like (4,)
+            Displacement [m], velocity [m/s], disturbance force [N], lagged position [m].
+        std : sequence of 4 floats, optional
+            Their standard deviations. Default: three times the measurement noise, a tenth of the
+            travel in the plant's own time, the weight, three times the measurement noise.
+        """
+        if std is None:
+            std = self._default_std()
+        self.core.reset(np.asarray(mean, dtype=float), np.asarray(std, dtype=float))
+
+    def _default_std(self) -> tuple[float, float, float, float]:
+        b = self.bearing
+        sigma = 3 * math.sqrt(self.noise.measurement or 0.0)
+        own_time = math.sqrt(b.rotor.mass / ConstantStiffness.of(b).k_s)
+        return (
+            sigma / abs(b.sensor.gain),
+            0.1 * b.rotor.travel_limit / own_time,
+            b.rotor.mass * STANDARD_GRAVITY,
+            sigma,
+        )
+
+    def predict(self, u: float) -> NDArray[np.float64]:
+        """One sample on with the control signal u [V] (eq. 9, 10); returns the state (4,)."""
+        self.core.predict(u)
+        return self.mean
+
+    def update(self, y: float) -> NDArray[np.float64]:
+        """Take in the measurement y [m] (eq. 11-13); returns the state (4,)."""
+        self.core.update(y)
+        return self.mean
+
+    def step(self, y: float, u: float) -> NDArray[np.float64]:
+        """Predict with the u [V] that acted since the last sample, then take in y [m].
+
+        Returns the state (4,): x [m], v [m/s], f_d [N], x_m [m]. Never raises on bad input: see
+        :attr:`status`.
+        """
+        self.core.step(y, u)
+        return self.mean
+
+    def run(self, record: Record, *, covariance: bool = False) -> Estimate:
+        """Run along a whole record, from a fresh start at its first measurement.
+
+        Parameters
+        ----------
+        record : Record
+            With ``y`` [m] and ``u`` [V]; u[k] acts from sample k to k + 1.
+        covariance : bool
+            Keep the covariances, 10 numbers a sample.
+
+        Raises
+        ------
+        ValueError
+            Where the record's sampling time is not the bearing's.
+        """
+        check_sampling(self.bearing, record)
+        y, u = record["y"], record["u"]
+        finite = y[np.isfinite(y)]
+        first = float(finite[0]) if finite.size else 0.0
+        self.reset([first / self.bearing.sensor.gain, 0.0, 0.0, first])
+        return Estimate.from_core(
+            record.t, self.core.run(y, u, covariance=covariance), self.name
+        )
+
+    @property
+    def mean(self) -> NDArray[np.float64]:
+        """State estimate (4,): x [m], v [m/s], f_d [N], x_m [m]."""
+        return np.asarray(self.core.mean)
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """Covariance of the state estimate (4, 4)."""
+        return np.asarray(self.core.covariance)
+
+    @property
+    def innovation(self) -> float:
+        """Last measurement less its prediction [m]."""
+        return float(self.core.innovation)
+
+    @property
+    def innovation_variance(self) -> float:
+        """Its variance S as the filter expects it [m^2]."""
+        return float(self.core.variance)
+
+    @property
+    def status(self) -> Status:
+        """What the last step had to say."""
+        return Status(self.core.status)
+
+
+class AdaptiveKalmanFilter(KalmanFilter):
+    """Kalman filter that asks for k_i and k_s at every sample (paper, Fig. 8).
+
+    The stiffnesses are taken at the estimated displacement and the control current.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What is filtered.
+    source : Expert, StiffnessMap, ClosedLaw or ConstantStiffness
+        What is asked: the trained expert, its table, or the force law itself.
+    **options
+        As for :class:`KalmanFilter`.
+    """
+
+    name = "adaptive Kalman filter"
+
+    def __init__(self, bearing: Bearing, source: StiffnessSource, **options: Any) -> None:
+        super().__init__(bearing, source, **options)
+
+
+def check_sampling(bearing: Bearing, record: Record) -> None:
+    """Raise ValueError where the record was not sampled as the bearing says."""
+    if len(record.t) < 2:
+        return
+    T = float(record.t[-1] - record.t[0]) / (len(record.t) - 1)
+    if abs(T - bearing.sampling_time) > 1e-3 * bearing.sampling_time:
+        raise ValueError(
+            f"the record is sampled every {T:.6g} s, but bearing {bearing.name!r} has "
+            f"sampling_time = {bearing.sampling_time:.6g} s"
+        )
+
+
+def _completed(bearing: Bearing, noise: FilterNoise) -> FilterNoise:
+    """Fill in the bearing's figures and check all of them."""
+    weight = bearing.rotor.mass * STANDARD_GRAVITY
+    full = FilterNoise(
+        bearing.sensor.noise_variance if noise.measurement is None else noise.measurement,
+        bearing.amplifier.noise_variance if noise.control is None else noise.control,
+        (2 * weight) ** 2 if noise.disturbance is None else noise.disturbance,
+    )
+    for name, unit in (("measurement", "m^2"), ("control", "V^2"), ("disturbance", "N^2/s")):
+        value = getattr(full, name)
+        if not math.isfinite(value) or value < 0 or (name == "measurement" and value == 0):
+            limit = "greater than 0" if name == "measurement" else "0 or greater"
+            raise ValueError(f"noise.{name} must be {limit} {unit}, got {value!r}")
+    return full

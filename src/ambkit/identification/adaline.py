@@ -1,0 +1,143 @@
+"""Online identification of magnet force and magnet constant by ADALINE (paper, eq. 22-25)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ambkit.magnets import core_module
+
+if TYPE_CHECKING:
+    from ambkit.bearing import Bearing
+    from ambkit.record import Record
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class AdalineResult:
+    """What the two elements learned along a record, n samples.
+
+    Attributes
+    ----------
+    t : ndarray (n,)
+        Time [s].
+    force : ndarray (n,)
+        Identified force of the magnet [N], low-passed.
+    k : ndarray (n,)
+        Identified magnet constant [N m^2/A^2].
+    excitation : ndarray (n,)
+        Root mean square of the regressor over the learning time, relative to the regressor at
+        iu = i0, x = 0 [1].
+    held : ndarray of bool (n,)
+        Where k was held for want of excitation, or because a sample was bad.
+    """
+
+    t: Array
+    force: Array
+    k: Array
+    excitation: Array
+    held: NDArray[np.bool_]
+
+    @property
+    def magnet_constant(self) -> float:
+        """Mean of k over the last quarter of the record [N m^2/A^2]."""
+        return float(self.k[-max(1, len(self.k) // 4) :].mean())
+
+    @property
+    def spread(self) -> float:
+        """Standard deviation of k over the last quarter of the record [N m^2/A^2]."""
+        return float(self.k[-max(1, len(self.k) // 4) :].std())
+
+
+class Adaline:
+    """Two adaptive linear elements, learning by the normalised Widrow-Hoff rule.
+
+    The first finds the magnet's force from the motion (eq. 24), the second the magnet constant
+    from force, current and gap (eq. 25). A learning rate r averages over about 2/r samples: the
+    error settles as ``(1 - r)**n``, and the share ``r / (2 - r)`` of the noise's variance stays.
+    How position and regressor are filtered alike stands in ``core/include/ambkit/adaline.h``.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        Mass, weight, gap, bias current, lag and limits are taken from it; its magnet constant is
+        where learning starts.
+    start : float, optional
+        Another start for the magnet constant [N m^2/A^2].
+    bandwidth : float, optional
+        Of the low-pass that position and regressor pass [Hz]; default: twice the plant's own
+        unstable frequency ``sqrt(k_s/m) / (2 pi)``.
+    rate_force, rate_k : float
+        Learning rates, greater than 0 and less than 2.
+    least_excitation : float
+        k is held while the excitation is below this.
+
+    Raises
+    ------
+    ValueError
+        Where an argument is outside its range.
+    """
+
+    def __init__(
+        self,
+        bearing: Bearing,
+        *,
+        start: float | None = None,
+        bandwidth: float | None = None,
+        rate_force: float = 0.05,
+        rate_k: float = 0.002,
+        least_excitation: float = 0.02,
+    ) -> None:
+        from ambkit.magnets import ConstantStiffness
+
+        for name, rate in (("rate_force", rate_force), ("rate_k", rate_k)):
+            if not 0 < rate < 2:
+                raise ValueError(f"{name} must be greater than 0 and less than 2, got {rate!r}")
+        if bandwidth is None:
+            own = math.sqrt(ConstantStiffness.of(bearing).k_s / bearing.rotor.mass)
+            bandwidth = 2 * own / (2 * math.pi)
+        if not 0 < bandwidth < 0.5 / bearing.sampling_time:
+            raise ValueError(
+                f"bandwidth must be greater than 0 and less than half the sampling rate, "
+                f"{0.5 / bearing.sampling_time:g} Hz, got {bandwidth!r}"
+            )
+        magnet, T = bearing.magnet, bearing.sampling_time
+        self.bearing = bearing
+        self.bandwidth = bandwidth
+        self.core: Any = core_module().Adaline(
+            s0=magnet.air_gap,
+            i0=magnet.bias_current,
+            two_sided=magnet.type == "two-sided",
+            T=T,
+            m=bearing.rotor.mass,
+            K_sen=bearing.sensor.gain,
+            a_sen=math.exp(-T / max(bearing.sensor.lag, 1e-3 * T)),
+            k_ui=bearing.amplifier.gain,
+            iu_min=bearing.current_min,
+            iu_max=bearing.current_max,
+            f_0=bearing.weight,
+            bandwidth=2 * math.pi * bandwidth,
+            rate_force=rate_force,
+            rate_k=rate_k,
+            least_excitation=least_excitation,
+            k=magnet.magnet_constant if start is None else start,
+        )
+
+    def step(self, y: float, u: float, f_d: float = 0.0) -> float:
+        """One sample: measurement y [m], the u [V] that acted, known disturbance [N]; returns k."""
+        self.core.step(y, u, f_d)
+        return float(self.core.k)
+
+    def run(self, record: Record, *, disturbance: ArrayLike | None = None) -> AdalineResult:
+        """Learn along a record (``y`` [m], ``u`` [V]); ``disturbance`` (n,) [N] where it is known."""
+        y = record["y"]
+        f_d = np.zeros_like(y) if disturbance is None else np.broadcast_to(disturbance, y.shape)
+        out = self.core.run(y, record["u"], np.ascontiguousarray(f_d, dtype=float))
+        return AdalineResult(
+            record.t, out["force"], out["k"], np.sqrt(out["excitation"]), out["status"] != 0
+        )

@@ -1,0 +1,163 @@
+"""A bearing and a scenario make a record: the closed loop, run in one call into C (``sim/``)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.estimate import Estimate
+from ambkit.estimators import KalmanFilter
+from ambkit.magnets import ClosedLaw, StiffnessSource, core_module, evaluate_force
+from ambkit.record import Record
+
+if TYPE_CHECKING:
+    from ambkit.bearing import Bearing
+    from ambkit.scenario import Scenario
+
+UNITS = {
+    "r": "m", "y": "m", "u": "V",
+    "x": "m", "v": "m/s", "f_d": "N", "x_m": "m", "iu": "A", "f_mag": "N",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A simulated run: what happened, and what the estimator said meanwhile."""
+
+    record: Record
+    estimate: Estimate | None
+
+
+def simulate(
+    bearing: Bearing,
+    scenario: Scenario,
+    *,
+    estimator: KalmanFilter | None = None,
+    magnet: StiffnessSource | None = None,
+) -> Record:
+    """Simulate the closed loop; see :func:`simulate_run`, which also returns the estimate."""
+    return simulate_run(bearing, scenario, estimator=estimator, magnet=magnet).record
+
+
+def simulate_run(
+    bearing: Bearing,
+    scenario: Scenario,
+    *,
+    estimator: KalmanFilter | None = None,
+    magnet: StiffnessSource | None = None,
+) -> Run:
+    """Simulate plant, amplifier, sensor, controller and estimator in closed loop.
+
+    The plant is continuous (Runge-Kutta of order 4 with ``scenario.substeps`` steps in a sample):
+    nonlinear force law, weight, disturbance, sensor lag, mechanical stops. Control current and
+    disturbance are held over a sample. Noise on the control signal and on the measurement is
+    white and normal, from two independent PCG64 streams that ``scenario.seed`` seeds.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        The plant.
+    scenario : Scenario
+        What happens to it. With ``controller.feedback = "estimate"`` the controller is fed by the
+        estimator, otherwise by the measurement.
+    estimator : KalmanFilter, optional
+        In the loop or beside it. Where the controller needs one and none is given, the linear
+        filter of the bearing.
+    magnet : optional
+        The plant's own magnet, where it is not the bearing's closed law.
+
+    Returns
+    -------
+    Run
+        The record, with truth, and the estimate (None without an estimator).
+    """
+    T, pid = bearing.sampling_time, scenario.controller
+    n = max(2, round(scenario.duration / T) + 1)
+    t = T * np.arange(n)
+    reference, disturbance = scenario.reference.sample(t), scenario.disturbance.sample(t)
+    noise_u, noise_y = _noise(bearing, scenario, n)
+    law = ClosedLaw(bearing)
+    plant = magnet if magnet is not None else law
+    in_loop = pid.feedback == "estimate"
+    if estimator is None and in_loop:
+        estimator = KalmanFilter(bearing)
+
+    known = bearing.weight + law.bias_force
+    hover = scenario.start == "hover"
+    x_start = float(reference[0]) if hover else 0.0
+    balance = known + float(disturbance[0])
+    integral = hover_current(bearing, plant, x_start, balance) if hover else 0.0
+    if estimator is not None:
+        estimator.reset([x_start, 0.0, 0.0, bearing.sensor.gain * x_start])
+
+    core = core_module()
+    out = core.simulate(
+        plant.magnet(core),
+        T=T,
+        m=bearing.rotor.mass,
+        f_0=known,
+        K_sen=bearing.sensor.gain,
+        T_sen=max(bearing.sensor.lag, 1e-3 * T),
+        travel=bearing.rotor.travel_limit,
+        substeps=scenario.substeps,
+        k_ui=bearing.amplifier.gain,
+        iu_min=bearing.current_min,
+        iu_max=bearing.current_max,
+        kp=pid.kp,
+        ki=pid.ki,
+        kd=pid.kd,
+        T_f=pid.derivative_filter,
+        T_t=pid.anti_windup,
+        integral=integral,
+        feedback_estimate=in_loop,
+        kalman=None if estimator is None else estimator.core,
+        r=reference,
+        f_d=disturbance,
+        noise_u=noise_u,
+        noise_y=noise_y,
+        x_start=x_start,
+    )
+    signals = {name: out[name] for name in ("x", "v", "x_m", "iu", "y", "u")}
+    signals |= {"r": reference, "f_d": disturbance, "f_mag": out["force"] - bearing.weight}
+    meta = {
+        "bearing": bearing.to_toml(),
+        "scenario": scenario.model_dump(mode="json"),
+        "seed": scenario.seed,
+        "version": version("ambkit"),
+        "stop_touched": int(out["touched"]),
+    }
+    record = Record(t, {name: signals[name] for name in UNITS}, UNITS, meta=meta)
+    if estimator is None:
+        return Run(record, None)
+    return Run(record, Estimate.from_core(t, out["estimate"], estimator.name))
+
+
+def hover_current(bearing: Bearing, plant: StiffnessSource, x: float, balance: float) -> float:
+    """Control current [A] that holds the rotor at x [m] against ``balance`` [N], within limits."""
+    from scipy.optimize import brentq
+
+    def force(iu: float) -> float:
+        return float(evaluate_force(plant, iu, x)) + balance
+
+    low, high = bearing.current_min, bearing.current_max
+    if force(low) * force(high) > 0:
+        # No current can hold it there: start from the end that comes closest.
+        return low if abs(force(low)) < abs(force(high)) else high
+    return float(brentq(force, low, high, xtol=1e-15 * (high - low)))
+
+
+def _noise(
+    bearing: Bearing, scenario: Scenario, n: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Noise on the control signal [V] and on the measurement [m], n samples each."""
+    if not scenario.noise:
+        return np.zeros(n), np.zeros(n)
+    on_u, on_y = (np.random.default_rng(s) for s in np.random.SeedSequence(scenario.seed).spawn(2))
+    return (
+        on_u.normal(0.0, np.sqrt(bearing.amplifier.noise_variance), n),
+        on_y.normal(0.0, np.sqrt(bearing.sensor.noise_variance), n),
+    )
