@@ -68,6 +68,21 @@ nb::dict run(Kalman &self, const Vector &y, const Vector &u, std::optional<Vecto
   return history.arrays;
 }
 
+Out<amb_real> forecast(const Kalman &self, const Matrix &mean, const Vector &u, size_t ahead)
+{
+  const size_t n = mean.shape(0);
+  same_length(n, u.size(), "u");
+  if (mean.shape(1) != AMB_AXIAL_STATES)
+    throw std::invalid_argument("mean must have 4 columns");
+  const size_t made = n > ahead ? n - ahead : 0;
+  Fresh<amb_real> y({made});
+  nb::gil_scoped_release release;
+  for (size_t k = 0; k < made; k++)
+    y.data[k] = amb_kalman_forecast(&self.kf, &self.magnet, mean.data() + k * AMB_AXIAL_STATES,
+                                    u.data() + k, ahead);
+  return y.array;
+}
+
 Out<amb_real> mean(const Kalman &self)
 {
   Fresh<amb_real> a({AMB_AXIAL_STATES});
@@ -103,6 +118,8 @@ void bind_kalman(nb::module_ &m)
       .def("run", &run, nb::arg("y"), nb::arg("u"), nb::arg("k_i") = nb::none(),
            nb::arg("k_s") = nb::none(), nb::arg("covariance") = false,
            "A whole record; u[k] acts from sample k to k + 1.")
+      .def("forecast", &forecast, nb::arg("mean"), nb::arg("u"), nb::arg("ahead"),
+           "Measurement `ahead` samples after each of mean (n, 4), u (n,): (n - ahead,) [m].")
       .def_prop_ro("mean", &mean, "State estimate (4,): x [m], v [m/s], f_d [N], x_m [m].")
       .def_prop_ro("covariance", &covariance, "Its covariance (4, 4).")
       .def_prop_ro("status", [](const Kalman &s) { return s.result.status; })

@@ -138,6 +138,20 @@ amb_status amb_kalman_step(const amb_kalman *kf, const amb_magnet *magnet, amb_k
   return result->status;
 }
 
+amb_real amb_kalman_forecast(const amb_kalman *kf, const amb_magnet *magnet,
+                             const amb_real mean[AMB_AXIAL_STATES], const amb_real *u, size_t ahead)
+{
+  const amb_kalman_settings *s = &kf->set;
+  amb_real m[AMB_AXIAL_STATES];
+  memcpy(m, mean, sizeof m);
+  for (size_t j = 0; j < ahead; j++) {
+    const amb_real iu = amb_clamp(s->k_ui * u[j], s->iu_min, s->iu_max);
+    const amb_stiffness k = magnet->methods->through_origin(magnet->self, iu, m[0]);
+    amb_axial_predict_mean(&kf->model, k.k_i * iu + k.k_s * m[0] + s->f_0, m);
+  }
+  return m[AMB_AXIAL_STATES - 1];
+}
+
 static void note(const amb_kalman_state *state, const amb_kalman_result *result, size_t k,
                  const amb_kalman_history *h)
 {

@@ -1,1 +1,75 @@
-"""Adaptive Kalman filters for active magnetic bearings."""
+"""Adaptive Kalman filters for active magnetic bearings.
+
+From a bearing's description, or a recording of the rig, to a tuned adaptive Kalman filter. All
+quantities are SI. Names are imported when they are first used.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ambkit.bearing import Bearing as Bearing
+    from ambkit.comparison import compare as compare
+    from ambkit.errors import AmbkitError as AmbkitError
+    from ambkit.errors import ConfigError as ConfigError
+    from ambkit.errors import RecordError as RecordError
+    from ambkit.estimate import Estimate as Estimate
+    from ambkit.estimate import Status as Status
+    from ambkit.estimators import AdaptiveKalmanFilter as AdaptiveKalmanFilter
+    from ambkit.estimators import FilterNoise as FilterNoise
+    from ambkit.estimators import KalmanFilter as KalmanFilter
+    from ambkit.fuzzy import Expert as Expert
+    from ambkit.identification import identify as identify
+    from ambkit.identification.adaline import Adaline as Adaline
+    from ambkit.identification.stiffness import StiffnessMap as StiffnessMap
+    from ambkit.identification.stiffness import stiffness_map as stiffness_map
+    from ambkit.magnets import ClosedLaw as ClosedLaw
+    from ambkit.magnets import ConstantStiffness as ConstantStiffness
+    from ambkit.record import Record as Record
+    from ambkit.scenario import PID as PID
+    from ambkit.scenario import Scenario as Scenario
+    from ambkit.simulation import simulate as simulate
+    from ambkit.simulation import simulate_run as simulate_run
+    from ambkit.training import train as train
+    from ambkit.waveforms import Constant as Constant
+    from ambkit.waveforms import Impulse as Impulse
+    from ambkit.waveforms import Ramp as Ramp
+    from ambkit.waveforms import Recorded as Recorded
+    from ambkit.waveforms import Sequence as Sequence
+    from ambkit.waveforms import Sine as Sine
+    from ambkit.waveforms import Step as Step
+
+_HOME = {
+    "bearing": ["Bearing"],
+    "comparison": ["compare"],
+    "errors": ["AmbkitError", "ConfigError", "RecordError"],
+    "estimate": ["Estimate", "Status"],
+    "estimators": ["AdaptiveKalmanFilter", "FilterNoise", "KalmanFilter"],
+    "fuzzy": ["Expert"],
+    "identification": ["identify"],
+    "identification.adaline": ["Adaline"],
+    "identification.stiffness": ["StiffnessMap", "stiffness_map"],
+    "magnets": ["ClosedLaw", "ConstantStiffness"],
+    "record": ["Record"],
+    "scenario": ["PID", "Scenario"],
+    "simulation": ["simulate", "simulate_run"],
+    "training": ["train"],
+    "waveforms": ["Constant", "Impulse", "Ramp", "Recorded", "Sequence", "Sine", "Step"],
+}
+_MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
+
+__all__ = ["__version__", *sorted(_MODULE_OF)]  # noqa: PLE0604
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("ambkit")
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module 'ambkit' has no attribute {name!r}")
+    return getattr(import_module(f"ambkit.{_MODULE_OF[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

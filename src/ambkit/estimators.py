@@ -180,6 +180,18 @@ class KalmanFilter:
             record.t, self.core.run(y, u, covariance=covariance), self.name
         )
 
+    def forecast(self, estimate: Estimate, record: Record, ahead: int) -> NDArray[np.float64]:
+        """Predict the measurement ``ahead`` samples after each estimate.
+
+        Returns
+        -------
+        ndarray (n - ahead,)
+            Element k is the prediction of ``record["y"][k + ahead]`` [m], made from the estimate
+            at k and the control signals that acted since.
+        """
+        mean = np.ascontiguousarray(estimate.mean)
+        return np.asarray(self.core.forecast(mean, record["u"], ahead))
+
     @property
     def mean(self) -> NDArray[np.float64]:
         """State estimate (4,): x [m], v [m/s], f_d [N], x_m [m]."""

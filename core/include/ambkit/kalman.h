@@ -86,6 +86,12 @@ amb_status amb_kalman_update(const amb_kalman *kf, amb_kalman_state *state, amb_
 amb_status amb_kalman_step(const amb_kalman *kf, const amb_magnet *magnet, amb_kalman_state *state,
                            amb_real y, amb_real u, amb_kalman_result *result);
 
+/* Mean of the measurement `ahead` samples on [m], from `mean` and without new measurements, while
+ * the control signals u[0 .. ahead - 1] act; f_d stays what it is. */
+amb_real amb_kalman_forecast(const amb_kalman *kf, const amb_magnet *magnet,
+                             const amb_real mean[AMB_AXIAL_STATES], const amb_real *u,
+                             size_t ahead);
+
 /* A whole record of n samples. u[k] acts from sample k to k + 1; the first sample is only taken in,
  * and not predicted. k_i, k_s: given stiffnesses, u[k] and k_i[k] belong together; or NULL, and the
  * magnet is asked. */

@@ -1,0 +1,153 @@
+"""The same record through several estimators, judged by the truth, or by prediction without it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.estimate import Estimate
+from ambkit.estimators import KalmanFilter
+from ambkit.simulation import simulate_run
+
+if TYPE_CHECKING:
+    from ambkit.bearing import Bearing
+    from ambkit.record import Record
+    from ambkit.scenario import Scenario
+
+Array = NDArray[np.float64]
+
+JUDGED = {"x": "m", "v": "m/s", "f_d": "N"}
+
+
+@dataclass(frozen=True)
+class Score:
+    """How one estimator did over several seeds.
+
+    Attributes
+    ----------
+    rmse : dict
+        ``x`` [m], ``v`` [m/s], ``f_d`` [N]: root mean square errors, one per seed, (seeds,).
+    nis : ndarray (seeds,)
+        Mean normalised innovation squared; 1 where model and noise are right.
+    """
+
+    rmse: Mapping[str, Array]
+    nis: Array
+
+    def mean(self, signal: str) -> float:
+        """Mean RMSE over the seeds."""
+        return float(self.rmse[signal].mean())
+
+    def spread(self, signal: str) -> float:
+        """Standard deviation of the RMSE over the seeds."""
+        return float(self.rmse[signal].std(ddof=1)) if len(self.rmse[signal]) > 1 else 0.0
+
+
+def rmse(estimate: Estimate, record: Record, signal: str) -> float:
+    """Root mean square error of an estimated signal against the truth in the record."""
+    return float(np.sqrt(np.mean((estimate[signal] - record[signal]) ** 2)))
+
+
+def compare(
+    bearing: Bearing,
+    scenario: Scenario,
+    estimators: Mapping[str, Callable[[], KalmanFilter]],
+    seeds: Sequence[int],
+    *,
+    threads: int = 2,
+    done: Callable[[], None] = lambda: None,
+) -> dict[str, Score]:
+    """Monte Carlo over seeds: every estimator closes its own loop against the same noise.
+
+    Parameters
+    ----------
+    bearing, scenario : Bearing, Scenario
+        The plant and what happens to it; the scenario's seed is replaced.
+    estimators : mapping of name to factory
+        Each call of a factory gives a fresh estimator. All of them should assume the same noise.
+    seeds : sequence of int
+        One run each; the same seed gives every estimator the same noise.
+    threads : int
+        How many runs go side by side; the result does not depend on it.
+    done : callable
+        Called after each run, for a progress bar.
+
+    Returns
+    -------
+    dict of Score
+        By the names of the estimators.
+    """
+
+    def one(name: str, seed: int) -> tuple[list[float], float]:
+        run = simulate_run(
+            bearing, scenario.model_copy(update={"seed": seed}), estimator=estimators[name]()
+        )
+        assert run.estimate is not None  # an estimator was given
+        errors = [rmse(run.estimate, run.record, signal) for signal in JUDGED]
+        done()
+        return errors, float(run.estimate.nis[1:].mean())
+
+    scores = {}
+    with ThreadPoolExecutor(threads) as pool:
+        futures = {
+            name: [pool.submit(one, name, seed) for seed in seeds] for name in estimators
+        }
+        for name, waiting in futures.items():
+            results = [future.result() for future in waiting]
+            errors = np.array([r[0] for r in results])
+            scores[name] = Score(
+                dict(zip(JUDGED, errors.T, strict=True)), np.array([r[1] for r in results])
+            )
+    return scores
+
+
+@dataclass(frozen=True)
+class Whiteness:
+    """Autocorrelation of innovations, and what white ones would stay within.
+
+    Attributes
+    ----------
+    correlation : ndarray (lags,)
+        At lags 1, 2, ...
+    bound : float
+        95 % of a white sequence's correlations are within +-bound.
+    """
+
+    correlation: Array
+    bound: float
+
+    @property
+    def share_within(self) -> float:
+        """Share of the lags that are within the bound; white: 0.95."""
+        return float(np.mean(np.abs(self.correlation) <= self.bound))
+
+
+def whiteness(innovation: Array, lags: int = 50) -> Whiteness:
+    """Autocorrelation test of an innovation sequence (Mehra 1970)."""
+    e = innovation - innovation.mean()
+    power = float(e @ e)
+    correlation = np.array([float(e[lag:] @ e[:-lag]) / power for lag in range(1, lags + 1)])
+    return Whiteness(correlation, 1.96 / np.sqrt(len(e)))
+
+
+def prediction_error(predicted: Array, record: Record, ahead: int, skip: int = 0) -> float:
+    """Root mean square error of predictions against the measured position [m].
+
+    Parameters
+    ----------
+    predicted : ndarray (n - ahead,)
+        Element k predicts ``record["y"][k + ahead]``.
+    record : Record
+        With ``y`` [m].
+    ahead : int
+        How many samples ahead was predicted.
+    skip : int
+        Samples at the start that do not count.
+    """
+    error = record["y"][ahead:] - predicted
+    return float(np.sqrt(np.nanmean(error[skip:] ** 2)))
