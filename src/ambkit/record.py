@@ -1,0 +1,256 @@
+"""The record: what was measured or simulated, as labelled time series with units."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ambkit import signals as names
+from ambkit.errors import RecordError
+
+if TYPE_CHECKING:
+    from ambkit.channelmap import ChannelMap
+
+Array = NDArray[np.float64]
+
+TIME_TOLERANCE = 0.01
+"""How far a time step may be from their mean, as a part of it: logs print rounded times."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Record:
+    """Evenly sampled signals of one run, n samples; a simulated and a measured run alike.
+
+    The arrays are copied and cannot be written to. NaN in a signal is a missing sample.
+
+    Parameters
+    ----------
+    t : array_like (n,)
+        Time [s], evenly sampled, n >= 2.
+    signals : mapping of str to array_like (n,)
+        The signals by name, in SI. The standard names are those of the symbol table: measured
+        ``y`` [m], ``u`` [V], ``r`` [m]; and the truth of a simulation, ``x`` [m], ``v`` [m/s],
+        ``f_d`` [N], ``x_m`` [m], ``iu`` [A], ``f_mag`` [N].
+    units : mapping of str to str, optional
+        SI unit of each signal; those of the standard names need not be given.
+    meta : mapping, optional
+        Where the record comes from, such that JSON can hold it: ``bearing`` (its TOML),
+        ``scenario``, ``seed``, ``version`` of a simulation; ``source`` of a log.
+
+    Raises
+    ------
+    RecordError
+        Time not increasing, uneven or not finite; an infinite value; lengths that differ; a
+        signal without unit, or in one that is not SI.
+    """
+
+    t: Array
+    signals: Mapping[str, Array]
+    units: Mapping[str, str] = field(default_factory=dict)
+    meta: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        t = _frozen("t", self.t)
+        _check_time(t)
+        signals = {name: _frozen(name, values) for name, values in self.signals.items()}
+        for name, values in signals.items():
+            _check_signal(name, values, t)
+        units = {name: _si(name, (names.UNITS | dict(self.units)).get(name)) for name in signals}
+        checked = {"t": t, "signals": signals, "units": units, "meta": dict(self.meta)}
+        for key, value in checked.items():
+            object.__setattr__(self, key, value)
+
+    def __getitem__(self, name: str) -> Array:
+        """Return a signal by its name, ``t`` too.
+
+        Raises
+        ------
+        RecordError
+            The record has no such signal; the message lists those that it has.
+        """
+        if name == "t":
+            return self.t
+        if name not in self.signals:
+            raise RecordError(f"the record has no signal {name}; it has {', '.join(self)}")
+        return self.signals[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name == "t" or name in self.signals
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.signals)
+
+    def __len__(self) -> int:
+        return self.t.size
+
+    def __repr__(self) -> str:
+        columns = ", ".join(f"{name} [{self.units[name]}]" for name in self)
+        return f"<Record {self.t[0]:g} to {self.t[-1]:g} s, {len(self)} samples: {columns}>"
+
+    @property
+    def sampling_time(self) -> float:
+        """Mean time between two samples [s]."""
+        return float(self.t[-1] - self.t[0]) / (len(self) - 1)
+
+    @property
+    def truth(self) -> dict[str, Array]:
+        """The signals that only a simulation knows; empty for a measured record.
+
+        A record counts as simulated where its ``meta`` holds the scenario: an estimate has
+        signals of the same names and is not the truth.
+        """
+        if "scenario" not in self.meta:
+            return {}
+        return {name: self.signals[name] for name in self if name in names.TRUTH}
+
+    @property
+    def has_truth(self) -> bool:
+        """Whether estimates can be judged against the truth."""
+        return bool(self.truth)
+
+    def between(self, start: float | None = None, stop: float | None = None) -> Record:
+        """Return the part with start <= t < stop; its time is not shifted.
+
+        Parameters
+        ----------
+        start, stop : float, optional
+            Time [s], met to half a sampling time. Without it, the record's own start or end.
+
+        Raises
+        ------
+        RecordError
+            Less than two samples lie there.
+        """
+        half = 0.5 * self.sampling_time
+        first = 0 if start is None else int(np.searchsorted(self.t, start - half))
+        last = len(self) if stop is None else int(np.searchsorted(self.t, stop - half))
+        if last - first < 2:
+            span = f"it goes from {self.t[0]:g} to {self.t[-1]:g} s"
+            raise RecordError(f"the record has no samples from {start} to {stop} s: {span}")
+        part = slice(first, last)
+        return Record(
+            self.t[part], {name: self[name][part] for name in self}, self.units, self.meta
+        )
+
+    def select(self, *signals: str) -> Record:
+        """Return the record with these signals alone, in this order."""
+        return Record(self.t, {name: self[name] for name in signals}, self.units, self.meta)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the record as ``.csv`` or ``.parquet``; `load` gives back exactly its values.
+
+        Raises
+        ------
+        RecordError
+            Another ending, or ``meta`` that JSON cannot hold.
+        AmbkitError
+            The file cannot be written; an older one is left as it was.
+        """
+        from ambkit.tables import Table, write_table
+
+        units = {"t": "s"} | dict(self.units)
+        write_table(path, Table({"t": self.t, **self.signals}, units, dict(self.meta)))
+
+    @classmethod
+    def load(
+        cls,
+        path: str | os.PathLike[str],
+        channel_map: ChannelMap | str | os.PathLike[str] | None = None,
+    ) -> Record:
+        """Read a record from ``.csv``, ``.parquet``, or with a channel map also ``.mat``.
+
+        Parameters
+        ----------
+        path : path
+            The file. A CSV has a header with units, ``t [s],y [mm],u [V]``; they are converted
+            to SI.
+        channel_map : ChannelMap or path, optional
+            Which row or column of the file is which signal, with its unit, scale, sign and offset.
+
+        Raises
+        ------
+        RecordError
+            The file is cut short, holds no number where one should be, has no units, lacks a
+            signal, or is no valid record; the message names file and line.
+        AmbkitError
+            The file, or the channel map, cannot be read.
+        """
+        from ambkit.tables import read_arrays, read_table
+
+        if channel_map is not None:
+            from ambkit.channelmap import ChannelMap
+
+            if not isinstance(channel_map, ChannelMap):
+                channel_map = ChannelMap.load(channel_map)
+            table = channel_map.apply(read_arrays(path, channel_map.columns), os.fspath(path))
+            table.meta["source"] = Path(path).name
+        else:
+            table = read_table(path)
+        if "t" not in table.columns:
+            raise RecordError(f"{path}: has no column t [s]; it has {', '.join(table.columns)}")
+        columns = dict(table.columns)
+        try:
+            return cls(columns.pop("t"), columns, table.units, table.meta)
+        except RecordError as error:
+            raise RecordError(f"{path}: {error}") from None
+
+
+def _frozen(name: str, values: ArrayLike) -> Array:
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise RecordError(f"signal {name} does not hold numbers alone") from None
+    array.flags.writeable = False
+    return array
+
+
+def _check_time(t: Array) -> None:
+    if t.ndim != 1 or t.size < 2:
+        raise RecordError(f"t must be a row of at least 2 samples, has shape {t.shape}")
+    if not np.isfinite(t).all():
+        raise RecordError(f"t is {t[~np.isfinite(t)][0]} at sample {_first(~np.isfinite(t))}")
+    steps = np.diff(t)
+    if (steps <= 0).any():
+        at = _first(steps <= 0) + 1
+        raise RecordError(f"t must increase, but sample {at} has {t[at]:g} s after {t[at - 1]:g} s")
+    step = float(np.median(steps))
+    uneven = np.abs(steps - step) > TIME_TOLERANCE * step
+    if uneven.any():
+        at = _first(uneven) + 1
+        raise RecordError(
+            f"t must be even, but from sample {at - 1} to {at} (t = {t[at]:g} s) it goes on by "
+            f"{steps[at - 1]:.6g} s instead of {step:.6g} s; a missing sample is an empty cell"
+        )
+
+
+def _check_signal(name: str, values: Array, t: Array) -> None:
+    if name == "t":
+        raise RecordError("t is the time, no signal can have this name")
+    if values.shape != t.shape:
+        raise RecordError(f"signal {name} has shape {values.shape}, t has {t.shape}")
+    if np.isinf(values).any():
+        at = _first(np.isinf(values))
+        raise RecordError(f"signal {name} is {values[at]} at sample {at} (t = {t[at]:g} s)")
+
+
+def _first(where: NDArray[np.bool_]) -> int:
+    return int(np.argmax(where))
+
+
+def _si(name: str, unit: str | None) -> str:
+    """Return the unit of a signal if it is the one that a record holds it in."""
+    if unit is None:
+        raise RecordError(f"signal {name} has no unit")
+    if unit in names.SI_UNITS and names.UNITS.get(name, unit) == unit:
+        return unit
+    try:
+        si = names.UNITS.get(name) or names.si_unit(unit)
+    except ValueError as error:
+        raise RecordError(f"signal {name}: {error}") from None
+    raise RecordError(f"signal {name} must be given in {si}, not in {unit}")
