@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
+    ConfigDict,
     Field,
     SerializerFunctionWrapHandler,
     ValidationInfo,
@@ -36,6 +37,13 @@ def magnet_constant(turns: float, pole_area: float) -> float:
     return MU_0 * pole_area * turns**2 / 4
 
 
+def _constant_or_coil(schema: dict[str, Any]) -> None:
+    """Tell the JSON schema that a magnet has either a magnet constant or a coil."""
+    schema["required"].remove("magnet_constant")
+    alternatives = (["magnet_constant"], ["turns", "pole_area"])
+    schema["oneOf"] = [{"required": keys} for keys in alternatives]
+
+
 class Magnet(Part):
     """The electromagnets of one axis, and the law of their force.
 
@@ -44,6 +52,8 @@ class Magnet(Part):
     ``F = k [((i0 + iu)/(s0 - x))^2 - ((i0 - iu)/(s0 + x))^2]`` (paper, eq. 1, without its second
     equality, a slip), a one-sided one with its first half alone: x is positive towards it.
     """
+
+    model_config = ConfigDict(json_schema_extra=_constant_or_coil)
 
     type: Literal["two-sided", "one-sided"]
     """Pulls both ways, or one way with gravity as the counter-force."""

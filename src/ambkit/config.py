@@ -15,16 +15,18 @@ from typing import Any, Self
 from pydantic import (
     BaseModel,
     ConfigDict,
+    GetJsonSchemaHandler,
     ModelWrapValidatorHandler,
     TypeAdapter,
     ValidationError,
     ValidationInfo,
     model_validator,
 )
+from pydantic_core import CoreSchema
 
 from ambkit import files, toml_text
 from ambkit.errors import ConfigError
-from ambkit.problems import Problem, dotted, in_words, without_tags
+from ambkit.problems import Problem, dotted, in_words, quantity_of, without_tags
 
 Read = Callable[[str], Any]
 
@@ -56,6 +58,20 @@ class Part(BaseModel):
             so that comparisons with it find nothing to complain about.
         """
         yield from ()
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        json_schema = handler(schema)
+        properties = handler.resolve_ref_schema(json_schema)["properties"]
+        for name, field in cls.model_fields.items():
+            quantity = quantity_of(field)
+            if quantity and isinstance(field.default, float):  # as a file would say it
+                properties[name]["default"] = quantity.write(field.default)
+            elif isinstance(field.default, BaseModel):  # its keys have their own defaults
+                del properties[name]["default"]
+        return json_schema
 
     @model_validator(mode="wrap")
     @classmethod

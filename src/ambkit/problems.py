@@ -69,19 +69,25 @@ def in_words(model: type[BaseModel], error: Mapping[str, Any]) -> Problem:
 
 
 def _unknown(model: type[BaseModel], problem: Problem) -> Problem:
-    """Name the nearest key of the same table."""
+    """Name the table to which an unknown key belongs, or the nearest key of the same table."""
     *around, name = problem.path
-    near = difflib.get_close_matches(str(name), model.model_fields, 1)
-    if near:
-        text = f"unknown key, did you mean {near[0]}?"
-        return problem._replace(text=text, meant=(*around, near[0]))
-    text = f"unknown key, known here: {', '.join(model.model_fields)}"
-    return problem._replace(text=text, meant=(*around, ""))
+    near = _nearest(str(name), list(model.model_fields))
+    text = f"did you mean {near}?" if near else f"known here: {', '.join(model.model_fields)}"
+    meant = (*around, near or "")
+    return _find_home(model, problem._replace(text=f"unknown key, {text}", meant=meant))
+
+
+def _nearest(name: str, keys: list[str]) -> str | None:
+    """Return the key of nearly the same letters, or the only one with a word in common."""
+    near = difflib.get_close_matches(name, keys, 1)
+    words = set(name.split("_"))
+    akin = [key for key in keys if words & set(key.split("_"))]
+    return near[0] if near else akin[0] if len(akin) == 1 else None
 
 
 def _find_home(model: type[BaseModel], problem: Problem) -> Problem:
-    """Of a key that is unknown in its table, say to which other table it belongs."""
-    if problem.meant is None or len(problem.path) != 2:
+    """Of a key that is unknown where it stands, say in which other table of `model` it is known."""
+    if problem.meant is None or len(problem.path) > 2:
         return problem
     name = str(problem.path[-1])
     if name in model.model_fields:
@@ -106,15 +112,20 @@ def _purpose(field: FieldInfo) -> str:
         return f": a table with {', '.join(field.annotation.model_fields)}"
     about = " ".join((field.description or "").split()).rstrip(".")
     about = f": {about[:1].lower()}{about[1:]}" if about else ""
-    quantity = _quantity((field.annotation, *field.metadata))
+    quantity = quantity_of(field)
     return f"{about}, such as {quantity.shown_example()}" if quantity else about
 
 
-def _quantity(annotations: Iterable[Any]) -> Quantity | None:
+def quantity_of(field: FieldInfo) -> Quantity | None:
+    """Return the mark of a key that stands for a value with a unit, or for a list of such."""
+    return _find_quantity((field.annotation, *field.metadata))
+
+
+def _find_quantity(annotations: Iterable[Any]) -> Quantity | None:
     for annotation in annotations:
         if isinstance(annotation, Quantity):
             return annotation
-        found = _quantity((*getattr(annotation, "__metadata__", ()), *get_args(annotation)))
+        found = _find_quantity((*getattr(annotation, "__metadata__", ()), *get_args(annotation)))
         if found:
             return found
     return None

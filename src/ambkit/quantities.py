@@ -90,12 +90,13 @@ class Quantity:
     def _wrong(self, text: str) -> PydanticCustomError:
         return PydanticCustomError("problem", "{text}", {"text": text})
 
-    def write(self, value: float, info: core_schema.SerializationInfo) -> float | str:
+    def write(self, value: float) -> float | str:
         """Give the string for a file, which reads back as exactly `value`."""
         unit = self._unit()
-        if info.context is None or unit in (None, "1"):
-            return value
-        return units.engineering(value, str(unit), digits=None)
+        return value if unit in (None, "1") else units.engineering(value, str(unit), digits=None)
+
+    def _serialize(self, value: float, info: core_schema.SerializationInfo) -> float | str:
+        return value if info.context is None else self.write(value)
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
@@ -103,7 +104,7 @@ class Quantity:
         return core_schema.with_info_plain_validator_function(
             self.read,
             serialization=core_schema.plain_serializer_function_ser_schema(
-                self.write, info_arg=True
+                self._serialize, info_arg=True
             ),
         )
 

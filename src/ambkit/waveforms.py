@@ -188,8 +188,10 @@ class Recorded(Waveform):
 
     def _at(self, t: Array) -> Any:
         if self.file is not None and self.signal is not None:
-            times, values, _ = _read_recording(self.file, self.signal)
-            return np.interp(t, times, values)
+            from ambkit.record import Record
+
+            record = Record.load(self.file)
+            return np.interp(t, record.t, record[self.signal])
         return np.interp(t, np.asarray(self.times), np.asarray(self.values))
 
     @classmethod
@@ -248,23 +250,18 @@ def _check_series(times: Any, values: Any) -> Iterator[tuple[str, str]]:
         yield "values", f"must be as many as times, {len(times)}; are {len(values)}"
 
 
-def _read_recording(file: str, signal: str) -> tuple[Array, Array, str]:
-    """Return times [s], values, and their unit."""
+def _check_recording(file: str, signal: str) -> Iterator[tuple[str, str]]:
     from ambkit.record import Record
 
-    record = Record.load(file)
-    return record.t, record[signal], record.units[signal]
-
-
-def _check_recording(file: str, signal: str) -> Iterator[tuple[str, str]]:
     try:
-        _, _, unit = _read_recording(file, signal)
+        record = Record.load(file)
+        values = record[signal]
     except AmbkitError as error:
         yield "file", str(error)
         return
-    except KeyError:
-        yield "signal", f'there is no signal "{signal}" in {file}'
-        return
-    place = place_of_signal()
+    place, unit = place_of_signal(), record.units.get(signal, "1")
     if place and unit != place.unit:
-        yield "signal", f"must be in {place.unit}, is in {unit}"
+        yield "signal", f"must be in {place.unit}; {signal} of {file} is in {unit}"
+    missing = np.count_nonzero(~np.isfinite(values))
+    if missing:
+        yield "signal", f"must be finite throughout; {signal} of {file} lacks {missing} samples"

@@ -1,0 +1,285 @@
+"""The bearing: presets, what its values mean, and what it refuses."""
+
+import doctest
+import math
+import pickle
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ambkit import bearing as bearing_module
+from ambkit import presets
+from ambkit.bearing import (
+    MU_0,
+    Amplifier,
+    Bearing,
+    Magnet,
+    Rotor,
+    Sensor,
+    magnet_constant,
+)
+from ambkit.errors import AmbkitError, ConfigError
+
+SIX_MISTAKES = """\
+name = "mine"
+sampling_time = "0.1 s/V"
+
+[magnet]
+type = "two-sided"
+magnet_constant = "6.7 N mm^2/A^2"
+airgap = "2 mm"
+bias_current = "1.5 A"
+
+[rotor]
+mass = "-0.5 kg"
+gravity = -x
+travel_limit = 0.001
+
+[amplifier]
+gain = "1 A/V"
+current_limit = "2 A"
+noise_variance = "8e-5 V^2"
+
+[sensor]
+gain = 1
+lag = "0.2 ms"
+noise_variance = "83 µm^2"
+"""
+
+
+@pytest.fixture
+def zittau() -> Bearing:
+    return Bearing.preset("zittau_axial")
+
+
+def test_six_mistakes_are_told_at_once_in_order() -> None:
+    with pytest.raises(ConfigError) as caught:
+        Bearing.from_toml(SIX_MISTAKES, "mine.toml")
+    assert str(caught.value).splitlines() == [
+        "6 problems in mine.toml:",
+        '  mine.toml:2: sampling_time: "0.1 s/V": s/V cannot be converted to s,'
+        ' write it like "0.1 ms"',
+        "  mine.toml:7: magnet.airgap: unknown key, did you mean air_gap?",
+        "  mine.toml:11: rotor.mass: must be greater than 0 kg, is -0.5 kg",
+        '  mine.toml:12: gravity: write it in quotes: gravity = "-x"',
+        '  mine.toml:13: rotor.travel_limit: 0.001 has no unit, write it like "1 mm"',
+        "  mine.toml:17: amplifier.current_limit: must be at most magnet.bias_current, 1.5 A,"
+        " with a two-sided magnet; is 2 A",
+    ]
+
+
+def test_the_papers_bearing_has_the_papers_values(zittau: Bearing) -> None:
+    assert zittau.magnet == Magnet(
+        type="two-sided", magnet_constant=6.7e-6, air_gap=2e-3, bias_current=1.5
+    )
+    assert (zittau.rotor.mass, zittau.rotor.gravity) == (0.518, "-x")
+    assert zittau.amplifier.noise_variance == 8e-5
+    assert zittau.sensor.noise_variance == 8.3e-11
+    assert math.sqrt(zittau.sensor.noise_variance) == pytest.approx(9.1e-6, rel=2e-3)
+    assert zittau.weight == pytest.approx(-5.08, abs=0.005)
+
+
+def test_what_the_paper_does_not_give_is_marked_as_chosen() -> None:
+    text = presets.text("zittau_axial")
+    chosen = ("sampling_time", "gravity", "travel_limit", "gain", "current_limit", "lag")
+    for line in text.splitlines():
+        if line.partition("=")[0].strip() in chosen:
+            assert "chosen" in line, line
+
+
+def test_preset_files_are_named_after_their_bearing_and_listed() -> None:
+    assert set(presets.names()) >= {"zittau_axial", "inteco_ml"}
+    for name in presets.names():
+        assert Bearing.preset(name).name == name
+
+
+def test_an_unknown_preset_names_the_nearest() -> None:
+    with pytest.raises(AmbkitError, match=r'no preset "zitau_axial"; did you mean zittau_axial\?'):
+        Bearing.preset("zitau_axial")
+    with pytest.raises(AmbkitError, match="there are: inteco_ml, zittau_axial"):
+        presets.text("../bearing")
+
+
+@pytest.mark.parametrize("name", presets.names())
+def test_the_hover_current_carries_the_rotor(name: str) -> None:
+    bearing = Bearing.preset(name)
+    magnet, iu = bearing.magnet, bearing.hover_current
+    pull = magnet.magnet_constant * ((magnet.bias_current + iu) / magnet.air_gap) ** 2
+    if magnet.type == "two-sided":
+        pull -= magnet.magnet_constant * ((magnet.bias_current - iu) / magnet.air_gap) ** 2
+    assert pull == pytest.approx(-bearing.weight, rel=1e-12)
+    assert bearing.current_min < iu < bearing.current_max
+
+
+def test_the_one_sided_rig_rests_at_its_working_point_without_control_current() -> None:
+    rig = Bearing.preset("inteco_ml")
+    assert abs(rig.hover_current) < 1e-4 * rig.magnet.bias_current
+    assert rig.current_min == -rig.magnet.bias_current
+    assert rig.current_max == rig.amplifier.current_limit
+
+
+def test_gravity_gives_the_weight_its_sign(zittau: Bearing) -> None:
+    assert zittau.replace(rotor__gravity="+x").weight == -zittau.weight
+    level = zittau.replace(rotor__gravity="none")
+    assert level.weight == 0
+    assert level.hover_current == 0
+
+
+COIL = 'turns = 200\npole_area = "400 mm^2"'
+
+
+def with_magnet(zittau: Bearing, lines: str) -> Bearing:
+    text = zittau.to_toml().replace('magnet_constant = "6.7 N mm^2/A^2"', lines)
+    return Bearing.from_toml(text, "b.toml")
+
+
+def test_the_magnet_constant_follows_from_the_coil(zittau: Bearing) -> None:
+    bearing = with_magnet(zittau, COIL)
+    assert bearing.magnet.magnet_constant == magnet_constant(200, 400e-6)
+    assert bearing.magnet.magnet_constant == MU_0 * 400e-6 * 200**2 / 4
+    assert "magnet_constant" not in bearing.to_toml()
+    assert Bearing.from_toml(bearing.to_toml()) == bearing
+    assert bearing.replace(magnet__turns=400).magnet.magnet_constant == magnet_constant(400, 400e-6)
+    assert Magnet(
+        type="two-sided", turns=200, pole_area="400 mm^2", air_gap=2e-3, bias_current=1.5
+    ).magnet_constant == magnet_constant(200, 400e-6)
+
+
+def test_mu_0_is_that_of_scipy() -> None:
+    from scipy.constants import mu_0
+
+    assert pytest.approx(mu_0, rel=1e-9) == MU_0
+
+
+@pytest.mark.parametrize(
+    ("lines", "told"),
+    [
+        ("turns = 200", ["b.toml:6: magnet.pole_area: missing: turns alone do not"]),
+        ('pole_area = "4 cm^2"', ["b.toml:6: magnet.turns: missing: pole_area alone does not"]),
+        ('turns = 200\npole_area = "4 mm"', ["b.toml:9: magnet.pole_area: "]),
+        ('turns = 0\npole_area = "4 mm^2"', ["b.toml:8: magnet.turns: must be greater than 0"]),
+        (f'{COIL}\nmagnet_constant = "6 N mm^2/A^2"', ["turns and pole_area give 5.02655 N mm^2"]),
+        ("", ["b.toml:6: magnet.magnet_constant: missing: magnet constant k"]),
+    ],
+)
+def test_a_magnet_has_either_a_constant_or_a_coil(
+    zittau: Bearing, lines: str, told: list[str]
+) -> None:
+    with pytest.raises(ConfigError) as caught:
+        with_magnet(zittau, lines)
+    assert len(caught.value.problems) == len(told)
+    for problem, part in zip(caught.value.problems, told, strict=True):
+        assert part in problem
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (
+            {"rotor.travel_limit": 2e-3},
+            "rotor.travel_limit: must be less than magnet.air_gap, 2 mm",
+        ),
+        ({"amplifier.current_limit": 1.6}, "must be at most magnet.bias_current, 1.5 A"),
+        ({"amplifier.current_limit": 0.5}, "must be at least 0.50563 A, which carries the rotor"),
+        ({"magnet.type": "one-sided", "rotor.gravity": "none"}, 'rotor.gravity: must be "-x"'),
+        ({"magnet.air_gap": 0}, "magnet.air_gap: must be greater than 0 m, is 0 m"),
+        ({"sampling_time": 0}, "sampling_time: must be greater than 0 s"),
+        ({"sensor.noise_variance": 0}, "sensor.noise_variance: must be greater than 0 m^2"),
+        ({"sensor.noise_variance": -1e-12}, "must be greater than 0 m^2, is -1 µm^2"),
+        ({"amplifier.noise_variance": -1}, "amplifier.noise_variance: must be greater than 0 V^2"),
+        ({"rotor.mass": math.nan}, "rotor.mass: must be finite"),
+        ({"rotor.mass": math.inf}, "rotor.mass: must be finite"),
+        ({"rotor.mass": None}, "rotor.mass: null is not a number"),
+        ({"sensor.lag": -1e-3}, "sensor.lag: must be greater than 0 s, is -1 ms"),
+    ],
+)
+def test_what_cannot_be_is_refused(zittau: Bearing, change: dict[str, object], told: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        zittau.replace(**change)
+    assert told in str(caught.value)
+    assert len(caught.value.problems) == 1
+
+
+def test_contradictions_are_told_beside_other_mistakes(zittau: Bearing) -> None:
+    """The gap is compared although the same table has an unknown key and a wrong one."""
+    text = zittau.to_toml().replace('"1 mm"', '"3 mm"').replace("bias_current", "bias")
+    with pytest.raises(ConfigError) as caught:
+        Bearing.from_toml(text, "b.toml")
+    assert "must be less than magnet.air_gap, 2 mm; is 3 mm" in str(caught.value)
+    assert "magnet.bias: unknown key, did you mean bias_current?" in str(caught.value)
+
+
+def positive(greatest: float = 1e3) -> st.SearchStrategy[float]:
+    return st.floats(1e-9, greatest)
+
+
+@st.composite
+def bearings(draw: st.DrawFn) -> Bearing:
+    """Any bearing that can be: the limits between its values held by construction."""
+    kind = draw(st.sampled_from(["two-sided", "one-sided"]))
+    gap, bias, mass = draw(positive()), draw(positive()), draw(positive())
+    least = 4 * 9.81 * mass * gap**2 / bias**2
+    magnet = Magnet(
+        type=kind,
+        magnet_constant=draw(st.floats(1.1 * least, 1e6 * least)),
+        air_gap=gap,
+        bias_current=bias,
+    )
+    rotor = Rotor(mass=mass, gravity="-x", travel_limit=gap * draw(st.floats(0.01, 0.99)))
+    amplifier = Amplifier(
+        gain=draw(positive()), current_limit=bias, noise_variance=draw(positive())
+    )
+    sensor = Sensor(gain=draw(positive()), lag=draw(positive()), noise_variance=draw(positive()))
+    text = st.text(st.characters(exclude_categories=["Cs"]))
+    return Bearing(
+        name=draw(text.filter(bool)),
+        description=draw(text),
+        source=draw(text),
+        sampling_time=draw(positive()),
+        magnet=magnet,
+        rotor=rotor,
+        amplifier=amplifier,
+        sensor=sensor,
+    )
+
+
+@given(bearings())
+def test_toml_round_trip_is_the_identity(bearing: Bearing) -> None:
+    assert Bearing.from_toml(bearing.to_toml()) == bearing
+    assert pickle.loads(pickle.dumps(bearing)) == bearing
+    assert bearing.replace() == bearing
+
+
+@given(st.integers(1, 10**6))
+def test_the_same_bearing_in_other_units_is_the_same(gap: int) -> None:
+    """A gap in whole nanometres, written in m, mm and µm."""
+    text = Bearing.preset("zittau_axial").replace(rotor__gravity="none").to_toml()
+    text = text.replace('"1 mm"', '"0.1 nm"')
+    metre, milli, micro = (
+        Bearing.from_toml(text.replace('"2 mm"', f'"{gap}e{shift} {unit}"'))
+        for shift, unit in [(-9, "m"), (-6, "mm"), (-3, "um")]
+    )
+    assert metre == milli == micro
+    assert metre.magnet.air_gap == float(f"{gap}e-9")
+
+
+def test_save_and_load(zittau: Bearing, tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    zittau.save(path)
+    assert Bearing.load(path) == zittau
+    assert [p.name for p in tmp_path.iterdir()] == ["mine.toml"]
+
+
+def test_the_json_schema_knows_both_ways_to_give_the_magnet() -> None:
+    magnet = Bearing.json_schema()["$defs"]["Magnet"]
+    assert magnet["required"] == ["type", "air_gap", "bias_current"]
+    assert magnet["oneOf"] == [
+        {"required": ["magnet_constant"]},
+        {"required": ["turns", "pole_area"]},
+    ]
+
+
+def test_docstring_examples() -> None:
+    assert doctest.testmod(bearing_module).failed == 0

@@ -1,0 +1,120 @@
+"""Units at the boundary: read exactly, printed as engineers write, refused with a clear word."""
+
+import doctest
+import math
+from contextlib import suppress
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ambkit import units
+from ambkit.units import engineering, factor, parse
+
+SURFACE_UNITS = [
+    *("m", "A", "s", "kg", "V", "N", "Hz", "m^2", "V^2", "N m^2/A^2", "A/V"),
+    *("A/m", "A/(m s)", "A s/m", "m/s", "N/s", "N s", "N/A", "N/m", "1"),
+]
+finite = st.floats(allow_nan=False, allow_infinity=False)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        ("2 mm", "m", 2e-3),
+        ("2mm", "m", 2e-3),
+        (" -0.5 mm ", "m", -0.5e-3),
+        ("+.5e1 um", "m", 5e-6),
+        ("20 µs", "s", 20e-6),  # micro sign
+        ("20 μs", "s", 20e-6),  # Greek mu
+        ("6.7 N mm^2/A^2", "N m^2/A^2", 6.7e-6),
+        ("6.7 N*mm**2/A**2", "N m^2/A^2", 6.7e-6),
+        ("8.3e-5 mm^2", "m^2", 8.3e-11),
+        ("83 µm²", "m^2", 8.3e-11),
+        ("60.54 g", "kg", 0.06054),
+        ("12 mA/(mm/s)", "A s/m", 12.0),
+        ("1 kHz", "Hz", 1000.0),
+        ("180 deg", "rad", math.pi),
+        ("5", "1", 5.0),
+        ("50 %", "1", 0.5),
+    ],
+)
+def test_parse_gives_exactly_the_si_value(text: str, unit: str, value: float) -> None:
+    assert parse(text, unit) == value
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "message"),
+    [
+        ("2", "m", '"2" has no unit'),
+        ("two mm", "m", "is not a number with a unit"),
+        ("", "m", "is not a number with a unit"),
+        ("nan mm", "m", "is not a number with a unit"),
+        ("1,5 A", "A", "decimal comma, write 1.5"),
+        ("2 mn", "m", '"mn" is not a known unit'),
+        ("2 mm + 3", "m", "is not a known unit"),
+        ("2 m(", "m", "is not a known unit"),
+        ("2 3 mm", "m", "is not a known unit"),
+        ("2 A", "m", "A cannot be converted to m"),
+        ("50 rad/s", "Hz", "rad/s cannot be converted to Hz"),
+        ("3000 rpm", "Hz", "rpm cannot be converted to Hz"),
+        ("5 degC", "K", "use K instead"),
+        ("1 V", "1", "must be a plain number"),
+        ("1e999 m", "m", "too large"),
+    ],
+)
+def test_parse_says_what_is_wrong(text: str, unit: str, message: str) -> None:
+    with pytest.raises(ValueError, match=message.replace("(", r"\(")) as caught:
+        parse(text, unit)
+    assert text in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [
+        (0.002, "m", "2 mm"),
+        (-0.0005, "m", "-0.5 mm"),
+        (0.518, "kg", "0.518 kg"),
+        (0.06054, "kg", "60.54 g"),
+        (6.7e-6, "N m^2/A^2", "6.7 N mm^2/A^2"),
+        (8.3e-11, "m^2", "83 µm^2"),
+        (8e-5, "V^2", "80 mV^2"),
+        (7537.5, "N/m", "7537.5 N/m"),
+        (20_000.0, "A/(m s)", "20 kA/(m s)"),
+        (0.0, "m", "0 m"),
+        (5.0, "1", "5"),
+        (0.5056298507, "A", "0.50563 A"),
+        (math.inf, "m", "inf m"),
+    ],
+)
+def test_engineering_prints_as_an_engineer_writes(value: float, unit: str, text: str) -> None:
+    assert engineering(value, unit) == text
+
+
+@given(finite, st.sampled_from(SURFACE_UNITS))
+def test_every_value_survives_printing_and_reading(value: float, unit: str) -> None:
+    assert parse(engineering(value, unit, digits=None), unit) == value
+
+
+@given(st.decimals(-1000, 1000, places=6), st.sampled_from([("mm", 3), ("um", 6), ("km", -3)]))
+def test_the_same_length_in_another_unit_is_the_same_float(number, scaled) -> None:  # type: ignore[no-untyped-def]
+    unit, shift = scaled
+    assert parse(f"{number:f} m", "m") == parse(f"{number.scaleb(shift):f} {unit}", "m")
+
+
+@given(st.text(max_size=20), st.sampled_from(SURFACE_UNITS))
+def test_any_text_gives_a_finite_number_or_a_value_error(text: str, unit: str) -> None:
+    with suppress(ValueError):
+        assert math.isfinite(parse(text, unit))
+
+
+def test_factor_and_its_inverse() -> None:
+    assert factor("mm", "m") == 1e-3
+    assert factor("N mm^2/A^2", "N m^2/A^2") == 1e-6
+    assert factor("rpm", "rad/s") == pytest.approx(2 * math.pi / 60, rel=1e-15)
+    with pytest.raises(ValueError, match="cannot be converted"):
+        factor("V", "A")
+
+
+def test_docstring_examples() -> None:
+    assert doctest.testmod(units).failed == 0
