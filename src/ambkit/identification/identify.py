@@ -72,5 +72,5 @@ def identify(
             f"the identified magnet constant is {k:.3g} N m^2/A^2, which no magnet has: is the "
             "sign of y or u turned round, or a large disturbance force left out?"
         )
-    found = bearing.replace(**{"magnet.magnet_constant": k})
+    found = bearing.replace(magnet__magnet_constant=k)
     return Identification(found, k, history.spread, history)
