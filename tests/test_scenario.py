@@ -9,7 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ambkit import presets
 from ambkit import scenario as scenario_module
+from ambkit.bearing import Bearing
 from ambkit.errors import ConfigError
 from ambkit.record import Record
 from ambkit.scenario import (
@@ -25,6 +27,7 @@ from ambkit.scenario import (
     Sum,
     Waveform,
 )
+from ambkit.simulation import simulate
 
 T = 1e-3
 t = T * np.arange(101)
@@ -250,6 +253,30 @@ def test_every_signal_is_finite_and_as_long_as_its_time(signal: Waveform, n: int
     assert values.shape == (n,)
     assert values.dtype == np.float64
     assert np.isfinite(values).all()
+
+
+def test_gains_for_the_papers_bearing_are_the_defaults() -> None:
+    gains = PID.for_bearing(Bearing.preset("zittau_axial"))
+    default = PID()
+    assert (gains.kp, gains.kd, gains.feedback) == (default.kp, default.kd, default.feedback)
+    assert gains.ki == pytest.approx(default.ki, rel=0.05)
+    assert gains.derivative_filter == pytest.approx(default.derivative_filter, rel=0.05)
+    assert gains.anti_windup == pytest.approx(default.anti_windup, rel=0.05)
+
+
+@pytest.mark.parametrize("name", presets.names())
+def test_gains_for_a_bearing_hold_it(name: str) -> None:
+    bearing = Bearing.preset(name)
+    gap = bearing.magnet.air_gap
+    scenario = Scenario(
+        duration=2.0,
+        reference=Step(amplitude=gap / 10, time=0.1),
+        noise=False,
+        controller=PID.for_bearing(bearing),
+    )
+    x = simulate(bearing, scenario)["x"]
+    assert np.abs(x).max() < gap / 4
+    assert x[-1] == pytest.approx(gap / 10, rel=0.02)
 
 
 def test_the_json_schema_gives_defaults_as_a_file_would() -> None:

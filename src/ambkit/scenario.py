@@ -1,6 +1,7 @@
 """What happens in a run: reference, disturbance, noise, controller."""
 
-from typing import Annotated, Literal
+import math
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import Field
 
@@ -18,6 +19,9 @@ from ambkit.waveforms import (
     Sum,
     Waveform,
 )
+
+if TYPE_CHECKING:
+    from ambkit.bearing import Bearing
 
 __all__ = [
     "PID",
@@ -53,6 +57,31 @@ class PID(Part):
     """Tracking time: how fast the integral gives way at the current limit [s]."""
     feedback: Literal["measurement", "estimate"] = "estimate"
     """Which position is fed back: the sensor's or the estimator's."""
+
+    @classmethod
+    def for_bearing(cls, bearing: "Bearing") -> Self:
+        """Return gains that hold another bearing as the defaults hold `zittau_axial`.
+
+        With the stiffnesses k_i, k_s at the centre, ``kp = 4 k_s/k_i`` leaves the loop a stiffness
+        of 3 k_s and so the frequency ``w = sqrt(3 k_s/m)``; ``kd = 2 D m w/k_i`` damps it with
+        D = 0.56. Integral, derivative filter and tracking time go with w. Rounded to two digits,
+        they are a start for tuning.
+        """
+        from ambkit.magnets import ConstantStiffness
+
+        linear, mass = ConstantStiffness.of(bearing), bearing.rotor.mass
+        kp, w = 4 * linear.k_s / linear.k_i, math.sqrt(3 * linear.k_s / mass)
+        return cls(
+            kp=_two_digits(kp),
+            ki=_two_digits(kp * w / 31),
+            kd=_two_digits(2 * 0.56 * mass * w / linear.k_i),
+            derivative_filter=_two_digits(1 / (24 * w)),
+            anti_windup=_two_digits(5 / w),
+        )
+
+
+def _two_digits(value: float) -> float:
+    return float(f"{value:.2g}")
 
 
 class Scenario(Document):
