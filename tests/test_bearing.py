@@ -252,6 +252,31 @@ def test_toml_round_trip_is_the_identity(bearing: Bearing) -> None:
     assert bearing.replace() == bearing
 
 
+any_positive = st.floats(min_value=5e-324, allow_nan=False, allow_infinity=False)
+
+
+@given(
+    st.sampled_from(["two-sided", "one-sided"]),
+    st.fixed_dictionaries(
+        dict.fromkeys(["magnet_constant", "air_gap", "bias_current"], any_positive)
+    ),
+    any_positive,
+    any_positive,
+)
+def test_absurd_values_are_refused_or_taken_but_never_a_traceback(
+    kind: str, magnet: dict[str, float], mass: float, limit: float
+) -> None:
+    data = Bearing.preset("zittau_axial").model_dump()
+    data["magnet"] |= magnet | {"type": kind}
+    data["rotor"]["mass"], data["amplifier"]["current_limit"] = mass, limit
+    try:
+        bearing = Bearing(**data)
+    except ConfigError as error:
+        assert error.problems  # noqa: PT017
+    else:
+        assert abs(bearing.hover_current) <= limit
+
+
 @given(st.integers(1, 10**6))
 def test_the_same_bearing_in_other_units_is_the_same(gap: int) -> None:
     """A gap in whole nanometres, written in m, mm and µm."""

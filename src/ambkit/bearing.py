@@ -57,7 +57,7 @@ class Magnet(Part):
 
     type: Literal["two-sided", "one-sided"]
     """Pulls both ways, or one way with gravity as the counter-force."""
-    turns: Annotated[int, Field(gt=0, strict=True)] | None = None
+    turns: Annotated[int, Field(gt=0, le=1_000_000, strict=True)] | None = None
     """Turns N of one coil; with pole_area instead of magnet_constant."""
     pole_area: Annotated[float, Quantity("m^2", "400 mm^2", above=0)] | None = None
     """Cross section A of one air gap [m^2]; with turns instead of magnet_constant."""
@@ -245,7 +245,8 @@ def _hover_current(read: Read) -> float:
     bias, kind = read("magnet.bias_current"), read("magnet.type")
     weight = _WEIGHT_SIGN.get(read("rotor.gravity"), math.nan) * read("rotor.mass") * GRAVITY
     if kind == "two-sided":
-        return float(-weight * gap**2 / (4 * constant * bias))
+        # In this order, not by powers: an absurd value gives infinity, not an arithmetic error.
+        return float(-weight / constant * gap / bias * gap / 4)
     if kind == "one-sided" and weight < 0:
         return float(gap * math.sqrt(-weight / constant) - bias)
     return math.nan

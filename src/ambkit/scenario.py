@@ -106,7 +106,7 @@ class Scenario(Document):
     """At the start: in equilibrium at the reference, or released at x = 0 without current."""
     noise: Annotated[bool, Field(strict=True)] = True
     """Whether amplifier and sensor are noisy."""
-    seed: Annotated[int, Field(strict=True, ge=0)] = 0
+    seed: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = 0
     """Seed of the noise."""
     substeps: Annotated[int, Field(strict=True, ge=1, le=1000)] = 4
     """Steps of the integrator in one sample."""
