@@ -1,0 +1,320 @@
+"""The expert system: a fuzzy basis function network for k_i and k_s (paper, eq. 32-33).
+
+A rule says: if the current is about this and the displacement about that, then k_i and k_s are
+these. The mathematics is C (``ambkit/fuzzy.h``); here is what describes a network, and its file.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from types import ModuleType
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import Field, ValidationError
+
+from ambkit import files, paper
+from ambkit._core import MAX_RULES
+from ambkit.config import Part, Read
+from ambkit.errors import AmbkitError, ConfigError
+from ambkit.magnets import evaluate_force, evaluate_stiffness
+from ambkit.network import Scaling, default_width, network, scale_factors
+from ambkit.problems import Problem, dotted
+
+if TYPE_CHECKING:
+    from ambkit._core import Fuzzy
+    from ambkit.identification.stiffness import StiffnessMap
+
+Array = NDArray[np.float64]
+Method = Literal["least-squares", "steepest-gradient"]
+
+_Finite = Annotated[float, Field(allow_inf_nan=False)]
+_Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+# 1 / (2 sigma^2) must be a number in single precision, too.
+_Width = Annotated[float, Field(ge=1e-9, le=1e9)]
+
+
+class Rule(Part):
+    """One rule: a row of the paper's Table 6, with its entries of Tables 4 and 5."""
+
+    current: _Finite
+    """Centre in the control current [A] (tau of eq. 32)."""
+    displacement: _Finite
+    """Centre in the displacement [m]."""
+    width_k_i: _Width
+    """Width of its Gaussian for k_i, in scaled units (sigma of eq. 32)."""
+    width_k_s: _Width
+    """Width of its Gaussian for k_s, in scaled units."""
+    weight_k_i: _Finite
+    """Its conclusion for k_i [N/A] (w of eq. 33)."""
+    weight_k_s: _Finite
+    """Its conclusion for k_s [N/m]."""
+
+
+class Training(Part):
+    """How a network came by its widths and weights, with its learning curves (paper, Fig. 10).
+
+    The curves are RMS errors over the training samples, from the untrained network on.
+    """
+
+    method: Method
+    """What trained it."""
+    weights: bool
+    """The weights were trained as well as the widths."""
+    force_rms: tuple[_Finite, ...]
+    """Learning curve of the force [N]."""
+    k_i_rms: tuple[_Finite, ...]
+    """Learning curve of k_i [N/A]."""
+    k_s_rms: tuple[_Finite, ...]
+    """Learning curve of k_s [N/m]."""
+
+
+class Expert(Part):
+    """A fuzzy basis function network that gives k_i and k_s at (iu, x).
+
+    Two inputs, scaled such that distances in them compare; Gaussian rules; two outputs, whose rules
+    share their centres and have each their own widths and weights. Outside its box the network
+    answers as at the nearest point of the box.
+    """
+
+    format: Literal["ambkit expert"] = "ambkit expert"
+    """What the file is."""
+    version: int = 1
+    """Version of the file's layout."""
+    source: str
+    """What the network describes."""
+    source_hash: str = ""
+    """Fingerprint of the stiffness map that it was made from."""
+    normalised: bool = True
+    """The memberships are divided by their sum (Wang and Mendel 1992), so that an output is a
+    weighted mean of the rules' conclusions. False: eq. 33 as printed."""
+    per_ampere: _Positive
+    """Scale of the current [1/A]."""
+    per_metre: _Positive
+    """Scale of the displacement [1/m]."""
+    current_range: tuple[_Finite, _Finite]
+    """The box in the control current [A]."""
+    displacement_range: tuple[_Finite, _Finite]
+    """The box in the displacement [m]."""
+    force_bias: _Finite = 0.0
+    """Force at iu = 0, x = 0 [N]: zero for a two-sided magnet."""
+    rules: Annotated[tuple[Rule, ...], Field(max_length=MAX_RULES)]
+    """The rules, in the order of the paper's Table 6: through the currents first."""
+    training: Training | None = None
+    """How it was trained; None: it was not."""
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        if read("version") != 1:
+            yield "version", f"must be 1, the layout that this ambkit reads; is {read('version')}"
+        if read("rules") == ():
+            yield "rules", "must be one or more, is an empty list"
+        for name, unit in (("current_range", "A"), ("displacement_range", "m")):
+            ends = read(name)
+            if isinstance(ends, tuple) and not ends[0] < ends[1]:
+                yield name, f"must ascend, is {ends[0]:g} {unit} to {ends[1]:g} {unit}"
+
+    @classmethod
+    def from_map(
+        cls,
+        stiff: StiffnessMap,
+        *,
+        widths: ArrayLike | None = None,
+        weights: ArrayLike | None = None,
+        normalised: bool = True,
+        scaling: Scaling = "grid",
+        training: Training | None = None,
+    ) -> Self:
+        """Build a network with one rule at each node of a stiffness map.
+
+        Parameters
+        ----------
+        stiff : StiffnessMap
+            Gives centres, box and, by default, the weights.
+        widths : array_like, optional
+            Widths in scaled units, of a shape that broadcasts to (2, rules): for k_i, for k_s.
+            Default: half the larger node step; on the paper's grid, scaled as in the paper, that
+            is 0.375 (the paper starts with 0.4).
+        weights : array_like (2, rules), optional
+            k_i [N/A] and k_s [N/m] of the rules. Default: those of the map.
+        normalised : bool
+            Divide by the sum of the memberships; False is eq. 33 as printed.
+        scaling : {"grid", "unit"} or tuple of 2 floats
+            How the inputs compare. ``"grid"``: a node step of current weighs as much as one of
+            displacement. ``"unit"``: an ampere weighs as much as a millimetre, as in the paper.
+            Or the scale factors themselves, (1/A, 1/m).
+        training : Training, optional
+            How widths and weights were found.
+
+        Raises
+        ------
+        AmbkitError
+            Too many nodes, a width or scale factor that is not positive, shapes that do not fit.
+        """
+        scale = scale_factors(stiff, scaling)
+        count = stiff.k_i.size
+        if widths is None:
+            widths = default_width(stiff, scale)
+        if weights is None:
+            weights = [stiff.k_i.ravel(), stiff.k_s.ravel()]
+        return cls._of(
+            source=stiff.name,
+            source_hash=stiff.fingerprint,
+            normalised=normalised,
+            scale=scale,
+            nodes=(stiff.current, stiff.displacement),
+            force_bias=stiff.force_bias,
+            widths=_shaped("widths", widths, (2, count)),
+            weights=_shaped("weights", weights, (2, count)),
+            training=training,
+        )
+
+    @classmethod
+    def paper(cls, *, normalised: bool = False) -> Self:
+        """Build the paper's network: widths of Table 6, weights of Tables 4 and 5, as printed.
+
+        Parameters
+        ----------
+        normalised : bool
+            False: eq. 33 as printed. True: the same with the memberships divided by their sum.
+        """
+        return cls._of(
+            source="Tables 4, 5 and 6 of the paper",
+            normalised=normalised,
+            scale=(1.0, 1e3),
+            nodes=(np.array(paper.CURRENTS), np.array(paper.DISPLACEMENTS)),
+            widths=paper.table6(),
+            weights=np.stack([paper.table4().ravel(), paper.table5().ravel()]),
+        )
+
+    @classmethod
+    def _of(
+        cls,
+        *,
+        scale: tuple[float, float],
+        nodes: tuple[Array, Array],
+        widths: Array,
+        weights: Array,
+        **fields: Any,
+    ) -> Self:
+        """Build a network with its rules on a grid; widths and weights (2, rules)."""
+        (per_ampere, per_metre), (current, displacement) = scale, nodes
+        iu, x = np.meshgrid(current, displacement)
+        table = np.column_stack([iu.ravel(), x.ravel(), *widths, *weights]).tolist()
+        return cls(
+            per_ampere=per_ampere,
+            per_metre=per_metre,
+            current_range=(current[0], current[-1]),
+            displacement_range=(displacement[0], displacement[-1]),
+            rules=tuple(Rule(**dict(zip(Rule.model_fields, row, strict=True))) for row in table),
+            **fields,
+        )
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a network that `save` wrote; it equals the saved one to the last bit.
+
+        Raises
+        ------
+        AmbkitError
+            The file cannot be read, is no JSON, or is not such a network; names each place.
+        """
+        name = os.fspath(path)
+        try:
+            return cls.model_validate(json.loads(files.read_text(path)))
+        except json.JSONDecodeError as error:
+            raise AmbkitError(f"{name}:{error.lineno}: not valid JSON: {error.msg}") from None
+        except ValidationError as error:
+            found = [(name, dotted(p.path), p.text) for p in Problem.unpack(error)]
+            raise ConfigError([": ".join(filter(None, parts)) for parts in found], name) from None
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the network as JSON, a line for each rule, through a temporary file.
+
+        Raises
+        ------
+        AmbkitError
+            The file cannot be written; an older one is left as it was.
+        """
+        fields = {key: json.dumps(value) for key, value in self.model_dump().items()}
+        rules = ",\n    ".join(json.dumps(rule.model_dump()) for rule in self.rules)
+        fields["rules"] = f"[\n    {rules}\n  ]"
+        lines = ",\n  ".join(f'"{key}": {value}' for key, value in fields.items())
+        files.write_text(path, f"{{\n  {lines}\n}}\n")
+
+    @property
+    def widths(self) -> Array:
+        """Widths of the rules (2, rules) in scaled units: for k_i, for k_s."""
+        return np.array([(r.width_k_i, r.width_k_s) for r in self.rules]).T
+
+    @property
+    def weights(self) -> Array:
+        """Conclusions of the rules (2, rules): k_i [N/A], k_s [N/m]."""
+        return np.array([(r.weight_k_i, r.weight_k_s) for r in self.rules]).T
+
+    @property
+    def centres(self) -> Array:
+        """Centres of the rules (2, rules): current [A], displacement [m]."""
+        return np.array([(r.current, r.displacement) for r in self.rules]).T
+
+    @property
+    def learning_curve(self) -> Array:
+        """Force RMS over the training samples [N], from the untrained network on (Fig. 10)."""
+        return np.array(self.training.force_rms if self.training else ())
+
+    def magnet(self, core: ModuleType) -> Fuzzy:
+        """Build the C implementation in the given build of the core."""
+        return network(
+            core,
+            centres=self.centres,
+            widths=self.widths,
+            weights=self.weights,
+            scale=(self.per_ampere, self.per_metre),
+            box=(*self.current_range, *self.displacement_range),
+            normalised=self.normalised,
+        )
+
+    def stiffness(self, iu: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
+        """k_i [N/A] and k_s [N/m], with ``F - F(0, 0) = k_i iu + k_s x`` (eq. 26, 32, 33).
+
+        Parameters
+        ----------
+        iu, x : array_like
+            Control current [A] and displacement [m], of shapes that broadcast. Outside the box the
+            answer is that at the nearest point of the box.
+
+        Raises
+        ------
+        AmbkitError
+            A current or displacement is not finite.
+        """
+        _check_finite(iu=iu, x=x)
+        k_i, k_s = evaluate_stiffness(self, iu, x)
+        return k_i, k_s
+
+    def force(self, iu: ArrayLike, x: ArrayLike) -> Array:
+        """Magnet force ``k_i iu + k_s x + F(0, 0)`` [N] at (iu [A], x [m]); as `stiffness`."""
+        _check_finite(iu=iu, x=x)
+        return evaluate_force(self, iu, x) + self.force_bias
+
+
+def _shaped(name: str, values: ArrayLike, shape: tuple[int, int]) -> Array:
+    array = np.asarray(values, dtype=float)
+    try:
+        return np.broadcast_to(array, shape)
+    except ValueError:
+        raise AmbkitError(
+            f"{name} must have shape {shape}, an output a row and a rule a column, or one that "
+            f"broadcasts to it; has {array.shape}"
+        ) from None
+
+
+def _check_finite(**values: ArrayLike) -> None:
+    for name, given in values.items():
+        array = np.asarray(given, dtype=float)
+        wrong = array[~np.isfinite(array)]
+        if wrong.size:
+            raise AmbkitError(f"{name} must be finite, has {wrong[0]}")

@@ -1,0 +1,236 @@
+"""Training of the expert system: steepest gradient as in the paper, and least squares.
+
+What a network is held to, at samples all over the box:
+
+- the force, which it gives as ``k_i iu + k_s x``;
+- k_i and k_s of the LSM machine. The force alone does not tell the two apart: one can make up for
+  the other, and neither then means anything to a Kalman filter.
+
+The paper trains on the second, each output by itself. Least squares here trains on both.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ambkit.errors import AmbkitError
+from ambkit.fuzzy import Expert, Method, Training
+from ambkit.identification.stiffness import StiffnessMap, stiffness_map
+from ambkit.lesson import Lesson, Outputs, rms
+from ambkit.network import Scaling
+
+if TYPE_CHECKING:
+    from ambkit.bearing import Bearing
+
+Array = NDArray[np.float64]
+
+# What an error of k_i or k_s counts, against an equal error of the force: so much that both stay
+# close to the LSM machine's, so little that the force stays the aim.
+STIFFNESS_SHARE = 0.3
+# What it costs to change a width e-fold, or a weight by the largest weight, against an error of
+# the whole force. Without, the minimum is a flat valley in which widths run off to zero and
+# weights to hundreds of times the stiffness, and cancel; single precision would not survive that.
+WIDTH_COST, WEIGHT_COST = 1e-3, 3e-3
+
+
+def train(
+    source: StiffnessMap | Bearing,
+    *,
+    method: Method = "least-squares",
+    weights: bool = False,
+    normalised: bool = True,
+    scaling: Scaling = "grid",
+    widths: ArrayLike | None = None,
+    epochs: int | None = None,
+    learning_rate: float = 1.0,
+    samples: int = 21,
+) -> Expert:
+    """Train a network with one rule at each node of a stiffness map (paper, section D).
+
+    The same input always gives the same result: nothing is random, every rule starts alike.
+
+    Parameters
+    ----------
+    source : StiffnessMap or Bearing
+        What to learn; for a bearing, its :func:`ambkit.stiffness_map`.
+    method : {"least-squares", "steepest-gradient"}
+        Least squares on force and stiffnesses (SciPy's Levenberg-Marquardt, exact Jacobian); or
+        steepest gradient on the stiffnesses, as the paper does (after eq. 33).
+    weights : bool
+        Train the conclusions of the rules as well as their widths; least squares only.
+    normalised : bool
+        Divide by the sum of the memberships; False is eq. 33 as printed.
+    scaling : {"grid", "unit"} or tuple of 2 floats
+        How the inputs compare, see :meth:`ambkit.Expert.from_map`; the paper's is ``"unit"``.
+    widths : array_like, optional
+        Widths to start from, scaled, of a shape that broadcasts to (2, rules). Default: half the
+        larger node step. The paper starts from 0.4.
+    epochs : int, optional
+        Most steps to take: by default 200 of least squares, which ends by itself when it has
+        converged, or 1000 of steepest gradient.
+    learning_rate : float
+        Of the steepest gradient: how far ln(width) first moves for a unit gradient of the mean
+        square error, relative to the mean square stiffness. It grows by 5 % with each step that
+        helps; a step that does not is taken back, and the rate halved.
+    samples : int
+        The box is sampled at ``samples x samples`` points, edges included.
+
+    Returns
+    -------
+    Expert
+        With its learning curves in ``training``.
+
+    Raises
+    ------
+    AmbkitError
+        A parameter outside its limits, or a force that is the same all over the box.
+    """
+    if method not in ("least-squares", "steepest-gradient"):
+        raise AmbkitError(f'method must be "least-squares" or "steepest-gradient", is {method!r}')
+    if weights and method == "steepest-gradient":
+        raise AmbkitError("weights = True needs the method least-squares")
+    if epochs is None:
+        epochs = 200 if method == "least-squares" else 1000
+    for name, count, least in (("epochs", epochs, 1), ("samples", samples, 2)):
+        if count < least:
+            raise AmbkitError(f"{name} must be {least} or more, is {count}")
+    if not (np.isfinite(learning_rate) and learning_rate > 0):
+        raise AmbkitError(f"learning_rate must be greater than 0, is {learning_rate!r}")
+    stiff = source if isinstance(source, StiffnessMap) else stiffness_map(source)
+    start = Expert.from_map(stiff, widths=widths, normalised=normalised, scaling=scaling)
+    lesson = Lesson(stiff, start, samples)
+    if method == "least-squares":
+        found = _least_squares(lesson, weights, epochs)
+    else:
+        found = _steepest_gradient(lesson, epochs, learning_rate)
+    force_rms, k_i_rms, k_s_rms = np.array(found.curve).T.tolist()
+    return Expert.from_map(
+        stiff,
+        widths=np.exp(found.log_widths),
+        weights=found.weights,
+        normalised=normalised,
+        scaling=scaling,
+        training=Training(
+            method=method, weights=weights, force_rms=force_rms, k_i_rms=k_i_rms, k_s_rms=k_s_rms
+        ),
+    )
+
+
+class _Trained(NamedTuple):
+    """Parameters (2, rules), and RMS errors of force, k_i and k_s from the start on."""
+
+    log_widths: Array
+    weights: Array
+    curve: list[tuple[float, float, float]]
+
+
+class LeastSquares:
+    """Residuals of a network and their Jacobian, as functions of one vector of changes.
+
+    The vector holds the changes of ln(width) and, where they are trained, of the weights, in units
+    of the output's largest; each (2, rules). The residuals are relative to the RMS of the force:
+    neither units nor the size of the bearing matter.
+
+    Parameters
+    ----------
+    lesson : Lesson
+        Samples, and the network to start from.
+    weights : bool
+        Train the weights, too.
+    """
+
+    def __init__(self, lesson: Lesson, weights: bool) -> None:
+        self.lesson = lesson
+        self.log_widths, self.weights = np.log(lesson.start.widths), lesson.start.weights
+        self.curve: list[tuple[float, float, float]] = []
+        largest = np.max(np.abs(self.weights), axis=1, keepdims=True)
+        self._weight_unit = np.where(largest > 0, largest, 1.0)
+        costs = (WIDTH_COST, WEIGHT_COST) if weights else (WIDTH_COST,)
+        self._cost = np.repeat(costs, self.weights.size)
+        self._per_newton = 1 / (rms(lesson.force) * np.sqrt(lesson.force.size))
+        # An error of k_i or k_s in newtons: times the RMS current or displacement.
+        self._own = STIFFNESS_SHARE * np.sqrt(np.mean(lesson.inputs**2, axis=1))
+        self._latest: tuple[bytes, Outputs] | None = None
+
+    def start(self) -> Array:
+        """Return the vector of no change."""
+        return np.zeros(self._cost.size)
+
+    def parameters(self, change: Array) -> tuple[Array, Array]:
+        """Return ln(width) and weights, each (2, rules)."""
+        log_widths, *weights = change.reshape(-1, *self.weights.shape)
+        return self.log_widths + log_widths, self.weights + sum(weights) * self._weight_unit
+
+    def residuals(self, change: Array) -> Array:
+        """Errors of force, k_i and k_s at the n samples, and the cost of change: (3 n + size,)."""
+        lesson, value = self.lesson, self._outputs(change).value
+        force = np.sum(value * lesson.inputs, axis=0) - lesson.force
+        own = self._own[:, np.newaxis] * (value - lesson.stiffness)
+        return np.concatenate([self._per_newton * np.r_[force, own.ravel()], self._cost * change])
+
+    def jacobian(self, change: Array) -> Array:
+        """Derivatives of the residuals (3 n + size, size); notes the errors for the curve."""
+        outputs, inputs = self._outputs(change), self.lesson.inputs
+        self.curve.append(self.lesson.errors(outputs.value))
+        # Axes: kind of parameter, output o, sample n, rule r.
+        slopes = np.stack(
+            [outputs.by_log_width, outputs.by_weight * self._weight_unit[:, np.newaxis]]
+        )[: change.size // self.weights.size]
+        force = np.einsum("konr,on->nkor", slopes, inputs)
+        own = np.einsum("konr,o,po->pnkor", slopes, self._own, np.eye(2))
+        samples = np.concatenate([force.reshape(-1, change.size), own.reshape(-1, change.size)])
+        return np.concatenate([self._per_newton * samples, np.diag(self._cost)])
+
+    def _outputs(self, change: Array) -> Outputs:
+        """Evaluate the network; residuals and Jacobian at one point share the work."""
+        key = change.tobytes()
+        if self._latest is None or self._latest[0] != key:
+            self._latest = key, self.lesson.outputs(*self.parameters(change))
+        return self._latest[1]
+
+
+def _least_squares(lesson: Lesson, weights: bool, epochs: int) -> _Trained:
+    """Levenberg and Marquardt's method (Moré 1978), from the start until it converges."""
+    from scipy.optimize import least_squares
+
+    problem = LeastSquares(lesson, weights)
+    # MINPACK's own QR: for 100 parameters the threads of a BLAS cost more than they bring.
+    solution = least_squares(
+        problem.residuals,
+        problem.start(),
+        jac=problem.jacobian,
+        method="lm",
+        max_nfev=epochs,
+        ftol=1e-6,
+        xtol=1e-8,
+    )
+    found = problem.parameters(solution.x)
+    return _Trained(*found, [*problem.curve, lesson.errors(lesson.outputs(*found).value)])
+
+
+def _steepest_gradient(lesson: Lesson, epochs: int, learning_rate: float) -> _Trained:
+    """Widths down the gradient of each output's mean square error (paper, after eq. 33)."""
+    log_widths, weights = np.log(lesson.start.widths), lesson.start.weights
+    mean_square = np.mean(lesson.stiffness**2, axis=1)
+    value = lesson.outputs(log_widths, weights).value
+    rate = np.full(2, learning_rate)
+    least = np.full(2, np.inf)
+    descent = np.zeros_like(log_widths)
+    curve = []
+    for _ in range(epochs + 1):
+        trial = log_widths + rate[:, np.newaxis] * descent
+        outputs = lesson.outputs(trial, weights)
+        error = outputs.value - lesson.stiffness
+        square = np.mean(error**2, axis=1) / mean_square
+        gradient = 2 * np.einsum("on,onr->or", error, outputs.by_log_width) / error.shape[1]
+        # The outputs learn side by side, each at its own pace.
+        helped = square < least
+        log_widths[helped], least[helped] = trial[helped], square[helped]
+        descent[helped] = -(gradient / mean_square[:, np.newaxis])[helped]
+        rate *= np.where(helped, 1.05, 0.5)
+        value[helped] = outputs.value[helped]
+        curve.append(lesson.errors(value))
+    return _Trained(log_widths, weights, curve)

@@ -1,0 +1,252 @@
+"""The expert system: eq. 32-33, its box and its file."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ambkit import _core, _core_f32, paper
+from ambkit.bearing import Bearing
+from ambkit.errors import AmbkitError
+from ambkit.fuzzy import Expert, Rule
+from ambkit.identification.stiffness import StiffnessMap, stiffness_map
+
+ZITTAU = Bearing.preset("zittau_axial")
+MAP = stiffness_map(ZITTAU)
+
+currents = st.floats(-1.5, 1.5)
+displacements = st.floats(-0.5e-3, 0.5e-3)
+log_widths = st.lists(st.floats(math.log(0.1), math.log(3)), min_size=50, max_size=50)
+
+
+def naive(expert: Expert, iu: float, x: float) -> tuple[float, float]:
+    """Eq. 32 and 33 word for word, a rule at a time."""
+    outputs = []
+    for name in ("k_i", "k_s"):
+        total = weighted = 0.0
+        for rule in expert.rules:
+            distance = math.hypot(
+                expert.per_ampere * (iu - rule.current),
+                expert.per_metre * (x - rule.displacement),
+            )
+            u = math.exp(-(distance**2) / (2 * getattr(rule, f"width_{name}") ** 2))
+            total += u
+            weighted += getattr(rule, f"weight_{name}") * u
+        outputs.append(weighted / total if expert.normalised else weighted)
+    return outputs[0], outputs[1]
+
+
+def random_expert(logs: list[float], **options: Any) -> Expert:
+    return Expert.from_map(MAP, widths=np.exp(np.reshape(logs, (2, 25))), **options)
+
+
+@given(log_widths, currents, displacements, st.booleans(), st.sampled_from(["grid", "unit"]))
+def test_evaluates_the_equations_of_the_paper(
+    logs: list[float], iu: float, x: float, normalised: bool, scaling: Any
+) -> None:
+    expert = random_expert(logs, normalised=normalised, scaling=scaling)
+    # The narrowest rules do not reach everywhere: a sum of 1e-60 has its digits, too.
+    np.testing.assert_allclose(expert.stiffness(iu, x), naive(expert, iu, x), rtol=1e-10)
+
+
+@given(log_widths, st.floats(-9, 9), st.floats(-9, 9))
+def test_a_normalised_output_stays_between_the_conclusions(
+    logs: list[float], iu: float, x: float
+) -> None:
+    for output, weights in zip(
+        random_expert(logs).stiffness(iu, x), (MAP.k_i, MAP.k_s), strict=True
+    ):
+        margin = 1e-12 * np.max(weights)
+        assert np.min(weights) - margin <= output <= np.max(weights) + margin
+
+
+def test_rules_that_all_vanish_leave_the_nearest_to_decide() -> None:
+    expert = Expert.from_map(MAP, widths=1e-4)
+    k_i, k_s = expert.stiffness(0.7, 0.24e-3)
+    assert (k_i, k_s) == (MAP.k_i[3, 3], MAP.k_s[3, 3])
+    assert Expert.from_map(MAP, widths=1e-4, normalised=False).stiffness(0.7, 0.24e-3)[0] < 1e-300
+
+
+@given(log_widths, st.floats(-10, 10), st.floats(-0.1, 0.1))
+def test_outside_the_box_it_answers_as_at_the_edge(logs: list[float], iu: float, x: float) -> None:
+    expert = random_expert(logs)
+    inside = min(max(iu, -1.5), 1.5), min(max(x, -0.5e-3), 0.5e-3)
+    k_i, k_s = expert.stiffness(iu, x)
+    assert (k_i, k_s) == expert.stiffness(*inside)
+    assert expert.force(iu, x) == pytest.approx(float(k_i * iu + k_s * x), rel=1e-12)
+
+
+@given(log_widths, currents, displacements)
+def test_a_symmetric_map_gives_a_symmetric_network(logs: list[float], iu: float, x: float) -> None:
+    widths = np.exp(np.reshape(logs, (2, 25)))
+    expert = Expert.from_map(MAP, widths=widths * widths[:, ::-1])
+    here, mirrored = expert.stiffness(iu, x), expert.stiffness(-iu, -x)
+    np.testing.assert_allclose(here, mirrored, rtol=1e-11)
+
+
+def in_micrometres(stiff: StiffnessMap) -> StiffnessMap:
+    return stiffness_map(
+        ZITTAU.replace(rotor__travel_limit=1.9e-3),  # not used: the nodes are given
+        displacements=1e6 * stiff.displacement,
+        delta_displacement=10.0,
+        force=lambda iu, um: np.asarray(stiff.force(iu, 1e-6 * um)),
+    )
+
+
+@given(currents, displacements, st.booleans())
+def test_metres_and_micrometres_give_the_same(iu: float, x: float, normalised: bool) -> None:
+    expert = Expert.from_map(MAP, normalised=normalised)
+    other = Expert.from_map(in_micrometres(MAP), normalised=normalised)
+    k_i, k_s = expert.stiffness(iu, x)
+    k_i_um, k_s_um = other.stiffness(iu, 1e6 * x)
+    np.testing.assert_allclose((k_i_um, 1e6 * k_s_um), (k_i, k_s), rtol=1e-12)
+
+
+def test_shapes_broadcast() -> None:
+    expert = Expert.from_map(MAP)
+    k_i, k_s = expert.stiffness(np.linspace(-1, 1, 4), np.zeros((3, 1)))
+    assert k_i.shape == k_s.shape == (3, 4)
+    assert expert.force(0.0, 0.0) == 0.0
+
+
+def test_a_one_sided_network_adds_the_force_that_carries() -> None:
+    stiff = stiffness_map(ZITTAU.replace(magnet__type="one-sided"))
+    expert = Expert.from_map(stiff)
+    assert expert.force(0.0, 0.0) == expert.force_bias == stiff.force_bias > 0
+
+
+@pytest.mark.parametrize("normalised", [False, True])
+def test_float32_answers_alike(normalised: bool) -> None:
+    expert = Expert.from_map(MAP, normalised=normalised)
+    iu, x = (g.ravel() for g in np.meshgrid(np.linspace(-2, 2, 21), np.linspace(-1e-3, 1e-3, 21)))
+    double = expert.magnet(_core).through_origin(iu, x)
+    single = expert.magnet(_core_f32).through_origin(iu.astype("f4"), x.astype("f4"))
+    np.testing.assert_allclose(single, double, rtol=2e-5)
+
+
+def test_the_paper_s_network_is_tables_4_5_and_6() -> None:
+    expert = Expert.paper()
+    assert not expert.normalised
+    np.testing.assert_array_equal(expert.widths, paper.table6())
+    np.testing.assert_array_equal(expert.weights[0].reshape(5, 5), paper.table4())
+    np.testing.assert_array_equal(expert.weights[1].reshape(5, 5), paper.table5())
+    # sigma_4 is the rule at (0.75 A, -0.5 mm).
+    rule = Rule(
+        current=0.75,
+        displacement=-0.5e-3,
+        width_k_i=0.2881,
+        width_k_s=0.3599,
+        weight_k_i=9.35,
+        weight_k_s=6530.0,
+    )
+    assert expert.rules[3] == rule
+
+
+def test_the_paper_s_network_is_worse_than_constants_and_better_when_normalised() -> None:
+    constant = MAP.force_rms(lambda iu, x: 10.05 * iu + 7537.5 * x)
+    assert constant == pytest.approx(1.43, abs=0.005)
+    assert MAP.force_rms(Expert.paper().force) == pytest.approx(1.98, abs=0.02)
+    assert MAP.force_rms(Expert.paper(normalised=True).force) == pytest.approx(0.87, abs=0.01)
+
+
+@given(logs=log_widths, normalised=st.booleans())
+def test_a_file_gives_back_the_same_network(
+    logs: list[float], normalised: bool, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    path = tmp_path_factory.mktemp("expert") / "expert.json"
+    expert = random_expert(logs, normalised=normalised)
+    expert.save(path)
+    assert Expert.load(path) == expert
+    first = path.read_bytes()
+    Expert.load(path).save(path)
+    assert path.read_bytes() == first
+
+
+def edited(path: Path, **changes: Any) -> Path:
+    """Save a network with some keys changed, or left out where None."""
+    Expert.from_map(MAP).save(path)
+    data = json.loads(path.read_text()) | changes
+    path.write_text(json.dumps({k: v for k, v in data.items() if v is not None}))
+    return path
+
+
+RULE = Expert.from_map(MAP).rules[0].model_dump()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"format": "ambkit record"}, 'e.json: format: must be "ambkit expert"'),
+        ({"version": 2}, "e.json: version: must be 1, .* is 2"),
+        ({"per_ampere": None}, "e.json: per_ampere: missing"),
+        ({"per_metre": 0}, "e.json: per_metre: must be greater than 0"),
+        ({"colour": "red"}, "e.json: colour: unknown key"),
+        ({"rules": []}, "e.json: rules: must be one or more, is an empty list"),
+        ({"rules": [RULE] * 65}, "e.json: rules: .* at most 64 items"),
+        ({"rules": [RULE, RULE | {"width_k_i": -1}]}, r"e.json: rules\[1\].width_k_i: must be"),
+        ({"rules": [RULE | {"weight_k_s": math.nan}]}, r"rules\[0\].weight_k_s: must be a finite"),
+        ({"current_range": [1, 1]}, "e.json: current_range: must ascend, is 1 A to 1 A"),
+    ],
+)
+def test_a_file_that_is_no_network_is_told_apart(
+    changes: dict[str, Any], message: str, tmp_path: Path
+) -> None:
+    with pytest.raises(AmbkitError, match=message):
+        Expert.load(edited(tmp_path / "e.json", **changes))
+
+
+def test_a_file_cut_short_says_in_which_line(tmp_path: Path) -> None:
+    path = edited(tmp_path / "e.json")
+    path.write_text(path.read_text()[:500])
+    with pytest.raises(AmbkitError, match=r"e\.json:1: not valid JSON"):
+        Expert.load(path)
+
+
+@pytest.mark.parametrize("text", ["[1, 2]", "null", "3"])
+def test_a_file_with_something_else_is_refused(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "e.json"
+    path.write_text(text)
+    with pytest.raises(AmbkitError, match=r"e\.json: must be a"):
+        Expert.load(path)
+
+
+def test_a_missing_file_and_an_unwritable_folder_are_named(tmp_path: Path) -> None:
+    with pytest.raises(AmbkitError, match=r"none\.json: cannot be read"):
+        Expert.load(tmp_path / "none.json")
+    with pytest.raises(AmbkitError, match="cannot be written"):
+        Expert.from_map(MAP).save(tmp_path / "no folder" / "e.json")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"widths": 0.0}, "width_k_i: must be"),
+        ({"widths": [1.0, 2.0, 3.0]}, r"widths must have shape \(2, 25\), .* has \(3,\)"),
+        ({"weights": np.zeros(24)}, r"weights must have shape \(2, 25\)"),
+        ({"scaling": "metric"}, 'scaling must be "grid", "unit" or two factors'),
+        ({"scaling": (1.0, -1e3)}, "per_metre: must be greater than 0"),
+    ],
+)
+def test_what_cannot_be_used_is_named(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(AmbkitError, match=message):
+        Expert.from_map(MAP, **options)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_inputs_that_are_not_finite_are_refused(value: float) -> None:
+    expert = Expert.from_map(MAP)
+    with pytest.raises(AmbkitError, match="x must be finite"):
+        expert.stiffness(0.0, [0.0, value])
+    with pytest.raises(AmbkitError, match="iu must be finite"):
+        expert.force(value, 0.0)
+
+
+def test_too_many_nodes_are_refused() -> None:
+    stiff = stiffness_map(ZITTAU, currents=np.linspace(-1.5, 1.5, 13))
+    with pytest.raises(AmbkitError, match=r"rules: .* at most 64 items"):
+        Expert.from_map(stiff)

@@ -1,0 +1,60 @@
+"""The paper's Tables 4 and 5 against the LSM machine, and the shipped copies of its tables."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ambkit import paper
+from ambkit.bearing import Bearing
+from ambkit.identification.stiffness import StiffnessMap, stiffness_map
+
+REFERENCE = Path(__file__).parents[2] / "shared" / "reference"
+
+
+@pytest.fixture(scope="module")
+def ours() -> StiffnessMap:
+    return stiffness_map(Bearing.preset("zittau_axial"))
+
+
+def test_our_nodes_are_those_of_tables_2_and_3(ours: StiffnessMap) -> None:
+    np.testing.assert_array_equal(ours.current, paper.CURRENTS)
+    np.testing.assert_allclose(ours.displacement, paper.DISPLACEMENTS, rtol=1e-15, atol=0)
+
+
+def test_table_4_comes_out_to_a_hundredth_save_the_misprint(ours: StiffnessMap) -> None:
+    off = np.abs(ours.k_i - paper.table4())
+    wrong = [tuple(place) for place in np.argwhere(off > 0.01)]
+    assert wrong == [(m.row, m.column) for m in paper.MISPRINTS]
+
+
+def test_table_5_comes_out_to_a_hundredth(ours: StiffnessMap) -> None:
+    assert np.max(np.abs(ours.k_s - paper.table5())) <= 0.01e3
+
+
+@pytest.mark.parametrize("misprint", paper.MISPRINTS)
+def test_a_misprint_is_what_its_mirror_image_says(
+    misprint: paper.Misprint, ours: StiffnessMap
+) -> None:
+    table = {"table4": paper.table4()}[misprint.table]
+    assert table[misprint.row, misprint.column] == misprint.printed
+    mirrored = table[::-1, ::-1][misprint.row, misprint.column]
+    assert mirrored == misprint.meant
+    assert abs(ours.k_i[misprint.row, misprint.column] - misprint.meant) <= 0.01
+
+
+def test_table_6_has_two_widths_a_rule_in_the_order_of_the_rules() -> None:
+    widths = paper.table6()
+    assert widths.shape == (2, 25)
+    # sigma_16 is at (-1.5 A, 0.25 mm): the smallest for k_s.
+    assert np.argmin(widths[1]) == 15
+    assert widths[1, 15] == 1.28e-5
+    assert widths[0, 0] == 0.2621
+
+
+@pytest.mark.parametrize("name", ["table4_ki.csv", "table5_ks.csv", "table6_widths.csv"])
+def test_the_shipped_tables_are_the_reference(name: str) -> None:
+    if not REFERENCE.is_dir():
+        pytest.skip("../shared/reference is not there")
+    shipped = Path(paper.__file__).parent / "data" / "paper" / name
+    assert shipped.read_bytes() == (REFERENCE / name).read_bytes()

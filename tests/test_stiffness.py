@@ -1,0 +1,217 @@
+"""The LSM machine (paper, eq. 26-31) and force tables."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ambkit import _core, _core_f32
+from ambkit.bearing import Bearing
+from ambkit.errors import AmbkitError
+from ambkit.identification.force_table import ForceTable
+from ambkit.identification.stiffness import StiffnessMap, local_stiffness, stiffness_map
+from ambkit.magnets import ClosedLaw, ConstantStiffness
+
+ZITTAU = Bearing.preset("zittau_axial")
+ONE_SIDED = ZITTAU.replace(magnet__type="one-sided")
+
+currents = st.floats(-1.5, 1.5)
+displacements = st.floats(-0.5e-3, 0.5e-3)
+
+
+def law(iu: Any, x: Any) -> Any:
+    """Eq. 1, as printed up to its second equality."""
+    k, i0, s0 = 6.7e-6, 1.5, 2e-3
+    return k * (((i0 + iu) / (s0 - x)) ** 2 - ((i0 - iu) / (s0 + x)) ** 2)
+
+
+def normal_equations(iu: float, x: float) -> tuple[float, float]:
+    """Eq. 27-31 word for word, in the paper's amperes and millimetres."""
+    rows, forces = [], []
+    for di in (-0.01, 0.0, 0.01):
+        for dx in (-0.01, 0.0, 0.01):
+            rows.append([iu + di, 1e3 * x + dx])
+            forces.append(law(iu + di, x + 1e-3 * dx))
+    a, y = np.array(rows), np.array(forces)
+    k_i, k_s = np.linalg.inv(a.T @ a) @ a.T @ y
+    return k_i, 1e3 * k_s
+
+
+@given(currents, displacements)
+def test_agrees_with_the_normal_equations_of_the_paper(iu: float, x: float) -> None:
+    k_i, k_s, _ = local_stiffness(law, iu, x)
+    expected = normal_equations(iu, x)
+    # Eq. 31 squares the condition number: it is the less accurate one.
+    np.testing.assert_allclose((k_i, k_s), expected, rtol=1e-8)
+
+
+def test_the_map_is_the_point_by_point_fit() -> None:
+    stiff = stiffness_map(ZITTAU)
+    for row, x in enumerate(stiff.displacement):
+        for column, iu in enumerate(stiff.current):
+            expected = normal_equations(float(iu), float(x))
+            found = stiff.k_i[row, column], stiff.k_s[row, column]
+            np.testing.assert_allclose(found, expected, rtol=1e-8)
+
+
+@given(currents, displacements)
+def test_gives_the_force_itself_without_an_affine_term(iu: float, x: float) -> None:
+    k_i, k_s, residual = local_stiffness(law, iu, x)
+    assert abs(k_i * iu + k_s * x - law(iu, x)) < 0.02
+    assert residual < 0.15
+
+
+def test_at_the_origin_it_is_the_linearisation() -> None:
+    constant = ConstantStiffness.of(ZITTAU)
+    k_i, k_s, _ = local_stiffness(law, 0.0, 0.0)
+    np.testing.assert_allclose((k_i, k_s), (constant.k_i, constant.k_s), rtol=1e-4)
+
+
+def test_for_small_steps_it_is_the_through_origin_form_of_the_core() -> None:
+    stiff = stiffness_map(ZITTAU, delta_current=1e-4, delta_displacement=1e-7)
+    k_i, k_s = ClosedLaw(ZITTAU).stiffness(*np.meshgrid(stiff.current, stiff.displacement))
+    np.testing.assert_allclose(stiff.k_i, k_i, rtol=1e-5)
+    np.testing.assert_allclose(stiff.k_s, k_s, rtol=1e-5)
+
+
+def test_a_symmetric_law_has_a_symmetric_map() -> None:
+    stiff = stiffness_map(ZITTAU)
+    np.testing.assert_allclose(stiff.k_i, stiff.k_i[::-1, ::-1], rtol=1e-12)
+    np.testing.assert_allclose(stiff.k_s, stiff.k_s[::-1, ::-1], rtol=1e-12)
+
+
+def test_metres_and_micrometres_give_the_same() -> None:
+    iu, x = np.meshgrid(np.linspace(-1.5, 1.5, 5), np.linspace(-0.5e-3, 0.5e-3, 5))
+    k_i, k_s, residual = local_stiffness(law, iu, x)
+    k_i_um, k_s_um, residual_um = local_stiffness(
+        lambda i, um: law(i, um * 1e-6), iu, 1e6 * x, delta_displacement=10.0
+    )
+    np.testing.assert_allclose(k_i_um, k_i, rtol=1e-12)
+    np.testing.assert_allclose(1e6 * k_s_um, k_s, rtol=1e-12)
+    np.testing.assert_allclose(residual_um, residual, rtol=1e-9)
+
+
+def test_a_linear_force_is_found_exactly() -> None:
+    stiff = stiffness_map(ZITTAU, force=lambda iu, x: 3.0 * iu - 40.0 * x + 7.0)
+    np.testing.assert_allclose(stiff.k_i, 3.0, rtol=1e-10)
+    np.testing.assert_allclose(stiff.k_s, -40.0, rtol=1e-8)
+    assert stiff.force_bias == 7.0
+    assert np.max(stiff.residual) < 1e-12
+
+
+def test_a_one_sided_magnet_is_described_relative_to_what_it_carries() -> None:
+    stiff = stiffness_map(ONE_SIDED)
+    assert stiff.current[0] == ONE_SIDED.current_min
+    assert stiff.force_bias == pytest.approx(6.7e-6 * (1.5 / 2e-3) ** 2, rel=1e-12)
+    iu, x = np.meshgrid(stiff.current, stiff.displacement)
+    whole = stiff.force_bias + stiff.k_i * iu + stiff.k_s * x
+    np.testing.assert_allclose(whole, ClosedLaw(ONE_SIDED).force(iu, x), atol=0.02)
+
+
+def test_force_rms_is_the_mean_over_the_area() -> None:
+    stiff = stiffness_map(ZITTAU)
+    a, w = np.polynomial.legendre.leggauss(40)
+    iu, x = np.meshgrid(1.5 * a, 0.5e-3 * a)
+    exact = np.sqrt(np.sum(np.outer(w, w) / 4 * law(iu, x) ** 2))
+    assert stiff.force_rms() == pytest.approx(exact, rel=1e-4)
+    assert stiff.force_rms(stiff.force) == 0
+    assert stiff.force_rms(lambda iu, x: law(iu, x) + 2.0) == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("core", [_core, _core_f32])
+def test_the_c_table_gives_the_nodes_back(core: Any) -> None:
+    stiff = stiffness_map(ZITTAU)
+    dtype = np.float64 if core is _core else np.float32
+    iu, x = (grid.ravel().astype(dtype) for grid in np.meshgrid(stiff.current, stiff.displacement))
+    k_i, k_s = stiff.magnet(core).through_origin(iu, x)
+    tolerance = 1e-12 if core is _core else 1e-5
+    np.testing.assert_allclose(k_i, stiff.k_i.ravel(), rtol=tolerance)
+    np.testing.assert_allclose(k_s, stiff.k_s.ravel(), rtol=tolerance)
+
+
+def test_the_c_table_refuses_uneven_nodes() -> None:
+    stiff = stiffness_map(ZITTAU, currents=[-1.5, 0.0, 0.5, 1.5])
+    with pytest.raises(AmbkitError, match=r"nodes of current are 0\.5 to 1\.5 apart"):
+        stiff.magnet(_core)
+
+
+def test_the_fingerprint_changes_with_the_bearing_only() -> None:
+    stiffer = ZITTAU.replace(magnet__magnet_constant="6.8 N mm^2/A^2")
+    assert stiffness_map(ZITTAU).fingerprint == stiffness_map(ZITTAU).fingerprint
+    assert stiffness_map(ZITTAU).fingerprint != stiffness_map(stiffer).fingerprint
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"currents": [0.0]}, "currents must be a list of at least 2 nodes"),
+        ({"currents": [0.0, 1.0, 1.0]}, "currents must ascend, has 1 A before 1 A"),
+        ({"displacements": [0.0, np.nan]}, "displacements must be finite, has nan m"),
+        ({"displacements": [-2e-3, 2e-3]}, "within the air gap, 0.002 m; .* reach 0.00201 m"),
+        ({"delta_current": 0.0}, "delta_current must be greater than 0 A, is 0.0"),
+        ({"delta_displacement": -1e-5}, "delta_displacement must be greater than 0 m"),
+        ({"force": lambda iu, x: iu[0]}, "force must return an array of shape"),
+        ({"force": lambda iu, x: iu / (x * 0)}, "force must be finite, is"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")
+@pytest.mark.filterwarnings("ignore:divide by zero:RuntimeWarning")
+def test_what_cannot_be_used_is_named(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(AmbkitError, match=message):
+        stiffness_map(ZITTAU, **options)
+
+
+def tabulated(current: Any, displacement: Any) -> ForceTable:
+    return ForceTable(current, displacement, law(*np.meshgrid(current, displacement)))
+
+
+def test_a_force_table_stands_for_the_law() -> None:
+    table = tabulated(np.linspace(-1.6, 1.6, 17), np.linspace(-0.6e-3, 0.6e-3, 25))
+    ours, exact = stiffness_map(ZITTAU, force=table), stiffness_map(ZITTAU)
+    np.testing.assert_allclose(ours.k_i, exact.k_i, rtol=1e-3)
+    np.testing.assert_allclose(ours.k_s, exact.k_s, rtol=1e-3)
+
+
+def test_a_force_table_is_exact_for_cubics_and_goes_on_for_one_step() -> None:
+    def cubic(iu: Any, x: Any) -> Any:
+        return (1 - iu + iu**3) * (2 + 1e6 * x**2) + 1e3 * x
+
+    current, displacement = np.linspace(-1, 1, 5), np.array([-1.0, -0.3, 0.1, 0.8, 1.2]) * 1e-3
+    table = ForceTable(current, displacement, cubic(*np.meshgrid(current, displacement)))
+    iu, x = np.meshgrid(np.linspace(-1.4, 1.4, 9), np.linspace(-1.5e-3, 1.5e-3, 9))
+    np.testing.assert_allclose(table(iu, x), cubic(iu, x), rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("iu", "x", "message"),
+    [
+        (1.8, 0.0, r"iu = 1\.8 A is more than one node step outside .* -1 to 1 A"),
+        (0.0, -3e-3, r"x = -0\.003 m is more than one node step outside"),
+        (np.nan, 0.0, "iu = nan A"),
+    ],
+)
+def test_a_force_table_refuses_points_far_outside(iu: float, x: float, message: str) -> None:
+    table = tabulated(np.linspace(-1, 1, 5), np.linspace(-1e-3, 1e-3, 5))
+    with pytest.raises(AmbkitError, match=message):
+        table(iu, x)
+
+
+@pytest.mark.parametrize(
+    ("current", "values", "message"),
+    [
+        ([0, 1, 2], np.zeros((4, 3)), "current must be a list of at least 4 nodes"),
+        ([0, 1, 2, 3], np.zeros((4, 5)), r"values must have shape \(4, 4\), .* has \(4, 5\)"),
+        ([0, 1, 2, 3], np.full((4, 4), np.inf), r"values\[0, 0\] must be finite, is inf"),
+    ],
+)
+def test_a_force_table_names_what_is_wrong(current: Any, values: Any, message: str) -> None:
+    with pytest.raises(AmbkitError, match=message):
+        ForceTable(current, [0, 1e-3, 2e-3, 3e-3], values)
+
+
+def test_a_map_is_read_only() -> None:
+    stiff: StiffnessMap = stiffness_map(ZITTAU)
+    with pytest.raises(ValueError, match="read-only"):
+        stiff.k_i[0, 0] = 1.0
