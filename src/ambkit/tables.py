@@ -1,5 +1,6 @@
 """Files of labelled columns with units: CSV and Parquet, and the arrays of a ``.mat``."""
 
+import io
 import json
 import os
 from collections.abc import Collection, Mapping
@@ -113,6 +114,13 @@ def _ending(path: str | os.PathLike[str]) -> str:
     return Path(path).suffix.lower() or "a file without ending"
 
 
+def _read_bytes(path: str | os.PathLike[str]) -> bytes:
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        raise RecordError(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
 def _to_si(name: str, unit: str | None, values: Array, place: str) -> tuple[Array, str]:
     if unit is None:
         raise RecordError(
@@ -148,11 +156,10 @@ def _read_parquet(
     import pyarrow as pa
     from pyarrow import parquet
 
+    content = pa.BufferReader(_read_bytes(path))
     try:
-        table = parquet.read_table(os.fspath(path))
-    except OSError as error:
-        raise RecordError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except pa.ArrowInvalid as error:
+        table = parquet.read_table(content)
+    except (pa.ArrowInvalid, OSError) as error:
         raise RecordError(f"{path}: is damaged or cut short: {error}") from error
     columns: dict[str, Array] = {}
     for name in names or table.column_names:
@@ -167,19 +174,18 @@ def _read_parquet(
         columns[name] = np.asarray(numbers.to_numpy(), dtype=np.float64)
     units = {name: (table.field(name).metadata or {}).get(b"unit") for name in columns}
     own = {k.decode(): v for k, v in (table.schema.metadata or {}).items()}
-    meta = {k.removeprefix("ambkit."): json.loads(v) for k, v in own.items() if "ambkit." in k}
+    meta = {k.removeprefix("ambkit."): json.loads(v) for k, v in own.items() if k.startswith("ambkit.")}
     return columns, {name: unit and unit.decode() for name, unit in units.items()}, meta
 
 
 def _read_mat(path: str | os.PathLike[str]) -> dict[str, Array]:
     from scipy.io import loadmat
 
+    file: Any = io.BytesIO(_read_bytes(path))  # SciPy's stubs know of paths alone
     try:
-        content = loadmat(os.fspath(path), appendmat=False)
+        content = loadmat(file)
     except NotImplementedError:
         raise RecordError(f"{path}: is a MATLAB 7.3 file; save it with -v7 or -v6") from None
-    except OSError as error:
-        raise RecordError(f"{path}: cannot be read: {error.strerror or error}") from error
     except Exception as error:  # SciPy lets through whatever a damaged file makes it stumble over
         what = str(error).partition(";")[0]  # behind it SciPy gives advice on its own functions
         raise RecordError(f"{path}: is damaged or cut short: {what}") from error

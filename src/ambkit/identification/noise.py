@@ -1,0 +1,147 @@
+"""Measurement noise from a recording at rest, and what of the recording could not be used."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.errors import RecordError
+from ambkit.units import engineering
+
+if TYPE_CHECKING:
+    from ambkit.record import Record
+
+Array = NDArray[np.float64]
+
+FROZEN_RUN = 20
+"""So many equal samples in a row are a sensor that is saturated or hangs."""
+
+REST_RATIO = 1.0
+"""Von Neumann's ratio below which a window shows motion: it is 2 for white noise, 0 for motion."""
+
+OUTLIER = 6.0
+"""Standard deviations beyond which a sample does not belong to the noise."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise of one signal at rest.
+
+    Attributes
+    ----------
+    signal, unit : str
+        The signal, and its SI unit.
+    variance, standard_error : float
+        Variance of the noise, and its standard error, in the square of the unit.
+    quantisation_step : float or None
+        Median distance of neighbouring values, in the unit; None where hardly a value comes twice.
+    samples : int
+        How many samples the variance rests on.
+    dropped : mapping of str to int
+        How many were not used: ``missing``; ``frozen``, equal for a long time, as a saturated
+        sensor gives; ``in motion`` and ``outliers``, in a window with such; ``left over``, beside
+        a missing or frozen one or at the end.
+    """
+
+    signal: str
+    unit: str
+    variance: float
+    standard_error: float
+    quantisation_step: float | None
+    samples: int
+    dropped: Mapping[str, int]
+
+    @property
+    def standard_deviation(self) -> float:
+        """Standard deviation of the noise, in the signal's unit."""
+        return float(np.sqrt(self.variance))
+
+
+def measurement_noise(record: Record, signal: str = "y", *, window: float = 0.5) -> Noise:
+    """Estimate the variance of a signal's noise from where the record is at rest.
+
+    The record is cut into windows. In each a straight line is taken off, and the ratio of the mean
+    squared difference of neighbours to the variance says whether what is left is noise or motion
+    (von Neumann, 1941). A window with an outlier is left out too, as judged by the median of the
+    windows' variances: the outlier would tilt its line. Noise that is slower than a few samples
+    counts as motion.
+
+    Parameters
+    ----------
+    record : Record
+        The recording.
+    signal : str
+        Name of the signal.
+    window : float
+        Length of a window [s]; at least 20 samples are taken.
+
+    Raises
+    ------
+    RecordError
+        The signal is nowhere at rest, or shows no noise there; the message says what it does.
+    """
+    x, unit = record[signal], record.units[signal]
+    missing = np.isnan(x)
+    frozen = _in_long_runs(x) & ~missing
+    length = max(20, round(window / record.sampling_time))
+    whole = x.size // length * length
+    cut = x[:whole].reshape(-1, length)
+    good = ~(missing | frozen)[:whole].reshape(cut.shape).any(axis=1)
+
+    residuals = _straightened(cut[good])
+    squares = (residuals**2).sum(axis=1)
+    steps = (np.diff(residuals) ** 2).sum(axis=1)
+    at_rest = (steps >= REST_RATIO * squares) & (squares > 0)
+    typical = np.median(squares[at_rest]) / (length - 2) if at_rest.any() else 0.0
+    clean = at_rest & (np.abs(residuals).max(axis=1) <= OUTLIER * np.sqrt(typical))
+    samples = int(clean.sum()) * length
+    dropped = {
+        "missing": int(missing.sum()),
+        "frozen": int(frozen.sum()),
+        "in motion": int((~at_rest).sum()) * length,
+        "outliers": int((at_rest & ~clean).sum()) * length,
+    }
+    if not samples:
+        said = ", ".join(f"{count} {what}" for what, count in dropped.items() if count)
+        where = f" at {engineering(float(np.median(x[frozen])), unit)}" if frozen.any() else ""
+        raise RecordError(
+            f"{signal} is nowhere at rest for {length} samples, so that its noise could be seen: "
+            f"of {x.size} samples {said}{where}"
+        )
+    dropped["left over"] = x.size - samples - sum(dropped.values())
+    variance = float(squares[clean].sum() / (samples - 2 * clean.sum()))
+    return Noise(
+        signal=signal,
+        unit=unit,
+        variance=variance,
+        standard_error=variance * float(np.sqrt(2 / samples)),
+        quantisation_step=_quantisation_step(cut[good][clean]),
+        samples=samples,
+        dropped=dropped,
+    )
+
+
+def _in_long_runs(x: Array) -> NDArray[np.bool_]:
+    """Mark the samples that stand in `FROZEN_RUN` or more equal ones in a row."""
+    starts = np.flatnonzero(np.concatenate(([True], np.diff(x) != 0)))
+    lengths = np.diff(np.append(starts, x.size))
+    return np.asarray(np.repeat(lengths >= FROZEN_RUN, lengths))
+
+
+def _straightened(windows: Array) -> Array:
+    """Take the straight line of least squares off each row."""
+    ramp = np.linspace(-1.0, 1.0, windows.shape[1])
+    centred = windows - windows.mean(axis=1, keepdims=True)
+    slopes = centred @ ramp / (ramp @ ramp)
+    return np.asarray(centred - slopes[:, None] * ramp)
+
+
+def _quantisation_step(values: Array) -> float | None:
+    levels = np.unique(values)
+    if levels.size < 2 or levels.size > values.size / 2:
+        return None
+    return float(np.median(np.diff(levels)))
