@@ -1,0 +1,120 @@
+"""Judging a filter by a record."""
+
+import json
+
+import numpy as np
+import pytest
+
+import ambkit
+from ambkit.comparison import rmse
+from ambkit.judgement import judge, logged_predictions
+
+
+@pytest.fixture(scope="module")
+def bearing():
+    return ambkit.Bearing.preset("zittau_axial")
+
+
+@pytest.fixture(scope="module")
+def record(bearing):
+    scenario = ambkit.Scenario(
+        duration=1.0, disturbance=ambkit.Step(amplitude=-3.0, time=0.1), seed=3
+    )
+    return ambkit.simulate(bearing, scenario)
+
+
+def changed(record, **signals):
+    return ambkit.Record(record.t, {**record.signals, **signals}, record.units, record.meta)
+
+
+def test_right_model_and_noise_give_white_innovations_and_predict_better_than_holding(bearing):
+    # The filter takes the disturbance for a random walk: then let it be one.
+    T, noise = bearing.sampling_time, ambkit.FilterNoise(disturbance=1.0)
+    t = T * np.arange(10_001)
+    walk = np.cumsum(np.random.default_rng(1).normal(0, np.sqrt(noise.disturbance * T), t.size))
+    scenario = ambkit.Scenario(
+        duration=1.0, disturbance=ambkit.Recorded(times=t, values=walk - walk[0]), seed=3
+    )
+    record = ambkit.simulate(bearing, scenario)
+    found = judge(ambkit.KalmanFilter(bearing, noise=noise), record)
+    assert found.samples == found.used == len(record) - 1
+    assert found.nis == pytest.approx(1.0, abs=0.05)
+    assert found.whiteness is not None
+    assert found.whiteness.share_within >= 0.9
+    assert found.innovation_std == pytest.approx(found.expected_std, rel=0.05)
+    assert found.prediction[1] < 0.8 * found.held[1]
+    # One step ahead is what the innovation is.
+    assert found.prediction[1] == pytest.approx(found.innovation_std, rel=0.02)
+    assert found.status == {}
+    assert found.logged == {}
+
+
+def test_a_filter_that_expects_too_much_noise_shows_in_the_nis(bearing, record):
+    noise = ambkit.FilterNoise(measurement=4 * bearing.sensor.noise_variance)
+    assert judge(ambkit.KalmanFilter(bearing, noise=noise), record).nis < 0.5
+
+
+def test_truth_is_judged_as_compare_judges_it(bearing, record):
+    found = judge(ambkit.KalmanFilter(bearing), record)
+    for name in ("x", "v", "f_d"):
+        assert found.rmse[name] == pytest.approx(rmse(found.estimate, record, name), rel=1e-2)
+    assert judge(ambkit.KalmanFilter(bearing), record.select("y", "u")).rmse == {}
+
+
+def test_settling_leaves_out_the_start(bearing, record):
+    late = judge(ambkit.KalmanFilter(bearing), record, settling=0.5)
+    assert late.samples == len(record) - 5000
+    assert late.disturbance_mean == pytest.approx(-3.0, abs=0.2)
+    assert late.disturbance_std < judge(ambkit.KalmanFilter(bearing), record).disturbance_std
+
+
+def test_missing_samples_are_counted_and_the_last_one_held(bearing, record):
+    y = record["y"].copy()
+    y[1000:1010] = np.nan
+    found = judge(ambkit.KalmanFilter(bearing), changed(record, y=y))
+    assert found.status["missing"] == 10
+    assert found.used == found.samples - 10
+    assert np.isfinite([*found.prediction.values(), *found.held.values()]).all()
+
+
+def test_a_sensor_that_hangs_is_judged_by_what_came_before(bearing, record):
+    y = record["y"].copy()
+    y[100:] = y[100]
+    found = judge(ambkit.KalmanFilter(bearing), changed(record, y=y))
+    assert found.status["frozen"] > 9000
+    assert found.whiteness is None
+
+
+def test_logged_estimates_are_judged_held_and_with_their_velocity(record):
+    t = record.t
+    y = 1e-3 * t
+    signals = {"y": y, "u": 0 * t, "x_logged": y, "v_logged": np.full_like(t, 1e-3)}
+    log = ambkit.Record(t, signals, {"x_logged": "m", "v_logged": "m/s"})
+    errors = logged_predictions(log, (1, 10))
+    assert errors["x_logged held"][10] == pytest.approx(1e-3 * 10 * 1e-4)
+    assert errors["x_logged and v_logged"][10] == pytest.approx(0.0, abs=1e-15)
+
+
+def test_the_figures_go_into_json(bearing, record):
+    found = judge(ambkit.KalmanFilter(bearing), record).to_dict()
+    assert json.loads(json.dumps(found))["prediction"].keys() == {"1", "10"}
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"horizons": (0,)}, "horizon must be 1 sample or more, is 0"),
+        ({"settling": -1.0}, "settling must be 0 s or more"),
+    ],
+)
+def test_arguments_out_of_range_are_refused(bearing, record, options, message):
+    with pytest.raises(ValueError, match=message):
+        judge(ambkit.KalmanFilter(bearing), record, **options)
+
+
+def test_a_record_too_short_or_without_measurements_is_refused(bearing, record):
+    with pytest.raises(ambkit.RecordError, match="10001 samples, 10011 are needed"):
+        judge(ambkit.KalmanFilter(bearing), record, settling=1.0)
+    nothing = changed(record, y=np.full(len(record), np.nan))
+    with pytest.raises(ambkit.RecordError, match="of 10000 samples 10000 missing"):
+        judge(ambkit.KalmanFilter(bearing), nothing)
