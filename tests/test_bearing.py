@@ -21,6 +21,8 @@ from ambkit.bearing import (
     magnet_constant,
 )
 from ambkit.errors import AmbkitError, ConfigError
+from ambkit.identification.lift_off import load_points
+from ambkit.identification.lift_off_fit import fit_lift_off
 
 SIX_MISTAKES = """\
 name = "mine"
@@ -118,6 +120,16 @@ def test_the_one_sided_rig_rests_at_its_working_point_without_control_current() 
     assert abs(rig.hover_current) < 1e-4 * rig.magnet.bias_current
     assert rig.current_min == -rig.magnet.bias_current
     assert rig.current_max == rig.amplifier.current_limit
+
+
+def test_the_one_sided_rig_has_the_law_of_its_lift_off_points() -> None:
+    points = load_points(Path(__file__).parent.parent / "examples/recordings/lift_off_points.csv")
+    rig = Bearing.preset("inteco_ml")
+    fit = fit_lift_off(points, rig.rotor.mass, gap_range=(4e-3, 16e-3))
+    gap, bias = fit.working_point(10e-3)
+    assert rig.magnet.magnet_constant == pytest.approx(fit.magnet_constant, rel=1e-4)
+    assert rig.magnet.air_gap == pytest.approx(gap, rel=1e-4)
+    assert rig.magnet.bias_current == pytest.approx(bias, rel=1e-4)
 
 
 def test_gravity_gives_the_weight_its_sign(zittau: Bearing) -> None:
