@@ -174,7 +174,9 @@ def _read_parquet(
         columns[name] = np.asarray(numbers.to_numpy(), dtype=np.float64)
     units = {name: (table.field(name).metadata or {}).get(b"unit") for name in columns}
     own = {k.decode(): v for k, v in (table.schema.metadata or {}).items()}
-    meta = {k.removeprefix("ambkit."): json.loads(v) for k, v in own.items() if k.startswith("ambkit.")}
+    meta = {
+        k.removeprefix("ambkit."): json.loads(v) for k, v in own.items() if k.startswith("ambkit.")
+    }
     return columns, {name: unit and unit.decode() for name, unit in units.items()}, meta
 
 
