@@ -31,8 +31,7 @@ amb_status predict(Kalman &self, amb_real u)
 {
   amb_status status = AMB_OK;
   const amb_real iu = amb_kalman_current(&self.kf, &self.state, u, &status);
-  const amb_stiffness k =
-      self.magnet.methods->through_origin(self.magnet.self, iu, self.state.mean[0]);
+  const amb_stiffness k = amb_kalman_stiffness(&self.kf, &self.magnet, iu, self.state.mean[0]);
   self.result.stiffness = k;
   return self.result.status = status | amb_kalman_predict(&self.kf, &self.state, k, iu);
 }
@@ -120,8 +119,9 @@ void bind_kalman(nb::module_ &m)
            "A whole record; u[k] acts from sample k to k + 1.")
       .def("forecast", &forecast, nb::arg("mean"), nb::arg("u"), nb::arg("ahead"),
            "Measurement `ahead` samples after each of mean (n, 4), u (n,): (n - ahead,) [m].")
-      .def_prop_ro("mean", &mean, "State estimate (4,): x [m], v [m/s], f_d [N], x_m [m].")
-      .def_prop_ro("covariance", &covariance, "Its covariance (4, 4).")
+      .def_prop_ro("mean", &mean, nb::rv_policy::move,
+                   "State estimate (4,): x [m], v [m/s], f_d [N], x_m [m].")
+      .def_prop_ro("covariance", &covariance, nb::rv_policy::move, "Its covariance (4, 4).")
       .def_prop_ro("status", [](const Kalman &s) { return s.result.status; })
       .def_prop_ro("innovation", [](const Kalman &s) { return s.result.innovation; })
       .def_prop_ro("variance", [](const Kalman &s) { return s.result.variance; })
@@ -134,5 +134,6 @@ void bind_kalman(nb::module_ &m)
   m.attr("BAD_CONTROL") = AMB_BAD_CONTROL;
   m.attr("BAD_VARIANCE") = AMB_BAD_VARIANCE;
   m.attr("HELD") = AMB_HELD;
+  m.attr("BAD_PARAMETER") = AMB_BAD_PARAMETER;
   m.attr("UNEXCITED") = AMB_UNEXCITED;
 }

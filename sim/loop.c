@@ -5,8 +5,7 @@ static void estimate(const amb_loop *loop, amb_kalman_state *kalman, amb_kalman_
                      size_t k, const amb_loop_output *out)
 {
   if (k == 0) {
-    result->stiffness =
-        loop->magnet->methods->through_origin(loop->magnet->self, 0, kalman->mean[0]);
+    result->stiffness = amb_kalman_stiffness(loop->kf, loop->magnet, 0, kalman->mean[0]);
     result->status = amb_kalman_update(loop->kf, kalman, out->y[0], result);
   } else {
     (void)amb_kalman_step(loop->kf, loop->magnet, kalman, out->y[k], out->u[k - 1], result);
@@ -29,10 +28,11 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_plan
       estimate(loop, kalman, &result, k, out);
       all |= result.status;
     }
-    const amb_real demanded =
-        loop->feedback_estimate
-            ? amb_pid_step(&loop->pid, pid, in->r[k], kalman->mean[0], &kalman->mean[1])
-            : amb_pid_step(&loop->pid, pid, in->r[k], out->y[k] / loop->plant.K_sen, NULL);
+    amb_real demanded;
+    if (loop->feedback_estimate)
+      (void)amb_pid_step(&loop->pid, pid, in->r[k], kalman->mean[0], &kalman->mean[1], &demanded);
+    else
+      (void)amb_pid_step(&loop->pid, pid, in->r[k], out->y[k] / loop->plant.K_sen, NULL, &demanded);
     out->u[k] = demanded / loop->k_ui;
     out->iu[k] = amb_clamp(loop->k_ui * (out->u[k] + in->noise_u[k]), loop->iu_min, loop->iu_max);
     out->force[k] = amb_plant_force(&loop->plant, out->iu[k], plant->x);

@@ -20,13 +20,13 @@ static void low_pass(amb_real w, amb_real T, amb_real keep, amb_real input, amb_
 amb_status amb_adaline_step(const amb_adaline *a, amb_adaline_state *s, amb_real y, amb_real u,
                             amb_real f_d)
 {
-  if (!amb_is_finite(y))
+  const amb_real now = y / a->K_sen;
+  if (!((now > -a->law.s0) && (now < a->law.s0))) /* nowhere but in the gap; NaN is not either */
     return AMB_MISSING;
   if (!amb_is_finite(u) || !amb_is_finite(f_d))
     return AMB_BAD_CONTROL;
 
   const amb_real iu = amb_clamp(a->k_ui * u, a->iu_min, a->iu_max);
-  const amb_real now = y / a->K_sen;
   if (!s->started) {
     s->iu = iu;
     s->last_y = now;

@@ -3,27 +3,38 @@
 void amb_pid_reset(amb_pid_state *state, amb_real integral)
 {
   state->integral = integral;
+  state->last_r = 0;
   state->last_x = 0;
   state->velocity = 0;
   state->started = false;
 }
 
-amb_real amb_pid_step(const amb_pid *pid, amb_pid_state *state, amb_real r, amb_real x,
-                      const amb_real *velocity)
+amb_status amb_pid_step(const amb_pid *pid, amb_pid_state *state, amb_real r, amb_real x,
+                        const amb_real *velocity, amb_real *iu)
 {
-  if (velocity != NULL)
-    state->velocity = *velocity;
-  else if (state->started)
-    state->velocity += ((x - state->last_x) - pid->T * state->velocity) / (pid->T_f + pid->T);
-  state->last_x = x;
-  state->started = true;
+  amb_status status = AMB_OK;
+  if (!amb_is_finite(x) || ((velocity != NULL) && !amb_is_finite(*velocity))) {
+    status |= AMB_MISSING;
+  } else {
+    if (velocity != NULL)
+      state->velocity = *velocity;
+    else if (state->started)
+      state->velocity += ((x - state->last_x) - pid->T * state->velocity) / (pid->T_f + pid->T);
+    state->last_x = x;
+    state->started = true;
+  }
+  if (amb_is_finite(r))
+    state->last_r = r;
+  else
+    status |= AMB_BAD_CONTROL;
 
-  const amb_real error = r - x;
+  const amb_real error = state->last_r - state->last_x;
   const amb_real demanded = pid->kp * error + state->integral - pid->kd * state->velocity;
-  const amb_real held = amb_clamp(demanded, pid->iu_min, pid->iu_max);
+  *iu = amb_clamp(demanded, pid->iu_min, pid->iu_max);
+  const bool saturated = (*iu < demanded) || (*iu > demanded);
   if (pid->T_t > 0)
-    state->integral += pid->T * (pid->ki * error + (held - demanded) / pid->T_t);
-  else if (!((held < demanded) || (held > demanded)))
+    state->integral += pid->T * (pid->ki * error + (*iu - demanded) / pid->T_t);
+  else if (!saturated)
     state->integral += pid->T * pid->ki * error;
-  return held;
+  return saturated ? status | AMB_SATURATED : status;
 }

@@ -65,6 +65,14 @@ static amb_real current(const amb_kalman *kf, amb_kalman_state *state, amb_real 
 /* The pieces of a step are static, so that amb_kalman_run becomes one loop whose state stays in
  * registers; the public functions below are these pieces. */
 
+/* Without measurements the estimate runs away, and most magnets have a pole in the air gap: they
+ * are asked where the rotor can be, between the stops. */
+static amb_stiffness ask(const amb_kalman *kf, const amb_magnet *magnet, amb_real iu, amb_real x)
+{
+  const amb_real x_max = kf->set.x_max;
+  return magnet->methods->through_origin(magnet->self, iu, amb_clamp(x, -x_max, x_max));
+}
+
 static amb_status predict(const amb_kalman *kf, amb_kalman_state *state, amb_stiffness k,
                           amb_real iu)
 {
@@ -74,7 +82,10 @@ static amb_status predict(const amb_kalman *kf, amb_kalman_state *state, amb_sti
    * is lost by standing still, and the filter finds back at the first good sample. */
   if (!(state->cov[0] <= s->x_max * s->x_max))
     return AMB_HELD;
-  amb_axial_predict_mean(&kf->model, k.k_i * iu + k.k_s * state->mean[0] + s->f_0, state->mean);
+  const amb_real f = k.k_i * iu + k.k_s * state->mean[0] + s->f_0;
+  if (!amb_is_finite(f))
+    return AMB_BAD_PARAMETER;
+  amb_axial_predict_mean(&kf->model, f, state->mean);
   amb_axial_predict_covariance(&kf->model, k.k_i, k.k_s, s->k_ui, s->var_u, s->var_d, state->cov);
   return AMB_OK;
 }
@@ -115,6 +126,12 @@ amb_real amb_kalman_current(const amb_kalman *kf, amb_kalman_state *state, amb_r
   return current(kf, state, u, status);
 }
 
+amb_stiffness amb_kalman_stiffness(const amb_kalman *kf, const amb_magnet *magnet, amb_real iu,
+                                   amb_real x)
+{
+  return ask(kf, magnet, iu, x);
+}
+
 amb_status amb_kalman_predict(const amb_kalman *kf, amb_kalman_state *state, amb_stiffness k,
                               amb_real iu)
 {
@@ -132,7 +149,7 @@ amb_status amb_kalman_step(const amb_kalman *kf, const amb_magnet *magnet, amb_k
 {
   result->status = AMB_OK;
   const amb_real iu = current(kf, state, u, &result->status);
-  result->stiffness = magnet->methods->through_origin(magnet->self, iu, state->mean[0]);
+  result->stiffness = ask(kf, magnet, iu, state->mean[0]);
   result->status |= predict(kf, state, result->stiffness, iu);
   result->status |= update(kf, state, y, result);
   return result->status;
@@ -146,7 +163,7 @@ amb_real amb_kalman_forecast(const amb_kalman *kf, const amb_magnet *magnet,
   memcpy(m, mean, sizeof m);
   for (size_t j = 0; j < ahead; j++) {
     const amb_real iu = amb_clamp(s->k_ui * u[j], s->iu_min, s->iu_max);
-    const amb_stiffness k = magnet->methods->through_origin(magnet->self, iu, m[0]);
+    const amb_stiffness k = ask(kf, magnet, iu, m[0]);
     amb_axial_predict_mean(&kf->model, k.k_i * iu + k.k_s * m[0] + s->f_0, m);
   }
   return m[AMB_AXIAL_STATES - 1];
@@ -188,7 +205,7 @@ amb_status amb_kalman_run(const amb_kalman *kf, const amb_magnet *magnet, amb_ka
       result.stiffness.k_i = in->k_i[acted];
       result.stiffness.k_s = in->k_s[acted];
     } else {
-      result.stiffness = magnet->methods->through_origin(magnet->self, iu, s.mean[0]);
+      result.stiffness = ask(&own, magnet, iu, s.mean[0]);
     }
     if (k > 0)
       result.status |= predict(&own, &s, result.stiffness, iu);

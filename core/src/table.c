@@ -13,7 +13,7 @@ static place locate(amb_real value, amb_real first, amb_real step, int nodes)
   const amb_real raw = (value - first) / step;
   const amb_real position = amb_clamp(raw, AMB_C(0.0), cells);
   place p;
-  p.node = (int)position;
+  p.node = position >= 1 ? (int)position : 0; /* NaN: any node, the fraction carries it on */
   p.node = p.node > nodes - 2 ? nodes - 2 : p.node;
   p.fraction = position - (amb_real)p.node;
   p.slope = (raw >= 0) && (raw <= cells) ? 1 / step : AMB_C(0.0);

@@ -22,12 +22,13 @@ class Status(IntFlag):
     """What a step had to say; zero, or a sum of flags (``core/include/ambkit/status.h``)."""
 
     OK = 0
-    MISSING = 1  #: the measurement was NaN or infinite: predicted only
+    MISSING = 1  #: the measurement was not finite, or far beyond the travel: predicted only
     FROZEN = 2  #: the measurement had not moved for too many samples: predicted only
     SATURATED = 4  #: control current beyond its limit: the limit was used
     BAD_CONTROL = 8  #: the control signal was NaN or infinite: the last good one was used
     BAD_VARIANCE = 16  #: innovation variance not positive: measurement refused
-    HELD = 32  #: the estimate would have left the stops or the finite numbers: state kept
+    HELD = 32  #: the position is known no better than the travel: not predicted any further
+    BAD_PARAMETER = 64  #: a stiffness was not finite: not predicted
     UNEXCITED = 128  #: too little excitation: the identified value was held
 
 

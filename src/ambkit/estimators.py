@@ -88,6 +88,7 @@ class KalmanFilter:
         self.bearing = bearing
         self.source = source if source is not None else ConstantStiffness.of(bearing)
         self.noise = _completed(bearing, noise or FilterNoise())
+        self.precision = precision
         known = bearing.weight if gravity == "known" else 0.0
         core = core_module(precision)
         T = bearing.sampling_time
@@ -157,7 +158,7 @@ class KalmanFilter:
         return self.mean
 
     def run(self, record: Record, *, covariance: bool = False) -> Estimate:
-        """Run along a whole record, from a fresh start at its first measurement.
+        """Run along a whole record, from a fresh start at its first measurement within the travel.
 
         Parameters
         ----------
@@ -173,8 +174,8 @@ class KalmanFilter:
         """
         check_sampling(self.bearing, record)
         y, u = record["y"], record["u"]
-        finite = y[np.isfinite(y)]
-        first = float(finite[0]) if finite.size else 0.0
+        near = y[np.abs(y) <= self.bearing.sensor.gain * self.bearing.rotor.travel_limit]
+        first = float(near[0]) if near.size else 0.0
         self.reset([first / self.bearing.sensor.gain, 0.0, 0.0, first])
         return Estimate.from_core(
             record.t, self.core.run(y, u, covariance=covariance), self.name

@@ -6,6 +6,7 @@ method ``magnet(core)`` that builds the C implementation of ``ambkit/magnet.h`` 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from types import ModuleType
 from typing import TYPE_CHECKING, Literal, Protocol
@@ -54,10 +55,20 @@ class ConstantStiffness:
         Current stiffness [N/A].
     k_s : float
         Position stiffness [N/m].
+
+    Raises
+    ------
+    ValueError
+        Where a stiffness is not finite.
     """
 
     k_i: float
     k_s: float
+
+    def __post_init__(self) -> None:
+        for name, unit in (("k_i", "N/A"), ("k_s", "N/m")):
+            if not math.isfinite(getattr(self, name)):
+                raise ValueError(f"{name} must be finite [{unit}], got {getattr(self, name)!r}")
 
     @classmethod
     def of(cls, bearing: Bearing) -> ConstantStiffness:

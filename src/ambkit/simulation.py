@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from importlib.metadata import version
 from typing import TYPE_CHECKING
@@ -52,7 +53,8 @@ def simulate_run(
 ) -> Run:
     """Simulate plant, amplifier, sensor, controller and estimator in closed loop.
 
-    The plant is continuous (Runge-Kutta of order 4 with ``scenario.substeps`` steps in a sample):
+    The plant is continuous (Runge-Kutta of order 4 with ``scenario.substeps`` steps in a sample,
+    or as many more as a fast sensor needs):
     nonlinear force law, weight, disturbance, sensor lag, mechanical stops. Control current and
     disturbance are held over a sample. Noise on the control signal and on the measurement is
     white and normal, from two independent PCG64 streams that ``scenario.seed`` seeds.
@@ -74,6 +76,11 @@ def simulate_run(
     -------
     Run
         The record, with truth, and the estimate (None without an estimator).
+
+    Raises
+    ------
+    ValueError
+        The estimator computes in single precision: the loop is simulated in double.
     """
     T, pid = bearing.sampling_time, scenario.controller
     n = max(2, round(scenario.duration / T) + 1)
@@ -85,6 +92,11 @@ def simulate_run(
     in_loop = pid.feedback == "estimate"
     if estimator is None and in_loop:
         estimator = KalmanFilter(bearing)
+    if estimator is not None and estimator.precision != "float64":
+        raise ValueError(
+            f"an estimator in a simulated loop must have precision 'float64', got "
+            f"{estimator.precision!r}; estimator.run(record) runs it beside the simulated record"
+        )
 
     known = bearing.weight + law.bias_force
     hover = scenario.start == "hover"
@@ -94,6 +106,7 @@ def simulate_run(
     if estimator is not None:
         estimator.reset([x_start, 0.0, 0.0, bearing.sensor.gain * x_start])
 
+    lag = max(bearing.sensor.lag, 1e-3 * T)
     core = core_module()
     out = core.simulate(
         plant.magnet(core),
@@ -101,9 +114,10 @@ def simulate_run(
         m=bearing.rotor.mass,
         f_0=known,
         K_sen=bearing.sensor.gain,
-        T_sen=max(bearing.sensor.lag, 1e-3 * T),
+        T_sen=lag,
         travel=bearing.rotor.travel_limit,
-        substeps=scenario.substeps,
+        # Runge-Kutta needs two steps in the sensor's lag; from 2.8 lags a step on it is unstable.
+        substeps=max(scenario.substeps, math.ceil(2 * T / lag)),
         k_ui=bearing.amplifier.gain,
         iu_min=bearing.current_min,
         iu_max=bearing.current_max,

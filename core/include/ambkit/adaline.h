@@ -53,8 +53,9 @@ typedef struct amb_adaline_state {
 void amb_adaline_reset(amb_adaline_state *state, amb_real k);
 
 /* One sample: measurement y [m], control signal u [V] that acted since the last one, disturbance
- * force f_d [N] as far as it is known. Returns AMB_OK, AMB_UNEXCITED (k held), AMB_MISSING or
- * AMB_BAD_CONTROL (nothing learned). */
+ * force f_d [N] as far as it is known. Returns AMB_OK, AMB_UNEXCITED (k held), AMB_MISSING (y is
+ * not finite, or not in the air gap) or AMB_BAD_CONTROL (u or f_d is not finite); then nothing is
+ * learned. */
 amb_status amb_adaline_step(const amb_adaline *a, amb_adaline_state *state, amb_real y, amb_real u,
                             amb_real f_d);
 

@@ -3,6 +3,7 @@
 #define AMBKIT_CONTROLLER_H
 
 #include "ambkit/real.h"
+#include "ambkit/status.h"
 
 typedef struct amb_pid {
   amb_real T;      /* sampling time [s] */
@@ -17,7 +18,8 @@ typedef struct amb_pid {
 
 typedef struct amb_pid_state {
   amb_real integral; /* [A] */
-  amb_real last_x;   /* [m] */
+  amb_real last_r;   /* last good reference [m] */
+  amb_real last_x;   /* last good position [m] */
   amb_real velocity; /* filtered derivative of x [m/s] */
   bool started;
 } amb_pid_state;
@@ -26,9 +28,10 @@ typedef struct amb_pid_state {
 void amb_pid_reset(amb_pid_state *state, amb_real integral);
 
 /* One sample: reference r [m], position x [m], and the velocity [m/s] where an estimator knows it
- * (`velocity` NULL: the filtered derivative of x). Returns the control current demanded [A], held
- * to its limits. */
-amb_real amb_pid_step(const amb_pid *pid, amb_pid_state *state, amb_real r, amb_real x,
-                      const amb_real *velocity);
+ * (`velocity` NULL: the filtered derivative of x). Gives the control current demanded, iu [A], held
+ * to its limits. Returns AMB_OK, or flags: AMB_SATURATED, AMB_MISSING (position or velocity not
+ * finite), AMB_BAD_CONTROL (reference not finite); the last good ones then stand in. */
+amb_status amb_pid_step(const amb_pid *pid, amb_pid_state *state, amb_real r, amb_real x,
+                        const amb_real *velocity, amb_real *iu);
 
 #endif

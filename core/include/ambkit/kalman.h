@@ -73,7 +73,14 @@ amb_status amb_kalman_reset(amb_kalman_state *state, const amb_real mean[AMB_AXI
 amb_real amb_kalman_current(const amb_kalman *kf, amb_kalman_state *state, amb_real u,
                             amb_status *status);
 
-/* Eq. 9, 10: one sample on, with the control current iu [A] that acted and the stiffnesses. */
+/* What the magnet says at the control current iu [A] and the displacement x [m], which is held
+ * between the stops: beyond them the rotor cannot be, though an estimate can. */
+amb_stiffness amb_kalman_stiffness(const amb_kalman *kf, const amb_magnet *magnet, amb_real iu,
+                                   amb_real x);
+
+/* Eq. 9, 10: one sample on, with the control current iu [A] that acted and the stiffnesses.
+ * Returns AMB_OK, or with the state as it was: AMB_HELD, or AMB_BAD_PARAMETER where a stiffness is
+ * not finite. */
 amb_status amb_kalman_predict(const amb_kalman *kf, amb_kalman_state *state, amb_stiffness k,
                               amb_real iu);
 
