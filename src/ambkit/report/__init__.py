@@ -1,0 +1,56 @@
+"""Figures and the report: one description, drawn for paper and for the screen.
+
+A `Figure` says what is to be seen, in SI. `static.save` draws it with matplotlib; `write_report`
+draws all figures of a `Report` and puts them, with texts, formulas and tables, into one HTML page
+that works without the net.
+"""
+
+from ambkit.report.blocks import (
+    Block,
+    Chapter,
+    Equation,
+    FigureBlock,
+    Remark,
+    Report,
+    TableBlock,
+    Text,
+)
+from ambkit.report.figure import (
+    Axis,
+    Band,
+    Bars,
+    Figure,
+    Heatmap,
+    Line,
+    Note,
+    Panel,
+    Points,
+    Rule,
+    Span,
+)
+from ambkit.report.page import write_report
+from ambkit.report.summary import SummaryRow
+
+__all__ = [
+    "Axis",
+    "Band",
+    "Bars",
+    "Block",
+    "Chapter",
+    "Equation",
+    "Figure",
+    "FigureBlock",
+    "Heatmap",
+    "Line",
+    "Note",
+    "Panel",
+    "Points",
+    "Remark",
+    "Report",
+    "Rule",
+    "Span",
+    "SummaryRow",
+    "TableBlock",
+    "Text",
+    "write_report",
+]

@@ -1,0 +1,131 @@
+"""How each signal looks: one table for all figures, on screen and on paper.
+
+Colours follow Okabe and Ito (2008), who chose them for the colour-blind; blue is a little darker
+here. No two lines that meet in a figure rely on colour alone: they differ in dash or in lightness
+too, so that a grey print reads.
+"""
+
+import difflib
+from dataclasses import dataclass
+
+BLACK, GREY, PALE = "#000000", "#6E6E6E", "#B4BFC9"
+BLUE, VERMILION, GREEN = "#00649E", "#D55E00", "#009E73"
+PURPLE, OCHRE, RED = "#9B4A86", "#A67600", "#B3261E"
+
+SOLID: tuple[float, ...] = ()
+LONG, DASH, DOT = (7.0, 2.5), (4.0, 2.0), (1.2, 1.8)
+DASH_DOT = (7.0, 2.0, 1.5, 2.0)
+
+INK, FRAME, GRID, PAPER = "#1D2329", "#8A949E", "#E3E7EB", "#FFFFFF"
+"""Text, frame of the axes, grid lines, background."""
+
+SEQUENTIAL = ("#FBF7DC", "#D9EBC8", "#A8D8C1", "#74BDC1", "#4A9DBC", "#3579A8")
+"""Heat maps from low to high: ever darker, so that grey tells the same; dark text shows."""
+
+DIVERGING = ("#3C75B0", "#7FA9D3", "#BCD4E8", "#F5F5F2", "#F0CBA9", "#DB9A66", "#B9682F")
+"""Heat maps of signed values: blue below zero, brown above."""
+
+
+@dataclass(frozen=True)
+class Style:
+    """Look of a signal.
+
+    Parameters
+    ----------
+    label : str
+        Its name in the legend.
+    colour : str
+        ``#RRGGBB``.
+    dash : tuple of float
+        Lengths of dashes and gaps in points; empty for a solid line.
+    width : float
+        Line width in points.
+    marker : {"circle", "square", "diamond", "triangle", "cross"}
+        Symbol of single points.
+    hollow : bool
+        Whether the symbols are outlines only.
+    layer : int
+        What is drawn over what: noise 1, most lines 3.
+    """
+
+    label: str
+    colour: str
+    dash: tuple[float, ...] = SOLID
+    width: float = 1.4
+    marker: str = "circle"
+    hollow: bool = False
+    layer: int = 3
+
+
+SIGNALS = {
+    "reference": Style("reference", GREY, LONG, 1.1, layer=2),
+    "truth": Style("truth", BLACK, SOLID, 2.2, "cross", layer=3),
+    "measured": Style("measured", PALE, SOLID, 0.6, layer=1),
+    "measurement": Style("measurement", GREY, SOLID, 1.0, layer=4),
+    "estimate": Style("estimate", BLUE, SOLID, 1.2, layer=5),
+    "estimate linear": Style("linear Kalman filter", VERMILION, DASH, 1.2, "square", layer=4),
+    "estimate adaptive": Style("adaptive Kalman filter", BLUE, SOLID, 1.2, layer=5),
+    "estimate closed law": Style("closed law", GREEN, DASH_DOT, 1.2, "triangle", layer=6),
+    "estimate wide box": Style("adaptive, rules to ±0.8 mm", OCHRE, DOT, 1.6, "diamond", layer=5),
+    "logged": Style("logged by the rig", PURPLE, DOT, 1.5, "diamond", layer=4),
+    "constant": Style("constant", GREY, DOT, 1.5, "square", hollow=True, layer=2),
+    "paper": Style("paper", PURPLE, DASH, 1.4, "circle", hollow=True, layer=4),
+    "ours": Style("ambkit", BLUE, SOLID, 1.4, "cross", layer=5),
+    "disturbance": Style("disturbance force", PURPLE, LONG, 1.3, layer=3),
+    "control": Style("control signal", OCHRE, SOLID, 1.0, layer=3),
+    "force": Style("magnet force", GREEN, SOLID, 1.3, layer=3),
+    "identified": Style("identified", BLUE, SOLID, 1.4, layer=5),
+    "fit": Style("fit", BLUE, SOLID, 1.4, layer=4),
+    "innovation": Style("innovation", OCHRE, SOLID, 0.6, layer=2),
+    "bound": Style("bound", GREY, LONG, 1.0, layer=4),
+    "limit": Style("limit", RED, DOT, 1.4, layer=2),
+    "series 1": Style("series 1", BLUE, SOLID, 1.4, "circle", layer=6),
+    "series 2": Style("series 2", VERMILION, DASH, 1.4, "square", layer=5),
+    "series 3": Style("series 3", GREEN, DASH_DOT, 1.4, "triangle", layer=4),
+    "series 4": Style("series 4", PURPLE, LONG, 1.4, "diamond", layer=3),
+}
+"""Each signal's look, by name."""
+
+
+def style_of(signal: str) -> Style:
+    """Look of a signal.
+
+    Parameters
+    ----------
+    signal : str
+        Name in `SIGNALS`.
+
+    Returns
+    -------
+    Style
+        Its colour, dash, width and name.
+
+    Raises
+    ------
+    ValueError
+        If there is no such signal; names the nearest one.
+    """
+    if signal in SIGNALS:
+        return SIGNALS[signal]
+    near = difflib.get_close_matches(signal, SIGNALS, n=1)
+    hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(SIGNALS)}"
+    raise ValueError(f"unknown signal {signal!r}: {hint}")
+
+
+def tint(colour: str, strength: float) -> str:
+    """Colour thinned with white, which prints alike everywhere (transparency does not).
+
+    Parameters
+    ----------
+    colour : str
+        ``#RRGGBB``.
+    strength : float
+        1 keeps the colour, 0 is white.
+
+    Returns
+    -------
+    str
+        ``#RRGGBB``.
+    """
+    parts = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
+    return "#" + "".join(f"{round(255 + (part - 255) * strength):02X}" for part in parts)

@@ -1,0 +1,39 @@
+// Draws a figure when it comes near, and marks in the contents where the reader is.
+(() => {
+  "use strict";
+  // Where nothing can hover, the buttons would lie over the legend for good.
+  const buttons = matchMedia("(hover: hover) and (min-width: 45rem)").matches && "hover";
+  const config = {
+    displayModeBar: buttons,
+    displaylogo: false,
+    responsive: true,
+    showTips: false,
+    modeBarButtons: [["toImage"], ["zoom2d", "pan2d"], ["zoomIn2d", "zoomOut2d", "resetScale2d"]],
+  };
+
+  function draw(box) {
+    const { data, layout } = JSON.parse(box.querySelector("script").textContent);
+    const toImageButtonOptions = { format: "svg", filename: box.dataset.figure };
+    Plotly.newPlot(box.querySelector(".chart"), data, layout, { ...config, toImageButtonOptions })
+      .then(() => box.classList.add("live"));
+  }
+
+  const near = new IntersectionObserver((entries) => {
+    for (const { isIntersecting, target } of entries) {
+      if (isIntersecting) {
+        near.unobserve(target);
+        draw(target);
+      }
+    }
+  }, { rootMargin: "800px" });
+  document.querySelectorAll(".plot").forEach((box) => near.observe(box));
+
+  const links = new Map();
+  document.querySelectorAll("nav a").forEach((link) => links.set(link.hash.slice(1), link));
+  const reading = new IntersectionObserver((entries) => {
+    for (const { isIntersecting, target } of entries) {
+      links.get(target.id)?.toggleAttribute("data-here", isIntersecting);
+    }
+  }, { rootMargin: "-30% 0px -69% 0px" });
+  document.querySelectorAll("main > section").forEach((section) => reading.observe(section));
+})();

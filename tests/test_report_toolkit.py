@@ -1,0 +1,624 @@
+"""The figure and report toolkit on synthetic data: both renderings, the page, the terminal."""
+
+import base64
+import io
+import itertools
+import json
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ambkit.errors import AmbkitError
+from ambkit.report import (
+    Axis,
+    Band,
+    Bars,
+    Chapter,
+    Equation,
+    Figure,
+    FigureBlock,
+    Heatmap,
+    Line,
+    Note,
+    Panel,
+    Points,
+    Remark,
+    Report,
+    Rule,
+    Span,
+    TableBlock,
+    Text,
+    formula,
+    interactive,
+    markup,
+    static,
+    style,
+    summary,
+    write_report,
+)
+from ambkit.report.decimate import decimate
+from ambkit.report.files import replace_file
+from ambkit.report.terminal import print_summary
+
+TIME = Axis("time $t$", "s")
+
+
+def step_response() -> Figure:
+    """Two panels over one time axis, 20,001 samples, noise in and around the signals."""
+    noise = np.random.default_rng(1)
+    t = np.linspace(0, 0.4, 20001)
+    x = 0.5e-3 * (1 - np.exp(-t / 0.02) * np.cos(160 * t))
+    force = np.where(t > 0.25, 3.0, 0.0)
+    position = [
+        Span(0.25, 0.4, "load of 3 N", signal="disturbance", label=""),
+        Line(t, x + 9.1e-6 * noise.standard_normal(t.size), signal="measured"),
+        Line(t, np.full_like(t, 0.5e-3), signal="reference"),
+        Line(t, x, signal="truth"),
+        Line(t, x + 1e-6 * noise.standard_normal(t.size), signal="estimate adaptive"),
+        Rule(0.9e-3, text="travel limit", signal="limit", label=""),
+    ]
+    load = [
+        Band(t[::50], force[::50] - 0.3, force[::50] + 0.3, label="2 σ of the filter"),
+        Line(t, force, signal="truth"),
+        Line(t, force + 0.1 * noise.standard_normal(t.size), signal="estimate linear"),
+    ]
+    return Figure(
+        "fig15",
+        "Step response, 0.5 mm",
+        "The **position** hardly differs, $F_\\mathrm{St}$ does; see [](#table4).",
+        [
+            Panel(TIME, Axis("displacement $x$", "mm", 1e3), position),
+            Panel(TIME, Axis("disturbance force $F_\\mathrm{St}$", "N"), load),
+        ],
+        source="paper, Fig. 15",
+    )
+
+
+def force_map() -> Figure:
+    """Two heat maps beside each other, one of them signed, with markers."""
+    i, x = np.linspace(-1.5, 1.5, 31), np.linspace(-5e-4, 5e-4, 21)
+    current, position = np.meshgrid(i, x)
+    force = 6.7e-6 * (
+        ((1.5 + current) / (2e-3 - position)) ** 2 - ((1.5 - current) / (2e-3 + position)) ** 2
+    )
+    error = force - 10.05 * current - 7537.5 * position
+    axes = Axis("control current $i_u$", "A"), Axis("displacement $x$", "mm", 1e3)
+    signed = Heatmap(i, x, error, Axis("error", "N"), diverging=True)
+    points = Points(i[::15], x[::10], signal="paper", label="work points")
+    return Figure(
+        "force-map",
+        "Magnet force",
+        "Left the force, right what a constant linearisation leaves of it.",
+        [
+            Panel(*axes, [Heatmap(i, x, force, Axis("force", "N"))], title="force"),
+            Panel(*axes, [signed, points], title="error of $k_i i_u + k_s x$"),
+        ],
+        columns=2,
+    )
+
+
+def learning_curve() -> Figure:
+    n = np.arange(1.0, 2001.0)
+    items = [
+        Line(n, 1.4 * n**-0.25, signal="series 1", label="steepest gradient"),
+        Line(n, 0.043 + 1.3 * np.exp(-n / 20), signal="series 2", label="least squares"),
+        Rule(1.41, signal="constant", text="constant linearisation"),
+        Rule(100.0, "x", text="100 iterations", signal="bound", label=""),
+        Note(500.0, 0.043, "0.043 N"),
+    ]
+    log = Axis("force error, RMS", "N", scale="log")
+    return Figure(
+        "fig10", "Learning curve", "", [Panel(Axis("iteration", scale="log"), log, items)]
+    )
+
+
+def comparison() -> Figure:
+    steps = ["0.1 mm", "0.3 mm", "0.5 mm"]
+    bars = [
+        Bars(steps, [0.2, 0.4, 0.58], [0.02, 0.03, 0.05], signal="estimate linear"),
+        Bars(steps, [0.2, 0.3, 0.33], [0.02, 0.03, 0.04], signal="estimate adaptive"),
+    ]
+    gap = np.linspace(2e-3, 16e-3, 12)
+    fit = [
+        Line(gap, 60 * gap, signal="fit"),
+        Points(gap, 61 * gap, 0.05 + 0 * gap, signal="measurement"),
+    ]
+    return Figure(
+        "gain",
+        "What it buys",
+        "",
+        [
+            Panel(Axis("step"), Axis("RMSE of $F_\\mathrm{St}$", "N"), bars),
+            Panel(Axis("gap", "mm", 1e3, limits=(0.0, 18e-3)), Axis("current", "A"), fit),
+        ],
+    )
+
+
+ALL = [step_response, force_map, learning_curve, comparison]
+ROWS: list[summary.SummaryRow] = [
+    {
+        "id": "table4.largest",
+        "what": "Largest deviation from Table 4 [N/A]",
+        "paper": None,
+        "ours": 0.0047,
+        "unit": "N/A",
+        "verdict": "agrees",
+    },
+    {
+        "id": "noise",
+        "what": "Variance of the control signal",
+        "paper": 8e-5,
+        "ours": "8e-5 ± 1e-6",
+        "unit": "V²",
+        "verdict": "differs",
+    },
+]
+
+
+def report() -> Report:
+    table = TableBlock(
+        "table4",
+        "Current stiffness $k_i$ in N/A",
+        ["$x$ [mm]", "0 A", "0.75 A"],
+        [[0.0, 10.05, 10.05], [0.5, 12.15, 8.45]],
+        digits=".2f",
+        highlight={(1, 2): "Misprint: its mirror image is 8.47."},
+        source="paper, Table 4",
+    )
+    magnet = r"F = k\left[\left(\frac{i_0+i_u}{s_0-x}\right)^2-\ldots\right]"
+    first = [Text("With $k_i$ from [](#table4), <b>see</b> [](#fig15)."), Equation(magnet, "eq. 1")]
+    return Report(
+        "A & B",
+        "subtitle",
+        "What *this* is.",
+        "0.1.0",
+        [
+            Chapter("one", "The filter", [*first, FigureBlock(step_response())], "In short."),
+            Chapter("two", "The map", [FigureBlock(force_map()), table, Remark("Chosen", "$T$")]),
+            Chapter("three", "More", [FigureBlock(learning_curve()), FigureBlock(comparison())]),
+        ],
+        ROWS,
+        {"Seed": "1"},
+    )
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_report(report(), tmp_path_factory.mktemp("report"))
+
+
+@pytest.fixture(scope="module")
+def page(written: Path) -> str:
+    return written.read_text(encoding="utf-8")
+
+
+# Style
+
+
+def lightness(colour: str) -> float:
+    """CIE L* of an sRGB colour."""
+    parts = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255
+    linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+    return float(116 * np.cbrt(linear @ [0.2126, 0.7152, 0.0722]) - 16)
+
+
+def contrast(colour: str) -> float:
+    """Contrast with white (WCAG 2)."""
+    luminance = ((lightness(colour) + 16) / 116) ** 3
+    return 1.05 / (luminance + 0.05)
+
+
+@pytest.mark.parametrize(
+    "together",
+    [
+        ["reference", "truth", "measured", "estimate"],
+        ["truth", "estimate linear", "estimate adaptive", "estimate closed law"],
+        ["measured", "logged", "estimate linear", "estimate adaptive", "bound"],
+        ["constant", "series 1", "series 2", "series 3", "series 4"],
+        ["paper", "ours", "constant"],
+        ["innovation", "bound", "limit"],
+    ],
+)
+def test_lines_that_meet_differ_without_colour(together):
+    for one, other in itertools.combinations(map(style.style_of, together), 2):
+        assert one.dash != other.dash or abs(lightness(one.colour) - lightness(other.colour)) > 15
+
+
+def test_lines_are_strong_enough_and_noise_lies_behind():
+    noise = style.SIGNALS["measured"]
+    for name, look in style.SIGNALS.items():
+        assert name == "measured" or contrast(look.colour) >= 3, name
+        assert look is noise or (look.layer > noise.layer and look.width >= noise.width)
+    assert all(contrast(colour) >= 4.5 for colour in summary.COLOURS.values())
+
+
+def test_heat_maps_read_in_grey():
+    steps = np.diff([lightness(colour) for colour in style.SEQUENTIAL])
+    assert (steps < -4).all()
+    signed = [lightness(colour) for colour in style.DIVERGING]
+    assert np.argmax(signed) == len(signed) // 2
+    assert min(signed) > 40  # dark numbers on the contours stay readable
+
+
+def test_unknown_signal_names_the_nearest():
+    with pytest.raises(ValueError, match="'estimate adaptive'"):
+        Line(np.zeros(2), np.zeros(2), signal="estimate adaptiv")
+
+
+# Decimation
+
+
+@given(
+    n=st.integers(1, 3000),
+    buckets=st.integers(1, 100),
+    seed=st.integers(0, 99),
+    gaps=st.booleans(),
+)
+def test_decimation_keeps_extremes_ends_and_gaps(n, buckets, seed, gaps):
+    draw = np.random.default_rng(seed)
+    x, y = np.arange(n) * 0.1, draw.standard_normal(n)
+    if gaps:
+        y[draw.random(n) < 0.01] = np.nan
+    few_x, few_y = decimate(x, y, buckets)
+    index = np.rint(few_x / 0.1).astype(int)
+    assert (np.diff(index) > 0).all()
+    np.testing.assert_array_equal(few_y, y[index])  # samples only, none invented
+    assert index[0] == 0
+    assert index[-1] == n - 1
+    if n <= 4 * buckets:
+        assert few_x.size == n
+        return
+    assert few_x.size <= 5 * buckets
+    size = -(-n // buckets)
+    for start in range(0, n, size):
+        whole = y[start : start + size]
+        kept = few_y[(index >= start) & (index < start + size)]
+        assert np.isnan(whole).any() == np.isnan(kept).any()
+        if not np.isnan(whole).all():
+            assert np.nanmin(kept) == np.nanmin(whole)
+            assert np.nanmax(kept) == np.nanmax(whole)
+
+
+def test_decimation_keeps_the_outline_of_a_closed_curve():
+    angle = np.linspace(0, 20 * np.pi, 50001)
+    x, y = decimate(np.cos(angle), np.sin(angle), 100)
+    assert [x.min(), y.min(), x.max(), y.max()] == pytest.approx([-1, -1, 1, 1], abs=1e-6)
+
+
+# Description
+
+
+@pytest.mark.parametrize(
+    ("build", "message"),
+    [
+        (lambda: Line([1, 2, 3], [1, 2]), "lengths differ"),
+        (lambda: Line([[1, 2]], [[1, 2]]), "one dimension"),
+        (lambda: Bars(["a"], [1, 2]), "1 categories, but 2 values"),
+        (lambda: Heatmap([1, 2], [1, 2, 3], np.zeros((2, 3)), TIME), "z has shape"),
+        (lambda: Figure("fig 1", "", "", [Panel(TIME, TIME, [])]), "letters, digits"),
+        (lambda: Figure("fig1", "", "", []), "at least one panel"),
+        (
+            lambda: Figure("f", "", "", [Panel(TIME, TIME, [Bars(["a"], [1]), Bars(["b"], [1])])]),
+            "differ in their categories",
+        ),
+        (lambda: TableBlock("t", "", ["a", "b"], [[1]]), "1 cells for 2 columns"),
+        (lambda: TableBlock("t", "", ["a"], [[1]], highlight={(1, 0): "why"}), "no cell"),
+    ],
+)
+def test_descriptions_that_cannot_be_drawn_are_refused(build, message):
+    with pytest.raises(ValueError, match=message):
+        build()
+
+
+def test_legend_names_each_signal_once_and_alt_text_tells_what_is_seen():
+    figure = step_response()
+    names = [name for name, _ in figure.legend()]
+    assert names.count("truth") == 1
+    assert "disturbance force" not in names  # label=""
+    assert "displacement x [mm] over time t [s]" in figure.description()
+    assert figure.shares_x(0)
+    assert not figure.shares_x(1)
+
+
+@given(low=st.floats(-1e6, 1e6), span=st.floats(1e-6, 1e6), diverging=st.booleans())
+def test_contour_levels_are_inside_even_and_enough(low, span, diverging):
+    z = np.array([[low, low + span], [low, low + span]])
+    surface = Heatmap([0, 1], [0, 1], z, Axis("z"), diverging=diverging)
+    bottom, top = surface.shown_limits
+    slack = 1e-6 * (top - bottom) + 1e-9 * max(abs(bottom), abs(top))
+    assert surface.levels[0] >= bottom - slack
+    assert surface.levels[-1] <= top + slack
+    assert 2 <= surface.levels.size <= 11
+
+
+# Formulas and Markdown
+
+
+def test_formulas_become_mathml():
+    root = ElementTree.fromstring(
+        formula.mathml(
+            r"\begin{bmatrix}\hat{x}_{k|k-1} & \frac{k_s}{m}\\ 0 & \sqrt{2}\end{bmatrix}", True
+        )
+    )
+    assert root.get("display") == "block"
+    tags = [node.tag for node in root.iter()]
+    assert tags.count("mtr") == 2
+    assert tags.count("mtd") == 4
+    assert {"msub", "mover", "mfrac", "msqrt"} <= set(tags)
+    assert root.find(".//msub/mrow/mo[@lspace='0']").text == "|"
+
+
+def test_labels_become_the_html_plotly_draws():
+    label = r"$\hat{x}_\mathrm{St}^2 < \sigma$ & more [N/A]"
+    assert formula.label_html(label) == (
+        "<i>x\u0302</i><sub>St</sub><sup>2</sup>&lt;<i>σ</i> &amp; more [N/A]"
+    )
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        (r"\foo", r"\\foo is not understood"),
+        ("a_", "ends too early"),
+        (r"\left( x", "expected"),
+        ("x}", "closes nothing"),
+        ("x_1_2", "two _"),
+        (r"\begin{tikz}", "not understood"),
+        ("{x", "} expected"),
+    ],
+)
+def test_formulas_that_are_not_understood_are_refused(source, message):
+    with pytest.raises(ValueError, match=message):
+        formula.mathml(source)
+
+
+@pytest.mark.parametrize("label", ["cost 5 $", r"$\frac{1}{2}$"])
+def test_labels_that_plotly_cannot_draw_are_refused(label):
+    with pytest.raises(ValueError, match="label"):
+        formula.label_html(label)
+
+
+def test_markdown_knows_formulas_and_names_but_no_html():
+    html = markup.markdown("*a* $k_i$ [](#fig1) <script>x</script>", {"fig1": "Figure 3"})
+    assert "<em>a</em> <math><mrow><msub>" in html
+    assert '<a href="#fig1">Figure 3</a>' in html
+    assert "<script>" not in html
+    with pytest.raises(ValueError, match="#nowhere"):
+        markup.markdown("[](#nowhere)")
+
+
+# Static
+
+
+@pytest.mark.parametrize("build", ALL)
+def test_pictures_are_the_same_bytes_each_time_and_of_reasonable_size(build):
+    import matplotlib
+
+    first = static.render(build())
+    with matplotlib.rc_context({"font.size": 20, "axes.grid": False, "svg.fonttype": "none"}):
+        before = dict(matplotlib.rcParams)
+        assert static.render(build()) == first
+        assert dict(matplotlib.rcParams) == before
+    assert first.png.startswith(b"\x89PNG")
+    assert b"tEXt" not in first.png[:200]  # no software, no date
+    root = ElementTree.fromstring(first.svg)
+    assert root.find("{http://www.w3.org/2000/svg}title").text == build().title
+    assert b"dc:date" not in first.svg
+    assert len(first.svg) < 300_000
+
+
+@pytest.mark.parametrize("build", ALL)
+def test_nothing_is_written_beyond_the_edge(build):
+    import matplotlib
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    with matplotlib.rc_context(static._RC):
+        canvas = static.draw(build())
+        FigureCanvasAgg(canvas).draw()
+        drawn, (width, height) = canvas.get_tightbbox(), canvas.get_size_inches()
+    assert drawn.x0 >= 0
+    assert drawn.y0 >= 0
+    assert drawn.x1 <= width
+    assert drawn.y1 <= height
+
+
+def test_axis_factor_turns_metres_into_millimetres():
+    import matplotlib
+
+    with matplotlib.rc_context(static._RC):
+        axes = static.draw(step_response()).axes
+    tops = sorted(axis.get_ylim()[1] for axis in axes)
+    assert 0.9 < tops[0] < 1.0  # mm
+    assert 3.0 < tops[1] < 4.0  # N
+
+
+# Interactive
+
+
+def decode(array: dict) -> np.ndarray:
+    values = np.frombuffer(base64.b64decode(array["bdata"]), array["dtype"])
+    return values.reshape([int(n) for n in array.get("shape", str(values.size)).split(",")])
+
+
+@pytest.mark.parametrize("build", ALL)
+def test_plotly_accepts_each_property(build):
+    from plotly.graph_objects import Figure as PlotlyFigure
+
+    figure = build()
+    drawn = interactive.describe(figure)
+    PlotlyFigure(drawn)  # raises for an unknown property or an impossible value
+    text = interactive.to_json(figure)
+    assert "<" not in text
+    assert json.loads(text) == json.loads(json.dumps(drawn))
+    shown = [
+        part["name"] for part in drawn["data"] + drawn["layout"]["shapes"] if part["showlegend"]
+    ]
+    assert sorted(shown) == sorted(formula.label_html(name) for name, _ in figure.legend())
+
+
+def test_both_renderings_show_the_same_numbers():
+    figure = step_response()
+    measured = figure.panels[0].items[1]
+    trace = next(t for t in interactive.describe(figure)["data"] if t["name"] == "measured")
+    y = decode(trace["y"])
+    assert y.size <= 4 * interactive.BUCKETS
+    assert [y.min(), y.max()] == pytest.approx(
+        [1e3 * measured.y.min(), 1e3 * measured.y.max()], rel=1e-6
+    )
+    surface = interactive.describe(force_map())["data"][0]
+    heat = force_map().panels[0].heatmap
+    np.testing.assert_allclose(decode(surface["z"]), heat.z, rtol=1e-6)
+    assert surface["contours"]["start"] == heat.levels[0]
+
+
+def test_small_steps_on_a_large_offset_keep_double_precision():
+    late = 1e6 + np.linspace(0, 1e-3, 100)
+    np.testing.assert_array_equal(decode(interactive._array(late)), late)
+
+
+# Page
+
+
+class Outline(HTMLParser):
+    """Collects what a page refers to."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.ids: list[str] = []
+        self.references: list[str] = []
+        self.images: list[dict] = []
+
+    def handle_starttag(self, tag, attributes):
+        attributes = dict(attributes)
+        self.ids += [attributes["id"]] if "id" in attributes else []
+        self.references += [attributes[key] for key in ("src", "href") if key in attributes]
+        if tag == "img":
+            self.images.append(attributes)
+
+
+def test_page_refers_to_nothing_outside_itself(page):
+    outline = Outline()
+    outline.feed(page)
+    assert len(outline.ids) == len(set(outline.ids))
+    for reference in outline.references:
+        assert reference.startswith("data:") or reference[1:] in outline.ids, reference[:80]
+    assert "default-src 'none'" in page
+    assert "@import" not in page[: page.index("<body>")]
+    assert "url(" not in page[: page.index("<body>")]
+    assert len(outline.images) == 4
+    assert all(len(image["alt"]) > 20 for image in outline.images)
+
+
+def test_page_numbers_links_and_escapes(page):
+    assert "<title>A &amp; B</title>" in page
+    assert '<a href="#table4">Table 1</a>' in page
+    assert '<a href="#fig15">Figure 1</a>' in page
+    assert "&lt;b&gt;see&lt;/b&gt;" in page
+    assert re.search(r'class="num marked">8\.45<sup>†</sup>', page)
+    assert "The longest line has 20,001 samples" in page
+    assert '<a href="#table4">Largest deviation' in page  # from the row's id
+    assert re.search(r"✓</span>agrees", page)
+
+
+def test_report_writes_all_files_and_the_same_ones_again(written, tmp_path):
+    said: list[str] = []
+    again = write_report(report(), tmp_path, said.append)
+    assert again.read_bytes() == written.read_bytes()
+    names = {path.name for path in (tmp_path / "figures").iterdir()}
+    assert names == {f"{build().id}.{kind}" for build in ALL for kind in ("png", "svg")}
+    assert said[0] == "figure 1 of 4: Step response, 0.5 mm"
+    assert len(said) == 5
+
+
+def test_another_process_writes_the_same_bytes(tmp_path):
+    """Nothing depends on the order of sets or on addresses."""
+    code = (
+        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
+        "import test_report_toolkit as t\n"
+        "sys.stdout.buffer.write(t.static.render(t.force_map()).svg)"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+    assert run.stdout == static.render(force_map()).svg
+
+
+def test_report_that_contradicts_itself_is_refused_before_the_work(tmp_path):
+    twice = replace(report(), chapters=[*report().chapters, Chapter("fig15", "again", [])])
+    with pytest.raises(ValueError, match="'fig15' is used twice"):
+        write_report(twice, tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_unwritable_place_is_named_and_the_old_file_stays(tmp_path):
+    old = replace_file(tmp_path / "file", b"old")
+    with pytest.raises(AmbkitError, match=r"cannot write .*file/report"):
+        replace_file(old / "report.html", b"new")
+    folder = tmp_path / "folder"
+    (folder / "content").mkdir(parents=True)
+    with pytest.raises(AmbkitError, match="cannot write"):
+        replace_file(folder, b"new")
+    assert old.read_bytes() == b"old"
+    assert {path.name for path in tmp_path.iterdir()} == {"file", "folder"}  # no temporary left
+
+
+def test_browser_draws_every_figure_without_complaint(written, tmp_path):
+    chromium = shutil.which("chromium") or shutil.which("google-chrome")
+    if not chromium:
+        pytest.skip("no chromium here to open the page with")
+    options = "--headless --no-sandbox --disable-gpu --disable-background-networking --dump-dom"
+    run = subprocess.run(
+        [
+            chromium,
+            *options.split(),
+            f"--screenshot={tmp_path / 'page.png'}",  # without a picture nothing comes into sight
+            "--virtual-time-budget=20000",
+            "--window-size=1300,9000",
+            "--enable-logging=stderr",
+            written.as_uri(),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+    assert len(re.findall(r'class="plot[^"]* live"', run.stdout)) == 4
+    assert not re.findall(r"CONSOLE.*", run.stderr)
+
+
+# Summary
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(None, "–"), ("a", "a"), (0.04715, "0.04715"), (-8e-5, "−8×10⁻⁵"), (2e12, "2×10¹²"), (7, "7")],
+)
+def test_numbers_are_written_for_humans(value, text):
+    assert summary.number(value) == text
+
+
+@pytest.mark.parametrize("width", [60, 100])
+def test_terminal_table_fits_and_tells_the_verdict_without_colour(width):
+    from rich.console import Console
+
+    out = io.StringIO()
+    print_summary(ROWS, Console(file=out, width=width))
+    text = out.getvalue()
+    assert max(map(len, text.splitlines())) <= width
+    assert "✓ agrees" in text
+    assert "≠ differs" in text
+    assert "[N/A]" in text  # not taken for markup
+    assert "1 × agrees, 1 × differs" in text
+
+
+def test_unknown_verdict_is_refused():
+    with pytest.raises(ValueError, match="unknown verdict 'fine'"):
+        summary.tally([{**ROWS[0], "verdict": "fine"}])
