@@ -40,6 +40,7 @@ from ambkit.report import (
     Text,
     formula,
     interactive,
+    interactive_items,
     markup,
     static,
     style,
@@ -471,7 +472,7 @@ def test_both_renderings_show_the_same_numbers():
     measured = figure.panels[0].items[1]
     trace = next(t for t in interactive.describe(figure)["data"] if t["name"] == "measured")
     y = decode(trace["y"])
-    assert y.size <= 4 * interactive.BUCKETS
+    assert y.size <= 4 * interactive_items.BUCKETS
     assert [y.min(), y.max()] == pytest.approx(
         [1e3 * measured.y.min(), 1e3 * measured.y.max()], rel=1e-6
     )
@@ -483,7 +484,7 @@ def test_both_renderings_show_the_same_numbers():
 
 def test_small_steps_on_a_large_offset_keep_double_precision():
     late = 1e6 + np.linspace(0, 1e-3, 100)
-    np.testing.assert_array_equal(decode(interactive._array(late)), late)
+    np.testing.assert_array_equal(decode(interactive_items.packed(late)), late)
 
 
 # Page

@@ -15,19 +15,8 @@ from ambkit.report.blocks import (
     TableBlock,
     Text,
 )
-from ambkit.report.figure import (
-    Axis,
-    Band,
-    Bars,
-    Figure,
-    Heatmap,
-    Line,
-    Note,
-    Panel,
-    Points,
-    Rule,
-    Span,
-)
+from ambkit.report.figure import Figure, Panel
+from ambkit.report.items import Axis, Band, Bars, Heatmap, Line, Note, Points, Rule, Span
 from ambkit.report.page import write_report
 from ambkit.report.summary import SummaryRow
 

@@ -21,9 +21,11 @@ from ambkit.report.blocks import (
     TableBlock,
     Text,
 )
-from ambkit.report.figure import Figure, Line
+from ambkit.report.figure import Figure
 from ambkit.report.files import replace_file
 from ambkit.report.formula import mathml
+from ambkit.report.interactive_items import BUCKETS
+from ambkit.report.items import Line
 from ambkit.report.markup import inline, markdown
 from ambkit.report.static import Picture
 from ambkit.report.summary import COLOURS, VERDICTS, number, tally, verdict_of
@@ -199,8 +201,8 @@ def _figure(figure: Figure, names: Mapping[str, str], picture: Picture) -> dict[
         "json": interactive.to_json(figure),
         "height": interactive.height(figure),
         "wide": figure.columns > 1,
-        "samples": f"{longest:,}" if longest > 4 * interactive.BUCKETS else "",
-        "buckets": f"{interactive.BUCKETS:,}",
+        "samples": f"{longest:,}" if longest > 4 * BUCKETS else "",
+        "buckets": f"{BUCKETS:,}",
     }
 
 
