@@ -11,8 +11,9 @@ def decimate(
 
     For a time series the extremes in x are the first and the last sample, which makes this the
     M4 aggregation (Jugel, Jerzak, Hackenbroich and Markl, 2014): at one stretch a pixel column the
-    drawn line does not change. The extremes in x keep the outline of other curves as well. Every
-    kept point is a sample, none is invented; gaps (NaN) stay gaps.
+    drawn line does not change. A curve that turns back has no pixel columns to lean on: it is cut
+    into ten times as many stretches, and its extremes in x are kept likewise. Every kept point is a
+    sample, none is invented; gaps (NaN) stay gaps.
 
     Parameters
     ----------
@@ -24,8 +25,10 @@ def decimate(
     Returns
     -------
     tuple of ndarray
-        x and y of the kept points, in their order, at most ``5 * buckets``.
+        x and y of the kept points, in their order: at most five a stretch.
     """
+    if x.size > 4 * buckets and not (np.diff(x) >= 0).all():
+        buckets *= 10
     if x.size <= 4 * buckets:
         return x, y
     size = -(-x.size // buckets)

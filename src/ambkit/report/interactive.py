@@ -191,6 +191,7 @@ def _axis(axis: Axis, area: Vector | None) -> Json:
         "zeroline": False,
         "ticks": "",
         "ticklabelstandoff": 4,
+        "automargin": True,
         "exponentformat": "power",
     }
     if axis.scale == "log":

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 BLACK, GREY, PALE = "#000000", "#6E6E6E", "#B4BFC9"
 BLUE, VERMILION, GREEN = "#00649E", "#D55E00", "#009E73"
-PURPLE, OCHRE, RED = "#9B4A86", "#A67600", "#B3261E"
+PURPLE, OCHRE, TAN, RED = "#9B4A86", "#A67600", "#B58C3C", "#B3261E"
 
 SOLID: tuple[float, ...] = ()
 LONG, DASH, DOT = (7.0, 2.5), (4.0, 2.0), (1.2, 1.8)
@@ -76,8 +76,8 @@ SIGNALS = {
     "force": Style("magnet force", GREEN, SOLID, 1.3, layer=3),
     "identified": Style("identified", BLUE, SOLID, 1.4, layer=5),
     "fit": Style("fit", BLUE, SOLID, 1.4, layer=4),
-    "innovation": Style("innovation", OCHRE, SOLID, 0.6, layer=2),
-    "bound": Style("bound", GREY, LONG, 1.0, layer=4),
+    "innovation": Style("innovation", TAN, SOLID, 0.6, layer=2),
+    "bound": Style("bound", BLACK, LONG, 1.1, layer=4),
     "limit": Style("limit", RED, DOT, 1.4, layer=2),
     "series 1": Style("series 1", BLUE, SOLID, 1.4, "circle", layer=6),
     "series 2": Style("series 2", VERMILION, DASH, 1.4, "square", layer=5),
