@@ -1,0 +1,165 @@
+"""Textbook versions of what the C core computes: full matrices, plain loops, nothing shared.
+
+They are slow and written down as the paper prints them, so that they can be checked by eye. The
+tests hold the core to them; no other code uses them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit import Bearing
+
+Array = NDArray[np.float64]
+Settings = dict[str, Any]
+"""Settings of a filter, by the names of ``amb_kalman_settings``, SI."""
+
+
+def settings_of(bearing: Bearing, **changes: float) -> Settings:
+    """Write down what a filter of the bearing is set to, without asking ambkit's own filters."""
+    sign = {"-x": -1.0, "+x": 1.0, "none": 0.0}[bearing.rotor.gravity]
+    bias = 0.0 if bearing.magnet.type == "two-sided" else magnet_force(bearing, 0.0, 0.0)
+    weight = sign * bearing.rotor.mass * 9.81
+    return {
+        "T": bearing.sampling_time,
+        "m": bearing.rotor.mass,
+        "K_sen": bearing.sensor.gain,
+        "T_sen": bearing.sensor.lag,
+        "k_ui": bearing.amplifier.gain,
+        "f_0": weight + bias,
+        "iu_min": -bearing.amplifier.current_limit,
+        "iu_max": bearing.amplifier.current_limit,
+        "x_max": bearing.rotor.travel_limit,
+        "var_u": bearing.amplifier.noise_variance,
+        "var_d": bearing.sampling_time * (2 * weight) ** 2,
+        "var_y": bearing.sensor.noise_variance,
+        "frozen_limit": 10,
+    } | changes
+
+
+def magnet_force(bearing: Bearing, iu: float, x: float) -> float:
+    """Whole force of the magnet [N], eq. 1, first equality; one-sided: its first term."""
+    k, s0, i0 = bearing.magnet.magnet_constant, bearing.magnet.air_gap, bearing.magnet.bias_current
+    upper = ((i0 + iu) / (s0 - x)) ** 2
+    lower = ((i0 - iu) / (s0 + x)) ** 2
+    return k * (upper - lower) if bearing.magnet.type == "two-sided" else k * upper
+
+
+def least_squares_stiffness(
+    force: Callable[[float, float], float], iu: float, x: float, d_iu: float, d_x: float
+) -> tuple[float, float]:
+    """k_i [N/A], k_s [N/m] from the nine points about (iu, x), eq. 27-31, no intercept."""
+    points = [(iu + a * d_iu, x + b * d_x) for a in (-1, 0, 1) for b in (-1, 0, 1)]
+    A = np.array([(i / d_iu, d / d_x) for i, d in points])
+    Y = np.array([force(i, d) - force(0.0, 0.0) for i, d in points])
+    theta = np.linalg.lstsq(A, Y, rcond=None)[0]
+    return float(theta[0] / d_iu), float(theta[1] / d_x)
+
+
+def network_output(
+    p: Array, centres: Array, widths: Array, weights: Array, *, normalised: bool
+) -> float:
+    """One output of the network at the scaled input p (2,); centres (rules, 2). Eq. 32, 33."""
+    u = np.array(
+        [
+            math.exp(-np.sum((p - c) ** 2) / (2 * sigma**2))
+            for c, sigma in zip(centres, widths, strict=True)
+        ]
+    )
+    y = float(np.sum(weights * u))
+    return y / float(np.sum(u)) if normalised else y
+
+
+def system_matrices(s: Settings, k_i: float, k_s: float) -> tuple[Array, Array, Array]:
+    """A (4, 4), B (4,) of eq. 20 and H (4,) of eq. 21, by hand."""
+    T, m, T_sen = s["T"], s["m"], s["T_sen"]
+    half = T**2 / (2 * m)
+    keep = math.exp(-T / T_sen)
+    A = np.array([
+        [1 + half * k_s, T, half, 0],
+        [T / m * k_s, 1, T / m, 0],
+        [0, 0, 1, 0],
+        [s["K_sen"] * (1 - keep), 0, 0, keep],
+    ])  # fmt: skip
+    B = np.array([half * k_i * s["k_ui"], T / m * k_i * s["k_ui"], 0, 0])
+    H = np.array([0.0, 0, 0, 1])
+    return A, B, H
+
+
+class Kalman:
+    """Eq. 9-13 with full matrices.
+
+    Eq. 13, P = (I - K H) P, loses the symmetry of a full matrix, and on this plant diverges after
+    some 2,000 steps: long runs take the form of Joseph, equal in exact arithmetic.
+    """
+
+    def __init__(self, s: Settings, mean: Array, std: Array, *, joseph: bool = True) -> None:
+        self.s, self.joseph = s, joseph
+        self.X, self.P = np.array(mean, dtype=float), np.diag(np.square(std))
+        self.innovation = self.S = math.nan
+
+    def predict(self, k_i: float, k_s: float, u: float) -> None:
+        """Eq. 9, 10; the weight acts as f_d does. Q = B var B', and the growth of f_d."""
+        s = self.s
+        A, B, _ = system_matrices(s, k_i, k_s)
+        constant = s["f_0"] * np.array([s["T"] ** 2 / (2 * s["m"]), s["T"] / s["m"], 0, 0])
+        held = min(max(s["k_ui"] * u, s["iu_min"]), s["iu_max"]) / s["k_ui"]
+        Q = s["var_u"] * np.outer(B, B) + np.diag([0, 0, s["var_d"], 0])
+        self.X = A @ self.X + B * held + constant
+        self.P = A @ self.P @ A.T + Q
+
+    def update(self, y: float) -> None:
+        """Eq. 11-13."""
+        _, _, H = system_matrices(self.s, 0.0, 0.0)
+        R = self.s["var_y"]
+        self.S = H @ self.P @ H + R
+        K = self.P @ H / self.S
+        self.innovation = y - H @ self.X
+        self.X = self.X + K * self.innovation
+        I_KH = np.eye(4) - np.outer(K, H)
+        if self.joseph:
+            self.P = I_KH @ self.P @ I_KH.T + R * np.outer(K, K)
+        else:
+            self.P = I_KH @ self.P
+
+    def run(self, y: Array, u: Array, k_i: Array, k_s: Array) -> Mapping[str, Array]:
+        """Filter a whole record; u[k], k_i[k], k_s[k] act from sample k to k + 1."""
+        mean, cov, S = np.empty((len(y), 4)), np.empty((len(y), 4, 4)), np.empty(len(y))
+        for k in range(len(y)):
+            if k > 0:
+                self.predict(k_i[k - 1], k_s[k - 1], u[k - 1])
+            self.update(y[k])
+            mean[k], cov[k], S[k] = self.X, self.P, self.S
+        return {"mean": mean, "covariance": cov, "variance": S}
+
+
+class Pid:
+    """Output ``kp e + ki integral(e) - kd dx/dt`` with filtered derivative and back-calculation."""
+
+    def __init__(self, T: float, kp: float, ki: float, kd: float, T_f: float, T_t: float,
+                 limits: tuple[float, float], integral: float = 0.0) -> None:  # fmt: skip
+        self.T, self.kp, self.ki, self.kd, self.T_f, self.T_t = T, kp, ki, kd, T_f, T_t
+        self.low, self.high = limits
+        self.integral, self.velocity, self.last_x = integral, 0.0, math.nan
+
+    def step(self, r: float, x: float, velocity: float | None = None) -> float:
+        """One sample; returns the control current demanded [A]."""
+        if velocity is not None:
+            self.velocity = velocity
+        elif not math.isnan(self.last_x):
+            # T_f v' + v = x' by backward differences
+            slope = (x - self.last_x) / self.T
+            self.velocity = (self.T_f * self.velocity + self.T * slope) / (self.T_f + self.T)
+        self.last_x = x
+        wanted = self.kp * (r - x) + self.integral - self.kd * self.velocity
+        given = min(max(wanted, self.low), self.high)
+        if self.T_t > 0:
+            self.integral += self.T * (self.ki * (r - x) + (given - wanted) / self.T_t)
+        elif given == wanted:
+            self.integral += self.T * self.ki * (r - x)
+        return given

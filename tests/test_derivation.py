@@ -1,0 +1,108 @@
+"""The generated C is what the derivation writes, and the derivation is the paper's eq. 15-21."""
+
+import os
+import random
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy as sp
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))
+
+from derivation import axial as ax  # noqa: E402
+from derivation.exponential import coefficients  # noqa: E402
+
+MODEL = ax.axial
+
+
+def test_the_committed_headers_are_what_the_derivation_writes() -> None:
+    check = subprocess.run(
+        [sys.executable, "-m", "derivation", "--check"],
+        cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True, text=True,
+    )  # fmt: skip
+    assert check.returncode == 0, check.stderr
+
+
+def test_one_changed_sign_is_noticed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from derivation import __main__ as writer
+
+    shutil.copytree(writer.GENERATED, tmp_path / "generated")
+    shutil.copy(ROOT / ".clang-format", tmp_path)
+    header = tmp_path / "generated" / "axial.h"
+    header.write_text(header.read_text().replace("cov[7] = P22 + var_d", "cov[7] = P22 - var_d"))
+    monkeypatch.setattr(writer, "GENERATED", tmp_path / "generated")
+    monkeypatch.setattr(writer, "ROOT", tmp_path)
+    monkeypatch.setattr(sys, "argv", ["derivation", "--check"])
+    assert writer.main() == 1
+    told = capsys.readouterr().err.splitlines()
+    assert told == ["generated/axial.h is not what the derivation writes"]
+
+
+def physical(matrix: sp.Matrix) -> sp.Matrix:
+    """Put the physical parameters in for the constants that are computed once."""
+    return matrix.subs(MODEL.constants)
+
+
+def same(a: sp.Matrix, b: sp.Matrix) -> bool:
+    return sp.simplify(a - b) == sp.zeros(*a.shape)
+
+
+def test_the_system_is_eq_20_and_21_as_printed() -> None:
+    T, m, K_sen, T_sen = ax.T, ax.m, ax.K_sen, ax.T_sen
+    k_i, k_s, k_ui = ax.k_i, ax.k_s, ax.k_ui
+    A = sp.Matrix([
+        [1 + T**2 / (2 * m) * k_s, T, T**2 / (2 * m), 0],
+        [T / m * k_s, 1, T / m, 0],
+        [0, 0, 1, 0],
+        [K_sen * (1 - sp.exp(-T / T_sen)), 0, 0, sp.exp(-T / T_sen)],
+    ])  # fmt: skip
+    B = sp.Matrix([T**2 / (2 * m) * k_i * k_ui, T / m * k_i * k_ui, 0, 0])
+    assert same(physical(MODEL.A), A)
+    assert same(physical(MODEL.B), B)
+    assert same(physical(MODEL.H), sp.Matrix([[0, 0, 0, 1]]))
+    Q = B * B.T * ax.var_u + sp.diag(0, 0, ax.var_d, 0)
+    assert same(physical(MODEL.Q), Q)
+
+
+def test_the_covariance_step_is_eq_10() -> None:
+    P = MODEL.covariance()
+    assert P == P.T
+    written_out = MODEL.A * P * MODEL.A.T + MODEL.Q
+    assert same(MODEL.predicted_covariance(), written_out)
+    assert same(MODEL.predicted_covariance(), MODEL.predicted_covariance().T)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_jacobian_agrees_with_central_differences_of_the_transition(seed: int) -> None:
+    draw = random.Random(seed)
+    values = {
+        ax.T: 1e-4, ax.m: 0.5, ax.K_sen: draw.uniform(0.5, 2), ax.T_sen: 2e-4, ax.k_ui: 0.8,
+        ax.k_i: draw.uniform(5, 15), ax.k_s: draw.uniform(5e3, 3e4),
+    }  # fmt: skip
+    transition = sp.lambdify([MODEL.state], physical(MODEL.linear).subs(values).subs(ax.u, 0.3))
+    A = np.array(physical(MODEL.A).subs(values), dtype=float)
+    at = np.array([draw.uniform(-5e-4, 5e-4), draw.uniform(-0.1, 0.1), draw.uniform(-5, 5), 1e-4])
+    scale = np.array([1e-4, 1e-1, 1.0, 1e-4])
+    for j in range(4):
+        step = np.zeros(4)
+        step[j] = scale[j]
+        difference = (transition(at + step) - transition(at - step)).ravel() / (2 * scale[j])
+        np.testing.assert_allclose(difference, A[:, j], rtol=1e-9, atol=1e-10 * np.abs(A).max())
+
+
+@pytest.mark.parametrize(("degree", "bound"), [(6, 2.5e-9), (11, 4.2e-18)])
+def test_the_polynomial_is_as_close_to_exp_as_it_says(degree: int, bound: float) -> None:
+    mp = pytest.importorskip("mpmath")
+    with mp.workdps(40):
+        terms = coefficients(degree)
+        half = mp.log(2) / 2
+        points = [half * (2 * mp.mpf(k) / 400 - 1) for k in range(401)]
+        worst = max(abs(mp.polyval(terms[::-1], r) / mp.exp(r) - 1) for r in points)
+    assert bound / 3 < worst <= 1.05 * bound

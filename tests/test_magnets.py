@@ -1,0 +1,226 @@
+"""The closed law and the table of the core against the plain force law, and differences."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from magnet_at import differences, force, tangent, through_origin
+from oracles import least_squares_stiffness, magnet_force
+
+from ambkit import Bearing
+from ambkit.magnets import ClosedLaw, ConstantStiffness, core_module
+
+TWO_SIDED = Bearing.preset("zittau_axial")
+ONE_SIDED = Bearing.preset("inteco_ml")
+BEARINGS = {"two-sided": TWO_SIDED, "one-sided": ONE_SIDED}
+CORE = core_module()
+
+bearings = pytest.mark.parametrize("bearing", BEARINGS.values(), ids=BEARINGS)
+
+
+share = st.floats(-1, 1)
+
+
+@st.composite
+def places(draw: st.DrawFn) -> tuple[Bearing, float, float]:
+    """A bearing, a current within its limits and a displacement within its travel."""
+    b = BEARINGS[draw(st.sampled_from(sorted(BEARINGS)))]
+    low, high = b.current_min, b.current_max
+    iu = low + (high - low) * 0.5 * (1 + draw(share))
+    return b, iu, b.rotor.travel_limit * draw(share)
+
+
+# ---- the closed law ----
+
+
+@given(places())
+def test_the_law_is_eq_1(place: tuple[Bearing, float, float]) -> None:
+    b, iu, x = place
+    plain = magnet_force(b, iu, x) - magnet_force(b, 0, 0)
+    scale = b.magnet.magnet_constant * (2 * b.magnet.bias_current / b.magnet.air_gap) ** 2
+    room = {"rel": 1e-13, "abs": 1e-14 * scale}
+    assert force(ClosedLaw(b).magnet(CORE), iu, x) == pytest.approx(plain, **room)
+    assert ClosedLaw(b).force(iu, x) == pytest.approx(magnet_force(b, iu, x), **room)
+
+
+@bearings
+def test_the_law_does_not_cancel_near_the_origin(bearing: Bearing) -> None:
+    """Where eq. 1 as printed subtracts equal squares, the force still has all its digits."""
+    magnet = ClosedLaw(bearing).magnet(CORE)
+    k_i, k_s = tangent(magnet, 0.0, 0.0)
+    for small in (1e-9, 1e-12, 1e-15):
+        assert force(magnet, small, 0.0) == pytest.approx(k_i * small, rel=10 * small + 1e-15)
+        assert force(magnet, 0.0, 1e-3 * small) == pytest.approx(
+            k_s * 1e-3 * small, rel=10 * small + 1e-15
+        )
+
+
+@given(places())
+def test_the_tangent_is_the_slope_of_the_force(place: tuple[Bearing, float, float]) -> None:
+    b, iu, x = place
+    magnet = ClosedLaw(b).magnet(CORE)
+    k_i, k_s = tangent(magnet, iu, x)
+    d_i, d_s = differences(magnet, iu, x, 1e-5 * b.magnet.bias_current, 1e-6 * b.magnet.air_gap)
+    scale_i, scale_s = tangent(magnet, 0, 0)
+    assert k_i == pytest.approx(d_i, rel=1e-8, abs=1e-8 * scale_i)
+    assert k_s == pytest.approx(d_s, rel=1e-8, abs=1e-8 * scale_s)
+
+
+def test_at_the_origin_both_forms_are_the_corrected_eq_4_and_5() -> None:
+    k, i0, s0 = 6.7e-6, 1.5, 2e-3
+    magnet = ClosedLaw(TWO_SIDED).magnet(CORE)
+    expected = pytest.approx((4 * k * i0 / s0**2, 4 * k * i0**2 / s0**3), rel=1e-14)
+    assert tangent(magnet, 0, 0) == expected
+    assert through_origin(magnet, 0, 0) == expected
+    assert expected == (10.05, 7537.5)
+    constant = ConstantStiffness.of(TWO_SIDED)
+    assert (constant.k_i, constant.k_s) == expected
+
+
+@given(places())
+def test_through_the_origin_gives_the_force_exactly(place: tuple[Bearing, float, float]) -> None:
+    b, iu, x = place
+    magnet = ClosedLaw(b).magnet(CORE)
+    k_i, k_s = through_origin(magnet, iu, x)
+    room = 1e-14 * (abs(k_i * iu) + abs(k_s * x))
+    assert k_i * iu + k_s * x == pytest.approx(force(magnet, iu, x), rel=1e-13, abs=room + 1e-300)
+
+
+@bearings
+@pytest.mark.parametrize(
+    ("a", "b"), [(0.8, 0.3), (-0.5, 0.5), (0.0, 0.4), (0.6, 0.0), (-0.7, -0.9)]
+)
+def test_through_the_origin_is_the_limit_of_the_papers_least_squares(
+    bearing: Bearing, a: float, b: float
+) -> None:
+    """The nine points of eq. 27 shrink; what is left falls with the square of their distance."""
+    iu, x = a * bearing.current_max * 0.5, b * 0.5 * bearing.rotor.travel_limit
+    limit = np.array(through_origin(ClosedLaw(bearing).magnet(CORE), iu, x))
+
+    def left(step: float) -> np.ndarray:
+        found = least_squares_stiffness(
+            lambda i, d: magnet_force(bearing, i, d), iu, x, step, step * 1e-3
+        )
+        return np.abs(np.array(found) - limit) / np.abs(limit)
+
+    coarse, fine = left(0.01), left(0.0025)
+    assert coarse.max() < 5e-3
+    noticed = coarse > 1e-7  # some entries are met at once; the others fall 16-fold
+    np.testing.assert_allclose(coarse[noticed] / fine[noticed], 16, rtol=0.05)
+
+
+def test_turning_everything_round_turns_the_force_round() -> None:
+    magnet = ClosedLaw(TWO_SIDED).magnet(CORE)
+    rng = np.random.default_rng(1)
+    iu, x = rng.uniform(-1.5, 1.5, 500), rng.uniform(-1e-3, 1e-3, 500)
+    assert (magnet.force(-iu, -x) == -magnet.force(iu, x)).all()
+    for form in (magnet.tangent, magnet.through_origin):
+        for there, back in zip(form(iu, x), form(-iu, -x), strict=True):
+            assert (there == back).all()
+
+
+def test_constant_stiffness_is_a_straight_force() -> None:
+    magnet = ConstantStiffness(10.0, 7e3).magnet(CORE)
+    assert force(magnet, 0.5, -1e-4) == pytest.approx(10 * 0.5 - 7e3 * 1e-4, rel=1e-15)
+    assert through_origin(magnet, 0.5, 1e-4) == tangent(magnet, -1.0, 0) == (10.0, 7e3)
+
+
+@pytest.mark.parametrize(
+    ("k_i", "k_s", "told"), [(np.nan, 1, "k_i must be finite"), (1, np.inf, "k_s")]
+)
+def test_a_stiffness_that_is_no_number_is_refused(k_i: float, k_s: float, told: str) -> None:
+    with pytest.raises(ValueError, match=told):
+        ConstantStiffness(k_i, k_s)
+
+
+# ---- the table ----
+
+TABLE_IU, TABLE_X = np.linspace(-1.5, 1.5, 7), np.linspace(-5e-4, 5e-4, 5)
+
+
+def table(of_k_i: Any, of_k_s: Any) -> Any:
+    iu, x = np.meshgrid(TABLE_IU, TABLE_X)
+    return CORE.Table(TABLE_X[0], TABLE_X[1] - TABLE_X[0], TABLE_IU[0], TABLE_IU[1] - TABLE_IU[0],
+                      of_k_i(iu, x), of_k_s(iu, x))  # fmt: skip
+
+
+def k_i_surface(iu: Any, x: Any) -> Any:
+    return 10 + 2 * iu - 3e3 * x + 4e3 * iu * x
+
+
+def k_s_surface(iu: Any, x: Any) -> Any:
+    return 7e3 - 500 * iu + 1e6 * x - 2e6 * iu * x
+
+
+@given(st.floats(-3, 3), st.floats(-1e-3, 1e-3))
+def test_a_bilinear_surface_comes_back_from_a_table_and_its_edge_is_held(
+    iu: float, x: float
+) -> None:
+    magnet = table(k_i_surface, k_s_surface)
+    at = (np.clip(iu, -1.5, 1.5), np.clip(x, -5e-4, 5e-4))
+    k_i, k_s = through_origin(magnet, iu, x)
+    assert k_i == pytest.approx(k_i_surface(*at), rel=1e-12)
+    assert k_s == pytest.approx(k_s_surface(*at), rel=1e-12)
+    assert force(magnet, iu, x) == pytest.approx(k_i * iu + k_s * x, rel=1e-14, abs=1e-300)
+
+
+@given(st.floats(-2, 2), st.floats(-8e-4, 8e-4))
+def test_the_tables_tangent_is_the_slope_of_its_force(iu: float, x: float) -> None:
+    # Not across a node, where the slope jumps.
+    assume(np.min(np.abs(TABLE_IU - iu)) > 1e-3)
+    assume(np.min(np.abs(TABLE_X - x)) > 1e-6)
+    magnet = table(
+        lambda i, d: 10 + np.sin(3 * i) + 2e3 * d, lambda i, d: 7e3 * np.cos(i) + 5e6 * d
+    )
+    assert tangent(magnet, iu, x) == pytest.approx(
+        differences(magnet, iu, x, 1e-4, 1e-7), rel=1e-6, abs=1e-6
+    )
+
+
+def test_a_table_asked_at_no_number_answers_with_none() -> None:
+    magnet = table(k_i_surface, k_s_surface)
+    for iu, x in ((np.nan, 0.0), (0.0, np.nan), (np.nan, np.nan)):
+        assert np.isnan(through_origin(magnet, iu, x)).all()
+    assert np.isfinite(through_origin(magnet, np.inf, -np.inf)).all()
+
+
+def test_a_table_needs_two_by_two_nodes_of_one_shape() -> None:
+    with pytest.raises(ValueError, match="at least 2 x 2"):
+        CORE.Table(0, 1, 0, 1, np.ones((1, 3)), np.ones((1, 3)))
+    with pytest.raises(ValueError, match="differ in shape"):
+        CORE.Table(0, 1, 0, 1, np.ones((2, 3)), np.ones((3, 2)))
+
+
+# ---- single precision ----
+
+
+@bearings
+def test_in_single_precision_the_law_is_the_same_to_its_digits(bearing: Bearing) -> None:
+    rng = np.random.default_rng(2)
+    iu = rng.uniform(bearing.current_min, bearing.current_max, 1000).astype(np.float32)
+    x = (0.5 * bearing.rotor.travel_limit * rng.uniform(-1, 1, 1000)).astype(np.float32)
+    law = ClosedLaw(bearing)
+    single, double = law.magnet(core_module("float32")), law.magnet(CORE)
+    wide = iu.astype(float), x.astype(float)
+    scale = float(np.abs(double.force(*wide)).max())
+    np.testing.assert_allclose(
+        single.force(iu, x), double.force(*wide), rtol=1e-6, atol=1e-6 * scale
+    )
+    for form in ("tangent", "through_origin"):
+        for low, high in zip(
+            getattr(single, form)(iu, x), getattr(double, form)(*wide), strict=True
+        ):
+            np.testing.assert_allclose(low, high, rtol=2e-5, atol=2e-6 * np.abs(high).max())
+
+
+def test_both_builds_live_side_by_side() -> None:
+    """Each has types of its own, and none takes the other's."""
+    single, double = core_module("float32"), core_module()
+    assert single.Kalman is not double.Kalman
+    assert ConstantStiffness(1, 2).magnet(single).force(np.ones(1), np.ones(1)).dtype == np.float32
+    with pytest.raises(ValueError, match="'float64' or 'float32', got 'float16'"):
+        core_module("float16")  # type: ignore[arg-type]
