@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -42,6 +42,14 @@ class FilterNoise:
     measurement: float | None = None
     control: float | None = None
     disturbance: float | None = None
+
+
+class Variances(NamedTuple):
+    """What a filter assumes: R [m^2], control signal [V^2], growth of the disturbance [N^2/s]."""
+
+    measurement: float
+    control: float
+    disturbance: float
 
 
 class KalmanFilter:
@@ -87,7 +95,7 @@ class KalmanFilter:
             raise ValueError(f"frozen_limit must be 0 or more, got {frozen_limit}")
         self.bearing = bearing
         self.source = source if source is not None else ConstantStiffness.of(bearing)
-        self.noise = _completed(bearing, noise or FilterNoise())
+        self.variances = _completed(bearing, noise or FilterNoise())
         self.precision = precision
         known = bearing.weight if gravity == "known" else 0.0
         core = core_module(precision)
@@ -105,9 +113,9 @@ class KalmanFilter:
             iu_min=bearing.current_min,
             iu_max=bearing.current_max,
             x_max=bearing.rotor.travel_limit,
-            var_u=self.noise.control,
-            var_d=T * (self.noise.disturbance or 0.0),
-            var_y=self.noise.measurement,
+            var_u=self.variances.control,
+            var_d=T * self.variances.disturbance,
+            var_y=self.variances.measurement,
             frozen_limit=frozen_limit,
         )
         self.reset()
@@ -129,7 +137,7 @@ class KalmanFilter:
 
     def _default_std(self) -> tuple[float, float, float, float]:
         b = self.bearing
-        sigma = 3 * math.sqrt(self.noise.measurement or 0.0)
+        sigma = 3 * math.sqrt(self.variances.measurement)
         own_time = math.sqrt(b.rotor.mass / ConstantStiffness.of(b).k_s)
         return (
             sigma / abs(b.sensor.gain),
@@ -252,10 +260,10 @@ def check_sampling(bearing: Bearing, record: Record) -> None:
         )
 
 
-def _completed(bearing: Bearing, noise: FilterNoise) -> FilterNoise:
+def _completed(bearing: Bearing, noise: FilterNoise) -> Variances:
     """Fill in the bearing's figures and check all of them."""
     weight = bearing.rotor.mass * STANDARD_GRAVITY
-    full = FilterNoise(
+    full = Variances(
         bearing.sensor.noise_variance if noise.measurement is None else noise.measurement,
         bearing.amplifier.noise_variance if noise.control is None else noise.control,
         (2 * weight) ** 2 if noise.disturbance is None else noise.disturbance,

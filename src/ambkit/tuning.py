@@ -1,0 +1,66 @@
+"""Tuning a filter by the likelihood of a record, where there is no truth to tune by."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ambkit.estimate import Estimate
+from ambkit.estimators import STANDARD_GRAVITY, KalmanFilter
+
+if TYPE_CHECKING:
+    from ambkit.bearing import Bearing
+    from ambkit.record import Record
+
+DECADES = (-8.0, 1.0)
+"""Range of the search, in decades around ``(2 m g)^2`` a second."""
+
+
+def log_likelihood(estimate: Estimate) -> float:
+    """Log likelihood of the measurements that a filter took in (Schweppe 1965), up to a constant.
+
+    ``-1/2 sum(ln S + e^2/S)`` over the innovations e and the variances S that the filter expected;
+    the first sample, which the filter starts from, does not count.
+    """
+    taken = estimate.used.copy()
+    taken[:1] = False
+    return float(-0.5 * np.sum(np.log(estimate.innovation_variance[taken]) + estimate.nis[taken]))
+
+
+def most_likely_disturbance(
+    bearing: Bearing, record: Record, make: Callable[[float], KalmanFilter]
+) -> float:
+    """Find the growth of the disturbance force under which a record is most likely.
+
+    The paper leaves it to experiment. Too small, and the filter is sure of a wrong force; too
+    large, and it takes the noise of the sensor for forces.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        Its weight sets the range of the search, see `DECADES`.
+    record : Record
+        With ``y`` [m] and ``u`` [V].
+    make : callable
+        ``make(disturbance)`` builds the filter that assumes this growth [N^2/s].
+
+    Returns
+    -------
+    float
+        Growth of the variance of the disturbance force [N^2/s].
+    """
+    from scipy.optimize import minimize_scalar
+
+    own = (2 * bearing.rotor.mass * STANDARD_GRAVITY) ** 2
+
+    def cost(decade: float) -> float:
+        return -log_likelihood(make(own * 10**decade).run(record))
+
+    # The likelihood can have a flat or second hill: look everywhere first, then go up the highest.
+    grid = np.arange(DECADES[0], DECADES[1] + 0.5)
+    best = grid[int(np.argmin([cost(decade) for decade in grid]))]
+    found = minimize_scalar(cost, bounds=(best - 1, best + 1), method="bounded",
+                            options={"xatol": 0.02})  # fmt: skip
+    return float(own * 10**found.x)
