@@ -118,7 +118,7 @@ def _curve(signal: str, x: Vector, y: Vector) -> Json:
         "mode": "lines",
         "x": packed(x),
         "y": packed(y),
-        "line": _line(signal),
+        "line": _line(signal) | {"simplify": False},  # it shows as corners in smooth curves
         "zorder": look.layer,
     }
 
