@@ -70,8 +70,10 @@ def header(model: Model) -> str:
     k_names = ", ".join(f"amb_real {s}" for s in model.stiffness)
 
     struct = "\n".join(f"  amb_real {s};" for s in fields)
-    init = block([(f"model->{s}", e) for s, e in [*((k, k) for k in model.kept),
-                                              *model.constants.items()]], {})
+    init = block(
+        [(f"model->{s}", e) for s, e in [*((k, k) for k in model.kept), *model.constants.items()]],
+        {},
+    )
     predict_mean = block(
         [(mean[s], e) for s, e in zip(model.state, model.transition, strict=True) if s != e],
         m | mean,
@@ -100,7 +102,7 @@ def header(model: Model) -> str:
     gain, control = model.gain, model.control
     parts = [
         f"/* {model.about}. Written by `python -m derivation`; do not edit. */",
-        f"#ifndef {guard}\n#define {guard}\n\n#include \"ambkit/exponential.h\"\n#include \"ambkit/real.h\"\n",
+        f'#ifndef {guard}\n#define {guard}\n\n#include "ambkit/exponential.h"\n#include "ambkit/real.h"\n',
         f"#define AMB_{model.name.upper()}_STATES {n}\n"
         f"#define AMB_{model.name.upper()}_TRIANGLE {len(pairs)}\n",
         "/* What the equations ask of the physical parameters, computed once. */\n"
@@ -108,7 +110,8 @@ def header(model: Model) -> str:
         function(
             "Constants from the physical parameters, SI.",
             f"{kind}_model_init({kind}_model *model, "
-            + ", ".join(f"amb_real {p}" for p in model.parameters) + ")",
+            + ", ".join(f"amb_real {p}" for p in model.parameters)
+            + ")",
             init,
         ),
         function(
@@ -119,7 +122,8 @@ def header(model: Model) -> str:
         function(
             "Eq. 10, A P A' + Q on the upper triangle, row by row.",
             f"{kind}_predict_covariance({model_arg}, {k_names}, amb_real {gain}, "
-            + ", ".join(f"amb_real {q}" for q in noise) + f", amb_real cov[{len(pairs)}])",
+            + ", ".join(f"amb_real {q}" for q in noise)
+            + f", amb_real cov[{len(pairs)}])",
             predict_cov,
         ),
         function(

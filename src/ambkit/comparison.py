@@ -94,9 +94,7 @@ def compare(
 
     scores = {}
     with ThreadPoolExecutor(threads) as pool:
-        futures = {
-            name: [pool.submit(one, name, seed) for seed in seeds] for name in estimators
-        }
+        futures = {name: [pool.submit(one, name, seed) for seed in seeds] for name in estimators}
         for name, waiting in futures.items():
             results = [future.result() for future in waiting]
             errors = np.array([r[0] for r in results])

@@ -185,9 +185,7 @@ class KalmanFilter:
         near = y[np.abs(y) <= self.bearing.sensor.gain * self.bearing.rotor.travel_limit]
         first = float(near[0]) if near.size else 0.0
         self.reset([first / self.bearing.sensor.gain, 0.0, 0.0, first])
-        return Estimate.from_core(
-            record.t, self.core.run(y, u, covariance=covariance), self.name
-        )
+        return Estimate.from_core(record.t, self.core.run(y, u, covariance=covariance), self.name)
 
     def forecast(self, estimate: Estimate, record: Record, ahead: int) -> NDArray[np.float64]:
         """Predict the measurement ``ahead`` samples after each estimate.

@@ -26,14 +26,13 @@ def adaptive(study: Study) -> Part:
     late = record.t > STEP_TIME + 0.1
     far_i = 100 * float(np.mean(estimate.k_i[late]) / study.constant.k_i - 1)
     far_s = 100 * float(np.mean(estimate.k_s[late]) / study.constant.k_s - 1)
-    overshoot = {
-        name: 100 * float(run.record["x"].max() / STEP - 1) for name, run in runs.items()
-    }
+    overshoot = {name: 100 * float(run.record["x"].max() / STEP - 1) for name, run in runs.items()}
     return Part(
         Chapter(
             id="adaptive",
             title="The adaptive Kalman filter",
-            lead="At every sample the expert is asked for k_i and k_s at the estimated displacement "
+            lead="At every sample the expert is asked for k_i and k_s at the estimated "
+                 "displacement "
             "and the control current, and the prediction goes on with its answer.",
             blocks=[
                 FigureBlock(_figure_stiffness("fig13", "k_i", "N/A", 1.0, estimate, true_k_i,
@@ -84,7 +83,8 @@ def _figure_stiffness(
         source=f"paper, Fig. {id[3:]}",
         caption="Blue: what the expert answered at the estimated displacement and the control "
         "current. Black: the same from the closed law at the true ones. Dotted: the constant of "
-        "the linear filter.",
+        "the linear filter. While the rotor overshoots beyond 0.5 mm it is outside the box of the "
+        "rules, and the expert answers as at its edge.",
         panels=[
             Panel(TIME, Axis(f"{word} stiffness ${symbol}$", unit, factor), [
                 Line(estimate.t, truth, signal="truth", label="closed law at the truth"),
@@ -126,7 +126,7 @@ def _figure_close(runs: dict[str, Run]) -> Figure:
     window = (STEP_TIME - 0.002, STEP_TIME + 0.028)
 
     def cut(run: Run) -> Run:
-        kept = slice(*(int(round(end / run.record.t[1])) for end in window))
+        kept = slice(*(round(end / run.record.t[1]) for end in window))
         e = _estimate(run)
         return Run(
             run.record.between(*window),

@@ -51,8 +51,9 @@ def errata(study: Study) -> Part:
          f"Typed in as printed it holds for {survived} steps. With the usual shortcut "
          "$(P H^T)^T$ for $H P$ the matrix loses its symmetry on this unstable plant, and the "
          f"deviation of x is 10 % off at step {diverged}."],
-        ["Eq. 15, 16, 20", "no weight", "$F_0 = -m g$ beside $F_Magnet$",
-         f"Left out, it lands in F_St: the filter then reports {weight_found:.2f} N with nothing "
+        ["Eq. 15, 16, 20", "no weight", "$F_0 = -m g$ beside $F_\\mathrm{Magnet}$",
+         f"Left out, it lands in $F_{{\\mathrm{{St}}}}$: the filter then reports "
+         f"{weight_found:.2f} N with nothing "
          f"pulling; m g is {-study.bearing.weight:.2f} N."],
         ["Eq. 15, Table 5", "k_s in N/mm", "k_s in N/m",
          "Eq. 15 in metres with k_s in N/mm is a thousand times too soft."],
@@ -66,20 +67,24 @@ def errata(study: Study) -> Part:
          f"Recomputed: {study.map.k_i[wrong.row, wrong.column]:.3f}; {wrong.why}."],
         ["Tables 4, 5", "called linearisation", "a fit through the origin",
          f"At 1.5 A, 0.5 mm the slopes are {corner_i:.2f} N/A and {corner_s / 1e3:.2f} N/mm, the "
-         f"tables have 7.14 and 32.16. With slopes a filter must carry {affine:.2f} N beside them."],
+         f"tables have 7.14 and 32.16. With slopes a filter must carry {affine:.2f} N beside "
+         f"them."],
         ["Eq. 33 with Table 6", "sum of weighted memberships", "divided by their sum",
          f"Force error over the box {printed_rms:.2f} N; constant stiffness {constant_rms:.2f} N."],
         ["Section E", "variances 8·10⁻⁵ V and 8.3·10⁻⁵ V/mm", "8·10⁻⁵ V² and 8.3·10⁻⁵ mm²",
          f"Read so, the sensor scatters by {1e3 * np.sqrt(8.3e-5):.1f} µm and the control current "
          f"by {1e3 * np.sqrt(8e-5):.1f} mA."],
-        ["Section E", "T, T_Sen, K_Sen, k_ui, PID gains, size and time of the step, growth of "
-         "F_St", "not given", "Chosen here; marked so in the preset `zittau_axial`."],
+        ["Section E", r"$T$, $T_\mathrm{Sen}$, $K_\mathrm{Sen}$, $k_{ui}$, PID gains, size and "
+                      r"time of the "
+         r"step, growth of $F_\mathrm{St}$", "not given", "Chosen here; marked so in the preset "
+                                                          "`zittau_axial`."],
     ]  # fmt: skip
     return Part(
         Chapter(
             id="errata",
             title="Errata",
-            lead="The method stands. Some of what is printed does not, and a reader who types it in "
+            lead="The method stands. Some of what is printed does not, and a reader who types it "
+                 "in "
             "will not get the paper's own tables.",
             blocks=[
                 TableBlock(

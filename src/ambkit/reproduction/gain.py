@@ -41,7 +41,8 @@ def gain(study: Study) -> Part:
                 _table(scores),
                 FigureBlock(_figure_bars(scores)),
                 Remark("In one sentence",
-                       f"At 0.5 mm the error of F_St falls from {force['estimate linear']:.2f} N "
+                       r"At 0.5 mm the error of $F_\mathrm{St}$ falls from "
+                       f"{force['estimate linear']:.2f} N "
                        f"to {force['estimate adaptive']:.2f} N with the paper's 25 work points, "
                        f"to {force['estimate wide box']:.2f} N with 25 rules spread to 0.8 mm, and "
                        f"to {force['estimate closed law']:.2f} N with the closed law; the errors "
@@ -84,7 +85,7 @@ def _table(scores: dict[float, dict[str, Score]]) -> TableBlock:
     return TableBlock(
         id="gain_table",
         title="Root mean square errors, mean and standard deviation over 20 seeds",
-        headers=["step", "filter", "x [µm]", "v [mm/s]", "F_St [N]", "mean NIS"],
+        headers=["step", "filter", "x [µm]", "v [mm/s]", r"$F_\mathrm{St}$ [N]", "mean NIS"],
         rows=[
             [f"{step * 1e3:g} mm", style_of(name).label, entry(score, "x", 1e6, 2),
              entry(score, "v", 1e3, 2), entry(score, "f_d", 1.0, 3), f"{score.nis.mean():.3f}"]
@@ -98,7 +99,10 @@ def _table(scores: dict[float, dict[str, Score]]) -> TableBlock:
 
 def _figure_bars(scores: dict[float, dict[str, Score]]) -> Figure:
     categories = [f"{step * 1e3:g} mm" for step in scores]
-    shown = {"x": Axis("position error", "µm rms", 1e6), "f_d": Axis("F_St error", "N rms")}
+    shown = {
+        "x": Axis("position error", "µm rms", 1e6),
+        "f_d": Axis(r"error of $F_\mathrm{St}$", "N rms"),
+    }
 
     def bars(signal: str) -> list[Bars]:
         names = next(iter(scores.values()))
@@ -133,7 +137,7 @@ def _figure_force(study: Study) -> Figure:
         caption="Between the step and the load nothing pulls, but the linear filter reports about "
         "a newton: it is the force that its constant stiffnesses miss.",
         panels=[
-            Panel(TIME, Axis("disturbance force $F_St$", "N"), [
+            Panel(TIME, Axis(r"disturbance force $F_\mathrm{St}$", "N"), [
                 Line(record.t, record["f_d"], signal="truth"),
                 *(Line(run.record.t, run.estimate.f_d, signal=name)
                   for name, run in runs.items() if run.estimate is not None),
@@ -177,7 +181,7 @@ def _table_windows(windows: dict[str, dict[str, float]]) -> TableBlock:
     names = next(iter(windows.values()))
     return TableBlock(
         id="gain_windows",
-        title="F_St error at 0.5 mm by stretches of the run [N rms]",
+        title="Error of the disturbance force at 0.5 mm by stretches of the run [N rms]",
         headers=["stretch", *(style_of(name).label for name in names)],
         rows=[[stretch, *values.values()] for stretch, values in windows.items()],
         digits=".2f",

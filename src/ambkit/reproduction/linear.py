@@ -26,7 +26,7 @@ def linear(study: Study) -> Part:
     band = 1.96 * np.sqrt(2 / len(record.t))  # of the mean of n chi-square values of one degree
 
     t = record.t
-    force = Axis("disturbance force $F_St$", "N")
+    force = Axis(r"disturbance force $F_\mathrm{St}$", "N")
     figure = Figure(
         id="fig04",
         title="The linear Kalman filter in the loop, step of 0.1 mm and load of 3 N",
@@ -64,12 +64,20 @@ def linear(study: Study) -> Part:
         title="What the filter assumes",
         headers=["quantity", "value", "from"],
         rows=[
-            ["measurement noise R", "8.3e-5 mm² (9.1 µm rms)", "paper, read as mm²"],
+            ["measurement noise $R$", "8.3e-5 mm² (9.1 µm rms)", "paper, read as mm²"],
             ["noise on the control signal", "8e-5 V² (8.9 mV rms)", "paper, read as V²"],
-            ["growth of F_St", f"{study.noise.disturbance:g} N²/s (0.01 N² a sample)", "chosen"],
-            ["sampling time T", f"{model.sampling_time * 1e3:g} ms", "chosen"],
-            ["sensor lag T_Sen, gain K_Sen", f"{model.sensor.lag * 1e3:g} ms, 1", "chosen"],
-            ["amplifier gain k_ui", f"{model.amplifier.gain:g} A/V", "chosen"],
+            [
+                r"growth of $F_\mathrm{St}$",
+                f"{study.noise.disturbance:g} N²/s (0.01 N² a sample)",
+                "chosen",
+            ],
+            ["sampling time $T$", f"{model.sampling_time * 1e3:g} ms", "chosen"],
+            [
+                r"sensor lag $T_\mathrm{Sen}$, gain $K_\mathrm{Sen}$",
+                f"{model.sensor.lag * 1e3:g} ms, 1",
+                "chosen",
+            ],
+            ["amplifier gain $k_{ui}$", f"{model.amplifier.gain:g} A/V", "chosen"],
             ["controller", "3000 A/m, 20000 A/(m s), 12 A s/m", "chosen"],
         ],
         caption="The paper prints the variances as 8·10⁻⁵ V and 8.3·10⁻⁵ V/mm. Variances have "
@@ -84,14 +92,16 @@ def linear(study: Study) -> Part:
             blocks=[
                 Text("The rotor obeys (eq. 15, 16), the sensor lags (eq. 19), the force is linear "
                      "(eq. 17), and the disturbance is a random walk:"),
-                Equation(r"x(k+1) = x + T v + \frac{T^2}{2m} (F_Magnet + F_St)", "eq. 15"),
-                Equation(r"v(k+1) = v + \frac{T}{m} (F_Magnet + F_St)", "eq. 16"),
-                Equation(r"F_Magnet = k_i k_ui u + k_s x", "eq. 17"),
-                Equation(r"x_M(k+1) = K_Sen (1 - e^{-T/T_Sen}) x + e^{-T/T_Sen} x_M", "eq. 19"),
+                Equation(r"x(k+1) = x + T v + \frac{T^2}{2m} (F_\mathrm{Magnet} + F_\mathrm{St})",
+                         "eq. 15"),
+                Equation(r"v(k+1) = v + \frac{T}{m} (F_\mathrm{Magnet} + F_\mathrm{St})", "eq. 16"),
+                Equation(r"F_\mathrm{Magnet} = k_i k_{ui} u + k_s x", "eq. 17"),
+                Equation(r"x_M(k+1) = K_\mathrm{Sen} (1 - e^{-T/T_\mathrm{Sen}}) x + "
+                         r"e^{-T/T_\mathrm{Sen}} x_M", "eq. 19"),
                 Text("These four lines are stated once, symbolically; the matrices of eq. 20, the "
                      "covariance step on its upper triangle and the update (eq. 9-13) are derived "
                      "from them and committed as C. The weight is part of the model here; the "
-                     "paper leaves it out, and it lands in F_St (see [](#errata))."),
+                     "paper leaves it out, and it lands in $F_{\\mathrm{St}}$ (see [](#errata))."),
                 noise_table,
                 FigureBlock(figure),
                 Remark("It knows how good it is",
@@ -104,9 +114,7 @@ def linear(study: Study) -> Part:
         [
             row("fig04.nis", "linear filter, 0.1 mm step: mean NIS, 1 is consistent", 1.0, nis, "",
                 agrees(abs(nis - 1) < 2 * band)),
-            row("fig04.position", "its position error, beside the noise of the sensor (paper)",
-                noise * 1e6, error * 1e6, "µm rms", "better" if error < noise else "worse"),
+            row("fig04.position", f"its position error; the sensor scatters by {noise * 1e6:.1f}",
+                None, error * 1e6, "µm rms", "better" if error < noise else "worse"),
         ],
     )  # fmt: skip
-
-

@@ -107,8 +107,7 @@ def recording(study: Study) -> Part:
     rig = Rig()
     records = {log: Record.load(folder() / f"{log}.csv") for log in LOGS}
     judged = {
-        log: {name: rig.judged(record, name) for name in FILTERS}
-        for log, record in records.items()
+        log: {name: rig.judged(record, name) for name in FILTERS} for log, record in records.items()
     }
     best = judged["sinus_kalman"]["estimate linear"][1]
     adaptive = judged["sinus_kalman"]["estimate adaptive"][1]
@@ -123,7 +122,7 @@ def recording(study: Study) -> Part:
             blocks=[
                 Text("**The law, from lift-off.** The current under the resting ball rises until "
                      "it flies; at that instant the magnet carries it, so "
-                     r"$i = (z + z_off) \sqrt{m g / k}$ is a straight line. "
+                     r"$i = (z + z_\mathrm{off}) \sqrt{m g / k}$ is a straight line. "
                      f"Between {FIT_RANGE[0] * 1e3:g} and {FIT_RANGE[1] * 1e3:g} mm it gives "
                      f"k = {fit.magnet_constant * 1e6:.1f} ± {k_error * 1e6:.1f} N mm²/A² and an "
                      f"offset of {fit.gap_offset * 1e3:.2f} ± {gap_error * 1e3:.2f} mm."),
@@ -148,17 +147,21 @@ def recording(study: Study) -> Part:
             ],
         ),
         [
-            row("recording.one", "real rig, 1 ms ahead: linear filter; last measurement held",
-                best.held[1] * 1e6, best.prediction[1] * 1e6, "µm rms",
-                "better" if best.prediction[1] < best.held[1] else "worse"),
-            row("recording.ten", "real rig, 10 ms ahead: linear filter; last measurement held",
-                best.held[10] * 1e6, best.prediction[10] * 1e6, "µm rms",
-                "better" if best.prediction[10] < best.held[10] else "worse"),
-            row("recording.adaptive", "real rig, 10 ms ahead: adaptive filter; linear filter",
-                best.prediction[10] * 1e6, adaptive.prediction[10] * 1e6, "µm rms",
-                "better" if adaptive.prediction[10] < best.prediction[10] else "worse"),
+            row("recording.one", "real rig, 1 ms ahead: linear filter; held: "
+                f"{best.held[1] * 1e6:.1f}", None, best.prediction[1] * 1e6, "µm rms",
+                _verdict(best.prediction[1], best.held[1])),
+            row("recording.ten", "real rig, 10 ms ahead: linear filter; held: "
+                f"{best.held[10] * 1e6:.1f}", None, best.prediction[10] * 1e6, "µm rms",
+                _verdict(best.prediction[10], best.held[10])),
+            row("recording.adaptive", "real rig, 10 ms ahead: adaptive filter; linear: "
+                f"{best.prediction[10] * 1e6:.1f}", None, adaptive.prediction[10] * 1e6, "µm rms",
+                _verdict(adaptive.prediction[10], best.prediction[10])),
         ],
     )  # fmt: skip
+
+
+def _verdict(error: float, other: float) -> str:
+    return "better" if error < other else "worse"
 
 
 def _table(judged: dict[str, dict[str, tuple[float, Judgement]]]) -> TableBlock:
@@ -183,11 +186,11 @@ def _table(judged: dict[str, dict[str, tuple[float, Judgement]]]) -> TableBlock:
         id="recording_table",
         title="Prediction of the measured position, 1 ms and 10 ms ahead",
         headers=["log", "predicted by", "1 ms [µm rms]", "10 ms [µm rms]", "mean NIS",
-                 "white lags", "F_St [mN]", "growth of F_St [N²/s]"],
+                 "white lags", r"$F_\mathrm{St}$ [mN]", "its growth [N²/s]"],
         rows=rows,
         digits=".1f",
         row_heads=False,
-        caption="NIS is 1, and 95 % of the lags are white, where model and noise are right. F_St: "
+        caption="NIS is 1, and 95 % of the lags are white, where model and noise are right. Force: "
         "mean and standard deviation; the weight is 594 mN.",
     )  # fmt: skip
 
@@ -209,7 +212,8 @@ def _figure_law(rig: Rig) -> Figure:
     return Figure(
         id="lift_off",
         title="Lift-off: the current that carries the ball, against its distance",
-        caption="A straight line is the law $F = k (i / (z + z_off))^2$. It holds in the middle; "
+        caption="A straight line is the law $F = k (i / (z + z_{\\mathrm{off}}))^2$. It holds in "
+                "the middle; "
         "near the magnet and far from it the points bend away, and below, the residuals show how "
         "far. The current is corrected for the small acceleration at the instant of lift-off.",
         panels=[
@@ -245,7 +249,7 @@ def _figure_run(record: Record, judged: dict[str, tuple[float, Judgement]]) -> F
                 *([Line(t, record["x_logged"], signal="logged")] if "x_logged" in record else []),
                 Line(t, some.x, signal="estimate adaptive"),
             ]),
-            Panel(TIME, Axis("disturbance force $F_St$", "mN", 1e3), [
+            Panel(TIME, Axis(r"disturbance force $F_\mathrm{St}$", "mN", 1e3), [
                 Line(t[late], e.f_d[late], signal=name, label=None)
                 for name, e in estimates.items()
             ]),

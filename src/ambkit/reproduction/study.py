@@ -82,10 +82,8 @@ class Study:
 
     @cached_property
     def descended(self) -> Expert:
-        """Widths by steepest gradient from 0.4, inputs in A and mm: as near the paper as it says."""
-        return train(
-            self.map, method="steepest-gradient", scaling="unit", widths=INITIAL_WIDTH
-        )
+        """Widths by steepest gradient from 0.4, inputs in A and mm, as far as the paper tells."""
+        return train(self.map, method="steepest-gradient", scaling="unit", widths=INITIAL_WIDTH)
 
     @cached_property
     def widths(self) -> Expert:
