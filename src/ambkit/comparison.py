@@ -93,7 +93,8 @@ def compare(
         return errors, float(run.estimate.nis[1:].mean())
 
     scores = {}
-    with ThreadPoolExecutor(threads) as pool:
+    pool = ThreadPoolExecutor(threads)
+    try:
         futures = {name: [pool.submit(one, name, seed) for seed in seeds] for name in estimators}
         for name, waiting in futures.items():
             results = [future.result() for future in waiting]
@@ -101,6 +102,8 @@ def compare(
             scores[name] = Score(
                 dict(zip(JUDGED, errors.T, strict=True)), np.array([r[1] for r in results])
             )
+    finally:
+        pool.shutdown(cancel_futures=True)  # after Ctrl-C, what still waits is not run first
     return scores
 
 
