@@ -1,0 +1,127 @@
+"""The command ``ambkit``: what the user did wrong is one message and exit code 2."""
+
+from __future__ import annotations
+
+import inspect
+import os
+import sys
+from collections.abc import Callable, Sequence
+from typing import Annotated, NoReturn
+
+import typer
+
+from ambkit.commands import output
+from ambkit.commands.check import check
+from ambkit.commands.compare import compare
+from ambkit.commands.filter import filter_record
+from ambkit.commands.identify import identify
+from ambkit.commands.presets import presets
+from ambkit.commands.reproduce import reproduce
+from ambkit.commands.simulate import simulate
+from ambkit.commands.train import train
+from ambkit.errors import AmbkitError
+
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, as shells have it: 128 and the signal's number."""
+
+# Plain help: typer's help in colour takes longer to import than all else here together.
+app = typer.Typer(
+    name="ambkit",
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+_COMMANDS: dict[str, Callable[..., None]] = {
+    "reproduce": reproduce,
+    "simulate": simulate,
+    "identify": identify,
+    "train": train,
+    "filter": filter_record,
+    "compare": compare,
+    "presets": presets,
+    "check": check,
+}
+
+
+def _help(command: Callable[..., None]) -> str:
+    r"""Return a docstring as click's help; "\b" keeps it from filling an example's lines."""
+    paragraphs = inspect.cleandoc(command.__doc__ or "").split("\n\n")
+    return "\n\n".join(f"\b\n{text}" if "\n  " in text else text for text in paragraphs)
+
+
+for _name, _command in _COMMANDS.items():
+    app.command(_name, help=_help(_command))(_command)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        import ambkit
+
+        print(f"ambkit {ambkit.__version__}")
+        raise typer.Exit
+
+
+def about(
+    context: typer.Context,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print it.")
+    ] = False,
+) -> None:
+    """From a magnetic bearing's description, or a recording, to a tuned adaptive Kalman filter.
+
+    To begin with:
+      ambkit reproduce                         the paper, with pictures and verdicts
+      ambkit presets zittau_axial > my.toml    a bearing, to be edited
+      ambkit simulate my.toml --step "0.3 mm" --out run.csv
+      ambkit filter run.csv --bearing my.toml --plot run.png
+    """
+    if context.invoked_subcommand is None:
+        print(context.get_help())
+
+
+app.callback(help=_help(about), invoke_without_command=True)(about)
+
+
+def main(arguments: Sequence[str] | None = None) -> NoReturn:
+    """Run a command and leave with its exit code.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        What stands behind ``ambkit``; those of the process if not given.
+    """
+    output.written.clear()
+    code = _run(arguments)
+    sys.exit(code)
+
+
+def _run(arguments: Sequence[str] | None) -> int:
+    """Run a command; return 0, 1 where a check failed, 2 for the user's errors, 130 for Ctrl-C."""
+    try:
+        code = app(arguments, prog_name="ambkit", standalone_mode=False) or 0
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        code = INTERRUPTED
+    except typer.TyperException as error:
+        return _refused(error.format_message(), getattr(error, "ctx", None))
+    except AmbkitError as error:
+        return _refused(str(error))
+    except BrokenPipeError:
+        # Whoever read our output has had enough; Python must not try to flush the rest.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except OSError as error:
+        place = f"{error.filename}: " if error.filename else ""
+        return _refused(f"{place}{error.strerror or error}")
+    if code == INTERRUPTED:
+        files = ", ".join(map(str, output.written))
+        output.note(f"\ninterrupted; {f'wrote {files}' if files else 'nothing was written'}")
+    return int(code)
+
+
+def _refused(message: str, context: typer.Context | None = None) -> int:
+    """Print one message, and where the command's help is if the command was not understood."""
+    hint = f"\ntry {context.command_path} --help" if context is not None else ""
+    output.note(f"ambkit: {message}{hint}")
+    return 2

@@ -1,0 +1,1 @@
+"""The commands, one module each. They read arguments and print; the work is in the library."""

@@ -1,0 +1,69 @@
+"""``ambkit check``: whether files are what ambkit can use, and all that is wrong with them."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ambkit.commands.options import Json, MapFile
+
+
+class Schema(StrEnum):
+    """The kinds of TOML files."""
+
+    bearing = "bearing"
+    scenario = "scenario"
+    map = "map"
+
+
+def check(
+    files: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="[FILE]...",
+            help="Bearings, scenarios, channel maps, experts, records, force tables.",
+        ),
+    ] = None,
+    schema: Annotated[
+        Schema | None, typer.Option(help="Print the JSON schema of such a TOML file.")
+    ] = None,
+    channel_map: MapFile = None,
+    json: Json = False,
+) -> None:
+    """Check files of any kind.
+
+    Each problem is told with its file and line; the exit code is 2 if there is one.
+
+    For example:
+      ambkit check my.toml scenario.toml run.csv
+      ambkit check --schema bearing > bearing.schema.json
+    """
+    from ambkit.commands import output
+    from ambkit.inspection import inspect, schema_of
+
+    if (schema is None) == (not files):
+        raise typer.BadParameter("give either FILES or --schema")
+    if schema is not None:
+        output.deliver(schema_of(schema.value), [], as_json=True)
+        return
+    found = [inspect(path, channel_map) for path in files or ()]
+    data: list[dict[str, Any]] = [
+        {
+            "file": str(each.path),
+            "kind": each.kind,
+            "ok": each.ok,
+            "about": each.about,
+            "problems": list(each.problems),
+        }
+        for each in found
+    ]
+    lines = [f"{each.path}: ok, {each.kind}: {each.about}" for each in found if each.ok]
+    output.deliver(data, lines, as_json=json)
+    for each in found:
+        for problem in each.problems:
+            output.note(problem)
+    if not all(each.ok for each in found):
+        raise typer.Exit(2)

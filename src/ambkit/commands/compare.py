@@ -1,0 +1,166 @@
+"""``ambkit compare``: estimators in the loop against the same noise, over many seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ambkit.commands.family import NAMES, names
+from ambkit.commands.options import (
+    RECORDS,
+    BearingName,
+    ExpertFile,
+    Json,
+    Plot,
+    arguments_of_the_user,
+    file_option,
+    find_bearing,
+    quantity,
+    read_quantities,
+)
+
+if TYPE_CHECKING:
+    from ambkit.comparison import Score
+
+UNITS = {"x": "m", "v": "m/s", "f_d": "N"}
+
+
+def compare(
+    bearing: BearingName,
+    scenario: Annotated[
+        Path | None, typer.Option(metavar="FILE.toml", help="What happens, besides step and load.")
+    ] = None,
+    estimator: Annotated[
+        str, typer.Option(metavar="NAMES", help=f"Some of {', '.join(NAMES)}.")
+    ] = "linear,adaptive,closed-law",
+    expert: ExpertFile = None,
+    steps: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LENGTHS",
+            help='Steps of the reference, such as "0.1 mm,0.3 mm"; default a tenth, three tenths '
+            "and half of the travel, or what the scenario says.",
+        ),
+    ] = None,
+    load: Annotated[
+        float | None,
+        typer.Option(parser=quantity("N"), metavar="FORCE", help="Load after half of the run."),
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(parser=quantity("s"), metavar="TIME", help='Such as "0.5 s".')
+    ] = None,
+    seeds: Annotated[int, typer.Option(min=1, metavar="N", help="How many seeds.")] = 20,
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="The first of them.")] = 0,
+    out: Annotated[
+        Path | None,
+        file_option("Write the errors of each run: .csv or .parquet.", RECORDS, "--out"),
+    ] = None,
+    plot: Plot = None,
+    json: Json = False,
+) -> None:
+    """Compare estimators over many seeds.
+
+    Each closes its own loop, against the same noise, with the same Q and R.
+
+    For example:
+      ambkit compare zittau_axial --steps "0.1 mm,0.3 mm,0.5 mm" --load "3 N" --plot bars.png
+    """
+    from ambkit import comparison, plots
+    from ambkit.commands import output
+    from ambkit.commands.family import factories, scenario_of
+
+    chosen = names(estimator)
+    if expert is not None and "adaptive" not in chosen:
+        raise typer.BadParameter("is for --estimator adaptive", param_hint="--expert")
+    plant = find_bearing(bearing)
+    heights: list[float | None] = [None]
+    if steps is not None:
+        heights = list(read_quantities(steps, "m", "--steps"))
+    elif scenario is None:
+        heights = [share * plant.rotor.travel_limit for share in (0.1, 0.3, 0.5)]
+    happening = {
+        output.value(height, "m") if height is not None else str(scenario): scenario_of(
+            plant, scenario, duration=duration, step=height, load=load, seed=None
+        )
+        for height in heights
+    }
+    built = factories(chosen, plant, expert)
+    runs = len(happening) * len(built) * seeds
+    with arguments_of_the_user(), output.progress("comparing", runs) as done:
+        scores = {
+            case: comparison.compare(plant, each, built, range(seed, seed + seeds), done=done)
+            for case, each in happening.items()
+        }
+    what = "scenario" if heights == [None] else "step of the reference"
+    data = {
+        "bearing": plant.name,
+        "seeds": [seed, seed + seeds - 1],
+        "load": load,
+        "cases": {case: {n: _figures(s) for n, s in of.items()} for case, of in scores.items()},
+    }
+    figure = plots.comparison_figure
+    output.deliver(
+        data,
+        [_table(scores, what, f"{plant.name}, {seeds} seeds")],
+        [
+            (out, lambda path: _save(path, scores, heights, seed)),
+            (plot, lambda path: plots.save_figure(figure(scores, what), path)),
+        ],
+        as_json=json,
+    )
+
+
+def _figures(score: Score) -> dict[str, Any]:
+    return {
+        "rmse": {name: score.mean(name) for name in UNITS},
+        "spread": {name: score.spread(name) for name in UNITS},
+        "nis": score.nis.mean(),
+    }
+
+
+def _table(scores: Mapping[str, Mapping[str, Score]], what: str, title: str) -> Any:
+    from ambkit.commands.output import table, value
+    from ambkit.units import factor
+
+    def entry(score: Score, name: str) -> str:
+        _, unit = value(score.mean(name), UNITS[name]).split(" ", 1)
+        scale = factor(UNITS[name], unit)
+        return f"{scale * score.mean(name):.3f} ± {scale * score.spread(name):.3f} {unit}"
+
+    rows = [
+        [f"{case}, {name}", *(entry(score, signal) for signal in UNITS), f"{score.nis.mean():.3f}"]
+        for case, of_case in scores.items()
+        for name, score in of_case.items()
+    ]
+    return table(f"{title}: root mean square errors", [what, "x", "v", "F_St", "mean NIS"], rows)
+
+
+def _save(
+    path: Path,
+    scores: Mapping[str, Mapping[str, Score]],
+    heights: list[float | None],
+    first: int,
+) -> None:
+    """Write the error of each run: a row for each case and seed."""
+    import numpy as np
+
+    from ambkit.tables import Table, write_table
+
+    columns: dict[str, Any] = {}
+    units = {"case": "1", "step": "m", "seed": "1"}
+    count = len(next(iter(next(iter(scores.values())).values())).nis)
+    columns["case"] = np.repeat(np.arange(len(scores), dtype=float), count)
+    if None not in heights:
+        columns["step"] = np.repeat(np.array(heights, dtype=float), count)
+    columns["seed"] = np.tile(np.arange(first, first + count, dtype=float), len(scores))
+    for name in next(iter(scores.values())):
+        for signal, unit in UNITS.items():
+            key = f"{name}_{signal}"
+            units[key] = unit
+            columns[key] = np.concatenate([case[name].rmse[signal] for case in scores.values()])
+        units[f"{name}_nis"] = "1"
+        columns[f"{name}_nis"] = np.concatenate([case[name].nis for case in scores.values()])
+    write_table(path, Table(columns, {k: units[k] for k in columns}, {"cases": list(scores)}))

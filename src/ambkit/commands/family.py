@@ -1,0 +1,125 @@
+"""The estimators that a user can name, and the run that the commands start from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from ambkit.commands import output
+
+if TYPE_CHECKING:
+    from ambkit.bearing import Bearing
+    from ambkit.estimators import FilterNoise, KalmanFilter
+    from ambkit.magnets import StiffnessSource
+    from ambkit.scenario import Scenario
+
+NAMES = ("linear", "adaptive", "closed-law", "table")
+
+Factory = Callable[[], "KalmanFilter"]
+
+
+def names(text: str) -> list[str]:
+    """Parse a list of estimators, such as ``linear,closed-law``."""
+    given = list(dict.fromkeys(part.strip() for part in text.split(",")))
+    for name in given:
+        if name not in NAMES:
+            raise typer.BadParameter(f'there is no estimator "{name}"; known: {", ".join(NAMES)}')
+    return given
+
+
+def factories(
+    chosen: Iterable[str],
+    bearing: Bearing,
+    expert: Path | None = None,
+    noise: FilterNoise | None = None,
+) -> dict[str, Factory]:
+    """Return what builds each of the chosen estimators, as often as asked.
+
+    Parameters
+    ----------
+    chosen : iterable of str
+        Some of `NAMES`.
+    bearing : Bearing
+        What is filtered.
+    expert : Path, optional
+        The expert of ``adaptive``; it is trained from the bearing's own law without it.
+    noise : FilterNoise, optional
+        What all of them assume.
+    """
+    from ambkit.estimators import AdaptiveKalmanFilter, KalmanFilter
+
+    def factory(name: str) -> Factory:
+        if name == "linear":
+            return lambda: KalmanFilter(bearing, noise=noise)
+        source = _source(name, bearing, expert)
+        return lambda: AdaptiveKalmanFilter(bearing, source, noise=noise)
+
+    return {name: factory(name) for name in chosen}
+
+
+def _source(name: str, bearing: Bearing, expert: Path | None) -> StiffnessSource:
+    if name == "closed-law":
+        from ambkit.magnets import ClosedLaw
+
+        return ClosedLaw(bearing)
+    if name == "table":
+        from ambkit.identification.stiffness import stiffness_map
+
+        return stiffness_map(bearing)
+    if expert is None:
+        from ambkit.training import train
+
+        with output.progress("training the expert"):
+            return train(bearing, weights=True)
+    from ambkit.fuzzy import Expert
+
+    return Expert.load(expert)
+
+
+def scenario_of(
+    bearing: Bearing,
+    path: Path | None,
+    *,
+    duration: float | None,
+    step: float | None,
+    load: float | None,
+    seed: int | None,
+    from_estimate: bool = True,
+) -> Scenario:
+    """Return the scenario in a file, or a step and a load, with what the user changed in it.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        Without a file, the controller is tuned to it.
+    path : Path, optional
+        A TOML file.
+    duration, step, load : float, optional
+        Length of the run [s]; step of the reference [m] after a tenth of it; load [N] after half.
+    seed : int, optional
+        Seed of the noise.
+    from_estimate : bool
+        Without a file, whether the estimate is fed back, or the measurement.
+    """
+    from ambkit.scenario import PID, Scenario
+    from ambkit.waveforms import Step
+
+    if path is not None:
+        scenario = Scenario.load(path)
+    else:
+        controller = PID.for_bearing(bearing)
+        if not from_estimate:
+            controller = controller.model_copy(update={"feedback": "measurement"})
+        scenario = Scenario(controller=controller)
+    if duration is not None:
+        scenario = scenario.replace(duration=duration)
+    if step is not None:
+        reference = Step(amplitude=step, time=0.1 * scenario.duration)
+        scenario = scenario.replace(reference=reference)
+    if load is not None:
+        disturbance = Step(amplitude=load, time=0.5 * scenario.duration)
+        scenario = scenario.replace(disturbance=disturbance)
+    return scenario if seed is None else scenario.replace(seed=seed)

@@ -1,0 +1,183 @@
+"""``ambkit filter``: estimators along a record, judged."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ambkit.commands.family import NAMES, names
+from ambkit.commands.options import (
+    RECORDS,
+    ExpertFile,
+    Json,
+    MapFile,
+    Plot,
+    arguments_of_the_user,
+    file_option,
+    find_bearing,
+    quantity,
+)
+
+if TYPE_CHECKING:
+    from ambkit.judgement import Judgement
+    from ambkit.record import Record
+
+HORIZONS = (1, 10)
+
+
+def filter_record(
+    record: Annotated[
+        Path, typer.Argument(metavar="RECORD", help="The recording: .csv, .parquet or .mat.")
+    ],
+    bearing: Annotated[
+        str,
+        typer.Option("--bearing", metavar="BEARING", help="A preset's name, or a TOML file."),
+    ],
+    channel_map: MapFile = None,
+    estimator: Annotated[
+        str,
+        typer.Option(metavar="NAMES", help=f"One or several of {', '.join(NAMES)}."),
+    ] = "linear,adaptive,closed-law",
+    expert: ExpertFile = None,
+    begin: Annotated[
+        float | None,
+        typer.Option("--from", parser=quantity("s"), metavar="TIME", help="Where to begin."),
+    ] = None,
+    end: Annotated[
+        float | None, typer.Option("--to", parser=quantity("s"), metavar="TIME", help="And to end.")
+    ] = None,
+    settling: Annotated[
+        float | None,
+        typer.Option(
+            parser=quantity("s"),
+            metavar="TIME",
+            help="Time at the start that does not count in the table.",
+        ),
+    ] = None,
+    noise_y: Annotated[
+        float | None,
+        typer.Option(
+            "--measurement-noise",
+            parser=quantity("m^2"),
+            metavar="VARIANCE",
+            help='R, such as "225 µm^2", if not the bearing\'s.',
+        ),
+    ] = None,
+    noise_d: Annotated[
+        float | None,
+        typer.Option(
+            "--disturbance-noise",
+            parser=quantity("N^2/s"),
+            metavar="VARIANCE",
+            help='How fast the load wanders, such as "1 N^2/s"; default (2 m g)^2 a second.',
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, file_option("Write the estimates: .csv or .parquet.", RECORDS, "--out")
+    ] = None,
+    plot: Plot = None,
+    json: Json = False,
+) -> None:
+    """Run estimators along a record.
+
+    And judge them: by their innovations, the load that they see, and against the truth if known.
+
+    Without truth the judge is how well the measured position is predicted, beside holding its last
+    value and beside what the rig logged itself (x_logged, v_logged).
+
+    For example:
+      ambkit filter run.csv --bearing zittau_axial --out estimates.csv --plot estimates.html
+    """
+    from ambkit import plots
+    from ambkit.commands import output
+    from ambkit.commands.family import factories
+    from ambkit.estimators import FilterNoise
+    from ambkit.judgement import judge
+    from ambkit.record import Record
+
+    chosen = names(estimator)
+    if expert is not None and "adaptive" not in chosen:
+        raise typer.BadParameter("is for --estimator adaptive", param_hint="--expert")
+    model = find_bearing(bearing)
+    log = Record.load(record, channel_map)
+    if begin is not None or end is not None:
+        log = log.between(begin, end)
+    noise = FilterNoise(measurement=noise_y, disturbance=noise_d)
+    built = factories(chosen, model, expert, noise)
+    with arguments_of_the_user(), output.progress("filtering", len(built)) as done:
+        judged = {}
+        for name, build in built.items():
+            judged[name] = judge(build(), log, horizons=HORIZONS, settling=settling or 0.0)
+            done()
+    figure = plots.filter_figure
+    data = {
+        "record": str(record),
+        "bearing": model.name,
+        "estimators": {name: judgement.to_dict() for name, judgement in judged.items()},
+    }
+    output.deliver(
+        data,
+        _tables(judged, f"{record.name}, {len(log)} samples, {model.name}"),
+        [
+            (out, lambda path: _estimates(judged).save(path)),
+            (plot, lambda path: plots.save_figure(figure(log, judged), path)),
+        ],
+        as_json=json,
+    )
+
+
+def _estimates(judged: Mapping[str, Judgement]) -> Record:
+    """Return the estimates as one record; of several estimators, each signal carries the name."""
+    from ambkit.record import Record
+
+    records = {name: judgement.estimate.to_record() for name, judgement in judged.items()}
+    if len(records) == 1:
+        return next(iter(records.values()))
+    signals = {f"{n}_{s}": r[s] for n, r in records.items() for s in r}
+    units = {f"{n}_{s}": r.units[s] for n, r in records.items() for s in r}
+    t = next(iter(records.values())).t
+    return Record(t, signals, units, {"estimators": list(records)})
+
+
+def _tables(judged: Mapping[str, Judgement], title: str) -> list[Any]:
+    from ambkit.commands.output import table, value
+
+    judgements = list(judged.values())
+
+    def row(what: str, entry: Any) -> list[str]:
+        return [what, *(entry(judgement) for judgement in judgements)]
+
+    one = judgements[0]
+    flags = list(dict.fromkeys(flag for j in judgements for flag in j.status))
+    rows = [
+        row("measurements used", lambda j: f"{j.used} of {j.samples}"),
+        *(row(f"  status: {flag}", lambda j, f=flag: str(j.status.get(f, 0))) for flag in flags),
+        row("innovation, mean", lambda j: value(j.innovation_mean, "m")),
+        row("innovation, standard deviation", lambda j: value(j.innovation_std, "m")),
+        row("  as the filter expects it", lambda j: value(j.expected_std, "m")),
+        row("mean NIS (1: consistent)", lambda j: f"{j.nis:.3f}"),
+        row("innovation, lags within 95 % bound", _white),
+        row("load, mean", lambda j: value(j.disturbance_mean, "N")),
+        row("load, standard deviation", lambda j: value(j.disturbance_std, "N")),
+    ]
+    units = {"x": "m", "v": "m/s", "f_d": "N"}
+    rows += [
+        row(f"error of {name} against the truth, rms", lambda j, n=name: value(j.rmse[n], units[n]))
+        for name in one.rmse
+    ]
+    headers = ["", *(f"{ahead} step{'s' * (ahead > 1)} ahead" for ahead in HORIZONS)]
+    ways = {name: judgement.prediction for name, judgement in judged.items()}
+    ways |= {"last measurement held": one.held, **one.logged}
+    errors = [[name, *(value(way[ahead], "m") for ahead in HORIZONS)] for name, way in ways.items()]
+    return [
+        table(title, ["", *judged], rows),
+        table("Error of the predicted measurement, rms", headers, errors),
+    ]
+
+
+def _white(judgement: Judgement) -> str:
+    white = judgement.whiteness
+    return f"{100 * white.share_within:.0f} %" if white else "too few"

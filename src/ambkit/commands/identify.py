@@ -1,0 +1,247 @@
+"""``ambkit identify``: the magnet constant, from a record of the loop or from lift-off points."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ambkit.commands.options import (
+    Json,
+    MapFile,
+    Plot,
+    arguments_of_the_user,
+    file_option,
+    find_bearing,
+    quantity,
+    read_quantities,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from ambkit.bearing import Bearing
+    from ambkit.record import Record
+
+CONSTANT = "N m^2/A^2"
+
+DRIFTING = 0.02
+"""Part of itself by which a magnet constant moves in the last quarter if it has not settled."""
+
+
+def identify(
+    bearing: Annotated[
+        str,
+        typer.Option(
+            "--bearing",
+            metavar="BEARING",
+            help="What is known already: a preset's name, or a TOML file.",
+        ),
+    ],
+    record: Annotated[
+        Path | None,
+        typer.Argument(metavar="[RECORD]", help="A run in closed loop: .csv, .parquet or .mat."),
+    ] = None,
+    channel_map: MapFile = None,
+    start: Annotated[
+        float | None,
+        typer.Option(
+            parser=quantity(CONSTANT),
+            metavar="CONSTANT",
+            help="Magnet constant to start from, if not the bearing's.",
+        ),
+    ] = None,
+    disturbance: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FORCE", help='Load that is known: "3 N", or a signal of the record, f_d.'
+        ),
+    ] = None,
+    lift_off: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="POINTS.csv", help="Fit the law to lift-off points, instead of a RECORD."
+        ),
+    ] = None,
+    gap_range: Annotated[
+        str | None,
+        typer.Option(metavar="FROM,TO", help='Of lift-off points, fit those within: "4 mm,16 mm".'),
+    ] = None,
+    working_point: Annotated[
+        float | None,
+        typer.Option(
+            parser=quantity("m"),
+            metavar="LENGTH",
+            help="With lift-off points: distance at x = 0; gives air gap and bias current.",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, file_option("Write the bearing that was found.", (".toml",), "--out")
+    ] = None,
+    plot: Plot = None,
+    json: Json = False,
+) -> None:
+    """Identify the magnet constant.
+
+    Along a record of the closed loop (ADALINE), or from the points at which a rotor lifts off.
+
+    For example:
+      ambkit identify run.csv --bearing my.toml --out found.toml --plot found.png
+      ambkit identify --lift-off points.csv --bearing inteco_ml --working-point "10 mm"
+    """
+    from ambkit.record import Record
+
+    if (record is None) == (lift_off is None):
+        raise typer.BadParameter("give either a RECORD or --lift-off POINTS.csv")
+    known = find_bearing(bearing)
+    if record is not None:
+        log = Record.load(record, channel_map)
+        _along_record(log, known, start, disturbance, out, plot, json)
+    elif lift_off is not None:
+        if out is not None and working_point is None:
+            raise typer.BadParameter(
+                "needs --working-point: which distance is x = 0?", param_hint="--out"
+            )
+        _from_lift_off(lift_off, known, gap_range, working_point, out, plot, json)
+
+
+def _along_record(
+    record: Record,
+    known: Bearing,
+    start: float | None,
+    disturbance: str | None,
+    out: Path | None,
+    plot: Path | None,
+    json: bool,
+) -> None:
+    from ambkit import plots
+    from ambkit.commands import output
+    from ambkit.commands.output import value
+    from ambkit.estimators import check_sampling
+    from ambkit.identification import identify
+
+    with arguments_of_the_user(), output.progress("identifying"):
+        check_sampling(known, record)
+        found = identify(record, known, disturbance=_force(disturbance, record), start=start)
+    before = known.magnet.magnet_constant if start is None else start
+    history = found.history
+    data = {
+        "bearing": known.name,
+        "start": before,
+        "magnet_constant": found.magnet_constant,
+        "spread": found.spread,
+        "held_share": history.held.mean(),
+        "excitation": history.excitation[-1],
+        "drift": history.k[-1] - history.k[-max(1, len(history.k) // 4)],
+    }
+    rows = [
+        ["magnet constant, start", value(before, CONSTANT)],
+        ["magnet constant, found", value(found.magnet_constant, CONSTANT)],
+        ["  its spread over the last quarter", value(found.spread, CONSTANT)],
+        ["  its drift over the last quarter", value(data["drift"], CONSTANT)],
+        ["change", f"{100 * (found.magnet_constant / before - 1):+.2f} %"],
+        ["held for want of excitation", f"{100 * data['held_share']:.1f} % of the samples"],
+    ]
+    output.deliver(
+        data,
+        [output.table(known.name, ["", ""], rows)],
+        [
+            (out, found.bearing.save),
+            (plot, lambda p: plots.save_figure(plots.identification_figure(found, before), p)),
+        ],
+        as_json=json,
+    )
+    if abs(data["drift"]) > DRIFTING * found.magnet_constant:
+        output.note(
+            "the magnet constant still drifts: a longer record may settle it; a load that is known "
+            "belongs to --disturbance, one that is not moves the result"
+        )
+
+
+def _force(given: str | None, record: Record) -> ArrayLike | None:
+    """Return the known disturbance: a signal of the record, or the same force throughout [N]."""
+    if given is None:
+        return None
+    if given in record:
+        return record[given]
+    try:
+        return quantity("N")(given)
+    except typer.BadParameter as error:
+        hint = f"or a signal of the record: {', '.join(record)}"
+        raise typer.BadParameter(f"{error.message}, {hint}", param_hint="--disturbance") from None
+
+
+def _from_lift_off(
+    points: Path,
+    known: Bearing,
+    gap_range: str | None,
+    working_point: float | None,
+    out: Path | None,
+    plot: Path | None,
+    json: bool,
+) -> None:
+    import numpy as np
+
+    from ambkit import plots
+    from ambkit.commands import output
+    from ambkit.commands.output import value
+    from ambkit.errors import AmbkitError
+    from ambkit.identification.lift_off import load_points
+    from ambkit.identification.lift_off_fit import fit_lift_off
+
+    if known.magnet.type != "one-sided":
+        raise AmbkitError(
+            f"lift-off points tell of a one-sided magnet; that of {known.name} is two-sided"
+        )
+    low, high = read_quantities(gap_range or "0 m,1 m", "m", "--gap-range", count=2)
+    fit = fit_lift_off(
+        load_points(points),
+        known.rotor.mass,
+        gap_range=(low, high if gap_range else math.inf),
+    )
+    errors = fit.standard_errors
+    rms = np.sqrt(np.mean(fit.residuals**2))
+    data: dict[str, Any] = {
+        "magnet_constant": fit.magnet_constant,
+        "gap_offset": fit.gap_offset,
+        "standard_errors": dict(errors),
+        "residual_rms": rms,
+        "points": len(fit.points),
+        "left_out": dict(fit.left_out),
+    }
+    rows = [
+        ["magnet constant k", value(fit.magnet_constant, CONSTANT)],
+        ["  standard error", value(errors["magnet_constant"], CONSTANT)],
+        ["gap offset z_off", value(fit.gap_offset, "m")],
+        ["  standard error", value(errors["gap_offset"], "m")],
+        ["current left unexplained", f"{value(rms, 'A')} rms"],
+        ["points", f"{len(fit.points)} used, {len(fit.left_out)} left out"],
+    ]
+    found = known
+    if working_point is not None:
+        gap, bias = fit.working_point(working_point)
+        found = known.replace(
+            magnet__magnet_constant=fit.magnet_constant,
+            magnet__air_gap=gap,
+            magnet__bias_current=bias,
+        )
+        data |= {"air_gap": gap, "bias_current": bias}
+        rows += [
+            [f"air gap at {value(working_point, 'm')}", value(gap, "m")],
+            ["bias current there", value(bias, "A")],
+        ]
+    left = [[f"run {run}", why] for run, why in sorted(fit.left_out.items())]
+    shown = [output.table("F = k (i / (z + z_off))²", ["", ""], rows)]
+    if left:
+        shown.append(output.table("Points left out", ["", ""], left, wide=True))
+    output.deliver(
+        data,
+        shown,
+        [
+            (out, found.save),
+            (plot, lambda path: plots.save_figure(plots.lift_off_figure(fit), path)),
+        ],
+        as_json=json,
+    )

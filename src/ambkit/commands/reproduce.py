@@ -1,0 +1,51 @@
+"""``ambkit reproduce``: the whole paper, with its pictures, tables and verdicts."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ambkit.commands.options import Json
+
+
+def reproduce(
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder; made if it is not there.")
+    ] = Path("out"),
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="First seed of the noise.")] = 0,
+    show: Annotated[bool, typer.Option("--open", help="Open the report in the browser.")] = False,
+    json: Json = False,
+) -> None:
+    """Reproduce the paper.
+
+    Writes report.html, figures/, tables/ and summary.json, and prints the verdicts.
+
+    For example:
+      ambkit reproduce --out out --open
+    """
+    from ambkit.commands import output
+    from ambkit.reproduction import reproduce as run
+
+    started = time.time()
+    try:
+        with output.progress("reproducing the paper") as done:
+            outcome = run(out, seed=seed, progress=done)
+    except KeyboardInterrupt:
+        # Each file is whole, but they are not all there.
+        found = [path for path in out.rglob("*") if path.is_file()]
+        output.written.extend(path for path in found if path.stat().st_mtime >= started)
+        raise
+    report = outcome.folder / "report.html"
+    output.written.append(report)
+    if json:
+        output.deliver(outcome.rows, [], as_json=True)
+    else:
+        from ambkit.report.terminal import print_summary
+
+        print_summary(outcome.rows)
+        output.deliver(None, [], as_json=False)
+    if show:
+        typer.launch(str(report))

@@ -1,0 +1,165 @@
+"""``ambkit simulate``: a bearing and a scenario make a record."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ambkit.commands.family import NAMES
+from ambkit.commands.options import (
+    RECORDS,
+    BearingName,
+    ExpertFile,
+    Json,
+    Plot,
+    file_option,
+    find_bearing,
+    quantity,
+)
+
+if TYPE_CHECKING:
+    from ambkit.bearing import Bearing
+    from ambkit.simulation import Run
+
+
+def _estimator(text: str) -> str:
+    if text not in ("none", *NAMES):
+        known = ", ".join(("none", *NAMES))
+        raise typer.BadParameter(f'there is no estimator "{text}"; known: {known}')
+    return text
+
+
+def simulate(
+    bearing: BearingName,
+    scenario: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.toml", help="What happens; 'ambkit check --schema scenario'."),
+    ] = None,
+    estimator: Annotated[
+        str,
+        typer.Option(
+            parser=_estimator,
+            metavar="NAME",
+            help=f"none, {', '.join(NAMES)}; the controller is fed by it unless the scenario "
+            "says otherwise.",
+        ),
+    ] = "linear",
+    expert: ExpertFile = None,
+    duration: Annotated[
+        float | None, typer.Option(parser=quantity("s"), metavar="TIME", help='Such as "0.5 s".')
+    ] = None,
+    step: Annotated[
+        float | None,
+        typer.Option(
+            parser=quantity("m"),
+            metavar="LENGTH",
+            help="Step of the reference, after a tenth of the run.",
+        ),
+    ] = None,
+    load: Annotated[
+        float | None,
+        typer.Option(
+            parser=quantity("N"), metavar="FORCE", help="Load on the rotor, after half of the run."
+        ),
+    ] = None,
+    seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="Seed of the noise.")] = None,
+    out: Annotated[
+        Path | None, file_option("Write the record: .csv or .parquet.", RECORDS, "--out")
+    ] = None,
+    plot: Plot = None,
+    json: Json = False,
+) -> None:
+    """Simulate a bearing in closed loop.
+
+    With its nonlinear magnet, noise, sensor lag, current limit and stops.
+
+    For example:
+      ambkit simulate zittau_axial --step "0.5 mm" --load "3 N" --out run.csv --plot run.png
+    """
+    from ambkit import plots
+    from ambkit.commands import output
+    from ambkit.commands.family import factories, scenario_of
+    from ambkit.errors import AmbkitError
+    from ambkit.simulation import simulate_run
+
+    with_one = estimator != "none"
+    if expert is not None and estimator != "adaptive":
+        raise typer.BadParameter(
+            f"is for --estimator adaptive, not {estimator}", param_hint="--expert"
+        )
+    plant = find_bearing(bearing)
+    happening = scenario_of(
+        plant,
+        scenario,
+        duration=duration,
+        step=step,
+        load=load,
+        seed=seed,
+        from_estimate=with_one,
+    )
+    if not with_one and happening.controller.feedback == "estimate":
+        raise AmbkitError(
+            f'{scenario}: the controller is fed by the estimate (controller.feedback = "estimate"),'
+            " so --estimator cannot be none"
+        )
+    kalman = factories([estimator], plant, expert)[estimator]() if with_one else None
+    with output.progress("simulating"):
+        run = simulate_run(plant, happening, estimator=kalman)
+    data = _summary(run, plant)
+    output.deliver(
+        data,
+        [_table(data, plant)],
+        [
+            (out, run.record.save),
+            (plot, lambda path: plots.save_figure(plots.simulation_figure(run, plant), path)),
+        ],
+        as_json=json,
+    )
+
+
+def _summary(run: Run, bearing: Bearing) -> dict[str, Any]:
+    import numpy as np
+
+    from ambkit.comparison import JUDGED, rmse
+
+    record, estimate = run.record, run.estimate
+    found: dict[str, Any] = {
+        "bearing": bearing.name,
+        "samples": len(record),
+        "duration": record.t[-1],
+        "seed": record.meta["seed"],
+        "greatest_displacement": np.max(np.abs(record["x"])),
+        "greatest_current": np.max(np.abs(record["iu"])),
+        "samples_at_the_current_limit": int(
+            np.sum((record["iu"] >= bearing.current_max) | (record["iu"] <= bearing.current_min))
+        ),
+        "samples_at_the_stop": record.meta["stop_touched"],
+    }
+    if estimate is not None:
+        found["estimator"] = estimate.estimator
+        found["rmse"] = {name: rmse(estimate, record, name) for name in JUDGED}
+        found["nis"] = np.mean(estimate.nis[1:])
+    return found
+
+
+def _table(data: dict[str, Any], bearing: Bearing) -> Any:
+    from ambkit.commands.output import table, value
+
+    rows = [
+        ["duration", f"{value(data['duration'], 's')}, {data['samples']} samples"],
+        ["greatest displacement", value(data["greatest_displacement"], "m")],
+        ["  at the stop", f"{data['samples_at_the_stop']} samples"],
+        ["greatest control current", value(data["greatest_current"], "A")],
+        ["  at its limit", f"{data['samples_at_the_current_limit']} samples"],
+    ]
+    if "rmse" in data:
+        errors = data["rmse"]
+        rows += [
+            [f"{data['estimator']}: RMSE of x", value(errors["x"], "m")],
+            ["  RMSE of v", value(errors["v"], "m/s")],
+            ["  RMSE of F_St", value(errors["f_d"], "N")],
+            ["  mean NIS (1: consistent)", f"{data['nis']:.3f}"],
+        ]
+    return table(f"{bearing.name}, seed {data['seed']}", ["", ""], rows)
