@@ -24,7 +24,7 @@ void init(Adaline *self, amb_real s0, amb_real i0, bool two_sided, amb_real T, a
   amb_adaline_reset(&self->state, k);
 }
 
-nb::dict run(Adaline &self, const Vector &y, const Vector &u, const Vector &f_d)
+Named run(Adaline &self, const Vector &y, const Vector &u, const Vector &f_d)
 {
   const size_t n = y.size();
   same_length(n, u.size(), "u");

@@ -46,8 +46,8 @@ amb_status step(Kalman &self, amb_real y, amb_real u)
   return amb_kalman_step(&self.kf, &self.magnet, &self.state, y, u, &self.result);
 }
 
-nb::dict run(Kalman &self, const Vector &y, const Vector &u, std::optional<Vector> k_i,
-             std::optional<Vector> k_s, bool covariance)
+Named run(Kalman &self, const Vector &y, const Vector &u, std::optional<Vector> k_i,
+          std::optional<Vector> k_s, bool covariance)
 {
   const size_t n = y.size();
   same_length(n, u.size(), "u");

@@ -7,12 +7,11 @@ extern "C" {
 namespace
 {
 
-nb::dict simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_real K_sen,
-                  amb_real T_sen, amb_real travel, int substeps, amb_real k_ui, amb_real iu_min,
-                  amb_real iu_max, amb_real kp, amb_real ki, amb_real kd, amb_real T_f,
-                  amb_real T_t, amb_real integral, bool feedback_estimate, Kalman *kalman,
-                  const Vector &r, const Vector &f_d, const Vector &noise_u, const Vector &noise_y,
-                  amb_real x_start)
+Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_real K_sen,
+               amb_real T_sen, amb_real travel, int substeps, amb_real k_ui, amb_real iu_min,
+               amb_real iu_max, amb_real kp, amb_real ki, amb_real kd, amb_real T_f, amb_real T_t,
+               amb_real integral, bool feedback_estimate, Kalman *kalman, const Vector &r,
+               const Vector &f_d, const Vector &noise_u, const Vector &noise_y, amb_real x_start)
 {
   const size_t n = r.size();
   same_length(n, f_d.size(), "f_d");

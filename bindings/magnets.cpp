@@ -102,7 +102,8 @@ Out<amb_real> force(const Magnet &self, const Vector &iu, const Vector &x)
 
 using Form = amb_stiffness (*)(const void *, amb_real, amb_real);
 
-nb::tuple stiffness(const Magnet &self, Form form, const Vector &iu, const Vector &x)
+nb::typed<nb::tuple, Out<amb_real>, Out<amb_real>> stiffness(const Magnet &self, Form form,
+                                                             const Vector &iu, const Vector &x)
 {
   same_length(iu.size(), x.size(), "x");
   Fresh<amb_real> k_i({iu.size()}), k_s({iu.size()});

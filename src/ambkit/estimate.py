@@ -117,14 +117,14 @@ class Estimate:
     def used(self) -> NDArray[np.bool_]:
         """Whether the measurement was taken in, (n,)."""
         unused = Status.MISSING | Status.FROZEN | Status.BAD_VARIANCE
-        return (self.status & np.uint8(unused)) == 0
+        return np.asarray((self.status & np.uint8(unused)) == 0)
 
     def std(self, name: str) -> Array:
         """Standard deviation of a state as the filter believes it, (n,); needs covariances."""
         if self.covariance is None:
             raise ValueError("run(record, covariance=True) keeps the covariances that std needs")
         entry = {"x": 0, "v": 4, "f_d": 7, "x_m": 9}[name]
-        return np.sqrt(np.asarray(self.covariance[:, entry], dtype=float))
+        return np.asarray(np.sqrt(self.covariance[:, entry]), dtype=float)
 
     def to_record(self) -> Record:
         """Return the estimates as a :class:`Record`, ready to be saved or plotted."""

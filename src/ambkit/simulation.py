@@ -84,7 +84,7 @@ def simulate_run(
     """
     T, pid = bearing.sampling_time, scenario.controller
     n = max(2, round(scenario.duration / T) + 1)
-    t = T * np.arange(n)
+    t: NDArray[np.float64] = T * np.arange(n, dtype=float)
     reference, disturbance = scenario.reference.sample(t), scenario.disturbance.sample(t)
     noise_u, noise_y = _noise(bearing, scenario, n)
     law = ClosedLaw(bearing)

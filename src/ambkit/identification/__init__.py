@@ -1,5 +1,5 @@
 """From measurements to a bearing: force and magnet constant, stiffnesses, noise, lift-off."""
 
-from ambkit.identification.identify import Identification, identify
+from ambkit.identification.magnet_constant import Identification, identify
 
 __all__ = ["Identification", "identify"]

@@ -58,12 +58,12 @@ def reproduce(
     from ambkit.reproduction.linear import linear
     from ambkit.reproduction.lsm import lsm
     from ambkit.reproduction.recording import recording
-    from ambkit.reproduction.study import Study
+    from ambkit.reproduction.study import Part, Study
 
     folder = Path(out)
     files.make_folder(folder / "tables")  # before the work: an unwritable place is told at once
     study = Study(seed=seed)
-    parts = []
+    parts: list[Part] = []
     for chapter in (linear, adaline, lsm, expert, adaptive, gain, errata, recording):
         progress(f"chapter {len(parts) + 1} of 8: {chapter.__name__}")
         parts.append(chapter(study))

@@ -134,7 +134,7 @@ def _figure_learning(study: Study) -> Figure:
                 Axis("step, counted from 1", scale="log"),
                 Axis("force error", "N rms", scale="log"),
                 [
-                    Line(1.0 + np.arange(e.learning_curve.size), e.learning_curve,
+                    Line(np.arange(1.0, 1 + e.learning_curve.size), e.learning_curve,
                          signal=signal, label=label)
                     for signal, (label, e) in curves.items()
                 ],

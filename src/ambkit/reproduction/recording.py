@@ -82,14 +82,14 @@ class Rig:
 
     def maker(self, name: str) -> Callable[[float], KalmanFilter]:
         """Return what builds a filter from the growth of its disturbance force [N^2/s]."""
-        source: StiffnessSource = {
+        sources: dict[str, StiffnessSource] = {
             "estimate linear": ConstantStiffness.of(self.bearing),
             "estimate adaptive": self.expert,
             "estimate closed law": ClosedLaw(self.bearing),
-        }[name]
+        }
         return lambda growth: KalmanFilter(
             self.bearing,
-            source,
+            sources[name],
             noise=FilterNoise(measurement=self.measurement, disturbance=growth),
         )
 
@@ -274,7 +274,7 @@ def _figure_white(judged: dict[str, tuple[float, Judgement]]) -> Figure:
         caption="White innovations would stay between the dashed lines at 95 % of the lags.",
         panels=[
             Panel(lags, Axis("correlation"), [
-                *(Points(1e-3 * np.arange(1, w.correlation.size + 1), w.correlation, signal=name)
+                *(Points(1e-3 * np.arange(1.0, w.correlation.size + 1), w.correlation, signal=name)
                   for name, w in white.items()),
                 Rule(bound, signal="bound", label="95 % of white noise"),
                 Rule(-bound, signal="bound", label=""),

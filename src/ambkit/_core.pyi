@@ -1,0 +1,139 @@
+"""The C core of ambkit."""
+
+from typing import Annotated, Any
+
+import numpy
+from numpy.typing import NDArray
+
+
+class Magnet:
+    """Force and stiffnesses at (iu [A], x [m]); arrays (n,)."""
+
+    def force(self, iu: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
+        """Force relative to the bias force [N], (n,)."""
+
+    def through_origin(self, iu: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]:
+        """k_i [N/A], k_s [N/m] with F = k_i iu + k_s x."""
+
+    def tangent(self, iu: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]:
+        """k_i = dF/diu [N/A], k_s = dF/dx [N/m]."""
+
+class Constant(Magnet):
+    """Constant stiffness (paper, eq. 14)."""
+
+    def __init__(self, k_i: float, k_s: float) -> None: ...
+
+class Law(Magnet):
+    """The closed force law (paper, eq. 1)."""
+
+    def __init__(self, k: float, s0: float, i0: float, two_sided: bool, ampere: float, metre: float) -> None: ...
+
+class Table(Magnet):
+    """Bilinear stiffness tables, rows of x."""
+
+    def __init__(self, x_min: float, dx: float, iu_min: float, diu: float, k_i: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], k_s: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> None: ...
+
+class Fuzzy(Magnet):
+    """Fuzzy basis function network (paper, eq. 32-33)."""
+
+    def __init__(self, centre_iu: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], centre_x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], sharpness_k_i: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], weight_k_i: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], sharpness_k_s: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], weight_k_s: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], per_ampere: float, per_metre: float, iu_min: float, iu_max: float, x_min: float, x_max: float, normalised: bool) -> None: ...
+
+    def basis(self, of_k_s: bool, iu: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
+        """
+        Fuzzy basis functions (n, rules), eq. 32: normalised ones sum to 1. Held to the box.
+        """
+
+MAX_RULES: int = 64
+
+def exp_negative(t: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
+    """exp(-t) for t >= 0 as the core computes it, (n,)."""
+
+class Kalman:
+    """Kalman filter of one axial bearing (paper, eq. 7-21, Fig. 8)."""
+
+    def __init__(self, magnet: object, *, T: float, m: float, K_sen: float, T_sen: float, k_ui: float, f_0: float, iu_min: float, iu_max: float, x_max: float, var_u: float, var_d: float, var_y: float, frozen_limit: int) -> None: ...
+
+    def reset(self, mean: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], std: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> None:
+        """Start from a mean (4,) and standard deviations (4,), uncorrelated."""
+
+    def predict(self, u: float) -> int:
+        """One sample on (eq. 9, 10); returns the status."""
+
+    def update(self, y: float) -> int:
+        """Take in y (eq. 11-13); returns the status."""
+
+    def step(self, y: float, u: float) -> int:
+        """Predict with u, update with y."""
+
+    def run(self, y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], k_i: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, k_s: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, covariance: bool = False) -> dict[str, Any]:
+        """A whole record; u[k] acts from sample k to k + 1."""
+
+    def forecast(self, mean: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], ahead: int) -> NDArray[numpy.float64]:
+        """
+        Measurement `ahead` samples after each of mean (n, 4), u (n,): (n - ahead,) [m].
+        """
+
+    @property
+    def mean(self) -> NDArray[numpy.float64]:
+        """State estimate (4,): x [m], v [m/s], f_d [N], x_m [m]."""
+
+    @property
+    def covariance(self) -> NDArray[numpy.float64]:
+        """Its covariance (4, 4)."""
+
+    @property
+    def status(self) -> int: ...
+
+    @property
+    def innovation(self) -> float: ...
+
+    @property
+    def variance(self) -> float: ...
+
+    @property
+    def k_i(self) -> float: ...
+
+    @property
+    def k_s(self) -> float: ...
+
+OK: int = 0
+
+MISSING: int = 1
+
+FROZEN: int = 2
+
+SATURATED: int = 4
+
+BAD_CONTROL: int = 8
+
+BAD_VARIANCE: int = 16
+
+HELD: int = 32
+
+BAD_PARAMETER: int = 64
+
+UNEXCITED: int = 128
+
+class Adaline:
+    """Force and magnet constant from the motion (eq. 22-25)."""
+
+    def __init__(self, *, s0: float, i0: float, two_sided: bool, T: float, m: float, K_sen: float, a_sen: float, k_ui: float, iu_min: float, iu_max: float, f_0: float, bandwidth: float, rate_force: float, rate_k: float, least_excitation: float, k: float) -> None: ...
+
+    def step(self, y: float, u: float, f_d: float = 0) -> int: ...
+
+    def run(self, y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], f_d: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> dict[str, Any]:
+        """A whole record; u[k] and f_d[k] act from sample k to k + 1."""
+
+    @property
+    def force(self) -> float: ...
+
+    @property
+    def k(self) -> float: ...
+
+    @property
+    def excitation(self) -> float: ...
+
+def simulate(magnet: Magnet, *, T: float, m: float, f_0: float, K_sen: float, T_sen: float, travel: float, substeps: int, k_ui: float, iu_min: float, iu_max: float, kp: float, ki: float, kd: float, T_f: float, T_t: float, integral: float, feedback_estimate: bool, kalman: Kalman | None, r: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], f_d: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], noise_u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], noise_y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], x_start: float = 0) -> dict[str, Any]:
+    """
+    A whole closed-loop run in one call; see sim/loop.h for shapes and units.
+    """
