@@ -104,7 +104,9 @@ def _run(arguments: Sequence[str] | None) -> int:
     except KeyboardInterrupt:
         code = INTERRUPTED
     except typer.TyperException as error:
-        return _refused(error.format_message(), getattr(error, "ctx", None))
+        return _refused(
+            error.format_message().replace("Value error, ", ""), getattr(error, "ctx", None)
+        )
     except AmbkitError as error:
         return _refused(str(error))
     except BrokenPipeError:
@@ -115,9 +117,18 @@ def _run(arguments: Sequence[str] | None) -> int:
         place = f"{error.filename}: " if error.filename else ""
         return _refused(f"{place}{error.strerror or error}")
     if code == INTERRUPTED:
-        files = ", ".join(map(str, output.written))
-        output.note(f"\ninterrupted; {f'wrote {files}' if files else 'nothing was written'}")
+        output.note(f"\ninterrupted; {_files()}")
     return int(code)
+
+
+def _files() -> str:
+    """Say what was written so far, in a line."""
+    written = output.written
+    if not written:
+        return "nothing was written"
+    if len(written) > 3:
+        return f"wrote {len(written)} files below {os.path.commonpath(written)}"
+    return f"wrote {', '.join(map(str, written))}"
 
 
 def _refused(message: str, context: typer.Context | None = None) -> int:

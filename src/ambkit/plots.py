@@ -270,9 +270,7 @@ def training_figure(expert: Expert, stiff: StiffnessMap) -> Figure:
     )
 
 
-def comparison_figure(
-    scores: Mapping[str, Mapping[str, Score]], what: str = "step of the reference"
-) -> Figure:
+def comparison_figure(scores: Mapping[str, Mapping[str, Score]], what: str = "step") -> Figure:
     """Show the errors of several filters as bars.
 
     Parameters

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from ambkit.commands.options import Json, MapFile
+from ambkit.errors import AmbkitError
 
 
 class Schema(StrEnum):
@@ -45,7 +46,7 @@ def check(
     from ambkit.inspection import inspect, schema_of
 
     if (schema is None) == (not files):
-        raise typer.BadParameter("give either FILES or --schema")
+        raise AmbkitError("give either FILES or --schema")
     if schema is not None:
         output.deliver(schema_of(schema.value), [], as_json=True)
         return

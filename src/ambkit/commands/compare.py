@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ambkit.commands.family import NAMES, names
+from ambkit.commands.family import NAMES, known, names
 from ambkit.commands.options import (
     RECORDS,
     BearingName,
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from ambkit.comparison import Score
 
 UNITS = {"x": "m", "v": "m/s", "f_d": "N"}
+LABELS = {"x": "x", "v": "v", "f_d": "F_St"}
 
 
 def compare(
@@ -34,7 +35,7 @@ def compare(
         Path | None, typer.Option(metavar="FILE.toml", help="What happens, besides step and load.")
     ] = None,
     estimator: Annotated[
-        str, typer.Option(metavar="NAMES", help=f"Some of {', '.join(NAMES)}.")
+        str, typer.Option(callback=known, metavar="NAMES", help=f"Some of {', '.join(NAMES)}.")
     ] = "linear,adaptive,closed-law",
     expert: ExpertFile = None,
     steps: Annotated[
@@ -73,8 +74,6 @@ def compare(
     from ambkit.commands.family import factories, scenario_of
 
     chosen = names(estimator)
-    if expert is not None and "adaptive" not in chosen:
-        raise typer.BadParameter("is for --estimator adaptive", param_hint="--expert")
     plant = find_bearing(bearing)
     heights: list[float | None] = [None]
     if steps is not None:
@@ -94,7 +93,7 @@ def compare(
             case: comparison.compare(plant, each, built, range(seed, seed + seeds), done=done)
             for case, each in happening.items()
         }
-    what = "scenario" if heights == [None] else "step of the reference"
+    what = "scenario" if heights == [None] else "step"
     data = {
         "bearing": plant.name,
         "seeds": [seed, seed + seeds - 1],
@@ -125,17 +124,24 @@ def _table(scores: Mapping[str, Mapping[str, Score]], what: str, title: str) -> 
     from ambkit.commands.output import table, value
     from ambkit.units import factor
 
-    def entry(score: Score, name: str) -> str:
-        _, unit = value(score.mean(name), UNITS[name]).split(" ", 1)
-        scale = factor(UNITS[name], unit)
-        return f"{scale * score.mean(name):.3f} ± {scale * score.spread(name):.3f} {unit}"
+    def shown_in(signal: str) -> str:
+        largest = max(
+            score.mean(signal) for of_case in scores.values() for score in of_case.values()
+        )
+        return value(largest, UNITS[signal]).split(" ", 1)[-1]
 
+    def entry(score: Score, signal: str) -> str:
+        scale = factor(UNITS[signal], units[signal])
+        return f"{scale * score.mean(signal):.3f} ± {scale * score.spread(signal):.3f}"
+
+    units = {signal: shown_in(signal) for signal in UNITS}
+    headers = [what, *(f"{LABELS[signal]} [{unit}]" for signal, unit in units.items()), "mean NIS"]
     rows = [
         [f"{case}, {name}", *(entry(score, signal) for signal in UNITS), f"{score.nis.mean():.3f}"]
         for case, of_case in scores.items()
         for name, score in of_case.items()
     ]
-    return table(f"{title}: root mean square errors", [what, "x", "v", "F_St", "mean NIS"], rows)
+    return table(f"{title}: root mean square errors", headers, rows)
 
 
 def _save(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from ambkit.commands import output
+from ambkit.errors import AmbkitError
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
@@ -22,12 +23,22 @@ Factory = Callable[[], "KalmanFilter"]
 
 
 def names(text: str) -> list[str]:
-    """Parse a list of estimators, such as ``linear,closed-law``."""
-    given = list(dict.fromkeys(part.strip() for part in text.split(",")))
-    for name in given:
+    """Split a list of estimators, such as ``linear,closed-law``; each counts once."""
+    return list(dict.fromkeys(part.strip() for part in text.split(",")))
+
+
+def known(text: str) -> str:
+    """Check such a list, as the callback of an option.
+
+    Raises
+    ------
+    BadParameter
+        One is not in `NAMES`.
+    """
+    for name in names(text):
         if name not in NAMES:
             raise typer.BadParameter(f'there is no estimator "{name}"; known: {", ".join(NAMES)}')
-    return given
+    return text
 
 
 def factories(
@@ -48,8 +59,17 @@ def factories(
         The expert of ``adaptive``; it is trained from the bearing's own law without it.
     noise : FilterNoise, optional
         What all of them assume.
+
+    Raises
+    ------
+    AmbkitError
+        The expert cannot be read, or none of the chosen ones asks it.
     """
     from ambkit.estimators import AdaptiveKalmanFilter, KalmanFilter
+
+    chosen = list(chosen)
+    if expert is not None and "adaptive" not in chosen:
+        raise AmbkitError("--expert is for --estimator adaptive, which is not among those chosen")
 
     def factory(name: str) -> Factory:
         if name == "linear":

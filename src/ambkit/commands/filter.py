@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ambkit.commands.family import NAMES, names
+from ambkit.commands.family import NAMES, known, names
 from ambkit.commands.options import (
     RECORDS,
     ExpertFile,
@@ -39,7 +39,9 @@ def filter_record(
     channel_map: MapFile = None,
     estimator: Annotated[
         str,
-        typer.Option(metavar="NAMES", help=f"One or several of {', '.join(NAMES)}."),
+        typer.Option(
+            callback=known, metavar="NAMES", help=f"One or several of {', '.join(NAMES)}."
+        ),
     ] = "linear,adaptive,closed-law",
     expert: ExpertFile = None,
     begin: Annotated[
@@ -99,8 +101,6 @@ def filter_record(
     from ambkit.record import Record
 
     chosen = names(estimator)
-    if expert is not None and "adaptive" not in chosen:
-        raise typer.BadParameter("is for --estimator adaptive", param_hint="--expert")
     model = find_bearing(bearing)
     log = Record.load(record, channel_map)
     if begin is not None or end is not None:
@@ -156,16 +156,16 @@ def _tables(judged: Mapping[str, Judgement], title: str) -> list[Any]:
         row("measurements used", lambda j: f"{j.used} of {j.samples}"),
         *(row(f"  status: {flag}", lambda j, f=flag: str(j.status.get(f, 0))) for flag in flags),
         row("innovation, mean", lambda j: value(j.innovation_mean, "m")),
-        row("innovation, standard deviation", lambda j: value(j.innovation_std, "m")),
-        row("  as the filter expects it", lambda j: value(j.expected_std, "m")),
-        row("mean NIS (1: consistent)", lambda j: f"{j.nis:.3f}"),
-        row("innovation, lags within 95 % bound", _white),
+        row("innovation, std", lambda j: value(j.innovation_std, "m")),
+        row("  std that the filter expects", lambda j: value(j.expected_std, "m")),
+        row("  mean NIS (1: consistent)", lambda j: f"{j.nis:.3f}"),
+        row("  lags within 95 % bound", _white),
         row("load, mean", lambda j: value(j.disturbance_mean, "N")),
-        row("load, standard deviation", lambda j: value(j.disturbance_std, "N")),
+        row("load, std", lambda j: value(j.disturbance_std, "N")),
     ]
     units = {"x": "m", "v": "m/s", "f_d": "N"}
     rows += [
-        row(f"error of {name} against the truth, rms", lambda j, n=name: value(j.rmse[n], units[n]))
+        row(f"error of {name}, rms", lambda j, n=name: value(j.rmse[n], units[n]))
         for name in one.rmse
     ]
     headers = ["", *(f"{ahead} step{'s' * (ahead > 1)} ahead" for ahead in HORIZONS)]

@@ -18,6 +18,7 @@ from ambkit.commands.options import (
     quantity,
     read_quantities,
 )
+from ambkit.errors import AmbkitError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -94,16 +95,16 @@ def identify(
     from ambkit.record import Record
 
     if (record is None) == (lift_off is None):
-        raise typer.BadParameter("give either a RECORD or --lift-off POINTS.csv")
+        raise AmbkitError("give either a RECORD or --lift-off POINTS.csv")
+    if start is not None and not start > 0:
+        raise AmbkitError(f"--start must be greater than 0, is {start:g} {CONSTANT}")
     known = find_bearing(bearing)
     if record is not None:
         log = Record.load(record, channel_map)
         _along_record(log, known, start, disturbance, out, plot, json)
     elif lift_off is not None:
         if out is not None and working_point is None:
-            raise typer.BadParameter(
-                "needs --working-point: which distance is x = 0?", param_hint="--out"
-            )
+            raise AmbkitError("--out needs --working-point: which distance is x = 0?")
         _from_lift_off(lift_off, known, gap_range, working_point, out, plot, json)
 
 
@@ -187,7 +188,6 @@ def _from_lift_off(
     from ambkit import plots
     from ambkit.commands import output
     from ambkit.commands.output import value
-    from ambkit.errors import AmbkitError
     from ambkit.identification.lift_off import load_points
     from ambkit.identification.lift_off_fit import fit_lift_off
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -101,10 +102,9 @@ def find_bearing(text: str) -> Bearing:
         return Bearing.preset(text)
     if Path(text).suffix == ".toml" or os.sep in text or Path(text).exists():
         return Bearing.load(text)
-    try:
-        return Bearing.preset(text)
-    except AmbkitError as error:
-        raise AmbkitError(f"{error}; and there is no file of that name") from None
+    near = difflib.get_close_matches(text, presets.names(), 1)
+    hint = f"did you mean {near[0]}?" if near else f"there are: {', '.join(presets.names())}"
+    raise AmbkitError(f'there is no preset and no file "{text}"; {hint}')
 
 
 @contextmanager

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.table import Table
 
 File = tuple[Path | None, Callable[[Path], object]]
@@ -51,13 +52,17 @@ def deliver(
 
 def show(tables: Iterable[Table | str]) -> None:
     """Print tables on stdout."""
+    console = stdout()
+    for table in tables:
+        console.print(table, soft_wrap=isinstance(table, str))
+
+
+def stdout() -> Console:
+    """Return rich's view of stdout, such that a pipe gets whole lines."""
     from rich.console import Console
 
-    # A pipe has no width; rich would then fold tables at 80 columns.
-    width = None if sys.stdout.isatty() else 160
-    console = Console(width=width, highlight=False, markup=False)
-    for table in tables:
-        console.print(table)
+    # A pipe has no width; rich would fold tables at 80 columns.
+    return Console(width=None if sys.stdout.isatty() else 160, highlight=False, markup=False)
 
 
 def note(text: str) -> None:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from ambkit.commands.options import Json, file_option
+from ambkit.errors import AmbkitError
 
 
 def presets(
@@ -33,7 +34,7 @@ def presets(
 
     if name is None:
         if out is not None:
-            raise typer.BadParameter("needs the NAME of a preset", param_hint="--out")
+            raise AmbkitError("--out needs the NAME of a preset")
         known = [Bearing.preset(each) for each in collection.names()]
         data = [{"name": b.name, "description": b.description, "source": b.source} for b in known]
         rows = [[b["name"], b["description"]] for b in data]

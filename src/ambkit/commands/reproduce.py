@@ -45,7 +45,7 @@ def reproduce(
     else:
         from ambkit.report.terminal import print_summary
 
-        print_summary(outcome.rows)
+        print_summary(outcome.rows, output.stdout())
         output.deliver(None, [], as_json=False)
     if show:
         typer.launch(str(report))

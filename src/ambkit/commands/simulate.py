@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ambkit.commands.family import NAMES
+from ambkit.commands.family import NAMES, known
 from ambkit.commands.options import (
     RECORDS,
     BearingName,
@@ -24,13 +24,6 @@ if TYPE_CHECKING:
     from ambkit.simulation import Run
 
 
-def _estimator(text: str) -> str:
-    if text not in ("none", *NAMES):
-        known = ", ".join(("none", *NAMES))
-        raise typer.BadParameter(f'there is no estimator "{text}"; known: {known}')
-    return text
-
-
 def simulate(
     bearing: BearingName,
     scenario: Annotated[
@@ -40,7 +33,7 @@ def simulate(
     estimator: Annotated[
         str,
         typer.Option(
-            parser=_estimator,
+            callback=lambda name: name if name == "none" else known(name),
             metavar="NAME",
             help=f"none, {', '.join(NAMES)}; the controller is fed by it unless the scenario "
             "says otherwise.",
@@ -85,10 +78,6 @@ def simulate(
     from ambkit.simulation import simulate_run
 
     with_one = estimator != "none"
-    if expert is not None and estimator != "adaptive":
-        raise typer.BadParameter(
-            f"is for --estimator adaptive, not {estimator}", param_hint="--expert"
-        )
     plant = find_bearing(bearing)
     happening = scenario_of(
         plant,
@@ -104,7 +93,8 @@ def simulate(
             f'{scenario}: the controller is fed by the estimate (controller.feedback = "estimate"),'
             " so --estimator cannot be none"
         )
-    kalman = factories([estimator], plant, expert)[estimator]() if with_one else None
+    built = factories([estimator] if with_one else [], plant, expert)
+    kalman = built[estimator]() if with_one else None
     with output.progress("simulating"):
         run = simulate_run(plant, happening, estimator=kalman)
     data = _summary(run, plant)
