@@ -48,8 +48,9 @@ amb_status amb_kalman_reset(amb_kalman_state *state, const amb_real mean[AMB_AXI
   return AMB_OK;
 }
 
-static amb_real current(const amb_kalman *kf, amb_kalman_state *state, amb_real u,
-                        amb_status *status)
+/* A control signal that is not finite, or asks for more than there is. */
+static amb_real beyond(const amb_kalman *kf, amb_kalman_state *state, amb_real u,
+                       amb_status *status)
 {
   if (amb_is_finite(u))
     state->last_u = u;
@@ -60,6 +61,16 @@ static amb_real current(const amb_kalman *kf, amb_kalman_state *state, amb_real 
   if ((held < iu) || (held > iu))
     *status |= AMB_SATURATED;
   return held;
+}
+
+static amb_real current(const amb_kalman *kf, amb_kalman_state *state, amb_real u,
+                        amb_status *status)
+{
+  const amb_real iu = kf->set.k_ui * u;
+  if (!((iu >= kf->set.iu_min) && (iu <= kf->set.iu_max)))
+    return beyond(kf, state, u, status);
+  state->last_u = u;
+  return iu;
 }
 
 /* The pieces of a step are static, so that amb_kalman_run becomes one loop whose state stays in
@@ -102,22 +113,44 @@ static bool frozen(const amb_kalman *kf, amb_kalman_state *state, amb_real y)
   return (kf->set.frozen_limit > 0) && (state->unchanged >= kf->set.frozen_limit);
 }
 
+/* What rounding makes of a nearly singular covariance may have no root. Its variances have: the
+ * filter goes on from these, and learns the correlations anew. */
+static void drop_correlations(amb_real P[AMB_AXIAL_TRIANGLE],
+                              const amb_real variances[AMB_AXIAL_STATES])
+{
+  int entry = 0;
+  for (int i = 0; i < AMB_AXIAL_STATES; i++) {
+    P[entry++] = variances[i] < 0 ? -variances[i] : variances[i];
+    for (int j = i + 1; j < AMB_AXIAL_STATES; j++)
+      P[entry++] = 0;
+  }
+}
+
 static amb_status update(const amb_kalman *kf, amb_kalman_state *state, amb_real y,
                          amb_kalman_result *result)
 {
   const amb_real far = AMB_FAR * kf->set.x_max * kf->set.K_sen;
   const amb_real bound = far > 0 ? far : -far;
+  amb_real *P = state->cov;
   result->innovation = 0;
-  result->variance = state->cov[AMB_AXIAL_TRIANGLE - 1] + kf->set.var_y;
+  result->variance = P[9] + kf->set.var_y;
   if (!((y >= -bound) && (y <= bound)))
     return AMB_MISSING;
   if (frozen(kf, state, y))
     return AMB_FROZEN;
-  if (!positive(result->variance))
-    return AMB_BAD_VARIANCE;
-  amb_axial_update(y, kf->set.var_y, state->mean, state->cov, &result->innovation,
-                   &result->variance);
-  return AMB_OK;
+  /* Of a variance at least half the digits must be left: after an outage, a sensor much sharper
+   * than the estimate is believed step by step. */
+  const amb_real least = AMB_ROOT_EPSILON * P[9];
+  const amb_real var_y = kf->set.var_y > least ? kf->set.var_y : least;
+  result->variance = P[9] + var_y;
+  const amb_real before[AMB_AXIAL_STATES] = {P[0], P[4], P[7], P[9]};
+  if (positive(result->variance)) {
+    amb_axial_update(y, var_y, state->mean, P, &result->innovation, &result->variance);
+    if ((P[0] > 0) && (P[4] > 0) && (P[7] > 0) && (P[9] > 0))
+      return AMB_OK;
+  }
+  drop_correlations(P, before);
+  return AMB_BAD_VARIANCE;
 }
 
 amb_real amb_kalman_current(const amb_kalman *kf, amb_kalman_state *state, amb_real u,

@@ -26,7 +26,7 @@ class Status(IntFlag):
     FROZEN = 2  #: the measurement had not moved for too many samples: predicted only
     SATURATED = 4  #: control current beyond its limit: the limit was used
     BAD_CONTROL = 8  #: the control signal was NaN or infinite: the last good one was used
-    BAD_VARIANCE = 16  #: innovation variance not positive: measurement refused
+    BAD_VARIANCE = 16  #: rounding has eaten the covariance: correlations dropped
     HELD = 32  #: the position is known no better than the travel: not predicted any further
     BAD_PARAMETER = 64  #: a stiffness was not finite: not predicted
     UNEXCITED = 128  #: too little excitation: the identified value was held

@@ -11,11 +11,13 @@ typedef float amb_real;
 #define AMB_C(literal) literal##F
 #define AMB_PRINT "%.9g"
 #define AMB_REAL_MAX FLT_MAX
+#define AMB_ROOT_EPSILON 3.4526698e-4F /* half of the digits */
 #else
 typedef double amb_real;
 #define AMB_C(literal) literal
 #define AMB_PRINT "%.17g"
 #define AMB_REAL_MAX DBL_MAX
+#define AMB_ROOT_EPSILON 1.4901161193847656e-8
 #endif
 
 /* False for NaN and for both infinities; no libm. */

@@ -10,7 +10,7 @@ typedef unsigned int amb_status;
 #define AMB_FROZEN 2U      /* measurement has not moved for too many samples: predicted only */
 #define AMB_SATURATED 4U   /* control current beyond its limit: the limit was used */
 #define AMB_BAD_CONTROL 8U /* control signal is NaN or infinite: the last good one was used */
-#define AMB_BAD_VARIANCE 16U /* innovation variance is not positive: measurement refused */
+#define AMB_BAD_VARIANCE 16U /* rounding has eaten the covariance: its correlations are dropped */
 #define AMB_HELD 32U /* position known no better than the travel: not predicted any further */
 #define AMB_BAD_PARAMETER 64U /* a parameter is not finite or out of range: nothing was done */
 #define AMB_UNEXCITED 128U    /* too little excitation: the identified value is held */
