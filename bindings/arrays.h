@@ -5,6 +5,7 @@
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/optional.h>
 
+#include <algorithm>
 #include <initializer_list>
 #include <stdexcept>
 #include <string>
@@ -46,6 +47,14 @@ inline void same_length(size_t n, size_t other, const char *name)
 inline std::vector<amb_real> copied(const Vector &a)
 {
   return std::vector<amb_real>(a.data(), a.data() + a.size());
+}
+
+// A NumPy array of its own from what a struct points to.
+inline Out<amb_real> shown(const std::vector<amb_real> &a, std::initializer_list<size_t> shape)
+{
+  Fresh<amb_real> copy(shape);
+  std::copy(a.begin(), a.end(), copy.data);
+  return copy.array;
 }
 
 void bind_magnets(nb::module_ &m);

@@ -100,6 +100,34 @@ Out<amb_real> covariance(const Kalman &self)
   return P.array;
 }
 
+Named parameters(const Kalman &self)
+{
+  const amb_kalman_settings &s = self.kf.set;
+  const amb_axial_model &m = self.kf.model;
+  nb::dict set, model, all;
+  set["T"] = s.T;
+  set["m"] = s.m;
+  set["K_sen"] = s.K_sen;
+  set["T_sen"] = s.T_sen;
+  set["k_ui"] = s.k_ui;
+  set["f_0"] = s.f_0;
+  set["iu_min"] = s.iu_min;
+  set["iu_max"] = s.iu_max;
+  set["x_max"] = s.x_max;
+  set["var_u"] = s.var_u;
+  set["var_d"] = s.var_d;
+  set["var_y"] = s.var_y;
+  set["frozen_limit"] = s.frozen_limit;
+  model["T"] = m.T;
+  model["T_m"] = m.T_m;
+  model["T2_2m"] = m.T2_2m;
+  model["a_sen"] = m.a_sen;
+  model["b_sen"] = m.b_sen;
+  all["set"] = set;
+  all["model"] = model;
+  return all;
+}
+
 } // namespace
 
 void bind_kalman(nb::module_ &m)
@@ -122,6 +150,8 @@ void bind_kalman(nb::module_ &m)
       .def_prop_ro("mean", &mean, nb::rv_policy::move,
                    "State estimate (4,): x [m], v [m/s], f_d [N], x_m [m].")
       .def_prop_ro("covariance", &covariance, nb::rv_policy::move, "Its covariance (4, 4).")
+      .def_prop_ro("parameters", &parameters,
+                   "Settings, and what was computed from them, by the names of their fields.")
       .def_prop_ro("status", [](const Kalman &s) { return s.result.status; })
       .def_prop_ro("innovation", [](const Kalman &s) { return s.result.innovation; })
       .def_prop_ro("variance", [](const Kalman &s) { return s.result.variance; })

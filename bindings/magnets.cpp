@@ -13,6 +13,13 @@ struct Constant : Magnet {
   {
     magnet = {&amb_constant_magnet, &k};
   }
+  Named parameters() const override
+  {
+    nb::dict d;
+    d["k_i"] = k.k_i;
+    d["k_s"] = k.k_s;
+    return d;
+  }
 };
 
 struct Law : Magnet {
@@ -22,28 +29,57 @@ struct Law : Magnet {
   {
     magnet = {&amb_law_magnet, &law};
   }
+  Named parameters() const override
+  {
+    nb::dict d;
+    d["k"] = law.k;
+    d["s0"] = law.s0;
+    d["i0"] = law.i0;
+    d["two_sided"] = law.two_sided;
+    d["ampere"] = law.ampere;
+    d["metre"] = law.metre;
+    return d;
+  }
 };
 
 struct Table : Magnet {
-  std::vector<amb_real> k_i, k_s;
+  std::vector<amb_stiffness> nodes;
   amb_table table{};
   Table(amb_real x_min, amb_real dx, amb_real iu_min, amb_real diu, const Matrix &ki,
         const Matrix &ks)
-      : k_i(ki.data(), ki.data() + ki.size()), k_s(ks.data(), ks.data() + ks.size())
   {
     if (ki.shape(0) != ks.shape(0) || ki.shape(1) != ks.shape(1))
       throw std::invalid_argument("k_i and k_s differ in shape");
     if (ki.shape(0) < 2 || ki.shape(1) < 2)
       throw std::invalid_argument("a table needs at least 2 x 2 nodes");
+    for (size_t k = 0; k < ki.size(); k++)
+      nodes.push_back({ki.data()[k], ks.data()[k]});
     table = {static_cast<int>(ki.shape(0)),
              static_cast<int>(ki.shape(1)),
              x_min,
-             dx,
+             1 / dx,
              iu_min,
-             diu,
-             k_i.data(),
-             k_s.data()};
+             1 / diu,
+             nodes.data()};
     magnet = {&amb_table_magnet, &table};
+  }
+
+  Named parameters() const override
+  {
+    Fresh<amb_real> pairs({nodes.size(), 2});
+    for (size_t k = 0; k < nodes.size(); k++) {
+      pairs.data[2 * k] = nodes[k].k_i;
+      pairs.data[2 * k + 1] = nodes[k].k_s;
+    }
+    nb::dict d;
+    d["rows"] = table.rows;
+    d["columns"] = table.columns;
+    d["x_min"] = table.x_min;
+    d["per_metre"] = table.per_metre;
+    d["iu_min"] = table.iu_min;
+    d["per_ampere"] = table.per_ampere;
+    d["nodes"] = pairs.array;
+    return d;
   }
 };
 
@@ -75,6 +111,29 @@ struct Fuzzy : Magnet {
     net.k_i = {sharp_ki.data(), weight_ki.data()};
     net.k_s = {sharp_ks.data(), weight_ks.data()};
     magnet = {&amb_fuzzy_magnet, &net};
+  }
+
+  Named parameters() const override
+  {
+    const size_t n = centre_iu.size();
+    nb::dict d, of_ki, of_ks;
+    of_ki["sharpness"] = shown(sharp_ki, {n});
+    of_ki["weight"] = shown(weight_ki, {n});
+    of_ks["sharpness"] = shown(sharp_ks, {n});
+    of_ks["weight"] = shown(weight_ks, {n});
+    d["rules"] = net.rules;
+    d["normalised"] = net.normalised;
+    d["per_ampere"] = net.per_ampere;
+    d["per_metre"] = net.per_metre;
+    d["iu_min"] = net.iu_min;
+    d["iu_max"] = net.iu_max;
+    d["x_min"] = net.x_min;
+    d["x_max"] = net.x_max;
+    d["centre_iu"] = shown(centre_iu, {n});
+    d["centre_x"] = shown(centre_x, {n});
+    d["k_i"] = of_ki;
+    d["k_s"] = of_ks;
+    return d;
   }
 
   Out<amb_real> basis(bool of_k_s, const Vector &iu, const Vector &x) const
@@ -136,7 +195,9 @@ void bind_magnets(nb::module_ &m)
           [](const Magnet &self, const Vector &iu, const Vector &x) {
             return stiffness(self, self.magnet.methods->tangent, iu, x);
           },
-          nb::arg("iu"), nb::arg("x"), "k_i = dF/diu [N/A], k_s = dF/dx [N/m].");
+          nb::arg("iu"), nb::arg("x"), "k_i = dF/diu [N/A], k_s = dF/dx [N/m].")
+      .def_prop_ro("parameters", &Magnet::parameters, nb::rv_policy::move,
+                   "What the C struct holds, by the names of its fields.");
   nb::class_<Constant, Magnet>(m, "Constant", "Constant stiffness (paper, eq. 14).")
       .def(nb::init<amb_real, amb_real>(), nb::arg("k_i"), nb::arg("k_s"));
   nb::class_<Law, Magnet>(m, "Law", "The closed force law (paper, eq. 1).")

@@ -12,5 +12,6 @@ struct Magnet {
   amb_magnet magnet{};
   virtual ~Magnet() = default;
   Magnet() = default;
-  Magnet(const Magnet &) = delete; // `magnet.self` points into the object
+  Magnet(const Magnet &) = delete;      // `magnet.self` points into the object
+  virtual Named parameters() const = 0; // the fields of what `magnet.self` points to
 };

@@ -7,59 +7,75 @@ typedef struct place {
   amb_real slope; /* d fraction / d value; 0 where the value is held at the edge */
 } place;
 
-static place locate(amb_real value, amb_real first, amb_real step, int nodes)
+static place locate(amb_real value, amb_real first, amb_real per_step, int nodes)
 {
   const amb_real cells = (amb_real)(nodes - 1);
-  const amb_real raw = (value - first) / step;
+  const amb_real raw = (value - first) * per_step;
   const amb_real position = amb_clamp(raw, AMB_C(0.0), cells);
+  const int below = position >= AMB_C(1.0) ? (int)position : 0; /* NaN: the fraction carries it */
   place p;
-  p.node = position >= 1 ? (int)position : 0; /* NaN: any node, the fraction carries it on */
-  p.node = p.node > nodes - 2 ? nodes - 2 : p.node;
+  p.node = below > (nodes - 2) ? (nodes - 2) : below;
   p.fraction = position - (amb_real)p.node;
-  p.slope = (raw >= 0) && (raw <= cells) ? 1 / step : AMB_C(0.0);
+  p.slope = ((raw >= AMB_C(0.0)) && (raw <= cells)) ? per_step : AMB_C(0.0);
   return p;
 }
 
+/* The cell around a place: what the bilinear surface needs of its four corners. */
+typedef struct cell {
+  place row, column;
+  const amb_stiffness *lower, *upper; /* pairs of neighbours */
+} cell;
+
+static cell find(const amb_table *t, amb_real iu, amb_real x)
+{
+  cell c;
+  c.row = locate(x, t->x_min, t->per_metre, t->rows);
+  c.column = locate(iu, t->iu_min, t->per_ampere, t->columns);
+  c.lower = &t->nodes[(c.row.node * t->columns) + c.column.node];
+  c.upper = &c.lower[t->columns];
+  return c;
+}
+
+/* A surface and its derivatives after iu and x, from its values at the corners of a cell. */
 typedef struct surface {
   amb_real value, d_iu, d_x;
 } surface;
 
-static surface bilinear(const amb_real *z, int columns, place row, place column)
+static surface bilinear(const cell *c, amb_real low_left, amb_real low_right, amb_real high_left,
+                        amb_real high_right)
 {
-  const amb_real *lower = z + row.node * columns + column.node;
-  const amb_real *upper = lower + columns;
-  const amb_real low = lower[0] + column.fraction * (lower[1] - lower[0]);
-  const amb_real high = upper[0] + column.fraction * (upper[1] - upper[0]);
-  const amb_real across =
-      (lower[1] - lower[0]) + row.fraction * ((upper[1] - upper[0]) - (lower[1] - lower[0]));
+  const amb_real low_step = low_right - low_left, high_step = high_right - high_left;
+  const amb_real low = low_left + c->column.fraction * low_step;
+  const amb_real high = high_left + c->column.fraction * high_step;
+  const amb_real across = low_step + c->row.fraction * (high_step - low_step);
   surface s;
-  s.value = low + row.fraction * (high - low);
-  s.d_iu = across * column.slope;
-  s.d_x = (high - low) * row.slope;
+  s.value = low + c->row.fraction * (high - low);
+  s.d_iu = across * c->column.slope;
+  s.d_x = (high - low) * c->row.slope;
   return s;
 }
 
-static void both(const void *self, amb_real iu, amb_real x, surface *k_i, surface *k_s)
+static surface k_i_of(const cell *c)
 {
-  const amb_table *t = (const amb_table *)self;
-  const place row = locate(x, t->x_min, t->dx, t->rows);
-  const place column = locate(iu, t->iu_min, t->diu, t->columns);
-  *k_i = bilinear(t->k_i, t->columns, row, column);
-  *k_s = bilinear(t->k_s, t->columns, row, column);
+  return bilinear(c, c->lower[0].k_i, c->lower[1].k_i, c->upper[0].k_i, c->upper[1].k_i);
+}
+
+static surface k_s_of(const cell *c)
+{
+  return bilinear(c, c->lower[0].k_s, c->lower[1].k_s, c->upper[0].k_s, c->upper[1].k_s);
 }
 
 static amb_stiffness table_through_origin(const void *self, amb_real iu, amb_real x)
 {
-  surface k_i, k_s;
-  both(self, iu, x, &k_i, &k_s);
-  const amb_stiffness k = {k_i.value, k_s.value};
+  const cell c = find((const amb_table *)self, iu, x);
+  const amb_stiffness k = {k_i_of(&c).value, k_s_of(&c).value};
   return k;
 }
 
 static amb_stiffness table_tangent(const void *self, amb_real iu, amb_real x)
 {
-  surface k_i, k_s;
-  both(self, iu, x, &k_i, &k_s);
+  const cell c = find((const amb_table *)self, iu, x);
+  const surface k_i = k_i_of(&c), k_s = k_s_of(&c);
   const amb_stiffness k = {k_i.value + k_i.d_iu * iu + k_s.d_iu * x,
                            k_s.value + k_i.d_x * iu + k_s.d_x * x};
   return k;

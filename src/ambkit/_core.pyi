@@ -18,6 +18,10 @@ class Magnet:
     def tangent(self, iu: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]:
         """k_i = dF/diu [N/A], k_s = dF/dx [N/m]."""
 
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """What the C struct holds, by the names of its fields."""
+
 class Constant(Magnet):
     """Constant stiffness (paper, eq. 14)."""
 
@@ -80,6 +84,12 @@ class Kalman:
     @property
     def covariance(self) -> NDArray[numpy.float64]:
         """Its covariance (4, 4)."""
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """
+        Settings, and what was computed from them, by the names of their fields.
+        """
 
     @property
     def status(self) -> int: ...
