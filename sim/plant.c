@@ -5,11 +5,16 @@ amb_real amb_plant_force(const amb_plant *plant, amb_real iu, amb_real x)
   return plant->magnet.methods->force(plant->magnet.self, iu, x) + plant->f_0;
 }
 
-/* Force of the magnet alone; a stage of Runge-Kutta may look beyond the stop, the rotor cannot. */
+/* A stage of Runge-Kutta may look beyond a stop; magnet and sensor do not find the rotor there. */
+static amb_real reachable(const amb_plant *plant, amb_real x)
+{
+  return amb_clamp(x, -plant->travel, plant->travel);
+}
+
+/* Force of the magnet alone. */
 static amb_real pull(const amb_plant *plant, amb_real iu, amb_real x)
 {
-  const amb_real held = amb_clamp(x, -plant->travel, plant->travel);
-  return plant->magnet.methods->force(plant->magnet.self, iu, held);
+  return plant->magnet.methods->force(plant->magnet.self, iu, x);
 }
 
 /* One step of length h with control current iu and the constant acceleration g [m/s^2].
@@ -25,10 +30,10 @@ static void runge_kutta(const amb_plant *plant, amb_plant_state *s, amb_real h, 
   const amb_real x = s->x, v = s->v, x_m = s->x_m;
 
   const amb_real coasting = x + h * v + h * half * g; /* where it gets without the magnet */
-  const amb_real x2 = x + half * v;
+  const amb_real halfway = x + half * v, x2 = reachable(plant, halfway);
   const amb_real F1 = pull(plant, iu, x), F2 = pull(plant, iu, x2);
-  const amb_real x3 = x2 + half * half * g + half * half * per_mass * F1;
-  const amb_real x4 = coasting + h * half * per_mass * F2;
+  const amb_real x3 = reachable(plant, halfway + half * half * g + half * half * per_mass * F1);
+  const amb_real x4 = reachable(plant, coasting + h * half * per_mass * F2);
   const amb_real F3 = pull(plant, iu, x3), F4 = pull(plant, iu, x4);
   s->x = coasting + h * sixth * per_mass * (F1 + F2 + F3);
   s->v = v + h * g + sixth * per_mass * (F1 + 2 * (F2 + F3) + F4);
@@ -59,6 +64,7 @@ bool amb_plant_advance(const amb_plant *plant, amb_plant_state *state, amb_real 
   const amb_real h = T / (amb_real)plant->substeps, g = (plant->f_0 + f_d) / plant->m;
   bool touched = false;
   amb_plant_state s = *state;
+  s.x = reachable(plant, s.x);
   for (int i = 0; i < plant->substeps; i++) {
     runge_kutta(plant, &s, h, iu, g);
     touched |= stop(plant, &s);
