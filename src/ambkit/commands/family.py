@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import typer
 
@@ -19,7 +19,12 @@ if TYPE_CHECKING:
 
 NAMES = ("linear", "adaptive", "closed-law", "table")
 
-Factory = Callable[[], "KalmanFilter"]
+
+class Factory(Protocol):
+    """What builds an estimator."""
+
+    def __call__(self, noise: FilterNoise | None = None) -> KalmanFilter:
+        """Build a fresh one; by default it assumes the bearing's own noise."""
 
 
 def names(text: str) -> list[str]:
@@ -42,10 +47,7 @@ def known(text: str) -> str:
 
 
 def factories(
-    chosen: Iterable[str],
-    bearing: Bearing,
-    expert: Path | None = None,
-    noise: FilterNoise | None = None,
+    chosen: Iterable[str], bearing: Bearing, expert: Path | None = None
 ) -> dict[str, Factory]:
     """Return what builds each of the chosen estimators, as often as asked.
 
@@ -57,8 +59,6 @@ def factories(
         What is filtered.
     expert : Path, optional
         The expert of ``adaptive``; it is trained from the bearing's own law without it.
-    noise : FilterNoise, optional
-        What all of them assume.
 
     Raises
     ------
@@ -73,9 +73,9 @@ def factories(
 
     def factory(name: str) -> Factory:
         if name == "linear":
-            return lambda: KalmanFilter(bearing, noise=noise)
+            return lambda noise=None: KalmanFilter(bearing, noise=noise)
         source = _source(name, bearing, expert)
-        return lambda: AdaptiveKalmanFilter(bearing, source, noise=noise)
+        return lambda noise=None: AdaptiveKalmanFilter(bearing, source, noise=noise)
 
     return {name: factory(name) for name in chosen}
 

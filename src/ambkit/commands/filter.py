@@ -20,8 +20,11 @@ from ambkit.commands.options import (
     find_bearing,
     quantity,
 )
+from ambkit.errors import AmbkitError
 
 if TYPE_CHECKING:
+    from ambkit.commands.family import Factory
+    from ambkit.estimators import FilterNoise
     from ambkit.judgement import Judgement
     from ambkit.record import Record
 
@@ -77,6 +80,15 @@ def filter_record(
             help='How fast the load wanders, such as "1 N^2/s"; default (2 m g)^2 a second.',
         ),
     ] = None,
+    tune: Annotated[
+        float | None,
+        typer.Option(
+            parser=quantity("s"),
+            metavar="TIME",
+            help="Find how fast the load wanders, as the first TIME of the record makes most "
+            "likely; that time does not count in the table.",
+        ),
+    ] = None,
     out: Annotated[
         Path | None, file_option("Write the estimates: .csv or .parquet.", RECORDS, "--out")
     ] = None,
@@ -100,33 +112,55 @@ def filter_record(
     from ambkit.judgement import judge
     from ambkit.record import Record
 
+    if tune is not None and noise_d is not None:
+        raise AmbkitError("--tune finds what --disturbance-noise gives: use one of them")
+    if tune is not None and not tune > 0:
+        raise AmbkitError(f"--tune must be greater than 0 s, is {tune:g} s")
     chosen = names(estimator)
     model = find_bearing(bearing)
     log = Record.load(record, channel_map)
     if begin is not None or end is not None:
         log = log.between(begin, end)
     noise = FilterNoise(measurement=noise_y, disturbance=noise_d)
-    built = factories(chosen, model, expert, noise)
+    late = max(settling or 0.0, tune or 0.0)
+    built = factories(chosen, model, expert)
+    assumed, judged = {}, {}
     with arguments_of_the_user(), output.progress("filtering", len(built)) as done:
-        judged = {}
         for name, build in built.items():
-            judged[name] = judge(build(), log, horizons=HORIZONS, settling=settling or 0.0)
+            assumed[name] = noise if tune is None else _tuned(build, noise, log, tune)
+            judged[name] = judge(build(assumed[name]), log, horizons=HORIZONS, settling=late)
             done()
     figure = plots.filter_figure
     data = {
         "record": str(record),
         "bearing": model.name,
-        "estimators": {name: judgement.to_dict() for name, judgement in judged.items()},
+        "estimators": {
+            name: judgement.to_dict() | {"disturbance_noise": assumed[name].disturbance}
+            for name, judgement in judged.items()
+        },
     }
     output.deliver(
         data,
-        _tables(judged, f"{record.name}, {len(log)} samples, {model.name}"),
+        _tables(judged, assumed, f"{record.name}, {len(log)} samples, {model.name}"),
         [
             (out, lambda path: _estimates(judged).save(path)),
             (plot, lambda path: plots.save_figure(figure(log, judged), path)),
         ],
         as_json=json,
     )
+
+
+def _tuned(build: Factory, noise: FilterNoise, log: Record, time: float) -> FilterNoise:
+    """Return the noise under which the first `time` [s] of a record is most likely."""
+    from dataclasses import replace
+
+    from ambkit.tuning import most_likely_disturbance
+
+    beginning = log.between(None, log.t[0] + time)
+    growth = most_likely_disturbance(
+        build().bearing, beginning, lambda growth: build(replace(noise, disturbance=growth))
+    )
+    return replace(noise, disturbance=growth)
 
 
 def _estimates(judged: Mapping[str, Judgement]) -> Record:
@@ -142,7 +176,9 @@ def _estimates(judged: Mapping[str, Judgement]) -> Record:
     return Record(t, signals, units, {"estimators": list(records)})
 
 
-def _tables(judged: Mapping[str, Judgement], title: str) -> list[Any]:
+def _tables(
+    judged: Mapping[str, Judgement], assumed: Mapping[str, FilterNoise], title: str
+) -> list[Any]:
     from ambkit.commands.output import table, value
 
     judgements = list(judged.values())
@@ -168,6 +204,9 @@ def _tables(judged: Mapping[str, Judgement], title: str) -> list[Any]:
         row(f"error of {name}, rms", lambda j, n=name: value(j.rmse[n], units[n]))
         for name in one.rmse
     ]
+    growths = [noise.disturbance for noise in assumed.values() if noise.disturbance is not None]
+    if growths:
+        rows.append(["load, noise assumed", *(f"{growth:.3g} N^2/s" for growth in growths)])
     headers = ["", *(f"{ahead} step{'s' * (ahead > 1)} ahead" for ahead in HORIZONS)]
     ways = {name: judgement.prediction for name, judgement in judged.items()}
     ways |= {"last measurement held": one.held, **one.logged}

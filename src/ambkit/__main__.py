@@ -1,0 +1,5 @@
+"""``python -m ambkit``."""
+
+from ambkit.cli import main
+
+main()

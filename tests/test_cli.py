@@ -1,0 +1,532 @@
+"""The commands as a user meets them: what they print, write and refuse."""
+
+import json
+import os
+import re
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+import ambkit
+from ambkit import recordings
+from ambkit.cli import main
+from ambkit.identification.lift_off import load_points
+
+COMMANDS = (
+    "reproduce", "simulate", "identify", "train", "filter", "compare", "presets", "check",
+)  # fmt: skip
+
+
+class Result(NamedTuple):
+    """Exit code, stdout and stderr of a call."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def json(self):
+        return json.loads(self.out)
+
+
+@pytest.fixture
+def call(capsys, tmp_path, monkeypatch):
+    """Call ambkit in this process, in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments):
+        with pytest.raises(SystemExit) as left:
+            main([str(argument) for argument in arguments])
+        return Result(int(left.value.code or 0), *capsys.readouterr())
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Make a folder with what the examples in the help start from."""
+    folder = tmp_path_factory.mktemp("made")
+    bearing = ambkit.Bearing.preset("zittau_axial")
+    bearing.save(folder / "my.toml")
+    scenario = ambkit.Scenario(duration=0.3, reference=ambkit.Step(amplitude=0.3e-3, time=0.03))
+    scenario.save(folder / "scenario.toml")
+    ambkit.simulate(bearing, scenario).save(folder / "run.csv")
+    shutil.copy(recordings.folder() / "lift_off_points.csv", folder / "points.csv")
+    return folder
+
+
+def real(*arguments, **options):
+    """Call ambkit as a process of its own."""
+    command = [sys.executable, "-m", "ambkit", *map(str, arguments)]
+    options = {"capture_output": True, "text": True, "timeout": 120} | options
+    done = subprocess.run(command, check=False, **options)
+    return Result(done.returncode, done.stdout, done.stderr)
+
+
+# Start-up and help
+
+
+def test_help_starts_in_less_than_four_tenths_of_a_second():
+    def once():
+        start = time.perf_counter()
+        assert real("--help").code == 0
+        return time.perf_counter() - start
+
+    assert min(once() for _ in range(5)) < 0.4
+
+
+def test_the_front_imports_nothing_heavy():
+    heavy = "numpy scipy pydantic pint pyarrow matplotlib plotly rich"
+    code = f"import sys, ambkit.cli; print([m for m in {heavy.split()} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_help_lists_all_commands_and_is_what_one_gets_for_no_command(call):
+    asked, bare = call("--help"), call()
+    assert asked.code == bare.code == 0
+    assert asked.out == bare.out
+    for name in COMMANDS:
+        assert re.search(rf"^  {name} +\S.*\.$", asked.out, re.MULTILINE), name
+
+
+def test_version(call):
+    assert call("--version").out == f"ambkit {ambkit.__version__}\n"
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_each_help_has_an_example_and_json(call, name):
+    found = call(name, "--help")
+    assert found.code == 0
+    assert f"For example:\n    ambkit {name}" in found.out
+    assert "--json" in found.out
+
+
+@pytest.mark.parametrize("name", [name for name in COMMANDS if name != "reproduce"])
+def test_the_examples_in_the_help_work(call, made, tmp_path, name):
+    examples = re.findall(r"^    (ambkit .*)$", call(name, "--help").out, re.MULTILINE)
+    shutil.copytree(made, tmp_path, dirs_exist_ok=True)
+    for example in examples:
+        arguments = shlex.split(example.partition(" > ")[0])[1:]
+        if name == "compare":
+            arguments += ["--seeds", "2"]
+        found = call(*arguments)
+        assert found.code == 0, found.err
+        for option in ("--out", "--plot"):
+            if option in arguments:
+                file = Path(arguments[arguments.index(option) + 1])
+                assert file.stat().st_size > 0
+                assert f"wrote {file}" in found.err
+
+
+# Results
+
+
+def test_simulate_writes_a_record_that_python_reads(call):
+    found = call("simulate", "zittau_axial", "--step", "0.3 mm", "--load", "2 N", "--duration",
+                 "0.2 s", "--seed", "7", "--out", "run.parquet", "--json")  # fmt: skip
+    record = ambkit.Record.load("run.parquet")
+    assert found.json["seed"] == record.meta["seed"] == 7
+    assert found.json["files"] == ["run.parquet"]
+    assert record["r"][-1] == pytest.approx(0.3e-3)
+    assert record["f_d"][-1] == pytest.approx(2.0)
+    assert record.t[-1] == pytest.approx(0.2)
+    assert found.json["greatest_displacement"] == np.abs(record["x"]).max()
+    assert 0.8 < found.json["nis"] < 1.2
+
+
+def test_simulate_repeats_with_the_seed_and_not_without(call):
+    def run(seed):
+        arguments = ("--duration", "0.02 s", "--seed", seed, "--out", f"{seed}.csv")
+        assert call("simulate", "zittau_axial", *arguments).code == 0
+        return Path(f"{seed}.csv").read_text()
+
+    assert run(1) == run(1) != run(2).replace('"seed": 2', '"seed": 1')
+
+
+def test_simulate_takes_a_scenario_and_what_changes_it(call, made):
+    arguments = ("--scenario", made / "scenario.toml", "--seed", "5", "--json", "--out", "r.csv")
+    assert call("simulate", made / "my.toml", *arguments).json["duration"] == pytest.approx(0.3)
+    assert ambkit.Record.load("r.csv").meta["scenario"]["reference"]["amplitude"] == 0.3e-3
+    assert ambkit.Record.load("r.csv").meta["seed"] == 5
+
+
+def test_simulate_without_an_estimator_feeds_back_the_measurement(call, made):
+    arguments = ("simulate", "zittau_axial", "--estimator", "none", "--duration", "0.1 s")
+    found = call(*arguments, "--json", "--out", "r.csv").json
+    assert "rmse" not in found
+    scenario = ambkit.Record.load("r.csv").meta["scenario"]
+    assert scenario["controller"]["feedback"] == "measurement"
+    refused = call(*arguments, "--scenario", made / "scenario.toml")
+    assert refused.code == 2
+    assert "fed by the estimate" in refused.err
+
+
+def test_every_preset_hovers_without_touching_the_stop(call):
+    for bearing in ("zittau_axial", "inteco_ml"):
+        found = call("simulate", bearing, "--duration", "1 s", "--json").json
+        assert found["samples_at_the_stop"] == 0
+        assert found["greatest_displacement"] < 1e-3
+
+
+def test_identify_finds_the_magnet_constant(call, made):
+    found = call("identify", made / "run.csv", "--bearing", made / "my.toml", "--start",
+                 "4 N mm^2/A^2", "--disturbance", "f_d", "--out", "b.toml", "--json")  # fmt: skip
+    assert found.json["magnet_constant"] == pytest.approx(6.7e-6, rel=0.05)
+    assert ambkit.Bearing.load("b.toml").magnet.magnet_constant == found.json["magnet_constant"]
+    said = call(
+        "identify", made / "run.csv", "--bearing", made / "my.toml", "--disturbance", "-3 N"
+    )
+    assert said.code == 0
+
+
+def test_identify_says_where_the_constant_still_drifts(call, made):
+    assert call("simulate", "zittau_axial", "--duration", "80 ms", "--out", "short.csv").code == 0
+    start = ("--bearing", "zittau_axial", "--start", "3 N mm^2/A^2")
+    assert "still drifts" in call("identify", "short.csv", *start).err
+    assert "drifts" not in call("identify", made / "run.csv", *start).err
+
+
+def test_identify_from_lift_off_points_gives_gap_and_bias(call, made):
+    found = call("identify", "--lift-off", made / "points.csv", "--bearing", "inteco_ml",
+                 "--gap-range", "4 mm,16 mm", "--working-point", "10 mm", "--out", "b.toml",
+                 "--json")  # fmt: skip
+    bearing = ambkit.Bearing.load("b.toml")
+    assert bearing.magnet.air_gap == pytest.approx(10e-3 + found.json["gap_offset"])
+    assert bearing.hover_current == pytest.approx(0.0, abs=1e-9)  # the bias carries the ball
+    points = load_points(made / "points.csv")
+    assert found.json["points"] + len(found.json["left_out"]) == len(points)
+
+
+def test_train_reaches_what_the_library_reaches(call):
+    found = call("train", "zittau_axial", "--no-weights", "--out", "e.json", "--json").json
+    expert = ambkit.Expert.load("e.json")
+    assert expert == ambkit.train(ambkit.Bearing.preset("zittau_axial"))
+    errors = found["force_error_rms"]
+    assert errors["trained"] < 0.16 < errors["untrained"] < errors["constant"]
+
+
+def test_train_as_the_paper_does(call):
+    arguments = ("--method", "steepest-gradient", "--plain", "--scaling", "unit", "--json")
+    found = call("train", "zittau_axial", *arguments).json
+    assert found["method"] == "steepest-gradient"
+    assert not found["normalised"]
+    assert not found["weights"]
+
+
+def test_train_learns_a_measured_force(call):
+    bearing = ambkit.Bearing.preset("zittau_axial")
+    iu, x = np.meshgrid(np.linspace(-1.5, 1.5, 13), np.linspace(-0.5e-3, 0.5e-3, 11))
+    force = 0.9 * ambkit.ClosedLaw(bearing).force(iu, x)
+    rows = np.column_stack([iu.ravel(), 1e3 * x.ravel(), force.ravel()])
+    np.savetxt("f.csv", rows, delimiter=",", header="iu [A],x [mm],f_mag [N]", comments="")
+    found = call("train", "zittau_axial", "--map", "f.csv", "--out", "e.json", "--json").json
+    assert found["force_error_rms"]["trained"] < 0.1
+    assert ambkit.Expert.load("e.json").force(1.0, 0.2e-3) == pytest.approx(
+        0.9 * ambkit.ClosedLaw(bearing).force(1.0, 0.2e-3), rel=0.02
+    )
+
+
+def test_filter_judges_several_estimators(call, made):
+    found = call("filter", made / "run.csv", "--bearing", made / "my.toml", "--estimator",
+                 "linear,closed-law,table", "--out", "e.csv", "--json")  # fmt: skip
+    estimators = found.json["estimators"]
+    assert list(estimators) == ["linear", "closed-law", "table"]
+    for judged in estimators.values():
+        assert judged["prediction"]["1"] < judged["held"]["1"]
+        assert judged["rmse"]["x"] < 10e-6
+    estimates = ambkit.Record.load("e.csv")
+    assert estimates.units["closed-law_f_d"] == "N"
+    assert not estimates.has_truth
+
+
+def test_filter_estimates_are_those_of_python(call, made):
+    arguments = ("filter", made / "run.csv", "--bearing", made / "my.toml", "--estimator", "linear")
+    table = call(*arguments, "--out", "e.parquet", "--disturbance-noise", "1 N^2/s").out
+    bearing = ambkit.Bearing.load(made / "my.toml")
+    kalman = ambkit.KalmanFilter(bearing, noise=ambkit.FilterNoise(disturbance=1.0))
+    expected = kalman.run(ambkit.Record.load(made / "run.csv"))
+    np.testing.assert_array_equal(ambkit.Record.load("e.parquet")["f_d"], expected.f_d)
+    assert "lags within 95 % bound" in table
+
+
+def test_filter_asks_the_expert_that_is_given(call, made):
+    assert call("train", "zittau_axial", "--no-weights", "--out", "e.json").code == 0
+    arguments = ("filter", made / "run.csv", "--bearing", "zittau_axial", "--estimator", "adaptive")
+    given = call(*arguments, "--expert", "e.json", "--json").json["estimators"]["adaptive"]
+    bearing = ambkit.Bearing.preset("zittau_axial")
+    own = ambkit.AdaptiveKalmanFilter(bearing, ambkit.Expert.load("e.json"))
+    estimate = own.run(ambkit.Record.load(made / "run.csv"))
+    assert given["disturbance_mean"] == estimate.f_d[1:].mean()
+
+
+def test_filter_reads_part_of_a_real_rigs_log(call):
+    log = recordings.folder() / "sinus_kalman.csv"
+    found = call("filter", log, "--bearing", "inteco_ml", "--estimator", "linear", "--from", "3 s",
+                 "--to", "5 s", "--settling", "100 ms", "--json")  # fmt: skip
+    judged = found.json["estimators"]["linear"]
+    assert judged["samples"] == 1900
+    assert set(judged["logged"]) == {"x_logged held", "x_logged and v_logged"}
+    assert judged["rmse"] == {}
+
+
+def test_filter_tunes_on_the_beginning_of_a_record(call):
+    arguments = ("filter", recordings.folder() / "sinus_kalman.csv", "--bearing", "inteco_ml",
+                 "--estimator", "linear", "--measurement-noise", "225 µm^2", "--json")  # fmt: skip
+    plain = call(*arguments, "--settling", "1 s").json["estimators"]["linear"]
+    tuned = call(*arguments, "--tune", "1 s").json["estimators"]["linear"]
+    assert plain["disturbance_noise"] is None
+    assert tuned["disturbance_noise"] > 0
+    assert tuned["samples"] == plain["samples"]
+    assert tuned["prediction"]["10"] < tuned["held"]["10"] < plain["prediction"]["10"]
+
+
+def test_compare_over_seeds(call):
+    found = call("compare", "zittau_axial", "--steps", "0.1 mm,0.5 mm", "--load", "3 N", "--seeds",
+                 "3", "--seed", "4", "--estimator", "linear,closed-law", "--out", "s.csv",
+                 "--plot", "s.svg", "--json")  # fmt: skip
+    far = found.json["cases"]["0.5 mm"]
+    assert found.json["seeds"] == [4, 6]
+    assert far["closed-law"]["rmse"]["f_d"] < 0.8 * far["linear"]["rmse"]["f_d"]
+    table = Path("s.csv").read_text()
+    assert "closed-law_f_d [N]" in table
+    assert len([line for line in table.splitlines() if line[0].isdigit()]) == 2 * 3
+
+
+def test_compare_takes_a_scenario_as_its_only_case(call, made):
+    arguments = ("--scenario", made / "scenario.toml", "--seeds", "2", "--estimator", "linear")
+    assert list(call("compare", "zittau_axial", *arguments, "--json").json["cases"]) == [
+        str(made / "scenario.toml")
+    ]
+
+
+def test_presets_print_their_toml_as_it_is(call):
+    from ambkit import presets
+
+    assert call("presets", "zittau_axial").out == presets.text("zittau_axial")
+    assert {each["name"] for each in call("presets", "--json").json} == set(presets.names())
+    assert call("presets", "zittau_axial", "--out", "my.toml").code == 0
+    assert Path("my.toml").read_text() == presets.text("zittau_axial")
+    assert call("presets", "inteco_ml", "--json").json["bearing"]["rotor"]["mass"] == 0.06054
+
+
+def test_check_tells_what_files_are(call, made):
+    files = [made / name for name in ("my.toml", "scenario.toml", "run.csv", "points.csv")]
+    found = call("check", *files, recordings.folder() / "closed_loop.toml", "--json")
+    kinds = [each["kind"] for each in found.json]
+    assert kinds == ["bearing", "scenario", "record", "lift-off points", "channel map"]
+    assert found.code == 0
+
+
+def test_check_tells_all_that_is_wrong(call, made):
+    text = (made / "my.toml").read_text().replace("mass", "mas").replace('"2 mm"', '"2 kg"')
+    Path("bad.toml").write_text(text)
+    found = call("check", "bad.toml", made / "run.csv")
+    assert found.code == 2
+    assert re.search(r"^bad.toml:\d+: rotor.mas: unknown key, did you mean mass", found.err, re.M)
+    assert re.search(r"^bad.toml:\d+: magnet.air_gap: .*kg", found.err, re.M)
+    assert "run.csv: ok, record" in found.out
+
+
+@pytest.mark.parametrize("kind", ["bearing", "scenario", "map"])
+def test_check_prints_the_schema(call, kind):
+    schema = call("check", "--schema", kind).json
+    assert schema["$schema"].startswith("https://json-schema.org")
+    assert schema["properties"]
+
+
+def test_reproduce_hands_on_its_arguments_and_prints_the_verdicts(call, monkeypatch):
+    from ambkit import reproduction
+    from ambkit.report.summary import SummaryRow
+
+    row = SummaryRow(id="a", what="k", paper=6.7, ours=6.69, unit="N", verdict="agrees")
+
+    def stand_in(out, *, seed, progress):
+        progress("chapter 1")
+        assert seed == 3
+        return reproduction.Outcome(Path(out), [row])
+
+    monkeypatch.setattr(reproduction, "reproduce", stand_in)
+    found = call("reproduce", "--out", "there", "--seed", "3")
+    assert "agrees" in found.out
+    assert f"wrote {Path('there', 'report.html')}" in found.err
+    assert call("reproduce", "--out", "there", "--seed", "3", "--json").json == [row]
+
+
+# What is refused
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("simulat zittau_axial", "Did you mean 'simulate'?"),
+        ("simulate", "Missing argument 'BEARING'"),
+        ("simulate zitau_axial", 'no preset and no file "zitau_axial"; did you mean zittau_axial?'),
+        ("simulate missing.toml", "missing.toml: cannot be read: No such file"),
+        ("simulate zittau_axial --step 0.5", "'--step': \"0.5\" has no unit"),
+        ("simulate zittau_axial --step 5kg", "kg cannot be converted to m"),
+        ("simulate zittau_axial --seed -1", "'--seed'"),
+        ("simulate zittau_axial --estimator ukf", 'no estimator "ukf"; known: linear'),
+        ("simulate zittau_axial --out run.xlsx", "run.xlsx must end with .csv or .parquet"),
+        ("simulate zittau_axial --out nowhere/run.csv", "there is no folder nowhere"),
+        ("simulate zittau_axial --out run.csv --plot run.pdf", "run.pdf must end with .png"),
+        ("simulate zittau_axial --expert e.json", "--expert is for --estimator adaptive"),
+        ("simulate zittau_axial --scenario zittau.toml", "zittau.toml: cannot be read"),
+        ("identify --bearing zittau_axial", "either a RECORD or --lift-off"),
+        ("identify RUN --bearing zittau_axial --disturbance g", "signal of the record: r, y, u"),
+        ("identify RUN --bearing zittau_axial --start -1N*mm^2/A^2", "--start must be greater"),
+        ("identify --lift-off RUN --bearing zittau_axial", "is two-sided"),
+        ("identify --lift-off RUN --bearing inteco_ml", "has no column run"),
+        ("identify --lift-off RUN --bearing inteco_ml --out b.toml", "needs --working-point"),
+        ("identify --lift-off RUN --bearing inteco_ml --gap-range 4mm", "2 values expected"),
+        ("train zittau_axial --method steepest-gradient --weights", "needs the method least-sq"),
+        ("train zittau_axial --method adam", "'adam' is not one of 'least-squares'"),
+        ("train zittau_axial --map missing.csv", "missing.csv: cannot be read"),
+        ("filter RUN --bearing inteco_ml", "sampled every 0.0001 s, but bearing 'inteco_ml'"),
+        ("filter RUN --bearing zittau_axial --estimator none", 'no estimator "none"'),
+        ("filter RUN --bearing zittau_axial --measurement-noise 0m^2", "noise.measurement must be"),
+        ("filter RUN --bearing zittau_axial --settling 9s", "needed to predict 10 samples ahead"),
+        ("filter RUN --bearing zittau_axial --estimator linear --expert e", "--expert is for"),
+        ("filter RUN --bearing zittau_axial --tune 1s --disturbance-noise 1N^2/s", "one of them"),
+        ("filter RUN --bearing zittau_axial --tune 0s", "--tune must be greater than 0 s"),
+        ("filter missing.csv --bearing zittau_axial", "missing.csv: cannot be read"),
+        ("compare zittau_axial --seeds 0", "'--seeds'"),
+        ("compare zittau_axial --steps 1mm,two", '--steps: "two" is not a number with a unit'),
+        ("presets zittau", 'no preset "zittau"; did you mean zittau_axial?'),
+        ("presets --out my.toml", "--out needs the NAME of a preset"),
+        ("check", "either FILES or --schema"),
+        ("check missing.toml", "missing.toml: cannot be read"),
+        ("check strange.xyz", "strange.xyz: what is that?"),
+    ],
+)
+def test_what_the_user_did_wrong_is_one_message(call, made, tmp_path, arguments, message):
+    found = call(*arguments.replace("RUN", str(made / "run.csv")).split())
+    assert found.code == 2
+    assert message in found.err
+    assert found.out == ""
+    assert len(found.err.splitlines()) <= 2
+    assert list(tmp_path.iterdir()) == []
+
+
+def damaged(record, **signals):
+    return ambkit.Record(record.t, {**record.signals, **signals}, record.units, record.meta)
+
+
+def test_missing_samples_are_counted_not_filtered(call, made):
+    record = ambkit.Record.load(made / "run.csv")
+    y, u = record["y"].copy(), record["u"].copy()
+    y[100:103] = u[200:202] = np.nan
+    damaged(record, y=y, u=u).save("gaps.csv")
+    found = call("filter", "gaps.csv", "--bearing", "zittau_axial", "--estimator", "linear",
+                 "--out", "e.csv", "--json").json["estimators"]["linear"]  # fmt: skip
+    assert found["status"] == {"missing": 3, "bad_control": 2}
+    assert found["used"] == found["samples"] - 3
+    assert np.isfinite(ambkit.Record.load("e.csv")["x"]).all()
+
+
+def test_a_hanging_sensor_is_told_in_the_table(call, made):
+    record = ambkit.Record.load(made / "run.csv")
+    y = record["y"].copy()
+    y[1500:] = y[1500]
+    damaged(record, y=y).save("frozen.csv")
+    found = call("filter", "frozen.csv", "--bearing", "zittau_axial", "--estimator", "linear")
+    assert re.search(r"status: frozen +14\d\d", found.out)
+
+
+def test_infinity_in_a_record_is_refused_with_its_place(call, made):
+    lines = (made / "run.csv").read_text().splitlines()
+    header = next(i for i, line in enumerate(lines) if line.startswith("t [s]"))
+    cells = lines[header + 11].split(",")
+    lines[header + 11] = ",".join([*cells[:2], "inf", *cells[3:]])
+    Path("inf.csv").write_text("\n".join(lines) + "\n")
+    found = call("filter", "inf.csv", "--bearing", "zittau_axial")
+    assert found.code == 2
+    assert "inf.csv: signal y is inf at sample 10" in found.err
+
+
+@pytest.mark.parametrize("ending", [".csv", ".parquet"])
+def test_a_file_cut_short_is_refused(call, made, ending):
+    ambkit.Record.load(made / "run.csv").save(f"run{ending}")
+    content = Path(f"run{ending}").read_bytes()
+    Path(f"cut{ending}").write_bytes(content[: len(content) // 2])
+    found = call("filter", f"cut{ending}", "--bearing", "zittau_axial", "--out", "e.csv")
+    assert found.code == 2
+    assert "cut short" in found.err
+    assert not Path("e.csv").exists()
+
+
+# As a process
+
+
+def test_a_real_call_keeps_stdout_for_the_results(tmp_path):
+    arguments = ("simulate", "zittau_axial", "--duration", "20 ms", "--out", "r.csv", "--json")
+    found = real(*arguments, cwd=tmp_path)
+    assert found.code == 0
+    assert json.loads(found.out)["files"] == ["r.csv"]
+    assert found.err == "wrote r.csv\n"
+    assert [path.name for path in tmp_path.iterdir()] == ["r.csv"]
+
+
+def test_a_real_error_has_no_traceback(tmp_path):
+    (tmp_path / "b.toml").write_text("name = \n")
+    found = real("simulate", "b.toml", cwd=tmp_path)
+    assert found.code == 2
+    assert found.err.startswith("ambkit: b.toml:1: not valid TOML")
+    assert "Traceback" not in found.err
+
+
+@pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="needs a folder nobody can write to")
+def test_a_folder_that_cannot_be_written(tmp_path):
+    for command in (
+        ("simulate", "zittau_axial", "--duration", "20 ms", "--out", "/proc/self/r.csv"),
+        ("presets", "zittau_axial", "--out", "/proc/self/b.toml"),
+        ("reproduce", "--out", "/proc/self/out"),
+    ):
+        found = real(*command)
+        assert found.code == 2
+        assert found.out == ""
+        assert re.fullmatch(r"ambkit: .*/proc/self.*\n", found.err.replace("\ntry ", " "))
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root writes anywhere")
+def test_a_folder_without_permission(call, tmp_path):
+    (tmp_path / "locked").mkdir(mode=0o500)
+    found = call("simulate", "zittau_axial", "--out", "locked/r.csv")
+    assert found.code == 2
+    assert "the folder locked cannot be written" in found.err
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT to send")
+def test_ctrl_c_leaves_the_old_file_and_says_so(tmp_path):
+    old = tmp_path / "scores.csv"
+    old.write_text("old")
+    command = ["compare", "zittau_axial", "--estimator", "linear", "--steps", "0.1 mm", "--seeds",
+               "40000", "--out", "scores.csv"]  # fmt: skip
+    process = subprocess.Popen(
+        [sys.executable, "-m", "ambkit", *command],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
+    )  # fmt: skip
+    time.sleep(2)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=10)
+    assert process.returncode == 130
+    assert out == ""
+    assert err == "\ninterrupted; nothing was written\n"
+    assert old.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [old]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs a POSIX shell")
+def test_a_reader_that_goes_away_is_no_error():
+    shell = f"{shlex.quote(sys.executable)} -m ambkit check --schema scenario | head -1"
+    done = subprocess.run(shell, shell=True, capture_output=True, text=True, check=True)
+    assert done.stdout == "{\n"
+    assert done.stderr == ""
