@@ -59,7 +59,7 @@ static amb_stiffness law_through_origin(const void *self, amb_real iu, amb_real 
   amb_stiffness k = law_tangent(self, iu, x);
   const amb_real p = iu / law->ampere, q = x / law->metre;
   const amb_real square = p * p + q * q;
-  if (square > 0) {
+  if (square >= AMB_REAL_MIN) { /* closer, it is the tangent to all digits */
     const amb_real g_p = k.k_i * law->ampere, g_q = k.k_s * law->metre;
     const amb_real along = law_force(self, iu, x) / square;
     const amb_real across = (g_q * p - g_p * q) / square;

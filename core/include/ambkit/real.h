@@ -1,22 +1,35 @@
-/* The one precision switch: the core computes in double, or in float with -DAMB_FLOAT. */
+/* The number type of the core, float or double (ambkit/precision.h). */
 #ifndef AMBKIT_REAL_H
 #define AMBKIT_REAL_H
 
+#include "ambkit/precision.h"
 #include <float.h>
 #include <stdbool.h>
 #include <stddef.h>
 
+#if defined(AMB_FLOAT) && defined(AMB_DOUBLE)
+#error "AMB_FLOAT and AMB_DOUBLE exclude each other"
+#endif
+
 #if defined(AMB_FLOAT)
+#if FLT_MANT_DIG != 24
+#error "float is not IEEE 754 binary32"
+#endif
 typedef float amb_real;
 #define AMB_C(literal) literal##F
 #define AMB_PRINT "%.9g"
 #define AMB_REAL_MAX FLT_MAX
+#define AMB_REAL_MIN FLT_MIN
 #define AMB_ROOT_EPSILON 3.4526698e-4F /* half of the digits */
 #else
+#if DBL_MANT_DIG != 53
+#error "double is not IEEE 754 binary64; the float build needs no double"
+#endif
 typedef double amb_real;
 #define AMB_C(literal) literal
 #define AMB_PRINT "%.17g"
 #define AMB_REAL_MAX DBL_MAX
+#define AMB_REAL_MIN DBL_MIN
 #define AMB_ROOT_EPSILON 1.4901161193847656e-8
 #endif
 

@@ -1,0 +1,161 @@
+"""The continuous plant: its integrator's order, what it conserves, its stops and its sensor.
+
+The plant is reached through the closed loop with a controller of gain zero, whose integrator holds
+one current throughout.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import oracles
+import pytest
+from scipy.integrate import solve_ivp
+
+import ambkit
+from ambkit import Bearing, ClosedLaw
+from ambkit.magnets import core_module
+
+BEARING = Bearing.preset("zittau_axial")
+M, S0, I0, K = 0.518, 2e-3, 1.5, 6.7e-6
+
+
+def released(n: int, T: float, **changes: Any) -> dict[str, Any]:
+    """Release the rotor at x_start; n samples of T [s] under a constant current and force."""
+    current, f_d = changes.pop("current", 0.0), changes.pop("f_d", 0.0)
+    magnet = changes.pop("magnet", None) or ClosedLaw(BEARING).magnet(core_module())
+    zero = np.zeros(n)
+    loop = {
+        "T": T, "m": M, "f_0": 0.0, "K_sen": 1.0, "T_sen": 2e-3, "travel": 1e-3, "substeps": 4,
+        "k_ui": 1.0, "iu_min": -1.5, "iu_max": 1.5, "kp": 0.0, "ki": 0.0, "kd": 0.0, "T_f": 0.0,
+        "T_t": 0.0, "integral": current, "feedback_estimate": False, "kalman": None,
+        "r": zero, "f_d": np.broadcast_to(f_d, n).astype(float), "noise_u": zero, "noise_y": zero,
+        "x_start": 1e-4,
+    }  # fmt: skip
+    out: dict[str, Any] = core_module().simulate(magnet, **(loop | changes))
+    return out
+
+
+def exact(t: np.ndarray, start: float, current: float, force: float, T_sen: float) -> np.ndarray:
+    """The same motion by a solver of order 8 on the naive force law: x, v, x_m as columns."""
+
+    def slope(_: float, s: np.ndarray) -> list[float]:
+        x, v, x_m = s
+        f = oracles.magnet_force(BEARING, current, x) + force
+        return [v, f / M, (x - x_m) / T_sen]
+
+    options = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-18}
+    return solve_ivp(slope, (0, t[-1]), [start, 0, start], t_eval=t, **options).y.T
+
+
+def test_the_integrator_is_of_order_four() -> None:
+    """Half the step, a sixteenth of the error: against a solver of order 8."""
+    n, T, weight = 6, 2e-3, -M * 9.81
+    reference = exact(T * np.arange(n), 1e-4, 0.4, weight + 1.0, 2e-3)
+    scale = np.abs(reference).max(axis=0)
+    errors = []
+    for substeps in (2, 4, 8, 16):
+        run = released(n, T, f_0=weight, f_d=1.0, current=0.4, substeps=substeps)
+        ours = np.column_stack([run["x"], run["v"], run["x_m"]])
+        errors.append((np.abs(ours - reference) / scale).max(axis=0))
+    order = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert order[-1] == pytest.approx([4, 4, 4], abs=0.15)
+    assert (np.diff(np.array(errors), axis=0) < 0).all()
+
+
+def test_with_the_usual_steps_the_error_is_nothing_beside_the_noise() -> None:
+    T, n = BEARING.sampling_time, 100
+    reference = exact(T * np.arange(n), 1e-4, 0.4, -M * 9.81, BEARING.sensor.lag)
+    run = released(n, T, f_0=-M * 9.81, current=0.4, T_sen=BEARING.sensor.lag)
+    assert not run["touched"]
+    for column, name in enumerate(("x", "v", "x_m")):
+        error = np.abs(run[name] - reference[:, column]).max()
+        assert error < 1e-6 * np.abs(reference[:, column]).max()
+
+
+def test_energy_is_conserved_at_constant_current() -> None:
+    """No weight, no lag in the force: v^2 m/2 less the work of the magnet, eq. 1 integrated."""
+    current = -0.05
+    run = released(80, 1e-4, current=current)
+    x, v = run["x"], run["v"]
+    work = K * ((I0 + current) ** 2 / (S0 - x) + (I0 - current) ** 2 / (S0 + x))
+    kinetic = 0.5 * M * v**2
+    assert kinetic[-1] > 1e-6
+    np.testing.assert_allclose(kinetic - (work - work[0]), 0, atol=1e-9 * kinetic[-1])
+
+
+def test_the_mirrored_run_is_the_mirror_of_the_run() -> None:
+    rng = np.random.default_rng(0)
+    f_d = rng.uniform(-5, 5, 500)
+    there = released(500, 1e-4, current=0.3, f_d=f_d)
+    back = released(500, 1e-4, current=-0.3, f_d=-f_d, x_start=-1e-4)
+    assert there["touched"] == back["touched"] > 0
+    for name in ("x", "v", "x_m", "force", "y", "iu"):
+        assert (there[name] == -back[name]).all()
+
+
+def test_in_balance_nothing_moves() -> None:
+    still = released(1000, 1e-4, x_start=0.0)
+    for name in ("x", "v", "x_m", "force"):
+        assert (still[name] == 0).all()
+
+
+def test_constant_acceleration_is_met_exactly() -> None:
+    """Without magnet, in free fall."""
+    nothing = core_module().Constant(0.0, 0.0)
+    run = released(50, 1e-4, magnet=nothing, f_0=-M * 9.81, x_start=0.0)
+    t = 1e-4 * np.arange(50)
+    np.testing.assert_allclose(run["x"], -0.5 * 9.81 * t**2, rtol=1e-12)
+    np.testing.assert_allclose(run["v"], -9.81 * t, rtol=1e-12)
+
+
+def test_at_a_stop_the_rotor_stays_until_it_is_pulled_off() -> None:
+    n = 4000
+    f_d = np.where(np.arange(n) < 2000, -40.0, 40.0)
+    run = released(n, 1e-4, f_d=f_d, x_start=0.0)
+    x, v = run["x"], run["v"]
+    assert np.abs(x).max() == 1e-3
+    hit = int(np.argmax(x == -1e-3))
+    assert 0 < hit < 500
+    assert (x[hit:2001] == -1e-3).all()
+    assert (v[hit:2001] == 0).all()
+    # Pulled off by the force, it crosses over and comes to rest at the other stop.
+    assert (np.diff(x[2001:]) >= 0).all()
+    assert x[-1] == 1e-3
+    assert v[-1] == 0
+    at_rest = np.count_nonzero((np.abs(x) == 1e-3) & (v == 0))
+    assert run["touched"] == pytest.approx(at_rest, abs=3)
+
+
+def test_a_push_too_weak_for_the_magnets_pull_leaves_the_rotor_at_the_stop() -> None:
+    pull = oracles.magnet_force(BEARING, 0.0, 1e-3)
+    weaker = released(500, 1e-4, x_start=1e-3, f_d=-0.99 * pull)
+    assert (weaker["x"] == 1e-3).all()
+    stronger = released(500, 1e-4, x_start=1e-3, f_d=-1.01 * pull)
+    assert stronger["x"][-1] < 1e-3
+
+
+@pytest.mark.parametrize("gain", [1.0, 0.5])
+def test_the_sensor_lags_by_its_time_constant(gain: float) -> None:
+    """A rotor that has come to rest at the stop: what is left falls by exp(-T / T_sen) a sample."""
+    T, T_sen = 1e-4, 1e-3
+    run = released(600, T, x_start=0.0, f_d=200.0, T_sen=T_sen, K_sen=gain)
+    rest = int(np.argmax(run["x"] == 1e-3)) + 1
+    left = gain * 1e-3 - run["x_m"][rest : rest + 60]
+    assert left[0] > 1e-4 * gain
+    np.testing.assert_allclose(left[1:] / left[:-1], np.exp(-T / T_sen), rtol=1e-9)
+    assert run["x_m"][-1] == pytest.approx(gain * 1e-3, rel=1e-9)
+
+
+@pytest.mark.parametrize("lag", ["0.1 us", "5 us", "20 us"])
+def test_a_sensor_faster_than_the_integrators_step_is_followed(lag: str) -> None:
+    """Runge-Kutta diverges from 2.8 time constants a step on: simulate takes more steps then."""
+    fast = BEARING.replace(sensor__lag=lag)
+    scenario = ambkit.Scenario(
+        duration=0.02, noise=False, reference=ambkit.Step(amplitude=1e-4, time=5e-3)
+    )
+    record = ambkit.simulate(fast, scenario)
+    assert np.abs(record["x_m"]).max() < 3e-4
+    delay = fast.sensor.lag * np.abs(record["v"]).max()
+    assert np.abs(record["x_m"] - record["x"]).max() < 1.1 * delay + 1e-9
