@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from itertools import cycle
 from operator import methodcaller
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ambkit.errors import AmbkitError
 from ambkit.report.figure import Figure, Panel
@@ -157,14 +159,18 @@ def filter_figure(record: Record, judged: Mapping[str, Judgement]) -> Figure:
         for name, judgement in judged.items()
     ]
     position = [*known("y", "measured"), *known("r", "reference"), *true("x"), *told("x")]
+    velocity = [*known("v_logged", "logged"), *true("v"), *told("v")]
+    disturbance = [*true("f_d"), *told("f_d")]
+    # The filters start in the dark; what they guess there would flatten all that follows.
+    settled = t >= t[0] + 0.02 * np.ptp(t)
     return Figure(
         id="filter",
         title=f"Estimates along {record.meta.get('source') or 'the record'}",
         caption="Bounds: two standard deviations of the innovation as the filter expects it.",
         panels=[
             Panel(TIME, POSITION, [*position, *known("x_logged", "logged")]),
-            Panel(TIME, VELOCITY, [*known("v_logged", "logged"), *true("v"), *told("v")]),
-            Panel(TIME, DISTURBANCE, [*true("f_d"), *told("f_d")]),
+            Panel(TIME, _limited(VELOCITY, velocity, settled), velocity),
+            Panel(TIME, _limited(DISTURBANCE, disturbance, settled), disturbance),
             *innovations,
         ],
     )
@@ -177,10 +183,20 @@ def _looks(names: Iterable[str]) -> Iterator[tuple[str, str | None]]:
         yield (_SIGNALS[name], None) if name in _SIGNALS else (next(others), name)
 
 
+def _limited(axis: Axis, items: Iterable[Item], where: NDArray[np.bool_]) -> Axis:
+    """Return the axis with limits that show the lines whole where they count."""
+    shown = np.concatenate([item.y[where] for item in items if isinstance(item, Line)])
+    low, high = np.nanmin(shown), np.nanmax(shown)
+    margin = 0.05 * (high - low)
+    if not margin > 0:
+        return axis
+    return replace(axis, limits=(float(low - margin), float(high + margin)))
+
+
 def _innovation(judgement: Judgement) -> list[Item]:
     estimate = judgement.estimate
     expected = 2 * np.sqrt(estimate.innovation_variance)
-    # The filter starts in the dark: its first bounds would make all others a line.
+    # The first bounds are so wide that they would make a line of all others.
     expected[expected > 1.5 * np.median(expected)] = np.nan
     return [
         Line(estimate.t, estimate.innovation, signal="innovation"),

@@ -1,0 +1,133 @@
+"""What a file is, and what is wrong with it."""
+
+import numpy as np
+import pytest
+
+import ambkit
+from ambkit import recordings
+from ambkit.identification.force_file import load_force_table
+from ambkit.inspection import inspect, schema_of
+
+FORCE = """iu [mA],x [mm],f_mag [N]
+{rows}
+"""
+
+
+@pytest.fixture(scope="module")
+def bearing():
+    return ambkit.Bearing.preset("zittau_axial")
+
+
+def grid(bearing, n=5):
+    iu, x = np.meshgrid(np.linspace(-1.5, 1.5, n), np.linspace(-0.5e-3, 0.5e-3, n))
+    return iu, x, ambkit.ClosedLaw(bearing).force(iu, x)
+
+
+def force_file(path, rows):
+    path.write_text(FORCE.format(rows="\n".join(",".join(map(repr, row)) for row in rows)))
+    return path
+
+
+def rows_of(bearing):
+    iu, x, force = grid(bearing)
+    return np.column_stack([1e3 * iu.ravel(), 1e3 * x.ravel(), force.ravel()]).tolist()
+
+
+def test_each_kind_is_recognised_by_what_it_holds(bearing, tmp_path):
+    bearing.save(tmp_path / "a.toml")
+    ambkit.Scenario(seed=4).save(tmp_path / "b.toml")
+    ambkit.Expert.paper().save(tmp_path / "c.json")
+    ambkit.simulate(bearing, ambkit.Scenario(duration=0.01)).save(tmp_path / "d.parquet")
+    force_file(tmp_path / "e.csv", rows_of(bearing))
+    kinds = {
+        "a.toml": ("bearing", "zittau_axial, two-sided, 0.518 kg"),
+        "b.toml": ("scenario", "0.5 s, reference constant, disturbance constant"),
+        "c.json": ("expert", "25 rules for Tables 4, 5 and 6 of the paper"),
+        "d.parquet": ("record", "101 samples of r, y, u"),
+        "e.csv": ("force table", "5 displacements times 5 currents"),
+    }
+    for name, (kind, about) in kinds.items():
+        found = inspect(tmp_path / name)
+        assert found.ok, found.problems
+        assert found.kind == kind
+        assert found.about.startswith(about)
+
+
+def test_a_log_needs_its_map():
+    folder = recordings.folder()
+    rest = inspect(folder / "rest.csv")
+    assert rest.ok
+    assert "without y and u" in rest.about
+    logs = folder.parents[2] / "shared" / "data" / "inteco"
+    if not logs.is_dir():
+        pytest.skip("the rig's logs are not here (../shared/data/inteco)")
+    log = logs / "closed_loop" / "step-LQI-KF.mat"
+    assert "needs a channel map" in inspect(log).problems[0]
+    assert inspect(log, folder / "closed_loop.toml").kind == "record"
+
+
+def test_missing_samples_are_told(bearing, tmp_path):
+    t = 1e-4 * np.arange(10)
+    y = np.where(t < 2.5e-4, np.nan, 0.0)
+    ambkit.Record(t, {"y": y, "u": 0 * t}).save(tmp_path / "r.csv")
+    assert "3 samples missing" in inspect(tmp_path / "r.csv").about
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "problem"),
+    [
+        ("a.toml", "a = [", "not valid TOML"),
+        ("a.toml", "", "none of its keys is known in those (it is empty)"),
+        ("a.toml", "name = 'x'\nmagnet = 3\nrotor = 4", "magnet: must be a table"),
+        ("a.toml", "duration = '1 s'\nsed = 3", "sed: unknown key, did you mean seed?"),
+        ("a.json", "{", "not valid JSON"),
+        ("a.json", "{}", "rules"),
+        ("a.csv", "t [s],y [m]\n0,1\n1", "cut short"),
+        ("a.csv", "t [s],y\n0,1\n1,2\n", "y has no unit"),
+        ("a.txt", "", "what is that?"),
+    ],
+)
+def test_problems_are_told_not_raised(tmp_path, name, text, problem):
+    path = tmp_path / name
+    path.write_text(text)
+    found = inspect(path)
+    assert not found.ok
+    assert any(problem in each for each in found.problems), found.problems
+    assert all(str(path) in each for each in found.problems)
+
+
+def test_a_missing_file_is_a_problem(tmp_path):
+    assert "cannot be read" in inspect(tmp_path / "a.toml").problems[0]
+
+
+def test_schemas_allow_what_the_presets_say():
+    schema = schema_of("bearing")
+    assert set(ambkit.Bearing.model_fields) == set(schema["properties"])
+    assert "signals" in schema_of("map")["required"]
+    with pytest.raises(KeyError):
+        schema_of("record")
+
+
+def test_a_force_table_comes_back_in_any_order_of_its_rows(bearing, tmp_path):
+    rows = rows_of(bearing)
+    np.random.default_rng(0).shuffle(rows)
+    table = load_force_table(force_file(tmp_path / "f.csv", rows))
+    iu, x, force = grid(bearing)
+    np.testing.assert_allclose(table.current, iu[0], rtol=1e-14)
+    np.testing.assert_allclose(table.displacement, x[:, 0], rtol=1e-14, atol=1e-18)
+    np.testing.assert_array_equal(table.values, force)
+
+
+def test_a_force_table_with_holes_is_refused(bearing, tmp_path):
+    rows = rows_of(bearing)
+    cases = {
+        "5 currents; -0.75 A, -0.0005 m is missing": rows[:1] + rows[2:],
+        "1.5 A, 0.0005 m is there twice": [*rows, rows[-1]],
+        "at least 4 nodes": [row for row in rows if abs(row[0]) < 800],
+    }
+    for message, left in cases.items():
+        with pytest.raises(ambkit.AmbkitError, match=message):
+            load_force_table(force_file(tmp_path / "f.csv", left))
+    (tmp_path / "g.csv").write_text("iu [A],x [m]\n0,0\n")
+    with pytest.raises(ambkit.RecordError, match="has no column f_mag; it has iu, x"):
+        load_force_table(tmp_path / "g.csv")

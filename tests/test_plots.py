@@ -1,0 +1,138 @@
+"""Pictures of single results: what they show, and the files they go to."""
+
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+
+import ambkit
+from ambkit import plots, recordings
+from ambkit.comparison import compare
+from ambkit.identification.lift_off import load_points
+from ambkit.identification.lift_off_fit import fit_lift_off
+from ambkit.judgement import judge
+from ambkit.report.items import Bars, Heatmap, Line, Points
+from ambkit.report.style import SIGNALS
+
+
+@pytest.fixture(scope="module")
+def bearing():
+    return ambkit.Bearing.preset("zittau_axial")
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return ambkit.Scenario(duration=0.2, reference=ambkit.Step(amplitude=0.3e-3, time=0.02))
+
+
+@pytest.fixture(scope="module")
+def run(bearing, scenario):
+    return ambkit.simulate_run(bearing, scenario, estimator=ambkit.KalmanFilter(bearing))
+
+
+def lines(panel):
+    return {item.legend: item for item in panel.items if isinstance(item, Line)}
+
+
+def test_a_run_is_shown_with_its_truth_and_estimate(run, bearing):
+    figure = plots.simulation_figure(run, bearing)
+    position, velocity, current, disturbance = figure.panels
+    assert set(lines(position)) == {"measured", "reference", "truth", "estimate"}
+    np.testing.assert_array_equal(lines(velocity)["estimate"].y, run.estimate.v)
+    np.testing.assert_array_equal(lines(current)["control current"].y, run.record["iu"])
+    np.testing.assert_array_equal(lines(disturbance)["truth"].y, run.record["f_d"])
+
+
+def test_a_run_without_estimator_shows_none(run, bearing):
+    figure = plots.simulation_figure(type(run)(run.record, None), bearing)
+    assert "estimate" not in {text for text, _ in figure.legend()}
+
+
+def test_current_limits_are_shown_where_they_matter(run, bearing):
+    weak = bearing.replace(amplifier__current_limit=0.6)
+    still = ambkit.simulate_run(bearing, ambkit.Scenario(duration=0.02, noise=False))
+    assert "limit" in {text for text, _ in plots.simulation_figure(run, weak).legend()}
+    assert "limit" not in {text for text, _ in plots.simulation_figure(still, bearing).legend()}
+
+
+def test_filters_are_shown_by_their_own_styles_with_their_innovations(run, bearing):
+    law = ambkit.ClosedLaw(bearing)
+    judged = {
+        "linear": judge(ambkit.KalmanFilter(bearing), run.record),
+        "closed-law": judge(ambkit.AdaptiveKalmanFilter(bearing, law), run.record),
+        "mine": judge(ambkit.KalmanFilter(bearing, gravity="disturbance"), run.record),
+    }
+    figure = plots.filter_figure(run.record, judged)
+    assert len(figure.panels) == 3 + len(judged)
+    shown = lines(figure.panels[2])
+    assert {"linear Kalman filter", "closed law", "mine", "truth"} == set(shown)
+    assert len({SIGNALS[line.signal].colour for line in shown.values()}) == len(shown)
+    bounds = lines(figure.panels[3])["±2√S"].y
+    expected = 2 * np.sqrt(judged["linear"].estimate.innovation_variance)
+    assert bounds[-1] == expected[-1]
+    assert np.isnan(bounds[0])  # the start, when the filter knew nothing
+
+
+def test_a_filters_first_guesses_do_not_flatten_the_rest(run, bearing):
+    judged = {"linear": judge(ambkit.KalmanFilter(bearing), run.record)}
+    panel = plots.filter_figure(run.record, judged).panels[2]
+    low, high = panel.y.limits
+    f_d = judged["linear"].estimate.f_d
+    assert f_d.min() < low < f_d[1000:].min()
+    assert high > f_d[1000:].max()
+
+
+def test_what_the_rig_logged_is_shown():
+    record = ambkit.Record.load(recordings.folder() / "sinus_kalman.csv")
+    judged = {"linear": judge(ambkit.KalmanFilter(ambkit.Bearing.preset("inteco_ml")), record)}
+    position, velocity, *_ = plots.filter_figure(record, judged).panels
+    assert "logged by the rig" in lines(position)
+    np.testing.assert_array_equal(lines(velocity)["logged by the rig"].y, record["v_logged"])
+
+
+def test_an_identification_shows_how_it_learned(run, bearing):
+    found = ambkit.identify(run.record, bearing, start=3e-6)
+    panel = plots.identification_figure(found, 3e-6).panels[0]
+    np.testing.assert_array_equal(lines(panel)["identified"].y, found.history.k)
+    assert panel.y.shown(np.array([6.7e-6])) == pytest.approx([6.7])
+
+
+def test_lift_off_points_lie_off_the_law_by_their_residuals():
+    points = load_points(recordings.folder() / "lift_off_points.csv")
+    fit = fit_lift_off(points, 0.06054, gap_range=(4e-3, 16e-3))
+    law, residuals = plots.lift_off_figure(fit).panels
+    (shown,) = (item for item in law.items if isinstance(item, Points))
+    np.testing.assert_allclose(shown.y - fit.current(shown.x), fit.residuals, atol=1e-12)
+    assert residuals.y.unit == "mA"
+
+
+def test_a_training_shows_its_curve_and_its_error(bearing):
+    stiff = ambkit.stiffness_map(bearing)
+    expert = ambkit.train(stiff)
+    curve, error, *_ = plots.training_figure(expert, stiff).panels
+    (line,) = (item for item in curve.items if isinstance(item, Line))
+    np.testing.assert_array_equal(line.y, expert.learning_curve)
+    (surface,) = (item for item in error.items if isinstance(item, Heatmap))
+    assert np.sqrt(np.mean(surface.z**2)) == pytest.approx(stiff.force_rms(expert.force), rel=0.1)
+
+
+def test_a_comparison_shows_mean_and_spread(bearing, scenario):
+    makers = {"linear": lambda: ambkit.KalmanFilter(bearing)}
+    scores = {"0.3 mm": compare(bearing, scenario, makers, range(3))}
+    position = plots.comparison_figure(scores).panels[0]
+    (bars,) = (item for item in position.items if isinstance(item, Bars))
+    score = scores["0.3 mm"]["linear"]
+    assert bars.values == pytest.approx([score.mean("x")])
+    assert bars.error == pytest.approx([score.spread("x")])
+
+
+def test_the_ending_says_how_to_draw(run, bearing, tmp_path):
+    figure = plots.simulation_figure(run, bearing)
+    assert plots.save_figure(figure, tmp_path / "a.PNG").read_bytes().startswith(b"\x89PNG")
+    assert ET.parse(plots.save_figure(figure, tmp_path / "a.svg")).getroot().tag.endswith("svg")
+    page = plots.save_figure(figure, tmp_path / "a.html").read_text()
+    assert "Plotly.newPlot" in page
+    assert page.count("<section") == 1
+    with pytest.raises(ambkit.AmbkitError, match=r"a.pdf: cannot draw .pdf, use .png, .svg, .html"):
+        plots.save_figure(figure, tmp_path / "a.pdf")
+    assert {path.name for path in tmp_path.iterdir()} == {"a.PNG", "a.svg", "a.html"}
