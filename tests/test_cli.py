@@ -268,6 +268,14 @@ def test_filter_asks_the_expert_that_is_given(call, made):
     assert given["disturbance_mean"] == estimate.f_d[1:].mean()
 
 
+def test_an_expert_of_another_bearing_is_noticed(call, made):
+    ambkit.Expert.paper().save("paper.json")
+    arguments = ("filter", made / "run.csv", "--bearing", "zittau_axial", "--estimator", "adaptive")
+    found = call(*arguments, "--expert", "paper.json")
+    assert found.code == 0
+    assert "paper.json: was trained for Tables 4, 5 and 6 of the paper, not for" in found.err
+
+
 def test_filter_reads_part_of_a_real_rigs_log(call):
     log = recordings.folder() / "sinus_kalman.csv"
     found = call("filter", log, "--bearing", "inteco_ml", "--estimator", "linear", "--from", "3 s",
@@ -383,6 +391,12 @@ def test_reproduce_hands_on_its_arguments_and_prints_the_verdicts(call, monkeypa
         ("identify --bearing zittau_axial", "either a RECORD or --lift-off"),
         ("identify RUN --bearing zittau_axial --disturbance g", "signal of the record: r, y, u"),
         ("identify RUN --bearing zittau_axial --start -1N*mm^2/A^2", "--start must be greater"),
+        (
+            "identify RUN --bearing zittau_axial --gap-range 1mm,2mm",
+            "--gap-range is for --lift-off",
+        ),
+        ("identify --lift-off RUN --bearing inteco_ml --start 1N*mm^2/A^2", "is for a RECORD"),
+        ("simulate zittau_axial --duration 1e9s", "not enough memory"),
         ("identify --lift-off RUN --bearing zittau_axial", "is two-sided"),
         ("identify --lift-off RUN --bearing inteco_ml", "has no column run"),
         ("identify --lift-off RUN --bearing inteco_ml --out b.toml", "needs --working-point"),

@@ -65,7 +65,10 @@ def _print_version(wanted: bool) -> None:
 def about(
     context: typer.Context,
     version: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print it.")
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version."
+        ),
     ] = False,
 ) -> None:
     """From a magnetic bearing's description, or a recording, to a tuned adaptive Kalman filter.
@@ -97,7 +100,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 
 
 def _run(arguments: Sequence[str] | None) -> int:
-    """Run a command; return 0, 1 where a check failed, 2 for the user's errors, 130 for Ctrl-C."""
+    """Run a command; return 0, 2 for what the user can mend, 130 for Ctrl-C."""
     try:
         code = app(arguments, prog_name="ambkit", standalone_mode=False) or 0
         sys.stdout.flush()
@@ -109,6 +112,8 @@ def _run(arguments: Sequence[str] | None) -> int:
         )
     except AmbkitError as error:
         return _refused(str(error))
+    except MemoryError:
+        return _refused("there is not enough memory for this many samples")
     except BrokenPipeError:
         # Whoever read our output has had enough; Python must not try to flush the rest.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -15,7 +15,6 @@ from ambkit.commands.options import (
     ExpertFile,
     Json,
     Plot,
-    arguments_of_the_user,
     file_option,
     find_bearing,
     quantity,
@@ -25,7 +24,6 @@ from ambkit.commands.options import (
 if TYPE_CHECKING:
     from ambkit.comparison import Score
 
-UNITS = {"x": "m", "v": "m/s", "f_d": "N"}
 LABELS = {"x": "x", "v": "v", "f_d": "F_St"}
 
 
@@ -88,7 +86,7 @@ def compare(
     }
     built = factories(chosen, plant, expert)
     runs = len(happening) * len(built) * seeds
-    with arguments_of_the_user(), output.progress("comparing", runs) as done:
+    with output.progress("comparing", runs) as done:
         scores = {
             case: comparison.compare(plant, each, built, range(seed, seed + seeds), done=done)
             for case, each in happening.items()
@@ -114,30 +112,31 @@ def compare(
 
 def _figures(score: Score) -> dict[str, Any]:
     return {
-        "rmse": {name: score.mean(name) for name in UNITS},
-        "spread": {name: score.spread(name) for name in UNITS},
+        "rmse": {name: score.mean(name) for name in score.rmse},
+        "spread": {name: score.spread(name) for name in score.rmse},
         "nis": score.nis.mean(),
     }
 
 
 def _table(scores: Mapping[str, Mapping[str, Score]], what: str, title: str) -> Any:
     from ambkit.commands.output import table, value
+    from ambkit.comparison import JUDGED
     from ambkit.units import factor
 
     def shown_in(signal: str) -> str:
         largest = max(
             score.mean(signal) for of_case in scores.values() for score in of_case.values()
         )
-        return value(largest, UNITS[signal]).split(" ", 1)[-1]
+        return value(largest, JUDGED[signal]).split(" ", 1)[-1]
 
     def entry(score: Score, signal: str) -> str:
-        scale = factor(UNITS[signal], units[signal])
+        scale = factor(JUDGED[signal], units[signal])
         return f"{scale * score.mean(signal):.3f} ± {scale * score.spread(signal):.3f}"
 
-    units = {signal: shown_in(signal) for signal in UNITS}
+    units = {signal: shown_in(signal) for signal in JUDGED}
     headers = [what, *(f"{LABELS[signal]} [{unit}]" for signal, unit in units.items()), "mean NIS"]
     rows = [
-        [f"{case}, {name}", *(entry(score, signal) for signal in UNITS), f"{score.nis.mean():.3f}"]
+        [f"{case}, {name}", *(entry(score, signal) for signal in JUDGED), f"{score.nis.mean():.3f}"]
         for case, of_case in scores.items()
         for name, score in of_case.items()
     ]
@@ -153,6 +152,7 @@ def _save(
     """Write the error of each run: a row for each case and seed."""
     import numpy as np
 
+    from ambkit.comparison import JUDGED
     from ambkit.tables import Table, write_table
 
     columns: dict[str, Any] = {}
@@ -163,7 +163,7 @@ def _save(
         columns["step"] = np.repeat(np.array(heights, dtype=float), count)
     columns["seed"] = np.tile(np.arange(first, first + count, dtype=float), len(scores))
     for name in next(iter(scores.values())):
-        for signal, unit in UNITS.items():
+        for signal, unit in JUDGED.items():
             key = f"{name}_{signal}"
             units[key] = unit
             columns[key] = np.concatenate([case[name].rmse[signal] for case in scores.values()])

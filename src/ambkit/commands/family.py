@@ -96,7 +96,10 @@ def _source(name: str, bearing: Bearing, expert: Path | None) -> StiffnessSource
             return train(bearing, weights=True)
     from ambkit.fuzzy import Expert
 
-    return Expert.load(expert)
+    trained = Expert.load(expert)
+    if not trained.source.startswith(bearing.name):
+        output.note(f"{expert}: was trained for {trained.source}, not for {bearing.name}")
+    return trained
 
 
 def scenario_of(

@@ -180,6 +180,7 @@ def _tables(
     judged: Mapping[str, Judgement], assumed: Mapping[str, FilterNoise], title: str
 ) -> list[Any]:
     from ambkit.commands.output import table, value
+    from ambkit.comparison import JUDGED
 
     judgements = list(judged.values())
 
@@ -199,9 +200,8 @@ def _tables(
         row("load, mean", lambda j: value(j.disturbance_mean, "N")),
         row("load, std", lambda j: value(j.disturbance_std, "N")),
     ]
-    units = {"x": "m", "v": "m/s", "f_d": "N"}
     rows += [
-        row(f"error of {name}, rms", lambda j, n=name: value(j.rmse[n], units[n]))
+        row(f"error of {name}, rms", lambda j, n=name: value(j.rmse[n], JUDGED[n]))
         for name in one.rmse
     ]
     growths = [noise.disturbance for noise in assumed.values() if noise.disturbance is not None]

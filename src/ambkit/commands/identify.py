@@ -98,6 +98,12 @@ def identify(
         raise AmbkitError("give either a RECORD or --lift-off POINTS.csv")
     if start is not None and not start > 0:
         raise AmbkitError(f"--start must be greater than 0, is {start:g} {CONSTANT}")
+    for_points = {"--gap-range": gap_range, "--working-point": working_point}
+    for_a_record = {"--map": channel_map, "--start": start, "--disturbance": disturbance}
+    for option, given in (for_a_record if record is None else for_points).items():
+        if given is not None:
+            what = "a RECORD" if record is None else "--lift-off"
+            raise AmbkitError(f"{option} is for {what}")
     known = find_bearing(bearing)
     if record is not None:
         log = Record.load(record, channel_map)
