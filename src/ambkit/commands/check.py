@@ -24,7 +24,7 @@ def check(
     files: Annotated[
         list[Path] | None,
         typer.Argument(
-            metavar="[FILE]...",
+            metavar="FILE",
             help="Bearings, scenarios, channel maps, experts, records, force tables.",
         ),
     ] = None,

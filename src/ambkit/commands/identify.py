@@ -43,7 +43,7 @@ def identify(
     ],
     record: Annotated[
         Path | None,
-        typer.Argument(metavar="[RECORD]", help="A run in closed loop: .csv, .parquet or .mat."),
+        typer.Argument(metavar="RECORD", help="A run in closed loop: .csv, .parquet or .mat."),
     ] = None,
     channel_map: MapFile = None,
     start: Annotated[

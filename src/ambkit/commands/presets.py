@@ -13,7 +13,7 @@ from ambkit.errors import AmbkitError
 
 def presets(
     name: Annotated[
-        str | None, typer.Argument(metavar="[NAME]", help="Print this preset's TOML as it is.")
+        str | None, typer.Argument(metavar="NAME", help="Print this preset's TOML as it is.")
     ] = None,
     out: Annotated[
         Path | None, file_option("Write the TOML to a file.", (".toml",), "--out")
