@@ -17,6 +17,14 @@ static void low_pass(amb_real w, amb_real T, amb_real keep, amb_real input, amb_
   *z_dot = keep * ((1 - wT) * slope - w * wT * off);
 }
 
+/* What the sensor shows, between two samples, of something that is held over the sample. */
+static amb_real sensed(const amb_adaline *a, amb_real input, amb_real *shown)
+{
+  const amb_real before = *shown;
+  *shown = a->a_sen * before + (1 - a->a_sen) * input;
+  return AMB_C(0.5) * (before + *shown);
+}
+
 amb_status amb_adaline_step(const amb_adaline *a, amb_adaline_state *s, amb_real y, amb_real u,
                             amb_real f_d)
 {
@@ -28,31 +36,34 @@ amb_status amb_adaline_step(const amb_adaline *a, amb_adaline_state *s, amb_real
 
   const amb_real iu = amb_clamp(a->k_ui * u, a->iu_min, a->iu_max);
   if (!s->started) {
-    s->iu = iu;
     s->last_y = now;
     s->x = now;
     s->phi = amb_law_regressor(&a->law, iu, now);
+    s->phi_shown = s->phi;
     s->phi_late = s->phi;
+    s->load = s->load_shown = f_d;
     s->force = s->k * s->phi;
     s->started = true;
     return AMB_UNEXCITED;
   }
 
-  /* Between the two samples: the current that acted, as the sensor shows it, and the mean place. */
-  const amb_real before = s->iu;
-  s->iu = a->a_sen * before + (1 - a->a_sen) * iu;
+  /* Between the two samples: the mean place, and phi as the sensor shows what it does. The lag is
+   * put on phi and not on the current: phi bends with the current, and a restless one pulls more
+   * than its mean. */
   const amb_real place = AMB_C(0.5) * (s->last_y + now);
   s->last_y = now;
-  const amb_real phi = amb_law_regressor(&a->law, AMB_C(0.5) * (before + s->iu), place);
+  const amb_real phi = sensed(a, amb_law_regressor(&a->law, iu, place), &s->phi_shown);
+  const amb_real load = sensed(a, f_d, &s->load_shown);
 
   const amb_real keep = amb_exp_negative(a->bandwidth * a->T);
   const amb_real x = s->x, v = s->v;
   low_pass(a->bandwidth, a->T, keep, place, &s->x, &s->v);
   low_pass(a->bandwidth, a->T, keep, phi, &s->phi, &s->phi_dot);
+  low_pass(a->bandwidth, a->T, keep, load, &s->load, &s->load_dot);
 
   /* Eq. 24: prediction, error, and the normalised rule for its last weight. */
   const amb_real input = a->T * a->T / (2 * a->m);
-  const amb_real predicted = x + a->T * v + input * (f_d + a->f_0 + s->force);
+  const amb_real predicted = x + a->T * v + input * (s->load + a->f_0 + s->force);
   s->force += a->rate_force * (s->x - predicted) / input;
   s->phi_late += a->rate_force * (s->phi - s->phi_late);
 

@@ -11,8 +11,8 @@
  * Twice differentiating a measured position would drown the force in noise (2m/T^2 = 1e8 N/m on
  * the paper's rig), so position and phi first pass the same second-order low-pass, and phi the lag
  * that the first element's own learning has: both sides of eq. 25 are delayed alike, and k comes
- * out without bias. The current passes the sensor's lag, so that it belongs to the same instant
- * as the measured position.
+ * out without bias. The regressor passes the sensor's lag as well, so that it belongs to the same
+ * instant as the measured position.
  *
  * Without force there is nothing to learn k from: while the excitation (root mean square of phi
  * over the learning time, relative to phi at iu = i0, x = 0) is below its limit, k is held.
@@ -39,14 +39,15 @@ typedef struct amb_adaline {
 } amb_adaline;
 
 typedef struct amb_adaline_state {
-  amb_real x, v;         /* low-passed position [m] and its derivative [m/s] */
-  amb_real phi, phi_dot; /* low-passed regressor [A^2/m^2] and its derivative */
-  amb_real phi_late;     /* phi, delayed as the force is by its learning */
-  amb_real iu;           /* control current, lagged as the sensor lags [A] */
-  amb_real force;        /* identified force of the magnet, low-passed [N] */
-  amb_real k;            /* identified magnet constant [N m^2/A^2] */
-  amb_real excitation;   /* mean square of phi over that of the reference [1] */
-  amb_real last_y;       /* last good measurement [m] */
+  amb_real x, v;                  /* low-passed position [m] and its derivative [m/s] */
+  amb_real phi, phi_dot;          /* low-passed regressor [A^2/m^2] and its derivative */
+  amb_real phi_late;              /* phi, delayed as the force is by its learning */
+  amb_real load, load_dot;        /* low-passed known disturbance [N] and its derivative */
+  amb_real phi_shown, load_shown; /* regressor and disturbance, lagged as the sensor lags */
+  amb_real force;                 /* identified force of the magnet, low-passed [N] */
+  amb_real k;                     /* identified magnet constant [N m^2/A^2] */
+  amb_real excitation;            /* mean square of phi over that of the reference [1] */
+  amb_real last_y;                /* last good measurement [m] */
   bool started;
 } amb_adaline_state;
 
