@@ -98,6 +98,12 @@ class Adaline:
         for name, rate in (("rate_force", rate_force), ("rate_k", rate_k)):
             if not 0 < rate < 2:
                 raise ValueError(f"{name} must be greater than 0 and less than 2, got {rate!r}")
+        if start is None:
+            start = bearing.magnet.magnet_constant
+        if not 0 < start < math.inf:
+            raise ValueError(f"start must be greater than 0 N m^2/A^2 and finite, got {start!r}")
+        if not 0 <= least_excitation < math.inf:
+            raise ValueError(f"least_excitation must be 0 or greater, got {least_excitation!r}")
         if bandwidth is None:
             own = math.sqrt(ConstantStiffness.of(bearing).k_s / bearing.rotor.mass)
             bandwidth = 2 * own / (2 * math.pi)
@@ -125,7 +131,7 @@ class Adaline:
             rate_force=rate_force,
             rate_k=rate_k,
             least_excitation=least_excitation,
-            k=magnet.magnet_constant if start is None else start,
+            k=start,
         )
 
     def step(self, y: float, u: float, f_d: float = 0.0) -> float:
