@@ -279,11 +279,23 @@ def test_an_expert_of_another_bearing_is_noticed(call, made):
 def test_filter_reads_part_of_a_real_rigs_log(call):
     log = recordings.folder() / "sinus_kalman.csv"
     found = call("filter", log, "--bearing", "inteco_ml", "--estimator", "linear", "--from", "3 s",
-                 "--to", "5 s", "--settling", "100 ms", "--json")  # fmt: skip
+                 "--to", "5 s", "--settling", "100 ms", "--disturbance-noise", "1e-4 N^2/s",
+                 "--json")  # fmt: skip
     judged = found.json["estimators"]["linear"]
     assert judged["samples"] == 1900
     assert set(judged["logged"]) == {"x_logged held", "x_logged and v_logged"}
     assert judged["rmse"] == {}
+
+
+def test_filter_tunes_itself_on_a_measured_record_and_says_where(call, made):
+    log = recordings.folder() / "sinus_kalman.csv"
+    found = call("filter", log, "--bearing", "inteco_ml", "--estimator", "linear", "--json")
+    judged = found.json["estimators"]["linear"]
+    assert "tuned from 1 to 2 s" in found.err
+    assert judged["samples"] == 2000  # the half that it was not tuned on
+    assert judged["prediction"]["10"] < 0.8 * judged["held"]["10"]
+    simulated = call("filter", made / "run.csv", "--bearing", "zittau_axial", "--json")
+    assert "tuned" not in simulated.err
 
 
 def test_filter_tunes_on_the_beginning_of_a_record(call):

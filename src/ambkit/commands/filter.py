@@ -77,7 +77,7 @@ def filter_record(
             "--disturbance-noise",
             parser=quantity("N^2/s"),
             metavar="VARIANCE",
-            help='How fast the load wanders, such as "1 N^2/s"; default (2 m g)^2 a second.',
+            help='How fast the load wanders, such as "1 N^2/s"; see --tune.',
         ),
     ] = None,
     tune: Annotated[
@@ -86,7 +86,9 @@ def filter_record(
             parser=quantity("s"),
             metavar="TIME",
             help="Find how fast the load wanders, as the first TIME of the record makes most "
-            "likely; that time does not count in the table.",
+            "likely; that time does not count in the table. Default with a measured record: its "
+            "second quarter (the first is often a start), judged on the second half; with a "
+            "simulated one nothing is tuned, and it is (2 m g)^2 a second.",
         ),
     ] = None,
     out: Annotated[
@@ -121,13 +123,18 @@ def filter_record(
     log = Record.load(record, channel_map)
     if begin is not None or end is not None:
         log = log.between(begin, end)
+    tune_from = 0.0
+    if tune is None and noise_d is None and not log.has_truth:
+        tune = float(log.t[-1] - log.t[0]) / 2
+        tune_from = tune / 2
+        output.note(f"tuned from {tune_from:.3g} to {tune:.3g} s, judged on what follows")
     noise = FilterNoise(measurement=noise_y, disturbance=noise_d)
     late = max(settling or 0.0, tune or 0.0)
     built = factories(chosen, model, expert)
     assumed, judged = {}, {}
     with arguments_of_the_user(), output.progress("filtering", len(built)) as done:
         for name, build in built.items():
-            assumed[name] = noise if tune is None else _tuned(build, noise, log, tune)
+            assumed[name] = noise if tune is None else _tuned(build, noise, log, tune_from, tune)
             judged[name] = judge(build(assumed[name]), log, horizons=HORIZONS, settling=late)
             done()
     figure = plots.filter_figure
@@ -150,15 +157,17 @@ def filter_record(
     )
 
 
-def _tuned(build: Factory, noise: FilterNoise, log: Record, time: float) -> FilterNoise:
-    """Return the noise under which the first `time` [s] of a record is most likely."""
+def _tuned(
+    build: Factory, noise: FilterNoise, log: Record, start: float, stop: float
+) -> FilterNoise:
+    """Return the noise under which a stretch of a record [s] is most likely."""
     from dataclasses import replace
 
     from ambkit.tuning import most_likely_disturbance
 
-    beginning = log.between(None, log.t[0] + time)
+    stretch = log.between(log.t[0] + start, log.t[0] + stop)
     growth = most_likely_disturbance(
-        build().bearing, beginning, lambda growth: build(replace(noise, disturbance=growth))
+        build().bearing, stretch, lambda growth: build(replace(noise, disturbance=growth))
     )
     return replace(noise, disturbance=growth)
 
