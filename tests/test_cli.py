@@ -292,7 +292,7 @@ def test_filter_tunes_itself_on_a_measured_record_and_says_where(call, made):
     found = call("filter", log, "--bearing", "inteco_ml", "--estimator", "linear", "--json")
     judged = found.json["estimators"]["linear"]
     assert "tuned from 1 to 2 s" in found.err
-    assert judged["samples"] == 2000  # the half that it was not tuned on
+    assert judged["samples"] == 2001  # the half that it was not tuned on
     assert judged["prediction"]["10"] < 0.8 * judged["held"]["10"]
     simulated = call("filter", made / "run.csv", "--bearing", "zittau_axial", "--json")
     assert "tuned" not in simulated.err
@@ -301,9 +301,10 @@ def test_filter_tunes_itself_on_a_measured_record_and_says_where(call, made):
 def test_filter_tunes_on_the_beginning_of_a_record(call):
     arguments = ("filter", recordings.folder() / "sinus_kalman.csv", "--bearing", "inteco_ml",
                  "--estimator", "linear", "--measurement-noise", "225 µm^2", "--json")  # fmt: skip
-    plain = call(*arguments, "--settling", "1 s").json["estimators"]["linear"]
+    given = call(*arguments, "--settling", "1 s", "--disturbance-noise", "1.4 N^2/s")
+    plain = given.json["estimators"]["linear"]
     tuned = call(*arguments, "--tune", "1 s").json["estimators"]["linear"]
-    assert plain["disturbance_noise"] is None
+    assert plain["disturbance_noise"] == 1.4
     assert tuned["disturbance_noise"] > 0
     assert tuned["samples"] == plain["samples"]
     assert tuned["prediction"]["10"] < tuned["held"]["10"] < plain["prediction"]["10"]
