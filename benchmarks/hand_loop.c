@@ -1,11 +1,24 @@
-/* The yardstick: the same filter as an engineer would structure it by hand, for this model only.
- * No checks, no status, no statistics; zeros and symmetry of the matrices used by hand. */
+/* The yardstick: the linear filter as an engineer would structure it by hand, for this model only.
+ * No checks, no status, no statistics; zeros and symmetry of the matrices used by hand.
+ *
+ * Paper, eq. 7-21; state [x, v, f_d, x_m], covariance as its upper triangle, row by row. SI. */
 #include <stddef.h>
 
 typedef struct hand {
-  double T, m, a, b, k_ui, f_0, var_u, var_d, r;
+  double T;     /* sampling time [s] */
+  double m;     /* mass of the rotor [kg] */
+  double a;     /* exp(-T / T_sen): what the sensor keeps in a sample [1] */
+  double b;     /* K_sen (1 - a) [1] */
+  double k_ui;  /* amplifier gain [A/V] */
+  double f_0;   /* known constant force [N] */
+  double var_u; /* variance of the control signal [V^2] */
+  double var_d; /* growth of the disturbance force's variance in a sample [N^2] */
+  double r;     /* variance of the measurement [m^2] */
 } hand;
 
+/* n samples: measurement y [m], control signal u [V] and stiffnesses ki [N/A], ks [N/m] that act
+ * from sample k to k + 1. In and out: state x (4), covariance P (10). Out: mean (n x 4), innovation
+ * (n) [m] and its variance (n) [m^2]. The first sample is only taken in, and not predicted. */
 void hand_run(const hand *h, size_t n, const double *y, const double *u, const double *ki,
               const double *ks, double *x, double *P, double *mean, double *innovation,
               double *variance);

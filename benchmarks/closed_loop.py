@@ -1,0 +1,89 @@
+"""One closed loop as ambkit runs it; what comes from outside is the same for numba_loop.py."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import ambkit
+from ambkit import _core
+from ambkit.simulation import hover_current
+from benchmarks.work import NOISE, Settings, Work
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ClosedLoop:
+    """Bearing, scenario and what comes from outside, n samples each, as `core.simulate` asks."""
+
+    bearing: ambkit.Bearing
+    scenario: ambkit.Scenario
+    filter: ambkit.KalmanFilter
+    settings: Settings
+    r: Array
+    f_d: Array
+    noise_u: Array
+    noise_y: Array
+    integral: float
+
+    @classmethod
+    def of(cls, work: Work) -> ClosedLoop:
+        """Take the scenario of `work`, and noise with the bearing's variances."""
+        bearing, scenario, n = work.bearing, work.scenario, work.y.size
+        rng = np.random.default_rng(scenario.seed)
+        t = work.record.t
+        f_d = scenario.disturbance.sample(t)
+        return cls(
+            bearing=bearing,
+            scenario=scenario,
+            filter=ambkit.KalmanFilter(bearing, noise=NOISE),
+            settings=work.settings,
+            r=scenario.reference.sample(t),
+            f_d=f_d,
+            noise_u=rng.normal(0.0, np.sqrt(bearing.amplifier.noise_variance), n),
+            noise_y=rng.normal(0.0, np.sqrt(bearing.sensor.noise_variance), n),
+            integral=hover_current(
+                bearing, ambkit.ClosedLaw(bearing), 0.0, bearing.weight + float(f_d[0])
+            ),
+        )
+
+    def core_run(self) -> dict[str, Any]:
+        """Run it in one call into sim/, the linear filter feeding the controller."""
+        b, pid = self.bearing, self.scenario.controller
+        self.filter.reset()
+        result: dict[str, Any] = _core.simulate(
+            ambkit.ClosedLaw(b).magnet(_core),
+            T=b.sampling_time,
+            m=b.rotor.mass,
+            f_0=b.weight,
+            K_sen=b.sensor.gain,
+            T_sen=b.sensor.lag,
+            travel=b.rotor.travel_limit,
+            substeps=self.scenario.substeps,
+            k_ui=b.amplifier.gain,
+            iu_min=b.current_min,
+            iu_max=b.current_max,
+            kp=pid.kp,
+            ki=pid.ki,
+            kd=pid.kd,
+            T_f=pid.derivative_filter,
+            T_t=pid.anti_windup,
+            integral=self.integral,
+            feedback_estimate=True,
+            kalman=self.filter.core,
+            r=self.r,
+            f_d=self.f_d,
+            noise_u=self.noise_u,
+            noise_y=self.noise_y,
+        )
+        return result
+
+    def public_run(self) -> ambkit.Estimate:
+        """Run it as users do: noise is drawn, signals are checked and labelled."""
+        run = ambkit.simulate_run(self.bearing, self.scenario, estimator=self.filter)
+        assert run.estimate is not None  # an estimator is given
+        return run.estimate

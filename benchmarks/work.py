@@ -1,0 +1,110 @@
+"""The work that everyone does alike: one record, one filter, one closed loop."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import ambkit
+
+Array = NDArray[np.float64]
+
+DISTURBANCE = 100.0  # growth of the variance of the disturbance force [N^2/s]
+NOISE = ambkit.FilterNoise(disturbance=DISTURBANCE)
+
+
+class Settings(NamedTuple):
+    """What the four-state filter is made of, in the order of `struct hand` in hand_loop.c."""
+
+    T: float
+    m: float
+    a: float  # exp(-T / T_sen)
+    b: float  # K_sen (1 - a)
+    k_ui: float
+    f_0: float
+    var_u: float
+    var_d: float
+    r: float
+
+
+@dataclass(frozen=True)
+class Work:
+    """A simulated run of n samples, and a filter with its start.
+
+    ``k_i`` and ``k_s`` (n,) are the stiffnesses of the closed law along the run, new at each
+    sample; u[k], k_i[k] and k_s[k] act from sample k to k + 1.
+    """
+
+    bearing: ambkit.Bearing
+    scenario: ambkit.Scenario
+    record: ambkit.Record
+    y: Array
+    u: Array
+    k_i: Array
+    k_s: Array
+    settings: Settings
+    mean: Array  # (4,)
+    cov: Array  # (4, 4)
+
+    @classmethod
+    def simulated(cls, steps: int) -> Work:
+        """Simulate `steps` samples of the paper's bearing in closed loop, with its noise."""
+        bearing = ambkit.Bearing.preset("zittau_axial")
+        T = bearing.sampling_time
+        scenario = ambkit.Scenario(
+            duration=(steps - 1) * T,
+            reference=ambkit.Sine(amplitude=0.3e-3, frequency=2.0),
+            disturbance=ambkit.Step(amplitude=-3.0, time=steps * T / 2),
+            seed=1,
+        )
+        record = ambkit.simulate(bearing, scenario)
+        k_i, k_s = ambkit.ClosedLaw(bearing).stiffness(record["iu"], record["x"])
+        kf = ambkit.KalmanFilter(bearing, noise=NOISE)
+        first = float(record["y"][0])
+        kf.reset([first / bearing.sensor.gain, 0.0, 0.0, first])
+        return cls(
+            bearing=bearing,
+            scenario=scenario,
+            record=record,
+            y=record["y"],
+            u=record["u"],
+            k_i=k_i,
+            k_s=k_s,
+            settings=_settings(bearing),
+            mean=kf.mean,
+            cov=kf.covariance,
+        )
+
+    def first(self, steps: int) -> Work:
+        """Return the same work on the first samples only, for those who are slow."""
+        record = ambkit.Record(
+            self.record.t[:steps], {name: self.record[name][:steps] for name in ("y", "u")}
+        )
+        fields = {name: getattr(self, name)[:steps] for name in ("y", "u", "k_i", "k_s")}
+        return Work(**(vars(self) | fields | {"record": record}))
+
+    @property
+    def std(self) -> Array:
+        """Standard deviations at the start (4,)."""
+        return np.asarray(np.sqrt(np.diag(self.cov)))
+
+
+def _settings(bearing: ambkit.Bearing) -> Settings:
+    """What `KalmanFilter` makes of the bearing and of DISTURBANCE, computed here once more."""
+    T, sensor = bearing.sampling_time, bearing.sensor
+    a = math.exp(-T / sensor.lag)
+    return Settings(
+        T=T,
+        m=bearing.rotor.mass,
+        a=a,
+        b=sensor.gain * (1 - a),
+        k_ui=bearing.amplifier.gain,
+        f_0=bearing.weight,
+        var_u=bearing.amplifier.noise_variance,
+        var_d=T * DISTURBANCE,
+        r=sensor.noise_variance,
+    )
