@@ -50,7 +50,6 @@ from ambkit.report import (
     write_report,
 )
 from ambkit.report.decimate import decimate
-from ambkit.report.files import replace_file
 from ambkit.report.terminal import print_summary
 
 TIME = Axis("time $t$", "s")
@@ -566,15 +565,17 @@ def test_report_that_contradicts_itself_is_refused_before_the_work(tmp_path):
 
 
 def test_unwritable_place_is_named_and_the_old_file_stays(tmp_path):
-    old = replace_file(tmp_path / "file", b"old")
-    with pytest.raises(AmbkitError, match=r"cannot write .*file/report"):
-        replace_file(old / "report.html", b"new")
-    folder = tmp_path / "folder"
-    (folder / "content").mkdir(parents=True)
-    with pytest.raises(AmbkitError, match="cannot write"):
-        replace_file(folder, b"new")
+    old = tmp_path / "file"
+    old.write_bytes(b"old")
+    with pytest.raises(AmbkitError, match=r"file/figures: cannot be made"):
+        write_report(report(), old)
+    (tmp_path / "folder" / "fig15.png" / "content").mkdir(parents=True)
+    with pytest.raises(AmbkitError, match=r"fig15.png: cannot be written"):
+        static.Picture(b"new", b"new").save(tmp_path / "folder", "fig15")
     assert old.read_bytes() == b"old"
-    assert {path.name for path in tmp_path.iterdir()} == {"file", "folder"}  # no temporary left
+    assert {path.name for path in tmp_path.rglob("*")} == {
+        "file", "folder", "fig15.png", "content"
+    }  # fmt: skip  # no temporary left
 
 
 class Browser:

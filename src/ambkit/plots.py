@@ -69,8 +69,8 @@ def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
     AmbkitError
         Another ending, or the file cannot be written; an older one is left as it was.
     """
+    from ambkit import files
     from ambkit.report import static
-    from ambkit.report.files import replace_file
 
     path = Path(path)
     ending = path.suffix.lower()
@@ -78,8 +78,10 @@ def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
         raise AmbkitError(f"{path}: cannot draw {ending or 'that'}, use {', '.join(ENDINGS)}")
     picture = static.render(figure)
     if ending == ".html":
-        return replace_file(path, _page(figure, picture).encode())
-    return replace_file(path, picture.png if ending == ".png" else picture.svg)
+        files.write_text(path, _page(figure, picture))
+    else:
+        files.write_bytes(path, picture.png if ending == ".png" else picture.svg)
+    return path
 
 
 def _page(figure: Figure, picture: Any) -> str:

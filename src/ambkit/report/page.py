@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from ambkit import files
 from ambkit.report import interactive, static
 from ambkit.report.blocks import (
     Block,
@@ -22,7 +23,6 @@ from ambkit.report.blocks import (
     Text,
 )
 from ambkit.report.figure import Figure
-from ambkit.report.files import replace_file
 from ambkit.report.formula import mathml
 from ambkit.report.interactive_items import BUCKETS
 from ambkit.report.items import Line
@@ -65,11 +65,11 @@ def write_report(
     for place, figure in enumerate(report.figures, start=1):
         progress(f"figure {place} of {len(report.figures)}: {figure.title}")
         pictures[figure.id] = picture = static.render(figure)
-        replace_file(folder / "figures" / f"{figure.id}.png", picture.png)
-        replace_file(folder / "figures" / f"{figure.id}.svg", picture.svg)
+        picture.save(folder / "figures", figure.id)
     progress("report.html")
     page = render_page(report, pictures)
-    return replace_file(folder / "report.html", page.encode())
+    files.write_text(folder / "report.html", page)
+    return folder / "report.html"
 
 
 def render_page(report: Report, pictures: Mapping[str, Picture]) -> str:

@@ -10,9 +10,9 @@ from io import BytesIO, StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ambkit import files
 from ambkit.report import style
 from ambkit.report.figure import Figure, Panel
-from ambkit.report.files import replace_file
 from ambkit.report.static_items import WIDTH, draw_item, legend_handle
 
 if TYPE_CHECKING:
@@ -69,6 +69,32 @@ class Picture:
     png: bytes
     svg: bytes
 
+    def save(self, folder: Path, name: str) -> tuple[Path, Path]:
+        """Write ``folder/<name>.png`` and ``folder/<name>.svg``.
+
+        Parameters
+        ----------
+        folder : Path
+            Made if it is not there.
+        name : str
+            Name of both files.
+
+        Returns
+        -------
+        tuple of Path
+            The two files.
+
+        Raises
+        ------
+        AmbkitError
+            If the folder cannot be made or written.
+        """
+        files.make_folder(folder)
+        png, svg = folder / f"{name}.png", folder / f"{name}.svg"
+        files.write_bytes(png, self.png)
+        files.write_bytes(svg, self.svg)
+        return png, svg
+
 
 def render(figure: Figure) -> Picture:
     """Draw a figure.
@@ -103,30 +129,8 @@ def render(figure: Figure) -> Picture:
 
 
 def save(figure: Figure, folder: Path) -> tuple[Path, Path]:
-    """Draw a figure into ``folder/<id>.png`` and ``folder/<id>.svg``.
-
-    Parameters
-    ----------
-    figure : Figure
-        What to draw.
-    folder : Path
-        Made if it is not there.
-
-    Returns
-    -------
-    tuple of Path
-        The two files.
-
-    Raises
-    ------
-    AmbkitError
-        If the folder cannot be written.
-    """
-    picture = render(figure)
-    return (
-        replace_file(folder / f"{figure.id}.png", picture.png),
-        replace_file(folder / f"{figure.id}.svg", picture.svg),
-    )
+    """Draw a figure into ``folder/<id>.png`` and ``folder/<id>.svg``; see `Picture.save`."""
+    return render(figure).save(folder, figure.id)
 
 
 def draw(figure: Figure) -> "Canvas":
