@@ -1,0 +1,28 @@
+"""Today's core answers as the one that wrote tests/golden did, to the last bit."""
+
+import numpy as np
+import pytest
+from golden.runs import RUNS, read
+
+HOW = "\nif the change is meant: python -m tests.golden, and look at the diff"
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_the_run_is_the_recorded_one(name: str) -> None:
+    recorded, now = read(name), RUNS[name]()
+    assert list(recorded) == list(now)
+    for column, values in now.items():
+        changed = np.flatnonzero(recorded[column].astype(values.dtype) != values)
+        if changed.size:
+            k = changed[0]
+            pytest.fail(
+                f"{name}.csv, column {column}: {changed.size} of {values.size} rows differ, first "
+                f"line {k + 2}: recorded {recorded[column][k]:.17g}, now {values[k]:.17g}{HOW}"
+            )
+
+
+def test_the_recorded_runs_have_something_in_them() -> None:
+    """A step, a load, a gap, a frozen spell, and a current beyond its limit."""
+    flags = np.unique(read("linear")["status"]).tolist()
+    assert {0.0, 1.0, 2.0, 4.0, 8.0} <= set(flags)
+    assert np.ptp(read("closed_law")["k_s"]) > 1000
