@@ -7,14 +7,14 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import median
-from time import perf_counter_ns
+from time import thread_time_ns
 
 from benchmarks.entries import Entry
 
 
 @dataclass(frozen=True)
 class Times:
-    """Times of one entry [ns a sample], one a round."""
+    """Processor time of one entry [ns a sample], one a round."""
 
     entry: Entry
     rounds: tuple[float, ...]
@@ -33,8 +33,9 @@ def interleaved(entries: Sequence[Entry], rounds: int) -> list[Times]:
     """Time all entries in turn, `rounds` times (A B C A B C ...).
 
     What slows the machine down for a while slows down neighbours alike, so ratios within a round
-    hold where times do not. Each entry runs once untimed right before it is timed, so that none
-    pays for the caches and the heap as its neighbour left them; numba compiles then.
+    hold where times do not; and while others have the processor, the clock of this thread stands
+    still (everyone computes in one thread). Each entry runs once untimed right before it is timed,
+    so that none pays for the caches and the heap as its neighbour left them; numba compiles then.
     """
     times: list[list[float]] = [[] for _ in entries]
     gc.disable()
@@ -43,9 +44,9 @@ def interleaved(entries: Sequence[Entry], rounds: int) -> list[Times]:
             _say(f"round {done + 1} of {rounds}")
             for entry, own in zip(entries, times, strict=True):
                 entry.run()
-                start = perf_counter_ns()
+                start = thread_time_ns()
                 entry.run()  # results are let go of at once: that is timed, too
-                own.append((perf_counter_ns() - start) / entry.samples)
+                own.append((thread_time_ns() - start) / entry.samples)
             gc.collect()
     finally:
         gc.enable()
