@@ -1,0 +1,1 @@
+"""Models stated once, symbolically; ``python -m derivation`` writes them as C."""

@@ -56,83 +56,107 @@ def function(doc: str, signature: str, body: list[str]) -> str:
     return f"/* {doc} */\nstatic inline void {signature}\n{{\n{inside}\n}}\n"
 
 
+class Names:
+    """What a model's symbols are called in C."""
+
+    def __init__(self, model: Model) -> None:
+        self.kind = f"amb_{model.name}"
+        self.model_argument = f"const {self.kind}_model *model"
+        self.constants = {s: f"model->{s}" for s in (*model.kept, *model.constants)}
+        self.mean = {s: f"mean[{i}]" for i, s in enumerate(model.state)}
+        self.pairs = model.triangle()
+        self.entries = {sp.Symbol(f"P{i}{j}"): f"cov[{k}]" for k, (i, j) in enumerate(self.pairs)}
+        self.mean_argument = f"amb_real mean[{len(model.state)}]"
+        self.cov_argument = f"amb_real cov[{len(self.pairs)}]"
+
+    def in_place(self, expr: Expr) -> str:
+        """Return an expression with the arrays' entries for its symbols."""
+        entries = (self.mean | self.entries).items()
+        return c(expr.subs({symbol: sp.Symbol(entry) for symbol, entry in entries}))
+
+
+def constants(model: Model, names: Names) -> str:
+    """Return the struct of the model's constants, and the function that computes them."""
+    fields = "\n".join(f"  amb_real {s};" for s in names.constants)
+    values = {kept: kept for kept in model.kept} | model.constants
+    arguments = ", ".join(f"amb_real {p}" for p in model.parameters)
+    return (
+        "/* What the equations ask of the physical parameters, computed once. */\n"
+        f"typedef struct {names.kind}_model {{\n{fields}\n}} {names.kind}_model;\n\n"
+    ) + function(
+        "Constants from the physical parameters, SI.",
+        f"{names.kind}_model_init({names.kind}_model *model, {arguments})",
+        block([(names.constants[s], e) for s, e in values.items()], {}),
+    )
+
+
+def mean_step(model: Model, names: Names) -> str:
+    """Return the prediction of the mean (eq. 9)."""
+    pairs = zip(model.state, model.transition, strict=True)
+    return function(
+        f"Eq. 9, the mean one sample on; {model.force}: force on the rotor without "
+        f"{model.state[2]} [N].",
+        f"{names.kind}_predict_mean({names.model_argument}, amb_real {model.force}, "
+        f"{names.mean_argument})",
+        block([(names.mean[s], e) for s, e in pairs if s != e], names.constants | names.mean),
+    )
+
+
+def covariance_step(model: Model, names: Names) -> str:
+    """Return the prediction of the covariance (eq. 10)."""
+    P = model.predicted_covariance()
+    given = [*model.stiffness, model.gain, model.control_variance, *model.extra_noise.values()]
+    arguments = ", ".join(f"amb_real {s}" for s in given)
+    return function(
+        "Eq. 10, A P A' + Q on the upper triangle, row by row.",
+        f"{names.kind}_predict_covariance({names.model_argument}, {arguments}, "
+        f"{names.cov_argument})",
+        block(
+            [(f"cov[{k}]", P[i, j]) for k, (i, j) in enumerate(names.pairs)],
+            names.constants | names.entries,
+        ),
+    )
+
+
+def update(model: Model, names: Names) -> str:
+    """Return the scalar update, eq. 11-13: K = P H' / S, X += K e, P -= K (P H')'."""
+    P = model.covariance()
+    PH = P * model.H.T
+    S = (model.H * PH)[0] + model.measurement_variance
+    inverse, e = sp.symbols("inverse e")
+    K = sp.Matrix(sp.symbols(f"K:{len(model.state)}"))
+    new_P = P - K * PH.T
+    lines = [
+        f"*variance = {names.in_place(S)};",
+        f"*innovation = y - {names.in_place(model.measurement)};",
+        "const amb_real inverse = 1/(*variance);",  # one division for all of K
+        "const amb_real e = *innovation;",
+    ]
+    lines += [f"const amb_real {s} = {entry};" for s, entry in names.entries.items()]
+    lines += [f"const amb_real {k} = {c(p * inverse)};" for k, p in zip(K, PH, strict=True)]
+    lines += [f"mean[{i}] += {c(k * e)};" for i, k in enumerate(K)]
+    lines += [f"cov[{k}] = {c(new_P[i, j])};" for k, (i, j) in enumerate(names.pairs)]
+    return function(
+        "Eq. 11-13 for the scalar measurement of eq. 21; S must be positive.",
+        f"{names.kind}_update(amb_real y, amb_real {model.measurement_variance}, "
+        f"{names.mean_argument}, {names.cov_argument}, amb_real *innovation, amb_real *variance)",
+        lines,
+    )
+
+
 def header(model: Model) -> str:
     """Return the text of ``core/generated/<name>.h``."""
-    n = len(model.state)
-    pairs = model.triangle()
-    kind = f"amb_{model.name}"
-    guard = f"AMBKIT_GENERATED_{model.name.upper()}_H"
-    fields = [*model.kept, *model.constants]
-    m = {s: f"model->{s}" for s in fields}
-    mean = {s: f"mean[{i}]" for i, s in enumerate(model.state)}
-    P = {sp.Symbol(f"P{i}{j}"): f"cov[{k}]" for k, (i, j) in enumerate(pairs)}
-    noise = [model.control_variance, *model.extra_noise.values()]
-    k_names = ", ".join(f"amb_real {s}" for s in model.stiffness)
-
-    struct = "\n".join(f"  amb_real {s};" for s in fields)
-    init = block(
-        [(f"model->{s}", e) for s, e in [*((k, k) for k in model.kept), *model.constants.items()]],
-        {},
-    )
-    predict_mean = block(
-        [(mean[s], e) for s, e in zip(model.state, model.transition, strict=True) if s != e],
-        m | mean,
-    )
-    AP = model.predicted_covariance()
-    predict_cov = block([(f"cov[{k}]", AP[i, j]) for k, (i, j) in enumerate(pairs)], m | P)
-
-    # Scalar update, eq. 11-13: K = P H' / S, X += K e, P -= K (P H')'. One division.
-    cov, H = model.covariance(), model.H
-    PH = cov * H.T
-    S = (H * PH)[0] + model.measurement_variance
-    inv, e = sp.symbols("inv e")
-    update = [
-        f"const amb_real inv = 1/(*variance = {c(S.subs({k: sp.Symbol(v) for k, v in P.items()}))});",
-        f"const amb_real e = *innovation = y - "
-        f"{c(model.measurement.subs({k: sp.Symbol(v) for k, v in mean.items()}))};",
-    ]
-    K = [sp.Symbol(f"K{i}") for i in range(n)]
-    new_P = cov - sp.Matrix(K) * PH.T
-    lines = [f"const amb_real {s} = {where};" for s, where in P.items()]
-    lines += [f"const amb_real {k} = {c(PH[i] * inv)};" for i, k in enumerate(K)]
-    lines += [f"mean[{i}] += {c(k * e)};" for i, k in enumerate(K)]
-    lines += [f"cov[{k}] = {c(new_P[i, j])};" for k, (i, j) in enumerate(pairs)]
-
-    model_arg = f"const {kind}_model *model"
-    gain, control = model.gain, model.control
-    parts = [
+    names, upper = Names(model), model.name.upper()
+    guard = f"AMBKIT_GENERATED_{upper}_H"
+    return "\n".join([
         f"/* {model.about}. Written by `python -m derivation`; do not edit. */",
-        f'#ifndef {guard}\n#define {guard}\n\n#include "ambkit/exponential.h"\n#include "ambkit/real.h"\n',
-        f"#define AMB_{model.name.upper()}_STATES {n}\n"
-        f"#define AMB_{model.name.upper()}_TRIANGLE {len(pairs)}\n",
-        "/* What the equations ask of the physical parameters, computed once. */\n"
-        f"typedef struct {kind}_model {{\n{struct}\n}} {kind}_model;\n",
-        function(
-            "Constants from the physical parameters, SI.",
-            f"{kind}_model_init({kind}_model *model, "
-            + ", ".join(f"amb_real {p}" for p in model.parameters)
-            + ")",
-            init,
-        ),
-        function(
-            f"Eq. 9, the mean one sample on; {model.force}: force on the rotor but {model.state[2]} [N].",
-            f"{kind}_predict_mean({model_arg}, amb_real {model.force}, amb_real mean[{n}])",
-            predict_mean,
-        ),
-        function(
-            "Eq. 10, A P A' + Q on the upper triangle, row by row.",
-            f"{kind}_predict_covariance({model_arg}, {k_names}, amb_real {gain}, "
-            + ", ".join(f"amb_real {q}" for q in noise)
-            + f", amb_real cov[{len(pairs)}])",
-            predict_cov,
-        ),
-        function(
-            "Eq. 11-13 for the scalar measurement of eq. 21; S must be positive.",
-            f"{kind}_update(amb_real y, amb_real {model.measurement_variance}, amb_real mean[{n}], "
-            f"amb_real cov[{len(pairs)}], amb_real *innovation, amb_real *variance)",
-            update + lines,
-        ),
-        "#endif",
-    ]
-    assert control not in sp.Matrix([AP]).free_symbols
-    return "\n".join(parts) + "\n"
+        f"#ifndef {guard}\n#define {guard}\n",
+        '#include "ambkit/exponential.h"\n#include "ambkit/real.h"\n',
+        f"#define AMB_{upper}_STATES {len(model.state)}",
+        f"#define AMB_{upper}_TRIANGLE {len(names.pairs)}\n",
+        constants(model, names),
+        mean_step(model, names),
+        covariance_step(model, names),
+        update(model, names),
+        "#endif\n",
+    ])  # fmt: skip

@@ -8,10 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ambkit import toml_text
-from ambkit.config import Document, Part
+from ambkit.config import Document, Part, toml_text
+from ambkit.config.quantities import Quantity
 from ambkit.errors import AmbkitError, ConfigError
-from ambkit.quantities import Quantity
 
 
 class Wheel(Part):

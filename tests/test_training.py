@@ -9,10 +9,10 @@ from ambkit import paper
 from ambkit.bearing import Bearing
 from ambkit.errors import AmbkitError
 from ambkit.fuzzy import Expert
+from ambkit.fuzzy.lesson import Lesson
+from ambkit.fuzzy.training import LeastSquares, train
 from ambkit.identification.force_table import ForceTable
 from ambkit.identification.stiffness import StiffnessMap, stiffness_map
-from ambkit.lesson import Lesson
-from ambkit.training import LeastSquares, train
 
 ZITTAU = Bearing.preset("zittau_axial")
 ONE_SIDED = ZITTAU.replace(magnet__type="one-sided")

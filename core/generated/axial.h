@@ -31,7 +31,7 @@ static inline void amb_axial_model_init(amb_axial_model *model, amb_real T, amb_
   model->b_sen = K_sen * (1 - t1);
 }
 
-/* Eq. 9, the mean one sample on; f: force on the rotor but f_d [N]. */
+/* Eq. 9, the mean one sample on; f: force on the rotor without f_d [N]. */
 static inline void amb_axial_predict_mean(const amb_axial_model *model, amb_real f,
                                           amb_real mean[4])
 {
@@ -95,8 +95,10 @@ static inline void amb_axial_predict_covariance(const amb_axial_model *model, am
 static inline void amb_axial_update(amb_real y, amb_real var_y, amb_real mean[4], amb_real cov[10],
                                     amb_real *innovation, amb_real *variance)
 {
-  const amb_real inv = 1 / (*variance = cov[9] + var_y);
-  const amb_real e = *innovation = y - mean[3];
+  *variance = cov[9] + var_y;
+  *innovation = y - mean[3];
+  const amb_real inverse = 1 / (*variance);
+  const amb_real e = *innovation;
   const amb_real P00 = cov[0];
   const amb_real P01 = cov[1];
   const amb_real P02 = cov[2];
@@ -107,10 +109,10 @@ static inline void amb_axial_update(amb_real y, amb_real var_y, amb_real mean[4]
   const amb_real P22 = cov[7];
   const amb_real P23 = cov[8];
   const amb_real P33 = cov[9];
-  const amb_real K0 = P03 * inv;
-  const amb_real K1 = P13 * inv;
-  const amb_real K2 = P23 * inv;
-  const amb_real K3 = P33 * inv;
+  const amb_real K0 = P03 * inverse;
+  const amb_real K1 = P13 * inverse;
+  const amb_real K2 = P23 * inverse;
+  const amb_real K3 = P33 * inverse;
   mean[0] += K0 * e;
   mean[1] += K1 * e;
   mean[2] += K2 * e;

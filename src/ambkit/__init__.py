@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from ambkit.estimators import FilterNoise as FilterNoise
     from ambkit.estimators import KalmanFilter as KalmanFilter
     from ambkit.fuzzy import Expert as Expert
+    from ambkit.fuzzy.training import train as train
     from ambkit.identification import identify as identify
     from ambkit.identification.adaline import Adaline as Adaline
     from ambkit.identification.stiffness import StiffnessMap as StiffnessMap
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from ambkit.scenario import Scenario as Scenario
     from ambkit.simulation import simulate as simulate
     from ambkit.simulation import simulate_run as simulate_run
-    from ambkit.training import train as train
     from ambkit.waveforms import Constant as Constant
     from ambkit.waveforms import Impulse as Impulse
     from ambkit.waveforms import Ramp as Ramp
@@ -53,7 +53,7 @@ _HOME = {
     "record": ["Record"],
     "scenario": ["PID", "Scenario"],
     "simulation": ["simulate", "simulate_run"],
-    "training": ["train"],
+    "fuzzy.training": ["train"],
     "waveforms": ["Constant", "Impulse", "Ramp", "Recorded", "Sequence", "Sine", "Step"],
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}

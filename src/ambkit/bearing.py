@@ -14,7 +14,7 @@ from pydantic import (
 )
 
 from ambkit.config import Document, Part, Read, read_unchecked, reader
-from ambkit.quantities import Quantity
+from ambkit.config.quantities import Quantity
 from ambkit.units import engineering
 
 if TYPE_CHECKING:

@@ -35,8 +35,8 @@ from pydantic import Field
 from ambkit import units
 from ambkit.config import Document, Part, Read
 from ambkit.errors import RecordError
+from ambkit.files.tables import Table
 from ambkit.signals import UNITS, si_unit
-from ambkit.tables import Table
 
 Array = NDArray[np.float64]
 Index = Annotated[int, Field(ge=0, strict=True)]

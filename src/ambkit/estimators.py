@@ -65,7 +65,7 @@ class KalmanFilter:
         Variances; by default those of the bearing.
     gravity : {"known", "disturbance"}
         ``"known"``: the weight is part of the model, and ``f_d`` is the disturbance alone.
-        ``"disturbance"``: as eq. 15-16 of the paper, where the weight is left out and lands in F_St.
+        ``"disturbance"``: as eq. 15-16 of the paper, where weight is left out and lands in F_St.
     precision : {"float64", "float32"}
         Which build of the C core computes; float32 is what flies on a Cortex-M4F.
     frozen_limit : int

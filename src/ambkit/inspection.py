@@ -107,7 +107,7 @@ def _documents() -> dict[str, Any]:
 
 def _kind_of_toml(path: Path) -> str:
     """Return the kind of description that shares most keys with the file."""
-    from ambkit import toml_text
+    from ambkit.config import toml_text
 
     text = files.read_text(path)
     toml = toml_text.parse(text)
@@ -148,8 +148,8 @@ def _describe_expert(path: Path) -> str:
 
 
 def _kind_of_table(path: Path) -> tuple[str, Callable[[Path], str]]:
+    from ambkit.files.tables import read_table
     from ambkit.identification import force_file, lift_off
-    from ambkit.tables import read_table
 
     columns = set(read_table(path).columns)
     if "t" not in columns and columns >= set(lift_off.COLUMNS):

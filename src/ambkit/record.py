@@ -152,7 +152,7 @@ class Record:
         AmbkitError
             The file cannot be written; an older one is left as it was.
         """
-        from ambkit.tables import Table, write_table
+        from ambkit.files.tables import Table, write_table
 
         units = {"t": "s"} | dict(self.units)
         write_table(path, Table({"t": self.t, **self.signals}, units, dict(self.meta)))
@@ -181,7 +181,7 @@ class Record:
         AmbkitError
             The file, or the channel map, cannot be read.
         """
-        from ambkit.tables import read_arrays, read_table
+        from ambkit.files.tables import read_arrays, read_table
 
         if channel_map is not None:
             from ambkit.channelmap import ChannelMap

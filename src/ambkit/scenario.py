@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 from pydantic import Field
 
 from ambkit.config import Document, Part
-from ambkit.quantities import Quantity, SignalIn
+from ambkit.config.quantities import Quantity, SignalIn
 from ambkit.waveforms import (
     Constant,
     Impulse,

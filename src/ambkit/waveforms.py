@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import BeforeValidator, Field, ValidationInfo
 
 from ambkit.config import Part, Read
+from ambkit.config.quantities import Quantity, place_of_signal
 from ambkit.errors import AmbkitError
-from ambkit.quantities import Quantity, place_of_signal
 
 Array = NDArray[np.float64]
 

@@ -153,7 +153,7 @@ def _save(
     import numpy as np
 
     from ambkit.comparison import JUDGED
-    from ambkit.tables import Table, write_table
+    from ambkit.files.tables import Table, write_table
 
     columns: dict[str, Any] = {}
     units = {"case": "1", "step": "m", "seed": "1"}

@@ -90,7 +90,7 @@ def _source(name: str, bearing: Bearing, expert: Path | None) -> StiffnessSource
 
         return stiffness_map(bearing)
     if expert is None:
-        from ambkit.training import train
+        from ambkit.fuzzy.training import train
 
         with output.progress("training the expert"):
             return train(bearing, weights=True)

@@ -71,8 +71,9 @@ def train(
     For example:
       ambkit train zittau_axial --out expert.json --plot expert.png
     """
-    from ambkit import plots, training
+    from ambkit import plots
     from ambkit.commands import output
+    from ambkit.fuzzy import training
     from ambkit.identification.force_file import load_force_table
     from ambkit.identification.stiffness import stiffness_map
 

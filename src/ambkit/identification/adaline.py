@@ -140,7 +140,7 @@ class Adaline:
         return float(self.core.k)
 
     def run(self, record: Record, *, disturbance: ArrayLike | None = None) -> AdalineResult:
-        """Learn along a record (``y`` [m], ``u`` [V]); ``disturbance`` (n,) [N] where it is known."""
+        """Learn along a record (``y`` [m], ``u`` [V]); ``disturbance`` (n,) [N] if it is known."""
         y = record["y"]
         f_d = np.zeros_like(y) if disturbance is None else np.broadcast_to(disturbance, y.shape)
         out = self.core.run(y, record["u"], np.ascontiguousarray(f_d, dtype=float))

@@ -7,8 +7,8 @@ import os
 import numpy as np
 
 from ambkit.errors import AmbkitError, RecordError
+from ambkit.files.tables import read_table
 from ambkit.identification.force_table import ForceTable
-from ambkit.tables import read_table
 
 COLUMNS = ("iu", "x", "f_mag")
 

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from ambkit.bearing import GRAVITY
 from ambkit.errors import RecordError
+from ambkit.files.tables import Table, read_table, write_table
 from ambkit.identification.noise import measurement_noise
-from ambkit.tables import Table, read_table, write_table
 
 if TYPE_CHECKING:
     from ambkit.record import Record

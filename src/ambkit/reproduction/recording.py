@@ -11,6 +11,7 @@ import numpy as np
 from ambkit.bearing import GRAVITY, Bearing
 from ambkit.estimators import FilterNoise, KalmanFilter
 from ambkit.fuzzy import Expert
+from ambkit.fuzzy.training import train
 from ambkit.identification.lift_off import LiftOff, load_points
 from ambkit.identification.lift_off_fit import LiftOffFit, fit_lift_off
 from ambkit.identification.stiffness import stiffness_map
@@ -23,7 +24,6 @@ from ambkit.report.figure import Figure, Panel
 from ambkit.report.items import Axis, Line, Points, Rule
 from ambkit.report.style import style_of
 from ambkit.reproduction.study import POSITION, TIME, Part, Study, row
-from ambkit.training import train
 from ambkit.tuning import most_likely_disturbance
 
 WORK_GAP = 0.010  # m: the ball's distance from the magnet at x = 0

@@ -12,6 +12,7 @@ import numpy as np
 from ambkit.bearing import Bearing
 from ambkit.estimators import AdaptiveKalmanFilter, FilterNoise, KalmanFilter
 from ambkit.fuzzy import Expert
+from ambkit.fuzzy.training import train
 from ambkit.identification.stiffness import StiffnessMap, stiffness_map
 from ambkit.magnets import ClosedLaw, ConstantStiffness
 from ambkit.paper import INITIAL_WIDTH
@@ -20,7 +21,6 @@ from ambkit.report.items import Axis
 from ambkit.report.summary import SummaryRow
 from ambkit.scenario import PID, Scenario
 from ambkit.simulation import Run, simulate_run
-from ambkit.training import train
 from ambkit.waveforms import Constant, Step
 
 if TYPE_CHECKING:

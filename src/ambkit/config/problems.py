@@ -10,8 +10,8 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from ambkit.quantities import Quantity
-from ambkit.toml_text import Path
+from ambkit.config.quantities import Quantity
+from ambkit.config.toml_text import Path
 
 
 class Problem(NamedTuple):

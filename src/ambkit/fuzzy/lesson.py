@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.errors import AmbkitError
-from ambkit.fuzzy import Expert
+from ambkit.fuzzy.expert import Expert
+from ambkit.fuzzy.network import network
 from ambkit.identification.stiffness import StiffnessMap
 from ambkit.magnets import core_module
-from ambkit.network import network
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit import csv_text, files
+from ambkit import files
 from ambkit.errors import RecordError
+from ambkit.files import csv_text
 from ambkit.signals import UNITS, si_unit
 
 Array = NDArray[np.float64]

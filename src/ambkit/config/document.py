@@ -24,9 +24,10 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
-from ambkit import files, toml_text
+from ambkit import files
+from ambkit.config import toml_text
+from ambkit.config.problems import Problem, dotted, in_words, quantity_of, without_tags
 from ambkit.errors import ConfigError
-from ambkit.problems import Problem, dotted, in_words, quantity_of, without_tags
 
 Read = Callable[[str], Any]
 

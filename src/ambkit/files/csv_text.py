@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 
 _MISSING = ("", "nan", "NaN", "NA")
 _NOTE = re.compile(r"#\s*([\w.-]+):\s(.*)")
+_LINE_END = re.compile(r"\r\n|\r|\n")
 _LABEL = re.compile(r"(.*?)\s*(?:[\[(]([^\])]*)[\])])?")
 
 
@@ -78,7 +79,8 @@ def parse(text: str, name: str, wanted: Collection[str] = ()) -> CsvText:
         A cell is not a number, a line has too few or too many cells, a column is there twice or
         not at all, or the file is shorter than it says itself.
     """
-    lines = text.splitlines()
+    # Not str.splitlines: that also breaks at characters which a note may hold, U+0085 for one.
+    lines = _LINE_END.split(text.removesuffix("\n"))
     start = next((i for i, line in enumerate(lines) if line.strip() and line[0] != "#"), None)
     if start is None:
         raise RecordError(f"{name}: has no header and no samples; is the file cut short?")

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.errors import AmbkitError
-from ambkit.fuzzy import Expert, Method, Training
+from ambkit.fuzzy.expert import Expert, Method, Training
+from ambkit.fuzzy.lesson import Lesson, Outputs, rms
+from ambkit.fuzzy.network import Scaling
 from ambkit.identification.stiffness import StiffnessMap, stiffness_map
-from ambkit.lesson import Lesson, Outputs, rms
-from ambkit.network import Scaling
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing

@@ -19,10 +19,10 @@ from pydantic import Field, ValidationError
 from ambkit import files, paper
 from ambkit._core import MAX_RULES
 from ambkit.config import Part, Read
+from ambkit.config.problems import Problem, dotted
 from ambkit.errors import AmbkitError, ConfigError
+from ambkit.fuzzy.network import Scaling, default_width, network, scale_factors
 from ambkit.magnets import evaluate_force, evaluate_stiffness
-from ambkit.network import Scaling, default_width, network, scale_factors
-from ambkit.problems import Problem, dotted
 
 if TYPE_CHECKING:
     from ambkit._core import Fuzzy
