@@ -13,6 +13,7 @@ import typer
 from ambkit.commands import output
 from ambkit.commands.check import check
 from ambkit.commands.compare import compare
+from ambkit.commands.export import export, export_c
 from ambkit.commands.filter import filter_record
 from ambkit.commands.identify import identify
 from ambkit.commands.presets import presets
@@ -42,6 +43,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "presets": presets,
     "check": check,
 }
+_EXPORTS: dict[str, Callable[..., None]] = {"c": export_c}
 
 
 def _help(command: Callable[..., None]) -> str:
@@ -83,6 +85,10 @@ def about(
         print(context.get_help())
 
 
+_export = typer.Typer(name="export", callback=export, invoke_without_command=True)
+for _name, _command in _EXPORTS.items():
+    _export.command(_name, help=_help(_command))(_command)
+app.add_typer(_export, help=_help(export))
 app.callback(help=_help(about), invoke_without_command=True)(about)
 
 

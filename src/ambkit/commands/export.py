@@ -1,0 +1,112 @@
+"""``ambkit export``: the trained filter for the controller, as C."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ambkit.commands.options import BearingName, Json, find_bearing, quantity
+
+
+class Precision(StrEnum):
+    """Of the exported numbers."""
+
+    float = "float"
+    double = "double"
+
+
+class Form(StrEnum):
+    """How the expert is exported."""
+
+    exact = "exact"
+    tabulated = "tabulated"
+
+
+EstimatorFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--estimator",
+        metavar="FILE",
+        help="Expert of the adaptive filter, from 'ambkit train'; the linear filter without it.",
+    ),
+]
+
+
+def export(context: typer.Context) -> None:
+    """Write a filter for the controller.
+
+    For example:
+      ambkit export c zittau_axial --estimator expert.json --out out/
+    """
+    if context.invoked_subcommand is None:
+        print(context.get_help())
+
+
+def export_c(
+    bearing: BearingName,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="The folder to write.")],
+    estimator: EstimatorFile = None,
+    precision: Annotated[Precision, typer.Option(help="Of its numbers.")] = Precision.float,
+    prefix: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Of its names; the bearing's name if not given."),
+    ] = None,
+    expert: Annotated[
+        Form, typer.Option(help="The rules themselves, or a table of what they say.")
+    ] = Form.exact,
+    force_bound: Annotated[
+        float | None,
+        typer.Option(
+            parser=quantity("N"),
+            metavar="FORCE",
+            help='How far the table may be from the rules, such as "0.1 N".',
+        ),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Write a filter as a folder of C99 that compiles alone.
+
+    The library's own C, with the data of this bearing and this filter.
+
+    For example:
+      ambkit train zittau_axial --out expert.json
+      ambkit export c zittau_axial --estimator expert.json --out out/
+    """
+    from ambkit.commands import output
+    from ambkit.export import c
+    from ambkit.fuzzy import Expert
+
+    model = find_bearing(bearing)
+    source = None if estimator is None else Expert.load(estimator)
+    written = c.export_c(
+        model,
+        source,
+        out,
+        precision=precision.value,
+        prefix=prefix,
+        expert_form=expert.value,
+        force_bound=force_bound,
+    )
+    data: dict[str, Any] = {
+        "folder": str(written.folder),
+        "name": written.name,
+        "precision": written.precision,
+        "configuration": written.configuration,
+        "sources": list(written.sources),
+        "files": list(written.files),
+    }
+    if written.table is not None:
+        rows, columns = written.table.k_i.shape
+        data |= {
+            "table": {
+                "rows": rows,
+                "columns": columns,
+                "force_bound": written.table.bound,
+                "force_error": written.table.error,
+            }
+        }
+    output.deliver(data, [], as_json=json)
+    output.note(f"wrote {written.folder}, {len(written.files) + 1} files")

@@ -1,0 +1,11 @@
+"""``ambkit export c``: a folder of C99 that compiles alone.
+
+The folder holds the core's own files (``core/``), one data file for this bearing and this filter
+(``NAME_data.c``), the thin ``NAME.h`` and ``NAME.c`` with ``NAME_init``, ``NAME_step`` and
+``NAME_reset``, a self-test, and what is needed to build and understand it. See ``README.md`` beside
+this module for the layout.
+"""
+
+from ambkit.export.c.exporter import CExport, export_c
+
+__all__ = ["CExport", "export_c"]

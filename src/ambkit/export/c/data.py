@@ -1,0 +1,83 @@
+"""What the C core holds, written as C: numbers, arrays and structs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+CPrecision = Literal["float", "double"]
+
+_UNSIGNED = ("frozen_limit",)  # the one field of the structs that is unsigned
+
+
+def number(value: float, precision: CPrecision) -> str:
+    """Write a floating-point number such that it is read back to the last bit."""
+    text = f"{np.float32(value):.9g}" if precision == "float" else f"{value:.17g}"
+    if not any(mark in text for mark in ".en"):
+        text += ".0"
+    return text + ("F" if precision == "float" else "")
+
+
+def array(values: NDArray[Any], precision: CPrecision, indent: str = "  ") -> str:
+    """Write an array as an initialiser, rows of pairs as pairs, lines of at most 100 columns."""
+    if values.ndim == 2:
+        items = ["{" + ", ".join(number(v, precision) for v in row) + "}" for row in values]
+    elif values.dtype.kind == "u":
+        items = [f"{value}U" for value in values]
+    else:
+        items = [number(value, precision) for value in values]
+    lines, line = [], indent
+    for item in items:
+        if len(line) + len(item) + 1 > 100:
+            lines.append(line.rstrip())
+            line = indent
+        line += f"{item}, "
+    return "\n".join([*lines, line.rstrip(", ")])
+
+
+def struct(
+    fields: Mapping[str, Any], precision: CPrecision, arrays: Mapping[str, str], path: str = ""
+) -> str:
+    """Write a struct as an initialiser with the names of its fields.
+
+    Parameters
+    ----------
+    fields : mapping
+        What a binding's ``parameters`` gives.
+    precision : {"float", "double"}
+        Of its numbers.
+    arrays : mapping
+        The C name of each array, by the path of its field.
+    path : str
+        Path of the struct itself, for structs in structs.
+    """
+    level = path.count(".")
+    lines = []
+    for name, value in fields.items():
+        place = f"{path}{name}"
+        if isinstance(value, Mapping):
+            text = struct(value, precision, arrays, f"{place}.")
+        elif isinstance(value, bool):
+            text = "true" if value else "false"
+        elif isinstance(value, int):
+            text = f"{value}U" if name in _UNSIGNED else str(value)
+        elif isinstance(value, np.ndarray):
+            text = arrays[place]
+        else:
+            text = number(value, precision)
+        lines.append(f"{'  ' * (level + 1)}.{name} = {text},\n")
+    return "{\n" + "".join(lines) + "  " * level + "}"
+
+
+def arrays_of(fields: Mapping[str, Any], path: str = "") -> dict[str, NDArray[Any]]:
+    """Return all arrays in a struct and in the structs in it, by the paths of their fields."""
+    found: dict[str, NDArray[Any]] = {}
+    for name, value in fields.items():
+        if isinstance(value, Mapping):
+            found |= arrays_of(value, f"{path}{name}.")
+        elif isinstance(value, np.ndarray):
+            found[f"{path}{name}"] = value
+    return found

@@ -1,0 +1,64 @@
+"""The self-test's samples: a simulated run with faults in it, and what Python's filter says."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.estimate import Estimate
+from ambkit.record import Record
+
+if TYPE_CHECKING:
+    from ambkit.bearing import Bearing
+    from ambkit.estimators import KalmanFilter
+
+STEPS = 200
+
+
+class Vectors(NamedTuple):
+    """Measurements (n,) [m], control signals (n,) [V], and the estimate along them."""
+
+    y: NDArray[np.float64]
+    u: NDArray[np.float64]
+    estimate: Estimate
+
+
+def make(estimator: KalmanFilter) -> Vectors:
+    """Simulate a step of half the expert's reach, spoil a few samples, and run the estimator.
+
+    Parameters
+    ----------
+    estimator : KalmanFilter
+        Of the precision that is exported.
+    """
+    from ambkit.scenario import PID, Scenario
+    from ambkit.simulation import simulate
+    from ambkit.waveforms import Step
+
+    bearing = estimator.bearing
+    T = bearing.sampling_time
+    scenario = Scenario(
+        duration=(STEPS - 1) * T,
+        reference=Step(amplitude=bearing.rotor.travel_limit / 4, time=0.1 * STEPS * T),
+        controller=PID.for_bearing(bearing),
+    )
+    record = simulate(bearing, scenario)
+    y, u = _spoilt(bearing, record["y"], record["u"])
+    return Vectors(y, u, estimator.run(Record(record.t, {"y": y, "u": u}, {"y": "m", "u": "V"})))
+
+
+def _spoilt(
+    bearing: Bearing, y: NDArray[np.float64], u: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Put in measurements far away, a frozen sensor, and demands beyond the limits."""
+    y, u = y.copy(), u.copy()
+    far = 1e3 * bearing.sensor.gain * bearing.rotor.travel_limit
+    y[100:103] = far, -far, far
+    y[120:136] = y[120]
+    for k, limit in ((160, bearing.current_max), (170, bearing.current_min)):
+        u[k] = (
+            limit + np.copysign(bearing.amplifier.current_limit, limit)
+        ) / bearing.amplifier.gain
+    return y, u

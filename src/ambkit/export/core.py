@@ -1,0 +1,64 @@
+"""The library's own C: where it stands, and which of its files an export needs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+from ambkit.errors import AmbkitError
+
+_PACKAGE = Path(__file__).parents[1]
+_FOLDERS = (_PACKAGE / "core", _PACKAGE.parents[1] / "core")
+_INCLUDE = re.compile(r'^\s*#\s*include\s+"([^"]+)"', re.MULTILINE)
+
+INCLUDE_FOLDERS = ("core/include", "core")
+"""What a compiler must be told to find the core's headers, relative to an export."""
+
+
+def folder() -> Path:
+    """Return the folder with the C sources of the core.
+
+    Raises
+    ------
+    AmbkitError
+        They were not installed.
+    """
+    for candidate in _FOLDERS:
+        if (candidate / "include" / "ambkit" / "real.h").is_file():
+            return candidate
+    raise AmbkitError(f"the C sources that come with ambkit are not there: {_FOLDERS[0]}")
+
+
+def closure(sources: Iterable[str]) -> dict[str, str]:
+    """Return C sources and all headers that they include, one through the other.
+
+    Parameters
+    ----------
+    sources : iterable of str
+        Files of the core, such as ``"src/kalman.c"``.
+
+    Returns
+    -------
+    dict
+        Text of each file by its name, relative to the core, in alphabetical order.
+    """
+    root = folder()
+    found: dict[str, str] = {}
+    waiting = list(sources)
+    while waiting:
+        name = waiting.pop()
+        if name in found:
+            continue
+        found[name] = (root / name).read_text(encoding="utf-8")
+        waiting += [_place(root, name, included) for included in _INCLUDE.findall(found[name])]
+    return dict(sorted(found.items()))
+
+
+def _place(root: Path, including: str, included: str) -> str:
+    """Return where an included file stands: beside the other, or in an include folder."""
+    beside = (Path(including).parent / included).as_posix()
+    for candidate in (beside, f"include/{included}", included):
+        if (root / candidate).is_file():
+            return candidate
+    raise AmbkitError(f"{root / including}: includes {included}, which is not there")

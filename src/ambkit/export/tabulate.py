@@ -1,0 +1,183 @@
+"""Any source of stiffnesses as a table, just fine enough for a bound on the force error."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.errors import AmbkitError
+from ambkit.magnets import core_module, evaluate_force, evaluate_stiffness
+
+if TYPE_CHECKING:
+    from ambkit._core import Table
+    from ambkit.bearing import Bearing
+    from ambkit.fuzzy import Expert
+    from ambkit.magnets import Precision
+
+Array = NDArray[np.float64]
+
+MOST_NODES = 32767
+"""Where an int has 16 bits, the place of a node must fit in it."""
+DEFAULT_SHARE = 0.001
+"""The bound that is taken where none is given, as a part of the largest force."""
+
+_MOST_ALONG = 512  # nodes along one axis
+_ACROSS = 65  # nodes on the other axis, while one axis is looked at
+_WITHIN = 8  # points that are compared along a cell of that axis ...
+_IN_THE_END = 16  # ... and along both sides of each cell in the end
+_SAFETY = 0.98  # for what lies between the points
+
+
+@dataclass(frozen=True, eq=False)
+class TabulatedExpert:
+    """An expert's stiffnesses at the nodes of a grid over its box.
+
+    Attributes
+    ----------
+    current : ndarray (columns,)
+        Nodes of the control current [A], evenly spaced.
+    displacement : ndarray (rows,)
+        Nodes of the displacement [m], evenly spaced.
+    k_i, k_s : ndarray (rows, columns)
+        Stiffnesses [N/A], [N/m].
+    bound : float
+        The force is nowhere further from the expert's than this [N].
+    error : float
+        The largest deviation of the force that was found [N].
+    """
+
+    current: Array
+    displacement: Array
+    k_i: Array
+    k_s: Array
+    bound: float
+    error: float
+
+    def magnet(self, core: ModuleType) -> Table:
+        """Build the C implementation: bilinear between the nodes, held at the edge outside."""
+        return _table(core, self.current, self.displacement, self.k_i, self.k_s)
+
+
+def tabulate(
+    expert: Expert, bearing: Bearing, *, bound: float | None = None, precision: Precision
+) -> TabulatedExpert:
+    """Find the smallest table whose force stays within a bound of the expert's.
+
+    The force ``k_i iu + k_s x`` of both is compared wherever the filter can ask: over the expert's
+    box and, held at its edge, up to the current limits and the stops.
+
+    Parameters
+    ----------
+    expert : Expert
+        What is tabulated.
+    bearing : Bearing
+        Gives current limits and stops.
+    bound : float, optional
+        Largest deviation of the force [N]; by default 0.1 % of the expert's largest force.
+    precision : {"float64", "float32"}
+        In which the table is exported, and so checked.
+
+    Raises
+    ------
+    AmbkitError
+        The bound is not positive, or needs more nodes than a table can have.
+    """
+    search = _Search(expert, bearing, precision)
+    if bound is None:
+        bound = DEFAULT_SHARE * search.largest_force()
+    if not (math.isfinite(bound) and bound > 0):
+        raise AmbkitError(f"force_bound must be greater than 0 N, is {bound!r}")
+    for rows, columns in search.candidates(_SAFETY * bound):
+        error = search.error(rows, columns, (2, 2))
+        if error <= _SAFETY * bound:
+            error = search.error(rows, columns, (_IN_THE_END, _IN_THE_END))
+        if error <= _SAFETY * bound:
+            current, displacement = search.nodes(rows, columns)
+            k_i, k_s = evaluate_stiffness(expert, *np.meshgrid(current, displacement))
+            return TabulatedExpert(current, displacement, k_i, k_s, bound, error)
+    raise AmbkitError(
+        f"force_bound = {bound:g} N needs a table larger than {MOST_NODES} nodes, or "
+        f"{_MOST_ALONG} along one axis; take a larger bound, or the expert in its exact form"
+    )
+
+
+class _Search:
+    """The expert, and the region in which it is compared with tables."""
+
+    def __init__(self, expert: Expert, bearing: Bearing, precision: Precision) -> None:
+        self.expert = expert
+        self.core = core_module(precision)
+        stop = bearing.rotor.travel_limit
+        self.limits = ((bearing.current_min, bearing.current_max), (-stop, stop))
+
+    def nodes(self, rows: int, columns: int) -> tuple[Array, Array]:
+        return (
+            np.linspace(*self.expert.current_range, columns),
+            np.linspace(*self.expert.displacement_range, rows),
+        )
+
+    def candidates(self, bound: float) -> list[tuple[int, int]]:
+        """Return sizes that can do, rows and columns, the smallest first, up to one that must.
+
+        Bilinear interpolation is linear interpolation on one axis after the other: its error is
+        about that of the worse axis at least, and that of both axes, each alone, at most.
+        """
+        rows = self.errors(bound, lambda n: self.error(n, _ACROSS, (_WITHIN, 1)))
+        columns = self.errors(bound, lambda n: self.error(_ACROSS, n, (1, _WITHIN)))
+        sizes = {(r, c): (rows[r], columns[c]) for r in rows for c in columns}
+        enough = [r * c for (r, c), errors in sizes.items() if sum(errors) <= bound]
+        most = min([MOST_NODES, *enough])
+        can = [(r, c) for (r, c), errors in sizes.items() if max(errors) <= bound and r * c <= most]
+        return sorted(can, key=lambda size: (size[0] * size[1], size))
+
+    def errors(self, bound: float, error: Callable[[int], float]) -> dict[int, float]:
+        """Return the error of one axis by its number of nodes, until it no longer matters."""
+        found: dict[int, float] = {}
+        n = 2
+        while n <= _MOST_ALONG:
+            found[n] = error(n)
+            if found[n] < bound / 16:
+                break
+            n += 1 + n // 16
+        return found
+
+    def points(self, rows: int, columns: int, within: tuple[int, int]) -> tuple[Array, Array]:
+        """Points of comparison: so many steps in each cell, and the ends of the region."""
+        box = self.nodes((rows - 1) * within[0] + 1, (columns - 1) * within[1] + 1)
+        ends = [
+            np.concatenate([[min(low, nodes[0])], nodes, [max(high, nodes[-1])]])
+            for nodes, (low, high) in zip(box, self.limits, strict=True)
+        ]
+        iu, x = np.meshgrid(*ends)
+        return iu.ravel(), x.ravel()
+
+    def largest_force(self) -> float:
+        """Return the largest force of the expert [N], without the bias force."""
+        iu, x = self.points(2, 2, (50, 50))
+        return float(np.max(np.abs(evaluate_force(self.expert, iu, x))))
+
+    def error(self, rows: int, columns: int, within: tuple[int, int]) -> float:
+        """Return the largest deviation of a table's force [N] at the points of comparison."""
+        current, displacement = self.nodes(rows, columns)
+        k_i, k_s = evaluate_stiffness(self.expert, *np.meshgrid(current, displacement))
+        table = _table(self.core, current, displacement, k_i, k_s)
+        iu, x = self.points(rows, columns, within)
+        return float(np.max(np.abs(table.force(iu, x) - evaluate_force(self.expert, iu, x))))
+
+
+def _table(core: ModuleType, current: Array, displacement: Array, k_i: Array, k_s: Array) -> Table:
+    table: Table = core.Table(
+        x_min=displacement[0],
+        dx=displacement[1] - displacement[0],
+        iu_min=current[0],
+        diu=current[1] - current[0],
+        k_i=k_i,
+        k_s=k_s,
+    )
+    return table
