@@ -1,0 +1,74 @@
+"""How Sphinx builds these pages.
+
+uv run --group docs sphinx-build -W --keep-going -b html docs docs/_build/html
+"""
+
+import os
+import sys
+from importlib.metadata import version as version_of
+from pathlib import Path
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE / "extensions"))
+# The commands of this Python, for the pages that run `ambkit`.
+os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+# The derivation is no part of the package; one page shows it.
+os.environ["PYTHONPATH"] = str(HERE.parent)
+
+project = "ambkit"
+author = "the ambkit developers"
+copyright = author  # no year: a built page does not depend on when it was built
+version = release = version_of("ambkit")
+
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "numpydoc",
+    "docstrings",
+    "mathml",
+    "reproduced",
+    "terminal",
+]
+exclude_patterns = ["_build", "README.md"]
+nitpicky = True  # a name that leads nowhere is an error
+
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
+myst_heading_anchors = 3
+
+nb_execution_mode = "force"  # a stored output would hide that a snippet no longer runs
+nb_execution_raise_on_error = True
+nb_execution_timeout = 120
+nb_execution_in_temp = True  # what a snippet writes does not land between the sources
+nb_merge_streams = True
+nb_ipywidgets_js = {}  # no page fetches anything from elsewhere
+
+autodoc_typehints = "none"  # the docstrings say shape, unit and type
+autodoc_member_order = "bysource"
+autodoc_default_options = {"members": True, "exclude-members": "model_config"}
+numpydoc_show_class_members = False
+numpydoc_show_inherited_class_members = False
+toc_object_entries_show_parents = "hide"
+
+html_theme = "pydata_sphinx_theme"
+html_title = "ambkit"
+html_static_path = ["_static"]
+html_css_files = ["ambkit.css"]
+html_copy_source = False
+html_show_sourcelink = False
+html_math_renderer = "mathml"
+html_sidebars = {  # elsewhere there are no neighbours to go to
+    "paper/*": ["sidebar-nav-bs"],
+    "api/*": ["sidebar-nav-bs"],
+    "[!pa]*": [],
+}
+html_theme_options = {
+    "logo": {"text": "ambkit"},
+    "navbar_align": "left",
+    "header_links_before_dropdown": 9,
+    "navbar_end": ["theme-switcher"],
+    "navigation_with_keys": False,
+    "show_toc_level": 2,
+    "secondary_sidebar_items": ["page-toc"],
+    "footer_start": ["copyright"],
+    "footer_end": ["sphinx-version"],
+}

@@ -1,0 +1,112 @@
+"""Commands on a page, run while the pages are built.
+
+``{terminal}`` runs each of its lines in a folder of the page's own and shows what it printed; the
+option ``:fails: 2`` is for a line that is meant to fail with that exit code. ``{file} NAME`` shows
+a file and writes it into that folder. ``{manual} COMMAND`` shows the help of an ambkit command.
+"""
+
+import os
+import subprocess
+import tempfile
+from pathlib import Path
+
+from docutils import nodes
+from docutils.parsers.rst import directives
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+LANGUAGES = {".toml": "toml", ".csv": "text", ".json": "json"}
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
+_folders: dict[str, tempfile.TemporaryDirectory[str]] = {}
+
+
+def _run(line: str, folder: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Run a command line; stdout and stderr come in the order of writing."""
+    return subprocess.run(
+        ["bash", "-c", line],
+        cwd=folder,
+        env=os.environ | {"PYTHONUNBUFFERED": "1"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=120,
+    )
+
+
+class _InFolder(SphinxDirective):
+    """What works in the page's folder; it goes when the page is read."""
+
+    has_content = True
+
+    @property
+    def folder(self) -> Path:
+        page = self.env.docname
+        if page not in _folders:
+            _folders[page] = tempfile.TemporaryDirectory(prefix="ambkit-docs-")
+            # As far as the examples go, it looks like the repository's.
+            Path(_folders[page].name, "examples").symlink_to(EXAMPLES)
+        return Path(_folders[page].name)
+
+
+class Terminal(_InFolder):
+    """``{terminal}``."""
+
+    option_spec = {"fails": directives.nonnegative_int}  # noqa: RUF012
+
+    def run(self) -> list[nodes.Node]:
+        """Run line by line."""
+        expected, shown = self.options.get("fails", 0), []
+        for line in self.content:
+            done = _run(line, self.folder)
+            if done.returncode != expected:
+                raise self.error(f"$ {line}\n{done.stdout}\nexit code {done.returncode}")
+            printed = "\n".join(text.rstrip() for text in done.stdout.splitlines()).strip("\n")
+            shown.append(f"$ {line}\n{printed}".strip())
+        text = "\n\n".join(shown)
+        return [nodes.literal_block(text, text, language="console", classes=["terminal"])]
+
+
+class File(_InFolder):
+    """``{file} NAME``."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        """Write the file, then show it."""
+        name, text = self.arguments[0], "\n".join(self.content) + "\n"
+        (self.folder / name).write_text(text, encoding="utf-8")
+        language = LANGUAGES.get(Path(name).suffix, "text")
+        block = nodes.container(classes=["literal-block-wrapper"], literal_block=True)
+        block += nodes.caption("", name)
+        block += nodes.literal_block(text, text, language=language)
+        return [block]
+
+
+class Manual(SphinxDirective):
+    """``{manual} COMMAND``."""
+
+    required_arguments = 1
+    final_argument_whitespace = True
+
+    def run(self) -> list[nodes.Node]:
+        """Ask the command itself."""
+        done = _run(f"COLUMNS=90 ambkit {self.arguments[0]} --help")
+        if done.returncode:
+            raise self.error(done.stdout)
+        return [nodes.literal_block(done.stdout, done.stdout, language="text")]
+
+
+def _clean(app: Sphinx, _tree: nodes.document) -> None:
+    folder = _folders.pop(app.env.docname, None)
+    if folder:
+        folder.cleanup()
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Add the directives."""
+    app.add_directive("terminal", Terminal)
+    app.add_directive("file", File)
+    app.add_directive("manual", Manual)
+    app.connect("doctree-read", _clean)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

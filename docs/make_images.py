@@ -1,0 +1,50 @@
+"""Draw the picture of the README and of the first page: python docs/make_images.py.
+
+It is committed, so that the README shows without a build; tests/test_docs.py checks that this
+script still draws it.
+"""
+
+from pathlib import Path
+
+from ambkit.report import static
+from ambkit.report.figure import Figure, Panel
+from ambkit.report.items import Axis, Line
+from ambkit.reproduction.gain import LOAD, STEPS
+from ambkit.reproduction.study import POSITION, TIME, Study
+
+FOLDER = Path(__file__).parent / "images"
+FORCE = Axis(r"disturbance force $F_\mathrm{St}$", "N", limits=(-1.2, 4.2))
+LINEAR, ADAPTIVE = "estimate linear", "estimate wide box"
+
+
+def step() -> Figure:
+    """Show the step of 0.5 mm and the load of 3 N with the linear and the adaptive filter."""
+    study = Study()
+    scenario = study.scenario(STEPS[-1], LOAD)
+    runs = {name: study.run(scenario, name) for name in (LINEAR, ADAPTIVE)}
+    shown = {name: run.estimate for name, run in runs.items() if run.estimate is not None}
+    record = runs[ADAPTIVE].record
+    t = record.t
+    return Figure(
+        id="step",
+        title="A step of 0.5 mm and a load of 3 N",
+        caption="",
+        panels=[
+            Panel(TIME, POSITION, [
+                Line(t, record["y"], signal="measured"),
+                Line(t, record["r"], signal="reference"),
+                Line(t, record["x"], signal="truth"),
+                Line(t, shown[ADAPTIVE].x, signal="estimate adaptive"),
+            ]),
+            Panel(TIME, FORCE, [
+                Line(t, shown[LINEAR].f_d, signal=LINEAR),
+                Line(t, shown[ADAPTIVE].f_d, signal="estimate adaptive"),
+                Line(t, record["f_d"], signal="truth"),
+            ]),
+        ],
+    )  # fmt: skip
+
+
+if __name__ == "__main__":
+    static.save(step(), FOLDER)
+    (FOLDER / "step.svg").unlink()
