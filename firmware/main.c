@@ -1,0 +1,146 @@
+/* An exported filter on a Cortex-M4F: its self-test, and a recorded run through it.
+ *
+ * The build says which export, with -DHEADER="\"NAME_selftest.h\"" and -Dfilter_step=NAME_step and
+ * so on (firmware/harness.py). Reads input.bin, writes output.bin; the text is for people. */
+#include HEADER
+#include "semihosting.h"
+#include <stdint.h>
+
+#define MOST_SAMPLES 20000U
+
+/* With `-icount shift=0` an instruction takes 1 ns and SysTick counts every 40 ns: of 40 equal
+ * calls, ticks are instructions a call. */
+#define REPEATS 40U
+
+typedef struct sample {
+  amb_real y; /* measurement [m] */
+  amb_real u; /* control signal that acted since the last sample [V] */
+} sample;
+
+typedef struct answer {
+  amb_real x, v, f_d, x_m;
+  uint32_t status;
+  uint32_t instructions; /* of this step; 0 for the first sample, a reset */
+} answer;
+
+typedef struct summary {
+  uint32_t unequal, wrong_status; /* of the self-test */
+  uint32_t stack;                 /* bytes that a step needs below its caller */
+} summary;
+
+typedef amb_status step_function(filter_state *state, amb_real y, amb_real u,
+                                 filter_estimates *estimates);
+
+static sample input[MOST_SAMPLES];
+static answer output[MOST_SAMPLES];
+
+/* SysTick (ARMv7-M, B3.3), 24 bits, downwards, on the clock of the processor. */
+static volatile uint32_t *const systick = (volatile uint32_t *)0xE000E010U;
+
+static uint32_t ticks(void)
+{
+  return systick[2];
+}
+
+static void start_ticks(void)
+{
+  systick[1] = 0xFFFFFFU;
+  systick[2] = 0;
+  systick[0] = 5;
+}
+
+/* Twice the ticks' grain would be lost if the compiler moved work across the readings: it calls
+ * through a pointer that it cannot see through. */
+static uint32_t count(step_function *volatile step, const filter_state *state, const sample *s)
+{
+  filter_state copy;
+  filter_estimates now;
+  step_function *const call = step;
+  const uint32_t before = ticks();
+  for (unsigned int i = 0; i < REPEATS; i++) {
+    copy = *state;
+    (void)call(&copy, s->y, s->u, &now);
+  }
+  return (before - ticks()) & 0xFFFFFFU;
+}
+
+/* Two instructions: what is counted around it is the loop. */
+static amb_status nothing(filter_state *state, amb_real y, amb_real u, filter_estimates *estimates)
+{
+  (void)state;
+  (void)y;
+  (void)u;
+  (void)estimates;
+  return AMB_OK;
+}
+
+#define INSTRUCTIONS_OF_NOTHING 2U
+
+static uint32_t instructions(const filter_state *state, const sample *s)
+{
+  return count(filter_step, state, s) - count(nothing, state, s) + INSTRUCTIONS_OF_NOTHING;
+}
+
+/* The deepest word of the stack that a step overwrites. */
+#define STACK_WORDS 1024U
+#define UNUSED 0xA5A5A5A5U
+
+__attribute__((noinline)) static uint32_t stack_bytes(const filter_state *state, const sample *s)
+{
+  filter_state copy = *state;
+  filter_estimates now;
+  volatile uint32_t *top;
+  __asm volatile("mov %0, sp" : "=r"(top));
+  for (unsigned int i = 1; i <= STACK_WORDS; i++)
+    *(top - i) = UNUSED;
+  (void)filter_step(&copy, s->y, s->u, &now);
+  unsigned int depth = STACK_WORDS;
+  while ((depth > 0U) && (*(top - depth) == UNUSED))
+    depth--;
+  return depth * (uint32_t)sizeof *top;
+}
+
+static void keep(answer *to, const filter_estimates *now, amb_status status)
+{
+  to->x = now->x;
+  to->v = now->v;
+  to->f_d = now->f_d;
+  to->x_m = now->x_m;
+  to->status = status;
+}
+
+static void run(size_t n, summary *found)
+{
+  filter_state state;
+  filter_estimates now;
+  filter_init(&state);
+  amb_status status = filter_reset(&state, input[0].y, &now);
+  keep(&output[0], &now, status);
+  for (size_t k = 1; k < n; k++) {
+    const uint32_t stack = stack_bytes(&state, &input[k]);
+    found->stack = stack > found->stack ? stack : found->stack;
+    output[k].instructions = instructions(&state, &input[k]);
+    status = filter_step(&state, input[k].y, input[k].u, &now);
+    keep(&output[k], &now, status);
+  }
+}
+
+int main(void)
+{
+  summary found = {0, 0, 0};
+  filter_selftest_result selftest;
+  filter_selftest(&selftest);
+  found.unequal = selftest.unequal;
+  found.wrong_status = selftest.wrong_status;
+  semihosting_print_number(found.unequal, " states of the self-test differ\n");
+  semihosting_print_number(found.wrong_status, " statuses of the self-test differ\n");
+
+  start_ticks();
+  const size_t n = semihosting_read("input.bin", input, sizeof input) / sizeof input[0];
+  if (n > 0)
+    run(n, &found);
+  semihosting_print_number((unsigned int)n, " samples\n");
+  const bool written = semihosting_write("output.bin", output, n * sizeof output[0]) &&
+                       semihosting_write("summary.bin", &found, sizeof found);
+  return written ? 0 : 1;
+}
