@@ -1,0 +1,146 @@
+/* The plant and the closed loop: no sample, one sample, with and without an estimator, bad input.
+ */
+#include "check.h"
+#include "loop.h"
+
+#define N 2000
+
+static const amb_law law = {AMB_C(6.7e-6), AMB_C(2e-3), AMB_C(1.5), true, 1, AMB_C(1e-3)};
+static const amb_magnet magnet = {&amb_law_magnet, &law};
+static const amb_plant plant = {
+    .magnet = {&amb_law_magnet, &law},
+    .m = AMB_C(0.518),
+    .f_0 = AMB_C(-5.08158),
+    .K_sen = 1,
+    .T_sen = AMB_C(2e-4),
+    .travel = AMB_C(1e-3),
+    .substeps = 4,
+};
+static const amb_pid pid = {
+    .T = AMB_C(1e-4),
+    .kp = 3000,
+    .ki = 20000,
+    .kd = 12,
+    .T_f = AMB_C(2e-4),
+    .T_t = AMB_C(25e-3),
+    .iu_min = AMB_C(-1.5),
+    .iu_max = AMB_C(1.5),
+};
+static const amb_kalman_settings settings = {
+    .T = AMB_C(1e-4),
+    .m = AMB_C(0.518),
+    .K_sen = 1,
+    .T_sen = AMB_C(2e-4),
+    .k_ui = 1,
+    .f_0 = AMB_C(-5.08158),
+    .iu_min = AMB_C(-1.5),
+    .iu_max = AMB_C(1.5),
+    .x_max = AMB_C(1e-3),
+    .var_u = AMB_C(8e-5),
+    .var_d = AMB_C(1e-2),
+    .var_y = AMB_C(8.3e-11),
+};
+
+static amb_real r[N], f_d[N], noise_u[N], noise_y[N];
+static amb_real x[N], v[N], x_m[N], iu[N], force[N], y[N], u[N];
+static amb_real mean[4 * N], cov[10 * N], innovation[N], variance[N], k_i[N], k_s[N];
+static unsigned char status[N];
+
+static amb_loop_output output(void)
+{
+  const amb_loop_output out = {
+      x, v, x_m, iu, force, y, u, {mean, cov, innovation, variance, k_i, k_s, status}, 0};
+  return out;
+}
+
+static void test_plant(void)
+{
+  CHECK_NEAR(amb_plant_force(&plant, 0, 0), plant.f_0);
+  amb_plant_state s = {0, 0, 0};
+  amb_plant once = plant;
+  once.substeps = 1;
+  CHECK(!amb_plant_advance(&once, &s, AMB_C(1e-4), AMB_C(0.5), 1));
+  CHECK(s.v > 0 && s.x > 0 && s.x_m > 0 && s.x_m < s.x);
+
+  /* Pressed against a stop it stays; beyond one it is put back; a push off moves it. */
+  s.x = AMB_C(5e-3);
+  s.v = 100;
+  CHECK(amb_plant_advance(&plant, &s, AMB_C(1e-4), 0, 100));
+  CHECK(same(s.x, plant.travel) && same(s.v, 0));
+  for (int k = 0; k < 100; k++)
+    CHECK(amb_plant_advance(&plant, &s, AMB_C(1e-4), 0, 100) && s.x_m <= plant.travel);
+  for (int k = 0; k < 10; k++)
+    (void)amb_plant_advance(&plant, &s, AMB_C(1e-4), 0, -100);
+  CHECK(s.x < plant.travel && s.v < 0);
+}
+
+static amb_status loop_run(size_t n, const amb_kalman *kf, bool fed_by_estimate,
+                           amb_kalman_state *kalman, amb_loop_output *out)
+{
+  const amb_loop loop = {
+      .plant = plant,
+      .pid = pid,
+      .T = AMB_C(1e-4),
+      .k_ui = 1,
+      .iu_min = pid.iu_min,
+      .iu_max = pid.iu_max,
+      .kf = kf,
+      .magnet = &magnet,
+      .feedback_estimate = fed_by_estimate,
+  };
+  const amb_loop_input in = {n, r, f_d, noise_u, noise_y};
+  amb_plant_state state = {0, 0, 0};
+  amb_pid_state control;
+  amb_pid_reset(&control, 0);
+  return amb_loop_run(&loop, &in, &state, &control, kalman, out);
+}
+
+static void test_loop(bool fed_by_estimate)
+{
+  const amb_real zero[4] = {0, 0, 0, 0};
+  const amb_real some[4] = {AMB_C(3e-5), AMB_C(1e-2), 5, AMB_C(3e-5)};
+  amb_kalman kf;
+  amb_kalman_state s;
+  CHECK(amb_kalman_init(&kf, &settings) == AMB_OK);
+  CHECK(amb_kalman_reset(&s, zero, some) == AMB_OK);
+  amb_loop_output out = output();
+  x[0] = 9;
+  CHECK(loop_run(0, &kf, fed_by_estimate, &s, &out) == AMB_OK && same(x[0], 9));
+  CHECK(loop_run(1, &kf, fed_by_estimate, &s, &out) == AMB_OK && same(x[0], 0));
+
+  for (int k = 0; k < N; k++) {
+    r[k] = AMB_C(1e-4);
+    noise_y[k] = AMB_C(1e-7) * (amb_real)(k % 5 - 2);
+  }
+  CHECK(amb_kalman_reset(&s, zero, some) == AMB_OK);
+  CHECK(loop_run(N, &kf, fed_by_estimate, &s, &out) == AMB_OK);
+  CHECK(out.touched == 0 && all_finite(x, N) && all_finite(mean, (size_t)4 * N));
+  CHECK_WITHIN(x[N - 1], AMB_C(1e-4), AMB_C(0.4));
+  CHECK_WITHIN(mean[4 * (N - 1)], x[N - 1], AMB_C(0.05));
+
+  /* A measurement and a reference that are no numbers: the loop goes on, and holds the rotor. */
+  noise_y[500] = NOT_A_NUMBER;
+  r[600] = TOO_MUCH;
+  CHECK(amb_kalman_reset(&s, zero, some) == AMB_OK);
+  CHECK(loop_run(N, &kf, fed_by_estimate, &s, &out) == AMB_MISSING);
+  CHECK(status[500] == AMB_MISSING && out.touched == 0 && all_finite(u, N));
+  CHECK_WITHIN(x[N - 1], AMB_C(1e-4), AMB_C(0.4));
+  noise_y[500] = r[600] = 0;
+}
+
+static void test_loop_without_estimator(void)
+{
+  amb_loop_output out = output();
+  CHECK(loop_run(N, NULL, false, NULL, &out) == AMB_OK);
+  CHECK(out.touched == 0 && all_finite(x, N));
+  CHECK_WITHIN(x[N - 1], AMB_C(1e-4), AMB_C(0.4));
+}
+
+int main(void)
+{
+  test_plant();
+  test_loop(false);
+  test_loop(true);
+  test_loop_without_estimator();
+  return failures;
+}
