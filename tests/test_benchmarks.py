@@ -3,7 +3,6 @@
 Nothing is timed here. How fast they are is measured by ``python -m benchmarks``.
 """
 
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,8 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
-
-sys.path.insert(0, str(Path(__file__).parent.parent))
 
 import ambkit
 from ambkit.magnets import StiffnessSource

@@ -11,12 +11,10 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from derivation import axial as ax
+from derivation.exponential import coefficients
+
 ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT))
-
-from derivation import axial as ax  # noqa: E402
-from derivation.exponential import coefficients  # noqa: E402
-
 MODEL = ax.axial
 
 
