@@ -44,12 +44,13 @@ class _Kind(NamedTuple):
     about: str
 
 
-_MAGNETS = {
+MAGNETS = {
     "Constant": _Kind("amb_stiffness", "amb_constant_magnet", "magnet", "constant stiffnesses"),
     "Law": _Kind("amb_law", "amb_law_magnet", "magnet", "the closed force law"),
     "Table": _Kind("amb_table", "amb_table_magnet", "table", "bilinear stiffness tables"),
     "Fuzzy": _Kind("amb_fuzzy", "amb_fuzzy_magnet", "fuzzy", "the fuzzy expert"),
 }
+"""The core's magnets by the names of their bindings."""
 
 
 @dataclass(frozen=True)
@@ -169,7 +170,7 @@ def _render(
 ) -> _Content:
     """Return the text of each file by its name."""
     magnet: Magnet = estimator.source.magnet(core_module(estimator.precision))
-    kind = _MAGNETS[type(magnet).__name__]
+    kind = MAGNETS[type(magnet).__name__]
     core_files = {
         f"core/{file}": text
         for file, text in core.closure(["src/kalman.c", f"src/{kind.source}.c"]).items()
