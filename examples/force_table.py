@@ -1,0 +1,67 @@
+"""An expert trained on a measured force, and why: iron saturates, the closed law does not.
+
+A rig would give the force at a grid of currents and displacements as a CSV,
+
+    iu [A],x [mm],f_mag [N]
+
+read with `ambkit.identification.force_file.load_force_table`. Here a magnet whose iron saturates
+stands for the rig. Writes force.csv into the folder in which it is started.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+import ambkit
+from ambkit.comparison import rmse
+from ambkit.identification.force_file import load_force_table
+
+REACH = 0.8e-3  # m: how far the step overshoots
+SATURATION = 1500.0  # A/m: the paper's rig has 750 A/m at rest
+
+bearing = ambkit.Bearing.preset("zittau_axial")
+
+
+def saturating(iu: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Force of two magnets [N] whose flux, proportional to i/s, bends off towards saturation."""
+
+    def flux(current: NDArray[np.float64], gap: NDArray[np.float64]) -> NDArray[np.float64]:
+        ideal = current / gap
+        return ideal / (1 + (ideal / SATURATION) ** 4) ** 0.25
+
+    m = bearing.magnet
+    pull = flux(m.bias_current + iu, m.air_gap - x) ** 2
+    return m.magnet_constant * (pull - flux(m.bias_current - iu, m.air_gap + x) ** 2)
+
+
+# Measure: a row for each node, a little beyond the box of the rules.
+nodes = np.meshgrid(np.linspace(-1.6, 1.6, 17), 1.1 * np.linspace(-REACH, REACH, 17))
+iu, x = (node.ravel() for node in nodes)
+rows = np.column_stack([iu, x, saturating(iu, x)])
+np.savetxt("force.csv", rows, delimiter=",", header="iu [A],x [m],f_mag [N]", comments="")
+
+# Learn: the work points from the table, the rules from the work points.
+measured = load_force_table("force.csv")
+stiff = ambkit.stiffness_map(bearing, displacements=np.linspace(-REACH, REACH, 5), force=measured)
+expert = ambkit.train(stiff, weights=True)
+law = ambkit.ClosedLaw(bearing)
+print(
+    f"force error over the box: expert {stiff.force_rms(expert.force):.2f} N rms, "
+    f"closed law {stiff.force_rms(law.force):.2f} N rms"
+)
+
+# And filter, beside a plant with the saturating magnet.
+plant = ambkit.stiffness_map(
+    bearing,
+    currents=np.linspace(bearing.current_min, bearing.current_max, 31),
+    displacements=np.linspace(-REACH, REACH, 33),
+    force=saturating,
+)
+scenario = ambkit.Scenario(
+    reference=ambkit.Step(amplitude=0.5e-3, time=0.05),
+    disturbance=ambkit.Step(amplitude=3.0, time=0.25),
+)
+for name, source in {"linear": None, "closed law": law, "expert": expert}.items():
+    kalman = ambkit.KalmanFilter(bearing, source)
+    run = ambkit.simulate_run(bearing, scenario, estimator=kalman, magnet=plant)
+    error = rmse(run.estimate, run.record, "f_d")
+    print(f"{name:>10}: error of the disturbance force {error:.2f} N rms")

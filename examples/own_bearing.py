@@ -1,0 +1,38 @@
+"""A bearing of one's own: read from TOML, simulated with its own filter in the loop, drawn.
+
+Writes spindle.csv and spindle.png into the folder in which it is started.
+"""
+
+from pathlib import Path
+
+import ambkit
+from ambkit import plots
+from ambkit.comparison import rmse
+
+bearing = ambkit.Bearing.load(Path(__file__).with_name("spindle.toml"))
+linear = ambkit.ConstantStiffness.of(bearing)
+print(f"{bearing.name}: k_i {linear.k_i:.0f} N/A, k_s {linear.k_s / 1e6:.2f} N/µm at the centre")
+
+# The rules span where the rotor goes: a step of 50 µm overshoots to about twice that.
+stiff = ambkit.stiffness_map(bearing)
+expert = ambkit.train(stiff, weights=True)
+print(
+    f"force error over the box: {stiff.force_rms(expert.force):.2f} N rms "
+    f"of {stiff.force_rms():.0f} N"
+)
+
+scenario = ambkit.Scenario(
+    duration=0.2,
+    reference=ambkit.Step(amplitude=50e-6, time=0.02),
+    disturbance=ambkit.Step(amplitude=40.0, time=0.1),
+    controller=ambkit.PID.for_bearing(bearing),
+)
+kalman = ambkit.AdaptiveKalmanFilter(bearing, expert)
+run = ambkit.simulate_run(bearing, scenario, estimator=kalman)
+print(
+    f"estimates: position to {1e6 * rmse(run.estimate, run.record, 'x'):.2f} µm rms, "
+    f"disturbance force to {rmse(run.estimate, run.record, 'f_d'):.1f} N rms"
+)
+
+run.record.save("spindle.csv")
+plots.save_figure(plots.simulation_figure(run, bearing), "spindle.png")

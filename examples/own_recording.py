@@ -1,0 +1,39 @@
+"""A recording through a channel map: a filter tuned on its beginning, judged on the rest.
+
+Writes recording.png into the folder in which it is started.
+"""
+
+from pathlib import Path
+
+import ambkit
+from ambkit import plots
+from ambkit.judgement import judge
+from ambkit.tuning import most_likely_disturbance
+
+TUNED_ON = 1.5  # s
+
+here = Path(__file__).parent
+record = ambkit.Record.load(here / "recordings" / "sinus_kalman.csv", here / "shifted_map.toml")
+bearing = ambkit.Bearing.preset("inteco_ml").replace(
+    name="around 9 mm", magnet__air_gap="11.149 mm", magnet__bias_current="0.8587 A"
+)
+law = ambkit.ClosedLaw(bearing)
+
+
+def make(growth: float) -> ambkit.KalmanFilter:
+    """Build the filter that lets the disturbance force wander so fast [N^2/s]."""
+    noise = ambkit.FilterNoise(disturbance=growth)
+    return ambkit.AdaptiveKalmanFilter(bearing, law, noise=noise)
+
+
+# The growth of the disturbance force is the one figure that nothing measures.
+growth = most_likely_disturbance(bearing, record.between(None, record.t[0] + TUNED_ON), make)
+found = judge(make(growth), record, settling=TUNED_ON)
+for ahead, error in found.prediction.items():
+    print(
+        f"{ahead:2} samples ahead: {1e6 * error:.2f} µm rms; "
+        f"last measurement held {1e6 * found.held[ahead]:.2f}, "
+        f"rig's own filter {1e6 * found.logged['x_logged held'][ahead]:.2f}"
+    )
+print(f"disturbance force {1e3 * found.disturbance_mean:.1f} mN")
+plots.save_figure(plots.filter_figure(record, {"closed-law": found}), "recording.png")

@@ -1,0 +1,96 @@
+"""Each script in examples/ runs, and finds what it says it shows."""
+
+import re
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ambkit
+from ambkit.judgement import judge
+
+EXAMPLES = Path(__file__).parent.parent / "examples"
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch, capsys):
+    """Run an example as a user would, in a folder of its own; return what it printed."""
+
+    def run(name: str) -> str:
+        monkeypatch.chdir(tmp_path)
+        runpy.run_path(str(EXAMPLES / name), run_name="__main__")
+        return capsys.readouterr().out
+
+    return run
+
+
+def numbers(pattern: str, text: str) -> list[float]:
+    """Return the groups of the only match."""
+    (match,) = re.finditer(pattern, text)
+    return [float(number) for number in match.groups()]
+
+
+def test_every_example_is_tested():
+    here = Path(__file__).read_text(encoding="utf-8")
+    assert [p.name for p in EXAMPLES.glob("*.py") if f'run("{p.name}")' not in here] == []
+
+
+def test_own_bearing(run, tmp_path):
+    printed = run("own_bearing.py")
+    bearing = ambkit.Bearing.load(EXAMPLES / "spindle.toml")
+    position, force = numbers(
+        r"position to ([\d.]+) µm rms, disturbance force to ([\d.]+) N", printed
+    )
+    assert position < 1e6 * np.sqrt(bearing.sensor.noise_variance)
+    assert force < 10  # of a load of 40 N
+    assert ambkit.Record.load(tmp_path / "spindle.csv").has_truth
+    assert (tmp_path / "spindle.png").stat().st_size > 10_000
+
+
+def test_own_recording(run, tmp_path):
+    printed = run("own_recording.py")
+    for ahead in (1, 10):
+        ours, held, logged = numbers(
+            rf"\b{ahead} samples ahead: ([\d.]+) .*held ([\d.]+), .*filter ([\d.]+)", printed
+        )
+        assert ours < held < logged
+    assert (tmp_path / "recording.png").stat().st_size > 10_000
+
+
+def test_a_log_means_the_same_around_another_point():
+    """The channel map and the bearing shift together: the closed law predicts as before."""
+    log = EXAMPLES / "recordings" / "sinus_kalman.csv"
+    here = ambkit.Bearing.preset("inteco_ml")
+    there = here.replace(magnet__air_gap="11.149 mm", magnet__bias_current="0.8587 A")
+    errors = []
+    for bearing, channel_map in ((here, None), (there, EXAMPLES / "shifted_map.toml")):
+        kalman = ambkit.AdaptiveKalmanFilter(
+            bearing, ambkit.ClosedLaw(bearing), noise=ambkit.FilterNoise(disturbance=1e-4)
+        )
+        found = judge(kalman, ambkit.Record.load(log, channel_map), settling=1.5)
+        errors.append([found.prediction[1], found.prediction[10], found.nis])
+    np.testing.assert_allclose(errors[0], errors[1], rtol=2e-3)
+
+
+def test_force_table(run):
+    printed = run("force_table.py")
+    expert, law = numbers(r"expert ([\d.]+) N rms, closed law ([\d.]+) N rms", printed)
+    assert expert < 0.1 < law
+    error = {
+        name: numbers(rf"{name}: error of the disturbance force ([\d.]+) N", printed)[0]
+        for name in ("linear", "closed law", "expert")
+    }
+    assert error["expert"] < 0.8 * error["linear"]
+    assert error["expert"] < 0.8 * error["closed law"]
+
+
+def test_compare_filters(run, tmp_path):
+    printed = run("compare_filters.py")
+    found = re.findall(r"0\.5 mm +([\w, -]+): x ([\d.]+) µm, F_St ([\d.]+) ±", printed)
+    position = {name.strip(): float(x) for name, x, _ in found}
+    force = {name.strip(): float(f) for name, _, f in found}
+    assert max(position.values()) < 1.05 * min(position.values())
+    assert force["linear"] > force["adaptive"] > force["adaptive, wide"]
+    assert force["adaptive, wide"] == pytest.approx(force["closed-law"], rel=0.05)
+    assert (tmp_path / "comparison.png").stat().st_size > 10_000
