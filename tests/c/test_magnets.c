@@ -66,8 +66,9 @@ static void test_law_at_its_limits(void)
   CHECK(!amb_is_finite(amb_law_magnet.force(&two_sided, 1, two_sided.s0))); /* the pole */
   CHECK(isnan(amb_law_magnet.force(&two_sided, NOT_A_NUMBER, 0)));
   CHECK(isnan(amb_law_magnet.through_origin(&two_sided, 0, NOT_A_NUMBER).k_s));
-  /* So near to the origin that the square of the distance is no normal number. */
-  const amb_stiffness k = amb_law_magnet.through_origin(&two_sided, 0, AMB_REAL_MIN);
+  /* So near to the origin that the square of the distance has but some digits left. */
+  const amb_real near = (amb_real)sqrt(2.6 * (double)AMB_REAL_MIN) * AMB_ROOT_EPSILON;
+  const amb_stiffness k = amb_law_magnet.through_origin(&two_sided, 0, near * two_sided.metre);
   CHECK_NEAR(k.k_s, amb_law_magnet.tangent(&two_sided, 0, 0).k_s);
 }
 

@@ -62,11 +62,12 @@ static void test_plant(void)
   CHECK(!amb_plant_advance(&once, &s, AMB_C(1e-4), AMB_C(0.5), 1));
   CHECK(s.v > 0 && s.x > 0 && s.x_m > 0 && s.x_m < s.x);
 
-  /* Pressed against a stop it stays; beyond one it is put back; a push off moves it. */
-  s.x = AMB_C(5e-3);
+  /* Pressed against a stop it stays; in the pole of the law it is put back; a push off moves it. */
+  s.x = law.s0;
   s.v = 100;
   CHECK(amb_plant_advance(&plant, &s, AMB_C(1e-4), 0, 100));
   CHECK(same(s.x, plant.travel) && same(s.v, 0));
+  CHECK_WITHIN(s.x_m, plant.travel * AMB_C(0.39346934), AMB_C(1e-3));
   for (int k = 0; k < 100; k++)
     CHECK(amb_plant_advance(&plant, &s, AMB_C(1e-4), 0, 100) && s.x_m <= plant.travel);
   for (int k = 0; k < 10; k++)
