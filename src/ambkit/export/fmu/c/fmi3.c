@@ -1,0 +1,477 @@
+/* FMI 3.0 for co-simulation: the standard's functions, each handed on to instance.c. What they are
+ * told and this model has no use for, such as a tolerance, stays unused. */
+#include "fmi3Functions.h"
+#include "instance.h"
+#include <stdlib.h>
+#include <string.h>
+
+typedef struct component {
+  amb_instance instance; /* first, so that a pointer to it is one to the component */
+  fmi3LogMessageCallback logger;
+  fmi3InstanceEnvironment environment;
+} component;
+
+static void tell(const amb_instance *self, amb_answer answer, const char *text)
+{
+  const component *c = (const component *)self;
+  if (c->logger != NULL)
+    c->logger(c->environment, (fmi3Status)answer, amb_category(answer), text);
+}
+
+static amb_instance *of(fmi3Instance instance)
+{
+  return &((component *)instance)->instance;
+}
+
+static fmi3Status refuse(fmi3Instance instance, const char *text)
+{
+  return (fmi3Status)amb_refuse(of(instance), AMB_ERROR, "%s", text);
+}
+
+const char *fmi3GetVersion(void)
+{
+  return fmi3Version;
+}
+
+/* What is refused is always told; there is nothing else to tell. */
+fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean loggingOn, size_t nCategories,
+                               const fmi3String categories[])
+{
+  return fmi3OK;
+}
+
+/* A new component that can speak, or NULL. */
+static component *make(fmi3InstanceEnvironment environment, fmi3LogMessageCallback logger)
+{
+  component *c = (component *)calloc(1, sizeof *c);
+  if (c != NULL) {
+    c->instance.tell = tell;
+    c->logger = logger;
+    c->environment = environment;
+  }
+  return c;
+}
+
+/* Say that this kind of simulation is not provided. */
+static fmi3Instance not_provided(fmi3InstanceEnvironment environment, fmi3LogMessageCallback logger)
+{
+  component *c = make(environment, logger);
+  if (c != NULL)
+    (void)refuse(c, "this model is for co-simulation only, without event mode");
+  free(c);
+  return NULL;
+}
+
+fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String instantiationToken,
+                                          fmi3String resourcePath, fmi3Boolean visible,
+                                          fmi3Boolean loggingOn,
+                                          fmi3InstanceEnvironment instanceEnvironment,
+                                          fmi3LogMessageCallback logMessage)
+{
+  return not_provided(instanceEnvironment, logMessage);
+}
+
+fmi3Instance fmi3InstantiateScheduledExecution(
+    fmi3String instanceName, fmi3String instantiationToken, fmi3String resourcePath,
+    fmi3Boolean visible, fmi3Boolean loggingOn, fmi3InstanceEnvironment instanceEnvironment,
+    fmi3LogMessageCallback logMessage, fmi3ClockUpdateCallback clockUpdate,
+    fmi3LockPreemptionCallback lockPreemption, fmi3UnlockPreemptionCallback unlockPreemption)
+{
+  return not_provided(instanceEnvironment, logMessage);
+}
+
+fmi3Instance fmi3InstantiateCoSimulation(
+    fmi3String instanceName, fmi3String instantiationToken, fmi3String resourcePath,
+    fmi3Boolean visible, fmi3Boolean loggingOn, fmi3Boolean eventModeUsed,
+    fmi3Boolean earlyReturnAllowed, const fmi3ValueReference requiredIntermediateVariables[],
+    size_t nRequiredIntermediateVariables, fmi3InstanceEnvironment instanceEnvironment,
+    fmi3LogMessageCallback logMessage, fmi3IntermediateUpdateCallback intermediateUpdate)
+{
+  if (eventModeUsed)
+    return not_provided(instanceEnvironment, logMessage);
+  component *c = make(instanceEnvironment, logMessage);
+  if ((c != NULL) && !amb_same_token(&c->instance, instantiationToken)) {
+    free(c);
+    c = NULL;
+  }
+  if (c != NULL)
+    amb_reset(&c->instance);
+  return c;
+}
+
+void fmi3FreeInstance(fmi3Instance instance)
+{
+  free(instance);
+}
+
+/* ---- From one mode to the next ---- */
+
+fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean toleranceDefined,
+                                       fmi3Float64 tolerance, fmi3Float64 startTime,
+                                       fmi3Boolean stopTimeDefined, fmi3Float64 stopTime)
+{
+  return (fmi3Status)amb_enter_initialization(of(instance), startTime);
+}
+
+fmi3Status fmi3ExitInitializationMode(fmi3Instance instance)
+{
+  return (fmi3Status)amb_exit_initialization(of(instance));
+}
+
+fmi3Status fmi3Terminate(fmi3Instance instance)
+{
+  return (fmi3Status)amb_terminate(of(instance));
+}
+
+fmi3Status fmi3Reset(fmi3Instance instance)
+{
+  amb_reset(of(instance));
+  return fmi3OK;
+}
+
+fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoint,
+                      fmi3Float64 communicationStepSize,
+                      fmi3Boolean noSetFMUStatePriorToCurrentPoint,
+                      fmi3Boolean *eventHandlingNeeded, fmi3Boolean *terminateSimulation,
+                      fmi3Boolean *earlyReturn, fmi3Float64 *lastSuccessfulTime)
+{
+  const amb_answer answer =
+      amb_do_step(of(instance), currentCommunicationPoint, communicationStepSize);
+  *eventHandlingNeeded = fmi3False;
+  *terminateSimulation = fmi3False;
+  *earlyReturn = fmi3False;
+  *lastSuccessfulTime = amb_time(of(instance));
+  return (fmi3Status)answer;
+}
+
+/* ---- Variables: scalars only ---- */
+
+fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                          size_t nValueReferences, fmi3Float64 values[], size_t nValues)
+{
+  if (nValues != nValueReferences)
+    return refuse(instance, "as many values as value references are expected");
+  return (fmi3Status)amb_get_reals(of(instance), valueReferences, nValues, values);
+}
+
+fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                          size_t nValueReferences, const fmi3Float64 values[], size_t nValues)
+{
+  if (nValues != nValueReferences)
+    return refuse(instance, "as many values as value references are expected");
+  return (fmi3Status)amb_set_reals(of(instance), valueReferences, nValues, values);
+}
+
+fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                        size_t nValueReferences, fmi3Int32 values[], size_t nValues)
+{
+  if (nValues != nValueReferences)
+    return refuse(instance, "as many values as value references are expected");
+  return (fmi3Status)amb_get_integers(of(instance), valueReferences, nValues, values);
+}
+
+/* No variables of these kinds, or none that can be set. */
+static fmi3Status none(fmi3Instance instance, size_t n, const char *text)
+{
+  return n == 0 ? fmi3OK : refuse(instance, text);
+}
+
+#define NONE_TO_GET(type)                                                                          \
+  fmi3Status fmi3Get##type(fmi3Instance instance, const fmi3ValueReference valueReferences[],      \
+                           size_t nValueReferences, fmi3##type values[], size_t nValues)           \
+  {                                                                                                \
+    return none(instance, nValueReferences, "there are no " #type " variables");                   \
+  }
+
+#define NONE_TO_SET(type)                                                                          \
+  fmi3Status fmi3Set##type(fmi3Instance instance, const fmi3ValueReference valueReferences[],      \
+                           size_t nValueReferences, const fmi3##type values[], size_t nValues)     \
+  {                                                                                                \
+    return none(instance, nValueReferences, "no " #type " variable can be set");                   \
+  }
+
+NONE_TO_GET(Float32)
+NONE_TO_GET(Int8)
+NONE_TO_GET(UInt8)
+NONE_TO_GET(Int16)
+NONE_TO_GET(UInt16)
+NONE_TO_GET(UInt32)
+NONE_TO_GET(Int64)
+NONE_TO_GET(UInt64)
+NONE_TO_GET(Boolean)
+NONE_TO_GET(String)
+
+NONE_TO_SET(Float32)
+NONE_TO_SET(Int8)
+NONE_TO_SET(UInt8)
+NONE_TO_SET(Int16)
+NONE_TO_SET(UInt16)
+NONE_TO_SET(Int32)
+NONE_TO_SET(UInt32)
+NONE_TO_SET(Int64)
+NONE_TO_SET(UInt64)
+NONE_TO_SET(Boolean)
+NONE_TO_SET(String)
+
+fmi3Status fmi3GetBinary(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                         size_t nValueReferences, size_t valueSizes[], fmi3Binary values[],
+                         size_t nValues)
+{
+  return none(instance, nValueReferences, "there are no Binary variables");
+}
+
+fmi3Status fmi3SetBinary(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                         size_t nValueReferences, const size_t valueSizes[],
+                         const fmi3Binary values[], size_t nValues)
+{
+  return none(instance, nValueReferences, "there are no Binary variables");
+}
+
+fmi3Status fmi3GetClock(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                        size_t nValueReferences, fmi3Clock values[])
+{
+  return none(instance, nValueReferences, "there are no clocks");
+}
+
+fmi3Status fmi3SetClock(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                        size_t nValueReferences, const fmi3Clock values[])
+{
+  return none(instance, nValueReferences, "there are no clocks");
+}
+
+fmi3Status fmi3GetIntervalDecimal(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                                  size_t nValueReferences, fmi3Float64 intervals[],
+                                  fmi3IntervalQualifier qualifiers[])
+{
+  return none(instance, nValueReferences, "there are no clocks");
+}
+
+fmi3Status fmi3GetIntervalFraction(fmi3Instance instance,
+                                   const fmi3ValueReference valueReferences[],
+                                   size_t nValueReferences, fmi3UInt64 counters[],
+                                   fmi3UInt64 resolutions[], fmi3IntervalQualifier qualifiers[])
+{
+  return none(instance, nValueReferences, "there are no clocks");
+}
+
+fmi3Status fmi3GetShiftDecimal(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                               size_t nValueReferences, fmi3Float64 shifts[])
+{
+  return none(instance, nValueReferences, "there are no clocks");
+}
+
+fmi3Status fmi3GetShiftFraction(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                                size_t nValueReferences, fmi3UInt64 counters[],
+                                fmi3UInt64 resolutions[])
+{
+  return none(instance, nValueReferences, "there are no clocks");
+}
+
+fmi3Status fmi3SetIntervalDecimal(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                                  size_t nValueReferences, const fmi3Float64 intervals[])
+{
+  return none(instance, nValueReferences, "there are no clocks");
+}
+
+fmi3Status fmi3SetIntervalFraction(fmi3Instance instance,
+                                   const fmi3ValueReference valueReferences[],
+                                   size_t nValueReferences, const fmi3UInt64 counters[],
+                                   const fmi3UInt64 resolutions[])
+{
+  return none(instance, nValueReferences, "there are no clocks");
+}
+
+fmi3Status fmi3SetShiftDecimal(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                               size_t nValueReferences, const fmi3Float64 shifts[])
+{
+  return none(instance, nValueReferences, "there are no clocks");
+}
+
+fmi3Status fmi3SetShiftFraction(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                                size_t nValueReferences, const fmi3UInt64 counters[],
+                                const fmi3UInt64 resolutions[])
+{
+  return none(instance, nValueReferences, "there are no clocks");
+}
+
+fmi3Status fmi3GetOutputDerivatives(fmi3Instance instance,
+                                    const fmi3ValueReference valueReferences[],
+                                    size_t nValueReferences, const fmi3Int32 orders[],
+                                    fmi3Float64 values[], size_t nValues)
+{
+  return none(instance, nValueReferences, "outputs have no derivatives");
+}
+
+/* ---- State ---- */
+
+fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState *FMUState)
+{
+  return (fmi3Status)amb_save(of(instance), (amb_point **)FMUState);
+}
+
+fmi3Status fmi3SetFMUState(fmi3Instance instance, fmi3FMUState FMUState)
+{
+  return (fmi3Status)amb_restore(of(instance), (const amb_point *)FMUState);
+}
+
+fmi3Status fmi3FreeFMUState(fmi3Instance instance, fmi3FMUState *FMUState)
+{
+  if (FMUState != NULL) {
+    free(*FMUState);
+    *FMUState = NULL;
+  }
+  return fmi3OK;
+}
+
+fmi3Status fmi3SerializedFMUStateSize(fmi3Instance instance, fmi3FMUState FMUState, size_t *size)
+{
+  *size = amb_serialized_size();
+  return fmi3OK;
+}
+
+fmi3Status fmi3SerializeFMUState(fmi3Instance instance, fmi3FMUState FMUState,
+                                 fmi3Byte serializedState[], size_t size)
+{
+  return (fmi3Status)amb_serialize(of(instance), (const amb_point *)FMUState, serializedState,
+                                   size);
+}
+
+fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte serializedState[],
+                                   size_t size, fmi3FMUState *FMUState)
+{
+  return (fmi3Status)amb_deserialize(of(instance), serializedState, size, (amb_point **)FMUState);
+}
+
+/* ---- What this model does not provide, as its modelDescription.xml says ---- */
+
+#define NOT_PROVIDED "not provided by this model"
+
+fmi3Status fmi3EnterEventMode(fmi3Instance instance)
+{
+  return refuse(instance, NOT_PROVIDED);
+}
+
+fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance instance,
+                                               fmi3ValueReference valueReference,
+                                               size_t *nDependencies)
+{
+  return refuse(instance, NOT_PROVIDED);
+}
+
+fmi3Status fmi3GetVariableDependencies(fmi3Instance instance, fmi3ValueReference dependent,
+                                       size_t elementIndicesOfDependent[],
+                                       fmi3ValueReference independents[],
+                                       size_t elementIndicesOfIndependents[],
+                                       fmi3DependencyKind dependencyKinds[], size_t nDependencies)
+{
+  return refuse(instance, NOT_PROVIDED);
+}
+
+fmi3Status fmi3GetDirectionalDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[],
+                                        size_t nUnknowns, const fmi3ValueReference knowns[],
+                                        size_t nKnowns, const fmi3Float64 seed[], size_t nSeed,
+                                        fmi3Float64 sensitivity[], size_t nSensitivity)
+{
+  return refuse(instance, NOT_PROVIDED);
+}
+
+fmi3Status fmi3GetAdjointDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[],
+                                    size_t nUnknowns, const fmi3ValueReference knowns[],
+                                    size_t nKnowns, const fmi3Float64 seed[], size_t nSeed,
+                                    fmi3Float64 sensitivity[], size_t nSensitivity)
+{
+  return refuse(instance, NOT_PROVIDED);
+}
+
+fmi3Status fmi3EnterConfigurationMode(fmi3Instance instance)
+{
+  return refuse(instance, NOT_PROVIDED);
+}
+
+fmi3Status fmi3ExitConfigurationMode(fmi3Instance instance)
+{
+  return refuse(instance, NOT_PROVIDED);
+}
+
+fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance)
+{
+  return refuse(instance, NOT_PROVIDED);
+}
+
+fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *discreteStatesNeedUpdate,
+                                    fmi3Boolean *terminateSimulation,
+                                    fmi3Boolean *nominalsOfContinuousStatesChanged,
+                                    fmi3Boolean *valuesOfContinuousStatesChanged,
+                                    fmi3Boolean *nextEventTimeDefined, fmi3Float64 *nextEventTime)
+{
+  return refuse(instance, NOT_PROVIDED);
+}
+
+fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance)
+{
+  return refuse(instance, NOT_PROVIDED);
+}
+
+fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance,
+                                       fmi3Boolean noSetFMUStatePriorToCurrentPoint,
+                                       fmi3Boolean *enterEventMode,
+                                       fmi3Boolean *terminateSimulation)
+{
+  return refuse(instance, NOT_PROVIDED);
+}
+
+fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time)
+{
+  return refuse(instance, NOT_PROVIDED);
+}
+
+fmi3Status fmi3SetContinuousStates(fmi3Instance instance, const fmi3Float64 continuousStates[],
+                                   size_t nContinuousStates)
+{
+  return refuse(instance, NOT_PROVIDED);
+}
+
+fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance instance, fmi3Float64 derivatives[],
+                                             size_t nContinuousStates)
+{
+  return refuse(instance, NOT_PROVIDED);
+}
+
+fmi3Status fmi3GetEventIndicators(fmi3Instance instance, fmi3Float64 eventIndicators[],
+                                  size_t nEventIndicators)
+{
+  return refuse(instance, NOT_PROVIDED);
+}
+
+fmi3Status fmi3GetContinuousStates(fmi3Instance instance, fmi3Float64 continuousStates[],
+                                   size_t nContinuousStates)
+{
+  return refuse(instance, NOT_PROVIDED);
+}
+
+fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance instance, fmi3Float64 nominals[],
+                                             size_t nContinuousStates)
+{
+  return refuse(instance, NOT_PROVIDED);
+}
+
+fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance instance, size_t *nEventIndicators)
+{
+  return refuse(instance, NOT_PROVIDED);
+}
+
+fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance instance, size_t *nContinuousStates)
+{
+  return refuse(instance, NOT_PROVIDED);
+}
+
+fmi3Status fmi3EnterStepMode(fmi3Instance instance)
+{
+  return refuse(instance, NOT_PROVIDED);
+}
+
+fmi3Status fmi3ActivateModelPartition(fmi3Instance instance, fmi3ValueReference clockReference,
+                                      fmi3Float64 activationTime)
+{
+  return refuse(instance, NOT_PROVIDED);
+}

@@ -1,0 +1,73 @@
+/* One instance of the model, in the terms that FMI 2.0 and 3.0 share.
+ *
+ * The FMI layers (fmi2.c, fmi3.c) only translate. What is refused leaves the instance as it was
+ * and says why, in one line.
+ */
+#ifndef AMBKIT_FMU_INSTANCE_H
+#define AMBKIT_FMU_INSTANCE_H
+
+#include "model.h"
+#include <stdint.h>
+
+/* The first values of fmi2Status and fmi3Status, which are the same. */
+typedef enum amb_answer { AMB_DONE, AMB_WARNING, AMB_DISCARD, AMB_ERROR } amb_answer;
+
+typedef enum amb_mode { AMB_INSTANTIATED, AMB_INITIALIZING, AMB_STEPPING, AMB_TERMINATED } amb_mode;
+
+/* All that changes. Time is start + samples times the sampling time: nothing adds up, so nothing
+ * drifts. */
+typedef struct amb_point {
+  amb_mode mode;
+  double start;   /* [s] */
+  double samples; /* a whole number */
+  amb_real value[AMB_VARIABLES];
+  amb_model model;
+} amb_point;
+
+typedef struct amb_instance amb_instance;
+
+/* How a message reaches the importer. */
+typedef void (*amb_tell)(const amb_instance *self, amb_answer answer, const char *text);
+
+struct amb_instance {
+  amb_point now;
+  amb_tell tell;
+};
+
+/* The name that the standard gives to a kind of message. */
+const char *amb_category(amb_answer answer);
+
+/* Tell why something is refused, and return the answer. */
+amb_answer amb_refuse(const amb_instance *self, amb_answer answer, const char *format, ...);
+
+/* Whether the token is this model's; tells if not. */
+bool amb_same_token(const amb_instance *self, const char *token);
+
+double amb_time(const amb_instance *self);
+
+/* As just instantiated, with all start values. */
+void amb_reset(amb_instance *self);
+amb_answer amb_enter_initialization(amb_instance *self, double start);
+amb_answer amb_exit_initialization(amb_instance *self);
+amb_answer amb_terminate(amb_instance *self);
+
+/* n variables by their value references. Nothing is set if one of the values is refused. */
+amb_answer amb_get_reals(amb_instance *self, const uint32_t *vr, size_t n, double *values);
+amb_answer amb_get_integers(amb_instance *self, const uint32_t *vr, size_t n, int32_t *values);
+amb_answer amb_set_reals(amb_instance *self, const uint32_t *vr, size_t n, const double *values);
+
+/* From `time` on by `step` [s], a whole multiple of the sampling time. */
+amb_answer amb_do_step(amb_instance *self, double time, double step);
+
+/* Copies of all that changes. `amb_save` writes to *point, which it allocates if it is NULL. */
+amb_answer amb_save(const amb_instance *self, amb_point **point);
+amb_answer amb_restore(amb_instance *self, const amb_point *point);
+
+/* The same as bytes, with a checksum that also tells which model they belong to. */
+size_t amb_serialized_size(void);
+amb_answer amb_serialize(const amb_instance *self, const amb_point *point, unsigned char *bytes,
+                         size_t size);
+amb_answer amb_deserialize(const amb_instance *self, const unsigned char *bytes, size_t size,
+                           amb_point **point);
+
+#endif

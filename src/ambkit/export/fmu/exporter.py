@@ -1,0 +1,170 @@
+"""Put an FMU together: descriptions, sources, binary."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import uuid
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from ambkit.estimators import AdaptiveKalmanFilter, KalmanFilter
+from ambkit.export.fmu import archive, compiler, sources, variables, xml
+from ambkit.export.fmu.variables import Kind, Variable
+from ambkit.export.fmu.xml import Fmi, Model
+
+if TYPE_CHECKING:
+    from ambkit.bearing import Bearing
+    from ambkit.magnets import StiffnessSource
+    from ambkit.scenario import PID
+
+
+@dataclass(frozen=True)
+class FmuExport:
+    """What was written.
+
+    Attributes
+    ----------
+    path : Path
+        The FMU.
+    kind : {"estimator", "plant", "closed-loop"}
+        What it models.
+    fmi : {2, 3}
+        Version of the standard.
+    identifier : str
+        Its model identifier.
+    token : str
+        Its GUID or instantiation token: a hash of all that it was made from.
+    variables : tuple of str
+        Names of its variables, in the order of their value references.
+    """
+
+    path: Path
+    kind: Kind
+    fmi: Fmi
+    identifier: str
+    token: str
+    variables: tuple[str, ...]
+
+
+def export_fmu(
+    bearing: Bearing,
+    source: StiffnessSource | None,
+    out: str | Path,
+    *,
+    kind: Kind = "estimator",
+    fmi: Fmi = 3,
+    controller: PID | None = None,
+) -> FmuExport:
+    """Write a co-simulation FMU around the C of the library: binary and sources, no Python.
+
+    It steps with the bearing's sampling time, and computes in double, bit for bit as the library.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What is modelled.
+    source : Expert, StiffnessMap, ClosedLaw, ConstantStiffness or None
+        What the filter asks for k_i and k_s; None for the linear filter.
+    out : path
+        The file, ``.fmu``.
+    kind : {"estimator", "plant", "closed-loop"}
+        The filter alone; magnet, rotor, amplifier and sensor; or plant, controller and filter.
+    fmi : {2, 3}
+        Version of the standard.
+    controller : PID, optional
+        Of the closed loop; by default tuned to the bearing.
+
+    Raises
+    ------
+    AmbkitError
+        There is no C compiler, or the file cannot be written.
+    """
+    estimator = KalmanFilter(bearing) if source is None else AdaptiveKalmanFilter(bearing, source)
+    parts = _PARTS[kind](bearing, estimator, controller)
+    made = _content(bearing, kind, fmi, parts, token="")
+    token = _token(made.files)
+    made = _content(bearing, kind, fmi, parts, token)
+    place = compiler.place(made.model.identifier, fmi)
+    binary = compiler.compiled(made.in_sources, made.model.sources)
+    content = {name: text.encode() for name, text in made.files.items()}
+    archive.write(Path(out), content | {place: binary})
+    names = tuple(variable.name for variable in parts.variables)
+    return FmuExport(Path(out), kind, fmi, made.model.identifier, token, names)
+
+
+class _Parts(NamedTuple):
+    """What differs from kind to kind."""
+
+    about: str
+    variables: tuple[Variable, ...]
+    files: dict[str, str]  # of sources/, besides those of every FMU
+
+
+def _estimator(bearing: Bearing, estimator: KalmanFilter, _: PID | None) -> _Parts:
+    told = sources.filter_data(estimator)
+    context = {
+        "version": version("ambkit"),
+        "headers": ["estimator_model.h", told["magnet_header"]],
+        "filter": told,
+        "rig": None,
+        "pid": None,
+    }
+    files = sources.core_sources("src/kalman.c", told["magnet_source"])
+    files["data.c"] = sources.rendered("data.c.j2", context)
+    return _Parts(
+        f"The {estimator.name} of bearing {bearing.name}",
+        variables.of_estimator(estimator),
+        files,
+    )
+
+
+_PARTS: dict[Kind, Callable[[Bearing, KalmanFilter, PID | None], _Parts]] = {
+    "estimator": _estimator,
+}
+
+
+class _Content(NamedTuple):
+    model: Model
+    in_sources: dict[str, str]
+    files: dict[str, str]  # of the FMU, without the binary
+
+
+def _content(bearing: Bearing, kind: Kind, fmi: Fmi, parts: _Parts, token: str) -> _Content:
+    """Return all texts of the FMU, with the token in them."""
+    fixed = parts.files | sources.model_files(kind, fmi)
+    compiled = sources.compiled_files([*fixed, "description.c"])
+    model = Model(
+        identifier=_identifier(bearing, kind),
+        name=f"{bearing.name} {kind}",
+        about=parts.about,
+        version=version("ambkit"),
+        token=token,
+        sampling_time=bearing.sampling_time,
+        variables=parts.variables,
+        sources=compiled,
+    )
+    in_sources = fixed | sources.description_files(kind, model)
+    files = {f"sources/{name}": text for name, text in in_sources.items()}
+    files["modelDescription.xml"] = xml.model_description(model, fmi)
+    if fmi == 3:
+        files["sources/buildDescription.xml"] = xml.build_description(model)
+    page = {"model": model, "kind": kind, "fmi": fmi}
+    files["documentation/index.html"] = sources.rendered("index.html.j2", page)
+    return _Content(model, in_sources, files)
+
+
+def _identifier(bearing: Bearing, kind: Kind) -> str:
+    words = re.sub(r"\W", "_", f"{bearing.name}_{kind}", flags=re.ASCII)
+    return words if words[0].isalpha() else f"model_{words}"
+
+
+def _token(files: dict[str, str]) -> str:
+    """Return a hash of all texts, in the form of a GUID."""
+    digest = hashlib.sha256()
+    for name, text in sorted(files.items()):
+        digest.update(f"{name}\0{text}\0".encode())
+    return f"{{{uuid.UUID(digest.hexdigest()[:32])}}}"
