@@ -17,6 +17,29 @@ typedef struct amb_loop {
   bool feedback_estimate;   /* controller fed by the estimate; else by the measurement */
 } amb_loop;
 
+/* What changes in the loop from sample to sample. Start with `sampled` false. */
+typedef struct amb_loop_state {
+  amb_plant_state plant;
+  amb_pid_state pid;
+  amb_kalman_state kalman;  /* where there is an estimator */
+  amb_kalman_result result; /* its last word */
+  amb_real y;               /* last measurement [m] */
+  amb_real u;               /* control signal from that sample to the next [V] */
+  amb_real iu;              /* control current meanwhile, with noise, limited [A] */
+  amb_real force;           /* magnet, weight and bias force at the sample, with that current [N] */
+  bool sampled;             /* whether there was a sample */
+} amb_loop_state;
+
+/* What comes from outside at a sample, and is held to the next. */
+typedef struct amb_loop_sample {
+  amb_real r;       /* reference [m] */
+  amb_real f_d;     /* disturbance force [N] */
+  amb_real noise_u; /* on the control signal [V] */
+  amb_real noise_y; /* on the measurement [m] */
+} amb_loop_sample;
+
+/* One sample, and the plant on to the next. Returns true where a stop was touched meanwhile. */
+bool amb_loop_step(const amb_loop *loop, amb_loop_state *state, const amb_loop_sample *sample);
 /* What comes from outside, n samples each. Noise is drawn by the caller, so that a run can be
  * repeated with recorded noise, and random streams are those of a well-known library. */
 typedef struct amb_loop_input {
