@@ -1,0 +1,70 @@
+"""What an estimator says about a record: names, standard deviations, and the way into a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ambkit
+from ambkit import Bearing, Estimate, KalmanFilter, Record, Scenario, Status
+from ambkit.estimate import STATES
+
+BEARING = Bearing.preset("zittau_axial")
+RECORD = ambkit.simulate(BEARING, Scenario(duration=0.5, seed=1))
+
+
+@pytest.fixture(scope="module")
+def estimate() -> Estimate:
+    y = RECORD["y"].copy()
+    y[1000:1010] = np.nan
+    kf = KalmanFilter(BEARING)
+    return kf.run(Record(RECORD.t, {"y": y, "u": RECORD["u"]}), covariance=True)
+
+
+def test_states_have_names(estimate: Estimate) -> None:
+    for column, name in enumerate(STATES):
+        assert (estimate[name] == estimate.mean[:, column]).all()
+        assert (getattr(estimate, name) == estimate[name]).all()
+    assert (estimate["k_s"] == 7537.5).all()
+    with pytest.raises(KeyError, match="'q'; known: x, v, f_d, x_m, k_i, k_s, innovation"):
+        estimate["q"]
+
+
+def test_standard_deviations_are_those_of_the_errors(estimate: Estimate) -> None:
+    """Where the disturbance is the random walk that the filter takes it for."""
+    noise = ambkit.FilterNoise(disturbance=4.0)
+    t = BEARING.sampling_time * np.arange(20_001)
+    steps = np.random.default_rng(0).normal(0, 2 * np.sqrt(BEARING.sampling_time), t.size)
+    walk = ambkit.Recorded(times=t, values=np.cumsum(steps) - steps[0])
+    record = ambkit.simulate(BEARING, Scenario(duration=2.0, disturbance=walk))
+    own = KalmanFilter(BEARING, noise=noise).run(record, covariance=True)
+    for name in STATES:
+        error = (own[name] - record[name])[1000:]
+        assert np.sqrt(np.mean(error**2)) == pytest.approx(own.std(name)[-1], rel=0.12)
+    without = KalmanFilter(BEARING).run(RECORD)
+    with pytest.raises(ValueError, match="covariance=True"):
+        without.std("x")
+
+
+def test_the_normalised_innovation_is_one_where_the_measurement_was_used(
+    estimate: Estimate,
+) -> None:
+    assert estimate.nis[estimate.used][100:].mean() == pytest.approx(1, abs=0.1)
+    assert (estimate.nis[~estimate.used] == 0).all()
+    assert np.flatnonzero(~estimate.used).tolist() == list(range(1000, 1010))
+    assert (estimate.status[~estimate.used] == Status.MISSING).all()
+
+
+@pytest.mark.parametrize("ending", [".csv", ".parquet"])
+def test_saved_estimates_come_back(estimate: Estimate, tmp_path: Path, ending: str) -> None:
+    path = tmp_path / f"estimate{ending}"
+    estimate.save(path)
+    back = Record.load(path)
+    for name in (*STATES, "k_i", "k_s", "innovation", "innovation_variance"):
+        assert (back[name] == estimate[name]).all()
+    assert (back["status"] == estimate.status).all()
+    assert back.units["innovation_variance"] == "m^2"
+    assert back.meta["estimator"] == "linear Kalman filter"
+    assert not back.has_truth
