@@ -15,6 +15,14 @@ os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.envir
 # The derivation is no part of the package; one page shows it.
 os.environ["PYTHONPATH"] = str(HERE.parent)
 
+# Kernels with settings of their own, whoever builds: no history, no advice about transports.
+KERNELS = HERE / "_build" / "ipython"
+(KERNELS / "profile_default").mkdir(parents=True, exist_ok=True)
+(KERNELS / "profile_default" / "ipython_kernel_config.py").write_text(
+    "c.IPKernelApp.log_level = 40\nc.HistoryManager.enabled = False\n"
+)
+os.environ["IPYTHONDIR"] = str(KERNELS)
+
 project = "ambkit"
 author = "the ambkit developers"
 copyright = author  # no year: a built page does not depend on when it was built

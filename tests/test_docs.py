@@ -1,0 +1,200 @@
+"""README and pages say what is so: the index of the paper, the commands, the snippet, the figures.
+
+That every snippet on the pages runs, and every reference leads somewhere, is checked by their
+build, which .ci/run does with warnings as errors.
+"""
+
+import re
+from importlib import import_module
+from importlib.metadata import version
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+import typer
+
+import ambkit
+from ambkit.cli import app
+from ambkit.report.summary import number
+from ambkit.reproduction.expert import expert
+from ambkit.reproduction.gain import gain
+from ambkit.reproduction.recording import recording
+from ambkit.reproduction.study import Study
+
+ROOT = Path(__file__).parent.parent
+DOCS = ROOT / "docs"
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+INDEX = (DOCS / "paper" / "where.md").read_text(encoding="utf-8")
+CORE = (DOCS / "core.md").read_text(encoding="utf-8")
+
+ROLE = re.compile(r"\{py:\w+\}`(?:~|[^`<]*<)?([\w.]+)>?`")
+
+
+def rows(text: str) -> list[list[str]]:
+    """Return the cells of all Markdown tables, without their heads."""
+    lines = [
+        [cell.strip() for cell in line.strip()[1:-1].split("|")]
+        for line in text.splitlines()
+        if line.startswith("|")
+    ]
+    heads = {n + k for n, cells in enumerate(lines) if set(cells[0]) == {"-"} for k in (-1, 0)}
+    return [cells for n, cells in enumerate(lines) if n not in heads]
+
+
+def resolve(name: str) -> Any:
+    """Import what a dotted name names: a module, then attributes."""
+    parts = name.split(".")
+    found: Any = None
+    for count in range(len(parts), 0, -1):
+        try:
+            found = import_module(".".join(parts[:count]))
+        except ModuleNotFoundError:
+            continue
+        for part in parts[count:]:
+            fields = getattr(found, "__dataclass_fields__", {}) | getattr(found, "model_fields", {})
+            found = fields[part] if part in fields else getattr(found, part)
+        break
+    return found
+
+
+# --- the index from the paper to what implements it
+
+
+@pytest.mark.parametrize(("kind", "last"), [("Eq.", 33), ("Table", 6), ("Fig.", 16)])
+def test_the_index_has_the_whole_paper(kind, last):
+    listed = [cells[0] for cells in rows(INDEX) if cells[0].startswith(kind)]
+    assert listed == [f"{kind} {n}" for n in range(1, last + 1)]
+
+
+@pytest.mark.parametrize("cells", rows(INDEX), ids=lambda cells: cells[0])
+def test_what_the_index_names_exists(cells):
+    names = ROLE.findall(cells[2])
+    assert names, f"{cells[0]} names nothing"
+    assert len(names) == cells[2].count("{py:")
+    for name in names:
+        found = resolve(name)
+        assert found is not None
+        assert not isinstance(found, ModuleType)
+    if cells[0].startswith("Eq."):
+        symbols, headers = re.findall(r"`(amb_\w+)`", cells[3]), re.findall(r"\(#(.*?)\)", cells[3])
+        assert bool(symbols) == bool(headers)
+        text = "".join(header(anchor) for anchor in headers)
+        assert [symbol for symbol in symbols if not re.search(rf"\b{symbol}\b", text)] == []
+
+
+def header(anchor: str) -> str:
+    """Return the C header that a place of the page on the core shows."""
+    (path,) = re.findall(rf"\({anchor}\)=\n.*?\{{literalinclude\}} (\S+)", CORE, re.DOTALL)
+    return (DOCS / path).read_text(encoding="utf-8")
+
+
+def test_resolve_notices_what_does_not_exist():
+    assert resolve("ambkit.KalmanFilter.predict")
+    assert resolve("ambkit.bearing.Sensor.lag")
+    with pytest.raises(AttributeError):
+        resolve("ambkit.KalmanFilter.foretell")
+    assert resolve("nowhere.at.all") is None
+
+
+# --- the pages
+
+
+def test_every_public_name_is_in_the_reference():
+    documented = set()
+    for page in (DOCS / "api").glob("*.rst"):
+        module = ""
+        for directive, name in re.findall(r"^\.\. (\w+):: (\S+)$", page.read_text(), re.MULTILINE):
+            if directive == "currentmodule":
+                module = name
+            elif directive.startswith("auto"):
+                documented.add(f"{module}.{name}")
+    public = {f"ambkit.{name}" for name in ambkit.__all__ if not name.startswith("_")}
+    assert public - documented == set()
+
+
+def test_every_header_of_the_core_is_shown():
+    headers = [*ROOT.glob("core/include/ambkit/*.h"), *ROOT.glob("sim/*.h")]
+    shown = re.findall(r"\)=\n### .*\n\n```\{literalinclude\} \.\./(\S+)\n", CORE)
+    assert {str(path.relative_to(ROOT)) for path in headers} - set(shown) == set()
+
+
+def test_no_python_on_the_pages_goes_unrun():
+    pages = {path: path.read_text(encoding="utf-8") for path in DOCS.glob("**/[!_]*.md")}
+    assert any("{code-cell}" in text for text in pages.values())
+    assert [
+        path.name for path, text in pages.items() if re.search("^```+ *python", text, re.M)
+    ] == []
+
+
+def test_the_pages_have_every_command():
+    page = (DOCS / "commands.md").read_text(encoding="utf-8")
+    assert re.findall(r"^## ambkit (\w+)$", page, re.MULTILINE) == list(commands())
+    assert [name for name in commands() if f"{{manual}} {name}\n" not in page] == []
+
+
+def commands() -> dict[str, str]:
+    """Return the commands with the first line of their help."""
+    group = typer.main.get_command(app)
+    return {name: one.get_short_help_str(limit=200) for name, one in group.commands.items()}
+
+
+# --- README, CHANGELOG, CITATION.cff
+
+
+def test_the_snippet_runs_in_ten_lines(tmp_path, monkeypatch, capsys):
+    (snippet,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    assert len([line for line in snippet.splitlines() if line.strip()]) <= 10
+    monkeypatch.chdir(tmp_path)
+    exec(compile(snippet, "README.md", "exec"), {})
+    printed = re.fullmatch(
+        r"position ([\d.]+) mm, disturbance force ([\d.]+) N\n", capsys.readouterr().out
+    )
+    assert float(printed[1]) == pytest.approx(0.5, abs=0.05)
+    assert float(printed[2]) == pytest.approx(3.0, abs=0.5)
+
+
+def test_the_table_of_commands_is_the_command_lines():
+    table = [cells for cells in rows(README) if cells[0].startswith("`ambkit")]
+    assert dict(table) == {f"`ambkit {name}`": about for name, about in commands().items()}
+
+
+def test_what_was_found_is_what_is_computed():
+    study = Study()
+    found = {
+        row["id"]: row["ours"] for part in (gain, expert, recording) for row in part(study).rows
+    }
+    text = " ".join(README[README.index("## What we found") :].split())
+    for sentence, digits, ids in [
+        ("errors of all filters lie within {} % of each other", ".1f", ["gain.position"]),
+        ("is {} N rms with the linear filter", ".2f", ["gain.linear"]),
+        ("{} N with the paper's 25 work points", ".2f", ["gain.adaptive"]),
+        ("{} N with the rules spread", ".2f", ["gain.wide"]),
+        ("{} N with the closed force law", ".2f", ["gain.closed"]),
+        ("worse than none**: {} N rms", ".2f", ["force_rms.printed"]),
+        ("constant stiffness has {} N", ".2f", ["force_rms.constant"]),
+        ("it has {} N with the widths, {} N", ".2f", ["force_rms.widths", "force_rms.both"]),
+        ("{} µm against {} µm, 10 ms ahead", ".1f", ["recording.ten", "recording.adaptive"]),
+    ]:
+        said = sentence.format(*(number(found[id], digits) for id in ids))
+        assert said in text
+
+
+@pytest.mark.parametrize("target", re.findall(r"\]\((?!http)([^)#]+)\)", README))
+def test_what_the_readme_links_to_exists(target):
+    assert (ROOT / target).exists()
+
+
+def test_the_picture_is_small():
+    assert 10_000 < (DOCS / "images" / "step.png").stat().st_size < 200_000
+
+
+def test_changelog_and_citation_are_of_this_version():
+    changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert re.findall(r"^## (\S+),", changelog, re.MULTILINE)[0] == version("ambkit")
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\nversion: {version('ambkit')}\n" in citation
+    paper = "Adaptive Kalman filter for active magnetic bearings using softcomputing"
+    for text in (citation, " ".join(README.split())):
+        assert paper in text
+        assert "Kästner" in text
