@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import re
 import uuid
-from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -15,11 +14,11 @@ from ambkit.estimators import AdaptiveKalmanFilter, KalmanFilter
 from ambkit.export.fmu import archive, compiler, sources, variables, xml
 from ambkit.export.fmu.variables import Kind, Variable
 from ambkit.export.fmu.xml import Fmi, Model
+from ambkit.scenario import PID
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
     from ambkit.magnets import StiffnessSource
-    from ambkit.scenario import PID
 
 
 @dataclass(frozen=True)
@@ -83,8 +82,13 @@ def export_fmu(
     AmbkitError
         There is no C compiler, or the file cannot be written.
     """
-    estimator = KalmanFilter(bearing) if source is None else AdaptiveKalmanFilter(bearing, source)
-    parts = _PARTS[kind](bearing, estimator, controller)
+    if kind == "plant":
+        parts = _plant(bearing)
+    else:
+        estimator = (
+            KalmanFilter(bearing) if source is None else AdaptiveKalmanFilter(bearing, source)
+        )
+        parts = _estimator(estimator) if kind == "estimator" else _loop(estimator, controller)
     made = _content(bearing, kind, fmi, parts, token="")
     token = _token(made.files)
     made = _content(bearing, kind, fmi, parts, token)
@@ -104,27 +108,39 @@ class _Parts(NamedTuple):
     files: dict[str, str]  # of sources/, besides those of every FMU
 
 
-def _estimator(bearing: Bearing, estimator: KalmanFilter, _: PID | None) -> _Parts:
+def _estimator(estimator: KalmanFilter) -> _Parts:
     told = sources.filter_data(estimator)
-    context = {
-        "version": version("ambkit"),
-        "headers": ["estimator_model.h", told["magnet_header"]],
-        "filter": told,
-        "rig": None,
-        "pid": None,
-    }
-    files = sources.core_sources("src/kalman.c", told["magnet_source"])
-    files["data.c"] = sources.rendered("data.c.j2", context)
     return _Parts(
-        f"The {estimator.name} of bearing {bearing.name}",
+        f"The {estimator.name} of bearing {estimator.bearing.name}",
         variables.of_estimator(estimator),
-        files,
+        sources.library_files("estimator", told["magnet_source"])
+        | {"data.c": sources.data_file("estimator", filter=told)},
     )
 
 
-_PARTS: dict[Kind, Callable[[Bearing, KalmanFilter, PID | None], _Parts]] = {
-    "estimator": _estimator,
-}
+def _plant(bearing: Bearing) -> _Parts:
+    return _Parts(
+        f"Bearing {bearing.name}: amplifier, magnet, rotor and sensor",
+        variables.of_plant(bearing),
+        sources.library_files("plant")
+        | {"data.c": sources.data_file("plant", rig=sources.rig_data(bearing))},
+    )
+
+
+def _loop(estimator: KalmanFilter, controller: PID | None) -> _Parts:
+    bearing, told = estimator.bearing, sources.filter_data(estimator)
+    controller = controller or PID.for_bearing(bearing)
+    data = sources.data_file(
+        "closed-loop",
+        filter=told,
+        rig=sources.rig_data(bearing),
+        pid=sources.pid_data(bearing, controller),
+    )
+    return _Parts(
+        f"Bearing {bearing.name}, held by a PID controller that the {estimator.name} feeds",
+        variables.of_loop(estimator, controller),
+        sources.library_files("closed-loop", told["magnet_source"]) | {"data.c": data},
+    )
 
 
 class _Content(NamedTuple):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,16 +16,28 @@ from ambkit.export.c import data
 from ambkit.export.c.exporter import MAGNETS
 from ambkit.export.fmu.variables import Kind
 from ambkit.export.fmu.xml import Fmi, Model
-from ambkit.magnets import core_module
+from ambkit.magnets import ClosedLaw, core_module
+from ambkit.scenario import PID, Scenario
 
 if TYPE_CHECKING:
+    from ambkit.bearing import Bearing
     from ambkit.estimators import KalmanFilter
 
 _HERE = Path(__file__).parent
-_MODELS: dict[Kind, str] = {
-    "estimator": "estimator_model",
-    "plant": "plant_model",
-    "closed-loop": "loop_model",
+_MODELS: dict[Kind, tuple[str, ...]] = {
+    "estimator": ("estimator_model", "filter"),
+    "plant": ("plant_model", "rig"),
+    "closed-loop": ("loop_model", "filter", "rig"),
+}
+_CORE: dict[Kind, tuple[str, ...]] = {
+    "estimator": ("src/kalman.c",),
+    "plant": ("src/magnet.c", "include/ambkit/status.h"),
+    "closed-loop": ("src/kalman.c", "src/controller.c", "src/magnet.c"),
+}
+_SIM: dict[Kind, tuple[str, ...]] = {
+    "estimator": (),
+    "plant": ("plant",),
+    "closed-loop": ("plant", "loop"),
 }
 _STANDARD: dict[Fmi, tuple[str, ...]] = {
     2: ("fmi2FunctionTypes.h", "fmi2Functions.h", "fmi2TypesPlatform.h"),
@@ -31,24 +45,33 @@ _STANDARD: dict[Fmi, tuple[str, ...]] = {
 }
 
 
-def core_sources(*names: str) -> dict[str, str]:
-    """Return files of the core and their headers, as they lie in ``sources/``.
+def library_files(kind: Kind, *more: str) -> dict[str, str]:
+    """Return the library's own C, with all headers, as it lies in ``sources/``.
 
     Headers keep the names by which they are included, so that ``sources/`` is the one folder that
     a compiler must know.
+
+    Parameters
+    ----------
+    kind : {"estimator", "plant", "closed-loop"}
+        What needs it.
+    *more : str
+        Files of the core that it needs besides.
     """
-    return {
+    texts = {
         name.removeprefix("include/").replace("src/", "core/"): text
-        for name, text in core.closure(names).items()
+        for name, text in core.closure([*_CORE[kind], *more]).items()
     }
+    simulation = core.folder().parent / "sim"
+    for name in (f"{stem}{ending}" for stem in _SIM[kind] for ending in (".h", ".c")):
+        texts[f"sim/{name}"] = (simulation / name).read_text(encoding="utf-8")
+    return texts
 
 
 def model_files(kind: Kind, fmi: Fmi) -> dict[str, str]:
     """Return the hand-written C around the core, and the standard's headers."""
-    name = _MODELS[kind]
-    own = ["model.h", f"{name}.h", f"{name}.c", "instance.h", "instance.c", f"fmi{fmi}.c"]
-    if kind != "estimator":
-        own += ["rig.h", "rig.c"]
+    own = ["model.h", "instance.h", "instance.c", f"fmi{fmi}.c"]
+    own += [f"{stem}{ending}" for stem in _MODELS[kind] for ending in (".h", ".c")]
     texts = {file: (_HERE / "c" / file).read_text(encoding="utf-8") for file in own}
     for file in _STANDARD[fmi]:
         texts[file] = (_HERE / "standard" / file).read_text(encoding="utf-8")
@@ -56,10 +79,19 @@ def model_files(kind: Kind, fmi: Fmi) -> dict[str, str]:
     return texts
 
 
+def data_file(kind: Kind, **context: Any) -> str:
+    """Return the file that defines what the headers of this kind of model declare as data."""
+    given: dict[str, Any] = {"filter": None, "rig": None, "pid": None} | context
+    headers = [f"{_MODELS[kind][0]}.h"]
+    if given["filter"]:
+        headers.append(given["filter"]["magnet_header"])
+    return rendered("data.c.j2", {"version": version("ambkit"), "headers": headers} | given)
+
+
 def description_files(kind: Kind, model: Model) -> dict[str, str]:
     """Return the table of the variables, in C."""
     context = {
-        "kind_header": f"{_MODELS[kind]}.h",
+        "kind_header": f"{_MODELS[kind][0]}.h",
         "variables": model.variables,
         "version": model.version,
         "token": model.token,
@@ -99,7 +131,47 @@ def filter_data(estimator: KalmanFilter) -> dict[str, Any]:
     }
 
 
-def compiled_files(files: Sequence[str] | dict[str, str]) -> tuple[str, ...]:
+def rig_data(bearing: Bearing) -> str:
+    """Return magnet, rotor, amplifier and sensor of a bearing as an initialiser.
+
+    A sensor faster than a thousandth of a sample is one without lag, and Runge-Kutta takes two
+    steps in its lag, as in :func:`ambkit.simulate`.
+    """
+    T, law = bearing.sampling_time, ClosedLaw(bearing)
+    lag = max(bearing.sensor.lag, 1e-3 * T)
+    fields = {
+        "law": law.magnet(core_module()).parameters,
+        "T": T,
+        "m": bearing.rotor.mass,
+        "weight": bearing.weight,
+        "bias_force": law.bias_force,
+        "K_sen": bearing.sensor.gain,
+        "T_sen": lag,
+        "travel": bearing.rotor.travel_limit,
+        "substeps": max(Scenario().substeps, math.ceil(2 * T / lag)),
+        "k_ui": bearing.amplifier.gain,
+        "iu_min": bearing.current_min,
+        "iu_max": bearing.current_max,
+    }
+    return data.struct(fields, "double", {})
+
+
+def pid_data(bearing: Bearing, controller: PID) -> str:
+    """Return a controller as an initialiser."""
+    fields = {
+        "T": bearing.sampling_time,
+        "kp": controller.kp,
+        "ki": controller.ki,
+        "kd": controller.kd,
+        "T_f": controller.derivative_filter,
+        "T_t": controller.anti_windup,
+        "iu_min": bearing.current_min,
+        "iu_max": bearing.current_max,
+    }
+    return data.struct(fields, "double", {})
+
+
+def compiled_files(files: Iterable[str]) -> tuple[str, ...]:
     """Return those that are compiled."""
     return tuple(sorted(name for name in files if name.endswith(".c")))
 

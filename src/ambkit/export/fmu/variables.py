@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
+    from ambkit.bearing import Bearing
     from ambkit.estimators import KalmanFilter
+    from ambkit.scenario import PID
 
 Kind = Literal["estimator", "plant", "closed-loop"]
 Role = Literal["time", "fixed", "tunable", "input", "output"]
@@ -86,12 +88,12 @@ def of_estimator(estimator: KalmanFilter) -> tuple[Variable, ...]:
         TIME,
         Variable("y", "input", "m", "measured position"),
         Variable("u", "input", "V", "control signal"),
-        *_estimates("", held=True),
+        *_estimates(""),
         *_variances(estimator),
     )
 
 
-def _estimates(prefix: str, *, held: bool) -> list[Variable]:
+def _estimates(prefix: str) -> list[Variable]:
     texts = (
         ("x", "m", "estimated displacement"),
         ("v", "m/s", "estimated velocity"),
@@ -104,7 +106,7 @@ def _estimates(prefix: str, *, held: bool) -> list[Variable]:
         ("status", "", "sum of flags, 0 where all is well (sources/ambkit/status.h)"),
     )
     return [
-        Variable(prefix + name, "output", unit, about, held=held) for name, unit, about in texts
+        Variable(prefix + name, "output", unit, about, held=True) for name, unit, about in texts
     ]
 
 
@@ -135,4 +137,89 @@ def _variances(estimator: KalmanFilter) -> list[Variable]:
             assumed.disturbance,
             "not negative",
         ),
+    ]
+
+
+def of_plant(bearing: Bearing) -> tuple[Variable, ...]:
+    """Return the variables of a plant."""
+    return (
+        TIME,
+        Variable("u", "input", "V", "control signal"),
+        Variable("f_d", "input", "N", "disturbance force"),
+        *_noises(),
+        *_truth(),
+        Variable("y", "output", "m", "measured position: x_m and noise_y", follows=("noise_y",)),
+        *_forced(),
+        *_rig(bearing),
+    )
+
+
+def of_loop(estimator: KalmanFilter, controller: PID) -> tuple[Variable, ...]:
+    """Return the variables of a closed loop."""
+    return (
+        TIME,
+        Variable("r", "input", "m", "position that is demanded"),
+        Variable("f_d", "input", "N", "disturbance force"),
+        *_noises(),
+        *_truth(),
+        Variable("y", "output", "m", "measured position", held=True),
+        Variable("u", "output", "V", "control signal", held=True),
+        *_forced(),
+        *_estimates("estimate."),
+        *_rig(estimator.bearing),
+        *_variances(estimator),
+        *_controller(estimator.bearing, controller),
+    )
+
+
+def _noises() -> list[Variable]:
+    return [
+        Variable("noise_u", "input", "V", "noise on the control signal"),
+        Variable("noise_y", "input", "m", "noise on the measurement"),
+    ]
+
+
+def _truth() -> list[Variable]:
+    return [
+        Variable("x", "output", "m", "displacement of the rotor"),
+        Variable("v", "output", "m/s", "its velocity"),
+        Variable("x_m", "output", "m", "position as the sensor shows it, without noise"),
+    ]
+
+
+def _forced() -> list[Variable]:
+    constant = ("magnet_constant",)
+    return [
+        Variable("iu", "output", "A", "control current until now", held=True),
+        Variable("f_mag", "output", "N", "force of the magnet now", follows=constant),
+    ]
+
+
+def _rig(bearing: Bearing) -> list[Variable]:
+    mass, constant = bearing.rotor.mass, bearing.magnet.magnet_constant
+    return [
+        Variable("start_position", "fixed", "m", "displacement at the start"),
+        Variable("mass", "tunable", "kg", "mass of the rotor", mass, "positive"),
+        Variable(
+            "magnet_constant",
+            "tunable",
+            "N.m2/A2",
+            "constant k of the magnet",
+            constant,
+            "positive",
+        ),
+    ]
+
+
+def _controller(bearing: Bearing, controller: PID) -> list[Variable]:
+    from ambkit.magnets import ClosedLaw
+    from ambkit.simulation import hover_current
+
+    law = ClosedLaw(bearing)
+    current = hover_current(bearing, law, 0.0, bearing.weight + law.bias_force)
+    return [
+        Variable("start_current", "fixed", "A", "of the controller's integral", current),
+        Variable("controller.kp", "tunable", "A/m", "proportional gain", controller.kp),
+        Variable("controller.ki", "tunable", "A/(m.s)", "integral gain", controller.ki),
+        Variable("controller.kd", "tunable", "A.s/m", "derivative gain", controller.kd),
     ]

@@ -3,11 +3,8 @@
 
 amb_status amb_model_tune(amb_model *model, const amb_real value[AMB_VARIABLES])
 {
-  amb_kalman_settings set = amb_data_settings;
-  set.var_y = value[VR_measurement_variance];
-  set.var_u = value[VR_control_variance];
-  set.var_d = set.T * value[VR_disturbance_growth];
-  return amb_kalman_init(&model->filter, &set);
+  return amb_filter_tune(&model->filter, value[VR_measurement_variance], value[VR_control_variance],
+                         value[VR_disturbance_growth]);
 }
 
 /* At rest at the measurement, or at the centre where that is beyond the stops. */
@@ -19,12 +16,7 @@ amb_status amb_model_start(amb_model *model, const amb_real value[AMB_VARIABLES]
     return status;
   const amb_real reach = set->K_sen * set->x_max, y = value[VR_y];
   const amb_real first = ((y >= -reach) && (y <= reach)) ? y : AMB_C(0.0);
-  const amb_real mean[AMB_AXIAL_STATES] = {first / set->K_sen, 0, 0, first};
-  (void)amb_kalman_reset(&model->state, mean, amb_data_std);
-  model->result.innovation = 0;
-  model->result.variance = model->state.cov[AMB_AXIAL_TRIANGLE - 1] + set->var_y;
-  model->result.stiffness = amb_kalman_stiffness(&model->filter, &amb_data_magnet, 0, mean[0]);
-  model->result.status = AMB_OK;
+  amb_filter_start(&model->filter, &model->state, &model->result, first / set->K_sen, first);
   model->last_u = 0;
   model->sampled = false;
   return AMB_OK;

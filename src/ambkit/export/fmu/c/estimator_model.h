@@ -2,7 +2,7 @@
 #ifndef AMBKIT_FMU_ESTIMATOR_MODEL_H
 #define AMBKIT_FMU_ESTIMATOR_MODEL_H
 
-#include "ambkit/kalman.h"
+#include "filter.h"
 
 typedef struct amb_model {
   amb_kalman filter;
@@ -11,10 +11,5 @@ typedef struct amb_model {
   amb_real last_u; /* control signal that has acted since the last sample [V] */
   bool sampled;    /* whether there was one */
 } amb_model;
-
-/* Written by the export. */
-extern const amb_kalman_settings amb_data_settings;
-extern const amb_real amb_data_std[AMB_AXIAL_STATES]; /* at the start */
-extern const amb_magnet amb_data_magnet;              /* what the filter knows of its magnet */
 
 #endif

@@ -1,0 +1,80 @@
+#include "loop_model.h"
+#include "model.h"
+#include <string.h>
+
+amb_status amb_model_tune(amb_model *model, const amb_real value[AMB_VARIABLES])
+{
+  if (amb_filter_tune(&model->filter, value[VR_measurement_variance], value[VR_control_variance],
+                      value[VR_disturbance_growth]) != AMB_OK)
+    return AMB_BAD_PARAMETER;
+  model->pid = amb_data_pid;
+  model->pid.kp = value[VR_controller_kp];
+  model->pid.ki = value[VR_controller_ki];
+  model->pid.kd = value[VR_controller_kd];
+  amb_rig_tune(&model->rig, value[VR_mass], value[VR_magnet_constant]);
+  return AMB_OK;
+}
+
+static amb_loop loop_of(const amb_model *model)
+{
+  const amb_rig *rig = &model->rig;
+  const amb_loop loop = {
+      .plant = amb_rig_plant(rig),
+      .pid = model->pid,
+      .T = rig->T,
+      .k_ui = rig->k_ui,
+      .iu_min = rig->iu_min,
+      .iu_max = rig->iu_max,
+      .kf = &model->filter,
+      .magnet = &amb_data_magnet,
+      .feedback_estimate = true,
+  };
+  return loop;
+}
+
+/* At rest where the parameters say, and the estimator knows it. */
+amb_status amb_model_start(amb_model *model, const amb_real value[AMB_VARIABLES])
+{
+  const amb_status status = amb_model_tune(model, value);
+  if (status != AMB_OK)
+    return status;
+  const amb_rig *rig = &model->rig;
+  amb_loop_state *s = &model->state;
+  memset(s, 0, sizeof *s);
+  s->plant.x = amb_clamp(value[VR_start_position], -rig->travel, rig->travel);
+  s->plant.x_m = rig->K_sen * s->plant.x;
+  amb_pid_reset(&s->pid, value[VR_start_current]);
+  amb_filter_start(&model->filter, &s->kalman, &s->result, s->plant.x, s->plant.x_m);
+  s->y = s->plant.x_m + value[VR_noise_y];
+  s->iu = amb_clamp(value[VR_start_current], rig->iu_min, rig->iu_max);
+  s->u = s->iu / rig->k_ui;
+  return AMB_OK;
+}
+
+void amb_model_sample(amb_model *model, const amb_real value[AMB_VARIABLES])
+{
+  const amb_loop loop = loop_of(model);
+  const amb_loop_sample sample = {value[VR_r], value[VR_f_d], value[VR_noise_u], value[VR_noise_y]};
+  (void)amb_loop_step(&loop, &model->state, &sample);
+}
+
+void amb_model_show(const amb_model *model, amb_real value[AMB_VARIABLES])
+{
+  const amb_loop_state *s = &model->state;
+  value[VR_x] = s->plant.x;
+  value[VR_v] = s->plant.v;
+  value[VR_x_m] = s->plant.x_m;
+  value[VR_y] = s->y;
+  value[VR_u] = s->u;
+  value[VR_iu] = s->iu;
+  value[VR_f_mag] = amb_rig_force(&model->rig, s->iu, s->plant.x);
+  value[VR_estimate_x] = s->kalman.mean[0];
+  value[VR_estimate_v] = s->kalman.mean[1];
+  value[VR_estimate_f_d] = s->kalman.mean[2];
+  value[VR_estimate_x_m] = s->kalman.mean[3];
+  value[VR_estimate_k_i] = s->result.stiffness.k_i;
+  value[VR_estimate_k_s] = s->result.stiffness.k_s;
+  value[VR_estimate_innovation] = s->result.innovation;
+  value[VR_estimate_variance] = s->result.variance;
+  value[VR_estimate_status] = (amb_real)s->result.status;
+}

@@ -1,0 +1,19 @@
+/* The closed loop as a model: plant, controller, and the estimator that feeds it. */
+#ifndef AMBKIT_FMU_LOOP_MODEL_H
+#define AMBKIT_FMU_LOOP_MODEL_H
+
+#include "filter.h"
+#include "rig.h"
+#include "sim/loop.h"
+
+typedef struct amb_model {
+  amb_rig rig;
+  amb_pid pid;
+  amb_kalman filter;
+  amb_loop_state state;
+} amb_model;
+
+/* Written by the export. */
+extern const amb_pid amb_data_pid;
+
+#endif

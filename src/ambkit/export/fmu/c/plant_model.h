@@ -1,0 +1,13 @@
+/* The plant as a model: amplifier, magnet, rotor, sensor. */
+#ifndef AMBKIT_FMU_PLANT_MODEL_H
+#define AMBKIT_FMU_PLANT_MODEL_H
+
+#include "rig.h"
+
+typedef struct amb_model {
+  amb_rig rig;
+  amb_plant_state state;
+  amb_real iu; /* control current that acts until now [A] */
+} amb_model;
+
+#endif

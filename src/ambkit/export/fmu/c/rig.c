@@ -1,0 +1,35 @@
+#include "rig.h"
+
+/* By ratios: those of the exported values are 1, and these stay what they are to the last bit. */
+void amb_rig_tune(amb_rig *rig, amb_real mass, amb_real magnet_constant)
+{
+  *rig = amb_data_rig;
+  rig->weight = amb_data_rig.weight * (mass / amb_data_rig.m);
+  rig->bias_force = amb_data_rig.bias_force * (magnet_constant / amb_data_rig.law.k);
+  rig->m = mass;
+  rig->law.k = magnet_constant;
+}
+
+amb_plant amb_rig_plant(const amb_rig *rig)
+{
+  const amb_plant plant = {
+      .magnet = {&amb_law_magnet, &rig->law},
+      .m = rig->m,
+      .f_0 = rig->weight + rig->bias_force,
+      .K_sen = rig->K_sen,
+      .T_sen = rig->T_sen,
+      .travel = rig->travel,
+      .substeps = rig->substeps,
+  };
+  return plant;
+}
+
+amb_real amb_rig_current(const amb_rig *rig, amb_real u)
+{
+  return amb_clamp(rig->k_ui * u, rig->iu_min, rig->iu_max);
+}
+
+amb_real amb_rig_force(const amb_rig *rig, amb_real iu, amb_real x)
+{
+  return amb_law_magnet.force(&rig->law, iu, x) + rig->bias_force;
+}

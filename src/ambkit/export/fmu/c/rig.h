@@ -1,0 +1,37 @@
+/* Magnet, rotor, amplifier and sensor as plain data, which can be tuned. */
+#ifndef AMBKIT_FMU_RIG_H
+#define AMBKIT_FMU_RIG_H
+
+#include "sim/plant.h"
+
+typedef struct amb_rig {
+  amb_law law;
+  amb_real T;            /* sampling time [s] */
+  amb_real m;            /* mass of the rotor [kg] */
+  amb_real weight;       /* [N] */
+  amb_real bias_force;   /* of the magnet at rest in the centre [N] */
+  amb_real K_sen, T_sen; /* sensor gain [1] and lag [s] */
+  amb_real travel;       /* mechanical stop at +-travel [m] */
+  int substeps;          /* Runge-Kutta steps in a sample */
+  amb_real k_ui;         /* amplifier gain [A/V] */
+  amb_real iu_min;       /* limits of the control current [A] */
+  amb_real iu_max;
+} amb_rig;
+
+/* Written by the export. */
+extern const amb_rig amb_data_rig;
+
+/* Another mass [kg], and with it another weight; another magnet constant [N m^2/A^2], and with it
+ * another bias force. */
+void amb_rig_tune(amb_rig *rig, amb_real mass, amb_real magnet_constant);
+
+/* What sim/plant.h asks for; it points to the rig's force law. */
+amb_plant amb_rig_plant(const amb_rig *rig);
+
+/* Control current [A] that the amplifier makes of a control signal [V]. */
+amb_real amb_rig_current(const amb_rig *rig, amb_real u);
+
+/* Whole force of the magnet [N]. */
+amb_real amb_rig_force(const amb_rig *rig, amb_real iu, amb_real x);
+
+#endif
