@@ -33,6 +33,13 @@ typedef double amb_real;
 #define AMB_ROOT_EPSILON 1.4901161193847656e-8
 #endif
 
+/* For the pieces of a step, so that its state stays in registers. */
+#if defined(__GNUC__)
+#define AMB_INLINE __attribute__((always_inline)) static inline
+#else
+#define AMB_INLINE static inline
+#endif
+
 /* False for NaN and for both infinities; no libm. */
 static inline bool amb_is_finite(amb_real a)
 {
