@@ -168,6 +168,8 @@ def _content(bearing: Bearing, kind: Kind, fmi: Fmi, parts: _Parts, token: str) 
     files["modelDescription.xml"] = xml.model_description(model, fmi)
     if fmi == 3:
         files["sources/buildDescription.xml"] = xml.build_description(model)
+    for name, text in sources.licences().items():
+        files[f"documentation/licenses/{name}"] = text
     page = {"model": model, "kind": kind, "fmi": fmi}
     files["documentation/index.html"] = sources.rendered("index.html.j2", page)
     return _Content(model, in_sources, files)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from importlib.metadata import version
+from importlib.metadata import distribution, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -75,8 +75,14 @@ def model_files(kind: Kind, fmi: Fmi) -> dict[str, str]:
     texts = {file: (_HERE / "c" / file).read_text(encoding="utf-8") for file in own}
     for file in _STANDARD[fmi]:
         texts[file] = (_HERE / "standard" / file).read_text(encoding="utf-8")
-    texts["fmi-standard-licence.txt"] = (_HERE / "standard" / "LICENSE.txt").read_text("utf-8")
     return texts
+
+
+def licences() -> dict[str, str]:
+    """Return the licences of what lies in ``sources/``."""
+    own = distribution("ambkit").read_text("licenses/LICENSE")
+    texts = {"fmi-standard.txt": (_HERE / "standard" / "LICENSE.txt").read_text(encoding="utf-8")}
+    return texts if own is None else texts | {"license.txt": own}
 
 
 def data_file(kind: Kind, **context: Any) -> str:
