@@ -11,8 +11,9 @@ from derivation.model import Model
 
 # Physical parameters.
 T, m, K_sen, T_sen, k_ui = sp.symbols("T m K_sen T_sen k_ui", positive=True)
-# State, control signal, force of the magnet (with what else is known to pull, e.g. the weight).
-x, v, f_d, x_m, u, f = sp.symbols("x v f_d x_m u f")
+# State, control signal, force of the magnet (with what else is known to pull, e.g. the weight), and
+# all force on the rotor.
+x, v, f_d, x_m, u, f, f_all = sp.symbols("x v f_d x_m u f f_all")
 # Stiffnesses at the work point.
 k_i, k_s = sp.symbols("k_i k_s")
 # Variances: control signal, growth of the disturbance force in one sample, measurement.
@@ -28,11 +29,12 @@ constants = {
 }
 
 transition = [
-    x + T * v + T2_2m * (f + f_d),  # eq. 15
-    v + T_m * (f + f_d),  # eq. 16
+    x + T * v + T2_2m * f_all,  # eq. 15
+    v + T_m * f_all,  # eq. 16
     f_d,  # eq. 20, third row: the disturbance is a random walk
     b_sen * x + a_sen * x_m,  # eq. 19
 ]
+whole_force = f + f_d  # eq. 15, 16
 linear_force = k_i * k_ui * u + k_s * x  # eq. 17
 measurement = x_m  # eq. 21
 
@@ -48,6 +50,8 @@ axial = Model(
     stiffness=[k_i, k_s],
     gain=k_ui,
     transition=transition,
+    driving=f_all,
+    whole_force=whole_force,
     linear_force=linear_force,
     measurement=measurement,
     control_variance=var_u,

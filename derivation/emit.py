@@ -1,6 +1,7 @@
 """Write a model as a C header: structs, constants, and the three straight-line steps."""
 
 from collections.abc import Iterable
+from typing import Any
 
 import sympy as sp
 from sympy.printing.c import C99CodePrinter
@@ -13,10 +14,20 @@ class Printer(C99CodePrinter):  # type: ignore[misc]
     """C for either precision: no double literals, no pow."""
 
     def _print_Pow(self, expr: Expr) -> str:
-        base = self.parenthesize(expr.base, PRECEDENCE["Atom"])
+        base = self.parenthesize(expr.base, PRECEDENCE["Atom"], strict=True)
         exponent = int(expr.exp)
         product = "*".join([base] * abs(exponent))
-        return product if exponent > 0 else f"1/({product})"
+        return product if exponent > 0 else f"AMB_C(1.0)/({product})"
+
+    def _print_Add(self, expr: Expr, order: Any = None) -> str:
+        # Products last: each can be fused with its addition.
+        terms = self._as_ordered_terms(expr, order=order)
+        texts = [self._print(t) for t in sorted(terms, key=lambda t: t.is_Mul or t.is_Pow)]
+        rest = (f" - {t[1:]}" if t[0] == "-" else f" + {t}" for t in texts[1:])
+        return str(texts[0]) + "".join(rest)
+
+    def _print_Integer(self, expr: Expr) -> str:
+        return f"AMB_C({expr}.0)"
 
     def _print_Rational(self, expr: Expr) -> str:
         if expr.q & (expr.q - 1):
@@ -51,9 +62,9 @@ def block(
 
 
 def function(doc: str, signature: str, body: list[str]) -> str:
-    """Return one static inline function."""
+    """Return one function that becomes part of its caller."""
     inside = "\n".join("  " + line for line in body)
-    return f"/* {doc} */\nstatic inline void {signature}\n{{\n{inside}\n}}\n"
+    return f"/* {doc} */\nAMB_INLINE void {signature}\n{{\n{inside}\n}}\n"
 
 
 class Names:
@@ -92,7 +103,7 @@ def constants(model: Model, names: Names) -> str:
 
 def mean_step(model: Model, names: Names) -> str:
     """Return the prediction of the mean (eq. 9)."""
-    pairs = zip(model.state, model.transition, strict=True)
+    pairs = zip(model.state, model.forced, strict=True)
     return function(
         f"Eq. 9, the mean one sample on; {model.force}: force on the rotor without "
         f"{model.state[2]} [N].",
@@ -104,17 +115,21 @@ def mean_step(model: Model, names: Names) -> str:
 
 def covariance_step(model: Model, names: Names) -> str:
     """Return the prediction of the covariance (eq. 10)."""
-    P = model.predicted_covariance()
+    stages, triangle = model.covariance_stages()
+    targets = {f"cov[{k}]": e for k, e in enumerate(triangle)}
+    stored = {**names.constants, **names.entries}
+    changed = {entry: e for entry, e in targets.items() if stored.get(e) != entry}
+    used = set().union(*(e.free_symbols for _, e in stages), *(e.free_symbols for e in triangle))
+    lines = [f"const amb_real {s} = {where};" for s, where in stored.items() if s in used]
+    lines += [f"const amb_real {s} = {c(e)};" for s, e in stages]
+    lines += [f"{entry} = {c(e)};" for entry, e in changed.items()]
     given = [*model.stiffness, model.gain, model.control_variance, *model.extra_noise.values()]
     arguments = ", ".join(f"amb_real {s}" for s in given)
     return function(
         "Eq. 10, A P A' + Q on the upper triangle, row by row.",
         f"{names.kind}_predict_covariance({names.model_argument}, {arguments}, "
         f"{names.cov_argument})",
-        block(
-            [(f"cov[{k}]", P[i, j]) for k, (i, j) in enumerate(names.pairs)],
-            names.constants | names.entries,
-        ),
+        lines,
     )
 
 
@@ -129,7 +144,7 @@ def update(model: Model, names: Names) -> str:
     lines = [
         f"*variance = {names.in_place(S)};",
         f"*innovation = y - {names.in_place(model.measurement)};",
-        "const amb_real inverse = 1/(*variance);",  # one division for all of K
+        "const amb_real inverse = AMB_C(1.0)/(*variance);",  # one division for all of K
         "const amb_real e = *innovation;",
     ]
     lines += [f"const amb_real {s} = {entry};" for s, entry in names.entries.items()]

@@ -77,6 +77,15 @@ def test_the_covariance_step_is_eq_10() -> None:
     assert same(MODEL.predicted_covariance(), MODEL.predicted_covariance().T)
 
 
+def test_the_stages_of_the_covariance_step_put_together_are_eq_10() -> None:
+    stages, triangle = MODEL.covariance_stages()
+    P = MODEL.predicted_covariance()
+    for entry, (i, j) in zip(triangle, MODEL.triangle(), strict=True):
+        for symbol, expression in reversed(stages):
+            entry = entry.subs(symbol, expression)
+        assert sp.expand(entry - P[i, j]) == 0
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_the_jacobian_agrees_with_central_differences_of_the_transition(seed: int) -> None:
     draw = random.Random(seed)
