@@ -17,7 +17,7 @@ PREFIX = "arm-none-eabi-"
 QEMU = "qemu-system-arm"
 TARGET = ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16")
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Werror")
-FLAGS = ("-std=c99", "-O2", "-ffreestanding", "-fno-common", *TARGET)
+FLAGS = ("-std=c99", "-O3", "-fno-common", *TARGET)
 SECONDS = 300  # no run takes a tenth of this
 
 Contraction = Literal["off", "fast"]
