@@ -15,8 +15,16 @@ typedef struct component {
 static void tell(const amb_instance *self, amb_answer answer, const char *text)
 {
   const component *c = (const component *)self;
+  char message[512]; /* a format to printf: in importers that cannot read one it stands as it is */
+  size_t n = 0;
+  for (const char *from = text; (*from != '\0') && (n < sizeof message - 2); from++) {
+    if (*from == '%')
+      message[n++] = '%';
+    message[n++] = *from;
+  }
+  message[n] = '\0';
   if (c->logger != NULL)
-    c->logger(c->environment, c->name, (fmi2Status)answer, amb_category(answer), "%s", text);
+    c->logger(c->environment, c->name, (fmi2Status)answer, amb_category(answer), message);
 }
 
 static amb_instance *of(fmi2Component c)

@@ -1,0 +1,500 @@
+"""FMUs, judged by tools that others wrote: FMPy and fmutool. Equal means equal to the last bit."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ambkit
+from ambkit import Bearing, ClosedLaw, FilterNoise, KalmanFilter
+from ambkit.errors import AmbkitError
+from ambkit.estimators import AdaptiveKalmanFilter
+from ambkit.export.fmu import export_fmu
+from ambkit.identification.stiffness import stiffness_map
+from ambkit.record import Record
+from ambkit.simulation import _noise, simulate_run
+
+fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
+pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+
+from fmpy.fmi1 import FMICallException  # noqa: E402
+from fmpy.validation import validate_fmu  # noqa: E402
+from fmu_instance import Instance, unpacked  # noqa: E402
+
+BEARING = Bearing.preset("zittau_axial")
+ONE_SIDED = Bearing.preset("inteco_ml")
+KINDS = ("estimator", "plant", "closed-loop")
+ALL = [(kind, fmi) for kind in KINDS for fmi in (2, 3)]
+ESTIMATES = ("x", "v", "f_d", "x_m", "k_i", "k_s", "innovation", "variance", "status")
+
+
+def disturbed(bearing: Bearing) -> ambkit.Scenario:
+    """A step, a load, and noise in 300 samples."""
+    T = bearing.sampling_time
+    return ambkit.Scenario(
+        duration=299 * T,
+        seed=3,
+        reference=ambkit.Step(amplitude=3e-4, time=20 * T),
+        disturbance=ambkit.Step(amplitude=0.5 * bearing.weight, time=150 * T),
+        controller=ambkit.PID.for_bearing(bearing),
+    )
+
+
+@pytest.fixture(scope="session")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """Export an FMU, each one once."""
+    folder, done = tmp_path_factory.mktemp("fmu"), {}
+
+    def make(kind: Any = "estimator", fmi: Any = 3, bearing: Bearing = BEARING) -> Path:
+        key = f"{bearing.name}-{kind}-{fmi}.fmu"
+        if key not in done:
+            done[key] = export_fmu(bearing, None, folder / key, kind=kind, fmi=fmi).path
+        return done[key]
+
+    return make
+
+
+@pytest.fixture
+def instance(made: Callable[..., Path], tmp_path: Path) -> Callable[..., Instance]:
+    def make(kind: str = "estimator", fmi: int = 3, **options: Any) -> Instance:
+        folder = tmp_path / f"{kind}{fmi}"
+        return Instance(folder if folder.exists() else unpacked(made(kind, fmi), folder), **options)
+
+    return make
+
+
+def simulated(path: Path, T: float, start: dict[str, float], **inputs: Any) -> Any:
+    """What FMPy makes of it, one row more than samples: what is read after each."""
+    n = len(next(iter(inputs.values())))
+    signals = np.zeros(n, dtype=[("time", float), *((name, float) for name in inputs)])
+    signals["time"] = T * np.arange(n)
+    for name, values in inputs.items():
+        signals[name] = values
+    return fmpy.simulate_fmu(
+        str(path), stop_time=n * T, output_interval=T, input=signals, start_values=start
+    )
+
+
+def spoilt(bearing: Bearing) -> Record:
+    """A closed-loop record with measurements far away, a frozen sensor and a saturated demand."""
+    record = ambkit.simulate(bearing, disturbed(bearing))
+    y, u = record["y"].copy(), record["u"].copy()
+    y[100:103] = 1e3
+    y[120:140] = y[120]
+    u[200] = 10 * bearing.current_max / bearing.amplifier.gain
+    return Record(record.t, {"y": y, "u": u}, {"y": "m", "u": "V"})
+
+
+def check_estimate(result: Any, estimate: ambkit.Estimate, prefix: str = "") -> None:
+    names = {"variance": "innovation_variance"}
+    for name in ESTIMATES:
+        expected = estimate.status if name == "status" else estimate[names.get(name, name)]
+        np.testing.assert_array_equal(result[prefix + name][1:], expected, name)
+
+
+# ---- What the tools say ----
+
+
+@pytest.mark.parametrize(("kind", "fmi"), ALL)
+def test_fmpy_finds_nothing(made: Callable[..., Path], kind: str, fmi: int) -> None:
+    assert validate_fmu(str(made(kind, fmi))) == []
+
+
+def fmutool(path: Path) -> str:
+    pytest.importorskip("fmu_manipulation_toolbox", reason="fmutool is not installed")
+    command = [str(Path(sys.executable).with_name("fmutool")), "-input", str(path), "-check"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    return done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(("kind", "fmi"), ALL)
+def test_fmutool_finds_nothing(made: Callable[..., Path], kind: str, fmi: int) -> None:
+    said = fmutool(made(kind, fmi))
+    assert f"compliant with FMI-{fmi}.0" in said
+    assert f"No semantic error against the FMI-{fmi} standard" in said
+    assert "ERROR" not in said
+    assert "WARNING" not in said
+
+
+def test_the_tools_would_find_a_fault(made: Callable[..., Path], tmp_path: Path) -> None:
+    bad = tmp_path / "bad.fmu"
+    with zipfile.ZipFile(made()) as old, zipfile.ZipFile(bad, "w") as new:
+        for name in old.namelist():
+            content = old.read(name)
+            if name == "modelDescription.xml":
+                content = content.replace(b'<Output valueReference="3" dependencies="" />', b"")
+            new.writestr(name, content)
+    assert validate_fmu(str(bad)) != []
+    assert "is not listed in <Output>" in fmutool(bad)
+
+
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+@pytest.mark.parametrize(("kind", "fmi"), ALL)
+def test_sources_compile_without_warnings(
+    made: Callable[..., Path], tmp_path: Path, kind: str, fmi: int, compiler: str
+) -> None:
+    if shutil.which(compiler) is None:
+        pytest.skip(f"there is no {compiler}")
+    sources = unpacked(made(kind, fmi), tmp_path) / "sources"
+    warnings = "-Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Wno-unused-parameter"
+    files = [str(f.relative_to(sources)) for f in sources.rglob("*.c")]
+    command = [compiler, "-std=c99", "-fsyntax-only", "-Werror", *warnings.split(), "-I.", *files]
+    subprocess.run(command, cwd=sources, check=True)
+
+
+# ---- The library's values, bit for bit ----
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("bearing", [BEARING, ONE_SIDED], ids=lambda b: b.name)
+def test_linear_filter_in_fmpy_equals_the_library(
+    made: Callable[..., Path], bearing: Bearing, fmi: int
+) -> None:
+    record = spoilt(bearing)
+    found = simulated(
+        made("estimator", fmi, bearing), bearing.sampling_time, {}, y=record["y"], u=record["u"]
+    )
+    estimate = KalmanFilter(bearing).run(record)
+    check_estimate(found, estimate)
+    assert len(set(estimate.status)) >= 4  # the record has what it is said to have
+
+
+def expert(bearing: Bearing) -> Any:
+    return ambkit.train(bearing)
+
+
+@pytest.mark.parametrize("source", [ClosedLaw, stiffness_map, expert], ids=lambda s: s.__name__)
+def test_adaptive_filter_in_fmpy_equals_the_library(source: Any, tmp_path: Path) -> None:
+    record, knows = spoilt(BEARING), source(BEARING)
+    path = export_fmu(BEARING, knows, tmp_path / "adaptive.fmu").path
+    found = simulated(path, BEARING.sampling_time, {}, y=record["y"], u=record["u"])
+    check_estimate(found, AdaptiveKalmanFilter(BEARING, knows).run(record))
+    assert np.ptp(found["k_i"]) > 0
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("bearing", [BEARING, ONE_SIDED], ids=lambda b: b.name)
+def test_plant_in_fmpy_equals_the_library(
+    made: Callable[..., Path], bearing: Bearing, fmi: int
+) -> None:
+    scenario = disturbed(bearing)
+    record = ambkit.simulate(bearing, scenario)
+    n = len(record.t)
+    noise_u, _ = _noise(bearing, scenario, n)
+    inputs = {"u": record["u"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": np.zeros(n)}
+    found = simulated(made("plant", fmi, bearing), bearing.sampling_time, {}, **inputs)
+    for name in ("x", "v", "x_m"):
+        np.testing.assert_array_equal(found[name][:n], record[name], name)
+    np.testing.assert_array_equal(found["y"], found["x_m"])
+    np.testing.assert_array_equal(found["iu"][1:], record["iu"])
+    np.testing.assert_array_equal(found["f_mag"], ClosedLaw(bearing).force(found["iu"], found["x"]))
+    assert np.ptp(record["x"]) > 1e-4
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("bearing", [BEARING, ONE_SIDED], ids=lambda b: b.name)
+def test_closed_loop_in_fmpy_equals_the_library(
+    made: Callable[..., Path], bearing: Bearing, fmi: int
+) -> None:
+    scenario = disturbed(bearing)
+    run = simulate_run(bearing, scenario)
+    record = run.record
+    noise_u, noise_y = _noise(bearing, scenario, len(record.t))
+    inputs = {"r": record["r"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": noise_y}
+    found = simulated(made("closed-loop", fmi, bearing), bearing.sampling_time, {}, **inputs)
+    for name in ("x", "v", "x_m"):
+        np.testing.assert_array_equal(found[name][:-1], record[name], name)
+    for name in ("y", "u", "iu"):
+        np.testing.assert_array_equal(found[name][1:], record[name], name)
+    assert run.estimate is not None
+    check_estimate(found, run.estimate, "estimate.")
+
+
+@pytest.mark.skipif(shutil.which("cmake") is None, reason="there is no cmake")
+@pytest.mark.parametrize(("kind", "fmi"), [("estimator", 2), ("closed-loop", 3)])
+def test_sources_alone_compile_to_the_same(
+    made: Callable[..., Path], tmp_path: Path, kind: str, fmi: int
+) -> None:
+    bare = tmp_path / "bare.fmu"
+    with zipfile.ZipFile(made(kind, fmi)) as whole, zipfile.ZipFile(bare, "w") as without:
+        for name in whole.namelist():
+            if not name.startswith("binaries/"):
+                without.writestr(name, whole.read(name))
+    with zipfile.ZipFile(bare) as archive:
+        assert not any(name.startswith("binaries/") for name in archive.namelist())
+    done = subprocess.run(
+        [sys.executable, "-m", "fmpy", "compile", str(bare)], capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    noise = np.random.default_rng(0).normal(0, 1e-5, 300)
+    inputs = {"y": noise, "u": 1e4 * noise} if kind == "estimator" else {"r": noise}
+    expected = simulated(made(kind, fmi), BEARING.sampling_time, {}, **inputs)
+    found = simulated(bare, BEARING.sampling_time, {}, **inputs)
+    np.testing.assert_array_equal(found, expected)
+    assert np.ptp(found[found.dtype.names[1]]) > 0
+
+
+# ---- State, instances, parameters ----
+
+
+NOISY = np.random.default_rng(1).normal(0, 2e-5, (2, 60))
+INPUTS: dict[str, dict[str, Any]] = {
+    "estimator": {"y": NOISY[0], "u": 5e3 * NOISY[1]},
+    "plant": {"u": 5e3 * NOISY[0], "noise_y": NOISY[1]},
+    "closed-loop": {"r": NOISY[0], "noise_y": NOISY[1]},
+}
+OUTPUTS = {
+    "estimator": ESTIMATES,
+    "plant": ("x", "v", "x_m", "y", "iu", "f_mag"),
+    "closed-loop": ("x", "v", "y", "u", "estimate.f_d", "estimate.variance", "estimate.status"),
+}
+
+
+@pytest.mark.parametrize(("kind", "fmi"), ALL)
+def test_a_run_is_repeated_exactly_from_a_state(
+    instance: Callable[..., Instance], kind: str, fmi: int
+) -> None:
+    one = instance(kind, fmi).start()
+    inputs, names = INPUTS[kind], ("time", *OUTPUTS[kind])
+    one.run(inputs, names)
+    state = one.fmu.getFMUState()
+    stored = one.fmu.serializeFMUState(state)
+    first, at = one.run(inputs, names), one.at
+
+    one.fmu.setFMUState(state)
+    one.at = len(NOISY[0])
+    assert one.run(inputs, names) == first
+
+    other = instance(kind, fmi, name="other").start()
+    other.fmu.setFMUState(other.fmu.deserializeFMUState(stored))
+    other.at = len(NOISY[0])
+    assert other.run(inputs, names) == first
+    assert other.at == at
+
+    one.fmu.freeFMUState(state)
+    assert not state.value
+    one.fmu.reset()
+    one.at = 0
+    again = one.start().run(inputs, names)
+    fresh = instance(kind, fmi, name="fresh").start().run(inputs, names)
+    assert again == fresh != first
+
+
+@pytest.mark.parametrize(("kind", "fmi"), ALL)
+def test_instances_do_not_know_of_each_other(
+    instance: Callable[..., Instance], kind: str, fmi: int
+) -> None:
+    inputs, names = INPUTS[kind], OUTPUTS[kind]
+    reversed_inputs = {name: values[::-1] for name, values in inputs.items()}
+    alone = [instance(kind, fmi).start().run(given, names) for given in (inputs, reversed_inputs)]
+    pair = [instance(kind, fmi, name=name).start() for name in ("a", "b")]
+    rows: list[list[Any]] = [[], []]
+    for k in range(len(NOISY[0])):
+        for one, given, found in zip(pair, (inputs, reversed_inputs), rows, strict=True):
+            one.step(**{name: values[k] for name, values in given.items()})
+            found.append(one.get(*names))
+    assert rows == alone
+    assert rows[0] != rows[1]
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_parameters_of_the_filter_are_the_library_s(made: Callable[..., Path], fmi: int) -> None:
+    record = spoilt(BEARING)
+    start = {"control_variance": 3e-4, "disturbance_growth": 7.0}
+    found = simulated(
+        made("estimator", fmi), BEARING.sampling_time, start, y=record["y"], u=record["u"]
+    )
+    tuned = KalmanFilter(BEARING, noise=FilterNoise(control=3e-4, disturbance=7.0)).run(record)
+    check_estimate(found, tuned)
+    assert np.any(tuned.f_d != KalmanFilter(BEARING).run(record).f_d)
+
+
+def test_mass_and_magnet_constant_of_the_plant_are_the_library_s(
+    made: Callable[..., Path],
+) -> None:
+    other = ONE_SIDED.replace(rotor__mass=0.07, magnet__magnet_constant=1.1e-4)
+    record = ambkit.simulate(other, disturbed(other))
+    noise_u, _ = _noise(other, disturbed(other), len(record.t))
+    found = simulated(
+        made("plant", 3, ONE_SIDED),
+        other.sampling_time,
+        {"mass": 0.07, "magnet_constant": 1.1e-4},
+        **{"u": record["u"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": 0 * noise_u},
+    )
+    # The weight is found by a ratio, which rounds once more.
+    np.testing.assert_allclose(found["x"][:-1], record["x"], rtol=0, atol=1e-12)
+    assert np.ptp(record["x"]) > 1e-4
+
+
+@pytest.mark.parametrize(("kind", "fmi"), ALL)
+def test_parameters_can_be_changed_on_the_way(
+    instance: Callable[..., Instance], kind: str, fmi: int
+) -> None:
+    name = "mass" if kind == "plant" else "disturbance_growth"
+    runs = []
+    for value in (None, "same", "other"):
+        one = instance(kind, fmi).start()
+        one.run(INPUTS[kind], OUTPUTS[kind])
+        old = one.get(name)[0]
+        if value is not None:
+            one.set(**{name: old if value == "same" else 2 * old})
+        runs.append(one.run(INPUTS[kind], OUTPUTS[kind]))
+    assert runs[0] == runs[1]
+    assert runs[0][1:] != runs[2][1:]
+
+
+# ---- Time ----
+
+
+@pytest.mark.parametrize(("kind", "fmi"), ALL)
+def test_steps_are_whole_multiples_and_time_does_not_drift(
+    instance: Callable[..., Instance], kind: str, fmi: int
+) -> None:
+    start, samples = 12.5, 0
+    one = instance(kind, fmi).start(start)
+    T = BEARING.sampling_time
+    for many in (1, 2, 3, 7, 11) * 40:
+        one.fmu.doStep(start + samples * T, (start + (samples + many) * T) - (start + samples * T))
+        samples += many
+    assert one.get("time") == [start + samples * T]
+
+    single, triple = instance(kind, fmi).start(), instance(kind, fmi).start()
+    held = {name: float(values[0]) for name, values in INPUTS[kind].items()}
+    for _ in range(3):
+        single.step(**held)
+    triple.step(3, **held)
+    assert single.get(*OUTPUTS[kind]) == triple.get(*OUTPUTS[kind])
+
+
+# ---- What is refused ----
+
+
+def refused(
+    capsys: pytest.CaptureFixture[str], said: str, call: Callable[..., Any], *arguments: Any
+) -> None:
+    """The call fails, and its message has these words."""
+    capsys.readouterr()
+    with pytest.raises((FMICallException, Exception), match=r"returned|failed|Failed"):
+        call(*arguments)
+    assert said in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_what_is_refused_is_told_and_changes_nothing(
+    instance: Callable[..., Instance], capsys: pytest.CaptureFixture[str], fmi: int
+) -> None:
+    no = lambda said, call, *arguments: refused(capsys, said, call, *arguments)  # noqa: E731
+    inputs, names = INPUTS["estimator"], ESTIMATES
+    expected = instance("estimator", fmi).start().run(inputs, names)
+
+    no("is not that of this model", lambda: instance("estimator", fmi, token="{100%s}"))
+    one = instance("estimator", fmi)
+    no("a step is not possible before initialization", one.fmu.doStep, 0.0, 1e-4)
+    no("the end of initialization is not", one.fmu.exitInitializationMode)
+    no("there is no state to go back to", one.fmu.setFMUState, None)
+    one.start()
+    half = len(NOISY[0]) // 2
+    found = one.run({name: values[:half] for name, values in inputs.items()}, names)
+    at = one.at * one.T
+    for bad in (np.nan, np.inf, -np.inf):
+        no("y must be finite, is ", lambda bad=bad: one.set(u=1.0, y=bad))
+    no("control_variance must be 0 or greater", lambda: one.set(control_variance=-1.0))
+    no("measurement_variance must be greater", lambda: one.set(measurement_variance=0.0))
+    no("x cannot be set between steps", lambda: one.set(x=0.0))
+    no("a step must be a whole multiple", one.fmu.doStep, at, 1.5e-4)
+    no("a step must be a whole multiple", one.fmu.doStep, at, 1e-5)
+    no("a step must be a whole multiple", one.fmu.doStep, at, 0.0)
+    no("a step must be a whole multiple", one.fmu.doStep, at, -1e-4)
+    no("a step must be a whole multiple", one.fmu.doStep, at, 1e300)
+    no("a step must begin at", one.fmu.doStep, at + 1e-4, 1e-4)
+    no("is not possible", one.fmu.doStep, at, np.nan)
+    no("is not possible", one.fmu.doStep, np.nan, 1e-4)
+    no("initialization is not possible between steps", one.fmu.enterInitializationMode)
+    getter = one.fmu.getReal if fmi == 2 else one.fmu.getFloat64
+    no("no variable with the value reference 4000000000", getter, [4_000_000_000])
+    no("status is an integer variable", getter, [one.vr["status"]])
+    no("there are no Boolean", one.fmu.getBoolean, [0])
+    stored = bytearray(one.fmu.serializeFMUState(one.fmu.getFMUState()))
+    stored[len(stored) // 2] ^= 1
+    no("are not a state of this model", one.fmu.deserializeFMUState, bytes(stored))
+    no("are not a state of this model", one.fmu.deserializeFMUState, b"short")
+    # All of that left no trace.
+    found += one.run({name: values[half:] for name, values in inputs.items()}, names)
+    assert found == expected
+    one.fmu.terminate()
+    no("a step is not possible after termination", one.fmu.doStep, at, 1e-4)
+
+
+def test_states_of_another_model_are_refused(
+    instance: Callable[..., Instance], capsys: pytest.CaptureFixture[str]
+) -> None:
+    plant, loop = instance("plant").start(), instance("closed-loop").start()
+    stored = plant.fmu.serializeFMUState(plant.fmu.getFMUState())
+    refused(capsys, "are not a state", loop.fmu.deserializeFMUState, stored)
+
+
+# ---- The file ----
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_the_same_input_gives_the_same_bytes(
+    made: Callable[..., Path], tmp_path: Path, fmi: Any
+) -> None:
+    again = export_fmu(BEARING, None, tmp_path / "again.fmu", fmi=fmi)
+    assert again.path.read_bytes() == made("estimator", fmi).read_bytes()
+    heavier = export_fmu(BEARING.replace(rotor__mass=0.519), None, tmp_path / "h.fmu", fmi=fmi)
+    assert heavier.token != again.token
+
+
+def test_all_needs_no_python_and_no_other_library(
+    made: Callable[..., Path], tmp_path: Path
+) -> None:
+    if shutil.which("ldd") is None:
+        pytest.skip("there is no ldd")
+    (binary,) = unpacked(made("closed-loop"), tmp_path).rglob("*.so")
+    used = subprocess.run(["ldd", str(binary)], capture_output=True, text=True, check=True).stdout
+    libraries = {line.split()[0].split("/")[-1].split(".")[0] for line in used.splitlines()}
+    assert libraries <= {"linux-vdso", "libc", "ld-linux-x86-64", "ld-linux-aarch64", "statically"}
+
+
+def test_without_a_compiler_it_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = tmp_path / "a.fmu"
+    monkeypatch.setenv("CC", "no-such-compiler -O2")
+    with pytest.raises(AmbkitError, match=r"no C compiler \(no-such-compiler\)"):
+        export_fmu(BEARING, None, out)
+    monkeypatch.setenv("CC", "false")
+    with pytest.raises(AmbkitError, match="false cannot compile"):
+        export_fmu(BEARING, None, out)
+    monkeypatch.delenv("CC")
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(AmbkitError, match=r"no C compiler \(cc, gcc, clang\)"):
+        export_fmu(BEARING, None, out)
+    assert not out.exists()
+
+
+def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from ambkit.cli import main
+
+    def run(*arguments: str) -> Any:
+        with pytest.raises(SystemExit) as done:
+            main(["export", "fmu", "zittau_axial", *arguments])
+        return done.value.code
+
+    out = tmp_path / "plant.fmu"
+    assert run("--kind", "plant", "--fmi", "2", "--out", str(out)) == 0
+    assert f"wrote {out}, FMI 2.0" in capsys.readouterr().err
+    assert validate_fmu(str(out)) == []
+    assert run("--kind", "plant", "--estimator", "e.json", "--out", str(out)) == 2
+    assert "a plant has none" in capsys.readouterr().err
+    assert run("--out", str(tmp_path / "plant.zip")) == 2
+    assert "must end with .fmu" in capsys.readouterr().err
+    assert os.listdir(tmp_path) == ["plant.fmu"]
