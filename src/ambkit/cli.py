@@ -15,6 +15,7 @@ from ambkit.commands.check import check
 from ambkit.commands.compare import compare
 from ambkit.commands.export import export, export_c
 from ambkit.commands.export_fmu import export_fmu
+from ambkit.commands.export_mat import export_mat
 from ambkit.commands.filter import filter_record
 from ambkit.commands.identify import identify
 from ambkit.commands.presets import presets
@@ -44,7 +45,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "presets": presets,
     "check": check,
 }
-_EXPORTS: dict[str, Callable[..., None]] = {"c": export_c, "fmu": export_fmu}
+_EXPORTS: dict[str, Callable[..., None]] = {"c": export_c, "fmu": export_fmu, "mat": export_mat}
 
 
 def _help(command: Callable[..., None]) -> str:

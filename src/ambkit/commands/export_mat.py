@@ -1,0 +1,33 @@
+"""``ambkit export mat``: model, noise, tables and expert as a MAT-file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from ambkit.commands.export import EstimatorFile
+from ambkit.commands.options import BearingName, Json, file_option, find_bearing
+
+
+def export_mat(
+    bearing: BearingName,
+    out: Annotated[Path, file_option("The MAT-file to write.", (".mat",), "--out")],
+    estimator: EstimatorFile = None,
+    json: Json = False,
+) -> None:
+    """Write model, noise, stiffness tables and expert as a MAT-file.
+
+    For MATLAB: A, B, C, D, E, Q, R, P0 of the discrete model, and structs, in SI units.
+
+    For example:
+      ambkit export mat zittau_axial --estimator expert.json --out bearing.mat
+    """
+    from ambkit.commands import output
+    from ambkit.export import mat
+    from ambkit.fuzzy import Expert
+
+    model = find_bearing(bearing)
+    expert = None if estimator is None else Expert.load(estimator)
+    written = mat.export_mat(model, expert, out)
+    output.deliver({"path": str(out), "variables": list(written)}, [], as_json=json)
+    output.note(f"wrote {out}, {len(written)} variables")

@@ -1,0 +1,163 @@
+"""``ambkit export mat``: model, noise, stiffness tables and expert for MATLAB."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit import files
+from ambkit.estimate import STATES
+from ambkit.estimators import AdaptiveKalmanFilter, KalmanFilter
+from ambkit.export.tabulate import tabulate
+from ambkit.identification.stiffness import stiffness_map
+from ambkit.magnets import ConstantStiffness, core_module
+
+if TYPE_CHECKING:
+    from ambkit.bearing import Bearing
+    from ambkit.fuzzy import Expert
+
+Array = NDArray[np.float64]
+
+_HEADER = 116  # bytes of text that a MAT-file begins with, where SciPy writes the date
+
+
+def export_mat(bearing: Bearing, expert: Expert | None, out: str | Path) -> dict[str, Any]:
+    """Write a MAT-file (version 5) whose bytes depend on its content alone.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What is modelled.
+    expert : Expert, optional
+        Goes along with its rules, and as a table.
+    out : path
+        The file, ``.mat``.
+
+    Returns
+    -------
+    dict
+        What was written; see :func:`variables`.
+
+    Raises
+    ------
+    AmbkitError
+        The file cannot be written.
+    """
+    from scipy.io import savemat
+
+    content = variables(bearing, expert)
+    text = f"MATLAB 5.0 MAT-file, written by ambkit {version('ambkit')}"
+    with files.replacing(out) as temporary:
+        savemat(temporary, content, appendmat=False, oned_as="row")
+        with temporary.open("r+b") as file:
+            file.write(text.encode().ljust(_HEADER))
+    return content
+
+
+def variables(bearing: Bearing, expert: Expert | None) -> dict[str, Any]:
+    """Return what the file holds, by the names in MATLAB; all in SI.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What is modelled.
+    expert : Expert, optional
+        Adds ``expert``, and the tables are its own.
+
+    Returns
+    -------
+    dict
+        ``A`` (4, 4), ``B`` (4, 1), ``C`` (1, 4), ``D``, ``E`` (4, 1): the discrete model that the
+        linear filter predicts with, ``X(k+1) = A X(k) + B u(k) + E f_0`` and
+        ``y(k) = C X(k) + D u(k)`` (paper, eq. 15-21). ``Q`` (4, 4), ``R``: its noise; ``P0`` (4, 4): the covariance at the
+        start. ``T`` [s], ``f_0`` [N], ``states``. ``tables``: stiffnesses and force, rows of
+        ``displacement``. ``bearing``: all that describes it. ``about``: where it comes from.
+    """
+    estimator = KalmanFilter(bearing) if expert is None else AdaptiveKalmanFilter(bearing, expert)
+    content: dict[str, Any] = _model(estimator) | {
+        "states": np.array(STATES, dtype=object),
+        "tables": _tables(bearing, expert),
+        "bearing": _fields(bearing),
+        "about": f"{bearing.name}, written by ambkit {version('ambkit')}; SI units",
+    }
+    return content if expert is None else content | {"expert": _expert(expert)}
+
+
+def _model(estimator: KalmanFilter) -> dict[str, Any]:
+    """Matrices from the constants that the C core computed (core/generated/axial.h)."""
+    k = ConstantStiffness.of(estimator.bearing)
+    held = estimator.core.parameters
+    c, s = held["model"], held["set"]
+    pushed = np.array([[c["T2_2m"]], [c["T_m"]], [0.0], [0.0]])  # by a force of 1 N
+    A = np.array([
+        [1.0, c["T"], 0.0, 0.0],
+        [0.0, 1.0, 0.0, 0.0],
+        [0.0, 0.0, 1.0, 0.0],
+        [c["b_sen"], 0.0, 0.0, c["a_sen"]],
+    ])  # fmt: skip
+    A += pushed @ np.array([[k.k_s, 0.0, 1.0, 0.0]])
+    B = pushed * (k.k_i * s["k_ui"])
+    return {
+        "A": A,
+        "B": B,
+        "C": np.array([[0.0, 0.0, 0.0, 1.0]]),
+        "D": 0.0,
+        "E": pushed,
+        "Q": s["var_u"] * (B @ B.T) + np.diag([0.0, 0.0, s["var_d"], 0.0]),
+        "R": s["var_y"],
+        "P0": np.diag(np.square(estimator._default_std())),
+        "T": s["T"],
+        "f_0": s["f_0"],
+    }
+
+
+def _tables(bearing: Bearing, expert: Expert | None) -> dict[str, Any]:
+    """Stiffnesses as the paper's Tables 4 and 5, or those of an expert within a bound."""
+    stiff: Any
+    if expert is None:
+        stiff, bound = stiffness_map(bearing), {}
+    else:
+        stiff = tabulate(expert, bearing, precision="float64")
+        bound = {"force_bound": stiff.bound}
+    iu, x = np.meshgrid(stiff.current, stiff.displacement)
+    # Of the table itself, without the force at rest in the centre.
+    return {
+        "current": stiff.current,
+        "displacement": stiff.displacement,
+        "k_i": stiff.k_i,
+        "k_s": stiff.k_s,
+        "force": stiff.k_i * iu + stiff.k_s * x,
+    } | bound
+
+
+def _fields(described: Any) -> dict[str, Any]:
+    """All values of a description, and of the descriptions in it."""
+    values = {name: getattr(described, name) for name in type(described).model_fields}
+    return {
+        name: _fields(value) if hasattr(type(value), "model_fields") else value
+        for name, value in values.items()
+        if value is not None
+    }
+
+
+def _expert(expert: Expert) -> dict[str, Any]:
+    """Rules of the network (paper, eq. 32, 33): in scaled units what is called so."""
+    held = expert.magnet(core_module()).parameters
+    return {
+        "centre_current": held["centre_iu"] / held["per_ampere"],
+        "centre_displacement": held["centre_x"] / held["per_metre"],
+        "per_ampere": held["per_ampere"],
+        "per_metre": held["per_metre"],
+        "width_k_i": np.sqrt(0.5 / held["k_i"]["sharpness"]),
+        "width_k_s": np.sqrt(0.5 / held["k_s"]["sharpness"]),
+        "weight_k_i": held["k_i"]["weight"],
+        "weight_k_s": held["k_s"]["weight"],
+        "normalised": held["normalised"],
+        "current_range": np.array([held["iu_min"], held["iu_max"]]),
+        "displacement_range": np.array([held["x_min"], held["x_max"]]),
+        "source": expert.source,
+    }

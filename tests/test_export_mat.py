@@ -1,0 +1,117 @@
+"""MAT-files: what SciPy, and Octave where it is there, read back."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+import ambkit
+from ambkit import Bearing, KalmanFilter
+from ambkit.export.mat import export_mat
+from ambkit.identification.stiffness import stiffness_map
+from ambkit.magnets import evaluate_force, evaluate_stiffness
+
+BEARINGS = [Bearing.preset("zittau_axial"), Bearing.preset("inteco_ml")]
+both = pytest.mark.parametrize("bearing", BEARINGS, ids=lambda b: b.name)
+
+
+def read_back(bearing: Bearing, expert: Any, folder: Path) -> Any:
+    path = folder / "bearing.mat"
+    export_mat(bearing, expert, path)
+    return loadmat(path, simplify_cells=True)
+
+
+@both
+def test_the_model_predicts_as_the_core_does(bearing: Bearing, tmp_path: Path) -> None:
+    m = read_back(bearing, None, tmp_path)
+    state, u = np.array([1e-5, 2e-3, 0.3, 1.1e-5]), 0.2
+    kf = KalmanFilter(bearing)
+    kf.reset(state, np.sqrt(np.diag(m["P0"])))
+    predicted = m["A"] @ state + m["B"] * u + m["E"] * m["f_0"]
+    np.testing.assert_allclose(kf.predict(u), predicted, rtol=1e-12)
+    covariance = m["A"] @ m["P0"] @ m["A"].T + m["Q"]
+    scale = np.sqrt(np.diag(covariance))
+    np.testing.assert_allclose(
+        kf.covariance / np.outer(scale, scale),
+        covariance / np.outer(scale, scale),
+        rtol=0,
+        atol=1e-12,
+    )
+    y = 2e-5
+    kf.update(y)
+    np.testing.assert_allclose(kf.innovation_variance, m["C"] @ covariance @ m["C"] + m["R"])
+    np.testing.assert_allclose(kf.innovation, y - m["C"] @ predicted - m["D"] * u)
+
+
+@both
+def test_tables_and_bearing_come_back(bearing: Bearing, tmp_path: Path) -> None:
+    m = read_back(bearing, None, tmp_path)
+    stiff, tables = stiffness_map(bearing), m["tables"]
+    for name in ("current", "displacement", "k_i", "k_s"):
+        np.testing.assert_array_equal(tables[name], getattr(stiff, name), name)
+    iu, x = np.meshgrid(tables["current"], tables["displacement"])
+    law = ambkit.ClosedLaw(bearing)
+    np.testing.assert_allclose(tables["force"] + law.bias_force, law.force(iu, x), atol=0.01)
+    assert m["bearing"]["magnet"]["air_gap"] == bearing.magnet.air_gap
+    assert m["bearing"]["rotor"]["gravity"] == "-x"
+    assert m["T"] == bearing.sampling_time
+    assert list(m["states"]) == ["x", "v", "f_d", "x_m"]
+
+
+@both
+def test_the_expert_s_rules_give_its_stiffnesses(bearing: Bearing, tmp_path: Path) -> None:
+    expert = ambkit.train(bearing)
+    m = read_back(bearing, expert, tmp_path)
+    net, tables = m["expert"], m["tables"]
+    iu, x = 0.3 * net["current_range"][1], 0.4 * net["displacement_range"][0]
+    for name, expected in zip(("k_i", "k_s"), evaluate_stiffness(expert, iu, x), strict=True):
+        far = (net["per_ampere"] * (iu - net["centre_current"])) ** 2
+        far += (net["per_metre"] * (x - net["centre_displacement"])) ** 2
+        u = np.exp(-far / (2 * net[f"width_{name}"] ** 2))
+        assert net["normalised"]
+        np.testing.assert_allclose(u @ net[f"weight_{name}"] / u.sum(), expected, rtol=1e-9)
+    grid = np.meshgrid(tables["current"], tables["displacement"])
+    np.testing.assert_allclose(
+        tables["force"], evaluate_force(expert, *grid), rtol=0, atol=tables["force_bound"]
+    )
+
+
+def test_the_same_input_gives_the_same_bytes(tmp_path: Path) -> None:
+    a, b = tmp_path / "a.mat", tmp_path / "b.mat"
+    export_mat(BEARINGS[0], None, a)
+    export_mat(BEARINGS[0], None, b)
+    assert a.read_bytes() == b.read_bytes()
+    assert b"Created on" not in a.read_bytes()
+    assert a.read_bytes()[124:128] == b"\x00\x01IM"  # version and byte order stand as they must
+
+
+@pytest.mark.skipif(shutil.which("octave") is None, reason="Octave is not installed")
+def test_octave_reads_it(tmp_path: Path) -> None:
+    path = tmp_path / "bearing.mat"
+    m = export_mat(BEARINGS[0], None, path)
+    code = f"load('{path}'); printf('%.17g ', A, tables.k_s, bearing.magnet.air_gap);"
+    done = subprocess.run(
+        ["octave", "--quiet", "--no-init-file", "--eval", code],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    expected = [*m["A"].ravel("F"), *m["tables"]["k_s"].ravel("F"), 2e-3]
+    assert [float(word) for word in done.stdout.split()] == expected
+
+
+def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from ambkit.cli import main
+
+    out = tmp_path / "bearing.mat"
+    with pytest.raises(SystemExit) as done:
+        main(["export", "mat", "zittau_axial", "--out", str(out)])
+    assert done.value.code == 0
+    assert f"wrote {out}" in capsys.readouterr().err
+    assert "A" in loadmat(out)
