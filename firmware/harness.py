@@ -23,7 +23,7 @@ SECONDS = 300  # no run takes a tenth of this
 Contraction = Literal["off", "fast"]
 
 _ANSWER = np.dtype([("mean", "<f4", 4), ("status", "<u4"), ("instructions", "<u4")])
-_SUMMARY = np.dtype([("unequal", "<u4"), ("wrong_status", "<u4"), ("stack", "<u4")])
+_SUMMARY = np.dtype([(name, "<u4") for name in ("unequal", "wrong_status", "stack", "state")])
 
 
 class Firmware(NamedTuple):
@@ -34,7 +34,7 @@ class Firmware(NamedTuple):
 
 
 class Size(NamedTuple):
-    """What an export takes of a controller's memory [bytes]; no variables, these are the caller's."""
+    """What an export takes of a controller's memory [bytes]; variables are the caller's."""
 
     code: int
     constants: int
@@ -48,6 +48,7 @@ class Run(NamedTuple):
     status: NDArray[np.uint32]  # (n,)
     instructions: NDArray[np.uint32]  # (n - 1,), of each step
     stack: int  # bytes that a step needs
+    state: int  # bytes of an instance
     unequal: int  # states of the self-test that are not equal to the last bit
     wrong_status: int  # statuses of the self-test
     text: str  # what it printed
@@ -60,9 +61,9 @@ def missing_tools() -> list[str]:
 
 
 def compiler() -> str:
-    """Return name and version of the cross compiler."""
+    """Return name, version and flags of the cross compiler."""
     version = _call(PREFIX + "gcc", "-dumpfullversion").strip()
-    return f"{PREFIX}gcc {version}"
+    return " ".join([f"{PREFIX}gcc {version}", *FLAGS, "-ffp-contract=off"])
 
 
 def build(export: Path, into: Path, contraction: Contraction = "off") -> Firmware:
@@ -151,6 +152,7 @@ def run(firmware: Firmware, y: ArrayLike, u: ArrayLike) -> Run:
         status=answers["status"],
         instructions=answers["instructions"][1:],
         stack=int(summary["stack"]),
+        state=int(summary["state"]),
         unequal=int(summary["unequal"]),
         wrong_status=int(summary["wrong_status"]),
         text=done.stderr,
@@ -159,9 +161,9 @@ def run(firmware: Firmware, y: ArrayLike, u: ArrayLike) -> Run:
 
 def size(firmware: Firmware) -> Size:
     """Return what the export takes of flash and of memory."""
-    lines = re.findall(r"^(\.\w+)\S*\s+(\d+)\s", _call(PREFIX + "size", "-A", firmware.object), re.M)
+    listing = _call(PREFIX + "size", "-A", firmware.object)
     totals = {".text": 0, ".rodata": 0, ".data": 0, ".bss": 0}
-    for section, count in lines:
+    for section, count in re.findall(r"^(\.\w+)\S*\s+(\d+)\s", listing, re.MULTILINE):
         if section in totals:
             totals[section] += int(count)
     return Size(totals[".text"], totals[".rodata"], totals[".data"] + totals[".bss"])

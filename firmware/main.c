@@ -26,6 +26,7 @@ typedef struct answer {
 typedef struct summary {
   uint32_t unequal, wrong_status; /* of the self-test */
   uint32_t stack;                 /* bytes that a step needs below its caller */
+  uint32_t state;                 /* bytes of an instance */
 } summary;
 
 typedef amb_status step_function(filter_state *state, amb_real y, amb_real u,
@@ -127,7 +128,7 @@ static void run(size_t n, summary *found)
 
 int main(void)
 {
-  summary found = {0, 0, 0};
+  summary found = {0, 0, 0, sizeof(filter_state)};
   filter_selftest_result selftest;
   filter_selftest(&selftest);
   found.unequal = selftest.unequal;

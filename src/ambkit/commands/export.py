@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ambkit.commands.options import BearingName, Json, find_bearing, quantity
+from ambkit.errors import AmbkitError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from ambkit.export.c import Cost
 
 
 class Precision(StrEnum):
@@ -24,6 +31,8 @@ class Form(StrEnum):
     exact = "exact"
     tabulated = "tabulated"
 
+
+_CLOCK = 168e6  # Hz; of an STM32F4
 
 EstimatorFile = Annotated[
     Path | None,
@@ -65,6 +74,17 @@ def export_c(
             help='How far the table may be from the rules, such as "0.1 N".',
         ),
     ] = None,
+    cost: Annotated[
+        bool, typer.Option("--cost", help="Also print what it costs on a Cortex-M4F.")
+    ] = False,
+    clock: Annotated[
+        float | None,
+        typer.Option(
+            parser=quantity("Hz"),
+            metavar="FREQUENCY",
+            help="Of the processor, for --cost; 168 MHz if not given.",
+        ),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Write a filter as a folder of C99 that compiles alone.
@@ -79,6 +99,8 @@ def export_c(
     from ambkit.export import c
     from ambkit.fuzzy import Expert
 
+    if precision is Precision.double and (cost or clock is not None):
+        raise AmbkitError("--cost is for --precision float: a Cortex-M4F has no double in hardware")
     model = find_bearing(bearing)
     source = None if estimator is None else Expert.load(estimator)
     written = c.export_c(
@@ -108,5 +130,32 @@ def export_c(
                 "force_error": written.table.error,
             }
         }
-    output.deliver(data, [], as_json=json)
+    tables = []
+    if written.cost is not None and (cost or clock is not None):
+        clock = clock or _CLOCK
+        rate = {"clock": clock, "highest_rate": written.cost.highest_rate(clock)}
+        data["cost"] = asdict(written.cost) | rate
+        tables.append(_cost_table(written.cost, clock))
+    output.deliver(data, tables, as_json=json)
     output.note(f"wrote {written.folder}, {len(written.files) + 1} files")
+
+
+def _cost_table(spent: Cost, clock: float) -> Table:
+    from ambkit.commands import output
+    from ambkit.export.c import CYCLES_PER_INSTRUCTION
+    from ambkit.units import engineering
+
+    rows = [
+        ("instructions a step, as a rule", f"{spent.instructions}"),
+        ("instructions a step, at most", f"{spent.most}"),
+        ("code", f"{spent.code} bytes"),
+        ("constants", f"{spent.constants} bytes"),
+        ("state of an instance", f"{spent.state} bytes"),
+        ("stack", f"{spent.stack} bytes"),
+        (
+            f"highest sampling rate at {engineering(clock, 'Hz')}, "
+            f"{CYCLES_PER_INSTRUCTION} cycles an instruction assumed",
+            engineering(spent.highest_rate(clock), "Hz"),
+        ),
+    ]
+    return output.table("Cost on a Cortex-M4F, measured in qemu", ("", ""), rows)

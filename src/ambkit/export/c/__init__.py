@@ -6,6 +6,7 @@ The folder holds the core's own files (``core/``), one data file for this bearin
 this module for the layout.
 """
 
+from ambkit.export.c.cost import CYCLES_PER_INSTRUCTION, Cost
 from ambkit.export.c.exporter import CExport, export_c
 
-__all__ = ["CExport", "export_c"]
+__all__ = ["CYCLES_PER_INSTRUCTION", "CExport", "Cost", "export_c"]

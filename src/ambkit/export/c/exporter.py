@@ -15,7 +15,8 @@ from ambkit import files
 from ambkit.errors import AmbkitError
 from ambkit.estimators import AdaptiveKalmanFilter, KalmanFilter
 from ambkit.export import core
-from ambkit.export.c import data, vectors
+from ambkit.export.c import cost, data, vectors
+from ambkit.export.c.cost import Cost
 from ambkit.export.c.data import CPrecision
 from ambkit.export.tabulate import TabulatedExpert, tabulate
 from ambkit.fuzzy import Expert
@@ -73,6 +74,8 @@ class CExport:
         Hash of all that the estimator was made from.
     table : TabulatedExpert or None
         The table, where the expert is tabulated: its nodes, bound and error.
+    cost : Cost or None
+        What it costs on a Cortex-M4F, which computes in float and not in double.
     """
 
     folder: Path
@@ -82,6 +85,7 @@ class CExport:
     sources: tuple[str, ...]
     configuration: str
     table: TabulatedExpert | None
+    cost: Cost | None
 
 
 def export_c(
@@ -137,10 +141,18 @@ def export_c(
         if source is None
         else AdaptiveKalmanFilter(bearing, source, **options)
     )
-    content = _render(estimator, name, precision, _facts(source, precision))
+    spent = _cost(estimator) if precision == "float" else None
+    content = _render(estimator, name, precision, _facts(source, precision) | _cost_facts(spent))
     folder = _write(Path(out), content.files)
     return CExport(
-        folder, name, precision, tuple(content.files), content.sources, content.configuration, table
+        folder,
+        name,
+        precision,
+        tuple(content.files),
+        content.sources,
+        content.configuration,
+        table,
+        spent,
     )
 
 
@@ -157,6 +169,23 @@ def _facts(source: StiffnessSource | None, precision: CPrecision) -> dict[str, s
             "largest error found": engineering(source.error, "N", digits=3),
         }
     return facts
+
+
+def _cost(estimator: KalmanFilter) -> Cost:
+    magnet = estimator.source.magnet(core_module(estimator.precision))
+    return cost.of(type(magnet).__name__, magnet.parameters)
+
+
+def _cost_facts(spent: Cost | None) -> dict[str, str]:
+    """Return what the README says of the cost."""
+    if spent is None:
+        return {}
+    return {
+        "instructions a step (Cortex-M4F, in qemu)": f"{spent.instructions}, at most {spent.most}",
+        "flash": f"{spent.code} bytes of code, {spent.constants} bytes of constants",
+        "memory": f"{spent.state} bytes an instance, {spent.stack} bytes of stack",
+        "compiled by": f"{spent.compiler}",
+    }
 
 
 class _Content(NamedTuple):
