@@ -75,8 +75,7 @@ static void test_plant(void)
   CHECK(s.x < plant.travel && s.v < 0);
 }
 
-static amb_status loop_run(size_t n, const amb_kalman *kf, bool fed_by_estimate,
-                           amb_kalman_state *kalman, amb_loop_output *out)
+static amb_loop loop_of(const amb_kalman *kf, bool fed_by_estimate)
 {
   const amb_loop loop = {
       .plant = plant,
@@ -89,6 +88,13 @@ static amb_status loop_run(size_t n, const amb_kalman *kf, bool fed_by_estimate,
       .magnet = &magnet,
       .feedback_estimate = fed_by_estimate,
   };
+  return loop;
+}
+
+static amb_status loop_run(size_t n, const amb_kalman *kf, bool fed_by_estimate,
+                           amb_kalman_state *kalman, amb_loop_output *out)
+{
+  const amb_loop loop = loop_of(kf, fed_by_estimate);
   const amb_loop_input in = {n, r, f_d, noise_u, noise_y};
   amb_plant_state state = {0, 0, 0};
   amb_pid_state control;
@@ -137,11 +143,37 @@ static void test_loop_without_estimator(void)
   CHECK_WITHIN(x[N - 1], AMB_C(1e-4), AMB_C(0.4));
 }
 
+/* Sample by sample it is the same run, to the last bit. */
+static void test_steps(bool fed_by_estimate)
+{
+  const amb_real zero[4] = {0, 0, 0, 0};
+  const amb_real some[4] = {AMB_C(3e-5), AMB_C(1e-2), 5, AMB_C(3e-5)};
+  amb_kalman kf;
+  amb_kalman_state s;
+  CHECK(amb_kalman_init(&kf, &settings) == AMB_OK);
+  CHECK(amb_kalman_reset(&s, zero, some) == AMB_OK);
+  amb_loop_state step = {.kalman = s, .sampled = false};
+  amb_pid_reset(&step.pid, 0);
+  amb_loop_output out = output();
+  CHECK(loop_run(N, &kf, fed_by_estimate, &s, &out) == AMB_OK);
+  const amb_loop loop = loop_of(&kf, fed_by_estimate);
+  int different = 0;
+  for (int k = 0; k < N; k++) {
+    const amb_loop_sample sample = {r[k], f_d[k], noise_u[k], noise_y[k]};
+    different += !same(step.plant.x, x[k]);
+    CHECK(!amb_loop_step(&loop, &step, &sample));
+    different += !same(step.u, u[k]) + !same(step.kalman.mean[2], mean[4 * k + 2]);
+  }
+  CHECK(different == 0 && !same(x[N - 1], x[N - 2]));
+}
+
 int main(void)
 {
   test_plant();
   test_loop(false);
   test_loop(true);
   test_loop_without_estimator();
+  test_steps(false);
+  test_steps(true);
   return failures;
 }
