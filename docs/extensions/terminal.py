@@ -5,15 +5,21 @@ option ``:fails: 2`` is for a line that is meant to fail with that exit code. ``
 a file and writes it into that folder. ``{manual} COMMAND`` shows the help of an ambkit command.
 """
 
-import os
+import shlex
 import subprocess
 import tempfile
+from contextlib import chdir, redirect_stderr, redirect_stdout
+from io import StringIO
 from pathlib import Path
 
+import typer
 from docutils import nodes
 from docutils.parsers.rst import directives
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
+from typer.testing import CliRunner
+
+from ambkit.cli import app, main
 
 LANGUAGES = {".toml": "toml", ".csv": "text", ".json": "json"}
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -21,17 +27,30 @@ EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 _folders: dict[str, tempfile.TemporaryDirectory[str]] = {}
 
 
-def _run(line: str, folder: Path | None = None) -> subprocess.CompletedProcess[str]:
-    """Run a command line; stdout and stderr come in the order of writing."""
-    return subprocess.run(
+def _run(line: str, folder: Path) -> tuple[int, str]:
+    """Run a command line; return its exit code, and what it printed in the order of writing."""
+    words = shlex.split(line)
+    if words[0] == "ambkit" and not {">", "|"} & set(words):
+        return _run_here(words[1:], folder)  # an interpreter less to start
+    done = subprocess.run(
         ["bash", "-c", line],
         cwd=folder,
-        env=os.environ | {"PYTHONUNBUFFERED": "1"},
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
         timeout=120,
     )
+    return done.returncode, done.stdout
+
+
+def _run_here(arguments: list[str], folder: Path) -> tuple[int, str]:
+    printed, code = StringIO(), 0
+    with chdir(folder), redirect_stdout(printed), redirect_stderr(printed):
+        try:
+            main(arguments)
+        except SystemExit as end:
+            code = int(end.code or 0)
+    return code, printed.getvalue()
 
 
 class _InFolder(SphinxDirective):
@@ -58,10 +77,10 @@ class Terminal(_InFolder):
         """Run line by line."""
         expected, shown = self.options.get("fails", 0), []
         for line in self.content:
-            done = _run(line, self.folder)
-            if done.returncode != expected:
-                raise self.error(f"$ {line}\n{done.stdout}\nexit code {done.returncode}")
-            printed = "\n".join(text.rstrip() for text in done.stdout.splitlines()).strip("\n")
+            code, output = _run(line, self.folder)
+            if code != expected:
+                raise self.error(f"$ {line}\n{output}\nexit code {code}")
+            printed = "\n".join(text.rstrip() for text in output.splitlines()).strip("\n")
             shown.append(f"$ {line}\n{printed}".strip())
         text = "\n\n".join(shown)
         return [nodes.literal_block(text, text, language="console", classes=["terminal"])]
@@ -84,17 +103,20 @@ class File(_InFolder):
 
 
 class Manual(SphinxDirective):
-    """``{manual} COMMAND``."""
+    """``{manual} COMMAND``: its help, and that of its own commands if it has some."""
 
     required_arguments = 1
-    final_argument_whitespace = True
 
     def run(self) -> list[nodes.Node]:
         """Ask the command itself."""
-        done = _run(f"COLUMNS=90 ambkit {self.arguments[0]} --help")
-        if done.returncode:
-            raise self.error(done.stdout)
-        return [nodes.literal_block(done.stdout, done.stdout, language="text")]
+        name = self.arguments[0]
+        command = typer.main.get_command(app).commands[name]
+        shown = []
+        for inner in ([], *([inner] for inner in getattr(command, "commands", {}))):
+            arguments = [name, *inner, "--help"]
+            text = CliRunner().invoke(app, arguments, prog_name="ambkit", terminal_width=90).output
+            shown.append(nodes.literal_block(text, text, language="text"))
+        return shown
 
 
 def _clean(app: Sphinx, _tree: nodes.document) -> None:
