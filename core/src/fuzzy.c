@@ -39,6 +39,19 @@ static void exponents(const amb_fuzzy *net, const amb_real *sharpness, amb_real 
   }
 }
 
+/* Those of both outputs: the distances are the same. */
+static void both_exponents(const amb_fuzzy *net, amb_real p, amb_real q, amb_real *e_i,
+                           amb_real *e_s)
+{
+  const int rules = net->rules;
+  for (int r = 0; r < rules; r++) {
+    const amb_real dp = p - net->centre_iu[r], dq = q - net->centre_x[r];
+    const amb_real square = dp * dp + dq * dq;
+    e_i[r] = square * net->k_i.sharpness[r];
+    e_s[r] = square * net->k_s.sharpness[r];
+  }
+}
+
 static void exponentials(amb_real *e, int n)
 {
   for (int r = 0; r < n; r++)
@@ -90,8 +103,7 @@ static amb_stiffness fuzzy_through_origin(const void *self, amb_real iu, amb_rea
   const amb_real p = amb_clamp(iu, net->iu_min, net->iu_max) * net->per_ampere;
   const amb_real q = amb_clamp(x, net->x_min, net->x_max) * net->per_metre;
   amb_real u[2 * AMB_FUZZY_MAX_RULES];
-  exponents(net, net->k_i.sharpness, p, q, u);
-  exponents(net, net->k_s.sharpness, p, q, u + net->rules);
+  both_exponents(net, p, q, u, u + net->rules);
   exponentials(u, 2 * net->rules);
   const sums i = total(net, &net->k_i, p, q, u), s = total(net, &net->k_s, p, q, u + net->rules);
   amb_stiffness k = {i.weighted, s.weighted};
