@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ambkit.commands.export import EstimatorFile
+from ambkit.commands.family import read_expert
 from ambkit.commands.options import BearingName, Json, file_option, find_bearing
 from ambkit.errors import AmbkitError
 
@@ -52,12 +53,11 @@ def export_fmu(
     """
     from ambkit.commands import output
     from ambkit.export import fmu
-    from ambkit.fuzzy import Expert
 
     if kind is Kind.plant and estimator is not None:
         raise AmbkitError("--estimator is for --kind estimator and closed-loop: a plant has none")
     model = find_bearing(bearing)
-    source = None if estimator is None else Expert.load(estimator)
+    source = None if estimator is None else read_expert(estimator, model)
     written = fmu.export_fmu(model, source, out, kind=kind.value, fmi=_VERSIONS[fmi])
     data = {
         "path": str(written.path),

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 from ambkit.commands.export import EstimatorFile
+from ambkit.commands.family import read_expert
 from ambkit.commands.options import BearingName, Json, file_option, find_bearing
 
 
@@ -24,10 +25,9 @@ def export_mat(
     """
     from ambkit.commands import output
     from ambkit.export import mat
-    from ambkit.fuzzy import Expert
 
     model = find_bearing(bearing)
-    expert = None if estimator is None else Expert.load(estimator)
+    expert = None if estimator is None else read_expert(estimator, model)
     written = mat.export_mat(model, expert, out)
     output.deliver({"path": str(out), "variables": list(written)}, [], as_json=json)
     output.note(f"wrote {out}, {len(written)} variables")

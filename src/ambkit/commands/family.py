@@ -14,6 +14,7 @@ from ambkit.errors import AmbkitError
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
     from ambkit.estimators import FilterNoise, KalmanFilter
+    from ambkit.fuzzy import Expert
     from ambkit.magnets import StiffnessSource
     from ambkit.scenario import Scenario
 
@@ -94,11 +95,22 @@ def _source(name: str, bearing: Bearing, expert: Path | None) -> StiffnessSource
 
         with output.progress("training the expert"):
             return train(bearing, weights=True)
+    return read_expert(expert, bearing)
+
+
+def read_expert(path: Path, bearing: Bearing) -> Expert:
+    """Return the expert in a file, and note if it was trained for another bearing.
+
+    Raises
+    ------
+    AmbkitError
+        It cannot be read.
+    """
     from ambkit.fuzzy import Expert
 
-    trained = Expert.load(expert)
+    trained = Expert.load(path)
     if not trained.source.startswith(bearing.name):
-        output.note(f"{expert}: was trained for {trained.source}, not for {bearing.name}")
+        output.note(f"{path}: was trained for {trained.source}, not for {bearing.name}")
     return trained
 
 

@@ -60,7 +60,10 @@ def export_fmu(
 ) -> FmuExport:
     """Write a co-simulation FMU around the C of the library: binary and sources, no Python.
 
-    It steps with the bearing's sampling time, and computes in double, bit for bit as the library.
+    It computes in double, bit for bit as the library. A communication step is a whole multiple of
+    the bearing's sampling time. As in a controller, the sample at a communication point is taken by
+    the step that begins there, with the inputs set there: an estimate read after the step from t to
+    t + T is that of the sample at t. The plant's outputs are those at the end of the step.
 
     Parameters
     ----------
