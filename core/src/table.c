@@ -11,11 +11,16 @@ static place locate(amb_real value, amb_real first, amb_real per_step, int nodes
 {
   const amb_real cells = (amb_real)(nodes - 1);
   const amb_real raw = (value - first) * per_step;
-  const amb_real position = amb_clamp(raw, AMB_C(0.0), cells);
-  const int below = position >= AMB_C(1.0) ? (int)position : 0; /* NaN: the fraction carries it */
   place p;
-  p.node = below > (nodes - 2) ? (nodes - 2) : below;
-  p.fraction = position - (amb_real)p.node;
+  if (raw >= AMB_C(1.0)) {
+    const amb_real position = raw < cells ? raw : cells;
+    const int below = (int)position;
+    p.node = below > (nodes - 2) ? (nodes - 2) : below;
+    p.fraction = position - (amb_real)p.node;
+  } else { /* NaN, too: the fraction carries it */
+    p.node = 0;
+    p.fraction = raw < AMB_C(0.0) ? AMB_C(0.0) : raw;
+  }
   p.slope = ((raw >= AMB_C(0.0)) && (raw <= cells)) ? per_step : AMB_C(0.0);
   return p;
 }
