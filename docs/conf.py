@@ -33,6 +33,7 @@ extensions = [
     "sphinx.ext.autodoc",
     "numpydoc",
     "docstrings",
+    "headers",
     "mathml",
     "reproduced",
     "terminal",
