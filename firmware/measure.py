@@ -61,7 +61,8 @@ def figures(source: StiffnessSource, folder: Path) -> dict[str, int]:
     """Build and run one filter; return what it costs."""
     export = export_c(BEARING, source, folder / "export", prefix="filter").folder
     firmware = harness.build(export, folder / "build")
-    run = harness.run(firmware, *(record()[name] for name in ("y", "u")))
+    recorded = record()
+    run = harness.run(firmware, recorded["y"], recorded["u"])
     size = harness.size(firmware)
     magnet = source.magnet(core_module("float32"))
     reals = sum(np.asarray(array).size for array in arrays_of(magnet.parameters).values())

@@ -20,12 +20,16 @@ pytestmark = pytest.mark.skipif(
 
 KINDS = ("Constant", "Law", "Table", "Fuzzy")
 CONTRACTED = 1e-3  # of each state's standard deviation; as the exports' own self-test
+# Instructions of a usual step. Of linear and tabulated filters less was asked for, 170 and 300: see
+# firmware/README.md.
+LIMITS = {"Constant": 330, "Law": 400, "Table": 400, "Fuzzy": 3000}
 HELPERS = {"memcpy", "memset"}  # what any C compiler may call of itself
 
 
 class Case(NamedTuple):
     """One filter: what the float build on this machine gives, and the processor."""
 
+    kind: str
     export: Path
     here: Estimate
     std: np.ndarray
@@ -42,9 +46,8 @@ def case(request, tmp_path_factory) -> Case:
     here = KalmanFilter(measure.BEARING, source, precision="float32").run(record, covariance=True)
     firmware = harness.build(export, folder / "build")
     std = np.sqrt(here.covariance[:, [0, 4, 7, 9]])
-    return Case(
-        export, here, std, firmware, harness.run(firmware, *(record[n] for n in ("y", "u")))
-    )
+    there = harness.run(firmware, record["y"], record["u"])
+    return Case(request.param, export, here, std, firmware, there)
 
 
 def test_the_self_test_passes_to_the_last_bit(case: Case) -> None:
@@ -65,6 +68,11 @@ def test_contraction_moves_the_estimates_within_the_bound(case: Case, tmp_path: 
     off = np.abs(there.mean - case.here.mean) / case.std
     assert 0 < off.max() <= CONTRACTED
     np.testing.assert_array_equal(there.status, case.here.status)
+
+
+def test_a_step_stays_within_its_limit(case: Case) -> None:
+    usual = np.median(case.there.instructions)
+    assert 50 < usual <= LIMITS[case.kind]
 
 
 def test_a_wrong_expectation_in_the_self_test_is_found(case: Case, tmp_path: Path) -> None:
