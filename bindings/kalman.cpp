@@ -125,6 +125,7 @@ Named parameters(const Kalman &self)
   model["b_sen"] = m.b_sen;
   all["set"] = set;
   all["model"] = model;
+  all["far_squared"] = self.kf.far_squared;
   return all;
 }
 

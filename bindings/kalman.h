@@ -3,7 +3,7 @@
 #include "magnets.h"
 
 extern "C" {
-#include "ambkit/kalman.h"
+#include "ambkit/kalman_run.h"
 }
 
 // Where a filter writes its history: arrays for n samples, in one block of memory. One block,

@@ -3,7 +3,7 @@
 #define AMBKIT_SIM_LOOP_H
 
 #include "ambkit/controller.h"
-#include "ambkit/kalman.h"
+#include "ambkit/kalman_run.h"
 #include "plant.h"
 
 typedef struct amb_loop {

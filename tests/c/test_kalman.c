@@ -1,5 +1,5 @@
 /* The filter: settings, starts, and each status with what it leaves behind. */
-#include "ambkit/kalman.h"
+#include "ambkit/kalman_run.h"
 #include "check.h"
 #include <string.h>
 

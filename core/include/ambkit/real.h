@@ -46,6 +46,16 @@ static inline bool amb_is_finite(amb_real a)
   return (a >= -AMB_REAL_MAX) && (a <= AMB_REAL_MAX);
 }
 
+static inline bool amb_is_positive(amb_real a)
+{
+  return (a > AMB_C(0.0)) && (a <= AMB_REAL_MAX);
+}
+
+static inline amb_real amb_magnitude(amb_real a)
+{
+  return a < AMB_C(0.0) ? -a : a;
+}
+
 static inline amb_real amb_clamp(amb_real a, amb_real low, amb_real high)
 {
   const amb_real above = a < low ? low : a;

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
 from importlib.metadata import distribution, version
 from pathlib import Path
@@ -29,43 +30,50 @@ _MODELS: dict[Kind, tuple[str, ...]] = {
     "plant": ("plant_model", "rig"),
     "closed-loop": ("loop_model", "filter", "rig"),
 }
-_CORE: dict[Kind, tuple[str, ...]] = {
-    "estimator": ("src/kalman.c",),
-    "plant": ("src/magnet.c", "include/ambkit/status.h"),
-    "closed-loop": ("src/kalman.c", "src/controller.c", "src/magnet.c"),
-}
-_SIM: dict[Kind, tuple[str, ...]] = {
-    "estimator": (),
-    "plant": ("plant",),
-    "closed-loop": ("plant", "loop"),
-}
 _STANDARD: dict[Fmi, tuple[str, ...]] = {
     2: ("fmi2FunctionTypes.h", "fmi2Functions.h", "fmi2TypesPlatform.h"),
     3: ("fmi3FunctionTypes.h", "fmi3Functions.h", "fmi3PlatformTypes.h"),
 }
 
 
-def library_files(kind: Kind, *more: str) -> dict[str, str]:
-    """Return the library's own C, with all headers, as it lies in ``sources/``.
+def library_files(kind: Kind, fmi: Fmi, magnet_header: str | None = None) -> dict[str, str]:
+    """Return the library's own C, as it lies in ``sources/``: what the model's C includes.
 
     Headers keep the names by which they are included, so that ``sources/`` is the one folder that
-    a compiler must know.
+    a compiler must know. With each header goes the C file of the same name.
 
     Parameters
     ----------
-    kind : {"estimator", "plant", "closed-loop"}
-        What needs it.
-    *more : str
-        Files of the core that it needs besides.
+    kind, fmi
+        Of the model.
+    magnet_header : str, optional
+        What the data file includes besides.
     """
-    texts = {
-        name.removeprefix("include/").replace("src/", "core/"): text
-        for name, text in core.closure([*_CORE[kind], *more]).items()
-    }
-    simulation = core.folder().parent / "sim"
-    for name in (f"{stem}{ending}" for stem in _SIM[kind] for ending in (".h", ".c")):
-        texts[f"sim/{name}"] = (simulation / name).read_text(encoding="utf-8")
-    return texts
+    simulation, sim = core.folder().parent / "sim", {}
+    for stem in _included("sim", model_files(kind, fmi)):
+        for name in (f"{stem}.h", f"{stem}.c"):
+            sim[f"sim/{name}"] = (simulation / name).read_text(encoding="utf-8")
+    stems = _included("ambkit", model_files(kind, fmi) | sim)
+    wanted = {f"include/ambkit/{stem}.h" for stem in stems}
+    if magnet_header is not None:
+        wanted.add(f"include/{magnet_header}")
+    found = core.closure(wanted)
+    while more := _sources_of(found) - found.keys():
+        found = core.closure(wanted := wanted | more)
+    laid = {name.removeprefix("include/").replace("src/", "core/"): t for name, t in found.items()}
+    return laid | sim
+
+
+def _included(folder: str, texts: dict[str, str]) -> set[str]:
+    """Return the headers of a folder that texts include, without their endings."""
+    include = re.compile(rf'^#include "{folder}/(\w+)\.h"', re.MULTILINE)
+    return {stem for text in texts.values() for stem in include.findall(text)}
+
+
+def _sources_of(names: Iterable[str]) -> set[str]:
+    """Return the core's C files that have the names of headers."""
+    files = {f"src/{Path(name).stem}.c" for name in names if name.endswith(".h")}
+    return {file for file in files if (core.folder() / file).is_file()}
 
 
 def model_files(kind: Kind, fmi: Fmi) -> dict[str, str]:
@@ -123,7 +131,6 @@ def filter_data(estimator: KalmanFilter) -> dict[str, Any]:
         "magnet": data.struct(fields, "double", names),
         "magnet_type": kind.type,
         "magnet_methods": kind.methods,
-        "magnet_source": f"src/{kind.source}.c",
         "magnet_header": f"ambkit/{kind.source}.h",
         "arrays": [
             {

@@ -1,0 +1,43 @@
+/* A filter along a whole record, with its history; for the host. */
+#ifndef AMBKIT_KALMAN_RUN_H
+#define AMBKIT_KALMAN_RUN_H
+
+#include "ambkit/kalman.h"
+
+/* Mean of the measurement `ahead` samples on [m], from `mean` and without new measurements, while
+ * the control signals u[0 .. ahead - 1] act; f_d stays what it is. */
+amb_real amb_kalman_forecast(const amb_kalman *kf, const amb_magnet *magnet,
+                             const amb_real mean[AMB_AXIAL_STATES], const amb_real *u,
+                             size_t ahead);
+
+/* A whole record of n samples. u[k] acts from sample k to k + 1; the first sample is only taken in,
+ * and not predicted. k_i, k_s: given stiffnesses, u[k] and k_i[k] belong together; or NULL, and the
+ * magnet is asked. */
+typedef struct amb_kalman_input {
+  size_t n;
+  const amb_real *y;   /* [m] */
+  const amb_real *u;   /* [V] */
+  const amb_real *k_i; /* [N/A] or NULL */
+  const amb_real *k_s; /* [N/m] or NULL */
+} amb_kalman_input;
+
+/* Where the results go; `cov` may be NULL. */
+typedef struct amb_kalman_history {
+  amb_real *mean;        /* n x 4 */
+  amb_real *cov;         /* n x 10, or NULL */
+  amb_real *innovation;  /* n [m] */
+  amb_real *variance;    /* n [m^2] */
+  amb_real *k_i;         /* n [N/A] */
+  amb_real *k_s;         /* n [N/m] */
+  unsigned char *status; /* n */
+} amb_kalman_history;
+
+/* Write sample k of a history. */
+void amb_kalman_note(const amb_kalman_state *state, const amb_kalman_result *result, size_t k,
+                     const amb_kalman_history *history);
+
+/* Returns all flags that were raised anywhere. `magnet` may be NULL where k_i, k_s are given. */
+amb_status amb_kalman_run(const amb_kalman *kf, const amb_magnet *magnet, amb_kalman_state *state,
+                          const amb_kalman_input *input, const amb_kalman_history *history);
+
+#endif

@@ -1,0 +1,141 @@
+/* The pieces of a step, inline: a whole record becomes one loop whose state stays in registers, and
+ * an exported filter one function. Elsewhere the functions of ambkit/kalman.h serve, which are
+ * these.
+ */
+#ifndef AMBKIT_KALMAN_STEP_H
+#define AMBKIT_KALMAN_STEP_H
+
+#include "ambkit/kalman.h"
+
+AMB_INLINE amb_real amb_step_current(const amb_kalman *kf, amb_kalman_state *state, amb_real u,
+                                     amb_status *status)
+{
+  amb_real iu = kf->set.k_ui * u;
+  if ((iu >= kf->set.iu_min) && (iu <= kf->set.iu_max)) {
+    state->last_u = u;
+  } else { /* not finite, or more than there is */
+    if (amb_is_finite(u)) {
+      state->last_u = u;
+    } else {
+      *status |= AMB_BAD_CONTROL;
+    }
+    const amb_real asked = kf->set.k_ui * state->last_u;
+    iu = amb_clamp(asked, kf->set.iu_min, kf->set.iu_max);
+    if ((iu < asked) || (iu > asked)) {
+      *status |= AMB_SATURATED;
+    }
+  }
+  return iu;
+}
+
+/* Without measurements the estimate runs away, and most magnets have a pole in the air gap: they
+ * are asked where the rotor can be, between the stops. */
+AMB_INLINE amb_stiffness amb_step_ask(const amb_kalman *kf, const amb_magnet *magnet, amb_real iu,
+                                      amb_real x)
+{
+  const amb_real x_max = kf->set.x_max;
+  return magnet->methods->through_origin(magnet->self, iu, amb_clamp(x, -x_max, x_max));
+}
+
+AMB_INLINE amb_status amb_step_predict(const amb_kalman *kf, amb_kalman_state *state,
+                                       amb_stiffness k, amb_real iu)
+{
+  const amb_kalman_settings *s = &kf->set;
+  /* The plant is unstable: without measurements mean and covariance grow until they overflow.
+   * The stops bound the rotor, so once nothing is known but that it is between them, nothing more
+   * is lost by standing still, and the filter finds back at the first good sample. */
+  if (!(state->cov[0] <= (s->x_max * s->x_max))) {
+    return AMB_HELD;
+  }
+  const amb_real f = k.k_i * iu + k.k_s * state->mean[0] + s->f_0;
+  if (!amb_is_finite(f)) {
+    return AMB_BAD_PARAMETER;
+  }
+  amb_axial_predict_mean(&kf->model, f, state->mean);
+  amb_axial_predict_covariance(&kf->model, k.k_i, k.k_s, s->k_ui, s->var_u, s->var_d, state->cov);
+  return AMB_OK;
+}
+
+/* Counts equal measurements; true once they are too many in a row. */
+AMB_INLINE bool amb_step_frozen(const amb_kalman *kf, amb_kalman_state *state, amb_real y)
+{
+  if ((y < state->last_y) || (y > state->last_y)) {
+    state->last_y = y;
+    state->unchanged = 0U;
+    return false;
+  }
+  if (state->unchanged < kf->set.frozen_limit) {
+    state->unchanged++;
+  }
+  return (kf->set.frozen_limit > 0U) && (state->unchanged >= kf->set.frozen_limit);
+}
+
+/* What rounding makes of a nearly singular covariance may have no root. Its variances have: the
+ * filter goes on from these, and learns the correlations anew. */
+AMB_INLINE void amb_step_drop_correlations(amb_real P[AMB_AXIAL_TRIANGLE],
+                                           const amb_real variances[AMB_AXIAL_STATES])
+{
+  P[0] = amb_magnitude(variances[0]);
+  P[1] = AMB_C(0.0);
+  P[2] = AMB_C(0.0);
+  P[3] = AMB_C(0.0);
+  P[4] = amb_magnitude(variances[1]);
+  P[5] = AMB_C(0.0);
+  P[6] = AMB_C(0.0);
+  P[7] = amb_magnitude(variances[2]);
+  P[8] = AMB_C(0.0);
+  P[9] = amb_magnitude(variances[3]);
+}
+
+AMB_INLINE amb_status amb_step_update(const amb_kalman *kf, amb_kalman_state *state, amb_real y,
+                                      amb_kalman_result *result)
+{
+  amb_real *P = state->cov;
+  result->innovation = AMB_C(0.0);
+  result->variance = P[9] + kf->set.var_y;
+  if (!((y * y) <= kf->far_squared)) {
+    return AMB_MISSING;
+  }
+  if (amb_step_frozen(kf, state, y)) {
+    return AMB_FROZEN;
+  }
+  /* Of a variance at least half the digits must be left: after an outage, a sensor much sharper
+   * than the estimate is believed step by step. */
+  const amb_real least = AMB_ROOT_EPSILON * P[9];
+  const amb_real var_y = kf->set.var_y > least ? kf->set.var_y : least;
+  result->variance = P[9] + var_y;
+  const amb_real before[AMB_AXIAL_STATES] = {P[0], P[4], P[7], P[9]};
+  if (amb_is_positive(result->variance)) {
+    amb_axial_update(y, var_y, state->mean, P, &result->innovation, &result->variance);
+    if ((P[0] > AMB_C(0.0)) && (P[4] > AMB_C(0.0)) && (P[7] > AMB_C(0.0)) && (P[9] > AMB_C(0.0))) {
+      return AMB_OK;
+    }
+  }
+  amb_step_drop_correlations(P, before);
+  return AMB_BAD_VARIANCE;
+}
+
+/* Prediction with the control current iu [A] that acted, then measurement y [m]; adds to the
+ * result's status, and returns it. The state's own copy stays in registers. Each way out writes it
+ * for itself: so the usual one moves nothing about for the others, which saves a Cortex-M4 one
+ * instruction in ten. */
+AMB_INLINE amb_status amb_step_with(const amb_kalman *kf, amb_stiffness k, amb_real iu,
+                                    amb_kalman_state *state, amb_real y, amb_kalman_result *result)
+{
+  amb_kalman_state s = *state;
+  s.last_u = state->last_u; /* named, or compilers copy the whole through memory */
+  result->stiffness = k;
+  const amb_status predicted = amb_step_predict(kf, &s, k, iu);
+  if (predicted != AMB_OK) {
+    result->status |= predicted;
+    result->status |= amb_kalman_update(kf, state, y, result);
+    return result->status;
+  }
+  amb_kalman_result r = *result;
+  r.status |= amb_step_update(kf, &s, y, &r);
+  *state = s;
+  *result = r;
+  return r.status;
+}
+
+#endif
