@@ -18,6 +18,7 @@ from ambkit.export.fmu.xml import COMPILER_OPTIONS, Fmi
 
 _NAMES = ("cc", "gcc", "clang")
 _FLAGS = ("-O2", "-fPIC", "-shared", "-fvisibility=hidden", "-s")  # -s: nothing of this machine
+_STRICT = ("-Wl,-z,defs",)  # what is missing is told here, not where the FMU is loaded
 
 
 class _Platform(NamedTuple):
@@ -74,7 +75,8 @@ def compiled(texts: Mapping[str, str], sources: Sequence[str]) -> bytes:
             path = Path(made, name)
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")
-        command = [*compiler, *COMPILER_OPTIONS.split(), *_FLAGS, "-I.", *sources, "-o", "binary"]
+        flags = [*COMPILER_OPTIONS.split(), *_FLAGS, *(_STRICT if sys.platform == "linux" else ())]
+        command = [*compiler, *flags, "-I.", *sources, "-o", "binary"]
         done = subprocess.run(command, cwd=made, capture_output=True, text=True, check=False)
         if done.returncode != 0:
             raise AmbkitError(f"{shlex.join(compiler)} cannot compile the FMU:\n{done.stderr}")

@@ -86,12 +86,14 @@ def export_fmu(
         There is no C compiler, or the file cannot be written.
     """
     if kind == "plant":
-        parts = _plant(bearing)
+        parts = _plant(bearing, fmi)
     else:
         estimator = (
             KalmanFilter(bearing) if source is None else AdaptiveKalmanFilter(bearing, source)
         )
-        parts = _estimator(estimator) if kind == "estimator" else _loop(estimator, controller)
+        parts = (
+            _estimator(estimator, fmi) if kind == "estimator" else _loop(estimator, fmi, controller)
+        )
     made = _content(bearing, kind, fmi, parts, token="")
     token = _token(made.files)
     made = _content(bearing, kind, fmi, parts, token)
@@ -111,26 +113,26 @@ class _Parts(NamedTuple):
     files: dict[str, str]  # of sources/, besides those of every FMU
 
 
-def _estimator(estimator: KalmanFilter) -> _Parts:
+def _estimator(estimator: KalmanFilter, fmi: Fmi) -> _Parts:
     told = sources.filter_data(estimator)
     return _Parts(
         f"The {estimator.name} of bearing {estimator.bearing.name}",
         variables.of_estimator(estimator),
-        sources.library_files("estimator", told["magnet_source"])
+        sources.library_files("estimator", fmi, told["magnet_header"])
         | {"data.c": sources.data_file("estimator", filter=told)},
     )
 
 
-def _plant(bearing: Bearing) -> _Parts:
+def _plant(bearing: Bearing, fmi: Fmi) -> _Parts:
     return _Parts(
         f"Bearing {bearing.name}: amplifier, magnet, rotor and sensor",
         variables.of_plant(bearing),
-        sources.library_files("plant")
+        sources.library_files("plant", fmi)
         | {"data.c": sources.data_file("plant", rig=sources.rig_data(bearing))},
     )
 
 
-def _loop(estimator: KalmanFilter, controller: PID | None) -> _Parts:
+def _loop(estimator: KalmanFilter, fmi: Fmi, controller: PID | None) -> _Parts:
     bearing, told = estimator.bearing, sources.filter_data(estimator)
     controller = controller or PID.for_bearing(bearing)
     data = sources.data_file(
@@ -142,7 +144,7 @@ def _loop(estimator: KalmanFilter, controller: PID | None) -> _Parts:
     return _Parts(
         f"Bearing {bearing.name}, held by a PID controller that the {estimator.name} feeds",
         variables.of_loop(estimator, controller),
-        sources.library_files("closed-loop", told["magnet_source"]) | {"data.c": data},
+        sources.library_files("closed-loop", fmi, told["magnet_header"]) | {"data.c": data},
     )
 
 
