@@ -83,6 +83,11 @@ def test_force_table(run):
     }
     assert error["expert"] < 0.8 * error["linear"]
     assert error["expert"] < 0.8 * error["closed law"]
+    readme = " ".join((EXAMPLES.parent / "README.md").read_text(encoding="utf-8").split())
+    assert (
+        f"{error['expert']:.2f} N with the expert, {error['linear']:.2f} N with the linear "
+        f"filter, {error['closed law']:.2f} N with the closed law"
+    ) in readme
 
 
 def test_compare_filters(run, tmp_path):
