@@ -94,6 +94,12 @@ def test_no_double_no_heap_no_stdio_no_variables(case: Case) -> None:
     assert harness.size(case.firmware).variables == 0
 
 
+def test_double_helpers_would_be_found(tmp_path: Path) -> None:
+    export = export_c(measure.BEARING, None, tmp_path / "export", precision="double").folder
+    borrowed = harness.borrowed(harness.build(export, tmp_path / "build"))
+    assert any(name.startswith("__aeabi_d") for name in borrowed)
+
+
 def test_stored_costs_are_those_of_today(tmp_path: Path) -> None:
     """Otherwise: python -m firmware."""
     stored = json.loads(cost.STORED.read_text())
