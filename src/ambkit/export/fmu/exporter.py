@@ -85,15 +85,14 @@ def export_fmu(
     AmbkitError
         There is no C compiler, or the file cannot be written.
     """
-    if kind == "plant":
-        parts = _plant(bearing, fmi)
-    else:
-        estimator = (
-            KalmanFilter(bearing) if source is None else AdaptiveKalmanFilter(bearing, source)
-        )
-        parts = (
-            _estimator(estimator, fmi) if kind == "estimator" else _loop(estimator, fmi, controller)
-        )
+    estimator = KalmanFilter(bearing) if source is None else AdaptiveKalmanFilter(bearing, source)
+    match kind:
+        case "estimator":
+            parts = _estimator(estimator)
+        case "plant":
+            parts = _plant(bearing)
+        case "closed-loop":
+            parts = _loop(estimator, controller or PID.for_bearing(bearing))
     made = _content(bearing, kind, fmi, parts, token="")
     token = _token(made.files)
     made = _content(bearing, kind, fmi, parts, token)
@@ -110,41 +109,36 @@ class _Parts(NamedTuple):
 
     about: str
     variables: tuple[Variable, ...]
-    files: dict[str, str]  # of sources/, besides those of every FMU
+    data: str  # the data file
 
 
-def _estimator(estimator: KalmanFilter, fmi: Fmi) -> _Parts:
-    told = sources.filter_data(estimator)
+def _estimator(estimator: KalmanFilter) -> _Parts:
     return _Parts(
         f"The {estimator.name} of bearing {estimator.bearing.name}",
         variables.of_estimator(estimator),
-        sources.library_files("estimator", fmi, told["magnet_header"])
-        | {"data.c": sources.data_file("estimator", filter=told)},
+        sources.data_file("estimator", filter=sources.filter_data(estimator)),
     )
 
 
-def _plant(bearing: Bearing, fmi: Fmi) -> _Parts:
+def _plant(bearing: Bearing) -> _Parts:
     return _Parts(
         f"Bearing {bearing.name}: amplifier, magnet, rotor and sensor",
         variables.of_plant(bearing),
-        sources.library_files("plant", fmi)
-        | {"data.c": sources.data_file("plant", rig=sources.rig_data(bearing))},
+        sources.data_file("plant", rig=sources.rig_data(bearing)),
     )
 
 
-def _loop(estimator: KalmanFilter, fmi: Fmi, controller: PID | None) -> _Parts:
-    bearing, told = estimator.bearing, sources.filter_data(estimator)
-    controller = controller or PID.for_bearing(bearing)
-    data = sources.data_file(
-        "closed-loop",
-        filter=told,
-        rig=sources.rig_data(bearing),
-        pid=sources.pid_data(bearing, controller),
-    )
+def _loop(estimator: KalmanFilter, controller: PID) -> _Parts:
+    bearing = estimator.bearing
     return _Parts(
         f"Bearing {bearing.name}, held by a PID controller that the {estimator.name} feeds",
         variables.of_loop(estimator, controller),
-        sources.library_files("closed-loop", fmi, told["magnet_header"]) | {"data.c": data},
+        sources.data_file(
+            "closed-loop",
+            filter=sources.filter_data(estimator),
+            rig=sources.rig_data(bearing),
+            pid=sources.pid_data(bearing, controller),
+        ),
     )
 
 
@@ -156,7 +150,8 @@ class _Content(NamedTuple):
 
 def _content(bearing: Bearing, kind: Kind, fmi: Fmi, parts: _Parts, token: str) -> _Content:
     """Return all texts of the FMU, with the token in them."""
-    fixed = parts.files | sources.model_files(kind, fmi)
+    fixed = sources.model_files(kind, fmi) | {"data.c": parts.data}
+    fixed |= sources.library_files(fixed)
     compiled = sources.compiled_files([*fixed, "description.c"])
     model = Model(
         identifier=_identifier(bearing, kind),

@@ -36,27 +36,22 @@ _STANDARD: dict[Fmi, tuple[str, ...]] = {
 }
 
 
-def library_files(kind: Kind, fmi: Fmi, magnet_header: str | None = None) -> dict[str, str]:
-    """Return the library's own C, as it lies in ``sources/``: what the model's C includes.
+def library_files(texts: dict[str, str]) -> dict[str, str]:
+    """Return the library's own C, core and simulation, that C files include.
 
-    Headers keep the names by which they are included, so that ``sources/`` is the one folder that
-    a compiler must know. With each header goes the C file of the same name.
+    With each header goes the C file of the same name. All lies in ``sources/`` such that this is
+    the one folder that a compiler must know.
 
     Parameters
     ----------
-    kind, fmi
-        Of the model.
-    magnet_header : str, optional
-        What the data file includes besides.
+    texts : dict
+        The C files by their names.
     """
     simulation, sim = core.folder().parent / "sim", {}
-    for stem in _included("sim", model_files(kind, fmi)):
+    for stem in _included("sim", texts):
         for name in (f"{stem}.h", f"{stem}.c"):
             sim[f"sim/{name}"] = (simulation / name).read_text(encoding="utf-8")
-    stems = _included("ambkit", model_files(kind, fmi) | sim)
-    wanted = {f"include/ambkit/{stem}.h" for stem in stems}
-    if magnet_header is not None:
-        wanted.add(f"include/{magnet_header}")
+    wanted = {f"include/ambkit/{stem}.h" for stem in _included("ambkit", texts | sim)}
     found = core.closure(wanted)
     while more := _sources_of(found) - found.keys():
         found = core.closure(wanted := wanted | more)
