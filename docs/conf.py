@@ -77,7 +77,7 @@ html_theme_options = {
     "navbar_end": ["theme-switcher"],
     "navigation_with_keys": False,
     "show_toc_level": 2,
-    "secondary_sidebar_items": {"[!p]*": ["page-toc"], "paper/*": []},
+    "secondary_sidebar_items": {"[!p]**": ["page-toc"], "paper/*": []},
     "footer_start": ["copyright"],
     "footer_end": ["sphinx-version"],
 }
