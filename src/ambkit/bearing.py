@@ -177,7 +177,12 @@ class Bearing(Document):
 
     @classmethod
     def preset(cls, name: str) -> Self:
-        """Return a bearing that comes with ambkit; `ambkit.presets.names` lists them.
+        """Return a bearing that comes with ambkit.
+
+        Parameters
+        ----------
+        name : str
+            One of `ambkit.presets.names`.
 
         Raises
         ------

@@ -67,7 +67,17 @@ class Estimate:
 
     @classmethod
     def from_core(cls, t: Array, history: dict[str, Any], estimator: str) -> Estimate:
-        """Wrap the history that the C core wrote."""
+        """Wrap what the C core wrote.
+
+        Parameters
+        ----------
+        t : ndarray (n,)
+            Time [s].
+        history : dict
+            The core's arrays by name, n samples each.
+        estimator : str
+            Name of the estimator.
+        """
         return cls(
             t=t,
             mean=np.asarray(history["mean"], dtype=float),
@@ -120,7 +130,18 @@ class Estimate:
         return np.asarray((self.status & np.uint8(unused)) == 0)
 
     def std(self, name: str) -> Array:
-        """Standard deviation of a state as the filter believes it, (n,); needs covariances."""
+        """Standard deviation of a state as the filter believes it, (n,).
+
+        Parameters
+        ----------
+        name : {"x", "v", "f_d", "x_m"}
+            The state.
+
+        Raises
+        ------
+        ValueError
+            The run did not keep the covariances.
+        """
         if self.covariance is None:
             raise ValueError("run(record, covariance=True) keeps the covariances that std needs")
         entry = {"x": 0, "v": 4, "f_d": 7, "x_m": 9}[name]
@@ -135,5 +156,11 @@ class Estimate:
         return Record(self.t, signals, units, meta={"estimator": self.estimator})
 
     def save(self, path: str | Path) -> None:
-        """Write the estimates to a CSV or Parquet file."""
+        """Write the estimates to a file.
+
+        Parameters
+        ----------
+        path : path
+            Ends with ``.csv`` or ``.parquet``.
+        """
         self.to_record().save(path)

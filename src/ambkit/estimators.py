@@ -147,20 +147,51 @@ class KalmanFilter:
         )
 
     def predict(self, u: float) -> NDArray[np.float64]:
-        """One sample on with the control signal u [V] (eq. 9, 10); returns the state (4,)."""
+        """Go one sample on (eq. 9, 10).
+
+        Parameters
+        ----------
+        u : float
+            Control signal that acted since the last sample [V].
+
+        Returns
+        -------
+        ndarray (4,)
+            State estimate: x [m], v [m/s], f_d [N], x_m [m].
+        """
         self.core.predict(u)
         return self.mean
 
     def update(self, y: float) -> NDArray[np.float64]:
-        """Take in the measurement y [m] (eq. 11-13); returns the state (4,)."""
+        """Take in a measurement (eq. 11-13).
+
+        Parameters
+        ----------
+        y : float
+            Measured position [m].
+
+        Returns
+        -------
+        ndarray (4,)
+            State estimate: x [m], v [m/s], f_d [N], x_m [m].
+        """
         self.core.update(y)
         return self.mean
 
     def step(self, y: float, u: float) -> NDArray[np.float64]:
-        """Predict with the u [V] that acted since the last sample, then take in y [m].
+        """Predict, then take in a measurement. Never raises on bad input: see :attr:`status`.
 
-        Returns the state (4,): x [m], v [m/s], f_d [N], x_m [m]. Never raises on bad input: see
-        :attr:`status`.
+        Parameters
+        ----------
+        y : float
+            Measured position [m].
+        u : float
+            Control signal that acted since the last sample [V].
+
+        Returns
+        -------
+        ndarray (4,)
+            State estimate: x [m], v [m/s], f_d [N], x_m [m].
         """
         self.core.step(y, u)
         return self.mean
@@ -189,6 +220,15 @@ class KalmanFilter:
 
     def forecast(self, estimate: Estimate, record: Record, ahead: int) -> NDArray[np.float64]:
         """Predict the measurement ``ahead`` samples after each estimate.
+
+        Parameters
+        ----------
+        estimate : Estimate
+            Of this filter along the record, n samples.
+        record : Record
+            With ``u`` [V].
+        ahead : int
+            How many samples ahead.
 
         Returns
         -------

@@ -76,12 +76,23 @@ class ConstantStiffness:
 
         Two-sided: ``k_i = 4 k i0 / s0^2``, ``k_s = 4 k i0^2 / s0^3``; the paper prints a factor 2
         and a minus sign, which its own Tables 4 and 5 contradict.
+
+        Parameters
+        ----------
+        bearing : Bearing
+            Gives magnet constant, air gap and bias current.
         """
         k_i, k_s = ClosedLaw(bearing).tangent(0.0, 0.0)
         return cls(float(k_i), float(k_s))
 
     def magnet(self, core: ModuleType) -> Magnet:
-        """Build the C implementation."""
+        """Build the C implementation.
+
+        Parameters
+        ----------
+        core : module
+            The build of the core that computes, see `core_module`.
+        """
         return core.Constant(self.k_i, self.k_s)  # type: ignore[no-any-return]
 
 
@@ -98,7 +109,13 @@ class ClosedLaw:
     bearing: Bearing
 
     def magnet(self, core: ModuleType) -> Magnet:
-        """Build the C implementation."""
+        """Build the C implementation.
+
+        Parameters
+        ----------
+        core : module
+            The build of the core that computes, see `core_module`.
+        """
         m = self.bearing.magnet
         return core.Law(  # type: ignore[no-any-return]
             m.magnet_constant, m.air_gap, m.bias_current, m.type == "two-sided", AMPERE, METRE
@@ -131,12 +148,23 @@ class ClosedLaw:
     def stiffness(self, iu: ArrayLike, x: ArrayLike) -> tuple[NDArray[np.float64], ...]:
         """k_i [N/A] and k_s [N/m] with ``F - F(0, 0) = k_i iu + k_s x`` (paper, eq. 26).
 
-        The limit of the paper's least squares (eq. 28-31) for small steps; shapes broadcast.
+        The limit of the paper's least squares (eq. 28-31) for small steps.
+
+        Parameters
+        ----------
+        iu, x : array_like
+            Control current [A] and displacement [m], of shapes that broadcast.
         """
         return _evaluate(self, "through_origin", iu, x)
 
     def tangent(self, iu: ArrayLike, x: ArrayLike) -> tuple[NDArray[np.float64], ...]:
-        """``dF/diu`` [N/A] and ``dF/dx`` [N/m]; shapes broadcast."""
+        """``dF/diu`` [N/A] and ``dF/dx`` [N/m].
+
+        Parameters
+        ----------
+        iu, x : array_like
+            Control current [A] and displacement [m], of shapes that broadcast.
+        """
         return _evaluate(self, "tangent", iu, x)
 
 

@@ -139,11 +139,22 @@ class Record:
         )
 
     def select(self, *signals: str) -> Record:
-        """Return the record with these signals alone, in this order."""
+        """Return the record with some of its signals.
+
+        Parameters
+        ----------
+        *signals : str
+            Their names, in the order wanted.
+        """
         return Record(self.t, {name: self[name] for name in signals}, self.units, self.meta)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the record as ``.csv`` or ``.parquet``; `load` gives back exactly its values.
+        """Write the record; `load` gives back exactly its values.
+
+        Parameters
+        ----------
+        path : path
+            Ends with ``.csv`` or ``.parquet``.
 
         Raises
         ------

@@ -66,6 +66,11 @@ class PID(Part):
         of 3 k_s and so the frequency ``w = sqrt(3 k_s/m)``; ``kd = 2 D m w/k_i`` damps it with
         D = 0.56. Integral, derivative filter and tracking time go with w. Rounded to two digits,
         they are a start for tuning.
+
+        Parameters
+        ----------
+        bearing : Bearing
+            Gives stiffnesses and mass.
         """
         from ambkit.magnets import ConstantStiffness
 

@@ -40,7 +40,22 @@ def simulate(
     estimator: KalmanFilter | None = None,
     magnet: StiffnessSource | None = None,
 ) -> Record:
-    """Simulate the closed loop; see :func:`simulate_run`, which also returns the estimate."""
+    """Simulate the closed loop; see :func:`simulate_run`, which also returns the estimate.
+
+    Parameters
+    ----------
+    bearing, scenario : Bearing, Scenario
+        The plant, and what happens to it.
+    estimator : KalmanFilter, optional
+        In the loop or beside it.
+    magnet : optional
+        The plant's own magnet, where it is not the bearing's closed law.
+
+    Returns
+    -------
+    Record
+        With truth.
+    """
     return simulate_run(bearing, scenario, estimator=estimator, magnet=magnet).record
 
 

@@ -101,6 +101,11 @@ class Document(Part):
     def load(cls, path: str | os.PathLike[str]) -> Self:
         """Read a TOML file.
 
+        Parameters
+        ----------
+        path : path
+            The file.
+
         Raises
         ------
         ConfigError
@@ -147,6 +152,11 @@ class Document(Part):
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write `to_toml` to a file (through a temporary one).
+
+        Parameters
+        ----------
+        path : path
+            The file.
 
         Raises
         ------

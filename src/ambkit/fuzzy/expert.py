@@ -217,6 +217,11 @@ class Expert(Part):
     def load(cls, path: str | os.PathLike[str]) -> Self:
         """Read a network that `save` wrote; it equals the saved one to the last bit.
 
+        Parameters
+        ----------
+        path : path
+            The file.
+
         Raises
         ------
         AmbkitError
@@ -233,6 +238,11 @@ class Expert(Part):
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the network as JSON, a line for each rule, through a temporary file.
+
+        Parameters
+        ----------
+        path : path
+            The file.
 
         Raises
         ------
@@ -266,7 +276,13 @@ class Expert(Part):
         return np.array(self.training.force_rms if self.training else ())
 
     def magnet(self, core: ModuleType) -> Fuzzy:
-        """Build the C implementation in the given build of the core."""
+        """Build the C implementation.
+
+        Parameters
+        ----------
+        core : module
+            The build of the core that computes, see `ambkit.magnets.core_module`.
+        """
         return network(
             core,
             centres=self.centres,
@@ -296,7 +312,18 @@ class Expert(Part):
         return k_i, k_s
 
     def force(self, iu: ArrayLike, x: ArrayLike) -> Array:
-        """Magnet force ``k_i iu + k_s x + F(0, 0)`` [N] at (iu [A], x [m]); as `stiffness`."""
+        """Magnet force ``k_i iu + k_s x + F(0, 0)`` [N]; see `stiffness`.
+
+        Parameters
+        ----------
+        iu, x : array_like
+            Control current [A] and displacement [m], of shapes that broadcast.
+
+        Raises
+        ------
+        AmbkitError
+            A current or displacement is not finite.
+        """
         _check_finite(iu=iu, x=x)
         return evaluate_force(self, iu, x) + self.force_bias
 

@@ -135,12 +135,35 @@ class Adaline:
         )
 
     def step(self, y: float, u: float, f_d: float = 0.0) -> float:
-        """One sample: measurement y [m], the u [V] that acted, known disturbance [N]; returns k."""
+        """Learn from one sample.
+
+        Parameters
+        ----------
+        y : float
+            Measured position [m].
+        u : float
+            Control signal that acted since the last sample [V].
+        f_d : float
+            Disturbance force as far as it is known [N].
+
+        Returns
+        -------
+        float
+            Magnet constant so far [N m^2/A^2].
+        """
         self.core.step(y, u, f_d)
         return float(self.core.k)
 
     def run(self, record: Record, *, disturbance: ArrayLike | None = None) -> AdalineResult:
-        """Learn along a record (``y`` [m], ``u`` [V]); ``disturbance`` (n,) [N] if it is known."""
+        """Learn along a record.
+
+        Parameters
+        ----------
+        record : Record
+            With ``y`` [m] and ``u`` [V], n samples.
+        disturbance : array_like (n,), optional
+            Disturbance force as far as it is known [N].
+        """
         y = record["y"]
         f_d = np.zeros_like(y) if disturbance is None else np.broadcast_to(disturbance, y.shape)
         out = self.core.run(y, record["u"], np.ascontiguousarray(f_d, dtype=float))

@@ -115,6 +115,11 @@ class StiffnessMap:
     def magnet(self, core: ModuleType) -> Table:
         """Build the C implementation: bilinear between the nodes, held at the edge outside.
 
+        Parameters
+        ----------
+        core : module
+            The build of the core that computes, see `ambkit.magnets.core_module`.
+
         Raises
         ------
         AmbkitError
