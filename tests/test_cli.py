@@ -291,7 +291,7 @@ def test_filter_tunes_itself_on_a_measured_record_and_says_where(call, made):
     log = recordings.folder() / "sinus_kalman.csv"
     found = call("filter", log, "--bearing", "inteco_ml", "--estimator", "linear", "--json")
     judged = found.json["estimators"]["linear"]
-    assert "tuned from 1 to 2 s" in found.err
+    assert "tuned from 3 to 4 s, judged on the rest" in found.err
     assert judged["samples"] == 2001  # the half that it was not tuned on
     assert judged["prediction"]["10"] < 0.8 * judged["held"]["10"]
     simulated = call("filter", made / "run.csv", "--bearing", "zittau_axial", "--json")

@@ -127,7 +127,10 @@ def filter_record(
     if tune is None and noise_d is None and not log.has_truth:
         tune = float(log.t[-1] - log.t[0]) / 2
         tune_from = tune / 2
-        output.note(f"tuned from {tune_from:.3g} to {tune:.3g} s, judged on what follows")
+        first = log.t[0]
+        output.note(
+            f"tuned from {first + tune_from:.3g} to {first + tune:.3g} s, judged on the rest"
+        )
     noise = FilterNoise(measurement=noise_y, disturbance=noise_d)
     late = max(settling or 0.0, tune or 0.0)
     built = factories(chosen, model, expert)
