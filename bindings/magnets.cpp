@@ -56,6 +56,8 @@ struct Table : Magnet {
       nodes.push_back({ki.data()[k], ks.data()[k]});
     table = {static_cast<int>(ki.shape(0)),
              static_cast<int>(ki.shape(1)),
+             static_cast<amb_real>(ki.shape(0) - 1),
+             static_cast<amb_real>(ki.shape(1) - 1),
              x_min,
              1 / dx,
              iu_min,
@@ -74,6 +76,8 @@ struct Table : Magnet {
     nb::dict d;
     d["rows"] = table.rows;
     d["columns"] = table.columns;
+    d["last_row"] = table.last_row;
+    d["last_column"] = table.last_column;
     d["x_min"] = table.x_min;
     d["per_metre"] = table.per_metre;
     d["iu_min"] = table.iu_min;

@@ -70,22 +70,26 @@ amb_status amb_kalman_predict(const amb_kalman *kf, amb_kalman_state *state, amb
 amb_status amb_kalman_update(const amb_kalman *kf, amb_kalman_state *state, amb_real y,
                              amb_kalman_result *result)
 {
-  return amb_step_update(kf, state, y, result);
+  amb_step_surprise e;
+  const amb_status status = amb_step_update(kf, state, y, &e);
+  result->innovation = e.innovation;
+  result->variance = e.variance;
+  return status;
 }
 
 amb_status amb_kalman_step(const amb_kalman *kf, const amb_magnet *magnet, amb_kalman_state *state,
                            amb_real y, amb_real u, amb_kalman_result *result)
 {
-  result->status = AMB_OK;
-  const amb_real iu = amb_step_current(kf, state, u, &result->status);
+  amb_status status = AMB_OK;
+  const amb_real iu = amb_step_current(kf, state, u, &status);
   const amb_stiffness k = amb_step_ask(kf, magnet, iu, state->mean[0]);
-  return amb_step_with(kf, k, iu, state, y, result);
+  return amb_step_with(kf, k, iu, state, y, status, result);
 }
 
 amb_status amb_kalman_step_given(const amb_kalman *kf, amb_stiffness k, amb_kalman_state *state,
                                  amb_real y, amb_real u, amb_kalman_result *result)
 {
-  result->status = AMB_OK;
-  const amb_real iu = amb_step_current(kf, state, u, &result->status);
-  return amb_step_with(kf, k, iu, state, y, result);
+  amb_status status = AMB_OK;
+  const amb_real iu = amb_step_current(kf, state, u, &status);
+  return amb_step_with(kf, k, iu, state, y, status, result);
 }

@@ -57,7 +57,10 @@ amb_status amb_kalman_run(const amb_kalman *kf, const amb_magnet *magnet, amb_ka
     }
     if (k > 0)
       result.status |= amb_step_predict(&own, &s, result.stiffness, iu);
-    result.status |= amb_step_update(&own, &s, in->y[k], &result);
+    amb_step_surprise e;
+    result.status |= amb_step_update(&own, &s, in->y[k], &e);
+    result.innovation = e.innovation;
+    result.variance = e.variance;
     all |= result.status;
     note(&s, &result, k, &h);
   }

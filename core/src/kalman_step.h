@@ -87,12 +87,19 @@ AMB_INLINE void amb_step_drop_correlations(amb_real P[AMB_AXIAL_TRIANGLE],
   P[9] = amb_magnitude(variances[3]);
 }
 
+/* What an update leaves behind besides the state. */
+typedef struct amb_step_surprise {
+  amb_real innovation; /* [m]; 0 where the measurement was not used */
+  amb_real variance;   /* of the innovation [m^2] */
+} amb_step_surprise;
+
 AMB_INLINE amb_status amb_step_update(const amb_kalman *kf, amb_kalman_state *state, amb_real y,
-                                      amb_kalman_result *result)
+                                      amb_step_surprise *e)
 {
   amb_real *P = state->cov;
-  result->innovation = AMB_C(0.0);
-  result->variance = P[9] + kf->set.var_y;
+  const amb_real before[AMB_AXIAL_STATES] = {P[0], P[4], P[7], P[9]};
+  e->innovation = AMB_C(0.0);
+  e->variance = P[9] + kf->set.var_y;
   if (!((y * y) <= kf->far_squared)) {
     return AMB_MISSING;
   }
@@ -102,12 +109,12 @@ AMB_INLINE amb_status amb_step_update(const amb_kalman *kf, amb_kalman_state *st
   /* Of a variance at least half the digits must be left: after an outage, a sensor much sharper
    * than the estimate is believed step by step. */
   const amb_real least = AMB_ROOT_EPSILON * P[9];
-  const amb_real var_y = kf->set.var_y > least ? kf->set.var_y : least;
-  result->variance = P[9] + var_y;
-  const amb_real before[AMB_AXIAL_STATES] = {P[0], P[4], P[7], P[9]};
-  if (amb_is_positive(result->variance)) {
-    amb_axial_update(y, var_y, state->mean, P, &result->innovation, &result->variance);
-    if ((P[0] > AMB_C(0.0)) && (P[4] > AMB_C(0.0)) && (P[7] > AMB_C(0.0)) && (P[9] > AMB_C(0.0))) {
+  const bool sharp = !(least <= kf->set.var_y);
+  const amb_real var_y = sharp ? least : kf->set.var_y;
+  e->variance = P[9] + var_y;
+  if ((P[9] > AMB_C(0.0)) && (!sharp || amb_is_finite(e->variance))) {
+    amb_axial_update(y, var_y, state->mean, P, &e->innovation, &e->variance);
+    if ((P[0] > AMB_C(0.0)) && (P[4] > AMB_C(0.0)) && (P[7] > AMB_C(0.0))) {
       return AMB_OK;
     }
   }
@@ -115,27 +122,33 @@ AMB_INLINE amb_status amb_step_update(const amb_kalman *kf, amb_kalman_state *st
   return AMB_BAD_VARIANCE;
 }
 
-/* Prediction with the control current iu [A] that acted, then measurement y [m]; adds to the
- * result's status, and returns it. The state's own copy stays in registers. Each way out writes it
- * for itself: so the usual one moves nothing about for the others, which saves a Cortex-M4 one
- * instruction in ten. */
+/* Prediction with the control current iu [A] that acted, then measurement y [m]; adds to `status`,
+ * and returns it. The state's own copy stays in registers. Each way out writes for itself: so the
+ * usual one moves nothing about for the others. */
 AMB_INLINE amb_status amb_step_with(const amb_kalman *kf, amb_stiffness k, amb_real iu,
-                                    amb_kalman_state *state, amb_real y, amb_kalman_result *result)
+                                    amb_kalman_state *state, amb_real y, amb_status status,
+                                    amb_kalman_result *result)
 {
   amb_kalman_state s = *state;
   s.last_u = state->last_u; /* named, or compilers copy the whole through memory */
-  result->stiffness = k;
   const amb_status predicted = amb_step_predict(kf, &s, k, iu);
   if (predicted != AMB_OK) {
-    result->status |= predicted;
-    result->status |= amb_kalman_update(kf, state, y, result);
-    return result->status;
+    amb_kalman_result r;
+    const amb_status all = status | predicted | amb_kalman_update(kf, state, y, &r);
+    result->innovation = r.innovation;
+    result->variance = r.variance;
+    result->stiffness = k;
+    result->status = all;
+    return all;
   }
-  amb_kalman_result r = *result;
-  r.status |= amb_step_update(kf, &s, y, &r);
+  amb_step_surprise e;
+  const amb_status all = status | amb_step_update(kf, &s, y, &e);
   *state = s;
-  *result = r;
-  return r.status;
+  result->innovation = e.innovation;
+  result->variance = e.variance;
+  result->stiffness = k;
+  result->status = all;
+  return all;
 }
 
 #endif

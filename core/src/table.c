@@ -7,21 +7,19 @@ typedef struct place {
   amb_real slope; /* d fraction / d value; 0 where the value is held at the edge */
 } place;
 
-static place locate(amb_real value, amb_real first, amb_real per_step, int nodes)
+static place locate(amb_real value, amb_real first, amb_real per_step, amb_real last, int nodes)
 {
-  const amb_real cells = (amb_real)(nodes - 1);
-  const amb_real raw = (value - first) * per_step;
+  const amb_real position = (value - first) * per_step;
   place p;
-  if (raw >= AMB_C(1.0)) {
-    const amb_real position = raw < cells ? raw : cells;
-    const int below = (int)position;
-    p.node = below > (nodes - 2) ? (nodes - 2) : below;
+  if ((position >= AMB_C(0.0)) && (position < last)) {
+    p.node = (int)position;
     p.fraction = position - (amb_real)p.node;
-  } else { /* NaN, too: the fraction carries it */
-    p.node = 0;
-    p.fraction = raw < AMB_C(0.0) ? AMB_C(0.0) : raw;
+    p.slope = per_step;
+  } else { /* at or beyond an edge; NaN: any node, the fraction carries it on */
+    p.node = (position >= last) ? (nodes - 2) : 0;
+    p.fraction = amb_clamp(position, AMB_C(0.0), AMB_C(1.0));
+    p.slope = ((position >= last) && (position <= last)) ? per_step : AMB_C(0.0);
   }
-  p.slope = ((raw >= AMB_C(0.0)) && (raw <= cells)) ? per_step : AMB_C(0.0);
   return p;
 }
 
@@ -34,8 +32,8 @@ typedef struct cell {
 static cell find(const amb_table *t, amb_real iu, amb_real x)
 {
   cell c;
-  c.row = locate(x, t->x_min, t->per_metre, t->rows);
-  c.column = locate(iu, t->iu_min, t->per_ampere, t->columns);
+  c.row = locate(x, t->x_min, t->per_metre, t->last_row, t->rows);
+  c.column = locate(iu, t->iu_min, t->per_ampere, t->last_column, t->columns);
   c.lower = &t->nodes[(c.row.node * t->columns) + c.column.node];
   c.upper = &c.lower[t->columns];
   return c;

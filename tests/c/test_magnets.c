@@ -76,7 +76,7 @@ static void test_table(void)
 {
   /* k_i = 1 + r, k_s = 10 + c at node (r, c); x from -1 to 1 by 1, iu from 0 to 2 by 2. */
   const amb_stiffness nodes[6] = {{1, 10}, {1, 11}, {2, 10}, {2, 11}, {3, 10}, {3, 11}};
-  const amb_table table = {3, 2, -1, 1, 0, AMB_C(0.5), nodes};
+  const amb_table table = {3, 2, 2, 1, -1, 1, 0, AMB_C(0.5), nodes};
   amb_stiffness k = amb_table_magnet.through_origin(&table, 2, 1); /* the last node */
   CHECK(same(k.k_i, 3) && same(k.k_s, 11));
   k = amb_table_magnet.through_origin(&table, 1, AMB_C(-0.5));

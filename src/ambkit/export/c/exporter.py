@@ -200,10 +200,9 @@ def _render(
     """Return the text of each file by its name."""
     magnet: Magnet = estimator.source.magnet(core_module(estimator.precision))
     kind = MAGNETS[type(magnet).__name__]
-    core_files = {
-        f"core/{file}": text
-        for file, text in core.closure(["src/kalman.c", f"src/{kind.source}.c"]).items()
-    }
+    given = kind is MAGNETS["Constant"]  # constants are given, no magnet is asked
+    needed = ["src/kalman.c", *([] if given else [f"src/{kind.source}.c"])]
+    core_files = {f"core/{file}": text for file, text in core.closure(needed).items()}
     c_files = tuple(file for file in core_files if file.endswith(".c"))
     sources = (f"{name}.c", f"{name}_data.c", *c_files)
     selftest = tuple(f"selftest/{file}" for file in (f"{name}_selftest.c", f"{name}_vectors.c"))
@@ -222,6 +221,7 @@ def _render(
         "bound": _BOUNDS[precision],
         "steps": vectors.STEPS,
         "state_reals": 16,
+        "given": given,
         "magnet_header": f"{kind.source}.h",
         "magnet_about": kind.about,
         "facts": {"magnet": kind.about, **facts},
