@@ -557,3 +557,30 @@ def test_a_reader_that_goes_away_is_no_error():
     done = subprocess.run(shell, shell=True, capture_output=True, text=True, check=True)
     assert done.stdout == "{\n"
     assert done.stderr == ""
+
+
+def test_filter_says_when_a_record_is_not_of_the_bearing(call, made):
+    record = ambkit.Record.load(made / "run.csv")
+    signals = {"y": 1.5 * record["y"], "u": -record["u"]}
+    ambkit.Record(record.t, signals, {"y": "m", "u": "V"}).save("turned.csv")
+    found = call("filter", "turned.csv", "--bearing", "zittau_axial", "--estimator", "linear",
+                 "--disturbance-noise", "1e-3 N^2/s")  # fmt: skip
+    assert found.code == 0
+    assert "times what the filter expects" in found.err
+    good = call("filter", made / "run.csv", "--bearing", "zittau_axial")
+    assert "times what" not in good.err
+
+
+def test_identify_replaces_what_turns_and_area_gave(call, made):
+    bearing = ambkit.Bearing.preset("zittau_axial")
+    turns = 100
+    area = 4 * bearing.magnet.magnet_constant / (ambkit.bearing.MU_0 * turns**2)
+    wound = bearing.to_toml().replace(
+        next(line for line in bearing.to_toml().splitlines() if line.startswith("magnet_constant")),
+        f'turns = {turns}\npole_area = "{area!r} m^2"',
+    )
+    Path("wound.toml").write_text(wound)
+    found = call("identify", made / "run.csv", "--bearing", "wound.toml", "--out", "found.toml")
+    assert found.code == 0, found.err
+    k = ambkit.Bearing.load("found.toml").magnet.magnet_constant
+    assert abs(k / bearing.magnet.magnet_constant - 1) < 0.05

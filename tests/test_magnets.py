@@ -12,7 +12,7 @@ from magnet_at import differences, force, tangent, through_origin
 from oracles import least_squares_stiffness, magnet_force
 
 from ambkit import Bearing
-from ambkit.magnets import ClosedLaw, ConstantStiffness, core_module
+from ambkit.magnets import ClosedLaw, ConstantStiffness, core_module, equally_far
 
 TWO_SIDED = Bearing.preset("zittau_axial")
 ONE_SIDED = Bearing.preset("inteco_ml")
@@ -101,9 +101,11 @@ def test_through_the_origin_is_the_limit_of_the_papers_least_squares(
     iu, x = a * bearing.current_max * 0.5, b * 0.5 * bearing.rotor.travel_limit
     limit = np.array(through_origin(ClosedLaw(bearing).magnet(CORE), iu, x))
 
+    ampere, metre = equally_far(bearing)
+
     def left(step: float) -> np.ndarray:
         found = least_squares_stiffness(
-            lambda i, d: magnet_force(bearing, i, d), iu, x, step, step * 1e-3
+            lambda i, d: magnet_force(bearing, i, d), iu, x, step * ampere, step * metre
         )
         return np.abs(np.array(found) - limit) / np.abs(limit)
 

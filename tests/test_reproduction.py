@@ -115,3 +115,12 @@ def test_a_place_that_cannot_be_written_is_told_before_the_work(tmp_path):
         reproduce(tmp_path / "file" / "out", progress=said.append)
     assert said == []
     assert (tmp_path / "file").read_text() == "in the way"
+
+
+def test_an_interrupt_leaves_no_empty_folders(tmp_path):
+    def interrupt(message):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        reproduce(tmp_path / "out", progress=interrupt)
+    assert list(tmp_path.iterdir()) == []

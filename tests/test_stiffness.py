@@ -215,3 +215,19 @@ def test_a_map_is_read_only() -> None:
     stiff: StiffnessMap = stiffness_map(ZITTAU)
     with pytest.raises(ValueError, match="read-only"):
         stiff.k_i[0, 0] = 1.0
+
+
+def test_the_steps_follow_the_bearing():
+    """A bearing twice as large in gap and current has the same stiffnesses, relatively."""
+    small = Bearing.preset("zittau_axial")
+    large = small.replace(
+        magnet__air_gap=2 * small.magnet.air_gap,
+        magnet__bias_current=2 * small.magnet.bias_current,
+        amplifier__current_limit=2 * small.amplifier.current_limit,
+        rotor__travel_limit=2 * small.rotor.travel_limit,
+    )
+    one, two = stiffness_map(small), stiffness_map(large)
+    assert one.delta_current == 0.01  # the paper's, eq. 27
+    assert one.delta_displacement == 1e-5
+    np.testing.assert_allclose(two.k_i / two.k_i[2, 2], one.k_i / one.k_i[2, 2], rtol=1e-9)
+    np.testing.assert_allclose(two.k_s / two.k_s[2, 2], one.k_s / one.k_s[2, 2], rtol=1e-9)

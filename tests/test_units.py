@@ -118,3 +118,9 @@ def test_factor_and_its_inverse() -> None:
 
 def test_docstring_examples() -> None:
     assert doctest.testmod(units).failed == 0
+
+
+@pytest.mark.parametrize("text", ["0.05,mm", "1,N", "2 m,m"])
+def test_a_comma_is_no_unit(text):
+    with pytest.raises(ValueError, match="not a known unit"):
+        parse(text, "m")

@@ -20,9 +20,15 @@ if TYPE_CHECKING:
 
 Precision = Literal["float64", "float32"]
 
-# The paper's least squares steps 0.01 A and 0.01 mm (eq. 27): it takes one ampere and one
-# millimetre for equally far. The through-origin form of the closed law is its limit.
-AMPERE, METRE = 1.0, 1e-3
+
+def equally_far(bearing: Bearing) -> tuple[float, float]:
+    """Current [A] and displacement [m] that count as equally far from the origin.
+
+    The paper's least squares steps 0.01 A and 0.01 mm (eq. 27): on its rig, with 1.5 A and 2 mm,
+    one ampere weighs as one millimetre. Another bearing keeps the ratio to its bias current and
+    air gap, so that its stiffnesses divide the force between them as the paper's do.
+    """
+    return bearing.magnet.bias_current / 1.5, bearing.magnet.air_gap / 2
 
 
 class StiffnessSource(Protocol):
@@ -117,8 +123,9 @@ class ClosedLaw:
             The build of the core that computes, see `core_module`.
         """
         m = self.bearing.magnet
+        ampere, metre = equally_far(self.bearing)
         return core.Law(  # type: ignore[no-any-return]
-            m.magnet_constant, m.air_gap, m.bias_current, m.type == "two-sided", AMPERE, METRE
+            m.magnet_constant, m.air_gap, m.bias_current, m.type == "two-sided", ampere, metre
         )
 
     @property

@@ -29,6 +29,8 @@ def _registry() -> "UnitRegistry[Any]":
 def _root(unit: str) -> tuple[Decimal, "Unit"]:
     """Return the factor to SI base units, and these."""
     registry = _registry()
+    if "," in unit:  # pint would read over it
+        raise ValueError(f'"{unit}" is not a known unit')
     try:
         parsed = registry.parse_units("" if unit == "1" else unit)
         scale, root = registry.get_root_units(parsed)

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from ambkit.record import Record
 
 HORIZONS = (1, 10)
+ABSURD_NIS = 25.0
 
 
 def filter_record(
@@ -140,6 +141,7 @@ def filter_record(
             assumed[name] = noise if tune is None else _tuned(build, noise, log, tune_from, tune)
             judged[name] = judge(build(assumed[name]), log, horizons=HORIZONS, settling=late)
             done()
+    _warn(judged)
     figure = plots.filter_figure
     data = {
         "record": str(record),
@@ -158,6 +160,18 @@ def filter_record(
         ],
         as_json=json,
     )
+
+
+def _warn(judged: Mapping[str, Judgement]) -> None:
+    """Say so where a filter and the record have nothing to do with each other."""
+    from ambkit.commands import output
+
+    for name, judgement in judged.items():
+        if judgement.nis > ABSURD_NIS:
+            output.note(
+                f"{name}: innovations are {judgement.nis**0.5:.0f} times what the filter expects; "
+                "are the units, the signs and the bearing those of this record?"
+            )
 
 
 def _tuned(

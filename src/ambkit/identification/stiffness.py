@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambkit.errors import AmbkitError
 from ambkit.identification.force_table import check_nodes
-from ambkit.magnets import ClosedLaw
+from ambkit.magnets import ClosedLaw, equally_far
 
 if TYPE_CHECKING:
     from ambkit._core import Table
@@ -158,8 +158,8 @@ def stiffness_map(
     *,
     currents: ArrayLike | None = None,
     displacements: ArrayLike | None = None,
-    delta_current: float = 0.01,
-    delta_displacement: float = 1e-5,
+    delta_current: float | None = None,
+    delta_displacement: float | None = None,
     force: ForceFunction | None = None,
 ) -> StiffnessMap:
     """Identify k_i and k_s over a grid of work points (paper, eq. 26-31, Tables 2-5).
@@ -173,8 +173,9 @@ def stiffness_map(
         ``bearing.current_max`` (Table 2).
     displacements : array_like (nx,), optional
         Nodes of the displacement [m]. Default: five over half the travel to either side (Table 3).
-    delta_current, delta_displacement : float
-        Steps of the nine points [A], [m]; the default is the paper's.
+    delta_current, delta_displacement : float, optional
+        Steps of the nine points [A], [m]. Default: a hundredth of
+        :func:`ambkit.magnets.equally_far`, on the paper's rig its 0.01 A and 0.01 mm.
     force : callable, optional
         ``force(iu [A], x [m]) -> [N]`` on arrays of one shape, bias force included: another law, a
         :class:`ForceTable`. Default: the bearing's closed law (eq. 1).
@@ -191,6 +192,9 @@ def stiffness_map(
         displacement at or beyond the air gap; a force that is not finite.
     """
     half_travel = bearing.rotor.travel_limit / 2
+    ampere, metre = equally_far(bearing)
+    delta_current = ampere / 100 if delta_current is None else delta_current
+    delta_displacement = metre / 100 if delta_displacement is None else delta_displacement
     current = _nodes("currents", currents, (bearing.current_min, bearing.current_max), "A")
     displacement = _nodes("displacements", displacements, (-half_travel, half_travel), "m")
     for name, delta, unit in (

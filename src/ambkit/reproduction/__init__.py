@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +13,7 @@ from ambkit import files
 
 if TYPE_CHECKING:
     from ambkit.report.summary import SummaryRow
+    from ambkit.reproduction.study import Part, Study
 
 
 @dataclass(frozen=True)
@@ -50,23 +52,18 @@ def reproduce(
     import ambkit
     from ambkit.report.blocks import Report
     from ambkit.report.page import write_report
-    from ambkit.reproduction.adaline import adaline
-    from ambkit.reproduction.adaptive import adaptive
-    from ambkit.reproduction.errata import errata
-    from ambkit.reproduction.expert import expert
-    from ambkit.reproduction.gain import gain
-    from ambkit.reproduction.linear import linear
-    from ambkit.reproduction.lsm import lsm
-    from ambkit.reproduction.recording import recording
-    from ambkit.reproduction.study import Part, Study
+    from ambkit.reproduction.study import Study
 
     folder = Path(out)
     files.make_folder(folder / "tables")  # before the work: an unwritable place is told at once
     study = Study(seed=seed)
-    parts: list[Part] = []
-    for chapter in (linear, adaline, lsm, expert, adaptive, gain, errata, recording):
-        progress(f"chapter {len(parts) + 1} of 8: {chapter.__name__}")
-        parts.append(chapter(study))
+    try:
+        parts = _chapters(study, progress)
+    except BaseException:
+        with suppress(OSError):  # they are not empty where an earlier run went
+            (folder / "tables").rmdir()
+            folder.rmdir()
+        raise
     rows = [row for part in parts for row in part.rows]
 
     for part in parts:
@@ -92,3 +89,21 @@ def reproduce(
     write_report(report, folder, progress)
     files.write_text(folder / "summary.json", json.dumps(rows, indent=2, ensure_ascii=False) + "\n")
     return Outcome(folder, rows)
+
+
+def _chapters(study: Study, progress: Callable[[str], None]) -> list[Part]:
+    """Make the chapters, in the order of the report."""
+    from ambkit.reproduction.adaline import adaline
+    from ambkit.reproduction.adaptive import adaptive
+    from ambkit.reproduction.errata import errata
+    from ambkit.reproduction.expert import expert
+    from ambkit.reproduction.gain import gain
+    from ambkit.reproduction.linear import linear
+    from ambkit.reproduction.lsm import lsm
+    from ambkit.reproduction.recording import recording
+
+    parts: list[Part] = []
+    for chapter in (linear, adaline, lsm, expert, adaptive, gain, errata, recording):
+        progress(f"chapter {len(parts) + 1} of 8: {chapter.__name__}")
+        parts.append(chapter(study))
+    return parts

@@ -103,7 +103,7 @@ def errata(study: Study) -> Part:
             row("errata.k_s", "k_s at the origin: eq. 5 as printed, and by the law",
                 printed_s / 1e3, k_s / 1e3, "N/mm", "misprint"),
             row("errata.weight", "F_St at rest without the weight in eq. 15, 16", 0.0,
-                weight_found, "N", "misprint"),
+                weight_found, "N", "not given"),
             row("errata.covariance", "eq. 13 on the full matrix, (PH')' for HP: diverges at step",
                 None, float(diverged), "", "not given"),
         ],

@@ -76,11 +76,11 @@ def expert(study: Study) -> Part:
                 f"{rms['constant']:.2f}", None, rms["printed"], "N rms", "worse"),
             row("force_rms.normalised", "the same widths, normalised", None, rms["normalised"],
                 "N rms", "better"),
-            row("force_rms.gradient", "widths by steepest gradient (goal 0.16)", None,
+            row("force_rms.gradient", "widths by steepest gradient (our goal: 0.16)", None,
                 rms["gradient"], "N rms", reached(rms["gradient"] <= GOAL_WIDTHS)),
-            row("force_rms.widths", "widths by least squares (goal 0.16)", None, rms["widths"],
+            row("force_rms.widths", "widths by least squares (our goal: 0.16)", None, rms["widths"],
                 "N rms", reached(rms["widths"] <= GOAL_WIDTHS)),
-            row("force_rms.both", "widths and weights by least squares (goal 0.05)", None,
+            row("force_rms.both", "widths and weights by least squares (our goal: 0.05)", None,
                 rms["both"], "N rms", reached(rms["both"] <= GOAL_BOTH)),
         ],
         {"table6.csv": widths_csv(study.descended)},
@@ -109,7 +109,9 @@ def _figure_errors(study: Study, models: dict[str, tuple[str, ForceFunction]]) -
         title="Where each of them misses the force",
         caption="Above, on a scale of ±6 N: the constant law fails in the corners, the network as "
         "printed everywhere between its nodes. Below, on a scale of ±0.3 N: trained and "
-        "normalised, what is left is small everywhere, and largest at the corners of the box.",
+        "normalised, what is left is small everywhere; with widths alone it is largest at the rim "
+        "of "
+        "the box.",
         panels=[panel("constant", 6.0), panel("printed", 6.0), panel("widths", 0.3),
                 panel("both", 0.3)],
         columns=2,

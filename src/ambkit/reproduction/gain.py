@@ -56,20 +56,22 @@ def gain(study: Study) -> Part:
                 FigureBlock(_figure_force(study)),
                 Text(f"A first calculation expected {EXPECTED_LINEAR} N and {EXPECTED_CLOSED} N. "
                      "The figure depends on how much of the run is what: far out and without load "
-                     "the linear filter is most wrong; the load's own transient is the same for "
-                     "all of them; and the load, pulling the same way as the displacement, takes "
-                     "current off the magnet and so makes the linear model less wrong."),
+                     "the linear filter is most wrong; while the load sets in it is even ahead, "
+                     "for "
+                     "the force that it had invented points the same way; and the load, pulling "
+                     "towards the displacement, takes current off the magnet and so makes the "
+                     "linear model less wrong."),
                 _table_windows(windows),
             ],
         ),
         [
-            row("gain.linear", "F_St error at 0.5 mm, linear filter (first calculation: 0.58)",
+            row("gain.linear", "F_St error at 0.5 mm, linear filter",
                 None, force["estimate linear"], "N rms", "not given"),
-            row("gain.adaptive", "the same, adaptive filter with the expert", None,
+            row("gain.adaptive", "the same, adaptive filter, paper's work points", None,
                 force["estimate adaptive"], "N rms", "better"),
-            row("gain.wide", "the same, with the 25 rules spread to 0.8 mm", None,
+            row("gain.wide", "the same, 25 rules spread to 0.8 mm", None,
                 force["estimate wide box"], "N rms", "better"),
-            row("gain.closed", "the same, closed law (first calculation: 0.33)", None,
+            row("gain.closed", "the same, closed law", None,
                 force["estimate closed law"], "N rms", "better"),
             row("gain.position", "position error at 0.5 mm: worst filter over best", None, alike,
                 "%", "not given"),

@@ -241,7 +241,8 @@ def _figure_run(record: Record, judged: dict[str, tuple[float, Judgement]]) -> F
         title="The filters on the log with the rig's own Kalman filter in the loop",
         caption="Position as measured, as logged and as estimated; the disturbance force that the "
         "filters need to explain the motion; the adaptive filter's innovations with twice the "
-        "deviation that it expects. The logged estimate lies beside the measurement.",
+        "deviation that it expects. The logged estimate lies some "
+        "30 µm beside the measurement: zoom in to see it.",
         panels=[
             Panel(TIME, POSITION, [
                 Line(t, record["y"], signal="measured"),
