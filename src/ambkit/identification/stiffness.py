@@ -175,7 +175,7 @@ def stiffness_map(
         Nodes of the displacement [m]. Default: five over half the travel to either side (Table 3).
     delta_current, delta_displacement : float, optional
         Steps of the nine points [A], [m]. Default: a hundredth of
-        :func:`ambkit.magnets.equally_far`, on the paper's rig its 0.01 A and 0.01 mm.
+        ``ambkit.magnets.equally_far``, on the paper's rig its 0.01 A and 0.01 mm.
     force : callable, optional
         ``force(iu [A], x [m]) -> [N]`` on arrays of one shape, bias force included: another law, a
         :class:`ForceTable`. Default: the bearing's closed law (eq. 1).
