@@ -3,20 +3,24 @@
 
 /* An output and its derivatives after iu [A] and x [m]. */
 typedef struct surface {
-  amb_real value, d_iu, d_x;
+  amb_real value;
+  amb_real d_iu;
+  amb_real d_x;
 } surface;
 
 /* Two numbers added up along the rules, in four chains: the adders are not waited for, and every
  * compiler adds in this order. */
 typedef struct sums {
-  amb_real plain, weighted;
+  amb_real plain;
+  amb_real weighted;
 } sums;
 
 static sums add_up(const amb_real *u, const amb_real *weight, int rules)
 {
-  amb_real s[4] = {0, 0, 0, 0}, w[4] = {0, 0, 0, 0};
+  amb_real s[4] = {AMB_C(0.0), AMB_C(0.0), AMB_C(0.0), AMB_C(0.0)};
+  amb_real w[4] = {AMB_C(0.0), AMB_C(0.0), AMB_C(0.0), AMB_C(0.0)};
   int r = 0;
-  for (; r + 4 <= rules; r += 4) {
+  for (; (r + 4) <= rules; r += 4) {
     for (int lane = 0; lane < 4; lane++) {
       s[lane] += u[r + lane];
       w[lane] += weight[r + lane] * u[r + lane];
@@ -34,7 +38,8 @@ static void exponents(const amb_fuzzy *net, const amb_real *sharpness, amb_real 
                       amb_real *e)
 {
   for (int r = 0; r < net->rules; r++) {
-    const amb_real dp = p - net->centre_iu[r], dq = q - net->centre_x[r];
+    const amb_real dp = p - net->centre_iu[r];
+    const amb_real dq = q - net->centre_x[r];
     e[r] = (dp * dp + dq * dq) * sharpness[r];
   }
 }
@@ -45,7 +50,8 @@ static void both_exponents(const amb_fuzzy *net, amb_real p, amb_real q, amb_rea
 {
   const int rules = net->rules;
   for (int r = 0; r < rules; r++) {
-    const amb_real dp = p - net->centre_iu[r], dq = q - net->centre_x[r];
+    const amb_real dp = p - net->centre_iu[r];
+    const amb_real dq = q - net->centre_x[r];
     const amb_real square = dp * dp + dq * dq;
     e_i[r] = square * net->k_i.sharpness[r];
     e_s[r] = square * net->k_s.sharpness[r];
@@ -54,8 +60,9 @@ static void both_exponents(const amb_fuzzy *net, amb_real p, amb_real q, amb_rea
 
 static void exponentials(amb_real *e, int n)
 {
-  for (int r = 0; r < n; r++)
+  for (int r = 0; r < n; r++) {
     e[r] = amb_exp_negative(e[r]);
+  }
 }
 
 /* The sums of one output from its memberships u. Where a normalised network is so far from every
@@ -67,10 +74,12 @@ static sums total(const amb_fuzzy *net, const amb_fuzzy_output *output, amb_real
   if (net->normalised && (s.plain < AMB_C(1e-6))) {
     exponents(net, output->sharpness, p, q, u);
     amb_real least = u[0];
-    for (int r = 1; r < net->rules; r++)
-      least = u[r] < least ? u[r] : least;
-    for (int r = 0; r < net->rules; r++)
+    for (int r = 1; r < net->rules; r++) {
+      least = (u[r] < least) ? u[r] : least;
+    }
+    for (int r = 0; r < net->rules; r++) {
       u[r] -= least;
+    }
     exponentials(u, net->rules);
     s = add_up(u, output->weight, net->rules);
   }
@@ -91,8 +100,9 @@ void amb_fuzzy_basis(const amb_fuzzy *net, const amb_fuzzy_output *output, amb_r
   const sums s = memberships(net, output, amb_clamp(iu, net->iu_min, net->iu_max) * net->per_ampere,
                              amb_clamp(x, net->x_min, net->x_max) * net->per_metre, out);
   if (net->normalised) {
-    for (int r = 0; r < net->rules; r++)
+    for (int r = 0; r < net->rules; r++) {
       out[r] /= s.plain;
+    }
   }
 }
 
@@ -103,9 +113,11 @@ static amb_stiffness fuzzy_through_origin(const void *self, amb_real iu, amb_rea
   const amb_real p = amb_clamp(iu, net->iu_min, net->iu_max) * net->per_ampere;
   const amb_real q = amb_clamp(x, net->x_min, net->x_max) * net->per_metre;
   amb_real u[2 * AMB_FUZZY_MAX_RULES];
-  both_exponents(net, p, q, u, u + net->rules);
+  amb_real *const u_s = &u[net->rules];
+  both_exponents(net, p, q, u, u_s);
   exponentials(u, 2 * net->rules);
-  const sums i = total(net, &net->k_i, p, q, u), s = total(net, &net->k_s, p, q, u + net->rules);
+  const sums i = total(net, &net->k_i, p, q, u);
+  const sums s = total(net, &net->k_s, p, q, u_s);
   amb_stiffness k = {i.weighted, s.weighted};
   if (net->normalised) {
     k.k_i /= i.plain;
@@ -123,13 +135,18 @@ static amb_real fuzzy_force(const void *self, amb_real iu, amb_real x)
 static surface with_slopes(const amb_fuzzy *net, const amb_fuzzy_output *output, amb_real iu,
                            amb_real x)
 {
-  const amb_real p = iu * net->per_ampere, q = x * net->per_metre;
+  const amb_real p = iu * net->per_ampere;
+  const amb_real q = x * net->per_metre;
   amb_real u[AMB_FUZZY_MAX_RULES];
   const sums both = memberships(net, output, p, q, u);
-  amb_real sum_p = 0, sum_q = 0, weighted_p = 0, weighted_q = 0;
+  amb_real sum_p = AMB_C(0.0);
+  amb_real sum_q = AMB_C(0.0);
+  amb_real weighted_p = AMB_C(0.0);
+  amb_real weighted_q = AMB_C(0.0);
   for (int r = 0; r < net->rules; r++) {
-    const amb_real slope = -2 * output->sharpness[r] * u[r];
-    const amb_real u_p = slope * (p - net->centre_iu[r]), u_q = slope * (q - net->centre_x[r]);
+    const amb_real slope = AMB_C(-2.0) * output->sharpness[r] * u[r];
+    const amb_real u_p = slope * (p - net->centre_iu[r]);
+    const amb_real u_q = slope * (q - net->centre_x[r]);
     sum_p += u_p;
     sum_q += u_q;
     weighted_p += output->weight[r] * u_p;
@@ -154,8 +171,8 @@ static amb_stiffness fuzzy_tangent(const void *self, amb_real iu, amb_real x)
   const surface k_i = with_slopes(net, &net->k_i, held_iu, held_x);
   const surface k_s = with_slopes(net, &net->k_s, held_iu, held_x);
   /* Held at the edge, the stiffnesses do not change with what lies outside. */
-  const amb_real in_iu = held_iu == iu ? AMB_C(1.0) : AMB_C(0.0);
-  const amb_real in_x = held_x == x ? AMB_C(1.0) : AMB_C(0.0);
+  const amb_real in_iu = (held_iu == iu) ? AMB_C(1.0) : AMB_C(0.0);
+  const amb_real in_x = (held_x == x) ? AMB_C(1.0) : AMB_C(0.0);
   const amb_stiffness k = {k_i.value + in_iu * (k_i.d_iu * iu + k_s.d_iu * x),
                            k_s.value + in_x * (k_i.d_x * iu + k_s.d_x * x)};
   return k;

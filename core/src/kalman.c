@@ -20,9 +20,9 @@ amb_status amb_kalman_init(amb_kalman *kf, const amb_kalman_settings *s)
   if (!good) {
     return AMB_BAD_PARAMETER;
   }
-  const amb_real far = AMB_FAR * s->x_max * s->K_sen;
+  const amb_real farthest = AMB_FAR * s->x_max * s->K_sen;
   kf->set = *s;
-  kf->far_squared = far * far;
+  kf->far_squared = farthest * farthest;
   amb_axial_model_init(&kf->model, s->T, s->m, s->K_sen, s->T_sen);
   return AMB_OK;
 }

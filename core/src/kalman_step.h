@@ -129,7 +129,8 @@ AMB_INLINE amb_status amb_step_with(const amb_kalman *kf, amb_stiffness k, amb_r
                                     amb_kalman_state *state, amb_real y, amb_status status,
                                     amb_kalman_result *result)
 {
-  amb_kalman_state s = *state;
+  amb_kalman_state s;
+  s = *state;
   s.last_u = state->last_u; /* named, or compilers copy the whole through memory */
   const amb_status predicted = amb_step_predict(kf, &s, k, iu);
   if (predicted != AMB_OK) {

@@ -23,15 +23,17 @@ static place locate(amb_real value, amb_real first, amb_real per_step, amb_real 
   return p;
 }
 
-/* The cell around a place: what the bilinear surface needs of its four corners. */
-typedef struct cell {
-  place row, column;
-  const amb_stiffness *lower, *upper; /* pairs of neighbours */
-} cell;
+/* The nodes around a place. */
+typedef struct corners {
+  place row;
+  place column;
+  const amb_stiffness *lower; /* two neighbours in a row ... */
+  const amb_stiffness *upper; /* ... and those in the next */
+} corners;
 
-static cell find(const amb_table *t, amb_real iu, amb_real x)
+static corners find(const amb_table *t, amb_real iu, amb_real x)
 {
-  cell c;
+  corners c;
   c.row = locate(x, t->x_min, t->per_metre, t->last_row, t->rows);
   c.column = locate(iu, t->iu_min, t->per_ampere, t->last_column, t->columns);
   c.lower = &t->nodes[(c.row.node * t->columns) + c.column.node];
@@ -39,15 +41,18 @@ static cell find(const amb_table *t, amb_real iu, amb_real x)
   return c;
 }
 
-/* A surface and its derivatives after iu and x, from its values at the corners of a cell. */
+/* A surface and its derivatives after iu and x, from its values at the corners. */
 typedef struct surface {
-  amb_real value, d_iu, d_x;
+  amb_real value;
+  amb_real d_iu;
+  amb_real d_x;
 } surface;
 
-static surface bilinear(const cell *c, amb_real low_left, amb_real low_right, amb_real high_left,
+static surface bilinear(const corners *c, amb_real low_left, amb_real low_right, amb_real high_left,
                         amb_real high_right)
 {
-  const amb_real low_step = low_right - low_left, high_step = high_right - high_left;
+  const amb_real low_step = low_right - low_left;
+  const amb_real high_step = high_right - high_left;
   const amb_real low = low_left + c->column.fraction * low_step;
   const amb_real high = high_left + c->column.fraction * high_step;
   const amb_real across = low_step + c->row.fraction * (high_step - low_step);
@@ -58,27 +63,28 @@ static surface bilinear(const cell *c, amb_real low_left, amb_real low_right, am
   return s;
 }
 
-static surface k_i_of(const cell *c)
+static surface k_i_of(const corners *c)
 {
   return bilinear(c, c->lower[0].k_i, c->lower[1].k_i, c->upper[0].k_i, c->upper[1].k_i);
 }
 
-static surface k_s_of(const cell *c)
+static surface k_s_of(const corners *c)
 {
   return bilinear(c, c->lower[0].k_s, c->lower[1].k_s, c->upper[0].k_s, c->upper[1].k_s);
 }
 
 static amb_stiffness table_through_origin(const void *self, amb_real iu, amb_real x)
 {
-  const cell c = find((const amb_table *)self, iu, x);
+  const corners c = find((const amb_table *)self, iu, x);
   const amb_stiffness k = {k_i_of(&c).value, k_s_of(&c).value};
   return k;
 }
 
 static amb_stiffness table_tangent(const void *self, amb_real iu, amb_real x)
 {
-  const cell c = find((const amb_table *)self, iu, x);
-  const surface k_i = k_i_of(&c), k_s = k_s_of(&c);
+  const corners c = find((const amb_table *)self, iu, x);
+  const surface k_i = k_i_of(&c);
+  const surface k_s = k_s_of(&c);
   const amb_stiffness k = {k_i.value + k_i.d_iu * iu + k_s.d_iu * x,
                            k_s.value + k_i.d_x * iu + k_s.d_x * x};
   return k;

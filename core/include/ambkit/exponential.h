@@ -14,9 +14,14 @@
 #include "ambkit/real.h"
 #include "generated/exponential.h"
 #include <stdint.h>
-#include <string.h>
 
 #if defined(AMB_FLOAT)
+
+/* A number and its bits, which C99 lets us read either way. */
+typedef union amb_bits {
+  float number;
+  uint32_t bits;
+} amb_bits;
 
 static inline float amb_exp_negative(float t)
 {
@@ -25,15 +30,18 @@ static inline float amb_exp_negative(float t)
   const float n = shifted - 12582912.0F;
   const float r = (n * 0.693359375F - held) + n * -2.12194440e-4F; /* ln 2 in two parts */
   const float p = amb_exp_polynomial(r);
-  uint32_t bits;
-  float power;
-  memcpy(&bits, &shifted, sizeof bits);
-  bits = (UINT32_C(127) - bits) << 23;
-  memcpy(&power, &bits, sizeof power);
-  return p * power;
+  amb_bits power;
+  power.number = shifted;
+  power.bits = (UINT32_C(127) - power.bits) << 23;
+  return p * power.number;
 }
 
 #else
+
+typedef union amb_bits {
+  double number;
+  uint64_t bits;
+} amb_bits;
 
 static inline double amb_exp_negative(double t)
 {
@@ -42,12 +50,10 @@ static inline double amb_exp_negative(double t)
   const double n = shifted - 6755399441055744.0;
   const double r = (n * 0.69314718036912382 - held) + n * 1.9082149292705877e-10;
   const double p = amb_exp_polynomial(r);
-  uint64_t bits;
-  double power;
-  memcpy(&bits, &shifted, sizeof bits);
-  bits = (UINT64_C(1023) - bits) << 52;
-  memcpy(&power, &bits, sizeof power);
-  return p * power;
+  amb_bits power;
+  power.number = shifted;
+  power.bits = (UINT64_C(1023) - power.bits) << 52;
+  return p * power.number;
 }
 
 #endif

@@ -23,10 +23,16 @@ typedef struct amb_fuzzy_output {
 typedef struct amb_fuzzy {
   int rules; /* 1 .. AMB_FUZZY_MAX_RULES */
   bool normalised;
-  amb_real per_ampere, per_metre;        /* scale of the inputs [1/A], [1/m] */
-  amb_real iu_min, iu_max, x_min, x_max; /* the box [A], [m] */
-  const amb_real *centre_iu, *centre_x;  /* rule centres, scaled */
-  amb_fuzzy_output k_i, k_s;
+  amb_real per_ampere; /* scale of the inputs [1/A] ... */
+  amb_real per_metre;  /* ... and [1/m] */
+  amb_real iu_min;     /* the box [A] ... */
+  amb_real iu_max;
+  amb_real x_min; /* ... and [m] */
+  amb_real x_max;
+  const amb_real *centre_iu; /* rule centres, scaled */
+  const amb_real *centre_x;
+  amb_fuzzy_output k_i;
+  amb_fuzzy_output k_s;
 } amb_fuzzy;
 
 extern const amb_magnet_methods amb_fuzzy_magnet;

@@ -7,11 +7,15 @@
 /* Node (r, c) is at x = x_min + r / per_metre, iu = iu_min + c / per_ampere. Reciprocal steps,
  * because a division takes a controller as long as fourteen multiplications. */
 typedef struct amb_table {
-  int rows, columns;              /* nodes in x and in iu, each at least 2; product at most 32767 */
-  amb_real last_row, last_column; /* rows - 1, columns - 1 */
-  amb_real x_min, per_metre;      /* [m], [1/m] */
-  amb_real iu_min, per_ampere;    /* [A], [1/A] */
-  const amb_stiffness *nodes;     /* rows x columns, rows of x; the caller's */
+  int rows;                   /* nodes in x, at least 2 */
+  int columns;                /* nodes in iu, at least 2; rows * columns at most 32767 */
+  amb_real last_row;          /* rows - 1 */
+  amb_real last_column;       /* columns - 1 */
+  amb_real x_min;             /* [m] */
+  amb_real per_metre;         /* [1/m] */
+  amb_real iu_min;            /* [A] */
+  amb_real per_ampere;        /* [1/A] */
+  const amb_stiffness *nodes; /* rows x columns, rows of x; the caller's */
 } amb_table;
 
 /* The table's values are the through-origin form; the tangent is theirs by the product rule. */
