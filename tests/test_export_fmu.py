@@ -219,7 +219,7 @@ def test_closed_loop_in_fmpy_equals_the_library(
     check_estimate(found, run.estimate, "estimate.")
 
 
-@pytest.mark.skipif(shutil.which("cmake") is None, reason="there is no cmake")
+@pytest.mark.skipif(not shutil.which("cmake") or not shutil.which("make"), reason="cmake and make")
 @pytest.mark.parametrize(("kind", "fmi"), [("estimator", 2), ("closed-loop", 3)])
 def test_sources_alone_compile_to_the_same(
     made: Callable[..., Path], tmp_path: Path, kind: str, fmi: int
