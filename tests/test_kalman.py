@@ -157,7 +157,7 @@ def test_the_filters_of_the_package_are_set_up_from_the_bearing() -> None:
     kf = ambkit.KalmanFilter(BEARING)
     estimate = kf.run(record, covariance=True)
     naive = oracles.Kalman(
-        SETTINGS, np.array([r["y"][0], 0, 0, r["y"][0]]), np.array(kf._default_std())
+        SETTINGS, np.array([r["y"][0], 0, 0, r["y"][0]]), np.array(kf.default_std())
     )
     constant = np.full_like(r["y"], 10.05), np.full_like(r["y"], 7537.5)
     expected = naive.run(r["y"], r["u"], *constant)

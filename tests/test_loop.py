@@ -43,7 +43,7 @@ def naive_loop(bearing: Bearing, scenario: Scenario, record: Any, *, fed_back: s
 
     start = record["r"][0]
     kf = oracles.Kalman(s, np.array([start, 0, 0, s["K_sen"] * start]),
-                        np.array(ambkit.KalmanFilter(bearing)._default_std()))  # fmt: skip
+                        np.array(ambkit.KalmanFilter(bearing).default_std()))  # fmt: skip
     state = np.array([start, 0.0, s["K_sen"] * start])
     u, path, mean = 0.0, [], []
     for k in range(len(record)):

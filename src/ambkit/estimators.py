@@ -132,10 +132,11 @@ class KalmanFilter:
             travel in the plant's own time, the weight, three times the measurement noise.
         """
         if std is None:
-            std = self._default_std()
+            std = self.default_std()
         self.core.reset(np.asarray(mean, dtype=float), np.asarray(std, dtype=float))
 
-    def _default_std(self) -> tuple[float, float, float, float]:
+    def default_std(self) -> tuple[float, float, float, float]:
+        """Return the standard deviations with which a filter starts; see :meth:`reset`."""
         b = self.bearing
         sigma = 3 * math.sqrt(self.variances.measurement)
         own_time = math.sqrt(b.rotor.mass / ConstantStiffness.of(b).k_s)

@@ -110,7 +110,7 @@ def _model(estimator: KalmanFilter) -> dict[str, Any]:
         "E": pushed,
         "Q": s["var_u"] * (B @ B.T) + np.diag([0.0, 0.0, s["var_d"], 0.0]),
         "R": s["var_y"],
-        "P0": np.diag(np.square(estimator._default_std())),
+        "P0": np.diag(np.square(estimator.default_std())),
         "T": s["T"],
         "f_0": s["f_0"],
     }

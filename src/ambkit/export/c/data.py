@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,24 @@ from numpy.typing import NDArray
 CPrecision = Literal["float", "double"]
 
 _UNSIGNED = ("frozen_limit",)  # the one field of the structs that is unsigned
+
+
+class Kind(NamedTuple):
+    """How a magnet of the core is called in C."""
+
+    type: str
+    methods: str
+    source: str
+    about: str
+
+
+MAGNETS = {
+    "Constant": Kind("amb_stiffness", "amb_constant_magnet", "magnet", "constant stiffnesses"),
+    "Law": Kind("amb_law", "amb_law_magnet", "magnet", "the closed force law"),
+    "Table": Kind("amb_table", "amb_table_magnet", "table", "bilinear stiffness tables"),
+    "Fuzzy": Kind("amb_fuzzy", "amb_fuzzy_magnet", "fuzzy", "the fuzzy expert"),
+}
+"""The core's magnets by the names of their bindings."""
 
 
 def number(value: float, precision: CPrecision) -> str:

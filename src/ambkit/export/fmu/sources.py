@@ -14,7 +14,7 @@ import numpy as np
 from ambkit.errors import AmbkitError
 from ambkit.export import core
 from ambkit.export.c import data
-from ambkit.export.c.exporter import MAGNETS
+from ambkit.export.c.data import MAGNETS
 from ambkit.export.fmu.variables import Kind
 from ambkit.export.fmu.xml import Fmi, Model
 from ambkit.magnets import ClosedLaw, core_module
@@ -122,7 +122,7 @@ def filter_data(estimator: KalmanFilter) -> dict[str, Any]:
     names = {path: path.replace(".", "_") for path in arrays}
     return {
         "settings": data.struct(estimator.core.parameters["set"], "double", {}),
-        "std": data.array(np.asarray(estimator._default_std()), "double"),
+        "std": data.array(np.asarray(estimator.default_std()), "double"),
         "magnet": data.struct(fields, "double", names),
         "magnet_type": kind.type,
         "magnet_methods": kind.methods,

@@ -1,0 +1,49 @@
+"""A folder of generated files: written whole, recognised again, and nobody else's files touched."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+from ambkit import files
+from ambkit.errors import AmbkitError
+
+MANIFEST = "ambkit.sha256"
+"""Names each file of an export, for ``sha256sum -c``, and is how an older export is known."""
+
+
+def write(folder: Path, texts: dict[str, str]) -> Path:
+    """Write all files, and take away those of an older export that are no longer there.
+
+    Raises
+    ------
+    AmbkitError
+        A file of the same name is there that is not from an export; then nothing is written. Or
+        the folder cannot be written.
+    """
+    files.make_folder(folder)
+    older = _older(folder / MANIFEST)
+    for name, text in texts.items():
+        if name not in older and _other(folder / name, text):
+            raise AmbkitError(f"{folder / name} is there already, and not from an export")
+    lines = [f"{hashlib.sha256(text.encode()).hexdigest()}  {name}" for name, text in texts.items()]
+    files.write_text(folder / MANIFEST, "\n".join(lines) + "\n")
+    for name, text in texts.items():
+        files.make_folder((folder / name).parent)
+        files.write_text(folder / name, text)
+    for name in older - set(texts):
+        (folder / name).unlink(missing_ok=True)
+    return folder
+
+
+def _other(path: Path, text: str) -> bool:
+    """Whether there is something else than what is to be written."""
+    return path.exists() and not (path.is_file() and path.read_bytes() == text.encode())
+
+
+def _older(manifest: Path) -> set[str]:
+    """Return the files of an older export; none that lies outside its folder."""
+    if not manifest.exists():
+        return set()
+    names = {line.partition("  ")[2] for line in files.read_text(manifest).splitlines()}
+    return {n for n in names if n and not Path(n).is_absolute() and ".." not in Path(n).parts}

@@ -1,0 +1,153 @@
+"""The text of each file: the core's own, the data, the thin interface and the self-test."""
+
+from __future__ import annotations
+
+import hashlib
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ambkit.export import core
+from ambkit.export.c import data, vectors
+from ambkit.export.c.data import MAGNETS, CPrecision, Kind
+from ambkit.magnets import core_module
+from ambkit.units import engineering
+
+if TYPE_CHECKING:
+    from ambkit._core import Magnet
+    from ambkit.estimators import KalmanFilter
+
+_BOUNDS: dict[CPrecision, str] = {"float": "1e-3", "double": "1e-9"}
+
+
+class Content(NamedTuple):
+    """An export before it is written."""
+
+    files: dict[str, str]  # text of each file by its name
+    sources: tuple[str, ...]  # what a controller compiles
+    configuration: str  # hash of all that it was made from
+
+
+def render(
+    estimator: KalmanFilter, name: str, precision: CPrecision, facts: dict[str, str]
+) -> Content:
+    """Write all texts.
+
+    Parameters
+    ----------
+    estimator : KalmanFilter
+        What is exported; of the core's build for this precision.
+    name : str
+        Prefix of all its names.
+    precision : {"float", "double"}
+        Of its numbers.
+    facts : dict
+        What the README says of it besides, line by line.
+    """
+    magnet: Magnet = estimator.source.magnet(core_module(estimator.precision))
+    kind = MAGNETS[type(magnet).__name__]
+    given = kind is MAGNETS["Constant"]  # constants are given, no magnet is asked
+    needed = ["src/kalman.c", *([] if given else [f"src/{kind.source}.c"])]
+    core_files = {f"core/{file}": text for file, text in core.closure(needed).items()}
+    c_files = tuple(file for file in core_files if file.endswith(".c"))
+    sources = (f"{name}.c", f"{name}_data.c", *c_files)
+    selftest = tuple(f"selftest/{file}" for file in (f"{name}_selftest.c", f"{name}_vectors.c"))
+    tested = vectors.make(estimator)
+    bearing = estimator.bearing
+    context: dict[str, Any] = {
+        "name": name,
+        "guard": name.upper(),
+        "title": f"{estimator.name} for {bearing.name}",
+        "bearing": bearing.name,
+        "version": version("ambkit"),
+        "precision": precision,
+        "sampling_time": engineering(bearing.sampling_time, "s"),
+        "sources": sources,
+        "selftest_sources": ("selftest/main.c", *selftest),
+        "bound": _BOUNDS[precision],
+        "steps": vectors.STEPS,
+        "misra_defines": "-DFLT_MANT_DIG=24" if precision == "float" else "-DDBL_MANT_DIG=53",
+        "given": given,
+        "magnet_header": f"{kind.source}.h",
+        "magnet_about": kind.about,
+        "facts": {"magnet": kind.about, **facts},
+        **_data_context(estimator, magnet, kind, precision),
+        "y": data.array(tested.y, precision),
+        "u": data.array(tested.u, precision),
+        "mean": data.array(tested.estimate.mean, precision),
+        "status": data.array(tested.estimate.status, precision),
+    }
+    context["configuration"] = _configuration(estimator, context, core_files)
+    made = {
+        f"{name}.h": "filter.h",
+        f"{name}.c": "filter.c",
+        f"{name}_data.h": "data.h",
+        f"{name}_data.c": "data.c",
+        f"selftest/{name}_selftest.h": "selftest.h",
+        f"selftest/{name}_selftest.c": "selftest.c",
+        f"selftest/{name}_vectors.c": "vectors.c",
+        "selftest/main.c": "main.c",
+        "core/include/ambkit/precision.h": "precision.h",
+        "CMakeLists.txt": "CMakeLists.txt",
+        "README.md": "README.md",
+        "misra.txt": "misra.txt",
+    }
+    templates = _templates()
+    texts = core_files | {
+        file: templates.get_template(f"{template}.j2").render(context)
+        for file, template in made.items()
+    }
+    return Content(dict(sorted(texts.items())), sources, context["configuration"])
+
+
+def _data_context(
+    estimator: KalmanFilter, magnet: Magnet, kind: Kind, precision: CPrecision
+) -> dict[str, Any]:
+    """Return what the data file says: the structs that the core holds, as initialisers."""
+    fields = magnet.parameters
+    arrays = data.arrays_of(fields)
+    names = {path: path.replace(".", "_") for path in arrays}
+    return {
+        "kalman": data.struct(estimator.core.parameters, precision, {}),
+        "std": data.array(np.asarray(estimator.default_std()), precision),
+        "magnet": data.struct(fields, precision, names),
+        "magnet_type": kind.type,
+        "magnet_methods": kind.methods,
+        "arrays": [
+            {
+                "name": names[path],
+                "type": "amb_stiffness" if values.ndim == 2 else "amb_real",
+                "length": len(values),
+                "text": data.array(values, precision),
+            }
+            for path, values in arrays.items()
+        ],
+    }
+
+
+def _configuration(
+    estimator: KalmanFilter, context: dict[str, Any], core_files: dict[str, str]
+) -> str:
+    """Return 16 hexadecimal digits that change with all that the estimator was made from."""
+    digest = hashlib.sha256()
+    numbers = ("version", "precision", "kalman", "std", "magnet_type", "magnet")
+    parts = [estimator.bearing.to_toml(), *(context[key] for key in numbers)]
+    parts += [array["text"] for array in context["arrays"]]
+    for part in (*parts, *core_files.values()):
+        digest.update(part.encode() + b"\0")
+    return digest.hexdigest()[:16]
+
+
+def _templates() -> Any:
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    return Environment(
+        loader=FileSystemLoader(Path(__file__).parent / "templates"),
+        undefined=StrictUndefined,
+        keep_trailing_newline=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        autoescape=False,
+    )
