@@ -13,14 +13,13 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ambkit.bearing import GRAVITY
 from ambkit.estimate import Estimate, Status
 from ambkit.magnets import ClosedLaw, ConstantStiffness, Precision, StiffnessSource, core_module
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
     from ambkit.record import Record
-
-STANDARD_GRAVITY = 9.81  # m/s^2, as in the paper's 5.08 N
 
 
 @dataclass(frozen=True)
@@ -143,7 +142,7 @@ class KalmanFilter:
         return (
             sigma / abs(b.sensor.gain),
             0.1 * b.rotor.travel_limit / own_time,
-            b.rotor.mass * STANDARD_GRAVITY,
+            b.rotor.mass * GRAVITY,
             sigma,
         )
 
@@ -301,7 +300,7 @@ def check_sampling(bearing: Bearing, record: Record) -> None:
 
 def _completed(bearing: Bearing, noise: FilterNoise) -> Variances:
     """Fill in the bearing's figures and check all of them."""
-    weight = bearing.rotor.mass * STANDARD_GRAVITY
+    weight = bearing.rotor.mass * GRAVITY
     full = Variances(
         bearing.sensor.noise_variance if noise.measurement is None else noise.measurement,
         bearing.amplifier.noise_variance if noise.control is None else noise.control,

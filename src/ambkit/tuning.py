@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ambkit.bearing import GRAVITY
 from ambkit.estimate import Estimate
-from ambkit.estimators import STANDARD_GRAVITY, KalmanFilter
+from ambkit.estimators import KalmanFilter
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
@@ -53,7 +54,7 @@ def most_likely_disturbance(
     """
     from scipy.optimize import minimize_scalar
 
-    own = (2 * bearing.rotor.mass * STANDARD_GRAVITY) ** 2
+    own = (2 * bearing.rotor.mass * GRAVITY) ** 2
 
     def cost(decade: float) -> float:
         return -log_likelihood(make(own * 10**decade).run(record))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,9 +21,6 @@ from ambkit.report.summary import SummaryRow
 from ambkit.scenario import PID, Scenario
 from ambkit.simulation import Run, simulate_run
 from ambkit.waveforms import Constant, Step
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 STEP_TIME, LOAD_TIME, DURATION = 0.05, 0.25, 0.5  # s; the paper gives none of them
 
@@ -53,7 +49,6 @@ class Study:
     """The paper's rig, and everything that more than one chapter needs; made when first asked."""
 
     seed: int = 0
-    recordings: Path | None = None
 
     @cached_property
     def bearing(self) -> Bearing:
