@@ -9,7 +9,7 @@ import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -70,6 +70,28 @@ def instance(made: Callable[..., Path], tmp_path: Path) -> Callable[..., Instanc
         return Instance(folder if folder.exists() else unpacked(made(kind, fmi), folder), **options)
 
     return make
+
+
+class Called(NamedTuple):
+    code: Any
+    err: str
+
+
+Command = Callable[..., Called]
+
+
+@pytest.fixture
+def command(capsys: pytest.CaptureFixture[str]) -> Command:
+    """Call ``ambkit export fmu zittau_axial`` with further words."""
+    from ambkit.cli import main
+
+    def call(*words: str) -> Called:
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as done:
+            main(["export", "fmu", "zittau_axial", *words])
+        return Called(done.value.code, capsys.readouterr().err)
+
+    return call
 
 
 def simulated(path: Path, T: float, start: dict[str, float], **inputs: Any) -> Any:
@@ -215,6 +237,25 @@ def test_closed_loop_in_fmpy_equals_the_library(
         np.testing.assert_array_equal(found[name][:-1], record[name], name)
     for name in ("y", "u", "iu"):
         np.testing.assert_array_equal(found[name][1:], record[name], name)
+    assert run.estimate is not None
+    check_estimate(found, run.estimate, "estimate.")
+
+
+def test_a_scenario_s_controller_closes_the_loop(command: Command, tmp_path: Path) -> None:
+    pid = ambkit.PID(kp=2500, kd=10, derivative_filter=1e-4, feedback="measurement")
+    scenario = disturbed(BEARING).replace(controller=pid)
+    scenario.save(tmp_path / "run.toml")
+    out = tmp_path / "loop.fmu"
+    words = ("--kind", "closed-loop", "--scenario", str(tmp_path / "run.toml"))
+    assert command(*words, "--estimator", "closed-law", "--out", str(out)).code == 0
+    estimator = AdaptiveKalmanFilter(BEARING, ClosedLaw(BEARING))
+    run = simulate_run(BEARING, scenario, estimator=estimator)
+    noise_u, noise_y = _noise(BEARING, scenario, len(run.record.t))
+    inputs = {"r": run.record["r"], "f_d": run.record["f_d"]}
+    inputs |= {"noise_u": noise_u, "noise_y": noise_y}
+    found = simulated(out, BEARING.sampling_time, {}, **inputs)
+    np.testing.assert_array_equal(found["u"][1:], run.record["u"])
+    np.testing.assert_array_equal(found["x"][:-1], run.record["x"])
     assert run.estimate is not None
     check_estimate(found, run.estimate, "estimate.")
 
@@ -481,20 +522,37 @@ def test_without_a_compiler_it_says_so(tmp_path: Path, monkeypatch: pytest.Monke
     assert not out.exists()
 
 
-def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from ambkit.cli import main
-
-    def run(*arguments: str) -> Any:
-        with pytest.raises(SystemExit) as done:
-            main(["export", "fmu", "zittau_axial", *arguments])
-        return done.value.code
-
+def test_command(command: Command, tmp_path: Path) -> None:
     out = tmp_path / "plant.fmu"
-    assert run("--kind", "plant", "--fmi", "2", "--out", str(out)) == 0
-    assert f"wrote {out}, FMI 2.0" in capsys.readouterr().err
-    assert validate_fmu(str(out)) == []
-    assert run("--kind", "plant", "--estimator", "e.json", "--out", str(out)) == 2
-    assert "a plant has none" in capsys.readouterr().err
-    assert run("--out", str(tmp_path / "plant.zip")) == 2
-    assert "must end with .fmu" in capsys.readouterr().err
+    done = command("--kind", "plant", "--fmi", "2", "--out", str(out))
+    assert (done.code, validate_fmu(str(out))) == (0, [])
+    assert f"wrote {out}, FMI 2.0" in done.err
     assert os.listdir(tmp_path) == ["plant.fmu"]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("--kind plant --estimator e.json --out plant.fmu", "a plant has none"),
+        ("--scenario run.toml --out filter.fmu", "only that has a controller"),
+        ("--kind closed-loop --scenario run.toml --out loop.fmu", "run.toml: cannot be read"),
+        ("--out plant.zip", "must end with .fmu"),
+        ("--estimator closed-lav --out filter.fmu", "did you mean closed-law?"),
+        ("--estimator missing.json --out filter.fmu", "missing.json: cannot be read"),
+    ],
+)
+def test_what_the_command_refuses(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str, said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = command(*words.split())
+    assert done.code == 2
+    assert said in done.err
+    assert os.listdir(tmp_path) == []
+
+
+def test_the_command_takes_the_names_of_the_others(command: Command, tmp_path: Path) -> None:
+    named, given = tmp_path / "named.fmu", tmp_path / "given.fmu"
+    assert command("--estimator", "closed-law", "--out", str(named)).code == 0
+    export_fmu(BEARING, ClosedLaw(BEARING), given)
+    assert named.read_bytes() == given.read_bytes()

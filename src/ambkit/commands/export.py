@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ambkit.commands.family import Exported, exported
 from ambkit.commands.options import BearingName, Json, find_bearing, quantity
 from ambkit.errors import AmbkitError
 
@@ -34,15 +35,6 @@ class Form(StrEnum):
 
 _CLOCK = 168e6  # Hz; of an STM32F4
 
-EstimatorFile = Annotated[
-    Path | None,
-    typer.Option(
-        "--estimator",
-        metavar="FILE",
-        help="Expert of the adaptive filter, from 'ambkit train'; the linear filter without it.",
-    ),
-]
-
 
 def export(context: typer.Context) -> None:
     """Write a filter for the controller.
@@ -57,7 +49,7 @@ def export(context: typer.Context) -> None:
 def export_c(
     bearing: BearingName,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="The folder to write.")],
-    estimator: EstimatorFile = None,
+    estimator: Exported = None,
     precision: Annotated[Precision, typer.Option(help="Of its numbers.")] = Precision.float,
     prefix: Annotated[
         str | None,
@@ -94,15 +86,15 @@ def export_c(
     For example:
       ambkit train zittau_axial --out expert.json
       ambkit export c zittau_axial --estimator expert.json --out out/
+      ambkit export c zittau_axial --estimator closed-law --precision double --out law/
     """
     from ambkit.commands import output
     from ambkit.export import c
-    from ambkit.fuzzy import Expert
 
     if precision is Precision.double and (cost or clock is not None):
         raise AmbkitError("--cost is for --precision float: a Cortex-M4F has no double in hardware")
     model = find_bearing(bearing)
-    source = None if estimator is None else Expert.load(estimator)
+    source = exported(estimator, model)
     written = c.export_c(
         model,
         source,
@@ -155,7 +147,7 @@ def _cost_table(spent: Cost, clock: float) -> Table:
         (
             f"highest sampling rate at {engineering(clock, 'Hz')}, "
             f"{CYCLES_PER_INSTRUCTION} cycles an instruction assumed",
-            engineering(spent.highest_rate(clock), "Hz"),
+            engineering(spent.highest_rate(clock), "Hz", digits=3),
         ),
     ]
     return output.table("Cost on a Cortex-M4F, measured in qemu", ("", ""), rows)

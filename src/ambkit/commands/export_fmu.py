@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ambkit.commands.export import EstimatorFile
-from ambkit.commands.family import read_expert
+from ambkit.commands.family import Exported, exported
 from ambkit.commands.options import BearingName, Json, file_option, find_bearing
 from ambkit.errors import AmbkitError
 
@@ -38,8 +37,15 @@ _VERSIONS: dict[Version, Fmi] = {Version.two: 2, Version.three: 3}
 def export_fmu(
     bearing: BearingName,
     out: Annotated[Path, file_option("The FMU to write.", (".fmu",), "--out")],
-    estimator: EstimatorFile = None,
+    estimator: Exported = None,
     kind: Annotated[Kind, typer.Option(help="What it models.")] = Kind.estimator,
+    scenario: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.toml",
+            help="Whose controller a closed loop has; the rest of a scenario is the FMU's inputs.",
+        ),
+    ] = None,
     fmi: Annotated[Version, typer.Option(help="Version of the FMI standard.")] = Version.three,
     json: Json = False,
 ) -> None:
@@ -50,15 +56,22 @@ def export_fmu(
     For example:
       ambkit export fmu zittau_axial --estimator expert.json --out filter.fmu
       ambkit export fmu zittau_axial --kind plant --fmi 2 --out plant.fmu
+      ambkit export fmu zittau_axial --kind closed-loop --estimator closed-law --out loop.fmu
     """
     from ambkit.commands import output
     from ambkit.export import fmu
+    from ambkit.scenario import Scenario
 
     if kind is Kind.plant and estimator is not None:
         raise AmbkitError("--estimator is for --kind estimator and closed-loop: a plant has none")
+    if kind is not Kind.closed_loop and scenario is not None:
+        raise AmbkitError("--scenario is for --kind closed-loop: only that has a controller")
     model = find_bearing(bearing)
-    source = None if estimator is None else read_expert(estimator, model)
-    written = fmu.export_fmu(model, source, out, kind=kind.value, fmi=_VERSIONS[fmi])
+    controller = None if scenario is None else Scenario.load(scenario).controller
+    source = exported(estimator, model)
+    written = fmu.export_fmu(
+        model, source, out, kind=kind.value, fmi=_VERSIONS[fmi], controller=controller
+    )
     data = {
         "path": str(written.path),
         "kind": written.kind,

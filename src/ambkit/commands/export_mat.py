@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from ambkit.commands.export import EstimatorFile
+import typer
+
 from ambkit.commands.family import read_expert
 from ambkit.commands.options import BearingName, Json, file_option, find_bearing
 
@@ -13,7 +14,14 @@ from ambkit.commands.options import BearingName, Json, file_option, find_bearing
 def export_mat(
     bearing: BearingName,
     out: Annotated[Path, file_option("The MAT-file to write.", (".mat",), "--out")],
-    estimator: EstimatorFile = None,
+    estimator: Annotated[
+        Path | None,
+        typer.Option(
+            "--estimator",
+            metavar="FILE",
+            help="Expert from 'ambkit train': its rules, and its tables, go along.",
+        ),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Write model, noise, stiffness tables and expert as a MAT-file.

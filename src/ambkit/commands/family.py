@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import difflib
+import os
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Annotated, Protocol
 
 import typer
 
@@ -19,6 +21,16 @@ if TYPE_CHECKING:
     from ambkit.scenario import Scenario
 
 NAMES = ("linear", "adaptive", "closed-law", "table")
+
+Exported = Annotated[
+    str | None,
+    typer.Option(
+        "--estimator",
+        metavar="FILE",
+        help="Expert of the adaptive filter, from 'ambkit train'; or a name: "
+        f"{', '.join(NAMES)}. The linear filter without it.",
+    ),
+]
 
 
 class Factory(Protocol):
@@ -79,6 +91,33 @@ def factories(
         return lambda noise=None: AdaptiveKalmanFilter(bearing, source, noise=noise)
 
     return {name: factory(name) for name in chosen}
+
+
+def exported(text: str | None, bearing: Bearing) -> StiffnessSource | None:
+    """Return what the filter that a user names, or the expert in a file, asks for k_i and k_s.
+
+    Parameters
+    ----------
+    text : str, optional
+        One of `NAMES`, or a file from ``ambkit train``; the linear filter without it.
+    bearing : Bearing
+        What is filtered.
+
+    Raises
+    ------
+    AmbkitError
+        It is neither, or the file cannot be read.
+    """
+    if text is None or text == "linear":
+        return None
+    if text in NAMES:
+        return _source(text, bearing, None)
+    path = Path(text)
+    if not (path.suffix or path.exists() or os.sep in text):
+        near = difflib.get_close_matches(text, NAMES, 1)
+        hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(NAMES)}"
+        raise AmbkitError(f'--estimator: there is no estimator and no file "{text}"; {hint}')
+    return read_expert(path, bearing)
 
 
 def _source(name: str, bearing: Bearing, expert: Path | None) -> StiffnessSource:

@@ -78,7 +78,7 @@ def export_fmu(
     fmi : {2, 3}
         Version of the standard.
     controller : PID, optional
-        Of the closed loop; by default tuned to the bearing.
+        Of the closed loop; by default tuned to the bearing, and fed by the estimator.
 
     Raises
     ------
@@ -130,14 +130,16 @@ def _plant(bearing: Bearing) -> _Parts:
 
 def _loop(estimator: KalmanFilter, controller: PID) -> _Parts:
     bearing = estimator.bearing
+    feeds = f"the {estimator.name}" if controller.feedback == "estimate" else "the sensor"
     return _Parts(
-        f"Bearing {bearing.name}, held by a PID controller that the {estimator.name} feeds",
+        f"Bearing {bearing.name}, held by a PID controller that {feeds} feeds",
         variables.of_loop(estimator, controller),
         sources.data_file(
             "closed-loop",
             filter=sources.filter_data(estimator),
             rig=sources.rig_data(bearing),
             pid=sources.pid_data(bearing, controller),
+            feedback_estimate=controller.feedback == "estimate",
         ),
     )
 

@@ -27,7 +27,7 @@ static amb_loop loop_of(const amb_model *model)
       .iu_max = rig->iu_max,
       .kf = &model->filter,
       .magnet = &amb_data_magnet,
-      .feedback_estimate = true,
+      .feedback_estimate = amb_data_feedback_estimate,
   };
   return loop;
 }

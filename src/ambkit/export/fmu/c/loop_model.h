@@ -15,5 +15,6 @@ typedef struct amb_model {
 
 /* Written by the export. */
 extern const amb_pid amb_data_pid;
+extern const bool amb_data_feedback_estimate; /* what feeds it: the estimator, or the sensor */
 
 #endif
