@@ -1,0 +1,137 @@
+"""The likelihood of records under a model, with its score and its information.
+
+The filter's innovations e with the variances S that it expects give ``ln p = -1/2 sum(ln 2 pi S +
+e^2/S)`` (Schweppe 1965). Only the past enters a prediction, whatever controller made the control
+signal of it: so what maximises it is unbiased in closed loop too (Ljung 1999, ch. 13).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.errors import AmbkitError, ConfigError
+from ambkit.identification.parameters import Coordinates
+from ambkit.record import Record
+
+Array = NDArray[np.float64]
+
+STEP = 1e-4
+"""Of the differences, in the coordinates of the search: their error is of its square."""
+
+
+@dataclass(frozen=True, eq=False)
+class Local:
+    """The likelihood at one point of the search, p coordinates.
+
+    Attributes
+    ----------
+    value : float
+        Log likelihood.
+    score : ndarray (p,)
+        Its gradient.
+    information : ndarray (p, p)
+        Fisher's information along the records, ``sum(e' e'^T / S + S' S'^T / (2 S^2))`` with the
+        derivatives of innovation and variance (Gupta and Mehra 1974): what the second derivatives
+        expect to be, never indefinite.
+    scatter : ndarray (p, p)
+        What the scores of the samples scatter by, with their correlation over neighbouring
+        samples (Newey and West 1987). Equal to the information where the model is right.
+    """
+
+    value: float
+    score: Array
+    information: Array
+    scatter: Array
+
+
+class Likelihood:
+    """Log likelihood of records as a function of the coordinates of a search.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        With ``y`` [m] and ``u`` [V]; each starts afresh.
+    coordinates : Coordinates
+        Which parameters move, from where.
+    settling : float
+        Time at the start of each record that does not count [s]: the filter starts in the dark.
+    """
+
+    def __init__(
+        self, records: Sequence[Record], coordinates: Coordinates, settling: float
+    ) -> None:
+        self.records = records
+        self.coordinates = coordinates
+        self.settling = settling
+
+    def innovations(self, z: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Innovations [m], variances [m^2] and whether they count, of all records in a row."""
+        model = self.coordinates.model_at(z)
+        parts = []
+        for record in self.records:
+            e, S, used = model.innovations(record)
+            used[: max(1, round(self.settling / record.sampling_time))] = False
+            parts.append((e, S, used))
+        e, S, used = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return e, S, used
+
+    def value(self, z: Array) -> float:
+        """Log likelihood; minus infinity where the model would contradict itself."""
+        try:
+            e, S, used = self.innovations(z)
+        except (ConfigError, ValueError, OverflowError):
+            return -math.inf
+        if not used.any():
+            return -math.inf
+        return _log_likelihood(e[used], S[used])
+
+    def local(self, z: Array) -> Local:
+        """Value, score and information, by central differences of the innovations.
+
+        Raises
+        ------
+        AmbkitError
+            No measurement could be taken in.
+        """
+        e, S, used = self.innovations(z)
+        if not used.any():
+            raise AmbkitError("the filter could take in no measurement: do bearing and record fit?")
+        slopes_e, slopes_S = [], []
+        for step in STEP * np.eye(z.size):
+            e_up, S_up, up = self.innovations(z + step)
+            e_down, S_down, down = self.innovations(z - step)
+            used = used & up & down
+            slopes_e.append((e_up - e_down) / (2 * STEP))
+            slopes_S.append((S_up - S_down) / (2 * STEP))
+        e, S = e[used], S[used]
+        by_e = np.array([slope[used] for slope in slopes_e]).reshape(z.size, -1) / np.sqrt(S)
+        by_S = np.array([slope[used] for slope in slopes_S]).reshape(z.size, -1) / S
+        r = e / np.sqrt(S)
+        scores = -(by_e * r + 0.5 * by_S * (1 - r**2))
+        return Local(
+            _log_likelihood(e, S),
+            scores.sum(axis=1),
+            by_e @ by_e.T + 0.5 * by_S @ by_S.T,
+            _long_run(scores),
+        )
+
+
+def _log_likelihood(e: Array, S: Array) -> float:
+    return float(-0.5 * np.sum(np.log(2 * np.pi * S) + e**2 / S))
+
+
+def _long_run(scores: Array) -> Array:
+    """Covariance of the sum of correlated scores (p, n), after Newey and West (1987)."""
+    n = scores.shape[1]
+    # Their rule of thumb for the number of lags (Newey and West 1994), generously.
+    lags = min(n - 1, math.ceil(4 * (n / 100) ** (1 / 3)))
+    total = scores @ scores.T
+    for lag in range(1, lags + 1):
+        part = scores[:, lag:] @ scores[:, :-lag].T
+        total = total + (1 - lag / (lags + 1)) * (part + part.T)
+    return np.asarray(total)

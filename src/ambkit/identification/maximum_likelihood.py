@@ -1,0 +1,409 @@
+"""A bearing from records of any loop, with its uncertainty, by maximum likelihood.
+
+The prediction-error method with the core's Kalman filter: search by Fisher's scoring, errors and
+correlations from the information, parameters that the records cannot tell apart named and held.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.errors import AmbkitError
+from ambkit.estimators import check_sampling
+from ambkit.identification.likelihood import Likelihood, Local
+from ambkit.identification.loop_model import LoopModel
+from ambkit.identification.parameters import USUAL, Coordinates, Parameter, named
+from ambkit.identification.start import best_start
+from ambkit.magnets import ConstantStiffness
+
+if TYPE_CHECKING:
+    from ambkit.bearing import Bearing
+    from ambkit.record import Record
+
+Array = NDArray[np.float64]
+
+CONFIDENCE = 1.959964
+"""Standard errors to either side that hold 95 %."""
+
+LEAST_EIGENVALUE = 1e-5
+"""Of the information, scaled to a diagonal of ones: below it, some parameters look like others."""
+
+CONVERGED = 1e-3
+"""Newton's decrement that ends the search: squared distance to the maximum in standard errors."""
+
+RIDGE = 0.5
+"""The decrement that is let pass where no step helps any more."""
+
+MUCH_LESS_LIKELY = 2.0
+"""Loss of log likelihood with which a value counts as ruled out (Edwards 1972)."""
+
+LONGEST_STEP = 1.0
+"""In any coordinate of the search: an e-fold."""
+
+MOST_DAMPING = 1e8
+
+MOST_STEPS = 100
+
+
+@dataclass(frozen=True, eq=False)
+class MaximumLikelihood:
+    """What records say about a bearing, p parameters found.
+
+    Attributes
+    ----------
+    start, model : LoopModel
+        Where the search began, as the user gave it, and what it found.
+    parameters : list of Parameter
+        What was found.
+    values : ndarray (p,)
+        Their values, SI.
+    errors : ndarray (p,)
+        Their standard errors in the search: relative (of the logarithm) for a positive parameter,
+        otherwise SI.
+    robust_errors : ndarray (p,)
+        The same as the scatter of the scores has them (White 1982): right to first order even
+        where the model is not, and then larger.
+    covariance : ndarray (p, p)
+        Of what `errors` are the roots of.
+    correlation : ndarray (p, p)
+        Of the estimates.
+    held : mapping of str to str
+        Parameters that were looked for and could not be found, with the reason.
+    log_likelihood, start_log_likelihood : float
+        At the model and at the start.
+    samples : int
+        Measurements that count.
+    begun_from : str
+        Which start the search went up from: the bearing given, ADALINE or least squares.
+    steps : int
+        Steps of the search.
+    converged : bool
+        Whether it ended at a maximum.
+    """
+
+    start: LoopModel
+    model: LoopModel
+    parameters: list[Parameter]
+    values: Array
+    errors: Array
+    robust_errors: Array
+    covariance: Array
+    correlation: Array
+    held: Mapping[str, str]
+    log_likelihood: float
+    start_log_likelihood: float
+    samples: int
+    begun_from: str
+    steps: int
+    converged: bool
+    settling: float = field(default=0.0)
+
+    @property
+    def bearing(self) -> Bearing:
+        """The bearing that was found."""
+        return self.model.bearing
+
+    def __getitem__(self, name: str) -> float:
+        """Return the value of a parameter, found or held [SI]."""
+        return named([name])[0].of(self.model)
+
+    def standard_error(self, name: str, *, robust: bool = False) -> float:
+        """Return the standard error of a parameter that was found, in its own unit.
+
+        Parameters
+        ----------
+        name : str
+            The parameter.
+        robust : bool
+            That of `robust_errors`.
+
+        Raises
+        ------
+        AmbkitError
+            It was not found.
+        """
+        at = self._place(name)
+        error = float((self.robust_errors if robust else self.errors)[at])
+        return error * float(self.values[at]) if self.parameters[at].positive else error
+
+    def interval(self, name: str) -> tuple[float, float]:
+        """Return the ends of a parameter's 95 % interval, in its own unit.
+
+        Parameters
+        ----------
+        name : str
+            The parameter.
+        """
+        at = self._place(name)
+        value, half = float(self.values[at]), CONFIDENCE * float(self.errors[at])
+        if self.parameters[at].positive:
+            return value * math.exp(-half), value * math.exp(half)
+        return value - half, value + half
+
+    def stiffness(self, iu: float = 0.0, x: float = 0.0) -> dict[str, tuple[float, float]]:
+        """Return k_i [N/A] and k_s [N/m] at a work point, tangents, each with its standard error.
+
+        Parameters
+        ----------
+        iu, x : float
+            Control current [A] and displacement [m].
+        """
+        from ambkit.magnets import ClosedLaw
+
+        coordinates = Coordinates(self.model, self.parameters)
+
+        def at(z: Array) -> Array:
+            law = ClosedLaw(coordinates.model_at(z).bearing)
+            return np.array([float(part) for part in law.tangent(iu, x)])
+
+        zero = np.zeros(len(self.parameters))
+        steps = 1e-5 * np.eye(zero.size)
+        slopes = np.array([(at(step) - at(-step)) / 2e-5 for step in steps]).T
+        unit = coordinates.unit_steps()
+        covariance = slopes @ (self.covariance / np.outer(unit, unit)) @ slopes.T
+        errors = np.sqrt(np.diag(covariance))
+        return {
+            name: (value, error)
+            for name, value, error in zip(
+                ("k_i", "k_s"), at(zero).tolist(), errors.tolist(), strict=True
+            )
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as plain data, SI, ready for JSON."""
+        return {
+            "parameters": {
+                p.name: {
+                    "value": float(self.values[i]),
+                    "unit": p.unit,
+                    "standard_error": self.standard_error(p.name),
+                    "robust_standard_error": self.standard_error(p.name, robust=True),
+                    "interval_95": list(self.interval(p.name)),
+                    "start": p.of(self.start),
+                }
+                for i, p in enumerate(self.parameters)
+            },
+            "correlation": self.correlation.tolist(),
+            "held": dict(self.held),
+            "log_likelihood": self.log_likelihood,
+            "start_log_likelihood": self.start_log_likelihood,
+            "samples": self.samples,
+            "begun_from": self.begun_from,
+            "steps": self.steps,
+            "converged": self.converged,
+        }
+
+    def _place(self, name: str) -> int:
+        for at, parameter in enumerate(self.parameters):
+            if parameter.name == name:
+                return at
+        why = self.held.get(name, "it was not looked for")
+        raise AmbkitError(f"{name} was not found: {why}")
+
+
+def maximum_likelihood(
+    records: Record | Sequence[Record],
+    start: Bearing | LoopModel,
+    free: Sequence[str] = USUAL,
+    *,
+    settling: float | None = None,
+    improve_start: bool = True,
+    note: Callable[[str], object] = lambda _: None,
+) -> MaximumLikelihood:
+    """Find the parameters under which records are most likely.
+
+    Parameters
+    ----------
+    records : Record or sequence of Record
+        With ``y`` [m] and ``u`` [V], of any loop that the control signal moves the rotor in.
+    start : Bearing or LoopModel
+        What is known; what is not free stays as it is. From one experiment comes the ratio k/m:
+        give one of the two.
+    free : sequence of str
+        Names of `ambkit.identification.parameters.PARAMETERS`.
+    settling : float, optional
+        Time at the start of each record that does not count [s]; by default the plant's own time,
+        ``sqrt(m/k_s)``.
+    improve_start : bool
+        Try ADALINE and least squares for a better start; else the search begins at `start`.
+    note : callable
+        Told what is being done.
+
+    Returns
+    -------
+    MaximumLikelihood
+
+    Raises
+    ------
+    AmbkitError
+        An unknown parameter; no measurement could be taken in; nothing is left to be found.
+    ValueError
+        A record's sampling time is not the bearing's.
+    """
+    several = [records] if not isinstance(records, Sequence) else list(records)
+    given = start if isinstance(start, LoopModel) else LoopModel(start)
+    parameters = named(free)
+    if not parameters:
+        raise AmbkitError("no parameter is free")
+    for record in several:
+        check_sampling(given.bearing, record)
+    if settling is None:
+        b = given.bearing
+        settling = math.sqrt(b.rotor.mass / ConstantStiffness.of(b).k_s)
+    given = _movable(given, parameters)
+    begin, begun_from = given, "the bearing given"
+    if improve_start:
+        note("looking for a start")
+        begin, begun_from = best_start(several, given, parameters, settling)
+    held: dict[str, str] = {}
+    steps = 0
+    while True:
+        note(f"searching {len(parameters)} parameters")
+        found = _climb(several, begin, parameters, settling)
+        steps += found.steps
+        local, coordinates = found.local, Coordinates(found.model, parameters)
+        doubtful = _doubtful(local, coordinates)
+        if doubtful is None:
+            break
+        parameter, why = doubtful
+        begin, at = _hold(several, found, parameter, given, settling)
+        held[parameter.name] = f"{why}; held at {at}"
+        parameters = [p for p in parameters if p is not parameter]
+        if not parameters:
+            raise AmbkitError(
+                "the records tell nothing: " + "; ".join(f"{n}: {w}" for n, w in held.items())
+            )
+    unit = coordinates.unit_steps()
+    inverse = np.linalg.inv(local.information)
+    covariance = inverse * np.outer(unit, unit)
+    robust = inverse @ local.scatter @ inverse * np.outer(unit, unit)
+    errors = np.sqrt(np.diag(covariance))
+    zero = Coordinates(given, [])
+    return MaximumLikelihood(
+        start=given,
+        model=found.model,
+        parameters=parameters,
+        values=np.array([p.of(found.model) for p in parameters]),
+        errors=errors,
+        robust_errors=np.sqrt(np.diag(robust)),
+        covariance=covariance,
+        correlation=covariance / np.outer(errors, errors),
+        held=held,
+        log_likelihood=local.value,
+        start_log_likelihood=Likelihood(several, zero, settling).value(np.zeros(0)),
+        samples=found.samples,
+        begun_from=begun_from,
+        steps=steps,
+        converged=found.converged,
+        settling=settling,
+    )
+
+
+def _movable(model: LoopModel, parameters: Sequence[Parameter]) -> LoopModel:
+    """Return the model with a value above zero for each parameter whose logarithm is searched."""
+    floors = {"current_lag": model.bearing.sampling_time, "load_growth": 1e-12}
+    zeros = {
+        p.place: floors.get(p.name, 1e-12) for p in parameters if p.positive and not p.of(model) > 0
+    }
+    return model.replace(**zeros) if zeros else model
+
+
+@dataclass(frozen=True, eq=False)
+class _Climbed:
+    model: LoopModel
+    local: Local
+    steps: int
+    converged: bool
+    samples: int
+
+
+def _climb(
+    records: Sequence[Record], begin: LoopModel, parameters: list[Parameter], settling: float
+) -> _Climbed:
+    """Go up to the maximum by Fisher's scoring, damped after Marquardt (1963).
+
+    SciPy's trust regions are balls in the coordinates; here one coordinate is known a thousand
+    times as well as another, and only a region in units of the errors gets anywhere.
+    """
+    coordinates = Coordinates(begin, parameters)
+    likelihood = Likelihood(records, coordinates, settling)
+    z, damping, converged, steps = np.zeros(len(parameters)), 1e-3, False, 0
+    at = likelihood.local(z)
+    while steps < MOST_STEPS:
+        # Ten times its coarse error holds what the records do not tell near where it was.
+        information = at.information + 0.01 * np.eye(z.size)
+        left = float(at.score @ np.linalg.solve(information, at.score))
+        converged = left < CONVERGED
+        if converged:
+            break
+        while damping < MOST_DAMPING:
+            damped = information + damping * np.diag(np.diag(information))
+            step = np.linalg.solve(damped, at.score)
+            step *= min(1.0, LONGEST_STEP / np.max(np.abs(step)))
+            if likelihood.value(z + step) > at.value:
+                break
+            damping *= 10
+        else:
+            # At a whole number of samples the likelihood has a ridge over the delay: a maximum
+            # there keeps a score of its own.
+            converged = left < RIDGE
+            break
+        z, damping, steps = z + step, max(damping / 10, 1e-9), steps + 1
+        at = likelihood.local(z)
+    _, _, used = likelihood.innovations(z)
+    return _Climbed(coordinates.model_at(z), at, steps, converged, int(used.sum()))
+
+
+def _hold(
+    records: Sequence[Record],
+    found: _Climbed,
+    parameter: Parameter,
+    given: LoopModel,
+    settling: float,
+) -> tuple[LoopModel, str]:
+    """Return the model with a parameter where the user had it, and that value in words.
+
+    What the search made of it means little. But where the value given is far less likely, as of a
+    noise that turned out to be next to nothing, the value found stays.
+    """
+    from ambkit.units import engineering
+
+    model = found.model.replace(**{parameter.place: parameter.of(given)})
+    value = Likelihood(records, Coordinates(model, []), settling).value(np.zeros(0))
+    alike = len(_alike(found.local.information)) > 1
+    if not alike and value < found.local.value - MUCH_LESS_LIKELY:
+        model = found.model
+    return model, engineering(parameter.of(model), parameter.unit, 3)
+
+
+def _alike(information: Array) -> list[int]:
+    """Places of parameters that the records cannot tell apart; empty where they can."""
+    root = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    eigenvalues, vectors = np.linalg.eigh(information / np.outer(root, root))
+    if eigenvalues[0] >= LEAST_EIGENVALUE:
+        return []
+    return [i for i in range(root.size) if abs(vectors[i, 0]) > 0.25]
+
+
+def _doubtful(local: Local, coordinates: Coordinates) -> tuple[Parameter, str] | None:
+    """Name a parameter that the records do not tell, and why; None where they tell all."""
+    parameters, information = coordinates.parameters, local.information
+    root = np.sqrt(np.diag(information))
+    for at in reversed(range(root.size)):
+        if not root[at] > 1.0:  # alone, with all others known, its error would be its coarse one
+            return parameters[at], "the records do not depend on it"
+    alike = _alike(information)
+    if alike:
+        names = " and ".join(parameters[i].name for i in alike)
+        return parameters[alike[-1]], f"{names} cannot be told apart"
+    errors = np.sqrt(np.diag(np.linalg.inv(information)))
+    worst = int(np.argmax(errors))
+    if errors[worst] > 1.0:
+        return parameters[worst], "its error is as large as all that it could be"
+    return None

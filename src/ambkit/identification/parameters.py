@@ -1,0 +1,153 @@
+"""What can be identified: each parameter with its unit, its place in the model and its scale."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.errors import AmbkitError
+
+if TYPE_CHECKING:
+    from ambkit.identification.loop_model import LoopModel
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One figure of a :class:`LoopModel` that a record may tell.
+
+    Attributes
+    ----------
+    name : str
+        As the user calls it.
+    symbol : str
+        As papers call it.
+    unit : str
+        SI.
+    place : str
+        Where it stands in the model, as `LoopModel.replace` takes it.
+    positive : bool
+        Searched by its logarithm, so that it stays positive; its error is then relative.
+    coarse : callable
+        ``coarse(model)``: a standard error from which on nothing is known. Of the logarithm for a
+        positive parameter, otherwise in `unit`; it scales the search, too.
+    """
+
+    name: str
+    symbol: str
+    unit: str
+    place: str
+    positive: bool
+    coarse: Callable[[LoopModel], float]
+
+    def of(self, model: LoopModel) -> float:
+        """Return its value in a model, SI."""
+        thing: Any = model
+        for part in _path(self.place):
+            thing = getattr(thing, part)
+        return float(thing)
+
+
+def _path(place: str) -> list[str]:
+    return ["bearing", *place.split("__")] if "__" in place else [place]
+
+
+def _one(_: LoopModel) -> float:
+    return 1.0
+
+
+def _samples(model: LoopModel) -> float:
+    return 10 * model.bearing.sampling_time
+
+
+PARAMETERS: dict[str, Parameter] = {
+    p.name: p
+    for p in (
+        Parameter("magnet_constant", "k", "N m^2/A^2", "magnet__magnet_constant", True, _one),
+        Parameter("air_gap", "s_0", "m", "magnet__air_gap", True, _one),
+        Parameter("mass", "m", "kg", "rotor__mass", True, _one),
+        Parameter("sensor_lag", "T_Sen", "s", "sensor__lag", True, _one),
+        Parameter("delay", "T_d", "s", "delay", False, _samples),
+        Parameter("current_lag", "T_i", "s", "current_lag", True, _one),
+        Parameter("position_offset", "y_0", "m", "position_offset", False,
+                  lambda m: m.bearing.rotor.travel_limit),
+        Parameter("current_offset", "i_off", "A", "current_offset", False,
+                  lambda m: m.bearing.magnet.bias_current),
+        Parameter("sensor_gain", "K_Sen", "1", "sensor__gain", True, _one),
+        Parameter("amplifier_gain", "k_ui", "A/V", "amplifier__gain", True, _one),
+        Parameter("measurement_noise", "R", "m^2", "sensor__noise_variance", True, _one),
+        Parameter("control_noise", "Q_u", "V^2", "amplifier__noise_variance", True, _one),
+        Parameter("load_growth", "Q_d", "N^2/s", "load_growth", True, _one),
+    )
+}  # fmt: skip
+"""All that can be identified, by name; of two that cannot be told apart the later one is held."""
+
+USUAL = (
+    "magnet_constant", "air_gap", "sensor_lag", "delay", "position_offset", "current_offset",
+    "measurement_noise", "control_noise", "load_growth",
+)  # fmt: skip
+"""Looked for where the user does not say what to look for."""
+
+
+def named(names: Sequence[str]) -> list[Parameter]:
+    """Return parameters by their names, in the order of `PARAMETERS`.
+
+    Raises
+    ------
+    AmbkitError
+        There is no such parameter; the message lists those that there are.
+    """
+    import difflib
+
+    for name in names:
+        if name not in PARAMETERS:
+            near = difflib.get_close_matches(name, PARAMETERS, 1)
+            hint = f"did you mean {near[0]}? " if near else ""
+            raise AmbkitError(
+                f"there is no parameter {name}; {hint}there are {', '.join(PARAMETERS)}"
+            )
+    return [parameter for name, parameter in PARAMETERS.items() if name in names]
+
+
+@dataclass(frozen=True)
+class Coordinates:
+    """The vector of the search: logarithms and scaled offsets, zero at the model it starts from.
+
+    Attributes
+    ----------
+    model : LoopModel
+        Where it is zero.
+    parameters : list of Parameter
+        What its entries are.
+    """
+
+    model: LoopModel
+    parameters: list[Parameter]
+
+    def model_at(self, z: Array) -> LoopModel:
+        """Return the model at a vector (p,).
+
+        Raises
+        ------
+        ConfigError
+            It would contradict itself.
+        """
+        changes = {}
+        for parameter, step in zip(self.parameters, z.tolist(), strict=True):
+            start = parameter.of(self.model)
+            changes[parameter.place] = (
+                start * math.exp(min(step, 50.0))
+                if parameter.positive
+                else start + step * parameter.coarse(self.model)
+            )
+        return self.model.replace(**changes)
+
+    def unit_steps(self) -> Array:
+        """What a step of one means (p,): of a logarithm 1, otherwise in SI."""
+        return np.array([1.0 if p.positive else p.coarse(self.model) for p in self.parameters])

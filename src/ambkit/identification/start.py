@@ -1,0 +1,141 @@
+"""Where the search for the maximum likelihood begins: as given, by ADALINE, or by least squares."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.errors import AmbkitError
+from ambkit.identification.adaline import Adaline
+from ambkit.identification.likelihood import Likelihood
+from ambkit.identification.loop_model import LoopModel, delayed
+from ambkit.identification.parameters import Coordinates, Parameter
+from ambkit.magnets import ConstantStiffness
+
+if TYPE_CHECKING:
+    from ambkit.record import Record
+
+Array = NDArray[np.float64]
+
+LONGEST_DELAY = 8
+"""Samples of delay that are tried."""
+
+GROWTHS = (1e-6, 1e-4, 1e-2, 1.0)
+"""Growths of the load that are tried, times the one given."""
+
+
+def best_start(
+    records: Sequence[Record],
+    given: LoopModel,
+    parameters: Sequence[Parameter],
+    settling: float,
+) -> tuple[LoopModel, str]:
+    """Return the most likely of several starts, and what it is called.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        With ``y`` and ``u``.
+    given : LoopModel
+        What is known.
+    parameters : sequence of Parameter
+        Those that may be moved; no other is.
+    settling : float
+        Time at the start of each record that does not count [s].
+    """
+    free = {p.name for p in parameters}
+    candidates = [(given, "the bearing given")]
+    if "magnet_constant" in free:
+        candidates += [(model, "ADALINE") for model in _by_adaline(records, given)]
+    candidates += [(model, "least squares") for model in _by_least_squares(records, given, free)]
+    if "delay" in free:
+        T = given.bearing.sampling_time
+        candidates += [
+            (model.replace(delay=(n + 0.5) * T), name)
+            for model, name in candidates
+            for n in range(LONGEST_DELAY)
+        ]
+    if "load_growth" in free:
+        growth = given.load_growth
+        candidates += [
+            (model.replace(load_growth=growth * part), name)
+            for model, name in candidates
+            for part in GROWTHS[:-1]
+        ]
+
+    def likelihood(candidate: tuple[LoopModel, str]) -> float:
+        return Likelihood(records, Coordinates(candidate[0], []), settling).value(np.zeros(0))
+
+    return max(candidates, key=likelihood)
+
+
+def _by_adaline(records: Sequence[Record], given: LoopModel) -> list[LoopModel]:
+    """Take the magnet constant that ADALINE learns along the first record (paper, eq. 22-25)."""
+    try:
+        k = Adaline(given.bearing).run(given.corrected(records[0])).magnet_constant
+        return [given.replace(magnet__magnet_constant=k)]
+    except (AmbkitError, ValueError):
+        return []
+
+
+def _by_least_squares(
+    records: Sequence[Record], given: LoopModel, free: set[str]
+) -> list[LoopModel]:
+    """Take k and s0 from ``m a = k_i iu + k_s x + c``, a line through smoothed accelerations.
+
+    Noise in position and closed loop bias it; as a start it will do. ``s0 = i0 k_i/k_s`` holds for
+    magnets of both types, at the centre.
+    """
+    from scipy.signal import savgol_filter
+
+    b = given.bearing
+    T, m = b.sampling_time, b.rotor.mass
+    half = max(2, round(0.5 * math.sqrt(m / ConstantStiffness.of(b).k_s) / T))
+    width = 2 * half + 1
+    best: tuple[float, Array] | None = None
+    for delay in range(LONGEST_DELAY + 1) if "delay" in free else (0,):
+        rows, targets = [], []
+        for record in records:
+            y, u = record["y"], delayed(record["u"], delay)
+            if y.size < 4 * width or not (np.isfinite(y).all() and np.isfinite(u).all()):
+                continue
+            # The same window for all three: what it does to one it does to the others.
+            x = savgol_filter(y, width, 3) / b.sensor.gain
+            a = savgol_filter(y, width, 3, deriv=2, delta=T) / b.sensor.gain
+            iu = b.amplifier.gain * savgol_filter(u, width, 3)
+            inside = slice(width, -width)
+            rows.append(np.column_stack([iu, x, np.ones_like(x)])[inside])
+            targets.append(m * a[inside])
+        if not rows:
+            return []
+        A, f = np.concatenate(rows), np.concatenate(targets)
+        size = np.linalg.norm(A, axis=0)
+        if not np.all(size > 0):
+            return []
+        solution, *_ = np.linalg.lstsq(A / size, f, rcond=None)
+        left = float(np.sum((f - A / size @ solution) ** 2))
+        if best is None or left < best[0]:
+            best = left, solution / size
+    if best is None:
+        return []
+    k_i, k_s, _ = best[1].tolist()
+    i0, s0 = b.magnet.bias_current, b.magnet.air_gap
+    gap = i0 * k_i / k_s if "air_gap" in free and k_s > 0 else s0
+    sides = 4 if b.magnet.type == "two-sided" else 2
+    changes = {}
+    if "magnet_constant" in free:
+        changes["magnet__magnet_constant"] = k_i * gap**2 / (sides * i0)
+    if "air_gap" in free:
+        changes["magnet__air_gap"] = gap
+    found = []
+    for some in (changes, {k: v for k, v in changes.items() if k == "magnet__magnet_constant"}):
+        try:
+            if some:
+                found.append(given.replace(**some))
+        except AmbkitError:
+            continue
+    return found
