@@ -7,5 +7,6 @@ NB_MODULE(AMBKIT_MODULE_NAME, m)
   bind_magnets(m);
   bind_kalman(m);
   bind_adaline(m);
+  bind_rls(m);
   bind_loop(m);
 }

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ambkit.fuzzy.training import train as train
     from ambkit.identification import identify as identify
     from ambkit.identification.adaline import Adaline as Adaline
+    from ambkit.identification.rls import RecursiveLeastSquares as RecursiveLeastSquares
     from ambkit.identification.stiffness import StiffnessMap as StiffnessMap
     from ambkit.identification.stiffness import stiffness_map as stiffness_map
     from ambkit.magnets import ClosedLaw as ClosedLaw
@@ -48,6 +49,7 @@ _HOME = {
     "fuzzy": ["Expert"],
     "identification": ["identify"],
     "identification.adaline": ["Adaline"],
+    "identification.rls": ["RecursiveLeastSquares"],
     "identification.stiffness": ["StiffnessMap", "stiffness_map"],
     "magnets": ["ClosedLaw", "ConstantStiffness"],
     "record": ["Record"],

@@ -143,6 +143,38 @@ class Adaline:
     @property
     def excitation(self) -> float: ...
 
+class Rls:
+    """Recursive least squares with forgetting."""
+
+    def __init__(self, theta: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], known: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], *, forgetting: float, least_excitation: float) -> None: ...
+
+    def run(self, phi: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> dict[str, Any]:
+        """
+        Regressors (samples, n) and outputs (samples); theta and excitation after each.
+        """
+
+class MagnetRls:
+    """Magnet constant by least squares, load unknown or known."""
+
+    def __init__(self, *, s0: float, i0: float, two_sided: bool, T: float, m: float, K_sen: float, a_sen: float, k_ui: float, iu_min: float, iu_max: float, f_0: float, bandwidth: float, rate_force: float, forgetting: float, least_excitation: float, settling: int, with_load: bool, k: float) -> None: ...
+
+    def step(self, y: float, u: float, f_d: float = 0) -> int: ...
+
+    def run(self, y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], f_d: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> dict[str, Any]:
+        """A whole record; u[k] and f_d[k] act from sample k to k + 1."""
+
+    @property
+    def force(self) -> float: ...
+
+    @property
+    def k(self) -> float: ...
+
+    @property
+    def load(self) -> float: ...
+
+    @property
+    def excitation(self) -> float: ...
+
 def simulate(magnet: Magnet, *, T: float, m: float, f_0: float, K_sen: float, T_sen: float, travel: float, substeps: int, k_ui: float, iu_min: float, iu_max: float, kp: float, ki: float, kd: float, T_f: float, T_t: float, integral: float, feedback_estimate: bool, kalman: Kalman | None, r: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], f_d: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], noise_u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], noise_y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], x_start: float = 0) -> dict[str, Any]:
     """
     A whole closed-loop run in one call; see sim/loop.h for shapes and units.

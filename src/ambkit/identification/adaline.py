@@ -93,46 +93,12 @@ class Adaline:
         rate_k: float = 0.002,
         least_excitation: float = 0.02,
     ) -> None:
-        from ambkit.magnets import ConstantStiffness
-
-        for name, rate in (("rate_force", rate_force), ("rate_k", rate_k)):
-            if not 0 < rate < 2:
-                raise ValueError(f"{name} must be greater than 0 and less than 2, got {rate!r}")
-        if start is None:
-            start = bearing.magnet.magnet_constant
-        if not 0 < start < math.inf:
-            raise ValueError(f"start must be greater than 0 N m^2/A^2 and finite, got {start!r}")
-        if not 0 <= least_excitation < math.inf:
-            raise ValueError(f"least_excitation must be 0 or greater, got {least_excitation!r}")
-        if bandwidth is None:
-            own = math.sqrt(ConstantStiffness.of(bearing).k_s / bearing.rotor.mass)
-            bandwidth = 2 * own / (2 * math.pi)
-        if not 0 < bandwidth < 0.5 / bearing.sampling_time:
-            raise ValueError(
-                f"bandwidth must be greater than 0 and less than half the sampling rate, "
-                f"{0.5 / bearing.sampling_time:g} Hz, got {bandwidth!r}"
-            )
-        magnet, T = bearing.magnet, bearing.sampling_time
+        if not 0 < rate_k < 2:
+            raise ValueError(f"rate_k must be greater than 0 and less than 2, got {rate_k!r}")
+        settings = first_element(bearing, start, bandwidth, rate_force, least_excitation)
         self.bearing = bearing
-        self.bandwidth = bandwidth
-        self.core: Any = core_module().Adaline(
-            s0=magnet.air_gap,
-            i0=magnet.bias_current,
-            two_sided=magnet.type == "two-sided",
-            T=T,
-            m=bearing.rotor.mass,
-            K_sen=bearing.sensor.gain,
-            a_sen=math.exp(-T / max(bearing.sensor.lag, 1e-3 * T)),
-            k_ui=bearing.amplifier.gain,
-            iu_min=bearing.current_min,
-            iu_max=bearing.current_max,
-            f_0=bearing.weight,
-            bandwidth=2 * math.pi * bandwidth,
-            rate_force=rate_force,
-            rate_k=rate_k,
-            least_excitation=least_excitation,
-            k=start,
-        )
+        self.bandwidth = settings["bandwidth"] / (2 * math.pi)
+        self.core: Any = core_module().Adaline(**settings, rate_k=rate_k)
 
     def step(self, y: float, u: float, f_d: float = 0.0) -> float:
         """Learn from one sample.
@@ -170,3 +136,60 @@ class Adaline:
         return AdalineResult(
             record.t, out["force"], out["k"], np.sqrt(out["excitation"]), out["status"] != 0
         )
+
+
+def first_element(
+    bearing: Bearing,
+    start: float | None,
+    bandwidth: float | None,
+    rate_force: float,
+    least_excitation: float,
+) -> dict[str, Any]:
+    """Check what finds the force (eq. 24), and write it down for the core.
+
+    Parameters
+    ----------
+    bearing, start, bandwidth, rate_force, least_excitation
+        As for :class:`Adaline`.
+
+    Raises
+    ------
+    ValueError
+        Where an argument is outside its range.
+    """
+    from ambkit.magnets import ConstantStiffness
+
+    if not 0 < rate_force < 2:
+        raise ValueError(f"rate_force must be greater than 0 and less than 2, got {rate_force!r}")
+    if start is None:
+        start = bearing.magnet.magnet_constant
+    if not 0 < start < math.inf:
+        raise ValueError(f"start must be greater than 0 N m^2/A^2 and finite, got {start!r}")
+    if not 0 <= least_excitation < math.inf:
+        raise ValueError(f"least_excitation must be 0 or greater, got {least_excitation!r}")
+    if bandwidth is None:
+        own = math.sqrt(ConstantStiffness.of(bearing).k_s / bearing.rotor.mass)
+        bandwidth = 2 * own / (2 * math.pi)
+    if not 0 < bandwidth < 0.5 / bearing.sampling_time:
+        raise ValueError(
+            f"bandwidth must be greater than 0 and less than half the sampling rate, "
+            f"{0.5 / bearing.sampling_time:g} Hz, got {bandwidth!r}"
+        )
+    magnet, T = bearing.magnet, bearing.sampling_time
+    return {
+        "s0": magnet.air_gap,
+        "i0": magnet.bias_current,
+        "two_sided": magnet.type == "two-sided",
+        "T": T,
+        "m": bearing.rotor.mass,
+        "K_sen": bearing.sensor.gain,
+        "a_sen": math.exp(-T / max(bearing.sensor.lag, 1e-3 * T)),
+        "k_ui": bearing.amplifier.gain,
+        "iu_min": bearing.current_min,
+        "iu_max": bearing.current_max,
+        "f_0": bearing.weight,
+        "bandwidth": 2 * math.pi * bandwidth,
+        "rate_force": rate_force,
+        "least_excitation": least_excitation,
+        "k": start,
+    }

@@ -1,0 +1,212 @@
+"""Recursive least squares: against batch least squares, a textbook version, and ADALINE."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+import ambkit
+from ambkit import Adaline, Bearing, Record, Scenario
+from ambkit.identification.rls import RecursiveLeastSquares
+from ambkit.magnets import core_module
+
+Array = NDArray[np.float64]
+BEARING = Bearing.preset("zittau_axial")
+K = BEARING.magnet.magnet_constant
+SWING = Scenario(duration=0.6, reference=ambkit.Sine(amplitude=3e-4, frequency=20.0))
+
+
+def data(n: int, count: int, seed: int = 0) -> tuple[Array, Array]:
+    """Regressors of very different size, the first constant, and noisy outputs."""
+    rng = np.random.default_rng(seed)
+    other = rng.normal(0.3, 1, (count, n - 1)) * 10.0 ** -np.arange(n - 1)
+    phi = np.column_stack([np.ones(count), other])
+    return phi, phi @ np.arange(1, n + 1) + 0.1 * rng.normal(size=count)
+
+
+def run(phi: Array, y: Array, *, known: float = 1e-3, forgetting: float = 0.99,
+        least_excitation: float = 0.0, precision: Any = "float64") -> dict[str, Any]:  # fmt: skip
+    core, n = core_module(precision), phi.shape[1]
+    kind = {"float64": np.float64, "float32": np.float32}[precision]
+    element = core.Rls(np.zeros(n, kind), np.full(n, known, kind), forgetting=forgetting,
+                       least_excitation=least_excitation)  # fmt: skip
+    return dict(element.run(np.ascontiguousarray(phi, kind), np.ascontiguousarray(y, kind)))
+
+
+def textbook(phi: Array, y: Array, known: float, forgetting: float) -> Array:
+    """The form with P, as in Astroem and Wittenmark: full matrices, one sample after the other."""
+    n = phi.shape[1]
+    theta, P = np.zeros(n), np.eye(n) * (1 - forgetting) / known
+    history = []
+    for row, output in zip(phi, y, strict=True):
+        K = P @ row / (forgetting + row @ P @ row)
+        theta = theta + K * (output - row @ theta)
+        P = (np.eye(n) - np.outer(K, row)) @ P / forgetting
+        history.append(theta)
+    return np.array(history)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4])
+def test_it_is_batch_weighted_least_squares(n: int) -> None:
+    phi, y = data(n, 300)
+    theta = run(phi, y)["theta"]
+    for count in (1, 2, 10, 300):
+        weight = np.sqrt(0.99 ** np.arange(count)[::-1])
+        # What was known at the start is a sample in each direction, forgotten since.
+        start = np.sqrt(1e-3 / (1 - 0.99) * 0.99**count) * np.eye(n)
+        A = np.vstack([phi[:count] * weight[:, None], start])
+        batch = np.linalg.lstsq(A, np.append(y[:count] * weight, np.zeros(n)), rcond=None)[0]
+        assert theta[count - 1] == pytest.approx(batch, rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("n", [1, 2, 4])
+def test_it_is_the_textbooks(n: int) -> None:
+    phi, y = data(n, 500)
+    assert run(phi, y)["theta"] == pytest.approx(textbook(phi, y, 1e-3, 0.99), rel=1e-9, abs=1e-9)
+
+
+def test_single_precision_comes_to_the_same() -> None:
+    phi, y = data(3, 2000)
+    double, single = run(phi, y)["theta"], run(phi, y, precision="float32")["theta"]
+    spread = double[500:].std(axis=0)
+    assert (np.abs(single - double)[500:] < 0.01 * spread).all()
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.lists(st.floats(-9, 9), min_size=3, max_size=3), st.floats(-9, 9), st.integers(0, 10**6))
+def test_no_unit_changes_the_answer(decades: list[float], of_output: float, seed: int) -> None:
+    """Metres or micrometres: each parameter scales with its output over its regressor."""
+    phi, y = data(3, 60, seed)
+    by, out = 10.0 ** np.array(decades), 10.0**of_output
+    own = run(phi, y, known=0.0)["theta"]
+    other = run(phi * by, y * out, known=0.0)["theta"] * by / out
+    assert other[10:] == pytest.approx(own[10:], rel=1e-9, abs=1e-9)
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(0, 10**6), st.floats(0.5, 0.9999), st.floats(1e-3, 0.1))
+def test_without_excitation_nothing_grows(seed: int, forgetting: float, least: float) -> None:
+    """Excited, then for long with nothing but a whisper: held, and alive when data come again."""
+    phi, y = data(2, 400, seed)
+    rng = np.random.default_rng(seed)
+    quiet = np.column_stack([np.ones(20_000), 1e-6 * least * rng.normal(size=20_000)])
+    out = run(np.vstack([phi, quiet, phi]), np.concatenate([y, rng.normal(size=20_000), y]),
+              forgetting=forgetting, least_excitation=least)  # fmt: skip
+    theta, held = out["theta"], out["status"] == 128
+    assert np.isfinite(theta).all()
+    deep = slice(400 + round(40 / (1 - forgetting)), 20_400)
+    assert held[deep].all()
+    assert np.ptp(theta[deep, 1]) == 0 if theta[deep].size else True
+    assert not held[-1]
+
+
+# ---- the magnet constant ----
+
+
+def learned(scenario: Scenario, load: str = "unknown", start: float = 1.5) -> Any:
+    record = ambkit.simulate(BEARING, scenario)
+    return RecursiveLeastSquares(BEARING, start=start * K, load=load).run(record)
+
+
+@pytest.mark.parametrize("start", [0.5, 1.5])
+@pytest.mark.parametrize("load", ["known", "unknown"])
+def test_k_is_found(load: str, start: float) -> None:
+    errors = [learned(SWING.replace(seed=n), load, start).magnet_constant / K - 1 for n in range(4)]
+    assert np.abs(errors).max() < 0.012
+
+
+@pytest.mark.parametrize("force", [-3.0, 3.0])
+def test_an_unknown_load_is_not_taken_for_the_magnet(force: float) -> None:
+    """Where ADALINE is 37 % too low or 140 % too high."""
+    swing = ambkit.Sine(amplitude=2e-4, frequency=20.0)
+    disturbed = SWING.replace(reference=swing, disturbance=ambkit.Constant(value=force))
+    result = learned(disturbed)
+    assert result.magnet_constant == pytest.approx(K, rel=0.012)
+    assert result.load[-1000:].mean() == pytest.approx(force, abs=0.15)
+    told = Adaline(BEARING).run(ambkit.simulate(BEARING, disturbed)).magnet_constant
+    assert abs(told / K - 1) > 0.3
+
+
+def test_it_settles_in_a_fraction_of_adalines_time() -> None:
+    """And with the same memory the same noise stays: 8 ms without learning, then it is there."""
+    rest = Scenario(duration=0.5)
+    record = ambkit.simulate(BEARING, rest)
+    adaline = Adaline(BEARING, start=1.5 * K).run(record)
+    rls = RecursiveLeastSquares(BEARING, start=1.5 * K, load="known").run(record)
+
+    def settled(k: Array) -> float:
+        return float(record.t[np.flatnonzero(np.abs(k / K - 1) > 0.03)[-1]])
+
+    assert settled(rls.k) < 0.25 * settled(adaline.k)
+    assert rls.spread == pytest.approx(adaline.spread, rel=0.3)
+
+
+def test_where_nothing_moves_k_is_held_and_the_load_is_not() -> None:
+    result = learned(Scenario(duration=0.3, disturbance=ambkit.Constant(value=2.0)))
+    assert result.held.all()
+    assert (result.k == 1.5 * K).all()
+    # The magnet carries 3.08 N, and counts for half as much again: the rest of 5.08 N is load.
+    assert result.load[-1] == pytest.approx(5.08 - 1.5 * 3.08, abs=0.1)
+
+
+def test_a_load_that_jumps_leads_k_astray_until_it_is_forgotten() -> None:
+    """The magnet's answer to the jump cancels it: as if k were nothing. Motion mends it."""
+    jump = SWING.replace(
+        duration=1.0, reference=ambkit.Sine(amplitude=3e-4, frequency=10.0),
+        disturbance=ambkit.Step(amplitude=3.0, time=0.3),
+    )  # fmt: skip
+    result = learned(jump)
+    assert result.k[2900] == pytest.approx(K, rel=0.03)
+    assert result.k[3000:4000].min() < 0.7 * K
+    assert result.k[-1] == pytest.approx(K, rel=0.02)
+
+
+def test_steps_are_the_run_and_bad_samples_teach_nothing() -> None:
+    record = ambkit.simulate(BEARING, SWING.replace(duration=0.1))
+    y, u = record["y"].copy(), record["u"].copy()
+    y[500:520] = np.nan
+    run = RecursiveLeastSquares(BEARING).run(Record(record.t, {"y": y, "u": u}))
+    element = RecursiveLeastSquares(BEARING)
+    steps = [element.step(*at) for at in zip(y, np.append(u[:1], u[:-1]), strict=True)]
+    assert (run.k == steps).all()
+    assert run.held[500:520].all()
+    assert (run.k[500:520] == run.k[499]).all()
+    assert np.isfinite(run.k).all()
+
+
+def test_units_of_length_do_not_matter() -> None:
+    """The whole element in metres and in micrometres: k scales as N m^2, the load not at all."""
+    core, b = core_module(), BEARING
+    record = ambkit.simulate(b, SWING.replace(duration=0.1))
+    results = []
+    for by in (1.0, 1e6):
+        # In the unit of length 1/by m, a newton is a kg by m/s^2: mass scales to keep the force.
+        element = core.MagnetRls(
+            s0=by * 2e-3, i0=1.5, two_sided=True, T=1e-4, m=0.518 / by, K_sen=1.0, a_sen=0.6,
+            k_ui=1.0, iu_min=-1.5, iu_max=1.5, f_0=b.weight, bandwidth=240.0, rate_force=0.05,
+            forgetting=0.998, least_excitation=0.02, settling=160, with_load=True, k=K * by**2,
+        )  # fmt: skip
+        out = element.run(by * record["y"], record["u"], np.zeros(len(record)))
+        results.append((out["k"] / by**2, out["load"]))
+    assert results[1][0] == pytest.approx(results[0][0], rel=1e-12)
+    assert results[1][1] == pytest.approx(results[0][1], rel=1e-11, abs=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "told"),
+    [
+        ("forgetting", 1.0, "forgetting must be greater than 0 and less than 1, got 1.0"),
+        ("forgetting", np.nan, "forgetting must be"),
+        ("load", "some", "load must be 'unknown' or 'known', got 'some'"),
+        ("start", -1.0, "start must be greater than 0"),
+        ("rate_force", 0.0, "rate_force must be"),
+    ],
+)
+def test_arguments_outside_their_range_are_told(name: str, value: Any, told: str) -> None:
+    with pytest.raises(ValueError, match=told):
+        RecursiveLeastSquares(BEARING, **{name: value})
