@@ -1,0 +1,53 @@
+"""Every kind of estimator as an exported folder of C, and what compiles it; for several tests."""
+
+from __future__ import annotations
+
+import functools
+import subprocess
+from pathlib import Path
+from typing import Any
+
+from ambkit import Bearing
+from ambkit.commands import family
+from ambkit.export.c import CExport, export_c
+
+BEARING = Bearing.preset("zittau_axial")
+KINDS = (*family.NAMES, "tabulated")  # tabulated: the expert of "adaptive", as a table
+PRECISIONS = ("float", "double")
+
+CORE_PRECISION: dict[str, Any] = {"float": "float32", "double": "float64"}
+STRICT = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Werror")
+SAME_BITS = ("-O1", "-ffp-contract=off", "-DAMB_NO_CONTRACTION")
+INCLUDES = ("-I.", "-Icore/include", "-Icore", "-Iselftest")
+
+
+@functools.cache
+def source(kind: str) -> Any:
+    """What the filter asks for its stiffnesses, as ``ambkit export --estimator`` takes it."""
+    return family.exported("adaptive" if kind == "tabulated" else kind, BEARING)
+
+
+def export(kind: str, out: Path, **options: Any) -> CExport:
+    form: Any = "tabulated" if kind == "tabulated" else "exact"
+    return export_c(BEARING, source(kind), out, expert_form=form, **options)
+
+
+def flight_files(made: CExport) -> list[str]:
+    """The C files and headers that a controller's firmware takes."""
+    return [f for f in made.files if f.endswith((".c", ".h")) and not f.startswith("selftest/")]
+
+
+def compiled(
+    compiler: str, folder: Path, *more: str | Path, flags: tuple[str, ...] = SAME_BITS
+) -> subprocess.CompletedProcess[str]:
+    """Compile in a folder with all warnings; `more`: files, and where the result goes."""
+    command = [compiler, "-std=c99", *STRICT, *flags, *INCLUDES, *map(str, more)]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120)
+
+
+def program(
+    compiler: str, folder: Path, out: Path, flags: tuple[str, ...] = SAME_BITS
+) -> subprocess.CompletedProcess[str]:
+    """Compile an exported folder with its self-test, by hand: every C file that is there."""
+    files = sorted(path.relative_to(folder) for path in folder.rglob("*.c"))
+    return compiled(compiler, folder, *files, "-o", out, flags=flags)

@@ -1,0 +1,278 @@
+"""``ambkit export c``: what a user types, compiles and links, and what its numbers are."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+from export_cases import (
+    BEARING,
+    KINDS,
+    PRECISIONS,
+    export,
+    flight_files,
+    source,
+)
+
+import ambkit
+from ambkit import ClosedLaw, FilterNoise
+from ambkit.cli import main
+from ambkit.errors import AmbkitError
+from ambkit.export.c import CExport, export_c
+
+ROOT = Path(__file__).resolve().parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+Exported = Callable[..., CExport]
+
+
+def texts(folder: Path) -> dict[str, bytes]:
+    """Return the bytes of every file in a folder."""
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
+
+
+# ---- What a user types ----
+
+
+@pytest.fixture(scope="module")
+def workflow(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The README's lines from training to self-test, run by a shell; folder and output."""
+    for tool in ("cmake", "make", "bash"):
+        if shutil.which(tool) is None:
+            pytest.skip(f"{tool} is not installed")
+    blocks = re.findall(r"```sh\n(.*?)```", README, re.DOTALL)
+    (lines,) = [block for block in blocks if "ambkit export c" in block]
+    folder = tmp_path_factory.mktemp("workflow")
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    done = subprocess.run(
+        ["bash", "-e", "-o", "pipefail", "-c", lines],
+        cwd=folder, env=os.environ | {"PATH": path, "PYTHONHASHSEED": "1"},
+        capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return folder, done.stdout
+
+
+def test_the_workflow_of_the_readme_ends_with_pass(workflow: tuple[Path, str]) -> None:
+    _, printed = workflow
+    last = printed.splitlines()[-1]
+    assert last == "pass: zittau_axial, 200 samples, two instances: equal to the last bit"
+    assert last in README
+
+
+def test_the_workflow_is_that_of_the_issue() -> None:
+    assert re.search(
+        r"^ambkit train zittau_axial --out expert\.json$\n"
+        r"^ambkit export c zittau_axial --estimator expert\.json --out out/$\n"
+        r"^cmake -S out -B build && cmake --build build && \./build/selftest$",
+        README,
+        re.MULTILINE,
+    )
+
+
+def test_another_process_writes_the_same_bytes(workflow: tuple[Path, str], tmp_path: Path) -> None:
+    folder, _ = workflow
+    expert = ambkit.Expert.load(folder / "expert.json")
+    export_c(BEARING, expert, tmp_path / "here")
+    assert texts(tmp_path / "here") == texts(folder / "out")
+
+
+class Called(NamedTuple):
+    code: Any
+    out: str
+    err: str
+
+
+@pytest.fixture
+def command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[[str], Called]:
+    """Call ``ambkit export c`` with further words, in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(words: str) -> Called:
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as done:
+            main(["export", "c", *shlex.split(words)])
+        return Called(done.value.code, *capsys.readouterr())
+
+    return call
+
+
+@pytest.mark.parametrize("kind", ["linear", "closed-law", "tabulated"])
+def test_the_command_takes_names_and_files(
+    command: Callable[[str], Called], exported: Exported, kind: str
+) -> None:
+    source("adaptive").save("expert.json")
+    named = "expert.json --expert tabulated" if kind == "tabulated" else kind
+    done = command(f"zittau_axial --estimator {named} --out out")
+    assert (done.code, done.out) == (0, "")
+    assert done.err == f"wrote out, {len(texts(Path('out')))} files\n"
+    assert texts(Path("out")) == texts(exported(kind).folder)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("zittau_axial", "Missing option '--out'"),
+        ("zittau --out o", "did you mean zittau_axial?"),
+        ("zittau_axial --estimator closed --out o", "did you mean closed-law?"),
+        ("zittau_axial --estimator e.json --out o", "e.json: cannot be read"),
+        ("zittau_axial --expert tabulated --out o", "only an expert can be tabulated"),
+        ("zittau_axial --force-bound 1N --out o", "force_bound is for an expert in tabulated"),
+        ("zittau_axial --prefix 2nd --out o", 'a letter first, is "2nd"'),
+        ("zittau_axial --prefix front-axis --out o", 'a letter first, is "front-axis"'),
+        ("zittau_axial --prefix amb_x --out o", 'must not start with "amb_"'),
+        ("zittau_axial --prefix a2345678901234567 --out o", "at most 16 characters"),
+        ("zittau_axial --precision half --out o", "'half' is not one of"),
+        ("zittau_axial --clock 80m --out o", "it is given in Hz"),
+    ],
+)
+def test_what_the_user_did_wrong_is_one_message(
+    command: Callable[[str], Called], tmp_path: Path, words: str, said: str
+) -> None:
+    done = command(words)
+    assert done.code == 2
+    assert said in done.err
+    assert len(done.err.splitlines()) <= 2
+    assert list(tmp_path.iterdir()) == []
+
+
+# ---- The folder ----
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_dates_no_paths(exported: Exported, kind: str, precision: str) -> None:
+    for name, content in texts(exported(kind, precision).folder).items():
+        text = content.decode()
+        assert not re.search(r"\b20\d\d-\d\d|__DATE__|__TIME__|__TIMESTAMP__|__FILE__", text), name
+        for place in (ROOT, Path.home(), Path(os.sep, "tmp"), Path(sys.prefix)):
+            assert f"{place}{os.sep}" not in text, name
+        assert "\r" not in text
+        assert not re.search(r"[ \t]$", text, re.MULTILINE), f"{name}: blanks at the end of a line"
+
+
+def test_the_same_input_gives_the_same_bytes_into_any_folder(
+    exported: Exported, tmp_path: Path
+) -> None:
+    for kind in ("linear", "tabulated"):
+        again = export(kind, tmp_path / kind / "elsewhere")
+        assert texts(again.folder) == texts(exported(kind).folder)
+        assert again.configuration == exported(kind).configuration
+
+
+def test_whatever_the_filter_is_made_from_changes_the_hash(
+    exported: Exported, tmp_path: Path
+) -> None:
+    heavier = BEARING.replace(rotor__mass=BEARING.rotor.mass * (1 + 1e-6))
+    made = {
+        "as it is": exported("linear"),
+        "double": exported("linear", "double"),
+        "mass": export_c(heavier, None, tmp_path / "mass"),
+        "noise": export("linear", tmp_path / "noise", noise=FilterNoise(measurement=1e-10)),
+        "gravity": export("linear", tmp_path / "gravity", gravity="disturbance"),
+        "frozen": export("linear", tmp_path / "frozen", frozen_limit=20),
+        "source": exported("adaptive"),
+        "table": exported("tabulated"),
+        "bound": export("tabulated", tmp_path / "bound", force_bound=0.5),
+    }
+    hashes = {name: one.configuration for name, one in made.items()}
+    assert len(set(hashes.values())) == len(hashes), hashes
+    for one in made.values():
+        assert re.fullmatch(r"[0-9a-f]{16}", one.configuration)
+        header = (one.folder / f"{one.name}.h").read_text()
+        assert f'{one.name.upper()}_CONFIGURATION "{one.configuration}"' in header
+        assert f'_VERSION "{ambkit.__version__}"' in header
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_folder_holds_what_the_core_holds(exported: Exported, kind: str) -> None:
+    """The library's own files byte for byte, save the one that says the precision."""
+    made = exported(kind)
+    core = [name for name in made.files if name.startswith("core/")]
+    assert len(core) > 5
+    for name in core:
+        if not name.endswith("/precision.h"):
+            assert (made.folder / name).read_bytes() == (ROOT / name).read_bytes()
+    assert set(made.sources) == {name for name in flight_files(made) if name.endswith(".c")}
+
+
+@pytest.mark.skipif(shutil.which("sha256sum") is None, reason="sha256sum is not installed")
+def test_the_manifest_is_of_all_files(exported: Exported) -> None:
+    made = exported("adaptive")
+    command = ["sha256sum", "--check", "--strict", "ambkit.sha256"]
+    done = subprocess.run(command, cwd=made.folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    checked = {line.removesuffix(": OK") for line in done.stdout.splitlines()}
+    assert checked | {"ambkit.sha256"} == set(texts(made.folder))
+    assert checked == set(made.files)
+
+
+def test_another_s_files_are_not_touched(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    (tmp_path / "CMakeLists.txt").write_text("project(mine)\n")
+    with pytest.raises(AmbkitError, match=r"CMakeLists\.txt is there already, and not from an exp"):
+        export("linear", tmp_path)
+    assert texts(tmp_path) == {"notes.txt": b"mine", "CMakeLists.txt": b"project(mine)\n"}
+    (tmp_path / "CMakeLists.txt").unlink()
+    first = export("adaptive", tmp_path)
+    assert (tmp_path / "core" / "src" / "fuzzy.c").exists()
+    second = export("linear", tmp_path)
+    assert set(texts(tmp_path)) == {"notes.txt", "ambkit.sha256", *second.files}
+    assert set(first.files) - set(second.files), "nothing was there to be taken away"
+
+
+@pytest.mark.parametrize("name", ["../outside.txt", "{folder}/outside.txt", "a/../../outside.txt"])
+def test_a_manifest_cannot_reach_outside(tmp_path: Path, name: str) -> None:
+    outside, folder = tmp_path / "outside.txt", tmp_path / "out"
+    outside.write_text("mine")
+    folder.mkdir()
+    line = f"{'0' * 64}  {name.format(folder=tmp_path)}\n"
+    (folder / "ambkit.sha256").write_text(line)
+    export("linear", folder)
+    assert outside.read_text() == "mine"
+
+
+def test_a_file_is_no_folder(tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("mine")
+    with pytest.raises(AmbkitError, match="out"):
+        export("linear", tmp_path / "out")
+    assert (tmp_path / "out").read_text() == "mine"
+
+
+def test_an_installed_package_brings_its_c(tmp_path: Path, exported: Exported) -> None:
+    """The Python files and what CMake installs side by side, as in a wheel, and no repository."""
+    installed = Path(sys.prefix, "lib", f"python{sys.version_info[0]}.{sys.version_info[1]}",
+                     "site-packages")  # fmt: skip
+    if not (installed / "ambkit" / "core").is_dir():
+        pytest.skip("ambkit was not installed by its own build")
+    ignored = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(ROOT / "src" / "ambkit", tmp_path / "ambkit", ignore=ignored)
+    shutil.copytree(installed / "ambkit", tmp_path / "ambkit", ignore=ignored, dirs_exist_ok=True)
+    # Without site.py, and so without the hook that leads an editable install to the repository.
+    code = (
+        f"import sys; sys.path[:0] = [{str(tmp_path)!r}, {str(installed)!r}]\n"
+        "import ambkit.cli; print(ambkit.__file__); ambkit.cli.main()"
+    )
+    words = ["export", "c", "zittau_axial", "--out", str(tmp_path / "out")]
+    done = subprocess.run(
+        [sys.executable, "-S", "-c", code, *words], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(str(tmp_path))
+    assert texts(tmp_path / "out") == texts(exported("linear").folder)
+
+
+def test_linear_is_what_no_estimator_is(exported: Exported, tmp_path: Path) -> None:
+    assert source("linear") is None
+    law = export_c(BEARING, ClosedLaw(BEARING), tmp_path / "law")
+    assert texts(law.folder) == texts(exported("closed-law").folder)

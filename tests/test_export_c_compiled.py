@@ -1,0 +1,267 @@
+"""Exported C through gcc and clang, linked as a controller's firmware would, and run."""
+
+from __future__ import annotations
+
+import ctypes
+import re
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from export_cases import (
+    BEARING,
+    CORE_PRECISION,
+    KINDS,
+    PRECISIONS,
+    SAME_BITS,
+    compiled,
+    export,
+    program,
+    source,
+)
+
+import ambkit
+from ambkit import KalmanFilter
+from ambkit.export.c import CExport
+
+COMPILERS = [
+    pytest.param(name, marks=pytest.mark.skipif(not shutil.which(name), reason=f"no {name}"))
+    for name in ("gcc", "clang")
+]
+Exported = Callable[..., CExport]
+needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_compiles_without_a_warning_and_passes(
+    exported: Exported, tmp_path: Path, kind: str, precision: str, compiler: str
+) -> None:
+    made = exported(kind, precision)
+    done = program(compiler, made.folder, tmp_path / "selftest")
+    assert (done.returncode, done.stderr) == (0, "")
+    said = subprocess.run([tmp_path / "selftest"], capture_output=True, text=True)
+    assert said.stdout == (
+        "pass: zittau_axial, 200 samples, two instances: equal to the last bit\n"
+    )
+    assert said.returncode == 0
+
+
+def cpu_flags() -> set[str]:
+    try:
+        return set(Path("/proc/cpuinfo").read_text().split())
+    except OSError:
+        return set()
+
+
+@needs_gcc
+@pytest.mark.skipif("fma" not in cpu_flags(), reason="this processor has no fused multiply-add")
+@pytest.mark.parametrize("kind", KINDS)
+def test_where_the_compiler_contracts_it_passes_within_its_bound(
+    exported: Exported, tmp_path: Path, kind: str
+) -> None:
+    flags = ("-O2", "-mfma", "-ffp-contract=fast")
+    done = program("gcc", exported(kind).folder, tmp_path / "selftest", flags)
+    assert (done.returncode, done.stderr) == (0, "")
+    said = subprocess.run([tmp_path / "selftest"], capture_output=True, text=True)
+    assert said.returncode == 0
+    assert re.match(
+        r"pass: .* [1-9]\d* states differ, the worst by .*; 0 statuses diff", said.stdout
+    )
+
+
+@needs_gcc
+@pytest.mark.parametrize(
+    ("file", "pattern", "changed"),
+    [
+        ("selftest/{}_vectors.c", r"_mean\[.*\{\s+\{[^,]*", "an expected state"),
+        ("selftest/{}_vectors.c", r"_y\[.*\{\s+(?:[^,]*,){50}[^,]*", "a measurement"),
+        ("selftest/{}_vectors.c", r"_u\[.*\{\s+(?:[^,]*,){50}[^,]*", "a control signal"),
+        ("selftest/{}_vectors.c", r"_status\[.*\{\s+[^,U]*", "a status"),
+        ("{}_data.c", r"\.var_y = [^,]*", "a setting"),
+        ("{}_data.c", r"_std\[.*\{\s+[^,]*", "a start"),
+        ("core/src/kalman_step.h", r"unchanged >= ", "the frozen sensor"),
+    ],
+)
+def test_the_selftest_fails_where_something_is_wrong(
+    exported: Exported, tmp_path: Path, file: str, pattern: str, changed: str
+) -> None:
+    made = exported("adaptive")
+    shutil.copytree(made.folder, tmp_path / "out")
+    path = tmp_path / "out" / file.format(made.name)
+    text = path.read_text()
+    match = re.search(pattern, text)
+    assert match, changed
+    # The number that the match ends with, or the comparison.
+    found = match[0]
+    if found.endswith(">= "):
+        spoilt = found.replace(">=", "<")
+    elif "status" in found:
+        spoilt = re.sub(r"\d$", lambda digit: str((int(digit[0]) + 1) % 10), found)
+    else:
+        spoilt = re.sub(
+            r"([\d.]+)(e-?\d+)?F$", lambda n: f"{1.001 * float(n[1]):.9g}{n[2] or ''}F", found
+        )
+    assert spoilt != found, changed
+    path.write_text(text[: match.start()] + spoilt + text[match.end() :])
+    done = program("gcc", tmp_path / "out", tmp_path / "selftest")
+    assert (done.returncode, done.stderr) == (0, "")
+    said = subprocess.run([tmp_path / "selftest"], capture_output=True, text=True)
+    assert said.returncode == 1, changed
+    assert said.stdout.startswith("FAIL: zittau_axial")
+
+
+@needs_gcc
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_example_of_its_readme_compiles(exported: Exported, tmp_path: Path, kind: str) -> None:
+    made = exported(kind)
+    (example,) = re.findall(r"```c\n(.*?)```", (made.folder / "README.md").read_text(), re.DOTALL)
+    (tmp_path / "example.c").write_text(example.replace("now);", "now); (void)status;"))
+    done = compiled("gcc", made.folder, tmp_path / "example.c", "-fsyntax-only")
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.skipif(shutil.which("g++") is None, reason="g++ is not installed")
+@pytest.mark.parametrize("kind", KINDS)
+def test_its_header_is_c_plus_plus_as_well(exported: Exported, tmp_path: Path, kind: str) -> None:
+    made = exported(kind)
+    name = made.name
+    (tmp_path / "user.cpp").write_text(
+        f'#include "{name}.h"\n\nvoid start({name}_state &state)\n{{\n  {name}_init(&state);\n}}\n'
+    )
+    command = ["g++", "-std=c++11", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "-I.",
+               "-Icore/include", "-Icore", str(tmp_path / "user.cpp")]  # fmt: skip
+    done = subprocess.run(command, cwd=made.folder, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+# ---- Linked into a program, called as a controller would ----
+
+
+SIZES = """#include "{0}.h"
+
+size_t {0}_state_size(void);
+size_t {0}_estimates_size(void);
+
+size_t {0}_state_size(void)
+{{
+  return sizeof({0}_state);
+}}
+
+size_t {0}_estimates_size(void)
+{{
+  return sizeof({0}_estimates);
+}}
+"""  # Python does not read headers.
+
+
+class Filters:
+    """Exports in one shared library, called through their own headers."""
+
+    def __init__(self, folder: Path, made: dict[str, CExport], precision: str) -> None:
+        self.real = ctypes.c_float if precision == "float" else ctypes.c_double
+        folders = [one.folder for one in made.values()]
+        # By their names: what they share is compiled once.
+        files = {file: one.folder / file for one in made.values() for file in one.sources}
+        (folder / "sizes.c").write_text("".join(map(SIZES.format, made)))
+        includes = [f"-I{one / part}" for one in folders for part in (".", "core/include", "core")]
+        library = folder / "filters.so"
+        flags = (*SAME_BITS, "-shared", "-fPIC", *includes)
+        done = compiled("gcc", folder, *files.values(), "sizes.c", "-o", library, flags=flags)
+        assert (done.returncode, done.stderr) == (0, "")
+        self.library = ctypes.CDLL(str(library))
+
+    def start(self, name: str) -> Filter:
+        return Filter(self, name)
+
+
+class Filter:
+    """One instance of an exported filter."""
+
+    def __init__(self, filters: Filters, name: str) -> None:
+        self.real, library = filters.real, filters.library
+        state, estimates = (
+            getattr(library, f"{name}_{what}_size")() for what in ("state", "estimates")
+        )
+        self.state = ctypes.create_string_buffer(state)
+        self.estimates = (self.real * (estimates // ctypes.sizeof(self.real)))()
+        self.functions = [getattr(library, f"{name}_{what}") for what in ("reset", "step")]
+        getattr(library, f"{name}_init")(self.state)
+
+    def take(self, y: float, u: float | None) -> tuple[float, ...]:
+        """Take a sample in; return x, v, f_d, x_m and the status."""
+        reset, step = self.functions
+        real = self.real
+        if u is None:
+            status = reset(self.state, real(y), self.estimates)
+        else:
+            status = step(self.state, real(y), real(u), self.estimates)
+        return (*self.estimates[:4], status)
+
+
+@needs_gcc
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_instances_of_several_filters_run_side_by_side(tmp_path: Path, precision: str) -> None:
+    """One program, each kind with a prefix of its own, two instances of each, in any order."""
+    kinds = {f"f{n}": kind for n, kind in enumerate(KINDS)}
+    made = {
+        name: export(kind, tmp_path / name, prefix=name, precision=precision)
+        for name, kind in kinds.items()
+    }
+    filters = Filters(tmp_path, made, precision)
+    scenario = ambkit.Scenario(
+        duration=0.03, reference=ambkit.Step(amplitude=4e-4, time=5e-3), seed=2
+    )
+    record = ambkit.simulate(BEARING, scenario)
+    backwards = ambkit.Record(
+        record.t,
+        {"y": record["y"][::-1].copy(), "u": record["u"][::-1].copy()},
+        {"y": "m", "u": "V"},
+    )
+    runs = [(name, log) for name in kinds for log in (record, backwards)]
+    instances = [filters.start(name) for name, _ in runs]
+    found = np.zeros((len(runs), len(record.t), 5))
+    taken = np.zeros(len(runs), dtype=int)
+    for turn in np.random.default_rng(0).permutation(np.repeat(range(len(runs)), len(record.t))):
+        k, log = taken[turn], runs[turn][1]
+        u = float(log["u"][k - 1]) if k else None
+        found[turn, k] = instances[turn].take(float(log["y"][k]), u)
+        taken[turn] += 1
+    for (name, log), got in zip(runs, found, strict=True):
+        what = made[name].table or source(kinds[name])
+        expected = KalmanFilter(BEARING, what, precision=CORE_PRECISION[precision]).run(log)
+        np.testing.assert_array_equal(got[:, :4], expected.mean, kinds[name])
+        np.testing.assert_array_equal(got[:, 4], expected.status)
+
+
+@needs_gcc
+@pytest.mark.skipif(shutil.which("nm") is None, reason="nm is not installed")
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_name_has_the_prefix_and_nothing_is_borrowed(
+    exported: Exported, tmp_path: Path, kind: str
+) -> None:
+    made = export(kind, tmp_path / "out", prefix="Axis_2")
+    assert {f"{made.name}{ending}" for ending in (".h", ".c", "_data.h", "_data.c")} <= set(
+        made.files
+    )
+    objects = [tmp_path / f"{n}.o" for n, _ in enumerate(made.sources)]
+    for name, target in zip(made.sources, objects, strict=True):
+        done = compiled("gcc", made.folder, name, "-c", "-o", target)
+        assert (done.returncode, done.stderr) == (0, "")
+
+    def symbols(*options: str) -> set[str]:
+        command = ["nm", "--extern-only", "--just-symbols", "--quiet", *options, *map(str, objects)]
+        done = subprocess.run(command, check=True, capture_output=True, text=True)
+        return {line for line in done.stdout.split() if not line.endswith(":")}
+
+    own = symbols("--defined-only")
+    assert {f"Axis_2_{function}" for function in ("init", "reset", "step")} <= own
+    assert [name for name in own if not name.startswith(("Axis_2_", "amb_"))] == []
+    # What a compiler may call of itself, and nothing else: no libm, no malloc, no stdio.
+    assert symbols("--undefined-only") - own <= {"memcpy", "memset", "_GLOBAL_OFFSET_TABLE_"}
+    # C99 promises 31 significant characters.
+    assert len({name[:31] for name in own}) == len(own)
