@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,9 @@ from numpy.typing import NDArray
 from ambkit.errors import AmbkitError, ConfigError
 from ambkit.identification.parameters import Coordinates
 from ambkit.record import Record
+
+if TYPE_CHECKING:
+    from ambkit.bearing import Bearing
 
 Array = NDArray[np.float64]
 
@@ -90,8 +94,24 @@ class Likelihood:
             return -math.inf
         return _log_likelihood(e[used], S[used])
 
-    def local(self, z: Array) -> Local:
-        """Value, score and information, by central differences of the innovations.
+    def slopes(self, z: Array) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
+        """Differentiate the innovations, by central differences.
+
+        Parameters
+        ----------
+        z : ndarray (p,)
+            Point of the search.
+
+        Returns
+        -------
+        e, S : ndarray (n,)
+            Innovations [m] and their variances [m^2], n measurements that count.
+        by_e : ndarray (p, n)
+            Slopes of e, over the root of S.
+        by_S : ndarray (p, n)
+            Slopes of S, over S.
+        used : ndarray of bool
+            Which samples of the records, in a row, these n are.
 
         Raises
         ------
@@ -111,6 +131,17 @@ class Likelihood:
         e, S = e[used], S[used]
         by_e = np.array([slope[used] for slope in slopes_e]).reshape(z.size, -1) / np.sqrt(S)
         by_S = np.array([slope[used] for slope in slopes_S]).reshape(z.size, -1) / S
+        return e, S, by_e, by_S, used
+
+    def local(self, z: Array) -> Local:
+        """Value, score and information, by central differences of the innovations.
+
+        Raises
+        ------
+        AmbkitError
+            No measurement could be taken in.
+        """
+        e, S, by_e, by_S, _ = self.slopes(z)
         r = e / np.sqrt(S)
         scores = -(by_e * r + 0.5 * by_S * (1 - r**2))
         return Local(
@@ -119,6 +150,13 @@ class Likelihood:
             by_e @ by_e.T + 0.5 * by_S @ by_S.T,
             _long_run(scores),
         )
+
+
+def settling_time(bearing: Bearing) -> float:
+    """Return the time at a record's start that does not count [s]: the plant's own, sqrt(m/k_s)."""
+    from ambkit.magnets import ConstantStiffness
+
+    return math.sqrt(bearing.rotor.mass / ConstantStiffness.of(bearing).k_s)
 
 
 def _log_likelihood(e: Array, S: Array) -> float:

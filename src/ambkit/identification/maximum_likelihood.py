@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from ambkit.errors import AmbkitError
 from ambkit.estimators import check_sampling
-from ambkit.identification.likelihood import Likelihood, Local
+from ambkit.identification.information import alike_in, doubtful
+from ambkit.identification.likelihood import Likelihood, Local, settling_time
 from ambkit.identification.loop_model import LoopModel
 from ambkit.identification.parameters import USUAL, Coordinates, Parameter, named
 from ambkit.identification.start import best_start
-from ambkit.magnets import ConstantStiffness
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
@@ -30,9 +30,6 @@ Array = NDArray[np.float64]
 
 CONFIDENCE = 1.959964
 """Standard errors to either side that hold 95 %."""
-
-LEAST_EIGENVALUE = 1e-5
-"""Of the information, scaled to a diagonal of ones: below it, some parameters look like others."""
 
 CONVERGED = 1e-3
 """Newton's decrement that ends the search: squared distance to the maximum in standard errors."""
@@ -254,8 +251,7 @@ def maximum_likelihood(
     for record in several:
         check_sampling(given.bearing, record)
     if settling is None:
-        b = given.bearing
-        settling = math.sqrt(b.rotor.mass / ConstantStiffness.of(b).k_s)
+        settling = settling_time(given.bearing)
     given = _movable(given, parameters)
     begin, begun_from = given, "the bearing given"
     if improve_start:
@@ -268,10 +264,10 @@ def maximum_likelihood(
         found = _climb(several, begin, parameters, settling)
         steps += found.steps
         local, coordinates = found.local, Coordinates(found.model, parameters)
-        doubtful = _doubtful(local, coordinates)
-        if doubtful is None:
+        worst = doubtful(local.information, parameters)
+        if worst is None:
             break
-        parameter, why = doubtful
+        parameter, why = worst
         begin, at = _hold(several, found, parameter, given, settling)
         held[parameter.name] = f"{why}; held at {at}"
         parameters = [p for p in parameters if p is not parameter]
@@ -376,34 +372,7 @@ def _hold(
 
     model = found.model.replace(**{parameter.place: parameter.of(given)})
     value = Likelihood(records, Coordinates(model, []), settling).value(np.zeros(0))
-    alike = len(_alike(found.local.information)) > 1
-    if not alike and value < found.local.value - MUCH_LESS_LIKELY:
+    several_alike = len(alike_in(found.local.information)) > 1
+    if not several_alike and value < found.local.value - MUCH_LESS_LIKELY:
         model = found.model
     return model, engineering(parameter.of(model), parameter.unit, 3)
-
-
-def _alike(information: Array) -> list[int]:
-    """Places of parameters that the records cannot tell apart; empty where they can."""
-    root = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    eigenvalues, vectors = np.linalg.eigh(information / np.outer(root, root))
-    if eigenvalues[0] >= LEAST_EIGENVALUE:
-        return []
-    return [i for i in range(root.size) if abs(vectors[i, 0]) > 0.25]
-
-
-def _doubtful(local: Local, coordinates: Coordinates) -> tuple[Parameter, str] | None:
-    """Name a parameter that the records do not tell, and why; None where they tell all."""
-    parameters, information = coordinates.parameters, local.information
-    root = np.sqrt(np.diag(information))
-    for at in reversed(range(root.size)):
-        if not root[at] > 1.0:  # alone, with all others known, its error would be its coarse one
-            return parameters[at], "the records do not depend on it"
-    alike = _alike(information)
-    if alike:
-        names = " and ".join(parameters[i].name for i in alike)
-        return parameters[alike[-1]], f"{names} cannot be told apart"
-    errors = np.sqrt(np.diag(np.linalg.inv(information)))
-    worst = int(np.argmax(errors))
-    if errors[worst] > 1.0:
-        return parameters[worst], "its error is as large as all that it could be"
-    return None

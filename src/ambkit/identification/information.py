@@ -1,0 +1,171 @@
+"""How surely a record would tell parameters, known before any search: their Fisher information.
+
+Where a Kalman filter's model is right, its innovations e are white, with the variance S that it
+expects, and no unbiased estimate scatters less than the inverse of the information says (Cramer and
+Rao; for predictions in closed loop Ljung, System Identification, 1999, ch. 7 and 13). So a record
+that was only simulated tells how well the real one would identify.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.identification.likelihood import Likelihood, settling_time
+from ambkit.identification.loop_model import LoopModel
+from ambkit.identification.parameters import Coordinates, Parameter, named
+from ambkit.record import Record
+
+Array = NDArray[np.float64]
+
+LEAST_EIGENVALUE = 1e-5
+"""Of the information, scaled to a diagonal of ones: below it, some parameters look like others."""
+
+
+@dataclass(frozen=True, eq=False)
+class Expectation:
+    """What a record would tell about p parameters, if its model is right.
+
+    Attributes
+    ----------
+    model : LoopModel
+        The model that the record was taken to come from.
+    parameters : list of Parameter
+        What the record tells.
+    errors : ndarray (p,)
+        Least standard error of each while all are unknown, SI.
+    correlation : ndarray (p, p)
+        Of the estimates.
+    held : mapping of str to str
+        Parameters that were asked for and cannot be told, with the reason.
+    certainty : float
+        ``ln det(1 + information)`` over all that were asked for, each in the scale of its search:
+        what a design is to make large (D-optimality). Half of it is by how many e-fold steps the
+        record narrows down what is unknown.
+    sensitivity : ndarray (p, n)
+        How each measurement's innovation moves with each parameter, in standard deviations of the
+        innovation by SI; zero where a measurement does not count.
+    """
+
+    model: LoopModel
+    parameters: list[Parameter]
+    errors: Array
+    correlation: Array
+    held: Mapping[str, str]
+    certainty: float
+    sensitivity: Array
+
+    def __getitem__(self, name: str) -> float:
+        """Return the standard error of a parameter [SI]; infinite where it cannot be told."""
+        for at, parameter in enumerate(self.parameters):
+            if parameter.name == name:
+                return float(self.errors[at])
+        return np.inf
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as plain data, SI, ready for JSON."""
+        return {
+            "parameters": {
+                p.name: {
+                    "value": p.of(self.model),
+                    "unit": p.unit,
+                    "standard_error": float(error),
+                }
+                for p, error in zip(self.parameters, self.errors, strict=True)
+            },
+            "correlation": self.correlation.tolist(),
+            "held": dict(self.held),
+            "certainty": self.certainty,
+        }
+
+
+def expect(
+    record: Record, model: LoopModel, free: Sequence[str], *, settling: float | None = None
+) -> Expectation:
+    """Say how surely a record would tell parameters of the model that it comes from.
+
+    Parameters that cannot be told are held one by one, as `maximum_likelihood` does.
+
+    Parameters
+    ----------
+    record : Record
+        With ``y`` [m] and ``u`` [V]; its noise and what is unknown of the load enter as excitation,
+        so it should have them.
+    model : LoopModel
+        What made it.
+    free : sequence of str
+        Names of `ambkit.identification.parameters.PARAMETERS`.
+    settling : float, optional
+        Time at the start that does not count [s]; by default as for `maximum_likelihood`.
+
+    Raises
+    ------
+    AmbkitError
+        An unknown parameter; no measurement could be taken in.
+    """
+    parameters = named(free)
+    if settling is None:
+        settling = settling_time(model.bearing)
+    coordinates = Coordinates(model, parameters)
+    likelihood = Likelihood([record], coordinates, settling)
+    _, _, by_e, by_S, used = likelihood.slopes(np.zeros(len(parameters)))
+    information = by_e @ by_e.T + 0.5 * by_S @ by_S.T
+    _, certainty = np.linalg.slogdet(np.eye(len(parameters)) + information)
+
+    told = list(range(len(parameters)))
+    held: dict[str, str] = {}
+    while told:
+        worst = doubtful(information[np.ix_(told, told)], [parameters[at] for at in told])
+        if worst is None:
+            break
+        parameter, why = worst
+        held[parameter.name] = why
+        told = [at for at in told if parameters[at] is not parameter]
+    kept = [parameters[at] for at in told]
+    unit = np.array([(p.of(model) if p.positive else p.coarse(model)) for p in kept])
+    covariance = np.linalg.inv(information[np.ix_(told, told)]) * np.outer(unit, unit)
+    errors = np.sqrt(np.diag(covariance))
+    sensitivity = np.zeros((len(kept), used.size))
+    sensitivity[:, used] = by_e[told] / unit[:, None]
+    return Expectation(
+        model, kept, errors, covariance / np.outer(errors, errors), held, float(certainty),
+        sensitivity,
+    )  # fmt: skip
+
+
+def alike_in(information: Array) -> list[int]:
+    """Places of parameters that the records cannot tell apart; empty where they can."""
+    root = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    eigenvalues, vectors = np.linalg.eigh(information / np.outer(root, root))
+    if eigenvalues[0] >= LEAST_EIGENVALUE:
+        return []
+    return [i for i in range(root.size) if abs(vectors[i, 0]) > 0.25]
+
+
+def doubtful(information: Array, parameters: Sequence[Parameter]) -> tuple[Parameter, str] | None:
+    """Name a parameter that records do not tell, and why; None where they tell all.
+
+    Parameters
+    ----------
+    information : ndarray (p, p)
+        In the coordinates of the search.
+    parameters : sequence of Parameter
+        What its rows are.
+    """
+    root = np.sqrt(np.diag(information))
+    for at in reversed(range(root.size)):
+        if not root[at] > 1.0:  # alone, with all others known, its error would be its coarse one
+            return parameters[at], "the records do not depend on it"
+    alike = alike_in(information)
+    if alike:
+        names = " and ".join(parameters[i].name for i in alike)
+        return parameters[alike[-1]], f"{names} cannot be told apart"
+    errors = np.sqrt(np.diag(np.linalg.inv(information)))
+    worst = int(np.argmax(errors))
+    if errors[worst] > 1.0:
+        return parameters[worst], "its error is as large as all that it could be"
+    return None

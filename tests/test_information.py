@@ -1,0 +1,100 @@
+"""The errors that are predicted before an experiment are those that its estimates then have."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+import ambkit
+from ambkit import Bearing, Record, Scenario
+from ambkit.errors import AmbkitError
+from ambkit.identification.information import expect
+from ambkit.identification.likelihood import Likelihood
+from ambkit.identification.loop_model import LoopModel
+from ambkit.identification.parameters import Coordinates, named
+
+BEARING = Bearing.preset("zittau_axial")
+CALM = LoopModel(BEARING, load_growth=1e-4)
+FREE = ("magnet_constant", "air_gap", "sensor_lag", "position_offset", "measurement_noise")
+SHAKEN = Scenario(
+    duration=0.8,
+    reference=ambkit.Sine(amplitude=2e-4, frequency=20.0)
+    + ambkit.Sine(amplitude=4e-5, frequency=90.0),
+)
+
+
+def scaled(scenario: Scenario, by: float) -> Scenario:
+    return scenario.replace(
+        reference=ambkit.Sine(amplitude=2e-4 * by, frequency=20.0)
+        + ambkit.Sine(amplitude=4e-5 * by, frequency=90.0)
+    )
+
+
+def test_predicted_errors_are_the_scatter_of_estimates() -> None:
+    """One step of Gauss and Newton from the truth, over 60 seeds, against one seed's prediction."""
+    parameters = named(FREE)
+    coordinates = Coordinates(CALM, parameters)
+    predicted = expect(ambkit.simulate(BEARING, SHAKEN.replace(seed=1000)), CALM, FREE)
+    assert [p.name for p in predicted.parameters] == [p.name for p in parameters]
+    assert not predicted.held
+    steps = []
+    for seed in range(60):
+        record = ambkit.simulate(BEARING, SHAKEN.replace(seed=seed))
+        local = Likelihood([record], coordinates, 0.01).local(np.zeros(len(FREE)))
+        steps.append(np.linalg.solve(local.information, local.score))
+    found = np.array(steps) * [p.of(CALM) if p.positive else p.coarse(CALM) for p in parameters]
+    ratio = found.std(axis=0, ddof=1) / predicted.errors
+    low, high = np.sqrt(chi2.ppf([0.0005, 0.9995], 59) / 59)
+    assert ((low < ratio) & (ratio < high)).all(), dict(zip(FREE, ratio, strict=True))
+    # And they hang together as predicted: k and the gap most of all.
+    correlation = np.corrcoef(found.T)
+    assert np.abs(correlation - predicted.correlation).max() < 0.45
+    assert predicted.correlation[0, 1] > 0.8
+
+
+@pytest.mark.parametrize("name", FREE[:4])
+def test_more_excitation_and_more_time_give_smaller_errors(name: str) -> None:
+    def error(by: float, duration: float = 0.8) -> float:
+        scenario = scaled(SHAKEN, by).replace(duration=duration)
+        return expect(ambkit.simulate(BEARING, scenario), CALM, FREE)[name]
+
+    assert error(1.0) < error(0.5) < error(0.2)
+    assert error(1.0, 3.2) == pytest.approx(error(1.0) / 2, rel=0.2)
+
+
+def test_what_one_experiment_cannot_tell_is_named() -> None:
+    """Mass and magnet constant: their ratio alone, but for noises and loads that are forces."""
+    record = ambkit.simulate(BEARING, SHAKEN)
+    # The start of the load counts as known to the weight; without noise of the current and without
+    # a load nothing has the unit of a force.
+    still = BEARING.replace(amplifier__noise_variance="1e-20 V^2")
+    silent = LoopModel(still, load_growth=1e-20)
+    expectation = expect(record, silent, ("magnet_constant", "mass"))
+    assert set(expectation.held) == {"mass"}
+    assert "magnet_constant and mass cannot be told apart" in expectation.held["mass"]
+    assert expectation["mass"] == np.inf
+    assert expectation["magnet_constant"] < 0.01 * BEARING.magnet.magnet_constant
+
+
+def test_the_certainty_counts_what_cannot_be_told_as_nothing() -> None:
+    record = ambkit.simulate(BEARING, SHAKEN)
+    one = expect(record, CALM, ("magnet_constant",)).certainty
+    both = expect(record, CALM, ("magnet_constant", "current_lag")).certainty
+    assert np.isfinite(both)
+    assert both == pytest.approx(one, abs=1e-6)  # a lag of zero has no logarithm to move
+
+
+def test_sensitivity_adds_up_to_the_information() -> None:
+    record = ambkit.simulate(BEARING, SHAKEN)
+    alone = expect(record, CALM, ("magnet_constant",))
+    assert alone.sensitivity.shape == (1, len(record))
+    # The noise that enters the variance tells of k as well, but next to nothing.
+    assert 1 / np.sqrt(np.sum(alone.sensitivity**2)) == pytest.approx(alone.errors[0], rel=0.01)
+
+
+def test_a_record_without_measurements_is_told() -> None:
+    record = ambkit.simulate(BEARING, SHAKEN.replace(duration=0.05))
+    nothing = Record(record.t, {"y": np.full(len(record), np.nan), "u": record["u"]})
+    with pytest.raises(AmbkitError, match="no measurement"):
+        expect(nothing, CALM, FREE)
