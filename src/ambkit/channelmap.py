@@ -22,11 +22,14 @@
 
 Of each number in the log, ``value = sign * scale * number * unit + offset``, in SI. So what ties a
 log to a bearing, such as the point around which the bearing is described, is data, not code.
+
+A channel that the logger wrote too late has a ``delay``, and is shifted by it. A channel with a
+clock of its own names that with ``time``; a log without times has ``sampling_time``.
 """
 
 import re
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,8 +37,9 @@ from pydantic import Field
 
 from ambkit import units
 from ambkit.config import Document, Part, Read
+from ambkit.config.quantities import Quantity
 from ambkit.errors import RecordError
-from ambkit.files.tables import Table
+from ambkit.files.log import Log
 from ambkit.signals import UNITS, si_unit
 
 Array = NDArray[np.float64]
@@ -44,15 +48,32 @@ Index = Annotated[int, Field(ge=0, strict=True)]
 _SCALE = re.compile(r"\s*(\S+)\s+(\S.*?)\s*")
 
 
+class Mapped(NamedTuple):
+    """The signals that a channel map found in a log."""
+
+    signals: Mapping[str, Array]
+    """Each signal (n,) in SI, without the clocks."""
+    units: Mapping[str, str]
+    """SI unit of each."""
+    clocks: Mapping[str, Array]
+    """The times of samples (n,) [s], by the name of the clock; ``t`` first, where it is there."""
+    clock_of: Mapping[str, str]
+    """The clock of each signal."""
+    delays: Mapping[str, float]
+    """How much too late the logger wrote a signal [s], where it did."""
+    meta: dict[str, Any]
+    """The map's name and source."""
+
+
 class Channel(Part):
     """One signal: where it stands in the log, and what its numbers mean."""
 
     row: Index | None = None
     """Row of the array, from 0, where each sample is a column of it."""
     column: Index | Annotated[str, Field(min_length=1)] | None = None
-    """Column of the array, from 0, where each sample is a row; of a CSV or Parquet its name."""
+    """Column of the array, from 0, where each sample is a row; of a table its name or place."""
     array: str | None = None
-    """The array in the ``.mat``, where it is not the map's own; alone, it must be a vector."""
+    """The array in the file, where it is not the map's own; alone, it must be a vector."""
     unit: str
     """Unit of the numbers in the log, such as "mm"."""
     scale: float | str = 1.0
@@ -61,6 +82,10 @@ class Channel(Part):
     """1, or -1 where the log counts the other way."""
     offset: str = ""
     """Added in the end, with its unit, such as "10 mm"."""
+    delay: Annotated[float, Quantity("s", "0.25 ms")] = 0.0
+    """How much later than it was the logger wrote it [s]; the signal is shifted back by that."""
+    time: str | None = None
+    """The signal of this map that has the times of its samples, where that is not ``t``."""
 
     @property
     def si_unit(self) -> str:
@@ -103,7 +128,9 @@ class ChannelMap(Document):
     source: str = ""
     """Where such logs come from."""
     array: str | None = None
-    """The array in the ``.mat`` that holds the channels."""
+    """The array in the file that holds the channels."""
+    sampling_time: Annotated[float, Quantity("s", "0.1 ms", above=0)] | None = None
+    """Time between samples [s], of a log without times; or with times that mean nothing."""
     signals: dict[str, Channel]
     """The signals by name; ``t`` is the time."""
 
@@ -112,58 +139,126 @@ class ChannelMap(Document):
         signals = read("signals")
         if not isinstance(signals, dict):
             return
-        if "t" not in signals:
-            yield "signals", "t, the time, is missing"
+        even = isinstance(read("sampling_time"), float) and read("sampling_time") > 0
+        if "t" not in signals and not even:
+            yield "signals", "t, the time, is missing; without one, give sampling_time"
+        if "t" in signals and even:
+            yield "sampling_time", "give either sampling_time or signals.t"
         for name, channel in signals.items():
-            if isinstance(channel, Channel) and UNITS.get(name, channel.si_unit) != channel.si_unit:
-                yield (
-                    f"signals.{name}.unit",
-                    f"makes {name} a quantity in {channel.si_unit}, it is one in {UNITS[name]}",
-                )
+            if not isinstance(channel, Channel):
+                continue
+            place = f"signals.{name}"
+            if UNITS.get(name, channel.si_unit) != channel.si_unit:
+                what = f"makes {name} a quantity in {channel.si_unit}, it is one in {UNITS[name]}"
+                yield f"{place}.unit", what
+            clock = signals.get(channel.time) if channel.time else None
+            if channel.time and (channel.time == name or not isinstance(clock, Channel)):
+                yield f"{place}.time", f"there is no other signal {channel.time} in this map"
+            elif clock and clock.si_unit != "s":
+                yield f"{place}.time", f"{channel.time} is a quantity in {clock.si_unit}, not in s"
+            elif channel.time and even:
+                yield f"{place}.time", "with sampling_time there is no other clock"
 
     @property
-    def columns(self) -> tuple[str, ...]:
-        """Names of the columns that the map reads from a CSV or Parquet file."""
-        named = [c.column for c in self.signals.values() if isinstance(c.column, str)]
-        return tuple(dict.fromkeys(named))
+    def wanted(self) -> tuple[str | int, ...]:
+        """What the map reads of a file: names of arrays or columns, and places of columns."""
+        found: list[str | int] = []
+        for channel in self.signals.values():
+            array = channel.array or self.array
+            if isinstance(channel.column, str):
+                found.append(channel.column)
+            elif array is not None:
+                found.append(array)
+            elif channel.column is not None:
+                found.append(channel.column)
+        return tuple(dict.fromkeys(found))
 
-    def apply(self, arrays: Mapping[str, Array], source: str = "the log") -> Table:
-        """Pick the signals out of a log's arrays.
+    def apply(self, log: Log) -> Mapped:
+        """Pick the signals out of a log.
 
         Parameters
         ----------
-        arrays : mapping of str to ndarray
-            The arrays of a ``.mat``, or the columns (n,) of a CSV or Parquet file, by name.
-        source : str
-            What the messages call the log.
+        log : Log
+            What the file holds.
 
         Returns
         -------
-        Table
-            Signals (n,) in SI, their units, and the map's name and source as ``meta``.
+        Mapped
+            Signals in SI, each with its clock; they are not shifted yet.
 
         Raises
         ------
         RecordError
-            The log lacks an array, row or column, or these differ in length.
+            The log lacks an array, row or column, or a signal is not as long as its clock.
         """
-        columns: dict[str, Array] = {}
+        values: dict[str, Array] = {}
+        problems: list[str] = []
         for name, channel in self.signals.items():
             try:
-                columns[name] = channel.value(self._numbers(channel, arrays))
+                values[name] = channel.value(self._numbers(channel, log))
             except RecordError as error:
-                raise RecordError(f"{source}: signal {name}: {error}") from None
+                problems.append(f"{log.name}: signal {name}: {error}")
+        if problems:
+            raise RecordError(problems, log.name)
+        clock_names = {"t", *(c.time for c in self.signals.values() if c.time)}
+        signals = {name: v for name, v in values.items() if name not in clock_names}
+        clock_of = {name: self.signals[name].time or "t" for name in signals}
+        clocks = {name: v for name, v in values.items() if name in clock_names}
+        if self.sampling_time is not None:
+            n = max((v.size for v in signals.values()), default=0)
+            clocks["t"] = self.sampling_time * np.arange(n, dtype=np.float64)
+        self._check_clocks(log, signals, clocks, clock_of)
         about = {"log": self.name, "origin": self.source}
-        meta: dict[str, Any] = {key: text for key, text in about.items() if text}
-        return Table(columns, {name: c.si_unit for name, c in self.signals.items()}, meta)
+        return Mapped(
+            signals,
+            {name: self.signals[name].si_unit for name in signals},
+            clocks,
+            clock_of,
+            {name: c.delay for name, c in self.signals.items() if c.delay and name in signals},
+            {key: text for key, text in about.items() if text},
+        )
 
-    def _numbers(self, channel: Channel, arrays: Mapping[str, Array]) -> Array:
+    def _check_clocks(
+        self,
+        log: Log,
+        signals: Mapping[str, Array],
+        clocks: Mapping[str, Array],
+        clock_of: Mapping[str, str],
+    ) -> None:
+        problems = []
+        for name, values in signals.items():
+            clock = clock_of[name]
+            place = f"{log.name}: signal {name}"
+            own, used = log.clocks.get(self._name(name) or ""), self._name(clock)
+            if own is not None and own != used and self.sampling_time is None:
+                problems.append(
+                    f'{place}: has the clock "{own}" in the file, and {clock} is "{used}"; give it '
+                    f'a clock of its own: time = "t_{name}", and [signals.t_{name}] with column = '
+                    f'"{own}"'
+                )
+            elif values.shape != clocks[clock].shape:
+                problems.append(
+                    f"{place} has shape {values.shape}, its time {clock} has {clocks[clock].shape}"
+                )
+        if problems:
+            raise RecordError(problems, log.name)
+
+    def _name(self, signal: str) -> str | None:
+        """Name of the array or column in which a signal stands."""
+        channel = self.signals.get(signal)
+        if channel is None:
+            return None
+        return channel.column if isinstance(channel.column, str) else channel.array or self.array
+
+    def _numbers(self, channel: Channel, log: Log) -> Array:
         name = channel.column if isinstance(channel.column, str) else channel.array or self.array
+        if name is None and isinstance(channel.column, int) and log.order:
+            return log.arrays[log.order[channel.column]]
         if name is None:
             raise RecordError("the channel map does not say which array, or which column by name")
-        if name not in arrays:
-            raise RecordError(f"there is no {name}; there is {', '.join(arrays) or 'nothing'}")
-        array = arrays[name]
+        if name not in log.arrays:
+            raise RecordError(f"there is no {name}; there is {', '.join(log.arrays) or 'nothing'}")
+        array = log.arrays[name]
         if isinstance(channel.row, int):
             return _pick(array, 0, channel.row, f"{name} has no row")
         if isinstance(channel.column, int):
@@ -174,6 +269,8 @@ class ChannelMap(Document):
 
 
 def _pick(array: Array, axis: int, index: int, complaint: str) -> Array:
+    if array.ndim == 1 and index == 0:  # some readers drop the other dimension
+        return array
     if array.ndim != 2 or index >= array.shape[axis]:
         raise RecordError(f"{complaint} {index}, its shape is {array.shape} (counted from 0)")
     return array[index] if axis == 0 else array[:, index]

@@ -7,24 +7,63 @@ class AmbkitError(Exception):
     """Something the user gave cannot be used; the message names it, its place and its limit."""
 
 
-class ConfigError(AmbkitError):
-    """A description (bearing, scenario) that is not valid.
+TOLD = 10
+"""Problems of one file that are told one by one; the rest is counted."""
 
-    Parameters
-    ----------
-    problems : iterable of str
-        All that is wrong, one line each: ``file:line: key: what is wrong``.
-    title : str
-        What was read; printed above the list if there is more than one problem.
-    """
 
-    def __init__(self, problems: Iterable[str], title: str = "") -> None:
-        self.problems = tuple(problems)
+def shortened(problems: list[str]) -> list[str]:
+    """Return the first problems, and how many more there are."""
+    left = len(problems) - TOLD
+    return [*problems[:TOLD], f"and {left} more"] if left > 1 else problems
+
+
+class _Problems(AmbkitError):
+    """Several mistakes told at once, one line each."""
+
+    def __init__(self, problems: str | Iterable[str], title: str = "") -> None:
+        self.problems = (problems,) if isinstance(problems, str) else tuple(problems)
         lines = list(self.problems)
         if len(lines) > 1:
             lines = [f"{len(lines)} problems{f' in {title}' if title else ''}:", *lines]
         super().__init__("\n  ".join(lines))
 
 
-class RecordError(AmbkitError):
-    """A recording that cannot be read, or that lacks what is asked of it."""
+class ConfigError(_Problems):
+    """A description (bearing, scenario) that is not valid.
+
+    Parameters
+    ----------
+    problems : str or iterable of str
+        All that is wrong, one line each: ``file:line: key: what is wrong``.
+    title : str
+        What was read; printed above the list if there is more than one problem.
+    """
+
+
+class RecordError(_Problems):
+    """A recording that cannot be read, or that lacks what is asked of it.
+
+    Parameters
+    ----------
+    problems : str or iterable of str
+        What is wrong, one line each, with file and line where there are such.
+    title : str
+        What was read; printed above the list if there is more than one problem.
+    """
+
+
+class ExtraMissing(AmbkitError):
+    """A library that only some users need is not installed.
+
+    Parameters
+    ----------
+    what : str
+        What needs it: ``"run.mf4"``.
+    library : str
+        The library.
+    extra : str
+        The extra of ambkit that brings it.
+    """
+
+    def __init__(self, what: str, library: str, extra: str) -> None:
+        super().__init__(f"{what}: needs {library}: pip install 'ambkit[{extra}]'")

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit import signals as names
-from ambkit.errors import RecordError
+from ambkit.errors import RecordError, shortened
 
 if TYPE_CHECKING:
     from ambkit.channelmap import ChannelMap
@@ -174,13 +174,13 @@ class Record:
         path: str | os.PathLike[str],
         channel_map: ChannelMap | str | os.PathLike[str] | None = None,
     ) -> Record:
-        """Read a record from ``.csv``, ``.parquet``, or with a channel map also ``.mat``.
+        """Read a record whose clock is even; `read` also takes logs with faults.
 
         Parameters
         ----------
         path : path
             The file. A CSV has a header with units, ``t [s],y [mm],u [V]``; they are converted
-            to SI.
+            to SI. With a channel map any format that `read` knows.
         channel_map : ChannelMap or path, optional
             Which row or column of the file is which signal, with its unit, scale, sign and offset.
 
@@ -192,24 +192,59 @@ class Record:
         AmbkitError
             The file, or the channel map, cannot be read.
         """
-        from ambkit.files.tables import read_arrays, read_table
+        from ambkit.files.log import read_log
+        from ambkit.files.tables import to_table
 
         if channel_map is not None:
-            from ambkit.channelmap import ChannelMap
+            from ambkit.reading import load_mapped
 
-            if not isinstance(channel_map, ChannelMap):
-                channel_map = ChannelMap.load(channel_map)
-            table = channel_map.apply(read_arrays(path, channel_map.columns), os.fspath(path))
-            table.meta["source"] = Path(path).name
-        else:
-            table = read_table(path)
+            return load_mapped(path, channel_map)
+        log = read_log(path)
+        table = to_table(log)
         if "t" not in table.columns:
             raise RecordError(f"{path}: has no column t [s]; it has {', '.join(table.columns)}")
         columns = dict(table.columns)
+        t = columns.pop("t")
+        problems = list(time_problems(t, log.place)) if t.size > 1 else []
+        if problems:
+            raise RecordError(shortened(problems), log.name)
         try:
-            return cls(columns.pop("t"), columns, table.units, table.meta)
+            return cls(t, columns, table.units, table.meta)
         except RecordError as error:
             raise RecordError(f"{path}: {error}") from None
+
+    @classmethod
+    def read(
+        cls,
+        path: str | os.PathLike[str],
+        map: ChannelMap | str | os.PathLike[str] | None = None,
+        **options: Any,
+    ) -> Record:
+        """Read a rig's log, of any format, whose clock and channels may have faults.
+
+        See `ambkit.reading.read`, which also gives the faults; here their account is kept in
+        ``meta["reading"]``.
+
+        Parameters
+        ----------
+        path : path
+            CSV of any kind, Parquet, MATLAB, HDF5 or MDF.
+        map : ChannelMap or path, optional
+            Which channel is which signal.
+        **options
+            ``resample``, ``sampling_time``, ``segment``, ``missing`` of `ambkit.reading.read`.
+
+        Raises
+        ------
+        RecordError
+            The file is damaged, the map does not fit it, or its samples lie on no even grid and
+            ``resample`` was not asked for; the message has all of it, each with its place.
+        AmbkitError
+            The file, or the map, cannot be read, or the library for it is not installed.
+        """
+        from ambkit.reading import read
+
+        return read(path, map, **options).record
 
 
 def _frozen(name: str, values: ArrayLike) -> Array:
@@ -224,19 +259,38 @@ def _frozen(name: str, values: ArrayLike) -> Array:
 def _check_time(t: Array) -> None:
     if t.ndim != 1 or t.size < 2:
         raise RecordError(f"t must be a row of at least 2 samples, has shape {t.shape}")
-    if not np.isfinite(t).all():
-        raise RecordError(f"t is {t[~np.isfinite(t)][0]} at sample {_first(~np.isfinite(t))}")
+    problems = list(time_problems(t))
+    if problems:
+        raise RecordError(shortened(problems))
+
+
+def time_problems(t: Array, place: Callable[[int], str] | None = None) -> Iterator[str]:
+    """Yield all that keeps times from being even.
+
+    Parameters
+    ----------
+    t : ndarray (n,)
+        Times [s], n >= 2.
+    place : callable, optional
+        Says where a sample stands, such as ``log.csv:17``; put before each problem.
+    """
+
+    def at_(sample: int) -> str:
+        return f"{place(sample)}: " if place else ""
+
+    for at in np.flatnonzero(~np.isfinite(t)).tolist():
+        yield f"{at_(at)}t is {t[at]} at sample {at}"
     steps = np.diff(t)
-    if (steps <= 0).any():
-        at = _first(steps <= 0) + 1
-        raise RecordError(f"t must increase, but sample {at} has {t[at]:g} s after {t[at - 1]:g} s")
-    step = float(np.median(steps))
-    uneven = np.abs(steps - step) > TIME_TOLERANCE * step
-    if uneven.any():
-        at = _first(uneven) + 1
-        raise RecordError(
-            f"t must be even, but from sample {at - 1} to {at} (t = {t[at]:g} s) it goes on by "
-            f"{steps[at - 1]:.6g} s instead of {step:.6g} s; a missing sample is an empty cell"
+    for at in (np.flatnonzero(steps <= 0) + 1).tolist():
+        before = f"{t[at]:g} s after {t[at - 1]:g} s"
+        yield f"{at_(at)}t must increase, but sample {at} has {before}"
+    step = float(np.nanmedian(steps)) if np.isfinite(steps).any() else math.nan
+    uneven = (np.abs(steps - step) > TIME_TOLERANCE * step) & (steps > 0)
+    for at in (np.flatnonzero(uneven) + 1).tolist():
+        yield (
+            f"{at_(at)}t must be even, but from sample {at - 1} to {at} (t = {t[at]:g} s) it goes "
+            f"on by {steps[at - 1]:.6g} s instead of {step:.6g} s; a missing sample is an empty "
+            "cell"
         )
 
 

@@ -1,0 +1,104 @@
+"""MATLAB files: version 5 by SciPy, version 7.3, which is HDF5, by pymatreader.
+
+The fields of a structure come as ``structure.field``, the elements of a structure array or a cell
+as ``structure[0].field``.
+"""
+
+import os
+import warnings
+from collections.abc import Callable, Collection, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.errors import ExtraMissing
+from ambkit.files.log import Log, check_readable, damaged
+
+Array = NDArray[np.float64]
+
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_USER_BLOCKS = (0, 512, 1024, 2048)
+
+
+def read(
+    path: str | os.PathLike[str],
+    wanted: Collection[str | int] | None = None,
+    told: Callable[[str], object] = lambda _: None,
+    lenient: bool = False,
+) -> Log:
+    """Read all arrays of numbers; see `ambkit.files.log.read_log`."""
+    check_readable(path)
+    content = _content_of_7_3(path) if _is_7_3(path) else _content(path)
+    arrays = {
+        name: values
+        for key, value in content.items()
+        if not key.startswith("__")
+        for name, values in _flat(key, value)
+    }
+    chosen = arrays if wanted is None else {k: v for k, v in arrays.items() if k in wanted}
+    return Log(os.fspath(path), chosen if wanted is None else _lacking(arrays, chosen, wanted))
+
+
+def _lacking(
+    arrays: dict[str, Array], chosen: dict[str, Array], wanted: Collection[str | int]
+) -> dict[str, Array]:
+    """Give all arrays where one that is wanted is not there, for the message to list them."""
+    return chosen if set(wanted) <= set(chosen) else arrays
+
+
+def _is_7_3(path: str | os.PathLike[str]) -> bool:
+    with Path(path).open("rb") as file:
+        for start in _USER_BLOCKS:
+            file.seek(start)
+            if file.read(8) == _SIGNATURE:
+                return True
+    return False
+
+
+def _content(path: str | os.PathLike[str]) -> dict[str, Any]:
+    from scipy.io import loadmat
+
+    try:
+        return dict(loadmat(os.fspath(path)))
+    except Exception as error:  # SciPy lets through whatever a damaged file makes it stumble over
+        raise damaged(path, error) from error
+
+
+def _content_of_7_3(path: str | os.PathLike[str]) -> dict[str, Any]:
+    try:
+        import h5py  # noqa: F401  pymatreader asks for it late
+        from pymatreader import read_mat
+    except ModuleNotFoundError:
+        what = f"{path}: a MATLAB 7.3 file"
+        raise ExtraMissing(what, "pymatreader and h5py", "mat") from None
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of objects that hold no numbers
+            return dict(read_mat(os.fspath(path)))
+    except Exception as error:
+        raise damaged(path, error) from error
+
+
+def _flat(name: str, value: Any) -> Iterator[tuple[str, Array]]:
+    """Yield the arrays of numbers within a value, by their full names."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from _flat(f"{name}.{key}", inner)
+    elif isinstance(value, np.ndarray) and value.dtype.names:
+        for place, element in enumerate(value.ravel()):
+            whole = name if value.size == 1 else f"{name}[{place}]"
+            for key in value.dtype.names:
+                yield from _flat(f"{whole}.{key}", element[key])
+    elif isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object):
+        elements = value if isinstance(value, list) else value.ravel().tolist()
+        if elements and all(isinstance(each, int | float) for each in elements):
+            yield name, np.array(elements, dtype=np.float64)
+            return
+        for place, inner in enumerate(elements):
+            yield from _flat(name if len(elements) == 1 else f"{name}[{place}]", inner)
+    elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub" and value.ndim in (1, 2):
+        yield name, np.asarray(value, dtype=np.float64)
+    elif isinstance(value, bool | int | float | np.number):
+        yield name, np.array([value], dtype=np.float64)

@@ -1,0 +1,260 @@
+"""What is wrong with a channel: stretches that are missing, saturated, frozen, coarse."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.units import engineering
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+KINDS = (
+    *("gap", "jump", "jitter", "missing", "infinite"),
+    *("constant", "saturated", "frozen", "quantised"),
+)
+"""What can be wrong, the clock's faults first."""
+
+MASKABLE = ("saturated", "frozen")
+"""What can be taken as missing if the user wishes so."""
+
+STILL = 10
+"""So many equal samples at least are a sensor that stands still; the core's filters count alike."""
+
+CLIPPED = 3
+"""So many equal samples at least, at the greatest or least value, are saturation."""
+
+BY_CHANCE = 1e-6
+"""Probability that a stretch of equal samples in a whole sound record is called frozen."""
+
+LOOKED_AT = 200_000  # samples for the resolution
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Something that is wrong for a while.
+
+    Attributes
+    ----------
+    kind : str
+        One of `KINDS`.
+    signal : str
+        The channel, or the clock.
+    start, stop : float
+        From when to when [s], by the log's clock.
+    samples : int
+        How many samples it has.
+    text : str
+        What is wrong.
+    action : str
+        What was done about it.
+    """
+
+    kind: str
+    signal: str
+    start: float
+    stop: float
+    samples: int
+    text: str
+    action: str = "kept"
+
+
+@dataclass(frozen=True)
+class Channel:
+    """What a channel looks like, in SI.
+
+    Attributes
+    ----------
+    name, unit : str
+        The signal, and its unit.
+    samples, missing : int
+        How many there are, and how many of them are missing.
+    least, greatest, mean : float
+        Of the samples that are there.
+    noise : float
+        Standard deviation of what changes from sample to sample, from second differences: noise,
+        if the signal itself is slow.
+    resolution : float
+        Smallest step between values; 0 where the signal has none that shows.
+    clock : str
+        Where its times come from.
+    """
+
+    name: str
+    unit: str
+    samples: int
+    missing: int
+    least: float
+    greatest: float
+    mean: float
+    noise: float
+    resolution: float
+    clock: str
+
+
+def describe(name: str, unit: str, values: Array, clock: str = "t") -> Channel:
+    """Measure a channel (n,)."""
+    there = values[np.isfinite(values)]
+    missing = values.size - there.size
+    if there.size == 0:
+        nothing = math.nan
+        return Channel(
+            name, unit, values.size, missing, nothing, nothing, nothing, nothing, 0.0, clock
+        )
+    return Channel(
+        name,
+        unit,
+        values.size,
+        missing,
+        float(there.min()),
+        float(there.max()),
+        float(there.mean()),
+        noise(values),
+        resolution(there),
+        clock,
+    )
+
+
+def noise(values: Array) -> float:
+    """Estimate the standard deviation of white noise on a slow signal (n,).
+
+    Second differences of white noise have six times its variance; the median is not moved by steps
+    or spikes. Where most of them are zero, as on a coarse signal, their mean square counts.
+    """
+    bend = np.diff(values[:LOOKED_AT], 2)
+    bend = np.abs(bend[np.isfinite(bend)])
+    if bend.size == 0:
+        return math.nan
+    spread = 1.4826 * float(np.median(bend)) or float(np.sqrt(np.mean(bend**2)))
+    return spread / math.sqrt(6)
+
+
+def resolution(values: Array) -> float:
+    """Find the smallest step between the values of a signal (n,); 0 where there is none.
+
+    A signal is in steps where its values come again and again, or lie on one ladder.
+    """
+    seen = np.unique(_some(values))
+    if seen.size < 2:
+        return 0.0
+    steps = np.diff(seen)
+    steps = steps[steps > 1e-9 * (seen[-1] - seen[0])]  # what arithmetic makes of one value
+    least = float(steps.min())
+    off = np.abs(steps / least - np.rint(steps / least))
+    if np.mean(off < 0.02) > 0.99:
+        return least
+    few = seen.size < 0.2 * min(values.size, LOOKED_AT)
+    return float(np.median(steps)) if few and values.size >= 100 else 0.0
+
+
+def _some(values: Array) -> Array:
+    """Return at most `LOOKED_AT` samples, in four stretches."""
+    if values.size <= LOOKED_AT:
+        return values
+    size = LOOKED_AT // 4
+    starts = np.linspace(0, values.size - size, 4).astype(int)
+    return np.concatenate([values[start : start + size] for start in starts])
+
+
+def find(name: str, values: Array, times: Array, unit: str) -> Iterator[Fault]:
+    """Find what is wrong with a channel.
+
+    A run of equal samples counts as frozen, or as saturated if it is at the greatest or least
+    value, where chance does not explain it: a coarse signal repeats itself, and how often it does
+    between two samples is measured on the channel itself. A channel that hardly ever changes, such
+    as a reference, is not suspected.
+
+    Parameters
+    ----------
+    name : str
+        The channel; the reference ``r`` may stand still.
+    values : ndarray (n,)
+        The samples in SI, NaN where one is missing.
+    times : ndarray (n,)
+        Their times [s].
+    unit : str
+        Unit of the values.
+    """
+    absent = np.isnan(values)
+    if absent.any():
+        yield from _runs_of(absent, times, "missing", name, "not logged")
+    there = values[~absent]
+    if there.size == 0:
+        return
+    least, greatest = float(there.min()), float(there.max())
+    if least == greatest:
+        text = f"the same in all {there.size} samples: {engineering(least, unit)}"
+        yield Fault("constant", name, float(times[0]), float(times[-1]), there.size, text)
+        return
+    yield from _coarse(name, there, times, unit)
+    if name != "r":
+        yield from _still(name, values, times, unit, (least, greatest))
+
+
+def _runs_of(
+    where: NDArray[np.bool_], times: Array, kind: str, name: str, text: str
+) -> Iterator[Fault]:
+    starts, lengths = _runs(where)
+    for start, length in zip(starts, lengths, strict=True):
+        if where[start]:
+            last = start + length - 1
+            yield Fault(kind, name, float(times[start]), float(times[last]), int(length), text)
+
+
+def _runs(values: NDArray[np.generic]) -> tuple[Index, Index]:
+    """Return start and length of each run of equal values; NaN equals nothing."""
+    ends = np.flatnonzero(values[1:] != values[:-1]) + 1
+    starts = np.concatenate([[0], ends])
+    return starts, np.diff(np.concatenate([starts, [values.size]]))
+
+
+def _coarse(name: str, there: Array, times: Array, unit: str) -> Iterator[Fault]:
+    step, rough = resolution(there), noise(there)
+    if step > 1.5 * rough or (step and np.isnan(rough)):
+        text = (
+            f"in steps of {engineering(step, unit, digits=3)}, more than its noise: what is "
+            "smaller is lost"
+        )
+        yield Fault("quantised", name, float(times[0]), float(times[-1]), there.size, text)
+
+
+def _still(
+    name: str, values: Array, times: Array, unit: str, limits: tuple[float, float]
+) -> Iterator[Fault]:
+    starts, lengths = _runs(values)
+    repeats = _usual_repeats(values)
+    if repeats > 0.98:
+        # It hardly ever changes. If most of it lies at one end, that is a sensor at its limit.
+        at_end = max(float(np.mean(values == limit)) for limit in limits)
+        if at_end < 0.5 or np.unique(_some(values)).size < 5:
+            return
+        repeats = 0.5
+    by_chance = 0.0
+    if repeats > 0:
+        by_chance = math.log(BY_CHANCE / values.size) / math.log(repeats)
+    long = lengths > max(CLIPPED - 1, by_chance)
+    for start, length in zip(starts[long].tolist(), lengths[long].tolist(), strict=True):
+        value = float(values[start])
+        span = float(times[start]), float(times[start + length - 1])
+        if value in limits:
+            end = "greatest" if value == limits[1] else "least"
+            text = f"at its {end} value, {engineering(value, unit, digits=4)}"
+            yield Fault("saturated", name, *span, length, text)
+        elif length >= STILL:
+            text = f"stands still at {engineering(value, unit, digits=4)}"
+            yield Fault("frozen", name, *span, length, text)
+
+
+def _usual_repeats(values: Array) -> float:
+    """Return how often a sample equals the one before, in the middle one of 101 stretches.
+
+    The middle one, so that a long frozen stretch does not raise it.
+    """
+    equal = values[1:] == values[:-1]
+    parts = np.array_split(equal, min(101, max(1, equal.size // 20)))
+    return float(np.median([part.mean() for part in parts]))

@@ -1,0 +1,425 @@
+"""From a log to a record, with an account of what was wrong and what was done about it."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.errors import RecordError, shortened
+from ambkit.files.log import Log, read_log
+from ambkit.reading import faults as channel_faults
+from ambkit.reading import grid
+from ambkit.reading.clock import Clock, examine, not_finite
+from ambkit.reading.faults import Channel, Fault
+from ambkit.record import Record, time_problems
+from ambkit.units import engineering
+
+if TYPE_CHECKING:
+    from ambkit.channelmap import ChannelMap, Mapped
+
+Array = NDArray[np.float64]
+
+SENTENCES = 30
+"""So many sentences of the account are kept with the record."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """A record, and how it came out of its log.
+
+    Attributes
+    ----------
+    record : Record
+        The signals on one even grid.
+    clocks : mapping of str to Clock
+        The clocks of the log, ``t`` first.
+    channels : tuple of Channel
+        What each channel of the log looks like.
+    faults : tuple of Fault
+        All that is wrong, in the order of the channels, each with what was done about it.
+    remarks : tuple of str
+        What else a user should know: how the file is written, what was shifted or resampled.
+    source : str
+        The file.
+    """
+
+    record: Record
+    clocks: Mapping[str, Clock]
+    channels: tuple[Channel, ...]
+    faults: tuple[Fault, ...]
+    remarks: tuple[str, ...]
+    source: str
+
+    def account(self) -> list[str]:
+        """Say in sentences what was found and done, faults of a kind together."""
+        lines = [f"{name}: {clock.in_words()}" for name, clock in self.clocks.items()]
+        lines += self.remarks
+        groups: dict[tuple[str, str, str], list[Fault]] = {}
+        for fault in self.faults:
+            groups.setdefault((fault.signal, fault.kind, fault.action), []).append(fault)
+        for (signal, kind, action), found in groups.items():
+            first = found[0]
+            if len(found) == 1:
+                lines.append(f"{signal}: {_when(first)}{first.text}; {action}")
+                continue
+            samples = sum(fault.samples for fault in found)
+            lines.append(
+                f"{signal}: {kind} in {len(found)} stretches, {samples} samples, the first at "
+                f"{engineering(first.start, 's')}; {action}"
+            )
+        return lines
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all of it as plain data, in SI, without the samples."""
+        return {
+            "source": self.source,
+            "samples": len(self.record),
+            "sampling_time": self.record.sampling_time,
+            "clocks": {
+                name: {
+                    "samples": clock.times.size,
+                    "rate": clock.rate,
+                    "jitter": clock.jitter,
+                    "gaps": clock.gaps.size,
+                    "missing": int(clock.missing.sum()),
+                    "jumps": clock.jumps.size,
+                    "uneven": clock.uneven.size,
+                }
+                for name, clock in self.clocks.items()
+            },
+            "channels": [asdict(channel) for channel in self.channels],
+            "faults": [asdict(fault) for fault in self.faults],
+            "remarks": list(self.remarks),
+            "account": self.account(),
+        }
+
+
+def _when(fault: Fault) -> str:
+    if fault.kind in ("constant", "quantised", "jitter"):
+        return ""
+    count = f"{fault.samples} sample{'s' if fault.samples != 1 else ''}"
+    return f"{count} from {engineering(fault.start, 's')} to {engineering(fault.stop, 's')}: "
+
+
+def read(
+    path: str | os.PathLike[str],
+    map: ChannelMap | str | os.PathLike[str] | None = None,
+    *,
+    resample: bool = False,
+    sampling_time: float | None = None,
+    segment: int | None = None,
+    missing: Collection[str] = (),
+    told: Callable[[str], object] = lambda _: None,
+) -> Reading:
+    """Read a log into a record, and say what is wrong with it.
+
+    Nothing is dropped or resampled unless it is asked for. A gap of a whole number of samples gets
+    so many missing ones, an infinite value becomes a missing one, a delay of the channel map is
+    taken out; all else stays as it was logged, and is told.
+
+    Parameters
+    ----------
+    path : path
+        The log; see `ambkit.files.log.read_log` for the formats.
+    map : ChannelMap or path, optional
+        What is what; without it, a table whose columns have the names and units of a record.
+    resample : bool
+        Put all signals on one even grid, where they have several clocks or an uneven one.
+    sampling_time : float, optional
+        The grid's step [s]; the usual step of the clock ``t`` without it.
+    segment : int, optional
+        Which part between jumps of the clock to read, from 1.
+    missing : collection of {"saturated", "frozen"}
+        Take such stretches as missing.
+    told : callable
+        Called with what is being done.
+
+    Returns
+    -------
+    Reading
+        The record and its account.
+
+    Raises
+    ------
+    RecordError
+        The file is damaged; the map does not fit it; or there is no even grid: two clocks, jitter,
+        jumps. The message has all of it, each with its place, and what would help.
+    ExtraMissing
+        The library for such files is not installed.
+    AmbkitError
+        The file, or the map, cannot be read.
+    """
+    wrong = set(missing) - set(channel_faults.MASKABLE)
+    if wrong:
+        known = " and ".join(channel_faults.MASKABLE)
+        raise RecordError(f"only {known} stretches can be taken as missing, not {min(wrong)}")
+    log, mapped = _mapped(path, map, told)
+    remarks = [*log.remarks]
+    used = list(dict.fromkeys(mapped.clock_of.values()))
+    _check_times(log, mapped, used)
+    clocks = {name: examine(name, mapped.clocks[name]) for name in used}
+    signals = dict(mapped.signals)
+    faults: list[Fault] = [f for c in clocks.values() for f in _clock_faults(c)]
+    if segment is not None or (len(used) == 1 and clocks[used[0]].jumps.size):
+        where, remark = _segment(log, clocks, segment)
+        signals = {name: values[where] for name, values in signals.items()}
+        clocks = {name: clock.part(where) for name, clock in clocks.items()}
+        remarks.append(remark)
+        faults = [replace(f, action="another part is read") for f in faults if f.kind == "jump"]
+        faults += [f for c in clocks.values() for f in _clock_faults(c)]
+    if not resample:
+        _refuse_uneven(log, mapped, clocks)
+    channels: list[Channel] = []
+    for name in signals:
+        clock = clocks[mapped.clock_of[name]]
+        told(f"looking at {name}")
+        signals[name], own = _without_infinities(name, signals[name], clock.times)
+        unit = mapped.units[name]
+        channels.append(channel_faults.describe(name, unit, signals[name], clock.name))
+        for fault in (*own, *channel_faults.find(name, signals[name], clock.times, unit)):
+            if fault.kind in missing:
+                signals[name] = _masked(signals[name], clock.times, fault)
+                fault = replace(fault, action="taken as missing")
+            faults.append(fault)
+    told("placing the samples")
+    if resample:
+        times, on_grid, said = _resampled(signals, mapped.clock_of, clocks, sampling_time)
+        faults = [_action_of_grid(fault, "resampled") for fault in faults]
+    elif sampling_time is not None:
+        raise RecordError("sampling_time (--sampling-time) is the step to resample to: ask for it")
+    else:
+        times, on_grid, said = _filled(signals, clocks)
+        faults = [_action_of_grid(fault, "filled with missing samples") for fault in faults]
+    remarks += said
+    step = float(times[-1] - times[0]) / (times.size - 1)
+    for name, delay in mapped.delays.items():
+        on_grid[name] = grid.shifted(on_grid[name], delay / step, held=name in grid.HELD)
+        remarks.append(grid.shift_in_words(name, delay, step))
+    meta = {**mapped.meta, "source": Path(path).name}
+    reading = Reading(
+        Record.__new__(Record), clocks, tuple(channels), tuple(faults), tuple(remarks), log.name
+    )
+    meta["reading"] = reading.account()[:SENTENCES]
+    try:
+        record = Record(times, on_grid, mapped.units, meta)
+    except RecordError as error:
+        raise RecordError([f"{log.name}: {problem}" for problem in error.problems]) from None
+    return replace(reading, record=record)
+
+
+def load_mapped(
+    path: str | os.PathLike[str], channel_map: ChannelMap | str | os.PathLike[str]
+) -> Record:
+    """Read a log through a channel map where its clock is even: `ambkit.Record.load`.
+
+    Raises
+    ------
+    RecordError
+        As `read`; also for gaps and infinite values, which `read` makes missing samples.
+    """
+    log, mapped = _mapped(path, channel_map, lambda _: None)
+    used = list(dict.fromkeys(mapped.clock_of.values()))
+    _check_times(log, mapped, used)
+    clocks = {name: examine(name, mapped.clocks[name]) for name in used}
+    if len(clocks) > 1:
+        _refuse_uneven(log, mapped, clocks)
+    t = mapped.clocks[used[0]]
+    problems = list(time_problems(t, log.place))
+    if problems:
+        advice = f"{log.name}: 'ambkit read' can make an even record of it"
+        raise RecordError([*shortened(problems), advice], log.name)
+    step = float(t[-1] - t[0]) / (t.size - 1)
+    signals = {
+        name: grid.shifted(values, mapped.delays[name] / step, held=name in grid.HELD)
+        if name in mapped.delays
+        else values
+        for name, values in mapped.signals.items()
+    }
+    try:
+        return Record(t, signals, mapped.units, mapped.meta | {"source": Path(path).name})
+    except RecordError as error:
+        raise RecordError([f"{log.name}: {text}" for text in error.problems], log.name) from None
+
+
+def _mapped(
+    path: str | os.PathLike[str],
+    channel_map: ChannelMap | str | os.PathLike[str] | None,
+    told: Callable[[str], object],
+) -> tuple[Log, Mapped]:
+    """Read a log, and pick its signals out of it; a table with names and units needs no map."""
+    from ambkit.channelmap import ChannelMap, Mapped
+    from ambkit.files.tables import to_table
+
+    if channel_map is not None:
+        if not isinstance(channel_map, ChannelMap):
+            channel_map = ChannelMap.load(channel_map)
+        log = read_log(path, channel_map.wanted, told)
+        return log, channel_map.apply(log)
+    log = read_log(path, None, told)
+    table = to_table(log)
+    if "t" not in table.columns:
+        raise RecordError(f"{path}: has no column t [s]; it has {', '.join(table.columns)}")
+    columns = dict(table.columns)
+    clocks = {"t": columns.pop("t")}
+    units = {name: table.units[name] for name in columns}
+    return log, Mapped(columns, units, clocks, dict.fromkeys(columns, "t"), {}, table.meta)
+
+
+def _check_times(log: Log, mapped: Mapped, used: list[str]) -> None:
+    """Refuse times that are no numbers, each with its line."""
+    problems = []
+    for name in used:
+        times = mapped.clocks[name]
+        if times.size < 2:
+            problems.append(f"{log.name}: {name} must have at least 2 samples, has {times.size}")
+        for at, value in not_finite(times):
+            problems.append(f"{log.place(at)}: {name} is {value} at sample {at}")
+    if not used:
+        problems.append(f"{log.name}: the map names no signal but the time")
+    if problems:
+        raise RecordError(shortened(problems), log.name)
+
+
+def _clock_faults(clock: Clock) -> list[Fault]:
+    """Turn what is wrong with a clock into faults; what is done about it is not known yet."""
+    t, found = clock.times, []
+    for at, count in zip(clock.gaps.tolist(), clock.missing.tolist(), strict=True):
+        text = f"{count} sample{'s' if count > 1 else ''} missing"
+        found.append(Fault("gap", clock.name, float(t[at - 1]), float(t[at]), count, text))
+    for at in clock.jumps.tolist():
+        text = f"from {engineering(t[at - 1], 's')} to {engineering(t[at], 's')}"
+        found.append(Fault("jump", clock.name, float(t[at - 1]), float(t[at]), 1, text))
+    if clock.uneven.size:
+        text = (
+            f"{clock.uneven.size} steps are off by more than 1 %, "
+            f"{engineering(clock.jitter, 's', digits=2)} rms"
+        )
+        ends = float(t[0]), float(t[-1])
+        found.append(Fault("jitter", clock.name, *ends, clock.uneven.size, text))
+    return found
+
+
+def _segment(log: Log, clocks: Mapping[str, Clock], segment: int | None) -> tuple[slice, str]:
+    """Return the part between jumps that the user wants, or say which there are."""
+    if len(clocks) > 1:
+        raise RecordError(f"{log.name}: a log with several clocks cannot be read in parts")
+    (clock,) = clocks.values()
+    parts = clock.segments
+    if segment is not None and 1 <= segment <= len(parts):
+        part = parts[segment - 1]
+        return part, f"part {segment} of {len(parts)} between jumps of {clock.name} is read"
+    t = clock.times
+    if clock.too_coarse:
+        raise RecordError(
+            f"{log.name}: {clock.name} has too few digits: many samples share their time. Give "
+            "sampling_time in the map instead"
+        )
+    listed = [
+        f"{log.place(at)}: {clock.name} jumps from {engineering(t[at - 1], 's')} to "
+        f"{engineering(t[at], 's')}"
+        for at in clock.jumps.tolist()
+    ]
+    choices = ", ".join(
+        f"{n}: {part.stop - part.start} samples from {engineering(t[part][0], 's')}"
+        for n, part in enumerate(parts[:8], 1)
+    )
+    problem = f"{log.name}: choose a part with --segment (segment=): {choices or 'there is none'}"
+    raise RecordError([*shortened(listed), problem], log.name)
+
+
+def _refuse_uneven(log: Log, mapped: Mapped, clocks: Mapping[str, Clock]) -> None:
+    """Refuse clocks that give no even grid, and say what would."""
+    if len(clocks) > 1:
+        listed = []
+        for clock in clocks.values():
+            names = [name for name, own in mapped.clock_of.items() if own == clock.name]
+            listed.append(f"{clock.name} ({', '.join(names)}: {clock.in_words()})")
+        raise RecordError(
+            f"{log.name}: the signals have {len(clocks)} clocks: {'; '.join(listed)}. --resample "
+            "(resample=True) puts them on one"
+        )
+    (clock,) = clocks.values()
+    helps = (
+        "--resample (resample=True) puts them on an even grid; or, if the samples are even and the "
+        "clock that stamped them is not, give sampling_time in the map instead of t"
+    )
+    problems = [_step_problem(log, clock, at) for at in clock.uneven.tolist()]
+    if not clock.whole_gaps:
+        problems += [_step_problem(log, clock, at) for at in clock.gaps.tolist()]
+    if problems:
+        raise RecordError([*shortened(problems), f"{log.name}: {helps}"], log.name)
+
+
+def _step_problem(log: Log, clock: Clock, at: int) -> str:
+    t = clock.times
+    return (
+        f"{log.place(at)}: from sample {at - 1} to {at} (t = {t[at]:g} s) {clock.name} goes on by "
+        f"{engineering(float(t[at] - t[at - 1]), 's', digits=4)} instead of "
+        f"{engineering(clock.step, 's', digits=4)}"
+    )
+
+
+def _without_infinities(name: str, values: Array, times: Array) -> tuple[Array, list[Fault]]:
+    infinite = np.isinf(values)
+    if not infinite.any():
+        return values, []
+    at = np.flatnonzero(infinite)
+    span = float(times[at[0]]), float(times[at[-1]])
+    fault = Fault("infinite", name, *span, at.size, "infinite values", "taken as missing")
+    return np.where(infinite, np.nan, values), [fault]
+
+
+def _masked(values: Array, times: Array, fault: Fault) -> Array:
+    first = np.searchsorted(times, fault.start)
+    kept = values.copy()
+    kept[first : first + fault.samples] = np.nan
+    return kept
+
+
+def _action_of_grid(fault: Fault, action: str) -> Fault:
+    return replace(fault, action=action) if fault.kind in ("gap", "jitter") else fault
+
+
+def _filled(
+    signals: Mapping[str, Array], clocks: Mapping[str, Clock]
+) -> tuple[Array, dict[str, Array], list[str]]:
+    """Leave each sample where it is, and make room for the missing ones."""
+    (clock,) = clocks.values()
+    times, place = grid.with_missing(clock)
+    return times, {name: grid.spread(v, place, times.size) for name, v in signals.items()}, []
+
+
+def _resampled(
+    signals: Mapping[str, Array],
+    clock_of: Mapping[str, str],
+    clocks: Mapping[str, Clock],
+    sampling_time: float | None,
+) -> tuple[Array, dict[str, Array], list[str]]:
+    """Put all signals on the even grid of the first clock."""
+    jumping = [clock.name for clock in clocks.values() if clock.jumps.size]
+    if jumping:
+        raise RecordError(f"the clock {jumping[0]} jumps: it cannot be resampled")
+    main = clocks.get("t") or next(iter(clocks.values()))
+    step = sampling_time or main.step
+    times = grid.even_grid(main, step)
+    if times.size < 2:
+        raise RecordError(f"a sampling time of {engineering(step, 's')} leaves no two samples")
+    found = {
+        name: grid.resample(v, clocks[clock_of[name]], times, held=name in grid.HELD)
+        for name, v in signals.items()
+    }
+    how = Counter("held" if name in grid.HELD else "straight" for name in signals)
+    said = [f"resampled to {engineering(1 / step, 'Hz', digits=5)}, without a low-pass before"]
+    if how["straight"]:
+        names = ", ".join(name for name in signals if name not in grid.HELD)
+        said.append(f"{names}: on straight lines between the samples")
+    if how["held"]:
+        said.append("u: as it was at the last sample, since a controller holds it")
+    return times, found, said
