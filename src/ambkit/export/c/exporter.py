@@ -12,7 +12,7 @@ from ambkit.estimators import AdaptiveKalmanFilter, KalmanFilter
 from ambkit.export.c import cost, folder, render
 from ambkit.export.c.cost import Cost
 from ambkit.export.c.data import CPrecision
-from ambkit.export.tabulate import TabulatedExpert, tabulate
+from ambkit.export.tabulate import MOST_NODES, TabulatedExpert, tabulate
 from ambkit.fuzzy import Expert
 from ambkit.magnets import Precision, core_module
 from ambkit.units import engineering
@@ -98,9 +98,9 @@ def export_c(
     Raises
     ------
     AmbkitError
-        A prefix that is no C identifier, a frozen_limit beyond 16 bits; a bound that no table
-        keeps, or that nothing needs; a folder with other files of the same names, or that cannot
-        be written.
+        A prefix that is no C identifier, a frozen_limit or a table beyond 16 bits; a bound that no
+        table keeps, or that nothing needs; a folder with other files of the same names, or that
+        cannot be written.
     """
     name = _checked_prefix(prefix, bearing)
     if options.get("frozen_limit", 0) > MOST_COUNTED:
@@ -122,6 +122,7 @@ def export_c(
         if source is None
         else AdaptiveKalmanFilter(bearing, source, **options)
     )
+    _check_nodes(estimator)
     spent = _cost(estimator) if precision == "float" else None
     facts = _facts(source, precision) | _cost_facts(spent)
     content = render.render(estimator, name, precision, facts)
@@ -151,6 +152,17 @@ def _facts(source: StiffnessSource | None, precision: CPrecision) -> dict[str, s
             "largest error found": engineering(source.error, "N", digits=3),
         }
     return facts
+
+
+def _check_nodes(estimator: KalmanFilter) -> None:
+    """Refuse a table whose nodes an int of 16 bits cannot count."""
+    held = estimator.source.magnet(core_module(estimator.precision)).parameters
+    rows, columns = held.get("rows", 0), held.get("columns", 0)
+    if rows * columns > MOST_NODES:
+        raise AmbkitError(
+            f"the table has {rows} x {columns} nodes, and an int of 16 bits counts at most "
+            f"{MOST_NODES}; take a coarser one"
+        )
 
 
 def _cost(estimator: KalmanFilter) -> Cost:
