@@ -1,4 +1,4 @@
-#include "kalman.h"
+#include "estimator.h"
 
 extern "C" {
 #include "loop.h"
@@ -10,14 +10,14 @@ namespace
 Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_real K_sen,
                amb_real T_sen, amb_real travel, int substeps, amb_real k_ui, amb_real iu_min,
                amb_real iu_max, amb_real kp, amb_real ki, amb_real kd, amb_real T_f, amb_real T_t,
-               amb_real integral, bool feedback_estimate, Kalman *kalman, const Vector &r,
+               amb_real integral, bool feedback_estimate, Estimator *estimator, const Vector &r,
                const Vector &f_d, const Vector &noise_u, const Vector &noise_y, amb_real x_start)
 {
   const size_t n = r.size();
   same_length(n, f_d.size(), "f_d");
   same_length(n, noise_u.size(), "noise_u");
   same_length(n, noise_y.size(), "noise_y");
-  if (feedback_estimate && kalman == nullptr)
+  if (feedback_estimate && estimator == nullptr)
     throw std::invalid_argument("feedback from the estimate needs an estimator");
   const amb_loop loop{{magnet.magnet, m, f_0, K_sen, T_sen, travel, substeps},
                       {T, kp, ki, kd, T_f, T_t, iu_min, iu_max},
@@ -25,19 +25,18 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
                       k_ui,
                       iu_min,
                       iu_max,
-                      kalman ? &kalman->kf : nullptr,
-                      kalman ? &kalman->magnet : nullptr,
+                      estimator ? &estimator->estimator : nullptr,
                       feedback_estimate};
   const amb_loop_input input{n, r.data(), f_d.data(), noise_u.data(), noise_y.data()};
   Fresh<amb_real> x({n}), v({n}), x_m({n}), iu({n}), force({n}), y({n}), u({n});
-  History history(kalman ? n : 0, kalman != nullptr);
+  History history(estimator ? n : 0, estimator != nullptr, estimator && estimator->scales());
   amb_loop_output out{x.data, v.data, x_m.data, iu.data, force.data, y.data, u.data, history.to, 0};
   amb_plant_state plant{x_start, 0, K_sen * x_start};
   amb_pid_state pid;
   amb_pid_reset(&pid, integral);
   {
     nb::gil_scoped_release release;
-    amb_loop_run(&loop, &input, &plant, &pid, kalman ? &kalman->state : nullptr, &out);
+    amb_loop_run(&loop, &input, &plant, &pid, estimator ? estimator->state() : nullptr, &out);
   }
   nb::dict d;
   d["x"] = x.array;
@@ -48,7 +47,7 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
   d["y"] = y.array;
   d["u"] = u.array;
   d["touched"] = out.touched;
-  if (kalman)
+  if (estimator)
     d["estimate"] = history.arrays;
   return d;
 }
@@ -61,7 +60,7 @@ void bind_loop(nb::module_ &m)
         nb::arg("f_0"), nb::arg("K_sen"), nb::arg("T_sen"), nb::arg("travel"), nb::arg("substeps"),
         nb::arg("k_ui"), nb::arg("iu_min"), nb::arg("iu_max"), nb::arg("kp"), nb::arg("ki"),
         nb::arg("kd"), nb::arg("T_f"), nb::arg("T_t"), nb::arg("integral"),
-        nb::arg("feedback_estimate"), nb::arg("kalman").none(), nb::arg("r"), nb::arg("f_d"),
+        nb::arg("feedback_estimate"), nb::arg("estimator").none(), nb::arg("r"), nb::arg("f_d"),
         nb::arg("noise_u"), nb::arg("noise_y"), nb::arg("x_start") = 0,
         "A whole closed-loop run in one call; see sim/loop.h for shapes and units.");
 }

@@ -5,7 +5,7 @@ NB_MODULE(AMBKIT_MODULE_NAME, m)
 {
   m.doc() = "The C core of ambkit.";
   bind_magnets(m);
-  bind_kalman(m);
+  bind_estimators(m);
   bind_adaline(m);
   bind_rls(m);
   bind_loop(m);

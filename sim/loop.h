@@ -3,26 +3,24 @@
 #define AMBKIT_SIM_LOOP_H
 
 #include "ambkit/controller.h"
-#include "ambkit/kalman_run.h"
+#include "ambkit/estimator_run.h"
 #include "plant.h"
 
 typedef struct amb_loop {
   amb_plant plant;
   amb_pid pid;
-  amb_real T;               /* sampling time [s] */
-  amb_real k_ui;            /* amplifier gain [A/V] */
-  amb_real iu_min, iu_max;  /* its limits [A] */
-  const amb_kalman *kf;     /* estimator, or NULL */
-  const amb_magnet *magnet; /* what it knows of the magnet */
-  bool feedback_estimate;   /* controller fed by the estimate; else by the measurement */
+  amb_real T;                     /* sampling time [s] */
+  amb_real k_ui;                  /* amplifier gain [A/V] */
+  amb_real iu_min, iu_max;        /* its limits [A] */
+  const amb_estimator *estimator; /* or NULL */
+  bool feedback_estimate;         /* controller fed by the estimate; else by the measurement */
 } amb_loop;
 
 /* What changes in the loop from sample to sample. Start with `sampled` false. */
 typedef struct amb_loop_state {
   amb_plant_state plant;
   amb_pid_state pid;
-  amb_kalman_state kalman;  /* where there is an estimator */
-  amb_kalman_result result; /* its last word */
+  amb_kalman_result result; /* the estimator's last word, where there is one */
   amb_real y;               /* last measurement [m] */
   amb_real u;               /* control signal from that sample to the next [V] */
   amb_real iu;              /* control current meanwhile, with noise, limited [A] */
@@ -38,8 +36,11 @@ typedef struct amb_loop_sample {
   amb_real noise_y; /* on the measurement [m] */
 } amb_loop_sample;
 
-/* One sample, and the plant on to the next. Returns true where a stop was touched meanwhile. */
-bool amb_loop_step(const amb_loop *loop, amb_loop_state *state, const amb_loop_sample *sample);
+/* One sample, and the plant on to the next; `estimator` is the state of the loop's estimator.
+ * Returns true where a stop was touched meanwhile. */
+bool amb_loop_step(const amb_loop *loop, amb_loop_state *state, void *estimator,
+                   const amb_loop_sample *sample);
+
 /* What comes from outside, n samples each. Noise is drawn by the caller, so that a run can be
  * repeated with recorded noise, and random streams are those of a well-known library. */
 typedef struct amb_loop_input {
@@ -64,6 +65,6 @@ typedef struct amb_loop_output {
 /* Runs n samples from the states given, which are left at the end of the run. Returns the flags
  * that the estimator raised. */
 amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_plant_state *plant,
-                        amb_pid_state *pid, amb_kalman_state *kalman, amb_loop_output *out);
+                        amb_pid_state *pid, void *estimator, amb_loop_output *out);
 
 #endif

@@ -127,12 +127,30 @@ def test_what_cannot_be_the_rotor_counts_as_missing(
 
 
 @every_filter
-def test_a_spike_of_nine_travels_is_forgotten_in_20_ms(magnet: str, precision: str) -> None:
-    """Just within what counts as a measurement: taken in, and out again as the filter settles."""
+def test_a_spike_of_nine_travels_is_an_outlier(magnet: str, precision: str) -> None:
+    """Just within what counts as a measurement: told, and left out."""
     estimate = run(broken(1, y=9e-3), magnet, precision)
-    assert estimate.status[START] == 0
-    assert estimate.nis[START] > 1e5  # there for whoever wants to be stricter
-    assert samples_to_recover(estimate, START + 1) <= 200
+    without = run(broken(1, y=np.nan), magnet, precision)
+    assert estimate.status[START] & Status.OUTLIER
+    assert not estimate.used[START]
+    assert estimate.nis[START] > 1e5
+    assert (estimate.mean == without.mean).all()
+    assert samples_to_recover(estimate, START + 1) == 0
+    believed = run(broken(1, y=9e-3), magnet, precision, outlier_limit=0)
+    assert believed.status[START] == Status.OK
+    assert 0 < samples_to_recover(believed, START + 1) <= 200
+
+
+@every_filter
+def test_after_three_outliers_the_measurement_is_believed(magnet: str, precision: str) -> None:
+    """The rotor really is elsewhere, and then again: it is the estimate that was wrong."""
+    estimate = run(broken(100, y=0.9e-3), magnet, precision, frozen_limit=0)
+    outlier = np.flatnonzero(estimate.status & Status.OUTLIER)
+    assert outlier[:3].tolist() == [START, START + 1, START + 2]
+    assert START + 3 not in outlier
+    assert (estimate.status & Status.SURPRISED).any()
+    assert not estimate.status[START + 600 :].any()
+    assert samples_to_recover(estimate, START + 100) <= 400
 
 
 def test_a_record_without_one_good_sample_leaves_the_filter_whole() -> None:
@@ -160,7 +178,8 @@ def test_an_estimate_in_the_pole_of_the_law_stays_finite() -> None:
     kf.reset([2e-3, 0.0, 0.0, 2e-3])
     for k in range(START, START + 500):
         assert np.isfinite(kf.step(RECORD["y"][k], RECORD["u"][k - 1])).all()
-        assert kf.status == Status.OK
+        assert not kf.status & ~(Status.OUTLIER | Status.SURPRISED)
+    assert kf.status == Status.OK
     assert kf.mean[0] == pytest.approx(RECORD["x"][START + 499], abs=3e-5)
 
 
@@ -208,7 +227,7 @@ def test_a_current_beyond_its_limit_counts_as_the_limit(
     saturated = (estimate.status & Status.SATURATED) > 0
     assert np.flatnonzero(saturated).tolist() == list(range(START + 1, START + 101))
     assert (estimate.mean == limited.mean).all()
-    assert not limited.status.any()
+    assert not (limited.status & ~np.uint16(Status.OUTLIER | Status.SURPRISED)).any()
 
 
 def test_infinities_are_no_better_than_missing_samples() -> None:

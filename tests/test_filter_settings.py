@@ -47,6 +47,8 @@ def test_no_noise_where_none_is_needed() -> None:
         ({"gravity": "up"}, "gravity must be 'known' or 'disturbance', got 'up'"),
         ({"precision": "float16"}, "precision must be 'float64' or 'float32', got 'float16'"),
         ({"frozen_limit": -1}, "frozen_limit must be 0 or more, got -1"),
+        ({"outlier_limit": -1}, "outlier_limit must be 0 or more, got -1"),
+        ({"gate": 0.0}, "gate must be greater than 0 standard deviations, got 0.0"),
     ],
 )
 def test_an_option_out_of_range_is_told(options: dict[str, Any], told: str) -> None:
@@ -54,7 +56,7 @@ def test_an_option_out_of_range_is_told(options: dict[str, Any], told: str) -> N
         KalmanFilter(BEARING, **options)
 
 
-@pytest.mark.parametrize("name", ["T", "m", "T_sen", "x_max", "var_y"])
+@pytest.mark.parametrize("name", ["T", "m", "T_sen", "x_max", "var_y", "gate"])
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
 def test_the_core_refuses_settings_that_make_no_filter(name: str, value: float) -> None:
     settings_ = oracles.settings_of(BEARING) | {name: value}
@@ -83,7 +85,7 @@ def test_stiffnesses_that_are_no_numbers_are_not_predicted_with() -> None:
     kf.reset(np.zeros(4), np.array([1e-5, 1e-2, 5.0, 1e-5]))
     k_i, k_s = np.full(n, 10.05), np.full(n, 7537.5)
     k_i[100], k_s[120], k_s[140] = np.nan, np.inf, -np.inf
-    out = kf.run(RECORD["y"][:n], RECORD["u"][:n], k_i, k_s)
+    out = kf.run_given(RECORD["y"][:n], RECORD["u"][:n], k_i, k_s)
     assert np.flatnonzero(out["status"]).tolist() == [101, 121, 141]
     assert set(out["status"][[101, 121, 141]]) == {core.BAD_PARAMETER}
     assert np.isfinite(out["mean"]).all()
@@ -99,5 +101,5 @@ def test_a_record_that_does_not_fit_is_told() -> None:
     core = KalmanFilter(BEARING).core
     with pytest.raises(ValueError, match="u has 3 samples, expected 2"):
         core.run(np.zeros(2), np.zeros(3))
-    with pytest.raises(ValueError, match="together or not at all"):
-        core.run(np.zeros(2), np.zeros(2), np.zeros(2))
+    with pytest.raises(ValueError, match="k_s has 1 samples, expected 2"):
+        core.run_given(np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(1))

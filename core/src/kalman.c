@@ -16,13 +16,15 @@ amb_status amb_kalman_init(amb_kalman *kf, const amb_kalman_settings *s)
                     amb_is_positive(s->T_sen) && not_zero(s->k_ui) && amb_is_finite(s->f_0) &&
                     amb_is_finite(s->iu_min) && amb_is_finite(s->iu_max) &&
                     (s->iu_min < s->iu_max) && amb_is_positive(s->x_max) &&
-                    not_negative(s->var_u) && not_negative(s->var_d) && amb_is_positive(s->var_y);
+                    not_negative(s->var_u) && not_negative(s->var_d) && amb_is_positive(s->var_y) &&
+                    amb_is_positive(s->gate);
   if (!good) {
     return AMB_BAD_PARAMETER;
   }
   const amb_real farthest = AMB_FAR * s->x_max * s->K_sen;
   kf->set = *s;
   kf->far_squared = farthest * farthest;
+  kf->gate_squared = s->gate * s->gate;
   amb_axial_model_init(&kf->model, s->T, s->m, s->K_sen, s->T_sen);
   return AMB_OK;
 }
@@ -45,7 +47,9 @@ amb_status amb_kalman_reset(amb_kalman_state *state, const amb_real mean[AMB_AXI
   }
   state->last_u = AMB_C(0.0);
   state->last_y = AMB_C(0.0);
+  state->surprise = AMB_C(0.0);
   state->unchanged = 0U;
+  state->outliers = 0U;
   return AMB_OK;
 }
 

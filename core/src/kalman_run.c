@@ -2,20 +2,6 @@
 #include "kalman_step.h"
 #include <string.h>
 
-amb_real amb_kalman_forecast(const amb_kalman *kf, const amb_magnet *magnet,
-                             const amb_real mean[AMB_AXIAL_STATES], const amb_real *u, size_t ahead)
-{
-  const amb_kalman_settings *s = &kf->set;
-  amb_real m[AMB_AXIAL_STATES];
-  memcpy(m, mean, sizeof m);
-  for (size_t j = 0; j < ahead; j++) {
-    const amb_real iu = amb_clamp(s->k_ui * u[j], s->iu_min, s->iu_max);
-    const amb_stiffness k = amb_step_ask(kf, magnet, iu, m[0]);
-    amb_axial_predict_mean(&kf->model, k.k_i * iu + k.k_s * m[0] + s->f_0, m);
-  }
-  return m[AMB_AXIAL_STATES - 1];
-}
-
 static void note(const amb_kalman_state *state, const amb_kalman_result *result, size_t k,
                  const amb_kalman_history *h)
 {
@@ -24,7 +10,7 @@ static void note(const amb_kalman_state *state, const amb_kalman_result *result,
   h->variance[k] = result->variance;
   h->k_i[k] = result->stiffness.k_i;
   h->k_s[k] = result->stiffness.k_s;
-  h->status[k] = (unsigned char)result->status;
+  h->status[k] = (unsigned short)result->status;
   if (h->cov != NULL)
     memcpy(h->cov + k * AMB_AXIAL_TRIANGLE, state->cov, sizeof state->cov);
 }

@@ -37,8 +37,20 @@ AMB_INLINE amb_stiffness amb_step_ask(const amb_kalman *kf, const amb_magnet *ma
   return magnet->methods->through_origin(magnet->self, iu, amb_clamp(x, -x_max, x_max));
 }
 
-AMB_INLINE amb_status amb_step_predict(const amb_kalman *kf, amb_kalman_state *state,
-                                       amb_stiffness k, amb_real iu)
+/* Force of the magnet [N] and its tangents, asked between the stops and continued along the tangent
+ * beyond them. */
+AMB_INLINE amb_real amb_step_force(const amb_kalman *kf, const amb_magnet *magnet, amb_real iu,
+                                   amb_real x, amb_stiffness *tangent)
+{
+  const amb_real near = amb_clamp(x, -kf->set.x_max, kf->set.x_max);
+  *tangent = magnet->methods->tangent(magnet->self, iu, near);
+  return magnet->methods->force(magnet->self, iu, near) + tangent->k_s * (x - near);
+}
+
+/* Prediction with the force f [N] that the magnet and what else is known exert; k carries the
+ * covariance. */
+AMB_INLINE amb_status amb_step_predict_with(const amb_kalman *kf, amb_kalman_state *state,
+                                            amb_real f, amb_stiffness k)
 {
   const amb_kalman_settings *s = &kf->set;
   /* The plant is unstable: without measurements mean and covariance grow until they overflow.
@@ -47,13 +59,20 @@ AMB_INLINE amb_status amb_step_predict(const amb_kalman *kf, amb_kalman_state *s
   if (!(state->cov[0] <= (s->x_max * s->x_max))) {
     return AMB_HELD;
   }
-  const amb_real f = k.k_i * iu + k.k_s * state->mean[0] + s->f_0;
   if (!amb_is_finite(f)) {
     return AMB_BAD_PARAMETER;
   }
   amb_axial_predict_mean(&kf->model, f, state->mean);
   amb_axial_predict_covariance(&kf->model, k.k_i, k.k_s, s->k_ui, s->var_u, s->var_d, state->cov);
   return AMB_OK;
+}
+
+/* The same with the force of the linear law (eq. 17). */
+AMB_INLINE amb_status amb_step_predict(const amb_kalman *kf, amb_kalman_state *state,
+                                       amb_stiffness k, amb_real iu)
+{
+  const amb_real f = k.k_i * iu + k.k_s * state->mean[0] + kf->set.f_0;
+  return amb_step_predict_with(kf, state, f, k);
 }
 
 /* Counts equal measurements; true once they are too many in a row. */
@@ -68,6 +87,30 @@ AMB_INLINE bool amb_step_frozen(const amb_kalman *kf, amb_kalman_state *state, a
     state->unchanged++;
   }
   return (kf->set.frozen_limit > 0U) && (state->unchanged >= kf->set.frozen_limit);
+}
+
+/* Whether an innovation e of variance S is an outlier. Only so many in a row are: the others say
+ * that it is the estimate which is wrong. */
+AMB_INLINE bool amb_step_outlier(const amb_kalman *kf, amb_kalman_state *state, amb_real e,
+                                 amb_real S)
+{
+  if (!((e * e) > (kf->gate_squared * S))) {
+    state->outliers = 0U;
+    return false;
+  }
+  if (state->outliers < kf->set.outlier_limit) {
+    state->outliers++;
+    return true;
+  }
+  return false;
+}
+
+/* Whether innovations have been larger than expected for a while. */
+AMB_INLINE amb_status amb_step_surprised(amb_kalman_state *state, amb_real e, amb_real S)
+{
+  const amb_real beyond = ((e * e) > (AMB_C(4.0) * S)) ? AMB_C(1.0) : AMB_C(0.0);
+  state->surprise += (beyond - state->surprise) * (AMB_C(1.0) / AMB_MEMORY);
+  return (state->surprise > AMB_SURPRISING) ? AMB_SURPRISED : AMB_OK;
 }
 
 /* What rounding makes of a nearly singular covariance may have no root. Its variances have: the
@@ -89,7 +132,7 @@ AMB_INLINE void amb_step_drop_correlations(amb_real P[AMB_AXIAL_TRIANGLE],
 
 /* What an update leaves behind besides the state. */
 typedef struct amb_step_surprise {
-  amb_real innovation; /* [m]; 0 where the measurement was not used */
+  amb_real innovation; /* [m]; 0 where the measurement was not used, but told of an outlier */
   amb_real variance;   /* of the innovation [m^2] */
 } amb_step_surprise;
 
@@ -113,9 +156,15 @@ AMB_INLINE amb_status amb_step_update(const amb_kalman *kf, amb_kalman_state *st
   const amb_real var_y = sharp ? least : kf->set.var_y;
   e->variance = P[9] + var_y;
   if ((P[9] > AMB_C(0.0)) && (!sharp || amb_is_finite(e->variance))) {
+    const amb_real innovation = y - state->mean[3];
+    const amb_status surprised = amb_step_surprised(state, innovation, e->variance);
+    if (amb_step_outlier(kf, state, innovation, e->variance)) {
+      e->innovation = innovation;
+      return surprised | AMB_OUTLIER;
+    }
     amb_axial_update(y, var_y, state->mean, P, &e->innovation, &e->variance);
     if ((P[0] > AMB_C(0.0)) && (P[4] > AMB_C(0.0)) && (P[7] > AMB_C(0.0))) {
-      return AMB_OK;
+      return surprised;
     }
   }
   amb_step_drop_correlations(P, before);

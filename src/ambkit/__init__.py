@@ -16,8 +16,12 @@ if TYPE_CHECKING:
     from ambkit.estimate import Estimate as Estimate
     from ambkit.estimate import Status as Status
     from ambkit.estimators import AdaptiveKalmanFilter as AdaptiveKalmanFilter
+    from ambkit.estimators import ExtendedKalmanFilter as ExtendedKalmanFilter
+    from ambkit.estimators import ExtendedStateObserver as ExtendedStateObserver
     from ambkit.estimators import FilterNoise as FilterNoise
     from ambkit.estimators import KalmanFilter as KalmanFilter
+    from ambkit.estimators import LowPass as LowPass
+    from ambkit.estimators import SteadyStateKalmanFilter as SteadyStateKalmanFilter
     from ambkit.fuzzy import Expert as Expert
     from ambkit.fuzzy.training import train as train
     from ambkit.identification import identify as identify
@@ -45,7 +49,15 @@ _HOME = {
     "comparison": ["compare"],
     "errors": ["AmbkitError", "ConfigError", "RecordError"],
     "estimate": ["Estimate", "Status"],
-    "estimators": ["AdaptiveKalmanFilter", "FilterNoise", "KalmanFilter"],
+    "estimators": [
+        "AdaptiveKalmanFilter",
+        "ExtendedKalmanFilter",
+        "ExtendedStateObserver",
+        "FilterNoise",
+        "KalmanFilter",
+        "LowPass",
+        "SteadyStateKalmanFilter",
+    ],
     "fuzzy": ["Expert"],
     "identification": ["identify"],
     "identification.adaline": ["Adaline"],

@@ -52,60 +52,6 @@ MAX_RULES: int = 64
 def exp_negative(t: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
     """exp(-t) for t >= 0 as the core computes it, (n,)."""
 
-class Kalman:
-    """Kalman filter of one axial bearing (paper, eq. 7-21, Fig. 8)."""
-
-    def __init__(self, magnet: object, *, T: float, m: float, K_sen: float, T_sen: float, k_ui: float, f_0: float, iu_min: float, iu_max: float, x_max: float, var_u: float, var_d: float, var_y: float, frozen_limit: int) -> None: ...
-
-    def reset(self, mean: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], std: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> None:
-        """Start from a mean (4,) and standard deviations (4,), uncorrelated."""
-
-    def predict(self, u: float) -> int:
-        """One sample on (eq. 9, 10); returns the status."""
-
-    def update(self, y: float) -> int:
-        """Take in y (eq. 11-13); returns the status."""
-
-    def step(self, y: float, u: float) -> int:
-        """Predict with u, update with y."""
-
-    def run(self, y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], k_i: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, k_s: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, covariance: bool = False) -> dict[str, Any]:
-        """A whole record; u[k] acts from sample k to k + 1."""
-
-    def forecast(self, mean: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], ahead: int) -> NDArray[numpy.float64]:
-        """
-        Measurement `ahead` samples after each of mean (n, 4), u (n,): (n - ahead,) [m].
-        """
-
-    @property
-    def mean(self) -> NDArray[numpy.float64]:
-        """State estimate (4,): x [m], v [m/s], f_d [N], x_m [m]."""
-
-    @property
-    def covariance(self) -> NDArray[numpy.float64]:
-        """Its covariance (4, 4)."""
-
-    @property
-    def parameters(self) -> dict[str, Any]:
-        """
-        Settings, and what was computed from them, by the names of their fields.
-        """
-
-    @property
-    def status(self) -> int: ...
-
-    @property
-    def innovation(self) -> float: ...
-
-    @property
-    def variance(self) -> float: ...
-
-    @property
-    def k_i(self) -> float: ...
-
-    @property
-    def k_s(self) -> float: ...
-
 OK: int = 0
 
 MISSING: int = 1
@@ -123,6 +69,95 @@ HELD: int = 32
 BAD_PARAMETER: int = 64
 
 UNEXCITED: int = 128
+
+OUTLIER: int = 256
+
+SURPRISED: int = 512
+
+class Estimator:
+    """One of the family (ambkit/estimator.h)."""
+
+    def reset(self, mean: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], std: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> None:
+        """Start from a mean (4,) and standard deviations (4,), uncorrelated."""
+
+    def predict(self, u: float) -> int:
+        """One sample on; returns the status."""
+
+    def update(self, y: float) -> int:
+        """Take in y; returns the status."""
+
+    def step(self, y: float, u: float) -> int:
+        """Predict with u, update with y."""
+
+    def run(self, y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], covariance: bool = False) -> dict[str, Any]:
+        """A whole record; u[k] acts from sample k to k + 1."""
+
+    def forecast(self, mean: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], ahead: int, scale: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None) -> NDArray[numpy.float64]:
+        """
+        Measurement `ahead` samples after each of mean (n, 4), u (n,): (n - ahead,) [m].
+        """
+
+    @property
+    def mean(self) -> NDArray[numpy.float64]:
+        """State estimate (4,): x [m], v [m/s], f_d [N], x_m [m]."""
+
+    @property
+    def covariance(self) -> NDArray[numpy.float64]:
+        """Its covariance (4, 4)."""
+
+    @property
+    def scale(self) -> object:
+        """
+        Scale of the magnet's force and its variance; None where not estimated.
+        """
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """
+        Settings, and what was computed from them, by the names of their fields.
+        """
+
+    @property
+    def own(self) -> dict[str, Any]:
+        """What only this kind has, by the names of the fields."""
+
+    @property
+    def status(self) -> int: ...
+
+    @property
+    def innovation(self) -> float: ...
+
+    @property
+    def variance(self) -> float: ...
+
+    @property
+    def k_i(self) -> float: ...
+
+    @property
+    def k_s(self) -> float: ...
+
+class Kalman(Estimator):
+    """Kalman filter (paper, eq. 7-21, Fig. 8)."""
+
+    def __init__(self, magnet: Magnet, **settings: float) -> None: ...
+
+    def run_given(self, y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], k_i: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], k_s: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], covariance: bool = False) -> dict[str, Any]:
+        """A whole record with given stiffnesses (n,)."""
+
+class Extended(Estimator):
+    """Extended Kalman filter."""
+
+    def __init__(self, magnet: Magnet, **settings: float) -> None: ...
+
+class Observer(Estimator):
+    """Constant gain (ambkit/observer.h)."""
+
+    def __init__(self, magnet: Magnet, gain: NDArray[Any], cov: NDArray[Any], variance: float, **settings: float) -> None: ...
+
+class LowPass(Estimator):
+    """Low-pass filters (ambkit/low_pass.h)."""
+
+    def __init__(self, magnet: Magnet, position: float, velocity: float, force: float, **settings: float) -> None: ...
 
 class Adaline:
     """Force and magnet constant from the motion (eq. 22-25)."""
@@ -175,7 +210,7 @@ class MagnetRls:
     @property
     def excitation(self) -> float: ...
 
-def simulate(magnet: Magnet, *, T: float, m: float, f_0: float, K_sen: float, T_sen: float, travel: float, substeps: int, k_ui: float, iu_min: float, iu_max: float, kp: float, ki: float, kd: float, T_f: float, T_t: float, integral: float, feedback_estimate: bool, kalman: Kalman | None, r: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], f_d: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], noise_u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], noise_y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], x_start: float = 0) -> dict[str, Any]:
+def simulate(magnet: Magnet, *, T: float, m: float, f_0: float, K_sen: float, T_sen: float, travel: float, substeps: int, k_ui: float, iu_min: float, iu_max: float, kp: float, ki: float, kd: float, T_f: float, T_t: float, integral: float, feedback_estimate: bool, estimator: Estimator | None, r: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], f_d: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], noise_u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], noise_y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], x_start: float = 0) -> dict[str, Any]:
     """
     A whole closed-loop run in one call; see sim/loop.h for shapes and units.
     """

@@ -30,6 +30,8 @@ class Status(IntFlag):
     HELD = 32  #: the position is known no better than the travel: not predicted any further
     BAD_PARAMETER = 64  #: a stiffness was not finite: not predicted
     UNEXCITED = 128  #: too little excitation: the identified value was held
+    OUTLIER = 256  #: the measurement was too far from its prediction: predicted only
+    SURPRISED = 512  #: too many innovations larger than expected: model or noise is wrong
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,15 +46,19 @@ class Estimate:
         Displacement x [m], velocity v [m/s], disturbance force f_d [N], lagged position x_m [m].
     innovation, innovation_variance : ndarray (n,)
         Measurement less its prediction [m], and the variance S that the filter expects [m^2].
-        The innovation is zero where the measurement was not used.
+        The innovation is zero where the measurement was not used, but told of an outlier. The
+        variance is zero where the estimator has no idea of it.
     k_i, k_s : ndarray (n,)
         Stiffnesses that the prediction used [N/A], [N/m].
-    status : ndarray of uint8 (n,)
+    status : ndarray of uint16 (n,)
         Flags of :class:`Status`.
     covariance : ndarray (n, 10) or None
         Upper triangle of the covariance, row by row.
     estimator : str
         Name of the estimator.
+    scale, scale_variance : ndarray (n,) or None
+        Estimated magnet constant over the known one, and its variance, from estimators that
+        estimate it.
     """
 
     t: Array
@@ -61,9 +67,11 @@ class Estimate:
     innovation_variance: Array
     k_i: Array
     k_s: Array
-    status: NDArray[np.uint8]
+    status: NDArray[np.uint16]
     covariance: Array | None
     estimator: str
+    scale: Array | None = None
+    scale_variance: Array | None = None
 
     @classmethod
     def from_core(cls, t: Array, history: dict[str, Any], estimator: str) -> Estimate:
@@ -88,6 +96,8 @@ class Estimate:
             status=history["status"],
             covariance=history.get("covariance"),
             estimator=estimator,
+            scale=history.get("scale"),
+            scale_variance=history.get("scale_variance"),
         )
 
     def __getitem__(self, name: str) -> Array:
@@ -120,14 +130,19 @@ class Estimate:
 
     @property
     def nis(self) -> Array:
-        """Normalised innovation squared, (n,); its mean is 1 where model and noise are right."""
-        return self.innovation**2 / self.innovation_variance
+        """Normalised innovation squared, (n,); its mean is 1 where model and noise are right.
+
+        NaN where the estimator has no idea of the variance.
+        """
+        with np.errstate(divide="ignore", invalid="ignore"):  # no variance, no figure
+            nis = self.innovation**2 / self.innovation_variance
+        return np.where(self.innovation_variance > 0, nis, np.nan)
 
     @property
     def used(self) -> NDArray[np.bool_]:
         """Whether the measurement was taken in, (n,)."""
-        unused = Status.MISSING | Status.FROZEN | Status.BAD_VARIANCE
-        return np.asarray((self.status & np.uint8(unused)) == 0)
+        unused = Status.MISSING | Status.FROZEN | Status.BAD_VARIANCE | Status.OUTLIER
+        return np.asarray((self.status & np.uint16(unused)) == 0)
 
     def std(self, name: str) -> Array:
         """Standard deviation of a state as the filter believes it, (n,).

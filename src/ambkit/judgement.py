@@ -245,10 +245,10 @@ def _white(innovation: Array) -> Whiteness | None:
     return whiteness(innovation, LAGS)
 
 
-def _flags(status: NDArray[np.uint8]) -> dict[str, int]:
+def _flags(status: NDArray[np.uint16]) -> dict[str, int]:
     """Count the samples with each flag, by its name in lower case."""
     counts = {
-        str(flag.name).lower(): int(np.count_nonzero(status & np.uint8(flag))) for flag in Status
+        str(flag.name).lower(): int(np.count_nonzero(status & np.uint16(flag))) for flag in Status
     }
     return {name: count for name, count in counts.items() if count}
 

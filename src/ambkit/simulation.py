@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.estimate import Estimate
-from ambkit.estimators import KalmanFilter
+from ambkit.estimators import Estimator, KalmanFilter
 from ambkit.magnets import ClosedLaw, StiffnessSource, core_module, evaluate_force
 from ambkit.record import Record
 
@@ -37,7 +37,7 @@ def simulate(
     bearing: Bearing,
     scenario: Scenario,
     *,
-    estimator: KalmanFilter | None = None,
+    estimator: Estimator | None = None,
     magnet: StiffnessSource | None = None,
 ) -> Record:
     """Simulate the closed loop; see :func:`simulate_run`, which also returns the estimate.
@@ -46,7 +46,7 @@ def simulate(
     ----------
     bearing, scenario : Bearing, Scenario
         The plant, and what happens to it.
-    estimator : KalmanFilter, optional
+    estimator : Estimator, optional
         In the loop or beside it.
     magnet : optional
         The plant's own magnet, where it is not the bearing's closed law.
@@ -63,7 +63,7 @@ def simulate_run(
     bearing: Bearing,
     scenario: Scenario,
     *,
-    estimator: KalmanFilter | None = None,
+    estimator: Estimator | None = None,
     magnet: StiffnessSource | None = None,
 ) -> Run:
     """Simulate plant, amplifier, sensor, controller and estimator in closed loop.
@@ -81,7 +81,7 @@ def simulate_run(
     scenario : Scenario
         What happens to it. With ``controller.feedback = "estimate"`` the controller is fed by the
         estimator, otherwise by the measurement.
-    estimator : KalmanFilter, optional
+    estimator : Estimator, optional
         In the loop or beside it. Where the controller needs one and none is given, the linear
         filter of the bearing.
     magnet : optional
@@ -143,7 +143,7 @@ def simulate_run(
         T_t=pid.anti_windup,
         integral=integral,
         feedback_estimate=in_loop,
-        kalman=None if estimator is None else estimator.core,
+        estimator=None if estimator is None else estimator.core,
         r=reference,
         f_d=disturbance,
         noise_u=noise_u,

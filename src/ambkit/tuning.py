@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ambkit.bearing import GRAVITY
-from ambkit.estimate import Estimate
+from ambkit.estimate import Estimate, Status
 from ambkit.estimators import KalmanFilter
 
 if TYPE_CHECKING:
@@ -23,9 +23,10 @@ def log_likelihood(estimate: Estimate) -> float:
     """Log likelihood of the measurements that a filter took in (Schweppe 1965), up to a constant.
 
     ``-1/2 sum(ln S + e^2/S)`` over the innovations e and the variances S that the filter expected;
-    the first sample, which the filter starts from, does not count.
+    the first sample, which the filter starts from, does not count. An outlier does: a filter that
+    leaves out what it did not expect is not the more likely for it.
     """
-    taken = estimate.used.copy()
+    taken = estimate.used | (estimate.status & np.uint16(Status.OUTLIER) != 0)
     taken[:1] = False
     return float(-0.5 * np.sum(np.log(estimate.innovation_variance[taken]) + estimate.nis[taken]))
 

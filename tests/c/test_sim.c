@@ -39,17 +39,20 @@ static const amb_kalman_settings settings = {
     .var_u = AMB_C(8e-5),
     .var_d = AMB_C(1e-2),
     .var_y = AMB_C(8.3e-11),
+    .gate = 8,
+    .outlier_limit = 3,
 };
 
 static amb_real r[N], f_d[N], noise_u[N], noise_y[N];
 static amb_real x[N], v[N], x_m[N], iu[N], force[N], y[N], u[N];
 static amb_real mean[4 * N], cov[10 * N], innovation[N], variance[N], k_i[N], k_s[N];
-static unsigned char status[N];
+static unsigned short status[N];
 
 static amb_loop_output output(void)
 {
   const amb_loop_output out = {
-      x, v, x_m, iu, force, y, u, {mean, cov, innovation, variance, k_i, k_s, status}, 0};
+      x, v, x_m, iu, force, y, u, {mean, cov, innovation, variance, k_i, k_s, NULL, NULL, status},
+      0};
   return out;
 }
 
@@ -75,7 +78,7 @@ static void test_plant(void)
   CHECK(s.x < plant.travel && s.v < 0);
 }
 
-static amb_loop loop_of(const amb_kalman *kf, bool fed_by_estimate)
+static amb_loop loop_of(const amb_estimator *estimator, bool fed_by_estimate)
 {
   const amb_loop loop = {
       .plant = plant,
@@ -84,8 +87,7 @@ static amb_loop loop_of(const amb_kalman *kf, bool fed_by_estimate)
       .k_ui = 1,
       .iu_min = pid.iu_min,
       .iu_max = pid.iu_max,
-      .kf = kf,
-      .magnet = &magnet,
+      .estimator = estimator,
       .feedback_estimate = fed_by_estimate,
   };
   return loop;
@@ -94,7 +96,8 @@ static amb_loop loop_of(const amb_kalman *kf, bool fed_by_estimate)
 static amb_status loop_run(size_t n, const amb_kalman *kf, bool fed_by_estimate,
                            amb_kalman_state *kalman, amb_loop_output *out)
 {
-  const amb_loop loop = loop_of(kf, fed_by_estimate);
+  const amb_estimator estimator = {&amb_kalman_methods, kf, &magnet, NULL};
+  const amb_loop loop = loop_of(kf != NULL ? &estimator : NULL, fed_by_estimate);
   const amb_loop_input in = {n, r, f_d, noise_u, noise_y};
   amb_plant_state state = {0, 0, 0};
   amb_pid_state control;
@@ -152,17 +155,19 @@ static void test_steps(bool fed_by_estimate)
   amb_kalman_state s;
   CHECK(amb_kalman_init(&kf, &settings) == AMB_OK);
   CHECK(amb_kalman_reset(&s, zero, some) == AMB_OK);
-  amb_loop_state step = {.kalman = s, .sampled = false};
+  amb_kalman_state own = s;
+  amb_loop_state step = {.sampled = false};
   amb_pid_reset(&step.pid, 0);
   amb_loop_output out = output();
   CHECK(loop_run(N, &kf, fed_by_estimate, &s, &out) == AMB_OK);
-  const amb_loop loop = loop_of(&kf, fed_by_estimate);
+  const amb_estimator estimator = {&amb_kalman_methods, &kf, &magnet, NULL};
+  const amb_loop loop = loop_of(&estimator, fed_by_estimate);
   int different = 0;
   for (int k = 0; k < N; k++) {
     const amb_loop_sample sample = {r[k], f_d[k], noise_u[k], noise_y[k]};
     different += !same(step.plant.x, x[k]);
-    CHECK(!amb_loop_step(&loop, &step, &sample));
-    different += !same(step.u, u[k]) + !same(step.kalman.mean[2], mean[4 * k + 2]);
+    CHECK(!amb_loop_step(&loop, &step, &own, &sample));
+    different += !same(step.u, u[k]) + !same(own.mean[2], mean[4 * k + 2]);
   }
   CHECK(different == 0 && !same(x[N - 1], x[N - 2]));
 }

@@ -20,6 +20,11 @@
 /* A measurement beyond this many travel limits cannot be the rotor: it counts as missing. */
 #define AMB_FAR AMB_C(10.0)
 
+/* Of the innovations of a filter whose model and noise are right, one in 22 is beyond twice its
+ * standard deviation; with this share over the last AMB_MEMORY samples something is wrong. */
+#define AMB_SURPRISING AMB_C(0.25)
+#define AMB_MEMORY AMB_C(128.0)
+
 /* What the user sets. */
 typedef struct amb_kalman_settings {
   amb_real T;      /* sampling time [s], > 0 */
@@ -34,14 +39,17 @@ typedef struct amb_kalman_settings {
   amb_real var_u; /* variance of the control signal [V^2], >= 0 */
   amb_real var_d; /* growth of the disturbance force's variance in a sample [N^2], >= 0 */
   amb_real var_y; /* variance of the measurement [m^2], > 0 */
-  unsigned int frozen_limit; /* equal measurements in a row that are taken for frozen; 0: never */
+  amb_real gate;  /* innovations beyond this many of their standard deviations are outliers, > 0 */
+  unsigned int frozen_limit;  /* equal measurements in a row that are taken for frozen; 0: never */
+  unsigned int outlier_limit; /* outliers in a row that are left out, then they are believed */
 } amb_kalman_settings;
 
 /* Settings, and what is computed from them once. */
 typedef struct amb_kalman {
   amb_kalman_settings set;
   amb_axial_model model;
-  amb_real far_squared; /* square of the farthest measurement that can be the rotor [m^2] */
+  amb_real far_squared;  /* square of the farthest measurement that can be the rotor [m^2] */
+  amb_real gate_squared; /* of the settings' gate [1] */
 } amb_kalman;
 
 typedef struct amb_kalman_state {
@@ -49,12 +57,15 @@ typedef struct amb_kalman_state {
   amb_real cov[AMB_AXIAL_TRIANGLE];
   amb_real last_u;        /* last finite control signal [V] */
   amb_real last_y;        /* last measurement [m] */
-  unsigned int unchanged; /* how many times in a row it has come again */
+  amb_real surprise;      /* share of late innovations beyond twice their standard deviation [1] */
+  unsigned int unchanged; /* how many times in a row the last measurement has come again */
+  unsigned int outliers;  /* how many measurements in a row were left out as outliers */
 } amb_kalman_state;
 
 /* What one step leaves behind besides the state. */
 typedef struct amb_kalman_result {
-  amb_real innovation;     /* y - H X(k|k-1) [m]; 0 where the measurement was not used */
+  amb_real
+      innovation; /* y - H X(k|k-1) [m]; 0 where the measurement was not used, but for outliers */
   amb_real variance;       /* S, its variance [m^2] */
   amb_stiffness stiffness; /* k_i, k_s that the prediction used */
   amb_status status;

@@ -4,12 +4,6 @@
 
 #include "ambkit/kalman.h"
 
-/* Mean of the measurement `ahead` samples on [m], from `mean` and without new measurements, while
- * the control signals u[0 .. ahead - 1] act; f_d stays what it is. */
-amb_real amb_kalman_forecast(const amb_kalman *kf, const amb_magnet *magnet,
-                             const amb_real mean[AMB_AXIAL_STATES], const amb_real *u,
-                             size_t ahead);
-
 /* A whole record of n samples. u[k] acts from sample k to k + 1; the first sample is only taken in,
  * and not predicted. k_i, k_s: given stiffnesses, u[k] and k_i[k] belong together; or NULL, and the
  * magnet is asked. */
@@ -21,15 +15,17 @@ typedef struct amb_kalman_input {
   const amb_real *k_s; /* [N/m] or NULL */
 } amb_kalman_input;
 
-/* Where the results go; `cov` may be NULL. */
+/* Where the results go; `cov`, `scale` and `scale_variance` may be NULL. */
 typedef struct amb_kalman_history {
-  amb_real *mean;        /* n x 4 */
-  amb_real *cov;         /* n x 10, or NULL */
-  amb_real *innovation;  /* n [m] */
-  amb_real *variance;    /* n [m^2] */
-  amb_real *k_i;         /* n [N/A] */
-  amb_real *k_s;         /* n [N/m] */
-  unsigned char *status; /* n */
+  amb_real *mean;           /* n x 4 */
+  amb_real *cov;            /* n x 10, or NULL */
+  amb_real *innovation;     /* n [m] */
+  amb_real *variance;       /* n [m^2] */
+  amb_real *k_i;            /* n [N/A] */
+  amb_real *k_s;            /* n [N/m] */
+  amb_real *scale;          /* n [1]: of the magnet's force, where the kind estimates it; or NULL */
+  amb_real *scale_variance; /* n [1], or NULL */
+  unsigned short *status;   /* n */
 } amb_kalman_history;
 
 /* Write sample k of a history. */

@@ -14,5 +14,8 @@ typedef unsigned int amb_status;
 #define AMB_HELD 32U /* position known no better than the travel: not predicted any further */
 #define AMB_BAD_PARAMETER 64U /* a parameter is not finite or out of range: nothing was done */
 #define AMB_UNEXCITED 128U    /* too little excitation: the identified value is held */
+#define AMB_OUTLIER 256U      /* measurement too far from its prediction: predicted only */
+#define AMB_SURPRISED                                                                              \
+  512U /* too many innovations are larger than expected: model or noise is wrong */
 
 #endif

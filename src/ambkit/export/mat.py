@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ambkit import files
 from ambkit.estimate import STATES
 from ambkit.estimators import AdaptiveKalmanFilter, KalmanFilter
+from ambkit.estimators.model import LinearModel
 from ambkit.export.tabulate import tabulate
 from ambkit.identification.stiffness import stiffness_map
 from ambkit.magnets import ConstantStiffness, core_module
@@ -92,27 +93,18 @@ def _model(estimator: KalmanFilter) -> dict[str, Any]:
     """Matrices from the constants that the C core computed (core/generated/axial.h)."""
     k = ConstantStiffness.of(estimator.bearing)
     held = estimator.core.parameters
-    c, s = held["model"], held["set"]
-    pushed = np.array([[c["T2_2m"]], [c["T_m"]], [0.0], [0.0]])  # by a force of 1 N
-    A = np.array([
-        [1.0, c["T"], 0.0, 0.0],
-        [0.0, 1.0, 0.0, 0.0],
-        [0.0, 0.0, 1.0, 0.0],
-        [c["b_sen"], 0.0, 0.0, c["a_sen"]],
-    ])  # fmt: skip
-    A += pushed @ np.array([[k.k_s, 0.0, 1.0, 0.0]])
-    B = pushed * (k.k_i * s["k_ui"])
+    model = LinearModel.of(held, k.k_i, k.k_s)
     return {
-        "A": A,
-        "B": B,
-        "C": np.array([[0.0, 0.0, 0.0, 1.0]]),
+        "A": model.A,
+        "B": model.B,
+        "C": model.H,
         "D": 0.0,
-        "E": pushed,
-        "Q": s["var_u"] * (B @ B.T) + np.diag([0.0, 0.0, s["var_d"], 0.0]),
-        "R": s["var_y"],
+        "E": model.E,
+        "Q": model.Q,
+        "R": model.R,
         "P0": np.diag(np.square(estimator.default_std())),
-        "T": s["T"],
-        "f_0": s["f_0"],
+        "T": held["set"]["T"],
+        "f_0": held["set"]["f_0"],
     }
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 CPrecision = Literal["float", "double"]
 
-_UNSIGNED = ("frozen_limit",)  # the one field of the structs that is unsigned
+_UNSIGNED = ("frozen_limit", "outlier_limit")  # the fields of the structs that are
 
 
 class Kind(NamedTuple):

@@ -93,21 +93,21 @@ def export_c(
     force_bound : float, optional
         How far the table's force may be from the expert's [N]; by default 0.1 % of its largest.
     **options
-        Of :class:`ambkit.KalmanFilter`: noise, gravity, frozen_limit.
+        Of :class:`ambkit.KalmanFilter`: noise, gravity, frozen_limit, gate, outlier_limit.
 
     Raises
     ------
     AmbkitError
-        A prefix that is no C identifier, a frozen_limit or a table beyond 16 bits; a bound that no
-        table keeps, or that nothing needs; a folder with other files of the same names, or that
-        cannot be written.
+        A prefix that is no C identifier, a limit or a table beyond 16 bits; a bound that no table keeps, or that nothing needs; a folder with other files of the same names, or
+        that cannot be written.
     """
     name = _checked_prefix(prefix, bearing)
-    if options.get("frozen_limit", 0) > MOST_COUNTED:
-        raise AmbkitError(
-            f"frozen_limit must be at most {MOST_COUNTED}, what an unsigned int holds everywhere; "
-            f"is {options['frozen_limit']}"
-        )
+    for limit in ("frozen_limit", "outlier_limit"):
+        if options.get(limit, 0) > MOST_COUNTED:
+            raise AmbkitError(
+                f"{limit} must be at most {MOST_COUNTED}, what an unsigned int holds everywhere; "
+                f"is {options[limit]}"
+            )
     options["precision"] = _CORE_PRECISION[precision]
     table = None
     if expert_form == "tabulated":

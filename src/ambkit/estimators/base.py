@@ -1,58 +1,30 @@
-"""Kalman filters of one axial bearing: linear, and adaptive (paper, eq. 7-21 and Fig. 8).
-
-Both are the same C code; they differ in what they know of their magnet.
-"""
+"""What all estimators of one axial bearing have in common."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.bearing import GRAVITY
 from ambkit.estimate import Estimate, Status
+from ambkit.estimators.noise import FilterNoise, completed
 from ambkit.magnets import ClosedLaw, ConstantStiffness, Precision, StiffnessSource, core_module
 
 if TYPE_CHECKING:
+    from ambkit._core import Magnet
     from ambkit.bearing import Bearing
     from ambkit.record import Record
 
 
-@dataclass(frozen=True)
-class FilterNoise:
-    """Variances that a filter assumes; ``None`` takes the bearing's own figure.
+class Estimator:
+    """An estimator of the family: the same inputs, the same outputs, one interface in C.
 
-    Parameters
-    ----------
-    measurement : float, optional
-        R, variance of the measured position [m^2].
-    control : float, optional
-        Variance of the control signal [V^2]; enters as ``B var B'`` (paper, below eq. 21).
-    disturbance : float, optional
-        Growth of the disturbance force's variance [N^2/s]; times T a sample. Default ``(2 m g)^2``:
-        a force that wanders by twice the rotor's weight in a second. The paper leaves it to
-        experiment: larger follows a load faster and lets more noise through.
-    """
-
-    measurement: float | None = None
-    control: float | None = None
-    disturbance: float | None = None
-
-
-class Variances(NamedTuple):
-    """What a filter assumes: R [m^2], control signal [V^2], growth of the disturbance [N^2/s]."""
-
-    measurement: float
-    control: float
-    disturbance: float
-
-
-class KalmanFilter:
-    """Linear Kalman filter with the stiffnesses of the working point (paper, eq. 7-21).
+    Each kind says in `_build` which of the core's it is (``core/include/ambkit/estimator.h``).
 
     Parameters
     ----------
@@ -69,6 +41,11 @@ class KalmanFilter:
         Which build of the C core computes; float32 is what flies on a Cortex-M4F.
     frozen_limit : int
         Equal measurements in a row that are taken for a frozen sensor; 0: never.
+    gate : float
+        Innovations beyond this many of their standard deviations are outliers.
+    outlier_limit : int
+        Outliers in a row that are left out; after them the estimate is wrong and not the
+        measurement. 0: none is.
 
     Raises
     ------
@@ -76,7 +53,7 @@ class KalmanFilter:
         Where a variance is negative or not finite, with its name, limit and value.
     """
 
-    name = "linear Kalman filter"
+    name = "estimator"
 
     def __init__(
         self,
@@ -87,37 +64,48 @@ class KalmanFilter:
         gravity: Literal["known", "disturbance"] = "known",
         precision: Precision = "float64",
         frozen_limit: int = 10,
+        gate: float = 8.0,
+        outlier_limit: int = 3,
     ) -> None:
         if gravity not in ("known", "disturbance"):
             raise ValueError(f"gravity must be 'known' or 'disturbance', got {gravity!r}")
-        if frozen_limit < 0:
-            raise ValueError(f"frozen_limit must be 0 or more, got {frozen_limit}")
+        for limit, value in (("frozen_limit", frozen_limit), ("outlier_limit", outlier_limit)):
+            if value < 0:
+                raise ValueError(f"{limit} must be 0 or more, got {value}")
+        if not (math.isfinite(gate) and gate > 0):
+            raise ValueError(f"gate must be greater than 0 standard deviations, got {gate!r}")
         self.bearing = bearing
         self.source = source if source is not None else ConstantStiffness.of(bearing)
-        self.variances = _completed(bearing, noise or FilterNoise())
+        self.variances = completed(bearing, noise or FilterNoise())
         self.precision = precision
         known = bearing.weight if gravity == "known" else 0.0
         core = core_module(precision)
         T = bearing.sampling_time
         # A sensor faster than a thousandth of a sample is a sensor without lag.
         lag = max(bearing.sensor.lag, 1e-3 * T)
-        self.core: Any = core.Kalman(
-            self.source.magnet(core),
-            T=T,
-            m=bearing.rotor.mass,
-            K_sen=bearing.sensor.gain,
-            T_sen=lag,
-            k_ui=bearing.amplifier.gain,
-            f_0=known + ClosedLaw(bearing).bias_force,
-            iu_min=bearing.current_min,
-            iu_max=bearing.current_max,
-            x_max=bearing.rotor.travel_limit,
-            var_u=self.variances.control,
-            var_d=T * self.variances.disturbance,
-            var_y=self.variances.measurement,
-            frozen_limit=frozen_limit,
-        )
+        settings = {
+            "T": T,
+            "m": bearing.rotor.mass,
+            "K_sen": bearing.sensor.gain,
+            "T_sen": lag,
+            "k_ui": bearing.amplifier.gain,
+            "f_0": known + ClosedLaw(bearing).bias_force,
+            "iu_min": bearing.current_min,
+            "iu_max": bearing.current_max,
+            "x_max": bearing.rotor.travel_limit,
+            "var_u": self.variances.control,
+            "var_d": T * self.variances.disturbance,
+            "var_y": self.variances.measurement,
+            "gate": gate,
+            "frozen_limit": frozen_limit,
+            "outlier_limit": outlier_limit,
+        }
+        self.core: Any = self._build(core, self.source.magnet(core), settings)
         self.reset()
+
+    def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
+        """Return the core's estimator of this kind."""
+        raise NotImplementedError
 
     def reset(self, mean: ArrayLike = (0, 0, 0, 0), std: Sequence[float] | None = None) -> None:
         """Start anew.
@@ -237,7 +225,7 @@ class KalmanFilter:
             at k and the control signals that acted since.
         """
         mean = np.ascontiguousarray(estimate.mean)
-        return np.asarray(self.core.forecast(mean, record["u"], ahead))
+        return np.asarray(self.core.forecast(mean, record["u"], ahead, estimate.scale))
 
     @property
     def mean(self) -> NDArray[np.float64]:
@@ -260,30 +248,20 @@ class KalmanFilter:
         return float(self.core.variance)
 
     @property
+    def scale(self) -> tuple[float, float] | None:
+        """Estimated magnet constant over the known one, and its standard deviation.
+
+        None where this kind does not estimate it.
+        """
+        if self.core.scale is None:
+            return None
+        value, variance = self.core.scale
+        return float(value), math.sqrt(variance)
+
+    @property
     def status(self) -> Status:
         """What the last step had to say."""
         return Status(self.core.status)
-
-
-class AdaptiveKalmanFilter(KalmanFilter):
-    """Kalman filter that asks for k_i and k_s at every sample (paper, Fig. 8).
-
-    The stiffnesses are taken at the estimated displacement and the control current.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        What is filtered.
-    source : Expert, StiffnessMap, ClosedLaw or ConstantStiffness
-        What is asked: the trained expert, its table, or the force law itself.
-    **options
-        As for :class:`KalmanFilter`.
-    """
-
-    name = "adaptive Kalman filter"
-
-    def __init__(self, bearing: Bearing, source: StiffnessSource, **options: Any) -> None:
-        super().__init__(bearing, source, **options)
 
 
 def check_sampling(bearing: Bearing, record: Record) -> None:
@@ -296,19 +274,3 @@ def check_sampling(bearing: Bearing, record: Record) -> None:
             f"the record is sampled every {T:.6g} s, but bearing {bearing.name!r} has "
             f"sampling_time = {bearing.sampling_time:.6g} s"
         )
-
-
-def _completed(bearing: Bearing, noise: FilterNoise) -> Variances:
-    """Fill in the bearing's figures and check all of them."""
-    weight = bearing.rotor.mass * GRAVITY
-    full = Variances(
-        bearing.sensor.noise_variance if noise.measurement is None else noise.measurement,
-        bearing.amplifier.noise_variance if noise.control is None else noise.control,
-        (2 * weight) ** 2 if noise.disturbance is None else noise.disturbance,
-    )
-    for name, unit in (("measurement", "m^2"), ("control", "V^2"), ("disturbance", "N^2/s")):
-        value = getattr(full, name)
-        if not math.isfinite(value) or value < 0 or (name == "measurement" and value == 0):
-            limit = "greater than 0" if name == "measurement" else "0 or greater"
-            raise ValueError(f"noise.{name} must be {limit} {unit}, got {value!r}")
-    return full

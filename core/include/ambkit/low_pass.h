@@ -1,0 +1,28 @@
+/* Low-pass filters with numerical derivatives, what is done without a model of the noise: `own` is
+ * an amb_low_pass.
+ *
+ * Position: first-order low-pass of the measurement. Velocity: its difference quotient, low-passed
+ * again. Disturbance force: what accelerates the rotor beyond the known forces, m dv/dt less the
+ * magnet's force, low-passed a third time. No covariance, no variance of the innovation: both are
+ * 0.
+ */
+#ifndef AMBKIT_LOW_PASS_H
+#define AMBKIT_LOW_PASS_H
+
+#include "ambkit/estimator.h"
+
+/* 1 - exp(-2 pi corner T) each, in (0, 1]: how much of the new value is taken. */
+typedef struct amb_low_pass {
+  amb_real position;
+  amb_real velocity;
+  amb_real force;
+} amb_low_pass;
+
+typedef struct amb_low_pass_state {
+  amb_kalman_state base;
+  amb_real force; /* known force since the last sample [N] */
+} amb_low_pass_state;
+
+extern const amb_estimator_methods amb_low_pass_methods;
+
+#endif

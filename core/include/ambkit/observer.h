@@ -1,0 +1,21 @@
+/* Observers with a constant gain, on the linear law: `own` is an amb_observer.
+ *
+ * The gain decides what it is: from poles, a Luenberger observer (Luenberger 1964), and because the
+ * disturbance force is a state, an extended state observer (Han 1995; with one bandwidth for all
+ * poles, Gao 2003); from the algebraic Riccati equation, the steady-state Kalman filter.
+ */
+#ifndef AMBKIT_OBSERVER_H
+#define AMBKIT_OBSERVER_H
+
+#include "ambkit/estimator.h"
+
+typedef struct amb_observer {
+  amb_real gain[AMB_AXIAL_STATES];  /* of the innovation, for x, v, f_d, x_m, at the update */
+  amb_real cov[AMB_AXIAL_TRIANGLE]; /* covariance of the estimate in the steady state */
+  amb_real variance;                /* of the innovation then [m^2] */
+} amb_observer;
+
+/* The covariance is the steady state's from the start on: a constant gain asks no other. */
+extern const amb_estimator_methods amb_observer_methods;
+
+#endif

@@ -1,0 +1,77 @@
+#include "ambkit/observer.h"
+#include "kalman_step.h"
+
+static const amb_observer *own(const amb_estimator *self)
+{
+  return (const amb_observer *)self->own;
+}
+
+static amb_status reset(const amb_estimator *self, void *state,
+                        const amb_real mean[AMB_AXIAL_STATES], const amb_real std[AMB_AXIAL_STATES])
+{
+  amb_kalman_state *s = (amb_kalman_state *)state;
+  const amb_status status = amb_kalman_reset(s, mean, std);
+  if (status == AMB_OK) {
+    for (int i = 0; i < AMB_AXIAL_TRIANGLE; i++) {
+      s->cov[i] = own(self)->cov[i];
+    }
+  }
+  return status;
+}
+
+static void advance(const amb_estimator *self, amb_real scale, amb_real iu,
+                    amb_real mean[AMB_AXIAL_STATES])
+{
+  const amb_stiffness k = amb_step_ask(self->kf, self->magnet, iu, mean[0]);
+  const amb_real f = scale * (k.k_i * iu + k.k_s * mean[0]) + self->kf->set.f_0;
+  amb_axial_predict_mean(&self->kf->model, f, mean);
+}
+
+static amb_status predict(const amb_estimator *self, void *state, amb_real u,
+                          amb_kalman_result *result)
+{
+  const amb_kalman *kf = self->kf;
+  amb_kalman_state *s = (amb_kalman_state *)state;
+  amb_status status = AMB_OK;
+  const amb_real iu = amb_step_current(kf, s, u, &status);
+  result->stiffness = amb_step_ask(kf, self->magnet, iu, s->mean[0]);
+  /* Without measurements the unstable plant runs away: at the stops it stands still. */
+  if (amb_magnitude(s->mean[0]) <= kf->set.x_max) {
+    advance(self, AMB_C(1.0), iu, s->mean);
+  } else {
+    status |= AMB_HELD;
+  }
+  result->status = status;
+  return status;
+}
+
+static amb_status update(const amb_estimator *self, void *state, amb_real y,
+                         amb_kalman_result *result)
+{
+  const amb_kalman *kf = self->kf;
+  amb_kalman_state *s = (amb_kalman_state *)state;
+  result->innovation = AMB_C(0.0);
+  result->variance = own(self)->variance;
+  amb_status status = AMB_OK;
+  if (!((y * y) <= kf->far_squared)) {
+    status = AMB_MISSING;
+  } else if (amb_step_frozen(kf, s, y)) {
+    status = AMB_FROZEN;
+  } else {
+    const amb_real e = y - s->mean[3];
+    result->innovation = e;
+    status = amb_step_surprised(s, e, result->variance);
+    if (amb_step_outlier(kf, s, e, result->variance)) {
+      status |= AMB_OUTLIER;
+    } else {
+      for (int i = 0; i < AMB_AXIAL_STATES; i++) {
+        s->mean[i] += own(self)->gain[i] * e;
+      }
+    }
+  }
+  result->status = status;
+  return status;
+}
+
+const amb_estimator_methods amb_observer_methods = {
+    sizeof(amb_kalman_state), reset, predict, update, advance, NULL};

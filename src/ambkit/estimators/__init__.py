@@ -1,0 +1,24 @@
+"""The family of estimators: one interface, one C core.
+
+A kind of its own is a class here and a file in ``core/src``; `family` lists them by the names that
+the commands know.
+"""
+
+from ambkit.estimators.base import Estimator, check_sampling
+from ambkit.estimators.kalman import AdaptiveKalmanFilter, ExtendedKalmanFilter, KalmanFilter
+from ambkit.estimators.low_pass import LowPass
+from ambkit.estimators.noise import FilterNoise, Variances
+from ambkit.estimators.observer import ExtendedStateObserver, SteadyStateKalmanFilter
+
+__all__ = [
+    "AdaptiveKalmanFilter",
+    "Estimator",
+    "ExtendedKalmanFilter",
+    "ExtendedStateObserver",
+    "FilterNoise",
+    "KalmanFilter",
+    "LowPass",
+    "SteadyStateKalmanFilter",
+    "Variances",
+    "check_sampling",
+]

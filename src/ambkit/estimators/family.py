@@ -1,0 +1,134 @@
+"""The kinds of estimators by name: how each is made, and what can be tuned in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ambkit.estimators.base import Estimator
+from ambkit.estimators.kalman import AdaptiveKalmanFilter, ExtendedKalmanFilter, KalmanFilter
+from ambkit.estimators.low_pass import LowPass
+from ambkit.estimators.observer import (
+    ExtendedStateObserver,
+    SteadyStateKalmanFilter,
+    unstable_pole,
+)
+from ambkit.magnets import ClosedLaw, StiffnessSource
+
+if TYPE_CHECKING:
+    from ambkit.bearing import Bearing
+
+
+@dataclass(frozen=True)
+class Tunable:
+    """A positive parameter that tuning may change by some decades.
+
+    Attributes
+    ----------
+    name : str
+        Of the argument of :meth:`Kind.make`, or ``noise.measurement``, ``noise.control``,
+        ``noise.disturbance`` for the variances of :class:`ambkit.FilterNoise`.
+    unit : str
+        Of the argument.
+    default : callable
+        Its value for a bearing.
+    decades : float
+        How far from the default the search goes, to either side.
+    """
+
+    name: str
+    unit: str
+    default: Callable[[Bearing], float]
+    decades: float = 2.0
+
+
+def _noise(name: str) -> Callable[[Bearing], float]:
+    return lambda bearing: float(getattr(KalmanFilter(bearing).variances, name))
+
+
+NOISE = (
+    Tunable("noise.measurement", "m^2", _noise("measurement")),
+    Tunable("noise.control", "V^2", _noise("control")),
+    Tunable("noise.disturbance", "N^2/s", _noise("disturbance"), decades=3.0),
+)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of estimator.
+
+    Attributes
+    ----------
+    name : str
+        As the commands know it.
+    label : str
+        In words, for reports.
+    of : type
+        Its class.
+    source : callable or None
+        What it asks of the magnet for a bearing; None where the caller gives the source, as a
+        trained expert or a table.
+    tunable : tuple of Tunable
+        What tuning may change.
+    """
+
+    name: str
+    label: str
+    of: Callable[..., Estimator]
+    source: Callable[[Bearing], StiffnessSource] | None
+    tunable: tuple[Tunable, ...] = NOISE
+
+    def make(
+        self, bearing: Bearing, source: StiffnessSource | None = None, **options: Any
+    ) -> Estimator:
+        """Build one.
+
+        Parameters
+        ----------
+        bearing : Bearing
+            What is filtered.
+        source : optional
+            What it asks; by default the kind's own.
+        **options
+            Of the kind: what is tunable, and those of :class:`ambkit.KalmanFilter`.
+        """
+        if source is None and self.source is not None:
+            source = self.source(bearing)
+        return self.of(bearing, source, **options)
+
+
+def _constant(bearing: Bearing) -> StiffnessSource:
+    from ambkit.magnets import ConstantStiffness
+
+    return ConstantStiffness.of(bearing)
+
+
+def _poles(factor: float) -> Callable[[Bearing], float]:
+    return lambda bearing: factor * unstable_pole(bearing)
+
+
+KINDS = {
+    kind.name: kind
+    for kind in (
+        Kind(
+            "low-pass", "low-pass and derivative", LowPass, _constant,
+            (
+                Tunable("position", "rad/s", _poles(20)),
+                Tunable("velocity", "rad/s", _poles(10)),
+                Tunable("force", "rad/s", _poles(2)),
+            ),
+        ),
+        Kind(
+            "observer", "extended state observer", ExtendedStateObserver, _constant,
+            (Tunable("bandwidth", "rad/s", _poles(8), decades=1.0),),
+        ),
+        Kind("linear", "linear Kalman filter", KalmanFilter, _constant),
+        Kind("steady-state", "steady-state Kalman filter", SteadyStateKalmanFilter, _constant),
+        Kind("table", "Kalman filter, stiffness table", AdaptiveKalmanFilter, None),
+        Kind("adaptive", "adaptive Kalman filter, fuzzy expert", AdaptiveKalmanFilter, None),
+        Kind("closed-law", "Kalman filter, closed law", AdaptiveKalmanFilter, ClosedLaw),
+        Kind("extended", "extended Kalman filter", ExtendedKalmanFilter, ClosedLaw),
+    )
+}  # fmt: skip
+"""All kinds, from the simplest on."""

@@ -1,0 +1,84 @@
+"""Kalman filters: linear, adaptive (paper, eq. 7-21 and Fig. 8), and extended.
+
+The first two are the same C code; they differ in what they know of their magnet.
+"""
+
+from __future__ import annotations
+
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from ambkit.estimators.base import Estimator
+from ambkit.magnets import ClosedLaw, StiffnessSource
+
+if TYPE_CHECKING:
+    from ambkit._core import Magnet
+    from ambkit.bearing import Bearing
+
+
+class KalmanFilter(Estimator):
+    """Linear Kalman filter with the stiffnesses of the working point (paper, eq. 7-21).
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What is filtered.
+    source : optional
+        What the filter knows of its magnet; by default the constant stiffnesses of the origin.
+    **options
+        Of :class:`Estimator`: noise, gravity, precision, frozen_limit, gate, outlier_limit.
+    """
+
+    name = "linear Kalman filter"
+
+    def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
+        return core.Kalman(magnet, **settings)
+
+
+class AdaptiveKalmanFilter(KalmanFilter):
+    """Kalman filter that asks for k_i and k_s at every sample (paper, Fig. 8).
+
+    The stiffnesses are taken at the estimated displacement and the control current.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What is filtered.
+    source : Expert, StiffnessMap, ClosedLaw or ConstantStiffness
+        What is asked: the trained expert, its table, or the force law itself.
+    **options
+        As for :class:`KalmanFilter`.
+    """
+
+    name = "adaptive Kalman filter"
+
+    def __init__(self, bearing: Bearing, source: StiffnessSource, **options: Any) -> None:
+        super().__init__(bearing, source, **options)
+
+
+class ExtendedKalmanFilter(Estimator):
+    """Extended Kalman filter: the force itself in the mean, its tangents in the covariance.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What is filtered.
+    source : optional
+        What the filter knows of its magnet; by default the closed law.
+    **options
+        As for :class:`KalmanFilter`.
+
+    References
+    ----------
+    Jazwinski, Stochastic Processes and Filtering Theory, 1970.
+    """
+
+    name = "extended Kalman filter"
+
+    def __init__(
+        self, bearing: Bearing, source: StiffnessSource | None = None, **options: Any
+    ) -> None:
+        super().__init__(bearing, source or ClosedLaw(bearing), **options)
+
+    def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
+        return core.Extended(magnet, **settings)

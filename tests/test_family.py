@@ -1,0 +1,224 @@
+"""Every kind of the family: the same interface, the same care of bad input, and each one's own."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import oracles
+import pytest
+from filter_cases import core_filter
+
+import ambkit
+from ambkit import Bearing, ClosedLaw, KalmanFilter, Record, Scenario, Status
+from ambkit.estimators import ExtendedStateObserver, SteadyStateKalmanFilter
+from ambkit.estimators.family import KINDS, Kind
+from ambkit.estimators.model import LinearModel
+from ambkit.magnets import ConstantStiffness, core_module
+
+BEARING = Bearing.preset("zittau_axial")
+RECORD = ambkit.simulate(
+    BEARING,
+    Scenario(
+        duration=0.6,
+        seed=3,
+        reference=ambkit.Step(amplitude=3e-4, time=0.1),
+        disturbance=ambkit.Step(amplitude=2.0, time=0.3),
+    ),
+)
+kinds = pytest.mark.parametrize(
+    "kind", [k for k in KINDS.values() if k.source], ids=lambda k: k.name
+)
+
+
+@kinds
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+def test_it_follows_the_rotor_and_finds_the_load(kind: Kind, precision: str) -> None:
+    estimate = kind.make(BEARING, precision=precision).run(RECORD)
+    late = RECORD.t > 0.5
+    assert np.abs(estimate.x - RECORD["x"])[late].max() < 4e-5
+    assert estimate.f_d[late].mean() == pytest.approx(2.0, abs=0.6)
+
+
+@kinds
+def test_step_by_step_is_the_whole_record(kind: Kind) -> None:
+    estimator = kind.make(BEARING)
+    whole = estimator.run(RECORD)
+    estimator.reset([RECORD["y"][0] / BEARING.sensor.gain, 0, 0, RECORD["y"][0]])
+    estimator.update(RECORD["y"][0])
+    for k in range(1, 400):
+        mean = estimator.step(RECORD["y"][k], RECORD["u"][k - 1])
+        assert (mean == whole.mean[k]).all()
+        assert estimator.status == whole.status[k]
+
+
+FAULTS: dict[str, Any] = {
+    "drop-out": lambda y, u: y.__setitem__(slice(2000, 2100), np.nan),
+    "long drop-out": lambda y, u: y.__setitem__(slice(2000, 3500), np.nan),
+    "frozen": lambda y, u: y.__setitem__(slice(2000, 2300), y[1999]),
+    "infinite control": lambda y, u: u.__setitem__(slice(2000, 2100), np.inf),
+    "missing control": lambda y, u: u.__setitem__(slice(2000, 2100), np.nan),
+}
+
+
+@kinds
+@pytest.mark.parametrize("fault", FAULTS)
+def test_faults_are_told_and_forgotten(kind: Kind, fault: str) -> None:
+    y, u = RECORD["y"].copy(), RECORD["u"].copy()
+    FAULTS[fault](y, u)
+    calm = kind.make(BEARING).run(RECORD)
+    estimator = kind.make(BEARING)
+    estimator.reset([y[0], 0, 0, y[0]])
+    estimator.update(y[0])
+    told, means = Status.OK, [estimator.mean]
+    for k in range(1, len(y)):
+        means.append(estimator.step(y[k], u[k - 1]))
+        assert np.isfinite(means[-1]).all()
+        told |= estimator.status
+    flag = {"frozen": Status.FROZEN, "infinite control": Status.BAD_CONTROL,
+            "missing control": Status.BAD_CONTROL}.get(fault, Status.MISSING)  # fmt: skip
+    assert told & flag
+    end = np.array(means)[-500:]
+    assert np.abs(end - calm.mean[-500:])[:, 0].max() < 1e-5
+    assert np.abs(end - calm.mean[-500:])[:, 2].max() < 0.5
+
+
+# ---- extended ----
+
+
+def test_the_extended_filter_is_the_textbook_s() -> None:
+    """Force in the mean, tangent in the covariance, written naively beside it."""
+    law = ClosedLaw(BEARING)
+    s = oracles.settings_of(BEARING)
+    core = core_module()
+    mean, std = np.array([2e-5, 0.01, -1.0, 1e-5]), np.array([3e-5, 0.012, 5.0, 3e-5])
+    ekf = core.Extended(law.magnet(core), **s)
+    ekf.reset(mean, std)
+    out = ekf.run(RECORD["y"], RECORD["u"], covariance=True)
+    x, P = mean.copy(), np.diag(std**2)
+    held = ekf.parameters
+    magnet = law.magnet(core)
+    for k in range(len(RECORD)):
+        if k:
+            iu = float(np.clip(s["k_ui"] * RECORD["u"][k - 1], s["iu_min"], s["iu_max"]))
+            at = np.array([iu]), np.array([x[0]])
+            force = float(magnet.force(*at)[0])
+            k_i, k_s = (float(a[0]) for a in magnet.tangent(*at))
+            model = LinearModel.of(held, k_i, k_s)
+            free = LinearModel.of(held, 0.0, 0.0)
+            x = free.A @ x + free.E.ravel() * (force + s["f_0"])
+            P = model.A @ P @ model.A.T + model.Q
+        H = np.array([0, 0, 0, 1.0])
+        S = H @ P @ H + s["var_y"]
+        K = P @ H / S
+        x = x + K * (RECORD["y"][k] - x[3])
+        left = np.eye(4) - np.outer(K, H)
+        P = left @ P @ left.T + s["var_y"] * np.outer(K, K)
+        sigma = np.sqrt(np.diag(P))
+        assert (np.abs(out["mean"][k] - x) <= 1e-9 * sigma).all()
+    np.testing.assert_allclose(out["covariance"][-1], P[np.triu_indices(4)], rtol=1e-9)
+
+
+def test_with_constant_stiffness_the_extended_filter_is_the_linear_one() -> None:
+    constant = ConstantStiffness.of(BEARING)
+    linear = KalmanFilter(BEARING, constant).run(RECORD)
+    extended = KINDS["extended"].make(BEARING, constant).run(RECORD)
+    np.testing.assert_allclose(extended.mean, linear.mean, rtol=1e-12, atol=0)
+
+
+# ---- observers ----
+
+
+def linear_model() -> LinearModel:
+    k = ConstantStiffness.of(BEARING)
+    core = core_filter(oracles.settings_of(BEARING))
+    return LinearModel.of(core.parameters, k.k_i, k.k_s)
+
+
+@pytest.mark.parametrize("lag", [2e-4, 1e-9])
+def test_all_poles_of_the_observer_are_where_they_were_put(lag: float) -> None:
+    bearing = BEARING.replace(sensor__lag=lag)
+    observer = ExtendedStateObserver(bearing, bandwidth=800.0)
+    k = ConstantStiffness.of(bearing)
+    m = LinearModel.of(observer.core.parameters, k.k_i, k.k_s)
+    units = np.array(observer.default_std())
+    small = m.scaled(units)
+    error = (np.eye(4) - np.outer(observer.gain / units, small.H)) @ small.A
+    poles = np.sort(np.linalg.eigvals(error))
+    wanted = np.exp(-800.0 * bearing.sampling_time)
+    # A pole of order four is found to the fourth root of what numbers have.
+    assert np.abs(poles[-3:] - wanted).max() < 3e-3
+    assert np.abs(poles[0] - (wanted if lag > 1e-6 else 0.0)) < 3e-3
+
+
+def test_the_steady_state_gain_is_dlqe_s() -> None:
+    control = pytest.importorskip("control")
+    steady = SteadyStateKalmanFilter(BEARING)
+    units = np.array(steady.default_std())
+    m = linear_model().scaled(units)
+    L, *_ = control.dlqe(m.A, np.eye(4), m.H, m.Q, np.array([[m.R]]))
+    np.testing.assert_allclose(m.A @ (steady.gain / units), L.ravel(), rtol=1e-9)
+
+
+def test_the_linear_filter_settles_to_the_steady_state() -> None:
+    steady = SteadyStateKalmanFilter(BEARING)
+    linear = KalmanFilter(BEARING)
+    late = linear.run(RECORD, covariance=True)
+    assert late.covariance is not None
+    np.testing.assert_allclose(
+        steady.covariance[np.triu_indices(4)], late.covariance[-1], rtol=1e-6
+    )
+    estimate = steady.run(RECORD)
+    assert estimate.innovation_variance[-1] == pytest.approx(late.innovation_variance[-1], rel=1e-9)
+    far = np.abs(estimate.mean - late.mean)[-1000:] / np.sqrt(np.diag(steady.covariance))
+    assert far.max() < 1e-3
+
+
+# ---- low-pass ----
+
+
+def test_the_low_pass_is_three_exponential_averages() -> None:
+    low = KINDS["low-pass"].make(BEARING)
+    out = low.run(RECORD)
+    c, T, b = low.corners, BEARING.sampling_time, BEARING
+    a = {name: 1 - np.exp(-corner * T) for name, corner in c.items()}
+    k = ConstantStiffness.of(b)
+    x, v, f = RECORD["y"][0] / b.sensor.gain, 0.0, 0.0
+    for n in range(1, 300):
+        iu = np.clip(b.amplifier.gain * RECORD["u"][n - 1], b.current_min, b.current_max)
+        known = k.k_i * iu + k.k_s * x + b.weight
+        dx = a["position"] * (RECORD["y"][n] / b.sensor.gain - x)
+        dv = a["velocity"] * (dx / T - v)
+        f += a["force"] * (b.rotor.mass * dv / T - known - f)
+        x, v = x + dx, v + dv
+        if n > 1:
+            assert out.x[n] == pytest.approx(x, rel=1e-6)
+    assert np.isnan(out.nis).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "told"),
+    [
+        ("observer", {"bandwidth": 0.0}, "bandwidth must be greater than 0 rad/s, got 0.0"),
+        ("low-pass", {"force": -1.0}, "force must be greater than 0 rad/s, got -1.0"),
+    ],
+)
+def test_a_parameter_out_of_range_is_told(name: str, options: dict[str, Any], told: str) -> None:
+    with pytest.raises(ValueError, match=told):
+        KINDS[name].make(BEARING, **options)
+
+
+def test_settings_are_complete_and_known() -> None:
+    core = core_module()
+    s = oracles.settings_of(BEARING)
+    with pytest.raises(ValueError, match="the setting var_y is missing"):
+        core.Kalman(core.Constant(1, 1), **{k: v for k, v in s.items() if k != "var_y"})
+    with pytest.raises(ValueError, match="a setting that no estimator has"):
+        core.Kalman(core.Constant(1, 1), **s, colour=1.0)
+
+
+def test_a_record_is_a_record_for_all() -> None:
+    empty = Record(RECORD.t[:3], {"y": RECORD["y"][:3], "u": RECORD["u"][:3]})
+    for kind in KINDS.values():
+        if kind.source:
+            assert len(kind.make(BEARING).run(empty).x) == 3
