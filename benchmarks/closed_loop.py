@@ -72,7 +72,7 @@ class ClosedLoop:
             T_t=pid.anti_windup,
             integral=self.integral,
             feedback_estimate=True,
-            kalman=self.filter.core,
+            estimator=self.filter.core,
             r=self.r,
             f_d=self.f_d,
             noise_u=self.noise_u,

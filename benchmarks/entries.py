@@ -15,7 +15,7 @@ from benchmarks.work import NOISE, Work
 
 HAND = "hand loop in C, into arrays that are there"
 HAND_NEW = "hand loop in C, into new arrays"
-GIVEN = "ambkit `core.run_given(y, u, k_i, k_s)`"
+GIVEN = "ambkit `core.run(y, u, k_i, k_s)`"
 RULES = "ambkit, 25 exact rules, `run(record)`"
 TEXTBOOK = "numba, textbook Runge-Kutta"
 ARRANGED = "numba, arranged as `sim/plant.c`"
@@ -40,7 +40,7 @@ def in_c(work: Work) -> list[Entry]:
 
     def core(kf: ambkit.KalmanFilter, arrays: list[np.ndarray]) -> ArrayLike:
         kf.reset(work.mean, work.std.tolist())
-        return kf.core.run_given(*arrays)["mean"]  # type: ignore[no-any-return]
+        return kf.core.run(*arrays)["mean"]  # type: ignore[no-any-return]
 
     return [
         Entry(HAND, n, lambda: hand(work, kept)),

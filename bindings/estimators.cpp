@@ -147,14 +147,20 @@ Named run(Estimator &self, const Vector &y, const Vector &u, bool covariance)
   return run_input(self, {y.size(), y.data(), u.data(), nullptr, nullptr}, covariance);
 }
 
-Named run_given(Kalman &self, const Vector &y, const Vector &u, const Vector &k_i,
-                const Vector &k_s, bool covariance)
+Named run_kalman(Kalman &self, const Vector &y, const Vector &u, std::optional<Vector> k_i,
+                 std::optional<Vector> k_s, bool covariance)
 {
   const size_t n = y.size();
   same_length(n, u.size(), "u");
-  same_length(n, k_i.size(), "k_i");
-  same_length(n, k_s.size(), "k_s");
-  return run_input(self, {n, y.data(), u.data(), k_i.data(), k_s.data()}, covariance);
+  if (k_i.has_value() != k_s.has_value())
+    throw std::invalid_argument("k_i and k_s are given together or not at all");
+  if (k_i) {
+    same_length(n, k_i->size(), "k_i");
+    same_length(n, k_s->size(), "k_s");
+  }
+  return run_input(
+      self, {n, y.data(), u.data(), k_i ? k_i->data() : nullptr, k_s ? k_s->data() : nullptr},
+      covariance);
 }
 
 Out<amb_real> forecast(const Estimator &self, const Matrix &mean, const Vector &u, size_t ahead,
@@ -260,7 +266,7 @@ void bind_estimators(nb::module_ &m)
       .def("predict", &predict, nb::arg("u"), "One sample on; returns the status.")
       .def("update", &update, nb::arg("y"), "Take in y; returns the status.")
       .def("step", &step, nb::arg("y"), nb::arg("u"), "Predict with u, update with y.")
-      .def("run", &run, nb::arg("y"), nb::arg("u"), nb::arg("covariance") = false,
+      .def("run", &run, nb::arg("y"), nb::arg("u"), nb::kw_only(), nb::arg("covariance") = false,
            "A whole record; u[k] acts from sample k to k + 1.")
       .def("forecast", &forecast, nb::arg("mean"), nb::arg("u"), nb::arg("ahead"),
            nb::arg("scale") = nb::none(),
@@ -283,8 +289,9 @@ void bind_estimators(nb::module_ &m)
   nb::class_<Kalman, Estimator>(m, "Kalman", "Kalman filter (paper, eq. 7-21, Fig. 8).")
       .def(nb::init<nb::object, nb::kwargs>(), nb::arg("magnet"), nb::arg("settings"),
            nb::sig("def __init__(self, magnet: Magnet, **settings: float) -> None"))
-      .def("run_given", &run_given, nb::arg("y"), nb::arg("u"), nb::arg("k_i"), nb::arg("k_s"),
-           nb::arg("covariance") = false, "A whole record with given stiffnesses (n,).");
+      .def("run", &run_kalman, nb::arg("y"), nb::arg("u"), nb::arg("k_i") = nb::none(),
+           nb::arg("k_s") = nb::none(), nb::kw_only(), nb::arg("covariance") = false,
+           "A whole record, with given stiffnesses (n,) or the magnet's.");
   nb::class_<Extended, Estimator>(m, "Extended", "Extended Kalman filter.")
       .def(nb::init<nb::object, nb::kwargs>(), nb::arg("magnet"), nb::arg("settings"),
            nb::sig("def __init__(self, magnet: Magnet, **settings: float) -> None"));

@@ -85,7 +85,7 @@ def test_stiffnesses_that_are_no_numbers_are_not_predicted_with() -> None:
     kf.reset(np.zeros(4), np.array([1e-5, 1e-2, 5.0, 1e-5]))
     k_i, k_s = np.full(n, 10.05), np.full(n, 7537.5)
     k_i[100], k_s[120], k_s[140] = np.nan, np.inf, -np.inf
-    out = kf.run_given(RECORD["y"][:n], RECORD["u"][:n], k_i, k_s)
+    out = kf.run(RECORD["y"][:n], RECORD["u"][:n], k_i, k_s)
     assert np.flatnonzero(out["status"]).tolist() == [101, 121, 141]
     assert set(out["status"][[101, 121, 141]]) == {core.BAD_PARAMETER}
     assert np.isfinite(out["mean"]).all()
@@ -102,4 +102,6 @@ def test_a_record_that_does_not_fit_is_told() -> None:
     with pytest.raises(ValueError, match="u has 3 samples, expected 2"):
         core.run(np.zeros(2), np.zeros(3))
     with pytest.raises(ValueError, match="k_s has 1 samples, expected 2"):
-        core.run_given(np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(1))
+        core.run(np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(1))
+    with pytest.raises(ValueError, match="together or not at all"):
+        core.run(np.zeros(2), np.zeros(2), np.zeros(2))

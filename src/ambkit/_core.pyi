@@ -89,7 +89,7 @@ class Estimator:
     def step(self, y: float, u: float) -> int:
         """Predict with u, update with y."""
 
-    def run(self, y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], covariance: bool = False) -> dict[str, Any]:
+    def run(self, y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], *, covariance: bool = False) -> dict[str, Any]:
         """A whole record; u[k] acts from sample k to k + 1."""
 
     def forecast(self, mean: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], ahead: int, scale: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None) -> NDArray[numpy.float64]:
@@ -141,8 +141,8 @@ class Kalman(Estimator):
 
     def __init__(self, magnet: Magnet, **settings: float) -> None: ...
 
-    def run_given(self, y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], k_i: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], k_s: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], covariance: bool = False) -> dict[str, Any]:
-        """A whole record with given stiffnesses (n,)."""
+    def run(self, y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], k_i: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, k_s: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, *, covariance: bool = False) -> dict[str, Any]:
+        """A whole record, with given stiffnesses (n,) or the magnet's."""
 
 class Extended(Estimator):
     """Extended Kalman filter."""
