@@ -98,8 +98,9 @@ def export_c(
     Raises
     ------
     AmbkitError
-        A prefix that is no C identifier, a limit or a table beyond 16 bits; a bound that no table keeps, or that nothing needs; a folder with other files of the same names, or
-        that cannot be written.
+        A prefix that is no C identifier, a limit or a table beyond 16 bits; a bound that no table
+        keeps, or that nothing needs; a folder with other files of the same names, or that cannot
+        be written.
     """
     name = _checked_prefix(prefix, bearing)
     for limit in ("frozen_limit", "outlier_limit"):
