@@ -19,9 +19,10 @@ import ambkit
 from ambkit import recordings
 from ambkit.cli import main
 from ambkit.identification.lift_off import load_points
+from ambkit.reading.guess import guess
 
 COMMANDS = (
-    "reproduce", "simulate", "identify", "train", "filter", "compare", "presets", "check",
+    "reproduce", "simulate", "read", "identify", "train", "filter", "compare", "presets", "check",
 )  # fmt: skip
 
 
@@ -60,6 +61,8 @@ def made(tmp_path_factory):
     scenario.save(folder / "scenario.toml")
     ambkit.simulate(bearing, scenario).save(folder / "run.csv")
     shutil.copy(recordings.folder() / "lift_off_points.csv", folder / "points.csv")
+    shutil.copy(recordings.folder() / "sinus_kalman.csv", folder / "log.csv")
+    (folder / "map.toml").write_text(guess(folder / "log.csv"), encoding="utf-8")
     return folder
 
 

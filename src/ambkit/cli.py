@@ -19,6 +19,7 @@ from ambkit.commands.export_mat import export_mat
 from ambkit.commands.filter import filter_record
 from ambkit.commands.identify import identify
 from ambkit.commands.presets import presets
+from ambkit.commands.read import read
 from ambkit.commands.reproduce import reproduce
 from ambkit.commands.simulate import simulate
 from ambkit.commands.train import train
@@ -38,6 +39,7 @@ app = typer.Typer(
 _COMMANDS: dict[str, Callable[..., None]] = {
     "reproduce": reproduce,
     "simulate": simulate,
+    "read": read,
     "identify": identify,
     "train": train,
     "filter": filter_record,

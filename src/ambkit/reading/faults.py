@@ -124,12 +124,15 @@ def noise(values: Array) -> float:
     """Estimate the standard deviation of white noise on a slow signal (n,).
 
     Second differences of white noise have six times its variance; the median is not moved by steps
-    or spikes. Where most of them are zero, as on a coarse signal, their mean square counts.
+    or spikes. Where most of them are zero, as on a coarse signal, their mean square counts; where
+    next to all of them are, as on a reference of steps, there is none.
     """
     bend = np.diff(values[:LOOKED_AT], 2)
     bend = np.abs(bend[np.isfinite(bend)])
     if bend.size == 0:
         return math.nan
+    if np.count_nonzero(bend) < 0.05 * bend.size:
+        return 0.0
     spread = 1.4826 * float(np.median(bend)) or float(np.sqrt(np.mean(bend**2)))
     return spread / math.sqrt(6)
 
@@ -161,7 +164,7 @@ def _some(values: Array) -> Array:
     return np.concatenate([values[start : start + size] for start in starts])
 
 
-def find(name: str, values: Array, times: Array, unit: str) -> Iterator[Fault]:
+def find(name: str, logged: Array, times: Array, unit: str) -> Iterator[Fault]:
     """Find what is wrong with a channel.
 
     A run of equal samples counts as frozen, or as saturated if it is at the greatest or least
@@ -173,17 +176,19 @@ def find(name: str, values: Array, times: Array, unit: str) -> Iterator[Fault]:
     ----------
     name : str
         The channel; the reference ``r`` may stand still.
-    values : ndarray (n,)
+    logged : ndarray (n,)
         The samples in SI, NaN where one is missing.
     times : ndarray (n,)
         Their times [s].
     unit : str
         Unit of the values.
     """
-    absent = np.isnan(values)
-    if absent.any():
-        yield from _runs_of(absent, times, "missing", name, "not logged")
-    there = values[~absent]
+    for kind, absent in (("missing", np.isnan(logged)), ("infinite", np.isinf(logged))):
+        if absent.any():
+            text = "not logged" if kind == "missing" else "infinite values"
+            yield from _runs_of(absent, times, kind, name, text)
+    values = np.where(np.isinf(logged), np.nan, logged)
+    there = values[np.isfinite(values)]
     if there.size == 0:
         return
     least, greatest = float(there.min()), float(there.max())
@@ -215,7 +220,13 @@ def _runs(values: NDArray[np.generic]) -> tuple[Index, Index]:
 
 def _coarse(name: str, there: Array, times: Array, unit: str) -> Iterator[Fault]:
     step, rough = resolution(there), noise(there)
-    if step > 1.5 * rough or (step and np.isnan(rough)):
+    if rough == 0.0:  # it changes now and then: a coarse sensor goes step by step, through many
+        changes = np.diff(there)
+        changes = np.abs(changes[changes != 0])
+        by_one = float(np.mean(changes < 1.5 * step)) if changes.size else 0.0
+        if by_one < 0.9 or np.unique(_some(there)).size < 5:
+            return
+    if step > 1.5 * rough:
         text = (
             f"in steps of {engineering(step, unit, digits=3)}, more than its noise: what is "
             "smaller is lost"

@@ -180,12 +180,13 @@ def read(
     for name in signals:
         clock = clocks[mapped.clock_of[name]]
         told(f"looking at {name}")
-        signals[name], own = _without_infinities(name, signals[name], clock.times)
-        unit = mapped.units[name]
+        logged, unit = signals[name], mapped.units[name]
+        signals[name] = np.where(np.isinf(logged), np.nan, logged)
         channels.append(channel_faults.describe(name, unit, signals[name], clock.name))
-        for fault in (*own, *channel_faults.find(name, signals[name], clock.times, unit)):
+        for fault in channel_faults.find(name, logged, clock.times, unit):
             if fault.kind in missing:
                 signals[name] = _masked(signals[name], clock.times, fault)
+            if fault.kind in (*missing, "infinite"):
                 fault = replace(fault, action="taken as missing")
             faults.append(fault)
     told("placing the samples")
@@ -364,16 +365,6 @@ def _step_problem(log: Log, clock: Clock, at: int) -> str:
         f"{engineering(float(t[at] - t[at - 1]), 's', digits=4)} instead of "
         f"{engineering(clock.step, 's', digits=4)}"
     )
-
-
-def _without_infinities(name: str, values: Array, times: Array) -> tuple[Array, list[Fault]]:
-    infinite = np.isinf(values)
-    if not infinite.any():
-        return values, []
-    at = np.flatnonzero(infinite)
-    span = float(times[at[0]]), float(times[at[-1]])
-    fault = Fault("infinite", name, *span, at.size, "infinite values", "taken as missing")
-    return np.where(infinite, np.nan, values), [fault]
 
 
 def _masked(values: Array, times: Array, fault: Fault) -> Array:

@@ -1,0 +1,131 @@
+"""A picture of a log: its channels over time, with their faults marked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.reading.clock import Clock
+from ambkit.reading.faults import Fault
+from ambkit.reading.reader import Reading
+from ambkit.record import Record
+from ambkit.report.figure import Figure, Panel
+from ambkit.report.items import Axis, Item, Line, Rule, Span
+from ambkit.units import engineering, factor
+
+Array = NDArray[np.float64]
+
+SHOWN = 8
+"""Channels in a picture; more would not be legible."""
+
+NARROWEST = 0.004
+"""Least width of a mark, as a part of the picture's."""
+
+_TIME = Axis("time", "s")
+_FIRST = ("y", "u", "r")
+_LABELS = {"y": "position $y$", "u": "control signal $u$", "r": "reference $r$"}
+_MARKED = {"missing": "missing", "gap": "missing", "infinite": "missing"}
+_OVERLAID = ("saturated", "frozen")
+
+
+def reading_figure(reading: Reading) -> Figure:
+    """Show the channels of a log with their faults; its clock too, where that is not even.
+
+    Parameters
+    ----------
+    reading : Reading
+        What was read.
+    """
+    record = reading.record
+    names = sorted(record, key=lambda name: (name not in _FIRST, list(record).index(name)))
+    panels = [_channel(record, name, reading.faults) for name in names[:SHOWN]]
+    panels += [_steps(clock) for clock in reading.clocks.values() if _is_uneven(clock)]
+    left = f"Not shown: {', '.join(names[SHOWN:])}. " if len(names) > SHOWN else ""
+    whole = [
+        f"{fault.signal} {fault.text}"
+        for fault in reading.faults
+        if fault.kind in ("constant", "quantised")
+    ]
+    return Figure(
+        id="record",
+        title=f"{record.meta.get('source', reading.source)}, as read",
+        caption=left + " ".join(f"{text}." for text in whole),
+        panels=panels,
+    )
+
+
+def _channel(record: Record, name: str, faults: Iterable[Fault]) -> Panel:
+    t, values = record.t, record[name]
+    own = [fault for fault in faults if fault.signal == name]
+    items: list[Item] = [Line(t, values, signal="channel")]
+    for kind in _OVERLAID:
+        found = [fault for fault in own if fault.kind == kind]
+        if found:
+            items.append(Line(t, _only(t, values, found), signal=kind))
+    missing = [fault for fault in faults if _MARKED.get(fault.kind) and fault.signal in (name, "t")]
+    missing += [fault for fault in own if fault.action == "taken as missing"]
+    items += _spans(missing, t)
+    constant = next((fault.text for fault in own if fault.kind == "constant"), "")
+    axis = _axis(name, record.units[name], values)
+    if constant:
+        items.append(Rule(float(np.nanmean(values)), signal="frozen", text="constant", label=""))
+    return Panel(_TIME, axis, items)
+
+
+def _axis(name: str, unit: str, values: Array) -> Axis:
+    """Return an axis in the multiple of the unit that suits the values."""
+    there = values[np.isfinite(values)]
+    largest = float(np.abs(there).max()) if there.size else 0.0
+    shown = engineering(largest, unit).partition(" ")[2]
+    label = _LABELS.get(name, name.replace("$", ""))
+    if not shown or largest == 0.0:
+        return Axis(label, "" if unit == "1" else unit)
+    return Axis(label, shown.replace("^2", "²").replace("^3", "³"), factor(unit, shown))
+
+
+def _only(t: Array, values: Array, faults: Iterable[Fault]) -> Array:
+    """Return the samples within the faults, NaN elsewhere."""
+    half = 0.5 * float(t[-1] - t[0]) / (t.size - 1)
+    found = np.full(values.size, np.nan)
+    for fault in faults:
+        within = slice(*np.searchsorted(t, [fault.start - half, fault.stop + half]))
+        found[within] = values[within]
+    return found
+
+
+def _spans(faults: Iterable[Fault], t: Array) -> Iterator[Item]:
+    """Mark stretches, widened so that one sample is seen, and joined where they would overlap."""
+    least = NARROWEST * float(t[-1] - t[0])
+    joined: list[tuple[float, float]] = []
+    for fault in sorted(faults, key=lambda fault: fault.start):
+        middle, half = (fault.start + fault.stop) / 2, max(fault.stop - fault.start, least) / 2
+        start, stop = middle - half, middle + half
+        if joined and start <= joined[-1][1]:
+            joined[-1] = joined[-1][0], max(stop, joined[-1][1])
+        else:
+            joined.append((start, stop))
+    for place, (start, stop) in enumerate(joined):
+        text = "missing" if place == 0 else ""
+        yield Span(max(start, float(t[0])), min(stop, float(t[-1])), text, signal="missing")
+
+
+def _is_uneven(clock: Clock) -> bool:
+    return bool(clock.gaps.size or clock.jumps.size or clock.uneven.size)
+
+
+def _steps(clock: Clock) -> Panel:
+    """Show the time between samples where a clock has gaps or jitter."""
+    t, steps = clock.times, np.diff(clock.times)
+    shown = engineering(float(np.abs(steps).max()), "s").partition(" ")[2]
+    axis = Axis(f"step of {clock.name}", shown, factor("s", shown))
+    usual = Rule(clock.step, signal="bound", text="", label="")
+    low, high = float(steps.min()), float(steps.max())
+    margin = 0.1 * max(high - low, clock.step)
+    return Panel(
+        _TIME,
+        replace(axis, limits=(low - margin, high + margin)),
+        [Line(t[1:], steps, signal="measurement", label="time between samples"), usual],
+    )
