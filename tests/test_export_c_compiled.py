@@ -125,6 +125,13 @@ def test_the_example_of_its_readme_compiles(exported: Exported, tmp_path: Path, 
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@needs_gcc
+def test_the_task_of_the_docs_compiles(exported: Exported) -> None:
+    task = Path(__file__).parents[1] / "examples" / "controller" / "filter_task.c"
+    done = compiled("gcc", exported("linear").folder, task, "-fsyntax-only")
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 @pytest.mark.skipif(shutil.which("g++") is None, reason="g++ is not installed")
 @pytest.mark.parametrize("kind", KINDS)
 def test_its_header_is_c_plus_plus_as_well(exported: Exported, tmp_path: Path, kind: str) -> None:
