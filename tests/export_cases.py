@@ -12,7 +12,8 @@ from ambkit.commands import family
 from ambkit.export.c import CExport, export_c
 
 BEARING = Bearing.preset("zittau_axial")
-KINDS = (*family.NAMES, "tabulated")  # tabulated: the expert of "adaptive", as a table
+# "tabulated" is the expert of "adaptive" as a table, in the same C as the map of "table".
+KINDS = (*(name for name in family.NAMES if name != "table"), "tabulated")
 PRECISIONS = ("float", "double")
 
 CORE_PRECISION: dict[str, Any] = {"float": "float32", "double": "float64"}
