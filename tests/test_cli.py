@@ -325,6 +325,30 @@ def test_compare_over_seeds(call):
     assert len([line for line in table.splitlines() if line[0].isdigit()]) == 2 * 3
 
 
+def test_compare_in_a_case(call):
+    Path("my.py").write_text("class Mine:\n    def step(self, y, u):\n        return y, 0, 0, y\n")
+    found = call("compare", "zittau_axial", "--estimators", "linear,closed-law,my.py:Mine",
+                 "--case", "step", "--runs", "3", "--tune", "4", "--seed", "2", "--out", "c.csv",
+                 "--plot", "m.svg", "--report", "r.html", "--json")  # fmt: skip
+    assert found.json["files"] == ["c.csv", "m.svg", "r.html"]
+    estimators = found.json["estimators"]
+    assert list(estimators) == ["linear", "closed-law", "Mine"]
+    law, linear = (estimators[name]["tuned"]["f_d"]["mean"] for name in ("closed-law", "linear"))
+    assert law < 0.8 * linear
+    assert estimators["linear"]["tuned"]["objective"]["evaluations"] == 4
+    assert estimators["Mine"]["default"]["nis"]["mean"] is None
+    table = Path("c.csv").read_text()
+    assert "linear_tuned_f_d [N]" in table
+    assert len([line for line in table.splitlines() if line[0].isdigit()]) == 3
+    assert "The limit" in Path("r.html").read_text()
+
+
+def test_compare_tells_the_limit_where_it_is_known(call):
+    found = call("compare", "zittau_axial", "--case", "model", "--estimators", "closed-law",
+                 "--runs", "4")  # fmt: skip
+    assert "no estimator can have smaller errors than: x 3.4" in found.out
+
+
 def test_compare_takes_a_scenario_as_its_only_case(call, made):
     arguments = ("--scenario", made / "scenario.toml", "--seeds", "2", "--estimator", "linear")
     assert list(call("compare", "zittau_axial", *arguments, "--json").json["cases"]) == [
@@ -428,7 +452,15 @@ def test_reproduce_hands_on_its_arguments_and_prints_the_verdicts(call, monkeypa
         ("filter RUN --bearing zittau_axial --tune 1s --disturbance-noise 1N^2/s", "one of them"),
         ("filter RUN --bearing zittau_axial --tune 0s", "--tune must be greater than 0 s"),
         ("filter missing.csv --bearing zittau_axial", "missing.csv: cannot be read"),
-        ("compare zittau_axial --seeds 0", "'--seeds'"),
+        ("compare zittau_axial --seeds 0", "'--runs' / '--seeds'"),
+        ("compare zittau_axial --case papers", 'no case "papers"; known: paper, uncertain'),
+        ("compare zittau_axial --estimators ukv", 'no estimator "ukv"; known: all, '),
+        ("compare zittau_axial --spread 120%", "--spread must be from 0 to below 100 %, is 120 %"),
+        (
+            "compare zittau_axial --load 3N --tune 5",
+            "--load is in place of a case, and",
+        ),
+        ("compare zittau_axial --estimators linear --expert e.json", "--expert is for the"),
         ("compare zittau_axial --steps 1mm,two", '--steps: "two" is not a number with a unit'),
         ("presets zittau", 'no preset "zittau"; did you mean zittau_axial?'),
         ("presets --out my.toml", "--out needs the NAME of a preset"),

@@ -25,6 +25,7 @@ from ambkit.report import (
     Axis,
     Band,
     Bars,
+    Cells,
     Chapter,
     Equation,
     Figure,
@@ -146,7 +147,14 @@ def comparison() -> Figure:
     )
 
 
-ALL = [step_response, force_map, learning_curve, comparison]
+def matrix() -> Figure:
+    """A table of coloured cells, one of them empty."""
+    shade = np.array([[0.0, 0.5], [np.nan, 1.0], [0.2, 0.3]])
+    cells = Cells(["x\n[µm]", "NIS"], ["one", "two", "three"], shade, [["1", "2"]] * 3)
+    return Figure("matrix", "All by all", "", [Panel(Axis(""), Axis(""), [cells])])
+
+
+ALL = [step_response, force_map, learning_curve, comparison, matrix]
 ROWS: list[summary.SummaryRow] = [
     {
         "id": "table4.largest",
@@ -187,7 +195,7 @@ def report() -> Report:
         [
             Chapter("one", "The filter", [*first, FigureBlock(step_response())], "In short."),
             Chapter("two", "The map", [FigureBlock(force_map()), table, Remark("Chosen", "$T$")]),
-            Chapter("three", "More", [FigureBlock(learning_curve()), FigureBlock(comparison())]),
+            Chapter("three", "More", [FigureBlock(each()) for each in ALL[2:]]),
         ],
         ROWS,
         {"Seed": "1"},
@@ -521,7 +529,7 @@ def test_page_refers_to_nothing_outside_itself(page):
     assert "default-src 'none'" in page
     assert "@import" not in page[: page.index("<body>")]
     assert "url(" not in page[: page.index("<body>")]
-    assert len(outline.images) == 4
+    assert len(outline.images) == len(ALL)
     assert all(len(image["alt"]) > 20 for image in outline.images)
 
 
@@ -542,8 +550,8 @@ def test_report_writes_all_files_and_the_same_ones_again(written, tmp_path):
     assert again.read_bytes() == written.read_bytes()
     names = {path.name for path in (tmp_path / "figures").iterdir()}
     assert names == {f"{build().id}.{kind}" for build in ALL for kind in ("png", "svg")}
-    assert said[0] == "figure 1 of 4: Step response, 0.5 mm"
-    assert len(said) == 5
+    assert said[0] == "figure 1 of 5: Step response, 0.5 mm"
+    assert len(said) == 6
 
 
 def test_another_process_writes_the_same_bytes(tmp_path):

@@ -33,12 +33,34 @@ class Run:
     estimate: Estimate | None
 
 
+@dataclass(frozen=True, eq=False)
+class Imposed:
+    """Series that a run is given from outside, one value a sample.
+
+    Parameters
+    ----------
+    disturbance : ndarray (n,), optional
+        Force on the rotor, added to the scenario's [N].
+    sensor_noise : ndarray (n,), optional
+        Noise on the measured position, in place of the white one [m].
+    """
+
+    disturbance: NDArray[np.float64] | None = None
+    sensor_noise: NDArray[np.float64] | None = None
+
+
+def samples(bearing: Bearing, scenario: Scenario) -> int:
+    """Return how many samples a run has."""
+    return max(2, round(scenario.duration / bearing.sampling_time) + 1)
+
+
 def simulate(
     bearing: Bearing,
     scenario: Scenario,
     *,
     estimator: Estimator | None = None,
     magnet: StiffnessSource | None = None,
+    imposed: Imposed | None = None,
 ) -> Record:
     """Simulate the closed loop; see :func:`simulate_run`, which also returns the estimate.
 
@@ -50,13 +72,16 @@ def simulate(
         In the loop or beside it.
     magnet : optional
         The plant's own magnet, where it is not the bearing's closed law.
+    imposed : Imposed, optional
+        Series of disturbance and noise from outside.
 
     Returns
     -------
     Record
         With truth.
     """
-    return simulate_run(bearing, scenario, estimator=estimator, magnet=magnet).record
+    run = simulate_run(bearing, scenario, estimator=estimator, magnet=magnet, imposed=imposed)
+    return run.record
 
 
 def simulate_run(
@@ -65,6 +90,7 @@ def simulate_run(
     *,
     estimator: Estimator | None = None,
     magnet: StiffnessSource | None = None,
+    imposed: Imposed | None = None,
 ) -> Run:
     """Simulate plant, amplifier, sensor, controller and estimator in closed loop.
 
@@ -86,6 +112,8 @@ def simulate_run(
         filter of the bearing.
     magnet : optional
         The plant's own magnet, where it is not the bearing's closed law.
+    imposed : Imposed, optional
+        Series of disturbance and noise from outside.
 
     Returns
     -------
@@ -95,13 +123,20 @@ def simulate_run(
     Raises
     ------
     ValueError
-        The estimator computes in single precision: the loop is simulated in double.
+        The estimator computes in single precision: the loop is simulated in double. Or a series
+        has not one value a sample.
     """
     T, pid = bearing.sampling_time, scenario.controller
-    n = max(2, round(scenario.duration / T) + 1)
+    n = samples(bearing, scenario)
     t: NDArray[np.float64] = T * np.arange(n, dtype=float)
     reference, disturbance = scenario.reference.sample(t), scenario.disturbance.sample(t)
     noise_u, noise_y = _noise(bearing, scenario, n)
+    if imposed is not None:
+        for name, series in vars(imposed).items():
+            if series is not None and np.shape(series) != (n,):
+                raise ValueError(f"imposed {name} must have {n} values, has {np.shape(series)}")
+        disturbance = disturbance + (0.0 if imposed.disturbance is None else imposed.disturbance)
+        noise_y = noise_y if imposed.sensor_noise is None else imposed.sensor_noise
     law = ClosedLaw(bearing)
     plant = magnet if magnet is not None else law
     in_loop = pid.feedback == "estimate"

@@ -1,4 +1,4 @@
-"""``ambkit compare``: estimators in the loop against the same noise, over many seeds."""
+"""``ambkit compare``: estimators in a case, or each in its own loop over many seeds."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ambkit.commands.family import NAMES, known, names
+from ambkit.commands.family import known, names
 from ambkit.commands.options import (
     RECORDS,
     BearingName,
@@ -20,67 +20,182 @@ from ambkit.commands.options import (
     quantity,
     read_quantities,
 )
+from ambkit.errors import AmbkitError
 
 if TYPE_CHECKING:
+    from ambkit.bearing import Bearing
     from ambkit.comparison import Score
+
+CASES = (
+    "paper", "uncertain", "wrong-k", "saturating", "coloured-noise", "step", "unbalance", "model",
+)  # fmt: skip
+
+
+def known_case(name: str | None) -> str | None:
+    """Check the name of a case, as the callback of an option.
+
+    Raises
+    ------
+    BadParameter
+        It is not in `CASES`.
+    """
+    if name is not None and name not in CASES:
+        raise typer.BadParameter(f'there is no case "{name}"; known: {", ".join(CASES)}')
+    return name
+
 
 LABELS = {"x": "x", "v": "v", "f_d": "F_St"}
 
 
 def compare(
     bearing: BearingName,
-    scenario: Annotated[
-        Path | None, typer.Option(metavar="FILE.toml", help="What happens, besides step and load.")
+    case: Annotated[
+        str | None,
+        typer.Option(
+            callback=known_case,
+            metavar="NAME",
+            help=f"What happens: {', '.join(CASES)}. Default paper.",
+        ),
     ] = None,
-    estimator: Annotated[
-        str, typer.Option(callback=known, metavar="NAMES", help=f"Some of {', '.join(NAMES)}.")
-    ] = "linear,adaptive,closed-law",
+    estimators: Annotated[
+        str | None,
+        typer.Option(
+            "--estimators",
+            "--estimator",
+            metavar="NAMES",
+            help="Who takes part: all, or some of the family (those of 'ambkit filter' and more); "
+            "your own as my.py:MyFilter, a class with step(y, u).",
+        ),
+    ] = None,
+    tune: Annotated[
+        int, typer.Option(min=0, metavar="N", help="Evaluations to tune each with; 0: defaults.")
+    ] = 0,
+    runs: Annotated[
+        int, typer.Option("--runs", "--seeds", min=1, metavar="N", help="How many runs.")
+    ] = 20,
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Of the first of them.")] = 0,
+    spread: Annotated[
+        float | None,
+        typer.Option(
+            parser=quantity("1"),
+            metavar="SHARE",
+            help='How far the plant is off at most, such as "20 %": magnet constant, mass, air '
+            "gap, sensor and load. Default what the case says.",
+        ),
+    ] = None,
     expert: ExpertFile = None,
+    scenario: Annotated[
+        Path | None, typer.Option(metavar="FILE.toml", help="Your own run in place of a case.")
+    ] = None,
     steps: Annotated[
         str | None,
         typer.Option(
             metavar="LENGTHS",
-            help='Steps of the reference, such as "0.1 mm,0.3 mm"; default a tenth, three tenths '
-            "and half of the travel, or what the scenario says.",
+            help='In place of a case: steps of the reference, such as "0.1 mm,0.3 mm".',
         ),
     ] = None,
     load: Annotated[
         float | None,
-        typer.Option(parser=quantity("N"), metavar="FORCE", help="Load after half of the run."),
+        typer.Option(
+            parser=quantity("N"),
+            metavar="FORCE",
+            help="In place of a case: load after half of the run.",
+        ),
     ] = None,
     duration: Annotated[
-        float | None, typer.Option(parser=quantity("s"), metavar="TIME", help='Such as "0.5 s".')
+        float | None,
+        typer.Option(
+            parser=quantity("s"), metavar="TIME", help="In place of a case: length of the run."
+        ),
     ] = None,
-    seeds: Annotated[int, typer.Option(min=1, metavar="N", help="How many seeds.")] = 20,
-    seed: Annotated[int, typer.Option(min=0, metavar="N", help="The first of them.")] = 0,
     out: Annotated[
         Path | None,
-        file_option("Write the errors of each run: .csv or .parquet.", RECORDS, "--out"),
+        file_option("Write the figures of each run: .csv or .parquet.", RECORDS, "--out"),
     ] = None,
     plot: Plot = None,
+    report: Annotated[
+        Path | None,
+        file_option("Write the whole comparison with pictures: .html.", (".html",), "--report"),
+    ] = None,
     json: Json = False,
 ) -> None:
-    """Compare estimators over many seeds.
+    """Compare estimators, by all that counts.
 
-    Each closes its own loop, against the same noise, with the same Q and R.
+    In a case, all run along the same records from the same start, and each in the loop; where the
+    limit of any estimator is known, it is told. With --steps, --load, --duration or --scenario the
+    errors of each in its own loop are compared, without tuning.
 
     For example:
+      ambkit compare zittau_axial --case paper --plot matrix.png --report comparison.html
       ambkit compare zittau_axial --steps "0.1 mm,0.3 mm,0.5 mm" --load "3 N" --plot bars.png
     """
+    own = {"--scenario": scenario, "--steps": steps, "--load": load, "--duration": duration}
+    given = [name for name, value in own.items() if value is not None]
+    if not given:
+        from ambkit.commands.compare_case import in_case
+
+        in_case(
+            find_bearing(bearing),
+            case or "paper",
+            estimators or "all",
+            runs=runs,
+            budget=tune,
+            seed=seed,
+            spread=spread,
+            expert=expert,
+            out=out,
+            plot=plot,
+            report=report,
+            as_json=json,
+        )
+        return
+    unwanted = {"--case": case, "--tune": tune or None, "--spread": spread, "--report": report}
+    clash = [name for name, value in unwanted.items() if value is not None]
+    if clash:
+        raise AmbkitError(f"{given[0]} is in place of a case, and does not go with {clash[0]}")
+    chosen = estimators or "linear,adaptive,closed-law"
+    _in_own_loops(
+        find_bearing(bearing),
+        names(known(chosen)),
+        scenario_file=scenario,
+        expert=expert,
+        steps=steps,
+        load=load,
+        duration=duration,
+        seeds=runs,
+        seed=seed,
+        files=(out, plot),
+        as_json=json,
+    )
+
+
+def _in_own_loops(
+    plant: Bearing,
+    chosen: list[str],
+    *,
+    scenario_file: Path | None,
+    expert: Path | None,
+    steps: str | None,
+    load: float | None,
+    duration: float | None,
+    seeds: int,
+    seed: int,
+    files: tuple[Path | None, Path | None],
+    as_json: bool,
+) -> None:
+    """Each closes its own loop, against the same noise, with the same Q and R."""
     from ambkit import comparison, plots
     from ambkit.commands import output
     from ambkit.commands.family import factories, scenario_of
 
-    chosen = names(estimator)
-    plant = find_bearing(bearing)
     heights: list[float | None] = [None]
     if steps is not None:
         heights = list(read_quantities(steps, "m", "--steps"))
-    elif scenario is None:
+    elif scenario_file is None:
         heights = [share * plant.rotor.travel_limit for share in (0.1, 0.3, 0.5)]
     happening = {
-        output.value(height, "m") if height is not None else str(scenario): scenario_of(
-            plant, scenario, duration=duration, step=height, load=load, seed=None
+        output.value(height, "m") if height is not None else str(scenario_file): scenario_of(
+            plant, scenario_file, duration=duration, step=height, load=load, seed=None
         )
         for height in heights
     }
@@ -99,6 +214,7 @@ def compare(
         "cases": {case: {n: _figures(s) for n, s in of.items()} for case, of in scores.items()},
     }
     figure = plots.comparison_figure
+    out, plot = files
     output.deliver(
         data,
         [_table(scores, what, f"{plant.name}, {seeds} seeds")],
@@ -106,7 +222,7 @@ def compare(
             (out, lambda path: _save(path, scores, heights, seed)),
             (plot, lambda path: plots.save_figure(figure(scores, what), path)),
         ],
-        as_json=json,
+        as_json=as_json,
     )
 
 

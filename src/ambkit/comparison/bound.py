@@ -64,19 +64,24 @@ def posterior_bound(
     F, G = np.asarray(transition, dtype=float), np.asarray(noise_input, dtype=float)
     runs, steps, n, _ = F.shape
     H = np.asarray(output, dtype=float)
-    P = np.tile(np.asarray(prior, dtype=float), (runs, runs, 1, 1))  # of runs a and b: P[a, b]
+    # A factor L of the stacked covariance P = L L', for where runs differ P is zero at first and
+    # the plant unstable: a rounded P that is negative by a hair grows without end.
+    start = np.linalg.cholesky(np.asarray(prior, dtype=float))
+    L = np.tile(start, (runs, 1, 1))
+    noise = np.sqrt(runs * measurement) * np.eye(runs)
     bound = np.empty((steps + 1, n, n))
     for k in range(steps + 1):
         if k > 0:
-            f, g = F[:, k - 1], G[:, k - 1]
-            P = np.einsum("aij,abjk,blk->abil", f, P, f, optimize=True)
-            P += np.einsum("aiq,blq->abil", g, g)
-        PH = P @ H  # (runs, runs, n): of run a's state with run b's output
-        S = np.einsum("i,abi->ab", H, PH) + runs * measurement * np.eye(runs)
-        wide = np.moveaxis(PH, 2, 1).reshape(runs * n, runs)
-        gained = wide @ np.linalg.solve(S, wide.T)
-        P = P - np.moveaxis(gained.reshape(runs, n, runs, n), 2, 1)
-        bound[k] = P.mean(axis=(0, 1))
+            L = np.concatenate([F[:, k - 1] @ L, G[:, k - 1]], axis=2)
+        # Array form of prediction and measurement (Kailath, Sayed and Hassibi 2000, section 12.1).
+        wide = np.zeros((runs + L.shape[2], runs + runs * n))
+        wide[:runs, :runs] = noise
+        wide[runs:, :runs] = np.einsum("i,aij->ja", H, L)
+        wide[runs:, runs:] = L.reshape(runs * n, -1).T
+        left = np.asarray(np.linalg.qr(wide, mode="r"))[runs:, runs:]
+        L = left.T.reshape(runs, n, -1)
+        mean = L.mean(axis=0)
+        bound[k] = mean @ mean.T
     return bound
 
 
@@ -104,9 +109,17 @@ def bearing_bound(
     ndarray (samples, 4)
         Least standard deviation of the error: x [m], v [m/s], f_d [N], x_m [m].
     """
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1):  # the matrices are small: threads of BLAS would wait ten times over
+        return _bearing_bound(bearing, records, variances, np.asarray(std, dtype=float))
+
+
+def _bearing_bound(
+    bearing: Bearing, records: Sequence[Record], variances: Variances, unit: Array
+) -> Array:
     F, G = zip(*(_along(bearing, record, variances) for record in records), strict=True)
     # In units of their own, so that no entry is 1e12 times another.
-    unit = np.asarray(std, dtype=float)
     scaled_F = np.asarray(F) * (unit / unit[:, None])
     scaled_G = np.asarray(G) / unit[:, None]
     scaled_R = variances.measurement / unit[3] ** 2

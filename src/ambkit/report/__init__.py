@@ -16,7 +16,7 @@ from ambkit.report.blocks import (
     Text,
 )
 from ambkit.report.figure import Figure, Panel
-from ambkit.report.items import Axis, Band, Bars, Heatmap, Line, Note, Points, Rule, Span
+from ambkit.report.items import Axis, Band, Bars, Cells, Heatmap, Line, Note, Points, Rule, Span
 from ambkit.report.page import write_report
 from ambkit.report.summary import SummaryRow
 
@@ -25,6 +25,7 @@ __all__ = [
     "Band",
     "Bars",
     "Block",
+    "Cells",
     "Chapter",
     "Equation",
     "Figure",

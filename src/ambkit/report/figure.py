@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from ambkit.report.items import Axis, Bars, Heatmap, Item, Signal
+from ambkit.report.items import Axis, Bars, Cells, Heatmap, Item, Signal
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,11 @@ class Panel:
     def heatmap(self) -> Heatmap | None:
         """The panel's heat map, if it has one."""
         return next((item for item in self.items if isinstance(item, Heatmap)), None)
+
+    @property
+    def cells(self) -> Cells | None:
+        """The panel's table of cells, if it has one."""
+        return next((item for item in self.items if isinstance(item, Cells)), None)
 
 
 @dataclass(frozen=True)
@@ -135,4 +140,8 @@ class Figure:
             return self.alt
         axes = "; ".join(dict.fromkeys(f"{p.y.title} over {p.x.title}" for p in self.panels))
         names = ", ".join(text for text, _ in self.legend())
+        cells = [panel.cells for panel in self.panels if panel.cells]
+        if cells:
+            columns = ", ".join(name.split("\n")[0] for name in cells[0].columns)
+            return f"{self.title}: {', '.join(cells[0].rows)} by {columns}.".replace("$", "")
         return f"{self.title}: {axes}{f'. Shown: {names}' if names else ''}.".replace("$", "")

@@ -17,7 +17,7 @@ from ambkit.report.interactive_items import (
     shown_place,
     traces_of,
 )
-from ambkit.report.items import Axis, Heatmap, Item, Note, Vector
+from ambkit.report.items import Axis, Cells, Heatmap, Item, Note, Vector
 
 SANS = "-apple-system, 'Segoe UI', Roboto, 'Noto Sans', Ubuntu, 'Liberation Sans', sans-serif"
 
@@ -44,7 +44,7 @@ def describe(figure: Figure) -> Json:
         "font": {"family": SANS, "size": 13, "color": style.INK},
         "paper_bgcolor": style.PAPER,
         "plot_bgcolor": style.PAPER,
-        "hovermode": "closest" if any(p.heatmap for p in figure.panels) else "x unified",
+        "hovermode": "closest" if any(p.heatmap or p.cells for p in figure.panels) else "x unified",
         "hoversubplots": "axis",
         "barmode": "group",
         "bargap": 0.2,
@@ -127,7 +127,8 @@ def plotly_js() -> str:
 
 def _domains(figure: Figure) -> tuple[int, list[Json]]:
     """Height of the figure [px], and which part of the drawing area each panel takes."""
-    panel_height = {1: 340, 2: 230}.get(figure.rows, 190)
+    rows = [len(panel.cells.rows) for panel in figure.panels if panel.cells]
+    panel_height = max((28 * n + 30 for n in rows), default={1: 340, 2: 230}.get(figure.rows, 190))
     gutter = 0.1 if figure.columns > 1 else 0.0
     cell = (1 + gutter) / figure.columns
     places = []
@@ -176,6 +177,10 @@ def _add_axes(layout: Json, figure: Figure, index: int, domain: Json) -> None:
         if panel.categories:
             layout[f"xaxis{x[1:]}"]["unifiedhovertitle"] = {"text": "<b>%{x}</b>"}
             layout[f"xaxis{x[1:]}"] |= {"type": "category", "showgrid": False}
+        if panel.cells:
+            bare = {"type": "category", "showgrid": False, "showline": False, "mirror": False}
+            layout[f"xaxis{x[1:]}"] |= bare | {"side": "top"}
+            layout[f"yaxis{y[1:]}"] |= bare | {"autorange": "reversed"}
 
 
 def _axis(axis: Axis, area: Vector | None) -> Json:
@@ -210,7 +215,7 @@ def _beside(domain: Json) -> Json:
 
 def _into_legend(drawn: list[Json], item: Item, named: set[str]) -> None:
     """Name what was drawn; each name stands in the legend once and switches all of its group."""
-    legend = "" if isinstance(item, Heatmap | Note) else item.legend
+    legend = "" if isinstance(item, Heatmap | Cells | Note) else item.legend
     for part in drawn:
         part["name"] = label_html(legend)
         part["legendgroup"] = legend

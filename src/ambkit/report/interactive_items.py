@@ -13,6 +13,7 @@ from ambkit.report.items import (
     Axis,
     Band,
     Bars,
+    Cells,
     Heatmap,
     Item,
     Line,
@@ -108,6 +109,8 @@ def traces_of(panel: Panel, item: Item) -> list[Json]:
             return [_bars(panel, item)]
         case Heatmap():
             return [_surface(panel, item)]
+        case Cells():
+            return [_cells(item)]
     return []
 
 
@@ -202,6 +205,26 @@ def _surface(panel: Panel, item: Heatmap) -> Json:
             "outlinewidth": 0.6,
         },
         "hovertemplate": f"{x}, {y}: <b>{z}</b><extra></extra>",
+    }
+
+
+def _cells(item: Cells) -> Json:
+    colours = style.SEQUENTIAL
+    return {
+        "type": "heatmap",
+        "x": [label_html(name) for name in item.columns],
+        "y": [label_html(name) for name in item.rows],
+        "z": packed(item.shade),
+        "text": [list(row) for row in item.texts],
+        "texttemplate": "%{text}",
+        "colorscale": [[n / (len(colours) - 1), colour] for n, colour in enumerate(colours)],
+        "zmin": 0.0,
+        "zmax": 1.0,
+        "showscale": False,
+        "hoverongaps": False,
+        "xgap": 2,
+        "ygap": 2,
+        "hovertemplate": "%{y}, %{x}: <b>%{text}</b><extra></extra>",
     }
 
 

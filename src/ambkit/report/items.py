@@ -1,4 +1,4 @@
-"""What can be drawn in a panel: axes, lines, points, bands, bars, heat maps, rules, spans, notes.
+"""What can be drawn in a panel: axes, lines, points, bands, bars, heat maps, cells and so on.
 
 Data is given in SI. Each `Axis` says with which factor its data is shown, so that "mm" stands on
 paper only. Labels may hold simple formulas between dollar signs: ``"stiffness $k_i$"``.
@@ -261,6 +261,33 @@ class Heatmap:
 
 
 @dataclass(frozen=True, eq=False)
+class Cells:
+    """A table of coloured cells: names beside and below, a text in each.
+
+    Parameters
+    ----------
+    columns, rows : sequence of str
+        Names, from the left and from the top.
+    shade : ndarray, shape (rows, columns)
+        From 0, palest, to 1, darkest; NaN is left white.
+    texts : sequence of sequence of str
+        What stands in the cells, row by row.
+    """
+
+    columns: Sequence[str]
+    rows: Sequence[str]
+    shade: Vector
+    texts: Sequence[Sequence[str]]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "shade", np.asarray(self.shade, dtype=np.float64))
+        size = (len(self.rows), len(self.columns))
+        shapes = {self.shade.shape, (len(self.texts), *{len(row) for row in self.texts})}
+        if shapes != {size}:
+            raise ValueError(f"Cells: {size[0]} rows and {size[1]} columns, but shapes {shapes}")
+
+
+@dataclass(frozen=True, eq=False)
 class Rule(Signal):
     """A straight line across the panel: a limit, a true value.
 
@@ -320,4 +347,4 @@ class Note:
     side: Literal["above", "below"] = "above"
 
 
-Item = Line | Points | Band | Bars | Heatmap | Rule | Span | Note
+Item = Line | Points | Band | Bars | Heatmap | Cells | Rule | Span | Note

@@ -23,6 +23,8 @@ PIXELS_PER_INCH = 200
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.7, 0.18, 0.1, 0.46
 _LEGEND_ROW, _TITLE, _BAR = 0.165, 0.22, 0.76
+_NAMES, _ROW = 0.35, 0.22
+"""Room for the names beside cells, beyond that for numbers; height of a row of cells."""
 _RC: dict[Any, Any] = {
     "font.family": ["DejaVu Sans"],  # comes with matplotlib, so every machine draws the same
     "font.size": 8.0,
@@ -178,19 +180,24 @@ def draw(figure: Figure) -> "Canvas":
 
 def _layout(figure: Figure, top: float) -> tuple[float, list[tuple[float, float, float, float]]]:
     """Height of the figure [inch], and where each panel stands, in parts of the figure."""
-    panel_height = figure.panel_height or {1: 2.75, 2: 1.85}.get(figure.rows, 1.5)
+    cells = [panel.cells for panel in figure.panels]
+    usual = {1: 2.75, 2: 1.85}.get(figure.rows, 1.5)
+    rows = max((_ROW * len(each.rows) for each in cells if each), default=usual)
+    panel_height = figure.panel_height or rows
     cell = WIDTH / figure.columns
     places = []
-    depth = top
+    depth = top + (_ROW if any(cells) else 0.0)
     for start in range(0, len(figure.panels), figure.columns):
         row = range(start, min(start + figure.columns, len(figure.panels)))
         depth += _TITLE * any(figure.panels[index].title for index in row)
         for index in row:
             bar = _BAR if figure.panels[index].heatmap else 0.0
-            left = cell * (index - start) + _LEFT
-            places.append((left, depth, cell - _LEFT - _RIGHT - bar))
+            names = _NAMES if cells[index] else 0.0
+            left = cell * (index - start) + _LEFT + names
+            places.append((left, depth, cell - _LEFT - names - _RIGHT - bar))
         depth += panel_height
-        depth += 0.12 if all(figure.shares_x(index) for index in row) else _BOTTOM
+        joined = all(figure.shares_x(index) or figure.panels[index].cells for index in row)
+        depth += 0.12 if joined else _BOTTOM
     return depth, [
         (left / WIDTH, 1 - (down + panel_height) / depth, width / WIDTH, panel_height / depth)
         for left, down, width in places

@@ -7,7 +7,7 @@ import numpy as np
 from ambkit.report import style
 from ambkit.report.decimate import decimate
 from ambkit.report.figure import Panel
-from ambkit.report.items import Band, Bars, Heatmap, Item, Line, Note, Points, Rule, Span
+from ambkit.report.items import Band, Bars, Cells, Heatmap, Item, Line, Note, Points, Rule, Span
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -55,6 +55,8 @@ def draw_item(axes: "Axes", panel: Panel, item: Item) -> None:
             _draw_bars(axes, panel, item)
         case Heatmap():
             _draw_heatmap(axes, panel, item)
+        case Cells():
+            _draw_cells(axes, item)
         case Rule():
             _draw_rule(axes, panel, item)
         case Span():
@@ -109,6 +111,33 @@ def _draw_heatmap(axes: "Axes", panel: Panel, item: Heatmap) -> None:
     bar = canvas.add_axes((box.x1 + 0.1 / WIDTH, box.y0, 0.13 / WIDTH, box.height))
     canvas.colorbar(mesh, cax=bar).outline.set_linewidth(0.6)
     bar.set_ylabel(item.bar.title)
+
+
+def _draw_cells(axes: "Axes", item: Cells) -> None:
+    from matplotlib.colors import LinearSegmentedColormap
+
+    down, across = np.arange(len(item.rows) + 1.0), np.arange(len(item.columns) + 1.0)
+    axes.pcolormesh(
+        across - 0.5,
+        down - 0.5,
+        np.ma.masked_invalid(item.shade),
+        cmap=LinearSegmentedColormap.from_list("", style.SEQUENTIAL),
+        vmin=0.0,
+        vmax=1.0,
+        edgecolors="white",
+        linewidth=1.2,
+    )
+    for place in np.ndindex(item.shade.shape):
+        text = item.texts[place[0]][place[1]]
+        axes.text(place[1], place[0], text, ha="center", va="center", fontsize=7.0)
+    axes.set_yticks(range(len(item.rows)), item.rows)
+    axes.set_xticks(range(len(item.columns)), item.columns)
+    axes.set_ylim(len(item.rows) - 0.5, -0.5)
+    axes.tick_params(length=0)
+    axes.xaxis.tick_top()
+    axes.grid(visible=False)
+    for side in axes.spines.values():
+        side.set_visible(False)
 
 
 def _number(value: float) -> str:

@@ -88,6 +88,25 @@ SIGNALS = {
     "series 3": Style("series 3", GREEN, DASH_DOT, 1.4, "triangle", layer=4),
     "series 4": Style("series 4", PURPLE, LONG, 1.4, "diamond", layer=3),
 }
+FAMILY = (
+    Style("", GREY, DOT, 1.4, "circle", hollow=True, layer=3),
+    Style("", TAN, DASH_DOT, 1.4, "triangle", hollow=True, layer=3),
+    Style("", VERMILION, DASH, 1.4, "square", layer=4),
+    Style("", VERMILION, DOT, 1.4, "square", hollow=True, layer=4),
+    Style("", PURPLE, LONG, 1.4, "diamond", layer=4),
+    Style("", BLUE, SOLID, 1.4, "circle", layer=5),
+    Style("", GREEN, DASH_DOT, 1.4, "triangle", layer=6),
+    Style("", OCHRE, SOLID, 1.4, "diamond", layer=5),
+    Style("", OCHRE, DASH, 1.4, "diamond", hollow=True, layer=5),
+    Style("", PURPLE, SOLID, 1.2, "cross", layer=4),
+    Style("", RED, LONG, 1.2, "square", hollow=True, layer=4),
+    Style("", BLUE, DOT, 1.4, "circle", hollow=True, layer=4),
+    Style("", GREEN, DOT, 1.4, "triangle", hollow=True, layer=4),
+    Style("", GREY, DASH, 1.2, "cross", layer=3),
+)
+"""Looks of a family of estimators, in its order."""
+
+SIGNALS |= {f"family {number}": look for number, look in enumerate(FAMILY)}
 """Each signal's look, by name."""
 
 

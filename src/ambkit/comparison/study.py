@@ -1,0 +1,180 @@
+"""A whole comparison: one case, how the errors grow with the step and a wrong k, and the limit."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ambkit.comparison.bench import Bench, Sweep, bench, pieces, sweep
+from ambkit.comparison.cases import (
+    CASES,
+    REACH,
+    STEPS,
+    Case,
+    Trial,
+    saturating,
+    step_case,
+    trials,
+    walk_case,
+)
+from ambkit.comparison.contenders import Contender, contenders
+from ambkit.estimators.family import KINDS
+
+if TYPE_CHECKING:
+    from ambkit.bearing import Bearing
+    from ambkit.magnets import StiffnessSource
+
+HEIGHTS = (0.02, 0.1, 0.2, 0.3, 0.4, 0.5)
+"""Steps whose errors are shown, in travels."""
+
+WRONG = (0.7, 0.85, 1.0, 1.15, 1.3)
+"""Magnet constants of the plant over the one that the estimators know."""
+
+SWEEP_RUNS = 4
+"""Runs at each point of these."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """A whole comparison.
+
+    Attributes
+    ----------
+    bench : Bench
+        The case that was asked for.
+    field : mapping of str to Contender
+        Who took part.
+    first : Trial
+        Its first run.
+    steps, wrong_k, limit : Sweep or None
+        Errors by the height of the step, by the plant's magnet constant, and by the height of the
+        step where all is as the filters' model says; None where the report was not asked for.
+    model : Bench or None
+        The case in which the limit is known, with defaults, which are right there.
+    """
+
+    bench: Bench
+    field: Mapping[str, Contender]
+    first: Trial
+    steps: Sweep | None = None
+    wrong_k: Sweep | None = None
+    limit: Sweep | None = None
+    model: Bench | None = None
+
+
+def learned(case: Case, bearing: Bearing, names: Sequence[str]) -> dict[str, StiffnessSource]:
+    """Learn the maps that some kinds ask: 25 work points, spread over all that a step reaches.
+
+    Parameters
+    ----------
+    case : Case
+        Where its iron saturates, the maps are learned from the saturating force.
+    bearing : Bearing
+        What the estimators know.
+    names : sequence of str
+        Of those who take part; nothing is learned for others.
+    """
+    asking = [name for name in names if name in KINDS and KINDS[name].source is None]
+    if not asking:
+        return {}
+    from ambkit.fuzzy.training import train
+    from ambkit.identification.stiffness import stiffness_map
+
+    reach = REACH * bearing.rotor.travel_limit
+    force = saturating(bearing) if case.saturates else None
+    work = stiffness_map(bearing, displacements=np.linspace(-reach, reach, 5), force=force)
+    if asking == ["table"]:
+        return {"table": work}
+    expert = train(work, weights=True)
+    return {name: work if name == "table" else expert for name in asking}
+
+
+def study(
+    bearing: Bearing,
+    case: Case | str,
+    names: Sequence[str],
+    *,
+    own: Mapping[str, Callable[..., Any]] | None = None,
+    runs: int = 16,
+    budget: int = 0,
+    seed: int = 0,
+    threads: int | None = None,
+    sources: Mapping[str, StiffnessSource] | None = None,
+    whole: bool = True,
+    done: Callable[[str], None] = lambda _text: None,
+) -> Study:
+    """Compare estimators in one case, and in rows of cases around it.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What the estimators know.
+    case : Case or str
+        What happens; one of `CASES`.
+    names : sequence of str
+        Kinds of estimators, or ``file.py:Class``.
+    own : mapping, optional
+        The user's own, see :func:`ambkit.comparison.contenders.contenders`.
+    runs, budget, seed : int
+        See :func:`ambkit.comparison.bench.bench`.
+    threads : int, optional
+        As many as there are processors without it; no figure but the cost depends on it.
+    sources : mapping, optional
+        What kinds of estimator know of the magnet, in place of what would be learned.
+    whole : bool
+        Whether the errors by step, wrong k and the limit are wanted, for a report.
+    done : callable
+        Called after each piece of work with what is next, see `pieces_of`.
+    """
+    case = CASES[case] if isinstance(case, str) else case
+    threads = threads or os.cpu_count() or 1
+    given = dict(sources or {})
+    known = learned(case, bearing, [name for name in names if name not in given]) | given
+    field = contenders(names, bearing, known, own)
+    done("judging")
+    main = bench(
+        bearing, case, field, runs=runs, budget=budget, seed=seed, threads=threads,
+        done=lambda: done(f"case {case.name}"),
+    )  # fmt: skip
+    first = next(t for t in trials(case, bearing, runs, seed) if not t.lost)
+    if not whole:
+        return Study(main, field, first)
+    tuned = {name: s.tuning for name, s in main.tuned.items() if s.tuning is not None}
+
+    def row(what: str, cases: dict[float, Case], count: int = SWEEP_RUNS, *, own: bool) -> Sweep:
+        return sweep(
+            bearing, cases, field, tuned=tuned if own else None, runs=count, seed=seed,
+            threads=threads, done=lambda: done(what),
+        )  # fmt: skip
+
+    def alike(other: Case, magnet_constant: float = 1.0) -> Case:
+        return replace(other, saturates=case.saturates, magnet_constant=magnet_constant)
+
+    travel = bearing.rotor.travel_limit
+    steps = {share * travel: alike(step_case(share)) for share in HEIGHTS}
+    wrong = {k: alike(step_case(STEPS[1]), k) for k in WRONG}
+    walks = {share * travel: walk_case(share) for share in HEIGHTS}
+    return Study(
+        main,
+        field,
+        first,
+        steps=row("errors by step", steps, own=True),
+        wrong_k=row("errors by k", wrong, own=True),
+        # There the defaults are the truth.
+        limit=row("the limit", walks, 2 * SWEEP_RUNS, own=False),
+        model=bench(
+            bearing, CASES["model"], field, runs=max(runs, 32), seed=seed, threads=threads,
+            done=lambda: done("the limit"),
+        ),
+    )  # fmt: skip
+
+
+def pieces_of(count: int, budget: int, whole: bool) -> int:
+    """Return how often `study` calls `done` for so many estimators."""
+    field = dict.fromkeys(map(str, range(count)))
+    there = pieces(field, budget) + 1
+    return there + (2 * len(HEIGHTS) + len(WRONG) + pieces(field, 0) if whole else 0)

@@ -1,0 +1,347 @@
+"""The comparison: the same for all, tuned alike, consistent where the model is true."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+import ambkit
+from ambkit import AmbkitError, Bearing
+from ambkit.comparison import cases, criteria
+from ambkit.comparison.bench import bench, sweep
+from ambkit.comparison.cases import CASES, trials, walk_case
+from ambkit.comparison.contenders import PythonEstimator, contenders, expand
+from ambkit.comparison.report import report_of
+from ambkit.comparison.spread import CERTAIN, Spread
+from ambkit.comparison.study import learned, pieces_of, study
+from ambkit.comparison.tune import errors, tune
+from ambkit.simulation import Imposed
+
+BEARING = Bearing.preset("zittau_axial")
+SHORT = replace(
+    cases.step_case(0.5),
+    scenario=lambda bearing, load: (
+        cases.step_case(0.5).scenario(bearing, load).replace(duration=0.3)
+    ),
+)  # 0.3 s: the step, and the load at 0.25 s
+FAMILY = contenders(["linear", "closed-law"], BEARING)
+
+
+# ---- what is uncertain ----
+
+
+def test_points_stay_within_the_spread_and_fewer_are_the_first_of_more() -> None:
+    spread = Spread(magnet_constant=0.2, mass=0.1)
+    few, many = spread.factors(5, seed=3), spread.factors(12, seed=3)
+    assert few == many[:5]
+    assert few != spread.factors(5, seed=4)
+    constants = np.array([f.magnet_constant for f in spread.factors(64, seed=1)])
+    assert 0.8 <= constants.min() < 0.82
+    assert 1.18 < constants.max() <= 1.2
+    # Even cover is what Sobol points are for: each eighth of the range has an eighth of them.
+    assert (np.histogram(constants, 8, (0.8, 1.2))[0] == 8).all()
+    assert all(f.air_gap == f.noise == 1 for f in many)
+
+
+def test_the_plant_takes_the_factors_and_nothing_else_changes() -> None:
+    plant = Spread(1.1, 0.9, 1.05, 1.2, 0.8, 1.3).plant(BEARING)
+    assert plant.magnet.magnet_constant == pytest.approx(1.1 * BEARING.magnet.magnet_constant)
+    assert plant.rotor.mass == pytest.approx(0.9 * BEARING.rotor.mass)
+    assert plant.magnet.air_gap == pytest.approx(1.05 * BEARING.magnet.air_gap)
+    assert plant.sensor.noise_variance == pytest.approx(1.44 * BEARING.sensor.noise_variance)
+    assert plant.sensor.lag == pytest.approx(0.8 * BEARING.sensor.lag)
+    assert plant.amplifier == BEARING.amplifier
+    assert Spread.all(1.0).plant(BEARING).to_toml() == BEARING.to_toml()
+
+
+def test_coloured_noise_has_the_variance_and_the_time_that_it_should() -> None:
+    made = trials(CASES["coloured-noise"], BEARING, 8, 0)
+    noise = np.array([t.record["y"] - t.record["x_m"] for t in made])
+    assert noise.var() == pytest.approx(BEARING.sensor.noise_variance, rel=0.1)
+    lagged = np.mean(noise[:, 10:] * noise[:, :-10]) / noise.var()
+    assert lagged == pytest.approx(np.exp(-1), abs=0.05)
+
+
+def test_imposed_series_are_added_and_replace() -> None:
+    scenario = ambkit.Scenario(duration=0.05, disturbance=ambkit.Constant(value=1.0))
+    n = 501
+    load, noise = np.linspace(0, 1, n), np.full(n, 2e-6)
+    record = ambkit.simulate(BEARING, scenario, imposed=Imposed(load, noise))
+    assert record["f_d"] == pytest.approx(1 + load)
+    assert record["y"] - record["x_m"] == pytest.approx(noise)
+    with pytest.raises(ValueError, match="imposed disturbance must have 501 values"):
+        ambkit.simulate(BEARING, scenario, imposed=Imposed(load[1:]))
+
+
+# ---- consistency where the model is true ----
+
+
+@pytest.fixture(scope="module")
+def true_model() -> dict[str, np.ndarray]:
+    """NEES of 200 runs, (runs, samples), of two filters; after the start, in steps of 5 ms."""
+    made = [t for t in trials(walk_case(0.3), BEARING, 200, 3) if not t.lost]
+    return {
+        name: np.array(
+            [
+                criteria.normalised_errors(
+                    each.build().run(t.record, covariance=True), t.record
+                )[500::50]
+                for t in made
+            ]
+        )
+        for name, each in FAMILY.items()
+    }  # fmt: skip
+
+
+def test_nees_is_within_its_band_over_200_runs(true_model: dict[str, np.ndarray]) -> None:
+    """The mean of N values of three states is chi-square with 3 N degrees of freedom, over N."""
+    nees = true_model["closed-law"]
+    runs = len(nees)
+    assert runs > 190
+    low, high = chi2.ppf([0.025, 0.975], 3 * runs) / runs
+    means = nees.mean(axis=0)
+    assert np.mean((low < means) & (means < high)) >= 0.85  # 95 % of about 30 instants
+    assert np.mean(nees <= chi2.ppf(0.95, 3)) == pytest.approx(0.95, abs=0.01)
+
+
+def test_nees_finds_the_filter_that_is_too_sure(true_model: dict[str, np.ndarray]) -> None:
+    """At three tenths of the travel the constant stiffnesses are wrong, and it does not know."""
+    assert np.mean(true_model["linear"] <= chi2.ppf(0.95, 3)) < 0.85
+
+
+def test_nees_by_hand() -> None:
+    t = np.array([0.0, 1.0])
+    zero = np.zeros(2)
+    truth = ambkit.Record(t, {"x": zero, "v": zero, "f_d": zero}, {})
+    upper = np.tile([4.0, 1.0, 0, 0, 9.0, 0, 0, 25.0, 0, 1.0], (2, 1))
+    mean = np.array([[2.0, 3.0, 5.0, 0.0], [0.0, 0.0, 10.0, 7.0]])
+    estimate = ambkit.Estimate(
+        t, mean, zero, zero, zero, zero, np.zeros(2, dtype=np.uint16), upper, ""
+    )
+    P = np.array([[4.0, 1.0, 0.0], [1.0, 9.0, 0.0], [0.0, 0.0, 25.0]])
+    expected = [e @ np.linalg.inv(P) @ e for e in mean[:, :3]]
+    assert criteria.normalised_errors(estimate, truth) == pytest.approx(expected)
+    # An estimator that knows no covariance writes zeros: then there is no NEES.
+    blind = replace(estimate, covariance=0 * upper)
+    assert np.isnan(criteria.normalised_errors(blind, truth)).all()
+
+
+# ---- single criteria ----
+
+
+@pytest.mark.parametrize("late", [0, 7, 12.4])
+def test_the_delay_is_what_the_signal_was_delayed_by(late: float) -> None:
+    t = np.arange(4000.0)
+    noise = 0.02 * np.random.default_rng(0).normal(size=t.size)
+
+    def signal(t: Any) -> Any:
+        return 3 + np.tanh((t - 1500) / 60) + 0.5 * np.sin(t / 150)
+
+    found = criteria.delay(signal(t - late) + noise, signal(t), 1e-4)
+    assert found == pytest.approx(1e-4 * late, abs=1e-4)
+    assert np.isnan(criteria.delay(noise, np.ones_like(t), 1e-4))
+
+
+def test_overshoot_and_settling_of_a_step() -> None:
+    T, n = 1e-3, 400
+    t = T * np.arange(n)
+    r = np.where(t >= 0.1, 1e-4, 0.0)
+    after = np.maximum(t - 0.1, 0)
+    x = np.where(t >= 0.1, 1e-4 * (1 - np.exp(-after / 0.02) * np.cos(60 * after)), 0.0)
+    u = np.where(np.arange(n) % 2, 0.1, -0.1)
+    record = ambkit.Record(t, {"r": r, "x": x, "f_d": 0 * t, "u": u}, {})
+    found = criteria.loop_figures(record, 2.0, 1)
+    way = x[t >= 0.1] / 1e-4
+    assert found["overshoot"] == pytest.approx(way.max() - 1)
+    last = np.flatnonzero(np.abs(way - 1) > 0.05)[-1]
+    assert found["settling"] == pytest.approx(T * (last + 1))
+    assert found["effort"] == pytest.approx(0.4)
+    moving = ambkit.Record(t, {"r": r, "x": x, "f_d": np.sin(t), "u": u}, {})
+    assert "overshoot" not in criteria.loop_figures(moving, 2.0, 1)
+
+
+# ---- tuning ----
+
+
+def test_tuning_spends_its_budget_and_is_never_worse_than_the_defaults() -> None:
+    training = trials(SHORT, BEARING, 2, 5)
+    linear = FAMILY["linear"]
+    reference = errors(linear.build, training, 170).mean(axis=0)
+    for budget in (1, 2, 9, 20):
+        found = tune(linear, training, reference, budget, 170)
+        assert found.evaluations == budget
+        assert found.default == pytest.approx(1.0)
+        assert found.objective <= found.default
+    assert found.objective < 0.98
+    again = errors(lambda: linear.build(**found.values), training, 170) / reference
+    assert np.mean(again) == pytest.approx(found.objective, rel=1e-12)
+    assert tune(linear, training, reference, 1, 170).values == linear.defaults
+
+
+def test_what_is_lost_counts_as_much_as_it_may() -> None:
+    class Lost:
+        def step(self, _y: float, _u: float) -> list[float]:
+            return [np.nan, 0.0, 0.0, 0.0]
+
+    training = trials(SHORT, BEARING, 1, 5)
+    own = contenders([], BEARING, own={"lost": Lost})["lost"]
+    assert tune(own, training, np.ones(3), 4, 170).objective == 10.0
+
+
+# ---- the whole ----
+
+
+def test_no_figure_depends_on_the_threads() -> None:
+    one, many = (
+        bench(BEARING, replace(SHORT, spread=Spread.all(0.1)), FAMILY, runs=3, budget=6, threads=n)
+        for n in (1, 4)
+    )
+    for which in ("default", "tuned"):
+        for name, standing in getattr(one, which).items():
+            other = getattr(many, which)[name]
+            assert standing.values == other.values
+            for criterion, figures in standing.figures.items():
+                if criterion != "cost":
+                    np.testing.assert_array_equal(figures, other.figures[criterion], criterion)
+
+
+def test_a_figure_is_that_of_the_single_run() -> None:
+    found = bench(BEARING, SHORT, FAMILY, runs=2, seed=4)
+    trial = trials(SHORT, BEARING, 2, 4)[1]
+    estimate = ambkit.KalmanFilter(BEARING).run(trial.record)
+    first = round(2 * cases.own_time(BEARING) / BEARING.sampling_time)
+    error = (estimate.f_d - trial.record["f_d"])[first:]
+    standing = found.default["linear"]
+    assert standing.figures["f_d"][1] == pytest.approx(np.sqrt(np.mean(error**2)))
+    assert standing.mean("f_d") == pytest.approx(standing.figures["f_d"].mean())
+    half = 12.706 * np.ptp(standing.figures["f_d"]) / 2  # Student's t of one degree of freedom
+    assert standing.half_width("f_d") == pytest.approx(half, rel=1e-4)
+    assert found.limit == {}
+
+
+def test_where_iron_saturates_what_is_learned_is_better_than_the_law() -> None:
+    names = ["linear", "adaptive", "closed-law"]
+    case = CASES["saturating"]
+    field = contenders(names, BEARING, learned(case, BEARING, names))
+    found = bench(BEARING, case, field, runs=3).default
+    assert found["adaptive"].mean("f_d") < 0.75 * found["linear"].mean("f_d")
+    assert found["closed-law"].mean("f_d") > 1.2 * found["linear"].mean("f_d")
+
+
+def test_lost_runs_are_counted_and_leave_the_means_alone() -> None:
+    class Drifting:
+        """Right in every other run."""
+
+        runs = 0
+
+        def __init__(self) -> None:
+            Drifting.runs += 1
+            self.wrong = Drifting.runs % 2
+
+        def step(self, y: float, _u: float) -> tuple[float, float, float, float]:
+            return (1.0 if self.wrong else y, 0.0, 0.0, y)
+
+    own = contenders([], BEARING, own={"drifting": Drifting})
+    standing = bench(BEARING, SHORT, own, runs=4, threads=1).default["drifting"]
+    assert standing.mean("lost") == 0.5
+    assert standing.mean("x") < 2e-5
+    assert np.isnan(standing.mean("nees"))
+    assert np.isnan(standing.mean("tracking"))
+
+
+def test_a_sweep_and_the_limit_near_the_centre_and_far_out() -> None:
+    found = sweep(BEARING, {0.02: walk_case(0.02), 0.5: walk_case(0.5)}, FAMILY, runs=6)
+    linear, law = found.errors["linear"]["f_d"], found.errors["closed-law"]["f_d"]
+    assert linear[1] > 1.4 * law[1]
+    assert law / found.limit["f_d"] == pytest.approx([1, 1], abs=0.12)
+
+
+def test_the_report_of_a_whole_study() -> None:
+    steps = []
+    found = study(
+        BEARING, SHORT, ["linear"], own={"mine": OwnLinear}, runs=2, budget=3, done=steps.append
+    )
+    assert len(steps) == pieces_of(2, 3, whole=True)
+    report = report_of(found)
+    assert [chapter.id for chapter in report.chapters] == ["result", "around", "limit", "how"]
+    assert {figure.id for figure in report.figures} == {
+        "matrix", "cost", "run", "steps", "wrong_k", "limit_steps", "efficiency",
+    }  # fmt: skip
+    model = found.model
+    assert model is not None
+    # Own code that is the linear filter, to the last digit.
+    assert model.efficiency("mine", "x") == pytest.approx(model.efficiency("linear", "x"))
+
+
+# ---- estimators of one's own ----
+
+
+class OwnLinear:
+    """The linear filter, behind the smallest interface."""
+
+    def __init__(self, bearing: Bearing) -> None:
+        self.kalman = ambkit.KalmanFilter(bearing)
+        self.started = False
+
+    def reset(self, mean: np.ndarray, std: np.ndarray) -> None:
+        self.kalman.reset(mean, std)
+        self.started = False
+
+    def step(self, y: float, u: float) -> np.ndarray:
+        if self.started:
+            return self.kalman.step(y, u)
+        self.started = True
+        return self.kalman.update(y)
+
+
+def test_own_code_sees_what_the_family_sees() -> None:
+    record = trials(SHORT, BEARING, 1, 0)[0].record
+    own = PythonEstimator(OwnLinear(BEARING), BEARING, "own").run(record)
+    np.testing.assert_array_equal(own.mean, ambkit.KalmanFilter(BEARING).run(record).mean)
+
+
+def test_own_code_from_a_file(tmp_path: Path) -> None:
+    file = tmp_path / "my.py"
+    file.write_text(
+        "class MyFilter:\n    def step(self, y, u):\n        return y, 0, 0, y\n"
+        "class Short:\n    def step(self, y, u):\n        return y\n"
+        "class NoStep:\n    pass\n"
+    )
+    assert expand(f"linear, {file}:MyFilter,linear") == ["linear", f"{file}:MyFilter"]
+    found = contenders([f"{file}:MyFilter"], BEARING)
+    assert list(found) == ["MyFilter"]
+    assert not found["MyFilter"].in_loop
+    record = trials(SHORT, BEARING, 1, 0)[0].record
+    with pytest.raises(AmbkitError, match=r"Short: step\(y, u\) at sample 0"):
+        contenders([f"{file}:Short"], BEARING)["Short"].build().run(record)
+    for name, message in {
+        "NoStep": r"needs a method step\(y, u\)",
+        "Nobody": "there is no class Nobody; it has MyFilter, Short, NoStep",
+    }.items():
+        with pytest.raises(AmbkitError, match=message):
+            contenders([f"{file}:{name}"], BEARING)
+    file.write_text("1/0")
+    with pytest.raises(AmbkitError, match="ZeroDivisionError"):
+        contenders([f"{file}:MyFilter"], BEARING)
+    with pytest.raises(AmbkitError, match="there is no such file"):
+        contenders([f"{tmp_path}/other.py:MyFilter"], BEARING)
+
+
+def test_names_that_nobody_has() -> None:
+    with pytest.raises(AmbkitError, match='no estimator "lineal"; known: all, '):
+        expand("lineal")
+    with pytest.raises(AmbkitError, match="no estimator is named"):
+        expand(" , ")
+    assert "linear" in expand("all")
+
+
+def test_a_spread_that_no_bearing_survives_is_told() -> None:
+    heavy = BEARING.replace(amplifier__current_limit=0.6)
+    with pytest.raises(AmbkitError, match="current_limit"):
+        trials(replace(SHORT, spread=Spread.all(0.5)), heavy, 16, 0)
+    assert trials(replace(SHORT, spread=CERTAIN), heavy, 1, 0)
