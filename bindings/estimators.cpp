@@ -237,6 +237,7 @@ Named parameters(const Estimator &self)
   all["model"] = model;
   all["far_squared"] = self.kf.far_squared;
   all["gate_squared"] = self.kf.gate_squared;
+  all["widest"] = self.kf.widest;
   return all;
 }
 

@@ -22,7 +22,9 @@ SECONDS = 300  # no run takes a tenth of this
 
 Contraction = Literal["off", "fast"]
 
-_ANSWER = np.dtype([("mean", "<f4", 4), ("status", "<u4"), ("instructions", "<u4")])
+_ANSWER = np.dtype(
+    [("mean", "<f4", 4), ("status", "<u4"), ("instructions", "<u4"), ("trusted", "<u4")]
+)
 _SUMMARY = np.dtype([(name, "<u4") for name in ("unequal", "wrong_status", "stack", "state")])
 
 
@@ -47,6 +49,7 @@ class Run(NamedTuple):
     mean: NDArray[np.float32]  # (n, 4): x [m], v [m/s], f_d [N], x_m [m]
     status: NDArray[np.uint32]  # (n,)
     instructions: NDArray[np.uint32]  # (n - 1,), of each step
+    trusted: NDArray[np.uint32]  # (n - 1,), of the step that trusts its input
     stack: int  # bytes that a step needs
     state: int  # bytes of an instance
     unequal: int  # states of the self-test that are not equal to the last bit
@@ -98,14 +101,15 @@ def build(export: Path, into: Path, contraction: Contraction = "off") -> Firmwar
     partial = into / "export.o"
     _call(PREFIX + "ld", "-r", "--gc-sections", *roots, *sorted(objects), "-o", partial)
 
-    words = ("state", "estimates", "init", "reset", "step", "selftest", "selftest_result")
+    words = ("state", "estimates", "init", "reset", "step", "step_trusted", "selftest")
+    words += ("selftest_result",)
     defines = [f"-Dfilter_{word}={name}_{word}" for word in words]
     defines += [f'-DHEADER="{name}_selftest.h"']
     tests = [export / "selftest" / f"{name}_{part}.c" for part in ("selftest", "vectors")]
     harness = [HERE / file for file in ("startup.c", "semihosting.c", "main.c")]
     elf = into / "firmware.elf"
     link = ("-nostartfiles", "--specs=nano.specs", f"-T{HERE / 'm.ld'}")
-    _call(gcc, *flags, *defines, *link, *harness, *tests, partial, "-o", elf)
+    _call(gcc, *flags, *defines, *link, *harness, *tests, *sorted(objects), "-o", elf)
     return Firmware(elf, partial)
 
 
@@ -151,6 +155,7 @@ def run(firmware: Firmware, y: ArrayLike, u: ArrayLike) -> Run:
         mean=answers["mean"],
         status=answers["status"],
         instructions=answers["instructions"][1:],
+        trusted=answers["trusted"][1:],
         stack=int(summary["stack"]),
         state=int(summary["state"]),
         unequal=int(summary["unequal"]),

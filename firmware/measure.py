@@ -69,6 +69,7 @@ def figures(source: StiffnessSource, folder: Path) -> dict[str, int]:
     return {
         "instructions": int(np.median(run.instructions)),
         "most": int(run.instructions.max()),
+        "trusted": int(np.median(run.trusted)),
         "code": size.code,
         "constants_without_arrays": size.constants - REAL * reals,
         "state": run.state,
@@ -85,6 +86,6 @@ def measure(folder: Path) -> dict[str, Any]:
     few = figures(whole.model_copy(update={"rules": whole.rules[:FEW]}), folder / "few")
     rule = (fuzzy["instructions"] - few["instructions"]) / (len(whole.rules) - FEW)
     fuzzy["instructions_a_rule"] = round(rule, 2)
-    for name in ("instructions", "most"):
+    for name in ("instructions", "most", "trusted"):
         fuzzy[name] = round(fuzzy[name] - rule * len(whole.rules))
     return {"compiler": harness.compiler(), "magnets": magnets}

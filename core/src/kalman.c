@@ -25,6 +25,7 @@ amb_status amb_kalman_init(amb_kalman *kf, const amb_kalman_settings *s)
   kf->set = *s;
   kf->far_squared = farthest * farthest;
   kf->gate_squared = s->gate * s->gate;
+  kf->widest = s->x_max * s->x_max;
   amb_axial_model_init(&kf->model, s->T, s->m, s->K_sen, s->T_sen);
   return AMB_OK;
 }

@@ -56,10 +56,10 @@ AMB_INLINE amb_status amb_step_predict_with(const amb_kalman *kf, amb_kalman_sta
   /* The plant is unstable: without measurements mean and covariance grow until they overflow.
    * The stops bound the rotor, so once nothing is known but that it is between them, nothing more
    * is lost by standing still, and the filter finds back at the first good sample. */
-  if (!(state->cov[0] <= (s->x_max * s->x_max))) {
+  if (!(state->cov[0] <= kf->widest)) {
     return AMB_HELD;
   }
-  if (!amb_is_finite(f)) {
+  if (!((f * f) <= AMB_REAL_MAX)) { /* not finite, or as good as that */
     return AMB_BAD_PARAMETER;
   }
   amb_axial_predict_mean(&kf->model, f, state->mean);
@@ -108,9 +108,12 @@ AMB_INLINE bool amb_step_outlier(const amb_kalman *kf, amb_kalman_state *state, 
 /* Whether innovations have been larger than expected for a while. */
 AMB_INLINE amb_status amb_step_surprised(amb_kalman_state *state, amb_real e, amb_real S)
 {
-  const amb_real beyond = ((e * e) > (AMB_C(4.0) * S)) ? AMB_C(1.0) : AMB_C(0.0);
-  state->surprise += (beyond - state->surprise) * (AMB_C(1.0) / AMB_MEMORY);
-  return (state->surprise > AMB_SURPRISING) ? AMB_SURPRISED : AMB_OK;
+  amb_real share = state->surprise * (AMB_C(1.0) - AMB_C(1.0) / AMB_MEMORY);
+  if ((e * e) > (AMB_C(4.0) * S)) {
+    share += AMB_C(1.0) / AMB_MEMORY;
+  }
+  state->surprise = share;
+  return (share > AMB_SURPRISING) ? AMB_SURPRISED : AMB_OK;
 }
 
 /* What rounding makes of a nearly singular covariance may have no root. Its variances have: the
@@ -199,6 +202,21 @@ AMB_INLINE amb_status amb_step_with(const amb_kalman *kf, amb_stiffness k, amb_r
   result->stiffness = k;
   result->status = all;
   return all;
+}
+
+/* A step whose input the caller vouches for: y is a measurement, u is finite and within the
+ * amplifier's limits. Nothing is checked, and where the other step finds nothing to say this one
+ * leaves the same mean and covariance, to the last bit. */
+AMB_INLINE void amb_step_trusted(const amb_kalman *kf, amb_stiffness k, amb_kalman_state *state,
+                                 amb_real y, amb_real iu)
+{
+  const amb_kalman_settings *s = &kf->set;
+  amb_real innovation;
+  amb_real variance;
+  const amb_real f = k.k_i * iu + k.k_s * state->mean[0] + s->f_0;
+  amb_axial_predict_mean(&kf->model, f, state->mean);
+  amb_axial_predict_covariance(&kf->model, k.k_i, k.k_s, s->k_ui, s->var_u, s->var_d, state->cov);
+  amb_axial_update(y, s->var_y, state->mean, state->cov, &innovation, &variance);
 }
 
 #endif

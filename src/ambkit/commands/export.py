@@ -140,6 +140,7 @@ def _cost_table(spent: Cost, clock: float) -> Table:
     rows = [
         ("instructions a step, as a rule", f"{spent.instructions}"),
         ("instructions a step, at most", f"{spent.most}"),
+        ("instructions of the step that trusts its input", f"{spent.trusted}"),
         ("code", f"{spent.code} bytes"),
         ("constants", f"{spent.constants} bytes"),
         ("state of an instance", f"{spent.state} bytes"),

@@ -34,6 +34,8 @@ class Cost:
     ----------
     instructions, most : int
         Of a step, as a rule; and of the dearest one, where something was the matter.
+    trusted : int
+        Of the step that trusts its input.
     code, constants : int
         Flash [bytes].
     state : int
@@ -46,6 +48,7 @@ class Cost:
 
     instructions: int
     most: int
+    trusted: int
     code: int
     constants: int
     state: int
@@ -75,6 +78,7 @@ def of(magnet: str, parameters: dict[str, Any]) -> Cost:
     return Cost(
         instructions=figures["instructions"] + of_rules,
         most=figures["most"] + of_rules,
+        trusted=figures["trusted"] + of_rules,
         code=figures["code"],
         constants=figures["constants_without_arrays"] + _REAL * reals,
         state=figures["state"],

@@ -177,6 +177,7 @@ def _cost_facts(spent: Cost | None) -> dict[str, str]:
         return {}
     return {
         "instructions a step (Cortex-M4F, in qemu)": f"{spent.instructions}, at most {spent.most}",
+        "of the step that trusts its input": f"{spent.trusted}",
         "flash": f"{spent.code} bytes of code, {spent.constants} bytes of constants",
         "memory": f"{spent.state} bytes an instance, {spent.stack} bytes of stack",
         "compiled by": f"{spent.compiler}",
