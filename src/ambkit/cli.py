@@ -13,6 +13,7 @@ import typer
 from ambkit.commands import output
 from ambkit.commands.check import check
 from ambkit.commands.compare import compare
+from ambkit.commands.excite import excite
 from ambkit.commands.export import export, export_c
 from ambkit.commands.export_fmu import export_fmu
 from ambkit.commands.export_mat import export_mat
@@ -39,6 +40,7 @@ app = typer.Typer(
 _COMMANDS: dict[str, Callable[..., None]] = {
     "reproduce": reproduce,
     "simulate": simulate,
+    "excite": excite,
     "read": read,
     "identify": identify,
     "train": train,

@@ -161,6 +161,7 @@ def scenario_of(
     step: float | None,
     load: float | None,
     seed: int | None,
+    reference: Path | None = None,
     from_estimate: bool = True,
 ) -> Scenario:
     """Return the scenario in a file, or a step and a load, with what the user changed in it.
@@ -175,6 +176,8 @@ def scenario_of(
         Length of the run [s]; step of the reference [m] after a tenth of it; load [N] after half.
     seed : int, optional
         Seed of the noise.
+    reference : Path, optional
+        A record whose ``r`` is the reference; without `duration` the run is as long as it.
     from_estimate : bool
         Without a file, whether the estimate is fed back, or the measurement.
     """
@@ -190,10 +193,25 @@ def scenario_of(
         scenario = Scenario(controller=controller)
     if duration is not None:
         scenario = scenario.replace(duration=duration)
+    if reference is not None:
+        if step is not None:
+            raise AmbkitError("give either --step or --reference")
+        scenario = _along(reference, scenario, duration)
     if step is not None:
-        reference = Step(amplitude=step, time=0.1 * scenario.duration)
-        scenario = scenario.replace(reference=reference)
+        stepping = Step(amplitude=step, time=0.1 * scenario.duration)
+        scenario = scenario.replace(reference=stepping)
     if load is not None:
         disturbance = Step(amplitude=load, time=0.5 * scenario.duration)
         scenario = scenario.replace(disturbance=disturbance)
     return scenario if seed is None else scenario.replace(seed=seed)
+
+
+def _along(path: Path, scenario: Scenario, duration: float | None) -> Scenario:
+    """Return a scenario whose reference is the signal r of a record."""
+    from ambkit.record import Record
+    from ambkit.waveforms import Recorded
+
+    if duration is None:
+        t = Record.load(path).t
+        scenario = scenario.replace(duration=float(t[-1]))
+    return scenario.replace(reference=Recorded(file=str(path), signal="r"))

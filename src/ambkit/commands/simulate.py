@@ -51,6 +51,13 @@ def simulate(
             help="Step of the reference, after a tenth of the run.",
         ),
     ] = None,
+    reference: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Reference r of a record, such as 'ambkit excite' writes; for as long as it is.",
+        ),
+    ] = None,
     load: Annotated[
         float | None,
         typer.Option(
@@ -86,6 +93,7 @@ def simulate(
         step=step,
         load=load,
         seed=seed,
+        reference=reference,
         from_estimate=with_one,
     )
     if not with_one and happening.controller.feedback == "estimate":

@@ -1,0 +1,157 @@
+"""Signals that excite a band of frequencies: multisine, pseudo-random binary, stepped sine.
+
+All have amplitude 1, n samples, and start where the loop already is: at zero, or for the binary
+signal with a jump.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Band = tuple[float, float]
+
+STEPS = 12
+"""Frequencies of a stepped sine."""
+
+CLOCK = 0.4
+"""Frequency to which a binary signal excites, times the time between its possible jumps: its power
+has fallen to six tenths there, and vanishes at 1."""
+
+ROUNDS = 100
+"""Of clipping, in the search for phases."""
+
+
+@dataclass(frozen=True, eq=False)
+class Excitation:
+    """A signal of amplitude 1, and the stretches of it that may be scaled on their own.
+
+    Attributes
+    ----------
+    kind : str
+        ``"multisine"``, ``"prbs"`` or ``"stepped-sine"``.
+    values : ndarray (n,)
+        The signal.
+    parts : list of slice
+        Stretches, each with its own frequency; one where all frequencies come at once.
+    frequencies : ndarray
+        What it excites [Hz]: its lines; of a binary signal the ends of its band.
+    """
+
+    kind: str
+    values: Array
+    parts: list[slice]
+    frequencies: Array
+
+    @property
+    def crest_factor(self) -> float:
+        """Peak over root mean square: 1 for a binary signal, 1.41 for a sine, 3 or 4 for noise."""
+        return float(np.max(np.abs(self.values)) / np.sqrt(np.mean(self.values**2)))
+
+
+def multisine(n: int, T: float, band: Band) -> Excitation:
+    """Return a sum of sines, one at each frequency that the record can tell apart, of low peak.
+
+    Each octave gets the same power. The record is one period, so that no line leaks into others.
+    The phases are Schroeder's (1970), improved by clipping (van der Ouderaa, Schoukens and
+    Renneboog 1988): the peak is some 1.3 to 1.5 times the root mean square.
+
+    Parameters
+    ----------
+    n, T : int, float
+        Samples, and the time between them [s].
+    band : tuple of float
+        Lowest and highest frequency [Hz].
+    """
+    first, last = (min(max(1, round(f * n * T)), (n - 1) // 2) for f in band)
+    line = np.arange(first, last + 1)
+    amplitude = 1 / np.sqrt(line)
+    phase = _phases(line, amplitude)
+    spectrum = np.zeros(n // 2 + 1, dtype=complex)
+    spectrum[line] = amplitude * np.exp(1j * phase)
+    values = np.fft.irfft(spectrum, n)
+    # A period may begin anywhere: let it be where it passes zero most gently.
+    after = np.roll(values, -1)
+    passing = np.flatnonzero(np.sign(values) != np.sign(after))
+    gentlest = passing[np.argmin(np.abs(values - after)[passing])]
+    values = np.roll(values, -int(gentlest) - 1)
+    return Excitation("multisine", values / np.max(np.abs(values)), [slice(0, n)], line / (n * T))
+
+
+def _phases(line: NDArray[np.int_], amplitude: Array) -> Array:
+    """Schroeder's phases, then clip, keep the phases that this gives, and again; the best of all.
+
+    On a coarse grid, eight samples to the shortest period.
+    """
+    n = 2 ** math.ceil(math.log2(8 * line[-1]))
+    power = amplitude**2 / np.sum(amplitude**2)
+    phase = -2 * np.pi * np.concatenate([[0.0], np.cumsum(np.cumsum(power))[:-1]])
+    best, least = phase, np.inf
+    spectrum = np.zeros(n // 2 + 1, dtype=complex)
+    for level in np.linspace(0.5, 0.98, ROUNDS):
+        spectrum[line] = amplitude * np.exp(1j * phase)
+        values = np.fft.irfft(spectrum, n)
+        peak = np.max(np.abs(values))
+        if peak < least:
+            best, least = phase, peak
+        clipped = np.clip(values, -level * peak, level * peak)
+        phase = np.angle(np.fft.rfft(clipped)[line])
+    return best
+
+
+def prbs(n: int, T: float, band: Band) -> Excitation:
+    """Return a pseudo-random binary sequence of maximum length, repeated to fill the record.
+
+    It may jump every 0.4 / high, a whole number of samples, and comes again after 1 / low or
+    later: its lines are as dense as the band asks for.
+
+    Parameters
+    ----------
+    n, T : int, float
+        Samples, and the time between them [s].
+    band : tuple of float
+        Lowest and highest frequency [Hz].
+    """
+    from scipy.signal import max_len_seq
+
+    low, high = band
+    hold = max(1, round(CLOCK / (high * T)))
+    bits = min(20, max(3, math.ceil(math.log2(1 / (low * hold * T) + 1))))
+    sequence, _ = max_len_seq(bits)
+    values = np.repeat(2.0 * sequence - 1.0, hold)
+    values = np.resize(values, n)
+    ends = np.array([1 / ((2**bits - 1) * hold * T), CLOCK / (hold * T)])
+    return Excitation("prbs", values, [slice(0, n)], ends)
+
+
+def stepped_sine(n: int, T: float, band: Band, *, steps: int = STEPS) -> Excitation:
+    """Return sines one after the other, rising, each for the same time and whole periods.
+
+    Parameters
+    ----------
+    n, T : int, float
+        Samples, and the time between them [s].
+    band : tuple of float
+        Lowest and highest frequency [Hz].
+    steps : int
+        How many; fewer where the lowest would not get its one period.
+    """
+    low, high = band
+    steps = max(1, min(steps, math.floor(low * n * T)))
+    ends = np.linspace(0, n, steps + 1).round().astype(int)
+    values, parts, frequencies = np.zeros(n), [], []
+    for frequency, start, stop in zip(np.geomspace(low, high, steps), ends, ends[1:], strict=False):
+        size = int(stop - start)
+        periods = max(1, round(frequency * size * T))
+        values[start:stop] = np.sin(2 * np.pi * periods * np.arange(size) / size)
+        parts.append(slice(int(start), int(stop)))
+        frequencies.append(periods / (size * T))
+    return Excitation("stepped-sine", values, parts, np.array(frequencies))
+
+
+KINDS = {"multisine": multisine, "prbs": prbs, "stepped-sine": stepped_sine}
+"""The signals by the names that users call them."""

@@ -1,0 +1,209 @@
+"""Experiments: signals that excite what they say, limits that hold, errors that follow."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import chi2
+
+import ambkit
+from ambkit import Bearing, Record, Scenario
+from ambkit.cli import main
+from ambkit.errors import AmbkitError
+from ambkit.excitation import Design, Limits, design
+from ambkit.excitation.signals import KINDS, multisine, prbs, stepped_sine
+from ambkit.identification.likelihood import Likelihood, settling_time
+from ambkit.identification.parameters import Coordinates, named
+from ambkit.scenario import PID
+
+BEARING = Bearing.preset("zittau_axial")
+LOOP = Scenario(duration=1.0, controller=PID.for_bearing(BEARING))
+FREE = ("magnet_constant", "air_gap", "sensor_lag", "position_offset")
+BAND = (8.0, 80.0)
+
+
+def designed(**options: Any) -> Design:
+    return design(BEARING, LOOP, **({"free": FREE, "band": BAND} | options))
+
+
+# ---- signals ----
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.sampled_from(sorted(KINDS)), st.integers(800, 5000), st.floats(4, 40), st.floats(2.5, 10))
+def test_signals_excite_their_band_with_amplitude_one(
+    kind: str, n: int, periods: float, ratio: float
+) -> None:
+    T = 1e-3
+    low = periods / (n * T)
+    high = min(ratio * low, 0.4 / T)
+    signal = KINDS[kind](n, T, (low, high))
+    assert signal.values.shape == (n,)
+    assert np.max(np.abs(signal.values)) == pytest.approx(1.0, abs=0.02)
+    power = np.abs(np.fft.rfft(signal.values)) ** 2
+    frequency = np.fft.rfftfreq(n, T)
+    inside = (frequency >= low / 1.5) & (frequency <= 1.5 * high)
+    # A binary signal has a tail above its band, and lines at and below the lower end.
+    assert power[inside].sum() > (0.4 if kind == "prbs" else 0.9) * power.sum()
+    assert [part.start for part in signal.parts] == [0, *(part.stop for part in signal.parts[:-1])]
+    assert signal.parts[-1].stop == n
+
+
+@pytest.mark.parametrize("band", [(2.0, 300.0), (20.0, 100.0), (2.5, 20.0)])
+def test_a_multisine_has_a_low_crest_factor(band: tuple[float, float]) -> None:
+    """Random phases give 3 to 4; a lone sine has 1.41."""
+    signal = multisine(20_001, 1e-4, band)
+    assert signal.crest_factor < 1.6
+    assert abs(signal.values[0]) < 0.05  # no jump where it begins
+    amplitude = np.abs(np.fft.rfft(signal.values))
+    lines = np.round(signal.frequencies * 20_001 * 1e-4).astype(int)
+    # The same power an octave, and nothing between or beside the lines.
+    shape = amplitude[lines] * np.sqrt(lines)
+    assert np.ptp(shape) < 1e-9 * shape[0]
+    others = np.delete(amplitude, lines)
+    assert others.max() < 1e-9 * amplitude.max()
+
+
+def test_a_binary_signal_is_of_maximum_length() -> None:
+    """White within its period: the autocorrelation is 1, and -1/(2^n - 1) at every other shift."""
+    signal = prbs(20_000, 1e-3, (8.1, 100.0))
+    assert set(signal.values) == {-1.0, 1.0}
+    hold = 4
+    period = signal.values[: hold * 31 : hold]
+    correlation = np.array([period @ np.roll(period, k) for k in range(31)])
+    assert correlation[0] == 31
+    assert (correlation[1:] == -1).all()
+    assert signal.frequencies == pytest.approx([1 / (31 * hold * 1e-3), 100.0])
+
+
+def test_a_stepped_sine_goes_through_zero_where_it_changes() -> None:
+    signal = stepped_sine(10_000, 1e-3, (2.0, 50.0))
+    assert len(signal.parts) == 12
+    assert np.abs(signal.values[[part.start for part in signal.parts]]).max() < 1e-9
+    assert (np.diff(signal.frequencies) > -0.01).all()
+    assert len(stepped_sine(1000, 1e-3, (3.0, 50.0)).parts) == 3  # a period of the lowest in each
+
+
+# ---- limits ----
+
+
+@pytest.mark.parametrize("kind", sorted(KINDS))
+@pytest.mark.parametrize(("current", "displacement"), [(1.2, 1e-4), (0.8, 5e-4)])
+def test_one_limit_is_filled_and_none_exceeded(
+    kind: str, current: float, displacement: float
+) -> None:
+    found = designed(kind=kind, limits=Limits(current, displacement))
+    iu, x = (np.max(np.abs(found.record[name])) for name in ("iu", "x"))
+    assert iu <= current
+    assert x <= displacement
+    assert max(iu / current, x / displacement) > 0.85
+    # Whoever runs it finds the same, but for other peaks of other noise.
+    again = ambkit.Recorded(times=found.record.t, values=found.reference)
+    record = ambkit.simulate(BEARING, LOOP.replace(seed=50, reference=again))
+    assert np.max(np.abs(record["iu"])) < 1.05 * current
+    assert np.max(np.abs(record["x"])) < 1.05 * displacement
+
+
+def test_wider_limits_tell_more_and_so_does_more_time() -> None:
+    narrow = designed(limits=Limits(0.8, 1e-4)).expectation.errors
+    wide = designed(limits=Limits(1.2, 3e-4)).expectation.errors
+    assert (wide < narrow).all()
+    longer = design(BEARING, LOOP.replace(duration=3.0), free=FREE, band=BAND)
+    assert (longer.expectation.errors[:3] < 0.75 * designed().expectation.errors[:3]).all()
+
+
+def test_the_band_that_is_chosen_is_the_best_of_those_tried() -> None:
+    found = designed(band=None)
+    certainty = dict(found.tried)
+    assert certainty[found.band] == max(certainty.values())
+    assert len(certainty) > 8
+    own = np.sqrt(7537.5 / 0.518) / (2 * np.pi)
+    assert found.band[0] < 2 * own < 2 * found.band[1]
+
+
+def test_estimates_scatter_as_predicted() -> None:
+    """40 repetitions of the experiment; one step of Gauss and Newton from the truth in each."""
+    found = designed(kind="multisine", load=0.05)
+    model, parameters = found.expectation.model, named(FREE)
+    assert model.load_growth == pytest.approx(0.05**2)
+    coordinates = Coordinates(model, parameters)
+    rng = np.random.default_rng(7)
+    t, T = found.record.t, BEARING.sampling_time
+    reference = ambkit.Recorded.model_construct(times=tuple(t), values=tuple(found.reference))
+    steps = []
+    for seed in range(40):
+        walk = np.cumsum(0.05 * np.sqrt(T) * rng.normal(size=t.size))
+        load = ambkit.Recorded.model_construct(times=tuple(t), values=tuple(walk))
+        scenario = LOOP.model_copy(
+            update={"seed": seed, "reference": reference, "disturbance": load}
+        )
+        record = ambkit.simulate(BEARING, scenario)
+        local = Likelihood([record], coordinates, settling_time(BEARING)).local(np.zeros(4))
+        steps.append(np.linalg.solve(local.information, local.score))
+    unit = [p.of(model) if p.positive else p.coarse(model) for p in parameters]
+    ratio = (np.array(steps) * unit).std(axis=0, ddof=1) / found.expectation.errors
+    low, high = np.sqrt(chi2.ppf([0.0005, 0.9995], 39) / 39)
+    assert ((low < ratio) & (ratio < high)).all(), dict(zip(FREE, ratio, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"kind": "chirp"}, 'no excitation "chirp"; known: multisine, prbs, stepped-sine'),
+        ({"free": ["gap"]}, "there is no parameter gap"),
+        ({"band": (50.0, 20.0)}, "the band must rise, from 0.9999 Hz"),
+        ({"band": (5.0, 6000.0)}, "to 4000 Hz, two fifths of the sampling rate"),
+        ({"limits": Limits(0.4, 1e-4)}, "even without excitation the loop goes to"),
+        ({"load": 0.0}, "load's wander must be greater than 0 N"),
+    ],
+)
+def test_what_cannot_be_designed_is_told(options: dict[str, Any], told: str) -> None:
+    with pytest.raises(AmbkitError, match=told):
+        designed(**options)
+    with pytest.raises(AmbkitError, match=r"limit of the current must be .* at most 1\.5 A"):
+        Limits.of(BEARING, current=2.0)
+    with pytest.raises(AmbkitError, match="too short"):
+        design(BEARING, LOOP.replace(duration=0.005), free=FREE)
+
+
+# ---- the command ----
+
+
+def run(*arguments: str) -> None:
+    with pytest.raises(SystemExit) as left:
+        main(list(arguments))
+    assert left.value.code == 0
+
+
+def test_excite_then_simulate(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    run("excite", "zittau_axial", "--duration", "0.6 s", "--band", "8 Hz,80 Hz", "--parameters",
+        "magnet_constant,mass", "--limit-displacement", "0.2 mm", "--out", "excitation.csv",
+        "--plot", "excitation.svg", "--json")  # fmt: skip
+    found = json.loads(capsys.readouterr().out)
+    assert found["kind"] == "stepped-sine"
+    assert found["greatest_displacement"] <= 2e-4
+    assert set(found["expected"]["parameters"]) <= {"magnet_constant", "mass"}
+    assert (tmp_path / "excitation.svg").stat().st_size > 1000
+    excitation = Record.load("excitation.csv")
+    assert list(excitation) == ["r"]
+    run("simulate", "zittau_axial", "--reference", "excitation.csv", "--out", "run.csv")
+    assert "wrote run.csv" in capsys.readouterr().err
+    record = Record.load("run.csv")
+    assert (record["r"] == excitation["r"]).all()
+    assert np.max(np.abs(record["x"])) < 2.05e-4
+
+
+def test_step_and_reference_exclude_each_other(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as left:
+        main(["simulate", "zittau_axial", "--step", "0.1 mm", "--reference", "r.csv"])
+    assert left.value.code == 2
+    assert "either --step or --reference" in capsys.readouterr().err
