@@ -22,7 +22,8 @@ from ambkit.identification.lift_off import load_points
 from ambkit.reading.guess import guess
 
 COMMANDS = (
-    "reproduce", "simulate", "excite", "read", "identify", "train", "filter", "compare", "presets", "check",
+    "reproduce", "simulate", "excite", "read", "identify", "train", "filter", "compare", "presets",
+    "check",
 )  # fmt: skip
 
 

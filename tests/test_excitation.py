@@ -45,12 +45,15 @@ def test_signals_excite_their_band_with_amplitude_one(
     high = min(ratio * low, 0.4 / T)
     signal = KINDS[kind](n, T, (low, high))
     assert signal.values.shape == (n,)
-    assert np.max(np.abs(signal.values)) == pytest.approx(1.0, abs=0.02)
+    # Between the samples of a fast sine its peaks may go by.
+    assert 0.9 < np.max(np.abs(signal.values)) <= 1
     power = np.abs(np.fft.rfft(signal.values)) ** 2
     frequency = np.fft.rfftfreq(n, T)
     inside = (frequency >= low / 1.5) & (frequency <= 1.5 * high)
-    # A binary signal has a tail above its band, and lines at and below the lower end.
-    assert power[inside].sum() > (0.4 if kind == "prbs" else 0.9) * power.sum()
+    # A binary signal has a tail above its band, and lines below its lower end; a sine of few
+    # periods has no sharp line.
+    least = {"prbs": 0.4, "stepped-sine": 0.7, "multisine": 0.999}[kind]
+    assert power[inside].sum() > least * power.sum()
     assert [part.start for part in signal.parts] == [0, *(part.stop for part in signal.parts[:-1])]
     assert signal.parts[-1].stop == n
 
