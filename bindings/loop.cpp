@@ -11,12 +11,15 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
                amb_real T_sen, amb_real travel, int substeps, amb_real k_ui, amb_real iu_min,
                amb_real iu_max, amb_real kp, amb_real ki, amb_real kd, amb_real T_f, amb_real T_t,
                amb_real integral, bool feedback_estimate, Estimator *estimator, const Vector &r,
-               const Vector &f_d, const Vector &noise_u, const Vector &noise_y, amb_real x_start)
+               const Vector &f_d, const Vector &noise_u, const Vector &noise_y,
+               const std::optional<Vector> &scale, amb_real f_bias, amb_real x_start)
 {
   const size_t n = r.size();
   same_length(n, f_d.size(), "f_d");
   same_length(n, noise_u.size(), "noise_u");
   same_length(n, noise_y.size(), "noise_y");
+  if (scale)
+    same_length(n, scale->size(), "scale");
   if (feedback_estimate && estimator == nullptr)
     throw std::invalid_argument("feedback from the estimate needs an estimator");
   const amb_loop loop{{magnet.magnet, m, f_0, K_sen, T_sen, travel, substeps},
@@ -27,7 +30,9 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
                       iu_max,
                       estimator ? &estimator->estimator : nullptr,
                       feedback_estimate};
-  const amb_loop_input input{n, r.data(), f_d.data(), noise_u.data(), noise_y.data()};
+  const amb_loop_input input{
+      n,     r.data(), f_d.data(), noise_u.data(), noise_y.data(), scale ? scale->data() : nullptr,
+      f_bias};
   Fresh<amb_real> x({n}), v({n}), x_m({n}), iu({n}), force({n}), y({n}), u({n});
   History history(estimator ? n : 0, estimator != nullptr, estimator && estimator->scales());
   amb_loop_output out{x.data, v.data, x_m.data, iu.data, force.data, y.data, u.data, history.to, 0};
@@ -61,6 +66,7 @@ void bind_loop(nb::module_ &m)
         nb::arg("k_ui"), nb::arg("iu_min"), nb::arg("iu_max"), nb::arg("kp"), nb::arg("ki"),
         nb::arg("kd"), nb::arg("T_f"), nb::arg("T_t"), nb::arg("integral"),
         nb::arg("feedback_estimate"), nb::arg("estimator").none(), nb::arg("r"), nb::arg("f_d"),
-        nb::arg("noise_u"), nb::arg("noise_y"), nb::arg("x_start") = 0,
+        nb::arg("noise_u"), nb::arg("noise_y"), nb::arg("scale").none() = nb::none(),
+        nb::arg("f_bias") = 0, nb::arg("x_start") = 0,
         "A whole closed-loop run in one call; see sim/loop.h for shapes and units.");
 }

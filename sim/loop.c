@@ -35,10 +35,29 @@ bool amb_loop_step(const amb_loop *loop, amb_loop_state *state, void *estimator,
   return step(loop, state, estimator, sample);
 }
 
+/* A magnet whose force is another's, times a factor. Only a plant asks it. */
+typedef struct scaled_magnet {
+  amb_magnet magnet;
+  amb_real scale;
+} scaled_magnet;
+
+static amb_real scaled_force(const void *self, amb_real iu, amb_real x)
+{
+  const scaled_magnet *scaled = (const scaled_magnet *)self;
+  return scaled->scale * scaled->magnet.methods->force(scaled->magnet.self, iu, x);
+}
+
 amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_plant_state *plant,
                         amb_pid_state *pid, void *estimator, amb_loop_output *out)
 {
+  static const amb_magnet_methods scaled_methods = {scaled_force, NULL, NULL};
   amb_status all = AMB_OK;
+  amb_loop now = *loop;
+  scaled_magnet scaled = {loop->plant.magnet, 1};
+  if (in->scale != NULL) {
+    now.plant.magnet.methods = &scaled_methods;
+    now.plant.magnet.self = &scaled;
+  }
   amb_loop_state s;
   memset(&s, 0, sizeof s);
   s.plant = *plant;
@@ -46,10 +65,14 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_plan
   out->touched = 0;
   for (size_t k = 0; k < in->n; k++) {
     const amb_loop_sample sample = {in->r[k], in->f_d[k], in->noise_u[k], in->noise_y[k]};
+    if (in->scale != NULL) {
+      scaled.scale = in->scale[k];
+      now.plant.f_0 = loop->plant.f_0 + (scaled.scale - 1) * in->f_bias;
+    }
     out->x[k] = s.plant.x;
     out->v[k] = s.plant.v;
     out->x_m[k] = s.plant.x_m;
-    if (step(loop, &s, estimator, &sample))
+    if (step(&now, &s, estimator, &sample))
       out->touched++;
     out->y[k] = s.y;
     out->u[k] = s.u;

@@ -49,6 +49,8 @@ typedef struct amb_loop_input {
   const amb_real *f_d;     /* disturbance force [N] */
   const amb_real *noise_u; /* on the control signal [V] */
   const amb_real *noise_y; /* on the measurement [m] */
+  const amb_real *scale;   /* of the magnet's force, bias force and all [1]; NULL: 1 throughout */
+  amb_real f_bias; /* the magnet's bias force, which the plant's f_0 holds; where scaled [N] */
 } amb_loop_input;
 
 /* Where the run goes; n samples each, all wanted. */

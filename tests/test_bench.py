@@ -78,6 +78,27 @@ def test_imposed_series_are_added_and_replace() -> None:
         ambkit.simulate(BEARING, scenario, imposed=Imposed(load[1:]))
 
 
+@pytest.mark.parametrize("name", ["zittau_axial", "inteco_ml"])
+def test_a_scaled_magnet_is_another_magnet_constant(name: str) -> None:
+    bearing = Bearing.preset(name)
+    pid = ambkit.PID.for_bearing(bearing).model_copy(update={"feedback": "measurement"})
+    scenario = ambkit.Scenario(duration=0.03, start="rest", controller=pid)
+    n = round(0.03 / bearing.sampling_time) + 1
+    scaled = ambkit.simulate(bearing, scenario, imposed=Imposed(magnet_scale=np.full(n, 1.2)))
+    stronger = bearing.replace(magnet__magnet_constant=1.2 * bearing.magnet.magnet_constant)
+    other = ambkit.simulate(stronger, scenario)
+    for signal in ("x", "v", "iu", "f_mag"):
+        assert scaled[signal] == pytest.approx(other[signal], rel=1e-9, abs=1e-12)
+
+
+def test_a_drifting_magnet_drifts() -> None:
+    trial = trials(CASES["wrong-k"], BEARING, 1, 0)[0]
+    law = ambkit.ClosedLaw(BEARING).force(trial.record["iu"], trial.record["x"])
+    ratio = trial.record["f_mag"] / law
+    assert ratio[[0, -1]] == pytest.approx([0.7, 0.77])
+    assert (np.diff(ratio) > 0).all()
+
+
 # ---- consistency where the model is true ----
 
 

@@ -43,10 +43,14 @@ class Imposed:
         Force on the rotor, added to the scenario's [N].
     sensor_noise : ndarray (n,), optional
         Noise on the measured position, in place of the white one [m].
+    magnet_scale : ndarray (n,), optional
+        Factor on the force of the plant's magnet, such as that of a drifting magnet constant [1].
+        Where the rotor hovers at the start, it is held as if the factor were 1.
     """
 
     disturbance: NDArray[np.float64] | None = None
     sensor_noise: NDArray[np.float64] | None = None
+    magnet_scale: NDArray[np.float64] | None = None
 
 
 def samples(bearing: Bearing, scenario: Scenario) -> int:
@@ -73,7 +77,7 @@ def simulate(
     magnet : optional
         The plant's own magnet, where it is not the bearing's closed law.
     imposed : Imposed, optional
-        Series of disturbance and noise from outside.
+        Series of disturbance, noise and magnet from outside.
 
     Returns
     -------
@@ -113,7 +117,7 @@ def simulate_run(
     magnet : optional
         The plant's own magnet, where it is not the bearing's closed law.
     imposed : Imposed, optional
-        Series of disturbance and noise from outside.
+        Series of disturbance, noise and magnet from outside.
 
     Returns
     -------
@@ -183,6 +187,8 @@ def simulate_run(
         f_d=disturbance,
         noise_u=noise_u,
         noise_y=noise_y,
+        scale=None if imposed is None else imposed.magnet_scale,
+        f_bias=law.bias_force,
         x_start=x_start,
     )
     signals = {name: out[name] for name in ("x", "v", "x_m", "iu", "y", "u")}

@@ -60,6 +60,8 @@ class Case:
         What is uncertain about the plant.
     magnet_constant : float
         Factor on the plant's magnet constant, which the estimators do not know.
+    drift : float
+        How much of that constant it gains by the end of the run, evenly.
     saturates : bool
         Whether the plant's iron saturates, which only the learned maps know.
     correlation : float
@@ -74,6 +76,7 @@ class Case:
     scenario: Callable[[Bearing, float], Scenario]
     spread: Spread = CERTAIN
     magnet_constant: float = 1.0
+    drift: float = 0.0
     saturates: bool = False
     correlation: float = 0.0
     walks: float = 0.0
@@ -170,7 +173,9 @@ def _imposed(case: Case, bearing: Bearing, plant: Bearing, scenario: Scenario) -
         np.random.default_rng(s)
         for s in np.random.SeedSequence([scenario.seed, 3]).spawn(2)
     )  # fmt: skip
-    load = noise = None
+    load = noise = scale = None
+    if case.drift:
+        scale = np.linspace(1.0, 1.0 + case.drift, n)
     if case.walks:
         growth = case.walks * KalmanFilter(bearing).variances.disturbance
         load = np.cumsum(on_load.normal(0.0, math.sqrt(growth * T), n))
@@ -183,7 +188,7 @@ def _imposed(case: Case, bearing: Bearing, plant: Bearing, scenario: Scenario) -
         white = on_sensor.normal(0.0, math.sqrt(plant.sensor.noise_variance), n)
         white[1:] *= math.sqrt(1 - pole**2)
         noise = np.asarray(lfilter([1.0], [1.0, -pole], white))
-    return Imposed(disturbance=load, sensor_noise=noise)
+    return Imposed(disturbance=load, sensor_noise=noise, magnet_scale=scale)
 
 
 def saturating(bearing: Bearing) -> Force:
@@ -327,9 +332,9 @@ _DEFAULT = (
     Case("uncertain", "the paper's steps, and a plant that is not the nominal one",
          "What is left of the differences where nothing is known exactly.", _paper,
          spread=Spread.all(0.2)),
-    Case("wrong-k", "a magnet constant 30 % too small, position steps, then a load",
+    Case("wrong-k", "a magnet constant 30 % too small that drifts, position steps, a load",
          "The steps tell the constant; who estimates it has it before the load comes.", _wrong_k,
-         magnet_constant=0.7),
+         magnet_constant=0.7, drift=0.1),
     Case("saturating", "iron that saturates, with maps learned from the measured force",
          "The closed law is wrong here; only what is learned fits.", _paper, saturates=True),
     Case("coloured-noise", "sensor noise that is correlated over ten samples",

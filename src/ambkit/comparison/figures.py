@@ -13,7 +13,7 @@ from ambkit.comparison.contenders import Contender
 from ambkit.comparison.criteria import CRITERIA, Criterion
 from ambkit.estimators.family import KINDS
 from ambkit.report.figure import Figure, Panel
-from ambkit.report.items import Axis, Bars, Cells, Item, Line, Note, Points, Rule
+from ambkit.report.items import Axis, Bars, Cells, Item, Line, Points, Rule
 from ambkit.report.style import FAMILY
 
 if TYPE_CHECKING:
@@ -143,9 +143,8 @@ def cost_figure(bench: Bench) -> Figure:
             width = np.array([standing.half_width("f_d")])
             items.append(
                 Points(np.array([cost]), np.array([error]), np.nan_to_num(width), signal=style,
-                       label="")
+                       label=name)
             )  # fmt: skip
-            items.append(Note(cost, error, name))
     if "f_d" in bench.limit:
         items.append(Rule(bench.limit["f_d"], signal="truth", label="limit"))
     costs = np.array([s.mean("cost") for s in standings])
