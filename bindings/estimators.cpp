@@ -3,6 +3,7 @@
 extern "C" {
 #include "ambkit/low_pass.h"
 #include "ambkit/observer.h"
+#include "ambkit/square_root.h"
 }
 
 namespace
@@ -64,6 +65,20 @@ struct Kalman : Estimator {
 struct Extended : Estimator {
   Extended(nb::object asked, nb::kwargs settings) : Estimator(amb_extended_methods, asked, settings)
   {
+  }
+};
+
+struct SquareRoot : Estimator {
+  SquareRoot(nb::object asked, nb::kwargs settings)
+      : Estimator(amb_square_root_methods, asked, settings)
+  {
+  }
+  nb::object factor()
+  {
+    const auto &s = *static_cast<const amb_square_root_state *>(state());
+    const size_t n = AMB_AXIAL_STATES;
+    return nb::make_tuple(shown({&s.U[0][0], &s.U[0][0] + n * n}, {n, n}),
+                          shown({s.D, s.D + n}, {n}));
   }
 };
 
@@ -296,6 +311,10 @@ void bind_estimators(nb::module_ &m)
   nb::class_<Extended, Estimator>(m, "Extended", "Extended Kalman filter.")
       .def(nb::init<nb::object, nb::kwargs>(), nb::arg("magnet"), nb::arg("settings"),
            nb::sig("def __init__(self, magnet: Magnet, **settings: float) -> None"));
+  nb::class_<SquareRoot, Estimator>(m, "SquareRoot", "Extended filter (ambkit/square_root.h).")
+      .def(nb::init<nb::object, nb::kwargs>(), nb::arg("magnet"), nb::arg("settings"),
+           nb::sig("def __init__(self, magnet: Magnet, **settings: float) -> None"))
+      .def_prop_ro("factor", &SquareRoot::factor, "U (4, 4) and D (4,) of the covariance U D U'.");
   nb::class_<Observer, Estimator>(m, "Observer", "Constant gain (ambkit/observer.h).")
       .def(nb::init<nb::object, const Vector &, const Vector &, amb_real, nb::kwargs>(),
            nb::arg("magnet"), nb::arg("gain"), nb::arg("cov"), nb::arg("variance"),

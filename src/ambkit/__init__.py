@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from ambkit.estimators import FilterNoise as FilterNoise
     from ambkit.estimators import KalmanFilter as KalmanFilter
     from ambkit.estimators import LowPass as LowPass
+    from ambkit.estimators import SquareRootKalmanFilter as SquareRootKalmanFilter
     from ambkit.estimators import SteadyStateKalmanFilter as SteadyStateKalmanFilter
     from ambkit.fuzzy import Expert as Expert
     from ambkit.fuzzy.training import train as train
@@ -56,6 +57,7 @@ _HOME = {
         "FilterNoise",
         "KalmanFilter",
         "LowPass",
+        "SquareRootKalmanFilter",
         "SteadyStateKalmanFilter",
     ],
     "fuzzy": ["Expert"],

@@ -149,6 +149,15 @@ class Extended(Estimator):
 
     def __init__(self, magnet: Magnet, **settings: float) -> None: ...
 
+class SquareRoot(Estimator):
+    """Extended filter (ambkit/square_root.h)."""
+
+    def __init__(self, magnet: Magnet, **settings: float) -> None: ...
+
+    @property
+    def factor(self) -> object:
+        """U (4, 4) and D (4,) of the covariance U D U'."""
+
 class Observer(Estimator):
     """Constant gain (ambkit/observer.h)."""
 

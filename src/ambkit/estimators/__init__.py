@@ -5,7 +5,12 @@ the commands know.
 """
 
 from ambkit.estimators.base import Estimator, check_sampling
-from ambkit.estimators.kalman import AdaptiveKalmanFilter, ExtendedKalmanFilter, KalmanFilter
+from ambkit.estimators.kalman import (
+    AdaptiveKalmanFilter,
+    ExtendedKalmanFilter,
+    KalmanFilter,
+    SquareRootKalmanFilter,
+)
 from ambkit.estimators.low_pass import LowPass
 from ambkit.estimators.noise import FilterNoise, Variances
 from ambkit.estimators.observer import ExtendedStateObserver, SteadyStateKalmanFilter
@@ -18,6 +23,7 @@ __all__ = [
     "FilterNoise",
     "KalmanFilter",
     "LowPass",
+    "SquareRootKalmanFilter",
     "SteadyStateKalmanFilter",
     "Variances",
     "check_sampling",

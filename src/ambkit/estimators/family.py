@@ -7,7 +7,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ambkit.estimators.base import Estimator
-from ambkit.estimators.kalman import AdaptiveKalmanFilter, ExtendedKalmanFilter, KalmanFilter
+from ambkit.estimators.kalman import (
+    AdaptiveKalmanFilter,
+    ExtendedKalmanFilter,
+    KalmanFilter,
+    SquareRootKalmanFilter,
+)
 from ambkit.estimators.low_pass import LowPass
 from ambkit.estimators.observer import (
     ExtendedStateObserver,
@@ -129,6 +134,7 @@ KINDS = {
         Kind("adaptive", "adaptive Kalman filter, fuzzy expert", AdaptiveKalmanFilter, None),
         Kind("closed-law", "Kalman filter, closed law", AdaptiveKalmanFilter, ClosedLaw),
         Kind("extended", "extended Kalman filter", ExtendedKalmanFilter, ClosedLaw),
+        Kind("square-root", "square-root Kalman filter", SquareRootKalmanFilter, ClosedLaw),
     )
 }  # fmt: skip
 """All kinds, from the simplest on."""

@@ -82,3 +82,30 @@ class ExtendedKalmanFilter(Estimator):
 
     def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
         return core.Extended(magnet, **settings)
+
+
+class SquareRootKalmanFilter(ExtendedKalmanFilter):
+    """Extended Kalman filter on the factor U D U' of its covariance, for single precision.
+
+    In exact arithmetic it is the extended filter; with constant stiffnesses, the linear one. In
+    float32 its covariance stays positive definite whatever happens: no variance is a difference.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What is filtered.
+    source : optional
+        What the filter knows of its magnet; by default the closed law.
+    **options
+        As for :class:`KalmanFilter`.
+
+    References
+    ----------
+    Thornton, Triangular Covariance Factorizations for Kalman Filtering, 1976; Bierman,
+    Factorization Methods for Discrete Sequential Estimation, 1977.
+    """
+
+    name = "square-root Kalman filter"
+
+    def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
+        return core.SquareRoot(magnet, **settings)

@@ -1,0 +1,157 @@
+#include "ambkit/square_root.h"
+#include "kalman_step.h"
+
+#define N AMB_AXIAL_STATES
+#define NOISES 2 /* control signal, growth of the disturbance force */
+#define COLUMNS (N + NOISES)
+
+/* P = U D U' for those who ask for it. */
+static void multiply_out(amb_square_root_state *s)
+{
+  int entry = 0;
+  for (int i = 0; i < N; i++) {
+    for (int j = i; j < N; j++) {
+      amb_real sum = s->U[i][j] * s->D[j];
+      for (int k = j + 1; k < N; k++) {
+        sum += s->U[i][k] * s->D[k] * s->U[j][k];
+      }
+      s->base.cov[entry] = sum;
+      entry++;
+    }
+  }
+}
+
+static amb_status reset(const amb_estimator *self, void *state, const amb_real mean[N],
+                        const amb_real std[N])
+{
+  (void)self;
+  amb_square_root_state *s = (amb_square_root_state *)state;
+  const amb_status status = amb_kalman_reset(&s->base, mean, std);
+  if (status == AMB_OK) {
+    for (int i = 0; i < N; i++) {
+      s->D[i] = std[i] * std[i];
+      for (int j = 0; j < N; j++) {
+        s->U[i][j] = (i == j) ? AMB_C(1.0) : AMB_C(0.0);
+      }
+    }
+  }
+  return status;
+}
+
+/* Rows W under the weights `weight`, made orthogonal from the last to the first: W weight W' is
+ * then U D U'. */
+static void orthogonalise(amb_real W[N][COLUMNS], const amb_real weight[COLUMNS],
+                          amb_square_root_state *s)
+{
+  for (int j = N - 1; j >= 0; j--) {
+    amb_real weighted[COLUMNS];
+    amb_real square = AMB_C(0.0);
+    for (int c = 0; c < COLUMNS; c++) {
+      weighted[c] = W[j][c] * weight[c];
+      square += W[j][c] * weighted[c];
+    }
+    const amb_real inverse = (square > AMB_C(0.0)) ? (AMB_C(1.0) / square) : AMB_C(0.0);
+    s->D[j] = square;
+    for (int i = 0; i < j; i++) {
+      amb_real product = AMB_C(0.0);
+      for (int c = 0; c < COLUMNS; c++) {
+        product += W[i][c] * weighted[c];
+      }
+      const amb_real share = product * inverse;
+      s->U[i][j] = share;
+      for (int c = 0; c < COLUMNS; c++) {
+        W[i][c] -= share * W[j][c];
+      }
+    }
+  }
+}
+
+/* Eq. 10 on the factor. */
+static void predict_factor(const amb_kalman *kf, amb_stiffness k, amb_square_root_state *s)
+{
+  const amb_kalman_settings *set = &kf->set;
+  const amb_real g = k.k_i * set->k_ui;
+  amb_real W[N][COLUMNS];
+  for (int j = 0; j < N; j++) {
+    /* A column of A U is what the linear transition makes of a column of U. */
+    amb_real column[N] = {s->U[0][j], s->U[1][j], s->U[2][j], s->U[3][j]};
+    amb_axial_predict_mean(&kf->model, k.k_s * column[0], column);
+    for (int i = 0; i < N; i++) {
+      W[i][j] = column[i];
+    }
+  }
+  const amb_real G[N][NOISES] = {{g * kf->model.T2_2m, AMB_C(0.0)},
+                                 {g * kf->model.T_m, AMB_C(0.0)},
+                                 {AMB_C(0.0), AMB_C(1.0)},
+                                 {AMB_C(0.0), AMB_C(0.0)}};
+  for (int i = 0; i < N; i++) {
+    W[i][N] = G[i][0];
+    W[i][N + 1] = G[i][1];
+  }
+  const amb_real weight[COLUMNS] = {s->D[0], s->D[1], s->D[2], s->D[3], set->var_u, set->var_d};
+  orthogonalise(W, weight, s);
+}
+
+static amb_status predict(const amb_estimator *self, void *state, amb_real u,
+                          amb_kalman_result *result)
+{
+  const amb_kalman *kf = self->kf;
+  amb_square_root_state *s = (amb_square_root_state *)state;
+  amb_status status = AMB_OK;
+  const amb_real iu = amb_step_current(kf, &s->base, u, &status);
+  const amb_real f = amb_step_force(kf, self->magnet, iu, s->base.mean[0], &result->stiffness);
+  const amb_stiffness k = result->stiffness;
+  if (!(s->base.cov[0] <= (kf->set.x_max * kf->set.x_max))) { /* as all of the family */
+    status |= AMB_HELD;
+  } else if (!amb_is_finite(f) || !amb_is_finite(k.k_i) || !amb_is_finite(k.k_s)) {
+    status |= AMB_BAD_PARAMETER;
+  } else {
+    amb_axial_predict_mean(&kf->model, f + kf->set.f_0, s->base.mean);
+    predict_factor(kf, k, s);
+    multiply_out(s);
+  }
+  result->status = status;
+  return status;
+}
+
+static amb_status update(const amb_estimator *self, void *state, amb_real y,
+                         amb_kalman_result *result)
+{
+  const amb_kalman *kf = self->kf;
+  amb_square_root_state *s = (amb_square_root_state *)state;
+  const amb_real P33 = s->D[N - 1];
+  const amb_real S = P33 + kf->set.var_y;
+  result->innovation = AMB_C(0.0);
+  result->variance = S;
+  amb_status status = AMB_OK;
+  if (!((y * y) <= kf->far_squared)) {
+    status = AMB_MISSING;
+  } else if (amb_step_frozen(kf, &s->base, y)) {
+    status = AMB_FROZEN;
+  } else {
+    const amb_real e = y - s->base.mean[N - 1];
+    result->innovation = e;
+    status = amb_step_surprised(&s->base, e, S);
+    if (amb_step_outlier(kf, &s->base, e, S)) {
+      status |= AMB_OUTLIER;
+    } else {
+      /* The last row of U is that of the unit matrix: H U = H, and of Bierman's update is left */
+      const amb_real inverse = AMB_C(1.0) / S;
+      for (int i = 0; i < N; i++) {
+        s->base.mean[i] += s->U[i][N - 1] * (P33 * inverse) * e;
+      }
+      s->D[N - 1] = P33 * (kf->set.var_y * inverse);
+      multiply_out(s);
+    }
+  }
+  result->status = status;
+  return status;
+}
+
+static void advance(const amb_estimator *self, amb_real scale, amb_real iu, amb_real mean[N])
+{
+  amb_extended_methods.advance(self, scale, iu, mean);
+}
+
+const amb_estimator_methods amb_square_root_methods = {
+    sizeof(amb_square_root_state), reset, predict, update, advance, NULL};
