@@ -1,7 +1,10 @@
 """Reading a rig's log: what its clock and channels are worth, and what is done about faults."""
 
+import contextlib
 import json
+import os
 import re
+import threading
 import tomllib
 from pathlib import Path
 
@@ -20,6 +23,7 @@ from ambkit.reading.clock import examine
 from ambkit.reading.guess import guess
 from ambkit.reading.picture import reading_figure
 from ambkit.record import Record
+from benchmarks import reading as reading_benchmark
 from tests import logs
 
 RIG = Path(__file__).parents[2] / "shared" / "data" / "inteco"
@@ -536,3 +540,25 @@ def test_record_read_is_what_the_command_reads(tmp_path):
     record = ambkit.Record.read(tmp_path / "log.csv", map=tmp_path / "map.toml")
     assert len(record) == 2000
     assert record.meta["source"] == "log.csv"
+
+
+@pytest.mark.skipif(not hasattr(os, "wait4"), reason="needs wait4 and a pseudo terminal")
+def test_a_million_rows_take_few_seconds_and_show_progress_on_a_terminal(tmp_path):
+    """A tenth of what benchmarks/reading.py holds to; processor time, since machines are busy."""
+    terminal, inside = os.openpty()
+    shown: list[bytes] = []
+
+    def listen():
+        with contextlib.suppress(OSError):  # Linux says EIO where the other end is closed
+            while part := os.read(terminal, 4096):
+                shown.append(part)
+
+    listener = threading.Thread(target=listen)
+    listener.start()
+    cost = reading_benchmark.measure(1_000_000, tmp_path, stderr=inside)
+    os.close(inside)
+    listener.join(timeout=10)
+    os.close(terminal)
+    assert re.search(rb"reading|looking at", b"".join(shown))
+    assert cost.cpu < 10
+    assert cost.memory < 6e8

@@ -101,13 +101,14 @@ def examine(name: str, times: Array) -> Clock:
         The times [s], finite, n >= 2.
     """
     steps = np.diff(times)
-    forward = steps[steps > 0]
+    none = np.array([], dtype=np.intp)
+    forward = steps if steps.min() > 0 else steps[steps > 0]
     if forward.size == 0:
-        at = np.arange(1, times.size)
-        none = np.array([], dtype=np.intp)
-        return Clock(name, times, float("inf"), 0.0, none, none, none, at)
+        return Clock(name, times, np.inf, 0.0, none, none, none, np.arange(1, times.size))
     median = float(np.median(forward))
     usual = np.abs(steps - median) <= TIME_TOLERANCE * median
+    if usual.all():  # the usual case, and a long log is done with
+        return Clock(name, times, float(steps.mean()), float(steps.std()), none, none, none, none)
     step = float(np.mean(steps[usual])) if usual.any() else median
     ratio = steps / step
     span = min(float(forward.sum()), times.size * step)
