@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +14,9 @@ from numpy.typing import NDArray
 
 import ambkit
 from ambkit import Adaline, Bearing, Record, Scenario
+from ambkit.commands import output
+from ambkit.commands.identify_online import learn_online
+from ambkit.errors import AmbkitError
 from ambkit.identification.rls import RecursiveLeastSquares
 from ambkit.magnets import core_module
 
@@ -195,6 +200,40 @@ def test_units_of_length_do_not_matter() -> None:
         results.append((out["k"] / by**2, out["load"]))
     assert results[1][0] == pytest.approx(results[0][0], rel=1e-12)
     assert results[1][1] == pytest.approx(results[0][1], rel=1e-11, abs=1e-11)
+
+
+def test_identify_takes_either_learner() -> None:
+    scenario = SWING.replace(disturbance=ambkit.Constant(value=1.0))
+    record = ambkit.simulate(BEARING, scenario)
+    found = ambkit.identify(record, BEARING, method="rls", start=1.5 * K)
+    assert found.magnet_constant == found.bearing.magnet.magnet_constant
+    assert found.magnet_constant == pytest.approx(K, rel=0.02)
+    with pytest.raises(AmbkitError, match='no method "lms"; known: adaline, rls'):
+        ambkit.identify(record, BEARING, method="lms")
+    still = ambkit.simulate(BEARING, Scenario(duration=0.1))
+    with pytest.raises(AmbkitError, match="let the rotor move"):
+        ambkit.identify(still, BEARING, method="rls")
+
+
+def test_the_command_shows_the_learners_beside_each_other(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record = ambkit.simulate(BEARING, SWING.replace(disturbance=ambkit.Constant(value=1.0)))
+    written: list[Path] = []
+    for as_json in (True, False):
+        picture, out = tmp_path / f"{as_json}.svg", tmp_path / f"{as_json}.toml"
+        learn_online(record, BEARING, "rls", 1.5 * K, None, out, picture, as_json)
+        written += [picture, out]
+    assert all(path.stat().st_size > 0 for path in written)
+    told = capsys.readouterr().out
+    found, _ = json.JSONDecoder().raw_decode(told)
+    assert found["learners"]["rls"]["load"] == pytest.approx(1.0, abs=0.15)
+    assert found["magnet_constant"] == found["learners"]["rls"]["magnet_constant"]
+    assert Bearing.load(tmp_path / "True.toml").magnet.magnet_constant == found["magnet_constant"]
+    assert abs(found["learners"]["adaline"]["magnet_constant"] / K - 1) > 0.1
+    assert "least squares" in told
+    assert "load that was not known" in told
+    output.written.clear()
 
 
 @pytest.mark.parametrize(

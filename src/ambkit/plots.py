@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from ambkit.comparison import Score
     from ambkit.fuzzy import Expert
     from ambkit.identification import Identification
+    from ambkit.identification.adaline import AdalineResult
     from ambkit.identification.lift_off_fit import LiftOffFit
     from ambkit.identification.stiffness import StiffnessMap
     from ambkit.judgement import Judgement
@@ -207,12 +208,38 @@ def _innovation(judgement: Judgement) -> list[Item]:
     ]
 
 
-def identification_figure(found: Identification, start: float) -> Figure:
-    """Show how the magnet constant was learned along a record, from `start` [N m^2/A^2]."""
+LEARNERS = {
+    "adaline": ("identified", "ADALINE"),
+    "rls": ("series 2", "least squares"),
+}
+"""Style and name of who learns online."""
+
+
+def identification_figure(
+    found: Identification, start: float, beside: Mapping[str, AdalineResult] | None = None
+) -> Figure:
+    """Show how the magnet constant was learned along a record, from `start` [N m^2/A^2].
+
+    Parameters
+    ----------
+    found : Identification
+        The result.
+    start : float
+        Where learning began [N m^2/A^2].
+    beside : mapping of str to AdalineResult, optional
+        What each of `LEARNERS` learned along the same record, the result's own too.
+    """
     history = found.history
     constant = Axis("magnet constant $k$", "N mm²/A²", 1e6)
     force: list[Item] = [Line(history.t, history.force, signal="force", label="identified force")]
+    lines: list[Item] = [Line(history.t, history.k, signal="identified")]
     excitation: list[Item] = [Line(history.t, history.excitation, signal="control", label="")]
+    if beside is not None:
+        looks = [(*LEARNERS[name], one) for name, one in beside.items()]
+        lines = [Line(one.t, one.k, signal=style, label=label) for style, label, one in looks]
+        excitation = [
+            Line(one.t, one.excitation, signal=style, label="") for style, _, one in looks
+        ]
     return Figure(
         id="identification",
         title=f"Identification of {found.bearing.name}",
@@ -221,7 +248,7 @@ def identification_figure(found: Identification, start: float) -> Figure:
             Panel(TIME, constant, [
                 Rule(start, signal="reference", label="start"),
                 Rule(found.magnet_constant, signal="bound", label="result"),
-                Line(history.t, history.k, signal="identified"),
+                *lines,
             ]),
             Panel(TIME, Axis("magnet force", "N"), force),
             Panel(TIME, Axis("excitation"), excitation),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -9,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from ambkit.errors import AmbkitError
 from ambkit.identification.adaline import Adaline, AdalineResult
+from ambkit.identification.rls import RecursiveLeastSquares
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
@@ -26,7 +28,8 @@ class Identification:
     magnet_constant, spread : float
         Mean and standard deviation of k over the last quarter of the record [N m^2/A^2].
     history : AdalineResult
-        How force and k were learned.
+        How force and k were learned; by least squares a
+        :class:`~ambkit.identification.rls.LeastSquaresResult`.
     """
 
     bearing: Bearing
@@ -35,13 +38,26 @@ class Identification:
     history: AdalineResult
 
 
+ONLINE: Mapping[str, type[Adaline] | type[RecursiveLeastSquares]] = {
+    "adaline": Adaline,
+    "rls": RecursiveLeastSquares,
+}
+"""What learns a magnet constant sample by sample, by the names that users call it."""
+
+
 def identify(
-    record: Record, bearing: Bearing, *, disturbance: ArrayLike | None = None, **options: Any
+    record: Record,
+    bearing: Bearing,
+    *,
+    method: str = "adaline",
+    disturbance: ArrayLike | None = None,
+    **options: Any,
 ) -> Identification:
     """Identify the magnet constant along a record (paper, eq. 22-25, Fig. 6).
 
-    What can be told from one record is the ratio of k to the mass: a mass that is 10 % wrong, or a
-    constant load that is not known, moves k by its share of the force.
+    What can be told from one record is the ratio of k to the mass: a mass that is 10 % wrong moves
+    k by as much. A constant load that is not known moves ADALINE's k by its share of the force,
+    and does nothing to that of least squares, which need motion in return.
 
     Parameters
     ----------
@@ -49,18 +65,23 @@ def identify(
         With ``y`` [m] and ``u`` [V].
     bearing : Bearing
         Mass, gap, bias current, sensor and amplifier; its magnet constant is the start.
+    method : {"adaline", "rls"}
+        Who learns: ADALINE, or recursive least squares.
     disturbance : array_like (n,), optional
         Disturbance force as far as it is known [N].
     **options
-        As for :class:`ambkit.Adaline`: start, bandwidth, learning rates.
+        As for :class:`ambkit.Adaline` or :class:`ambkit.RecursiveLeastSquares`: start, bandwidth,
+        learning rates, forgetting.
 
     Raises
     ------
     AmbkitError
-        Where the record never excited the magnet enough to learn from, or what was learned is no
-        magnet constant.
+        An unknown method; or where the record never excited the magnet enough to learn from, or
+        what was learned is no magnet constant.
     """
-    history = Adaline(bearing, **options).run(record, disturbance=disturbance)
+    if method not in ONLINE:
+        raise AmbkitError(f'there is no method "{method}"; known: {", ".join(ONLINE)}')
+    history: AdalineResult = ONLINE[method](bearing, **options).run(record, disturbance=disturbance)
     if history.held.all():
         raise AmbkitError(
             f"excitation stayed at {history.excitation.max():.2g}, below the least at which the "
