@@ -4,6 +4,7 @@ extern "C" {
 #include "ambkit/low_pass.h"
 #include "ambkit/observer.h"
 #include "ambkit/square_root.h"
+#include "ambkit/unscented.h"
 }
 
 namespace
@@ -119,6 +120,22 @@ struct LowPass : Estimator {
     d["position"] = own.position;
     d["velocity"] = own.velocity;
     d["force"] = own.force;
+    return d;
+  }
+};
+
+struct Unscented : Estimator {
+  amb_unscented own;
+  Unscented(nb::object asked, amb_real reach, amb_real curvature, nb::kwargs settings)
+      : Estimator(amb_unscented_methods, asked, settings), own{reach, curvature}
+  {
+    estimator.own = &own;
+  }
+  nb::dict more() const override
+  {
+    nb::dict d;
+    d["reach"] = own.reach;
+    d["curvature"] = own.curvature;
     return d;
   }
 };
@@ -315,6 +332,11 @@ void bind_estimators(nb::module_ &m)
       .def(nb::init<nb::object, nb::kwargs>(), nb::arg("magnet"), nb::arg("settings"),
            nb::sig("def __init__(self, magnet: Magnet, **settings: float) -> None"))
       .def_prop_ro("factor", &SquareRoot::factor, "U (4, 4) and D (4,) of the covariance U D U'.");
+  nb::class_<Unscented, Estimator>(m, "Unscented", "Unscented filter (ambkit/unscented.h).")
+      .def(nb::init<nb::object, amb_real, amb_real, nb::kwargs>(), nb::arg("magnet"),
+           nb::arg("reach"), nb::arg("curvature"), nb::arg("settings"),
+           nb::sig("def __init__(self, magnet: Magnet, reach: float, curvature: float, "
+                   "**settings: float) -> None"));
   nb::class_<Observer, Estimator>(m, "Observer", "Constant gain (ambkit/observer.h).")
       .def(nb::init<nb::object, const Vector &, const Vector &, amb_real, nb::kwargs>(),
            nb::arg("magnet"), nb::arg("gain"), nb::arg("cov"), nb::arg("variance"),

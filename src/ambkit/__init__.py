@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from ambkit.estimators import LowPass as LowPass
     from ambkit.estimators import SquareRootKalmanFilter as SquareRootKalmanFilter
     from ambkit.estimators import SteadyStateKalmanFilter as SteadyStateKalmanFilter
+    from ambkit.estimators import UnscentedKalmanFilter as UnscentedKalmanFilter
     from ambkit.fuzzy import Expert as Expert
     from ambkit.fuzzy.training import train as train
     from ambkit.identification import identify as identify
@@ -59,6 +60,7 @@ _HOME = {
         "LowPass",
         "SquareRootKalmanFilter",
         "SteadyStateKalmanFilter",
+        "UnscentedKalmanFilter",
     ],
     "fuzzy": ["Expert"],
     "identification": ["identify"],

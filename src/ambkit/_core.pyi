@@ -158,6 +158,11 @@ class SquareRoot(Estimator):
     def factor(self) -> object:
         """U (4, 4) and D (4,) of the covariance U D U'."""
 
+class Unscented(Estimator):
+    """Unscented filter (ambkit/unscented.h)."""
+
+    def __init__(self, magnet: Magnet, reach: float, curvature: float, **settings: float) -> None: ...
+
 class Observer(Estimator):
     """Constant gain (ambkit/observer.h)."""
 

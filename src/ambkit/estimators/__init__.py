@@ -14,6 +14,7 @@ from ambkit.estimators.kalman import (
 from ambkit.estimators.low_pass import LowPass
 from ambkit.estimators.noise import FilterNoise, Variances
 from ambkit.estimators.observer import ExtendedStateObserver, SteadyStateKalmanFilter
+from ambkit.estimators.unscented import UnscentedKalmanFilter
 
 __all__ = [
     "AdaptiveKalmanFilter",
@@ -25,6 +26,7 @@ __all__ = [
     "LowPass",
     "SquareRootKalmanFilter",
     "SteadyStateKalmanFilter",
+    "UnscentedKalmanFilter",
     "Variances",
     "check_sampling",
 ]

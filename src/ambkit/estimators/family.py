@@ -19,6 +19,7 @@ from ambkit.estimators.observer import (
     SteadyStateKalmanFilter,
     unstable_pole,
 )
+from ambkit.estimators.unscented import UnscentedKalmanFilter
 from ambkit.magnets import ClosedLaw, StiffnessSource
 
 if TYPE_CHECKING:
@@ -135,6 +136,7 @@ KINDS = {
         Kind("closed-law", "Kalman filter, closed law", AdaptiveKalmanFilter, ClosedLaw),
         Kind("extended", "extended Kalman filter", ExtendedKalmanFilter, ClosedLaw),
         Kind("square-root", "square-root Kalman filter", SquareRootKalmanFilter, ClosedLaw),
+        Kind("unscented", "unscented Kalman filter", UnscentedKalmanFilter, ClosedLaw),
     )
 }  # fmt: skip
 """All kinds, from the simplest on."""

@@ -1,0 +1,108 @@
+"""The unscented filter: three forces are filterpy's nine points, and better than a tangent."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import oracles
+import pytest
+from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
+
+import ambkit
+from ambkit import Bearing, ClosedLaw
+from ambkit.estimators.model import LinearModel
+from ambkit.magnets import core_module
+
+BEARING = Bearing.preset("zittau_axial")
+MEAN = np.array([2e-5, 0.01, -1.0, 1e-5])
+STD = np.array([3e-5, 0.012, 5.0, 3e-5])
+
+
+def swinging() -> ambkit.Record:
+    scenario = ambkit.Scenario(
+        duration=0.25,
+        reference=ambkit.Sine(amplitude=4e-4, frequency=8.0),
+        disturbance=ambkit.Step(amplitude=3.0, time=0.1),
+    )
+    return ambkit.simulate(BEARING, scenario)
+
+
+# filterpy takes the root of a covariance whose entries differ by 1e12: what it loses there is
+# bounded by the states' own standard deviations.
+@pytest.mark.parametrize(
+    ("alpha", "beta", "kappa", "blunt"),
+    [(1.0, 0.0, -1.0, 1.0), (1.0, 2.0, 0.0, 1.0), (0.5, 2.0, 1.0, 1.0), (1.0, 2.0, 3.0, 400.0)],
+)
+def test_it_is_filterpy_s(alpha: float, beta: float, kappa: float, blunt: float) -> None:
+    """`blunt`: how much worse a sensor is, so that the points lie far apart."""
+    record, law, core = swinging(), ClosedLaw(BEARING), core_module()
+    s = oracles.settings_of(BEARING)
+    s["var_y"] *= blunt
+    mine = core.Unscented(law.magnet(core), alpha * np.sqrt(4 + kappa),
+                          alpha**2 * (4 + kappa) + beta - alpha**2, **s)  # fmt: skip
+    mine.reset(MEAN, STD)
+    out = mine.run(record["y"], record["u"], covariance=True)
+
+    # filterpy's in units of the standard deviations, as its Cholesky root wants them.
+    D = STD
+    free = LinearModel.of(mine.parameters, 0.0, 0.0)
+    magnet = law.magnet(core)
+
+    def force(iu: float, x: float) -> float:
+        return float(magnet.force(np.array([iu]), np.array([x]))[0])
+
+    def transition(z: Any, _dt: float, iu: float) -> Any:
+        X = D * z
+        return (free.A @ X + free.E.ravel() * (force(iu, X[0]) + s["f_0"])) / D
+
+    points = MerweScaledSigmaPoints(4, alpha, beta, kappa)
+    ukf = UnscentedKalmanFilter(4, 1, s["T"], lambda z: z[3:] * D[3], transition, points)
+    ukf.x, ukf.P, ukf.R = MEAN / D, np.diag((STD / D) ** 2), np.array([[s["var_y"]]])
+    ukf.sigmas_f = points.sigma_points(ukf.x, ukf.P)
+    for k in range(len(record)):
+        if k:
+            iu = float(np.clip(s["k_ui"] * record["u"][k - 1], s["iu_min"], s["iu_max"]))
+            k_i = float(magnet.tangent(np.array([iu]), np.array([D[0] * ukf.x[0]]))[0][0])
+            ukf.Q = LinearModel.of(mine.parameters, k_i, 0.0).Q / np.outer(D, D)
+            ukf.predict(iu=iu)
+        ukf.update(record["y"][k : k + 1])
+        sigma = np.sqrt(np.diag(ukf.P)) * D
+        assert (np.abs(out["mean"][k] - D * ukf.x) <= 1e-9 * np.maximum(sigma, np.abs(D))).all()
+    P = (ukf.P * np.outer(D, D))[np.triu_indices(4)]
+    rows, columns = np.triu_indices(4)
+    off = np.abs(out["covariance"][-1] - P) / (sigma[rows] * sigma[columns])
+    assert off.max() < 1e-9
+
+
+def test_the_mean_force_is_the_integral_where_the_tangent_is_not() -> None:
+    """A position known to 0.25 mm, at 0.3 mm: what force is to be expected?"""
+    law, core = ClosedLaw(BEARING), core_module()
+    s = oracles.settings_of(BEARING, f_0=0.0)
+    mean, std = np.array([3e-4, 0, 0, 3e-4]), np.array([2.5e-4, 1e-3, 1e-3, 1e-5])
+    iu = 0.4
+    speed = {}
+    for name, args in (("Extended", ()), ("Unscented", (np.sqrt(3), 2.0))):
+        e = getattr(core, name)(law.magnet(core), *args, **s)
+        e.reset(mean, std)
+        e.predict(iu)
+        speed[name] = e.mean[1] * s["m"] / s["T"], e.covariance[1, 1] * (s["m"] / s["T"]) ** 2
+    x = 3e-4 + 2.5e-4 * np.linspace(-2.6, 2.6, 2001)  # within the stops
+    weight = np.exp(-0.5 * ((x - 3e-4) / 2.5e-4) ** 2)
+    F = law.force(np.full_like(x, iu), x)
+    exact = float((weight * F).sum() / weight.sum())
+    assert abs(speed["Unscented"][0] - exact) < 0.2 * abs(speed["Extended"][0] - exact)
+    assert speed["Unscented"][1] > speed["Extended"][1]
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"alpha": 0.0}, "alpha must be greater than 0, got 0.0"),
+        ({"kappa": -4.0}, "kappa must be greater than -4, got -4.0"),
+        ({"kappa": -3.5}, "beta must be 0.5 or more for a variance, got 0.0"),
+    ],
+)
+def test_parameters_that_leave_no_spread_are_told(options: dict[str, float], told: str) -> None:
+    with pytest.raises(ValueError, match=told):
+        ambkit.UnscentedKalmanFilter(BEARING, **options)
