@@ -57,15 +57,15 @@ class UnscentedKalmanFilter(Estimator):
         kappa: float = 3.0 - STATES,
         **options: Any,
     ) -> None:
-        for name, value, least in (("alpha", alpha, 0), ("kappa", kappa, -STATES)):
+        for name, value, least in (("alpha", alpha, 0.0), ("kappa", kappa, -float(STATES))):
             if not (math.isfinite(value) and value > least):
-                raise ValueError(f"{name} must be greater than {least}, got {value!r}")
+                raise ValueError(f"{name} must be greater than {least:g}, got {value!r}")
         spread = alpha**2 * (STATES + kappa)
         self.reach = math.sqrt(spread)
         self.curvature = spread + beta - alpha**2
         if not (math.isfinite(self.curvature) and self.curvature >= 0):
-            least = alpha**2 - spread
-            raise ValueError(f"beta must be {least:.6g} or more for a variance, got {beta!r}")
+            lowest = alpha**2 - spread
+            raise ValueError(f"beta must be {lowest:.6g} or more for a variance, got {beta!r}")
         super().__init__(bearing, source or ClosedLaw(bearing), **options)
 
     def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
