@@ -23,14 +23,14 @@ TRUTH = LoopModel(
     Bearing.preset("zittau_axial").replace(
         sensor__lag="0.8 ms", sensor__noise_variance="4 µm^2", amplifier__noise_variance="4e-3 V^2"
     ),
-    delay=1.3e-4,
+    delay=2.3e-4,
     position_offset=30e-6,
     current_offset=-40e-3,
     load_growth=2.0,
     load_std=0.05,
 )
 """The paper's bearing with a slower, sharper sensor and a noisier amplifier, so that a record of
-one second tells lag from delay and both noises from the load. The loop adds 1.3 samples of delay,
+one second tells lag from delay and both noises from the load. The loop adds 2.3 samples of delay,
 offsets, and a load that wanders."""
 
 START = LoopModel(

@@ -1,8 +1,9 @@
-"""``ambkit identify``: the magnet constant, from a record of the loop or from lift-off points."""
+"""``ambkit identify``: a bearing, from records of the loop, by ADALINE or from lift-off points."""
 
 from __future__ import annotations
 
 import math
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -28,6 +29,14 @@ if TYPE_CHECKING:
 
 CONSTANT = "N m^2/A^2"
 
+
+class Method(StrEnum):
+    """How a record is learned from."""
+
+    likelihood = "likelihood"
+    adaline = "adaline"
+
+
 DRIFTING = 0.02
 """Part of itself by which a magnet constant moves in the last quarter if it has not settled."""
 
@@ -42,22 +51,61 @@ def identify(
         ),
     ],
     record: Annotated[
-        Path | None,
-        typer.Argument(metavar="RECORD", help="A run in closed loop: .csv, .parquet or .mat."),
+        list[Path] | None,
+        typer.Argument(metavar="RECORD", help="Runs in closed loop: .csv, .parquet or .mat."),
     ] = None,
     channel_map: MapFile = None,
+    method: Annotated[
+        Method | None,
+        typer.Option(
+            help="Maximum likelihood, for all parameters with their errors; or ADALINE, for the "
+            "magnet constant as a controller would learn it.",
+            show_default="likelihood; adaline with --start or --disturbance",
+        ),
+    ] = None,
+    free: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAMES",
+            help="What to look for: magnet_constant or mass, air_gap, sensor_lag, delay, "
+            "current_lag, position_offset, current_offset, sensor_gain, amplifier_gain, "
+            "measurement_noise, control_noise, load_growth.",
+            show_default="what a record usually tells",
+        ),
+    ] = None,
+    load_std: Annotated[
+        float | None,
+        typer.Option(
+            "--load-at-start",
+            parser=quantity("N"),
+            metavar="FORCE",
+            help="How far from zero the load may be at the start of a record. Default: the weight.",
+        ),
+    ] = None,
+    validate: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="RECORD", help="Judge the result on this record; again for more."),
+    ] = None,
+    begin: Annotated[
+        float | None,
+        typer.Option("--from", parser=quantity("s"), metavar="TIME", help="Where to begin."),
+    ] = None,
+    end: Annotated[
+        float | None, typer.Option("--to", parser=quantity("s"), metavar="TIME", help="And to end.")
+    ] = None,
     start: Annotated[
         float | None,
         typer.Option(
             parser=quantity(CONSTANT),
             metavar="CONSTANT",
-            help="Magnet constant to start from, if not the bearing's.",
+            help="ADALINE: magnet constant to start from, if not the bearing's.",
         ),
     ] = None,
     disturbance: Annotated[
         str | None,
         typer.Option(
-            metavar="FORCE", help='Load that is known: "3 N", or a signal of the record, f_d.'
+            metavar="FORCE",
+            help='ADALINE: load that is known, "3 N", or a signal of the record, f_d.',
         ),
     ] = None,
     lift_off: Annotated[
@@ -81,32 +129,62 @@ def identify(
     out: Annotated[
         Path | None, file_option("Write the bearing that was found.", (".toml",), "--out")
     ] = None,
+    report: Annotated[
+        Path | None, file_option("Write a report with pictures.", (".html",), "--report")
+    ] = None,
     plot: Plot = None,
     json: Json = False,
 ) -> None:
-    """Identify the magnet constant.
+    """Identify a bearing, with the errors of all that was found.
 
-    Along a record of the closed loop (ADALINE), or from the points at which a rotor lifts off.
+    From records of the closed loop, or from the points at which a rotor lifts off. What a record
+    cannot tell is named, and stays as it was.
 
     For example:
-      ambkit identify run.csv --bearing my.toml --out found.toml --plot found.png
+      ambkit identify run.csv --bearing my.toml --out found.toml --report found.html
+      ambkit identify run.csv --bearing my.toml --start "4 N mm^2/A^2" --plot found.png
       ambkit identify --lift-off points.csv --bearing inteco_ml --working-point "10 mm"
     """
+    from ambkit.commands.identify_likelihood import Asked, by_likelihood
     from ambkit.record import Record
 
-    if (record is None) == (lift_off is None):
+    if bool(record) == (lift_off is not None):
         raise AmbkitError("give either a RECORD or --lift-off POINTS.csv")
+    online = {"--start": start, "--disturbance": disturbance}
+    for_likelihood = {
+        "--free": free, "--load-at-start": load_std, "--validate": validate or None,
+        "--report": report,
+    }  # fmt: skip
+    if method is None:
+        online_only = record and any(given is not None for given in online.values())
+        method = Method.adaline if online_only else Method.likelihood
+    if record:
+        others = online if method is Method.likelihood else for_likelihood
+        for option, given in others.items():
+            if given is not None:
+                other = "adaline" if method is Method.likelihood else "likelihood"
+                raise AmbkitError(f"{option} is for --method {other}")
     if start is not None and not start > 0:
         raise AmbkitError(f"--start must be greater than 0, is {start:g} {CONSTANT}")
     for_points = {"--gap-range": gap_range, "--working-point": working_point}
-    for_a_record = {"--map": channel_map, "--start": start, "--disturbance": disturbance}
-    for option, given in (for_a_record if record is None else for_points).items():
+    for_a_record = {"--map": channel_map, "--from": begin, "--to": end} | online | for_likelihood
+    for option, given in (for_points if record else for_a_record).items():
         if given is not None:
-            what = "a RECORD" if record is None else "--lift-off"
+            what = "--lift-off" if record else "a RECORD"
             raise AmbkitError(f"{option} is for {what}")
     known = find_bearing(bearing)
-    if record is not None:
-        log = Record.load(record, channel_map)
+    if record and method is Method.likelihood:
+        by_likelihood(
+            Asked(record, validate or [], channel_map, begin, end, free, load_std,
+                  out, report, plot, json),
+            known,
+        )  # fmt: skip
+    elif record:
+        if len(record) > 1:
+            raise AmbkitError(f"ADALINE learns along one record, {len(record)} are given")
+        log = Record.load(record[0], channel_map)
+        if begin is not None or end is not None:
+            log = log.between(begin, end)
         _along_record(log, known, start, disturbance, out, plot, json)
     elif lift_off is not None:
         if out is not None and working_point is None:

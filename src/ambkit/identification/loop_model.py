@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.bearing import GRAVITY
 from ambkit.errors import AmbkitError
-from ambkit.estimators import AdaptiveKalmanFilter, FilterNoise, KalmanFilter
+from ambkit.estimate import Status
+from ambkit.estimators import Estimator, ExtendedKalmanFilter, FilterNoise
 from ambkit.magnets import ClosedLaw, StiffnessSource
 from ambkit.record import Record
 
@@ -31,10 +32,10 @@ class LoopModel:
         Magnet, rotor, amplifier and sensor.
     delay : float
         Time from a logged control signal to the force, to the logged position [s]: that of the
-        whole loop, for the part before the magnet and the part after it look alike. Whole samples
-        shift the signal; a fraction f gives each sample the mean of what acts in it,
+        whole loop, for the part before the magnet and the part after it look alike. Whole steps
+        shift the signal; a fraction f of a step gives each step the mean of what acts in it,
         ``(1 - f) u[k] + f u[k - 1]``. That is exact for the momentum; the position misses
-        ``f (1 - f)/2 T^2`` times the step of the acceleration, nanometres.
+        ``f (1 - f)/2 h^2`` times the step of the acceleration, nanometres.
     current_lag : float
         Time constant with which the current that pulls follows the logged control signal [s]:
         amplifier, coil and eddy currents; 0: at once.
@@ -45,9 +46,14 @@ class LoopModel:
     load_growth : float
         Growth of the variance of the load, a force that wanders [N^2/s].
     load_std : float
-        How well the load at the start is known to be zero, standard deviation [N].
+        How well the load at the start is known to be zero, standard deviation [N]; NaN: no better
+        than the weight.
     source : StiffnessSource, optional
         The magnet, where it is not the bearing's closed law.
+    substeps : int
+        Steps of the filter in a sample. The paper's discretisation holds the magnet's force over
+        a step, though the rotor moves: with one step a sample the estimates would be off by part
+        of a sample's delay, more than a second of record leaves uncertain.
     """
 
     bearing: Bearing
@@ -58,45 +64,64 @@ class LoopModel:
     load_growth: float = math.nan
     load_std: float = math.nan
     source: StiffnessSource | None = None
+    substeps: int = 4
 
     def __post_init__(self) -> None:
         weight = self.bearing.rotor.mass * GRAVITY
         if math.isnan(self.load_growth):
             object.__setattr__(self, "load_growth", (2 * weight) ** 2)
-        if math.isnan(self.load_std):
-            object.__setattr__(self, "load_std", weight)
 
-    def kalman(self) -> KalmanFilter:
-        """Return the filter whose innovations judge this model, in the C core."""
-        return AdaptiveKalmanFilter(
-            self.bearing,
-            self.source or ClosedLaw(self.bearing),
+    @property
+    def as_filtered(self) -> tuple[float, float]:
+        """Delay of the control signal [s], and sensor lag [s], as the filter is given them.
+
+        The filter lets the rotor's position at the start of a step act on the sensor's lag
+        throughout it (eq. 18, as the paper discretises it), which is late by
+        ``h/(1 - exp(-h/T_Sen)) - T_Sen``, half a step h where the lag is long. So the control
+        signal comes early by as much, if the delay is that long: it must not come before it was
+        made, for in a loop it tells of the measurement that made it. What is left is taken from
+        the lag, such that delay and lag together stay what they are; the two then look alike.
+        """
+        h = self.bearing.sampling_time / self.substeps
+        lag = max(self.bearing.sensor.lag, 1e-3 * h)
+        late = h / -math.expm1(-h / lag) - lag
+        if self.delay >= late:
+            return self.delay - late, lag
+        together = (self.delay + lag) / h
+        return 0.0, h / -math.log1p(-1 / together) if together > 1.001 else 0.1 * h
+
+    def kalman(self) -> Estimator:
+        """Return the filter whose innovations judge this model, in the C core, with its steps."""
+        _, lag = self.as_filtered
+        b = self.bearing
+        finer = b.replace(
+            sampling_time=b.sampling_time / self.substeps,
+            sensor__lag=lag,
+            # Drawn anew in each step, and as much in the sum.
+            amplifier__noise_variance=self.substeps * b.amplifier.noise_variance,
+        )
+        return ExtendedKalmanFilter(
+            finer,
+            self.source or ClosedLaw(b),
             noise=FilterNoise(disturbance=self.load_growth),
+            outlier_limit=0,  # left out, what a wrong model cannot explain would speak for it
         )
 
     def corrected(self, record: Record) -> Record:
-        """Return the record as it would be without delay, current lag and offsets.
-
-        The filter lets the rotor's position at the start of a sample act on the sensor's lag
-        throughout it (eq. 18, as the paper's discretisation has it). That is late by
-        ``T/(1 - exp(-T/T_Sen)) - T_Sen``, half a sample where the lag is long; the control signal
-        comes early by as much, so that the delay is that of the rig.
+        """Return the record as it would be without offsets, delay and current lag.
 
         Parameters
         ----------
         record : Record
             With ``y`` [m] and ``u`` [V]; its other signals stay as they are.
         """
-        y, u = self._corrected(record)
-        signals = {name: record[name] for name in record} | {"y": y, "u": u}
+        T, b = self.bearing.sampling_time, self.bearing
+        acting = delayed(lagged(record["u"], T, self.current_lag), self.delay / T)
+        signals = {name: record[name] for name in record} | {
+            "y": record["y"] - self.position_offset,
+            "u": acting + self.current_offset / b.amplifier.gain,
+        }
         return Record(record.t, signals, record.units, record.meta)
-
-    def _corrected(self, record: Record) -> tuple[Array, Array]:
-        T, lag = self.bearing.sampling_time, self.bearing.sensor.lag
-        late = 1 / -math.expm1(-T / lag) - lag / T
-        acting = delayed(lagged(record["u"], T, self.current_lag), self.delay / T - late)
-        offset = self.current_offset / self.bearing.amplifier.gain
-        return record["y"] - self.position_offset, acting + offset
 
     def innovations(self, record: Record) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Run the filter along a record.
@@ -115,15 +140,48 @@ class LoopModel:
         used : ndarray of bool (n,)
             Where the measurement was taken in.
         """
-        y, u = self._corrected(record)
+        out, _, _ = self._run(record)
+        every = slice(None, None, self.substeps)
+        used = out["status"][every] & NOT_USED == 0
+        return out["innovation"][every], out["variance"][every], used
+
+    def predict(self, record: Record, ahead: int) -> Array:
+        """Predict the measurement some samples after each one, with the control signals since.
+
+        Parameters
+        ----------
+        record : Record
+            With ``y`` [m] and ``u`` [V], n samples.
+        ahead : int
+            How many samples ahead.
+
+        Returns
+        -------
+        ndarray (n - ahead,)
+            Element k is the prediction of ``record["y"][k + ahead]`` [m].
+        """
+        out, u, kalman = self._run(record)
+        steps = ahead * self.substeps
+        fine = kalman.core.forecast(np.ascontiguousarray(out["mean"]), u, steps)
+        n = len(record) - ahead
+        return np.asarray(fine[:: self.substeps][:n]) + self.position_offset
+
+    def _run(self, record: Record) -> tuple[dict[str, Any], Array, Estimator]:
+        """Run the filter with its finer steps; between two samples no measurement comes."""
+        h = self.bearing.sampling_time / self.substeps
+        delay, _ = self.as_filtered
+        acting = lagged(np.repeat(record["u"], self.substeps), h, self.current_lag)
+        u = delayed(acting, delay / h) + self.current_offset / self.bearing.amplifier.gain
+        y = np.full(u.size, np.nan)
+        y[:: self.substeps] = record["y"] - self.position_offset
         kalman = self.kalman()
         known = y[np.isfinite(y)]
         first = float(known[0]) if known.size else 0.0
         std = list(kalman.default_std())
-        std[2] = self.load_std
+        if not math.isnan(self.load_std):
+            std[2] = self.load_std
         kalman.reset([first / self.bearing.sensor.gain, 0.0, 0.0, first], std)
-        out = kalman.core.run(y, u)
-        return out["innovation"], out["variance"], out["status"] & NOT_USED == 0
+        return kalman.core.run(y, u), u, kalman
 
     def replace(self, **changes: object) -> LoopModel:
         """Return the model with other values; ``magnet__air_gap=...`` goes to the bearing.
@@ -144,8 +202,8 @@ class LoopModel:
         return replace(model, bearing=self.bearing.replace(**of_bearing))
 
 
-NOT_USED = 1 | 2 | 16
-"""Flags of :class:`ambkit.Status` with which a measurement was not taken in."""
+NOT_USED = int(Status.MISSING | Status.FROZEN | Status.BAD_VARIANCE | Status.OUTLIER)
+"""Flags with which a measurement was not taken in."""
 
 
 def delayed(u: Array, samples: float) -> Array:

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.errors import AmbkitError
+from ambkit.errors import AmbkitError, RecordError
 from ambkit.estimators import check_sampling
-from ambkit.identification.information import alike_in, doubtful
+from ambkit.identification.information import doubtful
 from ambkit.identification.likelihood import Likelihood, Local, settling_time
 from ambkit.identification.loop_model import LoopModel
-from ambkit.identification.parameters import USUAL, Coordinates, Parameter, named
+from ambkit.identification.parameters import NOISES, USUAL, Coordinates, Parameter, named
 from ambkit.identification.start import best_start
 
 if TYPE_CHECKING:
@@ -46,6 +46,9 @@ LONGEST_STEP = 1.0
 MOST_DAMPING = 1e8
 
 MOST_STEPS = 100
+
+LEAST_SAMPLES = 100
+"""That a record must have after the filter has settled."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,7 +242,8 @@ def maximum_likelihood(
     Raises
     ------
     AmbkitError
-        An unknown parameter; no measurement could be taken in; nothing is left to be found.
+        An unknown parameter; a record that is too short; no measurement could be taken in; nothing
+        is left to be found.
     ValueError
         A record's sampling time is not the bearing's.
     """
@@ -252,11 +256,22 @@ def maximum_likelihood(
         check_sampling(given.bearing, record)
     if settling is None:
         settling = settling_time(given.bearing)
+    for record in several:
+        least = round(settling / record.sampling_time) + LEAST_SAMPLES
+        if len(record) < least:
+            raise RecordError(
+                f"a record has {len(record)} samples, {least} are needed to identify from: "
+                f"{settling:.3g} s until the filter has settled, and {LEAST_SAMPLES}"
+            )
     given = _movable(given, parameters)
     begin, begun_from = given, "the bearing given"
     if improve_start:
         note("looking for a start")
         begin, begun_from = best_start(several, given, parameters, settling)
+        # With a wrong idea of the noise, the information misleads; and offsets run away first.
+        sure = [p for p in parameters if p.name in (*NOISES, "delay")]
+        if 0 < len(sure) < len(parameters):
+            begin = _climb(several, begin, sure, settling).model
     held: dict[str, str] = {}
     steps = 0
     while True:
@@ -268,9 +283,9 @@ def maximum_likelihood(
         if worst is None:
             break
         parameter, why = worst
-        begin, at = _hold(several, found, parameter, given, settling)
-        held[parameter.name] = f"{why}; held at {at}"
         parameters = [p for p in parameters if p is not parameter]
+        begin, at = _hold(several, found, parameter, parameters, given, settling)
+        held[parameter.name] = f"{why}; held at {at}"
         if not parameters:
             raise AmbkitError(
                 "the records tell nothing: " + "; ".join(f"{n}: {w}" for n, w in held.items())
@@ -360,19 +375,20 @@ def _hold(
     records: Sequence[Record],
     found: _Climbed,
     parameter: Parameter,
+    rest: list[Parameter],
     given: LoopModel,
     settling: float,
 ) -> tuple[LoopModel, str]:
     """Return the model with a parameter where the user had it, and that value in words.
 
-    What the search made of it means little. But where the value given is far less likely, as of a
-    noise that turned out to be next to nothing, the value found stays.
+    What the search made of it means little. But where the value given is far less likely, whatever
+    the rest does, as of a noise that turned out to be next to nothing, the value found stays.
     """
     from ambkit.units import engineering
 
     model = found.model.replace(**{parameter.place: parameter.of(given)})
-    value = Likelihood(records, Coordinates(model, []), settling).value(np.zeros(0))
-    several_alike = len(alike_in(found.local.information)) > 1
-    if not several_alike and value < found.local.value - MUCH_LESS_LIKELY:
-        model = found.model
+    if rest:
+        climbed = _climb(records, model, rest, settling)
+        likely = climbed.local.value > found.local.value - MUCH_LESS_LIKELY
+        model = climbed.model if likely else found.model
     return model, engineering(parameter.of(model), parameter.unit, 3)

@@ -27,7 +27,7 @@ class Parameter:
     name : str
         As the user calls it.
     symbol : str
-        As papers call it.
+        As papers call it, LaTeX.
     unit : str
         SI.
     place : str
@@ -72,15 +72,15 @@ PARAMETERS: dict[str, Parameter] = {
         Parameter("magnet_constant", "k", "N m^2/A^2", "magnet__magnet_constant", True, _one),
         Parameter("air_gap", "s_0", "m", "magnet__air_gap", True, _one),
         Parameter("mass", "m", "kg", "rotor__mass", True, _one),
-        Parameter("sensor_lag", "T_Sen", "s", "sensor__lag", True, _one),
+        Parameter("sensor_lag", r"T_\mathrm{Sen}", "s", "sensor__lag", True, _one),
         Parameter("delay", "T_d", "s", "delay", False, _samples),
         Parameter("current_lag", "T_i", "s", "current_lag", True, _one),
         Parameter("position_offset", "y_0", "m", "position_offset", False,
                   lambda m: m.bearing.rotor.travel_limit),
-        Parameter("current_offset", "i_off", "A", "current_offset", False,
+        Parameter("current_offset", r"i_\mathrm{off}", "A", "current_offset", False,
                   lambda m: m.bearing.magnet.bias_current),
-        Parameter("sensor_gain", "K_Sen", "1", "sensor__gain", True, _one),
-        Parameter("amplifier_gain", "k_ui", "A/V", "amplifier__gain", True, _one),
+        Parameter("sensor_gain", r"K_\mathrm{Sen}", "1", "sensor__gain", True, _one),
+        Parameter("amplifier_gain", r"k_\mathrm{ui}", "A/V", "amplifier__gain", True, _one),
         Parameter("measurement_noise", "R", "m^2", "sensor__noise_variance", True, _one),
         Parameter("control_noise", "Q_u", "V^2", "amplifier__noise_variance", True, _one),
         Parameter("load_growth", "Q_d", "N^2/s", "load_growth", True, _one),
@@ -88,11 +88,24 @@ PARAMETERS: dict[str, Parameter] = {
 }  # fmt: skip
 """All that can be identified, by name; of two that cannot be told apart the later one is held."""
 
+NOISES = ("measurement_noise", "control_noise", "load_growth")
+"""Those that say how much is left to chance."""
+
 USUAL = (
     "magnet_constant", "air_gap", "sensor_lag", "delay", "position_offset", "current_offset",
     "measurement_noise", "control_noise", "load_growth",
 )  # fmt: skip
-"""Looked for where the user does not say what to look for."""
+"""Looked for where the user does not say what to look for, see `usual`."""
+
+
+def usual(model: LoopModel) -> tuple[str, ...]:
+    """Return what to look for in a model where the user does not say.
+
+    A one-sided magnet knows no middle: where x = 0 is, is a choice, and an offset of the position
+    is nothing but another air gap.
+    """
+    one_sided = model.bearing.magnet.type == "one-sided"
+    return tuple(name for name in USUAL if not (one_sided and name == "position_offset"))
 
 
 def named(names: Sequence[str]) -> list[Parameter]:

@@ -68,7 +68,8 @@ def best_start(
         ]
 
     def likelihood(candidate: tuple[LoopModel, str]) -> float:
-        return Likelihood(records, Coordinates(candidate[0], []), settling).value(np.zeros(0))
+        coarse = candidate[0].replace(substeps=1)  # it is only to tell hills from valleys
+        return Likelihood(records, Coordinates(coarse, []), settling).value(np.zeros(0))
 
     return max(candidates, key=likelihood)
 

@@ -1,0 +1,150 @@
+"""``ambkit identify RECORD...``: a bearing with its uncertainty, by maximum likelihood."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ambkit.commands import output
+from ambkit.commands.options import arguments_of_the_user
+from ambkit.commands.output import value
+from ambkit.errors import AmbkitError
+
+if TYPE_CHECKING:
+    from ambkit.bearing import Bearing
+    from ambkit.identification.maximum_likelihood import MaximumLikelihood
+    from ambkit.identification.validation import Validation
+    from ambkit.record import Record
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What the user asked for."""
+
+    records: Sequence[Path]
+    validate: Sequence[Path]
+    channel_map: Path | None
+    begin: float | None
+    end: float | None
+    free: str | None
+    load_std: float | None
+    out: Path | None
+    report: Path | None
+    plot: Path | None
+    json: bool
+
+
+def by_likelihood(asked: Asked, known: Bearing) -> None:
+    """Identify, validate, and deliver."""
+    import math
+
+    from ambkit.identification.figures import identified_figure
+    from ambkit.identification.loop_model import LoopModel
+    from ambkit.identification.maximum_likelihood import maximum_likelihood
+    from ambkit.identification.parameters import named, usual
+    from ambkit.identification.report import annotated_toml, write_identification
+    from ambkit.identification.validation import validate
+
+    start = LoopModel(known, load_std=math.nan if asked.load_std is None else asked.load_std)
+    free = usual(start) if asked.free is None else tuple(asked.free.replace(" ", "").split(","))
+    named(free)
+    same = {path.resolve() for path in asked.records} & {path.resolve() for path in asked.validate}
+    if same:
+        raise AmbkitError(
+            f"{next(iter(same)).name} is to be identified from and validated on: a model is "
+            "judged on a record that it has not seen"
+        )
+    records = [_load(path, asked) for path in asked.records]
+    others = [_load(path, asked) for path in asked.validate]
+    with arguments_of_the_user(), output.progress("identifying") as done:
+        found = maximum_likelihood(records, start, free, note=done)
+        checks = [
+            validate(
+                found.model, record, start=found.start, settling=found.settling, name=path.name
+            )
+            for record, path in zip(others or records, asked.validate or asked.records, strict=True)
+        ]
+    data = found.to_dict() | {
+        "bearing": known.name,
+        "magnet_constant": found["magnet_constant"],
+        "stiffness": _stiffness(found),
+        "validated_on_other_records": bool(others),
+        "validation": [check.to_dict() for check in checks],
+    }
+    from ambkit import files, plots
+
+    output.deliver(
+        data,
+        _tables(found, checks, bool(others)),
+        [
+            (asked.out, lambda path: files.write_text(path, annotated_toml(found))),
+            (asked.report, lambda path: write_identification(path, found, checks,
+                                                             (others or records)[0])),
+            (asked.plot, lambda path: plots.save_figure(identified_figure(found, checks), path)),
+        ],
+        as_json=asked.json,
+    )  # fmt: skip
+    if not found.converged:
+        output.note("the search did not end at a maximum: take a closer start, or free less")
+    if not others:
+        output.note("judged on what it was identified from: --validate OTHER.csv would tell more")
+
+
+def _load(path: Path, asked: Asked) -> Record:
+    from ambkit.record import Record
+
+    record = Record.load(path, asked.channel_map)
+    if asked.begin is None and asked.end is None:
+        return record
+    return record.between(asked.begin, asked.end)
+
+
+def _stiffness(found: MaximumLikelihood) -> dict[str, dict[str, float]]:
+    """Stiffnesses where the rotor hovers at x = 0."""
+    at = found.stiffness(found.bearing.hover_current, 0.0)
+    return {name: {"value": v, "standard_error": e} for name, (v, e) in at.items()}
+
+
+def _tables(found: MaximumLikelihood, checks: Sequence[Validation], others: bool) -> list[Any]:
+    rows = []
+    for p in found.parameters:
+        low, high = found.interval(p.name)
+        rows.append(
+            [
+                p.name.replace("_", " "),
+                value(p.of(found.start), p.unit),
+                value(found[p.name], p.unit),
+                value(found.standard_error(p.name), p.unit, 2),
+                f"{value(low, p.unit)} to {value(high, p.unit)}",
+            ]
+        )
+    for name, at in _stiffness(found).items():
+        unit = {"k_i": "N/A", "k_s": "N/m"}[name]
+        error = value(at["standard_error"], unit, 2)
+        rows.append([f"{name} where it hovers", "", value(at["value"], unit), error, ""])
+    shown = [
+        output.table(
+            f"{found.bearing.name}: identified from {found.samples} measurements",
+            ["", "start", "found", "std. error", "95 % interval"],
+            rows,
+        )
+    ]
+    if found.held:
+        held = [[name.replace("_", " "), why] for name, why in found.held.items()]
+        shown.append(output.table("Not found", ["", ""], held, wide=True))
+    close = [
+        [
+            f"{a.name} and {b.name}".replace("_", " "),
+            f"correlation {found.correlation[i, j]:+.2f}: their combination is known better than "
+            "each",
+        ]
+        for i, a in enumerate(found.parameters)
+        for j, b in enumerate(found.parameters[:i])
+        if abs(found.correlation[i, j]) > 0.9
+    ]
+    if close:
+        shown.append(output.table("Known together", ["", ""], close, wide=True))
+    where = "" if others else ", which it was identified from"
+    return [*shown, *(f"{check.name}{where}: {check.verdict}" for check in checks)]

@@ -1,0 +1,182 @@
+"""Pictures of an identification: estimates with intervals, residuals, predictions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ambkit.identification.maximum_likelihood import CONFIDENCE
+from ambkit.identification.parameters import NOISES
+from ambkit.report.figure import Figure, Panel
+from ambkit.report.items import Axis, Bars, Item, Line, Points, Rule
+
+if TYPE_CHECKING:
+    from ambkit.identification.loop_model import LoopModel
+    from ambkit.identification.maximum_likelihood import MaximumLikelihood
+    from ambkit.identification.validation import Validation
+    from ambkit.record import Record
+
+SERIES = ("series 1", "series 2", "series 3", "series 4")
+LAG = Axis("lag", "samples")
+SHOWN = 400
+"""Samples of the stretch in which a prediction is shown."""
+
+
+def identified_figure(found: MaximumLikelihood, checks: Sequence[Validation]) -> Figure:
+    """Show all that matters in one picture: estimates, residuals, predictions."""
+    panels = [*_estimates(found), *_residuals(checks), _fit(checks)]
+    return Figure(
+        id="identified",
+        title=f"Identification of {found.bearing.name}",
+        caption="",
+        panels=panels,
+        columns=2,
+    )
+
+
+def estimates_figure(found: MaximumLikelihood) -> Figure:
+    """Show what was found beside where the search began, with 95 % intervals."""
+    return Figure(
+        id="estimates",
+        title="What was found, with 95 % intervals",
+        caption="Bearing and noise as ratios to the start: 1 is what was given. Delay in samples, "
+        "offsets in parts of the travel and of the bias current.",
+        panels=_estimates(found),
+        columns=2,
+    )
+
+
+def residual_figure(checks: Sequence[Validation]) -> Figure:
+    """Show what the residuals still hold: their own correlation and that with the control."""
+    return Figure(
+        id="residuals",
+        title="Residuals: correlation in time, and with the control signal before",
+        caption="Of a model that explains all, 95 % of the points lie between the lines.",
+        panels=_residuals(checks),
+        columns=2,
+    )
+
+
+def fit_figure(checks: Sequence[Validation]) -> Figure:
+    """Show the fit of predictions over the horizon."""
+    return Figure(
+        id="fit",
+        title="Prediction: fit against the number of samples ahead",
+        caption="100 % is perfect; 0 % is no better than the mean. Dotted: the last measurement "
+        "held.",
+        panels=[_fit(checks)],
+    )
+
+
+def prediction_figure(model: LoopModel, record: Record, ahead: int, name: str) -> Figure:
+    """Show a prediction beside the measurement, in the stretch where most happens."""
+    predicted = model.predict(record, ahead)
+    y, t = record["y"][ahead:], record.t[ahead:]
+    width = min(SHOWN, y.size)
+    moves = np.abs(np.diff(np.where(np.isfinite(y), y, 0.0), prepend=y[:1]))
+    busy = np.convolve(moves, np.ones(width), mode="valid")
+    quarter = busy.size // 4  # not where the filter starts
+    first = quarter + int(np.argmax(busy[quarter:]))
+    part = slice(first, first + width)
+    time = Axis("time", "s")
+    miss: list[Item] = [
+        Line(t[part], (y - predicted)[part], signal="innovation", label="measured less predicted")
+    ]
+    return Figure(
+        id="prediction",
+        title=f"Predicted {ahead} samples ahead, {name}",
+        caption="Where the rotor moves most.",
+        panels=[
+            Panel(time, Axis("position", "mm", 1e3), [
+                Line(t[part], y[part], signal="truth", label="measured"),
+                Line(t[part], predicted[part], signal="estimate", label="predicted"),
+            ]),
+            Panel(time, Axis("missed by", "µm", 1e6), miss),
+        ],
+    )  # fmt: skip
+
+
+def _estimates(found: MaximumLikelihood) -> list[Panel]:
+    ratios: list[tuple[str, float, float]] = []
+    noises: list[tuple[str, float, float]] = []
+    offsets: list[tuple[str, float, float]] = []
+    for i, p in enumerate(found.parameters):
+        value, error = float(found.values[i]), CONFIDENCE * float(found.errors[i])
+        label = f"${p.symbol}$"
+        if p.positive:
+            ratio = value / p.of(found.start)
+            (noises if p.name in NOISES else ratios).append((label, ratio, ratio * error))
+        else:
+            unit, what = _natural(found, p.name)
+            offsets.append((f"{label} [{what}]", value / unit, error / unit))
+    panels = []
+    for entries, axis in (
+        (ratios, Axis("found / start")),
+        (noises, Axis("found / start")),
+        (offsets, Axis("found")),
+    ):
+        if entries:
+            names, values, errors = zip(*entries, strict=True)
+            items: list[Item] = [
+                Bars(names, np.array(values), np.array(errors), signal="identified", label="")
+            ]
+            if axis.label == "found / start":
+                items.append(Rule(1.0, signal="bound", label=""))
+            panels.append(Panel(Axis(""), axis, items))
+    return panels
+
+
+def _natural(found: MaximumLikelihood, name: str) -> tuple[float, str]:
+    """Return what an offset is best counted in, and that in words."""
+    b = found.bearing
+    if name == "delay":
+        return b.sampling_time, "samples"
+    if name == "position_offset":
+        return b.rotor.travel_limit, "travel"
+    return b.magnet.bias_current, "bias"
+
+
+def _residuals(checks: Sequence[Validation]) -> list[Panel]:
+    panels = []
+    for title, picks in (
+        ("residuals, own correlation", [check.residual for check in checks]),
+        ("residuals, with the control signal before", [check.cross for check in checks]),
+    ):
+        bound = max(white.bound for white in picks)
+        items: list[Item] = [
+            Points(np.arange(1.0, white.correlation.size + 1), white.correlation,
+                   signal=SERIES[i % len(SERIES)], label=check.name)
+            for i, (white, check) in enumerate(zip(picks, checks, strict=True))
+        ]  # fmt: skip
+        items += [Rule(sign * bound, signal="bound", label="") for sign in (1, -1)]
+        panels.append(Panel(LAG, Axis("correlation"), items, title=title))
+    return panels
+
+
+def _fit(checks: Sequence[Validation]) -> Panel:
+    items: list[Item] = []
+    for i, check in enumerate(checks):
+        ahead = np.array(list(check.fit), dtype=float)
+        colour = SERIES[i % len(SERIES)]
+        items.append(
+            Line(ahead, np.array(list(check.fit.values())), signal=colour, label=check.name)
+        )
+        items.append(
+            Line(ahead, np.array(list(check.held.values())), signal="limit",
+                 label="last measurement held")
+        )  # fmt: skip
+        if check.of_start:
+            items.append(
+                Line(ahead, np.array(list(check.of_start.values())), signal="constant",
+                     label="the start")
+            )  # fmt: skip
+    shown = np.concatenate([list(check.fit.values()) for check in checks])
+    low = min(0.0, 10 * math.floor(float(np.nanmin(shown)) / 10))
+    limits = (max(-100.0, low), 103.0)
+    return Panel(
+        Axis("samples ahead", scale="log"), Axis("fit", "%", limits=limits), items,
+        title="prediction",
+    )  # fmt: skip

@@ -1,0 +1,203 @@
+"""The report on an identification, in one HTML file, and the bearing with its uncertainties."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from ambkit.identification import figures
+from ambkit.report.blocks import (
+    Block,
+    Chapter,
+    FigureBlock,
+    Remark,
+    Report,
+    TableBlock,
+    Text,
+)
+from ambkit.units import engineering
+
+if TYPE_CHECKING:
+    from ambkit.identification.maximum_likelihood import MaximumLikelihood
+    from ambkit.identification.validation import Validation
+    from ambkit.record import Record
+
+CLOSE = 0.9
+"""Correlation from which two estimates are told to go together."""
+
+
+def write_identification(
+    path: str | os.PathLike[str],
+    found: MaximumLikelihood,
+    checks: Sequence[Validation],
+    shown: Record,
+) -> None:
+    """Write the report as one HTML page that needs no net.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    found : MaximumLikelihood
+        What was identified.
+    checks : sequence of Validation
+        Records that it was held to.
+    shown : Record
+        The first of these, for the picture of the prediction.
+
+    Raises
+    ------
+    AmbkitError
+        The file cannot be written; an older one is left as it was.
+    """
+    from ambkit import files
+    from ambkit.report import static
+    from ambkit.report.page import render_page
+
+    report = identification_report(found, checks, shown)
+    pictures = {figure.id: static.render(figure) for figure in report.figures}
+    files.write_text(path, render_page(report, pictures))
+
+
+def identification_report(
+    found: MaximumLikelihood, checks: Sequence[Validation], shown: Record
+) -> Report:
+    """Put together what was found, how surely, and whether it holds on other records."""
+    import ambkit
+
+    first = checks[0]
+    prediction = figures.prediction_figure(found.model, shown, first.farthest, first.name)
+    return Report(
+        title=f"Identification of {found.bearing.name}",
+        subtitle=f"{found.samples} measurements, {len(found.parameters)} parameters",
+        lead="By maximum likelihood: the parameters under which the Kalman filter's innovations "
+        "are least surprising. Errors are those of Fisher's information along the records.",
+        version=ambkit.__version__,
+        chapters=[
+            Chapter("found", "What was found", _found(found)),
+            Chapter(
+                "holds",
+                "Whether it holds",
+                [
+                    *(Remark(check.name, check.verdict) for check in checks),
+                    _fits(checks),
+                    FigureBlock(figures.fit_figure(checks)),
+                    FigureBlock(prediction),
+                    FigureBlock(figures.residual_figure(checks)),
+                ],
+            ),
+        ],
+    )
+
+
+def annotated_toml(found: MaximumLikelihood) -> str:
+    """Return the bearing as TOML, each value that was found with its standard error beside it.
+
+    What is of the log and not of the bearing (delay, offsets, load) stands above in comments.
+    """
+    places = {tuple(p.place.split("__")): p for p in found.parameters if "__" in p.place}
+    lines = [f"# Identified by maximum likelihood from {found.samples} measurements."]
+    for p in found.parameters:
+        if "__" not in p.place:
+            lines.append(f"# Of the log: {p.name} = {_with_error(found, p.name)}.")
+    lines += [f"# Not found: {name}: {why}." for name, why in found.held.items()]
+    table = ""
+    for line in found.bearing.to_toml().splitlines():
+        if line.startswith("["):
+            table = line.strip("[]")
+        place = table, line.partition(" = ")[0]
+        if place in places:
+            p = places[place]
+            error = engineering(found.standard_error(p.name), p.unit, 2)
+            line += f"  # found, standard error {error}"
+        lines.append(line)
+    return "\n".join(lines) + "\n"
+
+
+def _with_error(found: MaximumLikelihood, name: str) -> str:
+    p = next(p for p in found.parameters if p.name == name)
+    error = engineering(found.standard_error(name), p.unit, 2)
+    return f"{engineering(found[name], p.unit, 4)} (standard error {error})"
+
+
+def _found(found: MaximumLikelihood) -> list[Block]:
+    gain = found.log_likelihood - found.start_log_likelihood
+    rows: list[list[str | float | None]] = []
+    for p in found.parameters:
+        low, high = found.interval(p.name)
+        rows.append([
+            f"{p.name.replace('_', ' ')} ${p.symbol}$",
+            engineering(p.of(found.start), p.unit, 4),
+            engineering(found[p.name], p.unit, 4),
+            engineering(found.standard_error(p.name), p.unit, 2),
+            engineering(found.standard_error(p.name, robust=True), p.unit, 2),
+            f"{engineering(low, p.unit, 4)} to {engineering(high, p.unit, 4)}",
+        ])  # fmt: skip
+    blocks: list[Block] = [
+        TableBlock(
+            id="parameters",
+            title="Parameters",
+            headers=["", "start", "found", "standard error", "robust", "95 % interval"],
+            rows=rows,
+            caption="Robust: as the scores scatter (White 1982). Much larger than the one beside "
+            "it, and the model is not right.",
+        ),
+        FigureBlock(figures.estimates_figure(found)),
+        _correlations(found),
+    ]
+    if found.held:
+        said = "\n".join(f"- **{name}**: {why}." for name, why in found.held.items())
+        blocks.append(Remark("Not found", said))
+    how = "ended at a maximum" if found.converged else "did not end at a maximum"
+    blocks.append(
+        Text(
+            f"The search began from {found.begun_from} and {how} after {found.steps} steps; the "
+            f"log likelihood rose by {gain:.1f}."
+        )
+    )
+    return blocks
+
+
+def _correlations(found: MaximumLikelihood) -> TableBlock:
+    names = [f"${p.symbol}$" for p in found.parameters]
+    correlation = found.correlation
+    rows: list[list[str | float | None]] = [
+        [name, *(None if j > i else float(correlation[i, j]) for j in range(len(names)))]
+        for i, name in enumerate(names)
+    ]
+    close = {
+        (i, j + 1): "such estimates go together: the record tells their combination better than "
+        "each"
+        for i in range(len(names))
+        for j in range(i)
+        if abs(correlation[i, j]) > CLOSE
+    }
+    return TableBlock(
+        id="correlations",
+        title="Correlation of the estimates",
+        headers=["", *names],
+        rows=rows,
+        digits=".2f",
+        highlight=close,
+    )
+
+
+def _fits(checks: Sequence[Validation]) -> TableBlock:
+    rows: list[list[str | float | None]] = []
+    for check in checks:
+        k = check.farthest
+        rows.append([
+            check.name, check.fit[k], check.of_start.get(k), check.held[k], 1e6 * check.error[k],
+            100 * check.residual.share_within, 100 * check.cross.share_within, check.nis,
+        ])  # fmt: skip
+    k = checks[0].farthest
+    return TableBlock(
+        id="fits",
+        title=f"Prediction {k} samples ahead, and residuals",
+        headers=["record", "fit [%]", "start [%]", "held [%]", "error [µm rms]", "white lags [%]",
+                 "free of control [%]", "mean NIS"],
+        rows=rows,
+        digits=["", ".2f", ".2f", ".2f", ".2f", ".0f", ".0f", ".2f"],
+        caption="Right: 95 % of the lags within the bounds, and a mean NIS of 1.",
+    )  # fmt: skip

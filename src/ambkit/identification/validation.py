@@ -1,0 +1,275 @@
+"""A model held to records that it was not identified from, and a verdict in plain words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.comparison import Whiteness, whiteness
+from ambkit.errors import RecordError
+
+if TYPE_CHECKING:
+    from ambkit.identification.loop_model import LoopModel
+    from ambkit.record import Record
+
+Array = NDArray[np.float64]
+
+HORIZONS = (1, 2, 5, 10, 20, 50)
+"""Steps ahead, where the user does not say."""
+
+LAGS = 50
+"""Of the correlations."""
+
+ORDER = 30
+"""Samples of its own past from which the control signal is predicted, see `cross_correlation`."""
+
+WHITE = 0.9
+"""Share of lags within the 95 % bounds from which residuals pass for white."""
+
+
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """How a model does on a record.
+
+    Attributes
+    ----------
+    name : str
+        Of the record.
+    samples : int
+        Measurements that count.
+    fit : mapping of int to float
+        Steps ahead, and the fit of the prediction [%]: 100 less the RMS error in parts of the
+        position's own standard deviation (NRMSE, Ljung 1999); 100 is perfect, 0 a constant.
+    held : mapping of int to float
+        The same where the last measurement is held.
+    error : mapping of int to float
+        RMS errors of the prediction [m].
+    of_start : mapping of int to float
+        The fit of the model that the identification began with [%]; empty without one.
+    residual : Whiteness
+        Autocorrelation of the residuals at lags 1, 2, ... with its 95 % bound.
+    cross : Whiteness
+        Correlation of the residuals with what was new in the control signal 1, 2, ... samples
+        before, with its bound. With later control signals a loop makes it anyway.
+    nis : float
+        Mean normalised innovation squared; 1 where the noise is right.
+    gain : float
+        Log likelihood per sample over that of the start; NaN without one.
+    """
+
+    name: str
+    samples: int
+    fit: Mapping[int, float]
+    held: Mapping[int, float]
+    error: Mapping[int, float]
+    of_start: Mapping[int, float]
+    residual: Whiteness
+    cross: Whiteness
+    nis: float
+    gain: float
+
+    @property
+    def farthest(self) -> int:
+        """Of the horizons the one nearest to 10 steps, which the verdict is about."""
+        return min(self.fit, key=lambda ahead: abs(ahead - 10))
+
+    @property
+    def good(self) -> bool:
+        """Whether nothing speaks against the model on this record."""
+        return (
+            self.fit[self.farthest] > self.held[self.farthest]
+            and self.residual.share_within >= WHITE
+            and self.cross.share_within >= WHITE
+            and 0.8 < self.nis < 1.25
+            and not self.gain < 0
+        )
+
+    @property
+    def verdict(self) -> str:
+        """What to think of the model, in sentences."""
+        k = self.farthest
+        said = []
+        better = self.fit[k] > self.held[k]
+        said.append(
+            f"It predicts {k} samples ahead with a fit of {self.fit[k]:.1f} %"
+            + (", better than" if better else ", no better than")
+            + f" holding the last measurement ({self.held[k]:.1f} %)."
+        )
+        if self.of_start and not math.isnan(self.gain):
+            if self.gain >= 0:
+                said.append(
+                    f"It is more likely than the start by {self.gain:.3f} a sample, whose fit was "
+                    f"{self.of_start[k]:.1f} %."
+                )
+            else:
+                said.append(
+                    f"The start was more likely, by {-self.gain:.3f} a sample: what was identified "
+                    "does not hold here."
+                )
+        white, cross = 100 * self.residual.share_within, 100 * self.cross.share_within
+        if white >= 100 * WHITE:
+            said.append(f"Its residuals are white ({white:.0f} % of the lags within the bounds).")
+        else:
+            said.append(
+                f"Its residuals are not white ({white:.0f} % of the lags within the bounds): some "
+                "motion is left unexplained, or the noise has colour."
+            )
+        if cross >= 100 * WHITE:
+            said.append(f"They do not depend on the control signal ({cross:.0f} % within).")
+        else:
+            said.append(
+                f"They depend on the control signal ({cross:.0f} % within): force law, delay or "
+                "lag miss something."
+            )
+        if not 0.8 < self.nis < 1.25:
+            more = "larger" if self.nis > 1 else "smaller"
+            said.append(f"They are {more} than expected: mean NIS {self.nis:.2f}, should be 1.")
+        return " ".join(said)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as plain data, ready for JSON."""
+        return {
+            "record": self.name,
+            "samples": self.samples,
+            "fit_percent": {str(k): v for k, v in self.fit.items()},
+            "held_percent": {str(k): v for k, v in self.held.items()},
+            "start_percent": {str(k): v for k, v in self.of_start.items()},
+            "rms_error": {str(k): v for k, v in self.error.items()},
+            "white_share": self.residual.share_within,
+            "cross_share": self.cross.share_within,
+            "nis": self.nis,
+            "gain_per_sample": self.gain,
+            "good": self.good,
+            "verdict": self.verdict,
+        }
+
+
+def validate(
+    model: LoopModel,
+    record: Record,
+    *,
+    start: LoopModel | None = None,
+    horizons: Sequence[int] = HORIZONS,
+    settling: float = 0.0,
+    name: str = "",
+) -> Validation:
+    """Hold a model to a record.
+
+    Parameters
+    ----------
+    model : LoopModel
+        What was identified.
+    record : Record
+        One that it was not identified from, with ``y`` [m] and ``u`` [V].
+    start : LoopModel, optional
+        What the identification began with, for comparison.
+    horizons : sequence of int
+        Steps ahead.
+    settling : float
+        Time at the start that does not count [s].
+    name : str
+        Of the record, for messages.
+
+    Raises
+    ------
+    RecordError
+        The record is too short, or no measurement could be taken in.
+    """
+    farthest = max(horizons)
+    first = max(1, round(settling / record.sampling_time))
+    if len(record) < first + farthest + 4 * LAGS:
+        raise RecordError(
+            f"{name or 'the record'} has {len(record)} samples; {first + farthest + 4 * LAGS} are "
+            "needed to validate a model"
+        )
+    e, S, used = model.innovations(record)
+    used[:first] = False
+    if not used.any():
+        raise RecordError(f"{name or 'the record'}: no measurement could be taken in")
+    fit, error = _fits(model, record, horizons, first)
+    likelihood = _per_sample(e, S, used)
+    gain = math.nan
+    of_start: dict[int, float] = {}
+    if start is not None:
+        of_start, _ = _fits(start, record, horizons, first)
+        e_start, S_start, used_start = start.innovations(record)
+        gain = likelihood - _per_sample(e_start, S_start, used & used_start)
+    r = e[used] / np.sqrt(S[used])
+    return Validation(
+        name=name,
+        samples=int(used.sum()),
+        fit=fit,
+        held=_held(record["y"], horizons, first),
+        error=error,
+        of_start=of_start,
+        residual=whiteness(r, LAGS),
+        cross=cross_correlation(np.where(used, e / np.sqrt(S), 0.0)[first:], record["u"][first:]),
+        nis=float(np.mean(r**2)),
+        gain=gain,
+    )
+
+
+def cross_correlation(residual: Array, u: Array, lags: int = LAGS) -> Whiteness:
+    """Correlate residuals with an input of the past, after Box and Jenkins (1976, ch. 11).
+
+    The input of a loop has so much colour that one chance correlation would show at all lags.
+    So what of it could be predicted from its own past is taken off first: then the lags are
+    independent, and the bound is that of white noise.
+
+    Parameters
+    ----------
+    residual, u : ndarray (n,)
+        Residuals, and what acted.
+    lags : int
+        The input is taken 1 to so many samples before.
+    """
+    e = residual - residual.mean()
+    w = _prewhitened(u)
+    e = e[e.size - w.size :]
+    scale = math.sqrt(float(e @ e) * float(w @ w))
+    if not scale > 0:
+        return Whiteness(np.zeros(lags), 1.96 / math.sqrt(e.size))
+    correlation = np.array([float(e[lag:] @ w[:-lag]) / scale for lag in range(1, lags + 1)])
+    return Whiteness(correlation, 1.96 / math.sqrt(e.size))
+
+
+def _prewhitened(u: Array) -> Array:
+    """Return the errors of predicting a signal from its own past, by least squares."""
+    known = np.where(np.isfinite(u), u, np.nanmean(u))
+    past = np.lib.stride_tricks.sliding_window_view(known - known.mean(), ORDER + 1)
+    solution, *_ = np.linalg.lstsq(past[:, :-1], past[:, -1], rcond=1e-12)
+    return np.asarray(past[:, -1] - past[:, :-1] @ solution)
+
+
+def _per_sample(e: Array, S: Array, used: NDArray[np.bool_]) -> float:
+    return float(-0.5 * np.mean(np.log(S[used]) + e[used] ** 2 / S[used]))
+
+
+def _fits(
+    model: LoopModel, record: Record, horizons: Sequence[int], first: int
+) -> tuple[dict[int, float], dict[int, float]]:
+    y = record["y"]
+    fit, error = {}, {}
+    for ahead in horizons:
+        miss = (y[ahead:] - model.predict(record, ahead))[first:]
+        error[ahead] = math.sqrt(float(np.nanmean(miss**2)))
+        fit[ahead] = _percent(miss, y[first + ahead :])
+    return fit, error
+
+
+def _held(y: Array, horizons: Sequence[int], first: int) -> dict[int, float]:
+    return {
+        ahead: _percent((y[ahead:] - y[:-ahead])[first:], y[first + ahead :]) for ahead in horizons
+    }
+
+
+def _percent(miss: Array, y: Array) -> float:
+    own = float(np.nanstd(y))
+    if not own > 0:
+        return math.nan
+    return 100 * (1 - math.sqrt(float(np.nanmean(miss**2))) / own)

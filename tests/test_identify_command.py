@@ -1,0 +1,152 @@
+"""`ambkit identify` by maximum likelihood as a user meets it; how it judges what it found."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import ambkit
+from ambkit.cli import main
+from ambkit.identification.loop_model import LoopModel
+from ambkit.identification.validation import cross_correlation, validate
+from benchmarks.identification import TRUTH, closed_loops
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Two short records of one rig, and the bearing that a user would start from."""
+    folder = tmp_path_factory.mktemp("made")
+    for name, record in zip(("a.csv", "b.csv"), closed_loops(TRUTH, 2, 0.4, first=50), strict=True):
+        record.save(folder / name)
+    b = TRUTH.bearing
+    b.replace(magnet__magnet_constant=1.2 * b.magnet.magnet_constant).save(folder / "start.toml")
+    return folder
+
+
+@pytest.fixture
+def call(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments):
+        with pytest.raises(SystemExit) as left:
+            main([str(argument) for argument in arguments])
+        return int(left.value.code or 0), *capsys.readouterr()
+
+    return run
+
+
+def test_a_log_becomes_a_bearing_with_errors_and_a_report(call, made, tmp_path):
+    code, out, err = call(
+        "identify", made / "a.csv", "--bearing", made / "start.toml", "--validate", made / "b.csv",
+        "--free", "magnet_constant, sensor_lag,delay,measurement_noise,control_noise,load_growth",
+        "--out", "found.toml", "--report", "found.html", "--plot", "found.png",
+    )  # fmt: skip
+    assert code == 0, err
+    assert "std. error" in out
+    assert "b.csv: It predicts 10 samples ahead with a fit of" in out
+    found = ambkit.Bearing.load("found.toml")
+    text = (tmp_path / "found.toml").read_text()
+    assert re.search(r'magnet_constant = ".*"  # found, standard error 0\.\d+ N mm\^2/A\^2', text)
+    assert "# Of the log: delay = " in text
+    k = TRUTH.bearing.magnet.magnet_constant
+    assert abs(found.magnet.magnet_constant / k - 1) < 0.15
+    page = (tmp_path / "found.html").read_text()
+    for heading in ("What was found", "Whether it holds", "Correlation of the estimates"):
+        assert heading in page
+    assert (tmp_path / "found.png").stat().st_size > 20_000
+
+
+def test_json_has_all_figures_in_si(call, made):
+    import json
+
+    code, out, _ = call(
+        "identify", made / "a.csv", made / "b.csv", "--bearing", made / "start.toml",
+        "--free", "magnet_constant,mass,load_growth", "--json",
+    )  # fmt: skip
+    assert code == 0
+    found = json.loads(out)
+    assert "cannot be told apart" in found["held"]["mass"]
+    k = found["parameters"]["magnet_constant"]
+    low, high = k["interval_95"]
+    assert low < k["value"] == found["magnet_constant"] < high
+    assert found["correlation"][0][0] == pytest.approx(1)
+    assert not found["validated_on_other_records"]
+    assert [check["record"] for check in found["validation"]] == ["a.csv", "b.csv"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("identify A --bearing B --free k", "there is no parameter k; there are magnet_constant"),
+        ("identify A --bearing B --validate A", "a model is judged on a record that it has not"),
+        (
+            "identify A --bearing B --start 1N*mm^2/A^2 --report r.html",
+            "is for --method likelihood",
+        ),
+        ("identify A --bearing B --method likelihood --disturbance 1N", "is for --method adaline"),
+        ("identify A A --bearing B --method adaline", "along one record, 2 are given"),
+        ("identify A --bearing B --report r.pdf", "must end with .html"),
+        ("identify A --bearing B --to 5ms", "samples"),
+        ("identify A --bearing inteco_ml", "sampled every 0.0001 s"),
+    ],
+)
+def test_what_the_user_did_wrong_is_one_message(call, made, tmp_path, arguments, message):
+    words = [str(made / f"{dict(A='a.csv', B='start.toml')[w]}") if w in "AB" else w
+             for w in arguments.split()]  # fmt: skip
+    code, out, err = call(*words)
+    assert code == 2
+    assert message in err
+    assert out == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture(scope="module")
+def record():
+    return closed_loops(TRUTH, 1, 0.6, first=80)[0]
+
+
+def test_the_truth_passes_and_what_is_wrong_is_named(record):
+    good = validate(TRUTH, record, name="r", settling=0.01)
+    assert good.good, good.verdict
+    assert good.fit[10] > good.held[10]
+    late = validate(replace(TRUTH, delay=8e-4), record, start=TRUTH, settling=0.01)
+    assert not late.good
+    assert late.gain < 0
+    assert "The start was more likely" in late.verdict
+    deaf = validate(
+        TRUTH.replace(sensor__noise_variance=100 * TRUTH.bearing.sensor.noise_variance), record
+    )
+    assert not deaf.good
+    assert "smaller than expected" in deaf.verdict
+
+
+def test_prediction_is_that_of_the_plain_filter_with_single_steps(record):
+    """Against the estimators' own forecast, on the model whose log has neither delay nor offset."""
+    b = TRUTH.bearing
+    model = LoopModel(b, substeps=1, delay=b.sampling_time)
+    delay, lag = model.as_filtered
+    kalman = ambkit.ExtendedKalmanFilter(
+        b.replace(sensor__lag=lag), noise=ambkit.FilterNoise(disturbance=model.load_growth),
+        outlier_limit=0,
+    )  # fmt: skip
+    from ambkit.identification.loop_model import delayed
+
+    u = delayed(record["u"], delay / b.sampling_time)
+    shifted = ambkit.Record(record.t, {"y": record["y"], "u": u})
+    expected = kalman.forecast(kalman.run(shifted), shifted, 10)
+    np.testing.assert_allclose(model.predict(record, 10)[50:], expected[50:], rtol=1e-9, atol=1e-12)
+
+
+def test_cross_correlation_of_what_is_independent_stays_within_its_bound():
+    """A control signal with much colour, residuals that know nothing of it; and ones that do."""
+    rng = np.random.default_rng(0)
+    shares = []
+    for _ in range(20):
+        u = np.cumsum(rng.normal(size=4000)) * 0.01 + rng.normal(size=4000) * 0.01
+        shares.append(cross_correlation(rng.normal(size=4000), u).share_within)
+    assert 0.92 < np.mean(shares) < 0.98
+    e = rng.normal(size=4000)
+    e[3:] += 30 * np.diff(u, prepend=u[0])[:-3]
+    found = cross_correlation(e, u)
+    assert abs(found.correlation[2]) > 3 * found.bound
