@@ -344,6 +344,20 @@ def test_compare_in_a_case(call):
     assert "The limit" in Path("r.html").read_text()
 
 
+def test_compare_in_all_cases(call):
+    from ambkit.commands.compare import CASES
+    from ambkit.comparison import cases
+
+    assert (*cases.CASES, "all") == CASES
+    found = call("compare", "zittau_axial", "--estimators", "linear,observer", "--case", "all",
+                 "--runs", "1", "--out", "c.csv", "--plot", "m.svg", "--report", "r.html",
+                 "--json")  # fmt: skip
+    assert list(found.json["cases"]) == list(cases.CASES)
+    table = Path("c.csv").read_text()
+    assert len([line for line in table.splitlines() if line[0].isdigit()]) == len(cases.CASES)
+    assert "matrix-unbalance" in Path("r.html").read_text()
+
+
 def test_compare_tells_the_limit_where_it_is_known(call):
     found = call("compare", "zittau_axial", "--case", "model", "--estimators", "closed-law",
                  "--runs", "4")  # fmt: skip

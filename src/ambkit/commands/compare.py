@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 CASES = (
     "paper", "uncertain", "wrong-k", "saturating", "coloured-noise", "step", "unbalance", "model",
+    "all",
 )  # fmt: skip
 
 
@@ -132,22 +133,10 @@ def compare(
     own = {"--scenario": scenario, "--steps": steps, "--load": load, "--duration": duration}
     given = [name for name, value in own.items() if value is not None]
     if not given:
-        from ambkit.commands.compare_case import in_case
+        from ambkit.commands.compare_case import Wanted, in_case
 
-        in_case(
-            find_bearing(bearing),
-            case or "paper",
-            estimators or "all",
-            runs=runs,
-            budget=tune,
-            seed=seed,
-            spread=spread,
-            expert=expert,
-            out=out,
-            plot=plot,
-            report=report,
-            as_json=json,
-        )
+        wanted = Wanted(runs, tune, seed, spread, expert, out, plot, report, json)
+        in_case(find_bearing(bearing), case or "paper", estimators or "all", wanted)
         return
     unwanted = {"--case": case, "--tune": tune or None, "--spread": spread, "--report": report}
     clash = [name for name, value in unwanted.items() if value is not None]

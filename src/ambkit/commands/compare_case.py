@@ -2,64 +2,93 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ambkit.errors import AmbkitError
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
     from ambkit.comparison.bench import Bench, Standing
+    from ambkit.comparison.cases import Case
     from ambkit.comparison.study import Study
     from ambkit.magnets import StiffnessSource
+    from ambkit.report.blocks import Report
 
 SHOWN = ("x", "v", "f_d", "nees", "nis", "delay", "tracking", "effort", "lost", "cost")
 
 
-def in_case(
-    bearing: Bearing,
-    case_name: str,
-    chosen: str,
-    *,
-    runs: int,
-    budget: int,
-    seed: int,
-    spread: float | None,
-    expert: Path | None,
-    out: Path | None,
-    plot: Path | None,
-    report: Path | None,
-    as_json: bool,
-) -> None:
-    """Compare in a case, and deliver; see ``ambkit compare --help``."""
-    from ambkit import plots
+class Wanted(NamedTuple):
+    """What the user asked of a comparison."""
+
+    runs: int
+    budget: int
+    seed: int
+    spread: float | None
+    expert: Path | None
+    out: Path | None
+    plot: Path | None
+    report: Path | None
+    as_json: bool
+
+
+def in_case(bearing: Bearing, case_name: str, chosen: str, wanted: Wanted) -> None:
+    """Compare in a case, or in all of them, and deliver; see ``ambkit compare --help``."""
     from ambkit.commands import output
-    from ambkit.commands.family import read_expert
-    from ambkit.comparison import figures
-    from ambkit.comparison.cases import CASES
     from ambkit.comparison.contenders import expand
-    from ambkit.comparison.spread import Spread
-    from ambkit.comparison.study import pieces_of, study
+    from ambkit.comparison.study import across, pieces_of, study
 
     names = expand(chosen)
-    case = CASES[case_name]
-    if spread is not None:
-        if not 0 <= spread < 1:
-            raise AmbkitError(f"--spread must be from 0 to below 100 %, is {100 * spread:g} %")
-        case = replace(case, spread=Spread.all(spread))
-    sources: dict[str, StiffnessSource] = {}
-    if expert is not None:
-        if "adaptive" not in names:
-            raise AmbkitError("--expert is for the estimator adaptive, which does not take part")
-        sources["adaptive"] = read_expert(expert, bearing)
-    whole = report is not None
-    with output.progress("learning", pieces_of(len(names), budget, whole)) as done:
-        found = study(
-            bearing, case, names, runs=runs, budget=budget, seed=seed, sources=sources,
-            whole=whole, done=done,
-        )  # fmt: skip
+    cases = _cases(case_name, wanted.spread)
+    options: dict[str, Any] = {
+        "runs": wanted.runs,
+        "budget": wanted.budget,
+        "seed": wanted.seed,
+        "sources": _sources(bearing, names, wanted.expert),
+    }
+    if len(cases) > 1:
+        work = len(cases) * pieces_of(len(names), wanted.budget, whole=False)
+        with output.progress("learning", work) as done:
+            _deliver_all(bearing, across(bearing, cases, names, **options, done=done), wanted)
+        return
+    whole = wanted.report is not None
+    with output.progress("learning", pieces_of(len(names), wanted.budget, whole)) as done:
+        found = study(bearing, cases[case_name], names, **options, whole=whole, done=done)
+    _deliver(found, wanted)
+
+
+def _cases(name: str, spread: float | None) -> dict[str, Case]:
+    from ambkit.comparison.cases import CASES
+    from ambkit.comparison.spread import Spread
+
+    cases = dict(CASES) if name == "all" else {name: CASES[name]}
+    if spread is None:
+        return cases
+    if not 0 <= spread < 1:
+        raise AmbkitError(f"--spread must be from 0 to below 100 %, is {100 * spread:g} %")
+    return {name: replace(case, spread=Spread.all(spread)) for name, case in cases.items()}
+
+
+def _sources(
+    bearing: Bearing, names: Sequence[str], expert: Path | None
+) -> dict[str, StiffnessSource]:
+    from ambkit.commands.family import read_expert
+
+    if expert is None:
+        return {}
+    if "adaptive" not in names:
+        raise AmbkitError("--expert is for the estimator adaptive, which does not take part")
+    return {"adaptive": read_expert(expert, bearing)}
+
+
+def _deliver(found: Study, wanted: Wanted) -> None:
+    from ambkit import plots
+    from ambkit.commands import output
+    from ambkit.comparison.figures import matrix_figure
+    from ambkit.comparison.report import report_of
+
     bench = found.bench
     tables = [_table(bench, bench.best, "tuned alike" if bench.tuned else "defaults")]
     if bench.tuned:
@@ -68,11 +97,36 @@ def in_case(
         _data(bench),
         [*tables, *_notes(bench)],
         [
-            (out, lambda path: _save(path, bench)),
-            (plot, lambda path: plots.save_figure(figures.matrix_figure(bench), path)),
-            (report, lambda path: _write_report(path, found)),
+            (wanted.out, lambda path: _save(path, {bench.case.name: bench})),
+            (wanted.plot, lambda path: plots.save_figure(matrix_figure(bench), path)),
+            (wanted.report, lambda path: _write_report(path, report_of(found))),
         ],
-        as_json=as_json,
+        as_json=wanted.as_json,
+    )
+
+
+def _deliver_all(bearing: Bearing, benches: Mapping[str, Bench], wanted: Wanted) -> None:
+    from ambkit import plots
+    from ambkit.commands import output
+    from ambkit.comparison.figures import cases_figure
+    from ambkit.comparison.report import report_of_cases
+
+    first = next(iter(benches.values()))
+    rows = [
+        [name, *(f"{bench.best[name].mean('f_d'):.3g}" for bench in benches.values())]
+        for name in first.best
+    ]
+    how = "tuned alike" if first.tuned else "defaults"
+    title = f"{bearing.name}: error of F_St [N], {first.runs} runs in each case, {how}"
+    output.deliver(
+        {"bearing": bearing.name, "cases": {name: _data(b) for name, b in benches.items()}},
+        [output.table(title, ["", *benches], rows)],
+        [
+            (wanted.out, lambda path: _save(path, benches)),
+            (wanted.plot, lambda path: plots.save_figure(cases_figure(benches), path)),
+            (wanted.report, lambda path: _write_report(path, report_of_cases(benches))),
+        ],
+        as_json=wanted.as_json,
     )
 
 
@@ -150,30 +204,34 @@ SI = {"x": "m", "v": "m/s", "f_d": "N", "force": "N", "delay": "s", "tracking": 
       "settling": "s", "cost": "s"}  # fmt: skip
 
 
-def _save(path: Path, bench: Bench) -> None:
-    """Write the figures of each run: a row for each run, a column for estimator and criterion."""
+def _save(path: Path, benches: Mapping[str, Bench]) -> None:
+    """Write the figures of each run: a row for case and run, columns by estimator and criterion."""
     import numpy as np
 
     from ambkit.files.tables import Table, write_table
 
-    count = len(next(iter(next(iter(bench.default.values())).figures.values())))
-    columns: dict[str, Any] = {"run": np.arange(count, dtype=float)}
-    units = {"run": "1"}
-    for how, standings in (("default", bench.default), ("tuned", bench.tuned)):
-        for name, standing in standings.items():
-            for criterion, values in standing.figures.items():
-                key = f"{name}_{how}_{criterion}"
-                columns[key], units[key] = values, SI.get(criterion, "1")
-    meta = {"bearing": bench.bearing.name, "case": bench.case.name, "seed": bench.seed}
+    gathered: dict[str, list[Any]] = {"case": [], "run": []}
+    units = {"case": "1", "run": "1"}
+    for place, bench in enumerate(benches.values()):
+        count = bench.runs - bench.stopped
+        gathered["case"].append(np.full(count, float(place)))
+        gathered["run"].append(np.arange(count, dtype=float))
+        for how, standings in (("default", bench.default), ("tuned", bench.tuned)):
+            for name, standing in standings.items():
+                for criterion, values in standing.figures.items():
+                    key = f"{name}_{how}_{criterion}"
+                    gathered.setdefault(key, []).append(values)
+                    units[key] = SI.get(criterion, "1")
+    first = next(iter(benches.values()))
+    meta = {"bearing": first.bearing.name, "cases": list(benches), "seed": first.seed}
+    columns = {key: np.concatenate(parts) for key, parts in gathered.items()}
     write_table(path, Table(columns, units, meta))
 
 
-def _write_report(path: Path, found: Study) -> None:
+def _write_report(path: Path, whole: Report) -> None:
     from ambkit import files
-    from ambkit.comparison.report import report_of
     from ambkit.report import static
     from ambkit.report.page import render_page
 
-    whole = report_of(found)
     pictures = {figure.id: static.render(figure) for figure in whole.figures}
     files.write_text(path, render_page(whole, pictures))

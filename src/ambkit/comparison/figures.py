@@ -44,8 +44,16 @@ def _looks(names: Sequence[str]) -> Iterator[tuple[str, str]]:
         yield name, look(name, others)
 
 
-def matrix_figure(bench: Bench) -> Figure:
-    """Show all estimators by all criteria, the darker the worse."""
+def matrix_figure(bench: Bench, id: str = "matrix") -> Figure:
+    """Show all estimators by all criteria, the darker the worse.
+
+    Parameters
+    ----------
+    bench : Bench
+        What was found.
+    id : str
+        Of the figure.
+    """
     standings = list(bench.best.values())
     names = [name for name in CRITERIA if any(np.isfinite(s.mean(name)) for s in standings)]
     shade = np.column_stack([_shades(standings, name) for name in names])
@@ -53,7 +61,7 @@ def matrix_figure(bench: Bench) -> Figure:
     how = "tuned alike" if bench.tuned else "with their defaults"
     cells = Cells([_head(CRITERIA[name]) for name in names], list(bench.best), shade, texts)
     return Figure(
-        id="matrix",
+        id=id,
         title=f"All estimators by all criteria, {how}",
         caption="The palest of a column is the best, or as it should be; the darkest is "
         f"{TIMES:g} times as bad, or more. Empty: the criterion does not apply.",
@@ -213,26 +221,31 @@ def run_figure(trial: Trial, field: Mapping[str, Contender], bench: Bench) -> Fi
     )  # fmt: skip
 
 
-def cases_figure(errors: Mapping[str, Mapping[str, tuple[float, float]]]) -> Figure:
+def cases_figure(benches: Mapping[str, Bench]) -> Figure:
     """Show the error of the disturbance force in several cases, relative to the linear filter's.
 
     Parameters
     ----------
-    errors : mapping of str to (mapping of str to (float, float))
-        By case and estimator: mean over the linear filter's, half width of its interval.
+    benches : mapping of str to Bench
+        By case, with the same estimators in each; relative to the first where linear is none.
     """
-    cases = list(errors)
-    names = list(next(iter(errors.values())))
-    shade = np.array(
-        [[np.clip(0.5 + 0.5 * np.log(errors[c][n][0]) / np.log(TIMES), 0, 1) for c in cases]
-         for n in names]
-    )  # fmt: skip
-    texts = [[f"{errors[c][n][0]:.2f}" for c in cases] for n in names]
+    names = list(next(iter(benches.values())).best)
+    base = "linear" if "linear" in names else names[0]
+
+    def ratio(bench: Bench, name: str) -> float:
+        return bench.best[name].mean("f_d") / bench.best[base].mean("f_d")
+
+    ratios = np.array([[ratio(bench, name) for bench in benches.values()] for name in names])
+    with np.errstate(invalid="ignore"):
+        shade = np.clip(0.5 + 0.5 * np.log(ratios) / np.log(TIMES), 0, 1)
+    texts = [["" if np.isnan(value) else f"{value:.2f}" for value in row] for row in ratios]
+    heads = [name.replace("-", "\n") for name in benches]
+    how = "tuned alike in each case" if next(iter(benches.values())).tuned else "with defaults"
     return Figure(
         id="cases",
-        title="Error of the disturbance force, linear Kalman filter = 1",
-        caption="Pale: better than the linear filter; dark: worse.",
-        panels=[Panel(Axis(""), Axis(""), [Cells(cases, names, shade, texts)])],
+        title=f"Error of the disturbance force over that of {base}, {how}",
+        caption="The palest is a third of it or less, the darkest three times as much or more.",
+        panels=[Panel(Axis(""), Axis(""), [Cells(heads, names, shade, texts)])],
     )
 
 

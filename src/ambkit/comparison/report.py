@@ -51,6 +51,68 @@ def report_of(study: Study) -> Report:
     )
 
 
+def report_of_cases(benches: Mapping[str, Bench]) -> Report:
+    """Build the report of several cases.
+
+    Parameters
+    ----------
+    benches : mapping of str to Bench
+        By case, with the same estimators in each.
+    """
+    import ambkit
+
+    first = next(iter(benches.values()))
+
+    def entry(bench: Bench, name: str) -> str | None:
+        standing = bench.best[name]
+        if not np.isfinite(standing.mean("f_d")):
+            return None
+        return f"{standing.mean('f_d'):.3f} ± {standing.half_width('f_d'):.2g}"
+
+    table = TableBlock(
+        id="cases_table",
+        title=r"Error of $F_\mathrm{St}$ [N], mean and 95 % confidence interval",
+        headers=["estimator", *benches],
+        rows=[
+            [standing.label, *(entry(bench, name) for bench in benches.values())]
+            for name, standing in first.best.items()
+        ],
+    )
+    chapters = [
+        Chapter(
+            id="all",
+            title="All cases",
+            lead="Who sees the disturbance force best depends on what is wrong with the model.",
+            blocks=[FigureBlock(figures.cases_figure(benches)), table],
+        )
+    ]
+    for name, bench in benches.items():
+        blocks: list[FigureBlock | TableBlock] = [
+            FigureBlock(figures.matrix_figure(bench, f"matrix-{name}")),
+            _errors_table(
+                bench.best, f"errors-{name}", "Errors, mean and 95 % confidence interval"
+            ),
+        ]
+        if bench.tuned:
+            blocks.append(_tuning_table(bench, f"tuning-{name}"))
+        title = f"{name}: {bench.case.title}"
+        chapters.append(Chapter(name, title, blocks, lead=bench.case.about))
+    return Report(
+        title=f"Estimators compared: {first.bearing.name}",
+        subtitle="in all cases",
+        lead="The same records and the same start for all, and the same effort of tuning in each "
+        "case.",
+        version=ambkit.__version__,
+        chapters=chapters,
+        facts={
+            "bearing": first.bearing.name,
+            "runs": f"{first.runs} in each case",
+            "first seed": str(first.seed),
+            "tuning": f"{first.budget} evaluations each" if first.budget else "defaults",
+        },
+    )
+
+
 def _lead(bench: Bench) -> str:
     standing = {n: s for n, s in bench.best.items() if np.isfinite(s.mean("f_d"))}
     if not standing:
@@ -268,7 +330,7 @@ def _how(study: Study) -> Chapter:
     )
 
 
-def _tuning_table(bench: Bench) -> TableBlock:
+def _tuning_table(bench: Bench, id: str = "tuning") -> TableBlock:
     rows: list[list[Cell]] = []
     for name, standing in bench.tuned.items():
         assert standing.tuning is not None
@@ -281,7 +343,7 @@ def _tuning_table(bench: Bench) -> TableBlock:
         rows.append([standing.label, standing.tuning.default, standing.tuning.objective,
                      standing.tuning.evaluations, found or "nothing to tune"])  # fmt: skip
     return TableBlock(
-        id="tuning",
+        id=id,
         title="What was tuned",
         headers=["estimator", "objective untuned", "tuned", "evaluations", "found"],
         rows=rows,

@@ -184,6 +184,36 @@ def study(
     )  # fmt: skip
 
 
+def across(
+    bearing: Bearing,
+    cases: Mapping[str, Case],
+    names: Sequence[str],
+    *,
+    runs: int = 16,
+    budget: int = 0,
+    seed: int = 0,
+    threads: int | None = None,
+    sources: Mapping[str, StiffnessSource] | None = None,
+    done: Callable[[str], None] = lambda _text: None,
+) -> dict[str, Bench]:
+    """Compare estimators in several cases, tuned anew in each.
+
+    Parameters
+    ----------
+    cases : mapping of str to Case
+        What happens, by name.
+    bearing, names, runs, budget, seed, threads, sources, done
+        See `study`.
+    """
+    return {
+        name: study(
+            bearing, case, names, runs=runs, budget=budget, seed=seed, threads=threads,
+            sources=sources, whole=False, done=done,
+        ).bench
+        for name, case in cases.items()
+    }  # fmt: skip
+
+
 def pieces_of(count: int, budget: int, whole: bool) -> int:
     """Return how often `study` calls `done` for so many estimators."""
     field = dict.fromkeys(map(str, range(count)))
