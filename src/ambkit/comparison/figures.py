@@ -244,8 +244,8 @@ def cases_figure(benches: Mapping[str, Bench]) -> Figure:
     return Figure(
         id="cases",
         title=f"Error of the disturbance force over that of {base}, {how}",
-        caption="The palest is a third of it or less, the darkest three times as much or more.",
-        panels=[Panel(Axis(""), Axis(""), [Cells(heads, names, shade, texts)])],
+        caption="Blue: a smaller error; brown: a larger one. The darkest is a factor of three.",
+        panels=[Panel(Axis(""), Axis(""), [Cells(heads, names, shade, texts, diverging=True)])],
     )
 
 

@@ -12,6 +12,7 @@ from ambkit.comparison.criteria import CRITERIA
 from ambkit.comparison.spread import CERTAIN
 from ambkit.comparison.study import Study
 from ambkit.report.blocks import Cell, Chapter, FigureBlock, Remark, Report, TableBlock, Text
+from ambkit.report.figure import Figure
 from ambkit.report.items import Axis
 
 STEP = Axis("step of the position", "mm", 1e3)
@@ -205,35 +206,61 @@ def _head(name: str) -> str:
     return f"{label} [{unit}]" if unit else label
 
 
-def _around(study: Study) -> Chapter:
+def steps(study: Study) -> Figure:
+    """Show the errors against the height of the step."""
     assert study.steps is not None
+    return figures.sweep_figure(
+        "steps",
+        study.steps,
+        STEP,
+        "Errors against the height of the step",
+        "A step, then a load. Bars: 95 % confidence. Where a line leaves the picture, the "
+        "estimator has lost the rotor or nearly so.",
+        ("x", "f_d"),
+    )
+
+
+def wrong_k(study: Study) -> Figure:
+    """Show the errors against the plant's magnet constant."""
     assert study.wrong_k is not None
+    return figures.sweep_figure(
+        "wrong_k",
+        study.wrong_k,
+        RATIO,
+        "Errors where the magnet constant is wrong",
+        "A step of three tenths of the travel, then a load.",
+        ("x", "f_d"),
+    )
+
+
+def limit_steps(study: Study) -> Figure:
+    """Show the errors and the limit against the height of the step, where the model is true."""
+    assert study.limit is not None
+    return figures.sweep_figure(
+        "limit_steps",
+        study.limit,
+        STEP,
+        "Errors and the limit",
+        "Black: what nobody crosses. Near the centre the linear model is right; further out only "
+        "filters that know the law stay at the limit.",
+        ("x", "f_d"),
+    )
+
+
+def _around(study: Study) -> Chapter:
     return Chapter(
         id="around",
         title="When it matters",
         lead="How the errors grow with the distance from the centre, and with a magnet constant "
         "that is not the one that the estimators know.",
         blocks=[
-            FigureBlock(
-                figures.sweep_figure(
-                    "steps", study.steps, STEP, "Errors against the height of the step",
-                    "A step, then a load. Bars: 95 % confidence. Where a line leaves the picture, "
-                    "the estimator has lost the rotor or nearly so.",
-                    ("x", "f_d"),
-                )
-            ),
-            FigureBlock(
-                figures.sweep_figure(
-                    "wrong_k", study.wrong_k, RATIO, "Errors where the magnet constant is wrong",
-                    "A step of three tenths of the travel, then a load.", ("x", "f_d"),
-                )
-            ),
+            FigureBlock(steps(study)),
+            FigureBlock(wrong_k(study)),
         ],
     )  # fmt: skip
 
 
 def _limit(study: Study) -> Chapter:
-    assert study.limit is not None
     assert study.model is not None
     model = study.model
     return Chapter(
@@ -252,13 +279,7 @@ def _limit(study: Study) -> Chapter:
                 "force law is the closed one; with their defaults the filters then assume the "
                 "truth, and nothing is tuned."
             ),
-            FigureBlock(
-                figures.sweep_figure(
-                    "limit_steps", study.limit, STEP, "Errors and the limit",
-                    "Black: what nobody crosses. Near the centre the linear model is right; "
-                    "further out only filters that know the law stay at the limit.", ("x", "f_d"),
-                )
-            ),
+            FigureBlock(limit_steps(study)),
             FigureBlock(figures.efficiency_figure(model)),
             TableBlock(
                 id="limit_table",

@@ -209,7 +209,7 @@ def _surface(panel: Panel, item: Heatmap) -> Json:
 
 
 def _cells(item: Cells) -> Json:
-    colours = style.SEQUENTIAL
+    colours = style.DIVERGING if item.diverging else style.SEQUENTIAL
     return {
         "type": "heatmap",
         "x": [label_html(name) for name in item.columns],

@@ -269,15 +269,18 @@ class Cells:
     columns, rows : sequence of str
         Names, from the left and from the top.
     shade : ndarray, shape (rows, columns)
-        From 0, palest, to 1, darkest; NaN is left white.
+        From 0, palest, to 1, darkest (or else see `diverging`); NaN is left white.
     texts : sequence of sequence of str
         What stands in the cells, row by row.
+    diverging : bool
+        True where 1/2 is neither good nor bad: the palest colour then.
     """
 
     columns: Sequence[str]
     rows: Sequence[str]
     shade: Vector
     texts: Sequence[Sequence[str]]
+    diverging: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "shade", np.asarray(self.shade, dtype=np.float64))

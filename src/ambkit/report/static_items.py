@@ -116,12 +116,13 @@ def _draw_heatmap(axes: "Axes", panel: Panel, item: Heatmap) -> None:
 def _draw_cells(axes: "Axes", item: Cells) -> None:
     from matplotlib.colors import LinearSegmentedColormap
 
+    colours = style.DIVERGING if item.diverging else style.SEQUENTIAL
     down, across = np.arange(len(item.rows) + 1.0), np.arange(len(item.columns) + 1.0)
     axes.pcolormesh(
         across - 0.5,
         down - 0.5,
         np.ma.masked_invalid(item.shade),
-        cmap=LinearSegmentedColormap.from_list("", style.SEQUENTIAL),
+        cmap=LinearSegmentedColormap.from_list("", colours),
         vmin=0.0,
         vmax=1.0,
         edgecolors="white",

@@ -1,0 +1,58 @@
+"""Compute what docs/comparison.md shows: python docs/make_comparison.py, some minutes.
+
+Writes docs/images/compare_*.png, and prints the figures that the page states. The pictures are
+committed, so that the pages are built without it.
+"""
+
+import json
+
+from make_images import FOLDER, small
+
+import ambkit
+from ambkit.comparison import figures
+from ambkit.comparison.cases import CASES
+from ambkit.comparison.report import limit_steps, steps, wrong_k
+from ambkit.comparison.study import across, study
+from ambkit.estimators.family import KINDS
+from ambkit.report import static
+
+RUNS, BUDGET = 16, 32
+
+if __name__ == "__main__":
+    bearing = ambkit.Bearing.preset("zittau_axial")
+    benches = across(bearing, CASES, list(KINDS), runs=RUNS, budget=BUDGET)
+    found = study(bearing, "paper", list(KINDS), runs=RUNS, budget=BUDGET)
+    assert found.model is not None
+    pictures = {
+        "cases": figures.cases_figure(benches),
+        "matrix": figures.matrix_figure(found.bench),
+        "cost": figures.cost_figure(found.bench),
+        "steps": steps(found),
+        "wrong_k": wrong_k(found),
+        "limit": limit_steps(found),
+    }
+    for name, figure in pictures.items():
+        (FOLDER / f"compare_{name}.png").write_bytes(small(static.render(figure).png))
+    numbers = {
+        "f_d": {
+            case: {name: [s.mean("f_d"), s.half_width("f_d")] for name, s in bench.best.items()}
+            for case, bench in benches.items()
+        },
+        "x": {
+            case: {name: s.mean("x") for name, s in bench.best.items()}
+            for case, bench in benches.items()
+        },
+        "nees": {
+            case: {name: s.mean("nees") for name, s in bench.best.items()}
+            for case, bench in benches.items()
+        },
+        "default_nees": {name: s.mean("nees") for name, s in found.bench.default.items()},
+        "efficiency": {
+            name: [found.model.efficiency(name, signal) for signal in ("x", "v", "f_d")]
+            for name in found.model.best
+        },
+        "limit": dict(found.model.limit),
+        "cost": {name: s.mean("cost") for name, s in found.bench.best.items()},
+        "tuned": {name: dict(s.values) for name, s in found.bench.tuned.items()},
+    }
+    print(json.dumps(numbers, indent=1))
