@@ -378,6 +378,23 @@ def test_the_guess_tells_the_rows_of_the_rig_apart(log):
     assert np.ptp(ours["y"] - theirs["y"]) < 1e-12
 
 
+@pytest.mark.parametrize("name", ["sinus_kalman", "sinus_no_filter"])
+def test_the_guess_needs_neither_names_nor_a_velocity(tmp_path, name):
+    shipped = recordings.folder() / f"{name}.csv"
+    lines = shipped.read_text().splitlines()
+    body = [line for line in lines if line[0] not in "#t"]
+    (tmp_path / "nameless.csv").write_text("\n".join(body) + "\n")
+    text, channel_map = proposed(tmp_path / "nameless.csv")
+    places = {signal: channel.column for signal, channel in channel_map.signals.items()}
+    expected = {"t": "0", "r": "1", "y": "2", "u": "3"}
+    assert {signal: places[signal] for signal in expected} == expected
+    record = read(tmp_path / "nameless.csv", channel_map).record
+    np.testing.assert_array_equal(record["y"], Record.load(shipped)["y"])
+    hints = "\n".join(line.removeprefix("# ") if "offset =" in line else line
+                      for line in text.splitlines())  # fmt: skip
+    assert ChannelMap.from_toml(hints)  # what it suggests in comments is valid too
+
+
 @needs_rig
 def test_the_guess_of_lift_off_and_rest():
     for name in [*(f"force/{n:02}" for n in range(1, 20)), "noises"]:

@@ -6,10 +6,14 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ambkit import files
-from ambkit.errors import AmbkitError, ConfigError
+from ambkit.errors import AmbkitError, ConfigError, RecordError
+from ambkit.files.log import ENDINGS
+
+if TYPE_CHECKING:
+    from ambkit.bearing import Bearing
 
 
 @dataclass(frozen=True)
@@ -27,12 +31,15 @@ class Finding:
         What it holds, in a few words; empty where it is not valid.
     problems : tuple of str
         All that is wrong, each with its place.
+    remarks : tuple of str
+        What is odd about a record, and may be right.
     """
 
     path: Path
     kind: str
     about: str
     problems: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     @property
     def ok(self) -> bool:
@@ -46,17 +53,27 @@ def schema_of(kind: str) -> dict[str, Any]:
     return dict(model.json_schema())
 
 
+class _Described(NamedTuple):
+    about: str
+    problems: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+
 def inspect(
-    path: str | os.PathLike[str], channel_map: str | os.PathLike[str] | None = None
+    path: str | os.PathLike[str],
+    channel_map: str | os.PathLike[str] | None = None,
+    bearing: Bearing | None = None,
 ) -> Finding:
     """Find out what a file is by what it holds, and check it.
 
     Parameters
     ----------
     path : path
-        A ``.toml``, ``.json``, ``.csv``, ``.parquet`` or ``.mat``.
+        A ``.toml`` or ``.json``, a table, or a log of any format.
     channel_map : path, optional
         What is what in a log.
+    bearing : Bearing, optional
+        The bearing that records are said to be of: rate, range, noise and signs are compared.
 
     Returns
     -------
@@ -66,17 +83,18 @@ def inspect(
     path = Path(path)
     kind = "file"
     try:
-        kind, describe = _recognise(path, channel_map)
-        return Finding(path, kind, describe(path))
-    except ConfigError as error:
+        kind, describe = _recognise(path, channel_map, bearing)
+        found = describe(path)
+        return Finding(path, kind, found.about, found.problems, found.remarks)
+    except (ConfigError, RecordError) as error:
         return Finding(path, kind, "", error.problems)
     except AmbkitError as error:
         return Finding(path, kind, "", (str(error),))
 
 
 def _recognise(
-    path: Path, channel_map: str | os.PathLike[str] | None
-) -> tuple[str, Callable[[Path], str]]:
+    path: Path, channel_map: str | os.PathLike[str] | None, bearing: Bearing | None
+) -> tuple[str, Callable[[Path], _Described]]:
     match path.suffix.lower():
         case ".toml":
             kind = _kind_of_toml(path)
@@ -84,17 +102,16 @@ def _recognise(
         case ".json":
             return "expert", _describe_expert
         case ".csv" | ".parquet" if channel_map is None:
-            return _kind_of_table(path)
-        case ".csv" | ".parquet" | ".mat":
-            return "record", lambda p: _describe_record(p, channel_map)
+            return _kind_of_table(path, bearing)
+        case ending if ending in ENDINGS:
+            return "record", lambda p: _describe_record(p, channel_map, bearing)
         case _:
             return "file", _unknown
 
 
-def _unknown(path: Path) -> str:
-    raise AmbkitError(
-        f"{path}: what is that? known are .toml, .json, .csv, .parquet and .mat files"
-    )
+def _unknown(path: Path) -> _Described:
+    known = f".toml, .json, {', '.join(ENDINGS[:-1])} and {ENDINGS[-1]}"
+    raise AmbkitError(f"{path}: what is that? known are {known} files")
 
 
 def _documents() -> dict[str, Any]:
@@ -126,28 +143,29 @@ def _kind_of_toml(path: Path) -> str:
     return best
 
 
-def _describe_document(kind: str, path: Path) -> str:
+def _describe_document(kind: str, path: Path) -> _Described:
     from ambkit.units import engineering
 
     found = _documents()[kind].load(path)
     if kind == "channel map":
-        return f"signals {', '.join(found.signals)}"
+        return _Described(f"signals {', '.join(found.signals)}")
     if kind == "scenario":
-        return (
+        return _Described(
             f"{engineering(found.duration, 's')}, reference {found.reference.type}, "
             f"disturbance {found.disturbance.type}"
         )
-    return f"{found.name}, {found.magnet.type}, {engineering(found.rotor.mass, 'kg')}"
+    mass = engineering(found.rotor.mass, "kg")
+    return _Described(f"{found.name}, {found.magnet.type}, {mass}")
 
 
-def _describe_expert(path: Path) -> str:
+def _describe_expert(path: Path) -> _Described:
     from ambkit.fuzzy import Expert
 
     expert = Expert.load(path)
-    return f"{len(expert.rules)} rules for {expert.source}"
+    return _Described(f"{len(expert.rules)} rules for {expert.source}")
 
 
-def _kind_of_table(path: Path) -> tuple[str, Callable[[Path], str]]:
+def _kind_of_table(path: Path, bearing: Bearing | None) -> tuple[str, Callable[[Path], _Described]]:
     from ambkit.files.tables import read_table
     from ambkit.identification import force_file, lift_off
 
@@ -156,26 +174,32 @@ def _kind_of_table(path: Path) -> tuple[str, Callable[[Path], str]]:
         return "lift-off points", _describe_points
     if "t" not in columns and columns >= set(force_file.COLUMNS):
         return "force table", _describe_force
-    return "record", lambda p: _describe_record(p, None)
+    return "record", lambda p: _describe_record(p, None, bearing)
 
 
-def _describe_points(path: Path) -> str:
+def _describe_points(path: Path) -> _Described:
     from ambkit.identification.lift_off import load_points
 
     points = load_points(path)
-    return f"{len(points)} runs, {sum(not p.problem for p in points)} of them usable"
+    usable = sum(not p.problem for p in points)
+    return _Described(f"{len(points)} runs, {usable} of them usable")
 
 
-def _describe_force(path: Path) -> str:
+def _describe_force(path: Path) -> _Described:
     from ambkit.identification.force_file import load_force_table
 
     table = load_force_table(path)
-    return f"{table.displacement.size} displacements times {table.current.size} currents"
+    about = f"{table.displacement.size} displacements times {table.current.size} currents"
+    return _Described(about)
 
 
-def _describe_record(path: Path, channel_map: str | os.PathLike[str] | None) -> str:
+def _describe_record(
+    path: Path, channel_map: str | os.PathLike[str] | None, bearing: Bearing | None
+) -> _Described:
     import numpy as np
 
+    from ambkit.reading.belongs import judge_record
+    from ambkit.reading.faults import account, find
     from ambkit.record import Record
     from ambkit.units import engineering
 
@@ -184,7 +208,21 @@ def _describe_record(path: Path, channel_map: str | os.PathLike[str] | None) -> 
     unfit = f"; without {' and '.join(lacking)}, so nothing to filter" if lacking else ""
     missing = sum(int(np.isnan(record[name]).sum()) for name in record)
     lost = f", {missing} samples missing" if missing else ""
-    return (
+    about = (
         f"{len(record)} samples of {', '.join(record)} every "
         f"{engineering(record.sampling_time, 's')}{lost}{unfit}"
+    )
+    measured = [name for name in ("y", "u") if name in record]
+    faults = [
+        fault
+        for name in measured
+        for fault in find(name, record[name], record.t, record.units[name])
+        if fault.kind != "missing"
+    ]
+    remarks = account(faults)
+    if bearing is None:
+        return _Described(about, (), tuple(remarks))
+    verdict = judge_record(record, bearing)
+    return _Described(
+        about, tuple(f"{path}: {p}" for p in verdict.problems), (*remarks, *verdict.remarks)
     )

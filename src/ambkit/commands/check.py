@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ambkit.commands.options import Json, MapFile
+from ambkit.commands.options import Json, MapFile, find_bearing
 from ambkit.errors import AmbkitError
 
 
@@ -32,14 +32,23 @@ def check(
         Schema | None, typer.Option(help="Print the JSON schema of such a TOML file.")
     ] = None,
     channel_map: MapFile = None,
+    bearing: Annotated[
+        str | None,
+        typer.Option(
+            "--bearing",
+            metavar="BEARING",
+            help="Compare records with it: rate, range, noise, signs. A preset, or a TOML file.",
+        ),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Check files of any kind.
 
-    Each problem is told with its file and line; the exit code is 2 if there is one.
+    Each problem is told with its file and line; the exit code is 2 if there is one. What is odd
+    about a record and may be right is told too.
 
     For example:
-      ambkit check my.toml scenario.toml run.csv
+      ambkit check my.toml scenario.toml run.csv --bearing my.toml
       ambkit check --schema bearing > bearing.schema.json
     """
     from ambkit.commands import output
@@ -50,7 +59,8 @@ def check(
     if schema is not None:
         output.deliver(schema_of(schema.value), [], as_json=True)
         return
-    found = [inspect(path, channel_map) for path in files or ()]
+    known = find_bearing(bearing) if bearing is not None else None
+    found = [inspect(path, channel_map, known) for path in files or ()]
     data: list[dict[str, Any]] = [
         {
             "file": str(each.path),
@@ -58,6 +68,7 @@ def check(
             "ok": each.ok,
             "about": each.about,
             "problems": list(each.problems),
+            "remarks": list(each.remarks),
         }
         for each in found
     ]
@@ -66,5 +77,7 @@ def check(
     for each in found:
         for problem in each.problems:
             output.note(problem)
+        for remark in each.remarks:
+            output.note(f"{each.path}: note: {remark}")
     if not all(each.ok for each in found):
         raise typer.Exit(2)

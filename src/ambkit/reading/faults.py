@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,6 +62,30 @@ class Fault:
     samples: int
     text: str
     action: str = "kept"
+
+
+def account(faults: Iterable[Fault]) -> list[str]:
+    """Say in sentences what was found and done, faults of a kind together."""
+    groups: dict[tuple[str, str, str], list[Fault]] = {}
+    for fault in faults:
+        groups.setdefault((fault.signal, fault.kind, fault.action), []).append(fault)
+    lines = []
+    for (signal, kind, action), found in groups.items():
+        first = found[0]
+        start = engineering(first.start, "s")
+        count = f"{first.samples} sample{'s' if first.samples != 1 else ''}"
+        if kind in ("constant", "quantised", "jitter"):
+            lines.append(f"{signal}: {first.text}; {action}")
+        elif len(found) == 1:
+            span = f"{count} from {start} to {engineering(first.stop, 's')}"
+            lines.append(f"{signal}: {span}: {first.text}; {action}")
+        else:
+            samples = sum(fault.samples for fault in found)
+            lines.append(
+                f"{signal}: {kind} in {len(found)} stretches, {samples} samples, the first at "
+                f"{start}; {action}"
+            )
+    return lines
 
 
 @dataclass(frozen=True)
@@ -175,7 +199,7 @@ def find(name: str, logged: Array, times: Array, unit: str) -> Iterator[Fault]:
     Parameters
     ----------
     name : str
-        The channel; the reference ``r`` may stand still.
+        The channel; the reference ``r``, which no sensor measures, may stand still.
     logged : ndarray (n,)
         The samples in SI, NaN where one is missing.
     times : ndarray (n,)
@@ -189,7 +213,7 @@ def find(name: str, logged: Array, times: Array, unit: str) -> Iterator[Fault]:
             yield from _runs_of(absent, times, kind, name, text)
     values = np.where(np.isinf(logged), np.nan, logged)
     there = values[np.isfinite(values)]
-    if there.size == 0:
+    if there.size == 0 or name == "r":  # a reference has no sensor
         return
     least, greatest = float(there.min()), float(there.max())
     if least == greatest:
@@ -197,8 +221,7 @@ def find(name: str, logged: Array, times: Array, unit: str) -> Iterator[Fault]:
         yield Fault("constant", name, float(times[0]), float(times[-1]), there.size, text)
         return
     yield from _coarse(name, there, times, unit)
-    if name != "r":
-        yield from _still(name, values, times, unit, (least, greatest))
+    yield from _still(name, values, times, unit, (least, greatest))
 
 
 def _runs_of(

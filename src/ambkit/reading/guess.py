@@ -223,26 +223,40 @@ def _position(open_: list[Candidate]) -> Candidate | None:
             v.why.append(f"difference of {y.label} (correlation {best:.2f})")
             return y
     moving = [c for c in open_ if np.ptp(_seen(c.values)) > 0]
-    if not moving:
-        return None
-    y = moving[0]
-    y.role = "y"
-    y.why.append("the first channel that moves: a mere guess")
-    return y
+    followed = [y for y in moving if any(_is_reference(r, y) for r in moving if r is not y)]
+    rough = [c for c in moving if noise(c.values) > 1e-4 * float(np.nanstd(c.values))]
+    for choice, why in (
+        (followed, "follows another channel that has no noise: a position and its reference"),
+        (rough, "the first channel with noise that moves: a mere guess"),
+    ):
+        if choice:
+            choice[0].role = "y"
+            choice[0].why.append(why)
+            return choice[0]
+    return None
+
+
+def _is_reference(candidate: Candidate, y: Candidate) -> bool:
+    """Whether a channel goes with the position, at its size, without its noise."""
+    if candidate.values.shape != y.values.shape:
+        return False
+    size = np.nanstd(candidate.values) / max(float(np.nanstd(y.values)), 1e-300)
+    if not 0.5 < size < 2 or _correlation(candidate.values, y.values) < 0.9:
+        return False
+    few = np.unique(_seen(candidate.values)).size < 0.01 * _seen(candidate.values).size
+    return few or noise(candidate.values) < 0.1 * noise(y.values)
 
 
 def _beside(candidate: Candidate, y: Candidate) -> None:
     """See whether a channel is a reference, or an estimate of the position."""
-    likeness = _correlation(candidate.values, y.values)
-    size = np.nanstd(candidate.values) / max(float(np.nanstd(y.values)), 1e-300)
-    if candidate.role or likeness < 0.9 or not 0.5 < size < 2:
+    if candidate.role:
         return
-    smooth = noise(candidate.values) < 0.1 * noise(y.values)
+    likeness = _correlation(candidate.values, y.values)
     close = np.nanmedian(np.abs(candidate.values - y.values))
-    if smooth or np.unique(candidate.values).size < 0.01 * candidate.values.size:
+    if _is_reference(candidate, y):
         candidate.role = "r"
         candidate.why.append(f"follows {y.label} without its noise (correlation {likeness:.3f})")
-    elif close < 3 * noise(y.values):
+    elif likeness > 0.9 and close < 3 * noise(y.values):
         candidate.role, candidate.estimated = "y", True
         candidate.why.append(f"lies within the noise of {y.label}: an estimate or a copy of it")
 
@@ -420,10 +434,10 @@ def _meaning(
     middle = float(np.median(_seen(candidate.values)))
     if role in ("y", "r", "x_logged") and y is not None:
         middle = float(np.median(_seen(y.values)))
-        sign = "" if slope > 0.3 else "-"
-        yield f'# offset = "{sign}{middle:.4g} {unit}"  # if x = 0 is at its median'
+        away = middle if slope > 0.3 else -middle
+        yield f'# offset = "{away:.4g} {unit}"  # if x = 0 is at its median'
     elif of_current:
-        yield f'# offset = "-{middle:.4g} V"  # if its median is the bias current'
+        yield f'# offset = "{-middle:.4g} V"  # if its median is the bias current'
     if role in ("y", "u"):
         yield '# delay = "0 ms"  # how late the logger wrote it'
 

@@ -60,21 +60,7 @@ class Reading:
     def account(self) -> list[str]:
         """Say in sentences what was found and done, faults of a kind together."""
         lines = [f"{name}: {clock.in_words()}" for name, clock in self.clocks.items()]
-        lines += self.remarks
-        groups: dict[tuple[str, str, str], list[Fault]] = {}
-        for fault in self.faults:
-            groups.setdefault((fault.signal, fault.kind, fault.action), []).append(fault)
-        for (signal, kind, action), found in groups.items():
-            first = found[0]
-            if len(found) == 1:
-                lines.append(f"{signal}: {_when(first)}{first.text}; {action}")
-                continue
-            samples = sum(fault.samples for fault in found)
-            lines.append(
-                f"{signal}: {kind} in {len(found)} stretches, {samples} samples, the first at "
-                f"{engineering(first.start, 's')}; {action}"
-            )
-        return lines
+        return [*lines, *self.remarks, *channel_faults.account(self.faults)]
 
     def to_dict(self) -> dict[str, Any]:
         """Return all of it as plain data, in SI, without the samples."""
@@ -99,13 +85,6 @@ class Reading:
             "remarks": list(self.remarks),
             "account": self.account(),
         }
-
-
-def _when(fault: Fault) -> str:
-    if fault.kind in ("constant", "quantised", "jitter"):
-        return ""
-    count = f"{fault.samples} sample{'s' if fault.samples != 1 else ''}"
-    return f"{count} from {engineering(fault.start, 's')} to {engineering(fault.stop, 's')}: "
 
 
 def read(
