@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from portability import lint
 
 import ambkit
 from ambkit import Adaline, Bearing, Record, Scenario
@@ -48,9 +49,9 @@ def textbook(phi: Array, y: Array, known: float, forgetting: float) -> Array:
     n = phi.shape[1]
     theta, P = np.zeros(n), np.eye(n) * (1 - forgetting) / known
     history = []
-    for row, output in zip(phi, y, strict=True):
+    for row, seen in zip(phi, y, strict=True):
         K = P @ row / (forgetting + row @ P @ row)
-        theta = theta + K * (output - row @ theta)
+        theta = theta + K * (seen - row @ theta)
         P = (np.eye(n) - np.outer(K, row)) @ P / forgetting
         history.append(theta)
     return np.array(history)
@@ -200,6 +201,15 @@ def test_units_of_length_do_not_matter() -> None:
         results.append((out["k"] / by**2, out["load"]))
     assert results[1][0] == pytest.approx(results[0][0], rel=1e-12)
     assert results[1][1] == pytest.approx(results[0][1], rel=1e-11, abs=1e-11)
+
+
+def test_a_small_controller_can_run_it() -> None:
+    """No library, no malloc, no variables of its own, no int beyond 16 bits, no double."""
+    core = Path(__file__).resolve().parent.parent / "core"
+    files = [f"src/{name}.c" for name in ("rls", "magnet_rls", "adaline", "magnet")]
+    files += [f"include/ambkit/{name}.h" for name in ("rls", "magnet_rls", "adaline")]
+    found = lint(core, files, ["-Iinclude", "-I.", "-DAMB_FLOAT"], real="float")
+    assert [finding for finding in found if "rls" in finding.file] == []
 
 
 def test_identify_takes_either_learner() -> None:

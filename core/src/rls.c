@@ -18,8 +18,14 @@ amb_status amb_rls_reset(const amb_rls *rls, amb_rls_state *state, const amb_rea
   if (!good) {
     return AMB_BAD_PARAMETER;
   }
-  const amb_rls_state fresh = {{AMB_C(0.0)}, {AMB_C(0.0)}, {AMB_C(0.0)}, AMB_C(0.0)};
-  *state = fresh;
+  for (size_t i = 0U; i < (size_t)AMB_RLS_MAX; i++) {
+    state->theta[i] = AMB_C(0.0);
+    state->excitation[i] = AMB_C(0.0);
+  }
+  for (size_t i = 0U; i < (size_t)AMB_RLS_TRIANGLE; i++) {
+    state->moment[i] = AMB_C(0.0);
+  }
+  state->error = AMB_C(0.0);
   for (size_t i = 0U; i < rls->n; i++) {
     state->theta[i] = theta[i];
     state->moment[at(i, i)] = known[i];
@@ -34,13 +40,15 @@ static bool solve(const amb_rls *rls, const amb_real moment[], const amb_real ph
                   amb_real excitation[], amb_real gain[])
 {
   const amb_real least = rls->least_excitation * rls->least_excitation;
-  amb_real L[AMB_RLS_TRIANGLE] = {AMB_C(0.0)};
-  amb_real scaled[AMB_RLS_MAX] = {AMB_C(0.0)}; /* D^-1 L^-1 phi */
-  amb_real forward[AMB_RLS_MAX] = {AMB_C(0.0)};
-  bool all = true;
+  amb_real L[AMB_RLS_TRIANGLE];
+  amb_real scaled[AMB_RLS_MAX]; /* D^-1 L^-1 phi */
+  amb_real forward[AMB_RLS_MAX];
+  bool complete = true;
   for (size_t j = 0U; j < rls->n; j++) {
     amb_real pivot = moment[at(j, j)];
     amb_real left = phi[j];
+    forward[j] = AMB_C(0.0);
+    scaled[j] = AMB_C(0.0);
     for (size_t i = 0U; i < j; i++) {
       pivot -= L[at(j, i)] * L[at(j, i)] * excitation[i];
       left -= L[at(j, i)] * forward[i];
@@ -50,21 +58,21 @@ static bool solve(const amb_rls *rls, const amb_real moment[], const amb_real ph
      * should be zero a part of the whole: not more is taken for excitation. */
     const amb_real rounding = AMB_ROOT_EPSILON * AMB_ROOT_EPSILON * moment[at(j, j)];
     const bool excited = (pivot > (AMB_C(16.0) * rounding)) && (pivot >= least);
-    for (size_t i = 0U; (i < j) && !excited; i++) {
-      L[at(j, i)] = AMB_C(0.0);
-    }
     if (excited) {
       forward[j] = left;
       scaled[j] = left / pivot;
-      for (size_t row = j + 1U; row < rls->n; row++) {
-        amb_real below = moment[at(row, j)];
-        for (size_t i = 0U; i < j; i++) {
-          below -= L[at(row, i)] * L[at(j, i)] * excitation[i];
-        }
-        L[at(row, j)] = below / pivot;
-      }
     }
-    all = all && excited;
+    for (size_t i = 0U; (i < j) && !excited; i++) {
+      L[at(j, i)] = AMB_C(0.0);
+    }
+    for (size_t row = j + 1U; row < rls->n; row++) {
+      amb_real below = moment[at(row, j)];
+      for (size_t i = 0U; i < j; i++) {
+        below -= L[at(row, i)] * L[at(j, i)] * excitation[i];
+      }
+      L[at(row, j)] = excited ? (below / pivot) : AMB_C(0.0);
+    }
+    complete = complete && excited;
   }
   for (size_t j = rls->n; j > 0U; j--) {
     amb_real g = scaled[j - 1U];
@@ -73,7 +81,7 @@ static bool solve(const amb_rls *rls, const amb_real moment[], const amb_real ph
     }
     gain[j - 1U] = g;
   }
-  return all;
+  return complete;
 }
 
 amb_status amb_rls_step(const amb_rls *rls, amb_rls_state *state, const amb_real phi[], amb_real y)
@@ -90,8 +98,8 @@ amb_status amb_rls_step(const amb_rls *rls, amb_rls_state *state, const amb_real
     }
     error -= phi[i] * next.theta[i];
   }
-  amb_real gain[AMB_RLS_MAX] = {AMB_C(0.0)};
-  const bool all = solve(rls, next.moment, phi, next.excitation, gain);
+  amb_real gain[AMB_RLS_MAX];
+  const bool complete = solve(rls, next.moment, phi, next.excitation, gain);
   next.error = error;
   for (size_t i = 0U; i < rls->n; i++) {
     next.theta[i] += fresh * gain[i] * error;
@@ -101,5 +109,5 @@ amb_status amb_rls_step(const amb_rls *rls, amb_rls_state *state, const amb_real
     return AMB_MISSING;
   }
   *state = next;
-  return all ? AMB_OK : AMB_UNEXCITED;
+  return complete ? AMB_OK : AMB_UNEXCITED;
 }
