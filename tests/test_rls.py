@@ -15,8 +15,7 @@ from portability import lint
 
 import ambkit
 from ambkit import Adaline, Bearing, Record, Scenario
-from ambkit.commands import output
-from ambkit.commands.identify_online import learn_online
+from ambkit.cli import main
 from ambkit.errors import AmbkitError
 from ambkit.identification.rls import RecursiveLeastSquares
 from ambkit.magnets import core_module
@@ -226,24 +225,26 @@ def test_identify_takes_either_learner() -> None:
 
 
 def test_the_command_shows_the_learners_beside_each_other(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    monkeypatch.chdir(tmp_path)
     record = ambkit.simulate(BEARING, SWING.replace(disturbance=ambkit.Constant(value=1.0)))
-    written: list[Path] = []
-    for as_json in (True, False):
-        picture, out = tmp_path / f"{as_json}.svg", tmp_path / f"{as_json}.toml"
-        learn_online(record, BEARING, "rls", 1.5 * K, None, out, picture, as_json)
-        written += [picture, out]
-    assert all(path.stat().st_size > 0 for path in written)
+    record.save("run.csv")
+    start = ["identify", "run.csv", "--bearing", "zittau_axial", "--method", "rls",
+             "--start", "10 N mm^2/A^2"]  # fmt: skip
+    for more in (["--json"], ["--out", "found.toml", "--plot", "found.svg"]):
+        with pytest.raises(SystemExit) as left:
+            main([*start, *more])
+        assert left.value.code == 0
+    assert Path("found.svg").stat().st_size > 1000
     told = capsys.readouterr().out
     found, _ = json.JSONDecoder().raw_decode(told)
     assert found["learners"]["rls"]["load"] == pytest.approx(1.0, abs=0.15)
     assert found["magnet_constant"] == found["learners"]["rls"]["magnet_constant"]
-    assert Bearing.load(tmp_path / "True.toml").magnet.magnet_constant == found["magnet_constant"]
+    assert Bearing.load("found.toml").magnet.magnet_constant == found["magnet_constant"]
     assert abs(found["learners"]["adaline"]["magnet_constant"] / K - 1) > 0.1
     assert "least squares" in told
     assert "load that was not known" in told
-    output.written.clear()
 
 
 @pytest.mark.parametrize(

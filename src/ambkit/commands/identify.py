@@ -1,4 +1,4 @@
-"""``ambkit identify``: a bearing, from records of the loop, by ADALINE or from lift-off points."""
+"""``ambkit identify``: a bearing, from records of the loop or from lift-off points."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from ambkit.commands.options import (
     Json,
     MapFile,
     Plot,
-    arguments_of_the_user,
     file_option,
     find_bearing,
     quantity,
@@ -22,10 +21,7 @@ from ambkit.commands.options import (
 from ambkit.errors import AmbkitError
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
     from ambkit.bearing import Bearing
-    from ambkit.record import Record
 
 CONSTANT = "N m^2/A^2"
 
@@ -35,10 +31,7 @@ class Method(StrEnum):
 
     likelihood = "likelihood"
     adaline = "adaline"
-
-
-DRIFTING = 0.02
-"""Part of itself by which a magnet constant moves in the last quarter if it has not settled."""
+    rls = "rls"
 
 
 def identify(
@@ -58,8 +51,8 @@ def identify(
     method: Annotated[
         Method | None,
         typer.Option(
-            help="Maximum likelihood, for all parameters with their errors; or ADALINE, for the "
-            "magnet constant as a controller would learn it.",
+            help="Maximum likelihood, for all parameters with their errors; or ADALINE, or "
+            "recursive least squares, for the magnet constant as a controller would learn it.",
             show_default="likelihood; adaline with --start or --disturbance",
         ),
     ] = None,
@@ -98,14 +91,14 @@ def identify(
         typer.Option(
             parser=quantity(CONSTANT),
             metavar="CONSTANT",
-            help="ADALINE: magnet constant to start from, if not the bearing's.",
+            help="Learning: magnet constant to start from, if not the bearing's.",
         ),
     ] = None,
     disturbance: Annotated[
         str | None,
         typer.Option(
             metavar="FORCE",
-            help='ADALINE: load that is known, "3 N", or a signal of the record, f_d.',
+            help='Learning: load that is known, "3 N", or a signal of the record, f_d.',
         ),
     ] = None,
     lift_off: Annotated[
@@ -146,6 +139,7 @@ def identify(
       ambkit identify --lift-off points.csv --bearing inteco_ml --working-point "10 mm"
     """
     from ambkit.commands.identify_likelihood import Asked, by_likelihood
+    from ambkit.commands.identify_online import learn_online
     from ambkit.record import Record
 
     if bool(record) == (lift_off is not None):
@@ -181,81 +175,15 @@ def identify(
         )  # fmt: skip
     elif record:
         if len(record) > 1:
-            raise AmbkitError(f"ADALINE learns along one record, {len(record)} are given")
+            raise AmbkitError(f"--method {method} learns along one record, {len(record)} are given")
         log = Record.load(record[0], channel_map)
         if begin is not None or end is not None:
             log = log.between(begin, end)
-        _along_record(log, known, start, disturbance, out, plot, json)
+        learn_online(log, known, method, start, disturbance, out, plot, json)
     elif lift_off is not None:
         if out is not None and working_point is None:
             raise AmbkitError("--out needs --working-point: which distance is x = 0?")
         _from_lift_off(lift_off, known, gap_range, working_point, out, plot, json)
-
-
-def _along_record(
-    record: Record,
-    known: Bearing,
-    start: float | None,
-    disturbance: str | None,
-    out: Path | None,
-    plot: Path | None,
-    json: bool,
-) -> None:
-    from ambkit import plots
-    from ambkit.commands import output
-    from ambkit.commands.output import value
-    from ambkit.estimators import check_sampling
-    from ambkit.identification import identify
-
-    with arguments_of_the_user(), output.progress("identifying"):
-        check_sampling(known, record)
-        found = identify(record, known, disturbance=_force(disturbance, record), start=start)
-    before = known.magnet.magnet_constant if start is None else start
-    history = found.history
-    data = {
-        "bearing": known.name,
-        "start": before,
-        "magnet_constant": found.magnet_constant,
-        "spread": found.spread,
-        "held_share": history.held.mean(),
-        "excitation": history.excitation[-1],
-        "drift": history.k[-1] - history.k[-max(1, len(history.k) // 4)],
-    }
-    rows = [
-        ["magnet constant, start", value(before, CONSTANT)],
-        ["magnet constant, found", value(found.magnet_constant, CONSTANT)],
-        ["  its spread over the last quarter", value(found.spread, CONSTANT)],
-        ["  its drift over the last quarter", value(data["drift"], CONSTANT)],
-        ["change", f"{100 * (found.magnet_constant / before - 1):+.2f} %"],
-        ["held for want of excitation", f"{100 * data['held_share']:.1f} % of the samples"],
-    ]
-    output.deliver(
-        data,
-        [output.table(known.name, ["", ""], rows)],
-        [
-            (out, found.bearing.save),
-            (plot, lambda p: plots.save_figure(plots.identification_figure(found, before), p)),
-        ],
-        as_json=json,
-    )
-    if abs(data["drift"]) > DRIFTING * found.magnet_constant:
-        output.note(
-            "the magnet constant still drifts: a longer record may settle it; a load that is known "
-            "belongs to --disturbance, one that is not moves the result"
-        )
-
-
-def _force(given: str | None, record: Record) -> ArrayLike | None:
-    """Return the known disturbance: a signal of the record, or the same force throughout [N]."""
-    if given is None:
-        return None
-    if given in record:
-        return record[given]
-    try:
-        return quantity("N")(given)
-    except typer.BadParameter as error:
-        hint = f"or a signal of the record: {', '.join(record)}"
-        raise typer.BadParameter(f"{error.message}, {hint}", param_hint="--disturbance") from None
 
 
 def _from_lift_off(
