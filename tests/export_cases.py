@@ -9,11 +9,14 @@ from typing import Any
 
 from ambkit import Bearing
 from ambkit.commands import family
+from ambkit.estimators import Estimator
+from ambkit.estimators.family import KINDS as FAMILY
 from ambkit.export.c import CExport, export_c
 
 BEARING = Bearing.preset("zittau_axial")
-# "tabulated" is the expert of "adaptive" as a table, in the same C as the map of "table".
-KINDS = (*(name for name in family.NAMES if name != "table"), "tabulated")
+# "tabulated" is the expert of "adaptive" as a table, in the same C as the map of "table"; what is
+# steady-state is an observer.
+KINDS = (*(n for n in family.EXPORTED if n not in ("table", "steady-state")), "tabulated")
 PRECISIONS = ("float", "double")
 
 CORE_PRECISION: dict[str, Any] = {"float": "float32", "double": "float64"}
@@ -23,14 +26,22 @@ INCLUDES = ("-I.", "-Icore/include", "-Icore", "-Iselftest")
 
 
 @functools.cache
-def source(kind: str) -> Any:
-    """What the filter asks for its stiffnesses, as ``ambkit export --estimator`` takes it."""
+def chosen(kind: str) -> family.Chosen:
+    """Kind and source as ``ambkit export --estimator`` takes them."""
     return family.exported("adaptive" if kind == "tabulated" else kind, BEARING)
 
 
 def export(kind: str, out: Path, **options: Any) -> CExport:
     form: Any = "tabulated" if kind == "tabulated" else "exact"
-    return export_c(BEARING, source(kind), out, expert_form=form, **options)
+    what = chosen(kind)
+    return export_c(BEARING, what.source, out, kind=what.kind, expert_form=form, **options)
+
+
+def estimator(kind: str, made: CExport) -> Estimator:
+    """What was exported, in Python."""
+    what = chosen(kind)
+    source: Any = made.table or what.source
+    return FAMILY[what.kind].make(BEARING, source, precision=CORE_PRECISION[made.precision])
 
 
 def flight_files(made: CExport) -> list[str]:

@@ -17,15 +17,17 @@ from export_cases import (
     BEARING,
     KINDS,
     PRECISIONS,
+    chosen,
     export,
     flight_files,
-    source,
 )
 
 import ambkit
 from ambkit import ClosedLaw, FilterNoise
 from ambkit.cli import main
+from ambkit.commands.family import EXPORTED
 from ambkit.errors import AmbkitError
+from ambkit.estimators.family import KINDS as FAMILY
 from ambkit.export.c import CExport, export_c
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -107,16 +109,27 @@ def command(
     return call
 
 
-@pytest.mark.parametrize("kind", ["linear", "closed-law", "tabulated"])
+@pytest.mark.parametrize("kind", ["linear", "closed-law", "tabulated", "observer"])
 def test_the_command_takes_names_and_files(
     command: Callable[[str], Called], exported: Exported, kind: str
 ) -> None:
-    source("adaptive").save("expert.json")
+    chosen("adaptive").source.save("expert.json")
     named = "expert.json --expert tabulated" if kind == "tabulated" else kind
     done = command(f"zittau_axial --estimator {named} --out out")
     assert (done.code, done.out) == (0, "")
     assert done.err == f"wrote out, {len(texts(Path('out')))} files\n"
     assert texts(Path("out")) == texts(exported(kind).folder)
+
+
+def test_what_is_exported_are_kinds_of_the_family() -> None:
+    assert set(EXPORTED) <= set(FAMILY)
+
+
+def test_a_cost_that_nobody_measured_is_not_told(command: Callable[[str], Called]) -> None:
+    done = command("zittau_axial --estimator extended --cost --out out")
+    assert (done.code, done.out) == (0, "")
+    assert "what the kind extended costs was not measured" in done.err
+    assert "instructions" not in Path("out", "README.md").read_text()
 
 
 @pytest.mark.parametrize(
@@ -182,6 +195,9 @@ def test_whatever_the_filter_is_made_from_changes_the_hash(
         "gravity": export("linear", tmp_path / "gravity", gravity="disturbance"),
         "frozen": export("linear", tmp_path / "frozen", frozen_limit=20),
         "source": exported("adaptive"),
+        "kind": exported("extended"),
+        "poles": export("observer", tmp_path / "poles", bandwidth=1000.0),
+        "other poles": export("observer", tmp_path / "other poles", bandwidth=1001.0),
         "table": exported("tabulated"),
         "bound": export("tabulated", tmp_path / "bound", force_bound=0.5),
     }
@@ -272,7 +288,13 @@ def test_an_installed_package_brings_its_c(tmp_path: Path, exported: Exported) -
     assert texts(tmp_path / "out") == texts(exported("linear").folder)
 
 
+def test_a_kind_that_is_none_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(AmbkitError, match='no kind of estimator "kalman"; known: '):
+        export_c(BEARING, None, tmp_path / "out", kind="kalman")
+    assert not (tmp_path / "out").exists()
+
+
 def test_linear_is_what_no_estimator_is(exported: Exported, tmp_path: Path) -> None:
-    assert source("linear") is None
+    assert chosen("linear") == ("linear", None)
     law = export_c(BEARING, ClosedLaw(BEARING), tmp_path / "law")
     assert texts(law.folder) == texts(exported("closed-law").folder)

@@ -13,18 +13,16 @@ import numpy as np
 import pytest
 from export_cases import (
     BEARING,
-    CORE_PRECISION,
     KINDS,
     PRECISIONS,
     SAME_BITS,
     compiled,
+    estimator,
     export,
     program,
-    source,
 )
 
 import ambkit
-from ambkit import KalmanFilter
 from ambkit.export.c import CExport
 
 COMPILERS = [
@@ -239,8 +237,7 @@ def test_instances_of_several_filters_run_side_by_side(tmp_path: Path, precision
         found[turn, k] = instances[turn].take(float(log["y"][k]), u)
         taken[turn] += 1
     for (name, log), got in zip(runs, found, strict=True):
-        what = made[name].table or source(kinds[name])
-        expected = KalmanFilter(BEARING, what, precision=CORE_PRECISION[precision]).run(log)
+        expected = estimator(kinds[name], made[name]).run(log)
         np.testing.assert_array_equal(got[:, :4], expected.mean, kinds[name])
         np.testing.assert_array_equal(got[:, 4], expected.status)
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from export_cases import BEARING, CORE_PRECISION, PRECISIONS, export, source
+from export_cases import BEARING, CORE_PRECISION, PRECISIONS, chosen, export
 from scipy.stats import qmc
 
 import ambkit
@@ -34,7 +34,7 @@ def deviation(table: Any, expert: Any, bearing: Bearing, precision: str, points:
 def test_a_table_keeps_its_bound_wherever_the_filter_can_ask(
     bound: float | None, precision: str
 ) -> None:
-    expert = source("adaptive")
+    expert = chosen("adaptive").source
     table = tabulate(expert, BEARING, bound=bound, precision=CORE_PRECISION[precision])
     iu, x = np.meshgrid(np.linspace(-1.5, 1.5, 51), np.linspace(-1e-3, 1e-3, 51))
     largest = np.abs(evaluate_force(expert, iu, x)).max()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ambkit.commands.family import Exported, exported
+from ambkit.commands.family import EXPORTED, estimator_option, exported
 from ambkit.commands.options import BearingName, Json, find_bearing, quantity
 from ambkit.errors import AmbkitError
 
@@ -49,7 +49,7 @@ def export(context: typer.Context) -> None:
 def export_c(
     bearing: BearingName,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="The folder to write.")],
-    estimator: Exported = None,
+    estimator: Annotated[str | None, estimator_option(EXPORTED)] = None,
     precision: Annotated[Precision, typer.Option(help="Of its numbers.")] = Precision.float,
     prefix: Annotated[
         str | None,
@@ -94,11 +94,12 @@ def export_c(
     if precision is Precision.double and (cost or clock is not None):
         raise AmbkitError("--cost is for --precision float: a Cortex-M4F has no double in hardware")
     model = find_bearing(bearing)
-    source = exported(estimator, model)
+    chosen = exported(estimator, model)
     written = c.export_c(
         model,
-        source,
+        chosen.source,
         out,
+        kind=chosen.kind,
         precision=precision.value,
         prefix=prefix,
         expert_form=expert.value,
@@ -129,6 +130,8 @@ def export_c(
         data["cost"] = asdict(written.cost) | rate
         tables.append(_cost_table(written.cost, clock))
     output.deliver(data, tables, as_json=json)
+    if written.cost is None and (cost or clock is not None):
+        output.note(f"what the kind {chosen.kind} costs was not measured")
     output.note(f"wrote {written.folder}, {len(written.files) + 1} files")
 
 

@@ -6,7 +6,7 @@ import difflib
 import os
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import typer
 
@@ -22,15 +22,18 @@ if TYPE_CHECKING:
 
 NAMES = ("linear", "adaptive", "closed-law", "table")
 
-Exported = Annotated[
-    str | None,
-    typer.Option(
+EXPORTED = (*NAMES, "extended", "steady-state", "observer", "low-pass")
+"""Kinds that can be C for a controller."""
+
+
+def estimator_option(choice: Iterable[str]) -> Any:
+    """Return the option that takes a file with an expert, or one of these names."""
+    return typer.Option(
         "--estimator",
         metavar="FILE",
         help="Expert of the adaptive filter, from 'ambkit train'; or a name: "
-        f"{', '.join(NAMES)}. The linear filter without it.",
-    ),
-]
+        f"{', '.join(choice)}. The linear filter without it.",
+    )
 
 
 class Factory(Protocol):
@@ -93,31 +96,40 @@ def factories(
     return {name: factory(name) for name in chosen}
 
 
-def exported(text: str | None, bearing: Bearing) -> StiffnessSource | None:
-    """Return what the filter that a user names, or the expert in a file, asks for k_i and k_s.
+class Chosen(NamedTuple):
+    """A kind of estimator to export, and what it asks for k_i and k_s; None for the kind's own."""
+
+    kind: str
+    source: StiffnessSource | None
+
+
+def exported(text: str | None, bearing: Bearing, choice: Iterable[str] = EXPORTED) -> Chosen:
+    """Return the estimator that a user names, or the adaptive filter of the expert in a file.
 
     Parameters
     ----------
     text : str, optional
-        One of `NAMES`, or a file from ``ambkit train``; the linear filter without it.
+        One of `choice`, or a file from ``ambkit train``; the linear filter without it.
     bearing : Bearing
         What is filtered.
+    choice : iterable of str
+        Some of `EXPORTED`.
 
     Raises
     ------
     AmbkitError
         It is neither, or the file cannot be read.
     """
-    if text is None or text == "linear":
-        return None
-    if text in NAMES:
-        return _source(text, bearing, None)
+    if text in ("adaptive", "closed-law", "table"):
+        return Chosen(text, _source(text, bearing, None))
+    if text is None or text in choice:
+        return Chosen(text or "linear", None)
     path = Path(text)
     if not (path.suffix or path.exists() or os.sep in text):
-        near = difflib.get_close_matches(text, NAMES, 1)
-        hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(NAMES)}"
+        near = difflib.get_close_matches(text, choice, 1)
+        hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(choice)}"
         raise AmbkitError(f'--estimator: there is no estimator and no file "{text}"; {hint}')
-    return read_expert(path, bearing)
+    return Chosen("adaptive", read_expert(path, bearing))
 
 
 def _source(name: str, bearing: Bearing, expert: Path | None) -> StiffnessSource:

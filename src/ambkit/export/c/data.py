@@ -31,6 +31,29 @@ MAGNETS = {
 """The core's magnets by the names of their bindings."""
 
 
+class Family(NamedTuple):
+    """How an estimator of the core's family is called in C (``ambkit/estimator.h``)."""
+
+    methods: str
+    source: str
+    state: str
+    own: str  # type of what only this kind has; empty where it has nothing
+    casts: tuple[str, ...]  # files that cast the state or what is its own back from `void *`
+
+
+FAMILY = {
+    "Extended": Family("amb_extended_methods", "estimator", "amb_kalman_state", "", ()),
+    "Observer": Family(
+        "amb_observer_methods", "observer", "amb_kalman_state", "amb_observer", ("observer",)
+    ),
+    "LowPass": Family(
+        "amb_low_pass_methods", "low_pass", "amb_low_pass_state", "amb_low_pass", ("low_pass",)
+    ),
+}
+"""Kinds by the names of their bindings; the paper's filter, ``Kalman``, has a step of its own,
+which is faster."""
+
+
 def number(value: float, precision: CPrecision) -> str:
     """Write a floating-point number such that it is read back to the last bit."""
     text = f"{np.float32(value):.9g}" if precision == "float" else f"{value:.17g}"

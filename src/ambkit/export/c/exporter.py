@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ambkit.errors import AmbkitError
-from ambkit.estimators import AdaptiveKalmanFilter, KalmanFilter
+from ambkit.estimators.family import KINDS
 from ambkit.export.c import cost, folder, render
 from ambkit.export.c.cost import Cost
-from ambkit.export.c.data import CPrecision
+from ambkit.export.c.data import FAMILY, CPrecision
 from ambkit.export.tabulate import MOST_NODES, TabulatedExpert, tabulate
 from ambkit.fuzzy import Expert
 from ambkit.magnets import Precision, core_module
@@ -19,6 +19,7 @@ from ambkit.units import engineering
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
+    from ambkit.estimators import Estimator
     from ambkit.magnets import StiffnessSource
 
 LONGEST_PREFIX = 16
@@ -68,6 +69,7 @@ def export_c(
     source: StiffnessSource | None,
     out: str | Path,
     *,
+    kind: str | None = None,
     precision: CPrecision = "float",
     prefix: str | None = None,
     expert_form: Literal["exact", "tabulated"] = "exact",
@@ -84,6 +86,9 @@ def export_c(
         What the filter asks for k_i and k_s; None exports the linear filter.
     out : path
         The folder; an older export in it is replaced, anything else in it is not touched.
+    kind : str, optional
+        Of estimator, by its name in :data:`ambkit.estimators.family.KINDS`, such as ``"extended"``;
+        by default the paper's filter, linear or adaptive by its source.
     precision : {"float", "double"}
         Of the exported numbers.
     prefix : str, optional
@@ -93,14 +98,15 @@ def export_c(
     force_bound : float, optional
         How far the table's force may be from the expert's [N]; by default 0.1 % of its largest.
     **options
-        Of :class:`ambkit.KalmanFilter`: noise, gravity, frozen_limit, gate, outlier_limit.
+        Of the kind; of :class:`ambkit.KalmanFilter` noise, gravity, frozen_limit, gate,
+        outlier_limit.
 
     Raises
     ------
     AmbkitError
-        A prefix that is no C identifier, a limit or a table beyond 16 bits; a bound that no table
-        keeps, or that nothing needs; a folder with other files of the same names, or that cannot
-        be written.
+        A kind that cannot be exported, a prefix that is no C identifier, a limit or a table beyond
+        16 bits; a bound that no table keeps, or that nothing needs; a folder with other files of
+        the same names, or that cannot be written.
     """
     name = _checked_prefix(prefix, bearing)
     for limit in ("frozen_limit", "outlier_limit"):
@@ -118,11 +124,7 @@ def export_c(
         source = table
     elif force_bound is not None:
         raise AmbkitError("force_bound is for an expert in tabulated form")
-    estimator = (
-        KalmanFilter(bearing, **options)
-        if source is None
-        else AdaptiveKalmanFilter(bearing, source, **options)
-    )
+    estimator = _made(kind, bearing, source, options)
     _check_nodes(estimator)
     spent = _cost(estimator) if precision == "float" else None
     facts = _facts(source, precision) | _cost_facts(spent)
@@ -140,6 +142,19 @@ def export_c(
     )
 
 
+def _made(
+    kind: str | None, bearing: Bearing, source: StiffnessSource | None, options: dict[str, Any]
+) -> Estimator:
+    if kind is None:
+        kind = "linear" if source is None else "adaptive"
+    if kind not in KINDS:
+        raise AmbkitError(f'there is no kind of estimator "{kind}"; known: {", ".join(KINDS)}')
+    estimator = KINDS[kind].make(bearing, source, **options)
+    if type(estimator.core).__name__ not in ("Kalman", *FAMILY):
+        raise AmbkitError(f"the {estimator.name} cannot be exported yet")
+    return estimator
+
+
 def _facts(source: StiffnessSource | None, precision: CPrecision) -> dict[str, str]:
     """Return what the README says of the filter, line by line."""
     facts: dict[str, str] = {"numbers": precision}
@@ -155,7 +170,7 @@ def _facts(source: StiffnessSource | None, precision: CPrecision) -> dict[str, s
     return facts
 
 
-def _check_nodes(estimator: KalmanFilter) -> None:
+def _check_nodes(estimator: Estimator) -> None:
     """Refuse a table whose nodes an int of 16 bits cannot count."""
     held = estimator.source.magnet(core_module(estimator.precision)).parameters
     rows, columns = held.get("rows", 0), held.get("columns", 0)
@@ -166,7 +181,10 @@ def _check_nodes(estimator: KalmanFilter) -> None:
         )
 
 
-def _cost(estimator: KalmanFilter) -> Cost:
+def _cost(estimator: Estimator) -> Cost | None:
+    """Return the stored figures; only those of the paper's filter are."""
+    if type(estimator.core).__name__ in FAMILY:
+        return None
     magnet = estimator.source.magnet(core_module(estimator.precision))
     return cost.of(type(magnet).__name__, magnet.parameters)
 

@@ -11,13 +11,13 @@ import numpy as np
 
 from ambkit.export import core
 from ambkit.export.c import data, vectors
-from ambkit.export.c.data import MAGNETS, CPrecision, Kind
+from ambkit.export.c.data import FAMILY, MAGNETS, CPrecision, Family, Kind
 from ambkit.magnets import core_module
 from ambkit.units import engineering
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
-    from ambkit.estimators import KalmanFilter
+    from ambkit.estimators import Estimator
 
 _BOUNDS: dict[CPrecision, str] = {"float": "1e-3", "double": "1e-9"}
 
@@ -31,13 +31,13 @@ class Content(NamedTuple):
 
 
 def render(
-    estimator: KalmanFilter, name: str, precision: CPrecision, facts: dict[str, str]
+    estimator: Estimator, name: str, precision: CPrecision, facts: dict[str, str]
 ) -> Content:
     """Write all texts.
 
     Parameters
     ----------
-    estimator : KalmanFilter
+    estimator : Estimator
         What is exported; of the core's build for this precision.
     name : str
         Prefix of all its names.
@@ -48,8 +48,12 @@ def render(
     """
     magnet: Magnet = estimator.source.magnet(core_module(estimator.precision))
     kind = MAGNETS[type(magnet).__name__]
-    given = kind is MAGNETS["Constant"]  # constants are given, no magnet is asked
+    family = FAMILY.get(type(estimator.core).__name__)
+    # The paper's filter is given its constants, and asks no magnet.
+    given = family is None and kind is MAGNETS["Constant"]
     needed = ["src/kalman.c", *([] if given else [f"src/{kind.source}.c"])]
+    if family is not None:
+        needed += ["src/estimator.c", f"src/{family.source}.c"]
     core_files = {f"core/{file}": text for file, text in core.closure(needed).items()}
     c_files = tuple(file for file in core_files if file.endswith(".c"))
     sources = (f"{name}.c", f"{name}_data.c", *c_files)
@@ -65,16 +69,18 @@ def render(
         "precision": precision,
         "sampling_time": engineering(bearing.sampling_time, "s"),
         "sources": sources,
-        "cast_sources": () if given else (f"core/src/{kind.source}.c",),
+        "cast_sources": _casts(kind, family, given),
         "selftest_sources": ("selftest/main.c", *selftest),
         "bound": _BOUNDS[precision],
         "steps": vectors.STEPS,
         "misra_defines": "-DFLT_MANT_DIG=24" if precision == "float" else "-DDBL_MANT_DIG=53",
         "given": given,
+        "family": family,
         "magnet_header": f"{kind.source}.h",
         "magnet_about": kind.about,
         "facts": {"magnet": kind.about, **facts},
         **_data_context(estimator, magnet, kind, precision),
+        "own": "" if family is None else _own(estimator, precision),
         "y": data.array(tested.y, precision),
         "u": data.array(tested.u, precision),
         "mean": data.array(tested.estimate.mean, precision),
@@ -83,7 +89,7 @@ def render(
     context["configuration"] = _configuration(estimator, context, core_files)
     made = {
         f"{name}.h": "filter.h",
-        f"{name}.c": "filter.c",
+        f"{name}.c": "filter.c" if family is None else "family.c",
         f"{name}_data.h": "data.h",
         f"{name}_data.c": "data.c",
         f"selftest/{name}_selftest.h": "selftest.h",
@@ -104,7 +110,7 @@ def render(
 
 
 def _data_context(
-    estimator: KalmanFilter, magnet: Magnet, kind: Kind, precision: CPrecision
+    estimator: Estimator, magnet: Magnet, kind: Kind, precision: CPrecision
 ) -> dict[str, Any]:
     """Return what the data file says: the structs that the core holds, as initialisers."""
     fields = magnet.parameters
@@ -128,12 +134,30 @@ def _data_context(
     }
 
 
+def _casts(kind: Kind, family: Family | None, given: bool) -> tuple[str, ...]:
+    """Return the files that cast from ``void *``, which MISRA C advises against."""
+    stems = [] if given else [kind.source]
+    if family is not None:
+        stems += ["estimator", *family.casts]
+    return tuple(f"core/src/{stem}.c" for stem in sorted(stems))
+
+
+def _own(estimator: Estimator, precision: CPrecision) -> str:
+    """Return what only this kind of estimator has, as an initialiser."""
+    fields = estimator.core.own
+    arrays = {
+        path: "{\n" + data.array(values, precision, "    ") + "}"
+        for path, values in data.arrays_of(fields).items()
+    }
+    return data.struct(fields, precision, arrays) if fields else ""
+
+
 def _configuration(
-    estimator: KalmanFilter, context: dict[str, Any], core_files: dict[str, str]
+    estimator: Estimator, context: dict[str, Any], core_files: dict[str, str]
 ) -> str:
     """Return 16 hexadecimal digits that change with all that the estimator was made from."""
     digest = hashlib.sha256()
-    numbers = ("version", "precision", "kalman", "std", "magnet_type", "magnet")
+    numbers = ("version", "precision", "kalman", "std", "magnet_type", "magnet", "own", "title")
     parts = [estimator.bearing.to_toml(), *(context[key] for key in numbers)]
     parts += [array["text"] for array in context["arrays"]]
     for part in (*parts, *core_files.values()):

@@ -12,7 +12,7 @@ from ambkit.record import Record
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
-    from ambkit.estimators import KalmanFilter
+    from ambkit.estimators import Estimator
 
 STEPS = 200
 
@@ -25,12 +25,12 @@ class Vectors(NamedTuple):
     estimate: Estimate
 
 
-def make(estimator: KalmanFilter) -> Vectors:
+def make(estimator: Estimator) -> Vectors:
     """Simulate a step of half the expert's reach, spoil a few samples, and run the estimator.
 
     Parameters
     ----------
-    estimator : KalmanFilter
+    estimator : Estimator
         Of the precision that is exported.
     """
     from ambkit.scenario import PID, Scenario
