@@ -25,6 +25,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from call_graph import CallGraph, below
 from pycparser import CParser, c_ast
 
 HEADERS = Path(__file__).parent / "export" / "headers"
@@ -63,7 +64,7 @@ def lint(folder: Path, files: Iterable[str], includes: Iterable[str], *, real: s
         for node in unit.ext:
             if not str(node.coord.file).startswith(str(HEADERS)):
                 found |= {_at(node, *each) for node, *each in _Rules(names, real).check(node)}
-    return found | set(_calls(units, names))
+    return found | {_at(node, rule, name) for node, rule, name in CallGraph(units).findings()}
 
 
 def _headers(folder: Path, name: str) -> Iterator[Finding]:
@@ -88,32 +89,21 @@ class _Names:
     """What the files declare: functions, types of fields and results, typedefs."""
 
     def __init__(self, units: list[Any]) -> None:
-        self.functions: dict[str, list[Any]] = {}
+        self.functions: dict[str, Any] = {}
         self.typedefs: dict[str, Any] = {}
         self.fields: dict[str, Any] = {}
         self.globals: dict[str, Any] = {}
         for unit in units:
             for node in unit.ext:
-                if isinstance(node, c_ast.FuncDef):  # static ones may share a name
-                    self.functions.setdefault(node.decl.name, []).append(node)
+                if isinstance(node, c_ast.FuncDef):
+                    self.functions[node.decl.name] = node
                 elif isinstance(node, c_ast.Typedef):
                     self.typedefs[node.name] = node.type
                 elif isinstance(node, c_ast.Decl) and node.name:
                     self.globals[node.name] = node.type
-                for struct in _below(node, c_ast.Struct, c_ast.Union):
+                for struct in below(node, c_ast.Struct, c_ast.Union):
                     for field in struct.decls or []:
                         self.fields.setdefault(field.name, field.type)
-
-    def fields_of(self, type_: Any) -> list[str]:
-        """Names of the fields of a struct, in their order; none of another type."""
-        while isinstance(type_, c_ast.TypeDecl | c_ast.IdentifierType):
-            if isinstance(type_, c_ast.TypeDecl):
-                type_ = type_.type
-            else:
-                type_ = self.typedefs.get(type_.names[0])
-        if not isinstance(type_, c_ast.Struct) or type_.decls is None:
-            return []
-        return [field.name for field in type_.decls]
 
     def width(self, type_: Any) -> tuple[int, bool]:
         """Bits of a type where int has 16, and whether it is signed; 0 where it is no integer."""
@@ -212,7 +202,7 @@ class _Rules(c_ast.NodeVisitor):
             case c_ast.Cast():
                 return self.names.width(node.to_type)
             case c_ast.FuncCall():
-                return self.names.width(self.names.functions[node.name.name][0].decl.type)
+                return self.names.width(self.names.functions[node.name.name].decl.type)
             case c_ast.UnaryOp():
                 return self._width(node.expr)
             case c_ast.TernaryOp():
@@ -246,60 +236,3 @@ def _constant(node: Any) -> int | None:
                 return None
             return {"+": a + b, "-": a - b, "*": a * b}[node.op]
     return None
-
-
-def _below(node: Any, *kinds: type) -> Iterator[Any]:
-    """All nodes of some kinds in a tree, itself included."""
-    if isinstance(node, kinds):
-        yield node
-    for _, child in node.children():
-        yield from _below(child, *kinds)
-
-
-def _calls(units: list[Any], names: _Names) -> Iterator[Finding]:
-    """Calls of what is not here, and functions that can call themselves."""
-    by_field, others = _pointed(units, names)
-    graph: dict[str, set[str]] = {}
-    for name, functions in names.functions.items():
-        reached = graph.setdefault(name, set())
-        for function in functions:
-            given = {each.name for each in function.decl.type.args.params}
-            for call in _below(function.body, c_ast.FuncCall):
-                called = call.name.name if isinstance(call.name, c_ast.ID) else ""
-                if called in given or not called:  # by a pointer
-                    of_struct = isinstance(call.name, c_ast.StructRef)
-                    field = call.name.field.name if of_struct else ""
-                    reached |= by_field.get(field, set()) | others
-                elif called in names.functions:
-                    reached.add(called)
-                else:
-                    yield _at(call, "call", called)
-    for name, functions in names.functions.items():
-        found: set[str] = set()
-        waiting = list(graph[name])
-        while waiting:
-            at = waiting.pop()
-            if at not in found:
-                found.add(at)
-                waiting += graph.get(at, ())
-        if name in found:
-            yield _at(functions[0], "recursion", name)
-
-
-def _pointed(units: list[Any], names: _Names) -> tuple[dict[str, set[str]], set[str]]:
-    """Functions that pointers point to: by the field of a constant struct, and all others."""
-    by_field: dict[str, set[str]] = {}
-    placed: set[int] = set()
-    for unit in units:
-        for declared in (d for d in unit.ext if isinstance(d, c_ast.Decl)):
-            if isinstance(declared.init, c_ast.InitList):
-                for field, value in zip(names.fields_of(declared.type), declared.init.exprs,
-                                        strict=False):  # fmt: skip
-                    if isinstance(value, c_ast.ID) and value.name in names.functions:
-                        by_field.setdefault(field, set()).add(value.name)
-                        placed.add(id(value))
-    for unit in units:
-        placed |= {id(call.name) for call in _below(unit, c_ast.FuncCall)}
-        placed |= {id(reference.field) for reference in _below(unit, c_ast.StructRef)}
-    ids = (each for unit in units for each in _below(unit, c_ast.ID))
-    return by_field, {i.name for i in ids if i.name in names.functions and id(i) not in placed}

@@ -80,6 +80,9 @@ GOOD = {
     "pointers to different functions": "typedef struct s { int (*go)(int); int (*on)(int); } s;\n"
     "static int g(int n) { return n; }\nint f(int n);\nstatic const s to = {g, f};\n"
     "int f(int n) { return to.go(n); }",
+    "pointers in tables with names": "typedef struct s { int (*go)(int); } s;\n"
+    "static int g(int n) { return n; }\nint f(int n);\nstatic const s to = {.go = g}, back = {f};\n"
+    "int f(int n) { return to.go(n) + (int)(back.go == 0); }",
     "arrays": "int f(int a[4]) { const int b[2 + 2] = {0, 0, 0, 0}; return a[3] + b[3]; }",
 }
 

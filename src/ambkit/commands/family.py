@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 NAMES = ("linear", "adaptive", "closed-law", "table")
 
-EXPORTED = (*NAMES, "extended", "steady-state", "observer", "low-pass")
+EXPORTED = (*NAMES, "extended", "square-root", "steady-state", "observer", "low-pass")
 """Kinds that can be C for a controller."""
 
 

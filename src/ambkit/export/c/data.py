@@ -43,6 +43,9 @@ class Family(NamedTuple):
 
 FAMILY = {
     "Extended": Family("amb_extended_methods", "estimator", "amb_kalman_state", "", ()),
+    "SquareRoot": Family(
+        "amb_square_root_methods", "square_root", "amb_square_root_state", "", ("square_root",)
+    ),
     "Observer": Family(
         "amb_observer_methods", "observer", "amb_kalman_state", "amb_observer", ("observer",)
     ),
