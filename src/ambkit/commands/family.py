@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 
 NAMES = ("linear", "adaptive", "closed-law", "table")
 
-EXPORTED = (*NAMES, "extended", "square-root", "steady-state", "observer", "low-pass")
+EXPORTED = (
+    *NAMES, "extended", "unscented", "square-root", "steady-state", "observer", "low-pass"
+)  # fmt: skip
 """Kinds that can be C for a controller."""
 
 

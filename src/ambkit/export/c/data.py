@@ -46,6 +46,9 @@ FAMILY = {
     "SquareRoot": Family(
         "amb_square_root_methods", "square_root", "amb_square_root_state", "", ("square_root",)
     ),
+    "Unscented": Family(
+        "amb_unscented_methods", "unscented", "amb_kalman_state", "amb_unscented", ("unscented",)
+    ),
     "Observer": Family(
         "amb_observer_methods", "observer", "amb_kalman_state", "amb_observer", ("observer",)
     ),

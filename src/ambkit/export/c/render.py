@@ -69,6 +69,9 @@ def render(
         "precision": precision,
         "sampling_time": engineering(bearing.sampling_time, "s"),
         "sources": sources,
+        "bit_headers": [
+            f for f in core_files if f.endswith(("/exponential.h", "/root.h")) and "/include/" in f
+        ],
         "cast_sources": _casts(kind, family, given),
         "selftest_sources": ("selftest/main.c", *selftest),
         "bound": _BOUNDS[precision],
