@@ -59,6 +59,7 @@ inline Out<amb_real> shown(const std::vector<amb_real> &a, std::initializer_list
 
 void bind_magnets(nb::module_ &m);
 void bind_estimators(nb::module_ &m);
+void bind_scale_estimators(nb::module_ &m);
 void bind_adaline(nb::module_ &m);
 void bind_rls(nb::module_ &m);
 void bind_loop(nb::module_ &m);

@@ -6,6 +6,7 @@ NB_MODULE(AMBKIT_MODULE_NAME, m)
   m.doc() = "The C core of ambkit.";
   bind_magnets(m);
   bind_estimators(m);
+  bind_scale_estimators(m);
   bind_adaline(m);
   bind_rls(m);
   bind_loop(m);

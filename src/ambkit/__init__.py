@@ -19,8 +19,10 @@ if TYPE_CHECKING:
     from ambkit.estimators import ExtendedKalmanFilter as ExtendedKalmanFilter
     from ambkit.estimators import ExtendedStateObserver as ExtendedStateObserver
     from ambkit.estimators import FilterNoise as FilterNoise
+    from ambkit.estimators import FiveStateKalmanFilter as FiveStateKalmanFilter
     from ambkit.estimators import KalmanFilter as KalmanFilter
     from ambkit.estimators import LowPass as LowPass
+    from ambkit.estimators import MultipleModelFilter as MultipleModelFilter
     from ambkit.estimators import SquareRootKalmanFilter as SquareRootKalmanFilter
     from ambkit.estimators import SteadyStateKalmanFilter as SteadyStateKalmanFilter
     from ambkit.estimators import UnscentedKalmanFilter as UnscentedKalmanFilter
@@ -56,8 +58,10 @@ _HOME = {
         "ExtendedKalmanFilter",
         "ExtendedStateObserver",
         "FilterNoise",
+        "FiveStateKalmanFilter",
         "KalmanFilter",
         "LowPass",
+        "MultipleModelFilter",
         "SquareRootKalmanFilter",
         "SteadyStateKalmanFilter",
         "UnscentedKalmanFilter",

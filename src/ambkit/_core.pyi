@@ -173,6 +173,20 @@ class LowPass(Estimator):
 
     def __init__(self, magnet: Magnet, position: float, velocity: float, force: float, **settings: float) -> None: ...
 
+class ExtendedK(Estimator):
+    """Five states (ambkit/extended_k.h)."""
+
+    def __init__(self, magnet: Magnet, bias: float, std: float, var_k: float, min: float, max: float, fresh: float, least: float, **settings: float) -> None: ...
+
+class MultipleModel(Estimator):
+    """Interacting models (ambkit/multiple_model.h)."""
+
+    def __init__(self, magnet: Magnet, theta: NDArray[Any], leave: float, bias: float, fresh: float, least: float, **settings: float) -> None: ...
+
+    @property
+    def weights(self) -> NDArray[numpy.float64]:
+        """Probabilities of the models (n,)."""
+
 class Adaline:
     """Force and magnet constant from the motion (eq. 22-25)."""
 

@@ -12,6 +12,7 @@ from ambkit.estimators.kalman import (
     SquareRootKalmanFilter,
 )
 from ambkit.estimators.low_pass import LowPass
+from ambkit.estimators.magnet_scale import FiveStateKalmanFilter, MultipleModelFilter
 from ambkit.estimators.noise import FilterNoise, Variances
 from ambkit.estimators.observer import ExtendedStateObserver, SteadyStateKalmanFilter
 from ambkit.estimators.unscented import UnscentedKalmanFilter
@@ -22,8 +23,10 @@ __all__ = [
     "ExtendedKalmanFilter",
     "ExtendedStateObserver",
     "FilterNoise",
+    "FiveStateKalmanFilter",
     "KalmanFilter",
     "LowPass",
+    "MultipleModelFilter",
     "SquareRootKalmanFilter",
     "SteadyStateKalmanFilter",
     "UnscentedKalmanFilter",

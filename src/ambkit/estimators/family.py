@@ -14,6 +14,7 @@ from ambkit.estimators.kalman import (
     SquareRootKalmanFilter,
 )
 from ambkit.estimators.low_pass import LowPass
+from ambkit.estimators.magnet_scale import FiveStateKalmanFilter, MultipleModelFilter
 from ambkit.estimators.observer import (
     ExtendedStateObserver,
     SteadyStateKalmanFilter,
@@ -136,6 +137,14 @@ KINDS = {
         Kind("closed-law", "Kalman filter, closed law", AdaptiveKalmanFilter, ClosedLaw),
         Kind("extended", "extended Kalman filter", ExtendedKalmanFilter, ClosedLaw),
         Kind("square-root", "square-root Kalman filter", SquareRootKalmanFilter, ClosedLaw),
+        Kind(
+            "extended-k", "extended Kalman filter with k", FiveStateKalmanFilter, ClosedLaw,
+            (*NOISE, Tunable("wander", "1/s", lambda _: 0.01)),
+        ),
+        Kind(
+            "multiple-model", "interacting multiple models", MultipleModelFilter, ClosedLaw,
+            (*NOISE, Tunable("sojourn", "s", lambda _: 1.0, decades=1.0)),
+        ),
         Kind("unscented", "unscented Kalman filter", UnscentedKalmanFilter, ClosedLaw),
     )
 }  # fmt: skip

@@ -1,0 +1,66 @@
+/* Whether k can be told apart from a load now, for the estimators of the magnet's scale
+ * theta = k / known k.
+ *
+ * At rest it cannot be: only the sum of both forces is seen. An estimator that is not held back
+ * drifts there: what its noise model does not know colours the innovations, and theta is bent
+ * until they are whiter (Ljung 1979). So theta is only to be learned where all of this holds:
+ *
+ * - Measurements tell much about it: s_y^2 / S, averaged over a window, is `least` or more.
+ * - The magnet moves more than the load: the variance of f_d over five windows is below a quarter
+ *   of that of its slope, which is what theta wrong by half makes of it. A controller answers a
+ *   load with as much force, and that would pass for a change of k.
+ * - The rotor is away from the stops, which push too; there the window begins anew.
+ * - All has settled, since the start, and since measurements were missing: each costs a window.
+ *
+ * The slope s is that of the estimate of the four states with theta: how they would be off, were
+ * theta off by one. It moves as the states do and is corrected as they are.
+ */
+#ifndef AMBKIT_EXCITATION_H
+#define AMBKIT_EXCITATION_H
+
+#include "ambkit/kalman.h"
+
+/* Windows for the variances, and until they have forgotten the start. */
+#define AMB_LOAD_WINDOWS AMB_C(5.0)
+#define AMB_SETTLED_WINDOWS AMB_C(15.0)
+/* Variance of the load estimate over that of its slope [1], beyond which theta is held. */
+#define AMB_LOAD_SHARE AMB_C(0.25)
+/* Of the way to the stops, from which on they may push [1]. */
+#define AMB_NEAR_STOP AMB_C(0.95)
+
+typedef struct amb_excitation_settings {
+  amb_real fresh; /* share of a new sample in the window's average [1], in (0, 1] */
+  amb_real least; /* information of a sample from which on theta is learned [1]; 0: always */
+} amb_excitation_settings;
+
+/* Mean and variance over the last samples. */
+typedef struct amb_recent {
+  amb_real mean;
+  amb_real var;
+} amb_recent;
+
+typedef struct amb_excitation {
+  amb_real slope[AMB_AXIAL_STATES]; /* s, of x, v, f_d, x_m */
+  amb_real information;             /* of a sample about theta, averaged over the window [1] */
+  amb_recent load;                  /* f_d [N] */
+  amb_recent pull;                  /* slope of f_d [N] */
+  amb_real age; /* since the start, less what was missing [windows], until all has settled */
+} amb_excitation;
+
+/* Start, at a disturbance force f_d [N]. */
+void amb_excitation_reset(amb_excitation *e, amb_real f_d);
+
+/* A measurement or a control signal is missing: what is learned next would be of that. */
+void amb_excitation_miss(amb_excitation *e);
+
+/* One sample on; known: force of the known magnet [N], k_s: stiffness of the estimated one. */
+void amb_excitation_predict(amb_excitation *e, const amb_axial_model *model, amb_real k_s,
+                            amb_real known);
+
+/* After a measurement, which corrected the states by with_y / S times the innovation; mean: what
+ * they are now; x_max: the stops [m]. True where theta can be learned from it. */
+bool amb_excitation_update(amb_excitation *e, const amb_excitation_settings *settings,
+                           const amb_real with_y[AMB_AXIAL_STATES], amb_real S,
+                           const amb_real mean[AMB_AXIAL_STATES], amb_real x_max);
+
+#endif

@@ -1,0 +1,157 @@
+"""k as a fifth state: the textbook's filter in two stages; what it learns, and where it holds."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from filterpy.kalman import ExtendedKalmanFilter as Textbook
+from magnet_scale_cases import BEARING, LOAD_AT, jump, quieter, rms, run
+
+import ambkit
+from ambkit import Bearing, ClosedLaw, ExtendedKalmanFilter, FiveStateKalmanFilter, Record, Status
+from ambkit.estimators.model import LinearModel
+from ambkit.magnets import core_module
+
+
+def one_sided() -> tuple[Bearing, Record]:
+    bearing = Bearing.preset("inteco_ml")
+    controller = ambkit.PID.for_bearing(bearing).model_copy(update={"feedback": "measurement"})
+    scenario = ambkit.Scenario(
+        duration=1.0, controller=controller, reference=ambkit.Step(amplitude=1e-3, time=0.3)
+    )
+    return bearing, ambkit.simulate(bearing, scenario)
+
+
+@pytest.mark.parametrize("wander", [0.0, 0.1])
+@pytest.mark.parametrize("bearing", ["two-sided", "one-sided"])
+def test_it_is_the_extended_filter_of_five_states(bearing: str, wander: float) -> None:
+    """filterpy's, in units of the standard deviations, with full 5 x 5 matrices."""
+    b, record = one_sided() if bearing == "one-sided" else (BEARING, run(3e-4))
+    record = Record(record.t[:900], {s: record[s][:900] for s in ("y", "u")})
+    mine = FiveStateKalmanFilter(b, excitation=math.inf, wander=wander, scale_std=0.2)
+    estimate = mine.run(record, covariance=True)
+    assert not (estimate.status & Status.UNEXCITED).any()
+
+    s, law = mine.core.parameters["set"], ClosedLaw(b)
+    magnet, bias = law.magnet(core_module()), law.bias_force
+    D = np.array([*mine.default_std(), 0.2])
+    ekf = Textbook(5, 1)
+    ekf.x, ekf.P, ekf.R = np.array([*estimate_start(b, record), 1.0]) / D, np.eye(5), s["var_y"]
+    H = np.array([[0, 0, 0, 1.0, 0]]) * D
+    for k in range(len(record)):
+        if k:
+            iu = float(np.clip(s["k_ui"] * record["u"][k - 1], s["iu_min"], s["iu_max"]))
+            X = ekf.x * D
+            known = float(magnet.force(np.array([iu]), X[:1])[0]) + bias
+            k_i, k_s = (X[4] * float(a[0]) for a in magnet.tangent(np.array([iu]), X[:1]))
+            model = LinearModel.of(mine.core.parameters, k_i, k_s)
+            free = LinearModel.of(mine.core.parameters, 0.0, 0.0)
+            A, Q = np.eye(5), np.zeros((5, 5))
+            A[:4, :4], A[:4, 4:], Q[:4, :4] = model.A, model.E * known, model.Q
+            Q[4, 4] = wander * s["T"] if ekf.P[4, 4] < 1.0 else 0.0
+            X[:4] = free.A @ X[:4] + free.E.ravel() * (X[4] * known + s["f_0"] - bias)
+            ekf.x = X / D
+            F = A * D / D[:, None]
+            ekf.P = F @ ekf.P @ F.T + Q / np.outer(D, D)
+        innovation = record["y"][k] - D[3] * ekf.x[3]
+        S = float((H @ ekf.P @ H.T).item()) + s["var_y"]
+        ekf.update(record["y"][k : k + 1], lambda _: H, lambda x: H @ x)
+        sigma = np.sqrt(np.diag(ekf.P))
+        assert (np.abs(estimate.mean[k] / D[:4] - ekf.x[:4]) <= 1e-9 * sigma[:4]).all()
+        assert abs(estimate.scale[k] - D[4] * ekf.x[4]) <= 1e-9 * D[4] * sigma[4]
+        assert abs(estimate.innovation[k] - innovation) <= 1e-9 * math.sqrt(S)
+        assert estimate.innovation_variance[k] == pytest.approx(S, rel=1e-9)
+    P = ekf.P[:4, :4] * np.outer(D, D)[:4, :4]
+    np.testing.assert_allclose(estimate.covariance[-1], P[np.triu_indices(4)], rtol=1e-8)
+    assert estimate.scale_variance[-1] == pytest.approx(ekf.P[4, 4] * 0.04, rel=1e-9)
+
+
+def estimate_start(bearing: Bearing, record: Record) -> tuple[float, ...]:
+    first = float(record["y"][0])
+    return first / bearing.sensor.gain, 0.0, 0.0, first
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("wrong", [1 / 1.3, 1 / 0.7])
+def test_most_of_the_lost_accuracy_comes_back(wrong: float, seed: int) -> None:
+    """k 30 % off and four steps of 0.3 mm, then the load: 80 % of what it costs, at least."""
+    record, mistaken = run(3e-4, seed), quieter(1.0, wrong)
+    right, lost, found = (
+        rms(e.run(record), record, since=LOAD_AT)
+        for e in (
+            ExtendedKalmanFilter(BEARING),
+            ExtendedKalmanFilter(mistaken),
+            FiveStateKalmanFilter(mistaken),
+        )
+    )
+    assert lost > 1.4 * right
+    assert (lost - found) / (lost - right) > 0.8
+
+
+@pytest.mark.parametrize("noise", [1.0, 0.01])
+@pytest.mark.parametrize("load", [0.0, 3.0, -3.0])
+@pytest.mark.parametrize("wrong", [1 / 1.3, 1.0, 1 / 0.7])
+def test_at_rest_it_says_so_and_does_no_harm(wrong: float, load: float, noise: float) -> None:
+    """A bearing that hangs, and a load on it: not to be told from another k, and left alone."""
+    record, mistaken = run(0.0, load=load, noise=noise), quieter(noise, wrong)
+    plain = ExtendedKalmanFilter(mistaken).run(record)
+    careful = FiveStateKalmanFilter(mistaken).run(record)
+    assert (careful.status & Status.UNEXCITED).all()
+    assert (careful.mean == plain.mean).all()
+    assert (careful.scale == 1.0).all()
+
+
+def test_without_its_care_it_would_drift() -> None:
+    record = run(0.0, load=0.0)
+    eager = FiveStateKalmanFilter(BEARING, excitation=math.inf).run(record)
+    assert eager.scale is not None
+    assert eager.scale[-1] > 1.5
+    assert rms(eager, record) > 3 * rms(ExtendedKalmanFilter(BEARING).run(record), record)
+
+
+def test_a_right_k_stays_right() -> None:
+    record = run(3e-4, 1)
+    known = rms(ExtendedKalmanFilter(BEARING).run(record), record, since=LOAD_AT)
+    estimate = FiveStateKalmanFilter(BEARING).run(record)
+    assert rms(estimate, record, since=LOAD_AT) < 1.1 * known
+    assert estimate.scale is not None
+    assert abs(estimate.scale[-1] - 1) < 0.05
+
+
+@pytest.mark.parametrize(("factor", "within"), [(1.3, 0.5), (0.7, 1.4)])
+def test_a_jump_of_k_in_flight_is_found(factor: float, within: float) -> None:
+    """To 15 %, while the rotor goes to and fro by 0.1 mm; the load then is the rotor's own."""
+    record = jump(factor)
+    estimate = FiveStateKalmanFilter(BEARING).run(record)
+    assert estimate.scale is not None
+    after = record.t >= 1.0 + within
+    assert np.abs(estimate.scale[after] / factor - 1).max() < 0.15
+    plain = ExtendedKalmanFilter(BEARING).run(record)
+    assert rms(estimate, record, since=2.0) < 0.6 * rms(plain, record, since=2.0)
+
+
+def test_single_precision_finds_the_same() -> None:
+    record = run(3e-4, 2)
+    double, single = (
+        FiveStateKalmanFilter(BEARING, precision=p).run(record) for p in ("float64", "float32")
+    )
+    assert double.scale is not None
+    assert single.scale is not None
+    assert abs(float(single.scale[-1]) - double.scale[-1]) < 0.01
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"scale_std": 0.0}, "scale_std must be greater than 0, got 0.0"),
+        ({"wander": -1.0}, "wander must be 0 1/s or more, got -1.0"),
+        ({"least": 1.5}, "limits must be 0 < least <= 1 <= most, got 1.5, 5.0"),
+        ({"excitation": 0.0}, "excitation must be greater than 0, got 0.0"),
+    ],
+)
+def test_a_parameter_out_of_range_is_told(options: dict[str, Any], told: str) -> None:
+    with pytest.raises(ValueError, match=told):
+        FiveStateKalmanFilter(BEARING, **options)
