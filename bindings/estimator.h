@@ -58,6 +58,7 @@ struct Estimator {
   amb_kalman_result result{};
 
   Estimator(const amb_estimator_methods &methods, nb::object asked, const nb::kwargs &settings);
+  Estimator(const amb_estimator_methods &methods, nb::object around); // another one
   virtual ~Estimator() = default;
   Estimator(const Estimator &) = delete; // `estimator` points into the object
 
@@ -79,6 +80,6 @@ struct Estimator {
   }
 
 private:
-  nb::object keeps; // the magnet's owner
+  nb::object keeps; // the magnet's owner, or the estimator inside
   std::vector<std::max_align_t> memory;
 };

@@ -1,8 +1,10 @@
 #include "estimator.h"
 
 extern "C" {
+#include "ambkit/adaptive_noise.h"
 #include "ambkit/low_pass.h"
 #include "ambkit/observer.h"
+#include "ambkit/smoother.h"
 #include "ambkit/square_root.h"
 #include "ambkit/unscented.h"
 }
@@ -51,6 +53,15 @@ Estimator::Estimator(const amb_estimator_methods &methods, nb::object asked,
   if (amb_kalman_init(&kf, &s) != AMB_OK)
     throw std::invalid_argument("a setting of the estimator is outside its range");
   magnet = nb::cast<const Magnet &>(asked).magnet;
+  estimator = {&methods, &kf, &magnet, nullptr};
+}
+
+Estimator::Estimator(const amb_estimator_methods &methods, nb::object around)
+    : keeps(around), memory(methods.state_size / sizeof(std::max_align_t) + 1)
+{
+  const auto &inner = nb::cast<const Estimator &>(around);
+  kf = inner.kf;
+  magnet = inner.magnet;
   estimator = {&methods, &kf, &magnet, nullptr};
 }
 
@@ -140,6 +151,41 @@ struct Unscented : Estimator {
   }
 };
 
+struct AdaptiveNoise : Estimator {
+  amb_adaptive_noise own;
+  AdaptiveNoise(nb::object around, bool measurement, bool disturbance, amb_real share,
+                amb_real first_share, amb_real most, unsigned int window)
+      : Estimator(amb_adaptive_noise_methods, around),
+        own{nb::cast<const Estimator &>(around).estimator,
+            measurement,
+            disturbance,
+            share,
+            first_share,
+            most,
+            window}
+  {
+    if (amb_adaptive_noise_check(&own) != AMB_OK)
+      throw std::invalid_argument("a parameter of the adaptation is outside its range");
+    estimator.own = &own;
+  }
+  nb::dict more() const override
+  {
+    nb::dict d;
+    d["measurement"] = own.measurement;
+    d["disturbance"] = own.disturbance;
+    d["share"] = own.share;
+    d["first_share"] = own.first_share;
+    d["most"] = own.most;
+    d["window"] = own.window;
+    return d;
+  }
+  nb::object noise()
+  {
+    const auto &s = *static_cast<const amb_adaptive_noise_state *>(state());
+    return nb::make_tuple(s.kf.set.var_y, s.kf.set.var_d);
+  }
+};
+
 void reset(Estimator &self, const Vector &mean, const Vector &std)
 {
   same_length(AMB_AXIAL_STATES, mean.size(), "mean");
@@ -177,6 +223,17 @@ Named run(Estimator &self, const Vector &y, const Vector &u, bool covariance)
 {
   same_length(y.size(), u.size(), "u");
   return run_input(self, {y.size(), y.data(), u.data(), nullptr, nullptr}, covariance);
+}
+
+Named smooth(Estimator &self, const Vector &y, const Vector &u)
+{
+  same_length(y.size(), u.size(), "u");
+  History history(y.size(), true, self.scales());
+  const amb_kalman_input input{y.size(), y.data(), u.data(), nullptr, nullptr};
+  nb::gil_scoped_release release;
+  amb_estimator_run(&self.estimator, self.state(), &input, &history.to);
+  amb_smooth(&self.kf, input.n, &history.to);
+  return history.arrays;
 }
 
 Named run_kalman(Kalman &self, const Vector &y, const Vector &u, std::optional<Vector> k_i,
@@ -286,6 +343,7 @@ void bind_flags(nb::module_ &m)
   m.attr("UNEXCITED") = AMB_UNEXCITED;
   m.attr("OUTLIER") = AMB_OUTLIER;
   m.attr("SURPRISED") = AMB_SURPRISED;
+  m.attr("NOISE_LIMIT") = AMB_NOISE_LIMIT;
 }
 
 } // namespace
@@ -301,6 +359,8 @@ void bind_estimators(nb::module_ &m)
       .def("step", &step, nb::arg("y"), nb::arg("u"), "Predict with u, update with y.")
       .def("run", &run, nb::arg("y"), nb::arg("u"), nb::kw_only(), nb::arg("covariance") = false,
            "A whole record; u[k] acts from sample k to k + 1.")
+      .def("smooth", &smooth, nb::arg("y"), nb::arg("u"),
+           "A whole record, mean and covariance by all of it (ambkit/smoother.h).")
       .def("forecast", &forecast, nb::arg("mean"), nb::arg("u"), nb::arg("ahead"),
            nb::arg("scale") = nb::none(),
            "Measurement `ahead` samples after each of mean (n, 4), u (n,): (n - ahead,) [m].")
@@ -337,6 +397,15 @@ void bind_estimators(nb::module_ &m)
            nb::arg("reach"), nb::arg("curvature"), nb::arg("settings"),
            nb::sig("def __init__(self, magnet: Magnet, reach: float, curvature: float, "
                    "**settings: float) -> None"));
+  nb::class_<AdaptiveNoise, Estimator>(m, "AdaptiveNoise",
+                                       "Noise found online (ambkit/adaptive_noise.h).")
+      .def(nb::init<nb::object, bool, bool, amb_real, amb_real, amb_real, unsigned int>(),
+           nb::arg("around"), nb::kw_only(), nb::arg("measurement"), nb::arg("disturbance"),
+           nb::arg("share"), nb::arg("first_share"), nb::arg("most"), nb::arg("window"),
+           nb::sig("def __init__(self, around: Estimator, *, measurement: bool, disturbance: bool, "
+                   "share: float, first_share: float, most: float, window: int) -> None"))
+      .def_prop_ro("noise", &AdaptiveNoise::noise,
+                   "var_y [m^2] and var_d [N^2 a sample] as found so far.");
   nb::class_<Observer, Estimator>(m, "Observer", "Constant gain (ambkit/observer.h).")
       .def(nb::init<nb::object, const Vector &, const Vector &, amb_real, nb::kwargs>(),
            nb::arg("magnet"), nb::arg("gain"), nb::arg("cov"), nb::arg("variance"),

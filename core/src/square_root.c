@@ -101,7 +101,7 @@ static amb_status predict(const amb_estimator *self, void *state, amb_real u,
   const amb_real iu = amb_step_current(kf, &s->base, u, &status);
   const amb_real f = amb_step_force(kf, self->magnet, iu, s->base.mean[0], &result->stiffness);
   const amb_stiffness k = result->stiffness;
-  if (!(s->base.cov[0] <= (kf->set.x_max * kf->set.x_max))) { /* as all of the family */
+  if (!(s->base.cov[0] <= kf->widest)) { /* as all of the family */
     status |= AMB_HELD;
   } else if (!amb_is_finite(f) || !amb_is_finite(k.k_i) || !amb_is_finite(k.k_s)) {
     status |= AMB_BAD_PARAMETER;
@@ -135,7 +135,7 @@ static amb_status update(const amb_estimator *self, void *state, amb_real y,
     if (amb_step_outlier(kf, &s->base, e, S)) {
       status |= AMB_OUTLIER;
     } else {
-      /* The last row of U is that of the unit matrix: H U = H, and of Bierman's update is left */
+      /* The last row of U is that of the unit matrix, H U = H: Bierman's update leaves U alone. */
       const amb_real inverse = AMB_C(1.0) / S;
       for (int i = 0; i < N; i++) {
         s->base.mean[i] += s->U[i][N - 1] * (P33 * inverse) * e;

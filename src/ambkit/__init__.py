@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from ambkit.estimate import Estimate as Estimate
     from ambkit.estimate import Status as Status
     from ambkit.estimators import AdaptiveKalmanFilter as AdaptiveKalmanFilter
+    from ambkit.estimators import AdaptiveNoise as AdaptiveNoise
     from ambkit.estimators import ExtendedKalmanFilter as ExtendedKalmanFilter
     from ambkit.estimators import ExtendedStateObserver as ExtendedStateObserver
     from ambkit.estimators import FilterNoise as FilterNoise
@@ -55,6 +56,7 @@ _HOME = {
     "estimate": ["Estimate", "Status"],
     "estimators": [
         "AdaptiveKalmanFilter",
+        "AdaptiveNoise",
         "ExtendedKalmanFilter",
         "ExtendedStateObserver",
         "FilterNoise",

@@ -74,6 +74,8 @@ OUTLIER: int = 256
 
 SURPRISED: int = 512
 
+NOISE_LIMIT: int = 1024
+
 class Estimator:
     """One of the family (ambkit/estimator.h)."""
 
@@ -91,6 +93,9 @@ class Estimator:
 
     def run(self, y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], *, covariance: bool = False) -> dict[str, Any]:
         """A whole record; u[k] acts from sample k to k + 1."""
+
+    def smooth(self, y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> dict[str, Any]:
+        """A whole record, mean and covariance by all of it (ambkit/smoother.h)."""
 
     def forecast(self, mean: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], ahead: int, scale: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None) -> NDArray[numpy.float64]:
         """
@@ -162,6 +167,15 @@ class Unscented(Estimator):
     """Unscented filter (ambkit/unscented.h)."""
 
     def __init__(self, magnet: Magnet, reach: float, curvature: float, **settings: float) -> None: ...
+
+class AdaptiveNoise(Estimator):
+    """Noise found online (ambkit/adaptive_noise.h)."""
+
+    def __init__(self, around: Estimator, *, measurement: bool, disturbance: bool, share: float, first_share: float, most: float, window: int) -> None: ...
+
+    @property
+    def noise(self) -> object:
+        """var_y [m^2] and var_d [N^2 a sample] as found so far."""
 
 class Observer(Estimator):
     """Constant gain (ambkit/observer.h)."""

@@ -32,6 +32,7 @@ class Status(IntFlag):
     UNEXCITED = 128  #: too little excitation: the identified value was held
     OUTLIER = 256  #: the measurement was too far from its prediction: predicted only
     SURPRISED = 512  #: too many innovations larger than expected: model or noise is wrong
+    NOISE_LIMIT = 1024  #: the noise found online is at the end of its range
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,9 +3,9 @@
  *
  * U is unit upper triangular and D diagonal. The prediction orthogonalises [A U, G] under its
  * weights (modified weighted Gram-Schmidt, Thornton 1976), each entry of D a sum of squares; the
- * update is Bierman's (1977). Neither asks for a root, so there is none of libm, and the measured
- * state is the last one, of which the first entry of U D U' to the right is D alone: an update
- * scales one number. No variance is a difference here, so a sensor may be as sharp as it likes.
+ * update is Bierman's (1977). Neither asks for a root, so there is none of libm. The measured
+ * state is the last one, and the last row of U that of the unit matrix: an update scales one entry
+ * of D, and that is all. No variance is a difference here, so a sensor may be as sharp as it likes.
  *
  * With the constant magnet it is the linear filter: force and tangents are then the linear law's.
  */

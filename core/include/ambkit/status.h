@@ -17,5 +17,6 @@ typedef unsigned int amb_status;
 #define AMB_OUTLIER 256U      /* measurement too far from its prediction: predicted only */
 #define AMB_SURPRISED                                                                              \
   512U /* too many innovations are larger than expected: model or noise is wrong */
+#define AMB_NOISE_LIMIT 1024U /* the noise found online is at the end of its range */
 
 #endif

@@ -4,6 +4,7 @@ A kind of its own is a class here and a file in ``core/src``; `family` lists the
 the commands know.
 """
 
+from ambkit.estimators.adaptive_noise import AdaptiveNoise
 from ambkit.estimators.base import Estimator, check_sampling
 from ambkit.estimators.kalman import (
     AdaptiveKalmanFilter,
@@ -19,6 +20,7 @@ from ambkit.estimators.unscented import UnscentedKalmanFilter
 
 __all__ = [
     "AdaptiveKalmanFilter",
+    "AdaptiveNoise",
     "Estimator",
     "ExtendedKalmanFilter",
     "ExtendedStateObserver",

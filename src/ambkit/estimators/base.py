@@ -54,6 +54,7 @@ class Estimator:
     """
 
     name = "estimator"
+    smooths = False  # whether mean and covariance follow the model that the smoother goes back by
 
     def __init__(
         self,
@@ -199,12 +200,49 @@ class Estimator:
         ValueError
             Where the record's sampling time is not the bearing's.
         """
+        y, u = self._start(record)
+        return Estimate.from_core(record.t, self.core.run(y, u, covariance=covariance), self.name)
+
+    def smooth(self, record: Record) -> Estimate:
+        """Estimate each sample of a record from all of it, not only from what came before.
+
+        The fixed-interval smoother of Rauch, Tung and Striebel (1965), in the form of Bryson and
+        Frazier modified by Bierman (1973), which inverts no covariance. Samples that the filter
+        leaves out are bridged. Where it stood still because it knew no place any more, nothing is
+        carried back over the gap.
+
+        Parameters
+        ----------
+        record : Record
+            With ``y`` [m] and ``u`` [V]; u[k] acts from sample k to k + 1.
+
+        Returns
+        -------
+        Estimate
+            With covariances. Innovations, stiffnesses and status are the filter's.
+
+        Raises
+        ------
+        ValueError
+            This kind has no covariance that the smoother could go back by; or the record's sampling
+            time is not the bearing's.
+        """
+        if not self.smooths:
+            raise ValueError(
+                f"{self.name}: cannot be smoothed; the linear, adaptive, extended and square-root "
+                "Kalman filters can"
+            )
+        y, u = self._start(record)
+        return Estimate.from_core(record.t, self.core.smooth(y, u), f"{self.name}, smoothed")
+
+    def _start(self, record: Record) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Reset to the first measurement of a record within the travel; return its y and u."""
         check_sampling(self.bearing, record)
         y, u = record["y"], record["u"]
         near = y[np.abs(y) <= self.bearing.sensor.gain * self.bearing.rotor.travel_limit]
         first = float(near[0]) if near.size else 0.0
         self.reset([first / self.bearing.sensor.gain, 0.0, 0.0, first])
-        return Estimate.from_core(record.t, self.core.run(y, u, covariance=covariance), self.name)
+        return y, u
 
     def forecast(self, estimate: Estimate, record: Record, ahead: int) -> NDArray[np.float64]:
         """Predict the measurement ``ahead`` samples after each estimate.

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from ambkit.estimators.adaptive_noise import AdaptiveNoise
 from ambkit.estimators.base import Estimator
 from ambkit.estimators.kalman import (
     AdaptiveKalmanFilter,
@@ -105,6 +106,19 @@ class Kind:
         return self.of(bearing, source, **options)
 
 
+MEMORY = Tunable("memory", "s", lambda _bearing: 0.5, decades=1.0)
+
+
+def _finding_noise(of: Callable[..., Estimator], **found: Any) -> Callable[..., Estimator]:
+    """Put :class:`AdaptiveNoise` around a class; its own options go there, the others inside."""
+
+    def make(bearing: Bearing, source: StiffnessSource | None = None, **options: Any) -> Estimator:
+        own = {name: options.pop(name) for name in ("memory", "window", "most") if name in options}
+        return AdaptiveNoise(of(bearing, source, **options), **found, **own)
+
+    return make
+
+
 def _constant(bearing: Bearing) -> StiffnessSource:
     from ambkit.magnets import ConstantStiffness
 
@@ -146,6 +160,16 @@ KINDS = {
             (*NOISE, Tunable("sojourn", "s", lambda _: 1.0, decades=1.0)),
         ),
         Kind("unscented", "unscented Kalman filter", UnscentedKalmanFilter, ClosedLaw),
+        Kind(
+            "linear-adaptive-noise", "linear Kalman filter, R found online",
+            _finding_noise(KalmanFilter, method="sage-husa", adapts="measurement"), _constant,
+            (*NOISE, MEMORY),
+        ),
+        Kind(
+            "extended-adaptive-noise", "extended Kalman filter, R and Q found online",
+            _finding_noise(ExtendedKalmanFilter, method="innovation", adapts="both"), ClosedLaw,
+            (*NOISE, MEMORY),
+        ),
     )
 }  # fmt: skip
 """All kinds, from the simplest on."""

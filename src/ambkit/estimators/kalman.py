@@ -30,6 +30,7 @@ class KalmanFilter(Estimator):
     """
 
     name = "linear Kalman filter"
+    smooths = True
 
     def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
         return core.Kalman(magnet, **settings)
@@ -74,6 +75,7 @@ class ExtendedKalmanFilter(Estimator):
     """
 
     name = "extended Kalman filter"
+    smooths = True
 
     def __init__(
         self, bearing: Bearing, source: StiffnessSource | None = None, **options: Any

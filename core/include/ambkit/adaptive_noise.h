@@ -1,0 +1,62 @@
+/* Noise found online, around any filter of the family that has a covariance: `own` is an
+ * amb_adaptive_noise, which holds the filter.
+ *
+ * Measurement noise R. An innovation e of variance S should have e^2 = S on the average; where it
+ * has not, R <- R + d (e^2 - S), which is R <- (1 - d) R + d (e^2 - H P H') (Sage and Husa 1969;
+ * over a window: Mehra 1972, Mohamed and Schwarz 1999).
+ *
+ * Growth Q of the disturbance force. Each measurement corrects f_d by K e, which should have the
+ * variance P - P+, its own part of K S K'. Over a window of N samples the corrections add to a sum
+ * c of variance V, the sum of these: Q <- Q + d (c^2 - V) / N. With N = 1 that is the rule of Sage
+ * and Husa, Q <- (1 - d) Q + d (K e e' K' + P+ - A P+ A'). A window longer than the memory of the
+ * filter sees more: corrections that go the same way again and again are what a Q too small shows
+ * most, and any one alone hardly shows it.
+ *
+ * Both steps are taken relative to what the sample can tell: times R / S, and times N Q / V. In the
+ * steady state that is about one, or one; after a start or an outage, when an innovation is mostly
+ * the doubt of the prediction, it is small. And neither R nor Q can become negative.
+ *
+ * Estimating R and Q at once is ill-conditioned (Mehra 1972): with N = 1 both rules ask whether e^2
+ * is S, one equation for two unknowns. Over a window they ask two. What is no random walk, a step
+ * of the load or a wrong stiffness, is still taken for Q, for a while. Choose the one that is
+ * not known.
+ */
+#ifndef AMBKIT_ADAPTIVE_NOISE_H
+#define AMBKIT_ADAPTIVE_NOISE_H
+
+#include "ambkit/estimator.h"
+#include "ambkit/square_root.h"
+
+typedef struct amb_adaptive_noise {
+  amb_estimator inner;  /* the filter; its kf has the noise to start from */
+  bool measurement;     /* find R */
+  bool disturbance;     /* find Q */
+  amb_real share;       /* d, of a new sample in the end, in (0, 1) */
+  amb_real first_share; /* d of the first sample, in [share, 1): fading from there on */
+  amb_real most;        /* neither is taken to be more than this many times off, > 1 */
+  unsigned int window;  /* N samples, > 0 */
+} amb_adaptive_noise;
+
+/* Room for the state of the filter inside, all of which begin with an amb_kalman_state. */
+typedef union amb_adaptive_noise_inner {
+  amb_kalman_state base;
+  amb_square_root_state square_root;
+} amb_adaptive_noise_inner;
+
+typedef struct amb_adaptive_noise_state {
+  amb_adaptive_noise_inner inner;
+  amb_kalman kf;        /* with the noise found so far */
+  amb_real share;       /* d now */
+  amb_real correction;  /* c, sum of the corrections of f_d in this window [N] */
+  amb_real expected;    /* V, its variance as the filter expects it [N^2] */
+  unsigned int samples; /* of this window */
+} amb_adaptive_noise_state;
+
+/* Check the parameters. Returns AMB_OK or AMB_BAD_PARAMETER: a number is out of its range, neither
+ * R nor Q is to be found, or the state of the inner filter has no room in the one above. */
+amb_status amb_adaptive_noise_check(const amb_adaptive_noise *own);
+
+/* Adds AMB_NOISE_LIMIT to the status where the noise found is at the end of its range. */
+extern const amb_estimator_methods amb_adaptive_noise_methods;
+
+#endif

@@ -1,0 +1,28 @@
+/* Smoother for records: what all samples say about each, not only those before it; for the host.
+ *
+ * Fixed interval, in the form of Bryson and Frazier modified by Bierman (1973). It gives what the
+ * smoother of Rauch, Tung and Striebel (1965) gives, but inverts no covariance: in metres and
+ * newtons that of this plant has a condition of 1e13 and more, and without a lag in the sensor it
+ * is singular. Backwards run an adjoint of the mean, lambda, and one of the covariance, Lambda:
+ *
+ *     sample used   lambda <- (I - K H)' lambda - H' e / S
+ *                   Lambda <- (I - K H)' Lambda (I - K H) + H' H / S
+ *     one back      lambda <- A' lambda        Lambda <- A' Lambda A
+ *     smoothed      X - P lambda               P - P Lambda P      of the filter's X and P
+ *
+ * Of the filter it asks mean, covariance, innovation e, its variance S, the stiffnesses of each
+ * prediction, and the status: for the paper's filter, the extended one, and that on a factor. Q and
+ * R are not asked; where the filter adapted them, it smooths with what they were.
+ */
+#ifndef AMBKIT_SMOOTHER_H
+#define AMBKIT_SMOOTHER_H
+
+#include "ambkit/kalman_run.h"
+
+/* Smooth n samples of a filter's history in place: mean and cov, which must not be NULL. Samples
+ * that were not used add nothing. Where the filter stood still (AMB_HELD, AMB_BAD_PARAMETER) or had
+ * lost its covariance (AMB_BAD_VARIANCE) nothing is carried over: what comes later does not tell
+ * what was before. */
+void amb_smooth(const amb_kalman *kf, size_t n, const amb_kalman_history *history);
+
+#endif

@@ -1,0 +1,124 @@
+#include "ambkit/adaptive_noise.h"
+
+#define UNUSED (AMB_MISSING | AMB_FROZEN | AMB_OUTLIER | AMB_BAD_VARIANCE)
+
+static const amb_adaptive_noise *own(const amb_estimator *self)
+{
+  return (const amb_adaptive_noise *)self->own;
+}
+
+/* The inner filter with the noise found so far. */
+static amb_estimator adapted(const amb_estimator *self, const amb_adaptive_noise_state *s)
+{
+  amb_estimator inner = own(self)->inner;
+  inner.kf = &s->kf;
+  return inner;
+}
+
+amb_status amb_adaptive_noise_check(const amb_adaptive_noise *a)
+{
+  const amb_real one = AMB_C(1.0);
+  const bool good = (a->measurement || a->disturbance) && amb_is_positive(a->share) &&
+                    (a->share <= a->first_share) && (a->first_share < one) && (a->most > one) &&
+                    amb_is_finite(a->most) && (a->window > 0U) &&
+                    (a->inner.methods->state_size <= sizeof(amb_adaptive_noise_inner));
+  return good ? AMB_OK : AMB_BAD_PARAMETER;
+}
+
+static void open_window(amb_adaptive_noise_state *s)
+{
+  s->correction = AMB_C(0.0);
+  s->expected = AMB_C(0.0);
+  s->samples = 0U;
+}
+
+static amb_status reset(const amb_estimator *self, void *state,
+                        const amb_real mean[AMB_AXIAL_STATES], const amb_real std[AMB_AXIAL_STATES])
+{
+  amb_adaptive_noise_state *s = (amb_adaptive_noise_state *)state;
+  const amb_estimator *inner = &own(self)->inner;
+  const amb_status status = inner->methods->reset(inner, &s->inner, mean, std);
+  if (status == AMB_OK) {
+    s->kf = *self->kf;
+    s->share = own(self)->first_share;
+    open_window(s);
+  }
+  return status;
+}
+
+static amb_status predict(const amb_estimator *self, void *state, amb_real u,
+                          amb_kalman_result *result)
+{
+  amb_adaptive_noise_state *s = (amb_adaptive_noise_state *)state;
+  const amb_estimator inner = adapted(self, s);
+  const amb_status status = inner.methods->predict(&inner, &s->inner, u, result);
+  if ((status & (AMB_HELD | AMB_BAD_PARAMETER)) != AMB_OK) {
+    open_window(s); /* what is corrected next is no growth */
+  }
+  return status;
+}
+
+/* One step of `noise` towards what makes `square`, seen, the `variance` that was expected. */
+static amb_status follow(amb_real share, amb_real square, amb_real variance, amb_real nominal,
+                         amb_real most, amb_real *noise)
+{
+  const amb_real low = nominal / most;
+  const amb_real high = nominal * most;
+  const amb_real next = *noise * (AMB_C(1.0) + share * (square / variance - AMB_C(1.0)));
+  *noise = amb_clamp(next, low, high);
+  return ((next < low) || (next > high)) ? AMB_NOISE_LIMIT : AMB_OK;
+}
+
+static amb_status adapt(const amb_estimator *self, amb_adaptive_noise_state *s,
+                        const amb_kalman_result *result, amb_real correction, amb_real P23)
+{
+  const amb_adaptive_noise *a = own(self);
+  const amb_kalman_settings *nominal = &self->kf->set;
+  const amb_real e = result->innovation;
+  const amb_real S = result->variance;
+  amb_status status = AMB_OK;
+  if (a->measurement) {
+    status |= follow(s->share, e * e, S, nominal->var_y, a->most, &s->kf.set.var_y);
+  }
+  s->correction += correction;
+  s->expected += P23 * (P23 / S);
+  s->samples++;
+  if (s->samples >= a->window) {
+    if (a->disturbance && (s->expected > AMB_C(0.0))) {
+      /* A window tells once what its samples would have told one by one. */
+      const amb_real share = amb_clamp(s->share * (amb_real)a->window, AMB_C(0.0), AMB_C(0.5));
+      status |= follow(share, s->correction * s->correction, s->expected, nominal->var_d, a->most,
+                       &s->kf.set.var_d);
+    }
+    open_window(s);
+  }
+  /* d = (1 - b) / (1 - b^n), b = 1 - share, one further: 1/d <- 1 + b/d. */
+  const amb_real fading = s->share / (s->share + AMB_C(1.0) - a->share);
+  s->share = (fading > a->share) ? fading : a->share;
+  return status;
+}
+
+static amb_status update(const amb_estimator *self, void *state, amb_real y,
+                         amb_kalman_result *result)
+{
+  amb_adaptive_noise_state *s = (amb_adaptive_noise_state *)state;
+  const amb_estimator inner = adapted(self, s);
+  const amb_real f_d = s->inner.base.mean[2];
+  const amb_real P23 = s->inner.base.cov[8];
+  amb_status status = inner.methods->update(&inner, &s->inner, y, result);
+  if ((status & UNUSED) == AMB_OK) {
+    status |= adapt(self, s, result, s->inner.base.mean[2] - f_d, P23);
+  }
+  result->status = status;
+  return status;
+}
+
+static void advance(const amb_estimator *self, amb_real scale, amb_real iu,
+                    amb_real mean[AMB_AXIAL_STATES])
+{
+  const amb_estimator *inner = &own(self)->inner;
+  inner->methods->advance(inner, scale, iu, mean);
+}
+
+const amb_estimator_methods amb_adaptive_noise_methods = {
+    sizeof(amb_adaptive_noise_state), reset, predict, update, advance, NULL};

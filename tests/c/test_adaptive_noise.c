@@ -1,0 +1,163 @@
+/* Noise found online: parameters, a wrong R, what is not used, and the ends of the range. */
+#include "ambkit/adaptive_noise.h"
+#include "check.h"
+#include <stdint.h>
+
+static const amb_kalman_settings paper = {
+    .T = AMB_C(1e-4),
+    .m = AMB_C(0.518),
+    .K_sen = AMB_C(0.8),
+    .T_sen = AMB_C(2e-4),
+    .k_ui = AMB_C(1.25),
+    .f_0 = AMB_C(-5.08158),
+    .iu_min = AMB_C(-1.5),
+    .iu_max = AMB_C(1.5),
+    .x_max = AMB_C(1e-3),
+    .var_u = AMB_C(8e-5),
+    .var_d = AMB_C(1e-2),
+    .var_y = AMB_C(8.3e-11),
+    .gate = 8,
+    .frozen_limit = 10,
+    .outlier_limit = 3,
+};
+static const amb_stiffness centre = {AMB_C(10.05), AMB_C(7537.5)};
+static const amb_magnet linear = {&amb_constant_magnet, &centre};
+static const amb_real at_rest[4] = {0, 0, 0, 0};
+static const amb_real some[4] = {AMB_C(3e-5), AMB_C(1e-2), 5, AMB_C(3e-5)};
+
+static amb_kalman kf;
+
+static amb_adaptive_noise around(const amb_estimator_methods *methods)
+{
+  CHECK(amb_kalman_init(&kf, &paper) == AMB_OK);
+  const amb_adaptive_noise own = {
+      .inner = {methods, &kf, &linear, NULL},
+      .measurement = true,
+      .disturbance = true,
+      .share = AMB_C(1e-3),
+      .first_share = AMB_C(1e-2),
+      .most = 100,
+      .window = 50U,
+  };
+  return own;
+}
+
+/* Uniform in -1 to 1. */
+static amb_real noise(void)
+{
+  static uint32_t seed = 1U;
+  seed = seed * 1664525U + 1013904223U;
+  return (amb_real)(seed >> 8) / AMB_C(8388608.0) - 1;
+}
+
+static void test_parameters(void)
+{
+  const amb_adaptive_noise good = around(&amb_kalman_methods);
+  CHECK(amb_adaptive_noise_check(&good) == AMB_OK);
+  amb_adaptive_noise a = good;
+  a.measurement = a.disturbance = false;
+  CHECK(amb_adaptive_noise_check(&a) == AMB_BAD_PARAMETER);
+  const amb_real shares[] = {0, -1, NOT_A_NUMBER, TOO_MUCH, AMB_C(0.5), 1};
+  for (size_t i = 0; i < sizeof shares / sizeof *shares; i++) {
+    a = good;
+    a.share = shares[i]; /* or above the first one */
+    CHECK(amb_adaptive_noise_check(&a) == AMB_BAD_PARAMETER);
+  }
+  a = good;
+  a.first_share = 1;
+  CHECK(amb_adaptive_noise_check(&a) == AMB_BAD_PARAMETER);
+  const amb_real most[] = {1, 0, NOT_A_NUMBER, TOO_MUCH};
+  for (size_t i = 0; i < sizeof most / sizeof *most; i++) {
+    a = good;
+    a.most = most[i];
+    CHECK(amb_adaptive_noise_check(&a) == AMB_BAD_PARAMETER);
+  }
+  a = good;
+  a.window = 0U;
+  CHECK(amb_adaptive_noise_check(&a) == AMB_BAD_PARAMETER);
+  a = good;
+  a.inner.methods = &amb_adaptive_noise_methods; /* has no room in itself */
+  CHECK(amb_adaptive_noise_check(&a) == AMB_BAD_PARAMETER);
+}
+
+static void test_finds_r(const amb_estimator_methods *methods)
+{
+  amb_adaptive_noise own = around(methods);
+  own.disturbance = false;
+  const amb_estimator e = {&amb_adaptive_noise_methods, &kf, &linear, &own};
+  amb_adaptive_noise_state s;
+  amb_kalman_result r;
+  CHECK(e.methods->reset(&e, &s, at_rest, some) == AMB_OK);
+  CHECK(same(s.kf.set.var_y, paper.var_y));
+  const amb_real wide = AMB_C(5e-5); /* uniform: its variance is a third of the square */
+  for (int k = 0; k < 20000; k++)
+    (void)amb_estimator_step(&e, &s, wide * noise(), AMB_C(0.404507), &r);
+  CHECK_WITHIN(s.kf.set.var_y, wide * wide / 3, AMB_C(0.1));
+  CHECK(same(s.kf.set.var_d, paper.var_d));
+  CHECK(same(kf.set.var_y, paper.var_y));
+
+  const amb_real found = s.kf.set.var_y;
+  const amb_real odd[] = {NOT_A_NUMBER, TOO_MUCH, AMB_C(5e-3)};
+  for (size_t i = 0; i < 3; i++)
+    (void)amb_estimator_step(&e, &s, odd[i], AMB_C(0.404507), &r);
+  CHECK(same(s.kf.set.var_y, found));
+  const amb_real bad[4] = {NOT_A_NUMBER, 0, 0, 0};
+  CHECK(e.methods->reset(&e, &s, bad, some) == AMB_BAD_PARAMETER);
+  CHECK(same(s.kf.set.var_y, found));
+  amb_real a[4] = {AMB_C(1e-4), 0, 1, 0}, b[4] = {AMB_C(1e-4), 0, 1, 0};
+  e.methods->advance(&e, 1, AMB_C(0.2), a);
+  own.inner.methods->advance(&own.inner, 1, AMB_C(0.2), b);
+  CHECK(same(a[0], b[0]) && same(a[1], b[1]));
+}
+
+/* A silent sensor, and one that is noisier than can be: the ends of the range, each told. */
+static void test_ends(void)
+{
+  amb_adaptive_noise own = around(&amb_kalman_methods);
+  own.most = 4;
+  const amb_estimator e = {&amb_adaptive_noise_methods, &kf, &linear, &own};
+  amb_adaptive_noise_state s;
+  amb_kalman_result r;
+  const amb_real wide[2] = {AMB_C(1e-9), AMB_C(3e-4)};
+  for (int i = 0; i < 2; i++) {
+    amb_status all = AMB_OK;
+    CHECK(e.methods->reset(&e, &s, at_rest, some) == AMB_OK);
+    for (int k = 0; k < 5000; k++)
+      all |= amb_estimator_step(&e, &s, wide[i] * noise(), AMB_C(0.404507), &r);
+    CHECK(all & AMB_NOISE_LIMIT);
+    CHECK_WITHIN(s.kf.set.var_y, i == 0 ? paper.var_y / 4 : paper.var_y * 4, AMB_C(0.2));
+    CHECK(all_finite(s.inner.base.mean, 4) && all_finite(s.inner.base.cov, 10));
+  }
+}
+
+/* Whatever comes: finite and within the range. */
+static void test_rubbish(const amb_estimator_methods *methods)
+{
+  const amb_adaptive_noise own = around(methods);
+  const amb_estimator e = {&amb_adaptive_noise_methods, &kf, &linear, &own};
+  amb_adaptive_noise_state s;
+  amb_kalman_result r;
+  CHECK(e.methods->reset(&e, &s, at_rest, some) == AMB_OK);
+  const amb_real odd[] = {NOT_A_NUMBER, TOO_MUCH, -TOO_MUCH, AMB_C(7e-3), AMB_REAL_MAX, 0};
+  for (int k = 0; k < 20000; k++) {
+    const bool strange = (k / 1000) % 3 == 1;
+    const amb_real y = strange ? odd[(k / (1 + k % 5)) % 6] : AMB_C(1e-3) * noise();
+    (void)amb_estimator_step(&e, &s, y, strange ? odd[k % 6] : noise(), &r);
+    CHECK(s.kf.set.var_y >= paper.var_y / 100 && s.kf.set.var_y <= paper.var_y * 100);
+    CHECK(s.kf.set.var_d >= paper.var_d / 100 && s.kf.set.var_d <= paper.var_d * 100);
+    CHECK(all_finite(s.inner.base.mean, 4) && all_finite(s.inner.base.cov, 10));
+  }
+}
+
+int main(void)
+{
+  test_parameters();
+  const amb_estimator_methods *const kinds[] = {&amb_kalman_methods, &amb_extended_methods,
+                                                &amb_square_root_methods};
+  for (size_t i = 0; i < 3; i++) {
+    test_finds_r(kinds[i]);
+    test_rubbish(kinds[i]);
+  }
+  test_ends();
+  return failures;
+}

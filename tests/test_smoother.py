@@ -1,0 +1,212 @@
+"""The smoother: Rauch, Tung and Striebel's, and what it does where samples are missing."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from filter_cases import full
+
+import ambkit
+from ambkit import Bearing, Estimate, Record, Scenario, Status
+from ambkit.estimators import Estimator
+from ambkit.estimators.family import KINDS
+from ambkit.estimators.model import LinearModel
+
+BEARING = Bearing.preset("zittau_axial")
+RECORD = ambkit.simulate(
+    BEARING,
+    Scenario(
+        duration=0.8,
+        seed=4,
+        reference=ambkit.Step(amplitude=3e-4, time=0.1),
+        disturbance=ambkit.Sine(amplitude=3.0, frequency=3.0),
+    ),
+)
+SMOOTHED = ("linear", "closed-law", "extended", "square-root")
+smoothed = pytest.mark.parametrize("name", SMOOTHED)
+
+
+def models_of(estimator: Estimator, estimate: Estimate) -> list[LinearModel]:
+    """The model with which each sample was predicted."""
+    held = estimator.core.parameters
+    return [
+        LinearModel.of(held, k_i, k_s) for k_i, k_s in zip(estimate.k_i, estimate.k_s, strict=True)
+    ]
+
+
+def sigmas(estimate: Estimate) -> np.ndarray:
+    assert estimate.covariance is not None
+    return np.asarray(np.sqrt(estimate.covariance[:, [0, 4, 7, 9]]))
+
+
+def textbook(estimator: Estimator, filtered: Estimate) -> tuple[np.ndarray, np.ndarray]:
+    """Rauch, Tung and Striebel 1965, with the inverse, in the states' own units."""
+    units = np.array(estimator.default_std())
+    assert filtered.covariance is not None
+    X, P = filtered.mean / units, full(filtered.covariance) / np.outer(units, units)
+    models = [m.scaled(units) for m in models_of(estimator, filtered)]
+    for k in range(len(X) - 2, -1, -1):
+        A, Q = models[k + 1].A, models[k + 1].Q
+        predicted = A @ P[k] @ A.T + Q
+        G = np.linalg.solve(predicted, A @ P[k]).T
+        # What was predicted, from what the update made of it: for any force law.
+        gain = predicted[:, 3] / (predicted[3, 3] + models[k + 1].R / units[3] ** 2)
+        used = filtered.used[k + 1]
+        ahead = filtered.mean[k + 1] / units
+        ahead = ahead - gain * filtered.innovation[k + 1] / units[3] * used
+        X[k] += G @ (X[k + 1] - ahead)
+        P[k] += G @ (P[k + 1] - predicted) @ G.T
+    return X * units, P * np.outer(units, units)
+
+
+@smoothed
+@pytest.mark.parametrize("missing", [False, True], ids=["whole", "with gaps"])
+def test_it_is_the_textbook_s(name: str, missing: bool) -> None:
+    n = 1500
+    y = RECORD["y"][:n].copy()
+    if missing:
+        y[[100, 101, 400, 1499]] = np.nan
+        y[700:760] = np.nan
+        y[900] += 5e-4  # an outlier
+    record = Record(RECORD.t[:n], {"y": y, "u": RECORD["u"][:n]})
+    estimator = KINDS[name].make(BEARING)
+    filtered = estimator.run(record, covariance=True)
+    assert (~filtered.used).sum() == (65 if missing else 0)
+    made = estimator.smooth(record)
+    X, P = textbook(estimator, filtered)
+    sigma = sigmas(filtered)
+    assert made.covariance is not None
+    assert (np.abs(made.mean - X) <= 1e-8 * sigma).all()
+    wide = np.einsum("ki,kj->kij", sigma, sigma)
+    assert (np.abs(full(made.covariance) - P) <= 1e-8 * wide).all()
+    np.testing.assert_array_equal(made.mean[-1], filtered.mean[-1])
+
+
+def test_it_is_filterpy_s() -> None:
+    """Without a control, and the weight a load, which is all that their prediction knows.
+
+    They invert the predicted covariance, which costs them seven digits here; with an inverse of
+    more digits they agree.
+    """
+    from filterpy.kalman import KalmanFilter as Theirs
+
+    def exact_inverse(P: np.ndarray) -> np.ndarray:
+        Z = np.linalg.inv(P).astype(np.longdouble)
+        for _ in range(2):  # Newton's iteration, with digits to spare
+            Z = Z + Z @ (np.eye(4) - P.astype(np.longdouble) @ Z)
+        return Z
+
+    n = 1000
+    y = RECORD["y"][2000 : 2000 + n]
+    record = Record(RECORD.t[:n], {"y": y, "u": np.zeros(n)})
+    ours = KINDS["linear"].make(BEARING, gravity="disturbance", gate=100.0)
+    filtered, made = ours.run(record, covariance=True), ours.smooth(record)
+    assert filtered.used.all()
+    units = np.array(ours.default_std())
+    assert filtered.covariance is not None
+    assert made.covariance is not None
+    theirs = Theirs(dim_x=4, dim_z=1)
+    m = models_of(ours, filtered)[0].scaled(units)
+    theirs.F, theirs.Q = m.A, m.Q
+    P = full(filtered.covariance) / np.outer(units, units)
+    means, covariances, *_ = theirs.rts_smoother(
+        (filtered.mean / units)[:, :, None], P, inv=exact_inverse
+    )
+    scale = np.abs(filtered.mean).max(axis=0)
+    assert (np.abs(made.mean - means[:, :, 0] * units) <= 1e-9 * scale).all()
+    sigma = sigmas(filtered)
+    wide = np.einsum("ki,kj->kij", sigma, sigma)
+    back = covariances * np.outer(units, units)
+    assert (np.abs(full(made.covariance) - back) <= 1e-9 * wide).all()
+
+
+@smoothed
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+def test_it_knows_more_than_the_filter(name: str, precision: Any) -> None:
+    estimator = KINDS[name].make(BEARING, precision=precision)
+    filtered, made = estimator.run(RECORD, covariance=True), estimator.smooth(RECORD)
+    assert filtered.covariance is not None
+    assert made.covariance is not None
+    scale = sigmas(filtered)
+    wide = np.einsum("ki,kj->kij", scale, scale)
+    gained = (full(filtered.covariance) - full(made.covariance)) / wide
+    least = -1e-9 if precision == "float64" else -1e-4
+    assert np.linalg.eigvalsh(gained)[:, 0].min() > least
+    assert np.linalg.eigvalsh(full(made.covariance) / wide)[:, 0].min() > least
+    middle = slice(3000, 7000)
+    assert made.std("f_d")[middle].max() < 0.8 * filtered.std("f_d")[middle].min()
+    if name != "linear":  # whose wrong stiffness no smoothing makes right
+        for state in ("v", "f_d"):
+            before = np.std((filtered[state] - RECORD[state])[middle])
+            assert np.std((made[state] - RECORD[state])[middle]) < 0.7 * before
+
+
+def test_its_errors_are_what_it_says() -> None:
+    """NEES over seeds, where the model is true: a load that wanders as assumed."""
+    rng = np.random.default_rng(1)
+    noise = ambkit.FilterNoise(disturbance=1.0)  # N^2/s
+    nees = []
+    for seed in range(20):
+        wander = np.cumsum(rng.normal(0, np.sqrt(BEARING.sampling_time), 3000))
+        t = BEARING.sampling_time * np.arange(3000)
+        run = ambkit.simulate(
+            BEARING,
+            Scenario(duration=0.3, seed=seed, disturbance=ambkit.Recorded(times=t, values=wander)),
+        )
+        made = KINDS["extended"].make(BEARING, noise=noise).smooth(run)
+        assert made.covariance is not None
+        for k in (1000, 1500, 2000):
+            error = np.array([made[s][k] - run[s][k] for s in ("x", "v", "f_d")])
+            P = full(made.covariance[k : k + 1])[0][:3, :3]
+            nees.append(error @ np.linalg.solve(P, error))
+    assert 2.2 < np.mean(nees) < 3.9  # 3 expected; 60 draws
+
+
+@smoothed
+def test_an_outage_is_a_bridge(name: str) -> None:
+    y = RECORD["y"].copy()
+    y[4000:4060] = np.nan
+    estimator = KINDS[name].make(BEARING)
+    broken = Record(RECORD.t, {"y": y, "u": RECORD["u"]})
+    filtered, made = estimator.run(broken, covariance=True), estimator.smooth(broken)
+    inside = slice(4000, 4060)
+    assert made.std("x")[inside].max() < 0.3 * filtered.std("x")[inside].max()
+    off = [np.abs(e.x - RECORD["x"])[inside].max() for e in (made, filtered)]
+    assert off[0] < 0.5 * off[1]
+
+
+def test_over_an_outage_that_held_the_filter_nothing_is_carried() -> None:
+    y = RECORD["y"].copy()
+    y[3000:6500] = np.nan
+    estimator = KINDS["extended"].make(BEARING)
+    broken = Record(RECORD.t, {"y": y, "u": RECORD["u"]})
+    filtered, made = estimator.run(broken, covariance=True), estimator.smooth(broken)
+    held = np.flatnonzero(filtered.status & Status.HELD)
+    assert np.isfinite(made.mean).all()
+    # The last one held is the first that is measured again.
+    assert held[-1] == 6500
+    assert (made.mean[held[:-1]] == filtered.mean[held[:-1]]).all()
+    assert (made.mean[6500:6600] != filtered.mean[6500:6600]).any(axis=1).all()
+    assert (made.mean[held[0] - 500 : 3000] != filtered.mean[held[0] - 500 : 3000]).any()
+
+
+@pytest.mark.parametrize("name", ["low-pass", "observer", "steady-state"])
+def test_what_has_no_covariance_of_its_own_is_refused(name: str) -> None:
+    with pytest.raises(ValueError, match="cannot be smoothed"):
+        KINDS[name].make(BEARING).smooth(RECORD)
+
+
+def test_a_short_record() -> None:
+    for n in (2, 3):
+        few = Record(RECORD.t[:n], {"y": RECORD["y"][:n], "u": RECORD["u"][:n]})
+        made = KINDS["linear"].make(BEARING).smooth(few)
+        assert len(made.x) == n
+        assert np.isfinite(made.mean).all()
+
+
+def test_it_asks_for_the_record_s_own_sampling_time() -> None:
+    slow = Record(2 * RECORD.t, {"y": RECORD["y"], "u": RECORD["u"]})
+    with pytest.raises(ValueError, match="sampling_time"):
+        KINDS["linear"].make(BEARING).smooth(slow)
