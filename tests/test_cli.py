@@ -314,6 +314,18 @@ def test_filter_tunes_on_the_beginning_of_a_record(call):
     assert tuned["prediction"]["10"] < tuned["held"]["10"] < plain["prediction"]["10"]
 
 
+def test_filter_smooths(call, made):
+    asked = ("filter", made / "run.csv", "--bearing", "zittau_axial", "--estimator", "closed-law",
+             "--smooth")  # fmt: skip
+    found = call(*asked, "--out", "e.csv", "--plot", "e.png", "--json")
+    judged = found.json["estimators"]["closed-law"]
+    for name in ("v", "f_d"):
+        assert judged["smoothed"]["rmse"][name] < 0.8 * judged["rmse"][name]
+    assert "closed-law_smoothed_f_d [N]" in Path("e.csv").read_text()
+    assert Path("e.png").stat().st_size > 0
+    assert "error of f_d, rms, smoothed" in call(*asked).out
+
+
 def test_compare_over_seeds(call):
     found = call("compare", "zittau_axial", "--steps", "0.1 mm,0.5 mm", "--load", "3 N", "--seeds",
                  "3", "--seed", "4", "--estimator", "linear,closed-law", "--out", "s.csv",

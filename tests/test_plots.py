@@ -73,6 +73,20 @@ def test_filters_are_shown_by_their_own_styles_with_their_innovations(run, beari
     assert np.isnan(bounds[0])  # the start, when the filter knew nothing
 
 
+def test_what_is_smoothed_lies_on_what_is_filtered(run, bearing):
+    kalman = ambkit.KalmanFilter(bearing)
+    judged = {"linear": judge(kalman, run.record), "mine": judge(kalman, run.record)}
+    smoothed = {name: kalman.smooth(run.record) for name in judged}
+    panel = plots.filter_figure(run.record, judged, smoothed).panels[2]
+    shown = lines(panel)
+    after = [shown["linear Kalman filter, smoothed"], shown["mine, smoothed"]]
+    np.testing.assert_array_equal(after[0].y, smoothed["linear"].f_d)
+    layers = {SIGNALS[line.signal].layer for line in after}
+    assert min(layers) > max(
+        SIGNALS[line.signal].layer for line in shown.values() if line not in after
+    )
+
+
 def test_a_filters_first_guesses_do_not_flatten_the_rest(run, bearing):
     judged = {"linear": judge(ambkit.KalmanFilter(bearing), run.record)}
     panel = plots.filter_figure(run.record, judged).panels[2]

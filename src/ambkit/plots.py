@@ -20,10 +20,12 @@ from numpy.typing import NDArray
 from ambkit.errors import AmbkitError
 from ambkit.report.figure import Figure, Panel
 from ambkit.report.items import Axis, Bars, Heatmap, Item, Line, Points, Rule
+from ambkit.report.style import style_of
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
     from ambkit.comparison import Score
+    from ambkit.estimate import Estimate
     from ambkit.fuzzy import Expert
     from ambkit.identification import Identification
     from ambkit.identification.adaline import AdalineResult
@@ -48,6 +50,7 @@ _SIGNALS = {
     "closed-law": "estimate closed law",
 }
 _OTHERS = ("constant", "series 4", "series 1", "series 2")
+_SMOOTHED = ("smoothed", "smoothed 2", "smoothed 3")
 
 
 def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
@@ -133,7 +136,11 @@ def simulation_figure(run: Run, bearing: Bearing) -> Figure:
     )
 
 
-def filter_figure(record: Record, judged: Mapping[str, Judgement]) -> Figure:
+def filter_figure(
+    record: Record,
+    judged: Mapping[str, Judgement],
+    smoothed: Mapping[str, Estimate] | None = None,
+) -> Figure:
     """Show what filters estimate along a record, and how their innovations fare.
 
     Parameters
@@ -142,8 +149,11 @@ def filter_figure(record: Record, judged: Mapping[str, Judgement]) -> Figure:
         What they ran along; reference, truth and logged estimates are shown where it has them.
     judged : mapping of str to Judgement
         The filters by their short names (``"linear"``, ``"adaptive"``, ``"closed-law"``).
+    smoothed : mapping of str to Estimate, optional
+        What their smoothers say, by the same names.
     """
     t, truth = record.t, record.truth
+    smoothed = smoothed or {}
 
     def known(signal: str, style: str, **label: str) -> list[Item]:
         return [Line(t, record[signal], signal=style, **label)] if signal in record else []
@@ -152,9 +162,19 @@ def filter_figure(record: Record, judged: Mapping[str, Judgement]) -> Figure:
         return known(signal, "truth") if signal in truth else []
 
     def told(signal: str) -> list[Item]:
-        return [
+        filtered = [
             Line(t, judgement.estimate[signal], signal=style, label=label)
             for (style, label), judgement in zip(_looks(judged), judged.values(), strict=True)
+        ]
+        return [*filtered, *after(signal)]
+
+    def after(signal: str) -> list[Item]:
+        names = (label or style_of(style).label for style, label in _looks(smoothed))
+        return [
+            Line(t, estimate[signal], signal=style, label=f"{name}, smoothed")
+            for style, name, estimate in zip(
+                cycle(_SMOOTHED), names, smoothed.values(), strict=False
+            )
         ]
 
     innovations = [

@@ -24,6 +24,7 @@ from ambkit.errors import AmbkitError
 
 if TYPE_CHECKING:
     from ambkit.commands.family import Factory
+    from ambkit.estimate import Estimate
     from ambkit.estimators import FilterNoise
     from ambkit.judgement import Judgement
     from ambkit.record import Record
@@ -92,6 +93,13 @@ def filter_record(
             "simulated one nothing is tuned, and it is (2 m g)^2 a second.",
         ),
     ] = None,
+    smooth: Annotated[
+        bool,
+        typer.Option(
+            "--smooth",
+            help="Also estimate each sample from the whole record, not only from what came before.",
+        ),
+    ] = False,
     out: Annotated[
         Path | None, file_option("Write the estimates: .csv or .parquet.", RECORDS, "--out")
     ] = None,
@@ -135,28 +143,33 @@ def filter_record(
     noise = FilterNoise(measurement=noise_y, disturbance=noise_d)
     late = max(settling or 0.0, tune or 0.0)
     built = factories(chosen, model, expert)
-    assumed, judged = {}, {}
+    assumed, judged, smoothed = {}, {}, {}
     with arguments_of_the_user(), output.progress("filtering", len(built)) as done:
         for name, build in built.items():
             assumed[name] = noise if tune is None else _tuned(build, noise, log, tune_from, tune)
             judged[name] = judge(build(assumed[name]), log, horizons=HORIZONS, settling=late)
+            if smooth:
+                smoothed[name] = build(assumed[name]).smooth(log)
             done()
     _warn(judged)
     figure = plots.filter_figure
+    after = {name: _after(estimate, log, late) for name, estimate in smoothed.items()}
     data = {
         "record": str(record),
         "bearing": model.name,
         "estimators": {
-            name: judgement.to_dict() | {"disturbance_noise": assumed[name].disturbance}
+            name: judgement.to_dict()
+            | {"disturbance_noise": assumed[name].disturbance}
+            | ({"smoothed": after[name]} if smooth else {})
             for name, judgement in judged.items()
         },
     }
     output.deliver(
         data,
-        _tables(judged, assumed, f"{record.name}, {len(log)} samples, {model.name}"),
+        _tables(judged, assumed, after, f"{record.name}, {len(log)} samples, {model.name}"),
         [
-            (out, lambda path: _estimates(judged).save(path)),
-            (plot, lambda path: plots.save_figure(figure(log, judged), path)),
+            (out, lambda path: _estimates(judged, smoothed).save(path)),
+            (plot, lambda path: plots.save_figure(figure(log, judged, smoothed), path)),
         ],
         as_json=json,
     )
@@ -189,11 +202,30 @@ def _tuned(
     return replace(noise, disturbance=growth)
 
 
-def _estimates(judged: Mapping[str, Judgement]) -> Record:
+def _after(estimate: Estimate, log: Record, settling: float) -> dict[str, Any]:
+    """Return what is told of a smoothed estimate: its load, and its errors where truth is known."""
+    import numpy as np
+
+    from ambkit.comparison import JUDGED
+
+    late = log.t - log.t[0] >= settling
+    return {
+        "rmse": {
+            name: float(np.sqrt(np.mean((estimate[name] - log[name])[late] ** 2)))
+            for name in JUDGED
+            if name in log.truth
+        },
+        "disturbance_mean": float(estimate.f_d[late].mean()),
+        "disturbance_std": float(estimate.f_d[late].std()),
+    }
+
+
+def _estimates(judged: Mapping[str, Judgement], smoothed: Mapping[str, Estimate]) -> Record:
     """Return the estimates as one record; of several estimators, each signal carries the name."""
     from ambkit.record import Record
 
     records = {name: judgement.estimate.to_record() for name, judgement in judged.items()}
+    records |= {f"{name}_smoothed": estimate.to_record() for name, estimate in smoothed.items()}
     if len(records) == 1:
         return next(iter(records.values()))
     signals = {f"{n}_{s}": r[s] for n, r in records.items() for s in r}
@@ -203,7 +235,10 @@ def _estimates(judged: Mapping[str, Judgement]) -> Record:
 
 
 def _tables(
-    judged: Mapping[str, Judgement], assumed: Mapping[str, FilterNoise], title: str
+    judged: Mapping[str, Judgement],
+    assumed: Mapping[str, FilterNoise],
+    after: Mapping[str, Any],
+    title: str,
 ) -> list[Any]:
     from ambkit.commands.output import table, value
     from ambkit.comparison import JUDGED
@@ -230,6 +265,14 @@ def _tables(
         row(f"error of {name}, rms", lambda j, n=name: value(j.rmse[n], JUDGED[n]))
         for name in one.rmse
     ]
+    if after:
+        spreads = (value(s["disturbance_std"], "N") for s in after.values())
+        rows.append(["load, std, smoothed", *spreads])
+        rows += [
+            [f"error of {name}, rms, smoothed"]
+            + [value(s["rmse"][name], JUDGED[name]) for s in after.values()]
+            for name in one.rmse
+        ]
     growths = [noise.disturbance for noise in assumed.values() if noise.disturbance is not None]
     if growths:
         rows.append(["load, noise assumed", *(f"{growth:.3g} N^2/s" for growth in growths)])
