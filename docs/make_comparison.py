@@ -53,6 +53,12 @@ if __name__ == "__main__":
         },
         "limit": dict(found.model.limit),
         "cost": {name: s.mean("cost") for name, s in found.bench.best.items()},
+        "steps": {name: list(errors["f_d"]) for name, errors in found.steps.errors.items()}
+        if found.steps
+        else {},
+        "wrong_k": {name: list(errors["f_d"]) for name, errors in found.wrong_k.errors.items()}
+        if found.wrong_k
+        else {},
         "tuned": {name: dict(s.values) for name, s in found.bench.tuned.items()},
     }
     print(json.dumps(numbers, indent=1))

@@ -23,8 +23,8 @@ PIXELS_PER_INCH = 200
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.7, 0.18, 0.1, 0.46
 _LEGEND_ROW, _TITLE, _BAR = 0.165, 0.22, 0.76
-_NAMES, _ROW = 0.35, 0.22
-"""Room for the names beside cells, beyond that for numbers; height of a row of cells."""
+_LETTER, _ROW = 0.068, 0.22
+"""Width of a letter of the names beside cells, height of a row of cells."""
 _RC: dict[Any, Any] = {
     "font.family": ["DejaVu Sans"],  # comes with matplotlib, so every machine draws the same
     "font.size": 8.0,
@@ -192,7 +192,9 @@ def _layout(figure: Figure, top: float) -> tuple[float, list[tuple[float, float,
         depth += _TITLE * any(figure.panels[index].title for index in row)
         for index in row:
             bar = _BAR if figure.panels[index].heatmap else 0.0
-            names = _NAMES if cells[index] else 0.0
+            table = cells[index]
+            longest = max((len(name) for name in table.rows), default=0) if table else 0
+            names = max(0.0, _LETTER * longest - _LEFT + 0.15)
             left = cell * (index - start) + _LEFT + names
             places.append((left, depth, cell - _LEFT - names - _RIGHT - bar))
         depth += panel_height
