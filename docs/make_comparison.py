@@ -32,7 +32,7 @@ if __name__ == "__main__":
         "limit": limit_steps(found),
     }
     for name, figure in pictures.items():
-        (FOLDER / f"compare_{name}.png").write_bytes(small(static.render(figure).png))
+        (FOLDER / f"compare_{name}.png").write_bytes(small(static.render(figure).png, 200))
     numbers = {
         "f_d": {
             case: {name: [s.mean("f_d"), s.half_width("f_d")] for name, s in bench.best.items()}

@@ -47,10 +47,10 @@ def step() -> Figure:
     )  # fmt: skip
 
 
-def small(png: bytes) -> bytes:
+def small(png: bytes, colours: int = 48) -> bytes:
     """Write a picture with a palette of colours, in a third of the bytes."""
     out = BytesIO()
-    Image.open(BytesIO(png)).convert("RGB").quantize(48).save(out, "PNG", optimize=True)
+    Image.open(BytesIO(png)).convert("RGB").quantize(colours).save(out, "PNG", optimize=True)
     return out.getvalue()
 
 
