@@ -168,18 +168,20 @@ def _expected(found: Design) -> Any:
     for parameter, error in zip(expectation.parameters, expectation.errors, strict=True):
         at = parameter.of(expectation.model)
         share = f"{100 * error / at:.2g} %" if parameter.positive else "–"
-        rows.append(
-            [parameter.name, value(at, parameter.unit), value(error, parameter.unit, 3), share]
-        )
-    rows += [[name, "–", "–", "–"] for name in expectation.held]
+        name = parameter.name.replace("_", " ")
+        rows.append([name, value(at, parameter.unit), value(error, parameter.unit, 3), share])
+    rows += [[name.replace("_", " "), "–", "–", "–"] for name in expectation.held]
     return table("Expected", ["parameter", "value", "standard error", "of the value"], rows)
 
 
 def _remarks(found: Design) -> list[str]:
     """Say in words what cannot be told, or only together."""
     expectation = found.expectation
-    lines = [f"{name} will not be found: {why}" for name, why in expectation.held.items()]
-    names = [parameter.name for parameter in expectation.parameters]
+    lines = [
+        f"{name} will not be found: {why}".replace("_", " ")
+        for name, why in expectation.held.items()
+    ]
+    names = [parameter.name.replace("_", " ") for parameter in expectation.parameters]
     for i, name in enumerate(names):
         for j in range(i):
             together = expectation.correlation[i, j]
