@@ -99,3 +99,11 @@ def test_compare_filters(run, tmp_path):
     assert force["linear"] > force["adaptive"] > force["adaptive, wide"]
     assert force["adaptive, wide"] == pytest.approx(force["closed-law"], rel=0.05)
     assert (tmp_path / "comparison.png").stat().st_size > 10_000
+
+
+def test_rig_without_its_logs_says_so(run, monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["rig.py", "nowhere"])
+    with pytest.raises(SystemExit) as left:
+        run("rig.py")
+    assert not left.value.code
+    assert "no logs in nowhere" in capsys.readouterr().out

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +52,9 @@ class Lesson:
         Force relative to ``F(0, 0)`` [N].
     stiffness : ndarray (2, n)
         k_i [N/A] and k_s [N/m] of the LSM machine.
+    weight : ndarray (n,)
+        What an error at a sample counts, mean square 1: as the force there is known, where its
+        standard errors are (:class:`ambkit.identification.force_table.ForceTable`), otherwise 1.
 
     Raises
     ------
@@ -70,6 +73,7 @@ class Lesson:
         self.force = np.asarray(stiff.force(*self.inputs)) - stiff.force_bias
         if not np.any(self.force):
             raise AmbkitError(f"{stiff.name}: the force is the same all over the box")
+        self.weight = _weights(stiff.force, *self.inputs)
         offset = self.inputs[:, :, np.newaxis] - start.centres[:, np.newaxis, :]
         scale = np.array([start.per_ampere, start.per_metre])
         self._square_distance = np.einsum("inr,i->nr", offset**2, scale**2)
@@ -97,6 +101,15 @@ class Lesson:
         """RMS errors of answers (2, n): of the force [N], of k_i [N/A], of k_s [N/m]."""
         k_i, k_s = value - self.stiffness
         return rms(np.sum(value * self.inputs, axis=0) - self.force), rms(k_i), rms(k_s)
+
+
+def _weights(force: Any, iu: Array, x: Array) -> Array:
+    """Weights by the standard errors of a measured force, mean square 1."""
+    uncertainty = getattr(force, "uncertainty", None)
+    errors = None if uncertainty is None else uncertainty(iu, x)
+    if errors is None:
+        return np.ones_like(iu)
+    return np.asarray(1 / errors / rms(1 / errors))
 
 
 def rms(values: Array) -> float:

@@ -26,7 +26,7 @@ def load_force_table(path: str | os.PathLike[str]) -> ForceTable:
     ----------
     path : path
         A ``.csv`` or ``.parquet`` with control current ``iu``, displacement ``x`` and whole magnet
-        force ``f_mag``, with units.
+        force ``f_mag``, with units; and, if it is known, the force's standard error ``f_std``.
 
     Raises
     ------
@@ -56,7 +56,11 @@ def load_force_table(path: str | os.PathLike[str]) -> ForceTable:
                 f"times {currents.size} currents; {currents[i]:g} A, {displacements[k]:g} m "
                 f"{complaint}"
             )
+    errors = None
+    if "f_std" in columns:
+        errors = np.full(values.shape, np.nan)
+        errors[row, column] = columns["f_std"]
     try:
-        return ForceTable(currents, displacements, values)
+        return ForceTable(currents, displacements, values, errors)
     except AmbkitError as error:
         raise AmbkitError(f"{path}: {error}") from None

@@ -24,6 +24,8 @@ class ForceTable:
         Nodes of the displacement [m], ascending, at least 4.
     values : array_like (nx, ni)
         Force [N], bias force included; rows are displacements.
+    standard_error : array_like (nx, ni), optional
+        Standard errors of the values [N], > 0; a training then weighs by them.
 
     Raises
     ------
@@ -31,7 +33,13 @@ class ForceTable:
         Nodes that are too few, not finite or not ascending, values of another shape or not finite.
     """
 
-    def __init__(self, current: ArrayLike, displacement: ArrayLike, values: ArrayLike) -> None:
+    def __init__(
+        self,
+        current: ArrayLike,
+        displacement: ArrayLike,
+        values: ArrayLike,
+        standard_error: ArrayLike | None = None,
+    ) -> None:
         from scipy.interpolate import RegularGridInterpolator
         from scipy.sparse.linalg import spsolve
 
@@ -50,6 +58,16 @@ class ForceTable:
             row, column = np.argwhere(~np.isfinite(self.values))[0]
             raise AmbkitError(
                 f"values[{row}, {column}] must be finite, is {self.values[row, column]}"
+            )
+        self.standard_error = (
+            None if standard_error is None else np.array(standard_error, dtype=float)
+        )
+        if self.standard_error is not None and (
+            self.standard_error.shape != expected
+            or not np.all(np.isfinite(self.standard_error) & (self.standard_error > 0))
+        ):
+            raise AmbkitError(
+                f"standard_error must have shape {expected} and hold finite values greater than 0 N"
             )
         # Counted in whole ranges: micrometres beside amperes would be badly conditioned.
         self._spline = RegularGridInterpolator(
@@ -86,6 +104,23 @@ class ForceTable:
                 )
         points = _in_ranges(x, self.displacement), _in_ranges(iu, self.current)
         return np.asarray(self._spline(np.stack(points, axis=-1)))
+
+    def uncertainty(self, iu: ArrayLike, x: ArrayLike) -> Array | None:
+        """Return the standard error of the force [N] at points; None where it is not known.
+
+        Bilinear between the nodes, held at the edge outside.
+        """
+        if self.standard_error is None:
+            return None
+        from scipy.interpolate import RegularGridInterpolator
+
+        points = np.broadcast_arrays(
+            np.clip(x, self.displacement[0], self.displacement[-1]),
+            np.clip(iu, self.current[0], self.current[-1]),
+        )
+        nodes = (self.displacement, self.current)
+        bilinear = RegularGridInterpolator(nodes, self.standard_error)
+        return np.asarray(bilinear(np.stack(points, axis=-1)))
 
 
 def check_nodes(name: str, nodes: Array, unit: str, *, least: int = 2) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +23,9 @@ FROZEN_RUN = 20
 
 REST_RATIO = 1.0
 """Von Neumann's ratio below which a window shows motion: it is 2 for white noise, 0 for motion."""
+
+LAGS = 10
+"""Of the correlation of the noise; a window has 20 samples or more."""
 
 OUTLIER = 6.0
 """Standard deviations beyond which a sample does not belong to the noise."""
@@ -45,6 +49,9 @@ class Noise:
         How many were not used: ``missing``; ``frozen``, equal for a long time, as a saturated
         sensor gives; ``in motion`` and ``outliers``, in a window with such; ``left over``, beside
         a missing or frozen one or at the end.
+    correlation : tuple of float
+        Of the noise with itself, `LAGS` lags from 1 sample on; what taking off straight lines does
+        to it is corrected.
     """
 
     signal: str
@@ -54,6 +61,26 @@ class Noise:
     quantisation_step: float | None
     samples: int
     dropped: Mapping[str, int]
+    correlation: tuple[float, ...] = field(default=(), repr=False)
+
+    @property
+    def bound(self) -> float:
+        """95 % of a white noise's correlations are within +-this."""
+        return 1.96 / math.sqrt(self.samples)
+
+    @property
+    def white(self) -> bool:
+        """Whether the noise passes for white: at most one of the lags beyond twice the bound."""
+        return sum(abs(rho) > 2 * self.bound for rho in self.correlation) <= 1
+
+    @property
+    def colour(self) -> str:
+        """The colour of the noise, in words."""
+        if self.white:
+            return "white"
+        most = max(self.correlation, key=abs)
+        lag = 1 + self.correlation.index(most)
+        return f"coloured: {lag} sample{'s' * (lag > 1)} apart it correlates by {most:+.2f}"
 
     @property
     def standard_deviation(self) -> float:
@@ -122,6 +149,7 @@ def measurement_noise(record: Record, signal: str = "y", *, window: float = 0.5)
         quantisation_step=_quantisation_step(cut[good][clean]),
         samples=samples,
         dropped=dropped,
+        correlation=_correlation(residuals[clean], variance),
     )
 
 
@@ -138,6 +166,25 @@ def _straightened(windows: Array) -> Array:
     centred = windows - windows.mean(axis=1, keepdims=True)
     slopes = centred @ ramp / (ramp @ ramp)
     return np.asarray(centred - slopes[:, None] * ramp)
+
+
+def _correlation(residuals: Array, variance: float) -> tuple[float, ...]:
+    """Correlation of straightened windows (m, L) at lags from 1 on, without the lines' part in it.
+
+    Of white noise a straight line takes ``(I - H)`` leaves, so that neighbours correlate by
+    ``-H``; that is known and added back.
+    """
+    windows, length = residuals.shape
+    ramp = np.linspace(-1.0, 1.0, length)
+    H = 1 / length + np.outer(ramp, ramp) / (ramp @ ramp)
+    return tuple(
+        float(
+            (np.sum(residuals[:, lag:] * residuals[:, :-lag]) / windows / variance)
+            + np.trace(H, offset=lag)
+        )
+        / (length - lag)
+        for lag in range(1, LAGS + 1)
+    )
 
 
 def _quantisation_step(values: Array) -> float | None:

@@ -1,0 +1,217 @@
+"""The magnet's force on a grid of work points, with its uncertainty, from records of the loop.
+
+The law that was identified is corrected at the nodes of a grid, bilinearly between them, such that
+the Kalman filter's innovations are least surprising (as in `maximum_likelihood`: so it is unbiased
+in closed loop). Where the rotor never was, the correction stays zero and its error the one that was
+assumed: the law itself is then all that is known.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ambkit.errors import AmbkitError
+from ambkit.identification.force_table import ForceTable, check_nodes
+from ambkit.magnets import ClosedLaw, equally_far
+
+if TYPE_CHECKING:
+    from ambkit._core import Magnet
+    from ambkit.bearing import Bearing
+    from ambkit.identification.loop_model import LoopModel
+    from ambkit.record import Record
+
+Array = NDArray[np.float64]
+
+FINE = 33
+"""Nodes a side of the table that the filter asks: the law is bent between the nodes of the map."""
+
+ROUNDS = 3
+"""Steps of Gauss and Newton; the innovations are nearly linear in the force."""
+
+
+@dataclass(frozen=True, eq=False)
+class ForceMap:
+    """Force of the magnet at the nodes of a grid, with standard errors.
+
+    Attributes
+    ----------
+    current : ndarray (ni,)
+        Nodes of the control current [A].
+    displacement : ndarray (nx,)
+        Nodes of the displacement [m].
+    force : ndarray (nx, ni)
+        Whole force of the magnet [N], less a constant that a load would be.
+    standard_error : ndarray (nx, ni)
+        Its standard error [N]; about `assumed` where the rotor never was.
+    law : ndarray (nx, ni)
+        What the law that was corrected says there [N].
+    assumed : float
+        By how much the law was allowed to be wrong, standard deviation [N].
+    """
+
+    current: Array
+    displacement: Array
+    force: Array
+    standard_error: Array
+    law: Array
+    assumed: float
+
+    @property
+    def seen(self) -> NDArray[np.bool_]:
+        """Where the records tell far more than was assumed: an error of less than a tenth of it."""
+        return np.asarray(self.standard_error < 0.1 * self.assumed)
+
+    def table(self) -> ForceTable:
+        """Return the force as a function, its errors as weights of a training."""
+        return ForceTable(self.current, self.displacement, self.force, self.standard_error)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the map as ``.csv`` or ``.parquet``, as ``ambkit train --map`` reads it.
+
+        Raises
+        ------
+        AmbkitError
+            The file cannot be written; an older one is left as it was.
+        """
+        from ambkit.files.tables import Table, write_table
+
+        iu, x = np.meshgrid(self.current, self.displacement)
+        columns = {"iu": iu, "x": x, "f_mag": self.force, "f_std": self.standard_error}
+        units = {"iu": "A", "x": "m", "f_mag": "N", "f_std": "N"}
+        write_table(path, Table({n: c.ravel() for n, c in columns.items()}, units, {}))
+
+
+def force_map(
+    model: LoopModel,
+    records: Record | Sequence[Record],
+    *,
+    currents: ArrayLike | None = None,
+    displacements: ArrayLike | None = None,
+    share: float = 0.2,
+    settling: float = 0.0,
+) -> ForceMap:
+    """Identify the force on a grid of work points.
+
+    Parameters
+    ----------
+    model : LoopModel
+        What was identified: its law is corrected, its noise and delay are taken as they are.
+    records : Record or sequence of Record
+        With ``y`` [m] and ``u`` [V].
+    currents, displacements : array_like, optional
+        Nodes [A], [m], ascending, at least 4 each. Default: five each over what the records cover.
+    share : float
+        By how much the law may be wrong, standard deviation in parts of the force's range.
+    settling : float
+        Time at the start of each record that does not count [s].
+
+    Raises
+    ------
+    AmbkitError
+        Nodes that are too few or do not ascend; the records cover no area.
+    """
+    several = [records] if not isinstance(records, Sequence) else list(records)
+    b = model.bearing
+    iu = np.concatenate([b.amplifier.gain * model.corrected(r)["u"] for r in several])
+    x = np.concatenate([model.corrected(r)["y"] / b.sensor.gain for r in several])
+    current = _nodes("currents", currents, np.clip(iu, b.current_min, b.current_max), "A")
+    limit = b.rotor.travel_limit
+    displacement = _nodes("displacements", displacements, np.clip(x, -limit, limit), "m")
+    grid = np.meshgrid(current, displacement)
+    law = ClosedLaw(b).force(*grid)
+    assumed = share * float(np.ptp(law))
+
+    def innovations(correction: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+        source = _Corrected(b, current, displacement, correction.reshape(law.shape))
+        corrected = replace(model, source=source)
+        parts = []
+        for record in several:
+            e, S, used = corrected.innovations(record)
+            used[: max(1, round(settling / record.sampling_time))] = False
+            parts.append((e / np.sqrt(S), S, used))
+        e, S, used = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return e, S, used
+
+    w = np.zeros(law.size)
+    step = 0.05 * assumed
+    for _ in range(ROUNDS):
+        e, _, used = innovations(w)
+        slopes = []
+        for j in range(w.size):
+            up, down = w.copy(), w.copy()
+            up[j] += step
+            down[j] -= step
+            slopes.append((innovations(up)[0] - innovations(down)[0]) / (2 * step))
+        J = np.array(slopes)[:, used]
+        information = J @ J.T + np.eye(w.size) / assumed**2
+        w = w - np.linalg.solve(information, J @ e[used] + w / assumed**2)
+    # A constant force cannot be told from a load: it is taken off, as the records see it.
+    seen = np.diag(J @ J.T)
+    less_mean = np.eye(w.size) - seen / seen.sum()
+    covariance = less_mean @ np.linalg.inv(information) @ less_mean.T
+    correction, errors = less_mean @ w, np.sqrt(np.diag(covariance))
+    return ForceMap(
+        current,
+        displacement,
+        law + correction.reshape(law.shape),
+        errors.reshape(law.shape),
+        law,
+        assumed,
+    )
+
+
+class _Corrected:
+    """A bearing's law with a correction between the nodes of a grid, as the core's table.
+
+    The core's magnets give their force as ``k_i iu + k_s x``; the correction is split between the
+    two as the paper's least squares would (`equally_far`), and its value at the origin, which no
+    stiffness can give, is left to the load.
+    """
+
+    def __init__(self, bearing: Bearing, current: Array, displacement: Array, w: Array) -> None:
+        self.bearing, self.nodes, self.w = bearing, (displacement, current), w
+
+    def magnet(self, core: ModuleType) -> Magnet:
+        """Build the C implementation."""
+        from scipy.interpolate import RegularGridInterpolator
+
+        b = self.bearing
+        reach = b.rotor.travel_limit
+        current = np.linspace(b.current_min, b.current_max, FINE)
+        displacement = np.linspace(-reach, reach, FINE)
+        iu, x = np.meshgrid(current, displacement)
+        bent = RegularGridInterpolator(self.nodes, self.w)
+        inside = [np.clip(axis, nodes[0], nodes[-1])
+                  for axis, nodes in zip((x, iu), self.nodes, strict=True)]  # fmt: skip
+        origin = [np.clip(0.0, nodes[0], nodes[-1]) for nodes in self.nodes]
+        more = bent(np.stack(inside, axis=-1)) - float(bent(np.array([origin]))[0])
+        ampere, metre = equally_far(b)
+        size = (iu / ampere) ** 2 + (x / metre) ** 2
+        part = np.divide(more, size, out=np.zeros_like(more), where=size > 0)
+        k_i, k_s = ClosedLaw(b).stiffness(iu, x)
+        return core.Table(  # type: ignore[no-any-return]
+            x_min=displacement[0],
+            dx=displacement[1] - displacement[0],
+            iu_min=current[0],
+            diu=current[1] - current[0],
+            k_i=np.ascontiguousarray(k_i + part * iu / ampere**2),
+            k_s=np.ascontiguousarray(k_s + part * x / metre**2),
+        )
+
+
+def _nodes(name: str, given: ArrayLike | None, visited: Array, unit: str) -> Array:
+    if given is None:
+        low, high = np.nanpercentile(visited, [0.5, 99.5])
+        if not high > low:
+            raise AmbkitError(f"the records cover no range of {name}: let the rotor move")
+        return np.linspace(low, high, 5)
+    nodes = np.array(given, dtype=float)
+    check_nodes(name, nodes, unit, least=4)
+    return nodes

@@ -1,0 +1,98 @@
+"""The force on a grid from a record of the loop, and the expert trained by its uncertainty."""
+
+import numpy as np
+import pytest
+
+from ambkit import AmbkitError, Bearing, ClosedLaw, Scenario, Sine, simulate, stiffness_map, train
+from ambkit.identification.force_file import load_force_table
+from ambkit.identification.force_map import force_map
+from ambkit.identification.force_table import ForceTable
+from ambkit.identification.loop_model import LoopModel
+
+BEARING = Bearing.preset("zittau_axial")
+
+
+def saturating(iu, x):
+    """Iron that saturates: the law is wrong by newtons."""
+    return 16 * np.tanh(ClosedLaw(BEARING).force(iu, x) / 16)
+
+
+@pytest.fixture(scope="module")
+def found():
+    nodes = np.linspace(-1.5, 1.5, 25), np.linspace(-1e-3, 1e-3, 25)
+    true = ForceTable(*nodes, saturating(*np.meshgrid(*nodes)))
+    plant = stiffness_map(
+        BEARING,
+        currents=np.linspace(-1.49, 1.49, 31),
+        displacements=np.linspace(-0.95e-3, 0.95e-3, 31),
+        force=true,
+    )
+    scenario = Scenario(
+        duration=2.0,
+        reference=Sine(amplitude=0.3e-3, frequency=5) + Sine(amplitude=0.05e-3, frequency=31),
+        disturbance=Sine(amplitude=2, frequency=2.3),
+    )
+    record = simulate(BEARING, scenario, magnet=plant)
+    assert record.meta["stop_touched"] == 0
+    model = LoopModel(BEARING, load_growth=6.0, substeps=1)
+    return force_map(model, record, settling=0.05)
+
+
+def test_force_is_found_where_the_rotor_was(found):
+    true = saturating(*np.meshgrid(found.current, found.displacement))
+    seen = found.seen
+    assert 0.4 < seen.mean() < 0.95
+    weight = seen / found.standard_error**2
+    off = found.force - true
+    off = off - np.sum(weight * off) / weight.sum()  # a constant is a load
+    of_law = found.law - true
+    of_law = of_law - np.sum(weight * of_law) / weight.sum()
+    assert np.sqrt(np.sum(weight * off**2)) < 0.4 * np.sqrt(np.sum(weight * of_law**2))
+    # Between the nodes the correction is straight and the truth is not: not quite its errors.
+    assert np.mean((np.abs(off) < 3 * found.standard_error + 0.05 * np.ptp(true))[seen]) > 0.85
+
+
+def test_where_the_rotor_never_was_the_law_and_its_doubt_are_kept(found):
+    corner = np.unravel_index(np.argmax(found.standard_error), found.standard_error.shape)
+    assert found.standard_error[corner] > 0.8 * found.assumed
+    assert not found.seen[corner]
+
+
+def test_map_goes_through_a_file_into_the_training(found, tmp_path):
+    found.save(tmp_path / "force.csv")
+    table = load_force_table(tmp_path / "force.csv")
+    np.testing.assert_allclose(table.values, found.force, rtol=1e-12)
+    np.testing.assert_allclose(table.standard_error, found.standard_error, rtol=1e-12)
+
+
+def test_training_believes_what_is_known_better():
+    """The same table with errors of 3 N on one half, told and not told."""
+    iu, x = np.linspace(-1.5, 1.5, 9), np.linspace(-0.5e-3, 0.5e-3, 9)
+    grid = np.meshgrid(iu, x)
+    truth = ClosedLaw(BEARING).force(*grid)
+    wrong = grid[0] > 0.6
+    noise = 3.0 * np.random.default_rng(2).normal(size=truth.shape) * wrong
+    errors = np.where(wrong, 3.0, 0.02)
+
+    def trained(table):
+        inside = {
+            "currents": np.linspace(-1.4, 1.4, 5),
+            "displacements": np.linspace(-4e-4, 4e-4, 5),
+        }
+        return train(stiffness_map(BEARING, force=table, **inside), weights=True, epochs=40)
+
+    told = trained(ForceTable(iu, x, truth + noise, errors))
+    blind = trained(ForceTable(iu, x, truth + noise))
+    good = np.meshgrid(np.linspace(-1.4, 0.3, 15), np.linspace(-4e-4, 4e-4, 15))
+
+    def off(expert):
+        miss = expert.force(*good) - ClosedLaw(BEARING).force(*good)
+        return np.std(miss)
+
+    assert off(told) < 0.7 * off(blind)
+
+
+def test_errors_that_are_none_are_refused():
+    iu, x = np.linspace(-1, 1, 4), np.linspace(-1e-3, 1e-3, 4)
+    with pytest.raises(AmbkitError, match="standard_error must have shape"):
+        ForceTable(iu, x, np.ones((4, 4)), np.zeros((4, 4)))
