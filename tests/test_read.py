@@ -276,6 +276,15 @@ def test_a_coarse_sensor_is_not_frozen(read_columns, step, seed):
     assert reading.channels[0].resolution == pytest.approx(step * 1e-3, rel=1e-6)
 
 
+def test_a_stretch_that_is_coarser_than_the_rest_is_found(read_columns):
+    columns = sound()
+    columns["pos"][1000:2000] = np.round(columns["pos"][1000:2000] / 0.04) * 0.04
+    (fault,) = read_columns(columns).faults
+    assert (fault.kind, fault.signal, fault.samples) == ("quantised", "y", 1000)
+    assert (fault.start, fault.stop) == pytest.approx((1.0, 1.999))
+    assert fault.text.startswith("in steps of 40 µm")
+
+
 def test_a_slow_signal_through_a_coarse_sensor_is_coarse_and_steps_of_a_reference_are_not():
     t = np.arange(20_000) * 1e-4
     wave = np.round(5 * np.sin(t * 4))

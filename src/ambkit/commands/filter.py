@@ -35,7 +35,7 @@ ABSURD_NIS = 25.0
 
 def filter_record(
     record: Annotated[
-        Path, typer.Argument(metavar="RECORD", help="The recording: .csv, .parquet or .mat.")
+        Path, typer.Argument(metavar="RECORD", help="The recording: a record, or with --map a log.")
     ],
     bearing: Annotated[
         str,

@@ -74,7 +74,9 @@ Plot = Annotated[
 MapFile = Annotated[
     Path | None,
     typer.Option(
-        "--map", metavar="MAP.toml", help="Channel map: what is what in the log (.mat needs one)."
+        "--map",
+        metavar="MAP.toml",
+        help="Channel map: what is what in a log; 'ambkit read --guess' proposes one.",
     ),
 ]
 ExpertFile = Annotated[

@@ -33,6 +33,7 @@ BY_CHANCE = 1e-6
 """Probability that a stretch of equal samples in a whole sound record is called frozen."""
 
 LOOKED_AT = 200_000  # samples for the resolution
+BLOCK = 200  # samples in which different values are counted
 
 
 @dataclass(frozen=True)
@@ -220,8 +221,13 @@ def find(name: str, logged: Array, times: Array, unit: str) -> Iterator[Fault]:
         text = f"the same in all {there.size} samples: {engineering(least, unit)}"
         yield Fault("constant", name, float(times[0]), float(times[-1]), there.size, text)
         return
-    yield from _coarse(name, there, times, unit)
-    yield from _still(name, values, times, unit, (least, greatest))
+    coarse = list(_coarse(name, there, times, unit))
+    yield from coarse
+    for fault in _still(name, values, times, unit, (least, greatest)):
+        # A coarse sensor near the middle of a step stands still for long, without being frozen.
+        inside = any(each.start <= fault.start <= each.stop for each in coarse)
+        if not inside or fault.samples > BLOCK:
+            yield fault
 
 
 def _runs_of(
@@ -250,11 +256,41 @@ def _coarse(name: str, there: Array, times: Array, unit: str) -> Iterator[Fault]
         if by_one < 0.9 or np.unique(_some(there)).size < 5:
             return
     if step > 1.5 * rough:
-        text = (
-            f"in steps of {engineering(step, unit, digits=3)}, more than its noise: what is "
-            "smaller is lost"
+        yield Fault(
+            "quantised", name, float(times[0]), float(times[-1]), there.size, _in_steps(step, unit)
         )
-        yield Fault("quantised", name, float(times[0]), float(times[-1]), there.size, text)
+    else:
+        yield from _coarse_stretches(name, there, times, unit)
+
+
+def _in_steps(step: float, unit: str) -> str:
+    shown = engineering(step, unit, digits=3)
+    return f"in steps of {shown}, more than its noise: what is smaller is lost"
+
+
+def _coarse_stretches(name: str, there: Array, times: Array, unit: str) -> Iterator[Fault]:
+    """Find blocks that have but a tenth of the usual number of different values, and yet move."""
+    count = there.size // BLOCK
+    if count < 4 or there.size != times.size:  # with missing samples the blocks have no place
+        return
+    blocks = np.sort(there[: count * BLOCK].reshape(count, BLOCK), axis=1)
+    different = 1 + np.count_nonzero(np.diff(blocks, axis=1), axis=1)
+    moves = different > 2
+    coarse = moves & (different < 0.1 * np.median(different))
+    starts, lengths = _runs(coarse)
+    for start, length in zip(starts.tolist(), lengths.tolist(), strict=True):
+        if not coarse[start]:
+            continue
+        part = slice(start * BLOCK, (start + length) * BLOCK)
+        step = resolution(there[part])
+        if step > 1.5 * noise(there[part]) and not _mostly_still(there[part]):
+            ends = float(times[part][0]), float(times[part][-1])
+            yield Fault("quantised", name, *ends, length * BLOCK, _in_steps(step, unit))
+
+
+def _mostly_still(values: Array) -> bool:
+    """Whether a long run of one value explains that there are few: frozen, or saturated."""
+    return bool(_runs(values)[1].max() > 0.3 * min(values.size, BLOCK))
 
 
 def _still(
@@ -268,11 +304,12 @@ def _still(
         if at_end < 0.5 or np.unique(_some(values)).size < 5:
             return
         repeats = 0.5
-    by_chance = 0.0
-    if repeats > 0:
-        by_chance = math.log(BY_CHANCE / values.size) / math.log(repeats)
-    long = lengths > max(CLIPPED - 1, by_chance)
-    for start, length in zip(starts[long].tolist(), lengths[long].tolist(), strict=True):
+    long = np.flatnonzero(lengths > max(CLIPPED - 1, _longest_by_chance(repeats, values.size)))
+    for run in long.tolist():
+        start, length = int(starts[run]), int(lengths[run])
+        near = _repeats_around(lengths, run)
+        if length <= _longest_by_chance(near, values.size):
+            continue
         value = float(values[start])
         span = float(times[start]), float(times[start + length - 1])
         if value in limits:
@@ -282,6 +319,25 @@ def _still(
         elif length >= STILL:
             text = f"stands still at {engineering(value, unit, digits=4)}"
             yield Fault("frozen", name, *span, length, text)
+
+
+def _longest_by_chance(repeats: float, samples: int) -> float:
+    """How long a run of equal samples may be by chance, if so many repeat the one before."""
+    return math.log(BY_CHANCE / samples) / math.log(repeats) if repeats > 0 else 0.0
+
+
+def _repeats_around(lengths: Index, run: int) -> float:
+    """Return how often a sample repeats the one before, in the 50 runs on each side.
+
+    A signal may be coarser here than elsewhere. The longest tenth of the runs does not count, so
+    that a sensor that hangs now and then does not hide it; nor are they trusted beyond 0.8, so that
+    a control signal that goes from one limit to the other is seen.
+    """
+    around = np.concatenate([lengths[max(0, run - 50) : run], lengths[run + 1 : run + 51]])
+    if around.size < 10:
+        return 0.0
+    kept = np.sort(around)[: -(-around.size * 9 // 10)]
+    return min(0.8, 1.0 - 1.0 / float(kept.mean()))
 
 
 def _usual_repeats(values: Array) -> float:

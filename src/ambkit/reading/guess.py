@@ -123,7 +123,13 @@ def _candidates(log: Log) -> tuple[str, list[Candidate]]:
             return name, [Candidate(f"{key} {n}", {key: n}, row) for n, row in enumerate(rows)]
     key = "column" if log.order or log.clocks else "array"
     return "", [
-        Candidate(name, {key: name}, values, log.units.get(name, ""), log.clocks.get(name, ""))
+        Candidate(
+            f"column {name}" if name.isdigit() else name,
+            {key: name},
+            values,
+            log.units.get(name, ""),
+            log.clocks.get(name, ""),
+        )
         for name, values in vectors.items()
         if values.size > 1 and (log.clocks or values.size == longest)
     ]

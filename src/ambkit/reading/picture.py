@@ -107,9 +107,10 @@ def _spans(faults: Iterable[Fault], t: Array) -> Iterator[Item]:
             joined[-1] = joined[-1][0], max(stop, joined[-1][1])
         else:
             joined.append((start, stop))
-    for place, (start, stop) in enumerate(joined):
-        text = "missing" if place == 0 else ""
-        yield Span(max(start, float(t[0])), min(stop, float(t[-1])), text, signal="missing")
+    for start, stop in joined:
+        yield Span(max(start, float(t[0])), min(stop, float(t[-1])), signal="missing")
+        if stop - start < 5 * least:  # too narrow for its pale colour to be seen
+            yield Rule((start + stop) / 2, axis="x", signal="missing", label="")
 
 
 def _is_uneven(clock: Clock) -> bool:
