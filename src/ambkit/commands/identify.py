@@ -122,6 +122,14 @@ def identify(
     out: Annotated[
         Path | None, file_option("Write the bearing that was found.", (".toml",), "--out")
     ] = None,
+    force_map: Annotated[
+        Path | None,
+        file_option(
+            "Write the force on a grid, for 'ambkit train --map'.",
+            (".csv", ".parquet"),
+            "--force-map",
+        ),
+    ] = None,
     report: Annotated[
         Path | None, file_option("Write a report with pictures.", (".html",), "--report")
     ] = None,
@@ -147,7 +155,7 @@ def identify(
     online = {"--start": start, "--disturbance": disturbance}
     for_likelihood = {
         "--free": free, "--load-at-start": load_std, "--validate": validate or None,
-        "--report": report,
+        "--report": report, "--force-map": force_map,
     }  # fmt: skip
     if method is None:
         online_only = record and any(given is not None for given in online.values())
@@ -170,7 +178,7 @@ def identify(
     if record and method is Method.likelihood:
         by_likelihood(
             Asked(record, validate or [], channel_map, begin, end, free, load_std,
-                  out, report, plot, json),
+                  out, force_map, report, plot, json),
             known,
         )  # fmt: skip
     elif record:

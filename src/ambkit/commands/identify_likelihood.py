@@ -31,6 +31,7 @@ class Asked:
     free: str | None
     load_std: float | None
     out: Path | None
+    force_map: Path | None
     report: Path | None
     plot: Path | None
     json: bool
@@ -74,12 +75,15 @@ def by_likelihood(asked: Asked, known: Bearing) -> None:
         "validation": [check.to_dict() for check in checks],
     }
     from ambkit import files, plots
+    from ambkit.identification.force_map import force_map
 
     output.deliver(
         data,
         _tables(found, checks, bool(others)),
         [
             (asked.out, lambda path: files.write_text(path, annotated_toml(found))),
+            (asked.force_map, lambda path: force_map(found.model, records,
+                                                     settling=found.settling).save(path)),
             (asked.report, lambda path: write_identification(path, found, checks,
                                                              (others or records)[0])),
             (asked.plot, lambda path: plots.save_figure(identified_figure(found, checks), path)),

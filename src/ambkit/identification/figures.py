@@ -11,7 +11,7 @@ import numpy as np
 from ambkit.identification.maximum_likelihood import CONFIDENCE
 from ambkit.identification.parameters import NOISES
 from ambkit.report.figure import Figure, Panel
-from ambkit.report.items import Axis, Bars, Item, Line, Points, Rule
+from ambkit.report.items import Axis, Bars, Cells, Item, Line, Points, Rule
 
 if TYPE_CHECKING:
     from ambkit.identification.loop_model import LoopModel
@@ -46,6 +46,20 @@ def estimates_figure(found: MaximumLikelihood) -> Figure:
         "offsets in parts of the travel and of the bias current.",
         panels=_estimates(found),
         columns=2,
+    )
+
+
+def correlation_figure(found: MaximumLikelihood) -> Figure:
+    """Show which estimates go together: their errors are not independent."""
+    names = [f"${p.symbol}$" for p in found.parameters]
+    texts = [[f"{r:+.2f}".replace("-", "−") for r in row] for row in found.correlation]
+    cells: list[Item] = [Cells(names, names, (1 + found.correlation) / 2, texts, diverging=True)]
+    return Figure(
+        id="correlations",
+        title="Correlation of the estimates",
+        caption="Near ±1, a record tells the combination of two better than each.",
+        panels=[Panel(Axis(""), Axis(""), cells)],
+        panel_height=0.6 + 0.27 * len(names),
     )
 
 

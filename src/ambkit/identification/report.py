@@ -23,9 +23,6 @@ if TYPE_CHECKING:
     from ambkit.identification.validation import Validation
     from ambkit.record import Record
 
-CLOSE = 0.9
-"""Correlation from which two estimates are told to go together."""
-
 
 def write_identification(
     path: str | os.PathLike[str],
@@ -144,7 +141,7 @@ def _found(found: MaximumLikelihood) -> list[Block]:
             "it, and the model is not right.",
         ),
         FigureBlock(figures.estimates_figure(found)),
-        _correlations(found),
+        FigureBlock(figures.correlation_figure(found)),
     ]
     if found.held:
         said = "\n".join(f"- **{name}**: {why}." for name, why in found.held.items())
@@ -157,30 +154,6 @@ def _found(found: MaximumLikelihood) -> list[Block]:
         )
     )
     return blocks
-
-
-def _correlations(found: MaximumLikelihood) -> TableBlock:
-    names = [f"${p.symbol}$" for p in found.parameters]
-    correlation = found.correlation
-    rows: list[list[str | float | None]] = [
-        [name, *(None if j > i else float(correlation[i, j]) for j in range(len(names)))]
-        for i, name in enumerate(names)
-    ]
-    close = {
-        (i, j + 1): "such estimates go together: the record tells their combination better than "
-        "each"
-        for i in range(len(names))
-        for j in range(i)
-        if abs(correlation[i, j]) > CLOSE
-    }
-    return TableBlock(
-        id="correlations",
-        title="Correlation of the estimates",
-        headers=["", *names],
-        rows=rows,
-        digits=".2f",
-        highlight=close,
-    )
 
 
 def _fits(checks: Sequence[Validation]) -> TableBlock:
