@@ -9,7 +9,7 @@ void amb_excitation_reset(amb_excitation *e, amb_real f_d)
   e->information = AMB_C(0.0);
   e->load = none;
   e->load.mean = f_d;
-  e->pull = none;
+  e->answer = none;
   e->age = AMB_C(0.0);
 }
 
@@ -47,12 +47,12 @@ bool amb_excitation_update(amb_excitation *e, const amb_excitation_settings *set
   }
   const amb_real slowly = settings->fresh / AMB_LOAD_WINDOWS;
   follow(&e->load, mean[2], slowly);
-  follow(&e->pull, e->slope[2], slowly);
+  follow(&e->answer, e->slope[2], slowly);
   const bool settled = e->age >= AMB_SETTLED_WINDOWS;
   if (!settled) {
     e->age += settings->fresh;
   }
   const bool always = !(settings->least > AMB_C(0.0));
   return always || (settled && (e->information >= settings->least) &&
-                    (e->load.var < (AMB_LOAD_SHARE * e->pull.var)));
+                    (e->load.var < (AMB_LOAD_SHARE * e->answer.var)));
 }

@@ -95,17 +95,17 @@ static amb_status update(const amb_estimator *self, void *state, amb_real y,
   amb_status status = amb_kalman_update(self->kf, &s->base, y, result);
   copy(s->base.cov, s->cov);
   const amb_real S = result->variance;
-  const amb_real all = S + on_y * s->var * on_y;
+  const amb_real total = S + on_y * s->var * on_y;
   if ((status & (AMB_MISSING | AMB_FROZEN | AMB_OUTLIER | AMB_BAD_VARIANCE)) == 0U) {
     if (amb_excitation_update(&s->excitation, &own->learn, with_y, S, s->base.mean,
                               self->kf->set.x_max)) {
       const amb_real before = s->theta;
-      const amb_real gain = (s->var * on_y) / all;
+      const amb_real gain = (s->var * on_y) / total;
       s->theta = amb_clamp(before + gain * result->innovation, own->min, own->max);
       for (int i = 0; i < AMB_AXIAL_STATES; i++) {
         s->base.mean[i] += s->excitation.slope[i] * (s->theta - before);
       }
-      s->var *= S / all;
+      s->var *= S / total;
     } else {
       status |= AMB_UNEXCITED;
     }
@@ -113,7 +113,7 @@ static amb_status update(const amb_estimator *self, void *state, amb_real y,
     amb_excitation_miss(&s->excitation);
   }
   widen(s->cov, s->excitation.slope, s->var, s->base.cov);
-  result->variance = all;
+  result->variance = total;
   result->status = status;
   return status;
 }

@@ -12,26 +12,32 @@ AMB_INLINE void blend(amb_real a, amb_real cov[AMB_AXIAL_TRIANGLE], amb_real b,
                       const amb_real other[AMB_AXIAL_TRIANGLE], amb_real c,
                       const amb_real d[AMB_AXIAL_STATES])
 {
-  int entry = 0;
-  for (int i = 0; i < AMB_AXIAL_STATES; i++) {
-    const amb_real c_d = c * d[i];
-    for (int j = i; j < AMB_AXIAL_STATES; j++) {
-      cov[entry] = a * cov[entry] + b * other[entry] + c_d * d[j];
-      entry++;
-    }
-  }
+  const amb_real c0 = c * d[0];
+  const amb_real c1 = c * d[1];
+  const amb_real c2 = c * d[2];
+  const amb_real c3 = c * d[3];
+  cov[0] = a * cov[0] + b * other[0] + c0 * d[0];
+  cov[1] = a * cov[1] + b * other[1] + c0 * d[1];
+  cov[2] = a * cov[2] + b * other[2] + c0 * d[2];
+  cov[3] = a * cov[3] + b * other[3] + c0 * d[3];
+  cov[4] = a * cov[4] + b * other[4] + c1 * d[1];
+  cov[5] = a * cov[5] + b * other[5] + c1 * d[2];
+  cov[6] = a * cov[6] + b * other[6] + c1 * d[3];
+  cov[7] = a * cov[7] + b * other[7] + c2 * d[2];
+  cov[8] = a * cov[8] + b * other[8] + c2 * d[3];
+  cov[9] = a * cov[9] + b * other[9] + c3 * d[3];
 }
 
 /* Mean and covariance of all models together. */
 static void combine(int n, amb_multiple_model_state *s)
 {
-  amb_real *mean = s->base.mean;
-  for (int i = 0; i < AMB_AXIAL_STATES; i++) {
-    amb_real sum = AMB_C(0.0);
-    for (int j = 0; j < n; j++) {
-      sum += s->model[j].weight * s->model[j].mean[i];
+  amb_real mean[AMB_AXIAL_STATES] = {0};
+  amb_real cov[AMB_AXIAL_TRIANGLE] = {0};
+  for (int j = 0; j < n; j++) {
+    const amb_one_model *m = &s->model[j];
+    for (int i = 0; i < AMB_AXIAL_STATES; i++) {
+      mean[i] += m->weight * m->mean[i];
     }
-    mean[i] = sum;
   }
   for (int j = 0; j < n; j++) {
     const amb_one_model *m = &s->model[j];
@@ -39,7 +45,13 @@ static void combine(int n, amb_multiple_model_state *s)
     for (int i = 0; i < AMB_AXIAL_STATES; i++) {
       d[i] = m->mean[i] - mean[i];
     }
-    blend((j > 0) ? AMB_C(1.0) : AMB_C(0.0), s->base.cov, m->weight, m->cov, m->weight, d);
+    blend(AMB_C(1.0), cov, m->weight, m->cov, m->weight, d);
+  }
+  for (int i = 0; i < AMB_AXIAL_STATES; i++) {
+    s->base.mean[i] = mean[i];
+  }
+  for (int i = 0; i < AMB_AXIAL_TRIANGLE; i++) {
+    s->base.cov[i] = cov[i];
   }
 }
 
@@ -68,7 +80,8 @@ static amb_status reset(const amb_estimator *self, void *state,
 
 static void mix(const amb_multiple_model *own, amb_multiple_model_state *s)
 {
-  const amb_real enter = own->leave / (amb_real)(own->n - 1);
+  const int others = own->n - 1;
+  const amb_real enter = own->leave / (amb_real)others;
   const amb_real more = (AMB_C(1.0) - own->leave) - enter;
   for (int j = 0; j < own->n; j++) {
     amb_one_model *m = &s->model[j];

@@ -43,7 +43,7 @@ typedef struct amb_excitation {
   amb_real slope[AMB_AXIAL_STATES]; /* s, of x, v, f_d, x_m */
   amb_real information;             /* of a sample about theta, averaged over the window [1] */
   amb_recent load;                  /* f_d [N] */
-  amb_recent pull;                  /* slope of f_d [N] */
+  amb_recent answer;                /* slope of f_d [N] */
   amb_real age; /* since the start, less what was missing [windows], until all has settled */
 } amb_excitation;
 
