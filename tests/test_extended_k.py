@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
+import oracles
 import pytest
 from filterpy.kalman import ExtendedKalmanFilter as Textbook
 from magnet_scale_cases import BEARING, LOAD_AT, jump, quieter, rms, run
@@ -141,6 +142,30 @@ def test_single_precision_finds_the_same() -> None:
     assert double.scale is not None
     assert single.scale is not None
     assert abs(float(single.scale[-1]) - double.scale[-1]) < 0.01
+
+
+def test_metres_and_micrometres_give_one_answer() -> None:
+    """Of all filters with forces from the law: nothing in them is absolute."""
+    core, record, magnet = core_module(), run(3e-4), BEARING.magnet
+    own: dict[str, tuple[Any, ...]] = {
+        "Unscented": (3**0.5, 2.0),
+        "ExtendedK": (0.0, 0.2, 1e-6, 0.2, 5.0, 0.012, 0.108),
+        "MultipleModel": (np.array([0.7, 0.85, 1.0, 1.15, 1.3]), 1e-4, 0.0, 0.012, 0.108),
+    }
+
+    def means(name: str, um: float) -> Any:
+        s, k = oracles.settings_of(BEARING), magnet.magnet_constant
+        s |= {"m": s["m"] / um, "var_y": s["var_y"] * um**2, "x_max": s["x_max"] * um}
+        law = core.Law(k * um**2, magnet.air_gap * um, magnet.bias_current, True, 1.0, 1e-3 * um)
+        estimator = getattr(core, name)(law, *own[name], **s)
+        length = np.array([um, um, 1.0, um])
+        estimator.reset(np.zeros(4), length * np.array([3e-5, 1e-2, 5.0, 3e-5]))
+        return estimator.run(record["y"] * um, record["u"])["mean"] / length
+
+    for name in own:
+        metres, micrometres = means(name, 1.0), means(name, 1e6)
+        scale = np.abs(metres).max(axis=0)
+        assert (np.abs(micrometres - metres) < 1e-12 * scale).all()
 
 
 @pytest.mark.parametrize(
