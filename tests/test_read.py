@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import ambkit
@@ -472,6 +472,37 @@ def test_a_log_without_a_time_gets_a_line_to_fill_in(tmp_path):
     text, channel_map = proposed(tmp_path / "log.csv")
     assert channel_map.sampling_time == 1e-3
     assert "No channel rises like a time" in text
+
+
+LINES = ["time;pos;cur", *(f"{k * T:.3f};{np.sin(k / 9):.4f};{k % 7 / 2}" for k in range(40))]
+
+
+@settings(max_examples=60)
+@given(
+    edits=st.lists(
+        st.tuples(
+            st.integers(0, 700), st.integers(0, 9), st.sampled_from(" ;,\n\t\"'#-.e9naif[m]é")
+        ),
+        max_size=20,
+    )
+)
+def test_whatever_is_done_to_a_csv_there_is_a_record_or_a_clear_word(tmp_path_factory, edits):
+    text = "\n".join(LINES) + "\n"
+    for place, length, character in edits:
+        text = text[:place] + character + text[place + length :]
+    path = tmp_path_factory.mktemp("edited") / "log.csv"
+    path.write_text(text, encoding="utf-8")
+    with contextlib.suppress(RecordError):  # and nothing else: a proposed map is always valid
+        assert len(read(path, ChannelMap.from_toml(guess(path)), resample=True).record) >= 2
+
+
+def test_the_guess_of_a_log_that_holds_nothing(tmp_path):
+    columns = sound(100) | {"pos": np.full(100, np.nan), "current": np.full(100, np.inf)}
+    logs.parquet(tmp_path / "log.parquet", columns)
+    _, channel_map = proposed(tmp_path / "log.parquet")
+    assert kinds(read(tmp_path / "log.parquet", channel_map)) == [
+        ("u", "infinite"), ("y", "missing"),
+    ]  # fmt: skip
 
 
 # The command and its picture

@@ -104,6 +104,7 @@ def guess(path: str | os.PathLike[str], told: Callable[[str], object] = lambda _
     if not found:
         raise RecordError(f"{path}: holds no channels: {log.contents}")
     for candidate in found:
+        candidate.values = np.where(np.isfinite(candidate.values), candidate.values, np.nan)
         _by_name(candidate)
     _find_time(found)
     _by_statistics(found)

@@ -170,7 +170,7 @@ def read(
             faults.append(fault)
     told("placing the samples")
     if resample:
-        times, on_grid, said = _resampled(signals, mapped.clock_of, clocks, sampling_time)
+        times, on_grid, said = _resampled(log, signals, mapped.clock_of, clocks, sampling_time)
         faults = [_action_of_grid(fault, "resampled") for fault in faults]
     elif sampling_time is not None:
         raise RecordError("sampling_time (--sampling-time) is the step to resample to: ask for it")
@@ -367,6 +367,7 @@ def _filled(
 
 
 def _resampled(
+    log: Log,
     signals: Mapping[str, Array],
     clock_of: Mapping[str, str],
     clocks: Mapping[str, Clock],
@@ -375,12 +376,14 @@ def _resampled(
     """Put all signals on the even grid of the first clock."""
     jumping = [clock.name for clock in clocks.values() if clock.jumps.size]
     if jumping:
-        raise RecordError(f"the clock {jumping[0]} jumps: it cannot be resampled")
+        raise RecordError(f"{log.name}: the clock {jumping[0]} jumps: it cannot be resampled")
     main = clocks.get("t") or next(iter(clocks.values()))
     step = sampling_time or main.step
     times = grid.even_grid(main, step)
     if times.size < 2:
-        raise RecordError(f"a sampling time of {engineering(step, 's')} leaves no two samples")
+        raise RecordError(
+            f"{log.name}: a sampling time of {engineering(step, 's')} leaves no two samples"
+        )
     found = {
         name: grid.resample(v, clocks[clock_of[name]], times, held=name in grid.HELD)
         for name, v in signals.items()
