@@ -449,7 +449,7 @@ def test_reproduce_hands_on_its_arguments_and_prints_the_verdicts(call, monkeypa
         ("simulate zittau_axial --step 0.5", "'--step': \"0.5\" has no unit"),
         ("simulate zittau_axial --step 5kg", "kg cannot be converted to m"),
         ("simulate zittau_axial --seed -1", "'--seed'"),
-        ("simulate zittau_axial --estimator ukf", 'no estimator "ukf"; known: linear'),
+        ("simulate zittau_axial --estimator ukf", 'no estimator "ukf"; known: low-pass'),
         ("simulate zittau_axial --out run.xlsx", "run.xlsx must end with .csv or .parquet"),
         ("simulate zittau_axial --out nowhere/run.csv", "there is no folder nowhere"),
         ("simulate zittau_axial --out run.csv --plot run.pdf", "run.pdf must end with .png"),

@@ -18,6 +18,7 @@ import ambkit
 from ambkit import Bearing, ClosedLaw, FilterNoise, KalmanFilter
 from ambkit.errors import AmbkitError
 from ambkit.estimators import AdaptiveKalmanFilter
+from ambkit.estimators.family import KINDS as FAMILY
 from ambkit.export.fmu import export_fmu
 from ambkit.identification.stiffness import stiffness_map
 from ambkit.record import Record
@@ -201,6 +202,16 @@ def test_adaptive_filter_in_fmpy_equals_the_library(source: Any, tmp_path: Path)
     found = simulated(path, BEARING.sampling_time, {}, y=record["y"], u=record["u"])
     check_estimate(found, AdaptiveKalmanFilter(BEARING, knows).run(record))
     assert np.ptp(found["k_i"]) > 0
+
+
+@pytest.mark.parametrize("name", ["low-pass", "observer", "extended", "square-root", "unscented"])
+def test_every_kind_in_fmpy_equals_the_library(name: str, tmp_path: Path) -> None:
+    """One of each state, and of each structure that only a kind has."""
+    record = spoilt(BEARING)
+    path = export_fmu(BEARING, None, tmp_path / "kind.fmu", estimator=name).path
+    assert validate_fmu(str(path)) == []
+    found = simulated(path, BEARING.sampling_time, {}, y=record["y"], u=record["u"])
+    check_estimate(found, FAMILY[name].make(BEARING).run(record))
 
 
 @pytest.mark.parametrize("fmi", [2, 3])

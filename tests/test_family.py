@@ -222,3 +222,10 @@ def test_a_record_is_a_record_for_all() -> None:
     for kind in KINDS.values():
         if kind.source:
             assert len(kind.make(BEARING).run(empty).x) == 3
+
+
+def test_the_commands_know_every_kind() -> None:
+    """They keep the names themselves, because the family takes long to import."""
+    from ambkit.commands.family import NAMES
+
+    assert set(NAMES) == set(KINDS)

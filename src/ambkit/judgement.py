@@ -14,7 +14,7 @@ from ambkit.errors import RecordError
 from ambkit.estimate import Estimate, Status
 
 if TYPE_CHECKING:
-    from ambkit.estimators import KalmanFilter
+    from ambkit.estimators import Estimator
     from ambkit.record import Record
 
 Array = NDArray[np.float64]
@@ -102,7 +102,7 @@ class Judgement:
 
 
 def judge(
-    kalman: KalmanFilter,
+    kalman: Estimator,
     record: Record,
     *,
     horizons: Sequence[int] = (1, 10),
@@ -112,7 +112,7 @@ def judge(
 
     Parameters
     ----------
-    kalman : KalmanFilter
+    kalman : Estimator
         The filter; it starts afresh at the record's first measurement.
     record : Record
         With ``y`` [m] and ``u`` [V]; with truth where simulated.

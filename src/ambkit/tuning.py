@@ -9,7 +9,7 @@ import numpy as np
 
 from ambkit.bearing import GRAVITY
 from ambkit.estimate import Estimate, Status
-from ambkit.estimators import KalmanFilter
+from ambkit.estimators import Estimator
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
@@ -32,7 +32,7 @@ def log_likelihood(estimate: Estimate) -> float:
 
 
 def most_likely_disturbance(
-    bearing: Bearing, record: Record, make: Callable[[float], KalmanFilter]
+    bearing: Bearing, record: Record, make: Callable[[float], Estimator]
 ) -> float:
     """Find the growth of the disturbance force under which a record is most likely.
 

@@ -68,9 +68,15 @@ def export_fmu(
         raise AmbkitError("--scenario is for --kind closed-loop: only that has a controller")
     model = find_bearing(bearing)
     controller = None if scenario is None else Scenario.load(scenario).controller
-    source = exported(estimator, model, NAMES).source
+    chosen = exported(estimator, model)
     written = fmu.export_fmu(
-        model, source, out, kind=kind.value, fmi=_VERSIONS[fmi], controller=controller
+        model,
+        chosen.source,
+        out,
+        kind=kind.value,
+        fmi=_VERSIONS[fmi],
+        controller=controller,
+        estimator=chosen.kind,
     )
     data = {
         "path": str(written.path),

@@ -15,17 +15,16 @@ from ambkit.errors import AmbkitError
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
-    from ambkit.estimators import FilterNoise, KalmanFilter
+    from ambkit.estimators import Estimator, FilterNoise
     from ambkit.fuzzy import Expert
     from ambkit.magnets import StiffnessSource
     from ambkit.scenario import Scenario
 
-NAMES = ("linear", "adaptive", "closed-law", "table")
-
-EXPORTED = (
-    *NAMES, "extended", "unscented", "square-root", "steady-state", "observer", "low-pass"
+NAMES = (
+    "low-pass", "observer", "linear", "steady-state", "table", "adaptive", "closed-law", "extended",
+    "square-root", "unscented",
 )  # fmt: skip
-"""Kinds that can be C for a controller."""
+"""Those of :data:`ambkit.estimators.family.KINDS`, which takes longer to import."""
 
 
 def estimator_option(choice: Iterable[str]) -> Any:
@@ -41,7 +40,7 @@ def estimator_option(choice: Iterable[str]) -> Any:
 class Factory(Protocol):
     """What builds an estimator."""
 
-    def __call__(self, noise: FilterNoise | None = None) -> KalmanFilter:
+    def __call__(self, noise: FilterNoise | None = None) -> Estimator:
         """Build a fresh one; by default it assumes the bearing's own noise."""
 
 
@@ -83,17 +82,15 @@ def factories(
     AmbkitError
         The expert cannot be read, or none of the chosen ones asks it.
     """
-    from ambkit.estimators import AdaptiveKalmanFilter, KalmanFilter
+    from ambkit.estimators.family import KINDS
 
     chosen = list(chosen)
     if expert is not None and "adaptive" not in chosen:
         raise AmbkitError("--expert is for --estimator adaptive, which is not among those chosen")
 
     def factory(name: str) -> Factory:
-        if name == "linear":
-            return lambda noise=None: KalmanFilter(bearing, noise=noise)
         source = _source(name, bearing, expert)
-        return lambda noise=None: AdaptiveKalmanFilter(bearing, source, noise=noise)
+        return lambda noise=None: KINDS[name].make(bearing, source, noise=noise)
 
     return {name: factory(name) for name in chosen}
 
@@ -105,7 +102,7 @@ class Chosen(NamedTuple):
     source: StiffnessSource | None
 
 
-def exported(text: str | None, bearing: Bearing, choice: Iterable[str] = EXPORTED) -> Chosen:
+def exported(text: str | None, bearing: Bearing, choice: Iterable[str] = NAMES) -> Chosen:
     """Return the estimator that a user names, or the adaptive filter of the expert in a file.
 
     Parameters
@@ -115,17 +112,15 @@ def exported(text: str | None, bearing: Bearing, choice: Iterable[str] = EXPORTE
     bearing : Bearing
         What is filtered.
     choice : iterable of str
-        Some of `EXPORTED`.
+        Some of `NAMES`.
 
     Raises
     ------
     AmbkitError
         It is neither, or the file cannot be read.
     """
-    if text in ("adaptive", "closed-law", "table"):
-        return Chosen(text, _source(text, bearing, None))
     if text is None or text in choice:
-        return Chosen(text or "linear", None)
+        return Chosen(text or "linear", _source(text or "linear", bearing, None))
     path = Path(text)
     if not (path.suffix or path.exists() or os.sep in text):
         near = difflib.get_close_matches(text, choice, 1)
@@ -134,15 +129,14 @@ def exported(text: str | None, bearing: Bearing, choice: Iterable[str] = EXPORTE
     return Chosen("adaptive", read_expert(path, bearing))
 
 
-def _source(name: str, bearing: Bearing, expert: Path | None) -> StiffnessSource:
-    if name == "closed-law":
-        from ambkit.magnets import ClosedLaw
-
-        return ClosedLaw(bearing)
+def _source(name: str, bearing: Bearing, expert: Path | None) -> StiffnessSource | None:
+    """Return what must be given to a kind; None where it knows by itself."""
     if name == "table":
         from ambkit.identification.stiffness import stiffness_map
 
         return stiffness_map(bearing)
+    if name != "adaptive":
+        return None
     if expert is None:
         from ambkit.fuzzy.training import train
 

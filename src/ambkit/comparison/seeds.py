@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.estimate import Estimate
-from ambkit.estimators import KalmanFilter
+from ambkit.estimators import Estimator
 from ambkit.simulation import simulate_run
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def rmse(estimate: Estimate, record: Record, signal: str) -> float:
 def compare(
     bearing: Bearing,
     scenario: Scenario,
-    estimators: Mapping[str, Callable[[], KalmanFilter]],
+    estimators: Mapping[str, Callable[[], Estimator]],
     seeds: Sequence[int],
     *,
     threads: int = 2,

@@ -41,6 +41,9 @@ class Family(NamedTuple):
     casts: tuple[str, ...]  # files that cast the state or what is its own back from `void *`
 
 
+PAPER = Family("amb_kalman_methods", "estimator", "amb_kalman_state", "", ())
+"""The paper's filter, linear or adaptive by its magnet."""
+
 FAMILY = {
     "Extended": Family("amb_extended_methods", "estimator", "amb_kalman_state", "", ()),
     "SquareRoot": Family(

@@ -10,7 +10,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from ambkit.estimators import AdaptiveKalmanFilter, KalmanFilter
+from ambkit.estimators import Estimator
+from ambkit.estimators.family import KINDS
 from ambkit.export.fmu import archive, compiler, sources, variables, xml
 from ambkit.export.fmu.variables import Kind, Variable
 from ambkit.export.fmu.xml import Fmi, Model
@@ -57,6 +58,7 @@ def export_fmu(
     kind: Kind = "estimator",
     fmi: Fmi = 3,
     controller: PID | None = None,
+    estimator: str | None = None,
 ) -> FmuExport:
     """Write a co-simulation FMU around the C of the library: binary and sources, no Python.
 
@@ -70,7 +72,7 @@ def export_fmu(
     bearing : Bearing
         What is modelled.
     source : Expert, StiffnessMap, ClosedLaw, ConstantStiffness or None
-        What the filter asks for k_i and k_s; None for the linear filter.
+        What the filter asks of its magnet; None for what its kind asks by itself.
     out : path
         The file, ``.fmu``.
     kind : {"estimator", "plant", "closed-loop"}
@@ -79,20 +81,24 @@ def export_fmu(
         Version of the standard.
     controller : PID, optional
         Of the closed loop; by default tuned to the bearing, and fed by the estimator.
+    estimator : str, optional
+        Kind of the estimator, by its name in :data:`ambkit.estimators.family.KINDS`; by default the
+        paper's filter, linear or adaptive by its source. The variances that the FMU lets change
+        have no effect on a kind with a constant gain.
 
     Raises
     ------
     AmbkitError
         There is no C compiler, or the file cannot be written.
     """
-    estimator = KalmanFilter(bearing) if source is None else AdaptiveKalmanFilter(bearing, source)
+    filter_ = KINDS[estimator or ("linear" if source is None else "adaptive")].make(bearing, source)
     match kind:
         case "estimator":
-            parts = _estimator(estimator)
+            parts = _estimator(filter_)
         case "plant":
             parts = _plant(bearing)
         case "closed-loop":
-            parts = _loop(estimator, controller or PID.for_bearing(bearing))
+            parts = _loop(filter_, controller or PID.for_bearing(bearing))
     made = _content(bearing, kind, fmi, parts, token="")
     token = _token(made.files)
     made = _content(bearing, kind, fmi, parts, token)
@@ -109,14 +115,14 @@ class _Parts(NamedTuple):
 
     about: str
     variables: tuple[Variable, ...]
-    data: str  # the data file
+    data: dict[str, str]  # the data files
 
 
-def _estimator(estimator: KalmanFilter) -> _Parts:
+def _estimator(estimator: Estimator) -> _Parts:
     return _Parts(
         f"The {estimator.name} of bearing {estimator.bearing.name}",
         variables.of_estimator(estimator),
-        sources.data_file("estimator", filter=sources.filter_data(estimator)),
+        sources.data_files("estimator", filter=sources.filter_data(estimator)),
     )
 
 
@@ -124,17 +130,17 @@ def _plant(bearing: Bearing) -> _Parts:
     return _Parts(
         f"Bearing {bearing.name}: amplifier, magnet, rotor and sensor",
         variables.of_plant(bearing),
-        sources.data_file("plant", rig=sources.rig_data(bearing)),
+        sources.data_files("plant", rig=sources.rig_data(bearing)),
     )
 
 
-def _loop(estimator: KalmanFilter, controller: PID) -> _Parts:
+def _loop(estimator: Estimator, controller: PID) -> _Parts:
     bearing = estimator.bearing
     feeds = f"the {estimator.name}" if controller.feedback == "estimate" else "the sensor"
     return _Parts(
         f"Bearing {bearing.name}, held by a PID controller that {feeds} feeds",
         variables.of_loop(estimator, controller),
-        sources.data_file(
+        sources.data_files(
             "closed-loop",
             filter=sources.filter_data(estimator),
             rig=sources.rig_data(bearing),
@@ -152,7 +158,7 @@ class _Content(NamedTuple):
 
 def _content(bearing: Bearing, kind: Kind, fmi: Fmi, parts: _Parts, token: str) -> _Content:
     """Return all texts of the FMU, with the token in them."""
-    fixed = sources.model_files(kind, fmi) | {"data.c": parts.data}
+    fixed = sources.model_files(kind, fmi) | parts.data
     fixed |= sources.library_files(fixed)
     compiled = sources.compiled_files([*fixed, "description.c"])
     model = Model(

@@ -22,7 +22,7 @@ from ambkit.scenario import PID, Scenario
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
-    from ambkit.estimators import KalmanFilter
+    from ambkit.estimators import Estimator
 
 _HERE = Path(__file__).parent
 _MODELS: dict[Kind, tuple[str, ...]] = {
@@ -88,13 +88,17 @@ def licences() -> dict[str, str]:
     return texts if own is None else texts | {"license.txt": own}
 
 
-def data_file(kind: Kind, **context: Any) -> str:
-    """Return the file that defines what the headers of this kind of model declare as data."""
+def data_files(kind: Kind, **context: Any) -> dict[str, str]:
+    """Return the files that define what the headers of this kind of model declare as data."""
     given: dict[str, Any] = {"filter": None, "rig": None, "pid": None} | context
     headers = [f"{_MODELS[kind][0]}.h"]
     if given["filter"]:
         headers.append(given["filter"]["magnet_header"])
-    return rendered("data.c.j2", {"version": version("ambkit"), "headers": headers} | given)
+    known = {"version": version("ambkit"), "headers": headers}
+    files = {"data.c": rendered("data.c.j2", known | given)}
+    if given["filter"]:
+        files["data.h"] = rendered("data.h.j2", known | {"family": given["filter"]["family"]})
+    return files
 
 
 def description_files(kind: Kind, model: Model) -> dict[str, str]:
@@ -112,16 +116,19 @@ def description_files(kind: Kind, model: Model) -> dict[str, str]:
     }
 
 
-def filter_data(estimator: KalmanFilter) -> dict[str, Any]:
+def filter_data(estimator: Estimator) -> dict[str, Any]:
     """Return what the data file says of an estimator."""
     if estimator.precision != "float64":
         raise AmbkitError(f'an FMU computes in "float64", the estimator in {estimator.precision!r}')
     magnet = estimator.source.magnet(core_module())
     kind, fields = MAGNETS[type(magnet).__name__], magnet.parameters
+    family = data.FAMILY.get(type(estimator.core).__name__, data.PAPER)
     arrays = data.arrays_of(fields)
     names = {path: path.replace(".", "_") for path in arrays}
     return {
         "settings": data.struct(estimator.core.parameters["set"], "double", {}),
+        "family": family,
+        "own": data.struct(estimator.core.own, "double", {}) if family.own else "",
         "std": data.array(np.asarray(estimator.default_std()), "double"),
         "magnet": data.struct(fields, "double", names),
         "magnet_type": kind.type,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
-    from ambkit.estimators import KalmanFilter
+    from ambkit.estimators import Estimator
     from ambkit.scenario import PID
 
 Kind = Literal["estimator", "plant", "closed-loop"]
@@ -82,7 +82,7 @@ UNITS: dict[str, dict[str, int]] = {
 TIME = Variable("time", "time", "s", "time")
 
 
-def of_estimator(estimator: KalmanFilter) -> tuple[Variable, ...]:
+def of_estimator(estimator: Estimator) -> tuple[Variable, ...]:
     """Return the variables of an estimator."""
     return (
         TIME,
@@ -110,7 +110,7 @@ def _estimates(prefix: str) -> list[Variable]:
     ]
 
 
-def _variances(estimator: KalmanFilter) -> list[Variable]:
+def _variances(estimator: Estimator) -> list[Variable]:
     assumed = estimator.variances
     return [
         Variable(
@@ -154,7 +154,7 @@ def of_plant(bearing: Bearing) -> tuple[Variable, ...]:
     )
 
 
-def of_loop(estimator: KalmanFilter, controller: PID) -> tuple[Variable, ...]:
+def of_loop(estimator: Estimator, controller: PID) -> tuple[Variable, ...]:
     """Return the variables of a closed loop."""
     return (
         TIME,

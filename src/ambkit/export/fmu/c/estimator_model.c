@@ -25,22 +25,22 @@ amb_status amb_model_start(amb_model *model, const amb_real value[AMB_VARIABLES]
 /* As the first sample of a record, the first one is taken in, and not predicted. */
 void amb_model_sample(amb_model *model, const amb_real value[AMB_VARIABLES])
 {
-  amb_kalman_result *result = &model->result;
+  const amb_estimator estimator = amb_filter_estimator(&model->filter);
   if (model->sampled)
-    (void)amb_kalman_step(&model->filter, &amb_data_magnet, &model->state, value[VR_y],
-                          model->last_u, result);
+    (void)amb_estimator_step(&estimator, &model->state, value[VR_y], model->last_u, &model->result);
   else
-    result->status = amb_kalman_update(&model->filter, &model->state, value[VR_y], result);
+    (void)amb_estimator_start(&estimator, &model->state, value[VR_y], &model->result);
   model->last_u = value[VR_u];
   model->sampled = true;
 }
 
 void amb_model_show(const amb_model *model, amb_real value[AMB_VARIABLES])
 {
-  value[VR_x] = model->state.mean[0];
-  value[VR_v] = model->state.mean[1];
-  value[VR_f_d] = model->state.mean[2];
-  value[VR_x_m] = model->state.mean[3];
+  const amb_real *mean = ((const amb_kalman_state *)&model->state)->mean;
+  value[VR_x] = mean[0];
+  value[VR_v] = mean[1];
+  value[VR_f_d] = mean[2];
+  value[VR_x_m] = mean[3];
   value[VR_k_i] = model->result.stiffness.k_i;
   value[VR_k_s] = model->result.stiffness.k_s;
   value[VR_innovation] = model->result.innovation;

@@ -6,7 +6,7 @@
 
 typedef struct amb_model {
   amb_kalman filter;
-  amb_kalman_state state;
+  amb_data_state state;
   amb_kalman_result result;
   amb_real last_u; /* control signal that has acted since the last sample [V] */
   bool sampled;    /* whether there was one */

@@ -43,7 +43,7 @@ amb_status amb_model_start(amb_model *model, const amb_real value[AMB_VARIABLES]
   s->plant.x = amb_clamp(value[VR_start_position], -rig->travel, rig->travel);
   s->plant.x_m = rig->K_sen * s->plant.x;
   amb_pid_reset(&s->pid, value[VR_start_current]);
-  amb_filter_start(&model->filter, &model->kalman, &s->result, s->plant.x, s->plant.x_m);
+  amb_filter_start(&model->filter, &model->estimate, &s->result, s->plant.x, s->plant.x_m);
   s->y = s->plant.x_m + value[VR_noise_y];
   s->iu = amb_clamp(value[VR_start_current], rig->iu_min, rig->iu_max);
   s->u = s->iu / rig->k_ui;
@@ -52,10 +52,10 @@ amb_status amb_model_start(amb_model *model, const amb_real value[AMB_VARIABLES]
 
 void amb_model_sample(amb_model *model, const amb_real value[AMB_VARIABLES])
 {
-  const amb_estimator estimator = {&amb_kalman_methods, &model->filter, &amb_data_magnet, NULL};
+  const amb_estimator estimator = amb_filter_estimator(&model->filter);
   const amb_loop loop = loop_of(model, &estimator);
   const amb_loop_sample sample = {value[VR_r], value[VR_f_d], value[VR_noise_u], value[VR_noise_y]};
-  (void)amb_loop_step(&loop, &model->state, &model->kalman, &sample);
+  (void)amb_loop_step(&loop, &model->state, &model->estimate, &sample);
 }
 
 void amb_model_show(const amb_model *model, amb_real value[AMB_VARIABLES])
@@ -68,10 +68,11 @@ void amb_model_show(const amb_model *model, amb_real value[AMB_VARIABLES])
   value[VR_u] = s->u;
   value[VR_iu] = s->iu;
   value[VR_f_mag] = amb_rig_force(&model->rig, s->iu, s->plant.x);
-  value[VR_estimate_x] = model->kalman.mean[0];
-  value[VR_estimate_v] = model->kalman.mean[1];
-  value[VR_estimate_f_d] = model->kalman.mean[2];
-  value[VR_estimate_x_m] = model->kalman.mean[3];
+  const amb_real *mean = ((const amb_kalman_state *)&model->estimate)->mean;
+  value[VR_estimate_x] = mean[0];
+  value[VR_estimate_v] = mean[1];
+  value[VR_estimate_f_d] = mean[2];
+  value[VR_estimate_x_m] = mean[3];
   value[VR_estimate_k_i] = s->result.stiffness.k_i;
   value[VR_estimate_k_s] = s->result.stiffness.k_s;
   value[VR_estimate_innovation] = s->result.innovation;

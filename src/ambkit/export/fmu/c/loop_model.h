@@ -10,7 +10,7 @@ typedef struct amb_model {
   amb_rig rig;
   amb_pid pid;
   amb_kalman filter;
-  amb_kalman_state kalman;
+  amb_data_state estimate;
   amb_loop_state state;
 } amb_model;
 
