@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from ambkit.estimators import Estimator
 
 CPrecision = Literal["float", "double"]
 
@@ -120,6 +123,16 @@ def struct(
             text = number(value, precision)
         lines.append(f"{'  ' * (level + 1)}.{name} = {text},\n")
     return "{\n" + "".join(lines) + "  " * level + "}"
+
+
+def own(estimator: Estimator, precision: CPrecision) -> str:
+    """Write what only this kind of estimator has, its arrays in it; empty where it has nothing."""
+    fields = estimator.core.own
+    arrays = {
+        path: "{\n" + array(values, precision, "    ") + "}"
+        for path, values in arrays_of(fields).items()
+    }
+    return struct(fields, precision, arrays) if fields else ""
 
 
 def arrays_of(fields: Mapping[str, Any], path: str = "") -> dict[str, NDArray[Any]]:

@@ -83,7 +83,7 @@ def render(
         "magnet_about": kind.about,
         "facts": {"magnet": kind.about, **facts},
         **_data_context(estimator, magnet, kind, precision),
-        "own": "" if family is None else _own(estimator, precision),
+        "own": "" if family is None else data.own(estimator, precision),
         "y": data.array(tested.y, precision),
         "u": data.array(tested.u, precision),
         "mean": data.array(tested.estimate.mean, precision),
@@ -143,16 +143,6 @@ def _casts(kind: Kind, family: Family | None, given: bool) -> tuple[str, ...]:
     if family is not None:
         stems += ["estimator", *family.casts]
     return tuple(f"core/src/{stem}.c" for stem in sorted(stems))
-
-
-def _own(estimator: Estimator, precision: CPrecision) -> str:
-    """Return what only this kind of estimator has, as an initialiser."""
-    fields = estimator.core.own
-    arrays = {
-        path: "{\n" + data.array(values, precision, "    ") + "}"
-        for path, values in data.arrays_of(fields).items()
-    }
-    return data.struct(fields, precision, arrays) if fields else ""
 
 
 def _configuration(

@@ -128,7 +128,7 @@ def filter_data(estimator: Estimator) -> dict[str, Any]:
     return {
         "settings": data.struct(estimator.core.parameters["set"], "double", {}),
         "family": family,
-        "own": data.struct(estimator.core.own, "double", {}) if family.own else "",
+        "own": data.own(estimator, "double"),
         "std": data.array(np.asarray(estimator.default_std()), "double"),
         "magnet": data.struct(fields, "double", names),
         "magnet_type": kind.type,
