@@ -9,6 +9,14 @@ extern "C" {
 namespace
 {
 
+nb::dict shown_learning(const amb_excitation_settings &learn)
+{
+  nb::dict d;
+  d["fresh"] = learn.fresh;
+  d["least"] = learn.least;
+  return d;
+}
+
 amb_excitation_settings learning(amb_real fresh, amb_real least)
 {
   if (!(fresh > 0 && fresh <= 1 && least >= 0))
@@ -35,8 +43,7 @@ struct ExtendedK : Estimator {
     d["var_k"] = own.var_k;
     d["min"] = own.min;
     d["max"] = own.max;
-    d["fresh"] = own.learn.fresh;
-    d["least"] = own.learn.least;
+    d["learn"] = shown_learning(own.learn);
     return d;
   }
 };
@@ -66,11 +73,11 @@ struct MultipleModel : Estimator {
   {
     const size_t n = static_cast<size_t>(own.n);
     nb::dict d;
+    d["n"] = own.n;
     d["theta"] = shown({own.theta, own.theta + n}, {n});
     d["leave"] = own.leave;
     d["bias"] = own.bias;
-    d["fresh"] = own.learn.fresh;
-    d["least"] = own.learn.least;
+    d["learn"] = shown_learning(own.learn);
     return d;
   }
 };

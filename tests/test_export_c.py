@@ -25,7 +25,7 @@ from export_cases import (
 import ambkit
 from ambkit import ClosedLaw, FilterNoise
 from ambkit.cli import main
-from ambkit.commands.family import NAMES
+from ambkit.commands.family import EXPORTED
 from ambkit.errors import AmbkitError
 from ambkit.estimators.family import KINDS as FAMILY
 from ambkit.export.c import CExport, export_c
@@ -122,7 +122,7 @@ def test_the_command_takes_names_and_files(
 
 
 def test_what_is_exported_are_kinds_of_the_family() -> None:
-    assert set(NAMES) <= set(FAMILY)
+    assert set(EXPORTED) <= set(FAMILY)
 
 
 def test_a_cost_that_nobody_measured_is_not_told(command: Callable[[str], Called]) -> None:

@@ -204,7 +204,18 @@ def test_adaptive_filter_in_fmpy_equals_the_library(source: Any, tmp_path: Path)
     assert np.ptp(found["k_i"]) > 0
 
 
-@pytest.mark.parametrize("name", ["low-pass", "observer", "extended", "square-root", "unscented"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "low-pass",
+        "observer",
+        "extended",
+        "square-root",
+        "unscented",
+        "extended-k",
+        "multiple-model",
+    ],
+)
 def test_every_kind_in_fmpy_equals_the_library(name: str, tmp_path: Path) -> None:
     """One of each state, and of each structure that only a kind has."""
     record = spoilt(BEARING)

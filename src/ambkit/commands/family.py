@@ -22,9 +22,13 @@ if TYPE_CHECKING:
 
 NAMES = (
     "low-pass", "observer", "linear", "steady-state", "table", "adaptive", "closed-law", "extended",
-    "square-root", "unscented",
+    "square-root", "extended-k", "multiple-model", "unscented", "linear-adaptive-noise",
+    "extended-adaptive-noise",
 )  # fmt: skip
 """Those of :data:`ambkit.estimators.family.KINDS`, which takes longer to import."""
+
+EXPORTED = tuple(name for name in NAMES if not name.endswith("adaptive-noise"))
+"""Kinds that can be C for a controller."""
 
 
 def estimator_option(choice: Iterable[str]) -> Any:
@@ -102,7 +106,7 @@ class Chosen(NamedTuple):
     source: StiffnessSource | None
 
 
-def exported(text: str | None, bearing: Bearing, choice: Iterable[str] = NAMES) -> Chosen:
+def exported(text: str | None, bearing: Bearing, choice: Iterable[str] = EXPORTED) -> Chosen:
     """Return the estimator that a user names, or the adaptive filter of the expert in a file.
 
     Parameters
@@ -112,7 +116,7 @@ def exported(text: str | None, bearing: Bearing, choice: Iterable[str] = NAMES) 
     bearing : Bearing
         What is filtered.
     choice : iterable of str
-        Some of `NAMES`.
+        Some of `EXPORTED`.
 
     Raises
     ------

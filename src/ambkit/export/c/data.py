@@ -58,6 +58,20 @@ FAMILY = {
     "Observer": Family(
         "amb_observer_methods", "observer", "amb_kalman_state", "amb_observer", ("observer",)
     ),
+    "ExtendedK": Family(
+        "amb_extended_k_methods",
+        "extended_k",
+        "amb_extended_k_state",
+        "amb_extended_k",
+        ("extended_k",),
+    ),
+    "MultipleModel": Family(
+        "amb_multiple_model_methods",
+        "multiple_model",
+        "amb_multiple_model_state",
+        "amb_multiple_model",
+        ("multiple_model",),
+    ),
     "LowPass": Family(
         "amb_low_pass_methods", "low_pass", "amb_low_pass_state", "amb_low_pass", ("low_pass",)
     ),
