@@ -18,6 +18,8 @@ BEARING = Bearing.preset("zittau_axial")
 # steady-state is an observer.
 KINDS = (*(n for n in family.EXPORTED if n not in ("table", "steady-state")), "tabulated")
 PRECISIONS = ("float", "double")
+# Every kind in float; double differs in the core's real.h and exponential.h, which all have.
+CASES = (*((kind, "float") for kind in KINDS), ("adaptive", "double"))
 
 CORE_PRECISION: dict[str, Any] = {"float": "float32", "double": "float64"}
 STRICT = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Werror")

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from export_cases import (
     BEARING,
+    CASES,
     KINDS,
     PRECISIONS,
     SAME_BITS,
@@ -34,8 +35,9 @@ needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not i
 
 
 @pytest.mark.parametrize("compiler", COMPILERS)
-@pytest.mark.parametrize("precision", PRECISIONS)
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    ("kind", "precision"), [*CASES, ("linear", "double"), ("tabulated", "double")]
+)
 def test_it_compiles_without_a_warning_and_passes(
     exported: Exported, tmp_path: Path, kind: str, precision: str, compiler: str
 ) -> None:

@@ -15,13 +15,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from export_cases import KINDS
+from export_cases import CASES
 
 from ambkit.export.c import CExport
 
 BIN = Path(sys.executable).parent
 MUST_FAIL = Path(__file__).parent / "export" / "must_fail_misra.c"
-EXPORTS = [*((kind, "float") for kind in KINDS), ("adaptive", "double")]
 # Advisory in MISRA C:2012; all others are required or mandatory.
 ADVISORY = """1.2 2.3 2.4 2.5 2.6 2.7 4.2 5.9 8.7 8.9 8.11 8.13 10.5 11.4 11.5 12.1 12.3 12.4 13.3
     13.4 15.1 15.4 15.5 17.5 17.8 18.4 18.5 19.2 20.1 20.5 20.10 21.12"""
@@ -47,7 +46,7 @@ def findings(folder: Path, *words: str) -> set[Finding]:
     return {Finding(rule, file, int(line)) for rule, file, line in rows}
 
 
-@pytest.fixture(scope="module", params=EXPORTS, ids="-".join)
+@pytest.fixture(scope="module", params=CASES, ids="-".join)
 def case(request, exported: Callable[..., CExport]) -> tuple[CExport, set[Finding]]:
     made = exported(*request.param)
     define, includes, files = command_of(made)

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import portability
 import pytest
-from export_cases import BEARING, INCLUDES, KINDS, PRECISIONS, STRICT, flight_files
+from export_cases import BEARING, CASES, INCLUDES, STRICT, flight_files
 
 import ambkit
 from ambkit.errors import AmbkitError
@@ -21,8 +21,7 @@ needs_cc = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C 
 
 
 @needs_cc
-@pytest.mark.parametrize("precision", PRECISIONS)
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("kind", "precision"), CASES)
 def test_nothing_is_assumed_of_the_machine(
     exported: Callable[..., CExport], kind: str, precision: str
 ) -> None:
@@ -136,8 +135,7 @@ def msp430(tmp_path_factory: pytest.TempPathFactory) -> None:
         pytest.skip("this clang does not know the MSP430")
 
 
-@pytest.mark.parametrize("precision", PRECISIONS)
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("kind", "precision"), CASES)
 def test_a_compiler_with_an_int_of_16_bits_finds_nothing(
     msp430: None, exported: Callable[..., CExport], kind: str, precision: str
 ) -> None:
