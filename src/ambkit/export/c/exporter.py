@@ -87,7 +87,7 @@ def export_c(
     out : path
         The folder; an older export in it is replaced, anything else in it is not touched.
     kind : str, optional
-        Of estimator, by its name in :data:`ambkit.estimators.family.KINDS`, such as ``"extended"``;
+        Of estimator, by its name in ``ambkit.estimators.family.KINDS``, such as ``"extended"``;
         by default the paper's filter, linear or adaptive by its source.
     precision : {"float", "double"}
         Of the exported numbers.
