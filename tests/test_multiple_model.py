@@ -20,7 +20,7 @@ from ambkit.magnets import ConstantStiffness
 @pytest.mark.parametrize("sojourn", [0.01, 1.0])
 def test_with_a_linear_force_it_is_filterpy_s(scales: tuple[float, ...], sojourn: float) -> None:
     record, n = run(2e-4), len(scales)
-    record = Record(record.t[:1500], {s: record[s][:1500] for s in ("y", "u")})
+    record = Record(record.t[:800], {s: record[s][:800] for s in ("y", "u")})
     linear = ConstantStiffness.of(BEARING)
     mine = MultipleModelFilter(BEARING, linear, scales=scales, sojourn=sojourn, excitation=math.inf)
     D = np.array(mine.default_std())
