@@ -10,9 +10,11 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from time import process_time_ns
 
 import ambkit
-from benchmarks import entries
+from benchmarks import batch, entries
+from benchmarks.batch import Many
 from benchmarks.closed_loop import ClosedLoop
 from benchmarks.report import Limit, limits_table, machine, table, write
 from benchmarks.timing import Times, interleaved
@@ -26,16 +28,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--rounds", type=int, default=51, help="how often all are timed")
     parser.add_argument("--samples", type=int, default=100_000, help="length of the record")
     parser.add_argument("--few", type=int, default=2_000, help="samples for the slow ones")
+    parser.add_argument("--runs", type=int, default=64, help="how many filters go side by side")
+    parser.add_argument("--length", type=int, default=5_000, help="samples of each of these")
     options = parser.parse_args(arguments)
 
     work = Work.simulated(options.samples)
     filters, simulations = _measure(work, options.few, options.rounds)
-    limits = _limits(filters + simulations)
+    many, libraries, missing = _measure_many(
+        work, options.runs, options.length, options.few, options.rounds
+    )
+    limits = _limits(filters + simulations + many)
     heading = f"Median of {options.rounds} rounds. {machine()}."
     measured = "\n\n".join(
         [
             f"{heading}\n\nThe filter, along a record:",
             table(filters, filters[0]),
+            f"Many linear filters, {options.runs} runs of {options.length:,} samples, on"
+            f" {batch.CORES} cores:",
+            table(many, many[0]),
+            *_others(libraries, missing),
             "The closed loop, simulated, with the linear filter in it:",
             table(simulations, simulations[0]),
             "Held to:",
@@ -56,6 +67,8 @@ def _measure(work: Work, few: int, rounds: int) -> tuple[list[Times], list[Times
             *entries.in_numba(work),
             *entries.in_python(work, few),
             *entries.constant(work, few),
+            *entries.numba_by_sample(work, few),
+            *entries.nonlinear(work),
             *entries.adaptive(work, expert),
             *entries.rules_in_numba(work, expert),
         ],
@@ -66,13 +79,43 @@ def _measure(work: Work, few: int, rounds: int) -> tuple[list[Times], list[Times
     return filters, simulations
 
 
+def _measure_many(
+    work: Work, runs: int, length: int, few: int, rounds: int
+) -> tuple[list[Times], list[Times], list[str]]:
+    many = Many.of(work, runs, length)
+    fast = interleaved(
+        [*batch.by_hand(many), *batch.side_by_side(many), *batch.numba_parallel(many)],
+        rounds,
+        process_time_ns,
+    )
+    found, missing = batch.libraries(many, runs=runs, samples=min(few, length))
+    slow = interleaved([*batch.by_hand(many), *found], max(rounds // 5, 1), process_time_ns)
+    return fast, slow, missing
+
+
+def _others(libraries: Sequence[Times], missing: Sequence[str]) -> list[str]:
+    told = []
+    if len(libraries) > 1:
+        told += ["The same in libraries:", table(libraries, libraries[0])]
+    if missing:
+        told.append(f"Not installed, and so not measured: {', '.join(missing)}.")
+    return told
+
+
 def _limits(times: Sequence[Times]) -> list[Limit]:
     by_name = {t.entry.name: t for t in times}
     hand = (by_name[entries.HAND], by_name[entries.HAND_NEW])
     textbook = (by_name[entries.TEXTBOOK],)
+    one_by_one = (by_name[batch.HAND],)
+    stepped = (by_name[entries.STEP_NUMBA],)
     return [
-        Limit("linear filter, k_i and k_s given: hand loop", by_name[entries.GIVEN], hand, 1.3),
+        Limit("linear filter, k_i and k_s given: hand loop", by_name[entries.GIVEN], hand, 1.2),
+        Limit("extended filter: hand loop", by_name[entries.EXTENDED], hand, 2),
+        Limit("unscented filter: hand loop", by_name[entries.UNSCENTED], hand, 25),
         Limit("adaptive filter, 25 exact rules: hand loop", by_name[entries.RULES], hand, 12),
+        Limit("many filters, only errors: hand loop", by_name[batch.ERRORS], one_by_one, 1 / 6),
+        Limit("many filters, means: hand loop", by_name[batch.MEANS], one_by_one, 1 / 6),
+        Limit("`step(y, u)` from Python: numba's", by_name[entries.STEP], stepped, 1),
         Limit("closed loop: numba's, textbook", by_name[entries.LOOP], textbook, 1),
     ]
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 import ambkit
+from ambkit.estimators.family import KINDS
 from benchmarks.closed_loop import ClosedLoop
 from benchmarks.hand import HandLoop, Outputs
 from benchmarks.work import NOISE, Work
@@ -16,6 +17,10 @@ from benchmarks.work import NOISE, Work
 HAND = "hand loop in C, into arrays that are there"
 HAND_NEW = "hand loop in C, into new arrays"
 GIVEN = "ambkit `core.run(y, u, k_i, k_s)`"
+STEP = "ambkit `KalmanFilter.step(y, u)`, a call a sample"
+STEP_NUMBA = "numba, structured, a call a sample"
+EXTENDED = "ambkit, extended, closed law, `run(record)`"
+UNSCENTED = "ambkit, unscented, closed law, `run(record)`"
 RULES = "ambkit, 25 exact rules, `run(record)`"
 TEXTBOOK = "numba, textbook Runge-Kutta"
 ARRANGED = "numba, arranged as `sim/plant.c`"
@@ -29,6 +34,7 @@ class Entry:
     name: str
     samples: int
     run: Callable[[], ArrayLike]
+    cores: int = 1  # among which its processor time is divided
 
 
 def in_c(work: Work) -> list[Entry]:
@@ -85,8 +91,37 @@ def constant(work: Work, samples: int) -> list[Entry]:
 
     return [
         Entry("ambkit `KalmanFilter.run(record)`", work.y.size, lambda: kf.run(work.record).mean),
-        Entry("ambkit `KalmanFilter.step(y, u)`, a call a sample", samples, by_sample),
+        Entry(STEP, samples, by_sample),
     ]
+
+
+def numba_by_sample(work: Work, samples: int) -> list[Entry]:
+    """The same in numba: a call for each sample from Python, which returns a new mean."""
+    from benchmarks import numba_filters as nf
+
+    k = ambkit.ConstantStiffness.of(work.bearing)
+    few = replace(work.first(samples), k_i=np.full(samples, k.k_i), k_s=np.full(samples, k.k_s))
+    y, u, step = few.y.tolist(), few.u.tolist(), nf.stepper(few)
+    kf = ambkit.KalmanFilter(work.bearing, noise=NOISE)
+    kf.reset(work.mean, work.std.tolist())
+    first = kf.update(y[0])
+    start = np.concatenate([first, kf.covariance[np.triu_indices(4)]])
+
+    def run() -> ArrayLike:
+        state = start.copy()
+        return [first] + [step(state, *pair) for pair in zip(y[1:], u[:-1], strict=True)]
+
+    return [Entry(STEP_NUMBA, samples, run)]
+
+
+def nonlinear(work: Work) -> list[Entry]:
+    """The extended and the unscented filter on the closed law, along the record."""
+    entries = []
+    for name in ("extended", "unscented"):
+        kf = KINDS[name].make(work.bearing, noise=NOISE)
+        entries.append(Entry(f"ambkit, {name}, closed law, `run(record)`", work.y.size,
+                             lambda kf=kf: kf.run(work.record).mean))  # fmt: skip
+    return entries
 
 
 def adaptive(work: Work, expert: ambkit.Expert) -> list[Entry]:

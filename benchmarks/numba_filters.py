@@ -97,6 +97,44 @@ def structured(h: Settings, start: Start, y: Array, u: Array, k_i: Array, k_s: A
     return mean
 
 
+@numba.njit(error_model="numpy", parallel=True)  # type: ignore[untyped-decorator]
+def parallel(
+    h: Settings, start: Start, y: Array, u: Array, k_i: Array, k_s: Array, out: Array
+) -> None:  # many runs (runs, n), means into out (runs, n, 4)
+    for run in numba.prange(y.shape[0]):
+        s = start
+        for k in range(y.shape[1]):
+            if k > 0:
+                force = k_i[k - 1] * h.k_ui * u[run, k - 1] + k_s[k - 1] * s[0] + h.f_0
+                s = predict(h, force, k_i[k - 1], k_s[k - 1], s)
+            s, _, _ = update(h, y[run, k], s)
+            for i in range(4):
+                out[run, k, i] = s[i]
+
+
+def stepper(work: Work) -> Callable[[Array, float, float], Array]:
+    """One sample a call: ``step(state, y, u)`` changes the state (14,) and returns a new mean (4,).
+
+    Parameters and stiffnesses are constants of the compiled function, which spares handing them
+    over at each call.
+    """
+    h, k_i, k_s = work.settings, float(work.k_i[0]), float(work.k_s[0])
+
+    @njit
+    def step(state: Array, y: float, u: float) -> Array:
+        s = (
+            state[0], state[1], state[2], state[3], state[4], state[5], state[6],
+            state[7], state[8], state[9], state[10], state[11], state[12], state[13],
+        )  # fmt: skip
+        s = predict(h, k_i * h.k_ui * u + k_s * s[0] + h.f_0, k_i, k_s, s)
+        s, _, _ = update(h, y, s)
+        for i in range(14):
+            state[i] = s[i]
+        return state[:4].copy()
+
+    return step
+
+
 class Rules(NamedTuple):
     """A normalised network with the same centres for both outputs, all (rules,)."""
 

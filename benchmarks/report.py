@@ -66,7 +66,7 @@ def table(times: Sequence[Times], yardstick: Times) -> str:
 def limits_table(limits: Sequence[Limit]) -> str:
     """What is held to, and what was measured."""
     rows = [
-        f"| {one.what} | {one.most:g} | {_digits(one.measured)} | {'yes' if one.kept else 'no'} |"
+        f"| {one.what} | {one.most:.3g} | {_digits(one.measured)} | {'yes' if one.kept else 'no'} |"
         for one in limits
     ]
     return "\n".join(["| | at most | measured | kept |", "| --- | ---: | ---: | --- |", *rows])

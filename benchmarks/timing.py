@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from statistics import median
 from time import thread_time_ns
@@ -29,13 +29,17 @@ class Times:
         return [own / other for own, other in zip(self.rounds, yardstick.rounds, strict=True)]
 
 
-def interleaved(entries: Sequence[Entry], rounds: int) -> list[Times]:
+def interleaved(
+    entries: Sequence[Entry], rounds: int, clock: Callable[[], int] = thread_time_ns
+) -> list[Times]:
     """Time all entries in turn, `rounds` times (A B C A B C ...).
 
     What slows the machine down for a while slows down neighbours alike, so ratios within a round
     hold where times do not; and while others have the processor, the clock of this thread stands
-    still (everyone computes in one thread). Each entry runs once untimed right before it is timed,
-    so that none pays for the caches and the heap as its neighbour left them; numba compiles then.
+    still. Those who compute in several threads need the clock of the whole process; divided by the
+    cores it is what the wall shows where nobody else computes. Each entry runs once untimed right
+    before it is timed, so that none pays for the caches and the heap as its neighbour left them;
+    numba compiles then.
     """
     times: list[list[float]] = [[] for _ in entries]
     gc.disable()
@@ -44,9 +48,9 @@ def interleaved(entries: Sequence[Entry], rounds: int) -> list[Times]:
             _say(f"round {done + 1} of {rounds}")
             for entry, own in zip(entries, times, strict=True):
                 entry.run()
-                start = thread_time_ns()
+                start = clock()
                 entry.run()  # results are let go of at once: that is timed, too
-                own.append((thread_time_ns() - start) / entry.samples)
+                own.append((clock() - start) / entry.samples / entry.cores)
             gc.collect()
     finally:
         gc.enable()

@@ -63,3 +63,4 @@ void bind_scale_estimators(nb::module_ &m);
 void bind_adaline(nb::module_ &m);
 void bind_rls(nb::module_ &m);
 void bind_loop(nb::module_ &m);
+void bind_batch(nb::module_ &m);

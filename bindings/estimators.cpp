@@ -277,6 +277,13 @@ Out<amb_real> mean(const Estimator &self)
   return a.array;
 }
 
+// The state's own memory, so that a caller who steps sample by sample makes no array of his own.
+nb::ndarray<nb::numpy, const amb_real> live(nb::handle_t<Estimator> self)
+{
+  return nb::ndarray<nb::numpy, const amb_real>(nb::cast<Estimator &>(self).base().mean,
+                                                {AMB_AXIAL_STATES}, self);
+}
+
 Out<amb_real> covariance(const Estimator &self)
 {
   const size_t n = AMB_AXIAL_STATES;
@@ -366,6 +373,7 @@ void bind_estimators(nb::module_ &m)
            "Measurement `ahead` samples after each of mean (n, 4), u (n,): (n - ahead,) [m].")
       .def_prop_ro("mean", &mean, nb::rv_policy::move,
                    "State estimate (4,): x [m], v [m/s], f_d [N], x_m [m].")
+      .def_prop_ro("live_mean", &live, "The same, read only, which follows the estimator.")
       .def_prop_ro("covariance", &covariance, nb::rv_policy::move, "Its covariance (4, 4).")
       .def_prop_ro("scale", &scale,
                    "Scale of the magnet's force and its variance; None where not estimated.")

@@ -10,4 +10,5 @@ NB_MODULE(AMBKIT_MODULE_NAME, m)
   bind_adaline(m);
   bind_rls(m);
   bind_loop(m);
+  bind_batch(m);
 }

@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 import ambkit
 from ambkit.magnets import StiffnessSource
-from benchmarks import entries, report
+from benchmarks import batch, entries, report
+from benchmarks.batch import Many
 from benchmarks.closed_loop import ClosedLoop
 from benchmarks.entries import Entry
 from benchmarks.hand import HandLoop, Outputs
@@ -132,6 +133,52 @@ def test_rules_in_numba_are_the_rules_of_the_expert(
     kf = ambkit.AdaptiveKalmanFilter(work.bearing, expert, noise=NOISE)
     (entry,) = entries.rules_in_numba(work, expert)
     assert_same(entry, by_hand(hand, work, kf))
+
+
+def test_numba_by_sample_does_the_work_of_the_public_step(work: Work) -> None:
+    pytest.importorskip("numba", reason="numba is in the dependency group benchmarks")
+    public = entries.constant(work, FEW)[1]
+    (entry,) = entries.numba_by_sample(work, FEW)
+    expected = np.asarray(public.run())
+    assert_same(entry, expected)
+
+
+def test_nonlinear_filters_take_part_under_their_names(work: Work) -> None:
+    names = [entry.name for entry in entries.nonlinear(work)]
+    assert names == [entries.EXTENDED, entries.UNSCENTED]
+    for entry in entries.nonlinear(work):
+        assert np.isfinite(np.asarray(entry.run())).all()
+
+
+def test_many_filters_do_the_work_of_the_hand_loop(work: Work) -> None:
+    many = Many.of(work, runs=5, samples=400)
+    (hand,) = batch.by_hand(many)
+    expected = np.asarray(hand.run())
+    scale = ROUNDING * np.max(np.abs(expected), axis=0)
+    errors, *means = batch.side_by_side(many)
+    assert (errors.name, means[0].name) == (batch.ERRORS, batch.MEANS)
+    for entry in means:
+        assert_close(entry.run(), expected, scale)
+    truth = np.sqrt(np.mean((expected[:, :3] - many.truth) ** 2, axis=0))
+    np.testing.assert_allclose(np.asarray(errors.run())[-1], truth, rtol=1e-9)
+
+
+def test_numba_in_parallel_does_the_work_of_the_hand_loop(work: Work) -> None:
+    pytest.importorskip("numba", reason="numba is in the dependency group benchmarks")
+    many = Many.of(work, runs=3, samples=300)
+    expected = np.asarray(batch.by_hand(many)[0].run())
+    for entry in batch.numba_parallel(many):
+        assert_close(entry.run(), expected, ROUNDING * np.max(np.abs(expected), axis=0))
+
+
+@pytest.mark.filterwarnings("ignore")  # libraries of others, and not those of the tests
+def test_libraries_do_the_work_of_the_hand_loop(work: Work) -> None:
+    many = Many.of(work, runs=3, samples=300)
+    expected = np.asarray(batch.by_hand(many)[0].run())
+    found, missing = batch.libraries(many, runs=3, samples=300)
+    assert len(found) + len(missing) == 3
+    for entry in found:
+        assert_close(entry.run(), expected, 1e-8 * np.max(np.abs(expected), axis=0))
 
 
 def test_estimates_in_the_loop_are_those_of_the_hand_loop(

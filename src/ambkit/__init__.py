@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from ambkit.estimators import SquareRootKalmanFilter as SquareRootKalmanFilter
     from ambkit.estimators import SteadyStateKalmanFilter as SteadyStateKalmanFilter
     from ambkit.estimators import UnscentedKalmanFilter as UnscentedKalmanFilter
+    from ambkit.estimators.batch import run_many as run_many
     from ambkit.fuzzy import Expert as Expert
     from ambkit.fuzzy.training import train as train
     from ambkit.identification import identify as identify
@@ -75,6 +76,7 @@ _HOME = {
     "identification.stiffness": ["StiffnessMap", "stiffness_map"],
     "magnets": ["ClosedLaw", "ConstantStiffness"],
     "record": ["Record"],
+    "estimators.batch": ["run_many"],
     "scenario": ["PID", "Scenario"],
     "simulation": ["simulate", "simulate_run"],
     "fuzzy.training": ["train"],

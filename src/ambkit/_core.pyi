@@ -1,5 +1,6 @@
 """The C core of ambkit."""
 
+from collections.abc import Sequence
 from typing import Annotated, Any
 
 import numpy
@@ -105,6 +106,10 @@ class Estimator:
     @property
     def mean(self) -> NDArray[numpy.float64]:
         """State estimate (4,): x [m], v [m/s], f_d [N], x_m [m]."""
+
+    @property
+    def live_mean(self) -> Annotated[NDArray[numpy.float64], dict(writable=False)]:
+        """The same, read only, which follows the estimator."""
 
     @property
     def covariance(self) -> NDArray[numpy.float64]:
@@ -255,4 +260,12 @@ class MagnetRls:
 def simulate(magnet: Magnet, *, T: float, m: float, f_0: float, K_sen: float, T_sen: float, travel: float, substeps: int, k_ui: float, iu_min: float, iu_max: float, kp: float, ki: float, kd: float, T_f: float, T_t: float, integral: float, feedback_estimate: bool, estimator: Estimator | None, r: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], f_d: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], noise_u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], noise_y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], scale: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, f_bias: float = 0, x_start: float = 0) -> dict[str, Any]:
     """
     A whole closed-loop run in one call; see sim/loop.h for shapes and units.
+    """
+
+def instruction_sets() -> list[str]:
+    """What this processor can compute lanes with, the fastest last."""
+
+def run_batch(estimators: Sequence[Estimator], y: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], mean: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], std: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], *, truth: Annotated[NDArray[numpy.float64], dict(shape=(None, None, None), order='C', device='cpu', writable=False)] | None = None, skip: int = 0, means: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')] | None = None, innovation: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')] | None = None, variance: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')] | None = None, status: Annotated[NDArray[numpy.uint16], dict(order='C', device='cpu')] | None = None, instructions: str | None = None, threads: int = 1) -> tuple[NDArray[numpy.float64], NDArray[numpy.uint32]]:
+    """
+    Many runs side by side (sim/batch.h), each from its start mean, std (runs, 4). Arrays that are given are filled. Returns sums of squared errors (runs, 3) and flags (runs,).
     """

@@ -102,6 +102,8 @@ class Estimator:
             "outlier_limit": outlier_limit,
         }
         self.core: Any = self._build(core, self.source.magnet(core), settings)
+        self._live: NDArray[Any] = self.core.live_mean
+        self._step = self.core.step
         self.reset()
 
     def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
@@ -182,8 +184,8 @@ class Estimator:
         ndarray (4,)
             State estimate: x [m], v [m/s], f_d [N], x_m [m].
         """
-        self.core.step(y, u)
-        return self.mean
+        self._step(y, u)
+        return self._live.copy()
 
     def run(self, record: Record, *, covariance: bool = False) -> Estimate:
         """Run along a whole record, from a fresh start at its first measurement within the travel.
@@ -268,7 +270,7 @@ class Estimator:
     @property
     def mean(self) -> NDArray[np.float64]:
         """State estimate (4,): x [m], v [m/s], f_d [N], x_m [m]."""
-        return np.asarray(self.core.mean)
+        return self._live.copy()
 
     @property
     def covariance(self) -> NDArray[np.float64]:

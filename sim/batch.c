@@ -1,0 +1,100 @@
+#include "batch.h"
+#include "ambkit/low_pass.h"
+#include "ambkit/observer.h"
+#include "lanes_run.h"
+#include <string.h>
+
+bool amb_batch_has(amb_instructions instructions)
+{
+#if defined(AMB_LANES_X86)
+  if (instructions == AMB_AVX512)
+    return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
+           __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw");
+  if (instructions == AMB_AVX2)
+    return __builtin_cpu_supports("avx2") != 0;
+#endif
+  return (instructions == AMB_SCALAR) || (instructions == AMB_BASELINE);
+}
+
+size_t amb_batch_lanes(amb_instructions instructions)
+{
+  static const size_t bytes[] = {sizeof(amb_real), 16, 32, 64};
+  return bytes[instructions] / sizeof(amb_real);
+}
+
+unsigned int amb_batch_group(const amb_estimator *e)
+{
+  static const amb_estimator_methods *const kinds[] = {
+      &amb_kalman_methods, &amb_extended_methods, &amb_observer_methods, &amb_low_pass_methods};
+  unsigned int magnet = 2U;
+  if (e->magnet->methods == &amb_constant_magnet)
+    magnet = 0U;
+  else if ((e->magnet->methods == &amb_law_magnet) && ((const amb_law *)e->magnet->self)->two_sided)
+    magnet = 1U;
+  for (unsigned int kind = 0; kind < sizeof kinds / sizeof kinds[0]; kind++)
+    if (e->methods == kinds[kind])
+      return 1U + 3U * kind + magnet;
+  return 0U;
+}
+
+/* One run as ambkit/estimator.h does it. */
+static void alone(amb_batch_run *run, size_t n, size_t skip)
+{
+  const amb_kalman_state *state = (const amb_kalman_state *)run->state;
+  amb_real sum[AMB_BATCH_JUDGED] = {AMB_C(0.0), AMB_C(0.0), AMB_C(0.0)};
+  for (size_t k = 0; k < n; k++) {
+    amb_kalman_result r;
+    if (k > 0)
+      (void)amb_estimator_step(run->estimator, run->state, run->y[k], run->u[k - 1], &r);
+    else
+      (void)amb_estimator_start(run->estimator, run->state, run->y[0], &r);
+    run->all |= r.status;
+    if (run->mean != NULL)
+      memcpy(run->mean + AMB_AXIAL_STATES * k, state->mean, sizeof state->mean);
+    if (run->innovation != NULL)
+      run->innovation[k] = r.innovation;
+    if (run->variance != NULL)
+      run->variance[k] = r.variance;
+    if (run->status != NULL)
+      run->status[k] = (unsigned short)r.status;
+    if (run->truth != NULL) {
+      for (size_t j = 0; (k >= skip) && (j < AMB_BATCH_JUDGED); j++) {
+        const amb_real d = state->mean[j] - run->truth[AMB_BATCH_JUDGED * k + j];
+        sum[j] += d * d;
+      }
+      for (size_t j = 0; j < AMB_BATCH_JUDGED; j++)
+        if ((k + 1 == n) || ((k + 1) % AMB_BATCH_BLOCK == 0)) {
+          run->squares[j] += (double)sum[j];
+          sum[j] = AMB_C(0.0);
+        }
+    }
+  }
+}
+
+void amb_batch_advance(amb_instructions instructions, amb_batch_run *const runs[], size_t count,
+                       size_t n, size_t skip)
+{
+  for (size_t i = 0; i < count; i++) {
+    memset(runs[i]->squares, 0, sizeof runs[i]->squares);
+    runs[i]->all = AMB_OK;
+  }
+  if (count == 0)
+    return;
+  const bool together = amb_batch_group(runs[0]->estimator) != 0U;
+#if defined(AMB_LANES_X86)
+  if (together && (instructions == AMB_AVX512)) {
+    amb_lanes_run_avx512(runs, count, n, skip);
+    return;
+  }
+  if (together && (instructions == AMB_AVX2)) {
+    amb_lanes_run_avx2(runs, count, n, skip);
+    return;
+  }
+#endif
+  if (together && (instructions != AMB_SCALAR)) {
+    amb_lanes_run_baseline(runs, count, n, skip);
+    return;
+  }
+  for (size_t i = 0; i < count; i++)
+    alone(runs[i], n, skip);
+}

@@ -1,0 +1,52 @@
+/* Many runs of estimators, side by side in SIMD lanes; for the host.
+ *
+ * Each run has its own estimator, record and state, so that a Monte Carlo may change anything
+ * between them; what goes side by side must only be of the same kind. The numbers are those of each
+ * run by itself, to the last bit, whatever the instructions and whoever is beside it.
+ */
+#ifndef AMBKIT_SIM_BATCH_H
+#define AMBKIT_SIM_BATCH_H
+
+#include "ambkit/estimator.h"
+
+#define AMB_BATCH_JUDGED 3 /* x, v, f_d */
+#define AMB_BATCH_BLOCK 16 /* samples that are fetched, written and summed up together */
+
+/* One run of n samples. What is not wanted is NULL. */
+typedef struct amb_batch_run {
+  const amb_estimator *estimator;
+  void *state;                      /* after a reset; left at the end of the record */
+  const amb_real *y;                /* n [m] */
+  const amb_real *u;                /* n [V]; u[k] acts from sample k to k + 1 */
+  const amb_real *truth;            /* n x 3: x [m], v [m/s], f_d [N]; NULL for all together */
+  amb_real *mean;                   /* out, n x 4, or NULL */
+  amb_real *innovation;             /* out, n [m], or NULL */
+  amb_real *variance;               /* out, n [m^2], or NULL */
+  unsigned short *status;           /* out, n, or NULL */
+  double squares[AMB_BATCH_JUDGED]; /* out: sums of squared errors against the truth */
+  amb_status all;                   /* out: all flags that were raised */
+} amb_batch_run;
+
+/* What the processor computes the lanes with. */
+typedef enum amb_instructions {
+  AMB_SCALAR,   /* one run after the other, as ambkit/estimator.h does it */
+  AMB_BASELINE, /* 16 bytes: what every processor of the kind has */
+  AMB_AVX2,     /* 32 bytes */
+  AMB_AVX512    /* 64 bytes */
+} amb_instructions;
+
+/* Whether this build and this processor have them. */
+bool amb_batch_has(amb_instructions instructions);
+
+/* How many runs go side by side. */
+size_t amb_batch_lanes(amb_instructions instructions);
+
+/* Runs whose estimators have the same number here can go side by side; 0: by themselves only. */
+unsigned int amb_batch_group(const amb_estimator *estimator);
+
+/* `count` runs of the same group, at most as many as there are lanes, along n samples each. Errors
+ * are summed from sample `skip` on. */
+void amb_batch_advance(amb_instructions instructions, amb_batch_run *const runs[], size_t count,
+                       size_t n, size_t skip);
+
+#endif

@@ -1,0 +1,84 @@
+/* The same text as the core's, for several filters side by side: the generated model, compiled with
+ * vectors in the place of numbers. GCC's and clang's vectors; a lane is never mixed with another.
+ */
+#ifndef AMBKIT_SIM_LANES_H
+#define AMBKIT_SIM_LANES_H
+
+#include "lanes_run.h"
+#include "src/kalman_step.h"
+#include <stdint.h>
+#if defined(__x86_64__) || defined(__i386__)
+#include <immintrin.h>
+#endif
+
+#define LANES (AMB_LANES_BYTES / sizeof(amb_real))
+
+typedef amb_real lanes __attribute__((vector_size(AMB_LANES_BYTES)));
+#if defined(AMB_FLOAT)
+typedef int32_t lanes_mask __attribute__((vector_size(AMB_LANES_BYTES)));
+#else
+typedef int64_t lanes_mask __attribute__((vector_size(AMB_LANES_BYTES)));
+#endif
+
+/* The generated text once more. */
+#define amb_real lanes
+#define amb_axial_model lanes_axial_model
+#define amb_axial_model_init lanes_axial_model_init
+#define amb_axial_predict_mean lanes_axial_predict_mean
+#define amb_axial_predict_covariance lanes_axial_predict_covariance
+#define amb_axial_update lanes_axial_update
+#define amb_exp_negative(t) (t) /* of the model's constants, which are taken from the scalar's */
+#undef AMBKIT_GENERATED_AXIAL_H
+#undef AMB_AXIAL_STATES
+#undef AMB_AXIAL_TRIANGLE
+#include "generated/axial.h"
+#undef amb_real
+#undef amb_axial_model
+#undef amb_axial_model_init
+#undef amb_axial_predict_mean
+#undef amb_axial_predict_covariance
+#undef amb_axial_update
+#undef amb_exp_negative
+
+AMB_INLINE lanes lanes_all_equal(amb_real a)
+{
+  const lanes zero = {AMB_C(0.0)};
+  return zero + a;
+}
+
+/* `a` where the mask says so, else 0. */
+AMB_INLINE lanes lanes_where(lanes_mask mask, lanes a)
+{
+  return (lanes)((lanes_mask)a & mask);
+}
+
+AMB_INLINE lanes lanes_choose(lanes_mask mask, lanes a, lanes b)
+{
+  return (lanes)(((lanes_mask)a & mask) | ((lanes_mask)b & ~mask));
+}
+
+/* As amb_clamp. */
+AMB_INLINE lanes lanes_clamp(lanes a, lanes low, lanes high)
+{
+  const lanes above = lanes_choose(a < low, low, a);
+  return lanes_choose(above > high, high, above);
+}
+
+/* Whether the mask holds in any lane. */
+AMB_INLINE bool lanes_any(lanes_mask mask)
+{
+#if defined(__AVX512F__) && AMB_LANES_BYTES == 64
+  return _mm512_test_epi32_mask((__m512i)mask, (__m512i)mask) != 0;
+#elif defined(__AVX__) && AMB_LANES_BYTES == 32
+  return _mm256_testz_si256((__m256i)mask, (__m256i)mask) == 0;
+#elif defined(__SSE2__) && AMB_LANES_BYTES == 16
+  return _mm_movemask_epi8((__m128i)mask) != 0;
+#else
+  bool any = false;
+  for (size_t i = 0; i < LANES; i++)
+    any = any || (mask[i] != 0);
+  return any;
+#endif
+}
+
+#endif

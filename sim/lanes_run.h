@@ -1,0 +1,28 @@
+/* The builds of lanes.c. */
+#ifndef AMBKIT_SIM_LANES_RUN_H
+#define AMBKIT_SIM_LANES_RUN_H
+
+#include "ambkit/fuzzy.h"
+#include "batch.h"
+
+/* One build for each set of instructions: bytes of a vector, and the ending of its names. */
+#if !defined(AMB_LANES_BYTES)
+#define AMB_LANES_BYTES 16
+#define AMB_LANES_NAME(name) name##_baseline
+#elif AMB_LANES_BYTES == 32
+#define AMB_LANES_NAME(name) name##_avx2
+#else
+#define AMB_LANES_NAME(name) name##_avx512
+#endif
+
+/* As amb_batch_advance. */
+void amb_lanes_run_baseline(amb_batch_run *const runs[], size_t count, size_t n, size_t skip);
+void amb_lanes_run_avx2(amb_batch_run *const runs[], size_t count, size_t n, size_t skip);
+void amb_lanes_run_avx512(amb_batch_run *const runs[], size_t count, size_t n, size_t skip);
+
+/* The fuzzy network in the same builds; it computes its rules side by side. */
+#if AMB_LANES_BYTES > 16
+extern const amb_magnet_methods AMB_LANES_NAME(amb_fuzzy_magnet);
+#endif
+
+#endif

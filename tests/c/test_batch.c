@@ -1,0 +1,132 @@
+/* Filters side by side in the baseline's lanes: the same bits as one by one, faults and all, for
+ * any number of runs and of samples. */
+#include "ambkit/low_pass.h"
+#include "ambkit/observer.h"
+#include "batch.h"
+#include "check.h"
+#include <string.h>
+
+#define MOST 9
+#define SAMPLES 90
+
+typedef struct one {
+  amb_kalman kf;
+  amb_estimator estimator;
+  amb_low_pass_state alone;
+  amb_low_pass_state beside;
+  amb_real mean[2][SAMPLES * AMB_AXIAL_STATES];
+  amb_real innovation[2][SAMPLES];
+  amb_real variance[2][SAMPLES];
+  unsigned short status[2][SAMPLES];
+} one;
+
+static one all[MOST];
+static amb_real y[MOST][SAMPLES];
+static amb_real u[MOST][SAMPLES];
+static amb_real truth[SAMPLES * AMB_BATCH_JUDGED];
+
+static void signals(void)
+{
+  for (int i = 0; i < MOST; i++) {
+    for (int k = 0; k < SAMPLES; k++) {
+      y[i][k] = AMB_C(1e-7) * (amb_real)((k * (37 + i)) % 101 - 50);
+      u[i][k] = AMB_C(0.4) + AMB_C(1e-3) * (amb_real)((k * 53) % 17);
+    }
+    for (int k = 20 + i; k < 40; k++) {
+      if (i % 4 == 0)
+        y[i][k] = NOT_A_NUMBER;
+      if (i % 4 == 1)
+        y[i][k] = y[i][20];
+      if (i % 4 == 2)
+        u[i][k] = AMB_C(9.0);
+      if (i % 4 == 3)
+        y[i][k] = AMB_C(8e-4);
+    }
+  }
+}
+
+static amb_batch_run run_of(one *o, int i, int which)
+{
+  amb_batch_run run;
+  memset(&run, 0, sizeof run);
+  run.estimator = &o->estimator;
+  run.state = (which == 0) ? &o->alone : &o->beside;
+  run.y = y[i];
+  run.u = u[i];
+  run.truth = truth;
+  run.mean = o->mean[which];
+  run.innovation = o->innovation[which];
+  run.variance = o->variance[which];
+  run.status = o->status[which];
+  return run;
+}
+
+static void compare(const amb_estimator_methods *methods, const amb_magnet *magnet, const void *own,
+                    size_t runs, size_t n)
+{
+  const amb_real mean[AMB_AXIAL_STATES] = {0, 0, 0, 0};
+  const amb_real std[AMB_AXIAL_STATES] = {AMB_C(3e-5), AMB_C(0.012), 5, AMB_C(3e-5)};
+  amb_batch_run alone[MOST];
+  amb_batch_run beside[MOST];
+  amb_batch_run *to[MOST];
+  for (size_t i = 0; i < runs; i++) {
+    one *o = &all[i];
+    memset(o, 0, sizeof *o);
+    const amb_kalman_settings s = {AMB_C(1e-4), AMB_C(0.518) + AMB_C(0.01) * (amb_real)i,
+                                   1,           AMB_C(2e-4),
+                                   1,           AMB_C(-5.08),
+                                   AMB_C(-1.5), AMB_C(1.5),
+                                   AMB_C(1e-3), AMB_C(1e-4),
+                                   AMB_C(1e-2), AMB_C(1e-10),
+                                   8,           10U,
+                                   3U};
+    CHECK(amb_kalman_init(&o->kf, &s) == AMB_OK);
+    const amb_estimator e = {methods, &o->kf, magnet, own};
+    o->estimator = e;
+    CHECK(methods->reset(&e, &o->alone, mean, std) == AMB_OK);
+    CHECK(methods->reset(&e, &o->beside, mean, std) == AMB_OK);
+    alone[i] = run_of(o, (int)i, 0);
+    beside[i] = run_of(o, (int)i, 1);
+    to[i] = &alone[i];
+    amb_batch_advance(AMB_SCALAR, &to[i], 1, n, 5);
+  }
+  const size_t lanes = amb_batch_lanes(AMB_BASELINE);
+  for (size_t i = 0; i < runs; i++)
+    to[i] = &beside[i];
+  for (size_t i = 0; i < runs; i += lanes)
+    amb_batch_advance(AMB_BASELINE, &to[i], (runs - i < lanes) ? runs - i : lanes, n, 5);
+  for (size_t i = 0; i < runs; i++) {
+    const one *o = &all[i];
+    CHECK(memcmp(o->mean[0], o->mean[1], sizeof o->mean[0]) == 0);
+    CHECK(memcmp(o->innovation[0], o->innovation[1], sizeof o->innovation[0]) == 0);
+    CHECK(memcmp(o->variance[0], o->variance[1], sizeof o->variance[0]) == 0);
+    CHECK(memcmp(o->status[0], o->status[1], sizeof o->status[0]) == 0);
+    CHECK(memcmp(alone[i].squares, beside[i].squares, sizeof alone[i].squares) == 0);
+    CHECK(alone[i].all == beside[i].all);
+    CHECK(memcmp(&o->alone, &o->beside, methods->state_size) == 0);
+  }
+}
+
+int main(void)
+{
+  const amb_stiffness k = {AMB_C(10.05), AMB_C(7537.5)};
+  const amb_law law = {AMB_C(6.7e-6), AMB_C(2e-3), AMB_C(1.5), true, 1, AMB_C(1e-3)};
+  const amb_magnet constant = {&amb_constant_magnet, &k};
+  const amb_magnet closed = {&amb_law_magnet, &law};
+  const amb_low_pass low = {AMB_C(0.2), AMB_C(0.1), AMB_C(0.05)};
+  const amb_observer observer = {{AMB_C(0.1), 10, 100, AMB_C(0.2)}, {AMB_C(1e-12)}, AMB_C(1e-10)};
+  signals();
+  for (size_t runs = 1; runs <= MOST; runs += 2) {
+    compare(&amb_kalman_methods, &constant, NULL, runs, SAMPLES);
+    compare(&amb_kalman_methods, &closed, NULL, runs, SAMPLES);
+    compare(&amb_extended_methods, &closed, NULL, runs, 70);
+    compare(&amb_observer_methods, &constant, &observer, runs, 64);
+    compare(&amb_low_pass_methods, &closed, &low, runs, 1);
+    compare(&amb_low_pass_methods, &constant, &low, runs, SAMPLES);
+  }
+  amb_batch_advance(AMB_BASELINE, NULL, 0, SAMPLES, 0);
+  const amb_estimator unknown = {NULL, NULL, &constant, NULL};
+  CHECK(amb_batch_group(&unknown) == 0U);
+  CHECK(amb_batch_has(AMB_BASELINE) && amb_batch_has(AMB_SCALAR));
+  return failures;
+}
