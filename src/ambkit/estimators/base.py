@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cached_property
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -102,8 +103,6 @@ class Estimator:
             "outlier_limit": outlier_limit,
         }
         self.core: Any = self._build(core, self.source.magnet(core), settings)
-        self._live: NDArray[Any] = self.core.live_mean
-        self._step = self.core.step
         self.reset()
 
     def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
@@ -184,8 +183,8 @@ class Estimator:
         ndarray (4,)
             State estimate: x [m], v [m/s], f_d [N], x_m [m].
         """
-        self._step(y, u)
-        return self._live.copy()
+        self._core_step(y, u)
+        return self._live_mean.copy()
 
     def run(self, record: Record, *, covariance: bool = False) -> Estimate:
         """Run along a whole record, from a fresh start at its first measurement within the travel.
@@ -270,7 +269,16 @@ class Estimator:
     @property
     def mean(self) -> NDArray[np.float64]:
         """State estimate (4,): x [m], v [m/s], f_d [N], x_m [m]."""
-        return self._live.copy()
+        return self._live_mean.copy()
+
+    # Looked up once: they are asked at every sample.
+    @cached_property
+    def _core_step(self) -> Callable[[float, float], int]:
+        return self.core.step  # type: ignore[no-any-return]
+
+    @cached_property
+    def _live_mean(self) -> NDArray[np.float64]:
+        return self.core.live_mean  # type: ignore[no-any-return]
 
     @property
     def covariance(self) -> NDArray[np.float64]:
