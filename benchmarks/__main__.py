@@ -113,8 +113,7 @@ def _limits(times: Sequence[Times]) -> list[Limit]:
         Limit("extended filter: hand loop", by_name[entries.EXTENDED], hand, 2),
         Limit("unscented filter: hand loop", by_name[entries.UNSCENTED], hand, 25),
         Limit("adaptive filter, 25 exact rules: hand loop", by_name[entries.RULES], hand, 12),
-        Limit("many filters, only errors: hand loop", by_name[batch.ERRORS], one_by_one, 1 / 6),
-        Limit("many filters, means: hand loop", by_name[batch.MEANS], one_by_one, 1 / 6),
+        Limit("many filters, errors kept: hand loop", by_name[batch.ERRORS], one_by_one, 1 / 6),
         Limit("`step(y, u)` from Python: numba's", by_name[entries.STEP], stepped, 1),
         Limit("closed loop: numba's, textbook", by_name[entries.LOOP], textbook, 1),
     ]

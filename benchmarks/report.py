@@ -7,6 +7,7 @@ import platform
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from statistics import median
 
@@ -40,7 +41,8 @@ class Limit:
 def machine() -> str:
     """Processor, compiler and versions; no names, no dates."""
     cpu = {"x86_64": "x86-64", "AMD64": "x86-64"}.get(platform.machine(), platform.machine())
-    names = ("numpy", "numba", "filterpy")
+    others = (name for name in ("jax", "simdkalman", "statsmodels") if find_spec(name))
+    names = ("numpy", "numba", "filterpy", *others)
     return ", ".join(
         [
             f"{cpu}, {len(os.sched_getaffinity(0))} cores",
