@@ -155,7 +155,9 @@ struct AdaptiveNoise : Estimator {
   amb_adaptive_noise own;
   AdaptiveNoise(nb::object around, bool measurement, bool disturbance, amb_real share,
                 amb_real first_share, amb_real most, unsigned int window)
-      : Estimator(amb_adaptive_noise_methods, around),
+      : Estimator(nb::cast<const Estimator &>(around).scales() ? amb_adaptive_noise_scale_methods
+                                                               : amb_adaptive_noise_methods,
+                  around),
         own{nb::cast<const Estimator &>(around).estimator,
             measurement,
             disturbance,

@@ -66,7 +66,9 @@ def found(
     return np.array(seen), whole
 
 
-COVARIANCE_KINDS = ("linear", "closed-law", "extended", "square-root")
+COVARIANCE_KINDS = (
+    "linear", "closed-law", "extended", "square-root", "unscented", "extended-k", "multiple-model",
+)  # fmt: skip
 
 
 class Textbook(oracles.Kalman):
@@ -262,7 +264,24 @@ def test_an_option_out_of_range_is_told(options: dict[str, Any], told: str) -> N
         AdaptiveNoise(ambkit.KalmanFilter(BEARING), **options)
 
 
-@pytest.mark.parametrize("name", ["low-pass", "observer", "steady-state", "linear-adaptive-noise"])
+def test_a_scale_of_the_magnet_is_still_told() -> None:
+    record = wandering(6.0)
+    inner = KINDS["extended-k"].make(BEARING, noise=FilterNoise(disturbance=GROWTH))
+    plain, around = inner.run(record), AdaptiveNoise(inner).run(record)
+    assert plain.scale is not None
+    assert around.scale is not None
+    assert around.scale_variance is not None
+    assert np.abs(around.scale - plain.scale).max() < 0.05
+    assert (around.scale_variance > 0).all()
+    assert ambkit.KalmanFilter(BEARING).scale is None
+
+
+def test_it_is_not_put_around_itself() -> None:
+    with pytest.raises(ValueError, match="its noise is found already"):
+        AdaptiveNoise(KINDS["linear-adaptive-noise"].make(BEARING))
+
+
+@pytest.mark.parametrize("name", ["low-pass", "observer", "steady-state"])
 def test_what_has_no_noise_to_find_is_refused(name: str) -> None:
     with pytest.raises(ValueError, match="its noise cannot be found"):
         AdaptiveNoise(KINDS[name].make(BEARING))

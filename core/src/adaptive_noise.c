@@ -120,5 +120,15 @@ static void advance(const amb_estimator *self, amb_real scale, amb_real iu,
   inner->methods->advance(inner, scale, iu, mean);
 }
 
+static void scale(const amb_estimator *self, const void *state, amb_real *value, amb_real *variance)
+{
+  const amb_adaptive_noise_state *s = (const amb_adaptive_noise_state *)state;
+  const amb_estimator *inner = &own(self)->inner;
+  inner->methods->scale(inner, &s->inner, value, variance);
+}
+
 const amb_estimator_methods amb_adaptive_noise_methods = {
     sizeof(amb_adaptive_noise_state), reset, predict, update, advance, NULL};
+
+const amb_estimator_methods amb_adaptive_noise_scale_methods = {
+    sizeof(amb_adaptive_noise_state), reset, predict, update, advance, scale};

@@ -25,6 +25,8 @@
 #define AMBKIT_ADAPTIVE_NOISE_H
 
 #include "ambkit/estimator.h"
+#include "ambkit/extended_k.h"
+#include "ambkit/multiple_model.h"
 #include "ambkit/square_root.h"
 
 typedef struct amb_adaptive_noise {
@@ -41,6 +43,8 @@ typedef struct amb_adaptive_noise {
 typedef union amb_adaptive_noise_inner {
   amb_kalman_state base;
   amb_square_root_state square_root;
+  amb_extended_k_state extended_k;
+  amb_multiple_model_state multiple_model;
 } amb_adaptive_noise_inner;
 
 typedef struct amb_adaptive_noise_state {
@@ -58,5 +62,8 @@ amb_status amb_adaptive_noise_check(const amb_adaptive_noise *own);
 
 /* Adds AMB_NOISE_LIMIT to the status where the noise found is at the end of its range. */
 extern const amb_estimator_methods amb_adaptive_noise_methods;
+
+/* The same around a filter that estimates the scale of the magnet's force. */
+extern const amb_estimator_methods amb_adaptive_noise_scale_methods;
 
 #endif

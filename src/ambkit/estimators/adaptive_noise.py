@@ -6,7 +6,9 @@ import math
 from typing import Any, Literal
 
 from ambkit.estimators.base import Estimator
+from ambkit.estimators.low_pass import LowPass
 from ambkit.estimators.noise import Variances
+from ambkit.estimators.observer import ExtendedStateObserver, SteadyStateKalmanFilter
 from ambkit.magnets import core_module
 
 METHODS = ("innovation", "sage-husa")
@@ -46,15 +48,13 @@ class AdaptiveNoise(Estimator):
     Raises
     ------
     ValueError
-        An option is unknown or out of its range; `inner` has no covariance of its own.
+        An option is unknown or out of its range; `inner` has a constant gain.
 
     References
     ----------
     Mehra, Approaches to adaptive filtering, 1972; Sage and Husa, Adaptive filtering with unknown
     prior statistics, 1969; Mohamed and Schwarz, Adaptive Kalman filtering for INS/GPS, 1999.
     """
-
-    smooths = True
 
     def __init__(
         self,
@@ -83,12 +83,12 @@ class AdaptiveNoise(Estimator):
             )
         if not (math.isfinite(most) and most > 1):
             raise ValueError(f"most must be greater than 1, got {most!r}")
-        if isinstance(inner, AdaptiveNoise) or not inner.smooths:
-            raise ValueError(
-                f"{inner.name}: its noise cannot be found; the linear, adaptive, extended and "
-                "square-root Kalman filters can find theirs"
-            )
+        if isinstance(inner, AdaptiveNoise):
+            raise ValueError(f"{inner.name}: its noise is found already")
+        if isinstance(inner, ExtendedStateObserver | SteadyStateKalmanFilter | LowPass):
+            raise ValueError(f"{inner.name}: its noise cannot be found, as it has a constant gain")
         self.inner = inner
+        self.smooths = inner.smooths
         self.bearing, self.source = inner.bearing, inner.source
         self.variances, self.precision = inner.variances, inner.precision
         self.name = f"{inner.name}, adaptive noise"
