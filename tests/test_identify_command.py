@@ -75,6 +75,23 @@ def test_json_has_all_figures_in_si(call, made):
     assert [check["record"] for check in found["validation"]] == ["a.csv", "b.csv"]
 
 
+def test_noise_at_rest_is_the_start_and_its_colour_is_told(call, made):
+    rng = np.random.default_rng(3)
+    y = rng.normal(0, 3e-6, 20_000)
+    y = np.convolve(y, [0.9, 0.436], mode="same")
+    still = ambkit.Record(1e-4 * np.arange(20_000), {"y": y, "u": np.zeros(20_000)})
+    still.save("rest.csv")
+    code, out, err = call(
+        "identify", made / "a.csv", "--bearing", made / "start.toml", "--rest", "rest.csv",
+        "--free", "magnet_constant,load_growth",
+    )  # fmt: skip
+    assert code == 0, err
+    assert re.search(
+        r"y +[23][.0-9]* µm rms +coloured: 1 sample apart it correlates by \+0\.[34]", out
+    )
+    assert "u is nowhere at rest" in out
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

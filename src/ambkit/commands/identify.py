@@ -75,6 +75,10 @@ def identify(
             help="How far from zero the load may be at the start of a record. Default: the weight.",
         ),
     ] = None,
+    rest: Annotated[
+        Path | None,
+        typer.Option(metavar="RECORD", help="A record at rest: noise and its colour, each signal."),
+    ] = None,
     validate: Annotated[
         list[Path] | None,
         typer.Option(metavar="RECORD", help="Judge the result on this record; again for more."),
@@ -155,6 +159,7 @@ def identify(
     online = {"--start": start, "--disturbance": disturbance}
     for_likelihood = {
         "--free": free, "--load-at-start": load_std, "--validate": validate or None,
+        "--rest": rest,
         "--report": report, "--force-map": force_map,
     }  # fmt: skip
     if method is None:
@@ -177,7 +182,7 @@ def identify(
     known = find_bearing(bearing)
     if record and method is Method.likelihood:
         by_likelihood(
-            Asked(record, validate or [], channel_map, begin, end, free, load_std,
+            Asked(record, validate or [], rest, channel_map, begin, end, free, load_std,
                   out, force_map, report, plot, json),
             known,
         )  # fmt: skip

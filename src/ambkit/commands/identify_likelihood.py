@@ -25,6 +25,7 @@ class Asked:
 
     records: Sequence[Path]
     validate: Sequence[Path]
+    rest: Path | None
     channel_map: Path | None
     begin: float | None
     end: float | None
@@ -48,6 +49,9 @@ def by_likelihood(asked: Asked, known: Bearing) -> None:
     from ambkit.identification.report import annotated_toml, write_identification
     from ambkit.identification.validation import validate
 
+    rest = {} if asked.rest is None else _at_rest(asked.rest, asked.channel_map)
+    if "variance" in rest.get("y", {}):
+        known = known.replace(sensor__noise_variance=rest["y"]["variance"])
     start = LoopModel(known, load_std=math.nan if asked.load_std is None else asked.load_std)
     free = usual(start) if asked.free is None else tuple(asked.free.replace(" ", "").split(","))
     named(free)
@@ -71,6 +75,7 @@ def by_likelihood(asked: Asked, known: Bearing) -> None:
         "bearing": known.name,
         "magnet_constant": found["magnet_constant"],
         "stiffness": _stiffness(found),
+        "rest": rest,
         "validated_on_other_records": bool(others),
         "validation": [check.to_dict() for check in checks],
     }
@@ -79,7 +84,7 @@ def by_likelihood(asked: Asked, known: Bearing) -> None:
 
     output.deliver(
         data,
-        _tables(found, checks, bool(others)),
+        [*_rest_table(rest), *_tables(found, checks, bool(others))],
         [
             (asked.out, lambda path: files.write_text(path, annotated_toml(found))),
             (asked.force_map, lambda path: force_map(found.model, records,
@@ -94,6 +99,41 @@ def by_likelihood(asked: Asked, known: Bearing) -> None:
         output.note("the search did not end at a maximum: take a closer start, or free less")
     if not others:
         output.note("judged on what it was identified from: --validate OTHER.csv would tell more")
+
+
+def _at_rest(path: Path, channel_map: Path | None) -> dict[str, dict[str, Any]]:
+    """Noise of each signal of a record at rest, or why it cannot be seen."""
+    from ambkit.errors import RecordError
+    from ambkit.identification.noise import measurement_noise
+    from ambkit.record import Record
+
+    record = Record.load(path, channel_map)
+    found: dict[str, dict[str, Any]] = {}
+    for name in record:
+        try:
+            noise = measurement_noise(record, name)
+        except RecordError as error:
+            found[name] = {"problem": str(error)}
+            continue
+        found[name] = {
+            "variance": noise.variance,
+            "standard_deviation": noise.standard_deviation,
+            "unit": noise.unit,
+            "samples": noise.samples,
+            "colour": noise.colour,
+            "correlation": list(noise.correlation),
+        }
+    return found
+
+
+def _rest_table(rest: dict[str, dict[str, Any]]) -> list[Any]:
+    rows = [
+        [name, "–", noise["problem"]]
+        if "problem" in noise
+        else [name, f"{value(noise['standard_deviation'], noise['unit'])} rms", noise["colour"]]
+        for name, noise in rest.items()
+    ]
+    return [output.table("At rest", ["", "noise", "colour"], rows, wide=True)] if rows else []
 
 
 def _load(path: Path, asked: Asked) -> Record:

@@ -70,8 +70,8 @@ class Noise:
 
     @property
     def white(self) -> bool:
-        """Whether the noise passes for white: at most one of the lags beyond twice the bound."""
-        return sum(abs(rho) > 2 * self.bound for rho in self.correlation) <= 1
+        """Whether the noise passes for white: no lag beyond twice the bound (1 in 1000)."""
+        return all(abs(rho) <= 2 * self.bound for rho in self.correlation)
 
     @property
     def colour(self) -> str:
