@@ -138,6 +138,7 @@ def test_a_cost_that_nobody_measured_is_not_told(command: Callable[[str], Called
         ("zittau_axial", "Missing option '--out'"),
         ("zittau --out o", "did you mean zittau_axial?"),
         ("zittau_axial --estimator closed --out o", "did you mean closed-law?"),
+        ("zittau_axial --estimator linear-adaptive-noise --out o", "cannot be exported yet"),
         ("zittau_axial --estimator e.json --out o", "e.json: cannot be read"),
         ("zittau_axial --expert tabulated --out o", "only an expert can be tabulated"),
         ("zittau_axial --force-bound 1N --out o", "force_bound is for an expert in tabulated"),

@@ -125,6 +125,8 @@ def exported(text: str | None, bearing: Bearing, choice: Iterable[str] = EXPORTE
     """
     if text is None or text in choice:
         return Chosen(text or "linear", _source(text or "linear", bearing, None))
+    if text in NAMES:
+        raise AmbkitError(f"--estimator: {text} cannot be exported yet; {', '.join(choice)} can")
     path = Path(text)
     if not (path.suffix or path.exists() or os.sep in text):
         near = difflib.get_close_matches(text, choice, 1)
