@@ -42,6 +42,7 @@ class Family(NamedTuple):
     state: str
     own: str  # type of what only this kind has; empty where it has nothing
     casts: tuple[str, ...]  # files that cast the state or what is its own back from `void *`
+    more: tuple[str, ...] = ()  # files that it calls besides
 
 
 PAPER = Family("amb_kalman_methods", "estimator", "amb_kalman_state", "", ())
@@ -64,6 +65,7 @@ FAMILY = {
         "amb_extended_k_state",
         "amb_extended_k",
         ("extended_k",),
+        ("excitation",),
     ),
     "MultipleModel": Family(
         "amb_multiple_model_methods",
@@ -71,6 +73,7 @@ FAMILY = {
         "amb_multiple_model_state",
         "amb_multiple_model",
         ("multiple_model",),
+        ("excitation",),
     ),
     "LowPass": Family(
         "amb_low_pass_methods", "low_pass", "amb_low_pass_state", "amb_low_pass", ("low_pass",)

@@ -53,7 +53,7 @@ def render(
     given = family is None and kind is MAGNETS["Constant"]
     needed = ["src/kalman.c", *([] if given else [f"src/{kind.source}.c"])]
     if family is not None:
-        needed += ["src/estimator.c", f"src/{family.source}.c"]
+        needed += [f"src/{stem}.c" for stem in ("estimator", family.source, *family.more)]
     core_files = {f"core/{file}": text for file, text in core.closure(needed).items()}
     c_files = tuple(file for file in core_files if file.endswith(".c"))
     sources = (f"{name}.c", f"{name}_data.c", *c_files)
