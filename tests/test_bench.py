@@ -254,6 +254,24 @@ def test_where_iron_saturates_what_is_learned_is_better_than_the_law() -> None:
     assert found["closed-law"].mean("f_d") > 1.2 * found["linear"].mean("f_d")
 
 
+@pytest.mark.parametrize("drift", [0.0, 0.1])
+def test_who_estimates_k_gets_back_what_a_wrong_one_costs(drift: float) -> None:
+    """Steps have told the constant before the load comes; judged from the load on."""
+    wrong = replace(CASES["wrong-k"], drift=drift)
+    right = replace(wrong, magnet_constant=1.0, drift=0.0)
+    field = contenders(["extended", "extended-k", "multiple-model"], BEARING)
+    load = round(42 * cases.own_time(BEARING) / BEARING.sampling_time)
+
+    def error(case: cases.Case, name: str) -> float:
+        made = trials(case, BEARING, 3, 0)
+        return float(errors(field[name].build, made, load)[:, 2].mean())
+
+    blind, known = error(wrong, "extended"), error(right, "extended")
+    for name in ("extended-k", "multiple-model"):
+        assert (blind - error(wrong, name)) / (blind - known) > 0.8
+        assert error(right, name) < 1.05 * known
+
+
 def test_lost_runs_are_counted_and_leave_the_means_alone() -> None:
     class Drifting:
         """Right in every other run."""
