@@ -26,7 +26,8 @@ class KalmanFilter(Estimator):
     source : optional
         What the filter knows of its magnet; by default the constant stiffnesses of the origin.
     **options
-        Of :class:`Estimator`: noise, gravity, precision, frozen_limit, gate, outlier_limit.
+        Of :class:`ambkit.estimators.Estimator`: noise, gravity, precision, frozen_limit, gate,
+        outlier_limit.
     """
 
     name = "linear Kalman filter"
