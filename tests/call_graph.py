@@ -77,7 +77,14 @@ class CallGraph:
         if isinstance(called, c_ast.StructRef):
             table = called.name.name if isinstance(called.name, c_ast.ID) else ""
             exact = self.by_table.get((table, called.field.name))
-            return {exact} if exact else self.by_field.get(called.field.name, set()) | self.others
+            found = {exact} if exact else self.by_field.get(called.field.name, set()) | self.others
+            # A wrapper does not wrap a wrapper: amb_adaptive_noise_check refuses it.
+            wraps = isinstance(called.name, c_ast.StructRef) and isinstance(
+                called.name.name, c_ast.ID
+            )
+            if wraps and called.name.name.name == "inner":
+                return {each for each in found if each.unit != unit}
+            return found
         if isinstance(called, c_ast.ID):
             if called.name in {each.name for each in caller.decl.type.args.params}:
                 return self.others

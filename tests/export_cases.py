@@ -16,7 +16,7 @@ from ambkit.export.c import CExport, export_c
 BEARING = Bearing.preset("zittau_axial")
 # "tabulated" is the expert of "adaptive" as a table, in the same C as the map of "table"; what is
 # steady-state is an observer.
-KINDS = (*(n for n in family.EXPORTED if n not in ("table", "steady-state")), "tabulated")
+KINDS = (*(n for n in family.NAMES if n not in ("table", "steady-state")), "tabulated")
 PRECISIONS = ("float", "double")
 # Every kind in float; double differs in the core's real.h and exponential.h, which all have.
 CASES = (*((kind, "float") for kind in KINDS), ("adaptive", "double"))

@@ -7,11 +7,10 @@ static const amb_adaptive_noise *own(const amb_estimator *self)
   return (const amb_adaptive_noise *)self->own;
 }
 
-/* The inner filter with the noise found so far. */
-static amb_estimator adapted(const amb_estimator *self, const amb_adaptive_noise_state *s)
+/* The inner filter, on this plant with this noise. */
+static amb_estimator inner_with(const amb_estimator *self, const amb_kalman *kf)
 {
-  amb_estimator inner = own(self)->inner;
-  inner.kf = &s->kf;
+  const amb_estimator inner = {own(self)->inner.methods, kf, self->magnet, own(self)->inner.own};
   return inner;
 }
 
@@ -36,8 +35,8 @@ static amb_status reset(const amb_estimator *self, void *state,
                         const amb_real mean[AMB_AXIAL_STATES], const amb_real std[AMB_AXIAL_STATES])
 {
   amb_adaptive_noise_state *s = (amb_adaptive_noise_state *)state;
-  const amb_estimator *inner = &own(self)->inner;
-  const amb_status status = inner->methods->reset(inner, &s->inner, mean, std);
+  const amb_estimator inner = inner_with(self, self->kf);
+  const amb_status status = inner.methods->reset(&inner, &s->inner, mean, std);
   if (status == AMB_OK) {
     s->kf = *self->kf;
     s->share = own(self)->first_share;
@@ -50,7 +49,7 @@ static amb_status predict(const amb_estimator *self, void *state, amb_real u,
                           amb_kalman_result *result)
 {
   amb_adaptive_noise_state *s = (amb_adaptive_noise_state *)state;
-  const amb_estimator inner = adapted(self, s);
+  const amb_estimator inner = inner_with(self, &s->kf);
   const amb_status status = inner.methods->predict(&inner, &s->inner, u, result);
   if ((status & (AMB_HELD | AMB_BAD_PARAMETER)) != AMB_OK) {
     open_window(s); /* what is corrected next is no growth */
@@ -102,7 +101,7 @@ static amb_status update(const amb_estimator *self, void *state, amb_real y,
                          amb_kalman_result *result)
 {
   amb_adaptive_noise_state *s = (amb_adaptive_noise_state *)state;
-  const amb_estimator inner = adapted(self, s);
+  const amb_estimator inner = inner_with(self, &s->kf);
   const amb_real f_d = s->inner.base.mean[2];
   const amb_real P23 = s->inner.base.cov[8];
   amb_status status = inner.methods->update(&inner, &s->inner, y, result);
@@ -116,15 +115,15 @@ static amb_status update(const amb_estimator *self, void *state, amb_real y,
 static void advance(const amb_estimator *self, amb_real scale, amb_real iu,
                     amb_real mean[AMB_AXIAL_STATES])
 {
-  const amb_estimator *inner = &own(self)->inner;
-  inner->methods->advance(inner, scale, iu, mean);
+  const amb_estimator inner = inner_with(self, self->kf);
+  inner.methods->advance(&inner, scale, iu, mean);
 }
 
 static void scale(const amb_estimator *self, const void *state, amb_real *value, amb_real *variance)
 {
   const amb_adaptive_noise_state *s = (const amb_adaptive_noise_state *)state;
-  const amb_estimator *inner = &own(self)->inner;
-  inner->methods->scale(inner, &s->inner, value, variance);
+  const amb_estimator inner = inner_with(self, self->kf);
+  inner.methods->scale(&inner, &s->inner, value, variance);
 }
 
 const amb_estimator_methods amb_adaptive_noise_methods = {

@@ -30,7 +30,7 @@
 #include "ambkit/square_root.h"
 
 typedef struct amb_adaptive_noise {
-  amb_estimator inner;  /* the filter; its kf has the noise to start from */
+  amb_estimator inner;  /* the filter: methods, and own; plant, magnet and noise are the outer's */
   bool measurement;     /* find R */
   bool disturbance;     /* find Q */
   amb_real share;       /* d, of a new sample in the end, in (0, 1) */

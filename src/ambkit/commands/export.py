@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ambkit.commands.family import EXPORTED, estimator_option, exported
+from ambkit.commands.family import NAMES, estimator_option, exported
 from ambkit.commands.options import BearingName, Json, find_bearing, quantity
 from ambkit.errors import AmbkitError
 
@@ -49,7 +49,7 @@ def export(context: typer.Context) -> None:
 def export_c(
     bearing: BearingName,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="The folder to write.")],
-    estimator: Annotated[str | None, estimator_option(EXPORTED)] = None,
+    estimator: Annotated[str | None, estimator_option(NAMES)] = None,
     precision: Annotated[Precision, typer.Option(help="Of its numbers.")] = Precision.float,
     prefix: Annotated[
         str | None,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ambkit.commands.family import EXPORTED, estimator_option, exported
+from ambkit.commands.family import NAMES, estimator_option, exported
 from ambkit.commands.options import BearingName, Json, file_option, find_bearing
 from ambkit.errors import AmbkitError
 
@@ -37,7 +37,7 @@ _VERSIONS: dict[Version, Fmi] = {Version.two: 2, Version.three: 3}
 def export_fmu(
     bearing: BearingName,
     out: Annotated[Path, file_option("The FMU to write.", (".fmu",), "--out")],
-    estimator: Annotated[str | None, estimator_option(EXPORTED)] = None,
+    estimator: Annotated[str | None, estimator_option(NAMES)] = None,
     kind: Annotated[Kind, typer.Option(help="What it models.")] = Kind.estimator,
     scenario: Annotated[
         Path | None,

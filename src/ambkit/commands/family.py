@@ -27,9 +27,6 @@ NAMES = (
 )  # fmt: skip
 """Those of :data:`ambkit.estimators.family.KINDS`, which takes longer to import."""
 
-EXPORTED = tuple(name for name in NAMES if not name.endswith("adaptive-noise"))
-"""Kinds that can be C for a controller."""
-
 
 def estimator_option(choice: Iterable[str]) -> Any:
     """Return the option that takes a file with an expert, or one of these names."""
@@ -106,7 +103,7 @@ class Chosen(NamedTuple):
     source: StiffnessSource | None
 
 
-def exported(text: str | None, bearing: Bearing, choice: Iterable[str] = EXPORTED) -> Chosen:
+def exported(text: str | None, bearing: Bearing, choice: Iterable[str] = NAMES) -> Chosen:
     """Return the estimator that a user names, or the adaptive filter of the expert in a file.
 
     Parameters
@@ -116,7 +113,7 @@ def exported(text: str | None, bearing: Bearing, choice: Iterable[str] = EXPORTE
     bearing : Bearing
         What is filtered.
     choice : iterable of str
-        Some of `EXPORTED`.
+        Some of `NAMES`.
 
     Raises
     ------

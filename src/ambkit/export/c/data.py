@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.errors import AmbkitError
+
 if TYPE_CHECKING:
     from ambkit.estimators import Estimator
 
 CPrecision = Literal["float", "double"]
 
-_UNSIGNED = ("frozen_limit", "outlier_limit")  # the fields of the structs that are
+_UNSIGNED = ("frozen_limit", "outlier_limit", "window")  # the fields of the structs that are
 
 
 class Kind(NamedTuple):
@@ -34,6 +36,10 @@ MAGNETS = {
 """The core's magnets by the names of their bindings."""
 
 
+class Name(str):
+    """A value that is C already."""
+
+
 class Family(NamedTuple):
     """How an estimator of the core's family is called in C (``ambkit/estimator.h``)."""
 
@@ -43,6 +49,12 @@ class Family(NamedTuple):
     own: str  # type of what only this kind has; empty where it has nothing
     casts: tuple[str, ...]  # files that cast the state or what is its own back from `void *`
     more: tuple[str, ...] = ()  # files that it calls besides
+
+    @property
+    def base(self) -> str:
+        """Where in the state the members of ``amb_kalman_state`` are."""
+        places = {"amb_kalman_state": "", "amb_adaptive_noise_state": "inner.base."}
+        return places.get(self.state, "base.")
 
 
 PAPER = Family("amb_kalman_methods", "estimator", "amb_kalman_state", "", ())
@@ -74,6 +86,13 @@ FAMILY = {
         "amb_multiple_model",
         ("multiple_model",),
         ("excitation",),
+    ),
+    "AdaptiveNoise": Family(
+        "amb_adaptive_noise_methods",
+        "adaptive_noise",
+        "amb_adaptive_noise_state",
+        "amb_adaptive_noise",
+        ("adaptive_noise",),
     ),
     "LowPass": Family(
         "amb_low_pass_methods", "low_pass", "amb_low_pass_state", "amb_low_pass", ("low_pass",)
@@ -128,7 +147,9 @@ def struct(
     lines = []
     for name, value in fields.items():
         place = f"{path}{name}"
-        if isinstance(value, Mapping):
+        if isinstance(value, Name):
+            text = str(value)
+        elif isinstance(value, Mapping):
             text = struct(value, precision, arrays, f"{place}.")
         elif isinstance(value, bool):
             text = "true" if value else "false"
@@ -145,6 +166,12 @@ def struct(
 def own(estimator: Estimator, precision: CPrecision) -> str:
     """Write what only this kind of estimator has, its arrays in it; empty where it has nothing."""
     fields = estimator.core.own
+    inner: Estimator | None = getattr(estimator, "inner", None)
+    if inner is not None:
+        if inner.core.own:
+            raise AmbkitError(f"{estimator.name}: around this filter it cannot be exported")
+        methods = FAMILY.get(type(inner.core).__name__, PAPER).methods
+        fields = {"inner": Name(f"{{&{methods}, NULL, NULL, NULL}}")} | fields
     arrays = {
         path: "{\n" + array(values, precision, "    ") + "}"
         for path, values in arrays_of(fields).items()

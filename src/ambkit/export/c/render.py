@@ -11,7 +11,7 @@ import numpy as np
 
 from ambkit.export import core
 from ambkit.export.c import data, vectors
-from ambkit.export.c.data import FAMILY, MAGNETS, CPrecision, Family, Kind
+from ambkit.export.c.data import FAMILY, MAGNETS, PAPER, CPrecision, Family, Kind
 from ambkit.magnets import core_module
 from ambkit.units import engineering
 
@@ -54,6 +54,9 @@ def render(
     needed = ["src/kalman.c", *([] if given else [f"src/{kind.source}.c"])]
     if family is not None:
         needed += [f"src/{stem}.c" for stem in ("estimator", family.source, *family.more)]
+        inner = getattr(estimator, "inner", None)
+        if inner is not None:
+            needed += [f"src/{FAMILY.get(type(inner.core).__name__, PAPER).source}.c"]
     core_files = {f"core/{file}": text for file, text in core.closure(needed).items()}
     c_files = tuple(file for file in core_files if file.endswith(".c"))
     sources = (f"{name}.c", f"{name}_data.c", *c_files)
