@@ -13,6 +13,7 @@ from ambkit.commands.options import BearingName, Json, Plot, file_option, find_b
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
     from ambkit.fuzzy import Expert
+    from ambkit.fuzzy.choice import RuleChoice, Shape
     from ambkit.identification.force_table import ForceTable
     from ambkit.identification.stiffness import StiffnessMap
 
@@ -39,9 +40,17 @@ def train(
             "--map",
             metavar="FORCE.csv",
             help="Learn this force instead of the bearing's law: columns iu [A], x [m] and "
-            "f_mag [N], a row for each node of a grid.",
+            "f_mag [N], a row for each node of a grid; f_std [N], its standard error, weighs them.",
         ),
     ] = None,
+    rules: Annotated[
+        str,
+        typer.Option(
+            metavar="NxM|auto",
+            help="Rules along current and displacement; auto: as many as the points of --map "
+            "carry, by cross-validation.",
+        ),
+    ] = "5x5",
     method: Annotated[
         Method, typer.Option(help="As the paper does it, or better.")
     ] = Method.least_squares,
@@ -74,48 +83,128 @@ def train(
     from ambkit import plots
     from ambkit.commands import output
     from ambkit.fuzzy import training
+    from ambkit.fuzzy.choice import choose_rules
+    from ambkit.fuzzy.figures import with_choice
     from ambkit.identification.force_file import load_force_table
-    from ambkit.identification.stiffness import stiffness_map
 
-    model = find_bearing(bearing)
-    if weights is None:
-        weights = method is Method.least_squares
-    stiff = stiffness_map(model) if force is None else _map_of(load_force_table(force), model)
-    with output.progress("training"):
-        expert = training.train(
-            stiff,
-            method=method.value,
-            weights=weights,
-            normalised=not plain,
-            scaling=scaling.value,
+    shape = _shape(rules)
+    if shape is None and force is None:
+        raise typer.BadParameter(
+            "auto needs points that were measured: --map FORCE.csv", param_hint="--rules"
         )
+    model = find_bearing(bearing)
+    table = None if force is None else load_force_table(force)
+    options: dict[str, Any] = {
+        "method": method.value,
+        "weights": method is Method.least_squares if weights is None else weights,
+        "normalised": not plain,
+        "scaling": scaling.value,
+    }
+    choice = None
+    with output.progress("training") as done:
+        if table is not None and shape is None:
+            choice = choose_rules(model, table, note=done, **options)
+            shape = choice.chosen.shape
+            done("training")
+        assert shape is not None  # given, or chosen
+        stiff = _map(model, table, shape)
+        expert = training.train(stiff, **options)
     data = _summary(expert, stiff, model)
+    tables = [_table(data)]
+    if choice is not None:
+        data["choice"] = _choice(choice)
+        tables = [*_choice_table(choice), *tables]
+
+    def draw(path: Path) -> None:
+        figure = plots.training_figure(expert, stiff)
+        if choice is not None and table is not None:
+            figure = with_choice(figure, choice, table)
+        plots.save_figure(figure, path)
+
     output.deliver(
         data,
-        [_table(data)],
-        [
-            (out, expert.save),
-            (plot, lambda path: plots.save_figure(plots.training_figure(expert, stiff), path)),
-        ],
+        tables,
+        [(out, expert.save), (plot, draw)],
         as_json=json,
     )
 
 
-def _map_of(table: ForceTable, bearing: Bearing) -> StiffnessMap:
-    """Return the stiffnesses of a force table, where table and the bearing's box overlap."""
+def _shape(text: str) -> Shape | None:
+    """Rules along current and displacement; None where they are to be chosen."""
+    from ambkit._core import MAX_RULES
+
+    if text == "auto":
+        return None
+    sides = text.lower().split("x")
+    if len(sides) != 2 or not all(side.isdecimal() for side in sides):
+        raise typer.BadParameter(
+            f"must be auto, or rules along current and displacement such as 7x5, is {text!r}",
+            param_hint="--rules",
+        )
+    across, along = map(int, sides)
+    if min(across, along) < 2 or across * along > MAX_RULES:
+        raise typer.BadParameter(
+            f"must be 2 or more in each direction, and {MAX_RULES} or less in total, is {text}",
+            param_hint="--rules",
+        )
+    return across, along
+
+
+def _map(bearing: Bearing, table: ForceTable | None, shape: Shape) -> StiffnessMap:
+    """Return the stiffnesses of the measured force or else of the law, a node for each rule."""
     import numpy as np
 
+    from ambkit.fuzzy.choice import measured_map
     from ambkit.identification.stiffness import stiffness_map
 
+    if table is not None:
+        return measured_map(bearing, table, shape)
     half = bearing.rotor.travel_limit / 2
-    first, last = np.clip(table.current[[0, -1]], bearing.current_min, bearing.current_max)
-    left, right = np.clip(table.displacement[[0, -1]], -half, half)
     return stiffness_map(
         bearing,
-        currents=np.linspace(first, last, 5),
-        displacements=np.linspace(left, right, 5),
-        force=table,
+        currents=np.linspace(bearing.current_min, bearing.current_max, shape[0]),
+        displacements=np.linspace(-half, half, shape[1]),
     )
+
+
+def _choice(choice: RuleChoice) -> dict[str, Any]:
+    return {
+        "chosen": choice.chosen.name,
+        "best": choice.best.name,
+        "limit": choice.limit,
+        "unit": "standard errors" if choice.weighted else "N",
+        "folds": choice.folds,
+        "candidates": [
+            {
+                "shape": c.name,
+                "rules": c.rules,
+                "error": c.error,
+                "standard_error": c.standard_error,
+            }
+            for c in choice.candidates
+        ],
+    }
+
+
+def _choice_table(choice: RuleChoice) -> list[Any]:
+    from ambkit.commands.output import table, value
+
+    def shown(number: float) -> str:
+        return f"{number:.3g}" if choice.weighted else value(number, "N", 3)
+
+    marks = {choice.best.name: "best", choice.chosen.name: "chosen"}
+    rows = [
+        [c.name, str(c.rules), shown(c.error), shown(c.standard_error), marks.get(c.name, "")]
+        for c in choice.candidates
+    ]
+    unit = "in standard errors of the points" if choice.weighted else "rms"
+    taken, best, limit = choice.chosen.name, choice.best.name, shown(choice.limit)
+    if taken == best:
+        said = f"Chosen: {taken}, the best; no smaller one is within a standard error ({limit})."
+    else:
+        said = f"Chosen: {taken}, the smallest within a standard error of {best} ({limit})."
+    title = f"Error at points left out of the training, {unit}"
+    return [table(title, ["rules", "", "error", "std. error", ""], rows), said]
 
 
 def _summary(expert: Expert, stiff: StiffnessMap, bearing: Bearing) -> dict[str, Any]:
