@@ -133,7 +133,11 @@ def test_without_standard_errors_it_is_newtons():
 @pytest.mark.parametrize(
     ("lines", "candidates", "message"),
     [
-        (4, None, "5 currents and 5 displacements or more, .* has 4 and 4, inside 2 and 2"),
+        (
+            4,
+            None,
+            "too few points .* 5 currents and 5 displacements .* there are 4 currents, 2 of them",
+        ),
         (5, [(5, 5)], "5x5 rules cannot be judged; these points allow 2x2 to 4x4"),
         (5, [(1, 3)], "1x3 rules cannot be judged"),
     ],
@@ -163,6 +167,13 @@ def test_command_chooses_says_so_and_draws_it(tmp_path):
     assert shapes[told["choice"]["chosen"]]["error"] <= told["choice"]["limit"]
     assert len(json.loads(expert.read_text())["rules"]) == told["rules"]
     assert picture.stat().st_size > 20_000
+
+
+def test_command_names_the_file_with_too_few_points(tmp_path):
+    force = saved(measured(straight, 0.5, lines=4), tmp_path / "force.csv")
+    found = CliRunner().invoke(app, ["train", "zittau_axial", "--map", force, "--rules", "auto"])
+    assert found.exit_code != 0
+    assert "force.csv: too few points" in str(found.exception)
 
 
 def test_command_takes_a_number_of_rules():

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ambkit.commands.options import BearingName, Json, Plot, file_option, find_bearing
+from ambkit.errors import AmbkitError
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
@@ -103,7 +104,10 @@ def train(
     choice = None
     with output.progress("training") as done:
         if table is not None and shape is None:
-            choice = choose_rules(model, table, note=done, **options)
+            try:
+                choice = choose_rules(model, table, note=done, **options)
+            except AmbkitError as error:
+                raise AmbkitError(f"{force}: {error}") from None
             shape = choice.chosen.shape
             done("training")
         assert shape is not None  # given, or chosen

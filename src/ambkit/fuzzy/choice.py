@@ -247,10 +247,10 @@ def _folds(table: ForceTable, box: tuple[Array, Array]) -> Iterator[Fold]:
     ]
     if min(table.current.size, table.displacement.size) < 5 or min(map(len, lines)) < 2:
         raise AmbkitError(
-            "to choose the number of rules, lines of the grid are left out: it must have 5 "
-            "currents and 5 displacements or more, of which 2 each lie inside the bearing's box; "
-            f"has {table.current.size} and {table.displacement.size}, inside "
-            f"{lines[0].size} and {lines[1].size}"
+            "too few points to choose the number of rules, for which lines of their grid are left "
+            "out: 5 currents and 5 displacements or more are needed, 2 or more of each inside the "
+            f"bearing's box; there are {table.current.size} currents, {lines[0].size} of them "
+            f"inside, and {table.displacement.size} displacements, {lines[1].size} inside"
         )
     judged = np.outer(_within(table.displacement, box[1]), _within(table.current, box[0]))
     for axis, inner in ((1, lines[0]), (0, lines[1])):
