@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import resource
 import shlex
 import shutil
 import signal
@@ -79,10 +80,16 @@ def real(*arguments, **options):
 
 
 def test_help_starts_in_less_than_four_tenths_of_a_second():
+    """Of the processor: how long it takes depends on what else the machine does."""
+
+    def spent():
+        used = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return used.ru_utime + used.ru_stime
+
     def once():
-        start = time.perf_counter()
+        before = spent()
         assert real("--help").code == 0
-        return time.perf_counter() - start
+        return spent() - before
 
     assert min(once() for _ in range(5)) < 0.4
 

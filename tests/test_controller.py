@@ -24,7 +24,7 @@ def run_pid(r: np.ndarray, y: np.ndarray, integral: float = 0.0, **changes: floa
     zero = np.zeros(len(r))
     loop: dict[str, Any] = {
         "T": T, "m": 1e9, "f_0": 0.0, "K_sen": 1.0, "T_sen": 1e-3, "travel": 1e-3, "substeps": 1,
-        "k_ui": 1.0, "iu_min": -1.5, "iu_max": 1.5, "feedback_estimate": False, "kalman": None,
+        "k_ui": 1.0, "iu_min": -1.5, "iu_max": 1.5, "feedback_estimate": False, "estimator": None,
         "integral": integral, "r": r, "f_d": zero, "noise_u": zero, "noise_y": y,
     }  # fmt: skip
     loop |= GAINS | changes
