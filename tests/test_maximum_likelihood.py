@@ -3,6 +3,7 @@
 The 200 seeds that the documentation states are run by ``python -m benchmarks.identification``.
 """
 
+import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 
 from ambkit import AmbkitError, Bearing, Record, Scenario, Sine, simulate
 from ambkit.identification.likelihood import Likelihood
-from ambkit.identification.loop_model import delayed, lagged
+from ambkit.identification.loop_model import LoopModel, delayed, lagged, limited
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.parameters import PARAMETERS, USUAL, Coordinates, named
 from benchmarks.identification import START, TRUTH, closed_loops, judged
@@ -46,6 +47,17 @@ def test_search_ends_at_a_maximum_from_far_off(found):
     for one in found:
         assert one.converged
         assert one.log_likelihood > one.start_log_likelihood + 100
+
+
+def test_a_start_far_off_and_the_truth_lead_to_the_same_place(records, found):
+    """So that the 200 seeds of the documentation may begin at the truth."""
+    for record, far in zip(records[:4], found[:4], strict=True):
+        near = maximum_likelihood(record, TRUTH, improve_start=False, settling=far.settling)
+        off = [
+            math.log(a / b) if p.positive else a - b
+            for p, a, b in zip(near.parameters, near.values, far.values, strict=True)
+        ]
+        assert np.all(np.abs(off) < 0.1 * near.errors)
 
 
 def test_score_and_information_are_those_of_the_likelihood(records):
@@ -175,6 +187,45 @@ def test_lag_is_that_of_scipy_on_a_finer_clock():
     _, follow, _ = lsim(([1.0], [lag, 1.0]), held, t, interp=False)
     mean = np.array([np.trapezoid(follow[k * fine : (k + 1) * fine + 1]) for k in range(40)]) / fine
     np.testing.assert_allclose(lagged(u, T, lag), mean, atol=1e-5)
+
+
+@given(mean=st.floats(-6, 6), low=st.floats(-3, 0), wide=st.floats(0.1, 5))
+@settings(max_examples=50, deadline=None)
+def test_limited_mean_is_the_integral(mean, low, wide):
+    from scipy.stats import norm
+
+    std, high = 0.7, low + wide
+    drawn = mean + std * norm.ppf((np.arange(20_000) + 0.5) / 20_000)
+    expected = np.clip(drawn, low, high).mean()
+    found = limited(np.array([mean, np.nan]), std, low, high)
+    np.testing.assert_allclose(found[0], expected, atol=1e-4)
+    assert np.isnan(found[1])
+    assert limited(np.array([mean]), 0.0, low, high)[0] == np.clip(mean, low, high)
+
+
+@pytest.mark.parametrize("preset", ["zittau_axial", "inteco_ml"])
+def test_mean_force_is_that_of_a_noisy_current(preset):
+    """Against the mean over the noise, by Gauss and Hermite; the rest is of second order."""
+    from ambkit import ClosedLaw
+
+    plain = Bearing.preset(preset)
+    gain, i0 = plain.amplifier.gain, plain.magnet.bias_current
+    bearing = plain.replace(amplifier__noise_variance=(0.05 * i0 / gain) ** 2)
+    raised = LoopModel(bearing).with_mean_force
+    nodes, weights = np.polynomial.hermite_e.hermegauss(9)
+    weights /= weights.sum()
+
+    def mean(law, iu, x):
+        forces = [float(law.force(iu + 0.05 * i0 * node, x)) for node in nodes]
+        return float(weights @ forces)
+
+    law, with_noise = ClosedLaw(bearing), ClosedLaw(raised)
+    for iu, x in ((0.0, 0.2), (0.15, 0.1), (-0.2, -0.2)):
+        iu, x = iu * i0, x * bearing.rotor.travel_limit
+        true = mean(law, iu, x)
+        without = abs(float(law.force(iu, x)) - true)
+        left = abs(float(with_noise.force(raised.amplifier.gain / gain * iu, x)) - true)
+        assert left < 0.25 * without
 
 
 def test_delay_of_the_plant_is_found_on_a_record_of_the_simulator():
