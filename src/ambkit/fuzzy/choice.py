@@ -155,8 +155,9 @@ def choose_rules(
         training = {"epochs": EPOCHS} | training
     box = _box(bearing, table)
     folds = list(_folds(table, box))
+    # Lines inside, and one for each end of the box: there, or beyond and bearing on it.
     kept = [
-        min(int(np.count_nonzero(_within(nodes, ends))) for nodes in remaining)
+        2 + min(int(np.count_nonzero((nodes > ends[0]) & (nodes < ends[1]))) for nodes in remaining)
         for remaining, ends in zip(
             zip(*((rest.current, rest.displacement) for rest, _ in folds), strict=True),
             box,
