@@ -6,9 +6,10 @@ import inspect
 import os
 import sys
 from collections.abc import Callable, Sequence
-from typing import Annotated, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import typer
+from typer.core import TyperCommand
 
 from ambkit.commands import output
 from ambkit.commands.check import check
@@ -19,6 +20,7 @@ from ambkit.commands.export_fmu import export_fmu
 from ambkit.commands.export_mat import export_mat
 from ambkit.commands.filter import filter_record
 from ambkit.commands.identify import identify
+from ambkit.commands.options import keep_inputs
 from ambkit.commands.presets import presets
 from ambkit.commands.read import read
 from ambkit.commands.reproduce import reproduce
@@ -52,6 +54,15 @@ _COMMANDS: dict[str, Callable[..., None]] = {
 _EXPORTS: dict[str, Callable[..., None]] = {"c": export_c, "fmu": export_fmu, "mat": export_mat}
 
 
+class Command(TyperCommand):
+    """A command that does not begin where it would overwrite what it reads."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run it."""
+        keep_inputs(ctx)
+        return super().invoke(ctx)
+
+
 def _help(command: Callable[..., None]) -> str:
     r"""Return a docstring as click's help; "\b" keeps it from filling an example's lines."""
     paragraphs = inspect.cleandoc(command.__doc__ or "").split("\n\n")
@@ -59,7 +70,7 @@ def _help(command: Callable[..., None]) -> str:
 
 
 for _name, _command in _COMMANDS.items():
-    app.command(_name, help=_help(_command))(_command)
+    app.command(_name, cls=Command, help=_help(_command))(_command)
 
 
 def _print_version(wanted: bool) -> None:
@@ -93,7 +104,7 @@ def about(
 
 _export = typer.Typer(name="export", callback=export, invoke_without_command=True)
 for _name, _command in _EXPORTS.items():
-    _export.command(_name, help=_help(_command))(_command)
+    _export.command(_name, cls=Command, help=_help(_command))(_command)
 app.add_typer(_export, help=_help(export))
 app.callback(help=_help(about), invoke_without_command=True)(about)
 

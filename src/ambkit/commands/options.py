@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 PICTURES = (".png", ".svg", ".html")
 RECORDS = (".csv", ".parquet")
+_WRITTEN: set[str] = set()  # the options that name a file to write
 
 
 def quantity(unit: str) -> Callable[[str], float]:
@@ -61,7 +62,36 @@ def file_option(help: str, endings: tuple[str, ...], *names: str) -> Any:
             raise typer.BadParameter(f"the folder {path.parent} cannot be written")
         return path
 
+    _WRITTEN.update(names)
     return typer.Option(*names, help=help, metavar="FILE", callback=check)
+
+
+def keep_inputs(context: typer.Context) -> None:
+    """Refuse to write a file that the command reads: a log cannot be recorded again.
+
+    Parameters
+    ----------
+    context : Context
+        Of the command, with the values of all its parameters.
+
+    Raises
+    ------
+    AmbkitError
+        An option of `file_option` names the same file as an argument or another option.
+    """
+    written: dict[str, Path] = {}
+    read: list[Path] = []
+    for parameter in context.command.params:
+        value = context.params.get(parameter.name or "")
+        if _WRITTEN.intersection(parameter.opts):
+            if value is not None and value.exists():
+                written[parameter.opts[0]] = value
+            continue
+        values = value if isinstance(value, list | tuple) else [value]
+        read += [Path(each) for each in values if isinstance(each, str | Path)]
+    for option, path in written.items():
+        if any(each.is_file() and each.samefile(path) for each in read):
+            raise AmbkitError(f"{option}: {path} is read by this command, and would be overwritten")
 
 
 BearingName = Annotated[
