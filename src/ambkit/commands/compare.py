@@ -136,13 +136,14 @@ def compare(
         from ambkit.commands.compare_case import Wanted, in_case
 
         wanted = Wanted(runs, tune, seed, spread, expert, out, plot, report, json)
-        in_case(find_bearing(bearing), case or "paper", estimators or "all", wanted)
+        chosen = "all" if estimators is None else estimators
+        in_case(find_bearing(bearing), case or "paper", chosen, wanted)
         return
     unwanted = {"--case": case, "--tune": tune or None, "--spread": spread, "--report": report}
     clash = [name for name, value in unwanted.items() if value is not None]
     if clash:
         raise AmbkitError(f"{given[0]} is in place of a case, and does not go with {clash[0]}")
-    chosen = estimators or "linear,adaptive,closed-law"
+    chosen = "linear,adaptive,closed-law" if estimators is None else estimators
     _in_own_loops(
         find_bearing(bearing),
         names(known(chosen)),
@@ -206,7 +207,7 @@ def _in_own_loops(
     out, plot = files
     output.deliver(
         data,
-        [_table(scores, what, f"{plant.name}, {seeds} seeds")],
+        [_table(scores, what, f"{plant.name}, {seeds} seeds"), *_stops(scores, seeds)],
         [
             (out, lambda path: _save(path, scores, heights, seed)),
             (plot, lambda path: plots.save_figure(figure(scores, what), path)),
@@ -220,7 +221,18 @@ def _figures(score: Score) -> dict[str, Any]:
         "rmse": {name: score.mean(name) for name in score.rmse},
         "spread": {name: score.spread(name) for name in score.rmse},
         "nis": score.nis.mean(),
+        "runs_at_the_stop": score.touched,
     }
+
+
+def _stops(scores: Mapping[str, Mapping[str, Score]], seeds: int) -> list[str]:
+    """Say in which loops the rotor touched a stop: their errors are not those of a levitation."""
+    return [
+        f"{case}, {name}: the rotor touched the stop in {score.touched} of {seeds} runs"
+        for case, of_case in scores.items()
+        for name, score in of_case.items()
+        if score.touched
+    ]
 
 
 def _table(scores: Mapping[str, Mapping[str, Score]], what: str, title: str) -> Any:

@@ -212,7 +212,14 @@ def _of_user(name: str, make: Callable[..., Any], bearing: Bearing) -> Contender
         takes = 1
 
     def build() -> PythonEstimator:
-        return PythonEstimator(make(bearing) if takes else make(), bearing, name)
+        try:
+            made = make(bearing) if takes else make()
+        except Exception as error:
+            given = "with the bearing" if takes else "without arguments"
+            raise AmbkitError(
+                f"{name}: it is made {given}, and fails: {type(error).__name__}: {error}"
+            ) from error
+        return PythonEstimator(made, bearing, name)
 
     build()  # what is wrong with it is told before the work begins
     return Contender(name, name, build, in_loop=False)

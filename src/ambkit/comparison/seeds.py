@@ -34,10 +34,13 @@ class Score:
         ``x`` [m], ``v`` [m/s], ``f_d`` [N]: root mean square errors, one per seed, (seeds,).
     nis : ndarray (seeds,)
         Mean normalised innovation squared; 1 where model and noise are right.
+    touched : int
+        Runs in which the rotor touched a stop.
     """
 
     rmse: Mapping[str, Array]
     nis: Array
+    touched: int = 0
 
     def mean(self, signal: str) -> float:
         """Mean RMSE over the seeds."""
@@ -83,14 +86,15 @@ def compare(
         By the names of the estimators.
     """
 
-    def one(name: str, seed: int) -> tuple[list[float], float]:
+    def one(name: str, seed: int) -> tuple[list[float], float, bool]:
         run = simulate_run(
             bearing, scenario.model_copy(update={"seed": seed}), estimator=estimators[name]()
         )
         assert run.estimate is not None  # an estimator was given
         errors = [rmse(run.estimate, run.record, signal) for signal in JUDGED]
         done()
-        return errors, float(run.estimate.nis[1:].mean())
+        touched = run.record.meta["stop_touched"] > 0
+        return errors, float(run.estimate.nis[1:].mean()), touched
 
     scores = {}
     pool = ThreadPoolExecutor(threads)
@@ -100,7 +104,9 @@ def compare(
             results = [future.result() for future in waiting]
             errors = np.array([r[0] for r in results])
             scores[name] = Score(
-                dict(zip(JUDGED, errors.T, strict=True)), np.array([r[1] for r in results])
+                dict(zip(JUDGED, errors.T, strict=True)),
+                np.array([r[1] for r in results]),
+                sum(r[2] for r in results),
             )
     finally:
         pool.shutdown(cancel_futures=True)  # after Ctrl-C, what still waits is not run first
