@@ -93,6 +93,8 @@ def export_c(
 
     if precision is Precision.double and (cost or clock is not None):
         raise AmbkitError("--cost is for --precision float: a Cortex-M4F has no double in hardware")
+    if clock is not None and not clock > 0:
+        raise AmbkitError(f"--clock must be greater than 0 Hz, is {clock:g} Hz")
     model = find_bearing(bearing)
     chosen = exported(estimator, model)
     written = c.export_c(

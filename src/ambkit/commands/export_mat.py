@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ambkit.commands.family import read_expert
+from ambkit.commands.family import exported
 from ambkit.commands.options import BearingName, Json, file_option, find_bearing
 
 
@@ -15,11 +15,12 @@ def export_mat(
     bearing: BearingName,
     out: Annotated[Path, file_option("The MAT-file to write.", (".mat",), "--out")],
     estimator: Annotated[
-        Path | None,
+        str | None,
         typer.Option(
             "--estimator",
             metavar="FILE",
-            help="Expert from 'ambkit train': its rules, and its tables, go along.",
+            help="Expert from 'ambkit train', or adaptive, which trains one: its rules, and its "
+            "tables, go along.",
         ),
     ] = None,
     json: Json = False,
@@ -33,9 +34,11 @@ def export_mat(
     """
     from ambkit.commands import output
     from ambkit.export import mat
+    from ambkit.fuzzy import Expert
 
     model = find_bearing(bearing)
-    expert = None if estimator is None else read_expert(estimator, model)
+    chosen = None if estimator is None else exported(estimator, model, ("adaptive",)).source
+    expert = chosen if isinstance(chosen, Expert) else None  # that is what adaptive asks
     written = mat.export_mat(model, expert, out)
     output.deliver({"path": str(out), "variables": list(written)}, [], as_json=json)
     output.note(f"wrote {out}, {len(written)} variables")

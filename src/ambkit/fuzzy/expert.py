@@ -231,7 +231,10 @@ class Expert(Part):
         try:
             return cls.model_validate(json.loads(files.read_text(path)))
         except json.JSONDecodeError as error:
-            raise AmbkitError(f"{name}:{error.lineno}: not valid JSON: {error.msg}") from None
+            raise AmbkitError(
+                f"{name}:{error.lineno}: not valid JSON: {error.msg}; "
+                "an expert from 'ambkit train' is expected"
+            ) from None
         except ValidationError as error:
             found = [(name, dotted(p.path), p.text) for p in Problem.unpack(error)]
             raise ConfigError([": ".join(filter(None, parts)) for parts in found], name) from None
