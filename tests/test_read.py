@@ -469,9 +469,12 @@ def test_a_log_without_a_time_gets_a_line_to_fill_in(tmp_path):
     columns = sound(400)
     del columns["time"]
     logs.csv(tmp_path / "log.csv", columns)
-    text, channel_map = proposed(tmp_path / "log.csv")
-    assert channel_map.sampling_time == 1e-3
+    text = guess(tmp_path / "log.csv")
     assert "No channel rises like a time" in text
+    line = '# sampling_time = "... ms"'
+    assert line in text  # nothing is invented: it must be filled in
+    filled = ChannelMap.from_toml(text.replace(line, 'sampling_time = "2 ms"'))
+    assert filled.sampling_time == 2e-3
 
 
 LINES = ["time;pos;cur", *(f"{k * T:.3f};{np.sin(k / 9):.4f};{k % 7 / 2}" for k in range(40))]

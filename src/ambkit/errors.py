@@ -1,5 +1,6 @@
 """Errors that the user can mend: the command line prints them without a traceback."""
 
+import re
 from collections.abc import Iterable
 
 
@@ -17,6 +18,12 @@ def shortened(problems: list[str]) -> list[str]:
     return [*problems[:TOLD], f"and {left} more"] if left > 1 else problems
 
 
+def _count(lines: list[str]) -> int:
+    """Return how many problems there are, with those that `shortened` only counts."""
+    rest = [match for line in lines if (match := re.fullmatch(r"(?:.*: )?and (\d+) more", line))]
+    return len(lines) + sum(int(match[1]) - 1 for match in rest)
+
+
 class _Problems(AmbkitError):
     """Several mistakes told at once, one line each."""
 
@@ -24,7 +31,7 @@ class _Problems(AmbkitError):
         self.problems = (problems,) if isinstance(problems, str) else tuple(problems)
         lines = list(self.problems)
         if len(lines) > 1:
-            lines = [f"{len(lines)} problems{f' in {title}' if title else ''}:", *lines]
+            lines = [f"{_count(lines)} problems{f' in {title}' if title else ''}:", *lines]
         super().__init__("\n  ".join(lines))
 
 

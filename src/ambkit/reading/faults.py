@@ -98,7 +98,7 @@ class Channel:
     name, unit : str
         The signal, and its unit.
     samples, missing : int
-        How many there are, and how many of them are missing.
+        How many the record has, and how many of them are missing.
     least, greatest, mean : float
         Of the samples that are there.
     noise : float

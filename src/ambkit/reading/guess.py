@@ -311,6 +311,8 @@ def _correlation(a: Array, b: Array) -> float:
 def _toml(name: str, log: Log, array: str, found: list[Candidate]) -> Iterator[str]:
     yield f"# Proposed by 'ambkit read --guess' for {name}. Look at each line before you trust it."
     yield "# Of each number in the log: value = sign * scale * number * unit + offset."
+    for remark in log.remarks:
+        yield f"# {remark[:1].upper()}{remark[1:]}."
     if array:
         yield f"array = {_quoted(array)}"
     chosen = _chosen(found)
@@ -318,8 +320,8 @@ def _toml(name: str, log: Log, array: str, found: list[Candidate]) -> Iterator[s
     clock = _clock_name(log, chosen)
     if clock is None:
         yield ""
-        yield "# No channel rises like a time: write down how far apart the samples are."
-        yield 'sampling_time = "1 ms"'
+        yield "# No channel rises like a time: fill in how far apart the samples are."
+        yield '# sampling_time = "... ms"'
     yield from _time(log, clock, chosen.get("t"))
     clocks = {clock: "t"}
     for role, candidate in chosen.items():

@@ -182,6 +182,7 @@ def read(
     for name, delay in mapped.delays.items():
         on_grid[name] = grid.shifted(on_grid[name], delay / step, held=name in grid.HELD)
         remarks.append(grid.shift_in_words(name, delay, step))
+    channels = [_as_placed(channel, on_grid[channel.name]) for channel in channels]
     meta = {**mapped.meta, "source": Path(path).name}
     reading = Reading(
         Record.__new__(Record), clocks, tuple(channels), tuple(faults), tuple(remarks), log.name
@@ -351,6 +352,11 @@ def _masked(values: Array, times: Array, fault: Fault) -> Array:
     kept = values.copy()
     kept[first : first + fault.samples] = np.nan
     return kept
+
+
+def _as_placed(channel: Channel, values: Array) -> Channel:
+    """Count the samples as the record has them: gaps are filled, stretches may be masked."""
+    return replace(channel, samples=values.size, missing=int(np.isnan(values).sum()))
 
 
 def _action_of_grid(fault: Fault, action: str) -> Fault:
