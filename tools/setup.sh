@@ -7,9 +7,10 @@ stop() {
   exit 2
 }
 
+# A shim of pyenv may be there and complain that it stands for nothing.
 for candidate in python3.13 python3.12 python3.11 python3; do
   PYTHON=$(command -v "$candidate") || continue
-  "$PYTHON" -c 'import sys; sys.exit(sys.version_info < (3, 11))' && break
+  "$PYTHON" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && break
   PYTHON=
 done
 [ -n "${PYTHON:-}" ] || stop "Python 3.11 or newer is needed (Debian: apt-get install python3)"
