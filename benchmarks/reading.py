@@ -8,7 +8,6 @@ Ends with status 1 where it takes more than 10 s of wall time, or 2 GB of reside
 from __future__ import annotations
 
 import argparse
-import os
 import subprocess
 import sys
 import tempfile
@@ -62,6 +61,15 @@ def write_log(path: Path, rows: int) -> None:
     parquet.write_table(pa.table(columns), path)
 
 
+# A process starts with the memory of the one that forked it: this one has next to none.
+LAUNCHER = """
+import resource, subprocess, sys
+code = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL).returncode
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(code, used.ru_utime + used.ru_stime, used.ru_maxrss)
+"""
+
+
 def measure(rows: int, folder: Path, stderr: int = subprocess.DEVNULL) -> Cost:
     """Read a log of so many rows with the command, in a process of its own."""
     log, channel_map = folder / "log.parquet", folder / "map.toml"
@@ -69,14 +77,15 @@ def measure(rows: int, folder: Path, stderr: int = subprocess.DEVNULL) -> Cost:
     channel_map.write_text(MAP)
     command = [sys.executable, "-m", "ambkit", "read", str(log), "--map", str(channel_map)]
     start = time.perf_counter()
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=stderr)
-    _, status, used = os.wait4(process.pid, 0)
+    done = subprocess.run(
+        [sys.executable, "-c", LAUNCHER, *command], stdout=subprocess.PIPE, stderr=stderr, text=True
+    )
     wall = time.perf_counter() - start
-    process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode:
-        raise RuntimeError(f"ambkit read ended with {process.returncode}")
+    code, cpu, most = done.stdout.split()
+    if code != "0":
+        raise RuntimeError(f"ambkit read ended with {code}")
     unit = 1 if sys.platform == "darwin" else 1024
-    return Cost(wall, used.ru_utime + used.ru_stime, float(used.ru_maxrss * unit))
+    return Cost(wall, float(cpu), float(most) * unit)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
