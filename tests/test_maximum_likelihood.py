@@ -15,8 +15,9 @@ from hypothesis import strategies as st
 from ambkit import AmbkitError, Bearing, Record, Scenario, Sine, simulate
 from ambkit.identification.likelihood import Likelihood
 from ambkit.identification.loop_model import LoopModel, delayed, lagged, limited
-from ambkit.identification.maximum_likelihood import maximum_likelihood
+from ambkit.identification.maximum_likelihood import _climb, _hold, maximum_likelihood
 from ambkit.identification.parameters import PARAMETERS, USUAL, Coordinates, named
+from ambkit.units import engineering
 from benchmarks.identification import START, TRUTH, closed_loops, judged
 
 SEEDS = 12
@@ -89,6 +90,20 @@ def test_k_and_m_from_one_experiment_are_told_to_be_alike(records):
     with pytest.raises(AmbkitError, match="mass was not found: magnet_constant"):
         found.standard_error("mass")
     assert found.standard_error("magnet_constant") > 0
+
+
+def test_what_looks_like_another_is_held_where_it_was_given(records):
+    """However far the search has drifted along k/m, the rest is found anew, and not kept there."""
+    mass, k = TRUTH.bearing.rotor.mass, TRUTH.bearing.magnet.magnet_constant
+    far = TRUTH.replace(rotor__mass=1e4 * mass, magnet__magnet_constant=1e4 * k)
+    rest = named(["magnet_constant"])
+    best = _climb(records[:1], TRUTH, rest, 0.01)
+    drifted = replace(best, model=far, local=replace(best.local, value=best.local.value + 50))
+    mass_of = named(["mass"])[0]
+    model, at = _hold(records[:1], drifted, mass_of, rest, TRUTH, 0.01, TRUTH)
+    assert model.bearing.rotor.mass == mass
+    assert model.bearing.magnet.magnet_constant == pytest.approx(k, rel=0.1)
+    assert at == engineering(mass, "kg", 3)
 
 
 def test_what_a_record_does_not_depend_on_is_held(records):

@@ -25,6 +25,9 @@ Array = NDArray[np.float64]
 LEAST_EIGENVALUE = 1e-5
 """Of the information, scaled to a diagonal of ones: below it, some parameters look like others."""
 
+ALIKE = "cannot be told apart"
+"""In the reason why a parameter is held: it looks like another that is looked for."""
+
 
 @dataclass(frozen=True, eq=False)
 class Expectation:
@@ -163,7 +166,7 @@ def doubtful(information: Array, parameters: Sequence[Parameter]) -> tuple[Param
     alike = alike_in(information)
     if alike:
         names = " and ".join(parameters[i].name for i in alike)
-        return parameters[alike[-1]], f"{names} cannot be told apart"
+        return parameters[alike[-1]], f"{names} {ALIKE}"
     errors = np.sqrt(np.diag(np.linalg.inv(information)))
     worst = int(np.argmax(errors))
     if errors[worst] > 1.0:

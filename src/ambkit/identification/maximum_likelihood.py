@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ambkit.errors import AmbkitError, RecordError
 from ambkit.estimators import check_sampling
-from ambkit.identification.information import doubtful
+from ambkit.identification.information import ALIKE, doubtful
 from ambkit.identification.likelihood import Likelihood, Local, settling_time
 from ambkit.identification.loop_model import LoopModel
 from ambkit.identification.parameters import NOISES, USUAL, Coordinates, Parameter, named
@@ -284,7 +284,8 @@ def maximum_likelihood(
             break
         parameter, why = worst
         parameters = [p for p in parameters if p is not parameter]
-        begin, at = _hold(several, found, parameter, parameters, given, settling)
+        from_start = begin if ALIKE in why else None
+        begin, at = _hold(several, found, parameter, parameters, given, settling, from_start)
         held[parameter.name] = f"{why}; held at {at}"
         if not parameters:
             raise AmbkitError(
@@ -378,17 +379,27 @@ def _hold(
     rest: list[Parameter],
     given: LoopModel,
     settling: float,
+    alike_from: LoopModel | None,
 ) -> tuple[LoopModel, str]:
     """Return the model with a parameter where the user had it, and that value in words.
 
     What the search made of it means little. But where the value given is far less likely, whatever
     the rest does, as of a noise that turned out to be next to nothing, the value found stays.
+
+    Not so of one that looks like another: from one experiment comes k/m, and the user gave one of
+    them. Both may have drifted far; so the rest is searched from `alike_from`, too, where this
+    search began.
     """
     from ambkit.units import engineering
 
-    model = found.model.replace(**{parameter.place: parameter.of(given)})
+    back = {parameter.place: parameter.of(given)}
+    model = found.model.replace(**back)
     if rest:
-        climbed = _climb(records, model, rest, settling)
+        begins = [model] if alike_from is None else [model, alike_from.replace(**back)]
+        climbed = max(
+            (_climb(records, begin, rest, settling) for begin in begins),
+            key=lambda one: one.local.value,
+        )
         likely = climbed.local.value > found.local.value - MUCH_LESS_LIKELY
-        model = climbed.model if likely else found.model
+        model = climbed.model if likely or alike_from is not None else found.model
     return model, engineering(parameter.of(model), parameter.unit, 3)
