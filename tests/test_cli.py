@@ -18,6 +18,7 @@ import pytest
 
 import ambkit
 from ambkit import recordings
+from ambkit.bearing import GRAVITY
 from ambkit.cli import main
 from ambkit.identification.lift_off import load_points
 from ambkit.reading.guess import guess
@@ -319,6 +320,45 @@ def test_filter_tunes_on_the_beginning_of_a_record(call):
     assert tuned["disturbance_noise"] > 0
     assert tuned["samples"] == plain["samples"]
     assert tuned["prediction"]["10"] < tuned["held"]["10"] < plain["prediction"]["10"]
+
+
+def test_filter_does_not_keep_a_tuning_that_a_later_load_ruins(call):
+    bearing = ambkit.Bearing.preset("zittau_axial")
+    late = ambkit.Scenario(duration=0.6, disturbance=ambkit.Step(amplitude=6.0, time=0.45))
+    run = ambkit.simulate(bearing, late)
+    ambkit.Record(run.t, {n: run[n] for n in "yu"}, {"y": "m", "u": "V"}).save("late.csv")
+    asked = ("filter", "late.csv", "--bearing", "zittau_axial", "--estimator", "linear", "--json")
+    found = call(*asked)
+    untuned = (2 * bearing.rotor.mass * GRAVITY) ** 2
+    assert found.json["estimators"]["linear"]["disturbance_noise"] == pytest.approx(untuned)
+    assert "fits the rest of the record worse than the untuned" in found.err
+    kept = call(*asked, "--tune", "0.3 s")
+    assert kept.json["estimators"]["linear"]["disturbance_noise"] < untuned
+    assert "the tuning is the first suspect; --disturbance-noise sets it" in kept.err
+
+
+def test_filter_and_identify_refuse_a_record_in_the_wrong_unit(call, made):
+    run = ambkit.Record.load(made / "run.csv")
+    signals = {"y": 1e3 * (run["y"] + 2e-5), "u": run["u"]}
+    ambkit.Record(run.t, signals, {"y": "m", "u": "V"}).save("wrong.csv")
+    for command in ("filter", "identify", "check"):
+        found = call(command, "wrong.csv", "--bearing", "zittau_axial")
+        assert found.code == 2
+        assert "beyond the air gap of 2 mm: is a unit, scale or offset wrong?" in found.err
+
+
+def test_tuning_beyond_the_end_and_a_part_that_is_not_there(call, made):
+    asked = ("filter", made / "run.csv", "--bearing", "zittau_axial")
+    assert "--tune must be shorter than the record, 0.3 s" in call(*asked, "--tune", "1 s").err
+    assert "no samples from 1 s on: it goes from 0" in call(*asked, "--from", "1 s").err
+
+
+def test_train_refuses_a_force_beyond_the_air_gap(call):
+    rows = [f"{i},{x},{i + x}" for x in (-600, -200, 200, 600) for i in (-1.5, -0.5, 0.5, 1.5)]
+    Path("f.csv").write_text("\n".join(["iu [A],x [cm],f_mag [N]", *rows]) + "\n")
+    found = call("train", "zittau_axial", "--map", "f.csv")
+    assert found.code == 2
+    assert "--map: x must stay within the air gap, 2 mm, reaches -6 m" in found.err
 
 
 def test_filter_smooths(call, made):

@@ -228,7 +228,7 @@ def test_between():
     np.testing.assert_array_equal(part.t, record.t[3:7])
     assert len(record.between(stop=0.5)) == 5
     assert len(record.between(0.5)) == 6
-    with pytest.raises(RecordError, match=r"no samples from 2.0 to 3.0 s: it goes from 0 to 1 s"):
+    with pytest.raises(RecordError, match=r"no samples from 2 to 3 s: it goes from 0 to 1 s"):
         record.between(2.0, 3.0)
 
 

@@ -136,9 +136,15 @@ def judge(
     first = max(1, round(settling / record.sampling_time))
     taken = estimate.used[first:]
     if not taken.any():
+        flags = _flags(estimate.status[first:])
+        there = int(np.isfinite(record["y"][first:]).sum())
+        if flags.get("missing", 0) > taken.size - there:  # the core has one flag for both
+            absent = taken.size - there
+            flags["far beyond the travel"] = flags.pop("missing") - absent
+            flags |= {"missing": absent} if absent else {}
         raise RecordError(
             f"no measurement could be taken in: of {taken.size} samples "
-            + ", ".join(f"{n} {flag}" for flag, n in _flags(estimate.status[first:]).items())
+            + ", ".join(f"{n} {flag}" for flag, n in flags.items())
         )
     innovation = estimate.innovation[first:][taken]
     variance = estimate.innovation_variance[first:][taken]

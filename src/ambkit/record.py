@@ -132,7 +132,10 @@ class Record:
         last = len(self) if stop is None else int(np.searchsorted(self.t, stop - half))
         if last - first < 2:
             span = f"it goes from {self.t[0]:g} to {self.t[-1]:g} s"
-            raise RecordError(f"the record has no samples from {start} to {stop} s: {span}")
+            asked = "" if start is None else f" from {start:g} s on"
+            if stop is not None:
+                asked = f" before {stop:g} s" if start is None else f" from {start:g} to {stop:g} s"
+            raise RecordError(f"the record has no samples{asked}: {span}")
         part = slice(first, last)
         return Record(
             self.t[part], {name: self[name][part] for name in self}, self.units, self.meta

@@ -19,15 +19,21 @@ DECADES = (-8.0, 1.0)
 """Range of the search, in decades around ``(2 m g)^2`` a second."""
 
 
-def log_likelihood(estimate: Estimate) -> float:
+def default_disturbance(bearing: Bearing) -> float:
+    """Growth of the disturbance force's variance that an untuned filter assumes [N^2/s]."""
+    return float((2 * bearing.rotor.mass * GRAVITY) ** 2)
+
+
+def log_likelihood(estimate: Estimate, first: int = 1) -> float:
     """Log likelihood of the measurements that a filter took in (Schweppe 1965), up to a constant.
 
     ``-1/2 sum(ln S + e^2/S)`` over the innovations e and the variances S that the filter expected;
-    the first sample, which the filter starts from, does not count. An outlier does: a filter that
-    leaves out what it did not expect is not the more likely for it.
+    the first sample, which the filter starts from, does not count, nor what is before sample
+    `first`. An outlier does: a filter that leaves out what it did not expect is not the more likely
+    for it.
     """
     taken = estimate.used | (estimate.status & np.uint16(Status.OUTLIER) != 0)
-    taken[:1] = False
+    taken[: max(1, first)] = False
     return float(-0.5 * np.sum(np.log(estimate.innovation_variance[taken]) + estimate.nis[taken]))
 
 
@@ -55,7 +61,7 @@ def most_likely_disturbance(
     """
     from scipy.optimize import minimize_scalar
 
-    own = (2 * bearing.rotor.mass * GRAVITY) ** 2
+    own = default_disturbance(bearing)
 
     def cost(decade: float) -> float:
         return -log_likelihood(make(own * 10**decade).run(record))

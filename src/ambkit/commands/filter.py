@@ -89,8 +89,9 @@ def filter_record(
             metavar="TIME",
             help="Find how fast the load wanders, as the first TIME of the record makes most "
             "likely; that time does not count in the table. Default with a measured record: its "
-            "second quarter (the first is often a start), judged on the second half; with a "
-            "simulated one nothing is tuned, and it is (2 m g)^2 a second.",
+            "second quarter (the first is often a start), judged on the second half, and kept "
+            "only if it fits that better than the untuned. With a simulated record nothing is "
+            "tuned, and it is (2 m g)^2 a second.",
         ),
     ] = None,
     smooth: Annotated[
@@ -116,12 +117,16 @@ def filter_record(
     For example:
       ambkit filter run.csv --bearing zittau_axial --out estimates.csv --plot estimates.html
     """
+    from dataclasses import replace
+
     from ambkit import plots
     from ambkit.commands import output
+    from ambkit.commands.belonging import check_belongs
     from ambkit.commands.family import factories
     from ambkit.estimators import FilterNoise
     from ambkit.judgement import judge
     from ambkit.record import Record
+    from ambkit.tuning import default_disturbance
 
     if tune is not None and noise_d is not None:
         raise AmbkitError("--tune finds what --disturbance-noise gives: use one of them")
@@ -132,10 +137,17 @@ def filter_record(
     log = Record.load(record, channel_map)
     if begin is not None or end is not None:
         log = log.between(begin, end)
-    tune_from = 0.0
+    check_belongs(record, log, model)
+    span = float(log.t[-1] - log.t[0])
+    if tune is not None and not tune < span:
+        raise AmbkitError(
+            f"--tune must be shorter than the record, {span:.4g} s, and leave time to judge by; "
+            f"is {tune:g} s"
+        )
+    tune_from, by_itself = 0.0, False
     if tune is None and noise_d is None and not log.has_truth:
-        tune = float(log.t[-1] - log.t[0]) / 2
-        tune_from = tune / 2
+        tune = span / 2
+        tune_from, by_itself = tune / 2, True
         first = log.t[0]
         output.note(
             f"tuned from {first + tune_from:.3g} to {first + tune:.3g} s, judged on the rest"
@@ -148,6 +160,13 @@ def filter_record(
         for name, build in built.items():
             assumed[name] = noise if tune is None else _tuned(build, noise, log, tune_from, tune)
             judged[name] = judge(build(assumed[name]), log, horizons=HORIZONS, settling=late)
+            if tune is not None:
+                plain = replace(noise, disturbance=default_disturbance(model))
+                untuned = judge(build(plain), log, horizons=HORIZONS, settling=late)
+                if _worse(judged[name], untuned):
+                    output.note(_of_tuning(name, assumed[name], plain, by_itself))
+                    if by_itself:
+                        assumed[name], judged[name] = plain, untuned
             if smooth:
                 smoothed[name] = build(assumed[name]).smooth(log)
             done()
@@ -172,6 +191,27 @@ def filter_record(
             (plot, lambda path: plots.save_figure(figure(log, judged, smoothed), path)),
         ],
         as_json=json,
+    )
+
+
+def _worse(tuned: Judgement, untuned: Judgement) -> bool:
+    """Whether what a filter was not tuned on is less likely to it than to the untuned one."""
+    from ambkit.tuning import log_likelihood
+
+    first = len(tuned.estimate.t) - tuned.samples
+    return log_likelihood(tuned.estimate, first) < log_likelihood(untuned.estimate, first)
+
+
+def _of_tuning(name: str, tuned: FilterNoise, untuned: FilterNoise, by_itself: bool) -> str:
+    then = (
+        "so the untuned one is used, chosen by what it is judged on"
+        if by_itself
+        else "so the tuning is the first suspect"
+    )
+    return (
+        f"{name}: tuned load noise, {tuned.disturbance:.3g} N^2/s, fits the rest of the record "
+        f"worse than the untuned, {untuned.disturbance:.3g} N^2/s (the load moved otherwise "
+        f"there), {then}; --disturbance-noise sets it, --tune another stretch"
     )
 
 

@@ -150,6 +150,7 @@ def identify(
       ambkit identify run.csv --bearing my.toml --start "4 N mm^2/A^2" --plot found.png
       ambkit identify --lift-off points.csv --bearing inteco_ml --working-point "10 mm"
     """
+    from ambkit.commands.belonging import check_belongs
     from ambkit.commands.identify_likelihood import Asked, by_likelihood
     from ambkit.commands.identify_online import learn_online
     from ambkit.record import Record
@@ -192,6 +193,7 @@ def identify(
         log = Record.load(record[0], channel_map)
         if begin is not None or end is not None:
             log = log.between(begin, end)
+        check_belongs(record[0], log, known)
         learn_online(log, known, method, start, disturbance, out, plot, json)
     elif lift_off is not None:
         if out is not None and working_point is None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ambkit.commands import output
+from ambkit.commands.belonging import check_belongs
 from ambkit.commands.options import arguments_of_the_user
 from ambkit.commands.output import value
 from ambkit.errors import AmbkitError
@@ -63,6 +64,8 @@ def by_likelihood(asked: Asked, known: Bearing) -> None:
         )
     records = [_load(path, asked) for path in asked.records]
     others = [_load(path, asked) for path in asked.validate]
+    for path, record in zip([*asked.records, *asked.validate], records + others, strict=True):
+        check_belongs(path, record, known)
     with arguments_of_the_user(), output.progress("identifying") as done:
         found = maximum_likelihood(records, start, free, note=done)
         checks = [

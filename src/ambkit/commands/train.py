@@ -95,6 +95,8 @@ def train(
         )
     model = find_bearing(bearing)
     table = None if force is None else load_force_table(force)
+    if table is not None:
+        _check_gap(table, model)
     options: dict[str, Any] = {
         "method": method.value,
         "weights": method is Method.least_squares if weights is None else weights,
@@ -131,6 +133,18 @@ def train(
         [(out, expert.save), (plot, draw)],
         as_json=json,
     )
+
+
+def _check_gap(table: ForceTable, bearing: Bearing) -> None:
+    """Raise AmbkitError where a force table has displacements that no rotor reaches."""
+    from ambkit.units import engineering
+
+    gap, farthest = bearing.magnet.air_gap, max(table.displacement.tolist(), key=abs)
+    if abs(farthest) >= gap:
+        raise AmbkitError(
+            f"--map: x must stay within the air gap, {engineering(gap, 'm')}, reaches "
+            f"{engineering(farthest, 'm')}: is a unit, scale or offset wrong?"
+        )
 
 
 def _shape(text: str) -> Shape | None:

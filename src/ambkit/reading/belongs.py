@@ -55,9 +55,14 @@ def judge_record(record: Record, bearing: Bearing) -> Verdict:
     return Verdict(tuple(problems), tuple(remarks))
 
 
+def off_rate(record: Record, bearing: Bearing) -> bool:
+    """Whether a record's sampling time is not the bearing's."""
+    return abs(record.sampling_time / bearing.sampling_time - 1) > 1e-3
+
+
 def _rate(record: Record, bearing: Bearing) -> Iterator[str]:
     ours, theirs = record.sampling_time, bearing.sampling_time
-    if abs(ours / theirs - 1) > 1e-3:
+    if off_rate(record, bearing):
         yield (
             f"it is sampled every {engineering(ours, 's', digits=4)}, the bearing's sampling_time "
             f"is {engineering(theirs, 's', digits=4)}"
