@@ -11,6 +11,7 @@ from ambkit.comparison import compare
 from ambkit.identification.lift_off import load_points
 from ambkit.identification.lift_off_fit import fit_lift_off
 from ambkit.judgement import judge
+from ambkit.report import style
 from ambkit.report.items import Bars, Heatmap, Line, Points
 from ambkit.report.style import SIGNALS
 
@@ -150,3 +151,15 @@ def test_the_ending_says_how_to_draw(run, bearing, tmp_path):
     with pytest.raises(ambkit.AmbkitError, match=r"a.pdf: cannot draw .pdf, use .png, .svg, .html"):
         plots.save_figure(figure, tmp_path / "a.pdf")
     assert {path.name for path in tmp_path.iterdir()} == {"a.PNG", "a.svg", "a.html"}
+
+
+@pytest.mark.parametrize("colours", [style.SEQUENTIAL, style.DIVERGING])
+def test_text_on_cells_can_be_read(colours):
+    """Its contrast is at least 4 to 1 (WCAG 2 asks 4.5 of small, 3 of large text)."""
+    for place in np.linspace(0, 1, len(colours)):
+        lights = []
+        for colour in (style.ink_on(colours, place), colours[round(place * (len(colours) - 1))]):
+            parts = np.array([int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)])
+            linear = np.where(parts <= 0.04, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+            lights.append(linear @ [0.2126, 0.7152, 0.0722] + 0.05)
+        assert max(lights) / min(lights) >= 4.0

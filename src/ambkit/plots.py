@@ -177,8 +177,9 @@ def filter_figure(
             )
         ]
 
+    absent = _absent(record)
     innovations = [
-        Panel(TIME, Axis(f"innov. {name}", "µm", 1e6), _innovation(judgement))
+        Panel(TIME, Axis(f"innov. {name}", "µm", 1e6), [*_innovation(judgement), *absent])
         for name, judgement in judged.items()
     ]
     position = [*known("y", "measured"), *known("r", "reference"), *true("x"), *told("x")]
@@ -191,12 +192,22 @@ def filter_figure(
         title=f"Estimates along {record.meta.get('source') or 'the record'}",
         caption="Bounds: two standard deviations of the innovation as the filter expects it.",
         panels=[
-            Panel(TIME, POSITION, [*position, *known("x_logged", "logged")]),
-            Panel(TIME, _limited(VELOCITY, velocity, settled), velocity),
-            Panel(TIME, _limited(DISTURBANCE, disturbance, settled), disturbance),
+            Panel(TIME, POSITION, [*position, *known("x_logged", "logged"), *absent]),
+            Panel(TIME, _limited(VELOCITY, velocity, settled), [*velocity, *absent]),
+            Panel(TIME, _limited(DISTURBANCE, disturbance, settled), [*disturbance, *absent]),
             *innovations,
         ],
     )
+
+
+def _absent(record: Record) -> list[Item]:
+    """Mark where nothing was measured."""
+    from ambkit.reading.picture import missing_spans
+
+    t, lost = record.t, np.isnan(record["y"])
+    edges = np.flatnonzero(np.diff(np.r_[False, lost, False]))
+    stretches = [(float(t[a]), float(t[b - 1])) for a, b in edges.reshape(-1, 2)]
+    return list(missing_spans(stretches, t))
 
 
 def _looks(names: Iterable[str]) -> Iterator[tuple[str, str | None]]:

@@ -98,7 +98,7 @@ def _deliver(found: Study, wanted: Wanted) -> None:
         [*tables, *_notes(bench)],
         [
             (wanted.out, lambda path: _save(path, {bench.case.name: bench})),
-            (wanted.plot, lambda path: plots.save_figure(matrix_figure(bench), path)),
+            (wanted.plot, lambda path: plots.save_figure(matrix_figure(bench, alone=True), path)),
             (wanted.report, lambda path: _write_report(path, report_of(found))),
         ],
         as_json=wanted.as_json,

@@ -44,7 +44,7 @@ def _looks(names: Sequence[str]) -> Iterator[tuple[str, str]]:
         yield name, look(name, others)
 
 
-def matrix_figure(bench: Bench, id: str = "matrix") -> Figure:
+def matrix_figure(bench: Bench, id: str = "matrix", *, alone: bool = False) -> Figure:
     """Show all estimators by all criteria, the darker the worse.
 
     Parameters
@@ -53,6 +53,8 @@ def matrix_figure(bench: Bench, id: str = "matrix") -> Figure:
         What was found.
     id : str
         Of the figure.
+    alone : bool
+        Whether it stands without a report around it: what it shows is then written in it.
     """
     standings = list(bench.best.values())
     names = [name for name in CRITERIA if any(np.isfinite(s.mean(name)) for s in standings)]
@@ -60,12 +62,19 @@ def matrix_figure(bench: Bench, id: str = "matrix") -> Figure:
     texts = [[_text(standing, CRITERIA[name]) for name in names] for standing in standings]
     how = "tuned alike" if bench.tuned else "with their defaults"
     cells = Cells([_head(CRITERIA[name]) for name in names], list(bench.best), shade, texts)
+    runs = f"{bench.runs} runs" if bench.runs > 1 else "1 run"
+    about = f"{bench.bearing.name}, {bench.case.name}: {bench.case.title}; {runs}, {how}"
+    shades = (
+        f"palest of a column: best, or as it should be; darkest: {TIMES:g} times as bad, or more"
+    )
     return Figure(
         id=id,
         title=f"All estimators by all criteria, {how}",
         caption="The palest of a column is the best, or as it should be; the darkest is "
         f"{TIMES:g} times as bad, or more. Empty: the criterion does not apply.",
-        panels=[Panel(Axis(""), Axis(""), [cells])],
+        panels=[
+            Panel(Axis(shades if alone else ""), Axis(""), [cells], title=about if alone else "")
+        ],
     )
 
 

@@ -67,7 +67,7 @@ def _channel(record: Record, name: str, faults: Iterable[Fault]) -> Panel:
             items.append(Line(t, _only(t, values, found), signal=kind))
     missing = [fault for fault in faults if _MARKED.get(fault.kind) and fault.signal in (name, "t")]
     missing += [fault for fault in own if fault.action == "taken as missing"]
-    items += _spans(missing, t)
+    items += missing_spans([(fault.start, fault.stop) for fault in missing], t)
     constant = next((fault.text for fault in own if fault.kind == "constant"), "")
     axis = _axis(name, record.units[name], values)
     if constant:
@@ -96,12 +96,15 @@ def _only(t: Array, values: Array, faults: Iterable[Fault]) -> Array:
     return found
 
 
-def _spans(faults: Iterable[Fault], t: Array) -> Iterator[Item]:
-    """Mark stretches, widened so that one sample is seen, and joined where they would overlap."""
+def missing_spans(stretches: Iterable[tuple[float, float]], t: Array) -> Iterator[Item]:
+    """Mark stretches [s] without samples.
+
+    They are widened so that one sample is seen, and joined where they would overlap.
+    """
     least = NARROWEST * float(t[-1] - t[0])
     joined: list[tuple[float, float]] = []
-    for fault in sorted(faults, key=lambda fault: fault.start):
-        middle, half = (fault.start + fault.stop) / 2, max(fault.stop - fault.start, least) / 2
+    for first, last in sorted(stretches):
+        middle, half = (first + last) / 2, max(last - first, least) / 2
         start, stop = middle - half, middle + half
         if joined and start <= joined[-1][1]:
             joined[-1] = joined[-1][0], max(stop, joined[-1][1])

@@ -17,6 +17,7 @@ from ambkit.report.static_items import WIDTH, draw_item, legend_handle
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import XAxis, YAxis
     from matplotlib.figure import Figure as Canvas
 
 PIXELS_PER_INCH = 200
@@ -199,7 +200,8 @@ def _layout(figure: Figure, top: float) -> tuple[float, list[tuple[float, float,
             places.append((left, depth, cell - _LEFT - names - _RIGHT - bar))
         depth += panel_height
         joined = all(figure.shares_x(index) or figure.panels[index].cells for index in row)
-        depth += 0.12 if joined else _BOTTOM
+        below = any(each and figure.panels[n].x.title for n, each in enumerate(cells) if n in row)
+        depth += (_ROW + 0.1 if below else 0.12) if joined else _BOTTOM
     return depth, [
         (left / WIDTH, 1 - (down + panel_height) / depth, width / WIDTH, panel_height / depth)
         for left, down, width in places
@@ -226,6 +228,9 @@ def _draw_panel(axes: "Axes", panel: Panel, labelled: bool) -> None:
     for axis, set_limits in ((panel.x, axes.set_xlim), (panel.y, axes.set_ylim)):
         if axis.limits:
             set_limits(axis.limits[0] * axis.factor, axis.limits[1] * axis.factor)
+    for scale, drawn in ((panel.x.scale, axes.xaxis), (panel.y.scale, axes.yaxis)):
+        if scale == "log":
+            _plain_numbers(drawn)
     axes.set_title(panel.title)
     axes.set_ylabel(panel.y.title)
     width = axes.get_position().width * WIDTH
@@ -233,7 +238,24 @@ def _draw_panel(axes: "Axes", panel: Panel, labelled: bool) -> None:
     if labelled:
         axes.set_xlabel(panel.x.title)
     else:
-        axes.tick_params(axis="x", labelbottom=False)
+        axes.tick_params(axis="x", which="both", labelbottom=False)
+
+
+def _plain_numbers(axis: "XAxis | YAxis") -> None:
+    """Write 30, 60, 100 on a logarithmic axis, and not powers, where the numbers are short."""
+    from matplotlib.ticker import FuncFormatter, NullFormatter
+
+    low, high = sorted(axis.get_view_interval())
+    if not 1e-4 < low < high < 1e5:
+        return
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.4g}"))
+    # Over few decades the powers of ten alone are too few to read a value.
+    shown = "36" if high < 100 * low else ""
+
+    def between(value: float, _: object) -> str:
+        return f"{value:.4g}" if f"{value:.0e}"[0] in shown else ""
+
+    axis.set_minor_formatter(FuncFormatter(between) if shown else NullFormatter())
 
 
 def _shorten(svg: str) -> str:

@@ -130,7 +130,8 @@ def _draw_cells(axes: "Axes", item: Cells) -> None:
     )
     for place in np.ndindex(item.shade.shape):
         text = item.texts[place[0]][place[1]]
-        axes.text(place[1], place[0], text, ha="center", va="center", fontsize=7.0)
+        ink = style.ink_on(colours, float(item.shade[place]))
+        axes.text(place[1], place[0], text, ha="center", va="center", fontsize=7.0, color=ink)
     axes.set_yticks(range(len(item.rows)), item.rows)
     axes.set_xticks(range(len(item.columns)), item.columns)
     axes.set_ylim(len(item.rows) - 0.5, -0.5)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 BLACK, GREY, PALE = "#000000", "#6E6E6E", "#B4BFC9"
 BLUE, VERMILION, GREEN = "#00649E", "#D55E00", "#009E73"
-PURPLE, OCHRE, TAN, RED = "#9B4A86", "#A67600", "#B58C3C", "#B3261E"
+PURPLE, OCHRE, TAN, RED, TEAL = "#9B4A86", "#A67600", "#B58C3C", "#B3261E", "#5A9696"
 
 SOLID: tuple[float, ...] = ()
 LONG, DASH, DOT = (7.0, 2.5), (4.0, 2.0), (1.2, 1.8)
@@ -20,7 +20,7 @@ INK, FRAME, GRID, PAPER = "#1D2329", "#8A949E", "#E3E7EB", "#FFFFFF"
 """Text, frame of the axes, grid lines, background."""
 
 SEQUENTIAL = ("#FBF7DC", "#D9EBC8", "#A8D8C1", "#74BDC1", "#4A9DBC", "#3579A8")
-"""Heat maps from low to high: ever darker, so that grey tells the same; dark text shows."""
+"""Heat maps from low to high: ever darker, so that grey tells the same."""
 
 DIVERGING = ("#3C75B0", "#7FA9D3", "#BCD4E8", "#F5F5F2", "#F0CBA9", "#DB9A66", "#B9682F")
 """Heat maps of signed values: blue below zero, brown above."""
@@ -79,7 +79,7 @@ SIGNALS = {
     "force": Style("magnet force", GREEN, SOLID, 1.3, layer=3),
     "identified": Style("identified", BLUE, SOLID, 1.4, layer=5),
     "fit": Style("fit", BLUE, SOLID, 1.4, layer=4),
-    "innovation": Style("innovation", TAN, SOLID, 0.6, layer=2),
+    "innovation": Style("innovation", TEAL, SOLID, 0.6, layer=2),
     "bound": Style("bound", BLACK, LONG, 1.1, layer=4),
     "limit": Style("limit", RED, DOT, 1.4, layer=2),
     "channel": Style("as read", BLUE, SOLID, 0.8, layer=3),
@@ -136,6 +136,34 @@ def style_of(signal: str) -> Style:
     near = difflib.get_close_matches(signal, SIGNALS, n=1)
     hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(SIGNALS)}"
     raise ValueError(f"unknown signal {signal!r}: {hint}")
+
+
+def ink_on(colours: tuple[str, ...], place: float) -> str:
+    """Colour of text that is readable on a colour of a scale.
+
+    Parameters
+    ----------
+    colours : tuple of str
+        The scale, ``#RRGGBB`` each.
+    place : float
+        Where on it, from 0 to 1; NaN is the empty background.
+
+    Returns
+    -------
+    str
+        `INK`, or white where that has more contrast (relative luminances of WCAG 2).
+    """
+    if not 0 <= place <= 1:
+        return INK
+    behind = _luminance(colours[round(place * (len(colours) - 1))])
+    dark = (behind + 0.05) / (_luminance(INK) + 0.05)
+    return INK if dark >= 1.05 / (behind + 0.05) else PAPER
+
+
+def _luminance(colour: str) -> float:
+    parts = (int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
+    linear = (p / 12.92 if p <= 0.03928 else ((p + 0.055) / 1.055) ** 2.4 for p in parts)
+    return sum(w * p for w, p in zip((0.2126, 0.7152, 0.0722), linear, strict=True))
 
 
 def tint(colour: str, strength: float) -> str:
