@@ -361,6 +361,19 @@ def test_train_refuses_a_force_beyond_the_air_gap(call):
     assert "--map: x must stay within the air gap, 2 mm, reaches -6 m" in found.err
 
 
+def test_train_names_the_nodes_that_were_hardly_measured(call):
+    rows = [
+        f"{i},{x},{i + 9 * x},{100 if i == 1.5 and x == 0.6 else 0.1}"
+        for x in (-0.6, -0.2, 0.2, 0.6)
+        for i in (-1.5, -0.5, 0.5, 1.5)
+    ]
+    Path("f.csv").write_text("\n".join(["iu [A],x [mm],f_mag [N],f_std [N]", *rows]) + "\n")
+    found = call("train", "zittau_axial", "--map", "f.csv", "--rules", "5x5")
+    assert "1 of 16 nodes were hardly measured" in found.err
+    assert "1.5 A at 0.6 mm; do not trust the expert there" in found.err
+    assert "of the trained expert, in standard errors" in found.out
+
+
 def test_filter_smooths(call, made):
     asked = ("filter", made / "run.csv", "--bearing", "zittau_axial", "--estimator", "closed-law",
              "--smooth")  # fmt: skip

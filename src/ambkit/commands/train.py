@@ -116,6 +116,8 @@ def train(
         stiff = _map(model, table, shape)
         expert = training.train(stiff, **options)
     data = _summary(expert, stiff, model)
+    if table is not None:
+        _warn(data, table)
     tables = [_table(data)]
     if choice is not None:
         data["choice"] = _choice(choice)
@@ -252,7 +254,56 @@ def _summary(expert: Expert, stiff: StiffnessMap, bearing: Bearing) -> dict[str,
         "displacement_range": expert.displacement_range,
         "force_rms": stiff.force_rms(),
         "force_error_rms": {name: stiff.force_rms(model) for name, model in models.items()},
+        "force_error_weighted": _weighted(models, expert, stiff),
     }
+
+
+def _weighted(
+    models: dict[str, Any], expert: Expert, stiff: StiffnessMap
+) -> dict[str, float] | None:
+    """RMS errors in standard errors of the measured force; None where those are not known."""
+    import numpy as np
+
+    from ambkit.fuzzy.lesson import rms
+    from ambkit.identification.force_table import ForceTable
+
+    if not isinstance(stiff.force, ForceTable) or stiff.force.standard_error is None:
+        return None
+    iu, x = np.meshgrid(
+        np.linspace(*expert.current_range, 21), np.linspace(*expert.displacement_range, 21)
+    )
+    force, std = stiff.force(iu, x), stiff.force.uncertainty(iu, x)
+    assert std is not None  # asked above
+    return {name: rms((np.asarray(model(iu, x)) - force) / std) for name, model in models.items()}
+
+
+def _warn(data: dict[str, Any], table: ForceTable) -> None:
+    """Name the nodes that were hardly measured, and say where the training made things worse."""
+    import numpy as np
+
+    from ambkit.commands import output
+    from ambkit.units import engineering
+
+    std = table.standard_error
+    if std is None:
+        return
+    spread = float(np.std(table.values))
+    nodes = [
+        f"{engineering(table.current[i], 'A', digits=3)} at "
+        f"{engineering(table.displacement[k], 'm', digits=3)}"
+        for k, i in np.argwhere(std > spread)
+    ]
+    if nodes:
+        more = f" and {len(nodes) - 6} more" if len(nodes) > 6 else ""
+        output.note(
+            f"{len(nodes)} of {std.size} nodes were hardly measured, f_std is larger than the "
+            f"spread of the force, {engineering(spread, 'N', digits=3)}: {', '.join(nodes[:6])}"
+            f"{more}; do not trust the expert there"
+        )
+    for errors in (data["force_error_weighted"], data["force_error_rms"]):
+        if errors["trained"] > errors["untrained"]:
+            how = "in standard errors" if errors is data["force_error_weighted"] else "unweighted"
+            output.note(f"the trained expert's error, {how}, is larger than the untrained one's")
 
 
 def _table(data: dict[str, Any]) -> Any:
@@ -269,5 +320,11 @@ def _table(data: dict[str, Any]) -> Any:
         ["error of the untrained expert", f"{value(errors['untrained'], 'N')} rms"],
         ["error of the trained expert", f"{value(errors['trained'], 'N')} rms"],
     ]  # fmt: skip
+    weighted = data["force_error_weighted"]
+    if weighted is not None:
+        rows += [
+            [f"  of the {name} expert, in standard errors", f"{weighted[name]:.3g}"]
+            for name in ("untrained", "trained")
+        ]
     how = f"{trained} by {data['method']}, {data['steps']} steps"
     return table(f"{data['source']}: {data['rules']} rules, {how}", ["", ""], rows)
