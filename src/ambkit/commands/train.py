@@ -291,12 +291,12 @@ def _warn(data: dict[str, Any], table: ForceTable) -> None:
     nodes = [
         f"{engineering(table.current[i], 'A', digits=3)} at "
         f"{engineering(table.displacement[k], 'm', digits=3)}"
-        for k, i in np.argwhere(std > spread)
+        for k, i in np.argwhere(2 * std > spread)
     ]
     if nodes:
         more = f" and {len(nodes) - 6} more" if len(nodes) > 6 else ""
         output.note(
-            f"{len(nodes)} of {std.size} nodes were hardly measured, f_std is larger than the "
+            f"{len(nodes)} of {std.size} nodes were hardly measured, 2 f_std is larger than the "
             f"spread of the force, {engineering(spread, 'N', digits=3)}: {', '.join(nodes[:6])}"
             f"{more}; do not trust the expert there"
         )
