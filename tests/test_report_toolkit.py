@@ -643,14 +643,14 @@ def test_browser_draws_every_figure_and_fetches_nothing(written, tmp_path):
     count = "document.querySelectorAll('.plot.live:has(.main-svg)').length"
     deadline = time.monotonic() + 60
     drawn = 0
-    while drawn < 4 and time.monotonic() < deadline:
+    while drawn < 5 and time.monotonic() < deadline:
         time.sleep(0.1)
         drawn = browser.call("Runtime.evaluate", page, expression=count)["result"].get("value", 0)
     browser.close()
     events = {"requestWillBeSent": [], "entryAdded": [], "exceptionThrown": []}
     for event in browser.events:
         events.get(event["method"].partition(".")[2], []).append(event["params"])
-    assert drawn == 4
+    assert drawn == 5
     asked = {e["request"]["url"][:60] for e in events["requestWillBeSent"]}
     assert {url for url in asked if not url.startswith(("data:", "blob:"))} == {written.as_uri()}
     assert not events["exceptionThrown"]
