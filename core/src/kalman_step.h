@@ -75,6 +75,15 @@ AMB_INLINE amb_status amb_step_predict(const amb_kalman *kf, amb_kalman_state *s
   return amb_step_predict_with(kf, state, f, k);
 }
 
+/* The mean alone one sample on, by the linear law and without noise. */
+AMB_INLINE void amb_step_advance(const amb_kalman *kf, const amb_magnet *magnet, amb_real scale,
+                                 amb_real iu, amb_real mean[AMB_AXIAL_STATES])
+{
+  const amb_stiffness k = amb_step_ask(kf, magnet, iu, mean[0]);
+  const amb_real f = scale * (k.k_i * iu + k.k_s * mean[0]) + kf->set.f_0;
+  amb_axial_predict_mean(&kf->model, f, mean);
+}
+
 /* Counts equal measurements; true once they are too many in a row. */
 AMB_INLINE bool amb_step_frozen(const amb_kalman *kf, amb_kalman_state *state, amb_real y)
 {

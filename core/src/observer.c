@@ -22,9 +22,7 @@ static amb_status reset(const amb_estimator *self, void *state,
 static void advance(const amb_estimator *self, amb_real scale, amb_real iu,
                     amb_real mean[AMB_AXIAL_STATES])
 {
-  const amb_stiffness k = amb_step_ask(self->kf, self->magnet, iu, mean[0]);
-  const amb_real f = scale * (k.k_i * iu + k.k_s * mean[0]) + self->kf->set.f_0;
-  amb_axial_predict_mean(&self->kf->model, f, mean);
+  amb_step_advance(self->kf, self->magnet, scale, iu, mean);
 }
 
 static amb_status predict(const amb_estimator *self, void *state, amb_real u,
