@@ -54,7 +54,40 @@ class AdalineResult:
         return float(self.k[-max(1, len(self.k) // 4) :].std())
 
 
-class Adaline:
+class OnlineIdentifier:
+    """Learns the magnet constant sample by sample, in the C core."""
+
+    core: Any
+
+    def step(self, y: float, u: float, f_d: float = 0.0) -> float:
+        """Learn from one sample.
+
+        Parameters
+        ----------
+        y : float
+            Measured position [m].
+        u : float
+            Control signal that acted since the last sample [V].
+        f_d : float
+            Disturbance force as far as it is known [N].
+
+        Returns
+        -------
+        float
+            Magnet constant so far [N m^2/A^2].
+        """
+        self.core.step(y, u, f_d)
+        return float(self.core.k)
+
+    def _learned(self, record: Record, disturbance: ArrayLike | None) -> dict[str, Any]:
+        """Run the core along a record; return its arrays by name, n samples each."""
+        y = record["y"]
+        f_d = np.zeros_like(y) if disturbance is None else np.broadcast_to(disturbance, y.shape)
+        out = self.core.run(y, record["u"], np.ascontiguousarray(f_d, dtype=float))
+        return dict(out)
+
+
+class Adaline(OnlineIdentifier):
     """Two adaptive linear elements, learning by the normalised Widrow-Hoff rule.
 
     The first finds the magnet's force from the motion (eq. 24), the second the magnet constant
@@ -98,27 +131,7 @@ class Adaline:
         settings = first_element(bearing, start, bandwidth, rate_force, least_excitation)
         self.bearing = bearing
         self.bandwidth = settings["bandwidth"] / (2 * math.pi)
-        self.core: Any = core_module().Adaline(**settings, rate_k=rate_k)
-
-    def step(self, y: float, u: float, f_d: float = 0.0) -> float:
-        """Learn from one sample.
-
-        Parameters
-        ----------
-        y : float
-            Measured position [m].
-        u : float
-            Control signal that acted since the last sample [V].
-        f_d : float
-            Disturbance force as far as it is known [N].
-
-        Returns
-        -------
-        float
-            Magnet constant so far [N m^2/A^2].
-        """
-        self.core.step(y, u, f_d)
-        return float(self.core.k)
+        self.core = core_module().Adaline(**settings, rate_k=rate_k)
 
     def run(self, record: Record, *, disturbance: ArrayLike | None = None) -> AdalineResult:
         """Learn along a record.
@@ -130,9 +143,7 @@ class Adaline:
         disturbance : array_like (n,), optional
             Disturbance force as far as it is known [N].
         """
-        y = record["y"]
-        f_d = np.zeros_like(y) if disturbance is None else np.broadcast_to(disturbance, y.shape)
-        out = self.core.run(y, record["u"], np.ascontiguousarray(f_d, dtype=float))
+        out = self._learned(record, disturbance)
         return AdalineResult(
             record.t, out["force"], out["k"], np.sqrt(out["excitation"]), out["status"] != 0
         )

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ambkit.identification.adaline import AdalineResult, first_element
+from ambkit.identification.adaline import AdalineResult, OnlineIdentifier, first_element
 from ambkit.magnets import core_module
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ class LeastSquaresResult(AdalineResult):
     load: Array
 
 
-class RecursiveLeastSquares:
+class RecursiveLeastSquares(OnlineIdentifier):
     """Magnet constant, and a load that nobody knows, by least squares with forgetting.
 
     ADALINE's first element finds the force of the magnet from the motion (eq. 24). Where its
@@ -86,33 +86,13 @@ class RecursiveLeastSquares:
             raise ValueError(f"load must be 'unknown' or 'known', got {load!r}")
         settings = first_element(bearing, start, bandwidth, rate_force, least_excitation)
         self.bearing = bearing
-        self.core: Any = core_module().MagnetRls(
+        self.core = core_module().MagnetRls(
             **settings,
             forgetting=forgetting,
             with_load=load == "unknown",
             # ADALINE's force starts from the start of k, and forgets it as (1 - rate)^n.
             settling=math.ceil(8 / rate_force),
         )
-
-    def step(self, y: float, u: float, f_d: float = 0.0) -> float:
-        """Learn from one sample.
-
-        Parameters
-        ----------
-        y : float
-            Measured position [m].
-        u : float
-            Control signal that acted since the last sample [V].
-        f_d : float
-            Disturbance force as far as it is known [N].
-
-        Returns
-        -------
-        float
-            Magnet constant so far [N m^2/A^2].
-        """
-        self.core.step(y, u, f_d)
-        return float(self.core.k)
 
     def run(self, record: Record, *, disturbance: ArrayLike | None = None) -> LeastSquaresResult:
         """Learn along a record.
@@ -124,9 +104,7 @@ class RecursiveLeastSquares:
         disturbance : array_like (n,), optional
             Disturbance force as far as it is known [N].
         """
-        y = record["y"]
-        f_d = np.zeros_like(y) if disturbance is None else np.broadcast_to(disturbance, y.shape)
-        out = self.core.run(y, record["u"], np.ascontiguousarray(f_d, dtype=float))
+        out = self._learned(record, disturbance)
         return LeastSquaresResult(
             t=record.t,
             force=out["force"],
