@@ -13,13 +13,15 @@ from scipy.stats import chi2
 import ambkit
 from ambkit import AmbkitError, Bearing
 from ambkit.comparison import cases, criteria
-from ambkit.comparison.bench import bench, sweep
+from ambkit.comparison.bench import Sweep, bench, sweep
 from ambkit.comparison.cases import CASES, trials, walk_case
 from ambkit.comparison.contenders import PythonEstimator, contenders, expand
+from ambkit.comparison.figures import cases_figure, matrix_figure, sweep_figure
 from ambkit.comparison.report import report_of
 from ambkit.comparison.spread import CERTAIN, Spread
 from ambkit.comparison.study import learned, pieces_of, study
 from ambkit.comparison.tune import errors, tune
+from ambkit.report.items import Axis
 from ambkit.simulation import Imposed
 
 BEARING = Bearing.preset("zittau_axial")
@@ -315,6 +317,33 @@ def test_the_report_of_a_whole_study() -> None:
     assert model is not None
     # Own code that is the linear filter, to the last digit.
     assert model.efficiency("mine", "x") == pytest.approx(model.efficiency("linear", "x"))
+
+
+def test_a_picture_that_stands_alone_says_what_it_shows() -> None:
+    found = bench(BEARING, SHORT, FAMILY, runs=2)
+    matrix = matrix_figure(found, alone=True).panels[0]
+    assert matrix.title.startswith(f"zittau_axial, {SHORT.name}: {SHORT.title}; 2 runs, ")
+    assert "darkest" in matrix.x.title
+    cases = cases_figure({"here": found, "there": found}, alone=True).panels[0]
+    assert cases.title.startswith("zittau_axial: error of ")
+    assert cases.title.endswith("over that of linear; 2 runs in each case, with their defaults")
+    assert "blue" in cases.x.title
+    assert cases_figure({"here": found}).panels[0].title == ""
+
+
+def test_a_sweep_shows_whole_intervals_and_one_lost_filter_hides_none() -> None:
+    values = np.array([0.1, 0.2])
+    means = {"linear": {"x": values}, "extended": {"x": values}, "low-pass": {"x": 100 * values}}
+    widths = {name: {"x": np.array([np.nan, 0.1])} for name in means}
+
+    def top(*names: str) -> float:
+        shown = Sweep(values, {n: means[n] for n in names}, {n: widths[n] for n in names}, {})
+        panel = sweep_figure("swept", shown, Axis("step"), "", "", ["x"]).panels[0]
+        assert panel.y.limits is not None
+        return panel.y.limits[1]
+
+    assert 0.3 < top("linear") < 0.35
+    assert 0.3 < top(*means) < 1.5
 
 
 # ---- estimators of one's own ----

@@ -123,7 +123,7 @@ def _deliver_all(bearing: Bearing, benches: Mapping[str, Bench], wanted: Wanted)
         [output.table(title, ["", *benches], rows)],
         [
             (wanted.out, lambda path: _save(path, benches)),
-            (wanted.plot, lambda path: plots.save_figure(cases_figure(benches), path)),
+            (wanted.plot, lambda path: plots.save_figure(cases_figure(benches, alone=True), path)),
             (wanted.report, lambda path: _write_report(path, report_of_cases(benches))),
         ],
         as_json=wanted.as_json,

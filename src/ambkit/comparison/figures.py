@@ -62,8 +62,7 @@ def matrix_figure(bench: Bench, id: str = "matrix", *, alone: bool = False) -> F
     texts = [[_text(standing, CRITERIA[name]) for name in names] for standing in standings]
     how = "tuned alike" if bench.tuned else "with their defaults"
     cells = Cells([_head(CRITERIA[name]) for name in names], list(bench.best), shade, texts)
-    runs = f"{bench.runs} runs" if bench.runs > 1 else "1 run"
-    about = f"{bench.bearing.name}, {bench.case.name}: {bench.case.title}; {runs}, {how}"
+    about = f"{bench.bearing.name}, {bench.case.name}: {bench.case.title}; {_runs(bench)}, {how}"
     shades = (
         f"palest of a column: best, or as it should be; darkest: {TIMES:g} times as bad, or more"
     )
@@ -141,12 +140,13 @@ def _from_zero(axis: Axis, items: Sequence[Item]) -> Axis:
     """Begin the axis at zero, and end it where most is to be seen: one lost filter hides none."""
     from dataclasses import replace
 
-    lines = [item.y for item in items if isinstance(item, Line) and np.isfinite(item.y).all()]
-    if not lines:
+    points = [item for item in items if isinstance(item, Points) and np.isfinite(item.y).all()]
+    if not points:
         return axis
-    highest = np.array([line.max() for line in lines])
-    top = float(min(highest.max(), 4 * np.median(highest)))
-    return replace(axis, limits=(0.0, 1.1 * top))
+    # With their intervals; of a single run there are none.
+    tops = [np.max(p.y + (0.0 if p.error is None else np.nan_to_num(p.error))) for p in points]
+    highest = float(min(max(tops), 4 * np.median(tops)))
+    return replace(axis, limits=(0.0, 1.05 * highest))
 
 
 def cost_figure(bench: Bench) -> Figure:
@@ -230,15 +230,18 @@ def run_figure(trial: Trial, field: Mapping[str, Contender], bench: Bench) -> Fi
     )  # fmt: skip
 
 
-def cases_figure(benches: Mapping[str, Bench]) -> Figure:
+def cases_figure(benches: Mapping[str, Bench], *, alone: bool = False) -> Figure:
     """Show the error of the disturbance force in several cases, relative to the linear filter's.
 
     Parameters
     ----------
     benches : mapping of str to Bench
         By case, with the same estimators in each; relative to the first where linear is none.
+    alone : bool
+        Whether it stands without a report around it: what it shows is then written in it.
     """
-    names = list(next(iter(benches.values())).best)
+    first = next(iter(benches.values()))
+    names = list(first.best)
     base = "linear" if "linear" in names else names[0]
 
     def ratio(bench: Bench, name: str) -> float:
@@ -249,13 +252,25 @@ def cases_figure(benches: Mapping[str, Bench]) -> Figure:
         shade = np.clip(0.5 + 0.5 * np.log(ratios) / np.log(TIMES), 0, 1)
     texts = [["" if np.isnan(value) else f"{value:.2f}" for value in row] for row in ratios]
     heads = [name.replace("-", "\n") for name in benches]
-    how = "tuned alike in each case" if next(iter(benches.values())).tuned else "with defaults"
+    how = "tuned alike" if first.tuned else "with their defaults"
+    about = (
+        rf"{first.bearing.name}: error of $F_\mathrm{{St}}$ over that of {base}; "
+        f"{_runs(first)} in each case, {how}"
+    )
+    shades = f"blue: a smaller error; brown: a larger one; darkest: a factor of {TIMES:g}, or more"
+    cells = Cells(heads, names, shade, texts, diverging=True)
     return Figure(
         id="cases",
-        title=f"Error of the disturbance force over that of {base}, {how}",
-        caption="Blue: a smaller error; brown: a larger one. The darkest is a factor of three.",
-        panels=[Panel(Axis(""), Axis(""), [Cells(heads, names, shade, texts, diverging=True)])],
+        title=f"Error of the disturbance force over that of {base}, {how} in each case",
+        caption=f"{shades[0].upper()}{shades[1:]}.",
+        panels=[
+            Panel(Axis(shades if alone else ""), Axis(""), [cells], title=about if alone else "")
+        ],
     )
+
+
+def _runs(bench: Bench) -> str:
+    return f"{bench.runs} runs" if bench.runs > 1 else "1 run"
 
 
 __all__ = [

@@ -24,8 +24,8 @@ PIXELS_PER_INCH = 200
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.7, 0.18, 0.1, 0.46
 _LEGEND_ROW, _TITLE, _BAR = 0.165, 0.22, 0.76
-_LETTER, _ROW = 0.068, 0.22
-"""Width of a letter of the names beside cells, height of a row of cells."""
+_LETTER, _ROW, _HEADS = 0.068, 0.22, 0.27
+"""Width of a letter of the names beside cells, height of a row of cells and of heads above them."""
 _RC: dict[Any, Any] = {
     "font.family": ["DejaVu Sans"],  # comes with matplotlib, so every machine draws the same
     "font.size": 8.0,
@@ -187,7 +187,7 @@ def _layout(figure: Figure, top: float) -> tuple[float, list[tuple[float, float,
     panel_height = figure.panel_height or rows
     cell = WIDTH / figure.columns
     places = []
-    depth = top + (_ROW if any(cells) else 0.0)
+    depth = top + (_HEADS if any(cells) else 0.0)
     for start in range(0, len(figure.panels), figure.columns):
         row = range(start, min(start + figure.columns, len(figure.panels)))
         depth += _TITLE * any(figure.panels[index].title for index in row)
