@@ -49,7 +49,7 @@ class Run(NamedTuple):
     mean: NDArray[np.float32]  # (n, 4): x [m], v [m/s], f_d [N], x_m [m]
     status: NDArray[np.uint32]  # (n,)
     instructions: NDArray[np.uint32]  # (n - 1,), of each step
-    trusted: NDArray[np.uint32]  # (n - 1,), of the step that trusts its input
+    trusted: NDArray[np.uint32]  # (n - 1,), of the step that trusts its input; 0 without one
     stack: int  # bytes that a step needs
     state: int  # bytes of an instance
     unequal: int  # states of the self-test that are not equal to the last bit
@@ -101,8 +101,9 @@ def build(export: Path, into: Path, contraction: Contraction = "off") -> Firmwar
     partial = into / "export.o"
     _call(PREFIX + "ld", "-r", "--gc-sections", *roots, *sorted(objects), "-o", partial)
 
-    words = ("state", "estimates", "init", "reset", "step", "step_trusted", "selftest")
-    words += ("selftest_result",)
+    words = ["state", "estimates", "init", "reset", "step", "selftest", "selftest_result"]
+    if f"{name}_step_trusted" in (export / f"{name}.h").read_text():
+        words.append("step_trusted")
     defines = [f"-Dfilter_{word}={name}_{word}" for word in words]
     defines += [f'-DHEADER="{name}_selftest.h"']
     tests = [export / "selftest" / f"{name}_{part}.c" for part in ("selftest", "vectors")]

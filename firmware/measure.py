@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ambkit import Bearing, ClosedLaw, Record, stiffness_map
-from ambkit.export.c import export_c
-from ambkit.export.c.data import arrays_of
+from ambkit import Bearing, Record, stiffness_map
+from ambkit.estimators import Estimator
+from ambkit.estimators.family import KINDS
+from ambkit.export.c import cost, export_c
 from ambkit.export.tabulate import tabulate
 from ambkit.fuzzy import Expert
-from ambkit.magnets import ConstantStiffness, StiffnessSource, core_module
+from ambkit.magnets import StiffnessSource
 from ambkit.scenario import PID, Scenario
 from ambkit.simulation import simulate
 from ambkit.waveforms import Step
@@ -20,10 +22,10 @@ from firmware import harness
 
 BEARING = Bearing.preset("zittau_axial")
 SAMPLES = 2000
-REAL = 4  # bytes
 FEW = 9  # rules of the smaller expert; what a rule costs is the difference to 25
 
 
+@cache
 def record(samples: int = SAMPLES) -> Record:
     """Return a step, with samples lost and frozen in it, and a saturated current."""
     T = BEARING.sampling_time
@@ -42,36 +44,49 @@ def record(samples: int = SAMPLES) -> Record:
     return Record(run.t, {"y": y, "u": u}, {"y": "m", "u": "V"})
 
 
+@cache
 def expert() -> Expert:
     """Return an expert of 25 rules."""
     return Expert.from_map(stiffness_map(BEARING))
 
 
-def sources() -> dict[str, StiffnessSource]:
-    """Return one source of stiffnesses for each magnet of the core, by its name there."""
-    return {
-        "Constant": ConstantStiffness.of(BEARING),
-        "Law": ClosedLaw(BEARING),
-        "Table": tabulate(expert(), BEARING, precision="float32"),
-        "Fuzzy": expert(),
-    }
+class Case(NamedTuple):
+    """One filter: in Python, as exported and compiled, and what the processor gave."""
+
+    estimator: Estimator
+    export: Path
+    firmware: harness.Firmware
+    there: harness.Run
 
 
-def figures(source: StiffnessSource, folder: Path) -> dict[str, int]:
-    """Build and run one filter; return what it costs."""
-    export = export_c(BEARING, source, folder / "export", prefix="filter").folder
+@cache
+def sources() -> dict[str, StiffnessSource | None]:
+    """Return what each kind of the family asks of its magnet, by its name; None: its own source."""
+    given = {"table": tabulate(expert(), BEARING, precision="float32"), "adaptive": expert()}
+    return {name: given.get(name) for name in KINDS}
+
+
+def case(
+    kind: str, source: StiffnessSource | None, folder: Path, bearing: Bearing = BEARING
+) -> Case:
+    """Export, build and run one filter; `folder` takes what is made."""
+    export = export_c(bearing, source, folder / "export", kind=kind, prefix="filter").folder
+    estimator = KINDS[kind].make(bearing, source, precision="float32")
     firmware = harness.build(export, folder / "build")
     recorded = record()
-    run = harness.run(firmware, recorded["y"], recorded["u"])
-    size = harness.size(firmware)
-    magnet = source.magnet(core_module("float32"))
-    reals = sum(np.asarray(array).size for array in arrays_of(magnet.parameters).values())
+    there = harness.run(firmware, recorded["y"], recorded["u"])
+    return Case(estimator, export, firmware, there)
+
+
+def figures(measured: Case) -> dict[str, Any]:
+    """Return what a filter costs."""
+    run, size = measured.there, harness.size(measured.firmware)
     return {
         "instructions": int(np.median(run.instructions)),
         "most": int(run.instructions.max()),
-        "trusted": int(np.median(run.trusted)),
+        "trusted": int(np.median(run.trusted)) if run.trusted.any() else None,
         "code": size.code,
-        "constants_without_arrays": size.constants - REAL * reals,
+        "constants_without_arrays": size.constants - cost.bytes_of_arrays(measured.estimator),
         "state": run.state,
         "stack": run.stack,
     }
@@ -79,13 +94,20 @@ def figures(source: StiffnessSource, folder: Path) -> dict[str, int]:
 
 def measure(folder: Path) -> dict[str, Any]:
     """Return all that ``cost.json`` holds; `folder` takes what is exported and built."""
-    magnets: dict[str, dict[str, float]] = {
-        name: dict(figures(source, folder / name)) for name, source in sources().items()
-    }
-    fuzzy, whole = magnets["Fuzzy"], expert()
-    few = figures(whole.model_copy(update={"rules": whole.rules[:FEW]}), folder / "few")
+    found: dict[str, dict[str, Any]] = {}
+    for kind, source in sources().items():
+        measured = case(kind, source, folder / kind)
+        found[cost.made_of(measured.estimator)] = figures(measured)
+    fuzzy, whole = found["Kalman, Fuzzy"], expert()
+    few = figures(case("adaptive", fewer_rules(FEW), folder / "few"))
     rule = (fuzzy["instructions"] - few["instructions"]) / (len(whole.rules) - FEW)
     fuzzy["instructions_a_rule"] = round(rule, 2)
     for name in ("instructions", "most", "trusted"):
         fuzzy[name] = round(fuzzy[name] - rule * len(whole.rules))
-    return {"compiler": harness.compiler(), "magnets": magnets}
+    return {"compiler": harness.compiler(), "estimators": found}
+
+
+def fewer_rules(count: int) -> Expert:
+    """Return the expert with its first rules only."""
+    whole = expert()
+    return whole.model_copy(update={"rules": whole.rules[:count]})

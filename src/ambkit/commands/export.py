@@ -132,8 +132,6 @@ def export_c(
         data["cost"] = asdict(written.cost) | rate
         tables.append(_cost_table(written.cost, clock))
     output.deliver(data, tables, as_json=json)
-    if written.cost is None and (cost or clock is not None):
-        output.note(f"what the kind {chosen.kind} costs was not measured")
     output.note(f"wrote {written.folder}, {len(written.files) + 1} files")
 
 
@@ -145,7 +143,10 @@ def _cost_table(spent: Cost, clock: float) -> Table:
     rows = [
         ("instructions a step, as a rule", f"{spent.instructions}"),
         ("instructions a step, at most", f"{spent.most}"),
-        ("instructions of the step that trusts its input", f"{spent.trusted}"),
+        (
+            "instructions of the step that trusts its input",
+            "no such step" if spent.trusted is None else f"{spent.trusted}",
+        ),
         ("code", f"{spent.code} bytes"),
         ("constants", f"{spent.constants} bytes"),
         ("state of an instance", f"{spent.state} bytes"),

@@ -1,7 +1,8 @@
 """What an exported filter costs on a Cortex-M4F: instructions a step, flash and memory.
 
 The figures are measured (``firmware/``) and stored in ``cost.json``: float, gcc, in qemu, which
-counts instructions and no cycles.
+counts instructions and no cycles. They are of one bearing; the numbers of another move them by a
+few instructions.
 """
 
 from __future__ import annotations
@@ -10,11 +11,15 @@ import json
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ambkit.export.c.data import arrays_of
+from ambkit.magnets import core_module
+
+if TYPE_CHECKING:
+    from ambkit.estimators import Estimator
 
 STORED = Path(__file__).with_name("cost.json")
 
@@ -34,8 +39,8 @@ class Cost:
     ----------
     instructions, most : int
         Of a step, as a rule; and of the dearest one, where something was the matter.
-    trusted : int
-        Of the step that trusts its input.
+    trusted : int or None
+        Of the step that trusts its input, which only the paper's filter has.
     code, constants : int
         Flash [bytes].
     state : int
@@ -48,7 +53,7 @@ class Cost:
 
     instructions: int
     most: int
-    trusted: int
+    trusted: int | None
     code: int
     constants: int
     state: int
@@ -60,31 +65,64 @@ class Cost:
         return clock / (self.most * CYCLES_PER_INSTRUCTION)
 
 
-def of(magnet: str, parameters: dict[str, Any]) -> Cost:
-    """Return what a float filter costs, from the stored figures.
+def of(estimator: Estimator) -> Cost | None:
+    """Return what a float filter costs, from the stored figures; None where it was not measured.
 
     Parameters
     ----------
-    magnet : str
-        The core's name of its magnet, such as ``"Table"``.
-    parameters : dict
-        What the core's magnet holds: its arrays add to the constants, its rules to the
+    estimator : Estimator
+        What is exported. The arrays of its magnet add to the constants, its rules to the
         instructions.
     """
     stored = _stored()
-    figures = stored["magnets"][magnet]
-    of_rules = round(parameters.get("rules", 0) * figures.get("instructions_a_rule", 0))
-    reals = sum(np.asarray(values).size for values in arrays_of(parameters).values())
+    figures = stored["estimators"].get(made_of(estimator))
+    if figures is None:
+        return None
+    held = _held(estimator).parameters
+    of_rules = round(held.get("rules", 0) * figures.get("instructions_a_rule", 0))
+    trusted = figures["trusted"]
     return Cost(
         instructions=figures["instructions"] + of_rules,
         most=figures["most"] + of_rules,
-        trusted=figures["trusted"] + of_rules,
+        trusted=None if trusted is None else trusted + of_rules,
         code=figures["code"],
-        constants=figures["constants_without_arrays"] + _REAL * reals,
+        constants=figures["constants_without_arrays"] + bytes_of_arrays(estimator),
         state=figures["state"],
         stack=figures["stack"],
         compiler=stored["compiler"],
     )
+
+
+def made_of(estimator: Estimator) -> str:
+    """Name all that decides how many instructions a step has, but for the rules of an expert.
+
+    Returns
+    -------
+    str
+        Such as ``"Kalman, Table"``: the core's names of the estimator and of its magnet, and in
+        between what else the work depends on.
+    """
+    own = estimator.core.own
+    parts = [type(estimator.core).__name__]
+    if "n" in own:
+        parts.append(f"{own['n']} models")
+    inner: Estimator | None = getattr(estimator, "inner", None)
+    if inner is not None:
+        found = [name for name in ("measurement", "disturbance") if own[name]]
+        often = "every sample" if own["window"] == 1 else "by windows"
+        parts += [" and ".join(found), often, type(inner.core).__name__]
+    return ", ".join([*parts, type(_held(estimator)).__name__])
+
+
+def bytes_of_arrays(estimator: Estimator) -> int:
+    """Return the flash that the arrays of its magnet take [bytes]."""
+    held = arrays_of(_held(estimator).parameters)
+    return _REAL * sum(np.asarray(values).size for values in held.values())
+
+
+def _held(estimator: Estimator) -> Any:
+    """Return the core's magnet that an estimator asks."""
+    return estimator.source.magnet(core_module(estimator.precision))
 
 
 @cache

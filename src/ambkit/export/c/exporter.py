@@ -51,7 +51,8 @@ class CExport:
     table : TabulatedExpert or None
         The table, where the expert is tabulated: its nodes, bound and error.
     cost : Cost or None
-        What it costs on a Cortex-M4F, which computes in float and not in double.
+        What it costs on a Cortex-M4F, which computes in float and not in double; None also where
+        that was not measured: a kind with another source than its own.
     """
 
     folder: Path
@@ -126,7 +127,7 @@ def export_c(
         raise AmbkitError("force_bound is for an expert in tabulated form")
     estimator = _made(kind, bearing, source, options)
     _check_nodes(estimator)
-    spent = _cost(estimator) if precision == "float" else None
+    spent = cost.of(estimator) if precision == "float" else None
     facts = _facts(source, precision) | _cost_facts(spent)
     content = render.render(estimator, name, precision, facts)
     written = folder.write(Path(out), content.files)
@@ -181,21 +182,16 @@ def _check_nodes(estimator: Estimator) -> None:
         )
 
 
-def _cost(estimator: Estimator) -> Cost | None:
-    """Return the stored figures; only those of the paper's filter are."""
-    if type(estimator.core).__name__ in FAMILY:
-        return None
-    magnet = estimator.source.magnet(core_module(estimator.precision))
-    return cost.of(type(magnet).__name__, magnet.parameters)
-
-
 def _cost_facts(spent: Cost | None) -> dict[str, str]:
     """Return what the README says of the cost."""
     if spent is None:
         return {}
-    return {
-        "instructions a step (Cortex-M4F, in qemu)": f"{spent.instructions}, at most {spent.most}",
-        "of the step that trusts its input": f"{spent.trusted}",
+    facts = {
+        "instructions a step (Cortex-M4F, in qemu)": f"{spent.instructions}, at most {spent.most}"
+    }
+    if spent.trusted is not None:
+        facts["of the step that trusts its input"] = f"{spent.trusted}"
+    return facts | {
         "flash": f"{spent.code} bytes of code, {spent.constants} bytes of constants",
         "memory": f"{spent.state} bytes an instance, {spent.stack} bytes of stack",
         "compiled by": f"{spent.compiler}",
