@@ -125,13 +125,6 @@ def test_what_is_exported_are_kinds_of_the_family() -> None:
     assert set(NAMES) <= set(FAMILY)
 
 
-def test_a_cost_that_nobody_measured_is_not_told(command: Callable[[str], Called]) -> None:
-    done = command("zittau_axial --estimator extended --cost --out out")
-    assert (done.code, done.out) == (0, "")
-    assert "what the kind extended costs was not measured" in done.err
-    assert "Cortex" not in Path("out", "README.md").read_text()
-
-
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -233,18 +226,40 @@ def test_the_manifest_is_of_all_files(exported: Exported) -> None:
     assert checked == set(made.files)
 
 
-def test_another_s_files_are_not_touched(tmp_path: Path) -> None:
-    (tmp_path / "notes.txt").write_text("mine")
-    (tmp_path / "CMakeLists.txt").write_text("project(mine)\n")
-    with pytest.raises(AmbkitError, match=r"CMakeLists\.txt is there already, and not from an exp"):
-        export("linear", tmp_path)
-    assert texts(tmp_path) == {"notes.txt": b"mine", "CMakeLists.txt": b"project(mine)\n"}
-    (tmp_path / "CMakeLists.txt").unlink()
+def test_an_export_is_not_poured_among_other_files(
+    command: Callable[[str], Called],
+) -> None:
+    Path("bearing.toml").write_text("mine")
+    done = command("zittau_axial --out .")
+    assert done.code == 2
+    assert done.err.startswith("ambkit: .: holds other files, and the ")
+    assert done.err.endswith("; take a new folder or an empty one\n")
+    assert texts(Path()) == {"bearing.toml": b"mine"}
+
+
+def test_a_new_repository_is_empty(tmp_path: Path) -> None:
+    (tmp_path / ".git").mkdir()
+    (tmp_path / ".git" / "HEAD").write_text("ref: refs/heads/main")
+    made = export("linear", tmp_path)
+    assert set(texts(tmp_path)) == {".git/HEAD", "ambkit.sha256", *made.files}
+
+
+def test_what_lies_beside_an_older_export_is_not_touched(tmp_path: Path) -> None:
     first = export("adaptive", tmp_path)
     assert (tmp_path / "core" / "src" / "fuzzy.c").exists()
+    (tmp_path / "notes.txt").write_text("mine")
     second = export("linear", tmp_path)
     assert set(texts(tmp_path)) == {"notes.txt", "ambkit.sha256", *second.files}
     assert set(first.files) - set(second.files), "nothing was there to be taken away"
+
+
+def test_a_file_of_the_same_name_is_not_overwritten(tmp_path: Path) -> None:
+    export("linear", tmp_path)
+    (tmp_path / "core" / "src" / "fuzzy.c").write_text("mine")
+    before = texts(tmp_path)
+    with pytest.raises(AmbkitError, match=r"fuzzy\.c is there already, and not from an export"):
+        export("adaptive", tmp_path)
+    assert texts(tmp_path) == before
 
 
 @pytest.mark.parametrize("name", ["../outside.txt", "{folder}/outside.txt", "a/../../outside.txt"])

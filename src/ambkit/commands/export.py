@@ -48,7 +48,12 @@ def export(context: typer.Context) -> None:
 
 def export_c(
     bearing: BearingName,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="The folder to write.")],
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out", metavar="DIR", help="The folder to write: new, empty, or of an older export."
+        ),
+    ],
     estimator: Annotated[str | None, estimator_option(NAMES)] = None,
     precision: Annotated[Precision, typer.Option(help="Of its numbers.")] = Precision.float,
     prefix: Annotated[

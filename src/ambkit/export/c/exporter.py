@@ -86,7 +86,8 @@ def export_c(
     source : Expert, StiffnessMap, ClosedLaw, ConstantStiffness or None
         What the filter asks for k_i and k_s; None exports the linear filter.
     out : path
-        The folder; an older export in it is replaced, anything else in it is not touched.
+        The folder: new, empty, or with an older export, which is replaced; what else lies beside
+        that is not touched.
     kind : str, optional
         Of estimator, by its name in ``ambkit.estimators.family.KINDS``, such as ``"extended"``;
         by default the paper's filter, linear or adaptive by its source.
@@ -106,8 +107,8 @@ def export_c(
     ------
     AmbkitError
         A kind that cannot be exported, a prefix that is no C identifier, a limit or a table beyond
-        16 bits; a bound that no table keeps, or that nothing needs; a folder with other files of
-        the same names, or that cannot be written.
+        16 bits; a bound that no table keeps, or that nothing needs; a folder with other files, or
+        that cannot be written.
     """
     name = _checked_prefix(prefix, bearing)
     for limit in ("frozen_limit", "outlier_limit"):

@@ -15,13 +15,21 @@ MANIFEST = "ambkit.sha256"
 def write(folder: Path, texts: dict[str, str]) -> Path:
     """Write all files, and take away those of an older export that are no longer there.
 
+    Where an older export is, whoever owns the folder may have put files of his own beside it; any
+    other folder must be empty but for what is hidden, such as ``.git``.
+
     Raises
     ------
     AmbkitError
-        A file of the same name is there that is not from an export; then nothing is written. Or
-        the folder cannot be written.
+        The folder holds other files, or one of the same name that is not from an export; then
+        nothing is written. Or the folder cannot be written.
     """
     files.make_folder(folder)
+    if not (folder / MANIFEST).exists() and any(folder.glob("[!.]*")):
+        raise AmbkitError(
+            f"{folder}: holds other files, and the {len(texts) + 1} of an export would lie among "
+            "them; take a new folder or an empty one"
+        )
     older = _older(folder / MANIFEST)
     for name, text in texts.items():
         if name not in older and _other(folder / name, text):
