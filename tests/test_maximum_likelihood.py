@@ -12,11 +12,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ambkit import AmbkitError, Bearing, Record, Scenario, Sine, simulate
+from ambkit import AmbkitError, Bearing, Record, Scenario, Sine, recordings, simulate
 from ambkit.identification.likelihood import Likelihood
 from ambkit.identification.loop_model import LoopModel, delayed, lagged, limited
-from ambkit.identification.maximum_likelihood import _climb, _hold, maximum_likelihood
+from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.parameters import PARAMETERS, USUAL, Coordinates, named
+from ambkit.identification.search import climb, hold, ran_away
 from ambkit.units import engineering
 from benchmarks.identification import START, TRUTH, closed_loops, judged
 
@@ -34,7 +35,7 @@ def found(records):
         return list(pool.map(lambda record: maximum_likelihood(record, START), records))
 
 
-def test_unbiased_in_closed_loop_and_intervals_hold(found):
+def test_unbiased_in_closed_loop_and_intervalshold(found):
     rows = judged(found)
     assert set(rows) == set(USUAL)
     for name, row in rows.items():
@@ -97,13 +98,54 @@ def test_what_looks_like_another_is_held_where_it_was_given(records):
     mass, k = TRUTH.bearing.rotor.mass, TRUTH.bearing.magnet.magnet_constant
     far = TRUTH.replace(rotor__mass=1e4 * mass, magnet__magnet_constant=1e4 * k)
     rest = named(["magnet_constant"])
-    best = _climb(records[:1], TRUTH, rest, 0.01)
+    best = climb(records[:1], TRUTH, rest, 0.01)
     drifted = replace(best, model=far, local=replace(best.local, value=best.local.value + 50))
     mass_of = named(["mass"])[0]
-    model, at = _hold(records[:1], drifted, mass_of, rest, TRUTH, 0.01, TRUTH)
+    model, at = hold(records[:1], drifted, mass_of, rest, TRUTH, 0.01, TRUTH)
     assert model.bearing.rotor.mass == mass
     assert model.bearing.magnet.magnet_constant == pytest.approx(k, rel=0.1)
     assert at == engineering(mass, "kg", 3)
+
+
+def test_a_mass_is_not_made_of_what_is_expected_of_the_load(records):
+    """With the load's growth given, k and m part in the likelihood; but that growth is a guess."""
+    found = maximum_likelihood(records[0], TRUTH, ["magnet_constant", "mass"])
+    assert [p.name for p in found.parameters] == ["magnet_constant"]
+    assert found.held["mass"].endswith("held at " + engineering(TRUTH.bearing.rotor.mass, "kg", 3))
+    assert [p.name for p in maximum_likelihood(records[0], TRUTH, ["mass"]).parameters] == ["mass"]
+
+
+def test_an_offset_that_only_the_limit_of_the_current_stops_is_named():
+    quiet = LoopModel(TRUTH.bearing)
+    std = TRUTH.bearing.amplifier.noise_variance**0.5 * TRUTH.bearing.amplifier.gain
+    u = 0.2 * np.sin(np.arange(1000) / 50)
+    record = Record(1e-4 * np.arange(1000), {"y": 0 * u, "u": u})
+    left = TRUTH.bearing.current_max - TRUTH.bearing.amplifier.gain * u.max()
+    assert quiet.nearest_limit(record) == pytest.approx(left / std)
+    at_limit = quiet.replace(current_offset=left)
+    assert at_limit.nearest_limit(record) == pytest.approx(0, abs=1e-9)
+    free = named(["magnet_constant", "current_offset"])
+    parameter, why = ran_away([record], quiet, at_limit, free)
+    assert parameter.name == "current_offset"
+    assert "limit of 1.5 A" in why
+    assert ran_away([record], quiet, quiet, free) is None
+    assert ran_away([record], at_limit, at_limit, free) is None  # of the log, not of the search
+    assert ran_away([record], quiet, at_limit, free[:1]) is None
+
+
+def test_a_search_along_a_line_names_the_wall_at_which_it_ends():
+    """A ball that moves slowly about one place tells two stiffnesses, not three figures."""
+    ball = Bearing.preset("inteco_ml").replace(sensor__noise_variance=2.4e-10)
+    record = Record.load(recordings.folder() / "sinus_kalman.csv")
+    start = LoopModel(ball, load_growth=1e-5)
+    found = maximum_likelihood(record, start, ["magnet_constant", "air_gap", "current_offset"])
+    (wall,) = found.held.values()
+    assert "wall" in wall
+    assert "travel_limit" in wall or "limit" in wall
+    assert found.converged
+    two = maximum_likelihood(record, start, ["magnet_constant", "air_gap"])
+    assert not two.held
+    assert two["air_gap"] == pytest.approx(0.0122, abs=0.0004)  # lift-off: 12.15 mm
 
 
 def test_what_a_record_does_not_depend_on_is_held(records):

@@ -17,16 +17,19 @@ from numpy.typing import NDArray
 
 from ambkit.identification.likelihood import Likelihood, settling_time
 from ambkit.identification.loop_model import LoopModel
-from ambkit.identification.parameters import Coordinates, Parameter, named
+from ambkit.identification.parameters import (
+    ALIKE,
+    Coordinates,
+    Parameter,
+    named,
+    without_mass,
+)
 from ambkit.record import Record
 
 Array = NDArray[np.float64]
 
 LEAST_EIGENVALUE = 1e-5
 """Of the information, scaled to a diagonal of ones: below it, some parameters look like others."""
-
-ALIKE = "cannot be told apart"
-"""In the reason why a parameter is held: it looks like another that is looked for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +113,7 @@ def expect(
     AmbkitError
         An unknown parameter; no measurement could be taken in.
     """
-    parameters = named(free)
+    parameters, held = without_mass(named(free))
     if settling is None:
         settling = settling_time(model.bearing)
     coordinates = Coordinates(model, parameters)
@@ -120,7 +123,6 @@ def expect(
     _, certainty = np.linalg.slogdet(np.eye(len(parameters)) + information)
 
     told = list(range(len(parameters)))
-    held: dict[str, str] = {}
     while told:
         worst = doubtful(information[np.ix_(told, told)], [parameters[at] for at in told])
         if worst is None:

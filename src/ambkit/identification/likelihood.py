@@ -122,16 +122,23 @@ class Likelihood:
         if not used.any():
             raise AmbkitError("the filter could take in no measurement: do bearing and record fit?")
         slopes_e, slopes_S = [], []
-        for step in STEP * np.eye(z.size):
-            e_up, S_up, up = self.innovations(z + step)
-            e_down, S_down, down = self.innovations(z - step)
+        for direction in np.eye(z.size):
+            e_up, S_up, up, above = self._beside(z, STEP * direction)
+            e_down, S_down, down, below = self._beside(z, -STEP * direction)
             used = used & up & down
-            slopes_e.append((e_up - e_down) / (2 * STEP))
-            slopes_S.append((S_up - S_down) / (2 * STEP))
+            slopes_e.append((e_up - e_down) / max(above + below, STEP))
+            slopes_S.append((S_up - S_down) / max(above + below, STEP))
         e, S = e[used], S[used]
         by_e = np.array([slope[used] for slope in slopes_e]).reshape(z.size, -1) / np.sqrt(S)
         by_S = np.array([slope[used] for slope in slopes_S]).reshape(z.size, -1) / S
         return e, S, by_e, by_S, used
+
+    def _beside(self, z: Array, step: Array) -> tuple[Array, Array, NDArray[np.bool_], float]:
+        """Innovations a step aside and its length; at z itself where no bearing can be there."""
+        try:
+            return *self.innovations(z + step), STEP
+        except ConfigError:
+            return *self.innovations(z), 0.0
 
     def local(self, z: Array) -> Local:
         """Value, score and information, by central differences of the innovations.

@@ -215,6 +215,25 @@ class LoopModel:
         iu = limited(gain * u + self.current_offset, std, b.current_min, b.current_max)
         return iu / gain
 
+    def nearest_limit(self, record: Record) -> float:
+        """Return how near a record's current comes to its limits, in its standard deviations.
+
+        Parameters
+        ----------
+        record : Record
+            With ``u`` [V].
+
+        Returns
+        -------
+        float
+            Distance of the sample that comes nearest; negative beyond the limit.
+        """
+        b = self.bearing
+        iu = b.amplifier.gain * record["u"] + self.current_offset
+        left = min(b.current_max - np.nanmax(iu), np.nanmin(iu) - b.current_min)
+        std = abs(b.amplifier.gain) * math.sqrt(b.amplifier.noise_variance)
+        return float(left / std) if std > 0 else math.copysign(math.inf, left)
+
     def replace(self, **changes: object) -> LoopModel:
         """Return the model with other values; ``magnet__air_gap=...`` goes to the bearing.
 

@@ -16,10 +16,19 @@ from numpy.typing import NDArray
 
 from ambkit.errors import AmbkitError, RecordError
 from ambkit.estimators import check_sampling
-from ambkit.identification.information import ALIKE, doubtful
-from ambkit.identification.likelihood import Likelihood, Local, settling_time
+from ambkit.identification.information import doubtful
+from ambkit.identification.likelihood import Likelihood, settling_time
 from ambkit.identification.loop_model import LoopModel
-from ambkit.identification.parameters import NOISES, USUAL, Coordinates, Parameter, named
+from ambkit.identification.parameters import (
+    ALIKE,
+    NOISES,
+    USUAL,
+    Coordinates,
+    Parameter,
+    named,
+    without_mass,
+)
+from ambkit.identification.search import WALL, climb, hold, ran_away
 from ambkit.identification.start import best_start
 
 if TYPE_CHECKING:
@@ -30,22 +39,6 @@ Array = NDArray[np.float64]
 
 CONFIDENCE = 1.959964
 """Standard errors to either side that hold 95 %."""
-
-CONVERGED = 1e-3
-"""Newton's decrement that ends the search: squared distance to the maximum in standard errors."""
-
-RIDGE = 0.5
-"""The decrement that is let pass where no step helps any more."""
-
-MUCH_LESS_LIKELY = 2.0
-"""Loss of log likelihood with which a value counts as ruled out (Edwards 1972)."""
-
-LONGEST_STEP = 1.0
-"""In any coordinate of the search: an e-fold."""
-
-MOST_DAMPING = 1e8
-
-MOST_STEPS = 100
 
 LEAST_SAMPLES = 100
 """That a record must have after the filter has settled."""
@@ -249,9 +242,10 @@ def maximum_likelihood(
     """
     several = [records] if not isinstance(records, Sequence) else list(records)
     given = start if isinstance(start, LoopModel) else LoopModel(start)
-    parameters = named(free)
+    parameters, alike = without_mass(named(free))
     if not parameters:
         raise AmbkitError("no parameter is free")
+    held = {name: f"{why}; held at {named([name])[0].text(given)}" for name, why in alike.items()}
     for record in several:
         check_sampling(given.bearing, record)
     if settling is None:
@@ -271,21 +265,22 @@ def maximum_likelihood(
         # With a wrong idea of the noise, the information misleads; and offsets run away first.
         sure = [p for p in parameters if p.name in (*NOISES, "delay")]
         if 0 < len(sure) < len(parameters):
-            begin = _climb(several, begin, sure, settling).model
-    held: dict[str, str] = {}
+            begin = climb(several, begin, sure, settling).model
     steps = 0
     while True:
         note(f"searching {len(parameters)} parameters")
-        found = _climb(several, begin, parameters, settling)
+        found = climb(several, begin, parameters, settling)
         steps += found.steps
         local, coordinates = found.local, Coordinates(found.model, parameters)
-        worst = doubtful(local.information, parameters)
+        worst = doubtful(local.information, parameters) or ran_away(
+            several, given, found.model, parameters
+        )
         if worst is None:
             break
         parameter, why = worst
         parameters = [p for p in parameters if p is not parameter]
-        from_start = begin if ALIKE in why else None
-        begin, at = _hold(several, found, parameter, parameters, given, settling, from_start)
+        from_start = begin if ALIKE in why or WALL in why else None
+        begin, at = hold(several, found, parameter, parameters, given, settling, from_start)
         held[parameter.name] = f"{why}; held at {at}"
         if not parameters:
             raise AmbkitError(
@@ -324,82 +319,3 @@ def _movable(model: LoopModel, parameters: Sequence[Parameter]) -> LoopModel:
         p.place: floors.get(p.name, 1e-12) for p in parameters if p.positive and not p.of(model) > 0
     }
     return model.replace(**zeros) if zeros else model
-
-
-@dataclass(frozen=True, eq=False)
-class _Climbed:
-    model: LoopModel
-    local: Local
-    steps: int
-    converged: bool
-    samples: int
-
-
-def _climb(
-    records: Sequence[Record], begin: LoopModel, parameters: list[Parameter], settling: float
-) -> _Climbed:
-    """Go up to the maximum by Fisher's scoring, damped after Marquardt (1963).
-
-    SciPy's trust regions are balls in the coordinates; here one coordinate is known a thousand
-    times as well as another, and only a region in units of the errors gets anywhere.
-    """
-    coordinates = Coordinates(begin, parameters)
-    likelihood = Likelihood(records, coordinates, settling)
-    z, damping, converged, steps = np.zeros(len(parameters)), 1e-3, False, 0
-    at = likelihood.local(z)
-    while steps < MOST_STEPS:
-        # Ten times its coarse error holds what the records do not tell near where it was.
-        information = at.information + 0.01 * np.eye(z.size)
-        left = float(at.score @ np.linalg.solve(information, at.score))
-        converged = left < CONVERGED
-        if converged:
-            break
-        while damping < MOST_DAMPING:
-            damped = information + damping * np.diag(np.diag(information))
-            step = np.linalg.solve(damped, at.score)
-            step *= min(1.0, LONGEST_STEP / np.max(np.abs(step)))
-            if likelihood.value(z + step) > at.value:
-                break
-            damping *= 10
-        else:
-            # At a whole number of samples the likelihood has a ridge over the delay: a maximum
-            # there keeps a score of its own.
-            converged = left < RIDGE
-            break
-        z, damping, steps = z + step, max(damping / 10, 1e-9), steps + 1
-        at = likelihood.local(z)
-    _, _, used = likelihood.innovations(z)
-    return _Climbed(coordinates.model_at(z), at, steps, converged, int(used.sum()))
-
-
-def _hold(
-    records: Sequence[Record],
-    found: _Climbed,
-    parameter: Parameter,
-    rest: list[Parameter],
-    given: LoopModel,
-    settling: float,
-    alike_from: LoopModel | None,
-) -> tuple[LoopModel, str]:
-    """Return the model with a parameter where the user had it, and that value in words.
-
-    What the search made of it means little. But where the value given is far less likely, whatever
-    the rest does, as of a noise that turned out to be next to nothing, the value found stays.
-
-    Not so of one that looks like another: from one experiment comes k/m, and the user gave one of
-    them. Both may have drifted far; so the rest is searched from `alike_from`, too, where this
-    search began.
-    """
-    from ambkit.units import engineering
-
-    back = {parameter.place: parameter.of(given)}
-    model = found.model.replace(**back)
-    if rest:
-        begins = [model] if alike_from is None else [model, alike_from.replace(**back)]
-        climbed = max(
-            (_climb(records, begin, rest, settling) for begin in begins),
-            key=lambda one: one.local.value,
-        )
-        likely = climbed.local.value > found.local.value - MUCH_LESS_LIKELY
-        model = climbed.model if likely or alike_from is not None else found.model
-    return model, engineering(parameter.of(model), parameter.unit, 3)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.errors import AmbkitError
+from ambkit.units import engineering
 
 if TYPE_CHECKING:
     from ambkit.identification.loop_model import LoopModel
@@ -52,6 +53,10 @@ class Parameter:
         for part in _path(self.place):
             thing = getattr(thing, part)
         return float(thing)
+
+    def text(self, model: LoopModel) -> str:
+        """Return its value in a model in words."""
+        return engineering(self.of(model), self.unit, 3)
 
 
 def _path(place: str) -> list[str]:
@@ -126,6 +131,22 @@ def named(names: Sequence[str]) -> list[Parameter]:
                 f"there is no parameter {name}; {hint}there are {', '.join(PARAMETERS)}"
             )
     return [parameter for name, parameter in PARAMETERS.items() if name in names]
+
+
+ALIKE = "cannot be told apart"
+"""In the reason why a parameter is held: it looks like another that is looked for."""
+
+
+def without_mass(parameters: Sequence[Parameter]) -> tuple[list[Parameter], dict[str, str]]:
+    """Return what is left to be found, and why the mass is not where k is looked for, too.
+
+    From one loop comes the ratio k/m. What seems to part the two is how much load is expected, and
+    that is a guess: a search would make a mass of it, with an error that looks honest.
+    """
+    if not {"magnet_constant", "mass"} <= {p.name for p in parameters}:
+        return list(parameters), {}
+    rest = [p for p in parameters if p.name != "mass"]
+    return rest, {"mass": f"magnet_constant and mass {ALIKE}, a loop tells their ratio"}
 
 
 @dataclass(frozen=True)

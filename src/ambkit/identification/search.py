@@ -1,0 +1,162 @@
+"""The way up the likelihood, and what is done with a parameter that the records do not tell."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ambkit.errors import ConfigError
+from ambkit.identification.likelihood import STEP, Likelihood, Local
+from ambkit.identification.loop_model import LoopModel
+from ambkit.identification.parameters import Coordinates, Parameter
+from ambkit.units import engineering
+
+if TYPE_CHECKING:
+    from ambkit.record import Record
+
+CONVERGED = 1e-3
+"""Newton's decrement that ends the search: squared distance to the maximum in standard errors."""
+
+RIDGE = 0.5
+"""The decrement that is let pass where no step helps any more."""
+
+MUCH_LESS_LIKELY = 2.0
+"""Loss of log likelihood with which a value counts as ruled out (Edwards 1972)."""
+
+LONGEST_STEP = 1.0
+"""In any coordinate of the search: an e-fold."""
+
+NEAR_LIMIT, FAR_FROM_LIMIT = 3.0, 10.0
+"""Standard deviations of the control noise within which a current is near its limit, or far off."""
+
+WALL = "its search ended at a wall only"
+"""In the reason why a parameter is held."""
+
+MOST_DAMPING = 1e8
+
+MOST_STEPS = 100
+
+LEAST_GAIN = 0.1 * CONVERGED
+"""In log likelihood, of a step; a free one gains half of Newton's decrement."""
+
+
+@dataclass(frozen=True, eq=False)
+class Climbed:
+    """Where a search ended.
+
+    Attributes
+    ----------
+    model : LoopModel
+        The most likely one.
+    local : Local
+        The likelihood there.
+    steps : int
+        That it took.
+    converged : bool
+        Whether it ended at a maximum.
+    samples : int
+        Measurements that count.
+    """
+
+    model: LoopModel
+    local: Local
+    steps: int
+    converged: bool
+    samples: int
+
+
+def climb(
+    records: Sequence[Record], begin: LoopModel, parameters: list[Parameter], settling: float
+) -> Climbed:
+    """Go up to the maximum by Fisher's scoring, damped after Marquardt (1963).
+
+    SciPy's trust regions are balls in the coordinates; here one coordinate is known a thousand
+    times as well as another, and only a region in units of the errors gets anywhere.
+    """
+    coordinates = Coordinates(begin, parameters)
+    likelihood = Likelihood(records, coordinates, settling)
+    z, damping, converged, steps = np.zeros(len(parameters)), 1e-3, False, 0
+    at = likelihood.local(z)
+    while steps < MOST_STEPS:
+        # Ten times its coarse error holds what the records do not tell near where it was.
+        information = at.information + 0.01 * np.eye(z.size)
+        left = float(at.score @ np.linalg.solve(information, at.score))
+        converged = left < CONVERGED
+        if converged:
+            break
+        while damping < MOST_DAMPING:
+            damped = information + damping * np.diag(np.diag(information))
+            step = np.linalg.solve(damped, at.score)
+            step *= min(1.0, LONGEST_STEP / np.max(np.abs(step)))
+            if likelihood.value(z + step) > at.value:
+                break
+            damping *= 10
+        else:
+            # At a whole number of samples the likelihood has a ridge over the delay: a maximum
+            # there keeps a score of its own.
+            converged = left < RIDGE
+            break
+        z, damping, steps = z + step, max(damping / 10, 1e-9), steps + 1
+        before, at = at.value, likelihood.local(z)
+        if at.value - before < LEAST_GAIN:  # with as much left: it creeps along a wall
+            converged = left < RIDGE
+            break
+    _, _, used = likelihood.innovations(z)
+    return Climbed(coordinates.model_at(z), at, steps, converged, int(used.sum()))
+
+
+def hold(
+    records: Sequence[Record],
+    found: Climbed,
+    parameter: Parameter,
+    rest: list[Parameter],
+    given: LoopModel,
+    settling: float,
+    ran_from: LoopModel | None,
+) -> tuple[LoopModel, str]:
+    """Return the model with a parameter where the user had it, and that value in words.
+
+    What the search made of it means little. But where the value given is far less likely, whatever
+    the rest does, as of a noise that turned out to be next to nothing, the value found stays.
+
+    Not so of one that ran away, along a line with another or to a limit: both may have drifted far.
+    So it goes back in any case, and the rest is searched from `ran_from`, too, where this search
+    began.
+    """
+    back = {parameter.place: parameter.of(given)}
+    model = found.model.replace(**back)
+    if rest:
+        begins = [model] if ran_from is None else [model, ran_from.replace(**back)]
+        climbed = max(
+            (climb(records, begin, rest, settling) for begin in begins),
+            key=lambda one: one.local.value,
+        )
+        likely = climbed.local.value > found.local.value - MUCH_LESS_LIKELY
+        model = climbed.model if likely or ran_from is not None else found.model
+    return model, parameter.text(model)
+
+
+def ran_away(
+    records: Sequence[Record], given: LoopModel, found: LoopModel, parameters: Sequence[Parameter]
+) -> tuple[Parameter, str] | None:
+    """Name a parameter that only a wall has stopped, and the wall; None where there is none.
+
+    Slow motion about one place tells two stiffnesses. Air gap, magnet constant and offset of the
+    current then go on along a line with hardly a change of the likelihood, until the first sample
+    touches the limit of the current, or the rotor's travel no longer fits into the gap.
+    """
+    for parameter in parameters:
+        try:
+            for step in (-10 * STEP, 10 * STEP):
+                Coordinates(found, [parameter]).model_at(np.array([step]))
+        except ConfigError as error:
+            return parameter, f"{WALL}: {error}"
+    moved = [p for p in parameters if p.name == "current_offset"]
+    near = [min(m.nearest_limit(record) for record in records) for m in (given, found)]
+    if moved and near[0] > FAR_FROM_LIMIT and near[1] < NEAR_LIMIT:
+        limit = engineering(found.bearing.current_max, "A", 3)
+        return moved[0], f"{WALL}: the control current's limit of {limit}, far off as given"
+    return None
