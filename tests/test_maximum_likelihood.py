@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import minimize_scalar
 
 from ambkit import AmbkitError, Bearing, Record, Scenario, Sine, recordings, simulate
 from ambkit.identification.likelihood import Likelihood
 from ambkit.identification.loop_model import LoopModel, delayed, lagged, limited
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.parameters import PARAMETERS, USUAL, Coordinates, named
+from ambkit.identification.restricted import restricted
 from ambkit.identification.search import climb, hold, ran_away
 from ambkit.units import engineering
 from benchmarks.identification import START, TRUTH, closed_loops, judged
@@ -146,6 +148,26 @@ def test_a_search_along_a_line_names_the_wall_at_which_it_ends():
     two = maximum_likelihood(record, start, ["magnet_constant", "air_gap"])
     assert not two.held
     assert two["air_gap"] == pytest.approx(0.0122, abs=0.0004)  # lift-off: 12.15 mm
+
+
+def test_noises_are_where_the_restricted_likelihood_is_greatest(records):
+    """Against the textbook's: maximise over the others, take off half of ln det, maximise that."""
+    free = named(["load_growth", "position_offset", "air_gap"])
+    others = [p for p in free if p.name != "load_growth"]
+    best = climb(records[:1], TRUTH, free, 0.01)
+
+    def loss(log_growth):
+        model = best.model.replace(load_growth=math.exp(log_growth) * best.model.load_growth)
+        top = climb(records[:1], model, others, 0.01)
+        return 0.5 * np.linalg.slogdet(top.local.information)[1] - top.local.value
+
+    textbook = minimize_scalar(loss, bounds=(-0.3, 0.5), method="bounded", options={"xatol": 1e-4})
+    model = restricted(records[:1], best.model, best.local, free, 0.01)
+    moved = math.log(model.load_growth / best.model.load_growth)
+    assert moved > 0.01
+    assert moved == pytest.approx(textbook.x, rel=0.15)
+    alone = climb(records[:1], TRUTH, free[-1:], 0.01)
+    assert restricted(records[:1], alone.model, alone.local, free[-1:], 0.01) is alone.model
 
 
 def test_what_a_record_does_not_depend_on_is_held(records):

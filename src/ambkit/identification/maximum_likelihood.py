@@ -1,7 +1,8 @@
 """A bearing from records of any loop, with its uncertainty, by maximum likelihood.
 
 The prediction-error method with the core's Kalman filter: search by Fisher's scoring, errors and
-correlations from the information, parameters that the records cannot tell apart named and held.
+correlations from the information, parameters that the records cannot tell apart named and held,
+noises as the restricted likelihood has them.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from ambkit.identification.parameters import (
     named,
     without_mass,
 )
+from ambkit.identification.restricted import restricted
 from ambkit.identification.search import WALL, climb, hold, ran_away
 from ambkit.identification.start import best_start
 
@@ -211,6 +213,8 @@ def maximum_likelihood(
 ) -> MaximumLikelihood:
     """Find the parameters under which records are most likely.
 
+    The noises among them are then corrected for what was fitted beside them (`restricted`).
+
     Parameters
     ----------
     records : Record or sequence of Record
@@ -245,18 +249,9 @@ def maximum_likelihood(
     parameters, alike = without_mass(named(free))
     if not parameters:
         raise AmbkitError("no parameter is free")
-    held = {name: f"{why}; held at {named([name])[0].text(given)}" for name, why in alike.items()}
-    for record in several:
-        check_sampling(given.bearing, record)
     if settling is None:
         settling = settling_time(given.bearing)
-    for record in several:
-        least = round(settling / record.sampling_time) + LEAST_SAMPLES
-        if len(record) < least:
-            raise RecordError(
-                f"a record has {len(record)} samples, {least} are needed to identify from: "
-                f"{settling:.3g} s until the filter has settled, and {LEAST_SAMPLES}"
-            )
+    _check_records(several, given, settling)
     given = _movable(given, parameters)
     begin, begun_from = given, "the bearing given"
     if improve_start:
@@ -266,15 +261,14 @@ def maximum_likelihood(
         sure = [p for p in parameters if p.name in (*NOISES, "delay")]
         if 0 < len(sure) < len(parameters):
             begin = climb(several, begin, sure, settling).model
+    held = {name: f"{why}; held at {named([name])[0].text(given)}" for name, why in alike.items()}
     steps = 0
     while True:
         note(f"searching {len(parameters)} parameters")
         found = climb(several, begin, parameters, settling)
         steps += found.steps
-        local, coordinates = found.local, Coordinates(found.model, parameters)
-        worst = doubtful(local.information, parameters) or ran_away(
-            several, given, found.model, parameters
-        )
+        worst = doubtful(found.local.information, parameters)
+        worst = worst or ran_away(several, given, found.model, parameters)
         if worst is None:
             break
         parameter, why = worst
@@ -286,30 +280,45 @@ def maximum_likelihood(
             raise AmbkitError(
                 "the records tell nothing: " + "; ".join(f"{n}: {w}" for n, w in held.items())
             )
-    unit = coordinates.unit_steps()
+    note("correcting the noises")
+    model = restricted(several, found.model, found.local, parameters, settling)
+    coordinates = Coordinates(model, parameters)
+    local = Likelihood(several, coordinates, settling).local(np.zeros(len(parameters)))
+    unit = np.outer(coordinates.unit_steps(), coordinates.unit_steps())
     inverse = np.linalg.inv(local.information)
-    covariance = inverse * np.outer(unit, unit)
-    robust = inverse @ local.scatter @ inverse * np.outer(unit, unit)
+    covariance, robust = inverse * unit, inverse @ local.scatter @ inverse * unit
     errors = np.sqrt(np.diag(covariance))
-    zero = Coordinates(given, [])
     return MaximumLikelihood(
         start=given,
-        model=found.model,
+        model=model,
         parameters=parameters,
-        values=np.array([p.of(found.model) for p in parameters]),
+        values=np.array([p.of(model) for p in parameters]),
         errors=errors,
         robust_errors=np.sqrt(np.diag(robust)),
         covariance=covariance,
         correlation=covariance / np.outer(errors, errors),
         held=held,
         log_likelihood=local.value,
-        start_log_likelihood=Likelihood(several, zero, settling).value(np.zeros(0)),
+        start_log_likelihood=Likelihood(several, Coordinates(given, []), settling).value(
+            np.zeros(0)
+        ),
         samples=found.samples,
         begun_from=begun_from,
         steps=steps,
         converged=found.converged,
         settling=settling,
     )
+
+
+def _check_records(records: Sequence[Record], given: LoopModel, settling: float) -> None:
+    for record in records:
+        check_sampling(given.bearing, record)
+        least = round(settling / record.sampling_time) + LEAST_SAMPLES
+        if len(record) < least:
+            raise RecordError(
+                f"a record has {len(record)} samples, {least} are needed to identify from: "
+                f"{settling:.3g} s until the filter has settled, and {LEAST_SAMPLES}"
+            )
 
 
 def _movable(model: LoopModel, parameters: Sequence[Parameter]) -> LoopModel:
