@@ -56,15 +56,18 @@ amb_status amb_adaline_step(const amb_adaline *a, amb_adaline_state *s, amb_real
   const amb_real load = sensed(a, f_d, &s->load_shown);
 
   const amb_real keep = amb_exp_negative(a->bandwidth * a->T);
-  const amb_real x = s->x, v = s->v;
+  const amb_real v = s->v;
   low_pass(a->bandwidth, a->T, keep, place, &s->x, &s->v);
   low_pass(a->bandwidth, a->T, keep, phi, &s->phi, &s->phi_dot);
   low_pass(a->bandwidth, a->T, keep, load, &s->load, &s->load_dot);
 
-  /* Eq. 24: prediction, error, and the normalised rule for its last weight. */
-  const amb_real input = a->T * a->T / (2 * a->m);
-  const amb_real predicted = x + a->T * v + input * (s->load + a->f_0 + s->force);
-  s->force += a->rate_force * (s->x - predicted) / input;
+  /* Eq. 24: prediction, error, and the normalised rule for its last weight. Of the two rows of the
+   * motion the one of v: its error is the mean acceleration of the sample, whatever the low-pass
+   * does within it. The row of x weighs the sample's beginning more, where the low-pass still
+   * swings: that would find forces too large by bandwidth T / 3. */
+  const amb_real input = a->T / a->m;
+  const amb_real predicted = v + input * (s->load + a->f_0 + s->force);
+  s->force += a->rate_force * (s->v - predicted) / input;
   s->phi_late += a->rate_force * (s->phi - s->phi_late);
 
   const amb_real own = 2 * a->law.i0 / a->law.s0;

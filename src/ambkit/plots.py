@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from ambkit.estimate import Estimate
     from ambkit.fuzzy import Expert
     from ambkit.identification import Identification
-    from ambkit.identification.adaline import AdalineResult
     from ambkit.identification.lift_off_fit import LiftOffFit
     from ambkit.identification.stiffness import StiffnessMap
     from ambkit.judgement import Judgement
@@ -239,17 +238,10 @@ def _innovation(judgement: Judgement) -> list[Item]:
     ]
 
 
-LEARNERS = {
-    "adaline": ("identified", "ADALINE"),
-    "rls": ("series 2", "least squares"),
-}
-"""Style and name of who learns online."""
-
-
-def identification_figure(
-    found: Identification, start: float, beside: Mapping[str, AdalineResult] | None = None
-) -> Figure:
+def identification_figure(found: Identification, start: float) -> Figure:
     """Show how the magnet constant was learned along a record, from `start` [N m^2/A^2].
+
+    :func:`~ambkit.identification.online_figure.online_figure` shows several learners.
 
     Parameters
     ----------
@@ -257,34 +249,28 @@ def identification_figure(
         The result.
     start : float
         Where learning began [N m^2/A^2].
-    beside : mapping of str to AdalineResult, optional
-        What each of `LEARNERS` learned along the same record, the result's own too.
     """
+    from ambkit.identification.adaline import AdalineResult
+
     history = found.history
-    constant = Axis("magnet constant $k$", "N mm²/A²", 1e6)
-    force: list[Item] = [Line(history.t, history.force, signal="force", label="identified force")]
-    lines: list[Item] = [Line(history.t, history.k, signal="identified")]
-    excitation: list[Item] = [Line(history.t, history.excitation, signal="control", label="")]
-    if beside is not None:
-        looks = [(*LEARNERS[name], one) for name, one in beside.items()]
-        lines = [Line(one.t, one.k, signal=style, label=label) for style, label, one in looks]
-        excitation = [
-            Line(one.t, one.excitation, signal=style, label="") for style, _, one in looks
-        ]
+    panels = [
+        Panel(TIME, Axis("magnet constant $k$", "N mm²/A²", 1e6), [
+            Rule(start, signal="reference", label="start"),
+            Rule(found.magnet_constant, signal="bound", label="result"),
+            Line(history.t, history.k, signal="identified"),
+        ]),
+    ]  # fmt: skip
+    if isinstance(history, AdalineResult):
+        force = Line(history.t, history.force, signal="force", label="identified force")
+        excitation = Line(history.t, history.excitation, signal="control", label="")
+        panels.append(Panel(TIME, Axis("magnet force", "N"), [force]))
+        panels.append(Panel(TIME, Axis("excitation"), [excitation]))
     return Figure(
         id="identification",
         title=f"Identification of {found.bearing.name}",
         caption="Where the excitation is too small, the magnet constant is held.",
-        panels=[
-            Panel(TIME, constant, [
-                Rule(start, signal="reference", label="start"),
-                Rule(found.magnet_constant, signal="bound", label="result"),
-                *lines,
-            ]),
-            Panel(TIME, Axis("magnet force", "N"), force),
-            Panel(TIME, Axis("excitation"), excitation),
-        ],
-    )  # fmt: skip
+        panels=panels,
+    )
 
 
 def lift_off_figure(fit: LiftOffFit) -> Figure:

@@ -32,6 +32,8 @@ class Method(StrEnum):
     likelihood = "likelihood"
     adaline = "adaline"
     rls = "rls"
+    extended_k = "extended-k"
+    online = "online"
 
 
 def identify(
@@ -51,8 +53,10 @@ def identify(
     method: Annotated[
         Method | None,
         typer.Option(
-            help="Maximum likelihood, for all parameters with their errors; or ADALINE, or "
-            "recursive least squares, for the magnet constant as a controller would learn it.",
+            help="Maximum likelihood, for all parameters with their errors; or the magnet constant "
+            "as a controller would learn it, by ADALINE, recursive least squares, or the extended "
+            "Kalman filter with k. These show the others beside them; online shows all three and "
+            "prefers none.",
             show_default="likelihood; adaline with --start or --disturbance",
         ),
     ] = None,
@@ -147,7 +151,7 @@ def identify(
 
     For example:
       ambkit identify run.csv --bearing my.toml --out found.toml --report found.html
-      ambkit identify run.csv --bearing my.toml --start "4 N mm^2/A^2" --plot found.png
+      ambkit identify run.csv --bearing my.toml --method online --plot online.png
       ambkit identify --lift-off points.csv --bearing inteco_ml --working-point "10 mm"
     """
     from ambkit.commands.belonging import check_belongs

@@ -1,25 +1,27 @@
-"""The part of ``ambkit identify`` that learns as a controller would: ADALINE, least squares."""
+"""The part of ``ambkit identify`` that learns as a controller would, sample by sample."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
 from ambkit.commands.options import arguments_of_the_user, quantity
+from ambkit.errors import AmbkitError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from ambkit.bearing import Bearing
-    from ambkit.identification.adaline import AdalineResult
+    from ambkit.identification.side_by_side import SideBySide
     from ambkit.record import Record
 
 CONSTANT = "N m^2/A^2"
-
-DRIFTING = 0.02
-"""Part of itself by which a magnet constant moves in the last quarter if it has not settled."""
+ALL = "online"
+"""The method that shows all and prefers none."""
 
 
 def learn_online(
@@ -32,79 +34,68 @@ def learn_online(
     plot: Path | None,
     json: bool,
 ) -> None:
-    """Identify the magnet constant by one method, and show the others beside it."""
+    """Learn the magnet constant in all ways, and take that of one method for the result."""
     from ambkit import plots
     from ambkit.commands import output
-    from ambkit.estimators import check_sampling
-    from ambkit.identification import identify
-    from ambkit.identification.magnet_constant import ONLINE
+    from ambkit.identification import side_by_side
+    from ambkit.identification.magnet_constant import ONLINE, identified
+    from ambkit.identification.online_figure import online_figure
 
+    if method == ALL and out is not None:
+        raise AmbkitError(f"--out writes what one method found: --method {', '.join(ONLINE)}")
     load = _force(disturbance, record)
     with arguments_of_the_user(), output.progress("identifying"):
-        check_sampling(known, record)
-        found = identify(record, known, method=method, disturbance=load, start=start)
-        beside = {
-            name: found.history
-            if name == method
-            else learner(known, start=start).run(record, disturbance=load)
-            for name, learner in ONLINE.items()
-        }
-    before = known.magnet.magnet_constant if start is None else start
-    learned = {name: _figures(history) for name, history in beside.items()}
-    data: dict[str, Any] = {"bearing": known.name, "method": method, "start": before}
-    data |= learned[method] | {"learners": learned}
-
-    def picture(path: Path) -> None:
-        plots.save_figure(plots.identification_figure(found, before, beside), path)
-
+        learned = side_by_side.learn_online(record, known, start=start, disturbance=load)
+    data: dict[str, Any] = {"bearing": known.name, "method": method} | learned.to_dict()
+    found = known
+    if method != ALL:
+        found = identified(known, learned.results[method]).bearing
+        data |= data["learners"][method]
     output.deliver(
         data,
-        [_table(known.name, before, learned)],
-        [(out, found.bearing.save), (plot, picture)],
+        [_table(learned), learned.agreement],
+        [
+            (out, found.save),
+            (plot, lambda path: plots.save_figure(online_figure(learned), path)),
+        ],
         as_json=json,
     )
-    if abs(data["drift"]) > DRIFTING * found.magnet_constant:
-        output.note(
-            "the magnet constant still drifts: a longer record may settle it; a load that is known "
-            "belongs to --disturbance, one that is not moves the result"
-        )
+    for note in learned.notes:
+        output.note(note)
 
 
-def _figures(history: AdalineResult) -> dict[str, Any]:
-    from ambkit.identification.rls import LeastSquaresResult
-
-    last = max(1, len(history.k) // 4)
-    figures = {
-        "magnet_constant": history.magnet_constant,
-        "spread": history.spread,
-        "drift": float(history.k[-1] - history.k[-last]),
-        "held_share": float(history.held.mean()),
-        "excitation": float(history.excitation[-1]),
-    }
-    if isinstance(history, LeastSquaresResult):
-        figures["load"] = float(history.load[-last:].mean())
-    return figures
-
-
-def _table(name: str, before: float, learned: dict[str, dict[str, Any]]) -> Any:
+def _table(learned: SideBySide) -> Any:
     from ambkit.commands.output import table, value
-    from ambkit.plots import LEARNERS
+    from ambkit.identification.side_by_side import CONFIDENCE, NAMES, figures
 
-    def row(title: str, key: str, unit: str) -> list[str]:
-        return [title, *(value(figures.get(key), unit) for figures in learned.values())]
+    told = [figures(result) for result in learned.results.values()]
+
+    def percent(title: str, of: Callable[[dict[str, Any]], float], form: str) -> list[str]:
+        cells = [100 * of(one) for one in told]
+        return [title, *(f"{cell:{form}} %" if math.isfinite(cell) else "–" for cell in cells)]
+
+    def against(title: str, other: float) -> list[str]:
+        return percent(title, lambda one: one["magnet_constant"] / other - 1, "+.2f")
 
     rows = [
-        ["magnet constant, start", *(value(before, CONSTANT) for _ in learned)],
-        row("magnet constant, found", "magnet_constant", CONSTANT),
-        row("  its spread over the last quarter", "spread", CONSTANT),
-        row("  its drift over the last quarter", "drift", CONSTANT),
-        ["change"]
-        + [f"{100 * (one['magnet_constant'] / before - 1):+.2f} %" for one in learned.values()],
-        row("load that was not known", "load", "N"),
-        ["held for want of excitation"]
-        + [f"{100 * one['held_share']:.1f} % of the samples" for one in learned.values()],
+        ["magnet constant, start", *(value(learned.start, CONSTANT) for _ in told)],
+        ["magnet constant, found", *(value(one["magnet_constant"], CONSTANT) for one in told)],
+        percent("  95 % interval, ±", lambda one: CONFIDENCE * _part(one, "standard_error"), ".2g"),
+        percent("  drift over the last quarter", lambda one: _part(one, "drift"), "+.1f"),
+        against("change", learned.start),
     ]
-    return table(name, ["", *(LEARNERS[one][1] for one in learned)], rows)
+    if learned.truth is not None:
+        rows.append(against(f"against the true {value(learned.truth, CONSTANT)}", learned.truth))
+    rows += [
+        ["load that was not told", *(value(one.get("load"), "N", 3) for one in told)],
+        ["held for want of excitation"]
+        + [f"{100 * one['held_share']:.1f} % of the samples" for one in told],
+    ]
+    return table(learned.bearing.name, ["", *(NAMES[name] for name in learned.results)], rows)
+
+
+def _part(figures: dict[str, Any], key: str) -> float:
+    return float(figures[key] / figures["magnet_constant"])
 
 
 def _force(given: str | None, record: Record) -> ArrayLike | None:

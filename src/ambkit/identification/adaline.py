@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ambkit.identification.online import OnlineResult, last_quarter, mean_error
 from ambkit.magnets import core_module
 
 if TYPE_CHECKING:
@@ -19,39 +20,34 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class AdalineResult:
-    """What the two elements learned along a record, n samples.
+class AdalineResult(OnlineResult):
+    """What the two elements learned along a record, n samples; the rest as :class:`OnlineResult`.
 
     Attributes
     ----------
-    t : ndarray (n,)
-        Time [s].
     force : ndarray (n,)
         Identified force of the magnet [N], low-passed.
-    k : ndarray (n,)
-        Identified magnet constant [N m^2/A^2].
     excitation : ndarray (n,)
         Root mean square of the regressor over the learning time, relative to the regressor at
         iu = i0, x = 0 [1].
-    held : ndarray of bool (n,)
-        Where k was held for want of excitation, or because a sample was bad.
+    memory : float
+        Samples over which k is averaged.
     """
 
-    t: Array
     force: Array
-    k: Array
     excitation: Array
-    held: NDArray[np.bool_]
+    memory: float
 
     @property
-    def magnet_constant(self) -> float:
-        """Mean of k over the last quarter of the record [N m^2/A^2]."""
-        return float(self.k[-max(1, len(self.k) // 4) :].mean())
+    def standard_error(self) -> float:
+        """Standard error of `magnet_constant`, from the scatter of k [N m^2/A^2].
 
-    @property
-    def spread(self) -> float:
-        """Standard deviation of k over the last quarter of the record [N m^2/A^2]."""
-        return float(self.k[-max(1, len(self.k) // 4) :].std())
+        As k forgets exponentially, its scatter is taken for that of a first-order process. What
+        the scatter does not show is not in it: a load that is not known, a wrong mass. NaN where
+        nothing was learned in the last quarter.
+        """
+        late = last_quarter(self.k)
+        return mean_error(self.k[late][~self.held[late]], self.memory)
 
 
 class OnlineIdentifier:
@@ -131,6 +127,7 @@ class Adaline(OnlineIdentifier):
         settings = first_element(bearing, start, bandwidth, rate_force, least_excitation)
         self.bearing = bearing
         self.bandwidth = settings["bandwidth"] / (2 * math.pi)
+        self.rate_k = rate_k
         self.core = core_module().Adaline(**settings, rate_k=rate_k)
 
     def run(self, record: Record, *, disturbance: ArrayLike | None = None) -> AdalineResult:
@@ -145,7 +142,12 @@ class Adaline(OnlineIdentifier):
         """
         out = self._learned(record, disturbance)
         return AdalineResult(
-            record.t, out["force"], out["k"], np.sqrt(out["excitation"]), out["status"] != 0
+            t=record.t,
+            k=out["k"],
+            held=out["status"] != 0,
+            force=out["force"],
+            excitation=np.sqrt(out["excitation"]),
+            memory=1 / self.rate_k,
         )
 
 

@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike
 
 from ambkit.errors import AmbkitError
 from ambkit.identification.adaline import Adaline, AdalineResult
+from ambkit.identification.extended_k import ExtendedKIdentifier
+from ambkit.identification.online import OnlineResult
 from ambkit.identification.rls import RecursiveLeastSquares
 
 if TYPE_CHECKING:
@@ -26,21 +28,26 @@ class Identification:
     bearing : Bearing
         The one that was given, with the identified magnet constant.
     magnet_constant, spread : float
-        Mean and standard deviation of k over the last quarter of the record [N m^2/A^2].
-    history : AdalineResult
-        How force and k were learned; by least squares a
-        :class:`~ambkit.identification.rls.LeastSquaresResult`.
+        Mean and standard deviation of k over the last quarter of the record [N m^2/A^2]; of
+        ``extended-k`` the k at its end.
+    history : OnlineResult
+        How k was learned: an :class:`~ambkit.identification.adaline.AdalineResult`, a
+        :class:`~ambkit.identification.rls.LeastSquaresResult`, or an
+        :class:`~ambkit.identification.extended_k.ExtendedKResult`.
     """
 
     bearing: Bearing
     magnet_constant: float
     spread: float
-    history: AdalineResult
+    history: OnlineResult
 
 
-ONLINE: Mapping[str, type[Adaline] | type[RecursiveLeastSquares]] = {
+Learner = type[Adaline] | type[RecursiveLeastSquares] | type[ExtendedKIdentifier]
+
+ONLINE: Mapping[str, Learner] = {
     "adaline": Adaline,
     "rls": RecursiveLeastSquares,
+    "extended-k": ExtendedKIdentifier,
 }
 """What learns a magnet constant sample by sample, by the names that users call it."""
 
@@ -57,7 +64,8 @@ def identify(
 
     What can be told from one record is the ratio of k to the mass: a mass that is 10 % wrong moves
     k by as much. A constant load that is not known moves ADALINE's k by its share of the force,
-    and does nothing to that of least squares, which need motion in return.
+    and does nothing to that of least squares and of the Kalman filter, which need motion in return.
+    :func:`~ambkit.identification.side_by_side.learn_online` runs all beside each other.
 
     Parameters
     ----------
@@ -65,13 +73,13 @@ def identify(
         With ``y`` [m] and ``u`` [V].
     bearing : Bearing
         Mass, gap, bias current, sensor and amplifier; its magnet constant is the start.
-    method : {"adaline", "rls"}
-        Who learns: ADALINE, or recursive least squares.
+    method : {"adaline", "rls", "extended-k"}
+        Who learns: ADALINE, recursive least squares, or the extended Kalman filter with k.
     disturbance : array_like (n,), optional
         Disturbance force as far as it is known [N].
     **options
-        As for :class:`ambkit.Adaline` or :class:`ambkit.RecursiveLeastSquares`: start, bandwidth,
-        learning rates, forgetting.
+        As for :class:`ambkit.Adaline`, :class:`ambkit.RecursiveLeastSquares` or
+        :class:`ambkit.FiveStateKalmanFilter`: start, bandwidth, learning rates, forgetting, noise.
 
     Raises
     ------
@@ -81,12 +89,33 @@ def identify(
     """
     if method not in ONLINE:
         raise AmbkitError(f'there is no method "{method}"; known: {", ".join(ONLINE)}')
-    history: AdalineResult = ONLINE[method](bearing, **options).run(record, disturbance=disturbance)
+    history: OnlineResult = ONLINE[method](bearing, **options).run(record, disturbance=disturbance)
+    return identified(bearing, history)
+
+
+def identified(bearing: Bearing, history: OnlineResult) -> Identification:
+    """Make a bearing of what was learned.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        The one that learning began with.
+    history : OnlineResult
+        What was learned.
+
+    Raises
+    ------
+    AmbkitError
+        As :func:`identify`.
+    """
     if history.held.all():
-        raise AmbkitError(
+        seen = (
             f"excitation stayed at {history.excitation.max():.2g}, below the least at which the "
-            "magnet constant is learned: let the rotor move, or the magnet carry a known load"
+            "magnet constant is learned"
+            if isinstance(history, AdalineResult)
+            else "the magnet constant could nowhere be told from a load"
         )
+        raise AmbkitError(f"{seen}: let the rotor move, or the magnet carry a known load")
     k = history.magnet_constant
     if not k > 0:
         raise AmbkitError(

@@ -86,6 +86,7 @@ class RecursiveLeastSquares(OnlineIdentifier):
             raise ValueError(f"load must be 'unknown' or 'known', got {load!r}")
         settings = first_element(bearing, start, bandwidth, rate_force, least_excitation)
         self.bearing = bearing
+        self.forgetting = forgetting
         self.core = core_module().MagnetRls(
             **settings,
             forgetting=forgetting,
@@ -107,9 +108,10 @@ class RecursiveLeastSquares(OnlineIdentifier):
         out = self._learned(record, disturbance)
         return LeastSquaresResult(
             t=record.t,
-            force=out["force"],
             k=out["k"],
-            excitation=np.sqrt(out["excitation"]),
             held=out["status"] != 0,
+            force=out["force"],
+            excitation=np.sqrt(out["excitation"]),
+            memory=1 / (1 - self.forgetting),
             load=out["load"],
         )

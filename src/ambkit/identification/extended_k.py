@@ -1,0 +1,109 @@
+"""Online identification of the magnet constant by the filter that has it for a fifth state."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ambkit.estimate import Estimate, Status
+from ambkit.estimators.magnet_scale import FiveStateKalmanFilter
+from ambkit.identification.online import OnlineResult
+
+if TYPE_CHECKING:
+    from ambkit.bearing import Bearing
+    from ambkit.record import Record
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ExtendedKResult(OnlineResult):
+    """What the filter learned along a record, n samples; the rest as :class:`OnlineResult`.
+
+    Attributes
+    ----------
+    error : ndarray (n,)
+        Standard deviation of k as the filter believes it [N m^2/A^2].
+    load : ndarray (n,)
+        Estimated force on the rotor that was not known [N].
+    estimate : Estimate
+        All that the filter said.
+    """
+
+    error: Array
+    load: Array
+    estimate: Estimate
+
+    @property
+    def magnet_constant(self) -> float:
+        """Where k ended, which holds all that was learned [N m^2/A^2]."""
+        return float(self.k[-1])
+
+    @property
+    def standard_error(self) -> float:
+        """Standard deviation of k as the filter believes it at the end [N m^2/A^2].
+
+        Where k was never learned it is what the filter began with.
+        """
+        return float(self.error[-1])
+
+
+class ExtendedKIdentifier:
+    """Magnet constant by :class:`ambkit.FiveStateKalmanFilter`, beside its four other states.
+
+    It takes the load for one that wanders, and needs no word of it; so a load that is known is only
+    taken off what it found.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What is filtered; its magnet constant is where learning starts.
+    start : float, optional
+        Another start for the magnet constant [N m^2/A^2].
+    **options
+        As for :class:`ambkit.FiveStateKalmanFilter`.
+
+    Raises
+    ------
+    ValueError
+        Where an argument is outside its range.
+    """
+
+    def __init__(self, bearing: Bearing, *, start: float | None = None, **options: Any) -> None:
+        if start is None:
+            start = bearing.magnet.magnet_constant
+        if not 0 < start < math.inf:
+            raise ValueError(f"start must be greater than 0 N m^2/A^2 and finite, got {start!r}")
+        # A constant from turns and pole area would contradict the start.
+        self.bearing = bearing.replace(
+            magnet__magnet_constant=start, magnet__turns=None, magnet__pole_area=None
+        )
+        self.kalman = FiveStateKalmanFilter(self.bearing, **options)
+
+    def run(self, record: Record, *, disturbance: ArrayLike | None = None) -> ExtendedKResult:
+        """Learn along a record.
+
+        Parameters
+        ----------
+        record : Record
+            With ``y`` [m] and ``u`` [V], n samples.
+        disturbance : array_like (n,), optional
+            Disturbance force as far as it is known [N].
+        """
+        start = self.bearing.magnet.magnet_constant
+        estimate = self.kalman.run(record)
+        assert estimate.scale is not None
+        assert estimate.scale_variance is not None
+        unlearned = Status.UNEXCITED | Status.MISSING | Status.FROZEN | Status.OUTLIER
+        return ExtendedKResult(
+            t=record.t,
+            k=start * estimate.scale,
+            held=(estimate.status & np.uint16(unlearned | Status.BAD_VARIANCE)) != 0,
+            error=start * np.sqrt(estimate.scale_variance),
+            load=estimate.f_d - (0.0 if disturbance is None else np.asarray(disturbance)),
+            estimate=estimate,
+        )

@@ -1,0 +1,76 @@
+"""What all that learn a magnet constant sample by sample say about a record."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class OnlineResult:
+    """How a magnet constant was learned along a record, n samples.
+
+    Attributes
+    ----------
+    t : ndarray (n,)
+        Time [s].
+    k : ndarray (n,)
+        Identified magnet constant [N m^2/A^2].
+    held : ndarray of bool (n,)
+        Where k was held for want of excitation, or because a sample was bad.
+    """
+
+    t: Array
+    k: Array
+    held: NDArray[np.bool_]
+
+    @property
+    def magnet_constant(self) -> float:
+        """Mean of k over the last quarter of the record [N m^2/A^2]."""
+        return float(self.k[last_quarter(self.k)].mean())
+
+    @property
+    def spread(self) -> float:
+        """Standard deviation of k over the last quarter of the record [N m^2/A^2]."""
+        return float(self.k[last_quarter(self.k)].std())
+
+    @property
+    def standard_error(self) -> float:
+        """Standard error of `magnet_constant` [N m^2/A^2]; NaN where nothing is known of it."""
+        raise NotImplementedError
+
+
+def last_quarter(values: Array) -> slice:
+    """Return where the last quarter of values lies, one at least."""
+    return slice(len(values) - max(1, len(values) // 4), None)
+
+
+def mean_error(values: Array, memory: float) -> float:
+    """Standard error of the mean of what an exponential memory gives out.
+
+    For a first-order process of correlation time `memory`, over a stretch of `a` times that, the
+    mean has the share ``v = 2/a (1 - (1 - exp(-a))/a)`` of the process's variance, and the scatter
+    about the mean the rest (Priestley 1981, ch. 5).
+
+    Parameters
+    ----------
+    values : ndarray (n,)
+        What was given out.
+    memory : float
+        Correlation time [samples].
+
+    Returns
+    -------
+    float
+        NaN of fewer than two values.
+    """
+    if values.size < 2:
+        return math.nan
+    a = values.size / memory
+    share = 2 / a * (1 + math.expm1(-a) / a)
+    return float(values.std()) * math.sqrt(share / (1 - share))

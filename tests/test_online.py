@@ -1,0 +1,252 @@
+"""ADALINE, least squares and the Kalman filter with k beside each other: who is right, and when."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+import ambkit
+from ambkit import Bearing, Constant, Record, Scenario, Sine, Step
+from ambkit.cli import main
+from ambkit.errors import AmbkitError
+from ambkit.identification.extended_k import ExtendedKIdentifier, ExtendedKResult
+from ambkit.identification.online import OnlineResult, mean_error
+from ambkit.identification.online_figure import online_figure
+from ambkit.identification.side_by_side import SideBySide, learn_online
+from ambkit.report.items import Band, Line, Rule, Span
+from ambkit.simulation import Imposed
+
+Array = NDArray[np.float64]
+BEARING = Bearing.preset("zittau_axial")
+K = BEARING.magnet.magnet_constant
+START = K / 1.3
+
+
+def moved(seed: int = 0, *, load: float = 0.0, colour: float = 0.0, step: float = 6e-4) -> Record:
+    """Steps to and fro about the centre, for a second; sensor noise correlated over `colour`."""
+    reference = Constant(value=0.0) + Step(amplitude=step / 2, time=0.02)
+    for place, time in enumerate(np.arange(0.1, 0.95, 0.15)):
+        reference = reference + Step(amplitude=(-1) ** (place + 1) * step, time=float(time))
+    scenario = Scenario(
+        duration=1.0, seed=seed, reference=reference, disturbance=Constant(value=load),
+        controller=ambkit.PID(feedback="measurement"),
+    )  # fmt: skip
+    imposed = None
+    if colour:
+        pole = math.exp(-1 / colour)
+        white = np.random.default_rng(seed).normal(0, BEARING.sensor.noise_variance**0.5, 10_001)
+        imposed = Imposed(sensor_noise=lfilter([(1 - pole**2) ** 0.5], [1, -pole], white))
+    return ambkit.simulate(BEARING, scenario, imposed=imposed)
+
+
+def errors(records: list[Record]) -> dict[str, Array]:
+    """Error of each k over the truth, and its standard error, a row a record."""
+    all_of = [learn_online(record, BEARING, start=START).results for record in records]
+    return {
+        name: np.array([(r[name].magnet_constant / K - 1, r[name].standard_error / K)
+                        for r in all_of])
+        for name in all_of[0]
+    }  # fmt: skip
+
+
+def test_all_find_k_where_the_rotor_moves() -> None:
+    """The filter within what it says; the others to half a percent, which is their own bias."""
+    found = errors([moved(seed) for seed in range(8)])
+    assert np.abs(found["adaline"][:, 0]).max() < 0.005
+    assert np.abs(found["rls"][:, 0]).max() < 0.01
+    assert abs(found["rls"][:, 0].mean()) < 0.005
+    filtered = found["extended-k"]
+    assert np.abs(filtered[:, 0]).max() < 0.06
+    assert (np.abs(filtered[:, 0]) < 1.96 * filtered[:, 1]).mean() >= 7 / 8
+    assert filtered[:, 1].max() < 0.06  # from 0.2: that is learned, not only wide
+
+
+@pytest.mark.parametrize("load", [0.0, 2.0])
+def test_at_rest_who_needs_motion_says_so_and_does_not_drift(load: float) -> None:
+    """ADALINE learns from the weight instead, and takes a load for the magnet."""
+    still = Scenario(duration=0.5, disturbance=Constant(value=load))
+    learned = learn_online(ambkit.simulate(BEARING, still), BEARING, start=START)
+    for name in ("rls", "extended-k"):
+        result = learned.results[name]
+        assert result.held.all()
+        assert np.abs(result.k / START - 1).max() < 1e-12
+    adaline = learned.results["adaline"].magnet_constant / K - 1
+    assert abs(adaline) < 0.005 if load == 0.0 else abs(adaline) > 0.3
+    assert learned.agreement == (
+        "Only ADALINE learned; least squares and the Kalman filter with k never learned: too "
+        "little excitation, their k is the start."
+    )
+
+
+def test_without_a_weight_nobody_learns_at_rest() -> None:
+    level = BEARING.replace(rotor__gravity="none")
+    learned = learn_online(ambkit.simulate(level, Scenario(duration=0.3)), level, start=START)
+    assert all(result.held.all() for result in learned.results.values())
+    assert all((result.k == START).all() for result in learned.results.values())
+    assert math.isnan(learned.results["rls"].standard_error)
+    assert learned.results["extended-k"].standard_error == pytest.approx(0.2 * START)
+    assert learned.agreement.startswith("Nobody learned: too little excitation")
+    with pytest.raises(AmbkitError, match="nowhere be told from a load: let the rotor move"):
+        ambkit.identify(ambkit.simulate(level, Scenario(duration=0.3)), level, method="extended-k")
+
+
+def test_a_load_that_is_not_told_leads_only_adaline_astray() -> None:
+    learned = learn_online(moved(load=3.0), BEARING, start=START)
+    assert learned.agree("rls", "extended-k")
+    assert "the k of ADALINE is" in learned.agreement
+    assert any("one of 3 N: a known load belongs to --disturbance" in n for n in learned.notes)
+    told = learn_online(moved(load=3.0), BEARING, start=START, disturbance=3.0)
+    assert told.agreement == "All three agree within their errors."
+    for name in ("rls", "extended-k"):
+        assert abs(told.to_dict()["learners"][name]["load"]) < 0.2
+
+
+def test_colour_is_told_and_white_noise_is_not() -> None:
+    """The filter bends k to it; ADALINE and least squares look at slow motion only."""
+    white = [learn_online(moved(seed), BEARING) for seed in range(4)]
+    assert not any(one.coloured for one in white)
+    assert max(abs(one.colour) for one in white) < 0.05
+    coloured = [learn_online(moved(seed, colour=10.0), BEARING) for seed in range(4)]
+    assert all(one.coloured for one in coloured)
+    assert all("the innovations have colour" in " ".join(one.notes) for one in coloured)
+    bias = {
+        name: np.mean([one.results[name].magnet_constant / K - 1 for one in coloured])
+        for name in coloured[0].results
+    }
+    assert bias["extended-k"] > 0.05
+    assert abs(bias["adaline"]) < 0.005
+    assert abs(bias["rls"]) < 0.02
+
+
+def test_the_filter_is_that_of_the_family() -> None:
+    record = moved(1)
+    result = ExtendedKIdentifier(BEARING, start=START).run(record, disturbance=1.0)
+    plain = ambkit.FiveStateKalmanFilter(BEARING.replace(magnet__magnet_constant=START)).run(record)
+    assert plain.scale is not None
+    assert (result.k == START * plain.scale).all()
+    assert (result.load == plain.f_d - 1.0).all()
+    told = (plain.status & np.uint16(ambkit.Status.UNEXCITED)) != 0
+    assert (result.held == told).all()
+    found = ambkit.identify(record, BEARING, method="extended-k", start=START)
+    assert found.bearing.magnet.magnet_constant == result.k[-1]
+
+
+@pytest.mark.parametrize("windows", [0.5, 5.0, 40.0])
+def test_the_error_of_a_mean_is_how_means_scatter(windows: float) -> None:
+    """A first-order process drawn anew many times, against what one draw says of its own mean."""
+    memory = 60.0
+    n, pole = round(windows * memory), math.exp(-1 / memory)
+    white = np.random.default_rng(0).normal(size=(3000, n))
+    white[:, 1:] *= (1 - pole**2) ** 0.5
+    drawn = lfilter([1.0], [1.0, -pole], white, axis=1)
+    scatter = drawn.mean(axis=1).std()
+    told = np.sqrt(np.mean([mean_error(one, memory) ** 2 for one in drawn]))
+    assert told == pytest.approx(scatter, rel=0.06)
+    assert math.isnan(mean_error(np.ones(1), memory))
+
+
+class Said(OnlineResult):
+    """A result with a given k and error."""
+
+    def __init__(self, k: float, error: float, learned: bool = True) -> None:
+        super().__init__(np.arange(8.0), np.full(8, k), np.full(8, not learned))
+        object.__setattr__(self, "_error", error)
+
+    @property
+    def standard_error(self) -> float:
+        return float(vars(self)["_error"])
+
+
+@pytest.mark.parametrize(
+    ("k", "sentence"),
+    [
+        ((1.0, 1.02, 0.98), "All three agree within their errors."),
+        ((1.0, 1.2, 1.02), "ADALINE and the Kalman filter with k agree within their errors, the k "
+                           "of least squares is 18.8 % higher."),
+        ((1.0, 1.05, 1.1), "The k of least squares agrees with those of ADALINE and the Kalman "
+                           "filter with k, which differ from each other."),
+        ((1.0, 2.0, 3.0), "No two of them agree."),
+    ],
+)  # fmt: skip
+def test_who_agrees_with_whom_is_one_sentence(k: tuple[float, ...], sentence: str) -> None:
+    results = dict(
+        zip(("adaline", "rls", "extended-k"), (Said(one, 0.02) for one in k), strict=True)
+    )
+    assert SideBySide(BEARING, 1.0, None, results).agreement == sentence
+    # The same constants, nearly: discretisation alone moves them by more than their errors.
+    near = {name: Said(1.0 + 0.002 * i, 1e-6) for i, name in enumerate(results)}
+    assert SideBySide(BEARING, 1.0, None, near).agreement == "All three agree within their errors."
+
+
+def test_the_picture_shows_truth_bands_and_what_was_held() -> None:
+    learned = learn_online(moved(), BEARING, start=START)
+    constants, *monitors = online_figure(learned).panels
+    assert len(monitors) == 3
+    filtered = learned.results["extended-k"]
+    assert isinstance(filtered, ExtendedKResult)
+    (band,) = (item for item in constants.items if isinstance(item, Band))
+    first = int(np.argmin(filtered.held))
+    assert np.isnan(band.low[:first]).all()
+    np.testing.assert_allclose(band.high[first:], (filtered.k + 1.96 * filtered.error)[first:])
+    rules = [item.value for item in constants.items if isinstance(item, Rule)]
+    assert rules == [START, K]
+    spans = [item for item in monitors[2].items if isinstance(item, Span)]
+    shaded = sum(span.stop - span.start for span in spans)
+    assert shaded == pytest.approx(float(filtered.held.mean()), abs=0.05)
+    assert all(any(isinstance(item, Line) for item in panel.items) for panel in monitors)
+
+
+@pytest.fixture
+def call(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Any:
+    monkeypatch.chdir(tmp_path)
+    swing = Scenario(duration=0.4, reference=Sine(amplitude=3e-4, frequency=20.0))
+    ambkit.simulate(BEARING, swing).save("run.csv")
+
+    def run(*arguments: str) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as left:
+            main(["identify", "run.csv", "--bearing", "zittau_axial", *arguments])
+        told = capsys.readouterr()
+        return int(left.value.code or 0), told.out, told.err
+
+    return run
+
+
+def test_the_command_shows_all_three(call: Any) -> None:
+    code, out, err = call("--method", "online", "--start", "5 N mm^2/A^2", "--plot", "on.png")
+    assert code == 0, err
+    for words in (
+        "ADALINE",
+        "least squares",
+        "Kalman filter with k",
+        "against the true 6.7 N mm^2",
+    ):
+        assert words in out
+    assert Path("on.png").stat().st_size > 20_000
+    code, out, _ = call("--method", "online", "--json")
+    told = json.loads(out)
+    assert code == 0
+    assert set(told["learners"]) == {"adaline", "rls", "extended-k"}
+    assert told["truth"] == pytest.approx(K)
+    assert told["agreement"].endswith(".")
+    assert "magnet_constant" not in told
+    code, out, _ = call("--method", "extended-k", "--json", "--out", "found.toml")
+    k = json.loads(out)["magnet_constant"]
+    assert k == json.loads(out)["learners"]["extended-k"]["magnet_constant"]
+    assert Bearing.load("found.toml").magnet.magnet_constant == pytest.approx(k)
+
+
+def test_without_a_preferred_method_there_is_no_bearing_to_write(call: Any) -> None:
+    code, out, err = call("--method", "online", "--out", "found.toml")
+    assert code == 2
+    assert "--out writes what one method found: --method adaline, rls, extended-k" in err
+    assert out == ""
+    assert not Path("found.toml").exists()
