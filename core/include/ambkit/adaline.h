@@ -3,8 +3,8 @@
  * The first (paper, eq. 24) finds the force of the magnet from the motion: in
  *     x(k+1) = 1 x(k) + T v(k) + T^2/2m (F_St + F_0) + T^2/2m F_Magnet
  * the weight F_Magnet is adapted; or rather, for the reason that stands in adaline.c, in the other
- * row of the same motion, v(k+1) = v(k) + T/m (F_St + F_0) + T/m F_Magnet. The second (eq. 25) finds the magnet constant in
- *     F_Magnet = k phi,   phi = ((i0+iu)/(s0-x))^2 - ((i0-iu)/(s0+x))^2.
+ * row of the same motion, v(k+1) = v(k) + T/m (F_St + F_0) + T/m F_Magnet. The second (eq. 25)
+ * finds the magnet constant in F_Magnet = k phi,   phi = ((i0+iu)/(s0-x))^2 - ((i0-iu)/(s0+x))^2.
  * The rule is  w += rate * input * error / input^2,  stable for 0 < rate < 2; a step of rate r
  * averages over about 2/r samples: the error of k settles as (1 - r)^n and the noise that is left
  * has the variance r/(2 - r) of one sample's.

@@ -66,7 +66,8 @@ def learn_online(
 
 def _table(learned: SideBySide) -> Any:
     from ambkit.commands.output import table, value
-    from ambkit.identification.side_by_side import CONFIDENCE, NAMES, figures
+    from ambkit.identification.online import CONFIDENCE
+    from ambkit.identification.side_by_side import NAMES, figures
 
     told = [figures(result) for result in learned.results.values()]
 

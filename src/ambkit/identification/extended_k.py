@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambkit.estimate import Estimate, Status
 from ambkit.estimators.magnet_scale import FiveStateKalmanFilter
-from ambkit.identification.online import OnlineResult
+from ambkit.identification.online import CONFIDENCE, OnlineResult
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
@@ -42,6 +42,11 @@ class ExtendedKResult(OnlineResult):
     def magnet_constant(self) -> float:
         """Where k ended, which holds all that was learned [N m^2/A^2]."""
         return float(self.k[-1])
+
+    @property
+    def settled(self) -> bool:
+        """Whether k moved in the last quarter by no more than its own error, or hardly."""
+        return super().settled or abs(self.drift) <= CONFIDENCE * self.standard_error
 
     @property
     def standard_error(self) -> float:

@@ -10,6 +10,12 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+CONFIDENCE = 1.96
+"""Standard errors to either side within which 95 % of normal estimates lie."""
+
+DRIFTING = 0.02
+"""Part of itself by which a magnet constant moves in the last quarter if it has not settled."""
+
 
 @dataclass(frozen=True, eq=False)
 class OnlineResult:
@@ -38,6 +44,17 @@ class OnlineResult:
     def spread(self) -> float:
         """Standard deviation of k over the last quarter of the record [N m^2/A^2]."""
         return float(self.k[last_quarter(self.k)].std())
+
+    @property
+    def drift(self) -> float:
+        """Change of k over the last quarter of the record [N m^2/A^2]."""
+        late = self.k[last_quarter(self.k)]
+        return float(late[-1] - late[0])
+
+    @property
+    def settled(self) -> bool:
+        """Whether k hardly moved any more in the last quarter of the record."""
+        return abs(self.drift) <= DRIFTING * abs(self.magnet_constant)
 
     @property
     def standard_error(self) -> float:

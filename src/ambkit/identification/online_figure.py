@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from ambkit.identification.adaline import AdalineResult
 from ambkit.identification.extended_k import ExtendedKResult
-from ambkit.identification.online import OnlineResult
-from ambkit.identification.side_by_side import CONFIDENCE, NAMES, SideBySide
+from ambkit.identification.online import CONFIDENCE, OnlineResult
+from ambkit.identification.side_by_side import NAMES, SideBySide
 from ambkit.report.figure import Figure, Panel
 from ambkit.report.items import Axis, Band, Item, Line, Points, Rule, Span
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from ambkit.identification.adaline import AdalineResult
 from ambkit.identification.extended_k import ExtendedKResult
 from ambkit.identification.magnet_constant import ONLINE
-from ambkit.identification.online import OnlineResult, last_quarter
+from ambkit.identification.online import CONFIDENCE, OnlineResult, last_quarter
 from ambkit.identification.rls import LeastSquaresResult
 
 if TYPE_CHECKING:
@@ -30,13 +30,9 @@ NAMES = {
 
 _THE = NAMES | {"extended-k": "the Kalman filter with k"}
 
-CONFIDENCE = 1.96
 NEAR = 0.01
 """Part of itself by which two constants may differ, whatever their errors: what discretisation and
 the noise in the regressor cost."""
-
-DRIFTING = 0.02
-"""Part of itself by which a magnet constant moves in the last quarter if it has not settled."""
 
 COLOURED = 0.2
 """Correlation of an innovation with the next one from which on k bends to it.
@@ -146,8 +142,7 @@ class SideBySide:
         said = [
             f"{NAMES[name]}: k still drifts; a longer record may settle it"
             for name, result in self.results.items()
-            if abs(drift(result))
-            > max(DRIFTING * abs(result.magnet_constant), CONFIDENCE * result.standard_error)
+            if not result.settled
         ]
         load = self._load_for_the_magnet()
         if load is not None:
@@ -245,12 +240,6 @@ def true_constant(record: Record) -> float | None:
     return Bearing.from_toml(text).magnet.magnet_constant
 
 
-def drift(result: OnlineResult) -> float:
-    """Change of k over the last quarter of the record [N m^2/A^2]."""
-    late = result.k[last_quarter(result.k)]
-    return float(late[-1] - late[0])
-
-
 def unknown_load(result: OnlineResult) -> float | None:
     """Mean load over the last quarter beyond what was told [N]; None where it is not asked for."""
     if not isinstance(result, LeastSquaresResult | ExtendedKResult):
@@ -270,7 +259,7 @@ def figures(result: OnlineResult) -> dict[str, Any]:
         "magnet_constant": result.magnet_constant,
         "standard_error": result.standard_error,
         "spread": result.spread,
-        "drift": drift(result),
+        "drift": result.drift,
         "held_share": float(result.held.mean()),
     }
     if isinstance(result, AdalineResult):
