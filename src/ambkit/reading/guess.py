@@ -1,18 +1,10 @@
-"""A channel map proposed for a log: by names and units where it has them, else by statistics.
-
-What a magnetic bearing's log holds is known: a time that rises evenly; a position; its velocity,
-which is the position's difference; a reference, which follows the position without its noise; a
-current or control signal, which mirrors the position, since the plant is unstable. So even an array
-without one name can be told apart. A guess stays a guess: each line says why.
-"""
+"""A channel map proposed for a log, with a comment on each line that says why."""
 
 from __future__ import annotations
 
 import json
 import os
-import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -20,60 +12,14 @@ from numpy.typing import NDArray
 
 from ambkit.errors import RecordError
 from ambkit.files.log import Log, read_log
+from ambkit.reading.candidates import Candidate, candidates, correlation, find_roles, seen, slow
 from ambkit.reading.clock import examine
 from ambkit.reading.faults import noise
 from ambkit.signals import si_unit
 
 Array = NDArray[np.float64]
 
-LOOKED_AT = 50_000
-"""Samples that the statistics are made of."""
-
-_WORDS = {
-    "t": r"t|time|zeit|temps|timestamps?|seconds?|sec|clock|uhr",
-    "r": r"r|w|ref|reference|soll\w*|set_?point|sp|desired|target|command_pos\w*",
-    "v": r"v|vel|velocity|speed|geschw\w*|xdot|dx",
-    "i": r"i|cur|current|strom|amps?|iu|coil|spulenstrom",
-    "u": r"u|control|ctrl|cmd|command|duty|pwm|stell\w*|output|volt\w*|spannung",
-    "y": r"y|x|z|pos|position|weg|dist|distance|displ\w*|gap|abstand|lage|sensor|auslenkung",
-}
-_ESTIMATED = re.compile(r"est\w*|hat|obs\w*|kf|ekf|filt\w*|model\w*|logged")
-_UNIT_IN_NAME = re.compile(r"(.*?)[ _]*(?:/ ?|_in_|_)(µm|um|mm|m|ms|us|s|A|mA|V|mV|mps)$")
-_ROLES = {"s": "t", "m": "y", "m/s": "v", "A": "i", "V": "u"}
 _NAMES = {"i": "current", "v": "velocity"}  # not v: that is the truth of a simulation
-_USUAL = {"t": "s", "r": "m", "y": "m", "v": "m/s", "i": "A", "u": "V"}
-
-
-@dataclass
-class Candidate:
-    """One channel of a log, and what speaks for what it is.
-
-    Attributes
-    ----------
-    label : str
-        What the log calls it, for the comments.
-    where : dict
-        Keys of the channel map that find it.
-    values : ndarray (n,)
-        Its samples.
-    unit : str
-        What the log says of its unit; empty where it does not.
-    clock : str
-        Name of the array with its times, where the file says so.
-    role : str
-        ``t``, ``y``, ``u``, ``i``, ``v``, ``r`` or, not known, empty.
-    why : list of str
-        What speaks for that.
-    """
-
-    label: str
-    where: dict[str, str | int]
-    values: Array
-    unit: str = ""
-    clock: str = ""
-    role: str = ""
-    why: list[str] = field(default_factory=list)
-    estimated: bool = False
 
 
 def guess(path: str | os.PathLike[str], told: Callable[[str], object] = lambda _: None) -> str:
@@ -100,212 +46,11 @@ def guess(path: str | os.PathLike[str], told: Callable[[str], object] = lambda _
     """
     log = read_log(path, None, told, lenient=True)
     told("comparing the channels")
-    array, found = _candidates(log)
+    array, found = candidates(log)
     if not found:
         raise RecordError(f"{path}: holds no channels: {log.contents}")
-    for candidate in found:
-        candidate.values = np.where(np.isfinite(candidate.values), candidate.values, np.nan)
-        _by_name(candidate)
-    _find_time(found)
-    _by_statistics(found)
+    find_roles(found)
     return "\n".join(_toml(Path(path).name, log, array, found)) + "\n"
-
-
-def _candidates(log: Log) -> tuple[str, list[Candidate]]:
-    """Return the name of the array that holds all channels, if one does, and the channels."""
-    matrices = {k: v for k, v in log.arrays.items() if v.ndim == 2 and min(v.shape) > 1}
-    vectors = {k: v.ravel() for k, v in log.arrays.items() if k not in matrices}
-    longest = max((v.size for v in vectors.values()), default=0)
-    if matrices:
-        name, matrix = max(matrices.items(), key=lambda item: max(item[1].shape))
-        if max(matrix.shape) >= longest:
-            key = "row" if matrix.shape[1] >= matrix.shape[0] else "column"
-            rows = matrix if key == "row" else matrix.T
-            return name, [Candidate(f"{key} {n}", {key: n}, row) for n, row in enumerate(rows)]
-    key = "column" if log.order or log.clocks else "array"
-    return "", [
-        Candidate(
-            f"column {name}" if name.isdigit() else name,
-            {key: name},
-            values,
-            log.units.get(name, ""),
-            log.clocks.get(name, ""),
-        )
-        for name, values in vectors.items()
-        if values.size > 1 and (log.clocks or values.size == longest)
-    ]
-
-
-def _by_name(candidate: Candidate) -> None:
-    """Read role and unit from the name."""
-    if not isinstance(next(iter(candidate.where.values())), str):
-        return
-    label = re.split(r"[/.]", candidate.label)[-1]
-    in_name = _UNIT_IN_NAME.fullmatch(label)
-    if in_name and in_name[1] and not candidate.unit:
-        label, candidate.unit = in_name[1], in_name[2].replace("mps", "m/s")
-        candidate.why.append("unit from its name")
-    words = [w for w in re.split(r"[^a-zäöüß]+", re.sub(r"\d+", " ", label.lower())) if w]
-    candidate.estimated = any(_ESTIMATED.fullmatch(word) for word in words)
-    named = [role for role, pattern in _WORDS.items() if _any(pattern, words)]
-    role = named[0] if named else ""
-    try:
-        measured = si_unit(candidate.unit) if candidate.unit else ""
-    except ValueError:
-        candidate.why.append(f'its unit "{candidate.unit}" is not known')
-        candidate.unit = measured = ""
-    of_unit = _ROLES.get(measured, "")
-    if role and measured and si_unit(_USUAL[role]) != measured:
-        role = of_unit if of_unit not in ("", "u") or role not in ("u", "r") else role
-        role = of_unit if not role or (role != "u" and si_unit(_USUAL[role]) != measured) else role
-    if role:
-        candidate.role = role
-        candidate.why.append("by its name")
-    elif of_unit:
-        candidate.role = of_unit
-        candidate.why.append("by its unit")
-
-
-def _any(pattern: str, words: list[str]) -> bool:
-    return any(re.fullmatch(pattern, word) for word in words)
-
-
-def _find_time(found: list[Candidate]) -> None:
-    """Keep as time what rises; without a name, the first that rises evenly."""
-    for candidate in found:
-        rises = _rises(candidate.values)
-        if candidate.role == "t" and not rises:
-            candidate.role = ""
-            candidate.why.append("named like a time, but does not rise")
-    if any(candidate.role == "t" for candidate in found):
-        return
-    for candidate in found:
-        if not candidate.role and _rises(candidate.values, evenly=True):
-            candidate.role = "t"
-            candidate.why.append("rises evenly")
-            return
-
-
-def _rises(values: Array, *, evenly: bool = False) -> bool:
-    steps = np.diff(values[np.isfinite(values)])
-    if steps.size == 0 or np.mean(steps > 0) < 0.9:
-        return False
-    return not evenly or bool(
-        np.mean(np.abs(steps - np.median(steps)) < 0.2 * np.median(steps)) > 0.9
-    )
-
-
-def _by_statistics(found: list[Candidate]) -> None:
-    """Tell apart what has no name yet."""
-    for candidate in found:
-        if not candidate.role and np.ptp(_seen(candidate.values)) == 0:
-            candidate.why.append(f"is {candidate.values[0]:g} all the time")
-            candidate.role = "-"
-    open_ = [candidate for candidate in found if not candidate.role]
-    y = next((c for c in found if c.role == "y" and not c.estimated), None)
-    if y is None:
-        y = _position(open_)
-    if y is None:
-        return
-    ours = [c for c in open_ if c is not y and c.values.shape == y.values.shape]
-    for candidate in ours:
-        _beside(candidate, y)
-    if not any(c.role in ("u", "i") and not c.estimated for c in found):
-        _current(ours, y)
-
-
-def _position(open_: list[Candidate]) -> Candidate | None:
-    """Find the channel whose difference another one is; else the noisiest for its size."""
-    pairs = [
-        (abs(_correlation(np.diff(a.values), b.values[1:])), a, b)
-        for a in open_
-        for b in open_
-        if a is not b and a.values.shape == b.values.shape
-    ]
-    if pairs:
-        best, y, v = max(pairs, key=lambda pair: pair[0])
-        if best > 0.7:
-            y.role, v.role = "y", "v"
-            y.why.append(f"{v.label} is its difference (correlation {best:.2f})")
-            v.why.append(f"difference of {y.label} (correlation {best:.2f})")
-            return y
-    moving = [c for c in open_ if np.ptp(_seen(c.values)) > 0]
-    followed = [y for y in moving if any(_is_reference(r, y) for r in moving if r is not y)]
-    rough = [c for c in moving if noise(c.values) > 1e-4 * float(np.nanstd(c.values))]
-    for choice, why in (
-        (followed, "follows another channel that has no noise: a position and its reference"),
-        (rough, "the first channel with noise that moves: a mere guess"),
-    ):
-        if choice:
-            choice[0].role = "y"
-            choice[0].why.append(why)
-            return choice[0]
-    return None
-
-
-def _is_reference(candidate: Candidate, y: Candidate) -> bool:
-    """Whether a channel goes with the position, at its size, without its noise."""
-    if candidate.values.shape != y.values.shape:
-        return False
-    size = np.nanstd(candidate.values) / max(float(np.nanstd(y.values)), 1e-300)
-    if not 0.5 < size < 2 or _correlation(candidate.values, y.values) < 0.9:
-        return False
-    few = np.unique(_seen(candidate.values)).size < 0.01 * _seen(candidate.values).size
-    return few or noise(candidate.values) < 0.1 * noise(y.values)
-
-
-def _beside(candidate: Candidate, y: Candidate) -> None:
-    """See whether a channel is a reference, or an estimate of the position."""
-    if candidate.role:
-        return
-    likeness = _correlation(candidate.values, y.values)
-    close = np.nanmedian(np.abs(candidate.values - y.values))
-    if _is_reference(candidate, y):
-        candidate.role = "r"
-        candidate.why.append(f"follows {y.label} without its noise (correlation {likeness:.3f})")
-    elif likeness > 0.9 and close < 3 * noise(y.values):
-        candidate.role, candidate.estimated = "y", True
-        candidate.why.append(f"lies within the noise of {y.label}: an estimate or a copy of it")
-
-
-def _current(ours: list[Candidate], y: Candidate) -> None:
-    """Find the channel that mirrors the position best: at rest i = -(k_s / k_i) x."""
-    free = [c for c in ours if not c.role]
-    if not free:
-        return
-    rated = [
-        (abs(_correlation(_slow(c.values), _slow(y.values))), n, c) for n, c in enumerate(free)
-    ]
-    best, _, chosen = max(rated, key=lambda each: (round(each[0], 2), -each[1]))
-    if best > 0.3:
-        chosen.role = "i"
-        chosen.why.append(f"goes with {y.label} as a coil current does (correlation {best:.2f})")
-
-
-def _seen(values: Array) -> Array:
-    there = values[np.isfinite(values)][:LOOKED_AT]
-    return there if there.size else np.zeros(1)
-
-
-def _slow(values: Array) -> Array:
-    """Return means of 20 samples each, which are hardly noise any more."""
-    size = values.size // 20 * 20
-    return values[:size].reshape(-1, 20).mean(axis=1) if size >= 400 else values
-
-
-def _correlation(a: Array, b: Array) -> float:
-    """Correlation without the first tenth, where a rig is often still starting; 0 if undefined."""
-    first = a.size // 10
-    a, b = a[first : first + LOOKED_AT], b[first : first + LOOKED_AT]
-    there = np.isfinite(a) & np.isfinite(b)
-    if np.count_nonzero(there) < 3:
-        return 0.0
-    a, b = a[there] - a[there].mean(), b[there] - b[there].mean()
-    scale = float(np.sqrt((a @ a) * (b @ b)))
-    return float(a @ b) / scale if scale > 0 else 0.0
-
-
-# Writing it down
 
 
 def _toml(name: str, log: Log, array: str, found: list[Candidate]) -> Iterator[str]:
@@ -352,7 +97,7 @@ def _toml(name: str, log: Log, array: str, found: list[Candidate]) -> Iterator[s
         yield ""
         yield "# Not used:"
     for candidate in rest:
-        low, high = _seen(candidate.values).min(), _seen(candidate.values).max()
+        low, high = seen(candidate.values).min(), seen(candidate.values).max()
         unit = f" {candidate.unit}" if candidate.unit else ""
         why = f"; {', '.join(candidate.why)}" if candidate.why else ""
         yield f"# {candidate.label}: {low:.4g} to {high:.4g}{unit}{why}"
@@ -395,7 +140,7 @@ def _time(log: Log, clock: str | None, candidate: Candidate | None) -> Iterator[
         return
     unit, why = candidate.unit, ""
     if not unit:
-        step = float(np.median(np.diff(_seen(candidate.values))))
+        step = float(np.median(np.diff(seen(candidate.values))))
         unit = "s" if step < 0.1 else "ms" if step < 50 else "µs"
         why = "  # guessed from its steps"
     seconds = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}.get(unit, 1.0)
@@ -411,9 +156,11 @@ def _rate(times: Array) -> str:
 
 
 def _comment(candidate: Candidate) -> Iterator[str]:
-    seen = _seen(candidate.values)
+    there = seen(candidate.values)
     unit = f" {candidate.unit}" if candidate.unit else ""
-    about = f"{seen.min():.4g} to {seen.max():.4g}{unit}, noise {noise(candidate.values):.2g}{unit}"
+    about = (
+        f"{there.min():.4g} to {there.max():.4g}{unit}, noise {noise(candidate.values):.2g}{unit}"
+    )
     yield f"# {candidate.label}: {', '.join(candidate.why) or 'by elimination'}; {about}."
 
 
@@ -437,12 +184,12 @@ def _meaning(
     elif role == "u" and si_unit(unit) == "1":
         yield 'scale = "1 V"  # volts at full duty'
     turned = y is not None and u is not None and y.values.shape == u.values.shape
-    slope = _correlation(_slow(u.values), _slow(y.values)) if turned and y and u else 0.0
+    slope = correlation(slow(u.values), slow(y.values)) if turned and y and u else 0.0
     if slope > 0.3 and role in ("y", "r", "x_logged", "velocity", "v_logged"):
         yield "sign = -1  # u grows with it; of an unstable plant it must fall (or turn u)"
-    middle = float(np.median(_seen(candidate.values)))
+    middle = float(np.median(seen(candidate.values)))
     if role in ("y", "r", "x_logged") and y is not None:
-        middle = float(np.median(_seen(y.values)))
+        middle = float(np.median(seen(y.values)))
         away = middle if slope > 0.3 else -middle
         yield f'# offset = "{away:.4g} {unit}"  # if x = 0 is at its median'
     elif of_current:
@@ -452,7 +199,7 @@ def _meaning(
 
 
 def _likely_unit(candidate: Candidate) -> str:
-    size = float(np.percentile(np.abs(_seen(candidate.values)), 90))
+    size = float(np.percentile(np.abs(seen(candidate.values)), 90))
     match candidate.role:
         case "y" | "r":
             return "m" if size < 0.05 else "mm" if size < 50 else "µm"
@@ -461,7 +208,7 @@ def _likely_unit(candidate: Candidate) -> str:
         case "i":
             return "A" if size < 100 else "mA"
         case "u":
-            return "1" if size <= 1.0 and _seen(candidate.values).min() >= 0 else "V"
+            return "1" if size <= 1.0 and seen(candidate.values).min() >= 0 else "V"
     return "1"
 
 

@@ -16,8 +16,9 @@ from ambkit.errors import RecordError, shortened
 from ambkit.files.log import Log, read_log
 from ambkit.reading import faults as channel_faults
 from ambkit.reading import grid
-from ambkit.reading.clock import Clock, examine, not_finite
+from ambkit.reading.clock import Clock, examine
 from ambkit.reading.faults import Channel, Fault
+from ambkit.reading.refusals import check_times, refuse_uneven, segment_of
 from ambkit.record import Record, time_problems
 from ambkit.units import engineering
 
@@ -142,19 +143,19 @@ def read(
     log, mapped = _mapped(path, map, told)
     remarks = [*log.remarks]
     used = list(dict.fromkeys(mapped.clock_of.values()))
-    _check_times(log, mapped, used)
+    check_times(log, mapped, used)
     clocks = {name: examine(name, mapped.clocks[name]) for name in used}
     signals = dict(mapped.signals)
     faults: list[Fault] = [f for c in clocks.values() for f in _clock_faults(c)]
     if segment is not None or (len(used) == 1 and clocks[used[0]].jumps.size):
-        where, remark = _segment(log, clocks, segment)
+        where, remark = segment_of(log, clocks, segment)
         signals = {name: values[where] for name, values in signals.items()}
         clocks = {name: clock.part(where) for name, clock in clocks.items()}
         remarks.append(remark)
         faults = [replace(f, action="another part is read") for f in faults if f.kind == "jump"]
         faults += [f for c in clocks.values() for f in _clock_faults(c)]
     if not resample:
-        _refuse_uneven(log, mapped, clocks)
+        refuse_uneven(log, mapped, clocks)
     channels: list[Channel] = []
     for name in signals:
         clock = clocks[mapped.clock_of[name]]
@@ -207,10 +208,10 @@ def load_mapped(
     """
     log, mapped = _mapped(path, channel_map, lambda _: None)
     used = list(dict.fromkeys(mapped.clock_of.values()))
-    _check_times(log, mapped, used)
+    check_times(log, mapped, used)
     clocks = {name: examine(name, mapped.clocks[name]) for name in used}
     if len(clocks) > 1:
-        _refuse_uneven(log, mapped, clocks)
+        refuse_uneven(log, mapped, clocks)
     t = mapped.clocks[used[0]]
     problems = list(time_problems(t, log.place))
     if problems:
@@ -253,21 +254,6 @@ def _mapped(
     return log, Mapped(columns, units, clocks, dict.fromkeys(columns, "t"), {}, table.meta)
 
 
-def _check_times(log: Log, mapped: Mapped, used: list[str]) -> None:
-    """Refuse times that are no numbers, each with its line."""
-    problems = []
-    for name in used:
-        times = mapped.clocks[name]
-        if times.size < 2:
-            problems.append(f"{log.name}: {name} must have at least 2 samples, has {times.size}")
-        for at, value in not_finite(times):
-            problems.append(f"{log.place(at)}: {name} is {value} at sample {at}")
-    if not used:
-        problems.append(f"{log.name}: the map names no signal but the time")
-    if problems:
-        raise RecordError(shortened(problems), log.name)
-
-
 def _clock_faults(clock: Clock) -> list[Fault]:
     """Turn what is wrong with a clock into faults; what is done about it is not known yet."""
     t, found = clock.times, []
@@ -285,66 +271,6 @@ def _clock_faults(clock: Clock) -> list[Fault]:
         ends = float(t[0]), float(t[-1])
         found.append(Fault("jitter", clock.name, *ends, clock.uneven.size, text))
     return found
-
-
-def _segment(log: Log, clocks: Mapping[str, Clock], segment: int | None) -> tuple[slice, str]:
-    """Return the part between jumps that the user wants, or say which there are."""
-    if len(clocks) > 1:
-        raise RecordError(f"{log.name}: a log with several clocks cannot be read in parts")
-    (clock,) = clocks.values()
-    parts = clock.segments
-    if segment is not None and 1 <= segment <= len(parts):
-        part = parts[segment - 1]
-        return part, f"part {segment} of {len(parts)} between jumps of {clock.name} is read"
-    t = clock.times
-    if clock.too_coarse:
-        raise RecordError(
-            f"{log.name}: {clock.name} has too few digits: many samples share their time. Give "
-            "sampling_time in the map instead"
-        )
-    listed = [
-        f"{log.place(at)}: {clock.name} jumps from {engineering(t[at - 1], 's')} to "
-        f"{engineering(t[at], 's')}"
-        for at in clock.jumps.tolist()
-    ]
-    choices = ", ".join(
-        f"{n}: {part.stop - part.start} samples from {engineering(t[part][0], 's')}"
-        for n, part in enumerate(parts[:8], 1)
-    )
-    problem = f"{log.name}: choose a part with --segment (segment=): {choices or 'there is none'}"
-    raise RecordError([*shortened(listed), problem], log.name)
-
-
-def _refuse_uneven(log: Log, mapped: Mapped, clocks: Mapping[str, Clock]) -> None:
-    """Refuse clocks that give no even grid, and say what would."""
-    if len(clocks) > 1:
-        listed = []
-        for clock in clocks.values():
-            names = [name for name, own in mapped.clock_of.items() if own == clock.name]
-            listed.append(f"{clock.name} ({', '.join(names)}: {clock.in_words()})")
-        raise RecordError(
-            f"{log.name}: the signals have {len(clocks)} clocks: {'; '.join(listed)}. --resample "
-            "(resample=True) puts them on one"
-        )
-    (clock,) = clocks.values()
-    helps = (
-        "--resample (resample=True) puts them on an even grid; or, if the samples are even and the "
-        "clock that stamped them is not, give sampling_time in the map instead of t"
-    )
-    problems = [_step_problem(log, clock, at) for at in clock.uneven.tolist()]
-    if not clock.whole_gaps:
-        problems += [_step_problem(log, clock, at) for at in clock.gaps.tolist()]
-    if problems:
-        raise RecordError([*shortened(problems), f"{log.name}: {helps}"], log.name)
-
-
-def _step_problem(log: Log, clock: Clock, at: int) -> str:
-    t = clock.times
-    return (
-        f"{log.place(at)}: from sample {at - 1} to {at} (t = {t[at]:g} s) {clock.name} goes on by "
-        f"{engineering(float(t[at] - t[at - 1]), 's', digits=4)} instead of "
-        f"{engineering(clock.step, 's', digits=4)}"
-    )
 
 
 def _masked(values: Array, times: Array, fault: Fault) -> Array:
