@@ -39,7 +39,9 @@ from ambkit import units
 from ambkit.config import Document, Part, Read
 from ambkit.config.quantities import Quantity
 from ambkit.errors import RecordError
+from ambkit.files import timestamps
 from ambkit.files.log import Log
+from ambkit.files.time_layouts import pattern
 from ambkit.signals import UNITS, si_unit
 
 Array = NDArray[np.float64]
@@ -63,6 +65,8 @@ class Mapped(NamedTuple):
     """How much too late the logger wrote a signal [s], where it did."""
     meta: dict[str, Any]
     """The map's name and source."""
+    remarks: tuple[str, ...] = ()
+    """How times were read that are text."""
 
 
 class Channel(Part):
@@ -84,6 +88,8 @@ class Channel(Part):
     """Added in the end, with its unit, such as "10 mm"."""
     delay: Annotated[float, Quantity("s", "0.25 ms")] = 0.0
     """How much later than it was the logger wrote it [s]; the signal is shifted back by that."""
+    format: str = ""
+    """Of times as text, how they are written, such as "%d.%m.%Y %H:%M:%S.%f"; most are known."""
     time: str | None = None
     """The signal of this map that has the times of its samples, where that is not ``t``."""
 
@@ -104,6 +110,14 @@ class Channel(Part):
             yield "column", "give either row or column"
         if read("sign") not in (1, -1) and isinstance(read("sign"), int):
             yield "sign", f"must be 1 or -1, is {read('sign')}"
+        layout = read("format")
+        if isinstance(layout, str) and layout:
+            if read("unit") != "s":
+                yield "format", 'is of times as text, which are read as seconds: unit = "s"'
+            try:
+                pattern(layout)
+            except ValueError as error:
+                yield "format", str(error)
         unit, scale, offset = read("unit"), read("scale"), read("offset")
         if scale == 0.0:
             yield "scale", "must not be 0"
@@ -160,6 +174,12 @@ class ChannelMap(Document):
                 yield f"{place}.time", "with sampling_time there is no other clock"
 
     @property
+    def texts(self) -> tuple[str | int, ...]:
+        """The columns that hold times as text, in a format that the map says."""
+        formatted = [c for c in self.signals.values() if c.format]
+        return tuple(c.column for c in formatted if c.column is not None)
+
+    @property
     def wanted(self) -> tuple[str | int, ...]:
         """What the map reads of a file: names of arrays or columns, and places of columns."""
         found: list[str | int] = []
@@ -174,7 +194,21 @@ class ChannelMap(Document):
         return tuple(dict.fromkeys(found))
 
     def apply(self, log: Log) -> Mapped:
-        """Pick the signals out of a log.
+        """Pick the signals out of a log; see `pick`.
+
+        Raises
+        ------
+        RecordError
+            The log lacks an array, row or column, a signal is not as long as its clock, or it has
+            another clock in the file.
+        """
+        mapped, problems = self.pick(log)
+        if problems:
+            raise RecordError(problems, log.name)
+        return mapped
+
+    def pick(self, log: Log) -> tuple[Mapped, list[str]]:
+        """Pick those signals out of a log that are there.
 
         Parameters
         ----------
@@ -185,21 +219,19 @@ class ChannelMap(Document):
         -------
         Mapped
             Signals in SI, each with its clock; they are not shifted yet.
-
-        Raises
-        ------
-        RecordError
-            The log lacks an array, row or column, or a signal is not as long as its clock.
+        list of str
+            What keeps them from being used.
         """
         values: dict[str, Array] = {}
+        remarks: list[str] = []
         problems: list[str] = []
         for name, channel in self.signals.items():
             try:
-                values[name] = channel.value(self._numbers(channel, log))
+                values[name] = channel.value(self._numbers(channel, log, remarks))
             except RecordError as error:
-                problems.append(f"{log.name}: signal {name}: {error}")
-        if problems:
-            raise RecordError(problems, log.name)
+                for each in error.problems:
+                    placed = each.startswith(f"{log.name}:")
+                    problems.append(each if placed else f"{log.name}: signal {name}: {each}")
         clock_names = {"t", *(c.time for c in self.signals.values() if c.time)}
         signals = {name: v for name, v in values.items() if name not in clock_names}
         clock_of = {name: self.signals[name].time or "t" for name in signals}
@@ -207,41 +239,43 @@ class ChannelMap(Document):
         if self.sampling_time is not None:
             n = max((v.size for v in signals.values()), default=0)
             clocks["t"] = self.sampling_time * np.arange(n, dtype=np.float64)
-        self._check_clocks(log, signals, clocks, clock_of)
+        if not problems:
+            problems = list(self._of_other_clocks(log, signals, clocks, clock_of))
         about = {"log": self.name, "origin": self.source}
-        return Mapped(
+        mapped = Mapped(
             signals,
             {name: self.signals[name].si_unit for name in signals},
             clocks,
             clock_of,
             {name: c.delay for name, c in self.signals.items() if c.delay and name in signals},
             {key: text for key, text in about.items() if text},
+            tuple(dict.fromkeys(remarks)),
         )
+        return mapped, problems
 
-    def _check_clocks(
+    def _of_other_clocks(
         self,
         log: Log,
         signals: Mapping[str, Array],
-        clocks: Mapping[str, Array],
-        clock_of: Mapping[str, str],
-    ) -> None:
-        problems = []
+        clocks: dict[str, Array],
+        clock_of: dict[str, str],
+    ) -> Iterator[str]:
+        """Say which signals have another clock than the map says, and give them their own."""
         for name, values in signals.items():
             clock = clock_of[name]
             place = f"{log.name}: signal {name}"
             own, used = log.clocks.get(self._name(name) or ""), self._name(clock)
             if own is not None and own != used and self.sampling_time is None:
-                problems.append(
+                clocks[own], clock_of[name] = log.arrays[own], own
+                yield (
                     f'{place}: has the clock "{own}" in the file, and {clock} is "{used}"; give it '
                     f'a clock of its own: time = "t_{name}", and [signals.t_{name}] with column = '
                     f'"{own}"'
                 )
             elif values.shape != clocks[clock].shape:
-                problems.append(
+                yield (
                     f"{place} has shape {values.shape}, its time {clock} has {clocks[clock].shape}"
                 )
-        if problems:
-            raise RecordError(problems, log.name)
 
     def _name(self, signal: str) -> str | None:
         """Name of the array or column in which a signal stands."""
@@ -250,10 +284,18 @@ class ChannelMap(Document):
             return None
         return channel.column if isinstance(channel.column, str) else channel.array or self.array
 
-    def _numbers(self, channel: Channel, log: Log) -> Array:
+    def _numbers(self, channel: Channel, log: Log, remarks: list[str]) -> Array:
         name = channel.column if isinstance(channel.column, str) else channel.array or self.array
         if name is None and isinstance(channel.column, int) and log.order:
-            return log.arrays[log.order[channel.column]]
+            name = log.order[channel.column]
+            if name in log.arrays:
+                return log.arrays[name]
+        if name is not None and name in log.texts:
+            if channel.unit != "s":
+                raise RecordError(f'{name} holds times as text, which are seconds: unit = "s"')
+            moments = timestamps.read(log.texts[name], channel.format, name, log.place)
+            remarks += moments.remarks
+            return moments.seconds
         if name is None:
             raise RecordError("the channel map does not say which array, or which column by name")
         if name not in log.arrays:

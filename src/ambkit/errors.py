@@ -29,6 +29,7 @@ class _Problems(AmbkitError):
 
     def __init__(self, problems: str | Iterable[str], title: str = "") -> None:
         self.problems = (problems,) if isinstance(problems, str) else tuple(problems)
+        self.title = title
         lines = list(self.problems)
         if len(lines) > 1:
             lines = [f"{_count(lines)} problems{f' in {title}' if title else ''}:", *lines]

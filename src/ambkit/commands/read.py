@@ -20,7 +20,7 @@ from ambkit.errors import AmbkitError
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from ambkit.reading import Fault, Reading
+    from ambkit.reading import Fault, Reading, Refused
 
 LISTED = 4
 """Faults of a kind in the printed table; the rest is summed up."""
@@ -71,6 +71,7 @@ def read(
 
     Rate, jitter, gaps and jumps of its clock; missing, saturated, frozen and coarse stretches of
     its channels; and what was done about each. Nothing is dropped or resampled unless asked for.
+    Of a log that is refused, --plot shows where the trouble is.
 
     For example:
       ambkit read log.csv --guess > map.toml
@@ -80,6 +81,7 @@ def read(
     from ambkit.commands import output
     from ambkit.reading.picture import reading_figure
     from ambkit.reading.reader import read as read_log
+    from ambkit.reading.refusals import Refused
 
     if guess:
         if channel_map or out or plot:
@@ -89,16 +91,22 @@ def read(
     if sampling_time is not None and not resample:
         raise AmbkitError("--sampling-time is the step to resample to: add --resample")
     kinds = [kind.strip() for kind in missing.split(",") if kind.strip()]
-    with output.progress(f"reading {file.name}") as done:
-        reading = read_log(
-            file,
-            channel_map,
-            resample=resample,
-            sampling_time=sampling_time,
-            segment=segment,
-            missing=kinds,
-            told=done,
-        )
+    try:
+        with output.progress(f"reading {file.name}") as done:
+            reading = read_log(
+                file,
+                channel_map,
+                resample=resample,
+                sampling_time=sampling_time,
+                segment=segment,
+                missing=kinds,
+                told=done,
+            )
+    except Refused as error:
+        if plot is None:
+            raise
+        _draw_refused(error, plot)
+        raise typer.Exit(2) from None
     output.deliver(
         reading.to_dict(),
         _tables(reading),
@@ -108,6 +116,21 @@ def read(
         ],
         as_json=json,
     )
+
+
+def _draw_refused(error: Refused, plot: Path) -> None:
+    """Say why a log is refused, and draw where."""
+    from ambkit import plots
+    from ambkit.commands import output
+    from ambkit.reading.refused_picture import refused_figure
+
+    output.note(f"ambkit: {error}")
+    figure = refused_figure(error)
+    if figure is None:
+        output.note(f"{plot} is not written: there is nothing to be drawn")
+        return
+    plots.save_figure(figure, plot)
+    output.note(f"wrote {plot}, which shows where; no record is written")
 
 
 def _print_guess(file: Path, *, as_json: bool) -> None:

@@ -11,19 +11,16 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
-MISSING = (
-    "",
-    "nan",
-    "NaN",
-    "NAN",
-    "NA",
-    "N/A",
-    "#N/A",
-    "null",
-    "NULL",
-    "-nan",
-    "1.#QNAN",
-    "-1.#IND",
+from ambkit.files.time_layouts import layouts
+
+_NO_NUMBER = (
+    *("nan", "-nan", "+nan", "nan()", "nan(ind)", "-nan(ind)", "nan(snan)"),
+    *("na", "n/a", "#n/a", "#nv", "null", "none", "nil", "missing", "nodata", "no data", "invalid"),
+    *("1.#qnan", "-1.#qnan", "1.#ind", "-1.#ind", "1.#ind00", "-1.#ind00", "1.#qnan0"),
+    *("#value!", "#div/0!", "#num!", "#wert!", "-", "--", "---", "–", "?", "*", "."),
+)
+MISSING = frozenset(
+    ("", "NaN", "NaN()", *(way(cell) for cell in _NO_NUMBER for way in (str, str.upper, str.title)))
 )
 """How programs write that there is no number."""
 
@@ -32,7 +29,10 @@ LOOKED_AT = 200  # lines
 
 _WORD = re.compile(r"\S+(?: \[[^\]]*\])?")  # "y [mm]" is one
 _LABEL = re.compile(r"(.*?)\s*(?:[\[(]([^\])]*)[\])])?")
-_NUMBER = r"[+-]?(?:\d+(?:{0}\d*)?|{0}\d+)(?:[eEdD][+-]?\d+)?|[+-]?(?:inf|Inf|INF|infinity)"
+_SEP_LINE = re.compile(r'"?sep=(.)"?[;,\t]*')  # Excel says so in the first line
+_NUMBER = (
+    r"[+-]?(?:\d+(?:{0}\d*)?|{0}\d+)(?:[eEdD][+-]?\d+)?|[+-]?(?:inf|Inf|INF|infinity|Infinity)"
+)
 _NUMBERS = {sign: re.compile(_NUMBER.format(re.escape(sign))) for sign in ".,"}
 
 
@@ -55,6 +55,8 @@ class Dialect(NamedTuple):
     """Places of the columns that hold numbers."""
     closed: bool = False
     """Whether a separator ends each line too."""
+    stamps: tuple[int, ...] = ()
+    """Places of the columns that hold times as text."""
     passed_over: int = 0
     """Number of lines above the numbers that are neither names, nor units, nor comments."""
 
@@ -112,10 +114,16 @@ def find(lines: Sequence[str]) -> Dialect | None:
     Dialect or None
         None where there is not one line with something in it.
     """
-    numbered = [(n, line) for n, line in enumerate(lines) if line.strip() and line[0] != "#"]
+    said = _SEP_LINE.fullmatch(lines[0].strip(" ")) if lines else None
+    numbered = [
+        (n, line)
+        for n, line in enumerate(lines)
+        if line.strip() and line[0] != "#" and not (said and n == 0)
+    ]
     if not numbered:
         return None
-    pairs = [(sep, sign) for sep in SEPARATORS for sign in ".," if sep != sign]
+    known = [said[1]] if said and said[1] in SEPARATORS else SEPARATORS
+    pairs = [(sep, sign) for sep in known for sign in ".," if sep != sign]
     separator, decimal = max(pairs, key=lambda pair: _score([t for _, t in numbered], *pair))
     rows = [(n, split(line, separator)) for n, line in numbered]
     if not any(_is_number(cell, decimal) for _, row in rows for cell in row):
@@ -125,7 +133,22 @@ def find(lines: Sequence[str]) -> Dialect | None:
         names, units = zip(*map(_label, header), strict=True)
         line = numbered[0][0]
         return Dialect(separator, ".", names, units, line, line + 1, tuple(range(len(names))))
-    return _header(rows, separator, decimal)
+    found = _header(rows, separator, decimal)
+    return found if found.names else _named_by_a_comment(found, lines)
+
+
+def _named_by_a_comment(found: Dialect, lines: Sequence[str]) -> Dialect:
+    """Take the names from the comment above the numbers, where they stand there (NumPy's way)."""
+    above = next((n for n in range(found.body - 1, -1, -1) if lines[n].startswith("#")), None)
+    if above is None:
+        return found
+    cells = split(lines[above].lstrip("# "), found.separator)
+    if len(cells) != found.width or found.width < 2 or ":" in lines[above]:
+        return found
+    if not all(cells) or any(_is_number(cell, found.decimal) for cell in cells):
+        return found
+    names, units = zip(*map(_label, cells), strict=True)
+    return found._replace(names=names, units=units, header=above)
 
 
 def _score(lines: Sequence[str], separator: str, decimal: str) -> tuple[float, int]:
@@ -159,6 +182,12 @@ def _header(rows: list[tuple[int, list[str]]], separator: str, decimal: str) -> 
         and any(_is_number(row[k], decimal) for row in whole)
     ]
 
+    stamps = tuple(
+        k
+        for k in range(width)
+        if k not in numeric
+        and sum(bool(layouts(row[k])) for row in whole) > 0.5 * sum(bool(row[k]) for row in whole)
+    )
     places = tuple(numeric)
 
     def holds_numbers(row: list[str]) -> bool:
@@ -168,10 +197,11 @@ def _header(rows: list[tuple[int, list[str]]], separator: str, decimal: str) -> 
     titles = [
         k
         for k, (_, row) in enumerate(rows[:first])
-        if len(row) == width and not any(_is_number(cell, decimal) for cell in row)
+        if len(row) == width and not any(_is_number(cell, decimal) or layouts(cell) for cell in row)
     ]
     if not titles:
-        return Dialect(separator, decimal, (), (None,) * width, None, rows[0][0], places, closed)
+        unnamed = (None,) * width
+        return Dialect(separator, decimal, (), unnamed, None, rows[0][0], places, closed, stamps)
     above, last = titles[-2:] if len(titles) > 1 else (titles[-1], titles[-1])
     if above == last or last != above + 1 or not _are_units(rows[last][1]):
         header = last
@@ -182,7 +212,8 @@ def _header(rows: list[tuple[int, list[str]]], separator: str, decimal: str) -> 
         units = tuple(_bare(cell) for cell in rows[last][1])
     # A damaged line right below the header belongs to the numbers, so that it is complained of.
     body = rows[last + 1][0]
-    return Dialect(separator, decimal, names, units, rows[header][0], body, places, closed, header)
+    place = rows[header][0]
+    return Dialect(separator, decimal, names, units, place, body, places, closed, stamps, header)
 
 
 def _label(label: str) -> tuple[str, str | None]:

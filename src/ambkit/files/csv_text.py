@@ -20,6 +20,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -29,12 +30,15 @@ from numpy.typing import NDArray
 from ambkit.errors import RecordError, shortened
 from ambkit.files import csv_dialect
 from ambkit.files.csv_dialect import MISSING, Dialect, number_of
-from ambkit.files.log import Log, column_names
+from ambkit.files.log import DamagedLog, Log, column_names, counted_from, too_coarse
 
 Array = NDArray[np.float64]
 
 _NOTE = re.compile(r"#\s*([\w.-]+):\s(.*)")
 _UNEVEN_LINE_ENDS = re.compile(r"\r\n?")
+_MINUS = re.compile("\N{MINUS SIGN}(?=[\\d.,])")  # as some programs print it
+_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[.,' \u00a0\u202f]\d{3})+(?:[.,]\d*)?")
+_EITHER_DECIMAL = re.compile(r"[+-]?\d*[.,]\d+(?:[eE][+-]?\d+)?")
 
 
 def dump(columns: Mapping[str, Array], units: Mapping[str, str], meta: Mapping[str, str]) -> str:
@@ -65,6 +69,7 @@ def read(
     wanted: Collection[str | int] | None = None,
     told: Callable[[str], object] = lambda _: None,
     lenient: bool = False,
+    texts: Collection[str | int] = (),
 ) -> Log:
     """Read a text file with columns; see `ambkit.files.log.read_log`."""
     try:
@@ -72,14 +77,19 @@ def read(
     except OSError as error:
         raise RecordError(f"{path}: cannot be read: {error.strerror or error}") from error
     text, encoding = _decode(content, os.fspath(path))
-    return parse(text, os.fspath(path), wanted, [encoding] if encoding else [], lenient=lenient)
+    remarks = [encoding] if encoding else []
+    return parse(text, os.fspath(path), wanted, remarks, lenient=lenient, texts=texts)
 
 
 def _decode(content: bytes, name: str) -> tuple[str, str]:
     """Return the text, and its encoding if that is not UTF-8."""
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return content.decode("utf-16", "replace"), "UTF-16"
-    if b"\0" in content[:4096]:
+    head = content[:4096]
+    for first, encoding in ((1, "utf-16-le"), (0, "utf-16-be")):  # without a mark
+        if head[first::2].count(0) > 0.45 * len(head) > 20 * head[1 - first :: 2].count(0):
+            return content.decode(encoding, "replace"), "UTF-16"
+    if b"\0" in head:
         raise RecordError(f"{name}: is not text; what is it?")
     try:
         return content.decode("utf-8-sig"), ""
@@ -94,6 +104,7 @@ def parse(
     remarks: Collection[str] = (),
     *,
     lenient: bool = False,
+    texts: Collection[str | int] = (),
 ) -> Log:
     """Read the columns of a text.
 
@@ -109,15 +120,20 @@ def parse(
         What is known about the file already.
     lenient : bool
         Leave out columns that hold no numbers.
+    texts : collection of str or int
+        Columns of times as text, whatever they look like.
 
     Raises
     ------
+    DamagedLog
+        Cells are no numbers, or lines have too few or too many cells; the message has each with
+        its line.
     RecordError
-        Cells are no numbers, lines have too few or too many cells, a column is not there, or the
-        file is shorter than it says itself; the message has each with its line.
+        A column is not there, or the file is shorter than it says itself.
     """
     # Not str.splitlines: that also breaks at characters which a note may hold, U+0085 for one.
     text = _UNEVEN_LINE_ENDS.sub("\n", text) if "\r" in text else text
+    text = _MINUS.sub("-", text) if "\N{MINUS SIGN}" in text else text
     head = text[: _end_of_line(text, csv_dialect.LOOKED_AT)].split("\n")
     dialect = csv_dialect.find(head)
     if dialect is None:
@@ -125,33 +141,51 @@ def parse(
     meta = dict(_notes(head[: dialect.body]))
     names = _names(dialect)
     chosen = column_names(names, wanted, f"{name}:{(dialect.header or 0) + 1}")
-    if lenient and len(dialect.numeric) < len(names):
-        left = [each for place, each in enumerate(names) if place not in dialect.numeric]
+    header = f"{name}:{(dialect.header or 0) + 1}"
+    stamps = {*(names[k] for k in dialect.stamps), *column_names(names, texts, header)}
+    left = [
+        each
+        for place, each in enumerate(names)
+        if lenient and place not in dialect.numeric and each not in stamps
+    ]
+    if left:
         remarks = [*remarks, f"columns without numbers are not read: {', '.join(left)}"]
         chosen = [each for each in chosen if each not in left]
     start = _end_of_line(text, dialect.body) + 1 if dialect.body else 0
     body = text[start:]
-    columns = _read_fast(body, names, chosen, dialect)
-    if columns is None:
-        columns = _read_slow(body, names, chosen, dialect, (name, dialect.body + 1))
+    found = _read_fast(body, names, chosen, dialect, stamps)
+    problems: dict[int, list[str]] = {}
+    early: list[str] = []
+    if found is not None:
+        columns, early = found
+    else:
+        place = name, dialect.body + 1
+        columns, problems = _read_slow(body, names, chosen, dialect, stamps, place)
     rows = len(columns[chosen[0]]) if chosen else 0
-    said = meta.pop("rows", None)
-    end = f"{name}:{text.count(chr(10)) + (not text.endswith(chr(10)))}: the file is cut short"
-    if said is not None and said != rows:
-        raise RecordError(f'{end}: it has {rows} rows, and says "# rows: {said}"')
-    if said is not None and not text.endswith("\n"):
-        raise RecordError(f"{end}: its last line has no end")
+    stamped = {each: columns.pop(each) for each in chosen if each in stamps}
     unusual = dialect.in_words()
-    return Log(
+    log = Log(
         name,
         columns,
         {k: u for k, u in zip(names, dialect.units, strict=True) if u is not None and k in columns},
         meta=meta,
         order=tuple(names),
-        remarks=(*remarks, *([unusual] if unusual else [])),
+        remarks=(*remarks, *([unusual] if unusual else []), *early),
         line_of=_lines(body, dialect.body + 1),
         header=0 if dialect.header is None else dialect.header + 1,
+        texts=stamped,
     )
+    said = meta.pop("rows", None)
+    if problems:
+        listed = [text for found in problems.values() for text in found]
+        raise DamagedLog(shortened(listed), log, tuple(problems))
+    end = f"{name}:{text.count(chr(10)) + (not text.endswith(chr(10)))}: the file is cut short"
+    if said is not None and said != rows:
+        short = f'{end}: it has {rows} rows, and says "# rows: {said}"'
+        raise DamagedLog([short], log, (rows - 1,))
+    if said is not None and not text.endswith("\n"):
+        raise DamagedLog([f"{end}: its last line has no end"], log, (rows - 1,))
+    return log
 
 
 def _end_of_line(text: str, count: int) -> int:
@@ -198,10 +232,11 @@ def _names(dialect: Dialect) -> list[str]:
 
 
 def _read_fast(
-    body: str, names: list[str], chosen: list[str], dialect: Dialect
-) -> dict[str, Array] | None:
+    body: str, names: list[str], chosen: list[str], dialect: Dialect, stamps: Collection[str]
+) -> tuple[dict[str, Any], list[str]] | None:
     """Read with Arrow's parser; None where the text is not plain enough for it."""
     import pyarrow as pa
+    import pyarrow.compute as pc
     from pyarrow import csv as arrow
 
     if dialect.separator == " ":
@@ -209,49 +244,86 @@ def _read_fast(
     # Arrow counts what follows the separator at a line's end as a column.
     places = [f"{name}#{place}" for place, name in enumerate([*names, *[""] * dialect.closed])]
     read = {name: places[names.index(name)] for name in chosen}
-    missing = [cell for cell in MISSING if cell]
-    try:
-        table = arrow.read_csv(
+
+    def table(kinds: Mapping[str, Any]) -> Any:
+        return arrow.read_csv(
             io.BytesIO(body.encode()),
             arrow.ReadOptions(column_names=places),
             arrow.ParseOptions(delimiter=dialect.separator),
             arrow.ConvertOptions(
-                column_types=dict.fromkeys(read.values(), pa.float64()),
-                null_values=["", *missing],
-                include_columns=list(read.values()),
+                column_types=dict(kinds),
+                null_values=sorted(MISSING),
+                strings_can_be_null=True,
+                include_columns=list(kinds),
                 decimal_point=dialect.decimal,
             ),
         )
+
+    kinds = {read[name]: pa.string() if name in stamps else pa.float64() for name in chosen}
+    try:
+        found = table(kinds)
     except pa.ArrowInvalid:
         return None
-    return {
-        name: np.asarray(table.column(place).to_numpy(), dtype=np.float64)
-        for name, place in read.items()
-    }
+    columns: dict[str, Any] = {}
+    remarks: list[str] = []
+    for name, place in read.items():
+        if name in stamps:
+            columns[name] = found.column(place)
+            continue
+        columns[name] = np.asarray(found.column(place).to_numpy(), dtype=np.float64)
+        if too_coarse(columns[name]):
+            with suppress(pa.ArrowInvalid):  # more digits than that, or an exponent
+                exact = table({place: pa.decimal128(37, 9)}).column(place)
+                from_first = pc.cast(pc.subtract(exact, exact[0]), pa.float64())
+                columns[name] = np.asarray(from_first.to_numpy(), dtype=np.float64)
+                remarks.append(counted_from(name, f"{exact[0].as_py():f}".rstrip("0").rstrip(".")))
+    return columns, remarks
 
 
 def _read_slow(
-    body: str, names: list[str], chosen: list[str], dialect: Dialect, place: tuple[str, int]
-) -> dict[str, Array]:
-    """Read cell by cell, and say where one is wrong."""
+    body: str,
+    names: list[str],
+    chosen: list[str],
+    dialect: Dialect,
+    stamps: Collection[str],
+    place: tuple[str, int],
+) -> tuple[dict[str, Any], dict[int, list[str]]]:
+    """Read cell by cell, and say of each sample what is wrong with it."""
+    import pyarrow as pa
+
     file, first = place
-    columns: dict[str, list[float]] = {name: [] for name in chosen}
-    problems: list[str] = []
+    columns: dict[str, list[Any]] = {name: [] for name in chosen}
+    problems: dict[int, list[str]] = {}
     lines = body.removesuffix("\n").split("\n")
+    sample = -1
     for n, text in enumerate(lines):
         if not text.strip():
             continue
+        sample += 1
         row, line = dialect.cells(text), f"{file}:{first + n}"
         if len(row) != len(names):
             hint = "; is the file cut short?" if n == len(lines) - 1 else ""
-            problems.append(f"{line}: has {len(row)} cells instead of {len(names)}{hint}")
-            continue
+            problems[sample] = [f"{line}: has {len(row)} cells instead of {len(names)}{hint}"]
+            row = [""] * len(names)
         cells = dict(zip(names, row, strict=True))
         for name in chosen:
-            number = number_of(cells[name], dialect.decimal)
+            cell = cells[name]
+            if name in stamps:
+                columns[name].append(None if cell in MISSING else cell)
+                continue
+            number = number_of(cell, dialect.decimal)
             if number is None:
-                problems.append(f"{line}: column {name}: {cells[name]!r} is not a number")
+                what = f"{line}: column {name}: {cell!r} is not a number{_hint(cell)}"
+                problems.setdefault(sample, []).append(what)
             columns[name].append(math.nan if number is None else number)
-    if problems:
-        raise RecordError(shortened(problems), file)
-    return {name: np.array(values) for name, values in columns.items()}
+    return {
+        name: pa.array(cells, pa.string()) if name in stamps else np.array(cells)
+        for name, cells in columns.items()
+    }, problems
+
+
+def _hint(cell: str) -> str:
+    """Say what may be meant by a cell that is no number."""
+    if _THOUSANDS.fullmatch(cell):
+        return ": thousands must not be set apart"
+    return ": the decimal sign differs" if _EITHER_DECIMAL.fullmatch(cell) else ""

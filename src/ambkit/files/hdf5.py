@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.errors import ExtraMissing
-from ambkit.files.log import Log, check_readable, damaged
+from ambkit.files.log import Log, check_readable, damaged, whole_numbers
+from ambkit.files.timestamps import layouts_of
 
 Array = NDArray[np.float64]
 
@@ -20,18 +21,23 @@ def read(
     wanted: Collection[str | int] | None = None,
     told: Callable[[str], object] = lambda _: None,
     lenient: bool = False,
+    texts: Collection[str | int] = (),
 ) -> Log:
     """Read data sets; see `ambkit.files.log.read_log`.
 
     A data set of a compound type gives each of its fields, ``rig/log.current``.
     """
     check_readable(path)
+    import pyarrow as pa
+
     try:
         import h5py
     except ModuleNotFoundError:
         raise ExtraMissing(f"{path}: an HDF5 file", "h5py", "hdf5") from None
     arrays: dict[str, Array] = {}
     units: dict[str, str] = {}
+    stamped: dict[str, Any] = {}
+    remarks: list[str] = []
     try:
         with h5py.File(path, "r") as file:
             found = _data_sets(file, h5py)
@@ -41,7 +47,13 @@ def read(
                     continue
                 told(f"reading {name}")
                 values = data[()] if part is None else data[part]
-                arrays[name] = np.asarray(values, dtype=np.float64)
+                if values.dtype.kind not in "fiub":
+                    cells = pa.array(map(_plain, values.tolist()), pa.string())
+                    if name in texts or layouts_of(cells):
+                        stamped[name] = cells
+                    continue
+                arrays[name], remark = whole_numbers(name, values)
+                remarks += remark
                 unit = next((data.attrs[k] for k in _UNIT_NAMES if k in data.attrs), None)
                 if unit is not None and part is None:
                     units[name] = unit.decode() if isinstance(unit, bytes) else str(unit)
@@ -49,11 +61,11 @@ def read(
     except Exception as error:  # h5py passes on whatever the HDF5 library says
         raise damaged(path, error) from error
     meta = {key: value for key, value in about.items() if isinstance(value, str | int | float)}
-    return Log(os.fspath(path), arrays, units, meta=meta)
+    return Log(os.fspath(path), arrays, units, meta=meta, remarks=tuple(remarks), texts=stamped)
 
 
 def _data_sets(file: Any, h5py: Any) -> dict[str, tuple[Any, str | None]]:
-    """Return vectors and matrices of numbers by name; of a compound type field by field."""
+    """Return vectors and matrices of numbers, and vectors of text; of a compound type by field."""
     found: dict[str, tuple[Any, str | None]] = {}
 
     def visit(name: str, item: Any) -> None:
@@ -63,7 +75,7 @@ def _data_sets(file: Any, h5py: Any) -> dict[str, tuple[Any, str | None]]:
             for field in item.dtype.names:
                 if item.dtype[field].kind in "fiub":
                     found[f"{name}.{field}"] = item, field
-        elif item.dtype.kind in "fiub":
+        elif item.dtype.kind in "fiub" or (item.dtype.kind in "SO" and item.ndim == 1):
             found[name] = item, None
 
     file.visititems(visit)

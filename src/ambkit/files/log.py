@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -57,6 +58,8 @@ class Log:
         Gives the line of a sample in a text file, from 1.
     header : int
         Line of the names in a text file, from 1; 0 where there is none.
+    texts : mapping of str to Arrow array of strings
+        Columns of times as text, which `ambkit.files.timestamps` reads.
     """
 
     name: str
@@ -68,6 +71,7 @@ class Log:
     remarks: tuple[str, ...] = ()
     line_of: Callable[[int], int] | None = None
     header: int = 0
+    texts: Mapping[str, Any] = field(default_factory=dict)
 
     def place(self, sample: int) -> str:
         """Say where a sample stands: ``log.csv:17``, or the file alone."""
@@ -85,6 +89,7 @@ class Log:
             name if array.ndim == 1 and self.order else f"{name} {array.shape}"
             for name, array in self.arrays.items()
         ]
+        shown += [f"{name} (times as text)" for name in self.texts]
         more = f" and {len(shown) - 30} more" if len(shown) > 30 else ""
         return ", ".join(shown[:30]) + more or "nothing"
 
@@ -95,6 +100,7 @@ def read_log(
     told: Callable[[str], object] = lambda _: None,
     *,
     lenient: bool = False,
+    texts: Collection[str | int] = (),
 ) -> Log:
     """Read the numbers of a log.
 
@@ -110,6 +116,8 @@ def read_log(
         Called with what is being done, where that takes long.
     lenient : bool
         Leave out what holds no numbers, and say so, where it would be refused.
+    texts : collection of str or int
+        Read these as times in text, whatever they look like.
 
     Raises
     ------
@@ -126,8 +134,59 @@ def read_log(
         raise RecordError(f"{path}: cannot read {ending or 'a file without ending'}, use {known}")
     reader = import_module(f"ambkit.files.{_READERS[ending]}")
     told(f"reading {Path(path).name}")
-    log: Log = reader.read(path, wanted, told, lenient)
+    log: Log = reader.read(path, wanted, told, lenient, texts)
     return log
+
+
+class DamagedLog(RecordError):
+    """A log that can be read in part.
+
+    Parameters
+    ----------
+    problems : list of str
+        What is wrong, one line each.
+    log : Log
+        What could be read; NaN where it could not.
+    samples : tuple of int
+        Where the damage is.
+    """
+
+    def __init__(self, problems: list[str], log: Log, samples: tuple[int, ...]) -> None:
+        super().__init__(problems, log.name)
+        self.log, self.samples = log, samples
+
+
+def too_coarse(values: Array) -> bool:
+    """Whether a column (n,) rises by steps that float64 can hardly tell apart at its size.
+
+    Seconds or nanoseconds since 1970 do, at a high rate.
+    """
+    head = values[:10_000]
+    head = head[np.isfinite(head)]
+    if head.size < 3 or (largest := float(np.abs(head).max())) < 1e8:
+        return False
+    steps = np.diff(head)
+    rising = steps[steps > 0]
+    if rising.size == 0 or np.mean(steps >= 0) < 0.9:
+        return False
+    return bool(np.spacing(largest) > 1e-3 * np.median(rising))
+
+
+def whole_numbers(name: str, values: NDArray[Any]) -> tuple[Array, list[str]]:
+    """Turn integers (n,) into float64; a time that would lose digits counts from its first."""
+    numbers = np.asarray(values, dtype=np.float64)
+    if values.dtype.kind not in "iu" or values.ndim != 1 or not too_coarse(numbers):
+        return numbers, []
+    return (values - values[0]).astype(np.float64), [counted_from(name, str(values[0]))]
+
+
+FIRST = re.compile(r"(.*) counts from its first value, ([-\d.]+)")
+"""What `counted_from` says."""
+
+
+def counted_from(name: str, first: str) -> str:
+    """Say that a column counts from its first value."""
+    return f"{name} counts from its first value, {first}: as a whole it has too many digits"
 
 
 def damaged(path: str | os.PathLike[str], error: Exception) -> RecordError:

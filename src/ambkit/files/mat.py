@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.errors import ExtraMissing
-from ambkit.files.log import Log, check_readable, damaged
+from ambkit.files.log import Log, check_readable, damaged, whole_numbers
 
 Array = NDArray[np.float64]
 
@@ -27,6 +27,7 @@ def read(
     wanted: Collection[str | int] | None = None,
     told: Callable[[str], object] = lambda _: None,
     lenient: bool = False,
+    texts: Collection[str | int] = (),
 ) -> Log:
     """Read all arrays of numbers; see `ambkit.files.log.read_log`."""
     check_readable(path)
@@ -37,8 +38,15 @@ def read(
         if not key.startswith("__")
         for name, values in _flat(key, value)
     }
-    chosen = arrays if wanted is None else {k: v for k, v in arrays.items() if k in wanted}
-    return Log(os.fspath(path), chosen if wanted is None else _lacking(arrays, chosen, wanted))
+    remarks: list[str] = []
+    for name, values in arrays.items():
+        if values.dtype.kind in "iu" and values.size == max(values.shape):
+            arrays[name], remark = whole_numbers(name, values.ravel())
+            remarks += remark
+    numbers = {name: np.asarray(values, dtype=np.float64) for name, values in arrays.items()}
+    chosen = numbers if wanted is None else {k: v for k, v in numbers.items() if k in wanted}
+    found = chosen if wanted is None else _lacking(numbers, chosen, wanted)
+    return Log(os.fspath(path), found, remarks=tuple(remarks))
 
 
 def _lacking(
@@ -81,7 +89,7 @@ def _content_of_7_3(path: str | os.PathLike[str]) -> dict[str, Any]:
         raise damaged(path, error) from error
 
 
-def _flat(name: str, value: Any) -> Iterator[tuple[str, Array]]:
+def _flat(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
     """Yield the arrays of numbers within a value, by their full names."""
     if isinstance(value, dict):
         for key, inner in value.items():
@@ -99,6 +107,6 @@ def _flat(name: str, value: Any) -> Iterator[tuple[str, Array]]:
         for place, inner in enumerate(elements):
             yield from _flat(name if len(elements) == 1 else f"{name}[{place}]", inner)
     elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub" and value.ndim in (1, 2):
-        yield name, np.asarray(value, dtype=np.float64)
+        yield name, value
     elif isinstance(value, bool | int | float | np.number):
         yield name, np.array([value], dtype=np.float64)

@@ -25,6 +25,7 @@ def read(
     wanted: Collection[str | int] | None = None,
     told: Callable[[str], object] = lambda _: None,
     lenient: bool = False,
+    texts: Collection[str | int] = (),
 ) -> Log:
     """Read channels, and the clock of each; see `ambkit.files.log.read_log`."""
     check_readable(path)

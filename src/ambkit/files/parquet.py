@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from ambkit import files
 from ambkit.errors import RecordError
-from ambkit.files.log import Log, check_readable, column_names, damaged
+from ambkit.files.log import Log, check_readable, column_names, damaged, whole_numbers
+from ambkit.files.timestamps import layouts_of, unwrapped
 
 if TYPE_CHECKING:
     from pyarrow import ChunkedArray, Schema
@@ -40,6 +41,7 @@ def read(
     wanted: Collection[str | int] | None = None,
     told: Callable[[str], object] = lambda _: None,
     lenient: bool = False,
+    texts: Collection[str | int] = (),
 ) -> Log:
     """Read the columns; see `ambkit.files.log.read_log`."""
     import pyarrow as pa
@@ -48,12 +50,17 @@ def read(
     check_readable(path)
     columns: dict[str, Array] = {}
     remarks: list[str] = []
+    stamped: dict[str, Any] = {}
     try:
         with parquet.ParquetFile(path, memory_map=True) as file:
             schema = file.schema_arrow
+            asked = column_names(schema.names, texts, os.fspath(path))
             for name in column_names(schema.names, wanted, os.fspath(path)):
                 told(f"reading column {name}")
                 column = file.read([name], use_threads=True).column(name)
+                if _is_text(column) and (name in asked or layouts_of(column)):
+                    stamped[name] = column
+                    continue
                 try:
                     columns[name], remark = _numbers(column, f"{path}: column {name}")
                 except RecordError:
@@ -66,7 +73,22 @@ def read(
     units, meta = _about(schema, columns)
     units |= {name: "s" for name in columns if pa.types.is_temporal(schema.field(name).type)}
     order = tuple(schema.names)
-    return Log(os.fspath(path), columns, units, meta=meta, order=order, remarks=tuple(remarks))
+    return Log(
+        os.fspath(path),
+        columns,
+        units,
+        meta=meta,
+        order=order,
+        remarks=tuple(remarks),
+        texts=stamped,
+    )
+
+
+def _is_text(column: "ChunkedArray") -> bool:
+    import pyarrow as pa
+
+    kind = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
+    return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
 
 
 def _numbers(column: "ChunkedArray", place: str) -> tuple[Array, list[str]]:
@@ -75,16 +97,35 @@ def _numbers(column: "ChunkedArray", place: str) -> tuple[Array, list[str]]:
 
     kind = column.type
     try:
-        if pa.types.is_timestamp(kind):
-            ticks = column.cast(pa.int64()).to_numpy()
-            scale = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[kind.unit]
-            if column.null_count == 0 and len(ticks):
-                remark = f"{place.rpartition(': ')[2]}: seconds from {column[0].as_py()}"
-                return (ticks - ticks[0]) * scale, [remark]
+        if pa.types.is_temporal(kind) and hasattr(kind, "unit"):
+            return _seconds(column, place)
+        if pa.types.is_integer(kind) and column.null_count == 0:
+            return whole_numbers(place.rpartition(": column ")[2], column.to_numpy())
         numbers = column if pa.types.is_float64(kind) else column.cast(pa.float64())
     except (pa.ArrowInvalid, pa.ArrowNotImplementedError):
         raise RecordError(f"{place} holds {kind}, not numbers") from None
     return np.asarray(numbers.to_numpy(), dtype=np.float64), []
+
+
+def _seconds(column: "ChunkedArray", place: str) -> tuple[Array, list[str]]:
+    """Return dates, times of the day and durations as seconds from the first one."""
+    import pyarrow as pa
+
+    kind = column.type
+    there = np.asarray(column.is_valid().to_numpy(), dtype=bool)
+    integers = pa.int32() if pa.types.is_time32(kind) else pa.int64()
+    ticks = np.asarray(column.cast(integers).drop_null().to_numpy(), dtype=np.int64)
+    a_second = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}[kind.unit]
+    seconds = np.full(len(column), np.nan)
+    if not ticks.size:
+        return seconds, []
+    label, first = place.rpartition(": ")[2], column.drop_null()[0]
+    remarks = [f"{label}: seconds from {first.cast(pa.string()).as_py()}"]
+    if pa.types.is_time(kind):
+        ticks, times = unwrapped(ticks, 86_400 * a_second)
+        remarks += [f"{label} goes past midnight: carried on"] if times else []
+    seconds[there] = (ticks - ticks[0]) / a_second
+    return seconds, remarks
 
 
 def _about(schema: "Schema", columns: Collection[str]) -> tuple[dict[str, str], dict[str, Any]]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ambkit import files
 from ambkit.errors import RecordError
-from ambkit.files import csv_text, parquet
+from ambkit.files import csv_text, parquet, timestamps
 from ambkit.files.log import Log, read_log
 from ambkit.signals import UNITS, si_unit
 
@@ -79,6 +79,11 @@ def to_table(log: Log) -> Table:
     problems: list[str] = []
     columns: dict[str, Array] = {}
     units: dict[str, str] = {}
+    for name, cells in log.texts.items():
+        if name != "t":
+            problems.append(f"{log.head}: column {name} holds times as text: give a channel map")
+            continue
+        columns["t"], units["t"] = timestamps.read(cells, "", name, log.place).seconds, "s"
     for name, values in log.arrays.items():
         try:
             columns[name], units[name] = _to_si(name, log.units.get(name), values)

@@ -9,11 +9,14 @@ without one name can be told apart. A guess stays a guess: each role comes with 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.errors import RecordError
+from ambkit.files import timestamps
 from ambkit.files.log import Log
 from ambkit.reading.faults import noise
 from ambkit.signals import si_unit
@@ -34,6 +37,7 @@ _WORDS = {
 _ESTIMATED = re.compile(r"est\w*|hat|obs\w*|kf|ekf|filt\w*|model\w*|logged")
 _UNIT_IN_NAME = re.compile(r"(.*?)[ _]*(?:/ ?|_in_|_)(µm|um|mm|m|ms|us|s|A|mA|V|mV|mps)$")
 _ROLES = {"s": "t", "m": "y", "m/s": "v", "A": "i", "V": "u"}
+_TEXT = "times as text"
 _USUAL = {"t": "s", "r": "m", "y": "m", "v": "m/s", "i": "A", "u": "V"}
 
 
@@ -81,7 +85,7 @@ def candidates(log: Log) -> tuple[str, list[Candidate]]:
             rows = matrix if key == "row" else matrix.T
             return name, [Candidate(f"{key} {n}", {key: n}, row) for n, row in enumerate(rows)]
     key = "column" if log.order or log.clocks else "array"
-    return "", [
+    plain = [
         Candidate(
             f"column {name}" if name.isdigit() else name,
             {key: name},
@@ -92,6 +96,22 @@ def candidates(log: Log) -> tuple[str, list[Candidate]]:
         for name, values in vectors.items()
         if values.size > 1 and (log.clocks or values.size == longest)
     ]
+    return "", [*plain, *_stamps(log, key)]
+
+
+def _stamps(log: Log, key: str) -> Iterator[Candidate]:
+    """Yield the columns that are times as text; with their format where it cannot be told."""
+    for name, cells in log.texts.items():
+        try:
+            moments = timestamps.read(cells, "", name, log.place, lenient=True)
+        except RecordError:
+            continue
+        where: dict[str, str | int] = {key: name}
+        why = [_TEXT, *moments.remarks[1:]]
+        if not moments.certain:
+            where["format"] = moments.layout
+            why.append("which is the day and which the month is a mere guess")
+        yield Candidate(name, where, moments.seconds, "s", role="t", why=why)
 
 
 def find_roles(found: list[Candidate]) -> None:
@@ -105,7 +125,7 @@ def find_roles(found: list[Candidate]) -> None:
 
 def _by_name(candidate: Candidate) -> None:
     """Read role and unit from the name."""
-    if not isinstance(next(iter(candidate.where.values())), str):
+    if candidate.role or not isinstance(next(iter(candidate.where.values())), str):
         return
     label = re.split(r"[/.]", candidate.label)[-1]
     in_name = _UNIT_IN_NAME.fullmatch(label)
@@ -142,8 +162,9 @@ def _find_time(found: list[Candidate]) -> None:
     for candidate in found:
         rising = _rises(candidate.values)
         if candidate.role == "t" and not rising:
-            candidate.role = ""
-            candidate.why.append("named like a time, but does not rise")
+            text = candidate.why[0] == _TEXT
+            candidate.role = "-" if text else ""  # no position either
+            candidate.why.append(f"{'' if text else 'named like a time, but '}does not rise")
     if any(candidate.role == "t" for candidate in found):
         return
     for candidate in found:

@@ -47,7 +47,7 @@ class Fault:
     signal : str
         The channel, or the clock.
     start, stop : float
-        From when to when [s], by the log's clock.
+        From when to when [s], by the record's clock: a delay is taken out.
     samples : int
         How many samples it has.
     text : str
@@ -108,6 +108,8 @@ class Channel:
         Smallest step between values; 0 where the signal has none that shows.
     clock : str
         Where its times come from.
+    delay : float
+        How late it was logged [s]; the record has it shifted back by that.
     """
 
     name: str
@@ -120,6 +122,7 @@ class Channel:
     noise: float
     resolution: float
     clock: str
+    delay: float = 0.0
 
 
 def describe(name: str, unit: str, values: Array, clock: str = "t") -> Channel:

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.errors import RecordError
-from ambkit.files.log import Log, read_log
+from ambkit.files.log import FIRST, Log, read_log
 from ambkit.reading.candidates import Candidate, candidates, correlation, find_roles, seen, slow
 from ambkit.reading.clock import examine
 from ambkit.reading.faults import noise
 from ambkit.signals import si_unit
+from ambkit.units import factor
 
 Array = NDArray[np.float64]
 
@@ -140,14 +141,25 @@ def _time(log: Log, clock: str | None, candidate: Candidate | None) -> Iterator[
         return
     unit, why = candidate.unit, ""
     if not unit:
-        step = float(np.median(np.diff(seen(candidate.values))))
-        unit = "s" if step < 0.1 else "ms" if step < 50 else "µs"
-        why = "  # guessed from its steps"
-    seconds = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}.get(unit, 1.0)
+        unit = _unit_of_time(log, candidate)
+        why = "  # guessed from its size and steps"
+    seconds = factor(unit, "s") if si_unit(unit) == "s" else 1.0
     yield f"# {candidate.label}: {', '.join(candidate.why)}; {_rate(candidate.values * seconds)}."
     yield "[signals.t]"
     yield from _where(candidate)
     yield f"unit = {_quoted(unit)}{why}"
+
+
+def _unit_of_time(log: Log, candidate: Candidate) -> str:
+    """Guess in what a time counts: since 1970, by its size; otherwise by its steps."""
+    times = seen(candidate.values)
+    told = filter(None, (FIRST.match(remark) for remark in log.remarks))
+    first = next((float(m[2]) for m in told if m[1] == candidate.label), float(times[0]))
+    for unit, scale in (("s", 1.0), ("ms", 1e3), ("µs", 1e6), ("ns", 1e9)):
+        if 5e8 < first / scale < 4.2e9:  # from 1985 to 2103
+            return unit
+    step = float(np.median(np.diff(times))) if times.size > 1 else 0.0
+    return "s" if step < 0.1 else "ms" if step < 50 else "µs" if step < 2e4 else "ns"
 
 
 def _rate(times: Array) -> str:

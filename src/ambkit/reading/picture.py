@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +40,10 @@ def reading_figure(reading: Reading) -> Figure:
     """
     record = reading.record
     names = sorted(record, key=lambda name: (name not in _FIRST, list(record).index(name)))
-    panels = [_channel(record, name, reading.faults) for name in names[:SHOWN]]
+    delays = {channel.name: channel.delay for channel in reading.channels}
+    panels = [
+        _channel(record, name, reading.faults, delays.get(name, 0.0)) for name in names[:SHOWN]
+    ]
     panels += [_steps(clock) for clock in reading.clocks.values() if _is_uneven(clock)]
     left = f"Not shown: {', '.join(names[SHOWN:])}. " if len(names) > SHOWN else ""
     whole = [
@@ -57,7 +59,7 @@ def reading_figure(reading: Reading) -> Figure:
     )
 
 
-def _channel(record: Record, name: str, faults: Iterable[Fault]) -> Panel:
+def _channel(record: Record, name: str, faults: Iterable[Fault], delay: float) -> Panel:
     t, values = record.t, record[name]
     own = [fault for fault in faults if fault.signal == name]
     items: list[Item] = [Line(t, values, signal="channel")]
@@ -65,17 +67,21 @@ def _channel(record: Record, name: str, faults: Iterable[Fault]) -> Panel:
         found = [fault for fault in own if fault.kind == kind]
         if found:
             items.append(Line(t, _only(t, values, found), signal=kind))
-    missing = [fault for fault in faults if _MARKED.get(fault.kind) and fault.signal in (name, "t")]
+    missing = [fault for fault in own if _MARKED.get(fault.kind)]
     missing += [fault for fault in own if fault.action == "taken as missing"]
-    items += missing_spans([(fault.start, fault.stop) for fault in missing], t)
+    stretches = [(fault.start, fault.stop) for fault in missing]
+    # A gap of the clock comes earlier in a channel that was logged late.
+    gaps = [fault for fault in faults if _MARKED.get(fault.kind) and fault.signal == "t"]
+    stretches += [(fault.start - delay, fault.stop - delay) for fault in gaps]
+    items += missing_spans([each for each in stretches if each[0] <= t[-1] and each[1] >= t[0]], t)
     constant = next((fault.text for fault in own if fault.kind == "constant"), "")
-    axis = _axis(name, record.units[name], values)
+    axis = axis_of(name, record.units[name], values)
     if constant:
         items.append(Rule(float(np.nanmean(values)), signal="frozen", text="constant", label=""))
     return Panel(_TIME, axis, items)
 
 
-def _axis(name: str, unit: str, values: Array) -> Axis:
+def axis_of(name: str, unit: str, values: Array) -> Axis:
     """Return an axis in the multiple of the unit that suits the values."""
     there = values[np.isfinite(values)]
     largest = float(np.abs(there).max()) if there.size else 0.0
@@ -96,8 +102,10 @@ def _only(t: Array, values: Array, faults: Iterable[Fault]) -> Array:
     return found
 
 
-def missing_spans(stretches: Iterable[tuple[float, float]], t: Array) -> Iterator[Item]:
-    """Mark stretches [s] without samples.
+def missing_spans(
+    stretches: Iterable[tuple[float, float]], t: Array, label: str | None = None
+) -> Iterator[Item]:
+    """Mark stretches [s] without samples; the legend says so, or what `label` says.
 
     They are widened so that one sample is seen, and joined where they would overlap.
     """
@@ -111,9 +119,11 @@ def missing_spans(stretches: Iterable[tuple[float, float]], t: Array) -> Iterato
         else:
             joined.append((start, stop))
     for start, stop in joined:
-        yield Span(max(start, float(t[0])), min(stop, float(t[-1])), signal="missing")
-        if stop - start < 5 * least:  # too narrow for its pale colour to be seen
-            yield Rule((start + stop) / 2, axis="x", signal="missing", label="")
+        narrow = stop - start < 5 * least  # too narrow for its pale colour to be seen
+        ends = max(start, float(t[0])), min(stop, float(t[-1]))
+        yield Span(*ends, signal="missing", label="" if narrow else label)
+        if narrow:
+            yield Rule((start + stop) / 2, axis="x", signal="missing", label=label)
 
 
 def _is_uneven(clock: Clock) -> bool:
@@ -122,14 +132,18 @@ def _is_uneven(clock: Clock) -> bool:
 
 def _steps(clock: Clock) -> Panel:
     """Show the time between samples where a clock has gaps or jitter."""
-    t, steps = clock.times, np.diff(clock.times)
-    shown = engineering(float(np.abs(steps).max()), "s").partition(" ")[2]
-    axis = Axis(f"step of {clock.name}", shown, factor("s", shown))
     usual = Rule(clock.step, signal="bound", text="", label="")
-    low, high = float(steps.min()), float(steps.max())
-    margin = 0.1 * max(high - low, clock.step)
+    return steps_panel(clock.name, clock.times[1:], np.diff(clock.times), _TIME, [usual])
+
+
+def steps_panel(name: str, x: Array, steps: Array, axis: Axis, more: Iterable[Item]) -> Panel:
+    """Show the time between samples (n,) [s] over `x` (n,), and `more` with it."""
+    there = steps[np.isfinite(steps)]
+    low, high = (float(there.min()), float(there.max())) if there.size else (0.0, 0.0)
+    shown = engineering(max(abs(low), abs(high)), "s").partition(" ")[2]
+    usual = float(np.median(np.abs(there))) if there.size else 1.0
+    margin = 0.1 * max(high - low, usual)
+    label = Axis(f"step of {name}", shown, factor("s", shown), limits=(low - margin, high + margin))
     return Panel(
-        _TIME,
-        replace(axis, limits=(low - margin, high + margin)),
-        [Line(t[1:], steps, signal="measurement", label="time between samples"), usual],
+        axis, label, [Line(x, steps, signal="measurement", label="time between samples"), *more]
     )

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.errors import RecordError, shortened
-from ambkit.files.log import Log, read_log
+from ambkit.files.log import DamagedLog, Log, read_log
 from ambkit.reading import faults as channel_faults
 from ambkit.reading import grid
 from ambkit.reading.clock import Clock, examine
 from ambkit.reading.faults import Channel, Fault
-from ambkit.reading.refusals import check_times, refuse_uneven, segment_of
+from ambkit.reading.refusals import Refused, check_times, refuse_uneven, segments_of
 from ambkit.record import Record, time_problems
 from ambkit.units import engineering
 
@@ -128,9 +128,12 @@ def read(
 
     Raises
     ------
-    RecordError
+    Refused
         The file is damaged; the map does not fit it; or there is no even grid: two clocks, jitter,
-        jumps. The message has all of it, each with its place, and what would help.
+        jumps. The message has all of it, each with its place, and what would help; what could be
+        read is there for a picture (`ambkit.reading.picture.refused_figure`).
+    RecordError
+        Nothing could be read.
     ExtraMissing
         The library for such files is not installed.
     AmbkitError
@@ -141,16 +144,32 @@ def read(
         known = " and ".join(channel_faults.MASKABLE)
         raise RecordError(f"only {known} stretches can be taken as missing, not {min(wrong)}")
     log, mapped = _mapped(path, map, told)
-    remarks = [*log.remarks]
+    try:
+        return _placed(log, mapped, resample, sampling_time, segment, missing, told)
+    except RecordError as error:
+        raise Refused(error, log.name, mapped) from None
+
+
+def _placed(
+    log: Log,
+    mapped: Mapped,
+    resample: bool,
+    sampling_time: float | None,
+    segment: int | None,
+    missing: Collection[str],
+    told: Callable[[str], object],
+) -> Reading:
+    """Put the signals of a log on one grid, and say what was wrong; see `read`."""
+    remarks = [*log.remarks, *mapped.remarks]
     used = list(dict.fromkeys(mapped.clock_of.values()))
     check_times(log, mapped, used)
     clocks = {name: examine(name, mapped.clocks[name]) for name in used}
     signals = dict(mapped.signals)
     faults: list[Fault] = [f for c in clocks.values() for f in _clock_faults(c)]
-    if segment is not None or (len(used) == 1 and clocks[used[0]].jumps.size):
-        where, remark = segment_of(log, clocks, segment)
-        signals = {name: values[where] for name, values in signals.items()}
-        clocks = {name: clock.part(where) for name, clock in clocks.items()}
+    if segment is not None or any(clock.jumps.size for clock in clocks.values()):
+        parts, remark = segments_of(log, clocks, segment)
+        signals = {name: v[parts[mapped.clock_of[name]]] for name, v in signals.items()}
+        clocks = {name: clock.part(parts[name]) for name, clock in clocks.items()}
         remarks.append(remark)
         faults = [replace(f, action="another part is read") for f in faults if f.kind == "jump"]
         faults += [f for c in clocks.values() for f in _clock_faults(c)]
@@ -168,7 +187,8 @@ def read(
                 signals[name] = _masked(signals[name], clock.times, fault)
             if fault.kind in (*missing, "infinite"):
                 fault = replace(fault, action="taken as missing")
-            faults.append(fault)
+            delay = mapped.delays.get(name, 0.0)  # faults are told where the record has them
+            faults.append(replace(fault, start=fault.start - delay, stop=fault.stop - delay))
     told("placing the samples")
     if resample:
         times, on_grid, said = _resampled(log, signals, mapped.clock_of, clocks, sampling_time)
@@ -183,8 +203,9 @@ def read(
     for name, delay in mapped.delays.items():
         on_grid[name] = grid.shifted(on_grid[name], delay / step, held=name in grid.HELD)
         remarks.append(grid.shift_in_words(name, delay, step))
-    channels = [_as_placed(channel, on_grid[channel.name]) for channel in channels]
-    meta = {**mapped.meta, "source": Path(path).name}
+    faults = [_within(fault, times) for fault in faults]
+    channels = [_as_placed(c, on_grid[c.name], mapped.delays.get(c.name, 0.0)) for c in channels]
+    meta = {**mapped.meta, "source": Path(log.name).name}
     reading = Reading(
         Record.__new__(Record), clocks, tuple(channels), tuple(faults), tuple(remarks), log.name
     )
@@ -242,16 +263,37 @@ def _mapped(
     if channel_map is not None:
         if not isinstance(channel_map, ChannelMap):
             channel_map = ChannelMap.load(channel_map)
-        log = read_log(path, channel_map.wanted, told)
-        return log, channel_map.apply(log)
-    log = read_log(path, None, told)
-    table = to_table(log)
-    if "t" not in table.columns:
-        raise RecordError(f"{path}: has no column t [s]; it has {', '.join(table.columns)}")
+        log, error, damaged = _logged(path, channel_map, told)
+        mapped, problems = channel_map.pick(log)
+        error = error or (RecordError(problems, log.name) if problems else None)
+        if error:
+            raise Refused(error, log.name, mapped, damaged)
+        return log, mapped
+    log, error, damaged = _logged(path, None, told)
+    try:
+        table = to_table(log)
+    except RecordError as other:
+        raise error or other from None
     columns = dict(table.columns)
-    clocks = {"t": columns.pop("t")}
+    if "t" not in columns and error is None:
+        raise RecordError(f"{path}: has no column t [s]; it has {', '.join(columns)}")
+    clocks = {"t": columns.pop("t")} if "t" in columns else {}
     units = {name: table.units[name] for name in columns}
-    return log, Mapped(columns, units, clocks, dict.fromkeys(columns, "t"), {}, table.meta)
+    mapped = Mapped(columns, units, clocks, dict.fromkeys(columns, "t"), {}, table.meta)
+    if error:
+        raise Refused(error, log.name, mapped, damaged)
+    return log, mapped
+
+
+def _logged(
+    path: str | os.PathLike[str], channel_map: ChannelMap | None, told: Callable[[str], object]
+) -> tuple[Log, RecordError | None, tuple[int, ...]]:
+    """Read a log; of a damaged one what can be read, what is wrong, and where."""
+    wanted, texts = (channel_map.wanted, channel_map.texts) if channel_map else (None, ())
+    try:
+        return read_log(path, wanted, told, texts=texts), None, ()
+    except DamagedLog as error:
+        return error.log, error, error.samples
 
 
 def _clock_faults(clock: Clock) -> list[Fault]:
@@ -280,9 +322,20 @@ def _masked(values: Array, times: Array, fault: Fault) -> Array:
     return kept
 
 
-def _as_placed(channel: Channel, values: Array) -> Channel:
+def _within(fault: Fault, times: Array) -> Fault:
+    """Cut a fault at the ends of the record, beyond which a delay may have moved it."""
+    if fault.kind == "jump" or (times[0] <= fault.start and fault.stop <= times[-1]):
+        return fault
+    if fault.stop < times[0] or fault.start > times[-1]:
+        return replace(fault, action="shifted out of the record")
+    ends = max(fault.start, float(times[0])), min(fault.stop, float(times[-1]))
+    return replace(fault, start=ends[0], stop=ends[1])
+
+
+def _as_placed(channel: Channel, values: Array, delay: float) -> Channel:
     """Count the samples as the record has them: gaps are filled, stretches may be masked."""
-    return replace(channel, samples=values.size, missing=int(np.isnan(values).sum()))
+    lost = int(np.isnan(values).sum())
+    return replace(channel, samples=values.size, missing=lost, delay=delay)
 
 
 def _action_of_grid(fault: Fault, action: str) -> Fault:

@@ -14,6 +14,28 @@ if TYPE_CHECKING:
     from ambkit.channelmap import Mapped
 
 
+class Refused(RecordError):
+    """A log that gives no record; what could be read of it is there to be looked at.
+
+    Parameters
+    ----------
+    error : RecordError
+        What is wrong.
+    name : str
+        The file.
+    mapped : Mapped
+        The signals and clocks that could be read; `ambkit.reading.picture` draws them.
+    damaged : tuple of int
+        Samples whose lines are damaged.
+    """
+
+    def __init__(
+        self, error: RecordError, name: str, mapped: Mapped, damaged: tuple[int, ...] = ()
+    ) -> None:
+        super().__init__(error.problems, error.title)
+        self.name, self.mapped, self.damaged = name, mapped, damaged
+
+
 def check_times(log: Log, mapped: Mapped, used: list[str]) -> None:
     """Refuse times that are no numbers, each with its line."""
     problems = []
@@ -29,32 +51,56 @@ def check_times(log: Log, mapped: Mapped, used: list[str]) -> None:
         raise RecordError(shortened(problems), log.name)
 
 
-def segment_of(log: Log, clocks: Mapping[str, Clock], segment: int | None) -> tuple[slice, str]:
-    """Return the part between jumps that the user wants, or say which there are."""
-    if len(clocks) > 1:
-        raise RecordError(f"{log.name}: a log with several clocks cannot be read in parts")
-    (clock,) = clocks.values()
-    parts = clock.segments
-    if segment is not None and 1 <= segment <= len(parts):
-        part = parts[segment - 1]
-        return part, f"part {segment} of {len(parts)} between jumps of {clock.name} is read"
-    t = clock.times
-    if clock.too_coarse:
-        raise RecordError(
-            f"{log.name}: {clock.name} has too few digits: many samples share their time. Give "
-            "sampling_time in the map instead"
-        )
+def segments_of(
+    log: Log, clocks: Mapping[str, Clock], segment: int | None
+) -> tuple[dict[str, slice], str]:
+    """Return the part between jumps that the user wants, of each clock; or say which there are."""
+    main = clocks.get("t") or next(iter(clocks.values()))
+    for clock in clocks.values():
+        if clock.too_coarse:
+            raise RecordError(
+                f"{log.name}: {clock.name} has too few digits: many samples share their time. Give "
+                "sampling_time in the map instead"
+            )
+        if not _jump_together(main, clock):
+            raise RecordError(
+                f"{log.name}: {main.name} has {_jumps(main)}, {clock.name} has {_jumps(clock)}, "
+                "and not at the same times: which of their samples belong together is not known"
+            )
+    parts = {name: clock.segments for name, clock in clocks.items()}
+    count = min(map(len, parts.values()))
+    names = " and ".join(clocks)
+    if segment is not None and 1 <= segment <= count:
+        chosen = {name: own[segment - 1] for name, own in parts.items()}
+        return chosen, f"part {segment} of {count} between jumps of {names} is read"
+    t = main.times
     listed = [
-        f"{log.place(at)}: {clock.name} jumps from {engineering(t[at - 1], 's')} to "
-        f"{engineering(t[at], 's')}"
-        for at in clock.jumps.tolist()
+        f"{log.place(at)}: {names} jump{'s' if len(clocks) == 1 else ''} from "
+        f"{engineering(t[at - 1], 's')} to {engineering(t[at], 's')}"
+        for at in main.jumps.tolist()
     ]
     choices = ", ".join(
         f"{n}: {part.stop - part.start} samples from {engineering(t[part][0], 's')}"
-        for n, part in enumerate(parts[:8], 1)
+        for n, part in enumerate(parts[main.name][:8], 1)
     )
     problem = f"{log.name}: choose a part with --segment (segment=): {choices or 'there is none'}"
     raise RecordError([*shortened(listed), problem], log.name)
+
+
+def _jump_together(main: Clock, other: Clock) -> bool:
+    """Whether two clocks make the same jumps, so that their parts belong together."""
+    if main.jumps.size != other.jumps.size:
+        return False
+    slack = 1.5 * max(main.step, other.step)
+    return all(
+        bool((abs(main.times[main.jumps - back] - other.times[other.jumps - back]) <= slack).all())
+        for back in (0, 1)
+    )
+
+
+def _jumps(clock: Clock) -> str:
+    count = clock.jumps.size
+    return f"{count or 'no'} jump{'' if count == 1 else 's'}"
 
 
 def refuse_uneven(log: Log, mapped: Mapped, clocks: Mapping[str, Clock]) -> None:
