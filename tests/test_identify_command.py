@@ -52,7 +52,8 @@ def test_a_log_becomes_a_bearing_with_errors_and_a_report(call, made, tmp_path):
     k = TRUTH.bearing.magnet.magnet_constant
     assert abs(found.magnet.magnet_constant / k - 1) < 0.15
     page = (tmp_path / "found.html").read_text()
-    for heading in ("What was found", "Whether it holds", "Correlation of the estimates"):
+    for heading in ("What was found", "Stiffness at work points", "Whether it holds",
+                    "Correlation of the estimates"):  # fmt: skip
         assert heading in page
     assert (tmp_path / "found.png").stat().st_size > 20_000
 
@@ -71,6 +72,11 @@ def test_json_has_all_figures_in_si(call, made):
     low, high = k["interval_95"]
     assert low < k["value"] == found["magnet_constant"] < high
     assert found["correlation"][0][0] == pytest.approx(1)
+    points = found["work_points"]
+    k_i, error = np.array(points["k_i"]["value"]), np.array(points["k_i"]["standard_error"])
+    assert k_i.shape == error.shape == (len(points["displacement"]), len(points["current"]))
+    # Of the closed law, k_i is k times a function of the place: their relative errors are one.
+    np.testing.assert_allclose(error / k_i, k["standard_error"] / k["value"], rtol=1e-4)
     assert not found["validated_on_other_records"]
     assert [check["record"] for check in found["validation"]] == ["a.csv", "b.csv"]
 

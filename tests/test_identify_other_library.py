@@ -1,8 +1,14 @@
-"""What a well-known method finds in the same record: least squares on a discrete model."""
+"""What others find in the same record: filterpy's likelihood, least squares on a discrete model."""
+
+from dataclasses import replace
 
 import numpy as np
+import oracles
+import pytest
+from scipy.optimize import minimize
 
-from ambkit import ClosedLaw
+from ambkit import ClosedLaw, ConstantStiffness
+from ambkit.identification.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from benchmarks.identification import START, TRUTH, closed_loops
 
@@ -38,3 +44,43 @@ def test_poles_agree_with_an_autoregressive_model_by_instruments_and_likelihood_
     theirs = np.log(unstable) / (every * b.sampling_time)
     assert abs(theirs / own - 1) < 0.4
     assert abs(ours / own - 1) < abs(theirs / own - 1)
+
+
+def test_filterpy_and_scipy_find_the_same_noises():
+    """The same linear model in filterpy's filter, its likelihood maximised by SciPy."""
+    filterpy = pytest.importorskip("filterpy.kalman")
+    bearing = TRUTH.bearing
+    truth = LoopModel(bearing, load_growth=TRUTH.load_growth, load_std=0.05, substeps=1,
+                      source=ConstantStiffness.of(bearing))  # fmt: skip
+    record = closed_loops(replace(truth, source=None), 1, 0.15, first=400)[0]
+    assert truth.nearest_limit(record) > 5.5  # so that the limit takes nothing from the control
+    begin, settled = 0.02, 200
+    first = record["y"][0]
+    std = [*truth.kalman().default_std()]
+    std[2] = truth.load_std
+
+    def others(noises):
+        """Log likelihood by filterpy at ln of measurement noise and load growth."""
+        measurement, growth = np.exp(noises)
+        s = oracles.settings_of(bearing.replace(sensor__lag=truth.as_filtered[1]))
+        F, b, H = oracles.system_matrices(s, truth.source.k_i, truth.source.k_s)
+        T, m = s["T"], s["m"]
+        kf = filterpy.KalmanFilter(dim_x=4, dim_z=1, dim_u=2)
+        kf.x = np.array([[first], [0.0], [0.0], [first]])
+        kf.P, kf.F, kf.H, kf.R = np.diag(np.square(std)), F, H[None], np.array([[measurement]])
+        kf.B = np.column_stack([b, [T**2 / (2 * m), T / m, 0, 0]])
+        kf.Q = s["var_u"] * np.outer(b, b) + np.diag([0, 0, growth * T, 0])
+        total = 0.0
+        for k, (y, u) in enumerate(zip(record["y"], record["u"], strict=True)):
+            kf.update(y)
+            if k >= settled:
+                total += kf.log_likelihood
+            kf.predict(u=np.array([[u], [s["f_0"]]]))
+        return float(total)
+
+    found = maximum_likelihood(record, truth, ["measurement_noise", "load_growth"],
+                               settling=begin, improve_start=False)  # fmt: skip
+    at = np.log([found["measurement_noise"], found["load_growth"]])
+    assert others(at) == pytest.approx(found.log_likelihood, rel=1e-9)
+    theirs = minimize(lambda z: -others(z), at + 0.3, method="BFGS", options={"gtol": 0.1})
+    np.testing.assert_allclose(at, theirs.x, atol=0.05 * found.errors.min())

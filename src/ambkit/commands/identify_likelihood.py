@@ -78,6 +78,7 @@ def by_likelihood(asked: Asked, known: Bearing) -> None:
         "bearing": known.name,
         "magnet_constant": found["magnet_constant"],
         "stiffness": _stiffness(found),
+        "work_points": _work_points(found),
         "rest": rest,
         "validated_on_other_records": bool(others),
         "validation": [check.to_dict() for check in checks],
@@ -152,6 +153,17 @@ def _stiffness(found: MaximumLikelihood) -> dict[str, dict[str, float]]:
     """Stiffnesses where the rotor hovers at x = 0."""
     at = found.stiffness(found.bearing.hover_current, 0.0)
     return {name: {"value": v, "standard_error": e} for name, (v, e) in at.items()}
+
+
+def _work_points(found: MaximumLikelihood) -> dict[str, Any]:
+    """Stiffnesses at the paper's 25 work points, rows over the displacement."""
+    from ambkit.identification.stiffness import work_points
+
+    current, displacement = work_points(found.bearing)
+    return {"current": current.tolist(), "displacement": displacement.tolist()} | {
+        name: {"value": values.tolist(), "standard_error": errors.tolist()}
+        for name, (values, errors) in found.stiffness_map(current, displacement).items()
+    }
 
 
 def _tables(found: MaximumLikelihood, checks: Sequence[Validation], others: bool) -> list[Any]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ambkit.errors import AmbkitError, RecordError
 from ambkit.estimators import check_sampling
@@ -149,26 +149,42 @@ class MaximumLikelihood:
         iu, x : float
             Control current [A] and displacement [m].
         """
+        at = self.stiffness_map([iu], [x])
+        return {name: (float(v[0, 0]), float(e[0, 0])) for name, (v, e) in at.items()}
+
+    def stiffness_map(
+        self, currents: ArrayLike, displacements: ArrayLike
+    ) -> dict[str, tuple[Array, Array]]:
+        """Return k_i [N/A] and k_s [N/m] over work points, tangents, each with its standard error.
+
+        Parameters
+        ----------
+        currents : array_like (ni,)
+            Control currents [A].
+        displacements : array_like (nx,)
+            Displacements [m].
+
+        Returns
+        -------
+        dict
+            For ``k_i`` and ``k_s`` the values and their errors, (nx, ni). Where the records have
+            not been, they are those of the law.
+        """
         from ambkit.magnets import ClosedLaw
 
         coordinates = Coordinates(self.model, self.parameters)
+        iu, x = np.meshgrid(currents, displacements)
 
         def at(z: Array) -> Array:
-            law = ClosedLaw(coordinates.model_at(z).bearing)
-            return np.array([float(part) for part in law.tangent(iu, x)])
+            return np.array(ClosedLaw(coordinates.model_at(z).bearing).tangent(iu, x))
 
-        zero = np.zeros(len(self.parameters))
-        steps = 1e-5 * np.eye(zero.size)
-        slopes = np.array([(at(step) - at(-step)) / 2e-5 for step in steps]).T
+        steps = 1e-5 * np.eye(len(self.parameters))
+        slopes = np.array([(at(step) - at(-step)) / 2e-5 for step in steps])
         unit = coordinates.unit_steps()
-        covariance = slopes @ (self.covariance / np.outer(unit, unit)) @ slopes.T
-        errors = np.sqrt(np.diag(covariance))
-        return {
-            name: (value, error)
-            for name, value, error in zip(
-                ("k_i", "k_s"), at(zero).tolist(), errors.tolist(), strict=True
-            )
-        }
+        covariance = self.covariance / np.outer(unit, unit)
+        errors = np.sqrt(np.einsum("p...,pq,q...->...", slopes, covariance, slopes))
+        values = at(np.zeros(len(self.parameters)))
+        return {"k_i": (values[0], errors[0]), "k_s": (values[1], errors[1])}
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data, SI, ready for JSON."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ambkit.identification import figures
+from ambkit.identification.stiffness import work_points
 from ambkit.report.blocks import (
     Block,
     Chapter,
@@ -73,6 +75,7 @@ def identification_report(
         version=ambkit.__version__,
         chapters=[
             Chapter("found", "What was found", _found(found)),
+            Chapter("stiffness", "Stiffness at work points", _stiffness(found)),
             Chapter(
                 "holds",
                 "Whether it holds",
@@ -154,6 +157,37 @@ def _found(found: MaximumLikelihood) -> list[Block]:
         )
     )
     return blocks
+
+
+def _stiffness(found: MaximumLikelihood) -> list[Block]:
+    points = work_points(found.bearing)
+    blocks: list[Block] = []
+    for name, (values, errors) in found.stiffness_map(*points).items():
+        unit, shown = ("N/A", 1.0) if name == "k_i" else ("N/mm", 1e3)
+        blocks.append(
+            TableBlock(
+                id=name,
+                title=f"${name}$ [{unit}]",
+                headers=["x", *(f"{_signed(iu)} A" for iu in points[0])],
+                rows=[
+                    [f"{_signed(1e3 * x)} mm", *map(_plus_minus, row / shown, error / shown)]
+                    for x, row, error in zip(points[1], values, errors, strict=True)
+                ],
+                caption="Tangents of the law that was found, with their standard errors. Where the "
+                "records have not been, they trust the law.",
+            )
+        )
+    return blocks
+
+
+def _signed(value: float) -> str:
+    return f"{value:+.3g}".replace("-", "−") if value else "0"
+
+
+def _plus_minus(value: float, error: float) -> str:
+    """Write both with as many decimals as two digits of the error have."""
+    decimals = max(0, 1 - math.floor(math.log10(error))) if error > 0 else 3
+    return f"{value:.{decimals}f} ± {error:.{decimals}f}".replace("-", "−")
 
 
 def _fits(checks: Sequence[Validation]) -> TableBlock:

@@ -153,6 +153,19 @@ class StiffnessMap:
         return digest.hexdigest()[:16]
 
 
+def work_points(bearing: Bearing) -> tuple[Array, Array]:
+    """Return the nodes of the paper's 25 work points (Tables 2 and 3), for any bearing.
+
+    Five control currents [A] over what the amplifier gives, and five displacements [m] over half
+    the travel to either side.
+    """
+    half_travel = bearing.rotor.travel_limit / 2
+    return (
+        np.linspace(bearing.current_min, bearing.current_max, 5),
+        np.linspace(-half_travel, half_travel, 5),
+    )
+
+
 def stiffness_map(
     bearing: Bearing,
     *,
@@ -169,10 +182,9 @@ def stiffness_map(
     bearing : Bearing
         Gives the limits of the box and, by default, the force.
     currents : array_like (ni,), optional
-        Nodes of the control current [A]. Default: five from ``bearing.current_min`` to
-        ``bearing.current_max`` (Table 2).
+        Nodes of the control current [A]. Default: those of `work_points`.
     displacements : array_like (nx,), optional
-        Nodes of the displacement [m]. Default: five over half the travel to either side (Table 3).
+        Nodes of the displacement [m]. Default: those of `work_points`.
     delta_current, delta_displacement : float, optional
         Steps of the nine points [A], [m]. Default: a hundredth of
         ``ambkit.magnets.equally_far``, on the paper's rig its 0.01 A and 0.01 mm.
@@ -191,12 +203,12 @@ def stiffness_map(
         Nodes that are too few, not finite or not ascending; a step that is not positive; a
         displacement at or beyond the air gap; a force that is not finite.
     """
-    half_travel = bearing.rotor.travel_limit / 2
+    usual_current, usual_displacement = work_points(bearing)
     ampere, metre = equally_far(bearing)
     delta_current = ampere / 100 if delta_current is None else delta_current
     delta_displacement = metre / 100 if delta_displacement is None else delta_displacement
-    current = _nodes("currents", currents, (bearing.current_min, bearing.current_max), "A")
-    displacement = _nodes("displacements", displacements, (-half_travel, half_travel), "m")
+    current = _nodes("currents", currents, usual_current, "A")
+    displacement = _nodes("displacements", displacements, usual_displacement, "m")
     for name, delta, unit in (
         ("delta_current", delta_current, "A"),
         ("delta_displacement", delta_displacement, "m"),
@@ -299,7 +311,7 @@ def _bias(force: ForceFunction) -> float:
     return float(_asked(force, origin, origin)[0])
 
 
-def _nodes(name: str, given: ArrayLike | None, box: tuple[float, float], unit: str) -> Array:
-    nodes = np.linspace(*box, 5) if given is None else np.array(given, dtype=float)
+def _nodes(name: str, given: ArrayLike | None, usual: Array, unit: str) -> Array:
+    nodes = usual if given is None else np.array(given, dtype=float)
     check_nodes(name, nodes, unit)
     return nodes
