@@ -77,11 +77,11 @@ static void fill_parameters(lanes_parameters *p, size_t i, const amb_estimator *
     p->k_s[i] = k->k_s;
   } else if (e->magnet->methods == &amb_law_magnet) {
     const amb_law *law = (const amb_law *)e->magnet->self;
-    p->k[i] = law->k;
-    p->s0[i] = law->s0;
-    p->i0[i] = law->i0;
-    p->ampere[i] = law->ampere;
-    p->metre[i] = law->metre;
+    p->law.k[i] = law->k;
+    p->law.s0[i] = law->s0;
+    p->law.i0[i] = law->i0;
+    p->law.ampere[i] = law->ampere;
+    p->law.metre[i] = law->metre;
   }
   if (e->methods == &amb_observer_methods) {
     const amb_observer *own = (const amb_observer *)e->own;

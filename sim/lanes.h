@@ -1,5 +1,6 @@
-/* The same text as the core's, for several filters side by side: the generated model, compiled with
- * vectors in the place of numbers. GCC's and clang's vectors; a lane is never mixed with another.
+/* The same text as the core's, for several filters side by side: the generated model and the closed
+ * law, compiled with vectors in the place of numbers. GCC's and clang's vectors; a lane is never
+ * mixed with another.
  */
 #ifndef AMBKIT_SIM_LANES_H
 #define AMBKIT_SIM_LANES_H
@@ -20,7 +21,12 @@ typedef int32_t lanes_mask __attribute__((vector_size(AMB_LANES_BYTES)));
 typedef int64_t lanes_mask __attribute__((vector_size(AMB_LANES_BYTES)));
 #endif
 
-/* The generated text once more. */
+/* Of the closed law, by the names of amb_law. */
+typedef struct lanes_law {
+  lanes k, s0, i0, ampere, metre;
+} lanes_law;
+
+/* The text once more. */
 #define amb_real lanes
 #define amb_axial_model lanes_axial_model
 #define amb_axial_model_init lanes_axial_model_init
@@ -28,10 +34,17 @@ typedef int64_t lanes_mask __attribute__((vector_size(AMB_LANES_BYTES)));
 #define amb_axial_predict_covariance lanes_axial_predict_covariance
 #define amb_axial_update lanes_axial_update
 #define amb_exp_negative(t) (t) /* of the model's constants, which are taken from the scalar's */
+#define amb_law lanes_law
+#define amb_law_force lanes_law_force
+#define amb_law_tangent lanes_law_tangent
+#define amb_law_square lanes_law_square
+#define amb_law_turn lanes_law_turn
 #undef AMBKIT_GENERATED_AXIAL_H
+#undef AMBKIT_LAW_H
 #undef AMB_AXIAL_STATES
 #undef AMB_AXIAL_TRIANGLE
 #include "generated/axial.h"
+#include "src/law.h"
 #undef amb_real
 #undef amb_axial_model
 #undef amb_axial_model_init
@@ -39,6 +52,11 @@ typedef int64_t lanes_mask __attribute__((vector_size(AMB_LANES_BYTES)));
 #undef amb_axial_predict_covariance
 #undef amb_axial_update
 #undef amb_exp_negative
+#undef amb_law
+#undef amb_law_force
+#undef amb_law_tangent
+#undef amb_law_square
+#undef amb_law_turn
 
 AMB_INLINE lanes lanes_all_equal(amb_real a)
 {

@@ -11,8 +11,8 @@
 typedef struct lanes_parameters {
   lanes_axial_model model;
   lanes k_ui, f_0, iu_min, iu_max, x_max, var_u, var_d, var_y, far_squared, gate_squared, widest;
-  lanes k_i, k_s;                            /* of a constant magnet */
-  lanes k, s0, i0, ampere, metre;            /* of the closed law */
+  lanes k_i, k_s; /* of a constant magnet */
+  lanes_law law;
   lanes gain[AMB_AXIAL_STATES], variance;    /* of an observer */
   lanes m, K_sen, position, velocity, force; /* of low-pass filters */
 } lanes_parameters;
@@ -39,39 +39,18 @@ typedef struct lanes_of {
   const amb_magnet *each; /* [LANES], for those that are asked lane by lane */
 } lanes_of;
 
-/* The closed law of a two-sided magnet, as magnet.c has it. */
-AMB_INLINE lanes lanes_law_force(const lanes_parameters *p, lanes iu, lanes x)
-{
-  const lanes shift = p->i0 * x + iu * p->s0;
-  const lanes gaps = (p->s0 - x) * (p->s0 + x);
-  return AMB_C(4.0) * p->k * (p->i0 * p->s0 + iu * x) * shift / (gaps * gaps);
-}
-
-AMB_INLINE void lanes_law_tangent(const lanes_parameters *p, lanes iu, lanes x, lanes *k_i,
-                                  lanes *k_s)
-{
-  const lanes own = AMB_C(1.0) / (p->s0 - x);
-  const lanes other = AMB_C(1.0) / (p->s0 + x);
-  const lanes a = (p->i0 + iu) * own;
-  const lanes b = (p->i0 - iu) * other;
-  *k_i = AMB_C(2.0) * p->k * (a * own + b * other);
-  *k_s = AMB_C(2.0) * p->k * (a * a * own + b * b * other);
-}
-
-AMB_INLINE void lanes_law_through_origin(const lanes_parameters *p, lanes iu, lanes x, lanes *k_i,
+/* As magnet.c has it, for two sides. */
+AMB_INLINE void lanes_law_through_origin(const lanes_law *law, lanes iu, lanes x, lanes *k_i,
                                          lanes *k_s)
 {
-  lanes_law_tangent(p, iu, x, k_i, k_s);
-  const lanes at_p = iu / p->ampere;
-  const lanes at_q = x / p->metre;
-  const lanes square = at_p * at_p + at_q * at_q;
+  lanes_law_tangent(law, lanes_all_equal(AMB_C(1.0)), iu, x, k_i, k_s);
+  lanes turned_i = *k_i;
+  lanes turned_s = *k_s;
+  const lanes square = lanes_law_square(law, iu, x);
   const lanes_mask away = square >= AMB_REAL_MIN;
-  const lanes g_p = *k_i * p->ampere;
-  const lanes g_q = *k_s * p->metre;
-  const lanes along = lanes_law_force(p, iu, x) / square;
-  const lanes across = (g_q * at_p - g_p * at_q) / square;
-  *k_i = lanes_choose(away, (along * at_p - across * at_q) / p->ampere, *k_i);
-  *k_s = lanes_choose(away, (along * at_q + across * at_p) / p->metre, *k_s);
+  lanes_law_turn(law, lanes_law_force(law, iu, x), square, iu, x, &turned_i, &turned_s);
+  *k_i = lanes_choose(away, turned_i, *k_i);
+  *k_s = lanes_choose(away, turned_s, *k_s);
 }
 
 /* Stiffnesses in the through-origin form, between the stops; amb_step_ask. */
@@ -85,7 +64,7 @@ AMB_INLINE void lanes_ask(const lanes_parameters *p, lanes_of of, lanes iu, lane
   }
   const lanes near = lanes_clamp(x, -p->x_max, p->x_max);
   if (of.magnet == LANES_LAW) {
-    lanes_law_through_origin(p, iu, near, k_i, k_s);
+    lanes_law_through_origin(&p->law, iu, near, k_i, k_s);
     return;
   }
   *k_i = near; /* something, before the lanes are set one by one */
@@ -110,8 +89,8 @@ AMB_INLINE lanes lanes_force(const lanes_parameters *p, lanes_of of, lanes iu, l
     *k_s = p->k_s;
     f = p->k_i * iu + p->k_s * near;
   } else if (of.magnet == LANES_LAW) {
-    lanes_law_tangent(p, iu, near, k_i, k_s);
-    f = lanes_law_force(p, iu, near);
+    lanes_law_tangent(&p->law, lanes_all_equal(AMB_C(1.0)), iu, near, k_i, k_s);
+    f = lanes_law_force(&p->law, iu, near);
   } else {
     for (size_t i = 0; i < LANES; i++) {
       const amb_magnet *magnet = &of.each[i];
