@@ -1,11 +1,12 @@
 """An expert trained on a measured force, and why: iron saturates, the closed law does not.
 
-A rig would give the force at a grid of currents and displacements as a CSV,
+A rig gives the force at points, on a grid or not, as a CSV,
 
     iu [A],x [mm],f_mag [N]
 
-read with `ambkit.identification.force_file.load_force_table`. Here a magnet whose iron saturates
-stands for the rig. Writes force.csv into the folder in which it is started.
+read with `ambkit.identification.force_file.load_force_points`; a column f_std [N] would hold their
+standard errors. Here a magnet whose iron saturates stands for the rig, with a load cell that
+scatters by 0.1 N. Writes force.csv into the folder in which it is started.
 """
 
 import numpy as np
@@ -13,7 +14,8 @@ from numpy.typing import NDArray
 
 import ambkit
 from ambkit.comparison import rmse
-from ambkit.identification.force_file import load_force_table
+from ambkit.identification.force_file import load_force_points
+from ambkit.identification.force_surface import ForceSurface
 
 REACH = 0.8e-3  # m: how far the step overshoots
 SATURATION = 1500.0  # A/m: the paper's rig has 750 A/m at rest
@@ -33,20 +35,21 @@ def saturating(iu: NDArray[np.float64], x: NDArray[np.float64]) -> NDArray[np.fl
     return m.magnet_constant * (pull - flux(m.bias_current - iu, m.air_gap + x) ** 2)
 
 
-# Measure: a row for each node, a little beyond the box of the rules.
-nodes = np.meshgrid(np.linspace(-1.6, 1.6, 17), 1.1 * np.linspace(-REACH, REACH, 17))
-iu, x = (node.ravel() for node in nodes)
-rows = np.column_stack([iu, x, saturating(iu, x)])
+# Measure: a row for each point, wherever the rig happened to be.
+random = np.random.default_rng(1)
+iu, x = random.uniform(-1.6, 1.6, 300), random.uniform(-1.1 * REACH, 1.1 * REACH, 300)
+rows = np.column_stack([iu, x, saturating(iu, x) + random.normal(0, 0.1, 300)])
 np.savetxt("force.csv", rows, delimiter=",", header="iu [A],x [m],f_mag [N]", comments="")
 
-# Learn: the work points from the table, the rules from the work points.
-measured = load_force_table("force.csv")
+# Learn: the force from the points, the work points from the force, the rules from the work points.
+measured = ForceSurface(bearing, load_force_points("force.csv"))
 stiff = ambkit.stiffness_map(bearing, displacements=np.linspace(-REACH, REACH, 5), force=measured)
 expert = ambkit.train(stiff, weights=True)
 law = ambkit.ClosedLaw(bearing)
+truth = ambkit.stiffness_map(bearing, displacements=stiff.displacement, force=saturating)
 print(
-    f"force error over the box: expert {stiff.force_rms(expert.force):.2f} N rms, "
-    f"closed law {stiff.force_rms(law.force):.2f} N rms"
+    f"force error over the box: expert {truth.force_rms(expert.force):.2f} N rms, "
+    f"closed law {truth.force_rms(law.force):.2f} N rms"
 )
 
 # And filter, beside a plant with the saturating magnet.

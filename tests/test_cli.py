@@ -63,10 +63,20 @@ def made(tmp_path_factory):
     scenario = ambkit.Scenario(duration=0.3, reference=ambkit.Step(amplitude=0.3e-3, time=0.03))
     scenario.save(folder / "scenario.toml")
     ambkit.simulate(bearing, scenario).save(folder / "run.csv")
+    bearing.save(folder / "found.toml")
+    (folder / "force.csv").write_text(_force(bearing), encoding="utf-8")
     shutil.copy(recordings.folder() / "lift_off_points.csv", folder / "points.csv")
     shutil.copy(recordings.folder() / "sinus_kalman.csv", folder / "log.csv")
     (folder / "map.toml").write_text(guess(folder / "log.csv"), encoding="utf-8")
     return folder
+
+
+def _force(bearing):
+    """A few measured points, anywhere."""
+    iu, x = np.random.default_rng(1).uniform(-1, 1, (2, 30))
+    force = ambkit.ClosedLaw(bearing).force(1.5 * iu, 5e-4 * x)
+    rows = [f"{1.5 * i},{0.5 * d},{f}" for i, d, f in zip(iu, x, force, strict=True)]
+    return "\n".join(["iu [A],x [mm],f_mag [N]", *rows]) + "\n"
 
 
 def real(*arguments, **options):
@@ -361,17 +371,25 @@ def test_train_refuses_a_force_beyond_the_air_gap(call):
     assert "--map: x must stay within the air gap, 2 mm, reaches -6 m" in found.err
 
 
-def test_train_names_the_nodes_that_were_hardly_measured(call):
+def test_train_says_where_hardly_anything_was_measured(call):
     rows = [
-        f"{i},{x},{i + 9 * x},{100 if i == 1.5 and x == 0.6 else 0.1}"
+        f"{i},{x},{i + 9 * x},{100 if i > 0 and x > 0 else 0.1}"
         for x in (-0.6, -0.2, 0.2, 0.6)
         for i in (-1.5, -0.5, 0.5, 1.5)
     ]
     Path("f.csv").write_text("\n".join(["iu [A],x [mm],f_mag [N],f_std [N]", *rows]) + "\n")
-    found = call("train", "zittau_axial", "--map", "f.csv", "--rules", "5x5")
-    assert "1 of 16 nodes were hardly measured" in found.err
-    assert "1.5 A at 0.6 mm; do not trust the expert there" in found.err
-    assert "of the trained expert, in standard errors" in found.out
+    found = call("train", "zittau_axial", "--map", "f.csv", "--rules", "4x4", "--law-error", "4 N")
+    assert "hardly measured at" in found.err
+    assert "1.5 A at 0.6 mm" in found.err
+    assert "-1.5 A at -0.6 mm" not in found.err
+    assert "off the points: the trained expert" in found.out
+    assert "error of the bearing's law, given" in found.out
+
+
+def test_law_error_needs_points(call):
+    found = call("train", "zittau_axial", "--law-error", "2 N")
+    assert found.code == 2
+    assert "needs points that were measured" in " ".join(found.err.replace("│", " ").split())
 
 
 def test_filter_smooths(call, made):

@@ -5,7 +5,7 @@ import pytest
 
 import ambkit
 from ambkit import recordings
-from ambkit.identification.force_file import load_force_table
+from ambkit.identification.force_file import load_force_points
 from ambkit.inspection import inspect, schema_of
 
 FORCE = """iu [mA],x [mm],f_mag [N]
@@ -44,7 +44,7 @@ def test_each_kind_is_recognised_by_what_it_holds(bearing, tmp_path):
         "b.toml": ("scenario", "0.5 s, reference constant, disturbance constant"),
         "c.json": ("expert", "25 rules for Tables 4, 5 and 6 of the paper"),
         "d.parquet": ("record", "101 samples of r, y, u"),
-        "e.csv": ("force table", "5 displacements times 5 currents"),
+        "e.csv": ("measured force", "25 points, -1.5 A to 1.5 A, -0.5 mm to 0.5 mm, without"),
     }
     for name, (kind, about) in kinds.items():
         found = inspect(tmp_path / name)
@@ -108,26 +108,20 @@ def test_schemas_allow_what_the_presets_say():
         schema_of("record")
 
 
-def test_a_force_table_comes_back_in_any_order_of_its_rows(bearing, tmp_path):
-    rows = rows_of(bearing)
-    np.random.default_rng(0).shuffle(rows)
-    table = load_force_table(force_file(tmp_path / "f.csv", rows))
-    iu, x, force = grid(bearing)
-    np.testing.assert_allclose(table.current, iu[0], rtol=1e-14)
-    np.testing.assert_allclose(table.displacement, x[:, 0], rtol=1e-14, atol=1e-18)
-    np.testing.assert_array_equal(table.values, force)
+def test_measured_points_may_lie_anywhere(bearing, tmp_path):
+    rows = rows_of(bearing)[::2] + rows_of(bearing)[:3]
+    points = load_force_points(force_file(tmp_path / "f.csv", rows))
+    iu, x, force = np.array(rows).T
+    np.testing.assert_allclose(points.current, 1e-3 * iu, rtol=1e-14)
+    np.testing.assert_allclose(points.displacement, 1e-3 * x, rtol=1e-14, atol=1e-18)
+    np.testing.assert_array_equal(points.force, force)
+    assert points.standard_error is None
 
 
-def test_a_force_table_with_holes_is_refused(bearing, tmp_path):
-    rows = rows_of(bearing)
-    cases = {
-        "5 currents; -0.75 A, -0.0005 m is missing": rows[:1] + rows[2:],
-        "1.5 A, 0.0005 m is there twice": [*rows, rows[-1]],
-        "at least 4 nodes": [row for row in rows if abs(row[0]) < 800],
-    }
-    for message, left in cases.items():
-        with pytest.raises(ambkit.AmbkitError, match=message):
-            load_force_table(force_file(tmp_path / "f.csv", left))
+def test_measured_points_that_are_none_are_refused(bearing, tmp_path):
+    rows = [[1.0, 0.1, 2.0], [1.0, 0.2, float("nan")]]
+    with pytest.raises(ambkit.AmbkitError, match=r"f\.csv: force must be finite, is nan at point"):
+        load_force_points(force_file(tmp_path / "f.csv", rows))
     (tmp_path / "g.csv").write_text("iu [A],x [m]\n0,0\n")
     with pytest.raises(ambkit.RecordError, match="has no column f_mag; it has iu, x"):
-        load_force_table(tmp_path / "g.csv")
+        load_force_points(tmp_path / "g.csv")

@@ -10,8 +10,8 @@ from ambkit import AmbkitError, Bearing, ClosedLaw
 from ambkit.cli import app
 from ambkit.fuzzy.choice import Candidate, RuleChoice, choose_rules, measured_map
 from ambkit.fuzzy.training import train
-from ambkit.identification.force_map import ForceMap
-from ambkit.identification.force_table import ForceTable
+from ambkit.identification.force_points import ForcePoints
+from ambkit.identification.force_surface import ForceSurface
 
 BEARING = Bearing.preset("zittau_axial")
 FEW = ((2, 2), (3, 3), (4, 4))
@@ -20,17 +20,25 @@ QUICK = {"weights": True, "epochs": 12, "samples": 15}
 
 def measured(force, noise, lines=7, seed=1, known=True):
     """Points of a force on a grid over the whole box, with noise."""
-    iu, x = np.linspace(-1.5, 1.5, lines), np.linspace(-0.5e-3, 0.5e-3, lines)
-    values = np.asarray(force(*np.meshgrid(iu, x)))
-    values = values + noise * np.random.default_rng(seed).normal(size=values.shape)
-    return ForceTable(iu, x, values, np.full(values.shape, noise) if known else None)
+    iu, x = (
+        side.ravel()
+        for side in np.meshgrid(np.linspace(-1.5, 1.5, lines), np.linspace(-5e-4, 5e-4, lines))
+    )
+    values = np.asarray(force(iu, x)) + noise * np.random.default_rng(seed).normal(size=iu.size)
+    return ForcePoints(iu, x, values, np.full(iu.size, noise) if known else None)
+
+
+def scattered(force, noise, n=120, seed=1):
+    rng = np.random.default_rng(seed)
+    iu, x = rng.uniform(-1.5, 1.5, n), rng.uniform(-5e-4, 5e-4, n)
+    return ForcePoints(iu, x, force(iu, x) + noise * rng.normal(size=n), np.full(n, noise))
+
+
+closed = ClosedLaw(BEARING).force
 
 
 def straight(iu, x):
     return 8 * iu + 20e3 * x
-
-
-closed = ClosedLaw(BEARING).force
 
 
 @pytest.fixture(scope="module")
@@ -38,11 +46,10 @@ def carried():
     return choose_rules(BEARING, measured(closed, 0.1), candidates=FEW, **QUICK)
 
 
-@pytest.mark.parametrize("noise", [0.1, 3.0])
+@pytest.mark.parametrize("noise", [0.3, 3.0])
 def test_a_straight_force_needs_the_fewest_rules_whatever_the_noise(noise):
     found = choose_rules(BEARING, measured(straight, noise), candidates=FEW, **QUICK)
     assert found.chosen.shape == (2, 2)
-    assert 1 < found.chosen.error < 2  # little more than the noise of the points that judge
 
 
 def test_more_rules_where_the_points_carry_them(carried):
@@ -50,25 +57,33 @@ def test_more_rules_where_the_points_carry_them(carried):
     assert carried.candidates[0].error > carried.limit + carried.candidates[0].standard_error
 
 
+@pytest.mark.parametrize("points", [measured, scattered])
+@pytest.mark.parametrize("noise", [0.1, 0.5])
+def test_enough_rules_reach_the_noise_and_none_does_better(points, noise):
+    """With a spline through the points and lines left out this was 1.4 to 1.8."""
+    errors = []
+    for seed in (1, 2, 3):
+        found = choose_rules(BEARING, points(closed, noise, seed=seed), candidates=[(5, 5)],
+                             **QUICK)  # fmt: skip
+        errors.append(found.best.error)
+        assert found.best.error == pytest.approx(found.surface_error, abs=0.15)
+    assert 0.85 < np.mean(errors) < 1.15
+
+
 def test_the_same_force_drowned_in_noise_gets_fewer(carried):
     drowned = choose_rules(BEARING, measured(closed, 3.0), candidates=FEW, **QUICK)
     assert drowned.chosen.shape == (2, 2) != carried.chosen.shape
-
-
-def test_noise_alone_adds_no_rules():
-    found = choose_rules(BEARING, measured(lambda iu, x: 0 * iu, 1.0), candidates=FEW, **QUICK)
-    assert found.chosen.shape == (2, 2)
 
 
 def test_points_known_badly_do_not_ask_for_rules():
     """A bump as large as the doubt about it, and the same bump measured well."""
 
     def bumped(doubt):
-        table = measured(straight, 0.1)
-        values, errors = table.values.copy(), table.standard_error.copy()
-        values[:, 4:6] += 8 * np.cos(np.pi * np.linspace(-1, 1, 7))[:, np.newaxis]
-        errors[:, 4:6] = doubt
-        return ForceTable(table.current, table.displacement, values, errors)
+        points = measured(straight, 0.1)
+        bump = (points.current > 0.3) & (points.current < 1.2)
+        force = points.force + 8 * np.cos(np.pi * points.displacement / 5e-4) * bump
+        errors = np.where(bump, doubt, points.standard_error)
+        return ForcePoints(points.current, points.displacement, force, errors)
 
     known, doubted = (
         choose_rules(BEARING, bumped(doubt), candidates=FEW, **QUICK) for doubt in (0.1, 8.0)
@@ -78,67 +93,56 @@ def test_points_known_badly_do_not_ask_for_rules():
 
 
 def test_threads_do_not_change_the_result():
-    table = measured(closed, 0.5, lines=6)
+    points = measured(closed, 0.5, lines=6)
     one, four = (
-        choose_rules(BEARING, table, candidates=FEW[:2], threads=n, **QUICK) for n in (1, 4)
+        choose_rules(BEARING, points, candidates=FEW[:2], threads=n, **QUICK) for n in (1, 4)
     )
     assert one == four
 
 
 def test_errors_are_those_of_a_plain_loop():
-    """Leave out by hand; five lines have three inner ones, each left out by itself."""
-    table = measured(closed, 0.5, lines=5)
-    found = choose_rules(BEARING, table, candidates=[(3, 2)], **QUICK)
-    squares = []
-    for axis, nodes in ((1, table.current), (0, table.displacement)):
-        for k in (1, 2, 3):
-            rest = [table.current, table.displacement]
-            rest[1 - axis] = np.delete(nodes, k)
-            part = ForceTable(
-                *rest, np.delete(table.values, k, axis), np.delete(table.standard_error, k, axis)
-            )
-            expert = train(measured_map(BEARING, part, (3, 2)), **QUICK)
-            z = []
-            for j in range(5):
-                row, column = (j, k) if axis == 1 else (k, j)
-                force = expert.force(table.current[column], table.displacement[row])
-                z.append((float(force) - table.values[row, column]) / 0.5)
-            squares.append(np.mean(np.square(z)))
-    assert found.folds == 6
+    """On 6 x 6 points each block holds one of them: leave out by hand, knight's moves apart."""
+    points = measured(closed, 0.5, lines=6)
+    found = choose_rules(BEARING, points, candidates=[(3, 2)], **QUICK)
+    squares = np.full((6, 6), np.nan)  # rows: displacements
+    for k in range(5):
+        out = np.array([[(i + 2 * j) % 5 == k for i in range(6)] for j in range(6)])
+        surface = ForceSurface(BEARING, points.where(~out.ravel()))
+        expert = train(measured_map(BEARING, surface, (3, 2)), **QUICK)
+        for place in np.flatnonzero(out):
+            at = points.current[place], points.displacement[place]
+            variance = 0.5**2 + float(surface.standard_error(*at)) ** 2
+            off = float(expert.force(*at)) - points.force[place]
+            squares.flat[place] = off**2 / variance
+    assert found.folds == 5
     assert found.best.error == pytest.approx(np.sqrt(np.mean(squares)), rel=1e-9)
-    spread = np.std(squares, ddof=1) / np.sqrt(6) / (2 * found.best.error)
+    spread = np.std(squares, ddof=1) / 6 / (2 * found.best.error)
     assert found.best.standard_error == pytest.approx(spread, rel=1e-9)
 
 
 def test_one_standard_error_rule():
     a, b, c = Candidate((2, 2), 1.5, 0.1), Candidate((3, 2), 1.15, 0.3), Candidate((2, 3), 1.1, 0.3)
     best = Candidate((5, 5), 1.0, 0.2)
-    found = RuleChoice((a, b, c, best), weighted=True, folds=8)
+    found = RuleChoice((a, b, c, best), surface_error=1.0, folds=5)
     assert found.best is best
     assert found.limit == pytest.approx(1.2)
     assert found.chosen is c  # of two with six rules the better one
 
 
-def test_without_standard_errors_it_is_newtons():
+def test_without_standard_errors_their_scatter_is_found():
     known, unknown = (
-        choose_rules(
-            BEARING, measured(straight, 2.0, lines=5, known=k), candidates=FEW[:1], **QUICK
-        )
+        choose_rules(BEARING, measured(closed, 0.5, known=k), candidates=FEW, **QUICK)
         for k in (True, False)
     )
-    assert (known.weighted, unknown.weighted) == (True, False)
-    assert unknown.best.error == pytest.approx(2.0 * known.best.error, rel=1e-6)
+    assert known.chosen.shape == unknown.chosen.shape
+    assert unknown.best.error == pytest.approx(known.best.error, rel=0.2)
 
 
 @pytest.mark.parametrize(
     ("lines", "candidates", "message"),
     [
-        (
-            4,
-            None,
-            "too few points .* 5 currents and 5 displacements .* there are 4 currents, 2 of them",
-        ),
-        (5, [(5, 5)], "5x5 rules cannot be judged; these points allow 2x2 to 4x4"),
+        (4, None, "too few points .* 20 or more are needed .* there are 16 in 16 of its 36 blocks"),
+        (5, [(5, 5)], "5x5 rules cannot be judged; these points allow 2 or more in each"),
         (5, [(1, 3)], "1x3 rules cannot be judged"),
     ],
 )
@@ -147,14 +151,13 @@ def test_too_few_points_are_told(lines, candidates, message):
         choose_rules(BEARING, measured(straight, 1.0, lines=lines), candidates=candidates)
 
 
-def saved(table, path):
-    errors = table.standard_error
-    ForceMap(table.current, table.displacement, table.values, errors, table.values, 1.0).save(path)
+def saved(points, path):
+    points.save(path)
     return str(path)
 
 
 def test_command_chooses_says_so_and_draws_it(tmp_path):
-    force = saved(measured(straight, 0.5, lines=5), tmp_path / "force.csv")
+    force = saved(scattered(straight, 0.5, n=40), tmp_path / "force.csv")
     picture, expert = tmp_path / "choice.png", tmp_path / "expert.json"
     arguments = ["train", "zittau_axial", "--map", force, "--rules", "auto", "--no-weights"]
     found = CliRunner().invoke(

@@ -26,7 +26,7 @@ class Finding:
         The file.
     kind : str
         ``"bearing"``, ``"scenario"``, ``"channel map"``, ``"expert"``, ``"record"``, ``"lift-off
-        points"``, ``"force table"``; ``"file"`` where that cannot be told.
+        points"``, ``"measured force"``; ``"file"`` where that cannot be told.
     about : str
         What it holds, in a few words; empty where it is not valid.
     problems : tuple of str
@@ -173,7 +173,7 @@ def _kind_of_table(path: Path, bearing: Bearing | None) -> tuple[str, Callable[[
     if "t" not in columns and columns >= set(lift_off.COLUMNS):
         return "lift-off points", _describe_points
     if "t" not in columns and columns >= set(force_file.COLUMNS):
-        return "force table", _describe_force
+        return "measured force", _describe_force
     return "record", lambda p: _describe_record(p, None, bearing)
 
 
@@ -186,11 +186,16 @@ def _describe_points(path: Path) -> _Described:
 
 
 def _describe_force(path: Path) -> _Described:
-    from ambkit.identification.force_file import load_force_table
+    from ambkit.identification.force_file import load_force_points
+    from ambkit.units import engineering
 
-    table = load_force_table(path)
-    about = f"{table.displacement.size} displacements times {table.current.size} currents"
-    return _Described(about)
+    points = load_force_points(path)
+    (low, high), (left, right) = (
+        [engineering(end, unit, digits=3) for end in (values.min(), values.max())]
+        for values, unit in ((points.current, "A"), (points.displacement, "m"))
+    )
+    known = "" if points.standard_error is not None else ", without standard errors"
+    return _Described(f"{len(points)} points, {low} to {high}, {left} to {right}{known}")
 
 
 def _describe_record(

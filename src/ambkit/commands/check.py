@@ -25,7 +25,7 @@ def check(
         list[Path] | None,
         typer.Argument(
             metavar="FILE",
-            help="Bearings, scenarios, channel maps, experts, records, force tables.",
+            help="Bearings, scenarios, channel maps, experts, records, measured forces.",
         ),
     ] = None,
     schema: Annotated[

@@ -1,15 +1,15 @@
 """How many rules measured points carry: cross-validation, and the smallest network that is enough.
 
-Lines of the measured grid are left out, a network is trained on the others, and held to the points
-left out. Whole lines, not points: an error of the force that is smooth over the grid is still seen
-by the neighbours of a single point, and more rules would look better than they are. The lines at
-the edge stay, as without them the network would be asked beyond all that it has learned.
+The box is cut into blocks. The points of some blocks are left out, the force is found from the
+others, a network is trained on it, and held to the points left out. Whole blocks, not points: an
+error of the force that is alike for neighbours is still seen by those of a single point, and more
+rules would look better than they are (Roberts et al. 2017).
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -20,24 +20,32 @@ from numpy.typing import NDArray
 from ambkit._core import MAX_RULES
 from ambkit.errors import AmbkitError
 from ambkit.fuzzy.training import train
-from ambkit.identification.force_table import ForceTable
-from ambkit.identification.stiffness import StiffnessMap, stiffness_map
+from ambkit.identification.force_points import ForcePoints
+from ambkit.identification.force_surface import ForceSurface
+from ambkit.identification.stiffness import ForceFunction, StiffnessMap, stiffness_map
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
 
 Array = NDArray[np.float64]
-Fold = tuple[ForceTable, NDArray[np.bool_]]
 Shape = tuple[int, int]
 """Rules along the current, and along the displacement."""
+Box = tuple[tuple[float, float], tuple[float, float]]
+"""Lowest and highest current [A], and displacement [m]."""
 
 CANDIDATES: tuple[Shape, ...] = (
     (2, 2), (3, 3), (4, 3), (3, 4), (4, 4), (5, 3), (3, 5), (5, 5), (7, 5), (5, 7), (7, 7),
 )  # fmt: skip
 """Grids of rules that are tried, as far as the points allow."""
 
-FOLDS = 4
-"""Sets of lines in each direction; no two lines of a set are neighbours."""
+BLOCKS = 6
+"""Blocks a side of the box."""
+
+FOLDS = 5
+"""Sets of blocks. A block of column i and row j is of set i + 2 j: so no two of a set touch."""
+
+FEWEST = 20
+"""Points in the box that cross-validation needs: four or so for each set."""
 
 PATIENCE = 3
 """So many larger networks in a row that are no better end the search: they cost the most."""
@@ -56,10 +64,10 @@ class Candidate:
     shape : tuple of 2 int
         Rules along the current, and along the displacement.
     error : float
-        RMS error at the points left out, in standard errors of the points: 1 is as good as they
-        are known. In newtons where their standard errors are not known.
+        RMS error at the points left out, in its standard deviation as it should be: the point's
+        own, and that of what the others tell of the force there. 1 is as good as can be.
     standard_error : float
-        Of `error`, from its scatter over the sets of lines that were left out.
+        Of `error`, from its scatter over the blocks.
     """
 
     shape: Shape
@@ -85,14 +93,15 @@ class RuleChoice:
     ----------
     candidates : tuple of Candidate
         What was tried, from few rules to many.
-    weighted : bool
-        The errors are in standard errors of the points; otherwise in newtons.
+    surface_error : float
+        The same error of the force that the networks were trained on: what the points left tell
+        of those left out. The best that any number of rules could do.
     folds : int
-        Sets of lines that were left out, one after the other.
+        Sets of blocks that were left out, one after the other.
     """
 
     candidates: tuple[Candidate, ...]
-    weighted: bool
+    surface_error: float
     folds: int
 
     @property
@@ -114,9 +123,10 @@ class RuleChoice:
 
 def choose_rules(
     bearing: Bearing,
-    table: ForceTable,
+    points: ForcePoints,
     *,
     candidates: Sequence[Shape] | None = None,
+    law_error: float | None = None,
     threads: int | None = None,
     note: Callable[[str], None] = lambda text: None,
     **training: Any,
@@ -124,17 +134,19 @@ def choose_rules(
     """Choose the number of rules by cross-validation and the one-standard-error rule.
 
     The smallest network whose error is within one standard error of the best one's (Breiman,
-    Friedman, Olshen and Stone 1984, section 3.4.3). A candidate has no more rules in a direction
-    than lines remain there when some are left out.
+    Friedman, Olshen and Stone 1984, section 3.4.3). A candidate has no more rules than points
+    remain when some are left out.
 
     Parameters
     ----------
     bearing : Bearing
-        Gives the box, see `measured_map`.
-    table : ForceTable
-        The measured points, with standard errors where they are known.
+        Gives the law, and with the points the box, see `measured_map`.
+    points : ForcePoints
+        What was measured, with standard errors where they are known.
     candidates : sequence of (int, int), optional
         Rules along current and displacement. Default: `CANDIDATES`, as far as the points allow.
+    law_error : float, optional
+        See :class:`ambkit.identification.force_surface.ForceSurface`.
     threads : int, optional
         Trainings side by side. Default: a thread for each processor. The result does not depend
         on it.
@@ -153,134 +165,136 @@ def choose_rules(
         raise AmbkitError(f"threads must be 1 or more, is {threads}")
     if training.get("method", "least-squares") == "least-squares":
         training = {"epochs": EPOCHS} | training
-    box = _box(bearing, table)
-    folds = list(_folds(table, box))
-    # Lines inside, and one for each end of the box: there, or beyond and bearing on it.
-    kept = [
-        2 + min(int(np.count_nonzero((nodes > ends[0]) & (nodes < ends[1]))) for nodes in remaining)
-        for remaining, ends in zip(
-            zip(*((rest.current, rest.displacement) for rest, _ in folds), strict=True),
-            box,
-            strict=True,
+    box = _box(bearing, points)
+    inside = points.within(*box)
+    block = _blocks(points, box)
+    fold = np.where(inside, (block % BLOCKS + 2 * (block // BLOCKS)) % FOLDS, -1)
+    folds = [fold == k for k in range(FOLDS) if np.any(fold == k)]
+    count = int(np.count_nonzero(inside))
+    if count < FEWEST or len(folds) < FOLDS:
+        raise AmbkitError(
+            "too few points to choose the number of rules, for which some are left out: "
+            f"{FEWEST} or more are needed all over the bearing's box; there are {count} in "
+            f"{np.unique(block[inside]).size} of its {BLOCKS * BLOCKS} blocks"
         )
-    ]
+    remain = min(count - int(np.count_nonzero(left_out)) for left_out in folds)
     tried = []
     for shape in sorted(CANDIDATES if candidates is None else candidates, key=np.prod):
-        allowed = 2 <= shape[0] <= kept[0] and 2 <= shape[1] <= kept[1]
-        if allowed and shape[0] * shape[1] <= MAX_RULES:
+        if min(shape) >= 2 and shape[0] * shape[1] <= min(remain, MAX_RULES):
             tried.append(shape)
         elif candidates is not None:
             raise AmbkitError(
-                f"candidates: {shape[0]}x{shape[1]} rules cannot be judged; these points allow "
-                f"2x2 to {kept[0]}x{kept[1]}, and no more than {MAX_RULES} in total"
+                f"candidates: {shape[0]}x{shape[1]} rules cannot be judged; these points allow 2 "
+                f"or more in each direction, and {min(remain, MAX_RULES)} or less in total"
             )
+    note("finding the force without some points")
+    surfaces = [ForceSurface(bearing, points.where(~out), law_error) for out in folds]
+    doubts = [_doubt(s, points.where(out)) for s, out in zip(surfaces, folds, strict=True)]
     done: list[Candidate] = []
     least, since = np.inf, 0
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+
+        def judge(force: Callable[[int], ForceFunction]) -> tuple[float, float]:
+            """Error, and its standard error, of the force that is found without each fold."""
+
+            def squares(k: int) -> Array:
+                left = points.where(folds[k])
+                off = np.asarray(force(k)(left.current, left.displacement)) - left.force
+                return np.asarray((off / doubts[k]) ** 2)
+
+            each = np.concatenate(list(pool.map(squares, range(FOLDS))))
+            return _error(each, np.concatenate([block[left_out] for left_out in folds]))
+
         for shape in tried:
             note(f"trying {shape[0]}x{shape[1]} rules")
 
-            def squares(fold: Fold, shape: Shape = shape) -> float:
-                return _mean_square(bearing, table, fold, shape, training)
+            def trained(k: int, shape: Shape = shape) -> ForceFunction:
+                return train(_map(bearing, surfaces[k], box, shape), **training).force
 
-            each = np.array(list(pool.map(squares, folds)))
-            error = float(np.sqrt(each.mean()))
-            spread = float(each.std(ddof=1) / np.sqrt(each.size))
-            done.append(Candidate(shape, error, spread / (2 * error) if error > 0 else 0.0))
-            since = 0 if error < least else since + 1
-            least = min(least, error)
+            done.append(Candidate(shape, *judge(trained)))
+            since = 0 if done[-1].error < least else since + 1
+            least = min(least, done[-1].error)
             if since == PATIENCE and candidates is None:
                 break
-    return RuleChoice(tuple(done), table.standard_error is not None, len(folds))
+        limit, _ = judge(lambda k: surfaces[k])
+    return RuleChoice(tuple(done), limit, len(folds))
 
 
-def measured_map(bearing: Bearing, table: ForceTable, shape: Shape = (5, 5)) -> StiffnessMap:
-    """Return the stiffnesses of a measured force, where the table and the bearing's box overlap.
+def measured_map(
+    bearing: Bearing, points: ForcePoints | ForceSurface, shape: Shape = (5, 5)
+) -> StiffnessMap:
+    """Return the stiffnesses of a measured force, where the rotor can be and points are.
 
     Parameters
     ----------
     bearing : Bearing
-        Its box: the currents that the amplifier gives, half the travel to either side.
-    table : ForceTable
-        The measured force.
+        Its law, the currents that the amplifier gives, and the travel of its rotor.
+    points : ForcePoints or ForceSurface
+        What was measured.
     shape : tuple of 2 int
         Nodes along current and displacement, evenly spaced; the expert has a rule at each.
 
     Raises
     ------
     AmbkitError
-        The table is beside the box, or fewer than two nodes a side are asked for.
+        The points are beside the box, or fewer than two nodes a side are asked for.
     """
-    (first, last), (left, right) = _box(bearing, table)
+    surface = ForceSurface(bearing, points) if isinstance(points, ForcePoints) else points
+    return _map(bearing, surface, _box(bearing, surface.points), shape)
+
+
+def _map(bearing: Bearing, surface: ForceSurface, box: Box, shape: Shape) -> StiffnessMap:
     return stiffness_map(
         bearing,
-        currents=np.linspace(first, last, shape[0]),
-        displacements=np.linspace(left, right, shape[1]),
-        force=table,
+        currents=np.linspace(*box[0], shape[0]),
+        displacements=np.linspace(*box[1], shape[1]),
+        force=surface,
     )
 
 
-def _box(bearing: Bearing, table: ForceTable) -> tuple[Array, Array]:
-    """Lowest and highest current [A] and displacement [m] of table and bearing together."""
-    half = bearing.rotor.travel_limit / 2
-    return (
-        np.clip(table.current[[0, -1]], bearing.current_min, bearing.current_max),
-        np.clip(table.displacement[[0, -1]], -half, half),
-    )
-
-
-def _within(nodes: Array, ends: Array) -> NDArray[np.bool_]:
-    return np.asarray((nodes >= ends[0]) & (nodes <= ends[1]))
-
-
-def _folds(table: ForceTable, box: tuple[Array, Array]) -> Iterator[Fold]:
-    """Tables without some lines inside the box, each with a mask (nx, ni) of what is to be judged.
-
-    Raises
-    ------
-    AmbkitError
-        Fewer lines than can be left out.
-    """
-    grid = table.current, table.displacement
-    lines = [
-        np.flatnonzero((nodes > ends[0]) & (nodes < ends[1]))
-        for nodes, ends in zip(grid, box, strict=True)
-    ]
-    if min(table.current.size, table.displacement.size) < 5 or min(map(len, lines)) < 2:
-        raise AmbkitError(
-            "too few points to choose the number of rules, for which lines of their grid are left "
-            "out: 5 currents and 5 displacements or more are needed, 2 or more of each inside the "
-            f"bearing's box; there are {table.current.size} currents, {lines[0].size} of them "
-            f"inside, and {table.displacement.size} displacements, {lines[1].size} inside"
-        )
-    judged = np.outer(_within(table.displacement, box[1]), _within(table.current, box[0]))
-    for axis, inner in ((1, lines[0]), (0, lines[1])):
-        for k in range(min(FOLDS, inner.size)):
-            out = inner[k::FOLDS]
-            mask = np.zeros_like(judged)
-            np.moveaxis(mask, axis, 0)[out] = True
-            errors = table.standard_error
-            rest = ForceTable(
-                np.delete(table.current, out) if axis else table.current,
-                table.displacement if axis else np.delete(table.displacement, out),
-                np.delete(table.values, out, axis),
-                None if errors is None else np.delete(errors, out, axis),
+def _box(bearing: Bearing, points: ForcePoints) -> Box:
+    """Lowest and highest current [A] and displacement [m] of points and bearing together."""
+    travel = bearing.rotor.travel_limit
+    box = []
+    for name, values, low, high, unit in (
+        ("current", points.current, bearing.current_min, bearing.current_max, "A"),
+        ("displacement", points.displacement, -travel, travel, "m"),
+    ):
+        first, last = np.clip([values.min(), values.max()], low, high).tolist()
+        if not first < last:
+            raise AmbkitError(
+                f"the points have {name}s of {values.min():g} to {values.max():g} {unit}; some "
+                f"range of them must lie in the bearing's, {low:g} to {high:g} {unit}"
             )
-            yield rest, mask & judged
+        box.append((first, last))
+    return box[0], box[1]
 
 
-def _mean_square(
-    bearing: Bearing,
-    table: ForceTable,
-    fold: Fold,
-    shape: Shape,
-    training: dict[str, Any],
-) -> float:
-    """Train without a set of lines; mean square error on them, in the points' variances."""
-    rest, left_out = fold
-    expert = train(measured_map(bearing, rest, shape), **training)
-    iu, x = np.meshgrid(table.current, table.displacement)
-    off = expert.force(iu[left_out], x[left_out]) - table.values[left_out]
-    if table.standard_error is not None:
-        off = off / table.standard_error[left_out]
-    return float(np.mean(off**2))
+def _doubt(surface: ForceSurface, left_out: ForcePoints) -> Array:
+    """Standard deviation of points about a surface that does not know them (n,) [N]."""
+    of_surface = surface.standard_error(left_out.current, left_out.displacement)
+    return np.asarray(np.hypot(surface.noise(left_out), of_surface))
+
+
+def _blocks(points: ForcePoints, box: Box) -> NDArray[np.int64]:
+    """Number of the block in which each point lies, row by row."""
+    (first, last), (left, right) = box
+    # A grid's lines are to lie inside blocks, not on their borders.
+    column = np.round((points.current - first) / (last - first) * (BLOCKS - 1))
+    row = np.round((points.displacement - left) / (right - left) * (BLOCKS - 1))
+    return np.asarray(
+        BLOCKS * np.clip(row, 0, BLOCKS - 1) + np.clip(column, 0, BLOCKS - 1), dtype=np.int64
+    )
+
+
+def _error(squares: Array, block: NDArray[np.int64]) -> tuple[float, float]:
+    """Root of the mean square, and its standard error by the scatter of blocks.
+
+    A ratio of sums over blocks, points being not as many in each (Cochran 1977, section 6.3).
+    """
+    _, place = np.unique(block, return_inverse=True)
+    size, total = np.bincount(place), np.bincount(place, squares)
+    mean, many = float(squares.mean()), size.size
+    variance = many / (many - 1) * np.sum((total - mean * size) ** 2) / squares.size**2
+    error = float(np.sqrt(mean))
+    return error, float(np.sqrt(variance)) / (2 * error) if error > 0 else 0.0

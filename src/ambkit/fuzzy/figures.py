@@ -1,4 +1,4 @@
-"""Pictures of the choice of the number of rules."""
+"""Pictures of a measured force, and of the choice of the number of rules."""
 
 from __future__ import annotations
 
@@ -12,33 +12,59 @@ from ambkit.report.items import Axis, Heatmap, Item, Note, Points, Rule
 
 if TYPE_CHECKING:
     from ambkit.fuzzy.choice import RuleChoice
-    from ambkit.identification.force_table import ForceTable
+    from ambkit.identification.force_surface import ForceSurface
+    from ambkit.identification.stiffness import StiffnessMap
+
+MOST_SHOWN = 400
+"""More points would hide what lies below them."""
 
 
-def with_choice(figure: Figure, choice: RuleChoice, table: ForceTable) -> Figure:
-    """Put the choice of the number of rules before the picture of a training.
+def with_surface(figure: Figure, surface: ForceSurface, stiff: StiffnessMap) -> Figure:
+    """Put a measured force before the picture of a training.
 
     Parameters
     ----------
     figure : Figure
         Of :func:`ambkit.plots.training_figure`.
+    surface : ForceSurface
+        The force that was found from the points.
+    stiff : StiffnessMap
+        Gives the box.
+    """
+    iu = np.linspace(stiff.current[0], stiff.current[-1], 61)
+    x = np.linspace(stiff.displacement[0], stiff.displacement[-1], 61)
+    grid = np.meshgrid(iu, x)
+    axes = Axis("control current $i_u$", "A"), Axis("displacement $x$", "mm", 1e3)
+    points = surface.points.where(
+        surface.points.within((iu[0], iu[-1]), (x[0], x[-1]))  # the picture shows the box
+    )
+    step = -(-len(points) // MOST_SHOWN)
+    marks = Points(points.current[::step], points.displacement[::step], signal="measurement")
+    moved = Heatmap(iu, x, surface.correction(*grid), Axis("force", "N"), diverging=True)
+    known = Heatmap(iu, x, surface.standard_error(*grid), Axis("standard error", "N"))
+    panels = [
+        Panel(*axes, [moved, marks], title="measured force, less the bearing's law"),
+        Panel(*axes, [known, marks], title="how well the force is known"),
+    ]
+    return replace(figure, panels=[*panels, *figure.panels])
+
+
+def with_choice(figure: Figure, choice: RuleChoice) -> Figure:
+    """Put the choice of the number of rules before the picture of a training.
+
+    Parameters
+    ----------
+    figure : Figure
+        Of `with_surface`; the choice stands beside the learning curve.
     choice : RuleChoice
         What cross-validation said.
-    table : ForceTable
-        The measured points; their standard errors are shown where they are known.
     """
-    panels = [choice_panel(choice)]
-    if table.standard_error is not None:
-        known = Heatmap(
-            table.current, table.displacement, table.standard_error, Axis("standard error", "N")
-        )
-        axes = Axis("control current $i_u$", "A"), Axis("displacement $x$", "mm", 1e3)
-        panels.append(Panel(*axes, [known], title="how well the force is known"))
     caption = (
-        "Error at points that the network was not trained on, with its standard error: the "
-        f"smallest network below the line is taken, {choice.chosen.name}. {figure.caption}"
+        "Error at points that the network was not trained on, with its standard error; 1 is as "
+        f"good as can be. The smallest network below the line is taken, {choice.chosen.name}. "
+        f"{figure.caption}"
     )
-    return replace(figure, panels=[*panels, *figure.panels], caption=caption)
+    return replace(figure, panels=[choice_panel(choice), *figure.panels], caption=caption)
 
 
 def choice_panel(choice: RuleChoice) -> Panel:
@@ -59,10 +85,9 @@ def choice_panel(choice: RuleChoice) -> Panel:
     ]
     items.append(Rule(choice.limit, signal="limit", label=""))
     items.append(Note(taken.rules, taken.error + taken.standard_error, taken.name))
-    unit = "standard errors" if choice.weighted else "N rms"
     return Panel(
         Axis("number of rules"),
-        Axis("error", unit),
+        Axis("error", "standard deviations"),
         items,
         title="points left out of the training",
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,49 +32,20 @@ class Outputs(NamedTuple):
     by_weight: Array
 
 
-class Lesson:
-    """Samples all over the box of a stiffness map, edges included.
+class Network:
+    """A network asked at fixed points, with its derivatives; its widths and weights change.
 
     Parameters
     ----------
-    stiff : StiffnessMap
-        Gives box, force and stiffnesses.
     start : Expert
-        The network before its training: centres, scale and form.
-    samples : int
-        Samples a side of the box; n is its square.
-
-    Attributes
-    ----------
+        Centres, scale, box and form.
     inputs : ndarray (2, n)
         Control current [A] and displacement [m].
-    force : ndarray (n,)
-        Force relative to ``F(0, 0)`` [N].
-    stiffness : ndarray (2, n)
-        k_i [N/A] and k_s [N/m] of the LSM machine.
-    weight : ndarray (n,)
-        What an error at a sample counts, mean square 1: as the force there is known, where its
-        standard errors are (:class:`ambkit.identification.force_table.ForceTable`), otherwise 1.
-
-    Raises
-    ------
-    AmbkitError
-        The force is the same all over the box.
     """
 
-    def __init__(self, stiff: StiffnessMap, start: Expert, samples: int) -> None:
-        iu, x = np.meshgrid(
-            np.linspace(*start.current_range, samples),
-            np.linspace(*start.displacement_range, samples),
-        )
-        self.start = start
-        self.inputs = np.stack([iu.ravel(), x.ravel()])
-        self.stiffness = np.stack(stiff.stiffness_at(*self.inputs))
-        self.force = np.asarray(stiff.force(*self.inputs)) - stiff.force_bias
-        if not np.any(self.force):
-            raise AmbkitError(f"{stiff.name}: the force is the same all over the box")
-        self.weight = _weights(stiff.force, *self.inputs)
-        offset = self.inputs[:, :, np.newaxis] - start.centres[:, np.newaxis, :]
+    def __init__(self, start: Expert, inputs: Array) -> None:
+        self.start, self.inputs = start, inputs
+        offset = inputs[:, :, np.newaxis] - start.centres[:, np.newaxis, :]
         scale = np.array([start.per_ampere, start.per_metre])
         self._square_distance = np.einsum("inr,i->nr", offset**2, scale**2)
 
@@ -97,19 +68,51 @@ class Lesson:
         squares = self._square_distance * np.exp(-2 * log_widths)[:, np.newaxis, :]
         return Outputs(value, u * squares * (weights[:, np.newaxis, :] - mean), u)
 
+
+class Lesson:
+    """Samples all over the box of a stiffness map, edges included.
+
+    Parameters
+    ----------
+    stiff : StiffnessMap
+        Gives box, force and stiffnesses.
+    start : Expert
+        The network before its training: centres, scale and form.
+    samples : int
+        Samples a side of the box; n is its square.
+
+    Attributes
+    ----------
+    inputs : ndarray (2, n)
+        Control current [A] and displacement [m].
+    force : ndarray (n,)
+        Force relative to ``F(0, 0)`` [N].
+    stiffness : ndarray (2, n)
+        k_i [N/A] and k_s [N/m] of the LSM machine.
+
+    Raises
+    ------
+    AmbkitError
+        The force is the same all over the box.
+    """
+
+    def __init__(self, stiff: StiffnessMap, start: Expert, samples: int) -> None:
+        iu, x = np.meshgrid(
+            np.linspace(*start.current_range, samples),
+            np.linspace(*start.displacement_range, samples),
+        )
+        self.start = start
+        self.inputs = np.stack([iu.ravel(), x.ravel()])
+        self.stiffness = np.stack(stiff.stiffness_at(*self.inputs))
+        self.force = np.asarray(stiff.force(*self.inputs)) - stiff.force_bias
+        if not np.any(self.force):
+            raise AmbkitError(f"{stiff.name}: the force is the same all over the box")
+        self.outputs = Network(start, self.inputs).outputs
+
     def errors(self, value: Array) -> tuple[float, float, float]:
         """RMS errors of answers (2, n): of the force [N], of k_i [N/A], of k_s [N/m]."""
         k_i, k_s = value - self.stiffness
         return rms(np.sum(value * self.inputs, axis=0) - self.force), rms(k_i), rms(k_s)
-
-
-def _weights(force: Any, iu: Array, x: Array) -> Array:
-    """Weights by the standard errors of a measured force, mean square 1."""
-    uncertainty = getattr(force, "uncertainty", None)
-    errors = None if uncertainty is None else uncertainty(iu, x)
-    if errors is None:
-        return np.ones_like(iu)
-    return np.asarray(1 / errors / rms(1 / errors))
 
 
 def rms(values: Array) -> float:

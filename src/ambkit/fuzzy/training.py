@@ -168,8 +168,7 @@ class LeastSquares:
         """Errors of force, k_i and k_s at the n samples, and the cost of change: (3 n + size,)."""
         lesson, value = self.lesson, self._outputs(change).value
         force = np.sum(value * lesson.inputs, axis=0) - lesson.force
-        own = self._own[:, np.newaxis] * (value - lesson.stiffness) * lesson.weight
-        force = force * lesson.weight
+        own = self._own[:, np.newaxis] * (value - lesson.stiffness)
         return np.concatenate([self._per_newton * np.r_[force, own.ravel()], self._cost * change])
 
     def jacobian(self, change: Array) -> Array:
@@ -180,9 +179,8 @@ class LeastSquares:
         slopes = np.stack(
             [outputs.by_log_width, outputs.by_weight * self._weight_unit[:, np.newaxis]]
         )[: change.size // self.weights.size]
-        weight = self.lesson.weight
-        force = np.einsum("konr,on,n->nkor", slopes, inputs, weight)
-        own = np.einsum("konr,o,po,n->pnkor", slopes, self._own, np.eye(2), weight)
+        force = np.einsum("konr,on->nkor", slopes, inputs)
+        own = np.einsum("konr,o,po->pnkor", slopes, self._own, np.eye(2))
         samples = np.concatenate([force.reshape(-1, change.size), own.reshape(-1, change.size)])
         return np.concatenate([self._per_newton * samples, np.diag(self._cost)])
 

@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.errors import AmbkitError
-from ambkit.identification.force_table import ForceTable, check_nodes
+from ambkit.identification.force_points import ForcePoints
+from ambkit.identification.force_table import check_nodes
 from ambkit.magnets import ClosedLaw, equally_far
 
 if TYPE_CHECKING:
@@ -68,9 +69,10 @@ class ForceMap:
         """Where the records tell far more than was assumed: an error of less than a tenth of it."""
         return np.asarray(self.standard_error < 0.1 * self.assumed)
 
-    def table(self) -> ForceTable:
-        """Return the force as a function, its errors as weights of a training."""
-        return ForceTable(self.current, self.displacement, self.force, self.standard_error)
+    def points(self) -> ForcePoints:
+        """Return the nodes as points that an expert can be trained on."""
+        iu, x = np.meshgrid(self.current, self.displacement)
+        return ForcePoints(iu.ravel(), x.ravel(), self.force.ravel(), self.standard_error.ravel())
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the map as ``.csv`` or ``.parquet``, as ``ambkit train --map`` reads it.
@@ -80,12 +82,7 @@ class ForceMap:
         AmbkitError
             The file cannot be written; an older one is left as it was.
         """
-        from ambkit.files.tables import Table, write_table
-
-        iu, x = np.meshgrid(self.current, self.displacement)
-        columns = {"iu": iu, "x": x, "f_mag": self.force, "f_std": self.standard_error}
-        units = {"iu": "A", "x": "m", "f_mag": "N", "f_std": "N"}
-        write_table(path, Table({n: c.ravel() for n, c in columns.items()}, units, {}))
+        self.points().save(path)
 
 
 def force_map(

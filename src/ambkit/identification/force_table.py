@@ -1,4 +1,4 @@
-"""A force known only at the nodes of a grid: measured, or from a field computation."""
+"""A force known at the nodes of a grid, and there exactly: from a field computation."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ Array = NDArray[np.float64]
 class ForceTable:
     """Force function from a table, to be given to :func:`ambkit.stiffness_map` as ``force``.
 
-    Bicubic between the nodes (not-a-knot spline). Outside, its last polynomial goes on for up to
-    one node step, which is where the nine points of an edge node lie (paper, eq. 27).
+    It goes through all values; for those that scatter there is
+    :class:`ambkit.identification.force_surface.ForceSurface`. Bicubic between the nodes (not-a-knot
+    spline). Outside, its last polynomial goes on for up to one node step, which is where the nine
+    points of an edge node lie (paper, eq. 27).
 
     Parameters
     ----------
@@ -24,8 +26,6 @@ class ForceTable:
         Nodes of the displacement [m], ascending, at least 4.
     values : array_like (nx, ni)
         Force [N], bias force included; rows are displacements.
-    standard_error : array_like (nx, ni), optional
-        Standard errors of the values [N], > 0; a training then weighs by them.
 
     Raises
     ------
@@ -38,7 +38,6 @@ class ForceTable:
         current: ArrayLike,
         displacement: ArrayLike,
         values: ArrayLike,
-        standard_error: ArrayLike | None = None,
     ) -> None:
         from scipy.interpolate import RegularGridInterpolator
         from scipy.sparse.linalg import spsolve
@@ -58,16 +57,6 @@ class ForceTable:
             row, column = np.argwhere(~np.isfinite(self.values))[0]
             raise AmbkitError(
                 f"values[{row}, {column}] must be finite, is {self.values[row, column]}"
-            )
-        self.standard_error = (
-            None if standard_error is None else np.array(standard_error, dtype=float)
-        )
-        if self.standard_error is not None and (
-            self.standard_error.shape != expected
-            or not np.all(np.isfinite(self.standard_error) & (self.standard_error > 0))
-        ):
-            raise AmbkitError(
-                f"standard_error must have shape {expected} and hold finite values greater than 0 N"
             )
         # Counted in whole ranges: micrometres beside amperes would be badly conditioned.
         self._spline = RegularGridInterpolator(
@@ -104,23 +93,6 @@ class ForceTable:
                 )
         points = _in_ranges(x, self.displacement), _in_ranges(iu, self.current)
         return np.asarray(self._spline(np.stack(points, axis=-1)))
-
-    def uncertainty(self, iu: ArrayLike, x: ArrayLike) -> Array | None:
-        """Return the standard error of the force [N] at points; None where it is not known.
-
-        Bilinear between the nodes, held at the edge outside.
-        """
-        if self.standard_error is None:
-            return None
-        from scipy.interpolate import RegularGridInterpolator
-
-        points = np.broadcast_arrays(
-            np.clip(x, self.displacement[0], self.displacement[-1]),
-            np.clip(iu, self.current[0], self.current[-1]),
-        )
-        nodes = (self.displacement, self.current)
-        bilinear = RegularGridInterpolator(nodes, self.standard_error)
-        return np.asarray(bilinear(np.stack(points, axis=-1)))
 
 
 def check_nodes(name: str, nodes: Array, unit: str, *, least: int = 2) -> None:
