@@ -8,8 +8,12 @@ import pytest
 
 import ambkit
 from ambkit.cli import main
+from ambkit.identification.figures import estimates_figure
 from ambkit.identification.loop_model import LoopModel
+from ambkit.identification.maximum_likelihood import maximum_likelihood
+from ambkit.identification.parameters import named
 from ambkit.identification.validation import cross_correlation, validate
+from ambkit.report.items import Rule
 from benchmarks.identification import TRUTH, closed_loops
 
 
@@ -174,3 +178,23 @@ def test_cross_correlation_of_what_is_independent_stays_within_its_bound():
     e[3:] += 30 * np.diff(u, prepend=u[0])[:-3]
     found = cross_correlation(e, u)
     assert abs(found.correlation[2]) > 3 * found.bound
+
+
+def test_the_picture_shows_intervals_beside_the_start(record):
+    """Those of the table: of the logarithm for what is positive, so that none goes below zero."""
+    found = maximum_likelihood(
+        record, replace(TRUTH, delay=0.0), ("magnet_constant", "sensor_lag", "position_offset")
+    )
+    bearing, offsets = estimates_figure(found).panels
+    rows = bearing.intervals
+    for name, low, high in zip(("magnet_constant", "sensor_lag"), rows.low, rows.high, strict=True):
+        start = named([name])[0].of(found.start)
+        assert (low * start, high * start) == pytest.approx(found.interval(name))
+        assert low > 0
+    assert [item.value for item in bearing.items if isinstance(item, Rule)] == [1.0]
+    assert [item.value for item in offsets.items if isinstance(item, Rule)] == [0.0]
+    travel = found.bearing.rotor.travel_limit
+    moved = found["position_offset"] - found.start.position_offset
+    assert offsets.intervals.values[0] * travel == pytest.approx(moved)
+    assert "to" in rows.texts[0]
+    assert "N mm²/A²" in rows.texts[0]

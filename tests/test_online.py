@@ -90,8 +90,7 @@ def test_without_a_weight_nobody_learns_at_rest() -> None:
     learned = learn_online(ambkit.simulate(level, Scenario(duration=0.3)), level, start=START)
     assert all(result.held.all() for result in learned.results.values())
     assert all((result.k == START).all() for result in learned.results.values())
-    assert math.isnan(learned.results["rls"].standard_error)
-    assert learned.results["extended-k"].standard_error == pytest.approx(0.2 * START)
+    assert all(math.isnan(result.standard_error) for result in learned.results.values())
     assert learned.agreement.startswith("Nobody learned: too little excitation")
     with pytest.raises(AmbkitError, match="nowhere be told from a load: let the rotor move"):
         ambkit.identify(ambkit.simulate(level, Scenario(duration=0.3)), level, method="extended-k")

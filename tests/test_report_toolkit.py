@@ -31,6 +31,7 @@ from ambkit.report import (
     Figure,
     FigureBlock,
     Heatmap,
+    Intervals,
     Line,
     Note,
     Panel,
@@ -154,7 +155,25 @@ def matrix() -> Figure:
     return Figure("matrix", "All by all", "", [Panel(Axis(""), Axis(""), [cells])])
 
 
-ALL = [step_response, force_map, learning_curve, comparison, matrix]
+def estimates() -> Figure:
+    """Rows of intervals, on a linear and on a logarithmic axis, beside where they began."""
+    texts = ["6.65 N mm²/A²", "1.99 mm"]
+    rows = Intervals(["$k$", "$s_0$"], [1.25, 0.99], [1.22, 0.97], [1.29, 1.01], texts)
+    wide = Intervals(["$Q_u$"], [1.5], [0.2], [11.0], [""], signal="identified", label="")
+    ratio, start = Axis("found / start"), Rule(1.0, axis="x", signal="start")
+    return Figure(
+        "estimates",
+        "What was found",
+        "",
+        [
+            Panel(ratio, Axis(""), [start, rows], title="bearing"),
+            Panel(Axis("found / start", scale="log"), Axis(""), [start, wide], title="noise"),
+        ],
+        columns=2,
+    )
+
+
+ALL = [step_response, force_map, learning_curve, comparison, matrix, estimates]
 ROWS: list[summary.SummaryRow] = [
     {
         "id": "table4.largest",
@@ -318,6 +337,7 @@ def test_decimation_follows_a_curve_that_turns_back():
         (lambda: Line([1, 2, 3], [1, 2]), "lengths differ"),
         (lambda: Line([[1, 2]], [[1, 2]]), "one dimension"),
         (lambda: Bars(["a"], [1, 2]), "1 categories, but 2 values"),
+        (lambda: Intervals(["a"], [1], [0], [2], []), "rows, texts and values differ in length"),
         (lambda: Heatmap([1, 2], [1, 2, 3], np.zeros((2, 3)), TIME), "z has shape"),
         (lambda: Figure("fig 1", "", "", [Panel(TIME, TIME, [])]), "letters, digits"),
         (lambda: Figure("fig1", "", "", []), "at least one panel"),
@@ -550,8 +570,8 @@ def test_report_writes_all_files_and_the_same_ones_again(written, tmp_path):
     assert again.read_bytes() == written.read_bytes()
     names = {path.name for path in (tmp_path / "figures").iterdir()}
     assert names == {f"{build().id}.{kind}" for build in ALL for kind in ("png", "svg")}
-    assert said[0] == "figure 1 of 5: Step response, 0.5 mm"
-    assert len(said) == 6
+    assert said[0] == "figure 1 of 6: Step response, 0.5 mm"
+    assert len(said) == 7
 
 
 def test_another_process_writes_the_same_bytes(tmp_path):
@@ -643,14 +663,14 @@ def test_browser_draws_every_figure_and_fetches_nothing(written, tmp_path):
     count = "document.querySelectorAll('.plot.live:has(.main-svg)').length"
     deadline = time.monotonic() + 60
     drawn = 0
-    while drawn < 5 and time.monotonic() < deadline:
+    while drawn < 6 and time.monotonic() < deadline:
         time.sleep(0.1)
         drawn = browser.call("Runtime.evaluate", page, expression=count)["result"].get("value", 0)
     browser.close()
     events = {"requestWillBeSent": [], "entryAdded": [], "exceptionThrown": []}
     for event in browser.events:
         events.get(event["method"].partition(".")[2], []).append(event["params"])
-    assert drawn == 5
+    assert drawn == 6
     asked = {e["request"]["url"][:60] for e in events["requestWillBeSent"]}
     assert {url for url in asked if not url.startswith(("data:", "blob:"))} == {written.as_uri()}
     assert not events["exceptionThrown"]

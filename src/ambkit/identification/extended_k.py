@@ -52,9 +52,9 @@ class ExtendedKResult(OnlineResult):
     def standard_error(self) -> float:
         """Standard deviation of k as the filter believes it at the end [N m^2/A^2].
 
-        Where k was never learned it is what the filter began with.
+        NaN where k was never learned: what the filter began with is no finding.
         """
-        return float(self.error[-1])
+        return math.nan if self.held.all() else float(self.error[-1])
 
 
 class ExtendedKIdentifier:

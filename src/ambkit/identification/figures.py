@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ambkit.identification.maximum_likelihood import CONFIDENCE
 from ambkit.identification.parameters import NOISES
 from ambkit.report.figure import Figure, Panel
-from ambkit.report.items import Axis, Bars, Cells, Item, Line, Points, Rule
+from ambkit.report.items import Axis, Cells, Intervals, Item, Line, Points, Rule
+from ambkit.units import engineering
 
 if TYPE_CHECKING:
     from ambkit.identification.loop_model import LoopModel
@@ -21,13 +22,20 @@ if TYPE_CHECKING:
 
 SERIES = ("series 1", "series 2", "series 3", "series 4")
 LAG = Axis("lag", "samples")
+RATIO = Axis("found / start")
+ORDER = ("bearing", "noise", "offsets", "delay")
+WIDE = 3.0
+"""Ratio of the ends of an axis from which on it is logarithmic, as the intervals are."""
 SHOWN = 400
 """Samples of the stretch in which a prediction is shown."""
 
 
 def identified_figure(found: MaximumLikelihood, checks: Sequence[Validation]) -> Figure:
     """Show all that matters in one picture: estimates, residuals, predictions."""
-    panels = [*_estimates(found), *_residuals(checks), _fit(checks)]
+    estimates = _estimates(found)
+    # The two panels of the residuals belong beside each other.
+    rest = [*_residuals(checks), _fit(checks)]
+    panels = [*estimates, *(rest if len(estimates) % 2 == 0 else [rest[-1], *rest[:-1]])]
     return Figure(
         id="identified",
         title=f"Identification of {found.bearing.name}",
@@ -42,8 +50,8 @@ def estimates_figure(found: MaximumLikelihood) -> Figure:
     return Figure(
         id="estimates",
         title="What was found, with 95 % intervals",
-        caption="Bearing and noise as ratios to the start: 1 is what was given. Delay in samples, "
-        "offsets in parts of the travel and of the bias current.",
+        caption="Beside where the search began. Bearing and noise as ratios to the start, whose "
+        "intervals are of the logarithm: none reaches zero.",
         panels=_estimates(found),
         columns=2,
     )
@@ -114,43 +122,53 @@ def prediction_figure(model: LoopModel, record: Record, ahead: int, name: str) -
 
 
 def _estimates(found: MaximumLikelihood) -> list[Panel]:
-    ratios: list[tuple[str, float, float]] = []
-    noises: list[tuple[str, float, float]] = []
-    offsets: list[tuple[str, float, float]] = []
-    for i, p in enumerate(found.parameters):
-        value, error = float(found.values[i]), CONFIDENCE * float(found.errors[i])
-        label = f"${p.symbol}$"
+    """Group what was found by the axis that suits it, and show each group in a panel."""
+    groups: dict[tuple[str, Axis], list[tuple[str, float, float, float, str]]] = {}
+    for p in found.parameters:
+        value, (low, high), start = found[p.name], found.interval(p.name), p.of(found.start)
+        text = _plain(f"{engineering(value, p.unit, 4)},  {_ends(low, high, p.unit)}")
         if p.positive:
-            ratio = value / p.of(found.start)
-            (noises if p.name in NOISES else ratios).append((label, ratio, ratio * error))
+            group = "noise" if p.name in NOISES else "bearing", RATIO
+            row = (value / start, low / start, high / start)
         else:
-            unit, what = _natural(found, p.name)
-            offsets.append((f"{label} [{what}]", value / unit, error / unit))
+            scale, group = _natural(found, p.name)
+            row = ((value - start) / scale, (low - start) / scale, (high - start) / scale)
+        groups.setdefault(group, []).append((f"${p.symbol}$", *row, text))
     panels = []
-    for entries, axis in (
-        (ratios, Axis("found / start")),
-        (noises, Axis("found / start")),
-        (offsets, Axis("found")),
+    for (title, axis), entries in sorted(
+        groups.items(), key=lambda group: ORDER.index(group[0][0])
     ):
-        if entries:
-            names, values, errors = zip(*entries, strict=True)
-            items: list[Item] = [
-                Bars(names, np.array(values), np.array(errors), signal="identified", label="")
-            ]
-            if axis.label == "found / start":
-                items.append(Rule(1.0, signal="bound", label=""))
-            panels.append(Panel(Axis(""), axis, items))
+        names, values, low_ends, high_ends, texts = zip(*entries, strict=True)
+        wide = axis is RATIO and max(high_ends) > WIDE * min(low_ends)
+        intervals = Intervals(
+            names, np.array(values), np.array(low_ends), np.array(high_ends), texts,
+            signal="identified", label="found, with its 95 % interval",
+        )  # fmt: skip
+        start_at = Rule(1.0 if axis is RATIO else 0.0, axis="x", signal="start")
+        shown = replace(axis, scale="log") if wide else axis
+        panels.append(Panel(shown, Axis(""), [start_at, intervals], title=title))
     return panels
 
 
-def _natural(found: MaximumLikelihood, name: str) -> tuple[float, str]:
-    """Return what an offset is best counted in, and that in words."""
+def _ends(low: float, high: float, unit: str) -> str:
+    """Write an interval, with its unit once where both ends have the same."""
+    first, last = engineering(low, unit, 3), engineering(high, unit, 3)
+    number, _, of = first.partition(" ")
+    return f"{number if last.endswith(f' {of}') else first} to {last}"
+
+
+def _plain(text: str) -> str:
+    return text.replace("^2", "²").replace("-", "−")
+
+
+def _natural(found: MaximumLikelihood, name: str) -> tuple[float, tuple[str, Axis]]:
+    """Return what an offset is best counted in, and the panel for that."""
     b = found.bearing
     if name == "delay":
-        return b.sampling_time, "samples"
-    if name == "position_offset":
-        return b.rotor.travel_limit, "travel"
-    return b.magnet.bias_current, "bias"
+        return b.sampling_time, ("delay", Axis("found less start", "samples"))
+    percent = Axis("found less start, of travel and bias", "%", 100.0)
+    scale = b.rotor.travel_limit if name == "position_offset" else b.magnet.bias_current
+    return scale, ("offsets", percent)
 
 
 def _residuals(checks: Sequence[Validation]) -> list[Panel]:
@@ -184,11 +202,11 @@ def _fit(checks: Sequence[Validation]) -> Panel:
         )  # fmt: skip
         if check.of_start:
             items.append(
-                Line(ahead, np.array(list(check.of_start.values())), signal="constant",
-                     label="the start")
+                Line(ahead, np.array(list(check.of_start.values())), signal="start")
             )  # fmt: skip
-    shown = np.concatenate([list(check.fit.values()) for check in checks])
-    low = min(0.0, 10 * math.floor(float(np.nanmin(shown)) / 10))
+    shown = [fit for check in checks for of in (check.fit, check.held, check.of_start)
+             for fit in of.values() if math.isfinite(fit)]  # fmt: skip
+    low = 10 * math.floor(min([90.0, *shown]) / 10)
     limits = (max(-100.0, low), 103.0)
     return Panel(
         Axis("samples ahead", scale="log"), Axis("fit", "%", limits=limits), items,

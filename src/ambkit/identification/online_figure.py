@@ -57,11 +57,14 @@ def _constants(learned: SideBySide) -> list[Item]:
         items.append(Rule(learned.truth, signal="truth"))
     for (name, one), place in zip(learned.results.items(), ENDS, strict=True):
         style = STYLES[name]
-        if isinstance(one, ExtendedKResult):
+        learned_some = not one.held.all()
+        if isinstance(one, ExtendedKResult) and learned_some:
             half = CONFIDENCE * one.error
             half[: int(np.argmin(one.held))] = np.nan  # what it began with is no finding
             items.append(Band(one.t, one.k - half, one.k + half, signal=style, label=""))
         items.append(Line(one.t, one.k, signal=style, label=NAMES[name]))
+        if not learned_some:
+            continue
         end = np.array([one.t[0] + place * np.ptp(one.t)])
         error = np.nan_to_num([CONFIDENCE * one.standard_error])
         items.append(Points(end, np.array([one.magnet_constant]), error, signal=style, label=""))

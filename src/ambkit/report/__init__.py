@@ -16,7 +16,19 @@ from ambkit.report.blocks import (
     Text,
 )
 from ambkit.report.figure import Figure, Panel
-from ambkit.report.items import Axis, Band, Bars, Cells, Heatmap, Line, Note, Points, Rule, Span
+from ambkit.report.items import (
+    Axis,
+    Band,
+    Bars,
+    Cells,
+    Heatmap,
+    Intervals,
+    Line,
+    Note,
+    Points,
+    Rule,
+    Span,
+)
 from ambkit.report.page import write_report
 from ambkit.report.summary import SummaryRow
 
@@ -31,6 +43,7 @@ __all__ = [
     "Figure",
     "FigureBlock",
     "Heatmap",
+    "Intervals",
     "Line",
     "Note",
     "Panel",

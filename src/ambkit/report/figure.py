@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from ambkit.report.items import Axis, Bars, Cells, Heatmap, Item, Signal
+from ambkit.report.items import Axis, Bars, Cells, Heatmap, Intervals, Item, Signal
 
 
 @dataclass(frozen=True)
@@ -29,6 +29,11 @@ class Panel:
     def categories(self) -> Sequence[str]:
         """Names below the bars; empty where there are none."""
         return next((item.categories for item in self.items if isinstance(item, Bars)), ())
+
+    @property
+    def intervals(self) -> Intervals | None:
+        """The panel's rows of intervals, if it has some."""
+        return next((item for item in self.items if isinstance(item, Intervals)), None)
 
     @property
     def heatmap(self) -> Heatmap | None:
@@ -111,7 +116,8 @@ class Figure:
         if below >= len(self.panels):
             return False
         upper, lower = self.panels[index], self.panels[below]
-        return upper.x == lower.x and not upper.categories and not lower.title
+        rows = upper.intervals or lower.intervals
+        return upper.x == lower.x and not upper.categories and not lower.title and not rows
 
     def legend(self) -> Iterator[tuple[str, Item]]:
         """Each legend text once, with the first item that carries it.

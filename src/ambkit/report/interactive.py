@@ -168,6 +168,13 @@ def _add_axes(layout: Json, figure: Figure, index: int, domain: Json) -> None:
         "domain": domain["y"],
         "anchor": x,
     }
+    if panel.intervals:
+        rows_down = {
+            "type": "category",
+            "showgrid": False,
+            "range": [panel.intervals.values.size - 0.5, -0.62],
+        }
+        layout[f"yaxis{y[1:]}"] |= rows_down
     if not figure.shares_x(index):
         layout[f"xaxis{x[1:]}"] = _axis(panel.x, columns) | {
             "domain": domain["x"],

@@ -15,6 +15,7 @@ from ambkit.report.items import (
     Bars,
     Cells,
     Heatmap,
+    Intervals,
     Item,
     Line,
     Note,
@@ -107,6 +108,8 @@ def traces_of(panel: Panel, item: Item) -> list[Json]:
             return [low | {"showlegend": False}, high | fill]
         case Bars():
             return [_bars(panel, item)]
+        case Intervals():
+            return [_intervals(panel, item)]
         case Heatmap():
             return [_surface(panel, item)]
         case Cells():
@@ -165,6 +168,22 @@ def _bars(panel: Panel, item: Bars) -> Json:
         "error_y": _error(error, style.INK),
         "marker": {"color": look.colour, "pattern": pattern | {"fillmode": "overlay", "size": 7}},
         "hovertemplate": hover_format("y", panel.y),
+    }
+
+
+def _intervals(panel: Panel, item: Intervals) -> Json:
+    look = style.style_of(item.signal)
+    values, low, high = (panel.x.shown(at) for at in (item.values, item.low, item.high))
+    ends = {"arrayminus": packed(values - low), "symmetric": False}
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "x": packed(values),
+        "y": [label_html(row) for row in item.rows],
+        "error_x": _error(high - values, look.colour) | ends,
+        "marker": {"symbol": _MARKERS[look.marker], "color": look.colour, "size": 7},
+        "hovertemplate": hover_format("x", panel.x),
+        "zorder": 8,
     }
 
 
@@ -267,6 +286,13 @@ def decorations_of(panel: Panel, item: Item, x: str, y: str) -> tuple[list[Json]
             corner = {"yref": whole_y, "y": 1}
             extent = {"y0": 0, "y1": 1, "layer": "below"}
             return [shape | look | extent], _texts(item.text, place | corner)
+        case Intervals():
+            right = {"xref": whole_x, "x": 1, "yref": y}
+            return [], [
+                part
+                for row, text in enumerate(item.texts)
+                for part in _texts(text, right | {"y": row - 0.34}, "right", "middle")
+            ]
         case Note():
             place = {"xref": x, "x": shown_place(panel.x, item.x)}
             anchor = "bottom" if item.side == "above" else "top"

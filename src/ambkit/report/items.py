@@ -201,6 +201,36 @@ class Bars(Signal):
 
 
 @dataclass(frozen=True, eq=False)
+class Intervals(Signal):
+    """Values with their intervals along the x axis, one below the other.
+
+    Parameters
+    ----------
+    rows : sequence of str
+        Names beside the rows, from the top.
+    values, low, high : ndarray, shape (n,)
+        The values and the ends of their intervals, in SI.
+    texts : sequence of str
+        Written in each row, at the right.
+    signal, label : str
+        As in `Line`.
+    """
+
+    rows: Sequence[str]
+    values: Vector
+    low: Vector
+    high: Vector
+    texts: Sequence[str]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._vectors("values", "low", "high")
+        sizes = {len(self.rows), len(self.texts), self.values.size}
+        if len(sizes) > 1:
+            raise ValueError(f"Intervals: rows, texts and values differ in length: {sorted(sizes)}")
+
+
+@dataclass(frozen=True, eq=False)
 class Heatmap:
     """A surface over a plane as colours, with labelled contour lines so that it reads in grey.
 
@@ -350,4 +380,4 @@ class Note:
     side: Literal["above", "below"] = "above"
 
 
-Item = Line | Points | Band | Bars | Heatmap | Cells | Rule | Span | Note
+Item = Line | Points | Band | Bars | Intervals | Heatmap | Cells | Rule | Span | Note

@@ -7,7 +7,19 @@ import numpy as np
 from ambkit.report import style
 from ambkit.report.decimate import decimate
 from ambkit.report.figure import Panel
-from ambkit.report.items import Band, Bars, Cells, Heatmap, Item, Line, Note, Points, Rule, Span
+from ambkit.report.items import (
+    Band,
+    Bars,
+    Cells,
+    Heatmap,
+    Intervals,
+    Item,
+    Line,
+    Note,
+    Points,
+    Rule,
+    Span,
+)
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -53,6 +65,8 @@ def draw_item(axes: "Axes", panel: Panel, item: Item) -> None:
             axes.fill_between(x_axis.shown(item.x), low, high, color=colour, linewidth=0, zorder=1)
         case Bars():
             _draw_bars(axes, panel, item)
+        case Intervals():
+            _draw_intervals(axes, panel, item)
         case Heatmap():
             _draw_heatmap(axes, panel, item)
         case Cells():
@@ -83,6 +97,22 @@ def _draw_bars(axes: "Axes", panel: Panel, item: Bars) -> None:
         **_fill(item.signal),
     )
     axes.margins(x=0.02)
+
+
+def _draw_intervals(axes: "Axes", panel: Panel, item: Intervals) -> None:
+    down = np.arange(item.values.size)
+    values = panel.x.shown(item.values)
+    ends = np.abs(panel.x.shown(np.array([item.low, item.high])) - values)
+    over = _marker(item.signal) | {"linestyle": "none", "zorder": 8}  # over what they are beside
+    axes.errorbar(values, down, xerr=ends, capsize=3.0, elinewidth=1.4, **over)
+    for row, text in zip(down, item.texts, strict=True):
+        frame = ("axes fraction", "data")
+        _write(axes, text, (1.0, row - 0.36), frame, (-4, 0), horizontal="right", vertical="center")
+    axes.margins(x=0.05)
+    axes.set_yticks(down, item.rows)
+    axes.set_ylim(item.values.size - 0.5, -0.62)
+    axes.tick_params(axis="y", length=0)
+    axes.grid(visible=False, axis="y")
 
 
 def _draw_heatmap(axes: "Axes", panel: Panel, item: Heatmap) -> None:
@@ -241,7 +271,7 @@ def legend_handle(item: Item, text: str) -> "Artist":
 
     signal = getattr(item, "signal", "estimate")
     match item:
-        case Points():
+        case Points() | Intervals():
             return Line2D([], [], linestyle="none", label=text, **_marker(signal))
         case Bars():
             return Patch(label=text, **_fill(signal))
