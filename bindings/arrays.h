@@ -58,9 +58,10 @@ inline Out<amb_real> shown(const std::vector<amb_real> &a, std::initializer_list
 }
 
 void bind_magnets(nb::module_ &m);
+void bind_estimator(nb::module_ &m);
 void bind_estimators(nb::module_ &m);
 void bind_scale_estimators(nb::module_ &m);
-void bind_adaline(nb::module_ &m);
+void bind_learners(nb::module_ &m);
 void bind_rls(nb::module_ &m);
 void bind_loop(nb::module_ &m);
 void bind_batch(nb::module_ &m);

@@ -83,3 +83,6 @@ private:
   nb::object keeps; // the magnet's owner, or the estimator inside
   std::vector<std::max_align_t> memory;
 };
+
+// A whole record; the history is made here.
+Named run_input(Estimator &self, const amb_kalman_input &input, bool covariance);

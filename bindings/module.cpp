@@ -5,9 +5,10 @@ NB_MODULE(AMBKIT_MODULE_NAME, m)
 {
   m.doc() = "The C core of ambkit.";
   bind_magnets(m);
+  bind_estimator(m);
   bind_estimators(m);
   bind_scale_estimators(m);
-  bind_adaline(m);
+  bind_learners(m);
   bind_rls(m);
   bind_loop(m);
   bind_batch(m);

@@ -225,16 +225,6 @@ class Adaline:
     @property
     def excitation(self) -> float: ...
 
-class Rls:
-    """Recursive least squares with forgetting."""
-
-    def __init__(self, theta: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], known: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], *, forgetting: float, least_excitation: float) -> None: ...
-
-    def run(self, phi: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> dict[str, Any]:
-        """
-        Regressors (samples, n) and outputs (samples); theta and excitation after each.
-        """
-
 class MagnetRls:
     """Magnet constant by least squares, load unknown or known."""
 
@@ -256,6 +246,16 @@ class MagnetRls:
 
     @property
     def excitation(self) -> float: ...
+
+class Rls:
+    """Recursive least squares with forgetting."""
+
+    def __init__(self, theta: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], known: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], *, forgetting: float, least_excitation: float) -> None: ...
+
+    def run(self, phi: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> dict[str, Any]:
+        """
+        Regressors (samples, n) and outputs (samples); theta and excitation after each.
+        """
 
 def simulate(magnet: Magnet, *, T: float, m: float, f_0: float, K_sen: float, T_sen: float, travel: float, substeps: int, k_ui: float, iu_min: float, iu_max: float, kp: float, ki: float, kd: float, T_f: float, T_t: float, integral: float, feedback_estimate: bool, estimator: Estimator | None, r: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], f_d: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], noise_u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], noise_y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], scale: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, f_bias: float = 0, x_start: float = 0) -> dict[str, Any]:
     """
