@@ -12,7 +12,7 @@ from ambkit.identification.lift_off import load_points
 from ambkit.identification.lift_off_fit import fit_lift_off
 from ambkit.judgement import judge
 from ambkit.report import style
-from ambkit.report.items import Bars, Heatmap, Line, Points
+from ambkit.report.items import Bars, Heatmap, Line, Note, Points
 from ambkit.report.style import SIGNALS
 
 
@@ -95,6 +95,34 @@ def test_a_filters_first_guesses_do_not_flatten_the_rest(run, bearing):
     f_d = judged["linear"].estimate.f_d
     assert f_d.min() < low < f_d[1000:].min()
     assert high > f_d[1000:].max()
+
+
+def test_a_gap_flattens_nothing(run, bearing):
+    """What is wild after it is cut off, and told; where nothing is wild, nothing is cut off."""
+    y = run.record["y"].copy()
+    y[700:1300] = np.nan
+    gap = ambkit.Record(run.record.t, {"y": y, "u": run.record["u"]})
+    judgement = judge(ambkit.KalmanFilter(bearing), gap)
+    _, _, force, shown = plots.filter_figure(gap, {"linear": judgement}).panels
+    e = judgement.estimate.innovation
+    largest = int(np.argmax(np.abs(e)))
+    assert 1300 <= largest < 1310
+    low, high = shown.y.limits
+    assert -low == high < 0.3 * abs(e[largest])
+    usual = e[200:690]
+    assert np.abs(usual).max() < high < 3 * np.abs(usual).max()
+    marks = [item for item in shown.items if isinstance(item, Points)]
+    assert sum(mark.x.size for mark in marks) == (np.abs(e) > high).sum()
+    (note,) = (item for item in shown.items if isinstance(item, Note))
+    assert note.text == f"{1e6 * e[largest]:.0f} µm".replace("-", "−")
+    assert np.isnan(lines(shown)["innovation"].y[700:1300]).all()
+    after = judgement.estimate.f_d[1300:1310]
+    assert not (force.y.limits[0] < after.min() and after.max() < force.y.limits[1])
+
+    whole = {"linear": judge(ambkit.KalmanFilter(bearing), run.record)}
+    calm = plots.filter_figure(run.record, whole).panels[3]
+    assert calm.y.limits is None
+    assert not any(isinstance(item, Points) for item in calm.items)
 
 
 def test_what_the_rig_logged_is_shown():

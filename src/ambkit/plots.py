@@ -7,7 +7,7 @@ Each function describes a :class:`ambkit.report.Figure`; `save_figure` draws it 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import cycle
 from operator import methodcaller
@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.errors import AmbkitError
+from ambkit.estimate import Status
 from ambkit.report.figure import Figure, Panel
-from ambkit.report.items import Axis, Bars, Heatmap, Item, Line, Points, Rule
+from ambkit.report.items import Axis, Bars, Heatmap, Item, Line, Note, Points, Rule
 from ambkit.report.style import style_of
 
 if TYPE_CHECKING:
@@ -152,6 +153,7 @@ def filter_figure(
         What their smoothers say, by the same names.
     """
     t, truth = record.t, record.truth
+    time = replace(TIME, limits=(float(t[0]), float(t[-1])))
     smoothed = smoothed or {}
 
     def known(signal: str, style: str, **label: str) -> list[Item]:
@@ -178,22 +180,21 @@ def filter_figure(
 
     absent = _absent(record)
     innovations = [
-        Panel(TIME, Axis(f"innov. {name}", "µm", 1e6), [*_innovation(judgement), *absent])
-        for name, judgement in judged.items()
+        _innovations(name, judgement.estimate, time, absent) for name, judgement in judged.items()
     ]
     position = [*known("y", "measured"), *known("r", "reference"), *true("x"), *told("x")]
     velocity = [*known("v_logged", "logged"), *true("v"), *told("v")]
     disturbance = [*true("f_d"), *told("f_d")]
-    # The filters start in the dark; what they guess there would flatten all that follows.
-    settled = t >= t[0] + 0.02 * np.ptp(t)
+    settled = _settled(t, [judgement.estimate for judgement in judged.values()])
     return Figure(
         id="filter",
         title=f"Estimates along {record.meta.get('source') or 'the record'}",
-        caption="Bounds: two standard deviations of the innovation as the filter expects it.",
+        caption="Bounds: two standard deviations of the innovation as the filter expects it. First "
+        "guesses, at the start and after a long gap, may reach beyond the axes.",
         panels=[
-            Panel(TIME, POSITION, [*position, *known("x_logged", "logged"), *absent]),
-            Panel(TIME, _limited(VELOCITY, velocity, settled), [*velocity, *absent]),
-            Panel(TIME, _limited(DISTURBANCE, disturbance, settled), [*disturbance, *absent]),
+            Panel(time, POSITION, [*position, *known("x_logged", "logged"), *absent]),
+            Panel(time, _limited(VELOCITY, velocity, settled), [*velocity, *absent]),
+            Panel(time, _limited(DISTURBANCE, disturbance, settled), [*disturbance, *absent]),
             *innovations,
         ],
     )
@@ -226,16 +227,58 @@ def _limited(axis: Axis, items: Iterable[Item], where: NDArray[np.bool_]) -> Axi
     return replace(axis, limits=(float(low - margin), float(high + margin)))
 
 
-def _innovation(judgement: Judgement) -> list[Item]:
-    estimate = judgement.estimate
+def _settled(t: NDArray[np.float64], estimates: Iterable[Estimate]) -> NDArray[np.bool_]:
+    """Where no filter guesses: in the dark at the start, and anew after a gap where it was HELD.
+
+    What they guess there would flatten all else.
+    """
+    blind = np.zeros(t.size, dtype=bool)
+    blind[0] = True
+    for estimate in estimates:
+        blind |= (estimate.status & np.uint16(Status.HELD)) != 0
+    last = np.maximum.accumulate(np.where(blind, np.arange(t.size), 0))
+    settled = np.asarray(t >= t[last] + 0.02 * np.ptp(t))
+    return settled if settled.any() else np.ones(t.size, dtype=bool)
+
+
+BEYOND = 1.5
+"""An axis of innovations is cut where the largest is farther out by this than most are."""
+
+
+def _innovations(name: str, estimate: Estimate, time: Axis, absent: Sequence[Item]) -> Panel:
+    """Show innovations beside what the filter expects; mark those that would flatten the rest."""
+    t = estimate.t
+    told = estimate.used | ((estimate.status & np.uint16(Status.OUTLIER)) != 0)
+    innovation = np.where(told, estimate.innovation, np.nan)
     expected = 2 * np.sqrt(estimate.innovation_variance)
     # The first bounds are so wide that they would make a line of all others.
     expected[expected > 1.5 * np.median(expected)] = np.nan
-    return [
-        Line(estimate.t, estimate.innovation, signal="innovation"),
-        Line(estimate.t, expected, signal="bound", label="±2√S"),
-        Line(estimate.t, -expected, signal="bound", label=""),
+    items: list[Item] = [
+        Line(t, innovation, signal="innovation"),
+        Line(t, expected, signal="bound", label="±2√S"),
+        Line(t, -expected, signal="bound", label=""),
+        *absent,
     ]
+    axis = Axis(f"innov. {name}", "µm", 1e6)
+    sizes = np.abs(innovation[np.isfinite(innovation)])
+    if not sizes.size:
+        return Panel(time, axis, items)
+    most = float(np.nanmax([np.quantile(sizes, 0.995), *expected]))
+    if sizes.max() <= BEYOND * most:
+        return Panel(time, axis, items)
+    edge = 1.3 * most
+    far = np.flatnonzero(np.abs(np.nan_to_num(innovation)) > edge)
+    for sign, style in ((1, "beyond above"), (-1, "beyond below")):
+        side = far[np.sign(innovation[far]) == sign]
+        if side.size:
+            items.append(Points(t[side], np.full(side.size, 0.9 * sign * edge), signal=style))
+    largest = far[np.argmax(np.abs(innovation[far]))]
+    value = f"{1e6 * innovation[largest]:.0f} µm".replace("-", "−")
+    up = innovation[largest] > 0
+    # Beside the record's end the text would not fit.
+    at = float(np.clip(t[largest], *(t[0] + np.ptp(t) * np.array([0.05, 0.95]))))
+    items.append(Note(at, 0.84 * edge * (1 if up else -1), value, "below" if up else "above"))
+    return Panel(time, replace(axis, limits=(-edge, edge)), items)
 
 
 def identification_figure(found: Identification, start: float) -> Figure:

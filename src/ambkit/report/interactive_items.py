@@ -35,6 +35,7 @@ _MARKERS = {
     "square": "square",
     "diamond": "diamond",
     "triangle": "triangle-up",
+    "triangle down": "triangle-down",
     "cross": "x-thin",
 }
 _PATTERNS = {style.DASH: "/", style.LONG: "/", style.DASH_DOT: "\\", style.DOT: "."}

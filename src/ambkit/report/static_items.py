@@ -31,7 +31,14 @@ WIDTH = 7.2
 BUCKETS = 600
 """Stretches a long line is cut into; a panel is about 1200 pixels wide, its pen two."""
 
-_MARKERS = {"circle": "o", "square": "s", "diamond": "D", "triangle": "^", "cross": "x"}
+_MARKERS = {
+    "circle": "o",
+    "square": "s",
+    "diamond": "D",
+    "triangle": "^",
+    "triangle down": "v",
+    "cross": "x",
+}
 
 
 def draw_item(axes: "Axes", panel: Panel, item: Item) -> None:

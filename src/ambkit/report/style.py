@@ -40,7 +40,7 @@ class Style:
         Lengths of dashes and gaps in points; empty for a solid line.
     width : float
         Line width in points.
-    marker : {"circle", "square", "diamond", "triangle", "cross"}
+    marker : {"circle", "square", "diamond", "triangle", "triangle down", "cross"}
         Symbol of single points.
     hollow : bool
         Whether the symbols are outlines only.
@@ -82,6 +82,8 @@ SIGNALS = {
     "fit": Style("fit", BLUE, SOLID, 1.4, layer=4),
     "innovation": Style("innovation", TEAL, SOLID, 0.6, layer=2),
     "bound": Style("bound", BLACK, LONG, 1.1, layer=4),
+    "beyond above": Style("beyond the axis", RED, SOLID, 1.4, "triangle", layer=6),
+    "beyond below": Style("beyond the axis", RED, SOLID, 1.4, "triangle down", layer=6),
     "limit": Style("limit", RED, DOT, 1.4, layer=2),
     "channel": Style("as read", BLUE, SOLID, 0.8, layer=3),
     "saturated": Style("saturated", RED, SOLID, 2.6, layer=5),
