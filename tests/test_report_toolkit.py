@@ -13,6 +13,7 @@ import time
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -21,6 +22,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ambkit.errors import AmbkitError
+from ambkit.plots import save_figure
+from ambkit.reading import Refused, read
+from ambkit.reading.picture import reading_figure
+from ambkit.reading.refused_picture import refused_figure
 from ambkit.report import (
     Axis,
     Band,
@@ -650,31 +655,84 @@ class Browser:
         self.process.wait(30)
 
 
-def test_browser_draws_every_figure_and_fetches_nothing(written, tmp_path):
+def seen_in_a_browser(page: Path, folder: Path, figures: int, ask: str = "1") -> Any:
+    """Open a page; it must draw its figures, fetch nothing, and complain of nothing.
+
+    Returns what the browser answers to `ask` then.
+    """
     program = shutil.which("chromium") or shutil.which("google-chrome")
     if not program:
         pytest.skip("no chromium here to open the page with")
-    browser = Browser(program, tmp_path)
+    browser = Browser(program, folder / "profile")
     target = browser.call("Target.createTarget", url="about:blank")["targetId"]
-    page = browser.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+    session = browser.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
     for domain in ("Network", "Log", "Runtime", "Page"):
-        browser.call(f"{domain}.enable", page)
-    browser.call("Page.navigate", page, url=written.as_uri())
+        browser.call(f"{domain}.enable", session)
+    browser.call("Page.navigate", session, url=page.as_uri())
+
+    def value(expression: str) -> Any:
+        answer = browser.call(
+            "Runtime.evaluate", session, expression=expression, returnByValue=True
+        )
+        return answer["result"].get("value")
+
     count = "document.querySelectorAll('.plot.live:has(.main-svg)').length"
     deadline = time.monotonic() + 60
     drawn = 0
-    while drawn < 6 and time.monotonic() < deadline:
+    while drawn < figures and time.monotonic() < deadline:
         time.sleep(0.1)
-        drawn = browser.call("Runtime.evaluate", page, expression=count)["result"].get("value", 0)
+        drawn = value(count) or 0
+    answer = value(ask)
     browser.close()
     events = {"requestWillBeSent": [], "entryAdded": [], "exceptionThrown": []}
     for event in browser.events:
         events.get(event["method"].partition(".")[2], []).append(event["params"])
-    assert drawn == 6
+    assert drawn == figures
     asked = {e["request"]["url"][:60] for e in events["requestWillBeSent"]}
-    assert {url for url in asked if not url.startswith(("data:", "blob:"))} == {written.as_uri()}
+    assert {url for url in asked if not url.startswith(("data:", "blob:"))} == {page.as_uri()[:60]}
     assert not events["exceptionThrown"]
     assert not events["entryAdded"]
+    return answer
+
+
+def test_browser_draws_every_figure_and_fetches_nothing(written, tmp_path):
+    seen_in_a_browser(written, tmp_path, 6)
+
+
+@pytest.mark.parametrize("jump", [0.0, -0.5])
+def test_browser_draws_a_log_as_read_and_as_refused(tmp_path, jump):
+    t = 1e-3 * np.arange(2000)
+    y = np.sin(20 * t)
+    y[800:900] = y[800]
+    t[1000:] += 0.01 + jump
+    rows = zip(t.tolist(), y.tolist(), np.cos(20 * t).tolist(), strict=True)
+    lines = ["t [s],y [mm],u [V]", *(f"{a},{b},{c}" for a, b, c in rows)]
+    (tmp_path / "log.csv").write_text("\n".join(lines) + "\n")
+    page = tmp_path / "log.html"
+    try:
+        figure = reading_figure(read(tmp_path / "log.csv"))
+    except Refused as refused:
+        figure = refused_figure(refused)
+    save_figure(figure, page)
+    ask = """JSON.stringify({
+        legend: [...document.querySelectorAll(".legendtext")].map(each => each.textContent),
+        marks: document.querySelectorAll(".shapelayer path").length,
+        lines: [...document.querySelectorAll(".plot .js-line")]
+            .map(each => each.getBBox().width),
+        wider: document.documentElement.scrollWidth > innerWidth,
+        headings: document.querySelectorAll("h2").length,
+        caption: document.querySelector("figcaption").textContent,
+    })"""
+    seen = json.loads(seen_in_a_browser(page, tmp_path, 1, ask))
+    assert not seen["wider"]
+    assert seen["headings"] == 0  # one picture has no chapters
+    assert seen["marks"] >= len(figure.panels)
+    if jump:
+        assert seen["legend"] == ["clock", "time between samples", "as read", "refused for this"]
+        assert sum(width > 100 for width in seen["lines"]) == len(figure.panels) == 4, seen["lines"]
+        assert "log.csv:1002: t jumps from 0.999 s to 0.51 s" in seen["caption"]
+    else:
+        assert {"as read", "frozen", "missing", "time between samples"} == set(seen["legend"])
 
 
 # Summary

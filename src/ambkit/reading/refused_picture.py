@@ -19,6 +19,9 @@ Index = NDArray[np.intp]
 SHOWN = 6
 """Channels in the picture; its clocks come first."""
 
+TOLD = 3
+"""Reasons that are told below it."""
+
 _TIME, _NUMBER = Axis("time", "s"), Axis("sample")
 
 
@@ -72,12 +75,21 @@ def refused_figure(refused: Refused) -> Figure | None:
             )
         )
     left = list(signals)[SHOWN:]
+    said = " ".join(f"`{_plain(problem)}`" for problem in refused.problems[:TOLD])
+    more = len(refused.problems) - TOLD
+    if more > 0:
+        said += f" And {more} more."
     return Figure(
         id="refused",
         title=f"{refused.name.replace(chr(92), '/').rpartition('/')[2]}: refused",
-        caption=f"Not shown: {', '.join(left)}." if left else "",
+        caption=f"{said} Not shown: {', '.join(left)}." if left else said,
         panels=panels,
     )
+
+
+def _plain(text: str) -> str:
+    """Take out of a text what Markdown and formulas would see in it."""
+    return text.replace("`", "'").replace("$", "")
 
 
 def _goes_on(times: Array) -> bool:

@@ -276,7 +276,7 @@ def decorations_of(panel: Panel, item: Item, x: str, y: str) -> tuple[list[Json]
         case Rule():
             value = item.value * panel.x.factor
             shape = {"type": "line", "xref": x, "x0": value, "x1": value, "yref": whole_y}
-            ends = {"y0": 0, "y1": 1, "line": _line(item.signal), "layer": "above"}
+            ends = {"y0": 0, "y1": 1, "line": _line(item.signal), "layer": _layer(item.signal)}
             place = {"xref": x, "x": shown_place(panel.x, item.value), "yref": whole_y, "y": 1}
             return [shape | ends], _texts(item.text, place)
         case Span():
@@ -300,6 +300,11 @@ def decorations_of(panel: Panel, item: Item, x: str, y: str) -> tuple[list[Json]
             level = {"yref": y, "y": shown_place(panel.y, item.y)}
             return [], _texts(item.text, place | level, xanchor="center", yanchor=anchor)
     return [], []
+
+
+def _layer(signal: str) -> str:
+    """Where a vertical rule stands: what marks a place must not hide what happens there."""
+    return "below" if style.style_of(signal).layer < 3 else "above"
 
 
 def _texts(text: str, place: Json, xanchor: str = "left", yanchor: str = "top") -> list[Json]:
