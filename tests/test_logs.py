@@ -192,7 +192,7 @@ def test_all_that_is_wrong_is_said_at_once_with_its_line(tmp_path):
         Record.load(path)
     assert failure.value.problems == (
         f"{path}:3: column y: 'bad' is not a number",
-        f"{path}:4: has 1 cells instead of 2",
+        f"{path}:4: has 1 cell instead of 2",
         f"{path}:5: column y: 'x' is not a number",
     )
     path.write_text("t [s],y [m]\n0,1\n1,1\n\n3,1\n4,1\n4,1\n5,1\n")

@@ -20,7 +20,13 @@ _NO_NUMBER = (
     *("#value!", "#div/0!", "#num!", "#wert!", "-", "--", "---", "–", "?", "*", "."),
 )
 MISSING = frozenset(
-    ("", "NaN", "NaN()", *(way(cell) for cell in _NO_NUMBER for way in (str, str.upper, str.title)))
+    (
+        "",
+        "NaN",
+        "NaN()",
+        "NoData",
+        *(way(cell) for cell in _NO_NUMBER for way in (str, str.upper, str.title)),
+    )
 )
 """How programs write that there is no number."""
 
@@ -29,6 +35,7 @@ LOOKED_AT = 200  # lines
 
 _WORD = re.compile(r"\S+(?: \[[^\]]*\])?")  # "y [mm]" is one
 _LABEL = re.compile(r"(.*?)\s*(?:[\[(]([^\])]*)[\])])?")
+_ENDLESS = re.compile(r"([+-]?)(?:1\.#INF\d*|∞|oo)")
 _SEP_LINE = re.compile(r'"?sep=(.)"?[;,\t]*')  # Excel says so in the first line
 _NUMBER = (
     r"[+-]?(?:\d+(?:{0}\d*)?|{0}\d+)(?:[eEdD][+-]?\d+)?|[+-]?(?:inf|Inf|INF|infinity|Infinity)"
@@ -74,7 +81,8 @@ class Dialect(NamedTuple):
         """Say what is unusual, for the report; empty for a plain CSV."""
         words = [f"{SEPARATORS[self.separator]} between cells"] if self.separator != "," else []
         words += ["decimal comma"] if self.decimal == "," else []
-        words += [f"{self.passed_over} lines above the header"] if self.passed_over else []
+        if self.passed_over:
+            words.append(f"{self.passed_over} line{'s' * (self.passed_over > 1)} above the header")
         return ", ".join(words)
 
 
@@ -93,6 +101,8 @@ def number_of(cell: str, decimal: str = ".") -> float | None:
     """Read a cell; None where it is no number. A missing one is NaN."""
     if cell in MISSING:
         return float("nan")
+    if endless := _ENDLESS.fullmatch(cell):  # as Windows and some instruments write it
+        return float(f"{endless[1]}inf")
     if not _NUMBERS[decimal].fullmatch(cell):
         return None
     return float(cell.replace(decimal, ".").translate(_EXPONENT))
@@ -151,7 +161,7 @@ def _named_by_a_comment(found: Dialect, lines: Sequence[str]) -> Dialect:
     return found._replace(names=names, units=units, header=above)
 
 
-def _score(lines: Sequence[str], separator: str, decimal: str) -> tuple[float, int]:
+def _score(lines: Sequence[str], separator: str, decimal: str) -> tuple[float, int, int]:
     """Count the cells that are numbers, where they are most of their line."""
     rows = [split(line, separator) for line in lines]
     width = Counter(map(len, rows)).most_common(1)[0][0]
@@ -162,7 +172,8 @@ def _score(lines: Sequence[str], separator: str, decimal: str) -> tuple[float, i
             numbers = sum(_is_number(cell, decimal) for cell in filled)
             score += numbers * (numbers / len(filled)) ** 2
     # With equal scores the separator that more lines have is right: "1 2" is not one cell.
-    return score, width
+    # With equal widths too, that under which the header has it as well.
+    return score, width, sum(len(row) == width for row in rows)
 
 
 def _header(rows: list[tuple[int, list[str]]], separator: str, decimal: str) -> Dialect:
@@ -191,7 +202,10 @@ def _header(rows: list[tuple[int, list[str]]], separator: str, decimal: str) -> 
     places = tuple(numeric)
 
     def holds_numbers(row: list[str]) -> bool:
-        return len(row) == width and all(number_of(row[k], decimal) is not None for k in numeric)
+        if len(row) != width or any(number_of(row[k], decimal) is None for k in numeric):
+            return False
+        # Dashes alone are units of plain numbers.
+        return not any(row) or any(_is_number(row[k], decimal) for k in numeric)
 
     first = next(k for k, (_, row) in enumerate(rows) if holds_numbers(row))
     titles = [
@@ -209,7 +223,8 @@ def _header(rows: list[tuple[int, list[str]]], separator: str, decimal: str) -> 
     else:
         header = above
         names = tuple(_label(cell)[0] for cell in rows[header][1])
-        units = tuple(_bare(cell) for cell in rows[last][1])
+        cells = rows[last][1]
+        units = (None,) * width if set(cells) <= {"-", ""} else tuple(map(_bare, cells))
     # A damaged line right below the header belongs to the numbers, so that it is complained of.
     body = rows[last + 1][0]
     place = rows[header][0]

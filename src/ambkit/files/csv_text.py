@@ -149,7 +149,10 @@ def parse(
         if lenient and place not in dialect.numeric and each not in stamps
     ]
     if left:
-        remarks = [*remarks, f"columns without numbers are not read: {', '.join(left)}"]
+        row = next((dialect.cells(line) for line in head[dialect.body :] if line.strip()), [])
+        cells = dict(zip(names, row, strict=False))
+        shown = [f"{each} ({cells.get(each, '')!r}{_hint(cells.get(each, ''))})" for each in left]
+        remarks = [*remarks, f"columns without numbers are not read: {', '.join(shown)}"]
         chosen = [each for each in chosen if each not in left]
     start = _end_of_line(text, dialect.body) + 1 if dialect.body else 0
     body = text[start:]
@@ -164,6 +167,8 @@ def parse(
     rows = len(columns[chosen[0]]) if chosen else 0
     stamped = {each: columns.pop(each) for each in chosen if each in stamps}
     unusual = dialect.in_words()
+    if rows and not text.endswith("\n"):
+        early.append("the last line has no end: its last number may be cut short")
     log = Log(
         name,
         columns,
@@ -303,7 +308,10 @@ def _read_slow(
         row, line = dialect.cells(text), f"{file}:{first + n}"
         if len(row) != len(names):
             hint = "; is the file cut short?" if n == len(lines) - 1 else ""
-            problems[sample] = [f"{line}: has {len(row)} cells instead of {len(names)}{hint}"]
+            if n == 0 and not dialect.names and dialect.separator == ",":
+                hint = "; is the comma the separator and the decimal sign at once?"
+            count = f"{len(row)} cell{'s' * (len(row) != 1)}"
+            problems[sample] = [f"{line}: has {count} instead of {len(names)}{hint}"]
             row = [""] * len(names)
         cells = dict(zip(names, row, strict=True))
         for name in chosen:
@@ -325,5 +333,5 @@ def _read_slow(
 def _hint(cell: str) -> str:
     """Say what may be meant by a cell that is no number."""
     if _THOUSANDS.fullmatch(cell):
-        return ": thousands must not be set apart"
+        return ": are thousands set apart, or does the decimal sign differ?"
     return ": the decimal sign differs" if _EITHER_DECIMAL.fullmatch(cell) else ""

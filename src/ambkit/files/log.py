@@ -169,7 +169,7 @@ def too_coarse(values: Array) -> bool:
     rising = steps[steps > 0]
     if rising.size == 0 or np.mean(steps >= 0) < 0.9:
         return False
-    return bool(np.spacing(largest) > 1e-3 * np.median(rising))
+    return bool(np.spacing(largest) > 1e-6 * np.median(rising))
 
 
 def whole_numbers(name: str, values: NDArray[Any]) -> tuple[Array, list[str]]:

@@ -96,8 +96,8 @@ def to_table(log: Log) -> Table:
 
 def _to_si(name: str, unit: str | None, values: Array) -> tuple[Array, str]:
     if unit is None:
-        example = UNITS.get(name, "m")
-        raise ValueError(f" has no unit; write it as {name} [{example}], or give a channel map")
+        example = f"{name} [{UNITS[name]}]" if name in UNITS else "y [m]"
+        raise ValueError(f" has no unit; write one, as in {example}, or give a channel map")
     from ambkit.units import factor
 
     try:

@@ -49,7 +49,13 @@ def guess(path: str | os.PathLike[str], told: Callable[[str], object] = lambda _
     told("comparing the channels")
     array, found = candidates(log)
     if not found:
-        raise RecordError(f"{path}: holds no channels: {log.contents}")
+        most = max((array.size for array in log.arrays.values()), default=0)
+        what = (
+            f"only {most} sample{'s' * (most != 1)} of"
+            if log.arrays and most < 2
+            else "no channels:"
+        )
+        raise RecordError(f"{path}: holds {what} {log.contents}")
     find_roles(found)
     return "\n".join(_toml(Path(path).name, log, array, found)) + "\n"
 
