@@ -62,6 +62,18 @@ def test_a_log_becomes_a_bearing_with_errors_and_a_report(call, made, tmp_path):
     assert (tmp_path / "found.png").stat().st_size > 20_000
 
 
+def test_a_force_map_goes_into_the_training(call, made, tmp_path):
+    code, out, err = call(
+        "identify", made / "a.csv", "--bearing", made / "start.toml", "--free", "magnet_constant",
+        "--out", "found.toml", "--force-map", "force.csv", "--force-map-nodes", "6x4",
+    )  # fmt: skip
+    assert code == 0, err
+    assert "Force map: 6x4 nodes; the records tell of" in out
+    code, out, err = call("train", "found.toml", "--map", "force.csv", "--rules", "3x3")
+    assert code == 0, err
+    assert "force.csv: " in out
+
+
 def test_json_has_all_figures_in_si(call, made):
     import json
 

@@ -133,9 +133,18 @@ def identify(
     force_map: Annotated[
         Path | None,
         file_option(
-            "Write the force on a grid, for 'ambkit train --map'.",
+            "Write the force at nodes of a grid, as far as the records tell, for "
+            "'ambkit train --map'.",
             (".csv", ".parquet"),
             "--force-map",
+        ),
+    ] = None,
+    force_map_nodes: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NxM",
+            help="Nodes of --force-map along current and displacement.",
+            show_default="5x5 to 9x9, as the records fill them",
         ),
     ] = None,
     report: Annotated[
@@ -166,6 +175,7 @@ def identify(
         "--free": free, "--load-at-start": load_std, "--validate": validate or None,
         "--rest": rest,
         "--report": report, "--force-map": force_map,
+        "--force-map-nodes": force_map_nodes,
     }  # fmt: skip
     if method is None:
         online_only = record and any(given is not None for given in online.values())
@@ -176,6 +186,8 @@ def identify(
             if given is not None:
                 other = "adaline" if method is Method.likelihood else "likelihood"
                 raise AmbkitError(f"{option} is for --method {other}")
+    if force_map_nodes is not None and force_map is None:
+        raise AmbkitError("--force-map-nodes needs --force-map FILE")
     if start is not None and not start > 0:
         raise AmbkitError(f"--start must be greater than 0, is {start:g} {CONSTANT}")
     for_points = {"--gap-range": gap_range, "--working-point": working_point}
@@ -188,7 +200,7 @@ def identify(
     if record and method is Method.likelihood:
         by_likelihood(
             Asked(record, validate or [], rest, channel_map, begin, end, free, load_std,
-                  out, force_map, report, plot, json),
+                  out, force_map, _nodes(force_map_nodes), report, plot, json),
             known,
         )  # fmt: skip
     elif record:
@@ -203,6 +215,19 @@ def identify(
         if out is not None and working_point is None:
             raise AmbkitError("--out needs --working-point: which distance is x = 0?")
         _from_lift_off(lift_off, known, gap_range, working_point, out, plot, json)
+
+
+def _nodes(text: str | None) -> tuple[int, int] | None:
+    """Nodes along current and displacement, from ``"9x7"``, or ``"9"`` for both."""
+    if text is None:
+        return None
+    sides = text.lower().split("x")
+    if len(sides) > 2 or not all(side.isdecimal() and 4 <= int(side) <= 33 for side in sides):
+        raise typer.BadParameter(
+            f"must be nodes along current and displacement such as 9x7, 4 to 33 each, is {text!r}",
+            param_hint="--force-map-nodes",
+        )
+    return int(sides[0]), int(sides[-1])
 
 
 def _from_lift_off(

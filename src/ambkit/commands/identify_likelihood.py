@@ -15,6 +15,7 @@ from ambkit.errors import AmbkitError
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
+    from ambkit.identification.force_map import ForceMap
     from ambkit.identification.maximum_likelihood import MaximumLikelihood
     from ambkit.identification.validation import Validation
     from ambkit.record import Record
@@ -34,6 +35,7 @@ class Asked:
     load_std: float | None
     out: Path | None
     force_map: Path | None
+    force_map_nodes: tuple[int, int] | None
     report: Path | None
     plot: Path | None
     json: bool
@@ -44,6 +46,7 @@ def by_likelihood(asked: Asked, known: Bearing) -> None:
     import math
 
     from ambkit.identification.figures import identified_figure
+    from ambkit.identification.force_map import force_map
     from ambkit.identification.loop_model import LoopModel
     from ambkit.identification.maximum_likelihood import maximum_likelihood
     from ambkit.identification.parameters import named, usual
@@ -74,6 +77,15 @@ def by_likelihood(asked: Asked, known: Bearing) -> None:
             )
             for record, path in zip(others or records, asked.validate or asked.records, strict=True)
         ]
+        mapped = None
+        if asked.force_map is not None:
+            mapped = force_map(
+                found.model,
+                records,
+                nodes=asked.force_map_nodes,
+                settling=found.settling,
+                note=done,
+            )
     data = found.to_dict() | {
         "bearing": known.name,
         "magnet_constant": found["magnet_constant"],
@@ -84,15 +96,21 @@ def by_likelihood(asked: Asked, known: Bearing) -> None:
         "validation": [check.to_dict() for check in checks],
     }
     from ambkit import files, plots
-    from ambkit.identification.force_map import force_map
 
+    shown = [*_rest_table(rest), *_tables(found, checks, bool(others))]
+    if mapped is not None:
+        data["force_map"] = {
+            "nodes": mapped.force.shape[::-1],
+            "written": int(mapped.told.sum()),
+            "assumed": mapped.assumed,
+        }
+        shown.append(_map_said(mapped))
     output.deliver(
         data,
-        [*_rest_table(rest), *_tables(found, checks, bool(others))],
+        shown,
         [
             (asked.out, lambda path: files.write_text(path, annotated_toml(found))),
-            (asked.force_map, lambda path: force_map(found.model, records,
-                                                     settling=found.settling).save(path)),
+            (asked.force_map, lambda path: None if mapped is None else mapped.save(path)),
             (asked.report, lambda path: write_identification(path, found, checks,
                                                              (others or records)[0])),
             (asked.plot, lambda path: plots.save_figure(identified_figure(found, checks), path)),
@@ -103,6 +121,15 @@ def by_likelihood(asked: Asked, known: Bearing) -> None:
         output.note("the search did not end at a maximum: take a closer start, or free less")
     if not others:
         output.note("judged on what it was identified from: --validate OTHER.csv would tell more")
+
+
+def _map_said(mapped: ForceMap) -> str:
+    along, across = mapped.force.shape
+    return (
+        f"Force map: {across}x{along} nodes; the records tell of {int(mapped.told.sum())}, which "
+        f"are written: there the force is known to less than half of the "
+        f"{value(mapped.assumed, 'N', 3)} by which the law may be wrong."
+    )
 
 
 def _at_rest(path: Path, channel_map: Path | None) -> dict[str, dict[str, Any]]:

@@ -2,14 +2,16 @@
 
 The law that was identified is corrected at the nodes of a grid, bilinearly between them, such that
 the Kalman filter's innovations are least surprising (as in `maximum_likelihood`: so it is unbiased
-in closed loop). Where the rotor never was, the correction stays zero and its error the one that was
+in closed loop). Before, an error of the law is taken to be smooth: alike for nodes that are near
+each other. So a node between others that were visited is known by them, more nodes cost no
+certainty, and far from where the rotor was the correction stays zero and its error the one that was
 assumed: the law itself is then all that is known.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from types import ModuleType
 from typing import TYPE_CHECKING
@@ -19,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambkit.errors import AmbkitError
 from ambkit.identification.force_points import ForcePoints
+from ambkit.identification.force_surface import REACH, smooth
 from ambkit.identification.force_table import check_nodes
 from ambkit.magnets import ClosedLaw, equally_far
 
@@ -32,6 +35,15 @@ Array = NDArray[np.float64]
 
 FINE = 33
 """Nodes a side of the table that the filter asks: the law is bent between the nodes of the map."""
+
+NODES = (9, 7, 5)
+"""Nodes a side that are thought of by default, the finest first."""
+
+ENOUGH = 20
+"""Samples that a node needs to be told from its neighbours."""
+
+LARGEST = 20_000_000
+"""Derivatives, one for each sample and node, that are kept at once: 160 MB."""
 
 ROUNDS = 3
 """Steps of Gauss and Newton; the innovations are nearly linear in the force."""
@@ -69,18 +81,35 @@ class ForceMap:
         """Where the records tell far more than was assumed: an error of less than a tenth of it."""
         return np.asarray(self.standard_error < 0.1 * self.assumed)
 
-    def points(self) -> ForcePoints:
-        """Return the nodes as points that an expert can be trained on."""
-        iu, x = np.meshgrid(self.current, self.displacement)
-        return ForcePoints(iu.ravel(), x.ravel(), self.force.ravel(), self.standard_error.ravel())
+    @property
+    def told(self) -> NDArray[np.bool_]:
+        """Where the records tell more than half: an error of less than half of the assumed."""
+        return np.asarray(self.standard_error < 0.5 * self.assumed)
 
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the map as ``.csv`` or ``.parquet``, as ``ambkit train --map`` reads it.
+    def points(self) -> ForcePoints:
+        """Return the nodes as points that an expert can be trained on.
+
+        Only those that the records tell of (`told`): what stands at the others is the law, and it
+        would be taken for a measurement that finds the law right.
 
         Raises
         ------
         AmbkitError
-            The file cannot be written; an older one is left as it was.
+            There are none.
+        """
+        if not self.told.any():
+            raise AmbkitError("the records tell nothing of the force: let the rotor move more")
+        iu, x = np.meshgrid(self.current, self.displacement)
+        told = self.told
+        return ForcePoints(iu[told], x[told], self.force[told], self.standard_error[told])
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write `points` as ``.csv`` or ``.parquet``, as ``ambkit train --map`` reads them.
+
+        Raises
+        ------
+        AmbkitError
+            There are no points, or the file cannot be written; an older one is left as it was.
         """
         self.points().save(path)
 
@@ -91,8 +120,10 @@ def force_map(
     *,
     currents: ArrayLike | None = None,
     displacements: ArrayLike | None = None,
+    nodes: tuple[int, int] | None = None,
     share: float = 0.2,
     settling: float = 0.0,
+    note: Callable[[str], None] = lambda text: None,
 ) -> ForceMap:
     """Identify the force on a grid of work points.
 
@@ -103,11 +134,16 @@ def force_map(
     records : Record or sequence of Record
         With ``y`` [m] and ``u`` [V].
     currents, displacements : array_like, optional
-        Nodes [A], [m], ascending, at least 4 each. Default: five each over what the records cover.
+        Nodes [A], [m], ascending, at least 4 each. Default: evenly over what the records cover.
+    nodes : tuple of 2 int, optional
+        How many, along current and displacement, where they are not given. Default: as many of
+        `NODES` as the records fill, see `nodes_for`.
     share : float
         By how much the law may be wrong, standard deviation in parts of the force's range.
     settling : float
         Time at the start of each record that does not count [s].
+    note : callable
+        Called with a text that says how far the work is.
 
     Raises
     ------
@@ -118,9 +154,11 @@ def force_map(
     b = model.bearing
     iu = np.concatenate([b.amplifier.gain * model.corrected(r)["u"] for r in several])
     x = np.concatenate([model.corrected(r)["y"] / b.sensor.gain for r in several])
-    current = _nodes("currents", currents, np.clip(iu, b.current_min, b.current_max), "A")
     limit = b.rotor.travel_limit
-    displacement = _nodes("displacements", displacements, np.clip(x, -limit, limit), "m")
+    visited = np.clip(iu, b.current_min, b.current_max), np.clip(x, -limit, limit)
+    across, along = nodes_for(*visited) if nodes is None else nodes
+    current = _nodes("currents", currents, visited[0], across, "A")
+    displacement = _nodes("displacements", displacements, visited[1], along, "m")
     grid = np.meshgrid(current, displacement)
     law = ClosedLaw(b).force(*grid)
     assumed = share * float(np.ptp(law))
@@ -136,19 +174,21 @@ def force_map(
         e, S, used = (np.concatenate(column) for column in zip(*parts, strict=True))
         return e, S, used
 
+    known_before = _known_before(current, displacement, assumed)
     w = np.zeros(law.size)
     step = 0.05 * assumed
-    for _ in range(ROUNDS):
+    for k in range(ROUNDS):
         e, _, used = innovations(w)
         slopes = []
         for j in range(w.size):
+            note(f"force map, round {k + 1} of {ROUNDS}, node {j + 1} of {w.size}")
             up, down = w.copy(), w.copy()
             up[j] += step
             down[j] -= step
             slopes.append((innovations(up)[0] - innovations(down)[0]) / (2 * step))
         J = np.array(slopes)[:, used]
-        information = J @ J.T + np.eye(w.size) / assumed**2
-        w = w - np.linalg.solve(information, J @ e[used] + w / assumed**2)
+        information = J @ J.T + known_before
+        w = w - np.linalg.solve(information, J @ e[used] + known_before @ w)
     # A constant force cannot be told from a load: it is taken off, as the records see it.
     seen = np.diag(J @ J.T)
     less_mean = np.eye(w.size) - seen / seen.sum()
@@ -203,12 +243,50 @@ class _Corrected:
         )
 
 
-def _nodes(name: str, given: ArrayLike | None, visited: Array, unit: str) -> Array:
+def nodes_for(iu: Array, x: Array) -> tuple[int, int]:
+    """Return how many nodes along current and displacement records fill: the finest of `NODES`.
+
+    Three of four nodes that the rotor came near have `ENOUGH` samples nearest to them, and the
+    derivatives fit into the memory; otherwise the coarsest.
+
+    Parameters
+    ----------
+    iu, x : ndarray (n,)
+        Control current [A] and displacement [m]; NaN is missing.
+    """
+    share = []
+    for visited in (iu, x):
+        low, high = _ends(visited)
+        share.append(np.clip((visited - low) / max(high - low, np.finfo(float).tiny), 0, 1))
+    for count in NODES:
+        nearest = [np.round((count - 1) * part) for part in share]
+        cell = count * nearest[1] + nearest[0]
+        samples = np.unique(cell[np.isfinite(cell)], return_counts=True)[1]
+        if np.mean(samples >= ENOUGH) >= 0.75 and count**2 * iu.size <= LARGEST:
+            return count, count
+    return NODES[-1], NODES[-1]
+
+
+def _known_before(current: Array, displacement: Array, assumed: float) -> Array:
+    """Information on the law's errors at the nodes before any sample, (n, n) [1/N^2]."""
+    iu, x = np.meshgrid(current, displacement)
+    at = np.stack([iu.ravel() / np.ptp(current), x.ravel() / np.ptp(displacement)])
+    alike = smooth(at, at, np.full((2, 1), REACH))
+    return np.asarray(np.linalg.inv(assumed**2 * alike))
+
+
+def _ends(visited: Array) -> Array:
+    return np.asarray(np.nanpercentile(visited, [0.5, 99.5]))
+
+
+def _nodes(name: str, given: ArrayLike | None, visited: Array, count: int, unit: str) -> Array:
     if given is None:
-        low, high = np.nanpercentile(visited, [0.5, 99.5])
+        low, high = _ends(visited)
         if not high > low:
             raise AmbkitError(f"the records cover no range of {name}: let the rotor move")
-        return np.linspace(low, high, 5)
+        if count < 4:
+            raise AmbkitError(f"nodes of {name} must be 4 or more, are {count}")
+        return np.linspace(low, high, count)
     nodes = np.array(given, dtype=float)
     check_nodes(name, nodes, unit, least=4)
     return nodes

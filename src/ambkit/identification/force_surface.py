@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-LAW_SHARE = 0.2
-"""By how much a law is wrong, before anything is measured: in parts of the spread of its force."""
+LAW_SHARE, LEAST_SHARE = 0.2, 0.05
+"""By how much a law is wrong, before anything is measured, and at least: in parts of the spread of
+its force. Points that find it right do not say that it is so where there are none."""
 
 REACH, SHORTEST, FARTHEST = 0.5, 0.3, 1.0
 """How far an error of the law reaches, before anything is measured, and at least, and at most: in
@@ -144,15 +145,27 @@ class _Found(NamedTuple):
     scatter: float
 
 
-def _alike(a: Array, b: Array, reach: Array) -> Array:
-    """Correlation of the law's errors at places (2, n) and (2, m), plus 1 for the offset.
+def smooth(a: Array, b: Array, reach: Array) -> Array:
+    """Return the correlation (n, m) of a law's errors at places (2, n) and (2, m).
 
-    Matérn's, nu = 5/2 (Rasmussen and Williams 2006, eq. 4.17): its surfaces bend twice smoothly.
+    Matérn's, nu = 5/2 (Rasmussen and Williams 2006, eq. 4.17): its surfaces bend smoothly.
+
+    Parameters
+    ----------
+    a, b : ndarray (2, n), (2, m)
+        Current and displacement, in parts of the area.
+    reach : ndarray (2, 1)
+        How far an error reaches, in the same parts.
     """
     from scipy.spatial.distance import cdist
 
     far = np.sqrt(5) * cdist((a / reach).T, (b / reach).T)
-    return np.asarray((1 + far + far**2 / 3) * np.exp(-far) + 1)
+    return np.asarray((1 + far + far**2 / 3) * np.exp(-far))
+
+
+def _alike(a: Array, b: Array, reach: Array) -> Array:
+    """Correlation of the law's errors at places (2, n) and (2, m), plus 1 for the offset."""
+    return smooth(a, b, reach) + 1
 
 
 def _solved(at: Array, off: Array, error: Array, found: _Found) -> tuple[Array, Array]:
@@ -177,7 +190,9 @@ def _found(
 
     doubt = np.log(DOUBT)
     free = np.array([law_error is None, True, True, not known])
-    ends = np.log([(1e-3, 30), *2 * [(SHORTEST / REACH, FARTHEST / REACH)], (1e-3, 1e3)])
+    ends = np.log(
+        [(LEAST_SHARE / LAW_SHARE, 30), *2 * [(SHORTEST / REACH, FARTHEST / REACH)], (1e-3, 1e3)]
+    )
 
     def unpacked(some: Array) -> _Found:
         change = np.zeros(4)
