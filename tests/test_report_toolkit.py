@@ -763,3 +763,9 @@ def test_terminal_table_fits_and_tells_the_verdict_without_colour(width):
 def test_unknown_verdict_is_refused():
     with pytest.raises(ValueError, match="unknown verdict 'fine'"):
         summary.tally([{**ROWS[0], "verdict": "fine"}])
+
+
+def test_names_below_bars_may_hold_formulas() -> None:
+    figure = Figure("bars", "", "", [Panel(Axis(""), Axis("y"), [Bars(["$k_i$", "b"], [1, 2])])])
+    (bars,) = json.loads(interactive.to_json(figure))["data"]
+    assert bars["x"] == ["<i>k</i><sub><i>i</i></sub>", "b"]

@@ -124,3 +124,7 @@ def test_docstring_examples() -> None:
 def test_a_comma_is_no_unit(text):
     with pytest.raises(ValueError, match="not a known unit"):
         parse(text, "m")
+
+
+def test_typeset_as_in_a_book():
+    assert units.typeset(engineering(-6.7e-6, "N m^2/A^2")) == "−6.7 N mm²/A²"

@@ -150,6 +150,17 @@ def engineering(value: float, unit: str, digits: int | None = 6) -> str:
     return f"{_plain(exact.scaleb(-shift))} {head}{prefix}{symbol}{tail}"
 
 
+def typeset(text: str) -> str:
+    """Write what `engineering` prints as it stands in a book: ``"-6 mm^2"`` becomes ``"−6 mm²"``.
+
+    Parameters
+    ----------
+    text : str
+        Numbers with units.
+    """
+    return text.replace("^2", "²").replace("-", "−")
+
+
 def _plain(number: Decimal) -> str:
     """Print without needless zeros; with an exponent only where it is shorter."""
     number = number.normalize()

@@ -12,7 +12,7 @@ import numpy as np
 from ambkit.identification.parameters import NOISES
 from ambkit.report.figure import Figure, Panel
 from ambkit.report.items import Axis, Cells, Intervals, Item, Line, Points, Rule
-from ambkit.units import engineering
+from ambkit.units import engineering, typeset
 
 if TYPE_CHECKING:
     from ambkit.identification.loop_model import LoopModel
@@ -126,7 +126,7 @@ def _estimates(found: MaximumLikelihood) -> list[Panel]:
     groups: dict[tuple[str, Axis], list[tuple[str, float, float, float, str]]] = {}
     for p in found.parameters:
         value, (low, high), start = found[p.name], found.interval(p.name), p.of(found.start)
-        text = _plain(f"{engineering(value, p.unit, 4)},  {_ends(low, high, p.unit)}")
+        text = typeset(f"{engineering(value, p.unit, 4)},  {_ends(low, high, p.unit)}")
         if p.positive:
             group = "noise" if p.name in NOISES else "bearing", RATIO
             row = (value / start, low / start, high / start)
@@ -155,10 +155,6 @@ def _ends(low: float, high: float, unit: str) -> str:
     first, last = engineering(low, unit, 3), engineering(high, unit, 3)
     number, _, of = first.partition(" ")
     return f"{number if last.endswith(f' {of}') else first} to {last}"
-
-
-def _plain(text: str) -> str:
-    return text.replace("^2", "²").replace("-", "−")
 
 
 def _natural(found: MaximumLikelihood, name: str) -> tuple[float, tuple[str, Axis]]:

@@ -18,7 +18,7 @@ from ambkit.report.blocks import (
     TableBlock,
     Text,
 )
-from ambkit.units import engineering
+from ambkit.units import engineering, typeset
 
 if TYPE_CHECKING:
     from ambkit.identification.maximum_likelihood import MaximumLikelihood
@@ -126,14 +126,14 @@ def _found(found: MaximumLikelihood) -> list[Block]:
     rows: list[list[str | float | None]] = []
     for p in found.parameters:
         low, high = found.interval(p.name)
-        rows.append([
-            f"{p.name.replace('_', ' ')} ${p.symbol}$",
+        texts = (
             engineering(p.of(found.start), p.unit, 4),
             engineering(found[p.name], p.unit, 4),
             engineering(found.standard_error(p.name), p.unit, 2),
             engineering(found.standard_error(p.name, robust=True), p.unit, 2),
             f"{engineering(low, p.unit, 4)} to {engineering(high, p.unit, 4)}",
-        ])  # fmt: skip
+        )
+        rows.append([f"{p.name.replace('_', ' ')} ${p.symbol}$", *map(typeset, texts)])
     blocks: list[Block] = [
         TableBlock(
             id="parameters",

@@ -164,7 +164,7 @@ def _bars(panel: Panel, item: Bars) -> Json:
     pattern = {"shape": _PATTERNS.get(look.dash, ""), "fgcolor": style.PAPER, "solidity": 0.15}
     return {
         "type": "bar",
-        "x": list(item.categories),
+        "x": [label_html(name) for name in item.categories],
         "y": packed(panel.y.shown(item.values)),
         "error_y": _error(error, style.INK),
         "marker": {"color": look.colour, "pattern": pattern | {"fillmode": "overlay", "size": 7}},
