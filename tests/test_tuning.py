@@ -1,10 +1,21 @@
 """Tuning by likelihood: it finds what the record was made with."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from ambkit import Bearing, FilterNoise, KalmanFilter, Record
-from ambkit.tuning import log_likelihood, most_likely_disturbance
+from ambkit import PID, Bearing, FilterNoise, KalmanFilter, LowPass, Record, Scenario, simulate
+from ambkit.judgement import judge
+from ambkit.tuning import (
+    DECADES,
+    TunedDisturbance,
+    default_disturbance,
+    log_likelihood,
+    most_likely_disturbance,
+    tune_disturbance,
+)
 
 
 def wandering(bearing, growth, n=20_000, seed=3):
@@ -52,3 +63,68 @@ def test_likelihood_is_that_of_the_innovations_taken_in():
     taken = [k for k in range(1, 500) if not 100 <= k < 150]
     naive = -0.5 * sum(np.log(S[k]) + e[k] ** 2 / S[k] for k in taken)
     assert log_likelihood(estimate) == pytest.approx(naive, rel=1e-12)
+
+
+SPINDLE = Bearing.load(Path(__file__).parent.parent / "examples" / "spindle.toml")
+
+
+def hovering(noise=1.0, stretch=0.1, seed=1):
+    """The spindle at rest, its sensor `noise` times as loud (variance) as it is described."""
+    louder = SPINDLE.replace(sensor__noise_variance=noise * SPINDLE.sensor.noise_variance)
+    loop = Scenario(duration=0.1 + stretch, seed=seed, controller=PID.for_bearing(SPINDLE))
+    return simulate(louder, loop).between(0.1, None)
+
+
+def tuned(record):
+    def make(growth):
+        return KalmanFilter(SPINDLE, noise=FilterNoise(disturbance=growth))
+
+    likely = {
+        decade: log_likelihood(make(default_disturbance(SPINDLE) * 10.0**decade).run(record))
+        for decade in np.arange(DECADES[0], DECADES[1] + 0.5)
+    }
+    found = tune_disturbance(SPINDLE, record, make)
+    return found, log_likelihood(make(found.growth).run(record)), likely
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_where_nothing_wanders_the_largest_likely_growth_is_taken(seed):
+    """And not the end of the range, at which a filter would be sure of whatever it saw."""
+    found, likelihood, likely = tuned(hovering(seed=seed))
+    assert "the load hardly wanders" in found.why
+    assert max(likely.values()) - likely[DECADES[0]] < 2
+    assert likelihood == pytest.approx(max(likely.values()) - 2, abs=0.4)
+    assert -6 < np.log10(found.growth / default_disturbance(SPINDLE)) < -3
+
+
+@pytest.mark.parametrize(("noise", "seed"), [(9.0, 0), (9.0, 1), (12.0, 2), (50.0, 2)])
+def test_what_no_load_explains_is_not_made_a_load(noise, seed):
+    """The sensor is three to seven times as loud as described: load noise would run to any end."""
+    found, _, _ = tuned(hovering(noise=noise, seed=seed))
+    assert found.growth == default_disturbance(SPINDLE)
+    assert "no load explains this stretch" in found.why
+    told = float(re.search(r"are ([0-9.]+) times what the filter expects", found.why)[1])
+    assert told == pytest.approx(noise**0.5, rel=0.1)
+    assert "--measurement-noise" in found.why
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_sensor_a_little_louder_still_gives_a_load_noise(seed):
+    found, _, _ = tuned(hovering(noise=2.0, seed=seed))
+    assert found.growth < 0.1 * default_disturbance(SPINDLE)
+
+
+def test_a_stretch_that_does_not_tell_leaves_the_default():
+    found, _, likely = tuned(hovering(stretch=0.002))
+    assert max(likely.values()) - likely[0.0] < 2
+    assert found.growth == default_disturbance(SPINDLE)
+    assert "does not tell" in found.why
+
+
+def test_a_low_pass_has_nothing_to_be_tuned_and_is_not_consistent_with_anything():
+    record = hovering(stretch=0.02)
+    found = tune_disturbance(SPINDLE, record, lambda _: LowPass(SPINDLE))
+    assert found == TunedDisturbance(default_disturbance(SPINDLE))
+    judgement = judge(LowPass(SPINDLE), record)
+    assert np.isnan(judgement.nis)
+    assert judgement.prediction[1] > 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -41,7 +42,7 @@ class Judgement:
         Root mean square of what the filter expected its innovations to be, ``sqrt(S)`` [m].
     nis : float
         Mean normalised innovation squared; 1 where model and noise are right. Below 1 the filter
-        expects more noise than there is, above 1 less.
+        expects more noise than there is, above 1 less. NaN where it expects nothing.
     whiteness : Whiteness or None
         Autocorrelation of the innovations, `LAGS` lags; None where fewer than four times as many
         measurements were taken in, or all innovations are equal.
@@ -158,7 +159,7 @@ def judge(
         innovation_mean=float(innovation.mean()),
         innovation_std=float(innovation.std()),
         expected_std=float(np.sqrt(variance.mean())),
-        nis=float(np.mean(innovation**2 / variance)),
+        nis=_mean_nis(innovation, variance),
         whiteness=_white(innovation),
         status=_flags(estimate.status[first:]),
         prediction={
@@ -243,6 +244,11 @@ def _error(predicted: Array, record: Record, ahead: int, first: int) -> float:
 def _rms(error: Array) -> float:
     known = error[np.isfinite(error)]
     return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
+
+
+def _mean_nis(innovation: Array, variance: Array) -> float:
+    known = variance > 0  # a low-pass has no idea of it
+    return float(np.mean(innovation[known] ** 2 / variance[known])) if known.any() else math.nan
 
 
 def _white(innovation: Array) -> Whiteness | None:

@@ -158,7 +158,9 @@ def filter_record(
     assumed, judged, smoothed = {}, {}, {}
     with arguments_of_the_user(), output.progress("filtering", len(built)) as done:
         for name, build in built.items():
-            assumed[name] = noise if tune is None else _tuned(build, noise, log, tune_from, tune)
+            assumed[name] = noise
+            if tune is not None:
+                assumed[name] = _tuned(name, build, noise, log, tune_from, tune)
             judged[name] = judge(build(assumed[name]), log, horizons=HORIZONS, settling=late)
             if tune is not None:
                 plain = replace(noise, disturbance=default_disturbance(model))
@@ -228,18 +230,21 @@ def _warn(judged: Mapping[str, Judgement]) -> None:
 
 
 def _tuned(
-    build: Factory, noise: FilterNoise, log: Record, start: float, stop: float
+    name: str, build: Factory, noise: FilterNoise, log: Record, start: float, stop: float
 ) -> FilterNoise:
     """Return the noise under which a stretch of a record [s] is most likely."""
     from dataclasses import replace
 
-    from ambkit.tuning import most_likely_disturbance
+    from ambkit.commands import output
+    from ambkit.tuning import tune_disturbance
 
     stretch = log.between(log.t[0] + start, log.t[0] + stop)
-    growth = most_likely_disturbance(
+    tuned = tune_disturbance(
         build().bearing, stretch, lambda growth: build(replace(noise, disturbance=growth))
     )
-    return replace(noise, disturbance=growth)
+    if tuned.why:
+        output.note(f"{name}: {tuned.why}")
+    return replace(noise, disturbance=tuned.growth)
 
 
 def _after(estimate: Estimate, log: Record, settling: float) -> dict[str, Any]:
@@ -295,8 +300,8 @@ def _tables(
         *(row(f"  status: {flag}", lambda j, f=flag: str(j.status.get(f, 0))) for flag in flags),
         row("innovation, mean", lambda j: value(j.innovation_mean, "m")),
         row("innovation, std", lambda j: value(j.innovation_std, "m")),
-        row("  std that the filter expects", lambda j: value(j.expected_std, "m")),
-        row("  mean NIS (1: consistent)", lambda j: f"{j.nis:.3f}"),
+        row("  std that the filter expects", lambda j: value(j.expected_std or None, "m")),
+        row("  mean NIS (1: consistent)", lambda j: "–" if j.nis != j.nis else f"{j.nis:.3f}"),
         row("  lags within 95 % bound", _white),
         row("load, mean", lambda j: value(j.disturbance_mean, "N")),
         row("load, std", lambda j: value(j.disturbance_std, "N")),
