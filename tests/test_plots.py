@@ -119,8 +119,10 @@ def test_a_gap_flattens_nothing(run, bearing):
     after = judgement.estimate.f_d[1300:1310]
     assert not (force.y.limits[0] < after.min() and after.max() < force.y.limits[1])
 
-    whole = {"linear": judge(ambkit.KalmanFilter(bearing), run.record)}
-    calm = plots.filter_figure(run.record, whole).panels[3]
+    filters = {"linear": ambkit.KalmanFilter(bearing), "low-pass": ambkit.LowPass(bearing)}
+    whole = {name: judge(one, run.record) for name, one in filters.items()}
+    calm, unbound = plots.filter_figure(run.record, whole).panels[3:]
+    assert np.isnan(lines(unbound)["±2√S"].y).all()  # a low-pass expects nothing
     assert calm.y.limits is None
     assert not any(isinstance(item, Points) for item in calm.items)
 

@@ -253,6 +253,7 @@ def _innovations(name: str, estimate: Estimate, time: Axis, absent: Sequence[Ite
     expected = 2 * np.sqrt(estimate.innovation_variance)
     # The first bounds are so wide that they would make a line of all others.
     expected[expected > 1.5 * np.median(expected)] = np.nan
+    expected[expected == 0] = np.nan  # a low-pass has no idea of them
     items: list[Item] = [
         Line(t, innovation, signal="innovation"),
         Line(t, expected, signal="bound", label="±2√S"),
