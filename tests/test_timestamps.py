@@ -203,7 +203,7 @@ def test_a_format_that_is_not_known_by_itself_is_read_if_told(tmp_path):
         read(path, ChannelMap.from_toml(MAP))
 
 
-@pytest.mark.parametrize("kind", ["csv", "txt", "parquet", "h5"])
+@pytest.mark.parametrize("kind", ["csv", "txt", "parquet", "h5", "mat", "cells.mat", "73.mat"])
 def test_the_guess_and_the_reading_of_each_format(tmp_path, kind):
     rng = np.random.default_rng(1)
     n = 2000
@@ -213,6 +213,12 @@ def test_the_guess_and_the_reading_of_each_format(tmp_path, kind):
     path = tmp_path / f"log.{kind}"
     if kind == "parquet":
         logs.parquet(path, {"time": cells, "y": y, "u": u})
+    elif kind == "73.mat":
+        logs.mat73(path, {"time": cells.astype(object), "y": y, "u": u})
+    elif kind.endswith("mat"):
+        logs.mat5(
+            path, {"time": cells.astype(object) if "cells" in kind else cells, "y": y, "u": u}
+        )
     elif kind == "h5":
         logs.hdf5(path, {"time": cells.astype("S"), "y": y, "u": u})
     else:
@@ -224,6 +230,21 @@ def test_the_guess_and_the_reading_of_each_format(tmp_path, kind):
     np.testing.assert_allclose(record.t, 5e-4 * np.arange(n), atol=1e-12)
     assert "times as text" in text
     assert "2000 Hz" in text
+
+
+@pytest.mark.parametrize("kind", ["h5", "mat"])
+def test_a_format_is_told_of_an_array_too(tmp_path, kind):
+    cells = np.array([f"12h00m0{k}" for k in range(9)])
+    path = tmp_path / f"log.{kind}"
+    y = np.sin(np.arange(9.0))
+    if kind == "h5":
+        logs.hdf5(path, {"time": cells.astype("S"), "y": y, "u": y})
+    else:
+        logs.mat5(path, {"time": cells, "y": y, "u": y})
+    told = MAP.replace("column", "array").replace('"s"', '"s"\nformat = "%Hh%Mm%S"')
+    np.testing.assert_array_equal(read(path, ChannelMap.from_toml(told)).record.t, np.arange(9.0))
+    with pytest.raises(RecordError, match="there is no time"):
+        read(path, ChannelMap.from_toml(MAP.replace("column", "array")))
 
 
 def test_without_a_map_a_column_t_may_be_text(tmp_path):

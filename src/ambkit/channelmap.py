@@ -177,7 +177,9 @@ class ChannelMap(Document):
     def texts(self) -> tuple[str | int, ...]:
         """The columns that hold times as text, in a format that the map says."""
         formatted = [c for c in self.signals.values() if c.format]
-        return tuple(c.column for c in formatted if c.column is not None)
+        found = (self.array if c.column is None else c.column for c in formatted if not c.array)
+        arrays = (c.array for c in formatted if c.array)
+        return tuple(each for each in (*found, *arrays) if each is not None)
 
     @property
     def wanted(self) -> tuple[str | int, ...]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ambkit.errors import ExtraMissing
 from ambkit.files.log import Log, check_readable, damaged, whole_numbers
+from ambkit.files.timestamps import layouts_of
 
 Array = NDArray[np.float64]
 
@@ -29,7 +30,9 @@ def read(
     lenient: bool = False,
     texts: Collection[str | int] = (),
 ) -> Log:
-    """Read all arrays of numbers; see `ambkit.files.log.read_log`."""
+    """Read all arrays of numbers, and times as text; see `ambkit.files.log.read_log`."""
+    import pyarrow as pa
+
     check_readable(path)
     content = _content_of_7_3(path) if _is_7_3(path) else _content(path)
     arrays = {
@@ -38,6 +41,9 @@ def read(
         if not key.startswith("__")
         for name, values in _flat(key, value)
     }
+    cells = {k: pa.array(v.ravel().tolist()) for k, v in arrays.items() if v.dtype.kind == "U"}
+    arrays = {name: values for name, values in arrays.items() if name not in cells}
+    stamped = {k: v for k, v in cells.items() if k in texts or layouts_of(v)}
     remarks: list[str] = []
     for name, values in arrays.items():
         if values.dtype.kind in "iu" and values.size == max(values.shape):
@@ -45,8 +51,8 @@ def read(
             remarks += remark
     numbers = {name: np.asarray(values, dtype=np.float64) for name, values in arrays.items()}
     chosen = numbers if wanted is None else {k: v for k, v in numbers.items() if k in wanted}
-    found = chosen if wanted is None else _lacking(numbers, chosen, wanted)
-    return Log(os.fspath(path), found, remarks=tuple(remarks))
+    found = chosen if wanted is None else _lacking(numbers, chosen, {*wanted} - {*stamped})
+    return Log(os.fspath(path), found, remarks=tuple(remarks), texts=stamped)
 
 
 def _lacking(
@@ -89,8 +95,12 @@ def _content_of_7_3(path: str | os.PathLike[str]) -> dict[str, Any]:
         raise damaged(path, error) from error
 
 
+def _is_text(value: Any) -> bool:
+    return isinstance(value, np.ndarray) and value.dtype.kind == "U"
+
+
 def _flat(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Yield the arrays of numbers within a value, by their full names."""
+    """Yield the arrays of numbers, and of text, within a value, by their full names."""
     if isinstance(value, dict):
         for key, inner in value.items():
             yield from _flat(f"{name}.{key}", inner)
@@ -104,9 +114,13 @@ def _flat(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
         if elements and all(isinstance(each, int | float) for each in elements):
             yield name, np.array(elements, dtype=np.float64)
             return
+        texts = [each.item() if _is_text(each) and each.size == 1 else each for each in elements]
+        if len(texts) > 1 and all(isinstance(each, str) for each in texts):
+            yield name, np.array(texts)
+            return
         for place, inner in enumerate(elements):
             yield from _flat(name if len(elements) == 1 else f"{name}[{place}]", inner)
-    elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub" and value.ndim in (1, 2):
+    elif isinstance(value, np.ndarray) and value.dtype.kind in "fiubU" and value.ndim in (1, 2):
         yield name, value
     elif isinstance(value, bool | int | float | np.number):
         yield name, np.array([value], dtype=np.float64)
