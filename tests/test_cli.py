@@ -386,10 +386,21 @@ def test_train_says_where_hardly_anything_was_measured(call):
     assert "error of the bearing's law, given" in found.out
 
 
-def test_law_error_needs_points(call):
-    found = call("train", "zittau_axial", "--law-error", "2 N")
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--law-error", "2 N"), "needs points that were measured"),
+        (("--map", "f.csv", "--law-error", "-2 N"), "must be greater than 0 N, is -2 N"),
+        (("--map", "line.csv"), "line.csv: the points must differ in displacement"),
+        (("--map", "few.csv", "--rules", "auto"), "few.csv: too few points to choose"),
+    ],
+)
+def test_train_says_what_measured_points_lack(call, arguments, message):
+    Path("line.csv").write_text("iu [A],x [mm],f_mag [N]\n1,0,9\n0,0,0\n")
+    Path("few.csv").write_text("iu [A],x [mm],f_mag [N]\n1,0.1,9\n0,0,0\n")
+    found = call("train", "zittau_axial", *arguments)
     assert found.code == 2
-    assert "needs points that were measured" in " ".join(found.err.replace("│", " ").split())
+    assert message in " ".join(found.err.replace("│", " ").split())
 
 
 def test_filter_smooths(call, made):

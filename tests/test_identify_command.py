@@ -126,6 +126,11 @@ def test_noise_at_rest_is_the_start_and_its_colour_is_told(call, made):
         ("identify A --bearing B --method likelihood --disturbance 1N", "is for --method adaline"),
         ("identify A A --bearing B --method adaline", "along one record, 2 are given"),
         ("identify A --bearing B --report r.pdf", "must end with .html"),
+        ("identify A --bearing B --force-map-nodes 9", "--force-map-nodes needs --force-map FILE"),
+        (
+            "identify A --bearing B --force-map f.csv --force-map-nodes 3x9",
+            "must be nodes along current and displacement such as 9x7, 4 to 33 each, is '3x9'",
+        ),
         ("identify A --bearing B --to 5ms", "samples"),
         ("identify A --bearing inteco_ml", "sampled every 0.0001 s"),
     ],

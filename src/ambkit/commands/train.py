@@ -102,6 +102,10 @@ def train(
                 f"{option} needs points that were measured: --map FORCE.csv",
                 param_hint=option.split()[0],
             )
+    if law_error is not None and not law_error > 0:
+        raise typer.BadParameter(
+            f"must be greater than 0 N, is {law_error:g} N", param_hint="--law-error"
+        )
     model = find_bearing(bearing)
     options: dict[str, Any] = {
         "method": method.value,
