@@ -18,10 +18,11 @@ from ambkit import plots, recordings
 from ambkit.channelmap import ChannelMap
 from ambkit.cli import main
 from ambkit.errors import ConfigError, RecordError
-from ambkit.reading import faults, grid, read
+from ambkit.reading import Refused, faults, grid, read
 from ambkit.reading.clock import examine
 from ambkit.reading.guess import guess
 from ambkit.reading.picture import reading_figure
+from ambkit.reading.refused_picture import refused_figure
 from ambkit.record import Record
 from benchmarks import reading as reading_benchmark
 from tests import logs
@@ -479,24 +480,36 @@ def test_a_log_without_a_time_gets_a_line_to_fill_in(tmp_path):
 
 LINES = ["time;pos;cur", *(f"{k * T:.3f};{np.sin(k / 9):.4f};{k % 7 / 2}" for k in range(40))]
 
+STAMPED = ["time,pos,cur", *(f"2024-05-03 12:00:00.{k:03},{np.sin(k / 9):.4f},{k % 7 / 2}"
+                             for k in range(40))]  # fmt: skip
+
 
 @settings(max_examples=60)
 @given(
+    lines=st.sampled_from([LINES, STAMPED]),
     edits=st.lists(
         st.tuples(
             st.integers(0, 700), st.integers(0, 9), st.sampled_from(" ;,\n\t\"'#-.e9naif[m]é")
         ),
         max_size=20,
-    )
+    ),
 )
-def test_whatever_is_done_to_a_csv_there_is_a_record_or_a_clear_word(tmp_path_factory, edits):
-    text = "\n".join(LINES) + "\n"
+def test_whatever_is_done_to_a_csv_there_is_a_record_or_a_clear_word(
+    tmp_path_factory, lines, edits
+):
+    text = "\n".join(lines) + "\n"
     for place, length, character in edits:
         text = text[:place] + character + text[place + length :]
     path = tmp_path_factory.mktemp("edited") / "log.csv"
     path.write_text(text, encoding="utf-8")
-    with contextlib.suppress(RecordError):  # and nothing else: a proposed map is always valid
-        assert len(read(path, ChannelMap.from_toml(guess(path)), resample=True).record) >= 2
+    # Nothing else is raised: a proposed map is always valid, and what is refused can be drawn.
+    with contextlib.suppress(RecordError):
+        channel_map = ChannelMap.from_toml(guess(path))
+        try:
+            assert len(read(path, channel_map, resample=True).record) >= 2
+        except Refused as refused:
+            figure = refused_figure(refused)
+            assert figure is None or figure.panels
 
 
 def test_the_guess_of_a_log_that_holds_nothing(tmp_path):

@@ -148,7 +148,9 @@ def test_the_command_says_where_the_picture_of_a_refused_log_is(call, ending):
     code, out, err = call("read", "log.csv", "--map", "map.toml", "--out", "a.csv", "--plot", plot)
     assert (code, out) == (2, "")
     assert err.startswith("ambkit: 2 problems in log.csv:\n  log.csv:602: t jumps from 0.599 s")
-    assert err.endswith(f"\nwrote {plot}, which shows where; no record is written\n")
+    assert err.endswith(
+        f"\nwrote {plot}: what could be read, and where the trouble is; no record is written\n"
+    )
     assert sorted(path.name for path in Path().iterdir()) == ["log.csv", plot, "map.toml"]
     assert Path(plot).stat().st_size > 5000
 

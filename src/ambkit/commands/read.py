@@ -130,7 +130,7 @@ def _draw_refused(error: Refused, plot: Path) -> None:
         output.note(f"{plot} is not written: there is nothing to be drawn")
         return
     plots.save_figure(figure, plot)
-    output.note(f"wrote {plot}, which shows where; no record is written")
+    output.note(f"wrote {plot}: what could be read, and where the trouble is; no record is written")
 
 
 def _print_guess(file: Path, *, as_json: bool) -> None:
