@@ -156,11 +156,19 @@ def test_what_is_no_time_is_told_with_its_line(tmp_path):
     cells = [f"2024-05-03 12:00:00.{k:03}" for k in range(20)]
     cells[4], cells[7], cells[9] = "2024-02-30 12:00:00.004", "soon", "2024-05-03 24:01:00"
     with pytest.raises(RecordError) as failure:
-        read(log(tmp_path / "log.csv", cells), ChannelMap.from_toml(MAP))
+        read(path := log(tmp_path / "log.csv", cells), ChannelMap.from_toml(MAP))
     assert [p.partition(": ")[0][-10:] for p in failure.value.problems] == [
         "/log.csv:6", "/log.csv:9", "log.csv:11",
     ]  # fmt: skip
     assert "'soon' is no time of the format" in failure.value.problems[1]
+    with pytest.raises(RecordError, match="'soon' is no time of the format"):
+        guess(path)
+    with_another = path.read_text().splitlines()
+    numbered = [f"{k * 0.001:.3f},{line}" for k, line in enumerate(with_another[1:])]
+    path.write_text("\n".join([f"sec,{with_another[0]}", *numbered]) + "\n")
+    text = guess(path)  # it has another time, and the damage is told
+    assert ChannelMap.from_toml(text).signals["t"].column == "sec"
+    assert "is no time of the format" in text
     cells[4] = cells[7] = cells[9] = ""
     with pytest.raises(RecordError, match=r"log.csv:6: t is nan at sample 4"):
         read(log(tmp_path / "log.csv", cells), ChannelMap.from_toml(MAP))

@@ -61,6 +61,10 @@ class Candidate:
         ``t``, ``y``, ``u``, ``i``, ``v``, ``r`` or, not known, empty.
     why : list of str
         What speaks for that.
+    estimated : bool
+        Whether it is an estimate of the rig's own.
+    damage : RecordError, optional
+        Why times as text cannot be read.
     """
 
     label: str
@@ -71,6 +75,7 @@ class Candidate:
     role: str = ""
     why: list[str] = field(default_factory=list)
     estimated: bool = False
+    damage: RecordError | None = None
 
 
 def candidates(log: Log) -> tuple[str, list[Candidate]]:
@@ -104,7 +109,10 @@ def _stamps(log: Log, key: str) -> Iterator[Candidate]:
     for name, cells in log.texts.items():
         try:
             moments = timestamps.read(cells, "", name, log.place, lenient=True)
-        except RecordError:
+        except RecordError as error:
+            nothing = np.full(len(cells), np.nan)
+            why = [_TEXT, error.problems[0]]
+            yield Candidate(name, {key: name}, nothing, "s", role="-", why=why, damage=error)
             continue
         where: dict[str, str | int] = {key: name}
         why = [_TEXT, *moments.remarks[1:]]

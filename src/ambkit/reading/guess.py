@@ -57,6 +57,9 @@ def guess(path: str | os.PathLike[str], told: Callable[[str], object] = lambda _
         )
         raise RecordError(f"{path}: holds {what} {log.contents}")
     find_roles(found)
+    damage = next((candidate.damage for candidate in found if candidate.damage), None)
+    if damage and not any(candidate.role == "t" for candidate in found):
+        raise damage
     return "\n".join(_toml(Path(path).name, log, array, found)) + "\n"
 
 
