@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.plots import CURRENT, POSITION, TIME
+from ambkit.plots.looks import CURRENT, POSITION, TIME
 from ambkit.report.figure import Figure, Panel
 from ambkit.report.items import Axis, Item, Line, Rule
 
