@@ -82,7 +82,7 @@ def test_map_makes_an_expert_that_knows_the_force_where_the_rotor_was(found, rec
     expert = train(measured_map(BEARING, found.points()), weights=True)
     iu, x = record["iu"][::50], record["x"][::50]
     off, of_law = expert.force(iu, x), ClosedLaw(BEARING).force(iu, x)
-    assert np.std(off - saturating(iu, x)) < 0.5 * np.std(of_law - saturating(iu, x))
+    assert np.std(off - saturating(iu, x)) < 0.35 * np.std(of_law - saturating(iu, x))
     box = np.meshgrid(np.linspace(-1.5, 1.5, 31), np.linspace(-1e-3, 1e-3, 31))
     k_i, k_s = expert.stiffness(*box)
     law_i, law_s = ClosedLaw(BEARING).stiffness(*box)
@@ -103,6 +103,18 @@ def test_more_nodes_tell_more(found, record):
 
     assert found.force.shape == (9, 9)
     assert off(found) < 0.8 * off(coarse)
+
+
+def test_a_law_that_is_right_is_found_right_near_rest():
+    """Where the deviations of the innovations were not held, it was off by 4 standard errors."""
+    model = LoopModel(BEARING, load_growth=1e-3, substeps=1)
+    scenario = Scenario(duration=1.0, reference=Sine(amplitude=0.02e-3, frequency=31))
+    off = []
+    for seed in range(3):
+        mapped = force_map(model, simulate(BEARING, scenario.replace(seed=seed)), nodes=(5, 5),
+                           settling=0.05)  # fmt: skip
+        off.append((mapped.force - mapped.law) / mapped.standard_error)
+    assert 0.3 < np.sqrt(np.mean(np.square(off))) < 1.3
 
 
 def test_records_decide_the_number_of_nodes():

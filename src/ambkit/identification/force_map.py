@@ -32,9 +32,12 @@ if TYPE_CHECKING:
     from ambkit.record import Record
 
 Array = NDArray[np.float64]
+Ranges = list[tuple[float, float]]
+"""Lowest and highest current [A], and displacement [m]."""
 
-FINE = 33
-"""Nodes a side of the table that the filter asks: the law is bent between the nodes of the map."""
+FINE = 65
+"""Nodes a side of the table that the filter asks, over all that the records visit: a few for each
+node of the map, as the law is bent between them."""
 
 NODES = (9, 7, 5)
 """Nodes a side that are thought of by default, the finest first."""
@@ -164,21 +167,22 @@ def force_map(
     assumed = share * float(np.ptp(law))
 
     def innovations(correction: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-        source = _Corrected(b, current, displacement, correction.reshape(law.shape))
+        source = _Corrected(b, current, displacement, correction.reshape(law.shape), ranges)
         corrected = replace(model, source=source)
         parts = []
         for record in several:
             e, S, used = corrected.innovations(record)
             used[: max(1, round(settling / record.sampling_time))] = False
-            parts.append((e / np.sqrt(S), S, used))
-        e, S, used = (np.concatenate(column) for column in zip(*parts, strict=True))
-        return e, S, used
+            parts.append((e, np.sqrt(S), used))
+        e, sigma, used = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return e, sigma, used
 
+    ranges = [_all_of(values) for values in visited]
     known_before = _known_before(current, displacement, assumed)
     w = np.zeros(law.size)
     step = 0.05 * assumed
     for k in range(ROUNDS):
-        e, _, used = innovations(w)
+        e, sigma, used = innovations(w)
         slopes = []
         for j in range(w.size):
             note(f"force map, round {k + 1} of {ROUNDS}, node {j + 1} of {w.size}")
@@ -186,9 +190,13 @@ def force_map(
             up[j] += step
             down[j] -= step
             slopes.append((innovations(up)[0] - innovations(down)[0]) / (2 * step))
-        J = np.array(slopes)[:, used]
+        # Their deviations are held: those change with the stiffness, too, and least squares of
+        # e/sigma would find the force that makes sigma large (the likelihood's other half is
+        # left out; it tells next to nothing of the force).
+        J = np.array(slopes)[:, used] / sigma[used]
+        e = e[used] / sigma[used]
         information = J @ J.T + known_before
-        w = w - np.linalg.solve(information, J @ e[used] + known_before @ w)
+        w = w - np.linalg.solve(information, J @ e + known_before @ w)
     # A constant force cannot be told from a load: it is taken off, as the records see it.
     seen = np.diag(J @ J.T)
     less_mean = np.eye(w.size) - seen / seen.sum()
@@ -212,17 +220,22 @@ class _Corrected:
     stiffness can give, is left to the load.
     """
 
-    def __init__(self, bearing: Bearing, current: Array, displacement: Array, w: Array) -> None:
-        self.bearing, self.nodes, self.w = bearing, (displacement, current), w
+    def __init__(
+        self,
+        bearing: Bearing,
+        current: Array,
+        displacement: Array,
+        w: Array,
+        ranges: list[tuple[float, float]],
+    ) -> None:
+        self.bearing, self.nodes, self.w, self.ranges = bearing, (displacement, current), w, ranges
 
     def magnet(self, core: ModuleType) -> Magnet:
         """Build the C implementation."""
         from scipy.interpolate import RegularGridInterpolator
 
         b = self.bearing
-        reach = b.rotor.travel_limit
-        current = np.linspace(b.current_min, b.current_max, FINE)
-        displacement = np.linspace(-reach, reach, FINE)
+        current, displacement = (np.linspace(low, high, FINE) for low, high in self.ranges)
         iu, x = np.meshgrid(current, displacement)
         bent = RegularGridInterpolator(self.nodes, self.w)
         inside = [np.clip(axis, nodes[0], nodes[-1])
@@ -273,6 +286,13 @@ def _known_before(current: Array, displacement: Array, assumed: float) -> Array:
     at = np.stack([iu.ravel() / np.ptp(current), x.ravel() / np.ptp(displacement)])
     alike = smooth(at, at, np.full((2, 1), REACH))
     return np.asarray(np.linalg.inv(assumed**2 * alike))
+
+
+def _all_of(visited: Array) -> tuple[float, float]:
+    """Lowest and highest value, and a little more: beyond, the filter's stiffnesses are held."""
+    low, high = float(np.nanmin(visited)), float(np.nanmax(visited))
+    margin = 0.05 * (high - low)
+    return low - margin, high + margin
 
 
 def _ends(visited: Array) -> Array:
