@@ -35,7 +35,12 @@ else
 fi
 
 [ -d .venv ] || echo "Setting up .venv and building the C core, about a minute ..." >&2
+# The install knows the modules that there were: one that came or moved since would not be found.
+modules=$(find src/ambkit -name '*.py' | LC_ALL=C sort | cksum)
+again=
+[ "$modules" = "$(cat .venv/modules 2>/dev/null)" ] || again=--reinstall-package=ambkit
 # --inexact keeps what other commands (docs, benchmarks) installed beside it.
-"$UV" sync --locked --inexact --quiet --no-progress --python "$PYTHON" --no-python-downloads ||
+"$UV" sync --locked --inexact --quiet --no-progress --python "$PYTHON" --no-python-downloads $again ||
   stop "the set-up did not succeed, see above"
+echo "$modules" >.venv/modules
 export PATH="$PWD/.venv/bin:$PATH"
