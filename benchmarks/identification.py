@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit import Bearing, Record
-from ambkit.identification.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood import MaximumLikelihood, maximum_likelihood
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 
 Array = NDArray[np.float64]
 

@@ -16,13 +16,12 @@ from scipy.signal import lfilter, savgol_filter
 
 import ambkit
 from ambkit import plots
-from ambkit.identification import figures
-from ambkit.identification.lift_off import find_lift_off
-from ambkit.identification.lift_off_fit import fit_lift_off
-from ambkit.identification.loop_model import LoopModel, delayed
-from ambkit.identification.maximum_likelihood import maximum_likelihood
+from ambkit.identification.forces.lift_off import find_lift_off
+from ambkit.identification.forces.lift_off_fit import fit_lift_off
+from ambkit.identification.maximum_likelihood import figures, maximum_likelihood
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel, delayed
+from ambkit.identification.maximum_likelihood.validation import validate
 from ambkit.identification.noise import measurement_noise
-from ambkit.identification.validation import validate
 from ambkit.report.figure import Figure, Panel
 from ambkit.report.items import Axis, Bars, Line, Rule
 

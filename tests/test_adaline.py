@@ -9,7 +9,7 @@ import pytest
 
 import ambkit
 from ambkit import Adaline, Bearing, Record, Scenario
-from ambkit.identification.adaline import AdalineResult
+from ambkit.identification.online.adaline import AdalineResult
 
 BEARING = Bearing.preset("zittau_axial")
 K = BEARING.magnet.magnet_constant

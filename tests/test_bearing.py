@@ -21,8 +21,8 @@ from ambkit.bearing import (
     magnet_constant,
 )
 from ambkit.errors import AmbkitError, ConfigError
-from ambkit.identification.lift_off import load_points
-from ambkit.identification.lift_off_fit import fit_lift_off
+from ambkit.identification.forces.lift_off import load_points
+from ambkit.identification.forces.lift_off_fit import fit_lift_off
 
 SIX_MISTAKES = """\
 name = "mine"

@@ -20,7 +20,7 @@ import ambkit
 from ambkit import recordings
 from ambkit.bearing import GRAVITY
 from ambkit.cli import main
-from ambkit.identification.lift_off import load_points
+from ambkit.identification.forces.lift_off import load_points
 from ambkit.reading.guess import guess
 
 COMMANDS = (

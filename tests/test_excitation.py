@@ -18,8 +18,8 @@ from ambkit.cli import main
 from ambkit.errors import AmbkitError
 from ambkit.excitation import Design, Limits, design
 from ambkit.excitation.signals import KINDS, multisine, prbs, stepped_sine
-from ambkit.identification.likelihood import Likelihood, settling_time
-from ambkit.identification.parameters import Coordinates, named
+from ambkit.identification.maximum_likelihood.likelihood import Likelihood, settling_time
+from ambkit.identification.maximum_likelihood.parameters import Coordinates, named
 from ambkit.scenario import PID
 
 BEARING = Bearing.preset("zittau_axial")

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from ambkit import AmbkitError, Bearing, ClosedLaw, train
 from ambkit.fuzzy.choice import measured_map
-from ambkit.identification.force_points import ForcePoints
-from ambkit.identification.force_surface import MOST, ForceSurface
+from ambkit.identification.forces.points import ForcePoints
+from ambkit.identification.forces.surface import MOST, ForceSurface
 
 BEARING = Bearing.preset("zittau_axial")
 LAW = ClosedLaw(BEARING).force

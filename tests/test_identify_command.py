@@ -8,11 +8,11 @@ import pytest
 
 import ambkit
 from ambkit.cli import main
-from ambkit.identification.figures import estimates_figure
-from ambkit.identification.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood import maximum_likelihood
-from ambkit.identification.parameters import named
-from ambkit.identification.validation import cross_correlation, validate
+from ambkit.identification.maximum_likelihood.figures import estimates_figure
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+from ambkit.identification.maximum_likelihood.parameters import named
+from ambkit.identification.maximum_likelihood.validation import cross_correlation, validate
 from ambkit.report.items import Rule
 from benchmarks.identification import TRUTH, closed_loops
 
@@ -175,7 +175,7 @@ def test_prediction_is_that_of_the_plain_filter_with_single_steps(record):
         b.replace(sensor__lag=lag), noise=ambkit.FilterNoise(disturbance=model.load_growth),
         outlier_limit=0,
     )  # fmt: skip
-    from ambkit.identification.loop_model import delayed
+    from ambkit.identification.maximum_likelihood.loop_model import delayed
 
     u = delayed(record["u"], delay / b.sampling_time)
     shifted = ambkit.Record(record.t, {"y": record["y"], "u": u})

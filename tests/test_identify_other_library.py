@@ -8,8 +8,8 @@ import pytest
 from scipy.optimize import minimize
 
 from ambkit import ClosedLaw, ConstantStiffness
-from ambkit.identification.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood import maximum_likelihood
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from benchmarks.identification import START, TRUTH, closed_loops
 
 

@@ -9,10 +9,10 @@ from scipy.stats import chi2
 import ambkit
 from ambkit import Bearing, Record, Scenario
 from ambkit.errors import AmbkitError
-from ambkit.identification.information import expect
-from ambkit.identification.likelihood import Likelihood
-from ambkit.identification.loop_model import LoopModel
-from ambkit.identification.parameters import Coordinates, named
+from ambkit.identification.maximum_likelihood.information import expect
+from ambkit.identification.maximum_likelihood.likelihood import Likelihood
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+from ambkit.identification.maximum_likelihood.parameters import Coordinates, named
 
 BEARING = Bearing.preset("zittau_axial")
 CALM = LoopModel(BEARING, load_growth=1e-4)

@@ -14,8 +14,8 @@ from ambkit import recordings
 from ambkit.bearing import GRAVITY
 from ambkit.channelmap import ChannelMap
 from ambkit.errors import AmbkitError, RecordError
-from ambkit.identification.lift_off import LiftOff, find_lift_off, load_points, save_points
-from ambkit.identification.lift_off_fit import fit_lift_off
+from ambkit.identification.forces.lift_off import LiftOff, find_lift_off, load_points, save_points
+from ambkit.identification.forces.lift_off_fit import fit_lift_off
 from ambkit.identification.noise import measurement_noise
 from ambkit.record import Record
 

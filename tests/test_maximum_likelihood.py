@@ -14,12 +14,17 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize_scalar
 
 from ambkit import AmbkitError, Bearing, Record, Scenario, Sine, recordings, simulate
-from ambkit.identification.likelihood import Likelihood
-from ambkit.identification.loop_model import LoopModel, delayed, lagged, limited
 from ambkit.identification.maximum_likelihood import maximum_likelihood
-from ambkit.identification.parameters import PARAMETERS, USUAL, Coordinates, named
-from ambkit.identification.restricted import restricted
-from ambkit.identification.search import climb, hold, ran_away
+from ambkit.identification.maximum_likelihood.likelihood import Likelihood
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel, delayed, lagged, limited
+from ambkit.identification.maximum_likelihood.parameters import (
+    PARAMETERS,
+    USUAL,
+    Coordinates,
+    named,
+)
+from ambkit.identification.maximum_likelihood.restricted import restricted
+from ambkit.identification.maximum_likelihood.search import climb, hold, ran_away
 from ambkit.units import engineering
 from benchmarks.identification import START, TRUTH, closed_loops, judged
 

@@ -16,10 +16,10 @@ import ambkit
 from ambkit import Bearing, Constant, Record, Scenario, Sine, Step
 from ambkit.cli import main
 from ambkit.errors import AmbkitError
-from ambkit.identification.extended_k import ExtendedKIdentifier, ExtendedKResult
-from ambkit.identification.online import OnlineResult, mean_error
-from ambkit.identification.online_figure import online_figure
-from ambkit.identification.side_by_side import SideBySide, learn_online
+from ambkit.identification.online.extended_k import ExtendedKIdentifier, ExtendedKResult
+from ambkit.identification.online.figure import online_figure
+from ambkit.identification.online.result import OnlineResult, mean_error
+from ambkit.identification.online.side_by_side import SideBySide, learn_online
 from ambkit.report.items import Band, Line, Rule, Span
 from ambkit.simulation import Imposed
 

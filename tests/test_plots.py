@@ -8,8 +8,8 @@ import pytest
 import ambkit
 from ambkit import plots, recordings
 from ambkit.comparison import compare
-from ambkit.identification.lift_off import load_points
-from ambkit.identification.lift_off_fit import fit_lift_off
+from ambkit.identification.forces.lift_off import load_points
+from ambkit.identification.forces.lift_off_fit import fit_lift_off
 from ambkit.judgement import judge
 from ambkit.report import style
 from ambkit.report.items import Bars, Heatmap, Line, Note, Points

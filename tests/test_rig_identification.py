@@ -6,9 +6,9 @@ import pytest
 
 import ambkit
 from ambkit import recordings
-from ambkit.identification.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood import maximum_likelihood
-from ambkit.identification.validation import validate
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+from ambkit.identification.maximum_likelihood.validation import validate
 
 RIG = Path(__file__).parents[2] / "shared" / "data" / "inteco" / "closed_loop"
 FREE = ("measurement_noise", "control_noise", "load_growth", "current_offset")

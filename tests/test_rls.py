@@ -17,7 +17,7 @@ import ambkit
 from ambkit import Adaline, Bearing, Record, Scenario
 from ambkit.cli import main
 from ambkit.errors import AmbkitError
-from ambkit.identification.rls import RecursiveLeastSquares
+from ambkit.identification.online.rls import RecursiveLeastSquares
 from ambkit.magnets import core_module
 
 Array = NDArray[np.float64]

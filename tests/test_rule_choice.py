@@ -10,8 +10,8 @@ from ambkit import AmbkitError, Bearing, ClosedLaw
 from ambkit.cli import app
 from ambkit.fuzzy.choice import Candidate, RuleChoice, choose_rules, measured_map
 from ambkit.fuzzy.training import train
-from ambkit.identification.force_points import ForcePoints
-from ambkit.identification.force_surface import ForceSurface
+from ambkit.identification.forces.points import ForcePoints
+from ambkit.identification.forces.surface import ForceSurface
 
 BEARING = Bearing.preset("zittau_axial")
 FEW = ((2, 2), (3, 3), (4, 4))

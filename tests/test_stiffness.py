@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from ambkit import _core, _core_f32
 from ambkit.bearing import Bearing
 from ambkit.errors import AmbkitError
-from ambkit.identification.force_table import ForceTable
+from ambkit.identification.forces.table import ForceTable
 from ambkit.identification.stiffness import StiffnessMap, local_stiffness, stiffness_map
 from ambkit.magnets import ClosedLaw, ConstantStiffness
 

@@ -11,7 +11,7 @@ from ambkit.errors import AmbkitError
 from ambkit.fuzzy import Expert
 from ambkit.fuzzy.lesson import Lesson
 from ambkit.fuzzy.training import LeastSquares, train
-from ambkit.identification.force_table import ForceTable
+from ambkit.identification.forces.table import ForceTable
 from ambkit.identification.stiffness import StiffnessMap, stiffness_map
 
 ZITTAU = Bearing.preset("zittau_axial")

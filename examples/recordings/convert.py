@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ambkit.channelmap import ChannelMap
-from ambkit.identification.lift_off import find_lift_off, save_points
+from ambkit.identification.forces.lift_off import find_lift_off, save_points
 from ambkit.record import Record
 
 HERE = Path(__file__).parent

@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from ambkit.fuzzy import Expert as Expert
     from ambkit.fuzzy.training import train as train
     from ambkit.identification import identify as identify
-    from ambkit.identification.adaline import Adaline as Adaline
-    from ambkit.identification.rls import RecursiveLeastSquares as RecursiveLeastSquares
+    from ambkit.identification.online.adaline import Adaline as Adaline
+    from ambkit.identification.online.rls import RecursiveLeastSquares as RecursiveLeastSquares
     from ambkit.identification.stiffness import StiffnessMap as StiffnessMap
     from ambkit.identification.stiffness import stiffness_map as stiffness_map
     from ambkit.magnets import ClosedLaw as ClosedLaw
@@ -71,8 +71,8 @@ _HOME = {
     ],
     "fuzzy": ["Expert"],
     "identification": ["identify"],
-    "identification.adaline": ["Adaline"],
-    "identification.rls": ["RecursiveLeastSquares"],
+    "identification.online.adaline": ["Adaline"],
+    "identification.online.rls": ["RecursiveLeastSquares"],
     "identification.stiffness": ["StiffnessMap", "stiffness_map"],
     "magnets": ["ClosedLaw", "ConstantStiffness"],
     "record": ["Record"],

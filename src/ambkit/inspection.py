@@ -167,7 +167,8 @@ def _describe_expert(path: Path) -> _Described:
 
 def _kind_of_table(path: Path, bearing: Bearing | None) -> tuple[str, Callable[[Path], _Described]]:
     from ambkit.files.tables import read_table
-    from ambkit.identification import force_file, lift_off
+    from ambkit.identification.forces import file as force_file
+    from ambkit.identification.forces import lift_off
 
     columns = set(read_table(path).columns)
     if "t" not in columns and columns >= set(lift_off.COLUMNS):
@@ -178,7 +179,7 @@ def _kind_of_table(path: Path, bearing: Bearing | None) -> tuple[str, Callable[[
 
 
 def _describe_points(path: Path) -> _Described:
-    from ambkit.identification.lift_off import load_points
+    from ambkit.identification.forces.lift_off import load_points
 
     points = load_points(path)
     usable = sum(not p.problem for p in points)
@@ -186,7 +187,7 @@ def _describe_points(path: Path) -> _Described:
 
 
 def _describe_force(path: Path) -> _Described:
-    from ambkit.identification.force_file import load_force_points
+    from ambkit.identification.forces.file import load_force_points
     from ambkit.units import engineering
 
     points = load_force_points(path)

@@ -104,7 +104,7 @@ def excite(
     from ambkit.commands.family import scenario_of
     from ambkit.excitation import Limits, design
     from ambkit.excitation.figure import excitation_figure
-    from ambkit.identification.parameters import USUAL
+    from ambkit.identification.maximum_likelihood.parameters import USUAL
     from ambkit.magnets import ConstantStiffness
     from ambkit.plots import save_figure
 

@@ -244,8 +244,8 @@ def _from_lift_off(
     from ambkit import plots
     from ambkit.commands import output
     from ambkit.commands.output import value
-    from ambkit.identification.lift_off import load_points
-    from ambkit.identification.lift_off_fit import fit_lift_off
+    from ambkit.identification.forces.lift_off import load_points
+    from ambkit.identification.forces.lift_off_fit import fit_lift_off
 
     if known.magnet.type != "one-sided":
         raise AmbkitError(

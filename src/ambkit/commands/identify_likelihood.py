@@ -15,9 +15,9 @@ from ambkit.errors import AmbkitError
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
-    from ambkit.identification.force_map import ForceMap
-    from ambkit.identification.maximum_likelihood import MaximumLikelihood
-    from ambkit.identification.validation import Validation
+    from ambkit.identification.forces.map import ForceMap
+    from ambkit.identification.maximum_likelihood.estimate import MaximumLikelihood
+    from ambkit.identification.maximum_likelihood.validation import Validation
     from ambkit.record import Record
 
 
@@ -45,13 +45,13 @@ def by_likelihood(asked: Asked, known: Bearing) -> None:
     """Identify, validate, and deliver."""
     import math
 
-    from ambkit.identification.figures import identified_figure
-    from ambkit.identification.force_map import force_map
-    from ambkit.identification.loop_model import LoopModel
-    from ambkit.identification.maximum_likelihood import maximum_likelihood
-    from ambkit.identification.parameters import named, usual
-    from ambkit.identification.report import annotated_toml, write_identification
-    from ambkit.identification.validation import validate
+    from ambkit.identification.forces.map import force_map
+    from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
+    from ambkit.identification.maximum_likelihood.figures import identified_figure
+    from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+    from ambkit.identification.maximum_likelihood.parameters import named, usual
+    from ambkit.identification.maximum_likelihood.report import annotated_toml, write_identification
+    from ambkit.identification.maximum_likelihood.validation import validate
 
     rest = {} if asked.rest is None else _at_rest(asked.rest, asked.channel_map)
     if "variance" in rest.get("y", {}):

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from ambkit.bearing import Bearing
-    from ambkit.identification.side_by_side import SideBySide
+    from ambkit.identification.online.side_by_side import SideBySide
     from ambkit.record import Record
 
 CONSTANT = "N m^2/A^2"
@@ -37,9 +37,9 @@ def learn_online(
     """Learn the magnet constant in all ways, and take that of one method for the result."""
     from ambkit import plots
     from ambkit.commands import output
-    from ambkit.identification import side_by_side
-    from ambkit.identification.magnet_constant import ONLINE, identified
-    from ambkit.identification.online_figure import online_figure
+    from ambkit.identification.online import side_by_side
+    from ambkit.identification.online.figure import online_figure
+    from ambkit.identification.online.magnet_constant import ONLINE, identified
 
     if method == ALL and out is not None:
         raise AmbkitError(f"--out writes what one method found: --method {', '.join(ONLINE)}")
@@ -66,8 +66,8 @@ def learn_online(
 
 def _table(learned: SideBySide) -> Any:
     from ambkit.commands.output import table, value
-    from ambkit.identification.online import CONFIDENCE
-    from ambkit.identification.side_by_side import NAMES, figures
+    from ambkit.identification.online.result import CONFIDENCE
+    from ambkit.identification.online.side_by_side import NAMES, figures
 
     told = [figures(result) for result in learned.results.values()]
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ambkit.bearing import Bearing
     from ambkit.fuzzy import Expert
     from ambkit.fuzzy.choice import RuleChoice, Shape
-    from ambkit.identification.force_surface import ForceSurface
+    from ambkit.identification.forces.surface import ForceSurface
     from ambkit.identification.stiffness import StiffnessMap
     from ambkit.report.figure import Figure
 
@@ -36,8 +36,8 @@ class Measured:
     @classmethod
     def load(cls, path: Path, bearing: Bearing, law_error: float | None) -> Measured:
         """Read the points, and find the force."""
-        from ambkit.identification.force_file import load_force_points
-        from ambkit.identification.force_surface import ForceSurface
+        from ambkit.identification.forces.file import load_force_points
+        from ambkit.identification.forces.surface import ForceSurface
         from ambkit.units import engineering
 
         points = load_force_points(path)

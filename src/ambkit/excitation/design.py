@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from ambkit.bearing import GRAVITY
 from ambkit.errors import AmbkitError
 from ambkit.excitation.signals import KINDS, Band, Excitation
-from ambkit.identification.information import Expectation, expect
-from ambkit.identification.loop_model import LoopModel
-from ambkit.identification.parameters import USUAL
+from ambkit.identification.maximum_likelihood.information import Expectation, expect
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+from ambkit.identification.maximum_likelihood.parameters import USUAL
 from ambkit.magnets import ConstantStiffness
 from ambkit.record import Record
 from ambkit.simulation import simulate
@@ -187,7 +187,7 @@ def design(
     kind : {"multisine", "prbs", "stepped-sine"}
         The signal.
     free : sequence of str
-        Names of `ambkit.identification.parameters.PARAMETERS`.
+        Names of `ambkit.identification.maximum_likelihood.parameters.PARAMETERS`.
     limits : Limits, optional
         By default `Limits.of` the bearing.
     band : tuple of float, optional

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from ambkit._core import MAX_RULES
 from ambkit.errors import AmbkitError
 from ambkit.fuzzy.training import train
-from ambkit.identification.force_points import ForcePoints
-from ambkit.identification.force_surface import ForceSurface
+from ambkit.identification.forces.points import ForcePoints
+from ambkit.identification.forces.surface import ForceSurface
 from ambkit.identification.stiffness import ForceFunction, StiffnessMap, stiffness_map
 
 if TYPE_CHECKING:
@@ -146,7 +146,7 @@ def choose_rules(
     candidates : sequence of (int, int), optional
         Rules along current and displacement. Default: `CANDIDATES`, as far as the points allow.
     law_error : float, optional
-        See :class:`ambkit.identification.force_surface.ForceSurface`.
+        See :class:`ambkit.identification.forces.surface.ForceSurface`.
     threads : int, optional
         Trainings side by side. Default: a thread for each processor. The result does not depend
         on it.

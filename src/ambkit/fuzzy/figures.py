@@ -12,7 +12,7 @@ from ambkit.report.items import Axis, Heatmap, Item, Note, Points, Rule
 
 if TYPE_CHECKING:
     from ambkit.fuzzy.choice import RuleChoice
-    from ambkit.identification.force_surface import ForceSurface
+    from ambkit.identification.forces.surface import ForceSurface
     from ambkit.identification.stiffness import StiffnessMap
 
 MOST_SHOWN = 400

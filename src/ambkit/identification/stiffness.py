@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.errors import AmbkitError
-from ambkit.identification.force_table import check_nodes
+from ambkit.identification.forces.table import check_nodes
 from ambkit.magnets import ClosedLaw, equally_far
 
 if TYPE_CHECKING:

@@ -12,13 +12,13 @@ from ambkit.report.items import Axis, Line, Points, Rule
 
 if TYPE_CHECKING:
     from ambkit.identification import Identification
-    from ambkit.identification.lift_off_fit import LiftOffFit
+    from ambkit.identification.forces.lift_off_fit import LiftOffFit
 
 
 def identification_figure(found: Identification, start: float) -> Figure:
     """Show how the magnet constant was learned along a record, from `start` [N m^2/A^2].
 
-    :func:`~ambkit.identification.online_figure.online_figure` shows several learners.
+    :func:`~ambkit.identification.online.figure.online_figure` shows several learners.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def identification_figure(found: Identification, start: float) -> Figure:
     start : float
         Where learning began [N m^2/A^2].
     """
-    from ambkit.identification.adaline import AdalineResult
+    from ambkit.identification.online.adaline import AdalineResult
 
     history = found.history
     panels = [

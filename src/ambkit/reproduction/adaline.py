@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.identification.adaline import Adaline, AdalineResult
+from ambkit.identification.online.adaline import Adaline, AdalineResult
 from ambkit.report.blocks import Chapter, Equation, FigureBlock, Text
 from ambkit.report.figure import Figure, Panel
 from ambkit.report.items import Axis, Line, Rule

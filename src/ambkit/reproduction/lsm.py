@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit import paper
-from ambkit.identification.force_table import ForceTable
-from ambkit.identification.magnet_constant import identify
+from ambkit.identification.forces.table import ForceTable
+from ambkit.identification.online.magnet_constant import identify
 from ambkit.identification.stiffness import stiffness_map
 from ambkit.report.blocks import Chapter, Equation, FigureBlock, TableBlock, Text
 from ambkit.report.figure import Figure, Panel

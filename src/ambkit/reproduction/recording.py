@@ -12,8 +12,8 @@ from ambkit.bearing import GRAVITY, Bearing
 from ambkit.estimators import FilterNoise, KalmanFilter
 from ambkit.fuzzy import Expert
 from ambkit.fuzzy.training import train
-from ambkit.identification.lift_off import LiftOff, load_points
-from ambkit.identification.lift_off_fit import LiftOffFit, fit_lift_off
+from ambkit.identification.forces.lift_off import LiftOff, load_points
+from ambkit.identification.forces.lift_off_fit import LiftOffFit, fit_lift_off
 from ambkit.identification.stiffness import stiffness_map
 from ambkit.judgement import Judgement, judge
 from ambkit.magnets import ClosedLaw, ConstantStiffness, StiffnessSource

@@ -17,10 +17,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambkit.errors import AmbkitError, RecordError
 from ambkit.estimators import check_sampling
-from ambkit.identification.information import doubtful
-from ambkit.identification.likelihood import Likelihood, settling_time
-from ambkit.identification.loop_model import LoopModel
-from ambkit.identification.parameters import (
+from ambkit.identification.maximum_likelihood.information import doubtful
+from ambkit.identification.maximum_likelihood.likelihood import Likelihood, settling_time
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+from ambkit.identification.maximum_likelihood.parameters import (
     ALIKE,
     NOISES,
     USUAL,
@@ -29,9 +29,9 @@ from ambkit.identification.parameters import (
     named,
     without_mass,
 )
-from ambkit.identification.restricted import restricted
-from ambkit.identification.search import WALL, climb, hold, ran_away
-from ambkit.identification.start import best_start
+from ambkit.identification.maximum_likelihood.restricted import restricted
+from ambkit.identification.maximum_likelihood.search import WALL, climb, hold, ran_away
+from ambkit.identification.maximum_likelihood.start import best_start
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
@@ -239,7 +239,7 @@ def maximum_likelihood(
         What is known; what is not free stays as it is. From one experiment comes the ratio k/m:
         give one of the two.
     free : sequence of str
-        Names of `ambkit.identification.parameters.PARAMETERS`.
+        Names of `ambkit.identification.maximum_likelihood.parameters.PARAMETERS`.
     settling : float, optional
         Time at the start of each record that does not count [s]; by default the plant's own time,
         ``sqrt(m/k_s)``.

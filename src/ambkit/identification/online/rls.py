@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ambkit.identification.adaline import AdalineResult, OnlineIdentifier, first_element
+from ambkit.identification.online.adaline import AdalineResult, OnlineIdentifier, first_element
 from ambkit.magnets import core_module
 
 if TYPE_CHECKING:

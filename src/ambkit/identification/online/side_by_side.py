@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ambkit.identification.adaline import AdalineResult
-from ambkit.identification.extended_k import ExtendedKResult
-from ambkit.identification.magnet_constant import ONLINE
-from ambkit.identification.online import CONFIDENCE, OnlineResult, last_quarter
-from ambkit.identification.rls import LeastSquaresResult
+from ambkit.identification.online.adaline import AdalineResult
+from ambkit.identification.online.extended_k import ExtendedKResult
+from ambkit.identification.online.magnet_constant import ONLINE
+from ambkit.identification.online.result import CONFIDENCE, OnlineResult, last_quarter
+from ambkit.identification.online.rls import LeastSquaresResult
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing

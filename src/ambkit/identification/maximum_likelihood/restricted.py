@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.identification.likelihood import Likelihood, Local
-from ambkit.identification.loop_model import LoopModel
-from ambkit.identification.parameters import NOISES, Coordinates, Parameter
+from ambkit.identification.maximum_likelihood.likelihood import Likelihood, Local
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+from ambkit.identification.maximum_likelihood.parameters import NOISES, Coordinates, Parameter
 
 if TYPE_CHECKING:
     from ambkit.record import Record

@@ -14,7 +14,7 @@ from ambkit.errors import AmbkitError
 from ambkit.units import engineering
 
 if TYPE_CHECKING:
-    from ambkit.identification.loop_model import LoopModel
+    from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 
 Array = NDArray[np.float64]
 

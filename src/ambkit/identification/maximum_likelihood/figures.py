@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ambkit.identification.parameters import NOISES
+from ambkit.identification.maximum_likelihood.parameters import NOISES
 from ambkit.report.figure import Figure, Panel
 from ambkit.report.items import Axis, Cells, Intervals, Item, Line, Points, Rule
 from ambkit.units import engineering, typeset
 
 if TYPE_CHECKING:
-    from ambkit.identification.loop_model import LoopModel
-    from ambkit.identification.maximum_likelihood import MaximumLikelihood
-    from ambkit.identification.validation import Validation
+    from ambkit.identification.maximum_likelihood.estimate import MaximumLikelihood
+    from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+    from ambkit.identification.maximum_likelihood.validation import Validation
     from ambkit.record import Record
 
 SERIES = ("series 1", "series 2", "series 3", "series 4")

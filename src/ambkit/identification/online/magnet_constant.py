@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from ambkit.errors import AmbkitError
-from ambkit.identification.adaline import Adaline, AdalineResult
-from ambkit.identification.extended_k import ExtendedKIdentifier
-from ambkit.identification.online import OnlineResult
-from ambkit.identification.rls import RecursiveLeastSquares
+from ambkit.identification.online.adaline import Adaline, AdalineResult
+from ambkit.identification.online.extended_k import ExtendedKIdentifier
+from ambkit.identification.online.result import OnlineResult
+from ambkit.identification.online.rls import RecursiveLeastSquares
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
@@ -31,9 +31,9 @@ class Identification:
         Mean and standard deviation of k over the last quarter of the record [N m^2/A^2]; of
         ``extended-k`` the k at its end.
     history : OnlineResult
-        How k was learned: an :class:`~ambkit.identification.adaline.AdalineResult`, a
-        :class:`~ambkit.identification.rls.LeastSquaresResult`, or an
-        :class:`~ambkit.identification.extended_k.ExtendedKResult`.
+        How k was learned: an :class:`~ambkit.identification.online.adaline.AdalineResult`, a
+        :class:`~ambkit.identification.online.rls.LeastSquaresResult`, or an
+        :class:`~ambkit.identification.online.extended_k.ExtendedKResult`.
     """
 
     bearing: Bearing
@@ -65,7 +65,7 @@ def identify(
     What can be told from one record is the ratio of k to the mass: a mass that is 10 % wrong moves
     k by as much. A constant load that is not known moves ADALINE's k by its share of the force,
     and does nothing to that of least squares and of the Kalman filter, which need motion in return.
-    :func:`~ambkit.identification.side_by_side.learn_online` runs all beside each other.
+    :func:`~ambkit.identification.online.side_by_side.learn_online` runs all beside each other.
 
     Parameters
     ----------

@@ -7,7 +7,7 @@ import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from ambkit.identification import figures
+from ambkit.identification.maximum_likelihood import figures
 from ambkit.identification.stiffness import work_points
 from ambkit.report.blocks import (
     Block,
@@ -21,8 +21,8 @@ from ambkit.report.blocks import (
 from ambkit.units import engineering, typeset
 
 if TYPE_CHECKING:
-    from ambkit.identification.maximum_likelihood import MaximumLikelihood
-    from ambkit.identification.validation import Validation
+    from ambkit.identification.maximum_likelihood.estimate import MaximumLikelihood
+    from ambkit.identification.maximum_likelihood.validation import Validation
     from ambkit.record import Record
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.errors import AmbkitError
-from ambkit.identification.force_points import ForcePoints
+from ambkit.identification.forces.points import ForcePoints
 from ambkit.magnets import ClosedLaw
 
 if TYPE_CHECKING:

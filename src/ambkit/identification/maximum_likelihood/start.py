@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.errors import AmbkitError
-from ambkit.identification.adaline import Adaline
-from ambkit.identification.likelihood import Likelihood
-from ambkit.identification.loop_model import LoopModel, delayed
-from ambkit.identification.parameters import Coordinates, Parameter
+from ambkit.identification.maximum_likelihood.likelihood import Likelihood
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel, delayed
+from ambkit.identification.maximum_likelihood.parameters import Coordinates, Parameter
+from ambkit.identification.online.adaline import Adaline
 from ambkit.magnets import ConstantStiffness
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.errors import AmbkitError, ConfigError
-from ambkit.identification.parameters import Coordinates
+from ambkit.identification.maximum_likelihood.parameters import Coordinates
 from ambkit.record import Record
 
 if TYPE_CHECKING:

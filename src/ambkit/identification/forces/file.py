@@ -6,7 +6,7 @@ import os
 
 from ambkit.errors import AmbkitError, RecordError
 from ambkit.files.tables import read_table
-from ambkit.identification.force_points import ForcePoints
+from ambkit.identification.forces.points import ForcePoints
 
 COLUMNS = ("iu", "x", "f_mag")
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.identification.adaline import AdalineResult
-from ambkit.identification.extended_k import ExtendedKResult
-from ambkit.identification.online import CONFIDENCE, OnlineResult
-from ambkit.identification.side_by_side import NAMES, SideBySide
+from ambkit.identification.online.adaline import AdalineResult
+from ambkit.identification.online.extended_k import ExtendedKResult
+from ambkit.identification.online.result import CONFIDENCE, OnlineResult
+from ambkit.identification.online.side_by_side import NAMES, SideBySide
 from ambkit.report.figure import Figure, Panel
 from ambkit.report.items import Axis, Band, Item, Line, Points, Rule, Span
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ambkit.bearing import GRAVITY
 from ambkit.errors import RecordError
-from ambkit.identification.lift_off import LiftOff
+from ambkit.identification.forces.lift_off import LiftOff
 
 Array = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ambkit.errors import ConfigError
-from ambkit.identification.likelihood import STEP, Likelihood, Local
-from ambkit.identification.loop_model import LoopModel
-from ambkit.identification.parameters import Coordinates, Parameter
+from ambkit.identification.maximum_likelihood.likelihood import STEP, Likelihood, Local
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+from ambkit.identification.maximum_likelihood.parameters import Coordinates, Parameter
 from ambkit.units import engineering
 
 if TYPE_CHECKING:

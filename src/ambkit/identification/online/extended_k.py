@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambkit.estimate import Estimate, Status
 from ambkit.estimators.magnet_scale import FiveStateKalmanFilter
-from ambkit.identification.online import CONFIDENCE, OnlineResult
+from ambkit.identification.online.result import CONFIDENCE, OnlineResult
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing

@@ -14,7 +14,7 @@ from ambkit.comparison import Whiteness, whiteness
 from ambkit.errors import RecordError
 
 if TYPE_CHECKING:
-    from ambkit.identification.loop_model import LoopModel
+    from ambkit.identification.maximum_likelihood.loop_model import LoopModel
     from ambkit.record import Record
 
 Array = NDArray[np.float64]

@@ -20,15 +20,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.errors import AmbkitError
-from ambkit.identification.force_points import ForcePoints
-from ambkit.identification.force_surface import REACH, smooth
-from ambkit.identification.force_table import check_nodes
+from ambkit.identification.forces.points import ForcePoints
+from ambkit.identification.forces.surface import REACH, smooth
+from ambkit.identification.forces.table import check_nodes
 from ambkit.magnets import ClosedLaw, equally_far
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
     from ambkit.bearing import Bearing
-    from ambkit.identification.loop_model import LoopModel
+    from ambkit.identification.maximum_likelihood.loop_model import LoopModel
     from ambkit.record import Record
 
 Array = NDArray[np.float64]

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.identification.likelihood import Likelihood, settling_time
-from ambkit.identification.loop_model import LoopModel
-from ambkit.identification.parameters import (
+from ambkit.identification.maximum_likelihood.likelihood import Likelihood, settling_time
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+from ambkit.identification.maximum_likelihood.parameters import (
     ALIKE,
     Coordinates,
     Parameter,
@@ -104,7 +104,7 @@ def expect(
     model : LoopModel
         What made it.
     free : sequence of str
-        Names of `ambkit.identification.parameters.PARAMETERS`.
+        Names of `ambkit.identification.maximum_likelihood.parameters.PARAMETERS`.
     settling : float, optional
         Time at the start that does not count [s]; by default as for `maximum_likelihood`.
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ambkit.identification.online import OnlineResult, last_quarter, mean_error
+from ambkit.identification.online.result import OnlineResult, last_quarter, mean_error
 from ambkit.magnets import core_module
 
 if TYPE_CHECKING:

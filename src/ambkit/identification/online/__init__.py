@@ -1,0 +1,1 @@
+"""The magnet constant, learned sample by sample as a controller would."""
