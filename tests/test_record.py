@@ -5,7 +5,7 @@ import os
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from ambkit.errors import AmbkitError, RecordError
@@ -45,6 +45,7 @@ def load(tmp_path):
     text=st.text(max_size=20),
     seed=st.integers(),
 )
+@example(samples=[(0.0, 0.0), (0.0, 0.0), (-1.7e308, 1.7976931348623157e308)], text="", seed=0)
 def test_files_give_back_every_bit(tmp_path_factory, ending, samples, text, seed):
     y, k = np.array(samples).T
     meta = {"bearing": text, "seed": seed, "scenario": {"duration": 0.1, "list": [1, None, True]}}
