@@ -88,6 +88,10 @@ def test_json_has_all_figures_in_si(call, made):
     low, high = k["interval_95"]
     assert low < k["value"] == found["magnet_constant"] < high
     assert found["correlation"][0][0] == pytest.approx(1)
+    both = [ambkit.Record.load(made / name) for name in ("a.csv", "b.csv")]
+    start = ambkit.Bearing.load(made / "start.toml")
+    mean = np.mean([record["u"] for record in both]) * start.amplifier.gain
+    assert found["stiffness"]["current"] == pytest.approx(mean)  # no offset, no delay is free
     points = found["work_points"]
     k_i, error = np.array(points["k_i"]["value"]), np.array(points["k_i"]["standard_error"])
     assert k_i.shape == error.shape == (len(points["displacement"]), len(points["current"]))

@@ -89,7 +89,7 @@ def by_likelihood(asked: Asked, known: Bearing) -> None:
     data = found.to_dict() | {
         "bearing": known.name,
         "magnet_constant": found["magnet_constant"],
-        "stiffness": _stiffness(found),
+        "stiffness": _stiffness(found, records),
         "work_points": _work_points(found),
         "rest": rest,
         "validated_on_other_records": bool(others),
@@ -97,7 +97,7 @@ def by_likelihood(asked: Asked, known: Bearing) -> None:
     }
     from ambkit import files, plots
 
-    shown = [*_rest_table(rest), *_tables(found, checks, bool(others))]
+    shown = [*_rest_table(rest), *_tables(found, data["stiffness"], checks, bool(others))]
     if mapped is not None:
         data["force_map"] = {
             "nodes": mapped.force.shape[::-1],
@@ -176,10 +176,13 @@ def _load(path: Path, asked: Asked) -> Record:
     return record.between(asked.begin, asked.end)
 
 
-def _stiffness(found: MaximumLikelihood) -> dict[str, dict[str, float]]:
-    """Stiffnesses where the rotor hovers at x = 0."""
-    at = found.stiffness(found.bearing.hover_current, 0.0)
-    return {name: {"value": v, "standard_error": e} for name, (v, e) in at.items()}
+def _stiffness(found: MaximumLikelihood, records: Sequence[Record]) -> dict[str, Any]:
+    """Stiffnesses about the mean of the records, where they tell most."""
+    iu, x = found.model.mean_point(records)
+    at = found.stiffness(iu, x)
+    return {"current": iu, "displacement": x} | {
+        name: {"value": v, "standard_error": e} for name, (v, e) in at.items()
+    }
 
 
 def _work_points(found: MaximumLikelihood) -> dict[str, Any]:
@@ -193,7 +196,12 @@ def _work_points(found: MaximumLikelihood) -> dict[str, Any]:
     }
 
 
-def _tables(found: MaximumLikelihood, checks: Sequence[Validation], others: bool) -> list[Any]:
+def _tables(
+    found: MaximumLikelihood,
+    stiffness: dict[str, Any],
+    checks: Sequence[Validation],
+    others: bool,
+) -> list[Any]:
     rows = []
     for p in found.parameters:
         low, high = found.interval(p.name)
@@ -206,10 +214,11 @@ def _tables(found: MaximumLikelihood, checks: Sequence[Validation], others: bool
                 f"{value(low, p.unit)} to {value(high, p.unit)}",
             ]
         )
-    for name, at in _stiffness(found).items():
-        unit = {"k_i": "N/A", "k_s": "N/m"}[name]
+    where = f"{value(stiffness['current'], 'A', 2)}, {value(stiffness['displacement'], 'm', 2)}"
+    for name, unit in (("k_i", "N/A"), ("k_s", "N/m")):
+        at = stiffness[name]
         error = value(at["standard_error"], unit, 2)
-        rows.append([f"{name} where it hovers", "", value(at["value"], unit), error, ""])
+        rows.append([f"{name} at {where}", "", value(at["value"], unit), error, ""])
     shown = [
         output.table(
             f"{found.bearing.name}: identified from {found.samples} measurements",

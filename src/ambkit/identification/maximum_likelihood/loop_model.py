@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -139,6 +140,18 @@ class LoopModel:
             "u": acting + self.current_offset / b.amplifier.gain,
         }
         return Record(record.t, signals, record.units, record.meta)
+
+    def mean_point(self, records: Sequence[Record]) -> tuple[float, float]:
+        """Return control current [A] and displacement [m] in the mean of some records.
+
+        Parameters
+        ----------
+        records : sequence of Record
+            With ``y`` [m] and ``u`` [V].
+        """
+        b, corrected = self.bearing, [self.corrected(record) for record in records]
+        u, y = (np.concatenate([one[signal] for one in corrected]) for signal in ("u", "y"))
+        return float(b.amplifier.gain * np.nanmean(u)), float(np.nanmean(y) / b.sensor.gain)
 
     def innovations(self, record: Record) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Run the filter along a record.
