@@ -192,6 +192,33 @@ def test_simulate_without_an_estimator_feeds_back_the_measurement(call, made):
     assert "fed by the estimate" in refused.err
 
 
+def test_simulate_tunes_what_the_scenario_does_not_say_of_the_controller(call, made):
+    tuned = ambkit.PID.for_bearing(ambkit.Bearing.preset("inteco_ml"))
+
+    def controller(text, *arguments):
+        Path("s.toml").write_text(f'duration = "20 ms"\n{text}')
+        found = call("simulate", "inteco_ml", "--scenario", "s.toml", "--out", "r.csv", *arguments)
+        assert found.code == 0, found.err
+        return ambkit.PID(**ambkit.Record.load("r.csv").meta["scenario"]["controller"])
+
+    assert controller("") == tuned
+    assert controller('[controller]\nkp = "400 A/m"\n').kp == 400
+    assert controller('[controller]\nkp = "400 A/m"\n').kd == tuned.kd
+    assert controller("", "--estimator", "none").feedback == "measurement"
+
+
+def test_simulate_says_when_the_rotor_touched_the_stop(call):
+    quiet = call("simulate", "inteco_ml", "--duration", "0.1 s")
+    assert "stop" not in quiet.err
+    arguments = ("--duration", "0.3 s", "--load", "-3 N", "--estimator", "none", "--json")
+    found = call("simulate", "inteco_ml", *arguments, "--out", "r.csv")
+    record = ambkit.Record.load("r.csv")
+    count = found.json["samples_at_the_stop"]
+    assert 0 < count < len(record)
+    first = record.t[np.abs(record["x"]) >= np.abs(record["x"]).max()][0]
+    assert f"in {count} of {len(record)} samples, first at {first:.4g} s" in found.err
+
+
 def test_every_preset_hovers_without_touching_the_stop(call):
     for bearing in ("zittau_axial", "inteco_ml"):
         found = call("simulate", bearing, "--duration", "1 s", "--json").json

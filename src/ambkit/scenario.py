@@ -120,4 +120,4 @@ class Scenario(Document):
     disturbance: Annotated[Signal, SignalIn("N", "3 N")] = Constant(value=0.0)
     """Force on the rotor besides magnet and weight [N]."""
     controller: PID = PID()
-    """The position controller."""
+    """The position controller. The commands tune to the bearing what a file does not say of it."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ambkit.commands.family import NAMES, estimator_option, exported
+from ambkit.commands.family import NAMES, estimator_option, exported, tuned
 from ambkit.commands.options import BearingName, Json, file_option, find_bearing
 from ambkit.errors import AmbkitError
 
@@ -67,7 +67,7 @@ def export_fmu(
     if kind is not Kind.closed_loop and scenario is not None:
         raise AmbkitError("--scenario is for --kind closed-loop: only that has a controller")
     model = find_bearing(bearing)
-    controller = None if scenario is None else Scenario.load(scenario).controller
+    controller = None if scenario is None else tuned(Scenario.load(scenario).controller, model)
     chosen = exported(estimator, model)
     written = fmu.export_fmu(
         model,

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ambkit.estimators import Estimator, FilterNoise
     from ambkit.fuzzy import Expert
     from ambkit.magnets import StiffnessSource
-    from ambkit.scenario import Scenario
+    from ambkit.scenario import PID, Scenario
 
 NAMES = (
     "low-pass", "observer", "linear", "steady-state", "table", "adaptive", "closed-law", "extended",
@@ -180,7 +180,7 @@ def scenario_of(
     Parameters
     ----------
     bearing : Bearing
-        Without a file, the controller is tuned to it.
+        The controller is tuned to it, as far as no file says otherwise.
     path : Path, optional
         A TOML file.
     duration, step, load : float, optional
@@ -190,18 +190,16 @@ def scenario_of(
     reference : Path, optional
         A record whose ``r`` is the reference; without `duration` the run is as long as it.
     from_estimate : bool
-        Without a file, whether the estimate is fed back, or the measurement.
+        Whether the estimate is fed back, or the measurement, where no file says it.
     """
-    from ambkit.scenario import PID, Scenario
+    from ambkit.scenario import Scenario
     from ambkit.waveforms import Step
 
-    if path is not None:
-        scenario = Scenario.load(path)
-    else:
-        controller = PID.for_bearing(bearing)
-        if not from_estimate:
-            controller = controller.model_copy(update={"feedback": "measurement"})
-        scenario = Scenario(controller=controller)
+    scenario = Scenario() if path is None else Scenario.load(path)
+    controller = tuned(scenario.controller, bearing)
+    if not from_estimate and "feedback" not in scenario.controller.model_fields_set:
+        controller = controller.model_copy(update={"feedback": "measurement"})
+    scenario = scenario.replace(controller=controller)
     if duration is not None:
         scenario = scenario.replace(duration=duration)
     if reference is not None:
@@ -215,6 +213,17 @@ def scenario_of(
         disturbance = Step(amplitude=load, time=0.5 * scenario.duration)
         scenario = scenario.replace(disturbance=disturbance)
     return scenario if seed is None else scenario.replace(seed=seed)
+
+
+def tuned(given: PID, bearing: Bearing) -> PID:
+    """Return a controller with what was not given tuned to the bearing.
+
+    The defaults of :class:`PID` are the paper's, and hold hardly another bearing.
+    """
+    from ambkit.scenario import PID
+
+    said = {name: getattr(given, name) for name in given.model_fields_set}
+    return PID.for_bearing(bearing).model_copy(update=said)
 
 
 def _along(path: Path, scenario: Scenario, duration: float | None) -> Scenario:

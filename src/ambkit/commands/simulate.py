@@ -28,7 +28,11 @@ def simulate(
     bearing: BearingName,
     scenario: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.toml", help="What happens; 'ambkit check --schema scenario'."),
+        typer.Option(
+            metavar="FILE.toml",
+            help="What happens; 'ambkit check --schema scenario'. What its [controller] does not "
+            "say, all of it without one, is tuned for the bearing.",
+        ),
     ] = None,
     estimator: Annotated[
         str,
@@ -114,6 +118,25 @@ def simulate(
             (plot, lambda path: plots.save_figure(plots.simulation_figure(run, plant), path)),
         ],
         as_json=json,
+    )
+    if data["samples_at_the_stop"]:
+        output.note(_of_the_stop(run, plant))
+
+
+def _of_the_stop(run: Run, bearing: Bearing) -> str:
+    """Say when the rotor touched a stop, and what may help."""
+    import numpy as np
+
+    from ambkit.commands.output import value
+
+    record, travel = run.record, bearing.rotor.travel_limit
+    touched = record.meta["stop_touched"]
+    there = np.abs(record["x"]) >= travel  # not those at which it left before the sample's end
+    first = f", first at {value(record.t[int(np.argmax(there))], 's')}" if there.any() else ""
+    return (
+        f"the rotor touched the stop at {value(travel, 'm')} in {touched} of {len(record)} "
+        f"samples{first}: does the controller suit the bearing ([controller] in the file of "
+        "--scenario)? Or take a smaller step or load"
     )
 
 
