@@ -91,6 +91,44 @@ def test_engineering_prints_as_an_engineer_writes(value: float, unit: str, text:
     assert engineering(value, unit) == text
 
 
+@pytest.mark.parametrize(
+    ("value", "error", "unit", "texts"),
+    [
+        (2.413e-6, 5.61e-9, "N m^2/A^2", ("2.413 N mm^2/A^2", "0.00561 N mm^2/A^2")),
+        (0.02781, 8.01e-3, "N^2/s", ("0.02781 N^2/s", "0.00801 N^2/s")),
+        (1.162e-12, 8.4e-15, "m^2", ("1.162 µm^2", "0.0084 µm^2")),
+        (0.5e-3, 2.0, "m", ("0.5 mm", "2000 mm")),
+        (0.0, 3e-6, "m", ("0 m", "3 µm")),
+    ],
+)
+def test_an_error_stands_in_the_unit_of_its_value(value, error, unit, texts):
+    assert (engineering(value, unit, 4), engineering(error, unit, 3, like=value)) == texts
+
+
+sizes = st.floats(1e-30, 1e30)
+
+
+@given(sizes, sizes, st.sampled_from(["m", "m^2", "N", "N m^2/A^2", "kg"]))
+def test_whatever_stands_beside_a_value_has_its_unit(other, value, unit):
+    shown = engineering(other, unit, 3, like=value).partition(" ")
+    assert shown[2] == engineering(value, unit, 4).partition(" ")[2]
+    assert parse(f"{shown[0]} {shown[2]}", unit) == pytest.approx(other, rel=0.006)
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "text"),
+    [
+        (3.638, 12.34, "4 ± 12"),
+        (123.4, 120.0, "123 ± 120"),
+        (0.51234, 0.0123, "0.512 ± 0.012"),
+        (0.1, math.nan, "0.1"),
+        (3.2e12, 4.56e11, "3.2e+12 ± 4.6e+11"),
+    ],
+)
+def test_a_value_ends_where_its_error_does(value, error, text):
+    assert units.with_error(value, error) == text
+
+
 @given(finite, st.sampled_from(SURFACE_UNITS))
 def test_every_value_survives_printing_and_reading(value: float, unit: str) -> None:
     assert parse(engineering(value, unit, digits=None), unit) == value

@@ -117,7 +117,7 @@ def parse(text: str, unit: str) -> float:
     return value
 
 
-def engineering(value: float, unit: str, digits: int | None = 6) -> str:
+def engineering(value: float, unit: str, digits: int | None = 6, like: float | None = None) -> str:
     """Print a value as an engineer writes it: ``0.002, "m"`` gives ``"2 mm"``.
 
     Parameters
@@ -129,11 +129,16 @@ def engineering(value: float, unit: str, digits: int | None = 6) -> str:
         a number of at least 0.1 (0.01 of a squared one); none from there up to 10000.
     digits : int or None
         Significant digits; None gives as many as it takes for `parse` to return `value` exactly.
+    like : float, optional
+        A value in `unit` that chooses the prefix: that beside which `value` stands as its error or
+        as an end of its interval. Zero (and what is not finite) leaves the choice to `value`.
 
     Examples
     --------
     >>> engineering(6.7e-6, "N m^2/A^2")
     '6.7 N mm^2/A^2'
+    >>> engineering(8.4e-15, "m^2", like=1.2e-12)
+    '0.0084 µm^2'
     """
     if not math.isfinite(value):
         return f"{value} {unit}"
@@ -142,12 +147,59 @@ def engineering(value: float, unit: str, digits: int | None = 6) -> str:
         return _plain(exact)
     head, symbol, power, tail, own = _split(unit)
     least = Decimal(1).scaleb(-power)
-    if not symbol or exact == 0 or least <= abs(exact) < 10_000:
+    chooses = abs(exact)
+    if like is not None and math.isfinite(like) and like != 0:
+        # Rounded like a value with the usual digits, so that 9999.99 and its error agree.
+        chooses = abs(Decimal(f"{like:.4g}"))
+    if not symbol or chooses == 0 or least <= chooses < 10_000:
         return f"{_plain(exact)} {unit}"
     scales = [(prefix, (shift - own) * power) for prefix, shift in _PREFIXES.items()]
-    fitting = [scale for scale in scales if abs(exact.scaleb(-scale[1])) >= least]
+    fitting = [scale for scale in scales if chooses.scaleb(-scale[1]) >= least]
     prefix, shift = fitting[0] if fitting else scales[-1]
     return f"{_plain(exact.scaleb(-shift))} {head}{prefix}{symbol}{tail}"
+
+
+def interval(
+    low: float, high: float, unit: str, digits: int | None = 6, like: float | None = None
+) -> str:
+    """Print an interval, with its unit once where both ends have the same.
+
+    Parameters
+    ----------
+    low, high : float
+        In `unit`.
+    unit, digits, like
+        As in `engineering`.
+
+    Examples
+    --------
+    >>> interval(0.9e-3, 1.1e-3, "m", like=1e-3)
+    '0.9 to 1.1 mm'
+    """
+    first, last = (engineering(end, unit, digits, like) for end in (low, high))
+    number, _, of = first.partition(" ")
+    return f"{number if last.endswith(f' {of}') else first} to {last}"
+
+
+def with_error(value: float, error: float) -> str:
+    """Print a plain number with its error, both to the place of the error's second digit.
+
+    Parameters
+    ----------
+    value, error : float
+        In the same unit; an error that is not finite is left out.
+
+    Examples
+    --------
+    >>> with_error(3.638, 12.3)
+    '4 ± 12'
+    """
+    if not math.isfinite(error):
+        return f"{value:.3g}"
+    if max(abs(value), error) >= 1e6:
+        return f"{value:.3g} ± {error:.2g}"
+    decimals = max(0, 1 - math.floor(math.log10(error))) if error > 0 else 3
+    return f"{value:.{decimals}f} ± {error:.{decimals}f}"
 
 
 def typeset(text: str) -> str:

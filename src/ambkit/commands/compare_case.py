@@ -133,6 +133,7 @@ def _deliver_all(bearing: Bearing, benches: Mapping[str, Bench], wanted: Wanted)
 def _table(bench: Bench, standings: Mapping[str, Standing], how: str) -> Any:
     from ambkit.commands.output import table
     from ambkit.comparison.criteria import CRITERIA
+    from ambkit.units import with_error
 
     def entry(standing: Standing, name: str) -> str:
         import math
@@ -142,7 +143,7 @@ def _table(bench: Bench, standings: Mapping[str, Standing], how: str) -> Any:
         if not math.isfinite(value):
             return "–"
         if name in ("x", "v", "f_d") and math.isfinite(half):
-            return f"{value:.3g} ± {half:.1g}"
+            return with_error(value, half)
         return f"{value:.3g}"
 
     heads = [f"{c.label} [{c.unit}]" if c.unit else c.label for c in map(CRITERIA.get, SHOWN) if c]

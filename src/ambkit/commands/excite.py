@@ -153,8 +153,14 @@ def _experiment(found: Design) -> Any:
         ["band", f"{low} to {high}"],
         ["reference, greatest value", value(found.amplitude, "m")],
         ["  crest factor of the signal", f"{found.excitation.crest_factor:.2f}"],
-        ["control current, greatest", f"{value(current, 'A')} of {value(limits.current, 'A')}"],
-        ["displacement, greatest", f"{value(far, 'm')} of {value(limits.displacement, 'm')}"],
+        [
+            "control current, greatest",
+            f"{value(current, 'A', like=limits.current)} of {value(limits.current, 'A')}",
+        ],
+        [
+            "displacement, greatest",
+            f"{value(far, 'm', like=limits.displacement)} of {value(limits.displacement, 'm')}",
+        ],
     ]
     model = found.expectation.model
     return table(f"{found.excitation.kind} for {model.bearing.name}", ["", ""], rows)
@@ -169,7 +175,9 @@ def _expected(found: Design) -> Any:
         at = parameter.of(expectation.model)
         share = f"{100 * error / at:.2g} %" if parameter.positive else "–"
         name = parameter.name.replace("_", " ")
-        rows.append([name, value(at, parameter.unit), value(error, parameter.unit, 3), share])
+        rows.append(
+            [name, value(at, parameter.unit), value(error, parameter.unit, 3, like=at), share]
+        )
     rows += [[name.replace("_", " "), "–", "–", "–"] for name in expectation.held]
     return table("Expected", ["parameter", "value", "standard error", "of the value"], rows)
 

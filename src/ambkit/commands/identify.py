@@ -269,9 +269,12 @@ def _from_lift_off(
     }
     rows = [
         ["magnet constant k", value(fit.magnet_constant, CONSTANT)],
-        ["  standard error", value(errors["magnet_constant"], CONSTANT)],
+        [
+            "  standard error",
+            value(errors["magnet_constant"], CONSTANT, 2, like=fit.magnet_constant),
+        ],
         ["gap offset z_off", value(fit.gap_offset, "m")],
-        ["  standard error", value(errors["gap_offset"], "m")],
+        ["  standard error", value(errors["gap_offset"], "m", 2, like=fit.gap_offset)],
         ["current left unexplained", f"{value(rms, 'A')} rms"],
         ["points", f"{len(fit.points)} used, {len(fit.left_out)} left out"],
     ]

@@ -12,6 +12,7 @@ from ambkit.commands.belonging import check_belongs
 from ambkit.commands.options import arguments_of_the_user
 from ambkit.commands.output import value
 from ambkit.errors import AmbkitError
+from ambkit.units import interval
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
@@ -204,21 +205,21 @@ def _tables(
 ) -> list[Any]:
     rows = []
     for p in found.parameters:
-        low, high = found.interval(p.name)
+        at = found[p.name]
         rows.append(
             [
                 p.name.replace("_", " "),
-                value(p.of(found.start), p.unit),
-                value(found[p.name], p.unit),
-                value(found.standard_error(p.name), p.unit, 2),
-                f"{value(low, p.unit)} to {value(high, p.unit)}",
+                value(p.of(found.start), p.unit, like=at),
+                value(at, p.unit),
+                value(found.standard_error(p.name), p.unit, 2, like=at),
+                interval(*found.interval(p.name), p.unit, 4, like=at),
             ]
         )
     where = f"{value(stiffness['current'], 'A', 2)}, {value(stiffness['displacement'], 'm', 2)}"
     for name, unit in (("k_i", "N/A"), ("k_s", "N/m")):
-        at = stiffness[name]
-        error = value(at["standard_error"], unit, 2)
-        rows.append([f"{name} at {where}", "", value(at["value"], unit), error, ""])
+        tangent = stiffness[name]["value"]
+        error = value(stiffness[name]["standard_error"], unit, 2, like=tangent)
+        rows.append([f"{name} at {where}", "", value(tangent, unit), error, ""])
     shown = [
         output.table(
             f"{found.bearing.name}: identified from {found.samples} measurements",

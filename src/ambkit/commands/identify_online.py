@@ -79,7 +79,10 @@ def _table(learned: SideBySide) -> Any:
         return percent(title, lambda one: one["magnet_constant"] / other - 1, "+.2f")
 
     rows = [
-        ["magnet constant, start", *(value(learned.start, CONSTANT) for _ in told)],
+        [
+            "magnet constant, start",
+            *(value(learned.start, CONSTANT, like=one["magnet_constant"]) for one in told),
+        ],
         ["magnet constant, found", *(value(one["magnet_constant"], CONSTANT) for one in told)],
         percent("  95 % interval, ±", lambda one: CONFIDENCE * _part(one, "standard_error"), ".2g"),
         percent("  drift over the last quarter", lambda one: _part(one, "drift"), "+.1f"),

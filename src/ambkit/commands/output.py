@@ -105,13 +105,16 @@ def table(
     return drawn
 
 
-def value(number: float | None, unit: str, digits: int = 4) -> str:
-    """Print a value in SI as an engineer writes it; a dash where there is none."""
+def value(number: float | None, unit: str, digits: int = 4, like: float | None = None) -> str:
+    """Print a value in SI as an engineer writes it; a dash where there is none.
+
+    The error of a value, or what it is compared with, takes the value's prefix: `like`.
+    """
     from ambkit.units import engineering
 
     if number is None or not math.isfinite(number):
         return "–"
-    return engineering(number, unit, digits=digits)
+    return engineering(number, unit, digits=digits, like=like)
 
 
 @contextmanager

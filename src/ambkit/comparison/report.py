@@ -14,6 +14,7 @@ from ambkit.comparison.study import Study
 from ambkit.report.blocks import Cell, Chapter, FigureBlock, Remark, Report, TableBlock, Text
 from ambkit.report.figure import Figure
 from ambkit.report.items import Axis
+from ambkit.units import with_error
 
 STEP = Axis("step of the position", "mm", 1e3)
 RATIO = Axis("magnet constant of the plant, over the known one")
@@ -68,7 +69,7 @@ def report_of_cases(benches: Mapping[str, Bench]) -> Report:
         standing = bench.best[name]
         if not np.isfinite(standing.mean("f_d")):
             return None
-        return f"{standing.mean('f_d'):.3f} ± {standing.half_width('f_d'):.2g}"
+        return with_error(standing.mean("f_d"), standing.half_width("f_d"))
 
     table = TableBlock(
         id="cases_table",
@@ -188,7 +189,7 @@ def _errors_table(standings: Mapping[str, Standing], id: str, title: str) -> Tab
             return None
         if name in ("lost", "cost") or not np.isfinite(half):
             return f"{mean:.3g}"
-        return f"{mean:.3g} ± {half:.2g}"
+        return with_error(mean, half)
 
     return TableBlock(
         id=id,

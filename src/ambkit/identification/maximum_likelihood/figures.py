@@ -12,7 +12,7 @@ import numpy as np
 from ambkit.identification.maximum_likelihood.parameters import NOISES
 from ambkit.report.figure import Figure, Panel
 from ambkit.report.items import Axis, Cells, Intervals, Item, Line, Points, Rule
-from ambkit.units import engineering, typeset
+from ambkit.units import engineering, interval, typeset
 
 if TYPE_CHECKING:
     from ambkit.identification.maximum_likelihood.estimate import MaximumLikelihood
@@ -126,7 +126,8 @@ def _estimates(found: MaximumLikelihood) -> list[Panel]:
     groups: dict[tuple[str, Axis], list[tuple[str, float, float, float, str]]] = {}
     for p in found.parameters:
         value, (low, high), start = found[p.name], found.interval(p.name), p.of(found.start)
-        text = typeset(f"{engineering(value, p.unit, 4)},  {_ends(low, high, p.unit)}")
+        ends = interval(low, high, p.unit, 3, like=value)
+        text = typeset(f"{engineering(value, p.unit, 4)},  {ends}")
         if p.positive:
             group = "noise" if p.name in NOISES else "bearing", RATIO
             row = (value / start, low / start, high / start)
@@ -148,13 +149,6 @@ def _estimates(found: MaximumLikelihood) -> list[Panel]:
         shown = replace(axis, scale="log") if wide else axis
         panels.append(Panel(shown, Axis(""), [start_at, intervals], title=title))
     return panels
-
-
-def _ends(low: float, high: float, unit: str) -> str:
-    """Write an interval, with its unit once where both ends have the same."""
-    first, last = engineering(low, unit, 3), engineering(high, unit, 3)
-    number, _, of = first.partition(" ")
-    return f"{number if last.endswith(f' {of}') else first} to {last}"
 
 
 def _natural(found: MaximumLikelihood, name: str) -> tuple[float, tuple[str, Axis]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -18,7 +17,7 @@ from ambkit.report.blocks import (
     TableBlock,
     Text,
 )
-from ambkit.units import engineering, typeset
+from ambkit.units import engineering, interval, typeset, with_error
 
 if TYPE_CHECKING:
     from ambkit.identification.maximum_likelihood.estimate import MaximumLikelihood
@@ -109,7 +108,7 @@ def annotated_toml(found: MaximumLikelihood) -> str:
         place = table, line.partition(" = ")[0]
         if place in places:
             p = places[place]
-            error = engineering(found.standard_error(p.name), p.unit, 2)
+            error = engineering(found.standard_error(p.name), p.unit, 2, like=found[p.name])
             line += f"  # found, standard error {error}"
         lines.append(line)
     return "\n".join(lines) + "\n"
@@ -117,7 +116,7 @@ def annotated_toml(found: MaximumLikelihood) -> str:
 
 def _with_error(found: MaximumLikelihood, name: str) -> str:
     p = next(p for p in found.parameters if p.name == name)
-    error = engineering(found.standard_error(name), p.unit, 2)
+    error = engineering(found.standard_error(name), p.unit, 2, like=found[name])
     return f"{engineering(found[name], p.unit, 4)} (standard error {error})"
 
 
@@ -125,13 +124,13 @@ def _found(found: MaximumLikelihood) -> list[Block]:
     gain = found.log_likelihood - found.start_log_likelihood
     rows: list[list[str | float | None]] = []
     for p in found.parameters:
-        low, high = found.interval(p.name)
+        at = found[p.name]
+        errors = [found.standard_error(p.name, robust=robust) for robust in (False, True)]
         texts = (
-            engineering(p.of(found.start), p.unit, 4),
-            engineering(found[p.name], p.unit, 4),
-            engineering(found.standard_error(p.name), p.unit, 2),
-            engineering(found.standard_error(p.name, robust=True), p.unit, 2),
-            f"{engineering(low, p.unit, 4)} to {engineering(high, p.unit, 4)}",
+            engineering(p.of(found.start), p.unit, 4, like=at),
+            engineering(at, p.unit, 4),
+            *(engineering(error, p.unit, 2, like=at) for error in errors),
+            interval(*found.interval(p.name), p.unit, 4, like=at),
         )
         rows.append([f"{p.name.replace('_', ' ')} ${p.symbol}$", *map(typeset, texts)])
     blocks: list[Block] = [
@@ -170,7 +169,7 @@ def _stiffness(found: MaximumLikelihood) -> list[Block]:
                 title=f"${name}$ [{unit}]",
                 headers=["x", *(f"{_signed(iu)} A" for iu in points[0])],
                 rows=[
-                    [f"{_signed(1e3 * x)} mm", *map(_plus_minus, row / shown, error / shown)]
+                    [f"{_signed(1e3 * x)} mm", *map(_with_error, row / shown, error / shown)]
                     for x, row, error in zip(points[1], values, errors, strict=True)
                 ],
                 caption="Tangents of the law that was found, with their standard errors. Where the "
@@ -184,10 +183,8 @@ def _signed(value: float) -> str:
     return f"{value:+.3g}".replace("-", "−") if value else "0"
 
 
-def _plus_minus(value: float, error: float) -> str:
-    """Write both with as many decimals as two digits of the error have."""
-    decimals = max(0, 1 - math.floor(math.log10(error))) if error > 0 else 3
-    return f"{value:.{decimals}f} ± {error:.{decimals}f}".replace("-", "−")
+def _with_error(value: float, error: float) -> str:
+    return typeset(with_error(value, error))
 
 
 def _fits(checks: Sequence[Validation]) -> TableBlock:
