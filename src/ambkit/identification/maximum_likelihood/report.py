@@ -169,7 +169,7 @@ def _stiffness(found: MaximumLikelihood) -> list[Block]:
                 title=f"${name}$ [{unit}]",
                 headers=["x", *(f"{_signed(iu)} A" for iu in points[0])],
                 rows=[
-                    [f"{_signed(1e3 * x)} mm", *map(_with_error, row / shown, error / shown)]
+                    [f"{_signed(1e3 * x)} mm", *map(_plus_minus, row / shown, error / shown)]
                     for x, row, error in zip(points[1], values, errors, strict=True)
                 ],
                 caption="Tangents of the law that was found, with their standard errors. Where the "
@@ -183,7 +183,7 @@ def _signed(value: float) -> str:
     return f"{value:+.3g}".replace("-", "−") if value else "0"
 
 
-def _with_error(value: float, error: float) -> str:
+def _plus_minus(value: float, error: float) -> str:
     return typeset(with_error(value, error))
 
 
