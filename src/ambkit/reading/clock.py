@@ -13,9 +13,13 @@ from ambkit.record import TIME_TOLERANCE
 from ambkit.units import engineering
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
-MISSED = 1.5
-"""A step longer than this many usual ones is a gap, no jitter."""
+AROUND = 5
+"""So many samples on each side tell a gap from a late stamp."""
+
+ROUNDED = 5
+"""So many steps at least must be longer by a digit before stamps count as rounded."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +33,7 @@ class Clock:
     times : ndarray (n,)
         The times [s] as logged.
     step : float
-        Usual time between two samples [s]: the mean of those within 1 % of the median.
+        Usual time between two samples [s], over the whole of the log: see `examine`.
     jitter : float
         Standard deviation of the steps [s], gaps and jumps left out.
     uneven : ndarray of int
@@ -93,6 +97,10 @@ class Clock:
 def examine(name: str, times: Array) -> Clock:
     """Find out what a clock is worth.
 
+    Its step is that of the whole time it goes on: what it went on by, over how many steps that
+    were. Neither the jitter of single stamps nor their few digits move it, nor do missing samples,
+    of which it counts the steps, or jumps, which it leaves out.
+
     Parameters
     ----------
     name : str
@@ -109,22 +117,84 @@ def examine(name: str, times: Array) -> Clock:
     usual = np.abs(steps - median) <= TIME_TOLERANCE * median
     if usual.all():  # the usual case, and a long log is done with
         return Clock(name, times, float(steps.mean()), float(steps.std()), none, none, none, none)
-    step = float(np.mean(steps[usual])) if usual.any() else median
-    ratio = steps / step
-    span = min(float(forward.sum()), times.size * step)
-    jump = (steps <= 0) | ((ratio > 10) & (steps > span))
-    gap = (ratio >= MISSED) & ~jump
+    span = min(float(forward.sum()), times.size * median)
+    jump = (steps <= 0) | ((steps > 10 * median) & (steps > span))
+    counts = _rounded_counts(times, steps, jump)
+    if counts is None:
+        counts = _counts(times, steps, jump, median)
+    step = float(steps[~jump].sum()) / int(counts[~jump].sum())
+    gap = (counts > 1) & ~jump
     within = steps[~(jump | gap)]
     return Clock(
         name,
         times,
         step,
         float(within.std()) if within.size else 0.0,
-        np.flatnonzero((np.abs(ratio - 1) > TIME_TOLERANCE) & ~(jump | gap)) + 1,
+        np.flatnonzero((np.abs(steps / step - 1) > TIME_TOLERANCE) & ~(jump | gap)) + 1,
         np.flatnonzero(gap) + 1,
-        np.rint(ratio[gap]).astype(np.intp) - 1,
+        counts[gap] - 1,
         np.flatnonzero(jump) + 1,
     )
+
+
+def _counts(times: Array, steps: Array, jump: NDArray[np.bool_], step: float) -> Index:
+    """Count how many steps each one stands for; `step` [s] is a first guess."""
+    counts = np.ones(steps.size, dtype=np.intp)
+    for _ in range(8):
+        before = counts
+        counts = np.where(jump, 1, np.maximum(1, np.rint(steps / step))).astype(np.intp)
+        _doubt(times, steps / step, counts, jump, step)
+        if (counts == before).all():
+            break
+        step = float(steps[~jump].sum()) / int(counts[~jump].sum())
+    return counts
+
+
+def _doubt(times: Array, ratio: Array, counts: Index, jump: NDArray[np.bool_], step: float) -> None:
+    """Take back gaps that are late stamps: the samples behind a gap stay late, on the whole."""
+    odd = jump | (counts > 1)
+    vague = (counts > 1) & ~jump & (np.abs(ratio / counts - 1) > TIME_TOLERANCE)
+    at = np.flatnonzero(vague) + 1  # samples behind the gaps
+    at = at[(at >= AROUND) & (at <= times.size - AROUND)]
+    passed = np.concatenate([[0], np.cumsum(odd)])
+    alone = passed[at + AROUND - 1] - passed[at - AROUND] == 1
+    at = at[alone]
+    near = np.arange(AROUND)
+    before = np.median(times[at[:, None] - 1 - near] + step * near, axis=1)
+    after = np.median(times[at[:, None] + near] - step * near, axis=1)
+    counts[at - 1] = np.maximum(1, np.rint((after - before) / step))
+
+
+def _rounded_counts(times: Array, steps: Array, jump: NDArray[np.bool_]) -> Index | None:
+    """Count the steps of a clock whose stamps have few digits; None where it has enough.
+
+    Rounded to q, a step T is logged as the multiple of q below or the one above it, so that 1.3 ms
+    come as 1 ms and 2 ms. That no sample is missing there shows in that all stamps lie within q of
+    an even row.
+    """
+    sound = np.where(jump, np.nan, steps)
+    ladder = np.rint(1e3 * sound / np.nanmedian(sound))
+    seen, often = np.unique(ladder[~jump], return_counts=True)
+    if seen.size < 2 or np.sort(often)[-2] < ROUNDED:
+        return None
+    least, most = np.sort(seen[np.argsort(often)[-2:]])
+    short, long = ladder == least, ladder == most
+    usual = short | long
+    low, digit = float(steps[short].mean()), float(steps[long].mean() - steps[short].mean())
+    if np.mean(usual[~jump]) < 0.9 or abs(low / digit - round(low / digit)) > 0.01:
+        return None
+    if abs(low / digit - 1) < 0.01 and np.unique(np.diff(np.flatnonzero(long))).size == 1:
+        return None  # at even distances: rather each tenth sample is lost
+    ends = [0, *(np.flatnonzero(~usual) + 1).tolist(), times.size]
+    pieces = [times[a:b] - times[a:b].mean() for a, b in pairwise(ends)]
+    rows = [np.arange(piece.size) - 0.5 * (piece.size - 1) for piece in pieces]
+    products = sum(float(row @ piece) for row, piece in zip(rows, pieces, strict=True))
+    step = products / sum(float(row @ row) for row in rows)  # of straight lines, least squares
+    off = max(float(np.ptp(each - step * row)) for row, each in zip(rows, pieces, strict=True))
+    if off > 1.1 * digit:
+        return None
+    counts: Index = np.where(usual | jump, 1, np.maximum(1, np.rint(steps / step))).astype(np.intp)
+    return counts
 
 
 def not_finite(times: Array) -> Iterator[tuple[int, float]]:

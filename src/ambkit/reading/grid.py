@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.reading.clock import MISSED, Clock
+from ambkit.reading.clock import Clock
 from ambkit.units import engineering
 
 Array = NDArray[np.float64]
@@ -90,7 +90,9 @@ def resample(values: Array, clock: Clock, times: Array, *, held: bool) -> Array:
         found = (1 - part) * before + part * after
         found = np.where(part == 0.0, before, np.where(part == 1.0, after, found))
         outside = (part < 0) | (part > 1)
-    within_gap = (width > MISSED * clock.step) & (part > 0) & (part < 1)
+    gap = np.zeros(own.size, dtype=bool)
+    gap[clock.gaps] = True
+    within_gap = gap[left + 1] & (part > 0) & (part < 1)
     found[outside | within_gap] = np.nan
     return found
 
