@@ -21,6 +21,7 @@ from ambkit import recordings
 from ambkit.bearing import GRAVITY
 from ambkit.cli import main
 from ambkit.identification.forces.lift_off import load_points
+from ambkit.identification.stiffness import stiffness_map
 from ambkit.reading.guess import guess
 
 COMMANDS = (
@@ -317,6 +318,19 @@ def test_filter_asks_the_expert_that_is_given(call, made):
     assert given["disturbance_mean"] == estimate.f_d[1:].mean()
 
 
+def test_filter_says_when_the_expert_is_asked_outside_of_its_box(call, made):
+    arguments = ("filter", made / "run.csv", "--bearing", "zittau_axial", "--estimator", "adaptive")
+    assert "outside" not in call(*arguments).err
+    bearing = ambkit.Bearing.preset("zittau_axial")
+    displacements = np.linspace(-0.2e-3, 0.2e-3, 5)  # the run goes to 0.3 mm after a tenth of it
+    ambkit.train(stiffness_map(bearing, displacements=displacements)).save("e.json")
+    found = call(*arguments, "--expert", "e.json")
+    assert found.code == 0
+    share = float(re.search(r"adaptive: (\d+) % of the samples lie outside", found.err)[1])
+    assert share == pytest.approx(88, abs=4)
+    assert "displacement -0.2 mm to 0.2 mm" in found.err
+
+
 def test_an_expert_of_another_bearing_is_noticed(call, made):
     ambkit.Expert.paper().save("paper.json")
     arguments = ("filter", made / "run.csv", "--bearing", "zittau_axial", "--estimator", "adaptive")
@@ -396,6 +410,31 @@ def test_train_refuses_a_force_beyond_the_air_gap(call):
     found = call("train", "zittau_axial", "--map", "f.csv")
     assert found.code == 2
     assert "--map: x must stay within the air gap, 2 mm, reaches -6 m" in found.err
+
+
+def test_train_says_where_a_sign_is_wrong(call):
+    rows = [
+        f"{i},{x},{6 * i - 3 * x if x < 0 else 6 * i + 20 * x}"  # N: k_s is turned around
+        for x in (-0.6, -0.4, -0.2, 0, 0.2, 0.4, 0.6)
+        for i in (-1.5, -0.75, 0, 0.75, 1.5)
+    ]
+    Path("f.csv").write_text("\n".join(["iu [A],x [mm],f_mag [N]", *rows]) + "\n")
+    found = call("train", "zittau_axial", "--map", "f.csv", "--json", "--out", "e.json")
+    wrong = found.json["wrong_sign"]["k_s"]
+    assert wrong["displacement"] < 0 < wrong["law"]
+    expert = ambkit.Expert.load("e.json")
+    at = wrong["current"], wrong["displacement"]
+    assert expert.stiffness(*at)[1] == pytest.approx(wrong["least"])
+    assert wrong["least"] < 0
+    assert "the trained k_s is not positive in " in found.err
+    assert "k_i is not positive" not in found.err
+
+
+@pytest.mark.parametrize("bearing", ["zittau_axial", "inteco_ml"])
+def test_an_expert_of_the_law_has_the_right_signs(call, bearing):
+    found = call("train", bearing, "--json")
+    assert found.json["wrong_sign"] == {}
+    assert "not positive" not in found.err
 
 
 def test_train_says_where_hardly_anything_was_measured(call):

@@ -25,12 +25,14 @@ from ambkit.errors import AmbkitError
 if TYPE_CHECKING:
     from ambkit.commands.family import Factory
     from ambkit.estimate import Estimate
-    from ambkit.estimators import FilterNoise
+    from ambkit.estimators import Estimator, FilterNoise
     from ambkit.judgement import Judgement
     from ambkit.record import Record
 
 HORIZONS = (1, 10)
 ABSURD_NIS = 25.0
+OUTSIDE = 0.01
+"""An expert that is asked outside of its box in more than this part of the samples is noted."""
 
 
 def filter_record(
@@ -173,6 +175,8 @@ def filter_record(
                 smoothed[name] = build(assumed[name]).smooth(log)
             done()
     _warn(judged)
+    if "adaptive" in judged:
+        _warn_of_the_box(judged["adaptive"], built["adaptive"](), log)
     figure = plots.filter_figure
     after = {name: _after(estimate, log, late) for name, estimate in smoothed.items()}
     data = {
@@ -227,6 +231,37 @@ def _warn(judged: Mapping[str, Judgement]) -> None:
                 f"{name}: innovations are {judgement.nis**0.5:.0f} times what the filter expects; "
                 "are the units, the signs and the bearing those of this record?"
             )
+
+
+def _warn_of_the_box(judgement: Judgement, adaptive: Estimator, log: Record) -> None:
+    """Say so where the expert was asked beyond the box that it was trained for."""
+    import numpy as np
+
+    from ambkit.commands import output
+    from ambkit.commands.output import value
+    from ambkit.fuzzy import Expert
+
+    expert, b = adaptive.source, adaptive.bearing
+    assert isinstance(expert, Expert)  # as the adaptive filter of this command asks one
+    box = expert.current_range, expert.displacement_range
+    asked = np.clip(b.amplifier.gain * log["u"], b.current_min, b.current_max), judgement.estimate.x
+    # The ends may be off by a rounding; what is missing is not outside.
+    slack = [1e-9 * (high - low) for low, high in box]
+    outside = [
+        (at < low - s) | (at > high + s)
+        for at, (low, high), s in zip(asked, box, slack, strict=True)
+    ]
+    share = float(np.mean(outside[0] | outside[1]))
+    if share > OUTSIDE:
+        within = [
+            f"{value(low, unit, 3)} to {value(high, unit, 3)} ({100 * np.mean(out):.2g} %)"
+            for out, (low, high), unit in zip(outside, box, "Am", strict=True)
+        ]
+        output.note(
+            f"adaptive: {100 * share:.2g} % of the samples lie outside of the expert's box, "
+            f"current {within[0]}, displacement {within[1]}; there it answers as at the box's edge: train "
+            "it on a larger one"
+        )
 
 
 def _tuned(

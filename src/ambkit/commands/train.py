@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from ambkit.fuzzy.choice import Shape
     from ambkit.identification.stiffness import StiffnessMap
 
+CLEAR = 0.2
+"""The law's k_i or k_s is clearly positive from this part of its largest on."""
+
 
 class Method(StrEnum):
     """How the network is trained."""
@@ -129,6 +132,9 @@ def train(
     tables = [_table(data)]
     if measured is not None:
         tables = [*measured.choice_table(), *tables, measured.table(data, expert, stiff)]
+    data["wrong_sign"] = _wrong_sign(expert, model)
+    for name, wrong in data["wrong_sign"].items():
+        output.note(_of_wrong_sign(name, wrong, measured is not None))
 
     def draw(path: Path) -> None:
         figure = plots.training_figure(expert, stiff)
@@ -205,6 +211,45 @@ def _summary(expert: Expert, stiff: StiffnessMap, bearing: Bearing) -> dict[str,
         "force_rms": stiff.force_rms(),
         "force_error_rms": {name: stiff.force_rms(model) for name, model in models.items()},
     }
+
+
+def _wrong_sign(expert: Expert, bearing: Bearing) -> dict[str, dict[str, float]]:
+    """Where k_i or k_s is not positive though the bearing's law is clearly so, the worst place.
+
+    Towards the ends of a one-sided magnet's box the law's own k_i and k_s, which share the force
+    between them, go through zero; there a sign tells nothing.
+    """
+    import numpy as np
+
+    from ambkit.magnets import ClosedLaw, evaluate_stiffness
+
+    box = np.meshgrid(
+        np.linspace(*expert.current_range, 41), np.linspace(*expert.displacement_range, 41)
+    )
+    found = {}
+    known = evaluate_stiffness(ClosedLaw(bearing), *box)
+    for name, values, law in zip(("k_i", "k_s"), expert.stiffness(*box), known, strict=True):
+        wrong = (values <= 0) & (law > CLEAR * law.max())
+        if wrong.any():
+            worst = np.unravel_index(np.argmin(np.where(wrong, values, np.inf)), values.shape)
+            at = {"current": box[0], "displacement": box[1], "least": values, "law": law}
+            found[name] = {"share": float(wrong.mean())} | {
+                k: float(v[worst]) for k, v in at.items()
+            }
+    return found
+
+
+def _of_wrong_sign(name: str, wrong: dict[str, float], measured: bool) -> str:
+    from ambkit.commands.output import value
+
+    unit = "N/A" if name == "k_i" else "N/m"
+    hint = "more points there, a smaller --law-error" if measured else "other --rules, --weights"
+    return (
+        f"the trained {name} is not positive in {100 * wrong['share']:.2g} % of the box, down to "
+        f"{value(wrong['least'], unit, 3)} at {value(wrong['current'], 'A', 3)}, "
+        f"{value(wrong['displacement'], 'm', 3)}, where the bearing's law has "
+        f"{value(wrong['law'], unit, 3)}: no magnet is so; {hint} or fewer rules may help"
+    )
 
 
 def _table(data: dict[str, Any]) -> Any:
