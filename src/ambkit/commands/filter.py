@@ -259,7 +259,7 @@ def _warn_of_the_box(judgement: Judgement, adaptive: Estimator, log: Record) -> 
         ]
         output.note(
             f"adaptive: {100 * share:.2g} % of the samples lie outside of the expert's box, "
-            f"current {within[0]}, displacement {within[1]}; there it answers as at the box's edge: "
+            f"current {within[0]}, displacement {within[1]}; there it answers as at the edge: "
             "train it on a larger one"
         )
 
