@@ -260,7 +260,7 @@ def test_faulty_stretches_become_missing_on_request(read_columns):
     reading = read_columns(columns, missing=["frozen"])
     assert np.flatnonzero(np.isnan(reading.record["y"])).tolist() == list(range(1000, 1100))
     assert reading.faults[0].action == "taken as missing"
-    with pytest.raises(RecordError, match="only saturated and frozen"):
+    with pytest.raises(RecordError, match="only saturated, frozen and spike can"):
         read_columns(columns, missing=["quantised"])
 
 
@@ -582,7 +582,7 @@ def test_a_refused_log_writes_nothing(call, tmp_path):
     [
         (("--guess", "--out", "a.csv"), "--guess proposes a map"),
         (("--sampling-time", "1 ms"), "add --resample"),
-        (("--missing", "quantised"), "only saturated and frozen"),
+        (("--missing", "quantised"), "only saturated, frozen and spike can"),
         (("--segment", "0"), "--segment"),
         ((), "column time has no unit"),
     ],

@@ -58,7 +58,7 @@ def read(
     missing: Annotated[
         str,
         typer.Option(
-            metavar="KINDS", help="Take stretches as missing: saturated, frozen, or both."
+            metavar="KINDS", help="Take as missing: saturated, frozen, spike; several with commas."
         ),
     ] = "",
     out: Annotated[
@@ -69,8 +69,9 @@ def read(
 ) -> None:
     """Read a rig's log, and say what is wrong with it.
 
-    Rate, jitter, gaps and jumps of its clock; missing, saturated, frozen and coarse stretches of
-    its channels; and what was done about each. Nothing is dropped or resampled unless asked for.
+    Rate, jitter, gaps and jumps of its clock; missing, saturated, frozen and coarse stretches and
+    spikes of its channels; and what was done about each. Nothing is dropped or resampled unless
+    asked for.
     Of a log that is refused, --plot shows where the trouble is.
 
     For example:

@@ -1,4 +1,4 @@
-"""What is wrong with a channel: stretches that are missing, saturated, frozen, coarse."""
+"""What is wrong with a channel: what is missing, saturated, frozen, coarse, or a spike."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.reading.spikes import spikes, without
 from ambkit.units import engineering
 
 Array = NDArray[np.float64]
@@ -16,11 +17,11 @@ Index = NDArray[np.intp]
 
 KINDS = (
     *("gap", "jump", "jitter", "missing", "infinite"),
-    *("constant", "saturated", "frozen", "quantised"),
+    *("constant", "spike", "saturated", "frozen", "quantised"),
 )
 """What can be wrong, the clock's faults first."""
 
-MASKABLE = ("saturated", "frozen")
+MASKABLE = ("saturated", "frozen", "spike")
 """What can be taken as missing if the user wishes so."""
 
 STILL = 10
@@ -200,10 +201,15 @@ def find(name: str, logged: Array, times: Array, unit: str) -> Iterator[Fault]:
     between two samples is measured on the channel itself. A channel that hardly ever changes, such
     as a reference, is not suspected.
 
+    A spike is told of what is measured, see `ambkit.reading.spikes`, and left out before the rest
+    is looked for.
+
     Parameters
     ----------
     name : str
-        The channel; the reference ``r``, which no sensor measures, may stand still.
+        The channel; the reference ``r``, which no sensor measures, may stand still. The control
+        signal ``u`` may leap for a sample: a controller that differentiates does where its
+        reference steps.
     logged : ndarray (n,)
         The samples in SI, NaN where one is missing.
     times : ndarray (n,)
@@ -216,9 +222,17 @@ def find(name: str, logged: Array, times: Array, unit: str) -> Iterator[Fault]:
             text = "not logged" if kind == "missing" else "infinite values"
             yield from _runs_of(absent, times, kind, name, text)
     values = np.where(np.isinf(logged), np.nan, logged)
-    there = values[np.isfinite(values)]
+    place = np.flatnonzero(np.isfinite(values))
+    there = values[place]
     if there.size == 0 or name == "r":  # a reference has no sensor
         return
+    if name != "u":
+        found = spikes(there, noise(there), resolution(there))
+        for start, length in zip(*(each.tolist() for each in found), strict=True):
+            yield _spike(name, there, times[place], unit, start, length)
+        there = without(there, *found)
+        values = values.copy()
+        values[place] = there
     least, greatest = float(there.min()), float(there.max())
     if least == greatest:
         text = f"the same in all {there.size} samples: {engineering(least, unit)}"
@@ -231,6 +245,16 @@ def find(name: str, logged: Array, times: Array, unit: str) -> Iterator[Fault]:
         inside = any(each.start <= fault.start <= each.stop for each in coarse)
         if not inside or fault.samples > BLOCK:
             yield fault
+
+
+def _spike(name: str, there: Array, times: Array, unit: str, start: int, length: int) -> Fault:
+    part = there[start : start + length]
+    peak = float(part[np.argmax(np.abs(part - np.median(there)))])
+    near = [*there[max(0, start - 5) : start], *there[start + length : start + length + 5]]
+    usual = engineering(float(np.median(near)), unit, digits=3)
+    text = f"{engineering(peak, unit, digits=4)} amid {usual}"
+    ends = float(times[start]), float(times[start + length - 1])
+    return Fault("spike", name, *ends, length, text)
 
 
 def _runs_of(

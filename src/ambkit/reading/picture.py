@@ -12,7 +12,7 @@ from ambkit.reading.faults import Fault
 from ambkit.reading.reader import Reading
 from ambkit.record import Record
 from ambkit.report.figure import Figure, Panel
-from ambkit.report.items import Axis, Item, Line, Rule, Span
+from ambkit.report.items import Axis, Item, Line, Points, Rule, Span
 from ambkit.units import engineering, factor
 
 Array = NDArray[np.float64]
@@ -67,6 +67,10 @@ def _channel(record: Record, name: str, faults: Iterable[Fault], delay: float) -
         found = [fault for fault in own if fault.kind == kind]
         if found:
             items.append(Line(t, _only(t, values, found), signal=kind))
+    spiky = [fault for fault in own if fault.kind == "spike" and fault.action == "kept"]
+    if spiky:
+        there = np.isfinite(_only(t, values, spiky))
+        items.append(Points(t[there], values[there], signal="spike"))
     missing = [fault for fault in own if _MARKED.get(fault.kind)]
     missing += [fault for fault in own if fault.action == "taken as missing"]
     stretches = [(fault.start, fault.stop) for fault in missing]

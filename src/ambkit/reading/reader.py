@@ -116,8 +116,8 @@ def read(
         The grid's step [s]; the usual step of the clock ``t`` without it.
     segment : int, optional
         Which part between jumps of the clock to read, from 1.
-    missing : collection of {"saturated", "frozen"}
-        Take such stretches as missing.
+    missing : collection of {"saturated", "frozen", "spike"}
+        Take such samples as missing.
     told : callable
         Called with what is being done.
 
@@ -141,8 +141,9 @@ def read(
     """
     wrong = set(missing) - set(channel_faults.MASKABLE)
     if wrong:
-        known = " and ".join(channel_faults.MASKABLE)
-        raise RecordError(f"only {known} stretches can be taken as missing, not {min(wrong)}")
+        *some, last = channel_faults.MASKABLE
+        known = f"{', '.join(some)} and {last}"
+        raise RecordError(f"only {known} can be taken as missing, not {min(wrong)}")
     log, mapped = _mapped(path, map, told)
     try:
         return _placed(log, mapped, resample, sampling_time, segment, missing, told)

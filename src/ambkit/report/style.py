@@ -88,6 +88,7 @@ SIGNALS = {
     "channel": Style("as read", BLUE, SOLID, 0.8, layer=3),
     "saturated": Style("saturated", RED, SOLID, 2.6, layer=5),
     "frozen": Style("frozen", OCHRE, SOLID, 2.6, layer=5),
+    "spike": Style("spike", RED, SOLID, 1.4, "circle", hollow=True, layer=6),
     "missing": Style("missing", VERMILION, SOLID, 1.4, layer=2),
     "series 1": Style("series 1", BLUE, SOLID, 1.4, "circle", layer=6),
     "series 2": Style("series 2", VERMILION, DASH, 1.4, "square", layer=5),
