@@ -754,13 +754,18 @@ def test_ctrl_c_leaves_the_old_file_and_says_so(tmp_path):
     old.write_text("old")
     command = ["compare", "zittau_axial", "--estimator", "linear", "--steps", "0.1 mm", "--seeds",
                "40000", "--out", "scores.csv"]  # fmt: skip
-    process = subprocess.Popen(
+    # A test that runs in the background inherits that SIGINT is ignored.
+    with subprocess.Popen(
         [sys.executable, "-m", "ambkit", *command],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
-    )  # fmt: skip
-    time.sleep(2)
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)  # all 40,000 would take longer
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    ) as process:  # fmt: skip
+        time.sleep(2)
+        process.send_signal(signal.SIGINT)
+        try:
+            out, err = process.communicate(timeout=60)  # all 40,000 would take longer
+        finally:
+            process.kill()
     assert process.returncode == 130
     assert out == ""
     assert err == "\ninterrupted; nothing was written\n"
