@@ -13,8 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize_scalar
 
-from ambkit import AmbkitError, Bearing, Record, Scenario, Sine, recordings, simulate
+from ambkit import PID, AmbkitError, Bearing, Record, Scenario, Sine, recordings, simulate
 from ambkit.identification.maximum_likelihood import maximum_likelihood
+from ambkit.identification.maximum_likelihood.gaps import filled, run_with_gaps
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel, delayed, lagged, limited
 from ambkit.identification.maximum_likelihood.parameters import (
@@ -25,6 +26,7 @@ from ambkit.identification.maximum_likelihood.parameters import (
 )
 from ambkit.identification.maximum_likelihood.restricted import restricted
 from ambkit.identification.maximum_likelihood.search import climb, hold, ran_away
+from ambkit.identification.maximum_likelihood.steps import without_step_bias
 from ambkit.units import engineering
 from benchmarks.identification import START, TRUTH, closed_loops, judged
 
@@ -173,6 +175,72 @@ def test_noises_are_where_the_restricted_likelihood_is_greatest(records):
     assert moved == pytest.approx(textbook.x, rel=0.15)
     alone = climb(records[:1], TRUTH, free[-1:], 0.01)
     assert restricted(records[:1], alone.model, alone.local, free[-1:], 0.01) is alone.model
+
+
+def spoilt(record, kind):
+    """The record with its control signal lost: here and there, for 4 ms, or for 30 ms."""
+    u = record["u"].copy()
+    if kind == "here and there":
+        for first in np.random.default_rng(1).choice(u.size - 5, 40, replace=False):
+            u[first : first + 5] = np.nan
+    else:
+        lost = 40 if kind == "4 ms" else 300
+        u[2000 : 2000 + lost] = np.nan
+        u[6000 : 6000 + lost] = np.nan
+    return Record(record.t, {"y": record["y"], "u": u})
+
+
+@pytest.mark.parametrize("kind", ["here and there", "4 ms", "30 ms"])
+def test_a_control_signal_that_was_lost_biases_nothing(kind):
+    quiet = TRUTH.replace(amplifier__noise_variance=4e-5, sensor__noise_variance=1e-12)
+    record = closed_loops(quiet, 1, first=43)[0]
+    free = ["magnet_constant", "current_offset", "load_growth"]
+    whole = maximum_likelihood(record, quiet, free, improve_start=False)
+    lost = spoilt(record, kind)
+    found = maximum_likelihood(lost, quiet, free, improve_start=False)
+    for name in free:
+        off = abs(found[name] - whole[name])
+        assert off < 1.5 * whole.standard_error(name), name
+        assert found.standard_error(name) < 1.5 * whole.standard_error(name), name
+    believed = Record(lost.t, {"y": lost["y"], "u": filled(lost["u"])})
+    held = maximum_likelihood(believed, quiet, free, improve_start=False)
+    assert held["load_growth"] > 1.4 * whole["load_growth"]  # what it was like
+
+
+def test_a_filter_over_gaps_is_the_plain_one_where_nothing_is_missing(records):
+    record = records[0].between(0, 0.1)
+    kalman, h = TRUTH.kalman(), TRUTH.bearing.sampling_time / TRUTH.substeps
+    none = np.zeros(len(record), dtype=bool)
+    plain = kalman.core.run(record["y"], record["u"])
+    kalman.reset()
+    same = run_with_gaps(kalman, TRUTH.bearing, record["y"], record["u"], none, record["u"], h)
+    for name, values in plain.items():
+        np.testing.assert_array_equal(same[name], values)
+
+
+def test_finite_steps_of_the_filter_bias_nothing():
+    """As the search with steps sixteen times as short, where the record tells the difference."""
+    pump = Bearing.preset("zittau_axial").replace(
+        magnet__magnet_constant=2.4e-6, magnet__bias_current=1.8, magnet__air_gap="0.75 mm",
+        rotor__mass=1.7, rotor__travel_limit="0.3 mm", amplifier__gain=0.4,
+        amplifier__current_limit=1.8, amplifier__noise_variance=4e-5, sensor__lag="0.15 ms",
+        sensor__noise_variance="1 µm^2",
+    )  # fmt: skip
+    swing = Sine(amplitude=1e-4, frequency=40.0) + Sine(amplitude=2e-5, frequency=330.0)
+    loop = Scenario(duration=0.5, controller=PID.for_bearing(pump), reference=swing)
+    run, start = [simulate(pump, loop)], LoopModel(pump, load_growth=0.05)
+    free = named(["sensor_lag", "magnet_constant", "air_gap", "load_growth"])
+    coarse = climb(run, start, free, 0.01)
+    fine = climb(run, start.replace(substeps=64), free, 0.01).model
+    corrected = without_step_bias(run, coarse.model, free, 0.01)
+    errors = np.sqrt(np.diag(np.linalg.inv(coarse.local.information)))
+    before, after = (
+        np.array([math.log(p.of(model) / p.of(fine)) for p in free]) / errors
+        for model in (coarse.model, corrected)
+    )
+    assert before[[p.name for p in free].index("sensor_lag")] > 5  # standard errors
+    assert np.abs(after).max() < 0.6
+    assert corrected.substeps == 8
 
 
 def test_what_a_record_does_not_depend_on_is_held(records):

@@ -14,6 +14,7 @@ from ambkit.bearing import GRAVITY
 from ambkit.errors import AmbkitError
 from ambkit.estimate import Status
 from ambkit.estimators import Estimator, ExtendedKalmanFilter, FilterNoise
+from ambkit.identification.maximum_likelihood.gaps import filled, run_with_gaps
 from ambkit.magnets import ClosedLaw, StiffnessSource
 from ambkit.record import Record
 
@@ -200,7 +201,7 @@ class LoopModel:
         """Run the filter with its finer steps; between two samples no measurement comes."""
         h = self.bearing.sampling_time / self.substeps
         delay, _ = self.as_filtered
-        held = np.repeat(self._within_limits(record["u"]), self.substeps)
+        held = np.repeat(self._within_limits(filled(record["u"])), self.substeps)
         acting = lagged(held, h, self.current_lag)
         u = delayed(acting, delay / h)
         y = np.full(u.size, np.nan)
@@ -212,7 +213,11 @@ class LoopModel:
         if not math.isnan(self.load_std):
             std[2] = self.load_std
         kalman.reset([first / self.bearing.sensor.gain, 0.0, 0.0, first], std)
-        return kalman.core.run(y, u), u, kalman
+        missing = ~np.isfinite(record["u"])
+        if not missing.any():
+            return kalman.core.run(y, u), u, kalman
+        unknown = delayed(np.repeat(missing, self.substeps).astype(float), delay / h) > 0
+        return run_with_gaps(kalman, self.bearing, y, u, unknown, record["u"], h), u, kalman
 
     def _within_limits(self, u: Array) -> Array:
         """Return the control signal [V] with its offset, and what the current's limits leave of it.

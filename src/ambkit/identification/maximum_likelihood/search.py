@@ -127,7 +127,7 @@ def hold(
     began.
     """
     back = {parameter.place: parameter.of(given)}
-    model = found.model.replace(**back)
+    model, likely = found.model.replace(**back), True
     if rest:
         begins = [model] if ran_from is None else [model, ran_from.replace(**back)]
         climbed = max(
@@ -136,6 +136,9 @@ def hold(
         )
         likely = climbed.local.value > found.local.value - MUCH_LESS_LIKELY
         model = climbed.model if likely or ran_from is not None else found.model
+    if model is found.model:
+        why = f"as found, for {parameter.text(given)}, as given, is far less likely"
+        return model, f"{parameter.text(model)}, {why}"
     return model, parameter.text(model)
 
 

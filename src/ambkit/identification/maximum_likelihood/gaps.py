@@ -1,0 +1,119 @@
+"""A filter along a record whose control signal was not recorded everywhere.
+
+The core holds the last control signal, and believes it as surely as a recorded one. What acted in
+truth has pushed the rotor elsewhere: a tenth of an ampere for one sample moves the velocity by
+more than all noise does. A search would take that for noise of the control, or for an offset. So
+here the filter is told how far the rotor may have gone.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.estimate import Status
+from ambkit.magnets import ConstantStiffness
+
+if TYPE_CHECKING:
+    from ambkit.bearing import Bearing
+    from ambkit.estimators import Estimator
+
+Array = NDArray[np.float64]
+
+
+def filled(u: Array) -> Array:
+    """Return a signal (n,) with its last known value where it has none; at the start the first."""
+    known = np.isfinite(u)
+    if known.all():
+        return u
+    if not known.any():
+        return np.zeros_like(u)
+    last = np.maximum.accumulate(np.where(known, np.arange(u.size), -1))
+    return np.asarray(u[np.where(last < 0, np.argmax(known), last)])
+
+
+def typical_change(u: Array, samples: int) -> float:
+    """Return by how much a signal (n,) changes over some samples, root mean square."""
+    lag = int(np.clip(samples, 1, max(1, u.size // 2)))
+    change = u[lag:] - u[:-lag]
+    known = np.isfinite(change)
+    return math.sqrt(float(np.mean(change[known] ** 2))) if known.any() else 0.0
+
+
+def run_with_gaps(
+    kalman: Estimator,
+    bearing: Bearing,
+    y: Array,
+    u: Array,
+    unknown: NDArray[np.bool_],
+    recorded: Array,
+    h: float,
+) -> dict[str, Any]:
+    """Run a filter that was started, as its core's ``run`` does, over gaps of the control signal.
+
+    Measurements within a gap are left out. After one that is shorter than the plant's own time the
+    filter goes on with what it knew, less surely by what the control may have done; after a longer
+    one it starts anew, and what it says counts again after that time.
+
+    Parameters
+    ----------
+    kalman : Estimator
+        Started; its own sampling time is `h`.
+    bearing : Bearing
+        Its magnet and rotor.
+    y, u : ndarray (n,)
+        Measurement [m] and control signal [V] at the filter's steps, `u` without holes.
+    unknown : ndarray of bool (n,)
+        Where `u` is a guess.
+    recorded : ndarray
+        The control signal as it was recorded [V], which tells how much it changes.
+    h : float
+        The filter's step [s].
+    """
+    law = ConstantStiffness.of(bearing)
+    own = round(math.sqrt(bearing.rotor.mass / law.k_s) / h)
+    per_sample = max(1, round(bearing.sampling_time / h))
+    y = y.copy()
+    parts: list[dict[str, Any]] = []
+    begin, skip = 0, 0
+
+    def run_to(end: int) -> None:
+        out = kalman.core.run(y[begin:end], u[begin:end])
+        out["status"][:skip] |= np.uint16(Status.MISSING)
+        parts.append(out)
+
+    edges = np.flatnonzero(np.diff(np.r_[False, unknown, False]))
+    for first, after in edges.reshape(-1, 2).tolist():
+        y[first + 1 : after] = np.nan
+        if after == u.size:
+            break
+        measured, y[after] = y[after], np.nan
+        run_to(after + 1)  # the state there, before its measurement, which starts the next part
+        parts[-1] = {name: values[:-1] for name, values in parts[-1].items()}
+        y[after], steps = measured, after - first
+        begin, skip = after, 0
+        if steps <= own:
+            change = typical_change(recorded, -(-steps // per_sample))
+            std = np.sqrt(
+                np.diag(kalman.core.covariance) + _pushed(bearing, change, steps * h) ** 2
+            )
+            kalman.reset(kalman.core.mean, std.tolist())
+        else:
+            known = y[after:][np.isfinite(y[after:])]
+            start = float(known[0]) if known.size else 0.0
+            kalman.reset([start / bearing.sensor.gain, 0.0, 0.0, start])
+            skip = own
+    run_to(u.size)
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def _pushed(bearing: Bearing, change: float, duration: float) -> Array:
+    """How far a control signal that is off by `change` [V] takes the states (4,) in a while [s]."""
+    law, m = ConstantStiffness.of(bearing), bearing.rotor.mass
+    rate = math.sqrt(law.k_s / m)
+    push = law.k_i * bearing.amplifier.gain * change / m
+    x = push / rate**2 * (math.cosh(rate * duration) - 1)
+    return np.array([x, push / rate * math.sinh(rate * duration), 0.0, bearing.sensor.gain * x])
