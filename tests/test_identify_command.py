@@ -12,6 +12,7 @@ from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.maximum_likelihood.figures import estimates_figure
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import named
+from ambkit.identification.maximum_likelihood.report import carried_over
 from ambkit.identification.maximum_likelihood.validation import cross_correlation, validate
 from ambkit.report.items import Rule
 from benchmarks.identification import TRUTH, closed_loops
@@ -60,6 +61,61 @@ def test_a_log_becomes_a_bearing_with_errors_and_a_report(call, made, tmp_path):
                     "Correlation of the estimates"):  # fmt: skip
         assert heading in page
     assert (tmp_path / "found.png").stat().st_size > 20_000
+
+
+def test_what_is_of_the_log_goes_into_its_channel_map(call, made, tmp_path):
+    run = ambkit.Record.load(made / "a.csv")  # with what TRUTH has of the log; here comes more
+    late = {"y": run["y"] - TRUTH.position_offset, "u": np.roll(run["u"], -3) + 0.1}
+    ambkit.Record(run.t, late).save("log.csv")
+    code, _, err = call(
+        "identify", "log.csv", "--bearing", made / "start.toml", "--out", "found.toml",
+        "--free", "magnet_constant,delay,current_offset,load_growth",
+        "--load-at-start", "0.05 N",
+    )  # fmt: skip
+    assert code == 0, err
+    assert "found.toml says what to put into the channel map" in err
+    text = (tmp_path / "found.toml").read_text()
+    lines = [line.removeprefix("#   ") for line in text.splitlines() if line.startswith("#   ")]
+    assert any(re.match(r'delay = "-0\.5\d* ms"', line) for line in lines)
+    channels = {"t": "s", "y": "m", "u": "V"}
+    parts = []
+    for column, unit in channels.items():
+        parts += [f"[signals.{column}]", f'column = "{column}"', f'unit = "{unit}"']
+        if column == "u":
+            assert lines[0] == "[signals.u]"  # of y there is nothing
+            parts += lines[1:]
+    (tmp_path / "map.toml").write_text("\n".join(parts))
+    read = ambkit.Record.load("log.csv", "map.toml")
+    right = TRUTH.corrected(run)
+    inner = slice(10, -10)
+    off, before = (u[inner] - right["u"][inner] for u in (read["u"], late["u"]))
+    assert abs(off.mean()) < 0.01
+    assert off.std() < 0.1 * before.std()
+    np.testing.assert_allclose(read["y"], right["y"], atol=1e-12)
+    option = re.search(r'--disturbance-noise "(.*)"', text)[1]
+    code, _, err = call("filter", "log.csv", "--map", "map.toml", "--bearing", "found.toml",
+                        "--disturbance-noise", option, "--estimator", "closed-law")  # fmt: skip
+    assert code == 0, err
+    assert "tuned" not in err
+
+
+def test_the_lines_for_the_map_do_what_the_model_does(tmp_path):
+    b = TRUTH.bearing
+    model = LoopModel(b, delay=2.3 * b.sampling_time, position_offset=7e-6, current_offset=-0.2)
+    rng = np.random.default_rng(0)
+    t = b.sampling_time * np.arange(200)
+    log = ambkit.Record(t, {"y": rng.normal(0, 1e-5, 200), "u": rng.normal(0, 1, 200)})
+    log.save(tmp_path / "log.parquet")
+    lines = [line.removeprefix("  ") for line in carried_over(model) if line.startswith("  ")]
+    text = "\n".join(['[signals.t]\ncolumn = "t"\nunit = "s"', *lines])
+    for name, unit in (("y", "m"), ("u", "V")):
+        place = f"[signals.{name}]"
+        text = text.replace(place, f'{place}\ncolumn = "{name}"\nunit = "{unit}"')
+    (tmp_path / "map.toml").write_text(text)
+    read = ambkit.Record.load(tmp_path / "log.parquet", tmp_path / "map.toml")
+    expected = model.corrected(log)
+    for name in ("y", "u"):
+        np.testing.assert_allclose(read[name][5:], expected[name][5:], rtol=1e-5, atol=1e-10)
 
 
 def test_a_force_map_goes_into_the_training(call, made, tmp_path):

@@ -51,7 +51,11 @@ def by_likelihood(asked: Asked, known: Bearing) -> None:
     from ambkit.identification.maximum_likelihood.figures import identified_figure
     from ambkit.identification.maximum_likelihood.loop_model import LoopModel
     from ambkit.identification.maximum_likelihood.parameters import named, usual
-    from ambkit.identification.maximum_likelihood.report import annotated_toml, write_identification
+    from ambkit.identification.maximum_likelihood.report import (
+        annotated_toml,
+        carried_over,
+        write_identification,
+    )
     from ambkit.identification.maximum_likelihood.validation import validate
 
     rest = {} if asked.rest is None else _at_rest(asked.rest, asked.channel_map)
@@ -118,6 +122,10 @@ def by_likelihood(asked: Asked, known: Bearing) -> None:
         ],
         as_json=asked.json,
     )  # fmt: skip
+    if asked.out is not None and any("[signals." in line for line in carried_over(found.model)):
+        output.note(
+            f"{asked.out} says what to put into the channel map before filtering such a log"
+        )
     if not found.converged:
         output.note("the search did not end at a maximum: take a closer start, or free less")
     if not others:

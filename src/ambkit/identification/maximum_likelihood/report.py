@@ -21,6 +21,7 @@ from ambkit.units import engineering, interval, typeset, with_error
 
 if TYPE_CHECKING:
     from ambkit.identification.maximum_likelihood.estimate import MaximumLikelihood
+    from ambkit.identification.maximum_likelihood.loop_model import LoopModel
     from ambkit.identification.maximum_likelihood.validation import Validation
     from ambkit.record import Record
 
@@ -93,7 +94,8 @@ def identification_report(
 def annotated_toml(found: MaximumLikelihood) -> str:
     """Return the bearing as TOML, each value that was found with its standard error beside it.
 
-    What is of the log and not of the bearing (delay, offsets, load) stands above in comments.
+    What is of the log and not of the bearing (delay, offsets, load) stands above in comments, with
+    the lines of a channel map that take it out.
     """
     places = {tuple(p.place.split("__")): p for p in found.parameters if "__" in p.place}
     lines = [f"# Identified by maximum likelihood from {found.samples} measurements."]
@@ -101,6 +103,7 @@ def annotated_toml(found: MaximumLikelihood) -> str:
         if "__" not in p.place:
             lines.append(f"# Of the log: {p.name} = {_with_error(found, p.name)}.")
     lines += [f"# Not found: {name}: {why}." for name, why in found.held.items()]
+    lines += [f"# {line}".rstrip() for line in carried_over(found.model)]
     table = ""
     for line in found.bearing.to_toml().splitlines():
         if line.startswith("["):
@@ -112,6 +115,38 @@ def annotated_toml(found: MaximumLikelihood) -> str:
             line += f"  # found, standard error {error}"
         lines.append(line)
     return "\n".join(lines) + "\n"
+
+
+def carried_over(model: LoopModel) -> list[str]:
+    """Say how what is of the log gets into a channel map, and into ``ambkit filter``.
+
+    With these lines a record is read as `LoopModel.corrected` gives it.
+    """
+    volts = model.current_offset / model.bearing.amplifier.gain
+    of_y = [f'offset = "{engineering(-model.position_offset, "m", 6)}"']
+    of_u = [f'offset = "{engineering(volts, "V", 6)}"']
+    if not model.position_offset:
+        of_y = []
+    if not volts:
+        of_u = []
+    if model.delay:
+        # Of u and not of y: what is held is averaged over the sample, y would be interpolated.
+        of_u.append(f'delay = "{engineering(-model.delay, "s", 6)}"  # it acts later than logged')
+    lines = []
+    for name, those in (("y", of_y), ("u", of_u)):
+        if those:
+            lines += [f"[signals.{name}]", *those]
+    if lines:
+        lines = [
+            "To filter this log, put into its channel map (to an offset or a delay that is there, "
+            "add):",
+            *(f"  {line}" for line in lines),
+        ]
+    if model.current_lag:
+        lag = engineering(model.current_lag, "s", 4)
+        lines.append(f"The lag of the current, {lag}, has no place in a map: no filter knows it.")
+    growth = f"{model.load_growth:.4g} N^2/s"
+    return [*lines, f'The load, as it wandered: ambkit filter ... --disturbance-noise "{growth}"']
 
 
 def _with_error(found: MaximumLikelihood, name: str) -> str:
