@@ -505,6 +505,23 @@ def test_plotly_accepts_each_property(build):
     assert sorted(shown) == sorted(formula.label_html(name) for name, _ in figure.legend())
 
 
+@pytest.mark.parametrize(
+    ("low", "high", "ticks"),
+    [
+        (45, 90, {"tickformat": "~g"}),  # nanoseconds: 50, 60, 70
+        (2e-4, 3e-3, {"tickformat": "~g", "dtick": "D2"}),
+        (1e-3, 1e2, {"tickformat": "~g", "dtick": 1}),
+        (1e-9, 1e3, {"dtick": 2}),  # powers of ten
+    ],
+)
+def test_labels_on_a_logarithmic_axis_are_whole_numbers(low, high, ticks):
+    x = np.geomspace(low, high, 7)
+    panel = Panel(Axis("x", scale="log"), Axis("y", scale="log", limits=(low, high)), [Line(x, x)])
+    layout = interactive.describe(Figure("a", "", "", [panel]))["layout"]
+    for axis in (layout["xaxis"], layout["yaxis"]):
+        assert {key: axis[key] for key in ("tickformat", "dtick") if key in axis} == ticks
+
+
 def test_both_renderings_show_the_same_numbers():
     figure = step_response()
     measured = figure.panels[0].items[1]

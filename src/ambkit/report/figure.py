@@ -2,8 +2,24 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
-from ambkit.report.items import Axis, Bars, Cells, Heatmap, Intervals, Item, Signal
+import numpy as np
+
+from ambkit.report.items import (
+    Axis,
+    Band,
+    Bars,
+    Cells,
+    Heatmap,
+    Intervals,
+    Item,
+    Line,
+    Points,
+    Rule,
+    Signal,
+    Vector,
+)
 
 
 @dataclass(frozen=True)
@@ -44,6 +60,25 @@ class Panel:
     def cells(self) -> Cells | None:
         """The panel's table of cells, if it has one."""
         return next((item for item in self.items if isinstance(item, Cells)), None)
+
+    def extent(self, axis: Literal["x", "y"]) -> tuple[float, float] | None:
+        """Least and greatest positive value along an axis, in SI: what a logarithmic one shows."""
+        parts: list[Vector] = []
+        for item in self.items:
+            match item, axis:
+                case (Line() | Points() | Heatmap() | Band(), "x"):
+                    parts.append(item.x)
+                case (Line() | Points() | Heatmap(), "y"):
+                    parts.append(item.y)
+                case (Band(), "y") | (Intervals(), "x"):
+                    parts += [item.low, item.high]
+                case Bars(), "y":
+                    parts.append(item.values)
+                case Rule(), _ if item.axis == axis:
+                    parts.append(np.array([item.value]))
+        values = np.concatenate([np.zeros(0), *parts])
+        values = values[np.isfinite(values) & (values > 0)]
+        return (float(values.min()), float(values.max())) if values.size else None
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,11 @@ The tests let them check what is written here.
 """
 
 import json
+import math
+from typing import Literal
 
 from ambkit.report import style
-from ambkit.report.figure import Figure
+from ambkit.report.figure import Figure, Panel
 from ambkit.report.formula import label_html
 from ambkit.report.interactive_items import (
     Json,
@@ -164,10 +166,14 @@ def _add_axes(layout: Json, figure: Figure, index: int, domain: Json) -> None:
     surface = panel.heatmap
     columns, rows = (surface.x, surface.y) if surface else (None, None)
     x, y = _axis_names(figure, index)
-    layout[f"yaxis{y[1:]}"] = _axis(panel.y, rows) | {
-        "domain": domain["y"],
-        "anchor": x,
-    }
+    layout[f"yaxis{y[1:]}"] = (
+        _axis(panel.y, rows)
+        | _log_ticks(panel, "y")
+        | {
+            "domain": domain["y"],
+            "anchor": x,
+        }
+    )
     if panel.intervals:
         rows_down = {
             "type": "category",
@@ -176,11 +182,15 @@ def _add_axes(layout: Json, figure: Figure, index: int, domain: Json) -> None:
         }
         layout[f"yaxis{y[1:]}"] |= rows_down
     if not figure.shares_x(index):
-        layout[f"xaxis{x[1:]}"] = _axis(panel.x, columns) | {
-            "domain": domain["x"],
-            "anchor": y,
-            "unifiedhovertitle": {"text": f"<b>{hover_format('x', panel.x)}</b>"},
-        }
+        layout[f"xaxis{x[1:]}"] = (
+            _axis(panel.x, columns)
+            | _log_ticks(panel, "x")
+            | {
+                "domain": domain["x"],
+                "anchor": y,
+                "unifiedhovertitle": {"text": f"<b>{hover_format('x', panel.x)}</b>"},
+            }
+        )
         if panel.categories:
             layout[f"xaxis{x[1:]}"]["unifiedhovertitle"] = {"text": "<b>%{x}</b>"}
             layout[f"xaxis{x[1:]}"] |= {"type": "category", "showgrid": False}
@@ -206,12 +216,31 @@ def _axis(axis: Axis, area: Vector | None) -> Json:
         "automargin": True,
         "exponentformat": "power",
     }
-    if axis.scale == "log":
-        look["dtick"] = "D2"  # labels at 1, 2 and 5
     limits = axis.limits or (None if area is None else (float(area.min()), float(area.max())))
     if limits:
         look["range"] = [shown_place(axis, limit) for limit in limits]
     return look
+
+
+def _log_ticks(panel: Panel, name: Literal["x", "y"]) -> Json:
+    """Say where labels stand on a logarithmic axis: whole numbers, never plotly's lone digits.
+
+    Between powers of ten plotly writes "2" where 2×10⁻⁴ is meant, and beside 10⁻⁴ it reads as an
+    exponent. With a format of its own each label is the whole number.
+    """
+    axis = panel.x if name == "x" else panel.y
+    if axis.scale != "log":
+        return {}
+    ends = axis.limits or panel.extent(name)
+    if ends is None:
+        return {}
+    low, high = (axis.factor * end for end in ends)
+    decades = math.log10(high / low)
+    if decades > 2.2:
+        ticks = {"dtick": math.ceil(decades / 6)}
+        return ticks if low < 1e-4 or high > 1e5 else ticks | {"tickformat": "~g"}
+    # At 1, 2 and 5; below one decade plotly finds round numbers itself.
+    return {"tickformat": "~g"} | ({"dtick": "D2"} if decades > 0.85 else {})
 
 
 def _beside(domain: Json) -> Json:
