@@ -63,22 +63,26 @@ class Panel:
 
     def extent(self, axis: Literal["x", "y"]) -> tuple[float, float] | None:
         """Least and greatest positive value along an axis, in SI: what a logarithmic one shows."""
-        parts: list[Vector] = []
-        for item in self.items:
-            match item, axis:
-                case (Line() | Points() | Heatmap() | Band(), "x"):
-                    parts.append(item.x)
-                case (Line() | Points() | Heatmap(), "y"):
-                    parts.append(item.y)
-                case (Band(), "y") | (Intervals(), "x"):
-                    parts += [item.low, item.high]
-                case Bars(), "y":
-                    parts.append(item.values)
-                case Rule(), _ if item.axis == axis:
-                    parts.append(np.array([item.value]))
+        parts = [part for item in self.items for part in _along(item, axis)]
         values = np.concatenate([np.zeros(0), *parts])
         values = values[np.isfinite(values) & (values > 0)]
         return (float(values.min()), float(values.max())) if values.size else None
+
+
+def _along(item: Item, axis: Literal["x", "y"]) -> Sequence[Vector]:
+    """Return what an item shows along an axis."""
+    match item:
+        case Line() | Points() | Heatmap():
+            return [item.x if axis == "x" else item.y]
+        case Band():
+            return [item.x] if axis == "x" else [item.low, item.high]
+        case Intervals() if axis == "x":
+            return [item.low, item.high]
+        case Bars() if axis == "y":
+            return [item.values]
+        case Rule() if item.axis == axis:
+            return [np.array([item.value])]
+    return []
 
 
 @dataclass(frozen=True)
