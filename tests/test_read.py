@@ -450,6 +450,25 @@ def test_the_guess_gives_units_of_names_and_headers(tmp_path):
     assert tomllib.loads(text)
 
 
+@pytest.mark.parametrize(
+    ("y", "r", "signs", "word"),
+    [
+        (-1, -1, (-1, -1), "sign = -1  # as pos, which it is the reference of"),
+        (-1, 1, (-1, 1), "# sign = 1, for it falls where pos grows, which is turned"),
+        (1, -1, (1, -1), "sign = -1  # it falls where pos grows"),
+        (1, 1, (1, 1), ""),
+    ],
+)
+def test_the_sign_of_a_reference_is_its_own(tmp_path, y, r, signs, word):
+    columns = sound()
+    columns["ref"] = np.round(r * 0.1 * np.sin(2 * np.pi * 3 * columns["time"]), 4)
+    columns["pos"] = y * columns["pos"]
+    logs.csv(tmp_path / "log.csv", columns)
+    text, channel_map = proposed(tmp_path / "log.csv")
+    assert (channel_map.signals["y"].sign, channel_map.signals["r"].sign) == signs
+    assert word in text.partition("[signals.r]")[2]
+
+
 def test_the_guess_of_two_clocks_says_so_and_resamples(two_clocks):
     text, channel_map = proposed(two_clocks)
     assert "It has a clock of its own" in text

@@ -20,6 +20,14 @@ from ambkit.units import factor
 
 Array = NDArray[np.float64]
 
+_OF_Y = {
+    "r": "which it is the reference of",
+    "x_logged": "which it is an estimate of",
+    "velocity": "whose rate it is",
+    "v_logged": "whose rate it is",
+}
+"""Signals that have the direction of y, and why."""
+
 _NAMES = {"i": "current", "v": "velocity"}  # not v: that is the truth of a simulation
 
 
@@ -204,19 +212,46 @@ def _meaning(
         yield 'scale = "1 V/A"  # the current stands for the control signal: amplifier gain 1 A/V'
     elif role == "u" and si_unit(unit) == "1":
         yield 'scale = "1 V"  # volts at full duty'
-    turned = y is not None and u is not None and y.values.shape == u.values.shape
-    slope = correlation(slow(u.values), slow(y.values)) if turned and y and u else 0.0
-    if slope > 0.3 and role in ("y", "r", "x_logged", "velocity", "v_logged"):
-        yield "sign = -1  # u grows with it; of an unstable plant it must fall (or turn u)"
+    turned = _turned(y, u)
+    falls = role in _OF_Y and y is not None and _likeness(role, candidate, y) < -0.3
+    if role in ("y", *_OF_Y) and y is not None and turned != falls:
+        yield f"sign = -1  # {_why_turned(role, y, falls=falls)}"
+    elif falls and y is not None:
+        yield f"# sign = 1, for it falls where {y.label} grows, which is turned"
     middle = float(np.median(seen(candidate.values)))
     if role in ("y", "r", "x_logged") and y is not None:
-        middle = float(np.median(seen(y.values)))
-        away = middle if slope > 0.3 else -middle
+        middle = middle if falls else float(np.median(seen(y.values)))
+        away = middle if turned != falls else -middle
         yield f'# offset = "{away:.4g} {unit}"  # if x = 0 is at its median'
     elif of_current:
         yield f'# offset = "{-middle:.4g} V"  # if its median is the bias current'
     if role in ("y", "u"):
         yield '# delay = "0 ms"  # how late the logger wrote it'
+
+
+def _turned(y: Candidate | None, u: Candidate | None) -> bool:
+    """Whether y and u grow together, as they do not with the signs of an unstable plant."""
+    if y is None or u is None or y.values.shape != u.values.shape:
+        return False
+    return correlation(slow(u.values), slow(y.values)) > 0.3
+
+
+def _likeness(role: str, candidate: Candidate, y: Candidate) -> float:
+    """Correlation of a reference or an estimate with y, of a velocity with the rate of y."""
+    if candidate.values.shape != y.values.shape or y.values.size < 3:
+        return 0.0
+    place = slow(y.values)
+    return correlation(
+        slow(candidate.values), np.gradient(place) if role.startswith("v") else place
+    )
+
+
+def _why_turned(role: str, y: Candidate, *, falls: bool) -> str:
+    if falls:
+        return f"it falls where {y.label} grows"
+    if role == "y":
+        return "u grows with it; of an unstable plant it must fall (or turn u)"
+    return f"as {y.label}, {_OF_Y[role]}"
 
 
 def _likely_unit(candidate: Candidate) -> str:
