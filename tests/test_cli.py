@@ -669,9 +669,11 @@ def test_missing_samples_are_counted_not_filtered(call, made):
     y, u = record["y"].copy(), record["u"].copy()
     y[100:103] = u[200:202] = np.nan
     damaged(record, y=y, u=u).save("gaps.csv")
-    found = call("filter", "gaps.csv", "--bearing", "zittau_axial", "--estimator", "linear",
-                 "--out", "e.csv", "--json").json["estimators"]["linear"]  # fmt: skip
+    said = call("filter", "gaps.csv", "--bearing", "zittau_axial", "--estimator", "linear",
+                "--out", "e.csv", "--json")  # fmt: skip
+    found = said.json["estimators"]["linear"]
     assert found["status"] == {"missing": 3, "bad_control": 2}
+    assert f"missing in 2 of {len(record)} samples, at most 2 in a row" in said.err
     assert found["used"] == found["samples"] - 3
     assert np.isfinite(ambkit.Record.load("e.csv")["x"]).all()
 

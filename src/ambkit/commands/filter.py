@@ -175,6 +175,7 @@ def filter_record(
                 smoothed[name] = build(assumed[name]).smooth(log)
             done()
     _warn(judged)
+    _warn_of_lost_control(log)
     if "adaptive" in judged:
         _warn_of_the_box(judged["adaptive"], built["adaptive"](), log)
     figure = plots.filter_figure
@@ -231,6 +232,22 @@ def _warn(judged: Mapping[str, Judgement]) -> None:
                 f"{name}: innovations are {judgement.nis**0.5:.0f} times what the filter expects; "
                 "are the units, the signs and the bearing those of this record?"
             )
+
+
+def _warn_of_lost_control(log: Record) -> None:
+    """Say so where nobody knows what acted on the rotor: the filters do not know that."""
+    import numpy as np
+
+    from ambkit.commands import output
+
+    lost = ~np.isfinite(log["u"])
+    if lost.any():
+        edges = np.flatnonzero(np.diff(np.r_[False, lost, False])).reshape(-1, 2)
+        output.note(
+            f"the control signal is missing in {lost.sum()} of {lost.size} samples, at most "
+            f"{np.ptp(edges, axis=1).max()} in a row: the filters hold the last one, and are less "
+            "sure for a while than they say"
+        )
 
 
 def _warn_of_the_box(judgement: Judgement, adaptive: Estimator, log: Record) -> None:
