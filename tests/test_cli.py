@@ -619,6 +619,10 @@ def test_reproduce_hands_on_its_arguments_and_prints_the_verdicts(call, monkeypa
         ),
         ("identify --lift-off RUN --bearing inteco_ml --start 1N*mm^2/A^2", "is for a RECORD"),
         ("simulate zittau_axial --duration 1e9s", "not enough memory"),
+        (
+            "compare zittau_axial --steps 0.1mm --report r.html",
+            "does not go with --report; --out and --plot do",
+        ),
         ("identify --lift-off RUN --bearing zittau_axial", "is two-sided"),
         ("identify --lift-off RUN --bearing inteco_ml", "has no column run"),
         ("identify --lift-off RUN --bearing inteco_ml --out b.toml", "needs --working-point"),

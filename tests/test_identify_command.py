@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -172,6 +173,19 @@ def test_noise_at_rest_is_the_start_and_its_colour_is_told(call, made):
         r"y +[23][.0-9]* µm rms +coloured: 1 sample apart it correlates by \+0\.[34]", out
     )
     assert "u is nowhere at rest" in out
+    # The bench has it under another name, in another unit, and the records need no map.
+    rows = np.column_stack([np.arange(20_000) / 10, 1e6 * y])
+    np.savetxt("bench.csv", rows, "%.6g", ",", header="ms,pos", comments="")
+    Path("bench.toml").write_text(
+        '[signals.t]\ncolumn = "ms"\nunit = "ms"\n[signals.y]\ncolumn = "pos"\nunit = "µm"\n'
+    )
+    code, mapped, err = call(
+        "identify", made / "a.csv", "--bearing", made / "start.toml", "--rest", "bench.csv",
+        "--rest-map", "bench.toml", "--free", "magnet_constant,load_growth",
+    )  # fmt: skip
+    assert code == 0, err
+    of_y = re.compile(r"y .* rms +coloured")
+    assert of_y.search(mapped)[0] == of_y.search(out)[0]
 
 
 @pytest.mark.parametrize(
@@ -191,6 +205,7 @@ def test_noise_at_rest_is_the_start_and_its_colour_is_told(call, made):
             "identify A --bearing B --force-map f.csv --force-map-nodes 3x9",
             "must be nodes along current and displacement such as 9x7, 4 to 33 each, is '3x9'",
         ),
+        ("identify A --bearing B --rest-map m.toml", "--rest-map needs --rest RECORD"),
         ("identify A --bearing B --to 5ms", "samples"),
         ("identify A --bearing inteco_ml", "sampled every 0.0001 s"),
     ],

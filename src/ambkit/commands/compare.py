@@ -116,7 +116,12 @@ def compare(
     plot: Plot = None,
     report: Annotated[
         Path | None,
-        file_option("Write the whole comparison with pictures: .html.", (".html",), "--report"),
+        file_option(
+            "Write the whole comparison with pictures: .html; of a --case only, not with --steps, "
+            "--load, --duration or --scenario.",
+            (".html",),
+            "--report",
+        ),
     ] = None,
     json: Json = False,
 ) -> None:
@@ -124,7 +129,7 @@ def compare(
 
     In a case, all run along the same records from the same start, and each in the loop; where the
     limit of any estimator is known, it is told. With --steps, --load, --duration or --scenario the
-    errors of each in its own loop are compared, without tuning.
+    errors of each in its own loop are compared, without tuning, --spread and --report.
 
     For example:
       ambkit compare zittau_axial --case paper --plot matrix.png --report comparison.html
@@ -142,7 +147,10 @@ def compare(
     unwanted = {"--case": case, "--tune": tune or None, "--spread": spread, "--report": report}
     clash = [name for name, value in unwanted.items() if value is not None]
     if clash:
-        raise AmbkitError(f"{given[0]} is in place of a case, and does not go with {clash[0]}")
+        hint = "; --out and --plot do" if clash[0] == "--report" else ""
+        raise AmbkitError(
+            f"{given[0]} is in place of a case, and does not go with {clash[0]}{hint}"
+        )
     chosen = "linear,adaptive,closed-law" if estimators is None else estimators
     _in_own_loops(
         find_bearing(bearing),

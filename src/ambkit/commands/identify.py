@@ -83,6 +83,14 @@ def identify(
         Path | None,
         typer.Option(metavar="RECORD", help="A record at rest: noise and its colour, each signal."),
     ] = None,
+    rest_map: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="MAP.toml",
+            help="Channel map of --rest.",
+            show_default="that of the records, --map",
+        ),
+    ] = None,
     validate: Annotated[
         list[Path] | None,
         typer.Option(metavar="RECORD", help="Judge the result on this record; again for more."),
@@ -173,7 +181,7 @@ def identify(
     online = {"--start": start, "--disturbance": disturbance}
     for_likelihood = {
         "--free": free, "--load-at-start": load_std, "--validate": validate or None,
-        "--rest": rest,
+        "--rest": rest, "--rest-map": rest_map,
         "--report": report, "--force-map": force_map,
         "--force-map-nodes": force_map_nodes,
     }  # fmt: skip
@@ -186,6 +194,8 @@ def identify(
             if given is not None:
                 other = "adaline" if method is Method.likelihood else "likelihood"
                 raise AmbkitError(f"{option} is for --method {other}")
+    if rest_map is not None and rest is None:
+        raise AmbkitError("--rest-map needs --rest RECORD")
     if force_map_nodes is not None and force_map is None:
         raise AmbkitError("--force-map-nodes needs --force-map FILE")
     if start is not None and not start > 0:
@@ -199,8 +209,8 @@ def identify(
     known = find_bearing(bearing)
     if record and method is Method.likelihood:
         by_likelihood(
-            Asked(record, validate or [], rest, channel_map, begin, end, free, load_std,
-                  out, force_map, _nodes(force_map_nodes), report, plot, json),
+            Asked(record, validate or [], rest, rest_map or channel_map, channel_map, begin, end,
+                  free, load_std, out, force_map, _nodes(force_map_nodes), report, plot, json),
             known,
         )  # fmt: skip
     elif record:

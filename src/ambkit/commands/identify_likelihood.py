@@ -29,6 +29,7 @@ class Asked:
     records: Sequence[Path]
     validate: Sequence[Path]
     rest: Path | None
+    rest_map: Path | None
     channel_map: Path | None
     begin: float | None
     end: float | None
@@ -58,7 +59,7 @@ def by_likelihood(asked: Asked, known: Bearing) -> None:
     )
     from ambkit.identification.maximum_likelihood.validation import validate
 
-    rest = {} if asked.rest is None else _at_rest(asked.rest, asked.channel_map)
+    rest = {} if asked.rest is None else _at_rest(asked.rest, asked.rest_map)
     if "variance" in rest.get("y", {}):
         known = known.replace(sensor__noise_variance=rest["y"]["variance"])
     start = LoopModel(known, load_std=math.nan if asked.load_std is None else asked.load_std)
