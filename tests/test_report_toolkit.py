@@ -261,6 +261,8 @@ def contrast(colour: str) -> float:
         ["constant", "series 1", "series 2", "series 3", "series 4"],
         ["paper", "ours", "constant"],
         ["innovation", "bound", "limit"],
+        ["smoothed", "smoothed 2", "smoothed 3"],
+        ["record 1", "record 1 start", "record 1 held"],
     ],
 )
 def test_lines_that_meet_differ_without_colour(together):

@@ -165,4 +165,9 @@ def test_a_comma_is_no_unit(text):
 
 
 def test_typeset_as_in_a_book():
-    assert units.typeset(engineering(-6.7e-6, "N m^2/A^2")) == "−6.7 N mm²/A²"
+    assert units.typeset(engineering(-6.7e-6, "N m^2/A^2")) == "−6.7\u00a0N\u00a0mm²/A²"
+    assert units.typeset("2.6 to 2.87 N mm^2/A^2") == "2.6 to 2.87\u00a0N\u00a0mm²/A²"
+    assert (
+        units.typeset("0.9 A s/m, 3 µs ± 2 µs")
+        == "0.9\u00a0A\u00a0s/m, 3\u00a0µs\u00a0±\u00a02\u00a0µs"
+    )

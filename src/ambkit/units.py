@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 _DECIMAL_COMMA = re.compile(r"\s*([+-]?\d+),(\d+)")
+_WITHIN_QUANTITY = re.compile(r"(?:(?<=\d)|(?<=\d\sN)|(?<=\d\sA)) (?!to\b)(?=[A-Za-zµΩ%])")
 _PREFIXES = {"M": 6, "k": 3, "": 0, "m": -3, "µ": -6, "n": -9, "p": -12, "f": -15}
 
 
@@ -205,12 +206,15 @@ def with_error(value: float, error: float) -> str:
 def typeset(text: str) -> str:
     """Write what `engineering` prints as it stands in a book: ``"-6 mm^2"`` becomes ``"−6 mm²"``.
 
+    No line ends between a number and its unit, within a unit, or before an error.
+
     Parameters
     ----------
     text : str
         Numbers with units.
     """
-    return text.replace("^2", "²").replace("-", "−")
+    text = text.replace("^2", "²").replace("-", "−").replace(" ± ", "\u00a0±\u00a0")
+    return _WITHIN_QUANTITY.sub("\u00a0", text)
 
 
 def _plain(number: Decimal) -> str:

@@ -290,7 +290,7 @@ def decorations_of(panel: Panel, item: Item, x: str, y: str) -> tuple[list[Json]
         case Intervals():
             right = {"xref": whole_x, "x": 1, "yref": y}
             return [], [
-                part
+                part | {"bgcolor": style.PAPER}  # the start's line must not run through the numbers
                 for row, text in enumerate(item.texts)
                 for part in _texts(text, right | {"y": row - 0.34}, "right", "middle")
             ]

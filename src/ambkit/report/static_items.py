@@ -114,7 +114,8 @@ def _draw_intervals(axes: "Axes", panel: Panel, item: Intervals) -> None:
     axes.errorbar(values, down, xerr=ends, capsize=3.0, elinewidth=1.4, **over)
     for row, text in zip(down, item.texts, strict=True):
         frame = ("axes fraction", "data")
-        _write(axes, text, (1.0, row - 0.36), frame, (-4, 0), horizontal="right", vertical="center")
+        place = (1.0, row - 0.36)
+        _write(axes, text, place, frame, (-4, 0), "right", "center", cover=1.0)
     axes.margins(x=0.05)
     axes.set_yticks(down, item.rows)
     axes.set_ylim(item.values.size - 0.5, -0.62)
@@ -203,8 +204,12 @@ def _write(
     offset: tuple[float, float],
     horizontal: str = "left",
     vertical: str | None = None,
+    cover: float = 0.75,
 ) -> None:
-    """Put a small text at a place, `offset` points away from it, readable over lines."""
+    """Put a small text at a place, `offset` points away from it, readable over lines.
+
+    `cover` is how much of them its white ground hides.
+    """
     if text:
         axes.annotate(
             text,
@@ -216,7 +221,7 @@ def _write(
             verticalalignment=vertical or ("bottom" if offset[1] > 0 else "top"),
             fontsize=7.0,
             zorder=9,
-            bbox={"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 0.8},
+            bbox={"facecolor": "white", "alpha": cover, "linewidth": 0, "pad": 0.8},
         )
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 BLACK, GREY, PALE = "#000000", "#6E6E6E", "#B4BFC9"
 BLUE, VERMILION, GREEN = "#00649E", "#D55E00", "#009E73"
 PURPLE, OCHRE, TAN, RED, TEAL = "#9B4A86", "#A67600", "#B58C3C", "#B3261E", "#5A9696"
+NAVY = "#141B4D"
 
 SOLID: tuple[float, ...] = ()
 LONG, DASH, DOT = (7.0, 2.5), (4.0, 2.0), (1.2, 1.8)
@@ -64,9 +65,10 @@ SIGNALS = {
     "measured": Style("measured", PALE, SOLID, 0.6, layer=1),
     "measurement": Style("measurement", GREY, SOLID, 1.0, layer=4),
     "estimate": Style("estimate", BLUE, SOLID, 1.2, layer=5),
-    "smoothed": Style("smoothed", OCHRE, SOLID, 1.6, layer=7),
-    "smoothed 2": Style("smoothed", PURPLE, SOLID, 1.6, layer=8),
-    "smoothed 3": Style("smoothed", VERMILION, SOLID, 1.6, layer=9),
+    # Often the same curve: the later ones are thinner and broken, and let the others show.
+    "smoothed": Style("smoothed", OCHRE, SOLID, 2.6, layer=7),
+    "smoothed 2": Style("smoothed", PURPLE, LONG, 1.6, layer=8),
+    "smoothed 3": Style("smoothed", NAVY, DOT, 1.6, layer=9),
     "estimate linear": Style("linear Kalman filter", VERMILION, DASH, 1.2, "square", layer=4),
     "estimate adaptive": Style("adaptive Kalman filter", BLUE, SOLID, 1.2, layer=5),
     "estimate closed law": Style("closed law", GREEN, DASH_DOT, 1.2, "triangle", layer=6),
@@ -95,6 +97,16 @@ SIGNALS = {
     "series 3": Style("series 3", GREEN, DASH_DOT, 1.4, "triangle", layer=4),
     "series 4": Style("series 4", PURPLE, LONG, 1.4, "diamond", layer=3),
 }
+_RECORDS = ((GREEN, "triangle"), (VERMILION, "square"), (PURPLE, "diamond"), (BLACK, "cross"))
+for _place, (_colour, _marker) in enumerate(_RECORDS):
+    _name = f"record {_place + 1}"
+    SIGNALS |= {
+        _name: Style(_name, _colour, SOLID, 1.4, _marker, layer=6 - _place),
+        f"{_name} start": Style("start", _colour, DASH, 1.2, _marker, hollow=True, layer=2),
+        f"{_name} held": Style("held", _colour, DOT, 1.2, _marker, hollow=True, layer=2),
+    }
+"""Colour and marker tell the record, the dash what is shown of it; blue is what was found."""
+
 FAMILY = (
     Style("", GREY, DOT, 1.4, "circle", hollow=True, layer=3),
     Style("", TAN, DASH_DOT, 1.4, "triangle", hollow=True, layer=3),

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ambkit.identification.maximum_likelihood.validation import Validation
     from ambkit.record import Record
 
-SERIES = ("series 1", "series 2", "series 3", "series 4")
+RECORDS = ("record 1", "record 2", "record 3", "record 4")
 LAG = Axis("lag", "samples")
 RATIO = Axis("found / start")
 ORDER = ("bearing", "noise", "offsets", "delay")
@@ -87,8 +87,8 @@ def fit_figure(checks: Sequence[Validation]) -> Figure:
     return Figure(
         id="fit",
         title="Prediction: fit against the number of samples ahead",
-        caption="100 % is perfect; 0 % is no better than the mean. Dotted: the last measurement "
-        "held.",
+        caption="100 % is perfect; 0 % is no better than the mean. The colour tells the record; "
+        "dashed: predicted from the start; dotted: the last measurement held.",
         panels=[_fit(checks)],
     )
 
@@ -170,7 +170,7 @@ def _residuals(checks: Sequence[Validation]) -> list[Panel]:
         bound = max(white.bound for white in picks)
         items: list[Item] = [
             Points(np.arange(1.0, white.correlation.size + 1), white.correlation,
-                   signal=SERIES[i % len(SERIES)], label=check.name)
+                   signal=RECORDS[i % len(RECORDS)], label=check.name)
             for i, (white, check) in enumerate(zip(picks, checks, strict=True))
         ]  # fmt: skip
         items += [Rule(sign * bound, signal="bound", label="") for sign in (1, -1)]
@@ -182,18 +182,19 @@ def _fit(checks: Sequence[Validation]) -> Panel:
     items: list[Item] = []
     for i, check in enumerate(checks):
         ahead = np.array(list(check.fit), dtype=float)
-        colour = SERIES[i % len(SERIES)]
-        items.append(
-            Line(ahead, np.array(list(check.fit.values())), signal=colour, label=check.name)
+        look = RECORDS[i % len(RECORDS)]
+        fit, held, of_start = (
+            np.array(list(of.values())) for of in (check.fit, check.held, check.of_start)
         )
-        items.append(
-            Line(ahead, np.array(list(check.held.values())), signal="limit",
-                 label="last measurement held")
-        )  # fmt: skip
+        items += [
+            Points(ahead, fit, signal=look, label=check.name),
+            Line(ahead, fit, signal=look, label=""),
+            Line(ahead, held, signal=f"{look} held", label="last measurement held"),
+        ]
         if check.of_start:
             items.append(
-                Line(ahead, np.array(list(check.of_start.values())), signal="start")
-            )  # fmt: skip
+                Line(ahead, of_start, signal=f"{look} start", label="prediction from the start")
+            )
     shown = [fit for check in checks for of in (check.fit, check.held, check.of_start)
              for fit in of.values() if math.isfinite(fit)]  # fmt: skip
     low = 10 * math.floor(min([90.0, *shown]) / 10)
