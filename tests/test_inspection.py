@@ -70,7 +70,12 @@ def test_missing_samples_are_told(bearing, tmp_path):
     t = 1e-4 * np.arange(10)
     y = np.where(t < 2.5e-4, np.nan, 0.0)
     ambkit.Record(t, {"y": y, "u": 0 * t}).save(tmp_path / "r.csv")
-    assert "3 samples missing" in inspect(tmp_path / "r.csv").about
+    assert "every 0.1 ms, missing 3 of y" in inspect(tmp_path / "r.csv").about
+    ambkit.Record(t, {"y": y, "u": y}).save(tmp_path / "rows.csv")
+    assert "3 missing in each signal" in inspect(tmp_path / "rows.csv").about
+    (tmp_path / "header.csv").write_text("t [s],y [mm],u [V]\n")
+    (problem,) = inspect(tmp_path / "header.csv").problems
+    assert problem.endswith("header.csv: t must have at least 2 samples, has none")
 
 
 @pytest.mark.parametrize(

@@ -117,6 +117,19 @@ def test_a_gap_is_filled_and_told(read_columns):
     assert any("2 stretches, 8 samples" in line for line in reading.record.meta["reading"])
 
 
+@pytest.mark.parametrize("start", [0.0, 53.8, 1e5])
+def test_the_ends_of_a_short_fault_are_told_apart(read_columns, start):
+    columns = sound()
+    columns["time"] = start + columns["time"]
+    columns["pos"][1500:1502] = np.nan
+    keep = np.arange(4000) != 2000
+    reading = read_columns({name: v[keep] for name, v in columns.items()})
+    said = "\n".join(reading.account())
+    stamps = [f"{start + second:.10g}" for second in (1.999, 2.001, 1.5, 1.501)]
+    assert f"from {stamps[0]} s to {stamps[1]} s: 1 sample missing" in said
+    assert f"2 samples from {stamps[2]} s to {stamps[3]} s" in said
+
+
 def test_jitter_is_refused_with_its_lines_and_resampled_on_request(tmp_path):
     columns = sound(600)
     columns["time"] = columns["time"] + 1e-4 * np.random.default_rng(0).normal(size=600)
@@ -345,6 +358,11 @@ def test_a_held_signal_is_averaged_over_the_sample(delay):
     for k in range(15):
         expected = (1 - part) * values[k + whole] + part * values[k + whole + 1]
         assert found[k] == pytest.approx(expected, abs=1e-5)
+
+
+def test_one_sample_is_one_sample():
+    assert "shifted by 1 sample;" in grid.shift_in_words("y", 1e-3, 1e-3)
+    assert "shifted by 2 samples;" in grid.shift_in_words("y", 2e-3, 1e-3)
 
 
 def test_the_map_takes_a_delay_out_and_says_so(read_columns):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -199,6 +199,16 @@ def _describe_force(path: Path) -> _Described:
     return _Described(f"{len(points)} points, {low} to {high}, {left} to {right}{known}")
 
 
+def _lost(missing: Mapping[str, int]) -> str:
+    """Say how many samples each signal lacks; in one number where all lack as many."""
+    counts = set(missing.values())
+    if len(counts) == 1 and len(missing) > 1:
+        (count,) = counts
+        return f", {count} missing in each signal" if count else ""
+    told = ", ".join(f"{count} of {name}" for name, count in missing.items() if count)
+    return f", missing {told}" if told else ""
+
+
 def _describe_record(
     path: Path, channel_map: str | os.PathLike[str] | None, bearing: Bearing | None
 ) -> _Described:
@@ -212,8 +222,7 @@ def _describe_record(
     record = Record.load(path, channel_map)
     lacking = [name for name in ("y", "u") if name not in record]
     unfit = f"; without {' and '.join(lacking)}, so nothing to filter" if lacking else ""
-    missing = sum(int(np.isnan(record[name]).sum()) for name in record)
-    lost = f", {missing} samples missing" if missing else ""
+    lost = _lost({name: int(np.isnan(record[name]).sum()) for name in record})
     about = (
         f"{len(record)} samples of {', '.join(record)} every "
         f"{engineering(record.sampling_time, 's')}{lost}{unfit}"
@@ -225,7 +234,7 @@ def _describe_record(
         for fault in find(name, record[name], record.t, record.units[name])
         if fault.kind != "missing"
     ]
-    remarks = account(faults)
+    remarks = account(faults, record.sampling_time)
     if bearing is None:
         return _Described(about, (), tuple(remarks))
     verdict = judge_record(record, bearing)

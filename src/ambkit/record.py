@@ -260,7 +260,9 @@ def _frozen(name: str, values: ArrayLike) -> Array:
 
 
 def _check_time(t: Array) -> None:
-    if t.ndim != 1 or t.size < 2:
+    if t.ndim == 1 and t.size < 2:
+        raise RecordError(f"t must have at least 2 samples, has {t.size or 'none'}")
+    if t.ndim != 1:
         raise RecordError(f"t must be a row of at least 2 samples, has shape {t.shape}")
     problems = list(time_problems(t))
     if problems:

@@ -170,7 +170,7 @@ def _tables(reading: Reading) -> list[Any]:
     shown.append(table("Channels", heads, channels))
     if not reading.faults:
         return [*shown, "no faults found"]
-    rows = [row for found in _grouped(reading.faults) for row in _rows(found)]
+    rows = [row for found in _grouped(reading.faults) for row in _rows(found, record.sampling_time)]
     heads = ["channel", "fault", "from", "to", "samples", "what, and what was done"]
     return [*shown, table("Faults", heads, rows, wide=True)]
 
@@ -183,16 +183,16 @@ def _grouped(faults: Iterable[Fault]) -> list[list[Fault]]:
     return list(groups.values())
 
 
-def _rows(faults: Sequence[Fault]) -> Iterator[list[str]]:
-    from ambkit.commands.output import value
+def _rows(faults: Sequence[Fault], step: float) -> Iterator[list[str]]:
+    from ambkit.reading.clock import instant
 
     shown = faults if len(faults) <= LISTED + 1 else faults[:LISTED]
     for fault in shown:
-        span = value(fault.start, "s"), value(fault.stop, "s")
+        span = instant(fault.start, step), instant(fault.stop, step)
         what = f"{fault.text}; {fault.action}"
         yield [fault.signal, fault.kind, *span, str(fault.samples), what]
     rest = faults[len(shown) :]
     if rest:
-        span = value(rest[0].start, "s"), value(rest[-1].stop, "s")
+        span = instant(rest[0].start, step), instant(rest[-1].stop, step)
         what = f"in {len(rest)} more stretches, which --json lists"
         yield ["", "", *span, str(sum(fault.samples for fault in rest)), what]

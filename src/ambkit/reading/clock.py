@@ -197,6 +197,14 @@ def _rounded_counts(times: Array, steps: Array, jump: NDArray[np.bool_]) -> Inde
     return counts
 
 
+def instant(time: float, step: float) -> str:
+    """Print a time [s] with so many digits that samples a step [s] apart have not the same."""
+    if not (0 < step < np.inf) or time == 0.0 or not np.isfinite(time):
+        return engineering(time, "s")
+    digits = max(4, int(np.log10(max(1.0, abs(time) / step))) + 2)
+    return engineering(time, "s", digits=digits) if abs(time) < 1e4 else f"{time:.{digits}g} s"
+
+
 def not_finite(times: Array) -> Iterator[tuple[int, float]]:
     """Yield the samples without a time, and what stands there."""
     for at in np.flatnonzero(~np.isfinite(times)):

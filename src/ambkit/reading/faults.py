@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.reading.clock import instant
 from ambkit.reading.spikes import spikes, without
 from ambkit.units import engineering
 
@@ -66,20 +67,29 @@ class Fault:
     action: str = "kept"
 
 
-def account(faults: Iterable[Fault]) -> list[str]:
-    """Say in sentences what was found and done, faults of a kind together."""
+def account(faults: Iterable[Fault], step: float) -> list[str]:
+    """Say in sentences what was found and done, faults of a kind together.
+
+    Parameters
+    ----------
+    faults : iterable of Fault
+        What was found.
+    step : float
+        Time between two samples [s], which the times told must tell apart.
+    """
     groups: dict[tuple[str, str, str], list[Fault]] = {}
     for fault in faults:
         groups.setdefault((fault.signal, fault.kind, fault.action), []).append(fault)
     lines = []
     for (signal, kind, action), found in groups.items():
         first = found[0]
-        start = engineering(first.start, "s")
+        start = instant(first.start, step)
         count = f"{first.samples} sample{'s' if first.samples != 1 else ''}"
         if kind in ("constant", "quantised", "jitter"):
             lines.append(f"{signal}: {first.text}; {action}")
         elif len(found) == 1:
-            span = f"{count} from {start} to {engineering(first.stop, 's')}"
+            stop = f" to {instant(first.stop, step)}" if first.stop > first.start else ""
+            span = f"{count} {'from' if stop else 'at'} {start}{stop}"
             lines.append(f"{signal}: {span}: {first.text}; {action}")
         else:
             samples = sum(fault.samples for fault in found)

@@ -175,7 +175,8 @@ def shift_in_words(name: str, delay: float, step: float) -> str:
     """Say how a delay was taken out of a signal."""
     whole, fraction = split(delay / step)
     held = name in HELD
-    text = f"{name} was logged {engineering(delay, 's')} late: shifted by {whole} samples"
+    samples = "1 sample" if whole == 1 else f"{whole} samples"
+    text = f"{name} was logged {engineering(delay, 's')} late: shifted by {samples}"
     if fraction:
         power = sum(weight**2 for weight in fraction_weights(fraction, held=held).values())
         how = "averaged, as it is held" if held else "a cubic through four samples"

@@ -16,7 +16,7 @@ from ambkit.errors import RecordError, shortened
 from ambkit.files.log import DamagedLog, Log, read_log
 from ambkit.reading import faults as channel_faults
 from ambkit.reading import grid
-from ambkit.reading.clock import Clock, examine
+from ambkit.reading.clock import Clock, examine, instant
 from ambkit.reading.faults import Channel, Fault
 from ambkit.reading.refusals import Refused, check_times, refuse_uneven, segments_of
 from ambkit.record import Record, time_problems
@@ -61,7 +61,8 @@ class Reading:
     def account(self) -> list[str]:
         """Say in sentences what was found and done, faults of a kind together."""
         lines = [f"{name}: {clock.in_words()}" for name, clock in self.clocks.items()]
-        return [*lines, *self.remarks, *channel_faults.account(self.faults)]
+        step = min(clock.step for clock in self.clocks.values())
+        return [*lines, *self.remarks, *channel_faults.account(self.faults, step)]
 
     def to_dict(self) -> dict[str, Any]:
         """Return all of it as plain data, in SI, without the samples."""
@@ -304,7 +305,7 @@ def _clock_faults(clock: Clock) -> list[Fault]:
         text = f"{count} sample{'s' if count > 1 else ''} missing"
         found.append(Fault("gap", clock.name, float(t[at - 1]), float(t[at]), count, text))
     for at in clock.jumps.tolist():
-        text = f"from {engineering(t[at - 1], 's')} to {engineering(t[at], 's')}"
+        text = f"from {instant(t[at - 1], clock.step)} to {instant(t[at], clock.step)}"
         found.append(Fault("jump", clock.name, float(t[at - 1]), float(t[at]), 1, text))
     if clock.uneven.size:
         text = (

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ambkit.errors import RecordError, shortened
 from ambkit.files.log import Log
-from ambkit.reading.clock import Clock, not_finite
+from ambkit.reading.clock import Clock, instant, not_finite
 from ambkit.units import engineering
 
 if TYPE_CHECKING:
@@ -42,7 +42,9 @@ def check_times(log: Log, mapped: Mapped, used: list[str]) -> None:
     for name in used:
         times = mapped.clocks[name]
         if times.size < 2:
-            problems.append(f"{log.name}: {name} must have at least 2 samples, has {times.size}")
+            problems.append(
+                f"{log.name}: {name} must have at least 2 samples, has {times.size or 'none'}"
+            )
         for at, value in not_finite(times):
             problems.append(f"{log.place(at)}: {name} is {value} at sample {at}")
     if not used:
@@ -76,11 +78,11 @@ def segments_of(
     t = main.times
     listed = [
         f"{log.place(at)}: {names} jump{'s' if len(clocks) == 1 else ''} from "
-        f"{engineering(t[at - 1], 's')} to {engineering(t[at], 's')}"
+        f"{instant(t[at - 1], main.step)} to {instant(t[at], main.step)}"
         for at in main.jumps.tolist()
     ]
     choices = ", ".join(
-        f"{n}: {part.stop - part.start} samples from {engineering(t[part][0], 's')}"
+        f"{n}: {part.stop - part.start} samples from {instant(t[part][0], main.step)}"
         for n, part in enumerate(parts[main.name][:8], 1)
     )
     problem = f"{log.name}: choose a part with --segment (segment=): {choices or 'there is none'}"
@@ -129,7 +131,8 @@ def refuse_uneven(log: Log, mapped: Mapped, clocks: Mapping[str, Clock]) -> None
 def _step_problem(log: Log, clock: Clock, at: int) -> str:
     t = clock.times
     return (
-        f"{log.place(at)}: from sample {at - 1} to {at} (t = {t[at]:g} s) {clock.name} goes on by "
+        f"{log.place(at)}: from sample {at - 1} to {at} (t = {instant(t[at], clock.step)}) "
+        f"{clock.name} goes on by "
         f"{engineering(float(t[at] - t[at - 1]), 's', digits=4)} instead of "
         f"{engineering(clock.step, 's', digits=4)}"
     )
