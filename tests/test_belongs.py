@@ -44,6 +44,21 @@ def test_a_record_belongs_to_its_bearing_and_not_with_a_sign_swapped(name, seed)
     assert judge_record(changed(record, y=-1.0, u=-1.0), BEARING).problems == ()
 
 
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_a_mirrored_record_pulls_with_gravity(name):
+    upright = BEARING.replace(rotor__gravity="-x")
+    record = ambkit.simulate(upright, ambkit.Scenario(seed=1, **SCENARIOS[name]))
+    assert judge_record(record, upright) == ((), ())
+    mirrored = changed(record, y=-1.0, u=-1.0)
+    problems, (remark,) = judge_record(mirrored, upright)
+    assert problems == ()
+    assert "the magnet pulls with gravity" in remark
+    assert "signs of y and of u both swapped" in remark
+    assert judge_record(changed(record, u=-1.0), upright).remarks == ()  # told as a problem
+    (_, found) = judge_record(mirrored, upright.replace(rotor__gravity="none"))
+    assert found == ()
+
+
 @pytest.mark.skipif(not RIG.is_dir(), reason="the rig's logs are not here (../shared/data/inteco)")
 def test_the_signs_of_the_rig_are_told():
     bearing = ambkit.Bearing.preset("inteco_ml")

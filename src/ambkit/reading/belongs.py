@@ -23,6 +23,8 @@ SURE = 0.6
 
 _START = 0.25  # part of a record that may be a start, with the rotor on its stop
 
+_TWICE = 0.25  # how far a load may be from twice the weight
+
 
 class Verdict(NamedTuple):
     """What speaks against a record being of a bearing."""
@@ -48,8 +50,9 @@ def judge_record(record: Record, bearing: Bearing) -> Verdict:
     Verdict
         Problems and remarks, each a sentence with value and limit.
     """
-    problems = [*_rate(record, bearing), *_signs(record, bearing)]
-    remarks: list[str] = []
+    swapped = list(_signs(record, bearing))
+    problems = [*_rate(record, bearing), *swapped]
+    remarks = [] if swapped else list(_gravity(record, bearing))
     for wrong, text in (*_position(record, bearing), *_control(record, bearing)):
         (problems if wrong else remarks).append(text)
     return Verdict(tuple(problems), tuple(remarks))
@@ -128,6 +131,35 @@ def _signs(record: Record, bearing: Bearing) -> Iterator[str]:
             f"u rises where y does (correlation {likeness:.2f} of what is slow in them), but an "
             "unstable rotor at x is only held by a current against x: the sign of y or of u is "
             "swapped (or a load moved with the rotor)"
+        )
+
+
+def _gravity(record: Record, bearing: Bearing) -> Iterator[str]:
+    """Tell of a magnet that pulls with gravity, as in a record whose signs are both swapped.
+
+    On the mean of a record the magnet's force, the weight and the load are in balance. Mirrored,
+    the force that holds the weight adds to it, and a load of twice the weight is left.
+    """
+    from ambkit.magnets import ClosedLaw
+
+    weight = bearing.weight
+    if weight == 0.0 or "y" not in record or "u" not in record:
+        return
+    first = int(_START * len(record))
+    x = record["y"][first:] / bearing.sensor.gain
+    iu = bearing.amplifier.gain * record["u"][first:]
+    sound = np.isfinite(iu) & (np.abs(x) < bearing.rotor.travel_limit)
+    if np.count_nonzero(sound) < 20:
+        return
+    iu = np.clip(iu[sound], bearing.current_min, bearing.current_max)
+    force = float(ClosedLaw(bearing).force(iu, x[sound]).mean())
+    load = -(force + weight)
+    if abs(load / (-2 * weight) - 1) < _TWICE:
+        pull, held = (engineering(abs(each), "N", digits=3) for each in (force, load))
+        yield (
+            f"on its mean the magnet pulls with gravity, by {pull}: a load of {held}, about twice "
+            "the weight, would have to hold the rotor. Are the signs of y and of u both swapped, "
+            "or is rotor.gravity?"
         )
 
 
