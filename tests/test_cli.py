@@ -611,6 +611,9 @@ def test_reproduce_hands_on_its_arguments_and_prints_the_verdicts(call, monkeypa
         ("simulate zittau_axial --expert e.json", "--expert is for --estimator adaptive"),
         ("simulate zittau_axial --scenario zittau.toml", "zittau.toml: cannot be read"),
         ("identify --bearing zittau_axial", "either a RECORD or --lift-off"),
+        ("identify --lift-off RUN --lifting-off --bearing inteco_ml", "needs RECORDs of a rotor"),
+        ("identify RUN --lifting-off --method rls --bearing inteco_ml", "--method is for a RECORD"),
+        ("identify RUN --lifting-off --bearing inteco_ml", "no signal z"),
         ("identify RUN --bearing zittau_axial --disturbance g", "signal of the record: r, y, u"),
         ("identify RUN --bearing zittau_axial --start -1N*mm^2/A^2", "--start must be greater"),
         (

@@ -10,9 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ambkit import recordings
+from ambkit import Bearing, recordings
 from ambkit.bearing import GRAVITY
 from ambkit.channelmap import ChannelMap
+from ambkit.cli import main
 from ambkit.errors import AmbkitError, RecordError
 from ambkit.identification.forces.lift_off import LiftOff, find_lift_off, load_points, save_points
 from ambkit.identification.forces.lift_off_fit import fit_lift_off
@@ -63,6 +64,27 @@ def test_the_law_is_found_again_from_noisy_flights(made_points):
     assert fit.gap_offset == pytest.approx(OFFSET, abs=0.15e-3)
     assert np.abs(fit.residuals).max() < 0.02 * fit.current(14e-3)
     assert [p.noise_variance for p in made_points] == pytest.approx([225e-12] * 8, rel=0.2)
+
+
+def test_recordings_of_flights_give_a_bearing_on_the_command_line(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    names = []
+    for seed, gap in enumerate(np.linspace(5e-3, 13e-3, 5)):
+        lift_off_recording(gap, seed).save(f"{seed}.csv")
+        names.append(f"{seed}.csv")
+    still = lift_off_recording(9e-3, 9).between(None, 0.4)
+    still.save("still.csv")
+    with pytest.raises(SystemExit) as ended:
+        main(["identify", *names, "still.csv", "--lifting-off", "--bearing", "inteco_ml",
+              "--working-point", "10 mm", "--out", "law.toml", "--plot", "law.png"])  # fmt: skip
+    assert ended.value.code == 0
+    told = capsys.readouterr().out
+    assert "5 used, 1 left out" in told
+    assert "still.csv   it does not fly up" in told
+    found = Bearing.load("law.toml").magnet
+    assert found.magnet_constant == pytest.approx(CONSTANT, rel=0.1)
+    assert found.air_gap == pytest.approx(10e-3 + OFFSET, rel=0.05)
+    assert Path("law.png").stat().st_size > 10_000
 
 
 def test_exact_points_give_the_exact_law():

@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
-import math
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ambkit.commands.options import (
+    CONSTANT,
     Json,
     MapFile,
     Plot,
     file_option,
     find_bearing,
     quantity,
-    read_quantities,
 )
 from ambkit.errors import AmbkitError
 
 if TYPE_CHECKING:
-    from ambkit.bearing import Bearing
-
-CONSTANT = "N m^2/A^2"
+    pass
 
 
 class Method(StrEnum):
@@ -123,6 +120,14 @@ def identify(
             metavar="POINTS.csv", help="Fit the law to lift-off points, instead of a RECORD."
         ),
     ] = None,
+    lifting_off: Annotated[
+        bool,
+        typer.Option(
+            "--lifting-off",
+            help="The RECORDs are of a rotor that lifts off, one each, as the current rises; --map "
+            "names distance z and coil current i.",
+        ),
+    ] = False,
     gap_range: Annotated[
         str | None,
         typer.Option(metavar="FROM,TO", help='Of lift-off points, fit those within: "4 mm,16 mm".'),
@@ -172,12 +177,15 @@ def identify(
       ambkit identify --lift-off points.csv --bearing inteco_ml --working-point "10 mm"
     """
     from ambkit.commands.belonging import check_belongs
+    from ambkit.commands.identify_lift_off import by_lift_off
     from ambkit.commands.identify_likelihood import Asked, by_likelihood
     from ambkit.commands.identify_online import learn_online
     from ambkit.record import Record
 
     if bool(record) == (lift_off is not None):
         raise AmbkitError("give either a RECORD or --lift-off POINTS.csv")
+    if lifting_off and not record:
+        raise AmbkitError("--lifting-off needs RECORDs of a rotor that lifts off")
     online = {"--start": start, "--disturbance": disturbance}
     for_likelihood = {
         "--free": free, "--load-at-start": load_std, "--validate": validate or None,
@@ -185,6 +193,7 @@ def identify(
         "--report": report, "--force-map": force_map,
         "--force-map-nodes": force_map_nodes,
     }  # fmt: skip
+    asked = method
     if method is None:
         online_only = record and any(given is not None for given in online.values())
         method = Method.adaline if online_only else Method.likelihood
@@ -201,30 +210,34 @@ def identify(
     if start is not None and not start > 0:
         raise AmbkitError(f"--start must be greater than 0, is {start:g} {CONSTANT}")
     for_points = {"--gap-range": gap_range, "--working-point": working_point}
-    for_a_record = {"--map": channel_map, "--from": begin, "--to": end} | online | for_likelihood
-    for option, given in (for_points if record else for_a_record).items():
+    for_a_record = {"--from": begin, "--to": end, "--method": asked} | online | for_likelihood
+    for_a_log = {} if lifting_off else {"--map": channel_map}
+    of_the_loop = record and not lifting_off
+    for option, given in (for_points if of_the_loop else for_a_record | for_a_log).items():
         if given is not None:
-            what = "--lift-off" if record else "a RECORD"
+            what = "--lift-off" if of_the_loop else "a RECORD of the loop"
             raise AmbkitError(f"{option} is for {what}")
     known = find_bearing(bearing)
-    if record and method is Method.likelihood:
+    if not of_the_loop:
+        points = [lift_off] if lift_off is not None else record or []
+        by_lift_off(points, lifting_off, channel_map, known, gap_range, working_point, out, plot,
+                    json)  # fmt: skip
+        return
+    assert record
+    if method is Method.likelihood:
         by_likelihood(
             Asked(record, validate or [], rest, rest_map or channel_map, channel_map, begin, end,
                   free, load_std, out, force_map, _nodes(force_map_nodes), report, plot, json),
             known,
         )  # fmt: skip
-    elif record:
-        if len(record) > 1:
-            raise AmbkitError(f"--method {method} learns along one record, {len(record)} are given")
-        log = Record.load(record[0], channel_map)
-        if begin is not None or end is not None:
-            log = log.between(begin, end)
-        check_belongs(record[0], log, known)
-        learn_online(log, known, method, start, disturbance, out, plot, json)
-    elif lift_off is not None:
-        if out is not None and working_point is None:
-            raise AmbkitError("--out needs --working-point: which distance is x = 0?")
-        _from_lift_off(lift_off, known, gap_range, working_point, out, plot, json)
+        return
+    if len(record) > 1:
+        raise AmbkitError(f"--method {method} learns along one record, {len(record)} are given")
+    log = Record.load(record[0], channel_map)
+    if begin is not None or end is not None:
+        log = log.between(begin, end)
+    check_belongs(record[0], log, known)
+    learn_online(log, known, method, start, disturbance, out, plot, json)
 
 
 def _nodes(text: str | None) -> tuple[int, int] | None:
@@ -238,79 +251,3 @@ def _nodes(text: str | None) -> tuple[int, int] | None:
             param_hint="--force-map-nodes",
         )
     return int(sides[0]), int(sides[-1])
-
-
-def _from_lift_off(
-    points: Path,
-    known: Bearing,
-    gap_range: str | None,
-    working_point: float | None,
-    out: Path | None,
-    plot: Path | None,
-    json: bool,
-) -> None:
-    import numpy as np
-
-    from ambkit import plots
-    from ambkit.commands import output
-    from ambkit.commands.output import value
-    from ambkit.identification.forces.lift_off import load_points
-    from ambkit.identification.forces.lift_off_fit import fit_lift_off
-
-    if known.magnet.type != "one-sided":
-        raise AmbkitError(
-            f"lift-off points tell of a one-sided magnet; that of {known.name} is two-sided"
-        )
-    low, high = read_quantities(gap_range or "0 m,1 m", "m", "--gap-range", count=2)
-    fit = fit_lift_off(
-        load_points(points),
-        known.rotor.mass,
-        gap_range=(low, high if gap_range else math.inf),
-    )
-    errors = fit.standard_errors
-    rms = np.sqrt(np.mean(fit.residuals**2))
-    data: dict[str, Any] = {
-        "magnet_constant": fit.magnet_constant,
-        "gap_offset": fit.gap_offset,
-        "standard_errors": dict(errors),
-        "residual_rms": rms,
-        "points": len(fit.points),
-        "left_out": dict(fit.left_out),
-    }
-    rows = [
-        ["magnet constant k", value(fit.magnet_constant, CONSTANT)],
-        [
-            "  standard error",
-            value(errors["magnet_constant"], CONSTANT, 2, like=fit.magnet_constant),
-        ],
-        ["gap offset z_off", value(fit.gap_offset, "m")],
-        ["  standard error", value(errors["gap_offset"], "m", 2, like=fit.gap_offset)],
-        ["current left unexplained", f"{value(rms, 'A')} rms"],
-        ["points", f"{len(fit.points)} used, {len(fit.left_out)} left out"],
-    ]
-    found = known
-    if working_point is not None:
-        gap, bias = fit.working_point(working_point)
-        found = known.replace(
-            magnet__magnet_constant=fit.magnet_constant,
-            magnet__air_gap=gap,
-            magnet__bias_current=bias,
-        )
-        data |= {"air_gap": gap, "bias_current": bias}
-        rows += [
-            [f"air gap at {value(working_point, 'm')}", value(gap, "m")],
-            ["bias current there", value(bias, "A")],
-        ]
-    left = [[f"run {run}", why] for run, why in sorted(fit.left_out.items())]
-    shown = [output.table("F = k (i / (z + z_off))²", ["", ""], rows)]
-    if left:
-        shown.append(output.table("Points left out", ["", ""], left, wide=True))
-    output.deliver(
-        data,
-        shown,
-        [
-            (out, found.save),
-            (plot, lambda path: plots.save_figure(plots.lift_off_figure(fit), path)),
-        ],
-        as_json=json,
-    )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from ambkit.commands.options import arguments_of_the_user, quantity
+from ambkit.commands.options import CONSTANT, arguments_of_the_user, quantity
 from ambkit.errors import AmbkitError
 
 if TYPE_CHECKING:
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from ambkit.identification.online.side_by_side import SideBySide
     from ambkit.record import Record
 
-CONSTANT = "N m^2/A^2"
 ALL = "online"
 """The method that shows all and prefers none."""
 

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 PICTURES = (".png", ".svg", ".html")
 RECORDS = (".csv", ".parquet")
+CONSTANT = "N m^2/A^2"
+"""Unit of a magnet constant."""
 _WRITTEN: set[str] = set()  # the options that name a file to write
 
 
