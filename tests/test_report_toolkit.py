@@ -57,6 +57,7 @@ from ambkit.report import (
     write_report,
 )
 from ambkit.report.decimate import decimate
+from ambkit.report.page import render_page
 from ambkit.report.terminal import print_summary
 
 TIME = Axis("time $t$", "s")
@@ -436,6 +437,26 @@ def test_markdown_knows_formulas_and_names_but_no_html():
     assert "<script>" not in html
     with pytest.raises(ValueError, match="#nowhere"):
         markup.markdown("[](#nowhere)")
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("F_St at rest, k_i", r"$F_\mathrm{St}$ at rest, $k_i$"),
+        (r"$k_i$ and `k_s` of $F_\mathrm{mag}$", r"$k_i$ and `k_s` of $F_\mathrm{mag}$"),
+        ("[](#fig13.k_i), width_k_i, k_ix", "[](#fig13.k_i), width_k_i, k_ix"),
+    ],
+)
+def test_symbols_are_typeset_in_prose_alone(text, shown):
+    assert markup.symbols(text) == shown
+    assert markup.symbols(shown) == shown
+
+
+def test_the_summary_is_typeset():
+    row = {"id": "a.k_i", "what": "F_St & x", "paper": None, "ours": 1.0, "unit": "N",
+           "verdict": "not given"}  # fmt: skip
+    html = render_page(Report("", "", "", "1", [Chapter("a", "A", [])], [row]), {})
+    assert "<mtext>St</mtext></msub></mrow></math> &amp; x" in html
 
 
 # Static

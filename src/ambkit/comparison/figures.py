@@ -14,6 +14,7 @@ from ambkit.comparison.criteria import CRITERIA, Criterion
 from ambkit.estimators.family import KINDS
 from ambkit.report.figure import Figure, Panel
 from ambkit.report.items import Axis, Bars, Cells, Item, Line, Points, Rule
+from ambkit.report.markup import symbols
 from ambkit.report.style import FAMILY
 
 if TYPE_CHECKING:
@@ -78,7 +79,8 @@ def matrix_figure(bench: Bench, id: str = "matrix", *, alone: bool = False) -> F
 
 
 def _head(criterion: Criterion) -> str:
-    return f"{criterion.label}\n[{criterion.unit}]" if criterion.unit else criterion.label
+    label = symbols(criterion.label)
+    return f"{label}\n[{criterion.unit}]" if criterion.unit else label
 
 
 def _shades(standings: Sequence[Standing], name: str) -> Array:

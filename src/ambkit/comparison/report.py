@@ -14,12 +14,11 @@ from ambkit.comparison.study import Study
 from ambkit.report.blocks import Cell, Chapter, FigureBlock, Remark, Report, TableBlock, Text
 from ambkit.report.figure import Figure
 from ambkit.report.items import Axis
+from ambkit.report.markup import symbols
 from ambkit.units import with_error
 
 STEP = Axis("step of the position", "mm", 1e3)
 RATIO = Axis("magnet constant of the plant, over the known one")
-
-_HEADS = {"x": "x", "v": "v", "f_d": r"$F_\mathrm{St}$", "force": r"$F_\mathrm{mag}$"}
 
 
 def report_of(study: Study) -> Report:
@@ -203,7 +202,7 @@ def _errors_table(standings: Mapping[str, Standing], id: str, title: str) -> Tab
 
 
 def _head(name: str) -> str:
-    label, unit = _HEADS.get(name, CRITERIA[name].label), CRITERIA[name].unit
+    label, unit = symbols(CRITERIA[name].label), CRITERIA[name].unit
     return f"{label} [{unit}]" if unit else label
 
 
@@ -327,7 +326,7 @@ def _how(study: Study) -> Chapter:
             id="criteria",
             title="The criteria",
             headers=["criterion", "what it is"],
-            rows=[[_HEADS.get(n, c.label.replace("−", "-")), c.about] for n, c in CRITERIA.items()],
+            rows=[[c.label.replace("−", "-"), c.about] for n, c in CRITERIA.items()],
         ),
     ]
     if bench.tuned:

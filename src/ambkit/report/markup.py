@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from markdown_it import MarkdownIt
 
 _FORMULA = re.compile(r"\$([^$\n]+)\$")
+_SYMBOL = re.compile(
+    r"\$[^$\n]*\$|`[^`]*`"  # formulas and code stay as they are
+    r"|(?<![\w.#/\\-])(?:(?P<k>k_[is])|F_(?P<of>St|mag))(?![\w-])"
+)
 _BARE_LINK = re.compile(r"\[\]\(#([\w.-]+)\)")
 
 
@@ -59,6 +63,28 @@ def inline(text: str, names: Mapping[str, str] | None = None) -> str:
     return str(_renderer().renderInline(_named(text, names or {})))
 
 
+def symbols(text: str) -> str:
+    r"""Make formulas of the bearing's symbols that a terminal shows as they are.
+
+    Parameters
+    ----------
+    text : str
+        Markdown, or a label: ``"F_St error"``.
+
+    Returns
+    -------
+    str
+        ``"$F_\mathrm{St}$ error"``; what is code, a formula or part of a name is left alone.
+    """
+
+    def formula(match: re.Match[str]) -> str:
+        if match["k"]:
+            return f"${match['k']}$"
+        return rf"$F_\mathrm{{{match['of']}}}$" if match["of"] else match[0]
+
+    return _SYMBOL.sub(formula, text)
+
+
 def _named(text: str, names: Mapping[str, str]) -> str:
     def fill(match: re.Match[str]) -> str:
         anchor = match[1]
@@ -66,7 +92,7 @@ def _named(text: str, names: Mapping[str, str]) -> str:
             raise ValueError(f"link to #{anchor}: no figure, table or chapter has this id")
         return f"[{names[anchor]}](#{anchor})"
 
-    return _BARE_LINK.sub(fill, text)
+    return _BARE_LINK.sub(fill, symbols(text))
 
 
 @cache

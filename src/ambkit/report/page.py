@@ -145,6 +145,7 @@ def _summary(report: Report, names: Mapping[str, str]) -> list[dict[str, Any]]:
     for row in report.summary:
         anchor = row["id"].partition(".")[0]
         texts = {
+            "what": inline(row["what"]),
             "paper": number(row["paper"]),
             "ours": number(row["ours"]),
             "look": verdict_of(row),
