@@ -122,6 +122,7 @@ def test_whatever_stands_beside_a_value_has_its_unit(other, value, unit):
         (123.4, 120.0, "123 ± 120"),
         (0.51234, 0.0123, "0.512 ± 0.012"),
         (0.1, math.nan, "0.1"),
+        (92.0, 0.0, "92 ± 0"),
         (3.2e12, 4.56e11, "3.2e+12 ± 4.6e+11"),
     ],
 )

@@ -199,7 +199,9 @@ def with_error(value: float, error: float) -> str:
         return f"{value:.3g}"
     if max(abs(value), error) >= 1e6:
         return f"{value:.3g} ± {error:.2g}"
-    decimals = max(0, 1 - math.floor(math.log10(error))) if error > 0 else 3
+    if error == 0:
+        return f"{value:.4g} ± 0"
+    decimals = max(0, 1 - math.floor(math.log10(error)))
     return f"{value:.{decimals}f} ± {error:.{decimals}f}"
 
 

@@ -236,5 +236,5 @@ def _table(table: TableBlock, names: Mapping[str, str]) -> dict[str, Any]:
 
 def _cell(value: Cell, digits: str, names: Mapping[str, str]) -> str:
     if isinstance(value, str):
-        return inline(value.replace(" ± ", "\u00a0±\u00a0"), names)
+        return inline(value.replace(" ± ", " ±\u00a0"), names)
     return number(value, "d" if isinstance(value, int) else digits)
