@@ -289,4 +289,4 @@ def test_the_picture_shows_intervals_beside_the_start(record):
     moved = found["position_offset"] - found.start.position_offset
     assert offsets.intervals.values[0] * travel == pytest.approx(moved)
     assert "to" in rows.texts[0]
-    assert "N mm²/A²" in rows.texts[0]
+    assert "N\u00a0mm²/A²" in rows.texts[0]
