@@ -96,7 +96,9 @@ def run_with_gaps(
         y[after], steps = measured, after - first
         begin, skip = after, 0
         if steps <= own:
-            change = typical_change(recorded, -(-steps // per_sample))
+            # What is typical, or what it came to: a signal that jumps may be lost where it does.
+            typical = typical_change(recorded, -(-steps // per_sample))
+            change = max(typical, float(abs(u[after] - u[first])))
             std = np.sqrt(
                 np.diag(kalman.core.covariance) + _pushed(bearing, change, steps * h) ** 2
             )
