@@ -22,6 +22,14 @@ struct Extended : Estimator {
   Extended(nb::object asked, nb::kwargs settings) : Estimator(amb_extended_methods, asked, settings)
   {
   }
+  /* Its state is the filter's own: nothing else depends on the covariance. */
+  void widen(const Vector &std)
+  {
+    same_length(AMB_AXIAL_STATES, std.size(), "std");
+    amb_real *entry = static_cast<amb_kalman_state *>(state())->cov;
+    for (size_t i = 0; i < AMB_AXIAL_STATES; entry += AMB_AXIAL_STATES - i, i++)
+      *entry += std.data()[i] * std.data()[i];
+  }
 };
 
 struct SquareRoot : Estimator {
@@ -160,7 +168,9 @@ void bind_estimators(nb::module_ &m)
            "A whole record, with given stiffnesses (n,) or the magnet's.");
   nb::class_<Extended, Estimator>(m, "Extended", "Extended Kalman filter.")
       .def(nb::init<nb::object, nb::kwargs>(), nb::arg("magnet"), nb::arg("settings"),
-           nb::sig("def __init__(self, magnet: Magnet, **settings: float) -> None"));
+           nb::sig("def __init__(self, magnet: Magnet, **settings: float) -> None"))
+      .def("widen", &Extended::widen, nb::arg("std"),
+           "Know the state less surely: by standard deviations (4,) more, uncorrelated.");
   nb::class_<SquareRoot, Estimator>(m, "SquareRoot", "Extended filter (ambkit/square_root.h).")
       .def(nb::init<nb::object, nb::kwargs>(), nb::arg("magnet"), nb::arg("settings"),
            nb::sig("def __init__(self, magnet: Magnet, **settings: float) -> None"))

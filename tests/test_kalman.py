@@ -169,3 +169,16 @@ def test_the_filters_of_the_package_are_set_up_from_the_bearing() -> None:
     assert np.mean(estimate.f_d[settled] - paper.f_d[settled]) == pytest.approx(
         0.518 * 9.81, rel=0.02
     )
+
+
+def test_a_state_that_is_known_less_surely() -> None:
+    kalman = ambkit.ExtendedKalmanFilter(BEARING)
+    record = moving_record(0.01)
+    kalman.core.run(record["y"], record["u"])
+    P, mean = kalman.core.covariance, kalman.core.mean
+    kalman.core.widen(np.array([1e-5, 2e-3, 0.0, 3e-5]))
+    np.testing.assert_array_equal(kalman.core.mean, mean)
+    added = np.diag(np.square([1e-5, 2e-3, 0.0, 3e-5]))
+    np.testing.assert_allclose(kalman.core.covariance, P + added, rtol=1e-12)
+    with pytest.raises(ValueError, match="std"):
+        kalman.core.widen(np.ones(3))

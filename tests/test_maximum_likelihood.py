@@ -207,6 +207,18 @@ def test_a_control_signal_that_was_lost_biases_nothing(kind):
     assert held["load_growth"] > 1.4 * whole["load_growth"]  # what it was like
 
 
+def test_a_control_signal_that_is_lost_wherever_it_jumps_only_tells_less(records):
+    u = records[0]["u"].copy()
+    u[::7] = np.nan  # the shaking of these loops jumps every seventh sample
+    lost = Record(records[0].t, {"y": records[0]["y"], "u": u})
+    free = ["magnet_constant", "load_growth"]
+    found = maximum_likelihood(lost, TRUTH, free, improve_start=False)
+    whole = maximum_likelihood(records[0], TRUTH, free, improve_start=False)
+    for name in free:
+        assert abs(found[name] - whole[name]) < 2 * found.standard_error(name)
+        assert found.standard_error(name) > whole.standard_error(name)
+
+
 def test_a_filter_over_gaps_is_the_plain_one_where_nothing_is_missing(records):
     record = records[0].between(0, 0.1)
     kalman, h = TRUTH.kalman(), TRUTH.bearing.sampling_time / TRUTH.substeps

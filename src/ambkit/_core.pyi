@@ -159,6 +159,11 @@ class Extended(Estimator):
 
     def __init__(self, magnet: Magnet, **settings: float) -> None: ...
 
+    def widen(self, std: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> None:
+        """
+        Know the state less surely: by standard deviations (4,) more, uncorrelated.
+        """
+
 class SquareRoot(Estimator):
     """Extended filter (ambkit/square_root.h)."""
 

@@ -99,10 +99,7 @@ def run_with_gaps(
             # What is typical, or what it came to: a signal that jumps may be lost where it does.
             typical = typical_change(recorded, -(-steps // per_sample))
             change = max(typical, float(abs(u[after] - u[first])))
-            std = np.sqrt(
-                np.diag(kalman.core.covariance) + _pushed(bearing, change, steps * h) ** 2
-            )
-            kalman.reset(kalman.core.mean, std.tolist())
+            kalman.core.widen(_pushed(bearing, change, steps * h))
         else:
             known = y[after:][np.isfinite(y[after:])]
             start = float(known[0]) if known.size else 0.0
