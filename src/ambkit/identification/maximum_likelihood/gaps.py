@@ -9,6 +9,7 @@ here the filter is told how far the rotor may have gone.
 from __future__ import annotations
 
 import math
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -75,6 +76,7 @@ def run_with_gaps(
     """
     law = ConstantStiffness.of(bearing)
     own = round(math.sqrt(bearing.rotor.mass / law.k_s) / h)
+    typical = cache(partial(typical_change, recorded))  # most gaps are as long as some other
     per_sample = max(1, round(bearing.sampling_time / h))
     y = y.copy()
     parts: list[dict[str, Any]] = []
@@ -97,9 +99,8 @@ def run_with_gaps(
         begin, skip = after, 0
         if steps <= own:
             # What is typical, or what it came to: a signal that jumps may be lost where it does.
-            typical = typical_change(recorded, -(-steps // per_sample))
-            change = max(typical, float(abs(u[after] - u[first])))
-            kalman.core.widen(_pushed(bearing, change, steps * h))
+            change = max(typical(-(-steps // per_sample)), float(abs(u[after] - u[first])))
+            kalman.core.widen(_pushed(bearing, law, change, steps * h))
         else:
             known = y[after:][np.isfinite(y[after:])]
             start = float(known[0]) if known.size else 0.0
@@ -109,9 +110,9 @@ def run_with_gaps(
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-def _pushed(bearing: Bearing, change: float, duration: float) -> Array:
+def _pushed(bearing: Bearing, law: ConstantStiffness, change: float, duration: float) -> Array:
     """How far a control signal that is off by `change` [V] takes the states (4,) in a while [s]."""
-    law, m = ConstantStiffness.of(bearing), bearing.rotor.mass
+    m = bearing.rotor.mass
     rate = math.sqrt(law.k_s / m)
     push = law.k_i * bearing.amplifier.gain * change / m
     x = push / rate**2 * (math.cosh(rate * duration) - 1)

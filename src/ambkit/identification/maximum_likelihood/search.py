@@ -127,7 +127,7 @@ def hold(
     began.
     """
     back = {parameter.place: parameter.of(given)}
-    model, likely = found.model.replace(**back), True
+    model = found.model.replace(**back)
     if rest:
         begins = [model] if ran_from is None else [model, ran_from.replace(**back)]
         climbed = max(
