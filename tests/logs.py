@@ -9,6 +9,20 @@ from numpy.typing import NDArray
 
 Columns = Mapping[str, NDArray[np.float64]]
 
+MAP = """
+[signals.t]
+column = "time"
+unit = "s"
+[signals.y]
+column = "pos"
+unit = "mm"
+[signals.u]
+column = "current"
+unit = "A"
+scale = "1 V/A"
+"""
+"""Channel map of the logs with the columns time, pos and current."""
+
 
 def csv(path: Path, columns: Columns, separator: str = ",", decimal: str = ".") -> None:
     rows = zip(*(values.tolist() for values in columns.values()), strict=True)

@@ -14,20 +14,7 @@ from ambkit.files.log import read_log
 from ambkit.record import Record
 from tests import logs
 
-MAP = ChannelMap.from_toml(
-    """
-    [signals.t]
-    column = "time"
-    unit = "s"
-    [signals.y]
-    column = "pos"
-    unit = "mm"
-    [signals.u]
-    column = "current"
-    unit = "A"
-    scale = "1 V/A"
-    """
-)
+MAP = ChannelMap.from_toml(logs.MAP)
 VALUES = st.floats(-1e6, 1e6, allow_subnormal=False) | st.just(float("nan"))
 
 

@@ -31,18 +31,7 @@ RIG = Path(__file__).parents[2] / "shared" / "data" / "inteco"
 needs_rig = pytest.mark.skipif(
     not RIG.is_dir(), reason="the rig's logs are not here (../shared/data/inteco)"
 )
-MAP = """
-[signals.t]
-column = "time"
-unit = "s"
-[signals.y]
-column = "pos"
-unit = "mm"
-[signals.u]
-column = "current"
-unit = "A"
-scale = "1 V/A"
-"""
+MAP = logs.MAP
 T = 1e-3
 
 

@@ -15,18 +15,7 @@ from ambkit.reading.refused_picture import refused_figure
 from ambkit.report.items import Line, Rule, Span
 from tests import logs
 
-MAP = """
-[signals.t]
-column = "time"
-unit = "s"
-[signals.y]
-column = "pos"
-unit = "mm"
-[signals.u]
-column = "current"
-unit = "A"
-scale = "1 V/A"
-"""
+MAP = logs.MAP
 TWO = (MAP + 'time = "t_slow"\n[signals.t_slow]\ncolumn = "1/time"\nunit = "s"\n').replace(
     '"time"', '"0/time"'
 )
