@@ -21,6 +21,7 @@ from ambkit.comparison.report import report_of
 from ambkit.comparison.spread import CERTAIN, Spread
 from ambkit.comparison.study import learned, pieces_of, study
 from ambkit.comparison.tune import errors, tune
+from ambkit.magnets import own_time
 from ambkit.report.items import Axis
 from ambkit.simulation import Imposed
 
@@ -237,7 +238,7 @@ def test_a_figure_is_that_of_the_single_run() -> None:
     found = bench(BEARING, SHORT, FAMILY, runs=2, seed=4)
     trial = trials(SHORT, BEARING, 2, 4)[1]
     estimate = ambkit.KalmanFilter(BEARING).run(trial.record)
-    first = round(2 * cases.own_time(BEARING) / BEARING.sampling_time)
+    first = round(2 * own_time(BEARING) / BEARING.sampling_time)
     error = (estimate.f_d - trial.record["f_d"])[first:]
     standing = found.default["linear"]
     assert standing.figures["f_d"][1] == pytest.approx(np.sqrt(np.mean(error**2)))
@@ -262,7 +263,7 @@ def test_who_estimates_k_gets_back_what_a_wrong_one_costs(drift: float) -> None:
     wrong = replace(CASES["wrong-k"], drift=drift)
     right = replace(wrong, magnet_constant=1.0, drift=0.0)
     field = contenders(["extended", "extended-k", "multiple-model"], BEARING)
-    load = round(42 * cases.own_time(BEARING) / BEARING.sampling_time)
+    load = round(42 * own_time(BEARING) / BEARING.sampling_time)
 
     def error(case: cases.Case, name: str) -> float:
         made = trials(case, BEARING, 3, 0)

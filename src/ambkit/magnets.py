@@ -31,6 +31,11 @@ def equally_far(bearing: Bearing) -> tuple[float, float]:
     return bearing.magnet.bias_current / 1.5, bearing.magnet.air_gap / 2
 
 
+def own_time(bearing: Bearing) -> float:
+    """Return ``sqrt(m/k_s)``, in which the uncontrolled rotor falls away by e [s]."""
+    return math.sqrt(bearing.rotor.mass / abs(ConstantStiffness.of(bearing).k_s))
+
+
 class StiffnessSource(Protocol):
     """Anything that an adaptive filter can ask for k_i and k_s."""
 

@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.comparison.bound import bearing_bound
-from ambkit.comparison.cases import Case, Trial, own_time, trials
+from ambkit.comparison.cases import Case, Trial, trials
 from ambkit.comparison.contenders import Contender
 from ambkit.comparison.criteria import CRITERIA, SETTLING, judge_run
 from ambkit.comparison.tune import SIGNALS, Tuning, errors, tune
 from ambkit.errors import AmbkitError
 from ambkit.estimators import KalmanFilter
+from ambkit.magnets import own_time
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing

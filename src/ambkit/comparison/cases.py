@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ambkit.bearing import GRAVITY
 from ambkit.comparison.spread import CERTAIN, Spread
 from ambkit.estimators import Estimator, KalmanFilter
-from ambkit.magnets import ConstantStiffness
+from ambkit.magnets import own_time
 from ambkit.scenario import PID, Scenario
 from ambkit.simulation import Imposed, Run, samples, simulate_run
 from ambkit.waveforms import Constant, Sequence, Sine, Step
@@ -116,11 +116,6 @@ class Trial:
     def lost(self) -> bool:
         """Whether the rotor met a stop, so that there is nothing to estimate."""
         return bool(self.record.meta["stop_touched"])
-
-
-def own_time(bearing: Bearing) -> float:
-    """Return ``sqrt(m/k_s)``, in which the uncontrolled rotor falls away by e [s]."""
-    return math.sqrt(bearing.rotor.mass / abs(ConstantStiffness.of(bearing).k_s))
 
 
 def trials(case: Case, bearing: Bearing, runs: int, seed: int) -> list[Trial]:

@@ -14,7 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 from ambkit.bearing import GRAVITY
 from ambkit.estimate import Estimate, Status
 from ambkit.estimators.noise import FilterNoise, completed
-from ambkit.magnets import ClosedLaw, ConstantStiffness, Precision, StiffnessSource, core_module
+from ambkit.magnets import (
+    ClosedLaw,
+    ConstantStiffness,
+    Precision,
+    StiffnessSource,
+    core_module,
+    own_time,
+)
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
@@ -128,10 +135,9 @@ class Estimator:
         """Return the standard deviations with which a filter starts; see :meth:`reset`."""
         b = self.bearing
         sigma = 3 * math.sqrt(self.variances.measurement)
-        own_time = math.sqrt(b.rotor.mass / ConstantStiffness.of(b).k_s)
         return (
             sigma / abs(b.sensor.gain),
-            0.1 * b.rotor.travel_limit / own_time,
+            0.1 * b.rotor.travel_limit / own_time(b),
             b.rotor.mass * GRAVITY,
             sigma,
         )

@@ -185,11 +185,9 @@ def mirror_correlation(record: Record, bearing: Bearing) -> float:
     float
         From -1, as it must be, to 1; 0 where it cannot be told.
     """
-    from ambkit.magnets import ConstantStiffness
+    from ambkit.magnets import own_time
 
-    stiff = ConstantStiffness.of(bearing)
-    own_time = math.sqrt(bearing.rotor.mass / abs(stiff.k_s))
-    size = max(1, round(0.5 * own_time / record.sampling_time))
+    size = max(1, round(0.5 * own_time(bearing) / record.sampling_time))
     first = int(_START * len(record))
     y, u = (_means(record[name][first:], size) for name in ("y", "u"))
     there = np.isfinite(y) & np.isfinite(u)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.estimate import Status
-from ambkit.magnets import ConstantStiffness
+from ambkit.magnets import ConstantStiffness, own_time
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
@@ -75,7 +75,7 @@ def run_with_gaps(
         The filter's step [s].
     """
     law = ConstantStiffness.of(bearing)
-    own = round(math.sqrt(bearing.rotor.mass / law.k_s) / h)
+    own = round(own_time(bearing) / h)
     typical = cache(partial(typical_change, recorded))  # most gaps are as long as some other
     per_sample = max(1, round(bearing.sampling_time / h))
     y = y.copy()

@@ -161,9 +161,9 @@ class Likelihood:
 
 def settling_time(bearing: Bearing) -> float:
     """Return the time at a record's start that does not count [s]: the plant's own, sqrt(m/k_s)."""
-    from ambkit.magnets import ConstantStiffness
+    from ambkit.magnets import own_time
 
-    return math.sqrt(bearing.rotor.mass / ConstantStiffness.of(bearing).k_s)
+    return own_time(bearing)
 
 
 def _log_likelihood(e: Array, S: Array) -> float:
