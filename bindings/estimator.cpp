@@ -24,6 +24,7 @@ template <typename Settings, typename Visit> void each_setting(Settings &s, Visi
   visit("var_d", s.var_d);
   visit("var_y", s.var_y);
   visit("gate", s.gate);
+  visit("as_printed", s.as_printed);
   visit("frozen_limit", s.frozen_limit);
   visit("outlier_limit", s.outlier_limit);
 }
@@ -176,11 +177,9 @@ Named parameters(const Estimator &self)
   const amb_axial_model &m = self.kf.model;
   nb::dict set, model, all;
   each_setting(self.kf.set, [&](const char *name, const auto &field) { set[name] = field; });
-  model["T"] = m.T;
-  model["T_m"] = m.T_m;
-  model["T2_2m"] = m.T2_2m;
-  model["a_sen"] = m.a_sen;
-  model["b_sen"] = m.b_sen;
+#define SHOW(field) model[#field] = m.field;
+  AMB_AXIAL_MODEL_FIELDS(SHOW)
+#undef SHOW
   all["set"] = set;
   all["model"] = model;
   all["far_squared"] = self.kf.far_squared;

@@ -2,7 +2,12 @@
 
 State ``X = [x, v, f_d, x_m]``: displacement, velocity, disturbance force F_St, lagged (measured)
 position. Everything else about the model, its constants, its Jacobian, the covariance step and
-the measurement update, follows from the six equations below.
+the measurement update, follows from the equations below.
+
+With the force held over the sample they are exact, whatever the sensor: the lag follows the
+parabola on which the rotor moves. Eq. 19 as printed holds the *position* over the sample instead,
+and so puts every estimate ahead of the rotor by ``T/(1 - exp(-T/T_sen)) - T_sen``; it is the same
+model with three constants at zero, and there to reproduce the paper.
 """
 
 import sympy as sp
@@ -19,23 +24,36 @@ k_i, k_s = sp.symbols("k_i k_s")
 # Variances: control signal, growth of the disturbance force in one sample, measurement.
 var_u, var_d, var_y = sp.symbols("var_u var_d var_y", nonnegative=True)
 
+# What a lag makes of a constant, of a ramp and of a parabola: core/include/ambkit/phi.h.
+phi1, phi2, phi3 = (sp.Function(f"phi{k}") for k in (1, 2, 3))
+
+
+def pushed(t: sp.Expr) -> list[sp.Expr]:
+    """Return how far a force of 1 N that begins to act moves the state within the time t."""
+    return [t**2 / (2 * m), t / m, sp.Integer(0), K_sen * t**3 * phi3(t / T_sen) / (m * T_sen)]
+
+
 # What eq. 15-19 ask of the parameters, computed once per model and not once per sample.
-T_m, T2_2m, a_sen, b_sen = sp.symbols("T_m T2_2m a_sen b_sen")
+T_2, T_m, T2_2m, a_sen, b_sen, c_sen, d_sen = sp.symbols("T_2 T_m T2_2m a_sen b_sen c_sen d_sen")
 constants = {
-    T_m: T / m,
-    T2_2m: T**2 / (2 * m),
+    T_2: T / 2,
+    T_m: pushed(T)[1],
+    T2_2m: pushed(T)[0],
     a_sen: sp.exp(-T / T_sen),
-    b_sen: K_sen * (1 - sp.exp(-T / T_sen)),
+    b_sen: K_sen * phi1(T / T_sen) * T / T_sen,
+    c_sen: K_sen * phi2(T / T_sen) * T**2 / T_sen,
+    d_sen: pushed(T)[3],
 }
 
 transition = [
     x + T * v + T2_2m * f_all,  # eq. 15
     v + T_m * f_all,  # eq. 16
     f_d,  # eq. 20, third row: the disturbance is a random walk
-    b_sen * x + a_sen * x_m,  # eq. 19
+    b_sen * x + a_sen * x_m + c_sen * v + d_sen * f_all,  # eq. 19, with v and f_all exact
 ]
+displacement = x + T_2 * v  # at which the magnet pulls: the mean over the sample
 whole_force = f + f_d  # eq. 15, 16
-linear_force = k_i * k_ui * u + k_s * x  # eq. 17
+linear_force = k_i * k_ui * u + k_s * displacement  # eq. 17
 measurement = x_m  # eq. 21
 
 axial = Model(
@@ -51,11 +69,17 @@ axial = Model(
     gain=k_ui,
     transition=transition,
     driving=f_all,
+    displacement=displacement,
     whole_force=whole_force,
     linear_force=linear_force,
     measurement=measurement,
     control_variance=var_u,
-    # Q = B var B' (paper, below eq. 21), plus the growth of the disturbance force.
-    extra_noise={f_d: var_d},
+    # Q = B var B' (paper, below eq. 21), plus the growth of the disturbance force, which moves the
+    # rotor within the sample already.
+    growth=f_d,
+    growth_variance=var_d,
+    pushed=pushed,
+    time=T,
     measurement_variance=var_y,
+    printed=[T_2, c_sen, d_sen],
 )

@@ -1,13 +1,11 @@
 """Write a model as a C header: structs, constants, and the three straight-line steps."""
 
 from collections.abc import Iterable
-from typing import Any
-
 import sympy as sp
 from sympy.printing.c import C99CodePrinter
 from sympy.printing.precedence import PRECEDENCE
 
-from derivation.model import Expr, Model
+from derivation.model import Expr, Model, Sum
 
 
 class Printer(C99CodePrinter):  # type: ignore[misc]
@@ -16,15 +14,8 @@ class Printer(C99CodePrinter):  # type: ignore[misc]
     def _print_Pow(self, expr: Expr) -> str:
         base = self.parenthesize(expr.base, PRECEDENCE["Atom"], strict=True)
         exponent = int(expr.exp)
-        product = "*".join([base] * abs(exponent))
-        return product if exponent > 0 else f"AMB_C(1.0)/({product})"
-
-    def _print_Add(self, expr: Expr, order: Any = None) -> str:
-        # Products last: each can be fused with its addition.
-        terms = self._as_ordered_terms(expr, order=order)
-        texts = [self._print(t) for t in sorted(terms, key=lambda t: t.is_Mul or t.is_Pow)]
-        rest = (f" - {t[1:]}" if t[0] == "-" else f" + {t}" for t in texts[1:])
-        return str(texts[0]) + "".join(rest)
+        product = "(" + "*".join([base] * abs(exponent)) + ")"
+        return product if exponent > 0 else f"AMB_C(1.0)/{product}"
 
     def _print_Integer(self, expr: Expr) -> str:
         return f"AMB_C({expr}.0)"
@@ -34,8 +25,14 @@ class Printer(C99CodePrinter):  # type: ignore[misc]
             return f"(AMB_C({expr.p}.0)/AMB_C({expr.q}.0))"
         return f"AMB_C({expr.p / expr.q!r})"
 
+    def _print_Float(self, expr: Expr) -> str:
+        return f"AMB_C({float(expr)!r})"
+
     def _print_exp(self, expr: Expr) -> str:
         return f"amb_exp_negative({self._print(-expr.args[0])})"
+
+    def _print_Function(self, expr: Expr) -> str:
+        return f"amb_{expr.func}({self._print(expr.args[0])})"
 
 
 def c(expr: Expr) -> str:
@@ -73,7 +70,8 @@ class Names:
     def __init__(self, model: Model) -> None:
         self.kind = f"amb_{model.name}"
         self.model_argument = f"const {self.kind}_model *model"
-        self.constants = {s: f"model->{s}" for s in (*model.kept, *model.constants)}
+        self.values = {kept: kept for kept in model.kept} | model.constants | model.growth_constants
+        self.constants = {s: f"model->{s}" for s in self.values}
         self.mean = {s: f"mean[{i}]" for i, s in enumerate(model.state)}
         self.pairs = model.triangle()
         self.entries = {sp.Symbol(f"P{i}{j}"): f"cov[{k}]" for k, (i, j) in enumerate(self.pairs)}
@@ -82,48 +80,88 @@ class Names:
 
     def in_place(self, expr: Expr) -> str:
         """Return an expression with the arrays' entries for its symbols."""
-        entries = (self.mean | self.entries).items()
+        entries = (self.constants | self.mean | self.entries).items()
         return c(expr.subs({symbol: sp.Symbol(entry) for symbol, entry in entries}))
 
 
 def constants(model: Model, names: Names) -> str:
-    """Return the struct of the model's constants, and the function that computes them."""
+    """Return the struct of the model's constants, and the functions that compute them."""
     fields = "\n".join(f"  amb_real {s};" for s in names.constants)
-    values = {kept: kept for kept in model.kept} | model.constants
+    listed = " ".join(f"FIELD({s})" for s in names.constants)
     arguments = ", ".join(f"amb_real {p}" for p in model.parameters)
     return (
         "/* What the equations ask of the physical parameters, computed once. */\n"
         f"typedef struct {names.kind}_model {{\n{fields}\n}} {names.kind}_model;\n\n"
-    ) + function(
-        "Constants from the physical parameters, SI.",
-        f"{names.kind}_model_init({names.kind}_model *model, {arguments})",
-        block([(names.constants[s], e) for s, e in values.items()], {}),
+        f"/* Each of its fields, for whoever asks for all. */\n"
+        f"#define {names.kind.upper()}_MODEL_FIELDS(FIELD) {listed}\n\n"
+        "#ifndef AMB_SIDE_BY_SIDE /* vectors of filters take theirs from the scalars' */\n"
+        + function(
+            "Constants from the physical parameters, SI.",
+            f"{names.kind}_model_init({names.kind}_model *model, {arguments})",
+            block([(names.constants[s], e) for s, e in names.values.items()], {}),
+        )
+        + "\n"
+        + function(
+            "What the equations as printed leave out: the force and the speed within the sample.",
+            f"{names.kind}_model_as_printed({names.kind}_model *model)",
+            [
+                f"{names.constants[s]} = AMB_C(0.0);"
+                for s in (*model.printed, *model.growth_constants)
+            ],
+        )
+        + "#endif\n"
     )
+
+
+def displacement(model: Model, names: Names) -> str:
+    """Return the displacement at which the magnet is asked."""
+    return (
+        "/* Displacement at which the magnet pulls, the mean over the sample [m]. */\n"
+        f"AMB_INLINE amb_real {names.kind}_displacement({names.model_argument}, "
+        f"const {names.mean_argument})\n{{\n  return "
+        + names.in_place(model.displacement)
+        + ";\n}\n"
+    )
+
+
+def total(terms: Sum) -> str:
+    """Return a sum as C, term by term."""
+    return " + ".join(c(term) for term in terms)
 
 
 def mean_step(model: Model, names: Names) -> str:
     """Return the prediction of the mean (eq. 9)."""
-    pairs = zip(model.state, model.forced, strict=True)
+    rows = list(zip(model.state, model.mean_sums, strict=True))
+    changed = [(state, terms) for state, terms in rows if terms != [state]]
+    used = {s for _, terms in changed for term in terms for s in term.free_symbols}
+    stored = names.constants | names.mean
+    lines = [
+        f"const amb_real {s} = {where};"
+        for s, where in stored.items()
+        if s in used | model.whole_force.free_symbols
+    ]
+    lines.append(f"const amb_real {model.driving} = {c(model.whole_force)};")
+    lines += [f"{names.mean[state]} = {total(terms)};" for state, terms in changed]
     return function(
         f"Eq. 9, the mean one sample on; {model.force}: force on the rotor without "
-        f"{model.state[2]} [N].",
+        f"{model.growth} [N].",
         f"{names.kind}_predict_mean({names.model_argument}, amb_real {model.force}, "
         f"{names.mean_argument})",
-        block([(names.mean[s], e) for s, e in pairs if s != e], names.constants | names.mean),
+        lines,
     )
 
 
 def covariance_step(model: Model, names: Names) -> str:
     """Return the prediction of the covariance (eq. 10)."""
     stages, triangle = model.covariance_stages()
-    targets = {f"cov[{k}]": e for k, e in enumerate(triangle)}
+    entries = [(f"cov[{k}]", terms) for k, terms in enumerate(triangle)]
     stored = {**names.constants, **names.entries}
-    changed = {entry: e for entry, e in targets.items() if stored.get(e) != entry}
-    used = set().union(*(e.free_symbols for _, e in stages), *(e.free_symbols for e in triangle))
+    computed = [terms for _, terms in stages] + triangle
+    used = {s for terms in computed for term in terms for s in term.free_symbols}
     lines = [f"const amb_real {s} = {where};" for s, where in stored.items() if s in used]
-    lines += [f"const amb_real {s} = {c(e)};" for s, e in stages]
-    lines += [f"{entry} = {c(e)};" for entry, e in changed.items()]
-    given = [*model.stiffness, model.gain, model.control_variance, *model.extra_noise.values()]
+    lines += [f"const amb_real {s} = {total(terms)};" for s, terms in stages]
+    lines += [f"{entry} = {total(terms)};" for entry, terms in entries]
+    given = [*model.stiffness, model.gain, model.control_variance, model.growth_variance]
     arguments = ", ".join(f"amb_real {s}" for s in given)
     return function(
         "Eq. 10, A P A' + Q on the upper triangle, row by row.",
@@ -166,10 +204,11 @@ def header(model: Model) -> str:
     return "\n".join([
         f"/* {model.about}. Written by `python -m derivation`; do not edit. */",
         f"#ifndef {guard}\n#define {guard}\n",
-        '#include "ambkit/exponential.h"\n#include "ambkit/real.h"\n',
+        '#include "ambkit/phi.h"\n',
         f"#define AMB_{upper}_STATES {len(model.state)}",
         f"#define AMB_{upper}_TRIANGLE {len(names.pairs)}\n",
         constants(model, names),
+        displacement(model, names),
         mean_step(model, names),
         covariance_step(model, names),
         update(model, names),

@@ -4,13 +4,17 @@ The covariance is its upper triangle, row by row; nothing else is ever stored, s
 symmetry. There are no branches, so the same text compiles for float, double and SIMD lanes.
 """
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from itertools import product
+from functools import cached_property
 from typing import Any
 
 import sympy as sp
+from sympy.integrals.quadrature import gauss_legendre
 
 Expr = Any
+Sum = list[Expr]
+"""Terms in the order in which they are added up."""
 
 
 @dataclass(frozen=True)
@@ -29,12 +33,17 @@ class Model:
     gain: Expr
     transition: list[Expr]
     driving: Expr
+    displacement: Expr
     whole_force: Expr
     linear_force: Expr
     measurement: Expr
     control_variance: Expr
-    extra_noise: dict[Expr, Expr]
+    growth: Expr  # the state that wanders
+    growth_variance: Expr  # of its random walk, in one sample
+    pushed: Callable[[Expr], list[Expr]]  # what moves the state, the time after it has grown by 1
+    time: Expr  # length of a sample
     measurement_variance: Expr
+    printed: list[Expr]  # constants that are zero in the paper's equations
 
     @property
     def linear(self) -> sp.Matrix:
@@ -45,6 +54,19 @@ class Model:
     def forced(self) -> sp.Matrix:
         """The transition as it depends on state and force."""
         return sp.Matrix(self.transition).subs(self.driving, self.whole_force)
+
+    @property
+    def held(self) -> tuple[sp.Matrix, sp.Matrix]:
+        """L and b of ``L X + b F``, where F is all force on the rotor, held over the sample."""
+        transition = sp.Matrix(self.transition)
+        return transition.jacobian(self.state), transition.jacobian([self.driving])
+
+    @property
+    def mean_sums(self) -> list[Sum]:
+        """Eq. 9, row by row: the terms of ``L X + b F``."""
+        L, b = self.held
+        rows = range(len(self.state))
+        return [product_terms([*L[i, :], b[i]], [*self.state, self.driving]) for i in rows]
 
     @property
     def A(self) -> sp.Matrix:
@@ -66,10 +88,37 @@ class Model:
         """Process noise covariance, ``B var B'`` and the growth of what is not modelled."""
         return self.control_variance * self.B * self.B.T + self.own_noise
 
+    @cached_property
+    def growth_constants(self) -> dict[Expr, Expr]:
+        """Covariance that a growth of variance 1 leaves in the state, on the upper triangle.
+
+        ``N = 1/T int_0^T g(t) g(t)' dt`` with g(t) what the state has made of a growth the time t
+        after it. By four points of Gauss and Legendre: exact but for the exponential in the
+        sensor's row, whose share is right to five digits; and never indefinite by rounding.
+        """
+        n = len(self.state)
+        nodes, weights = _gauss_legendre(4)
+        N = sp.zeros(n, n)
+        for node, weight in zip(nodes, weights, strict=True):
+            g = sp.Matrix(self.pushed(node * self.time))
+            g[self.state.index(self.growth)] = 1
+            N += weight * g * g.T
+        return {
+            sp.Symbol(f"N{i}{j}"): N[i, j]
+            for i, j in self.triangle()
+            if not self.state[i] == self.state[j] == self.growth
+        }
+
     @property
     def own_noise(self) -> sp.Matrix:
         """Growth of what is not modelled, in one sample."""
-        return sp.diag(*[self.extra_noise.get(s, 0) for s in self.state])
+        n = len(self.state)
+        N = sp.ones(n, n)
+        for i, j in self.triangle():
+            symbol = sp.Symbol(f"N{i}{j}")
+            if symbol in self.growth_constants:
+                N[i, j] = N[j, i] = symbol
+        return self.growth_variance * N
 
     def triangle(self) -> list[tuple[int, int]]:
         """Index pairs of the upper triangle in the order of storage."""
@@ -88,7 +137,7 @@ class Model:
         """``A P A' + Q`` (eq. 10)."""
         return self.A * self.covariance() * self.A.T + self.Q
 
-    def covariance_stages(self) -> tuple[list[tuple[Expr, Expr]], list[Expr]]:
+    def covariance_stages(self) -> tuple[list[tuple[Expr, Sum]], list[Sum]]:
         """Eq. 10 in stages, by way of the one force that drives the rotor.
 
         The next state is ``L X + b F`` with constant L and b, and all that changes from sample to
@@ -99,41 +148,65 @@ class Model:
 
         Returns
         -------
-        stages : list of (symbol, expression)
+        stages : list of (symbol, sum)
             Intermediate results in the order in which they are computed.
-        covariance : list of expressions
+        covariance : list of sums
             Upper triangle of :meth:`predicted_covariance`, in terms of them.
         """
-        transition, P = sp.Matrix(self.transition), self.covariance()
-        L, b = transition.jacobian(self.state), transition.jacobian([self.driving])
+        P, n = self.covariance(), len(self.state)
+        L, b = self.held
         F = sp.Matrix([self.whole_force.subs(self.force, self.linear_force)])
-        h, g = F.jacobian(self.state), F.diff(self.control)[0]
-        stages: list[tuple[Expr, Expr]] = []
+        g = F.diff(self.control)[0]
+        stages: list[tuple[Expr, Sum]] = []
 
-        def stage(matrix: sp.Matrix, name: str) -> sp.Matrix:
-            """Give a symbol to each entry that is an expression."""
-            for i, j in product(range(matrix.rows), range(matrix.cols)):
-                if not matrix[i, j].is_Atom:
-                    place = f"{i}{j}" if min(matrix.shape) > 1 else f"{i + j}"
-                    stages.append((sp.Symbol(name + place), matrix[i, j]))
-                    matrix[i, j] = stages[-1][0]
-            return matrix
+        def stage(name: str, terms: Sum) -> Expr:
+            """Give a symbol to what is no symbol or number yet."""
+            if len(terms) == 1 and terms[0].is_Atom:
+                return terms[0]
+            stages.append((sp.Symbol(name), terms))
+            return stages[-1][0]
 
-        gain = stage(sp.Matrix([g]), "g")
-        noise = stage(gain * gain * self.control_variance, "q")
-        w = stage(h * P, "w")
-        M = stage(L * P + b * w, "M")
-        z = stage(M * h.T + b * noise, "z")
-        predicted = M * L.T + z * b.T + self.own_noise
-        upper = [predicted[i, j] for i, j in self.triangle()]
+        h = [stage(f"h{j}", [entry]) for j, entry in enumerate(F.jacobian(self.state))]
+        gain = stage("g0", [g])
+        noise = stage("q0", [gain * gain * self.control_variance])
+        w = [stage(f"w{j}", product_terms(h, P[:, j])) for j in range(n)]
+        M = [
+            [stage(f"M{i}{j}", product_terms([*L[i, :], b[i]], [*P[:, j], w[j]])) for j in range(n)]
+            for i in range(n)
+        ]
+        z = [stage(f"z{i}", product_terms([*M[i], b[i]], [*h, noise])) for i in range(n)]
+        upper = [
+            product_terms([*M[i], z[i], self.own_noise[i, j]], [*L[j, :], b[j], 1])
+            for i, j in self.triangle()
+        ]
         return _needed(stages, upper), upper
 
 
-def _needed(stages: list[tuple[Expr, Expr]], results: list[Expr]) -> list[tuple[Expr, Expr]]:
+def product_terms(left: Iterable[Expr], right: Iterable[Expr]) -> Sum:
+    """Return the products of a scalar product that are not zero, in their order.
+
+    They are added up in this order wherever the model is computed, so that the bits agree.
+    """
+    return [a * b for a, b in zip(left, right, strict=True) if a * b != 0]
+
+
+def _gauss_legendre(points: int) -> tuple[list[Expr], list[Expr]]:
+    """Return nodes and weights on (0, 1)."""
+    nodes, weights = gauss_legendre(points, 30)
+    return [(1 + node) / 2 for node in nodes], [weight / 2 for weight in weights]
+
+
+def _needed(stages: list[tuple[Expr, Sum]], results: list[Sum]) -> list[tuple[Expr, Sum]]:
     """Return the stages that the results ask for, directly or through others."""
-    asked, kept = set().union(*(e.free_symbols for e in results)), []
-    for symbol, expression in reversed(stages):
+    asked, kept = _symbols(term for terms in results for term in terms), []
+    for symbol, terms in reversed(stages):
         if symbol in asked:
-            kept.append((symbol, expression))
-            asked |= expression.free_symbols
+            kept.append((symbol, terms))
+            asked |= _symbols(terms)
     return kept[::-1]
+
+
+def _symbols(terms: Iterable[Expr]) -> set[Expr]:
+    """Return all symbols of some terms."""
+    found: set[Expr] = set()
+    return found.union(*(term.free_symbols for term in terms))

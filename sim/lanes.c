@@ -53,11 +53,9 @@ static amb_magnet asked(const amb_magnet *magnet)
 static void fill_parameters(lanes_parameters *p, size_t i, const amb_estimator *e)
 {
   const amb_kalman *kf = e->kf;
-  p->model.T[i] = kf->model.T;
-  p->model.T_m[i] = kf->model.T_m;
-  p->model.T2_2m[i] = kf->model.T2_2m;
-  p->model.a_sen[i] = kf->model.a_sen;
-  p->model.b_sen[i] = kf->model.b_sen;
+#define FILL(field) p->model.field[i] = kf->model.field;
+  AMB_AXIAL_MODEL_FIELDS(FILL)
+#undef FILL
   p->k_ui[i] = kf->set.k_ui;
   p->f_0[i] = kf->set.f_0;
   p->iu_min[i] = kf->set.iu_min;

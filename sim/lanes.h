@@ -27,13 +27,13 @@ typedef struct lanes_law {
 } lanes_law;
 
 /* The text once more. */
+#define AMB_SIDE_BY_SIDE
 #define amb_real lanes
 #define amb_axial_model lanes_axial_model
-#define amb_axial_model_init lanes_axial_model_init
+#define amb_axial_displacement lanes_axial_displacement
 #define amb_axial_predict_mean lanes_axial_predict_mean
 #define amb_axial_predict_covariance lanes_axial_predict_covariance
 #define amb_axial_update lanes_axial_update
-#define amb_exp_negative(t) (t) /* of the model's constants, which are taken from the scalar's */
 #define amb_law lanes_law
 #define amb_law_force lanes_law_force
 #define amb_law_tangent lanes_law_tangent
@@ -43,15 +43,16 @@ typedef struct lanes_law {
 #undef AMBKIT_LAW_H
 #undef AMB_AXIAL_STATES
 #undef AMB_AXIAL_TRIANGLE
+#undef AMB_AXIAL_MODEL_FIELDS
 #include "generated/axial.h"
 #include "src/law.h"
+#undef AMB_SIDE_BY_SIDE
 #undef amb_real
 #undef amb_axial_model
-#undef amb_axial_model_init
+#undef amb_axial_displacement
 #undef amb_axial_predict_mean
 #undef amb_axial_predict_covariance
 #undef amb_axial_update
-#undef amb_exp_negative
 #undef amb_law
 #undef amb_law_force
 #undef amb_law_tangent

@@ -126,11 +126,12 @@ AMB_INLINE lanes_mask lanes_step_kalman(const lanes_parameters *p, lanes_of of, 
   lanes k_i;
   lanes k_s;
   lanes f;
+  const lanes at = lanes_axial_displacement(&p->model, s->mean);
   if (of.kind == LANES_EXTENDED) {
-    f = lanes_force(p, of, iu, s->mean[0], &k_i, &k_s) + p->f_0;
+    f = lanes_force(p, of, iu, at, &k_i, &k_s) + p->f_0;
   } else {
-    lanes_ask(p, of, iu, s->mean[0], &k_i, &k_s);
-    f = k_i * iu + k_s * s->mean[0] + p->f_0;
+    lanes_ask(p, of, iu, at, &k_i, &k_s);
+    f = k_i * iu + k_s * at + p->f_0;
   }
   lanes_mask usual = (s->cov[0] <= p->widest) & ((f * f) <= AMB_REAL_MAX);
   lanes_axial_predict_mean(&p->model, f, s->mean);
@@ -148,9 +149,10 @@ AMB_INLINE lanes_mask lanes_step_observer(const lanes_parameters *p, lanes_of of
 {
   lanes k_i;
   lanes k_s;
-  lanes_ask(p, of, iu, s->mean[0], &k_i, &k_s);
+  const lanes at = lanes_axial_displacement(&p->model, s->mean);
+  lanes_ask(p, of, iu, at, &k_i, &k_s);
   /* The scale of the magnet is 1 here, and a product with 1 changes nothing. */
-  const lanes f = (k_i * iu + k_s * s->mean[0]) + p->f_0;
+  const lanes f = (k_i * iu + k_s * at) + p->f_0;
   lanes_mask usual = (s->mean[0] <= p->x_max) & (s->mean[0] >= -p->x_max);
   lanes_axial_predict_mean(&p->model, f, s->mean);
   const lanes e = y - s->mean[3];

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import expm
 
 from ambkit import Bearing
 
@@ -41,6 +43,7 @@ def settings_of(bearing: Bearing, **changes: float) -> Settings:
         "frozen_limit": 10,
         "gate": 8.0,
         "outlier_limit": 3,
+        "as_printed": False,
     } | changes
 
 
@@ -77,20 +80,42 @@ def network_output(
     return y / float(np.sum(u)) if normalised else y
 
 
+def held_force(s: Settings) -> tuple[Array, Array, Array]:
+    """L (4, 4) and b (4,) of X+ = L X + b F, and N (4, 4), the covariance of a growth of 1."""
+    return _held_force(s["T"], s["m"], s["T_sen"], s["K_sen"], s["as_printed"])
+
+
+@cache
+def _held_force(
+    T: float, m: float, T_sen: float, K: float, as_printed: bool
+) -> tuple[Array, Array, Array]:
+    """From the exponential of the continuous model, in units in which the entries are alike.
+
+    As printed, by hand.
+    """
+    if as_printed:
+        keep = math.exp(-T / T_sen)
+        L = np.array([[1, T, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [K * (1 - keep), 0, 0, keep]])
+        return L, np.array([T**2 / (2 * m), T / m, 0, 0]), np.diag([0.0, 0, 1, 0])
+    z = T / T_sen  # time in samples, v in m per sample, forces in kg m per sample squared
+    F = np.array([[0, 1, 0, 0, 0], [0, 0, 0, 0, 1], [0] * 5, [K * z, 0, 0, -z, 0], [0] * 5])
+    whole = expm(F)
+    unit = np.array([1, 1 / T, m / T**2, 1])
+    L = whole[:4, :4] * np.outer(unit, 1 / unit)
+    b = whole[:4, 4] * unit / (m / T**2)
+    driven = F[:4, :4].copy()
+    driven[1, 2] = 1.0
+    at, weights = np.polynomial.legendre.leggauss(60)
+    left = expm(driven * ((1 + at) / 2)[:, None, None])[:, :, 2]  # of a growth, that time after it
+    N = np.einsum("k,ki,kj->ij", weights / 2, left, left) * np.outer(unit, unit) / unit[2] ** 2
+    return L, b, N
+
+
 def system_matrices(s: Settings, k_i: float, k_s: float) -> tuple[Array, Array, Array]:
-    """A (4, 4), B (4,) of eq. 20 and H (4,) of eq. 21, by hand."""
-    T, m, T_sen = s["T"], s["m"], s["T_sen"]
-    half = T**2 / (2 * m)
-    keep = math.exp(-T / T_sen)
-    A = np.array([
-        [1 + half * k_s, T, half, 0],
-        [T / m * k_s, 1, T / m, 0],
-        [0, 0, 1, 0],
-        [s["K_sen"] * (1 - keep), 0, 0, keep],
-    ])  # fmt: skip
-    B = np.array([half * k_i * s["k_ui"], T / m * k_i * s["k_ui"], 0, 0])
-    H = np.array([0.0, 0, 0, 1])
-    return A, B, H
+    """A (4, 4), B (4,) of eq. 20 and H (4,) of eq. 21; the magnet is asked at x + v T/2."""
+    L, b, _ = held_force(s)
+    h = np.array([k_s, 0.0 if s["as_printed"] else k_s * s["T"] / 2, 1.0, 0.0])
+    return L + np.outer(b, h), b * k_i * s["k_ui"], np.array([0.0, 0, 0, 1])
 
 
 class Kalman:
@@ -109,10 +134,10 @@ class Kalman:
         """Eq. 9, 10; the weight acts as f_d does. Q = B var B', and the growth of f_d."""
         s = self.s
         A, B, _ = system_matrices(s, k_i, k_s)
-        constant = s["f_0"] * np.array([s["T"] ** 2 / (2 * s["m"]), s["T"] / s["m"], 0, 0])
+        _, b, N = held_force(s)
         held = min(max(s["k_ui"] * u, s["iu_min"]), s["iu_max"]) / s["k_ui"]
-        Q = s["var_u"] * np.outer(B, B) + np.diag([0, 0, s["var_d"], 0])
-        self.X = A @ self.X + B * held + constant
+        Q = s["var_u"] * np.outer(B, B) + s["var_d"] * N
+        self.X = A @ self.X + B * held + b * s["f_0"]
         self.P = A @ self.P @ A.T + Q
 
     def update(self, y: float) -> None:

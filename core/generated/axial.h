@@ -3,8 +3,7 @@
 #ifndef AMBKIT_GENERATED_AXIAL_H
 #define AMBKIT_GENERATED_AXIAL_H
 
-#include "ambkit/exponential.h"
-#include "ambkit/real.h"
+#include "ambkit/phi.h"
 
 #define AMB_AXIAL_STATES 4
 #define AMB_AXIAL_TRIANGLE 10
@@ -12,23 +11,101 @@
 /* What the equations ask of the physical parameters, computed once. */
 typedef struct amb_axial_model {
   amb_real T;
+  amb_real T_2;
   amb_real T_m;
   amb_real T2_2m;
   amb_real a_sen;
   amb_real b_sen;
+  amb_real c_sen;
+  amb_real d_sen;
+  amb_real N00;
+  amb_real N01;
+  amb_real N02;
+  amb_real N03;
+  amb_real N11;
+  amb_real N12;
+  amb_real N13;
+  amb_real N23;
+  amb_real N33;
 } amb_axial_model;
 
+/* Each of its fields, for whoever asks for all. */
+#define AMB_AXIAL_MODEL_FIELDS(FIELD)                                                              \
+  FIELD(T)                                                                                         \
+  FIELD(T_2) FIELD(T_m) FIELD(T2_2m) FIELD(a_sen) FIELD(b_sen) FIELD(c_sen) FIELD(d_sen)           \
+      FIELD(N00) FIELD(N01) FIELD(N02) FIELD(N03) FIELD(N11) FIELD(N12) FIELD(N13) FIELD(N23)      \
+          FIELD(N33)
+
+#ifndef AMB_SIDE_BY_SIDE /* vectors of filters take theirs from the scalars' */
 /* Constants from the physical parameters, SI. */
 AMB_INLINE void amb_axial_model_init(amb_axial_model *model, amb_real T, amb_real m, amb_real K_sen,
                                      amb_real T_sen)
 {
   const amb_real t0 = AMB_C(1.0) / (m);
-  const amb_real t1 = amb_exp_negative(T / T_sen);
+  const amb_real t1 = T * t0;
+  const amb_real t2 = (T * T);
+  const amb_real t3 = t0 * t2;
+  const amb_real t4 = AMB_C(1.0) / (T_sen);
+  const amb_real t5 = T * t4;
+  const amb_real t6 = K_sen * t4;
+  const amb_real t7 = (T * T * T);
+  const amb_real t8 = t0 * t6 * t7;
+  const amb_real t9 = AMB_C(1.0) / (m * m);
+  const amb_real t10 = (T * T * T * T) * t9;
+  const amb_real t11 = amb_phi3(AMB_C(0.06943184420297371) * t5);
+  const amb_real t12 = amb_phi3(AMB_C(0.33000947820757187) * t5);
+  const amb_real t13 = amb_phi3(AMB_C(0.6699905217924281) * t5);
+  const amb_real t14 = amb_phi3(AMB_C(0.9305681557970263) * t5);
   model->T = T;
-  model->T_m = T * t0;
-  model->T2_2m = (AMB_C(0.5)) * T * T * t0;
-  model->a_sen = t1;
-  model->b_sen = K_sen * (AMB_C(1.0) - t1);
+  model->T_2 = (AMB_C(0.5)) * T;
+  model->T_m = t1;
+  model->T2_2m = (AMB_C(0.5)) * t3;
+  model->a_sen = amb_exp_negative(t5);
+  model->b_sen = K_sen * t5 * amb_phi1(t5);
+  model->c_sen = t2 * t6 * amb_phi2(t5);
+  model->d_sen = t8 * amb_phi3(t5);
+  model->N00 = AMB_C(0.05) * t10;
+  model->N01 = AMB_C(0.125) * t7 * t9;
+  model->N02 = AMB_C(0.16666666666666666) * t3;
+  model->N03 = (T * T * T * T * T) * t6 * t9 *
+               (AMB_C(1.4032387522826027e-07) * t11 + AMB_C(0.0006381405581775073) * t12 +
+                AMB_C(0.022010381750670893) * t13 + AMB_C(0.060684670700609705) * t14);
+  model->N11 = AMB_C(0.3333333333333333) * t2 * t9;
+  model->N12 = AMB_C(0.5) * t1;
+  model->N13 = t10 * t6 *
+               (AMB_C(4.042061012178913e-06) * t11 + AMB_C(0.00386740745534663) * t12 +
+                AMB_C(0.06570356157214415) * t13 + AMB_C(0.13042498891149704) * t14);
+  model->N23 = t8 * (AMB_C(5.82162415326683e-05) * t11 + AMB_C(0.011719079937801297) * t12 +
+                     AMB_C(0.0980664045759441) * t13 + AMB_C(0.14015629924472195) * t14);
+  model->N33 =
+      (K_sen * K_sen) * (T * T * T * T * T * T) * t9 *
+      (AMB_C(1.948589088561218e-08) * (t11 * t11) + AMB_C(0.0004211848652544957) * (t12 * t12) +
+       AMB_C(0.02949349430796506) * (t13 * t13) + AMB_C(0.11294244419803241) * (t14 * t14)) /
+      (T_sen * T_sen);
+}
+
+/* What the equations as printed leave out: the force and the speed within the sample. */
+AMB_INLINE void amb_axial_model_as_printed(amb_axial_model *model)
+{
+  model->T_2 = AMB_C(0.0);
+  model->c_sen = AMB_C(0.0);
+  model->d_sen = AMB_C(0.0);
+  model->N00 = AMB_C(0.0);
+  model->N01 = AMB_C(0.0);
+  model->N02 = AMB_C(0.0);
+  model->N03 = AMB_C(0.0);
+  model->N11 = AMB_C(0.0);
+  model->N12 = AMB_C(0.0);
+  model->N13 = AMB_C(0.0);
+  model->N23 = AMB_C(0.0);
+  model->N33 = AMB_C(0.0);
+}
+#endif
+
+/* Displacement at which the magnet pulls, the mean over the sample [m]. */
+AMB_INLINE amb_real amb_axial_displacement(const amb_axial_model *model, const amb_real mean[4])
+{
+  return mean[0] + mean[1] * model->T_2;
 }
 
 /* Eq. 9, the mean one sample on; f: force on the rotor without f_d [N]. */
@@ -39,14 +116,16 @@ AMB_INLINE void amb_axial_predict_mean(const amb_axial_model *model, amb_real f,
   const amb_real T2_2m = model->T2_2m;
   const amb_real a_sen = model->a_sen;
   const amb_real b_sen = model->b_sen;
+  const amb_real c_sen = model->c_sen;
+  const amb_real d_sen = model->d_sen;
   const amb_real x = mean[0];
   const amb_real v = mean[1];
   const amb_real f_d = mean[2];
   const amb_real x_m = mean[3];
-  const amb_real t0 = f + f_d;
-  mean[0] = x + T * v + T2_2m * t0;
-  mean[1] = v + T_m * t0;
-  mean[3] = a_sen * x_m + b_sen * x;
+  const amb_real f_all = f + f_d;
+  mean[0] = x + T * v + T2_2m * f_all;
+  mean[1] = v + T_m * f_all;
+  mean[3] = b_sen * x + c_sen * v + a_sen * x_m + d_sen * f_all;
 }
 
 /* Eq. 10, A P A' + Q on the upper triangle, row by row. */
@@ -55,10 +134,22 @@ AMB_INLINE void amb_axial_predict_covariance(const amb_axial_model *model, amb_r
                                              amb_real var_d, amb_real cov[10])
 {
   const amb_real T = model->T;
+  const amb_real T_2 = model->T_2;
   const amb_real T_m = model->T_m;
   const amb_real T2_2m = model->T2_2m;
   const amb_real a_sen = model->a_sen;
   const amb_real b_sen = model->b_sen;
+  const amb_real c_sen = model->c_sen;
+  const amb_real d_sen = model->d_sen;
+  const amb_real N00 = model->N00;
+  const amb_real N01 = model->N01;
+  const amb_real N02 = model->N02;
+  const amb_real N03 = model->N03;
+  const amb_real N11 = model->N11;
+  const amb_real N12 = model->N12;
+  const amb_real N13 = model->N13;
+  const amb_real N23 = model->N23;
+  const amb_real N33 = model->N33;
   const amb_real P00 = cov[0];
   const amb_real P01 = cov[1];
   const amb_real P02 = cov[2];
@@ -69,12 +160,13 @@ AMB_INLINE void amb_axial_predict_covariance(const amb_axial_model *model, amb_r
   const amb_real P22 = cov[7];
   const amb_real P23 = cov[8];
   const amb_real P33 = cov[9];
+  const amb_real h1 = T_2 * k_s;
   const amb_real g0 = k_i * k_ui;
-  const amb_real q0 = g0 * g0 * var_u;
-  const amb_real w0 = P02 + P00 * k_s;
-  const amb_real w1 = P12 + P01 * k_s;
-  const amb_real w2 = P22 + P02 * k_s;
-  const amb_real w3 = P23 + P03 * k_s;
+  const amb_real q0 = (g0 * g0) * var_u;
+  const amb_real w0 = P00 * k_s + P01 * h1 + P02;
+  const amb_real w1 = P01 * k_s + P11 * h1 + P12;
+  const amb_real w2 = P02 * k_s + P12 * h1 + P22;
+  const amb_real w3 = P03 * k_s + P13 * h1 + P23;
   const amb_real M00 = P00 + P01 * T + T2_2m * w0;
   const amb_real M01 = P01 + P11 * T + T2_2m * w1;
   const amb_real M02 = P02 + P12 * T + T2_2m * w2;
@@ -83,20 +175,24 @@ AMB_INLINE void amb_axial_predict_covariance(const amb_axial_model *model, amb_r
   const amb_real M11 = P11 + T_m * w1;
   const amb_real M12 = P12 + T_m * w2;
   const amb_real M13 = P13 + T_m * w3;
-  const amb_real M30 = P00 * b_sen + P03 * a_sen;
-  const amb_real M33 = P03 * b_sen + P33 * a_sen;
-  const amb_real z0 = M02 + M00 * k_s + T2_2m * q0;
-  const amb_real z1 = M12 + M10 * k_s + T_m * q0;
-  cov[0] = M00 + M01 * T + T2_2m * z0;
-  cov[1] = M01 + T_m * z0;
-  cov[2] = M02;
-  cov[3] = M00 * b_sen + M03 * a_sen;
-  cov[4] = M11 + T_m * z1;
-  cov[5] = M12;
-  cov[6] = M10 * b_sen + M13 * a_sen;
+  const amb_real M30 = P00 * b_sen + P01 * c_sen + P03 * a_sen + d_sen * w0;
+  const amb_real M31 = P01 * b_sen + P11 * c_sen + P13 * a_sen + d_sen * w1;
+  const amb_real M32 = P02 * b_sen + P12 * c_sen + P23 * a_sen + d_sen * w2;
+  const amb_real M33 = P03 * b_sen + P13 * c_sen + P33 * a_sen + d_sen * w3;
+  const amb_real z0 = M00 * k_s + M01 * h1 + M02 + T2_2m * q0;
+  const amb_real z1 = M10 * k_s + M11 * h1 + M12 + T_m * q0;
+  const amb_real z2 = P02 * k_s + P12 * h1 + P22;
+  const amb_real z3 = M30 * k_s + M31 * h1 + M32 + d_sen * q0;
+  cov[0] = M00 + M01 * T + T2_2m * z0 + N00 * var_d;
+  cov[1] = M01 + T_m * z0 + N01 * var_d;
+  cov[2] = M02 + N02 * var_d;
+  cov[3] = M00 * b_sen + M01 * c_sen + M03 * a_sen + d_sen * z0 + N03 * var_d;
+  cov[4] = M11 + T_m * z1 + N11 * var_d;
+  cov[5] = M12 + N12 * var_d;
+  cov[6] = M10 * b_sen + M11 * c_sen + M13 * a_sen + d_sen * z1 + N13 * var_d;
   cov[7] = P22 + var_d;
-  cov[8] = P02 * b_sen + P23 * a_sen;
-  cov[9] = M30 * b_sen + M33 * a_sen;
+  cov[8] = P02 * b_sen + P12 * c_sen + P23 * a_sen + d_sen * z2 + N23 * var_d;
+  cov[9] = M30 * b_sen + M31 * c_sen + M33 * a_sen + d_sen * z3 + N33 * var_d;
 }
 
 /* Eq. 11-13 for the scalar measurement of eq. 21; S must be positive. */
@@ -125,16 +221,16 @@ AMB_INLINE void amb_axial_update(amb_real y, amb_real var_y, amb_real mean[4], a
   mean[1] += K1 * e;
   mean[2] += K2 * e;
   mean[3] += K3 * e;
-  cov[0] = P00 - K0 * P03;
-  cov[1] = P01 - K0 * P13;
-  cov[2] = P02 - K0 * P23;
-  cov[3] = P03 - K0 * P33;
-  cov[4] = P11 - K1 * P13;
-  cov[5] = P12 - K1 * P23;
-  cov[6] = P13 - K1 * P33;
-  cov[7] = P22 - K2 * P23;
-  cov[8] = P23 - K2 * P33;
-  cov[9] = P33 - K3 * P33;
+  cov[0] = -K0 * P03 + P00;
+  cov[1] = -K0 * P13 + P01;
+  cov[2] = -K0 * P23 + P02;
+  cov[3] = -K0 * P33 + P03;
+  cov[4] = -K1 * P13 + P11;
+  cov[5] = -K1 * P23 + P12;
+  cov[6] = -K1 * P33 + P13;
+  cov[7] = -K2 * P23 + P22;
+  cov[8] = -K2 * P33 + P23;
+  cov[9] = -K3 * P33 + P33;
 }
 
 #endif

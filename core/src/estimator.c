@@ -14,8 +14,9 @@ amb_status amb_estimator_start(const amb_estimator *estimator, void *state, amb_
                                amb_kalman_result *result)
 {
   const amb_kalman_state *base = (const amb_kalman_state *)state;
-  result->stiffness =
-      amb_kalman_stiffness(estimator->kf, estimator->magnet, AMB_C(0.0), base->mean[0]);
+  const amb_kalman *kf = estimator->kf;
+  const amb_real s = amb_axial_displacement(&kf->model, base->mean);
+  result->stiffness = amb_kalman_stiffness(kf, estimator->magnet, AMB_C(0.0), s);
   return estimator->methods->update(estimator, state, y, result);
 }
 
@@ -34,7 +35,8 @@ static amb_status predict(const amb_estimator *self, void *state, amb_real u,
   amb_kalman_state *s = (amb_kalman_state *)state;
   amb_status status = AMB_OK;
   const amb_real iu = amb_step_current(self->kf, s, u, &status);
-  result->stiffness = amb_step_ask(self->kf, self->magnet, iu, s->mean[0]);
+  const amb_real at = amb_axial_displacement(&self->kf->model, s->mean);
+  result->stiffness = amb_step_ask(self->kf, self->magnet, iu, at);
   status |= amb_step_predict(self->kf, s, result->stiffness, iu);
   result->status = status;
   return status;
@@ -60,7 +62,8 @@ static amb_status predict_extended(const amb_estimator *self, void *state, amb_r
   amb_kalman_state *s = (amb_kalman_state *)state;
   amb_status status = AMB_OK;
   const amb_real iu = amb_step_current(kf, s, u, &status);
-  const amb_real f = amb_step_force(kf, self->magnet, iu, s->mean[0], &result->stiffness);
+  const amb_real at = amb_axial_displacement(&kf->model, s->mean);
+  const amb_real f = amb_step_force(kf, self->magnet, iu, at, &result->stiffness);
   status |= amb_step_predict_with(kf, s, f + kf->set.f_0, result->stiffness);
   result->status = status;
   return status;
@@ -70,7 +73,8 @@ static void advance_extended(const amb_estimator *self, amb_real scale, amb_real
                              amb_real mean[AMB_AXIAL_STATES])
 {
   amb_stiffness k;
-  const amb_real f = scale * amb_step_force(self->kf, self->magnet, iu, mean[0], &k);
+  const amb_real s = amb_axial_displacement(&self->kf->model, mean);
+  const amb_real f = scale * amb_step_force(self->kf, self->magnet, iu, s, &k);
   amb_axial_predict_mean(&self->kf->model, f + self->kf->set.f_0, mean);
 }
 

@@ -22,7 +22,8 @@ void amb_excitation_miss(amb_excitation *e)
 void amb_excitation_predict(amb_excitation *e, const amb_axial_model *model, amb_real k_s,
                             amb_real known)
 {
-  amb_axial_predict_mean(model, k_s * e->slope[0] + known, e->slope);
+  const amb_real s = amb_axial_displacement(model, e->slope);
+  amb_axial_predict_mean(model, k_s * s + known, e->slope);
 }
 
 static void follow(amb_recent *recent, amb_real value, amb_real fresh)

@@ -64,7 +64,8 @@ static amb_status predict(const amb_estimator *self, void *state, amb_real u,
   amb_status status = AMB_OK;
   const amb_real iu = amb_step_current(kf, &s->base, u, &status);
   amb_stiffness k;
-  const amb_real known = amb_step_force(kf, self->magnet, iu, s->base.mean[0], &k) + own->bias;
+  const amb_real at = amb_axial_displacement(&kf->model, s->base.mean);
+  const amb_real known = amb_step_force(kf, self->magnet, iu, at, &k) + own->bias;
   k.k_i *= s->theta;
   k.k_s *= s->theta;
   const amb_real f = s->theta * known + (kf->set.f_0 - own->bias);
@@ -123,7 +124,8 @@ static void advance(const amb_estimator *self, amb_real scale, amb_real iu,
 {
   const amb_real bias = own_of(self)->bias;
   amb_stiffness unused;
-  const amb_real known = amb_step_force(self->kf, self->magnet, iu, mean[0], &unused) + bias;
+  const amb_real s = amb_axial_displacement(&self->kf->model, mean);
+  const amb_real known = amb_step_force(self->kf, self->magnet, iu, s, &unused) + bias;
   amb_axial_predict_mean(&self->kf->model, scale * known + (self->kf->set.f_0 - bias), mean);
 }
 

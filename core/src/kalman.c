@@ -27,6 +27,9 @@ amb_status amb_kalman_init(amb_kalman *kf, const amb_kalman_settings *s)
   kf->gate_squared = s->gate * s->gate;
   kf->widest = s->x_max * s->x_max;
   amb_axial_model_init(&kf->model, s->T, s->m, s->K_sen, s->T_sen);
+  if (s->as_printed) {
+    amb_axial_model_as_printed(&kf->model);
+  }
   return AMB_OK;
 }
 
@@ -87,7 +90,8 @@ amb_status amb_kalman_step(const amb_kalman *kf, const amb_magnet *magnet, amb_k
 {
   amb_status status = AMB_OK;
   const amb_real iu = amb_step_current(kf, state, u, &status);
-  const amb_stiffness k = amb_step_ask(kf, magnet, iu, state->mean[0]);
+  const amb_real s = amb_axial_displacement(&kf->model, state->mean);
+  const amb_stiffness k = amb_step_ask(kf, magnet, iu, s);
   return amb_step_with(kf, k, iu, state, y, status, result);
 }
 

@@ -39,7 +39,8 @@ amb_status amb_kalman_run(const amb_kalman *kf, const amb_magnet *magnet, amb_ka
       result.stiffness.k_i = in->k_i[acted];
       result.stiffness.k_s = in->k_s[acted];
     } else {
-      result.stiffness = amb_step_ask(&own, magnet, iu, s.mean[0]);
+      const amb_real at = amb_axial_displacement(&own.model, s.mean);
+      result.stiffness = amb_step_ask(&own, magnet, iu, at);
     }
     if (k > 0)
       result.status |= amb_step_predict(&own, &s, result.stiffness, iu);

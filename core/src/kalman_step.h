@@ -29,22 +29,22 @@ AMB_INLINE amb_real amb_step_current(const amb_kalman *kf, amb_kalman_state *sta
 }
 
 /* Without measurements the estimate runs away, and most magnets have a pole in the air gap: they
- * are asked where the rotor can be, between the stops. */
+ * are asked where the rotor can be, between the stops. `s`: mean displacement over the sample. */
 AMB_INLINE amb_stiffness amb_step_ask(const amb_kalman *kf, const amb_magnet *magnet, amb_real iu,
-                                      amb_real x)
+                                      amb_real s)
 {
   const amb_real x_max = kf->set.x_max;
-  return magnet->methods->through_origin(magnet->self, iu, amb_clamp(x, -x_max, x_max));
+  return magnet->methods->through_origin(magnet->self, iu, amb_clamp(s, -x_max, x_max));
 }
 
 /* Force of the magnet [N] and its tangents, asked between the stops and continued along the tangent
  * beyond them. */
 AMB_INLINE amb_real amb_step_force(const amb_kalman *kf, const amb_magnet *magnet, amb_real iu,
-                                   amb_real x, amb_stiffness *tangent)
+                                   amb_real s, amb_stiffness *tangent)
 {
-  const amb_real near = amb_clamp(x, -kf->set.x_max, kf->set.x_max);
+  const amb_real near = amb_clamp(s, -kf->set.x_max, kf->set.x_max);
   *tangent = magnet->methods->tangent(magnet->self, iu, near);
-  return magnet->methods->force(magnet->self, iu, near) + tangent->k_s * (x - near);
+  return magnet->methods->force(magnet->self, iu, near) + tangent->k_s * (s - near);
 }
 
 /* Prediction with the force f [N] that the magnet and what else is known exert; k carries the
@@ -67,11 +67,18 @@ AMB_INLINE amb_status amb_step_predict_with(const amb_kalman *kf, amb_kalman_sta
   return AMB_OK;
 }
 
-/* The same with the force of the linear law (eq. 17). */
+/* Force of the linear law (eq. 17) and what else is known [N], at the mean displacement s [m]. */
+AMB_INLINE amb_real amb_step_linear(const amb_kalman *kf, amb_stiffness k, amb_real iu, amb_real s)
+{
+  return k.k_i * iu + k.k_s * s + kf->set.f_0;
+}
+
+/* The same with the force of the linear law. */
 AMB_INLINE amb_status amb_step_predict(const amb_kalman *kf, amb_kalman_state *state,
                                        amb_stiffness k, amb_real iu)
 {
-  const amb_real f = k.k_i * iu + k.k_s * state->mean[0] + kf->set.f_0;
+  const amb_real s = amb_axial_displacement(&kf->model, state->mean);
+  const amb_real f = amb_step_linear(kf, k, iu, s);
   return amb_step_predict_with(kf, state, f, k);
 }
 
@@ -79,8 +86,9 @@ AMB_INLINE amb_status amb_step_predict(const amb_kalman *kf, amb_kalman_state *s
 AMB_INLINE void amb_step_advance(const amb_kalman *kf, const amb_magnet *magnet, amb_real scale,
                                  amb_real iu, amb_real mean[AMB_AXIAL_STATES])
 {
-  const amb_stiffness k = amb_step_ask(kf, magnet, iu, mean[0]);
-  const amb_real f = scale * (k.k_i * iu + k.k_s * mean[0]) + kf->set.f_0;
+  const amb_real s = amb_axial_displacement(&kf->model, mean);
+  const amb_stiffness k = amb_step_ask(kf, magnet, iu, s);
+  const amb_real f = scale * (k.k_i * iu + k.k_s * s) + kf->set.f_0;
   amb_axial_predict_mean(&kf->model, f, mean);
 }
 
@@ -219,13 +227,14 @@ AMB_INLINE amb_status amb_step_with(const amb_kalman *kf, amb_stiffness k, amb_r
 AMB_INLINE void amb_step_trusted(const amb_kalman *kf, amb_stiffness k, amb_kalman_state *state,
                                  amb_real y, amb_real iu)
 {
-  const amb_kalman_settings *s = &kf->set;
+  const amb_kalman_settings *set = &kf->set;
   amb_real innovation;
   amb_real variance;
-  const amb_real f = k.k_i * iu + k.k_s * state->mean[0] + s->f_0;
-  amb_axial_predict_mean(&kf->model, f, state->mean);
-  amb_axial_predict_covariance(&kf->model, k.k_i, k.k_s, s->k_ui, s->var_u, s->var_d, state->cov);
-  amb_axial_update(y, s->var_y, state->mean, state->cov, &innovation, &variance);
+  const amb_real s = amb_axial_displacement(&kf->model, state->mean);
+  amb_axial_predict_mean(&kf->model, amb_step_linear(kf, k, iu, s), state->mean);
+  amb_axial_predict_covariance(&kf->model, k.k_i, k.k_s, set->k_ui, set->var_u, set->var_d,
+                               state->cov);
+  amb_axial_update(y, set->var_y, state->mean, state->cov, &innovation, &variance);
 }
 
 #endif

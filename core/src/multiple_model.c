@@ -132,7 +132,8 @@ static amb_status predict(const amb_estimator *self, void *state, amb_real u,
     amb_excitation_miss(&s->excitation);
   }
   amb_stiffness k;
-  const amb_real now = amb_step_force(kf, self->magnet, iu, s->base.mean[0], &k);
+  const amb_real at = amb_axial_displacement(&kf->model, s->base.mean);
+  const amb_real now = amb_step_force(kf, self->magnet, iu, at, &k);
   const amb_real scale = scale_of(own, s);
   result->stiffness.k_i = scale * k.k_i;
   result->stiffness.k_s = scale * k.k_s;
@@ -148,7 +149,8 @@ static amb_status predict(const amb_estimator *self, void *state, amb_real u,
     for (int j = 0; j < own->n; j++) {
       amb_one_model *m = &s->model[j];
       const amb_real theta = own->theta[j];
-      const amb_real f = amb_step_force(kf, self->magnet, iu, m->mean[0], &k) + own->bias;
+      const amb_real own_at = amb_axial_displacement(&kf->model, m->mean);
+      const amb_real f = amb_step_force(kf, self->magnet, iu, own_at, &k) + own->bias;
       amb_axial_predict_mean(&kf->model, theta * f + (set->f_0 - own->bias), m->mean);
       amb_axial_predict_covariance(&kf->model, theta * k.k_i, theta * k.k_s, set->k_ui, set->var_u,
                                    set->var_d, m->cov);
@@ -242,7 +244,8 @@ static void advance(const amb_estimator *self, amb_real scale, amb_real iu,
 {
   const amb_real bias = own_of(self)->bias;
   amb_stiffness unused;
-  const amb_real known = amb_step_force(self->kf, self->magnet, iu, mean[0], &unused) + bias;
+  const amb_real s = amb_axial_displacement(&self->kf->model, mean);
+  const amb_real known = amb_step_force(self->kf, self->magnet, iu, s, &unused) + bias;
   amb_axial_predict_mean(&self->kf->model, scale * known + (self->kf->set.f_0 - bias), mean);
 }
 

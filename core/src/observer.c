@@ -32,7 +32,8 @@ static amb_status predict(const amb_estimator *self, void *state, amb_real u,
   amb_kalman_state *s = (amb_kalman_state *)state;
   amb_status status = AMB_OK;
   const amb_real iu = amb_step_current(kf, s, u, &status);
-  result->stiffness = amb_step_ask(kf, self->magnet, iu, s->mean[0]);
+  const amb_real at = amb_axial_displacement(&kf->model, s->mean);
+  result->stiffness = amb_step_ask(kf, self->magnet, iu, at);
   /* Without measurements the unstable plant runs away: at the stops it stands still. */
   if (amb_magnitude(s->mean[0]) <= kf->set.x_max) {
     advance(self, AMB_C(1.0), iu, s->mean);

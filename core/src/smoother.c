@@ -40,9 +40,33 @@ static void transition(const amb_kalman *kf, amb_real k_s, amb_real A[N][N])
   for (int j = 0; j < N; j++) {
     amb_real column[N] = {0};
     column[j] = AMB_C(1.0);
-    amb_axial_predict_mean(&kf->model, k_s * column[0], column);
+    const amb_real f = k_s * amb_axial_displacement(&kf->model, column);
+    amb_axial_predict_mean(&kf->model, f, column);
     for (int i = 0; i < N; i++)
       A[i][j] = column[i];
+  }
+}
+
+/* With which the filter took in sample k: the prediction's covariance with x_m, over S. The growth
+ * of f_d has a small part in it; how large that was the filter's variances of f_d before and after
+ * tell, P+ = P + var - K S K, and a filter that adapts it shows the same. `after`: the filter's P+.
+ */
+static void gain(const amb_kalman *kf, const amb_kalman_history *h, size_t k, amb_real after,
+                 amb_real K[N])
+{
+  const amb_axial_model *g = &kf->model;
+  const amb_real *before = h->cov + (k - 1) * AMB_AXIAL_TRIANGLE;
+  const amb_real S = h->variance[k];
+  amb_real P[AMB_AXIAL_TRIANGLE];
+  memcpy(P, before, sizeof P);
+  amb_axial_predict_covariance(g, h->k_i[k], h->k_s[k], kf->set.k_ui, kf->set.var_u, 0, P);
+  const amb_real known[N] = {P[3], P[6], P[8], P[9]};
+  const amb_real grown[N] = {g->N03, g->N13, g->N23, g->N33};
+  amb_real var_d = 0;
+  for (int pass = 0; pass < 4; pass++) { /* each is right to three digits more */
+    for (int i = 0; i < N; i++)
+      K[i] = (known[i] + grown[i] * var_d) / S;
+    var_d = (after - before[7]) + K[2] * S * K[2];
   }
 }
 
@@ -110,6 +134,7 @@ void amb_smooth(const amb_kalman *kf, size_t n, const amb_kalman_history *h)
   adjoint a;
   memset(&a, 0, sizeof a);
   for (size_t k = n; k-- > 0;) {
+    const amb_real after = h->cov[k * AMB_AXIAL_TRIANGLE + 7]; /* before it is smoothed */
     smooth_sample(&a, h->mean + k * N, h->cov + k * AMB_AXIAL_TRIANGLE);
     if ((k == 0) || ((h->status[k] & BROKEN) != 0U)) {
       memset(&a, 0, sizeof a);
@@ -118,19 +143,8 @@ void amb_smooth(const amb_kalman *kf, size_t n, const amb_kalman_history *h)
     amb_real A[N][N];
     transition(kf, h->k_s[k], A);
     if ((h->status[k] & UNUSED) == 0U) {
-      amb_real P[N][N], seen[N], K[N]; /* of the prediction, A P A' H': no noise enters x_m */
-      unfold(h->cov + (k - 1) * AMB_AXIAL_TRIANGLE, P);
-      for (int i = 0; i < N; i++) {
-        seen[i] = AMB_C(0.0);
-        for (int j = 0; j < N; j++)
-          seen[i] += P[i][j] * A[N - 1][j];
-      }
-      for (int i = 0; i < N; i++) {
-        K[i] = AMB_C(0.0);
-        for (int j = 0; j < N; j++)
-          K[i] += A[i][j] * seen[j];
-        K[i] /= h->variance[k];
-      }
+      amb_real K[N];
+      gain(kf, h, k, after, K);
       over_update(&a, K, h->innovation[k], h->variance[k]);
     }
     over_prediction(&a, A);

@@ -2,7 +2,8 @@
 #include "kalman_step.h"
 
 #define N AMB_AXIAL_STATES
-#define NOISES 2 /* control signal, growth of the disturbance force */
+#define NOISES                                                                                     \
+  (1 + N) /* control signal; growth of the disturbance force, which reaches all states */
 #define COLUMNS (N + NOISES)
 
 /* P = U D U' for those who ask for it. */
@@ -66,6 +67,30 @@ static void orthogonalise(amb_real W[N][COLUMNS], const amb_real weight[COLUMNS]
   }
 }
 
+/* What a growth of variance 1 leaves in the state, as columns `to` under the weights `weight`: the
+ * factors U and D of its covariance. Where it is singular but for rounding, the rest is 0. */
+static void factor_growth(const amb_axial_model *g, amb_real to[N][N], amb_real weight[N])
+{
+  amb_real P[N][N] = {{g->N00, g->N01, g->N02, g->N03},
+                      {g->N01, g->N11, g->N12, g->N13},
+                      {g->N02, g->N12, AMB_C(1.0), g->N23},
+                      {g->N03, g->N13, g->N23, g->N33}};
+  for (int j = N - 1; j >= 0; j--) {
+    const bool there = P[j][j] > AMB_C(0.0);
+    weight[j] = there ? P[j][j] : AMB_C(0.0);
+    for (int i = 0; i < N; i++) {
+      to[i][j] = there ? ((i < j) ? (P[i][j] / P[j][j]) : AMB_C(0.0)) : AMB_C(0.0);
+    }
+    to[j][j] = AMB_C(1.0);
+    for (int i = 0; i < j; i++) {
+      for (int k = 0; k <= i; k++) {
+        P[k][i] -= to[k][j] * (weight[j] * to[i][j]);
+        P[i][k] = P[k][i];
+      }
+    }
+  }
+}
+
 /* Eq. 10 on the factor. */
 static void predict_factor(const amb_kalman *kf, amb_stiffness k, amb_square_root_state *s)
 {
@@ -75,20 +100,26 @@ static void predict_factor(const amb_kalman *kf, amb_stiffness k, amb_square_roo
   for (int j = 0; j < N; j++) {
     /* A column of A U is what the linear transition makes of a column of U. */
     amb_real column[N] = {s->U[0][j], s->U[1][j], s->U[2][j], s->U[3][j]};
-    amb_axial_predict_mean(&kf->model, k.k_s * column[0], column);
+    const amb_real f = k.k_s * amb_axial_displacement(&kf->model, column);
+    amb_axial_predict_mean(&kf->model, f, column);
     for (int i = 0; i < N; i++) {
       W[i][j] = column[i];
     }
   }
-  const amb_real G[N][NOISES] = {{g * kf->model.T2_2m, AMB_C(0.0)},
-                                 {g * kf->model.T_m, AMB_C(0.0)},
-                                 {AMB_C(0.0), AMB_C(1.0)},
-                                 {AMB_C(0.0), AMB_C(0.0)}};
+  const amb_real pushed[N] = {g * kf->model.T2_2m, g * kf->model.T_m, AMB_C(0.0),
+                              g * kf->model.d_sen};
+  amb_real growth[N][N];
+  amb_real weight[COLUMNS];
+  factor_growth(&kf->model, growth, weight + N + 1);
   for (int i = 0; i < N; i++) {
-    W[i][N] = G[i][0];
-    W[i][N + 1] = G[i][1];
+    weight[i] = s->D[i];
+    W[i][N] = pushed[i];
+    for (int j = 0; j < N; j++) {
+      W[i][N + 1 + j] = growth[i][j];
+    }
+    weight[N + 1 + i] *= set->var_d;
   }
-  const amb_real weight[COLUMNS] = {s->D[0], s->D[1], s->D[2], s->D[3], set->var_u, set->var_d};
+  weight[N] = set->var_u;
   orthogonalise(W, weight, s);
 }
 
@@ -99,7 +130,8 @@ static amb_status predict(const amb_estimator *self, void *state, amb_real u,
   amb_square_root_state *s = (amb_square_root_state *)state;
   amb_status status = AMB_OK;
   const amb_real iu = amb_step_current(kf, &s->base, u, &status);
-  const amb_real f = amb_step_force(kf, self->magnet, iu, s->base.mean[0], &result->stiffness);
+  const amb_real at = amb_axial_displacement(&kf->model, s->base.mean);
+  const amb_real f = amb_step_force(kf, self->magnet, iu, at, &result->stiffness);
   const amb_stiffness k = result->stiffness;
   if (!(s->base.cov[0] <= kf->widest)) { /* as all of the family */
     status |= AMB_HELD;

@@ -35,11 +35,12 @@ typedef struct amb_kalman_settings {
   amb_real f_0;    /* known constant force: weight and bias force of the magnet [N] */
   amb_real iu_min; /* limits of the control current [A] */
   amb_real iu_max;
-  amb_real x_max; /* mechanical stop: no estimate is less certain than this [m], > 0 */
-  amb_real var_u; /* variance of the control signal [V^2], >= 0 */
-  amb_real var_d; /* growth of the disturbance force's variance in a sample [N^2], >= 0 */
-  amb_real var_y; /* variance of the measurement [m^2], > 0 */
-  amb_real gate;  /* innovations beyond this many of their standard deviations are outliers, > 0 */
+  amb_real x_max;  /* mechanical stop: no estimate is less certain than this [m], > 0 */
+  amb_real var_u;  /* variance of the control signal [V^2], >= 0 */
+  amb_real var_d;  /* growth of the disturbance force's variance in a sample [N^2], >= 0 */
+  amb_real var_y;  /* variance of the measurement [m^2], > 0 */
+  amb_real gate;   /* innovations beyond this many of their standard deviations are outliers, > 0 */
+  bool as_printed; /* eq. 19 as printed: position held over the sample in the sensor's lag */
   unsigned int frozen_limit;  /* equal measurements in a row that are taken for frozen; 0: never */
   unsigned int outlier_limit; /* outliers in a row that are left out, then they are believed */
 } amb_kalman_settings;
@@ -86,8 +87,9 @@ amb_status amb_kalman_reset(amb_kalman_state *state, const amb_real mean[AMB_AXI
 amb_real amb_kalman_current(const amb_kalman *kf, amb_kalman_state *state, amb_real u,
                             amb_status *status);
 
-/* What the magnet says at the control current iu [A] and the displacement x [m], which is held
- * between the stops: beyond them the rotor cannot be, though an estimate can. */
+/* What the magnet says at the control current iu [A] and the displacement x [m], the mean over the
+ * sample (amb_axial_displacement), which is held between the stops: beyond them the rotor cannot
+ * be, though an estimate can. */
 amb_stiffness amb_kalman_stiffness(const amb_kalman *kf, const amb_magnet *magnet, amb_real iu,
                                    amb_real x);
 

@@ -11,8 +11,8 @@
  *     smoothed      X - P lambda               P - P Lambda P      of the filter's X and P
  *
  * Of the filter it asks mean, covariance, innovation e, its variance S, the stiffnesses of each
- * prediction, and the status: for the paper's filter, the extended one, and that on a factor. Q and
- * R are not asked; where the filter adapted them, it smooths with what they were.
+ * prediction, and the status: for the paper's filter, the extended one, and that on a factor. R and
+ * the growth of f_d are not asked; where the filter adapted them, it smooths with what they were.
  */
 #ifndef AMBKIT_SMOOTHER_H
 #define AMBKIT_SMOOTHER_H

@@ -54,6 +54,10 @@ class Estimator:
     outlier_limit : int
         Outliers in a row that are left out; after them the estimate is wrong and not the
         measurement. 0: none is.
+    as_printed : bool
+        Predict by eq. 19 as the paper prints it, with the position held over the sample in the
+        sensor's lag. That puts every estimate ahead of the rotor by
+        ``T/(1 - exp(-T/T_sen)) - T_sen``: to reproduce the paper only.
 
     Raises
     ------
@@ -75,6 +79,7 @@ class Estimator:
         frozen_limit: int = 10,
         gate: float = 8.0,
         outlier_limit: int = 3,
+        as_printed: bool = False,
     ) -> None:
         if gravity not in ("known", "disturbance"):
             raise ValueError(f"gravity must be 'known' or 'disturbance', got {gravity!r}")
@@ -106,6 +111,7 @@ class Estimator:
             "var_d": T * self.variances.disturbance,
             "var_y": self.variances.measurement,
             "gate": gate,
+            "as_printed": as_printed,
             "frozen_limit": frozen_limit,
             "outlier_limit": outlier_limit,
         }

@@ -33,16 +33,22 @@ class LinearModel(NamedTuple):
             Stiffnesses [N/A], [N/m].
         """
         c, s = parameters["model"], parameters["set"]
-        E = np.array([[c["T2_2m"]], [c["T_m"]], [0.0], [0.0]])
+        E = np.array([[c["T2_2m"]], [c["T_m"]], [0.0], [c["d_sen"]]])
         A = np.array([
             [1.0, c["T"], 0.0, 0.0],
             [0.0, 1.0, 0.0, 0.0],
             [0.0, 0.0, 1.0, 0.0],
-            [c["b_sen"], 0.0, 0.0, c["a_sen"]],
+            [c["b_sen"], c["c_sen"], 0.0, c["a_sen"]],
         ])  # fmt: skip
-        A += E @ np.array([[k_s, 0.0, 1.0, 0.0]])
+        A += E @ np.array([[k_s, k_s * c["T_2"], 1.0, 0.0]])
         B = E * (k_i * s["k_ui"])
-        Q = B @ B.T * s["var_u"] + np.diag([0.0, 0.0, s["var_d"], 0.0])
+        growth = np.array([
+            [c["N00"], c["N01"], c["N02"], c["N03"]],
+            [c["N01"], c["N11"], c["N12"], c["N13"]],
+            [c["N02"], c["N12"], 1.0, c["N23"]],
+            [c["N03"], c["N13"], c["N23"], c["N33"]],
+        ])  # fmt: skip
+        Q = B @ B.T * s["var_u"] + growth * s["var_d"]
         return cls(A, B, E, np.array([[0.0, 0.0, 0.0, 1.0]]), Q, s["var_y"])
 
     def scaled(self, units: Array) -> LinearModel:
