@@ -177,8 +177,8 @@ Named parameters(const Estimator &self)
   const amb_axial_model &m = self.kf.model;
   nb::dict set, model, all;
   each_setting(self.kf.set, [&](const char *name, const auto &field) { set[name] = field; });
-#define SHOW(field) model[#field] = m.field;
-  AMB_AXIAL_MODEL_FIELDS(SHOW)
+#define SHOW(field) model[#field] = m.field
+  AMB_AXIAL_MODEL_FIELDS(SHOW);
 #undef SHOW
   all["set"] = set;
   all["model"] = model;

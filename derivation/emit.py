@@ -1,6 +1,7 @@
 """Write a model as a C header: structs, constants, and the three straight-line steps."""
 
 from collections.abc import Iterable
+
 import sympy as sp
 from sympy.printing.c import C99CodePrinter
 from sympy.printing.precedence import PRECEDENCE
@@ -87,7 +88,7 @@ class Names:
 def constants(model: Model, names: Names) -> str:
     """Return the struct of the model's constants, and the functions that compute them."""
     fields = "\n".join(f"  amb_real {s};" for s in names.constants)
-    listed = " ".join(f"FIELD({s})" for s in names.constants)
+    listed = "; ".join(f"FIELD({s})" for s in names.constants)
     arguments = ", ".join(f"amb_real {p}" for p in model.parameters)
     return (
         "/* What the equations ask of the physical parameters, computed once. */\n"

@@ -53,8 +53,8 @@ static amb_magnet asked(const amb_magnet *magnet)
 static void fill_parameters(lanes_parameters *p, size_t i, const amb_estimator *e)
 {
   const amb_kalman *kf = e->kf;
-#define FILL(field) p->model.field[i] = kf->model.field;
-  AMB_AXIAL_MODEL_FIELDS(FILL)
+#define FILL(field) p->model.field[i] = kf->model.field
+  AMB_AXIAL_MODEL_FIELDS(FILL);
 #undef FILL
   p->k_ui[i] = kf->set.k_ui;
   p->f_0[i] = kf->set.f_0;

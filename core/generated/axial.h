@@ -31,10 +31,23 @@ typedef struct amb_axial_model {
 
 /* Each of its fields, for whoever asks for all. */
 #define AMB_AXIAL_MODEL_FIELDS(FIELD)                                                              \
-  FIELD(T)                                                                                         \
-  FIELD(T_2) FIELD(T_m) FIELD(T2_2m) FIELD(a_sen) FIELD(b_sen) FIELD(c_sen) FIELD(d_sen)           \
-      FIELD(N00) FIELD(N01) FIELD(N02) FIELD(N03) FIELD(N11) FIELD(N12) FIELD(N13) FIELD(N23)      \
-          FIELD(N33)
+  FIELD(T);                                                                                        \
+  FIELD(T_2);                                                                                      \
+  FIELD(T_m);                                                                                      \
+  FIELD(T2_2m);                                                                                    \
+  FIELD(a_sen);                                                                                    \
+  FIELD(b_sen);                                                                                    \
+  FIELD(c_sen);                                                                                    \
+  FIELD(d_sen);                                                                                    \
+  FIELD(N00);                                                                                      \
+  FIELD(N01);                                                                                      \
+  FIELD(N02);                                                                                      \
+  FIELD(N03);                                                                                      \
+  FIELD(N11);                                                                                      \
+  FIELD(N12);                                                                                      \
+  FIELD(N13);                                                                                      \
+  FIELD(N23);                                                                                      \
+  FIELD(N33)
 
 #ifndef AMB_SIDE_BY_SIDE /* vectors of filters take theirs from the scalars' */
 /* Constants from the physical parameters, SI. */
