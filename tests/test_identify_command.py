@@ -245,14 +245,12 @@ def test_prediction_is_that_of_the_plain_filter_with_single_steps(record):
     # Next to no control noise: else the model's force is its mean under the noise.
     b = TRUTH.bearing.replace(amplifier__noise_variance=1e-14)
     model = LoopModel(b, substeps=1, delay=b.sampling_time)
-    delay, lag = model.as_filtered
     kalman = ambkit.ExtendedKalmanFilter(
-        b.replace(sensor__lag=lag), noise=ambkit.FilterNoise(disturbance=model.load_growth),
-        outlier_limit=0,
-    )  # fmt: skip
+        b, noise=ambkit.FilterNoise(disturbance=model.load_growth), outlier_limit=0
+    )
     from ambkit.identification.maximum_likelihood.loop_model import delayed
 
-    u = delayed(record["u"], delay / b.sampling_time)
+    u = delayed(record["u"], 1.0)
     shifted = ambkit.Record(record.t, {"y": record["y"], "u": u})
     expected = kalman.forecast(kalman.run(shifted), shifted, 10)
     np.testing.assert_allclose(model.predict(record, 10)[50:], expected[50:], rtol=1e-9, atol=1e-12)

@@ -64,14 +64,14 @@ def test_filterpy_and_scipy_find_the_same_noises():
     def others(noises):
         """Log likelihood by filterpy at ln of measurement noise and load growth."""
         measurement, growth = np.exp(noises)
-        s = oracles.settings_of(bearing.replace(sensor__lag=truth.as_filtered[1]))
+        s = oracles.settings_of(bearing)
         F, b, H = oracles.system_matrices(s, truth.source.k_i, truth.source.k_s)
-        T, m = s["T"], s["m"]
+        _, pushed, grown = oracles.held_force(s)
         kf = filterpy.KalmanFilter(dim_x=4, dim_z=1, dim_u=2)
         kf.x = np.array([[first], [0.0], [0.0], [first]])
         kf.P, kf.F, kf.H, kf.R = np.diag(np.square(std)), F, H[None], np.array([[measurement]])
-        kf.B = np.column_stack([b, [T**2 / (2 * m), T / m, 0, 0]])
-        kf.Q = s["var_u"] * np.outer(b, b) + np.diag([0, 0, growth * T, 0])
+        kf.B = np.column_stack([b, pushed])
+        kf.Q = s["var_u"] * np.outer(b, b) + growth * s["T"] * grown
         total = 0.0
         for k, (y, u) in enumerate(zip(record["y"], record["u"], strict=True)):
             kf.update(y)
@@ -84,6 +84,6 @@ def test_filterpy_and_scipy_find_the_same_noises():
     found = climb([record], truth, free, begin)  # as it is, before any bias is taken off
     at = np.log([p.of(found.model) for p in free])
     assert others(at) == pytest.approx(found.local.value, rel=1e-9)
-    theirs = minimize(lambda z: -others(z), at + 0.3, method="BFGS", options={"gtol": 0.1})
+    theirs = minimize(lambda z: -others(z), at + 0.3, method="BFGS", options={"gtol": 0.01})
     errors = np.sqrt(np.diag(np.linalg.inv(found.local.information)))
-    np.testing.assert_allclose(at, theirs.x, atol=0.05 * errors.min())
+    np.testing.assert_allclose(at, theirs.x, atol=0.1 * errors.min())

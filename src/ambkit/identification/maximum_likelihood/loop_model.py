@@ -73,32 +73,11 @@ class LoopModel:
         if math.isnan(self.load_growth):
             object.__setattr__(self, "load_growth", (2 * weight) ** 2)
 
-    @property
-    def as_filtered(self) -> tuple[float, float]:
-        """Delay of the control signal [s], and sensor lag [s], as the filter is given them.
-
-        The filter lets the rotor's position at the start of a step act on the sensor's lag
-        throughout it (eq. 18, as the paper discretises it), which is late by
-        ``h/(1 - exp(-h/T_Sen)) - T_Sen``, half a step h where the lag is long. So the control
-        signal comes early by as much, if the delay is that long: it must not come before it was
-        made, for in a loop it tells of the measurement that made it. What is left is taken from
-        the lag, such that delay and lag together stay what they are; the two then look alike.
-        """
-        h = self.bearing.sampling_time / self.substeps
-        lag = max(self.bearing.sensor.lag, 1e-3 * h)
-        late = h / -math.expm1(-h / lag) - lag
-        if self.delay >= late:
-            return self.delay - late, lag
-        together = (self.delay + lag) / h
-        return 0.0, h / -math.log1p(-1 / together) if together > 1.001 else 0.1 * h
-
     def kalman(self) -> Estimator:
         """Return the filter whose innovations judge this model, in the C core, with its steps."""
-        _, lag = self.as_filtered
         b = self.with_mean_force
         finer = b.replace(
             sampling_time=b.sampling_time / self.substeps,
-            sensor__lag=lag,
             # Drawn anew in each step, and as much in the sum.
             amplifier__noise_variance=self.substeps * b.amplifier.noise_variance,
         )
@@ -200,10 +179,9 @@ class LoopModel:
     def _run(self, record: Record) -> tuple[dict[str, Any], Array, Estimator]:
         """Run the filter with its finer steps; between two samples no measurement comes."""
         h = self.bearing.sampling_time / self.substeps
-        delay, _ = self.as_filtered
         held = np.repeat(self._within_limits(filled(record["u"])), self.substeps)
         acting = lagged(held, h, self.current_lag)
-        u = delayed(acting, delay / h)
+        u = delayed(acting, self.delay / h)
         y = np.full(u.size, np.nan)
         y[:: self.substeps] = record["y"] - self.position_offset
         kalman = self.kalman()
@@ -216,7 +194,7 @@ class LoopModel:
         missing = ~np.isfinite(record["u"])
         if not missing.any():
             return kalman.core.run(y, u), u, kalman
-        unknown = delayed(np.repeat(missing, self.substeps).astype(float), delay / h) > 0
+        unknown = delayed(np.repeat(missing, self.substeps).astype(float), self.delay / h) > 0
         return run_with_gaps(kalman, self.bearing, y, u, unknown, record["u"], h), u, kalman
 
     def _within_limits(self, u: Array) -> Array:
