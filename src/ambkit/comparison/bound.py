@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+NODES = 4
+"""Points of the quadrature over a sample."""
+
 
 def posterior_bound(
     transition: ArrayLike,
@@ -128,7 +131,7 @@ def _bearing_bound(
 
 
 def _along(bearing: Bearing, record: Record, variances: Variances) -> tuple[Array, Array]:
-    """F (samples - 1, 4, 4) and G (samples - 1, 4, 2) of one run, exact for held tangents."""
+    """F (samples - 1, 4, 4) and G (samples - 1, 4, 5) of one run, exact for held tangents."""
     from scipy.linalg import expm
 
     from ambkit.magnets import ClosedLaw
@@ -141,7 +144,11 @@ def _along(bearing: Bearing, record: Record, variances: Variances) -> tuple[Arra
     A[:, 1, 0], A[:, 1, 2], A[:, 1, 4] = k_s / m, 1 / m, k_i / m
     A[:, 3, 0], A[:, 3, 3] = bearing.sensor.gain / lag, -1 / lag
     held = expm(A * T)
-    G = np.zeros((len(A), 4, 2))
+    G = np.zeros((len(A), 4, 1 + NODES))
     G[:, :, 0] = held[:, :4, 4] * bearing.amplifier.gain * np.sqrt(variances.control)
-    G[:, 2, 1] = np.sqrt(T * variances.disturbance)
+    # The load walks on within the sample (Van Loan 1978, his integral by Gauss and Legendre). What
+    # it does until the sample's end hardly depends on the tangents, so the first ones do for all.
+    at, weights = np.polynomial.legendre.leggauss(NODES)
+    walked = expm(A[0] * (T * (1 + at) / 2)[:, None, None])[:, :4, 2]
+    G[:, :, 1:] = (walked * np.sqrt(T * variances.disturbance * weights / 2)[:, None]).T
     return held[:, :4, :4], G

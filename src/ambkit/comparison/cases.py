@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +19,7 @@ from ambkit.bearing import GRAVITY
 from ambkit.comparison.spread import CERTAIN, Spread
 from ambkit.estimators import Estimator, KalmanFilter
 from ambkit.magnets import own_time
+from ambkit.record import Record
 from ambkit.scenario import PID, Scenario
 from ambkit.simulation import Imposed, Run, samples, simulate_run
 from ambkit.waveforms import Constant, Sequence, Sine, Step
@@ -26,7 +27,6 @@ from ambkit.waveforms import Constant, Sequence, Sine, Step
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
     from ambkit.magnets import StiffnessSource
-    from ambkit.record import Record
     from ambkit.waveforms import Signal
 
 Array = NDArray[np.float64]
@@ -152,29 +152,36 @@ def trials(case: Case, bearing: Bearing, runs: int, seed: int) -> list[Trial]:
             plant = plant.replace(magnet__magnet_constant=constant)
         scenario = case.scenario(bearing, LOAD * factors.load)
         scenario = scenario.model_copy(update={"seed": 1000 * seed + run})
-        imposed = _imposed(case, bearing, plant, scenario)
+        imposed, walk = _imposed(case, bearing, plant, scenario)
         magnet = fixed if nominal else _magnet(case, plant)
         first = simulate_run(
             plant, scenario, estimator=KalmanFilter(bearing), magnet=magnet, imposed=imposed
         )
-        made.append(Trial(plant, scenario, imposed, magnet, first.record))
+        made.append(Trial(plant, scenario, imposed, magnet, _with_walk(first.record, walk)))
     return made
 
 
-def _imposed(case: Case, bearing: Bearing, plant: Bearing, scenario: Scenario) -> Imposed:
-    """Draw the load's walk and the coloured noise, from streams of their own."""
+def _imposed(
+    case: Case, bearing: Bearing, plant: Bearing, scenario: Scenario
+) -> tuple[Imposed, Array | None]:
+    """Draw the load's walk and the coloured noise, from streams of their own.
+
+    A load that walks does not wait for the samples. What acts over a sample is its mean there, so
+    that the run is that of the walk; where it stands at the samples (n,) is returned beside it.
+    """
     n, T = samples(plant, scenario), plant.sampling_time
     on_load, on_sensor = (
         np.random.default_rng(s)
         for s in np.random.SeedSequence([scenario.seed, 3]).spawn(2)
     )  # fmt: skip
-    load = noise = scale = None
+    load = noise = scale = walk = None
     if case.drift:
         scale = np.linspace(1.0, 1.0 + case.drift, n)
     if case.walks:
         growth = case.walks * KalmanFilter(bearing).variances.disturbance
-        load = np.cumsum(on_load.normal(0.0, math.sqrt(growth * T), n))
-        load -= load[0]
+        steps, within = on_load.normal(0.0, math.sqrt(growth * T), (2, n))
+        walk = np.cumsum(steps) - steps
+        load = walk + 0.5 * steps + within / math.sqrt(12)  # of a Brownian bridge: its mean
     if case.correlation:
         from scipy.signal import lfilter
 
@@ -183,7 +190,14 @@ def _imposed(case: Case, bearing: Bearing, plant: Bearing, scenario: Scenario) -
         white = on_sensor.normal(0.0, math.sqrt(plant.sensor.noise_variance), n)
         white[1:] *= math.sqrt(1 - pole**2)
         noise = np.asarray(lfilter([1.0], [1.0, -pole], white))
-    return Imposed(disturbance=load, sensor_noise=noise, magnet_scale=scale)
+    return Imposed(disturbance=load, sensor_noise=noise, magnet_scale=scale), walk
+
+
+def _with_walk(record: Record, walk: Array | None) -> Record:
+    """Return a record whose truth has the load at the samples, not its means between them."""
+    if walk is None:
+        return record
+    return replace(record, signals={**record.signals, "f_d": walk})
 
 
 def saturating(bearing: Bearing) -> Force:
