@@ -1,0 +1,22 @@
+"""Truth judges the filters over every sensor: the bound, the raw sensor, a filter without magnet."""
+
+import pytest
+
+from benchmarks import sensors
+
+
+@pytest.mark.parametrize(("lag", "noise"), sensors.SENSORS)
+def test_the_extended_filter_reaches_the_bound(lag: float, noise: float) -> None:
+    found = sensors.efficiency(lag, noise, runs=32)
+    for name in ("x", "v", "f_d"):
+        assert 0.98 <= found[name] < 1.02, found
+    assert 0.93 < found["nees"] < 0.97, found
+
+
+@pytest.mark.parametrize("seed", [3, 5, 6, 8, 12])
+def test_no_kalman_filter_is_worse_than_a_naive_one(seed: int) -> None:
+    """On sensible bearings drawn at random; 300 of them in benchmarks/README.md."""
+    found = sensors.judged(seed)
+    assert found is not None
+    worst = max(sensors.KALMAN, key=found.ratio)
+    assert found.ratio(worst) < 1.0, (worst, found)
