@@ -12,6 +12,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from ambkit.config.quantities import Quantity
 from ambkit.config.toml_text import Path
+from ambkit.escaping import one_line
 
 
 class Problem(NamedTuple):
@@ -172,5 +173,5 @@ def without_tags(path: Path, data: Any) -> Path:
 
 def dotted(path: Path) -> str:
     """Print a path: ``rotor.mass``, ``reference.times[2]``."""
-    text = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path)
+    text = "".join(f"[{step}]" if isinstance(step, int) else f".{one_line(step)}" for step in path)
     return text.removeprefix(".")

@@ -21,14 +21,13 @@ import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.errors import RecordError, shortened
-from ambkit.files import csv_dialect
+from ambkit.files import budget, csv_dialect
 from ambkit.files.csv_dialect import MISSING, Dialect, number_of
 from ambkit.files.log import DamagedLog, Log, column_names, counted_from, too_coarse
 
@@ -73,7 +72,7 @@ def read(
 ) -> Log:
     """Read a text file with columns; see `ambkit.files.log.read_log`."""
     try:
-        content = Path(path).read_bytes()
+        content = budget.read_bytes(path, budget.TEXT_SHARE)
     except OSError as error:
         raise RecordError(f"{path}: cannot be read: {error.strerror or error}") from error
     text, encoding = _decode(content, os.fspath(path))
