@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from ambkit import files
+from ambkit import escaping, files
 from ambkit.report import interactive, static
 from ambkit.report.blocks import (
     Block,
@@ -103,6 +103,7 @@ def render_page(report: Report, pictures: Mapping[str, Picture]) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters |= escaping.FILTERS
     return environment.get_template("report.html.j2").render(
         report=report,
         lead=markdown(report.lead, names),
