@@ -37,7 +37,7 @@ def limit() -> float:
     return size
 
 
-def check(path: str | os.PathLike[str], size: float, hint: str = "") -> None:
+def check(path: str | os.PathLike[str], size: float, hint: str = "", *, whole: bool = True) -> None:
     """Refuse a file that takes more memory to read than it may.
 
     Parameters
@@ -48,6 +48,8 @@ def check(path: str | os.PathLike[str], size: float, hint: str = "") -> None:
         Memory that reading it takes [byte].
     hint : str
         What else may help, before the variable that raises the limit.
+    whole : bool
+        That is all of it; else counting may have ended at the limit.
 
     Raises
     ------
@@ -56,10 +58,11 @@ def check(path: str | os.PathLike[str], size: float, hint: str = "") -> None:
     """
     allowed = limit()
     if size > allowed:
+        needed = _shown(size) if whole else f"more than {_shown(allowed)}"
+        enough = 1.1 * size if whole else 2 * allowed
         raise RecordError(
-            f"{path}: would take {_shown(size)} of memory to read, and the limit is "
-            f"{_shown(allowed)};{hint} to allow more, set {VARIABLE}, such as "
-            f'{VARIABLE}="{_shown(1.1 * size)}"'
+            f"{path}: would take {needed} of memory to read, and the limit is {_shown(allowed)};"
+            f'{hint} to allow more, set {VARIABLE}, such as {VARIABLE}="{_shown(enough)}"'
         )
 
 
@@ -79,7 +82,7 @@ def read_bytes(path: str | os.PathLike[str], share: float = 1.0) -> bytes:
         parts: list[bytes] = []
         while part := file.read(max(declared + 1, _LEAST)):
             parts.append(part)
-            check(path, share * sum(map(len, parts)))
+            check(path, share * sum(map(len, parts)), whole=False)
     return b"".join(parts)
 
 

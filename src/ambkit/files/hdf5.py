@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.errors import ExtraMissing, RecordError, shortened
+from ambkit.errors import AmbkitError, ExtraMissing, RecordError, shortened
 from ambkit.escaping import one_line
 from ambkit.files import budget
 from ambkit.files.log import Log, check_readable, damaged, whole_numbers
@@ -62,7 +62,7 @@ def read(
                 if unit is not None and part is None:
                     units[name] = one_line(_plain(unit))
             about = {key: _plain(value) for key, value in file.attrs.items()}
-    except RecordError:
+    except AmbkitError:
         raise
     except Exception as error:  # h5py passes on whatever the HDF5 library says
         raise damaged(path, error) from error

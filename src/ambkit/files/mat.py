@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.errors import ExtraMissing, RecordError
+from ambkit.errors import AmbkitError, ExtraMissing
 from ambkit.escaping import one_line
 from ambkit.files import budget
 from ambkit.files.hdf5 import check_within, memory_of
@@ -84,28 +84,30 @@ def _content(path: str | os.PathLike[str]) -> dict[str, Any]:
     from scipy.io import loadmat
 
     try:
-        budget.check(path, _memory_of(path))
+        packed = _unpacked(Path(path))
+        budget.check(path, packed, whole=False)
+        budget.check(path, _memory_of(path, packed))
         return dict(loadmat(os.fspath(path)))
-    except RecordError:
+    except AmbkitError:
         raise
     except Exception as error:  # SciPy lets through whatever a damaged file makes it stumble over
         raise damaged(path, error) from error
 
 
-def _memory_of(path: str | os.PathLike[str]) -> int:
-    """Memory that a MATLAB 5 file takes as it is and as float64 [byte].
+def _memory_of(path: str | os.PathLike[str], unpacked: int) -> int:
+    """Memory that a MATLAB 5 file takes as it is and as float64 [byte], of its length `unpacked`.
 
     Numbers may be stored shorter than they are, so those of arrays count by their shape. What is
-    in structures and cells is told by nothing but their bytes, which may be compressed.
+    in structures and cells is told by nothing but their bytes.
     """
     from scipy.io import whosmat
 
     numbers = sum(8 * math.prod(shape) for _, shape, kind in whosmat(os.fspath(path)))
-    return numbers + max(numbers, _unpacked(Path(path)))
+    return numbers + max(numbers, unpacked)
 
 
 def _unpacked(path: Path) -> int:
-    """Length of a MATLAB 5 file with its compressed elements unpacked, or what is beyond budget."""
+    """Length of a MATLAB 5 file with its elements unpacked; not counted on beyond the limit."""
     total, most = 0, budget.limit()
     with path.open("rb") as file:
         order = {b"IM": "<", b"MI": ">"}.get(file.read(_HEADER)[-2:])
@@ -142,7 +144,7 @@ def _content_of_7_3(path: str | os.PathLike[str]) -> dict[str, Any]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of objects that hold no numbers
             return dict(read_mat(os.fspath(path)))
-    except RecordError:
+    except AmbkitError:
         raise
     except Exception as error:
         raise damaged(path, error) from error

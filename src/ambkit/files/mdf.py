@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.errors import ExtraMissing, RecordError
+from ambkit.errors import AmbkitError, ExtraMissing
 from ambkit.escaping import one_line
 from ambkit.files import budget
 from ambkit.files.log import Log, check_readable, damaged
@@ -38,7 +38,7 @@ def read(
     try:
         with Path(path).open("rb") as stream, MDF(stream) as file:
             return _read(file, os.fspath(path), wanted, told)
-    except RecordError:
+    except AmbkitError:
         raise
     except Exception as error:  # asammdf passes on whatever a damaged file makes it stumble over
         _let_go(error)
