@@ -301,6 +301,13 @@ def test_a_key_of_toml_is_told_in_one_line() -> None:
         Bearing.from_toml('"evil\\nb.toml:9: mass" = 1\n' + BEARING.to_toml(), "b.toml")
 
 
+def test_half_a_character_in_an_expert_is_told(tmp_path: Path) -> None:
+    text = expert("x").model_dump_json().replace('"source":"x"', r'"source":"a\ud800"')
+    (tmp_path / "e.json").write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError, match=r'e\.json: source: .*, is "a\\ud800"$'):
+        Expert.load(tmp_path / "e.json")
+
+
 def test_what_is_written_as_toml_is_printable() -> None:
     text = toml_text.dumps({"a": "x\x1b\u202e\U000e0001", "\x1b": 1})
     assert all(map(str.isprintable, text.split("\n")))
