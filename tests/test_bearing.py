@@ -244,9 +244,10 @@ def bearings(draw: st.DrawFn) -> Bearing:
         gain=draw(positive()), current_limit=bias, noise_variance=draw(positive())
     )
     sensor = Sensor(gain=draw(positive()), lag=draw(positive()), noise_variance=draw(positive()))
-    text = st.text(st.characters(exclude_categories=["Cs"]))
+    text = st.text(st.characters(exclude_categories=["Cs", "Cc"], include_characters="\t\n"))
+    line = st.text(st.characters(categories=["L", "M", "N", "P", "S", "Zs"]), min_size=1)
     return Bearing(
-        name=draw(text.filter(bool)),
+        name=draw(line),
         description=draw(text),
         source=draw(text),
         sampling_time=draw(positive()),

@@ -15,6 +15,7 @@ from pydantic import (
 
 from ambkit.config import Document, Part, Read, read_unchecked, reader
 from ambkit.config.quantities import Quantity
+from ambkit.config.texts import Description, Name
 from ambkit.units import engineering
 
 if TYPE_CHECKING:
@@ -158,11 +159,11 @@ class Bearing(Document):
     0.0022
     """
 
-    name: Annotated[str, Field(min_length=1)]
+    name: Annotated[Name, Field(min_length=1)]
     """Short name."""
-    description: str = ""
+    description: Description = ""
     """What it is, in a sentence."""
-    source: str = ""
+    source: Description = ""
     """Where its values come from."""
     sampling_time: Annotated[float, Quantity("s", "0.1 ms", above=0)]
     """Sampling time T of controller and estimator [s]."""

@@ -38,6 +38,7 @@ from pydantic import Field
 from ambkit import units
 from ambkit.config import Document, Part, Read
 from ambkit.config.quantities import Quantity
+from ambkit.config.texts import Description, Line, Name
 from ambkit.errors import RecordError
 from ambkit.files import timestamps
 from ambkit.files.log import Log
@@ -74,23 +75,23 @@ class Channel(Part):
 
     row: Index | None = None
     """Row of the array, from 0, where each sample is a column of it."""
-    column: Index | Annotated[str, Field(min_length=1)] | None = None
+    column: Index | Annotated[Line, Field(min_length=1)] | None = None
     """Column of the array, from 0, where each sample is a row; of a table its name or place."""
-    array: str | None = None
+    array: Line | None = None
     """The array in the file, where it is not the map's own; alone, it must be a vector."""
-    unit: str
+    unit: Line
     """Unit of the numbers in the log, such as "mm"."""
-    scale: float | str = 1.0
+    scale: float | Line = 1.0
     """Factor; with a unit where it makes one quantity of another, such as "2 A/V"."""
     sign: Annotated[int, Field(strict=True)] = 1
     """1, or -1 where the log counts the other way."""
-    offset: str = ""
+    offset: Line = ""
     """Added in the end, with its unit, such as "10 mm"."""
     delay: Annotated[float, Quantity("s", "0.25 ms")] = 0.0
     """How much later than it was the logger wrote it [s]; the signal is shifted back by that."""
-    format: str = ""
+    format: Line = ""
     """Of times as text, how they are written, such as "%d.%m.%Y %H:%M:%S.%f"; most are known."""
-    time: str | None = None
+    time: Name | None = None
     """The signal of this map that has the times of its samples, where that is not ``t``."""
 
     @property
@@ -137,15 +138,15 @@ class Channel(Part):
 class ChannelMap(Document):
     """What the channels of a log mean; read from TOML with `load` or `from_toml`."""
 
-    name: str = ""
+    name: Name = ""
     """What kind of log this is for."""
-    source: str = ""
+    source: Description = ""
     """Where such logs come from."""
-    array: str | None = None
+    array: Line | None = None
     """The array in the file that holds the channels."""
     sampling_time: Annotated[float, Quantity("s", "0.1 ms", above=0)] | None = None
     """Time between samples [s], of a log without times; or with times that mean nothing."""
-    signals: dict[str, Channel]
+    signals: dict[Annotated[Name, Field(min_length=1)], Channel]
     """The signals by name; ``t`` is the time."""
 
     @classmethod

@@ -3,9 +3,20 @@
 import re
 from collections.abc import Iterable
 
+from ambkit.escaping import lines
+
 
 class AmbkitError(Exception):
-    """Something the user gave cannot be used; the message names it, its place and its limit."""
+    """Something the user gave cannot be used; the message names it, its place and its limit.
+
+    Parameters
+    ----------
+    message : str
+        What is wrong; what a terminal would obey, and not show, is escaped.
+    """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(lines(message))
 
 
 TOLD = 10

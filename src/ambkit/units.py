@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 _DECIMAL_COMMA = re.compile(r"\s*([+-]?\d+),(\d+)")
 _WITHIN_QUANTITY = re.compile(r"(?:(?<=\d)|(?<=\d\sN)|(?<=\d\sA)) (?!to\b)(?=[A-Za-zµΩ%])")
+_LONGEST = 100  # characters of a unit
 _PREFIXES = {"M": 6, "k": 3, "": 0, "m": -3, "µ": -6, "n": -9, "p": -12, "f": -15}
 
 
@@ -30,6 +31,8 @@ def _registry() -> "UnitRegistry[Any]":
 def _root(unit: str) -> tuple[Decimal, "Unit"]:
     """Return the factor to SI base units, and these."""
     registry = _registry()
+    if len(unit) > _LONGEST:  # pint's time grows with the square of it
+        raise ValueError(f'"{unit[:20]}..." is not a known unit')
     if "," in unit:  # pint would read over it
         raise ValueError(f'"{unit}" is not a known unit')
     try:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from ambkit import escaping
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -43,7 +44,7 @@ def deliver(
     if as_json:
         if isinstance(data, dict) and files:
             data = data | {"files": [str(path) for path in written]}
-        print(json.dumps(plain(data), indent=2, ensure_ascii=False, allow_nan=False))
+        print(escaping.json_text(plain(data), indent=2, allow_nan=False))
     else:
         show(tables)
     for path in written:
@@ -54,7 +55,10 @@ def show(tables: Iterable[Table | str]) -> None:
     """Print tables on stdout."""
     console = stdout()
     for table in tables:
-        console.print(table, soft_wrap=isinstance(table, str))
+        if isinstance(table, str):
+            console.print(escaping.lines(table), soft_wrap=True)
+        else:
+            console.print(table)
 
 
 def stdout() -> Console:
@@ -67,7 +71,7 @@ def stdout() -> Console:
 
 def note(text: str) -> None:
     """Say something on stderr."""
-    print(text, file=sys.stderr)
+    print(escaping.lines(text), file=sys.stderr)
 
 
 def table(
@@ -91,7 +95,7 @@ def table(
     from rich.text import Text
 
     drawn = Table(
-        title=Text(title, style="bold"),
+        title=Text(escaping.lines(title), style="bold"),
         title_justify="left",
         box=box.SIMPLE_HEAD,
         show_header=any(headers),
@@ -99,9 +103,11 @@ def table(
     )
     for place, header in enumerate(headers):
         words = wide and place == len(headers) - 1
-        drawn.add_column(Text(header), justify="left" if place == 0 or words else "right")
+        drawn.add_column(
+            Text(escaping.lines(header)), justify="left" if place == 0 or words else "right"
+        )
     for row in rows:
-        drawn.add_row(*map(Text, row))
+        drawn.add_row(*(Text(escaping.lines(cell)) for cell in row))
     return drawn
 
 
@@ -132,10 +138,13 @@ def progress(what: str, total: int | None = None) -> Iterator[Callable[..., None
     from rich.console import Console
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-    columns = [SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()]
+    text = TextColumn("{task.description}", markup=False)
+    columns = [SpinnerColumn(), text, BarColumn(), TimeElapsedColumn()]
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=total)
-        yield lambda text="": bar.update(task, advance=1, description=text or what)
+        task = bar.add_task(escaping.one_line(what), total=total)
+        yield lambda text="": bar.update(
+            task, advance=1, description=escaping.one_line(text or what)
+        )
 
 
 def plain(data: Any) -> Any:

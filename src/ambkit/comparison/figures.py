@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ambkit.comparison.bench import Bench, Standing, Sweep
 from ambkit.comparison.contenders import Contender
 from ambkit.comparison.criteria import CRITERIA, Criterion
+from ambkit.escaping import label
 from ambkit.estimators.family import KINDS
 from ambkit.report.figure import Figure, Panel
 from ambkit.report.items import Axis, Bars, Cells, Item, Line, Points, Rule
@@ -63,7 +64,9 @@ def matrix_figure(bench: Bench, id: str = "matrix", *, alone: bool = False) -> F
     texts = [[_text(standing, CRITERIA[name]) for name in names] for standing in standings]
     how = "tuned alike" if bench.tuned else "with their defaults"
     cells = Cells([_head(CRITERIA[name]) for name in names], list(bench.best), shade, texts)
-    about = f"{bench.bearing.name}, {bench.case.name}: {bench.case.title}; {_runs(bench)}, {how}"
+    about = (
+        f"{label(bench.bearing.name)}, {bench.case.name}: {bench.case.title}; {_runs(bench)}, {how}"
+    )
     shades = (
         f"palest of a column: best, or as it should be; darkest: {TIMES:g} times as bad, or more"
     )
@@ -256,7 +259,7 @@ def cases_figure(benches: Mapping[str, Bench], *, alone: bool = False) -> Figure
     heads = [name.replace("-", "\n") for name in benches]
     how = "tuned alike" if first.tuned else "with their defaults"
     about = (
-        rf"{first.bearing.name}: error of $F_\mathrm{{St}}$ over that of {base}; "
+        rf"{label(first.bearing.name)}: error of $F_\mathrm{{St}}$ over that of {base}; "
         f"{_runs(first)} in each case, {how}"
     )
     shades = f"blue: a smaller error; brown: a larger one; darkest: a factor of {TIMES:g}, or more"

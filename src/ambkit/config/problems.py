@@ -1,7 +1,6 @@
 """What is wrong with a description, in the user's words instead of pydantic's."""
 
 import difflib
-import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple, get_args
@@ -12,6 +11,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from ambkit.config.quantities import Quantity
 from ambkit.config.toml_text import Path
+from ambkit.escaping import json_text, one_line
 
 
 class Problem(NamedTuple):
@@ -152,7 +152,7 @@ def _kinds(annotation: Any) -> list[str]:
 
 
 def _shown(value: Any) -> str:
-    shown = json.dumps(value, ensure_ascii=False, default=repr)
+    shown = json_text(value, default=repr)
     return shown if len(shown) <= 60 else f"{shown[:57]}..."
 
 
@@ -172,5 +172,9 @@ def without_tags(path: Path, data: Any) -> Path:
 
 def dotted(path: Path) -> str:
     """Print a path: ``rotor.mass``, ``reference.times[2]``."""
-    text = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path)
+    text = "".join(
+        f"[{step}]" if isinstance(step, int) else f".{one_line(step)}"
+        for step in path
+        if step != "[key]"  # pydantic's word for what is wrong with a key itself
+    )
     return text.removeprefix(".")

@@ -1,11 +1,12 @@
 """TOML as text: its values, the line on which each key stands, and writing it back."""
 
-import json
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
+
+from ambkit import escaping
 
 if TYPE_CHECKING:
     from tree_sitter import Node
@@ -170,8 +171,7 @@ def _key_text(key: str) -> str:
 
 def _value_text(value: Any) -> str:
     if isinstance(value, str):
-        # JSON escapes as TOML does, save for DEL.
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007F")
+        return escaping.toml_string(value)
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, Mapping):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.escaping import markdown
 from ambkit.plots.looks import CURRENT, POSITION, TIME
 from ambkit.report.figure import Figure, Panel
 from ambkit.report.items import Axis, Item, Line, Rule
@@ -51,9 +52,10 @@ def excitation_figure(design: Design) -> Figure:
         Line(frequency[shown], asked[shown], signal="reference", label=""),
         Line(frequency[shown], moved[shown], signal="truth", label=""),
     ]
+    name = markdown(design.expectation.model.bearing.name)
     return Figure(
         id="excitation",
-        title=f"Experiment for {design.expectation.model.bearing.name}: {design.excitation.kind}",
+        title=f"Experiment for {name}: {design.excitation.kind}",
         caption="As simulated, with the noise of the bearing. Below, from which frequencies the "
         "information on each parameter comes, the others known: its share in a third of an octave.",
         panels=[

@@ -6,6 +6,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ambkit.errors import AmbkitError
+from ambkit.files import budget
 
 
 @contextmanager
@@ -66,7 +67,8 @@ def read_text(path: str | os.PathLike[str]) -> str:
         There is no such file, it cannot be opened, or it is not UTF-8 text.
     """
     try:
-        return Path(path).read_text(encoding="utf-8-sig")
+        text = budget.read_bytes(path).decode("utf-8-sig")
+        return text.replace("\r\n", "\n").replace("\r", "\n")
     except OSError as error:
         raise AmbkitError(f"{path}: cannot be read: {error.strerror or error}") from error
     except UnicodeDecodeError as error:

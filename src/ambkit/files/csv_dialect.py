@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from ambkit.escaping import one_line
 from ambkit.files.time_layouts import layouts
 
 _NO_NUMBER = (
@@ -233,6 +234,7 @@ def _header(rows: list[tuple[int, list[str]]], separator: str, decimal: str) -> 
 
 def _label(label: str) -> tuple[str, str | None]:
     """Split ``"y [mm]"`` into the name and the unit, None without one."""
+    label = one_line(label)
     match = _LABEL.fullmatch(label)
     return (match[1], match[2]) if match else (label, None)
 

@@ -21,19 +21,20 @@ import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.errors import RecordError, shortened
-from ambkit.files import csv_dialect
+from ambkit.escaping import one_line
+from ambkit.files import budget, csv_dialect
 from ambkit.files.csv_dialect import MISSING, Dialect, number_of
 from ambkit.files.log import DamagedLog, Log, column_names, counted_from, too_coarse
 
 Array = NDArray[np.float64]
 
+_KEY = re.compile(r"[^\w.-]")  # what no key of a note has
 _NOTE = re.compile(r"#\s*([\w.-]+):\s(.*)")
 _UNEVEN_LINE_ENDS = re.compile(r"\r\n?")
 _MINUS = re.compile("\N{MINUS SIGN}(?=[\\d.,])")  # as some programs print it
@@ -54,10 +55,17 @@ def dump(columns: Mapping[str, Array], units: Mapping[str, str], meta: Mapping[s
         JSON by key. The number of rows is added, so that a file cut short is noticed.
     """
     rows = len(next(iter(columns.values())))
-    notes = [f"# {key}: {value}" for key, value in {**meta, "rows": rows}.items()]
-    header = ",".join(f"{name} [{units[name]}]" for name in columns)
+    notes = [f"# {_KEY.sub('_', key)}: {value}" for key, value in {**meta, "rows": rows}.items()]
+    header = ",".join(_head(f"{name} [{units[name]}]") for name in columns)
     cells = [map(_cell, values.tolist()) for values in columns.values()]
     return "\n".join([*notes, header, *map(",".join, zip(*cells, strict=True))]) + "\n"
+
+
+def _head(label: str) -> str:
+    """Write a column's name such that it is one: not more columns, nor a note."""
+    label = one_line(label)
+    quoted = label.replace('"', '""')
+    return f'"{quoted}"' if re.search(r'[,;"#]', label) else label
 
 
 def _cell(value: float) -> str:
@@ -73,7 +81,7 @@ def read(
 ) -> Log:
     """Read a text file with columns; see `ambkit.files.log.read_log`."""
     try:
-        content = Path(path).read_bytes()
+        content = budget.read_bytes(path, budget.TEXT_SHARE)
     except OSError as error:
         raise RecordError(f"{path}: cannot be read: {error.strerror or error}") from error
     text, encoding = _decode(content, os.fspath(path))

@@ -4,8 +4,11 @@ The fields of a structure come as ``structure.field``, the elements of a structu
 as ``structure[0].field``.
 """
 
+import math
 import os
+import struct
 import warnings
+import zlib
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Any
@@ -13,7 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.errors import ExtraMissing
+from ambkit.errors import AmbkitError, ExtraMissing
+from ambkit.escaping import one_line
+from ambkit.files import budget
+from ambkit.files.hdf5 import check_within, memory_of
 from ambkit.files.log import Log, check_readable, damaged, whole_numbers
 from ambkit.files.timestamps import layouts_of
 
@@ -21,6 +27,9 @@ Array = NDArray[np.float64]
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _USER_BLOCKS = (0, 512, 1024, 2048)
+_HEADER = 128  # bytes that a MATLAB 5 file begins with; the last two tell the order of bytes
+_COMPRESSED = 15  # type of such an element
+_PART = 1 << 20
 
 
 def read(
@@ -36,7 +45,7 @@ def read(
     check_readable(path)
     content = _content_of_7_3(path) if _is_7_3(path) else _content(path)
     arrays = {
-        name: values
+        one_line(name): values
         for key, value in content.items()
         if not key.startswith("__")
         for name, values in _flat(key, value)
@@ -75,22 +84,68 @@ def _content(path: str | os.PathLike[str]) -> dict[str, Any]:
     from scipy.io import loadmat
 
     try:
+        packed = _unpacked(Path(path))
+        budget.check(path, packed, whole=False)
+        budget.check(path, _memory_of(path, packed))
         return dict(loadmat(os.fspath(path)))
+    except AmbkitError:
+        raise
     except Exception as error:  # SciPy lets through whatever a damaged file makes it stumble over
         raise damaged(path, error) from error
 
 
+def _memory_of(path: str | os.PathLike[str], unpacked: int) -> int:
+    """Memory that a MATLAB 5 file takes as it is and as float64 [byte], of its length `unpacked`.
+
+    Numbers may be stored shorter than they are, so those of arrays count by their shape. What is
+    in structures and cells is told by nothing but their bytes.
+    """
+    from scipy.io import whosmat
+
+    numbers = sum(8 * math.prod(shape) for _, shape, kind in whosmat(os.fspath(path)))
+    return numbers + max(numbers, unpacked)
+
+
+def _unpacked(path: Path) -> int:
+    """Length of a MATLAB 5 file with its elements unpacked; not counted on beyond the limit."""
+    total, most = 0, budget.limit()
+    with path.open("rb") as file:
+        order = {b"IM": "<", b"MI": ">"}.get(file.read(_HEADER)[-2:])
+        while order and len(tag := file.read(8)) == 8 and total <= most:
+            kind, size = struct.unpack(f"{order}II", tag)
+            if kind != _COMPRESSED:
+                total += size
+                file.seek(size, os.SEEK_CUR)
+                continue
+            unpack = zlib.decompressobj()
+            while size > 0 and total <= most and (part := file.read(min(size, _PART))):
+                size -= len(part)
+                while part and total <= most:
+                    total += len(unpack.decompress(part, _PART))
+                    part = unpack.unconsumed_tail
+    return total
+
+
 def _content_of_7_3(path: str | os.PathLike[str]) -> dict[str, Any]:
     try:
-        import h5py  # noqa: F401  pymatreader asks for it late
+        import h5py
         from pymatreader import read_mat
     except ModuleNotFoundError:
         what = f"{path}: a MATLAB 7.3 file"
         raise ExtraMissing(what, "pymatreader and h5py", "mat") from None
     try:
+        with h5py.File(path, "r") as file:
+            check_within(path, file)
+            sizes: list[int] = []
+            file.visititems(
+                lambda _, item: sizes.append(memory_of(item)) if hasattr(item, "dtype") else None
+            )
+            budget.check(path, sum(sizes))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of objects that hold no numbers
             return dict(read_mat(os.fspath(path)))
+    except AmbkitError:
+        raise
     except Exception as error:
         raise damaged(path, error) from error
 

@@ -14,7 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.errors import ExtraMissing
+from ambkit.errors import AmbkitError, ExtraMissing
+from ambkit.escaping import one_line
+from ambkit.files import budget
 from ambkit.files.log import Log, check_readable, damaged
 
 Array = NDArray[np.float64]
@@ -36,6 +38,8 @@ def read(
     try:
         with Path(path).open("rb") as stream, MDF(stream) as file:
             return _read(file, os.fspath(path), wanted, told)
+    except AmbkitError:
+        raise
     except Exception as error:  # asammdf passes on whatever a damaged file makes it stumble over
         _let_go(error)
         raise damaged(path, error) from error
@@ -58,7 +62,7 @@ def _read(
     masters = dict(file.masters_db)
     groups = [g for g, group in enumerate(file.groups) if group.channel_group.cycles_nr]
     channels = [
-        (g, c, str(channel.name))
+        (g, c, one_line(channel.name))
         for g in groups
         for c, channel in enumerate(file.groups[g].channels)
         if c != masters.get(g)
@@ -72,11 +76,16 @@ def _read(
     labels = {(g, c): (label if count[label] == 1 else f"{g}/{label}") for g, c, label in channels}
     times = {g: "time" if len(groups) == 1 else f"{g}/time" for g in groups}
     all_known = asked <= {*labels.values(), *times.values()}
-    for (g, c), label in labels.items():
+    chosen = {
+        place: label
+        for place, label in labels.items()
+        if wanted is None or not all_known or label in asked or times[place[0]] in asked
+    }
+    budget.check(name, _memory_of(file, chosen), " a channel map that names fewer takes less;")
+    for (g, c), label in chosen.items():
         clock = times[g]
-        if wanted is not None and all_known and label not in asked and clock not in asked:
-            continue
         told(f"reading {label}")
+        file.groups[g].channels[c].attachment = None  # it may be any file, and is read with it
         signal = file.get(group=g, index=c)
         arrays.setdefault(clock, np.asarray(signal.timestamps, dtype=np.float64))
         units[clock] = "s"
@@ -90,5 +99,13 @@ def _read(
         arrays[label] = values
         clocks[label] = clock
         if signal.unit:
-            units[label] = str(signal.unit)
+            units[label] = one_line(signal.unit)
     return Log(name, arrays, units, clocks, {"start": str(file.start_time)}, remarks=tuple(remarks))
+
+
+def _memory_of(file: Any, chosen: Collection[tuple[int, int]]) -> int:
+    """Memory that channels take: the largest group as it is unpacked, and all as float64 [byte]."""
+    of = {g: file.groups[g].channel_group for g, _ in chosen}
+    width = {g: group.samples_byte_nr for g, group in of.items()}
+    whole = max((int(group.cycles_nr) * int(width[g]) for g, group in of.items()), default=0)
+    return whole + sum(16 * int(of[g].cycles_nr) for g, _ in chosen)

@@ -10,13 +10,18 @@ from numpy.typing import NDArray
 
 from ambkit import files
 from ambkit.errors import RecordError
+from ambkit.escaping import one_line
+from ambkit.files import budget
 from ambkit.files.log import Log, check_readable, column_names, damaged, whole_numbers
 from ambkit.files.timestamps import layouts_of, unwrapped
 
 if TYPE_CHECKING:
-    from pyarrow import ChunkedArray, Schema
+    from pyarrow import ChunkedArray, DataType, Field, Schema
+    from pyarrow.parquet import FileMetaData, ParquetFile
 
 Array = NDArray[np.float64]
+
+_LESS = " a channel map that names fewer columns takes less;"
 
 
 def write(
@@ -54,11 +59,14 @@ def read(
     try:
         with parquet.ParquetFile(path, memory_map=True) as file:
             schema = file.schema_arrow
-            asked = column_names(schema.names, texts, os.fspath(path))
-            for name in column_names(schema.names, wanted, os.fspath(path)):
+            fields = {one_line(name): name for name in schema.names}
+            asked = column_names(tuple(fields), texts, os.fspath(path))
+            chosen = column_names(tuple(fields), wanted, os.fspath(path))
+            budget.check(path, _memory_of(file.metadata, {fields[n] for n in chosen}), _LESS)
+            for name in chosen:
                 told(f"reading column {name}")
-                column = file.read([name], use_threads=True).column(name)
-                if _is_text(column) and (name in asked or layouts_of(column)):
+                column = _column(file, path, fields[name])
+                if _is_text(column.type) and (name in asked or layouts_of(column)):
                     stamped[name] = column
                     continue
                 try:
@@ -70,9 +78,10 @@ def read(
                 remarks += remark
     except (pa.ArrowException, OSError) as error:
         raise damaged(path, error) from error
-    units, meta = _about(schema, columns)
-    units |= {name: "s" for name in columns if pa.types.is_temporal(schema.field(name).type)}
-    order = tuple(schema.names)
+    of = {name: schema.field(fields[name]) for name in columns}
+    units, meta = _about(schema, of)
+    units |= {name: "s" for name, field in of.items() if pa.types.is_temporal(field.type)}
+    order = tuple(fields)
     return Log(
         os.fspath(path),
         columns,
@@ -84,10 +93,41 @@ def read(
     )
 
 
-def _is_text(column: "ChunkedArray") -> bool:
+def _memory_of(about: "FileMetaData", wanted: Collection[str]) -> int:
+    """Memory that columns take as they are and as float64 [byte], by what the file declares."""
+    parts = (
+        about.row_group(group).column(place)
+        for group in range(about.num_row_groups)
+        for place in range(about.num_columns)
+    )
+    return sum(
+        part.total_uncompressed_size + 16 * part.num_values
+        for part in parts
+        if any(f"{part.path_in_schema}.".startswith(f"{name}.") for name in wanted)
+    )
+
+
+def _column(file: "ParquetFile", path: str | os.PathLike[str], name: str) -> "ChunkedArray":
+    """Read a column; of text the length is looked at first: a few bytes may stand for any."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+    from pyarrow import parquet
+
+    kind = file.schema_arrow.field(name).type
+    if not _is_text(kind):
+        return file.read([name], use_threads=True).column(name)
+    with parquet.ParquetFile(path, memory_map=True, read_dictionary=[name]) as packed:
+        column = packed.read([name], use_threads=True).column(name)
+    words = (pc.max(pc.binary_length(chunk.dictionary)).as_py() for chunk in column.chunks)
+    longest = max((length or 0 for length in words), default=0)
+    budget.check(path, len(column) * longest, _LESS)
+    return column.cast(pa.string())
+
+
+def _is_text(kind: "DataType") -> bool:
     import pyarrow as pa
 
-    kind = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
+    kind = kind.value_type if pa.types.is_dictionary(kind) else kind
     return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
 
 
@@ -128,10 +168,12 @@ def _seconds(column: "ChunkedArray", place: str) -> tuple[Array, list[str]]:
     return seconds, remarks
 
 
-def _about(schema: "Schema", columns: Collection[str]) -> tuple[dict[str, str], dict[str, Any]]:
+def _about(
+    schema: "Schema", fields: Mapping[str, "Field"]
+) -> tuple[dict[str, str], dict[str, Any]]:
     """Return the units of the columns, and ambkit's own notes."""
-    given = {name: (schema.field(name).metadata or {}).get(b"unit") for name in columns}
-    units = {name: unit.decode() for name, unit in given.items() if unit is not None}
+    given = {name: (field.metadata or {}).get(b"unit") for name, field in fields.items()}
+    units = {name: one_line(unit.decode()) for name, unit in given.items() if unit is not None}
     notes = {key.decode(errors="replace"): text for key, text in (schema.metadata or {}).items()}
     meta = {
         key.removeprefix("ambkit."): json.loads(text)

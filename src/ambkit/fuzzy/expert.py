@@ -20,6 +20,7 @@ from ambkit import files, paper
 from ambkit._core import MAX_RULES
 from ambkit.config import Part, Read
 from ambkit.config.problems import Problem, dotted
+from ambkit.config.texts import Description, Line
 from ambkit.errors import AmbkitError, ConfigError
 from ambkit.fuzzy.network import Scaling, default_width, network, scale_factors
 from ambkit.magnets import evaluate_force, evaluate_stiffness
@@ -84,9 +85,9 @@ class Expert(Part):
     """What the file is."""
     version: int = 1
     """Version of the file's layout."""
-    source: str
+    source: Description
     """What the network describes."""
-    source_hash: str = ""
+    source_hash: Line = ""
     """Fingerprint of the stiffness map that it was made from."""
     normalised: bool = True
     """The memberships are divided by their sum (Wang and Mendel 1992), so that an output is a

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.escaping import markdown
 from ambkit.estimate import Status
 from ambkit.plots.looks import DISTURBANCE, POSITION, TIME, VELOCITY, looks
 from ambkit.report.figure import Figure, Panel
@@ -79,7 +80,7 @@ def filter_figure(
     settled = _settled(t, [judgement.estimate for judgement in judged.values()])
     return Figure(
         id="filter",
-        title=f"Estimates along {record.meta.get('source') or 'the record'}",
+        title=f"Estimates along {markdown(record.meta.get('source') or 'the record')}",
         caption="Bounds: two standard deviations of the innovation as the filter expects it. First "
         "guesses, at the start and after a long gap, may reach beyond the axes.",
         panels=[

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ambkit.escaping import markdown
 from ambkit.plots.looks import TIME
 from ambkit.report.figure import Figure, Panel
 from ambkit.report.items import Axis, Line, Points, Rule
@@ -44,7 +45,7 @@ def identification_figure(found: Identification, start: float) -> Figure:
         panels.append(Panel(TIME, Axis("excitation"), [excitation]))
     return Figure(
         id="identification",
-        title=f"Identification of {found.bearing.name}",
+        title=f"Identification of {markdown(found.bearing.name)}",
         caption="Where the excitation is too small, the magnet constant is held.",
         panels=panels,
     )

@@ -51,10 +51,11 @@ def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
 def _page(figure: Figure, picture: Any) -> str:
     import ambkit
     from ambkit.report.blocks import Chapter, FigureBlock, Report
+    from ambkit.report.markup import plain
     from ambkit.report.page import render_page
 
     report = Report(
-        title=figure.title,
+        title=plain(figure.title),
         subtitle="",
         lead="",
         version=ambkit.__version__,

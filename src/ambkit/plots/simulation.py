@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ambkit.escaping import markdown
 from ambkit.plots.looks import CURRENT, DISTURBANCE, POSITION, TIME, VELOCITY
 from ambkit.report.figure import Figure, Panel
 from ambkit.report.items import Item, Line, Rule
@@ -37,7 +38,7 @@ def simulation_figure(run: Run, bearing: Bearing) -> Figure:
     control = Line(t, record["iu"], signal="control", label="control current")
     return Figure(
         id="simulation",
-        title=f"Simulated run of {bearing.name}",
+        title=f"Simulated run of {markdown(bearing.name)}",
         caption="" if estimate is None else f"In the loop or beside it: {estimate.estimator}.",
         panels=[
             Panel(TIME, POSITION, position),

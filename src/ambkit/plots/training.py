@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ambkit.escaping import markdown
 from ambkit.report.figure import Figure, Panel
 from ambkit.report.items import Axis, Heatmap, Item, Line
 
@@ -27,7 +28,7 @@ def training_figure(expert: Expert, stiff: StiffnessMap) -> Figure:
     learning: list[Item] = [Line(epochs, curve, signal="estimate", label="")]
     return Figure(
         id="training",
-        title=f"Expert of {len(expert.rules)} rules for {expert.source}",
+        title=f"Expert of {len(expert.rules)} rules for {markdown(expert.source)}",
         caption="The learning curve counts from the untrained network on.",
         panels=[
             Panel(

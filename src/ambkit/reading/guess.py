@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.errors import RecordError
+from ambkit.escaping import one_line, toml_string
 from ambkit.files.log import FIRST, Log, read_log
 from ambkit.reading.candidates import Candidate, candidates, correlation, find_roles, seen, slow
 from ambkit.reading.clock import examine
@@ -68,7 +68,7 @@ def guess(path: str | os.PathLike[str], told: Callable[[str], object] = lambda _
     damage = next((candidate.damage for candidate in found if candidate.damage), None)
     if damage and not any(candidate.role == "t" for candidate in found):
         raise damage
-    return "\n".join(_toml(Path(path).name, log, array, found)) + "\n"
+    return "\n".join(map(one_line, _toml(Path(path).name, log, array, found))) + "\n"
 
 
 def _toml(name: str, log: Log, array: str, found: list[Candidate]) -> Iterator[str]:
@@ -77,7 +77,7 @@ def _toml(name: str, log: Log, array: str, found: list[Candidate]) -> Iterator[s
     for remark in log.remarks:
         yield f"# {remark[:1].upper()}{remark[1:]}."
     if array:
-        yield f"array = {_quoted(array)}"
+        yield f"array = {toml_string(array)}"
     chosen = _chosen(found)
     y, u = chosen.get("y"), chosen.get("u")
     clock = _clock_name(log, chosen)
@@ -97,14 +97,14 @@ def _toml(name: str, log: Log, array: str, found: list[Candidate]) -> Iterator[s
             clocks[own] = f"t_{role}"
             yield "# It has a clock of its own: 'ambkit read --resample' puts all on one grid."
             yield f"[signals.{clocks[own]}]"
-            yield f"column = {_quoted(own)}"
+            yield f"column = {toml_string(own)}"
             yield 'unit = "s"'
             yield ""
         yield f"[signals.{role}]"
         yield from _where(candidate)
         yield from _meaning(role, candidate, y, u)
         if own and own != clock:
-            yield f"time = {_quoted(clocks[own])}"
+            yield f"time = {toml_string(clocks[own])}"
     if y is None:
         yield "# Nothing looks like a position; a filter needs y."
     if u is None:
@@ -154,7 +154,7 @@ def _time(log: Log, clock: str | None, candidate: Candidate | None) -> Iterator[
     yield ""
     if candidate is None or clock in log.clocks.values():
         yield f"# The clock of the channel group: {_rate(log.arrays[clock])}."
-        yield from ("[signals.t]", f"column = {_quoted(clock)}", 'unit = "s"')
+        yield from ("[signals.t]", f"column = {toml_string(clock)}", 'unit = "s"')
         return
     unit, why = candidate.unit, ""
     if not unit:
@@ -164,7 +164,7 @@ def _time(log: Log, clock: str | None, candidate: Candidate | None) -> Iterator[
     yield f"# {candidate.label}: {', '.join(candidate.why)}; {_rate(candidate.values * seconds)}."
     yield "[signals.t]"
     yield from _where(candidate)
-    yield f"unit = {_quoted(unit)}{why}"
+    yield f"unit = {toml_string(unit)}{why}"
 
 
 def _unit_of_time(log: Log, candidate: Candidate) -> str:
@@ -195,7 +195,7 @@ def _comment(candidate: Candidate) -> Iterator[str]:
 
 def _where(candidate: Candidate) -> Iterator[str]:
     for key, value in candidate.where.items():
-        yield f"{key} = {value if isinstance(value, int) else _quoted(value)}"
+        yield f"{key} = {value if isinstance(value, int) else toml_string(value)}"
 
 
 def _meaning(
@@ -206,7 +206,7 @@ def _meaning(
     if not unit:
         unit = _likely_unit(candidate)
         said = "  # guessed from its size"
-    yield f"unit = {_quoted(unit)}{said}"
+    yield f"unit = {toml_string(unit)}{said}"
     of_current = role == "u" and si_unit(unit) == "A"
     if of_current:
         yield 'scale = "1 V/A"  # the current stands for the control signal: amplifier gain 1 A/V'
@@ -266,7 +266,3 @@ def _likely_unit(candidate: Candidate) -> str:
         case "u":
             return "1" if size <= 1.0 and seen(candidate.values).min() >= 0 else "V"
     return "1"
-
-
-def _quoted(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False)

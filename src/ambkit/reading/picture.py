@@ -7,6 +7,8 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.escaping import label as label_of
+from ambkit.escaping import markdown
 from ambkit.reading.clock import Clock
 from ambkit.reading.faults import Fault
 from ambkit.reading.reader import Reading
@@ -45,15 +47,15 @@ def reading_figure(reading: Reading) -> Figure:
         _channel(record, name, reading.faults, delays.get(name, 0.0)) for name in names[:SHOWN]
     ]
     panels += [_steps(clock) for clock in reading.clocks.values() if _is_uneven(clock)]
-    left = f"Not shown: {', '.join(names[SHOWN:])}. " if len(names) > SHOWN else ""
+    left = f"Not shown: {', '.join(map(markdown, names[SHOWN:]))}. " if len(names) > SHOWN else ""
     whole = [
-        f"{fault.signal} {fault.text}"
+        f"{markdown(fault.signal)} {fault.text}"
         for fault in reading.faults
         if fault.kind in ("constant", "quantised")
     ]
     return Figure(
         id="record",
-        title=f"{record.meta.get('source', reading.source)}, as read",
+        title=f"{markdown(record.meta.get('source', reading.source))}, as read",
         caption=left + " ".join(f"{text}." for text in whole),
         panels=panels,
     )
@@ -90,7 +92,7 @@ def axis_of(name: str, unit: str, values: Array) -> Axis:
     there = values[np.isfinite(values)]
     largest = float(np.abs(there).max()) if there.size else 0.0
     shown = engineering(largest, unit).partition(" ")[2]
-    label = _LABELS.get(name, name.replace("$", ""))
+    label = _LABELS.get(name, label_of(name))
     if not shown or largest == 0.0:
         return Axis(label, "" if unit == "1" else unit)
     return Axis(label, shown.replace("^2", "²").replace("^3", "³"), factor(unit, shown))
@@ -147,7 +149,9 @@ def steps_panel(name: str, x: Array, steps: Array, axis: Axis, more: Iterable[It
     shown = engineering(max(abs(low), abs(high)), "s").partition(" ")[2]
     usual = float(np.median(np.abs(there))) if there.size else 1.0
     margin = 0.1 * max(high - low, usual)
-    label = Axis(f"step of {name}", shown, factor("s", shown), limits=(low - margin, high + margin))
+    label = Axis(
+        f"step of {label_of(name)}", shown, factor("s", shown), limits=(low - margin, high + margin)
+    )
     return Panel(
         axis, label, [Line(x, steps, signal="measurement", label="time between samples"), *more]
     )

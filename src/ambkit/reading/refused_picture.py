@@ -7,6 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.escaping import markdown, one_line
 from ambkit.reading.clock import examine
 from ambkit.reading.picture import axis_of, missing_spans, steps_panel
 from ambkit.reading.refusals import Refused
@@ -75,21 +76,21 @@ def refused_figure(refused: Refused) -> Figure | None:
             )
         )
     left = list(signals)[SHOWN:]
-    said = " ".join(f"`{_plain(problem)}`" for problem in refused.problems[:TOLD])
+    said = " ".join(f"`{_code(problem)}`" for problem in refused.problems[:TOLD])
     more = len(refused.problems) - TOLD
     if more > 0:
         said += f" And {more} more."
     return Figure(
         id="refused",
-        title=f"{refused.name.replace(chr(92), '/').rpartition('/')[2]}: refused",
-        caption=f"{said} Not shown: {', '.join(left)}." if left else said,
+        title=f"{markdown(refused.name.replace(chr(92), '/').rpartition('/')[2])}: refused",
+        caption=f"{said} Not shown: {', '.join(map(markdown, left))}." if left else said,
         panels=panels,
     )
 
 
-def _plain(text: str) -> str:
-    """Take out of a text what Markdown and formulas would see in it."""
-    return text.replace("`", "'").replace("$", "")
+def _code(text: str) -> str:
+    """Take out of a text what would end its code in Markdown, or be a formula in it."""
+    return one_line(text).replace("`", "'").replace("$", "")
 
 
 def _goes_on(times: Array) -> bool:

@@ -20,6 +20,7 @@ from ambkit.report.items import (
     Signal,
     Vector,
 )
+from ambkit.report.markup import plain
 
 
 @dataclass(frozen=True)
@@ -188,5 +189,5 @@ class Figure:
         cells = [panel.cells for panel in self.panels if panel.cells]
         if cells:
             columns = ", ".join(name.split("\n")[0] for name in cells[0].columns)
-            return f"{self.title}: {', '.join(cells[0].rows)} by {columns}.".replace("$", "")
-        return f"{self.title}: {axes}{f'. Shown: {names}' if names else ''}.".replace("$", "")
+            return plain(f"{self.title}: {', '.join(cells[0].rows)} by {columns}.")
+        return plain(f"{self.title}: {axes}{f'. Shown: {names}' if names else ''}.")

@@ -13,6 +13,7 @@ _TOKEN = re.compile(
     r"\\(?:text|mathrm|mathbf)\s*\{[^{}]*\}"  # words are one token, for spaces count in them
     r"|\\(?:begin|end)\{[a-z]+\}|\\[A-Za-z]+|\\.|\d+(?:\.\d+)?|\S"
 )
+_DOLLAR = re.compile(r"(?<!\\)\$")  # "\$" is one that is meant
 _WORDS = re.compile(r"\\(text|mathrm|mathbf)\s*\{([^{}]*)\}")
 _LETTERS = {
     "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ε", "varepsilon": "ε",
@@ -79,11 +80,11 @@ def label_html(text: str) -> str:
     ValueError
         If a formula is not understood, or needs more than scripts and accents.
     """
-    pieces = text.split("$")
+    pieces = _DOLLAR.split(text)
     if len(pieces) % 2 == 0:
         raise ValueError(f"label {text!r}: a dollar sign is not closed")
     return "".join(
-        _html(_parse(piece)) if place % 2 else escape(piece, quote=False)
+        _html(_parse(piece)) if place % 2 else escape(piece.replace(r"\$", "$"), quote=False)
         for place, piece in enumerate(pieces)
     )
 

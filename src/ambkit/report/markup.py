@@ -16,9 +16,10 @@ if TYPE_CHECKING:
 
 _FORMULA = re.compile(r"\$([^$\n]+)\$")
 _SYMBOL = re.compile(
-    r"\$[^$\n]*\$|`[^`]*`"  # formulas and code stay as they are
+    r"(?<!\\)(?:\$[^$\n]*\$|`[^`]*`)"  # formulas and code stay as they are
     r"|(?<![\w.#/\\-])(?:(?P<k>k_[is])|F_(?P<of>St|mag))(?![\w-])"
 )
+_MARK = re.compile(r"\\([!-/:-@\[-`{-~])|\$")
 _BARE_LINK = re.compile(r"\[\]\(#([\w.-]+)\)")
 
 
@@ -63,6 +64,22 @@ def inline(text: str, names: Mapping[str, str] | None = None) -> str:
     return str(_renderer().renderInline(_named(text, names or {})))
 
 
+def plain(text: str) -> str:
+    r"""Return Markdown of one line as a text without marks, for where there are none.
+
+    Parameters
+    ----------
+    text : str
+        ``r"error of $k_i$ for rig\_2"``.
+
+    Returns
+    -------
+    str
+        ``"error of k_i for rig_2"``.
+    """
+    return _MARK.sub(r"\1", text)
+
+
 def symbols(text: str) -> str:
     r"""Make formulas of the bearing's symbols that a terminal shows as they are.
 
@@ -100,6 +117,7 @@ def _renderer() -> "MarkdownIt":
     from markdown_it import MarkdownIt
 
     renderer = MarkdownIt("commonmark", {"html": False, "typographer": False}).enable("table")
+    renderer.disable("image")  # a picture would be fetched from somewhere: figures are the pictures
     renderer.inline.ruler.before("escape", "formula", _read_formula)
     renderer.add_render_rule("formula", _write_formula)
     return renderer

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from ambkit import files
+from ambkit import escaping, files
 from ambkit.report import interactive, static
 from ambkit.report.blocks import (
     Block,
@@ -26,7 +26,7 @@ from ambkit.report.figure import Figure
 from ambkit.report.formula import mathml
 from ambkit.report.interactive_items import BUCKETS
 from ambkit.report.items import Line
-from ambkit.report.markup import inline, markdown
+from ambkit.report.markup import inline, markdown, plain
 from ambkit.report.static import Picture
 from ambkit.report.summary import COLOURS, VERDICTS, number, tally, verdict_of
 
@@ -63,7 +63,7 @@ def write_report(
     _anchors(report)  # before the slow part
     pictures = {}
     for place, figure in enumerate(report.figures, start=1):
-        progress(f"figure {place} of {len(report.figures)}: {figure.title}")
+        progress(f"figure {place} of {len(report.figures)}: {plain(figure.title)}")
         pictures[figure.id] = picture = static.render(figure)
         picture.save(folder / "figures", figure.id)
     progress("report.html")
@@ -103,6 +103,7 @@ def render_page(report: Report, pictures: Mapping[str, Picture]) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters |= escaping.FILTERS
     return environment.get_template("report.html.j2").render(
         report=report,
         lead=markdown(report.lead, names),

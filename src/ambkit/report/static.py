@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from ambkit import files
 from ambkit.report import style
 from ambkit.report.figure import Figure, Panel
+from ambkit.report.markup import plain
 from ambkit.report.static_items import WIDTH, draw_item, legend_handle
 
 if TYPE_CHECKING:
@@ -126,7 +127,7 @@ def render(figure: Figure) -> Picture:
         agg.print_png(png, metadata={"Software": None})
         canvas.set_dpi(PIXELS_PER_INCH / 2)  # of heat maps only, the rest has no pixels
         vector: Any = FigureCanvasSVG(canvas)
-        metadata = {"Date": None, "Creator": None, "Title": figure.title}
+        metadata = {"Date": None, "Creator": None, "Title": plain(figure.title)}
         vector.print_svg(svg, metadata=metadata)
     return Picture(png.getvalue(), _shorten(svg.getvalue()).encode())
 

@@ -282,6 +282,7 @@ def legend_handle(item: Item, text: str) -> "Artist":
     from matplotlib.patches import Patch
 
     signal = getattr(item, "signal", "estimate")
+    text = f" {text}" if text.startswith("_") else text  # matplotlib hides such names
     match item:
         case Points() | Intervals():
             return Line2D([], [], linestyle="none", label=text, **_marker(signal))

@@ -27,6 +27,13 @@ LONGEST_PREFIX = 16
 MOST_COUNTED = 65535
 """What an unsigned int of 16 bits holds, as a TI C2000 has."""
 
+_HEADERS = (
+    *("assert", "complex", "ctype", "errno", "fenv", "float", "inttypes", "iso646", "limits"),
+    *("locale", "math", "setjmp", "signal", "stdarg", "stdbool", "stddef", "stdint", "stdio"),
+    *("stdlib", "string", "tgmath", "time", "wchar", "wctype"),
+)
+_TARGETS = ("all", "clean", "help", "install", "package", "selftest", "test")
+
 _CORE_PRECISION: dict[CPrecision, Precision] = {"float": "float32", "double": "float64"}
 
 
@@ -208,6 +215,9 @@ def _checked_prefix(prefix: str | None, bearing: Bearing) -> str:
         raise AmbkitError(
             f'prefix must have at most {LONGEST_PREFIX} characters, "{prefix}" has {len(prefix)}'
         )
+    if prefix.lower() in (*_HEADERS, *_TARGETS):
+        what = "a header of C" if prefix.lower() in _HEADERS else "a target of the build"
+        raise AmbkitError(f'prefix must not be "{prefix}", which is {what}; give another')
     if prefix.startswith("amb_"):
         raise AmbkitError('prefix must not start with "amb_", as the names of the core do')
     return prefix

@@ -54,4 +54,5 @@ def _older(manifest: Path) -> set[str]:
     if not manifest.exists():
         return set()
     names = {line.partition("  ")[2] for line in files.read_text(manifest).splitlines()}
-    return {n for n in names if n and not Path(n).is_absolute() and ".." not in Path(n).parts}
+    folder = manifest.parent.resolve()  # a link in it may lead anywhere
+    return {name for name in names if name and (folder / name).resolve().is_relative_to(folder)}

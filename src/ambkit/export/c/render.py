@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ambkit import escaping
 from ambkit.export import core
 from ambkit.export.c import data, vectors
 from ambkit.export.c.data import FAMILY, MAGNETS, PAPER, CPrecision, Family, Kind
@@ -164,11 +165,13 @@ def _configuration(
 def _templates() -> Any:
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-    return Environment(
+    environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent / "templates"),
         undefined=StrictUndefined,
         keep_trailing_newline=True,
         trim_blocks=True,
         lstrip_blocks=True,
-        autoescape=False,
+        autoescape=False,  # that is for HTML; what others wrote passes a filter
     )
+    environment.filters |= escaping.FILTERS
+    return environment

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ambkit import escaping
 from ambkit.errors import AmbkitError
 from ambkit.export import core
 from ambkit.export.c import data
@@ -203,5 +204,6 @@ def rendered(template: str, context: dict[str, Any]) -> str:
         lstrip_blocks=True,
         autoescape=template.endswith(".html.j2"),
     )
+    environment.filters |= escaping.FILTERS
     environment.filters["number"] = lambda value: data.number(value, "double")
     return environment.get_template(template).render(context)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 from xml.etree import ElementTree
 
+from ambkit.escaping import one_line
 from ambkit.export.fmu.variables import UNITS, Variable
 
 Fmi = Literal[2, 3]
@@ -195,6 +196,8 @@ def _text(value: float) -> str:
 
 
 def _written(root: ElementTree.Element) -> str:
+    for element in root.iter():  # the library escapes, but writes what XML 1.0 cannot hold
+        element.attrib = {key: one_line(value) for key, value in element.items()}
     ElementTree.indent(root)
     text = ElementTree.tostring(root, encoding="unicode")
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'

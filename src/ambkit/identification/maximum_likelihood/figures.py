@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ambkit.escaping import label, markdown
 from ambkit.identification.maximum_likelihood.parameters import NOISES
 from ambkit.report.figure import Figure, Panel
 from ambkit.report.items import Axis, Cells, Intervals, Item, Line, Points, Rule
@@ -38,7 +39,7 @@ def identified_figure(found: MaximumLikelihood, checks: Sequence[Validation]) ->
     panels = [*estimates, *(rest if len(estimates) % 2 == 0 else [rest[-1], *rest[:-1]])]
     return Figure(
         id="identified",
-        title=f"Identification of {found.bearing.name}",
+        title=f"Identification of {markdown(found.bearing.name)}",
         caption="",
         panels=panels,
         columns=2,
@@ -109,7 +110,7 @@ def prediction_figure(model: LoopModel, record: Record, ahead: int, name: str) -
     ]
     return Figure(
         id="prediction",
-        title=f"Predicted {ahead} samples ahead, {name}",
+        title=f"Predicted {ahead} samples ahead, {markdown(name)}",
         caption="Where the rotor moves most.",
         panels=[
             Panel(time, Axis("position", "mm", 1e3), [
@@ -170,7 +171,7 @@ def _residuals(checks: Sequence[Validation]) -> list[Panel]:
         bound = max(white.bound for white in picks)
         items: list[Item] = [
             Points(np.arange(1.0, white.correlation.size + 1), white.correlation,
-                   signal=RECORDS[i % len(RECORDS)], label=check.name)
+                   signal=RECORDS[i % len(RECORDS)], label=label(check.name))
             for i, (white, check) in enumerate(zip(picks, checks, strict=True))
         ]  # fmt: skip
         items += [Rule(sign * bound, signal="bound", label="") for sign in (1, -1)]
@@ -187,7 +188,7 @@ def _fit(checks: Sequence[Validation]) -> Panel:
             np.array(list(of.values())) for of in (check.fit, check.held, check.of_start)
         )
         items += [
-            Points(ahead, fit, signal=look, label=check.name),
+            Points(ahead, fit, signal=look, label=label(check.name)),
             Line(ahead, fit, signal=look, label=""),
             Line(ahead, held, signal=f"{look} held", label="last measurement held"),
         ]

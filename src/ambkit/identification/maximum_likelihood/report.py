@@ -6,6 +6,7 @@ import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from ambkit.escaping import markdown
 from ambkit.identification.maximum_likelihood import figures
 from ambkit.identification.stiffness import work_points
 from ambkit.report.blocks import (
@@ -227,8 +228,9 @@ def _fits(checks: Sequence[Validation]) -> TableBlock:
     for check in checks:
         k = check.farthest
         rows.append([
-            check.name, check.fit[k], check.of_start.get(k), check.held[k], 1e6 * check.error[k],
-            100 * check.residual.share_within, 100 * check.cross.share_within, check.nis,
+            markdown(check.name), check.fit[k], check.of_start.get(k), check.held[k],
+            1e6 * check.error[k], 100 * check.residual.share_within,
+            100 * check.cross.share_within, check.nis,
         ])  # fmt: skip
     k = checks[0].farthest
     return TableBlock(

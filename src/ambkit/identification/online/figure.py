@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.escaping import markdown
 from ambkit.identification.online.adaline import AdalineResult
 from ambkit.identification.online.extended_k import ExtendedKResult
 from ambkit.identification.online.result import CONFIDENCE, OnlineResult
@@ -39,7 +40,7 @@ def online_figure(learned: SideBySide) -> Figure:
     time = Axis(TIME.label, TIME.unit, limits=(float(t[0]), float(right)))
     return Figure(
         id="online",
-        title=f"Magnet constant of {learned.bearing.name}, learned online",
+        title=f"Magnet constant of {markdown(learned.bearing.name)}, learned online",
         caption=f"{learned.agreement} On the right the results with 95 % intervals; ADALINE's and "
         "that of least squares are the means over the last quarter, their intervals from the "
         "scatter there. Band: 95 % as the Kalman filter believes it. Shaded: k is held, for there "

@@ -1,0 +1,85 @@
+"""Text that others wrote, such that it stays text wherever it is put.
+
+A bearing's name and description, the names in a log, the names of files: whoever sends one chooses
+them. Each function here makes such a text harmless in one language; templates have them as filters
+(`FILTERS`), HTML has Jinja's own escaping, and XML is written by a library.
+"""
+
+import json
+import re
+import unicodedata
+from collections.abc import Callable
+from typing import Any
+
+_TOUCHING = re.compile(r"(?<=/)(?=[*/])|(?<=\*)(?=/)|(?<=\?)(?=\?)")
+_MARKDOWN = re.compile(r"[\\`*_{}\[\]<>&|~$#!:@]|^(?:[-+=]|\d+(?=[.)]))")
+
+
+def one_line(text: object) -> str:
+    r"""Write what cannot be printed as an escape, ``\x1b``, and a line's end as ``\n``.
+
+    These are control characters, which move a terminal's cursor and are no XML; marks that turn
+    the direction of writing; what has no width; and halves of surrogate pairs, which no file takes.
+
+    Parameters
+    ----------
+    text : object
+        The text, or what is printed as one.
+    """
+    return _escaped(str(text), lambda char: char.encode("unicode_escape").decode())
+
+
+def lines(text: object) -> str:
+    """Write a text of several lines such that a terminal shows it and does nothing else."""
+    return "\n".join(map(one_line, str(text).split("\n")))
+
+
+def _escaped(text: str, escape: Callable[[str], str]) -> str:
+    if text.isprintable():
+        return text
+    # The widths of a space (Zs) are not "printable", and harmless.
+    return "".join(
+        char if char.isprintable() or unicodedata.category(char) == "Zs" else escape(char)
+        for char in text
+    )
+
+
+def c_comment(text: object) -> str:
+    """Write a text within a C comment, as MISRA C:2012 wants it: nothing in it opens or closes one.
+
+    Trigraphs are parted too: one of them is a backslash, which would join two lines.
+    """
+    return _TOUCHING.sub(" ", one_line(text))
+
+
+def markdown(text: object) -> str:
+    """Write a text within a paragraph of Markdown: no link, picture, formula, HTML or emphasis."""
+    return _MARKDOWN.sub(_behind_backslash, one_line(text).strip())
+
+
+def _behind_backslash(match: re.Match[str]) -> str:
+    found = match[0]
+    return f"{found}\\" if found.isdigit() else f"\\{found}"  # "1." begins a list, "1\." does not
+
+
+def label(text: object) -> str:
+    """Write a text within a label of a figure, where dollar signs stand around formulas."""
+    return one_line(text).replace("$", r"\$")
+
+
+def json_text(data: Any, **options: Any) -> str:
+    r"""Write JSON that a terminal shows and does nothing else: what is not printable is ``\u``."""
+    written = json.dumps(data, ensure_ascii=False, **options)
+    return "\n".join(
+        _escaped(line, lambda char: json.dumps(char)[1:-1]) for line in written.split("\n")
+    )
+
+
+def toml_string(text: str) -> str:
+    r"""Write a string of TOML in one printable line; its escapes are JSON's, and ``\U``."""
+    written = json.dumps(text, ensure_ascii=False)
+    return _escaped(written, lambda char: f"\\U{ord(char):08X}")
+
+
+FILTERS = {"one_line": one_line, "c_comment": c_comment, "markdown": markdown}
+"""For templates; ``one_line`` is all that a comment to the line's end needs, as in CMake."""
