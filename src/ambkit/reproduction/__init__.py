@@ -75,7 +75,7 @@ def reproduce(
         lead="An active magnetic bearing is unstable without control, its force law is nonlinear, "
         "its sensor noisy and late. The paper corrects the model of a Kalman filter while it runs: "
         "ADALINE identifies the magnet, least squares gives the stiffnesses at 25 work points, a "
-        "fuzzy network makes an expert of them, and the filter asks it at every sample (the paper's "
+        "fuzzy network makes an expert of them, and the filter asks it at every sample (its "
         "Fig. 1 draws it as one block diagram). Everything below is computed by one C core, the "
         "same that flies.",
         version=ambkit.__version__,

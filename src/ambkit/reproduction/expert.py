@@ -112,7 +112,9 @@ def _figure_errors(study: Study, models: dict[str, tuple[str, ForceFunction]]) -
         name, force = models[key]
         error = (np.asarray(force(currents, displacements)) - truth).reshape(x.size, iu.size)
         bar = Axis("error", "N", limits=(-limit, limit))
-        return Panel(CURRENT, POSITION, [Heatmap(iu, x, error, bar, diverging=True)], title=name)
+        # The constant law touches the force at the origin, and is flat around it.
+        surface = Heatmap(iu, x, error, bar, diverging=True, zero=key != "constant")
+        return Panel(CURRENT, POSITION, [surface], title=name)
 
     return Figure(
         id="expert_errors",
