@@ -2,8 +2,8 @@
 
 ``python docs/make_numbers.py`` prints all, in some minutes; with names, such as ``reproduction
 experiments``, these sections alone. What the pages show in tables, figures and output is computed
-when they are built. Pictures and tables of docs/comparison.md come from docs/make_comparison.py, those
-of docs/rig.md from examples/rig.py and ``python -m benchmarks.identification``.
+when they are built. Pictures and tables of docs/comparison.md come from docs/make_comparison.py,
+those of docs/rig.md from examples/rig.py and ``python -m benchmarks.identification``.
 """
 
 import os

@@ -387,8 +387,8 @@ def test_contour_levels_are_inside_even_and_enough(low, span, diverging):
 
 def test_a_mean_is_printed_with_its_spread_and_its_runs():
     row: summary.SummaryRow = {
-        "id": "a", "what": "error", "paper": None, "ours": -0.6397, "unit": "N", "verdict": "better",
-        "spread": 0.0078, "runs": 20,
+        "id": "a", "what": "error", "paper": None, "ours": -0.6397, "unit": "N",
+        "verdict": "better", "spread": 0.0078, "runs": 20,
     }  # fmt: skip
     assert summary.ours(row) == "−0.6397 ± 0.0078"
     assert summary.runs(row) == "20"

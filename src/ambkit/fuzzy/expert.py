@@ -217,8 +217,8 @@ class Expert(Part):
         """Return the expert of a magnet whose constant is a multiple of this one's.
 
         The magnet constant is a factor on the force, and so on every k_i and k_s: the rules stay
-        where they are, with their widths, and only what they conclude changes. That is what
-        training anew on the map of the other constant ends at.
+        where they are, with their widths, and only what they conclude changes. Training anew on
+        the map of the other constant ends there too, but for where its search stops.
 
         Parameters
         ----------
