@@ -3,6 +3,8 @@
 
 extern "C" {
 #include "ambkit/smoother.h"
+#include "ambkit/square_root.h"
+#include "ambkit/unscented.h"
 }
 
 namespace
@@ -86,6 +88,25 @@ void reset(Estimator &self, const Vector &mean, const Vector &std)
       AMB_OK)
     throw std::invalid_argument("mean must be finite, std finite and positive");
   self.result = amb_kalman_result{};
+}
+
+// Whether a kind keeps nothing that depends on its parameters: mean, covariance, counts only.
+bool keeps_estimates_only(const Estimator &one)
+{
+  const amb_estimator_methods *kinds[] = {&amb_kalman_methods, &amb_extended_methods,
+                                          &amb_unscented_methods};
+  return std::find(std::begin(kinds), std::end(kinds), one.estimator.methods) != std::end(kinds);
+}
+
+void take_over(Estimator &self, const Estimator &other)
+{
+  const auto *kind = self.estimator.methods;
+  const bool factors = kind == &amb_square_root_methods && kind == other.estimator.methods;
+  if (!factors && !(keeps_estimates_only(self) && keeps_estimates_only(other)))
+    throw std::invalid_argument("only linear, adaptive, extended and unscented Kalman filters can "
+                                "take over from each other, and the square-root one from its own "
+                                "kind");
+  self.copy_state(other);
 }
 
 amb_status predict(Estimator &self, amb_real u)
@@ -212,6 +233,8 @@ void bind_estimator(nb::module_ &m)
   nb::class_<Estimator>(m, "Estimator", "One of the family (ambkit/estimator.h).")
       .def("reset", &reset, nb::arg("mean"), nb::arg("std"),
            "Start from a mean (4,) and standard deviations (4,), uncorrelated.")
+      .def("take_over", &take_over, nb::arg("other"),
+           "Go on where another is: its mean, covariance and counts.")
       .def("predict", &predict, nb::arg("u"), "One sample on; returns the status.")
       .def("update", &update, nb::arg("y"), "Take in y; returns the status.")
       .def("step", &step, nb::arg("y"), nb::arg("u"), "Predict with u, update with y.")

@@ -70,6 +70,11 @@ struct Estimator {
   {
     return *reinterpret_cast<const amb_kalman_state *>(memory.data());
   }
+  void copy_state(const Estimator &other) // of a kind that keeps the same
+  {
+    memory = other.memory;
+    result = other.result;
+  }
   bool scales() const
   {
     return estimator.methods->scale != nullptr;

@@ -7,12 +7,18 @@ extern "C" {
 namespace
 {
 
+// Plant, controller and last sample of a loop, between two stretches of a run; empty at first.
+struct LoopState {
+  amb_loop_state state{};
+};
+
 Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_real K_sen,
                amb_real T_sen, amb_real travel, int substeps, amb_real k_ui, amb_real iu_min,
                amb_real iu_max, amb_real kp, amb_real ki, amb_real kd, amb_real T_f, amb_real T_t,
                amb_real integral, bool feedback_estimate, Estimator *estimator, const Vector &r,
                const Vector &f_d, const Vector &noise_u, const Vector &noise_y,
-               const std::optional<Vector> &scale, amb_real f_bias, amb_real x_start)
+               const std::optional<Vector> &scale, amb_real f_bias, amb_real x_start,
+               LoopState *went)
 {
   const size_t n = r.size();
   same_length(n, f_d.size(), "f_d");
@@ -36,12 +42,15 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
   Fresh<amb_real> x({n}), v({n}), x_m({n}), iu({n}), force({n}), y({n}), u({n});
   History history(estimator ? n : 0, estimator != nullptr, estimator && estimator->scales());
   amb_loop_output out{x.data, v.data, x_m.data, iu.data, force.data, y.data, u.data, history.to, 0};
-  amb_plant_state plant{x_start, 0, K_sen * x_start};
-  amb_pid_state pid;
-  amb_pid_reset(&pid, integral);
+  LoopState fresh;
+  amb_loop_state &state = went ? went->state : fresh.state;
+  if (!state.sampled) {
+    state.plant = {x_start, 0, K_sen * x_start};
+    amb_pid_reset(&state.pid, integral);
+  }
   {
     nb::gil_scoped_release release;
-    amb_loop_run(&loop, &input, &plant, &pid, estimator ? estimator->state() : nullptr, &out);
+    amb_loop_run(&loop, &input, &state, estimator ? estimator->state() : nullptr, &out);
   }
   nb::dict d;
   d["x"] = x.array;
@@ -61,12 +70,17 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
 
 void bind_loop(nb::module_ &m)
 {
-  m.def("simulate", &simulate, nb::arg("magnet"), nb::kw_only(), nb::arg("T"), nb::arg("m"),
-        nb::arg("f_0"), nb::arg("K_sen"), nb::arg("T_sen"), nb::arg("travel"), nb::arg("substeps"),
-        nb::arg("k_ui"), nb::arg("iu_min"), nb::arg("iu_max"), nb::arg("kp"), nb::arg("ki"),
-        nb::arg("kd"), nb::arg("T_f"), nb::arg("T_t"), nb::arg("integral"),
-        nb::arg("feedback_estimate"), nb::arg("estimator").none(), nb::arg("r"), nb::arg("f_d"),
-        nb::arg("noise_u"), nb::arg("noise_y"), nb::arg("scale").none() = nb::none(),
-        nb::arg("f_bias") = 0, nb::arg("x_start") = 0,
-        "A whole closed-loop run in one call; see sim/loop.h for shapes and units.");
+  nb::class_<LoopState>(m, "LoopState",
+                        "Plant, controller and last sample of a closed loop; empty at first.")
+      .def(nb::init<>());
+  m.def(
+      "simulate", &simulate, nb::arg("magnet"), nb::kw_only(), nb::arg("T"), nb::arg("m"),
+      nb::arg("f_0"), nb::arg("K_sen"), nb::arg("T_sen"), nb::arg("travel"), nb::arg("substeps"),
+      nb::arg("k_ui"), nb::arg("iu_min"), nb::arg("iu_max"), nb::arg("kp"), nb::arg("ki"),
+      nb::arg("kd"), nb::arg("T_f"), nb::arg("T_t"), nb::arg("integral"),
+      nb::arg("feedback_estimate"), nb::arg("estimator").none(), nb::arg("r"), nb::arg("f_d"),
+      nb::arg("noise_u"), nb::arg("noise_y"), nb::arg("scale").none() = nb::none(),
+      nb::arg("f_bias") = 0, nb::arg("x_start") = 0, nb::arg("state").none() = nb::none(),
+      "A closed-loop run in one call; see sim/loop.h for shapes and units. With a state, an empty "
+      "one at first, the next call goes on where this one ends.");
 }

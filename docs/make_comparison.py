@@ -16,7 +16,7 @@ from ambkit.comparison.study import across, study
 from ambkit.estimators.family import KINDS
 from ambkit.report import static
 
-RUNS, BUDGET = 16, 32
+RUNS, BUDGET = 32, 32
 
 if __name__ == "__main__":
     bearing = ambkit.Bearing.preset("zittau_axial")

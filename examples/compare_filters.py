@@ -8,7 +8,7 @@ import numpy as np
 import ambkit
 from ambkit import plots
 
-SEEDS = range(5)
+SEEDS = range(20)
 STEPS = (0.1e-3, 0.3e-3, 0.5e-3)  # m
 
 bearing = ambkit.Bearing.preset("zittau_axial")

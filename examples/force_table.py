@@ -64,7 +64,14 @@ scenario = ambkit.Scenario(
     disturbance=ambkit.Step(amplitude=3.0, time=0.25),
 )
 for name, source in {"linear": None, "closed law": law, "expert": expert}.items():
-    kalman = ambkit.KalmanFilter(bearing, source)
-    run = ambkit.simulate_run(bearing, scenario, estimator=kalman, magnet=plant)
-    error = rmse(run.estimate, run.record, "f_d")
-    print(f"{name:>10}: error of the disturbance force {error:.2f} N rms")
+    errors = []
+    for seed in range(20):
+        kalman = ambkit.KalmanFilter(bearing, source)
+        run = ambkit.simulate_run(
+            bearing, scenario.replace(seed=seed), estimator=kalman, magnet=plant
+        )
+        errors.append(rmse(run.estimate, run.record, "f_d"))
+    print(
+        f"{name:>10}: error of the disturbance force {np.mean(errors):.2f} ± "
+        f"{np.std(errors, ddof=1):.2f} N rms, over 20 seeds"
+    )

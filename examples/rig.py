@@ -16,6 +16,8 @@ from scipy.signal import lfilter, savgol_filter
 
 import ambkit
 from ambkit import plots
+from ambkit.comparison import prediction_error
+from ambkit.comparison.constant_velocity import tuned
 from ambkit.identification.forces.lift_off import find_lift_off
 from ambkit.identification.forces.lift_off_fit import fit_lift_off
 from ambkit.identification.maximum_likelihood import figures, maximum_likelihood
@@ -92,14 +94,23 @@ for name, record in logs.items():
     at_origin = ", ".join(f"{n} {v:.3g} ± {e:.2g}" for n, (v, e) in found.stiffness().items())
     print(f"{name}: {said}; at x = 0 {at_origin}")
 
+# The filter that knows no magnet, tuned on the same log: what does the model buy?
+naive = tuned(logs[USED]["y"], preset.sampling_time)
 checks = {}
 for name, record in logs.items():
+    y, first = record["y"], round(0.2 / preset.sampling_time)
+    unmodelled = {
+        ahead: prediction_error(naive.predict(y, ahead), record, ahead, first) for ahead in (1, 10)
+    }
+    print(f"{name:12} without a magnet: 1 ms {1e6 * unmodelled[1]:.1f} µm, "
+          f"10 ms {1e6 * unmodelled[10]:.1f} µm")  # fmt: skip
     for what, found in (("lift-off", by_lift_off), ("loop", by_loop)):
         check = validate(found.model, record, start=start, horizons=(1, 2, 5, 10, 20, 50, 100),
                          settling=0.2, name=name)  # fmt: skip
         checks[what, name] = check
         print(
-            f"{name:12} {what:8} 10 ms: {1e6 * check.error[10]:.1f} µm, fit {check.fit[10]:.2f} %"
+            f"{name:12} {what:8} 1 ms: {1e6 * check.error[1]:.1f} µm, "
+            f"10 ms: {1e6 * check.error[10]:.1f} µm, fit {check.fit[10]:.2f} %"
             f" (held {check.held[10]:.2f} %), white {100 * check.residual.share_within:.0f} %,"
             f" free of control {100 * check.cross.share_within:.0f} %, NIS {check.nis:.2f}"
         )

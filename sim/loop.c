@@ -1,5 +1,4 @@
 #include "loop.h"
-#include <string.h>
 
 /* What the estimator makes of the measurement, knowing the control signal that acted before it. */
 static void estimate(const amb_loop *loop, amb_loop_state *s, void *estimator)
@@ -47,8 +46,8 @@ static amb_real scaled_force(const void *self, amb_real iu, amb_real x)
   return scaled->scale * scaled->magnet.methods->force(scaled->magnet.self, iu, x);
 }
 
-amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_plant_state *plant,
-                        amb_pid_state *pid, void *estimator, amb_loop_output *out)
+amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop_state *state,
+                        void *estimator, amb_loop_output *out)
 {
   static const amb_magnet_methods scaled_methods = {scaled_force, NULL, NULL};
   amb_status all = AMB_OK;
@@ -58,10 +57,7 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_plan
     now.plant.magnet.methods = &scaled_methods;
     now.plant.magnet.self = &scaled;
   }
-  amb_loop_state s;
-  memset(&s, 0, sizeof s);
-  s.plant = *plant;
-  s.pid = *pid;
+  amb_loop_state s = *state;
   out->touched = 0;
   for (size_t k = 0; k < in->n; k++) {
     const amb_loop_sample sample = {in->r[k], in->f_d[k], in->noise_u[k], in->noise_y[k]};
@@ -83,7 +79,6 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_plan
       amb_estimator_note(loop->estimator, estimator, &s.result, k, &out->estimate);
     }
   }
-  *plant = s.plant;
-  *pid = s.pid;
+  *state = s;
   return all;
 }

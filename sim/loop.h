@@ -64,9 +64,10 @@ typedef struct amb_loop_output {
   size_t touched;              /* samples in which a stop was touched */
 } amb_loop_output;
 
-/* Runs n samples from the states given, which are left at the end of the run. Returns the flags
- * that the estimator raised. */
-amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_plant_state *plant,
-                        amb_pid_state *pid, void *estimator, amb_loop_output *out);
+/* Runs n samples from the state given, which is left at the end of the run, so that another run
+ * goes on from there, with another estimator if need be. Returns the flags that the estimator
+ * raised. */
+amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop_state *state,
+                        void *estimator, amb_loop_output *out);
 
 #endif

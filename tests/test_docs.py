@@ -17,6 +17,8 @@ import typer
 import ambkit
 from ambkit.cli import app
 from ambkit.report.summary import number
+from ambkit.reproduction.adaline import adaline
+from ambkit.reproduction.chain import chain
 from ambkit.reproduction.expert import expert
 from ambkit.reproduction.gain import gain
 from ambkit.reproduction.recording import recording
@@ -158,13 +160,16 @@ def test_the_table_of_commands_is_the_command_lines():
 
 def test_what_was_found_is_what_is_computed():
     study = Study()
-    found = {
-        row["id"]: row["ours"] for part in (gain, expert, recording) for row in part(study).rows
-    }
+    chapters = (adaline, gain, chain, expert, recording)
+    found = {row["id"]: row for chapter in chapters for row in chapter(study).rows}
     text = " ".join(README[README.index("## What we found") :].split())
     for sentence, digits, ids in [
-        ("errors of all filters lie within {} % of each other", ".1f", ["gain.position"]),
+        ("filters lie within {} % of each other", ".1f", ["gain.position"]),
         ("is {} N rms with the linear filter", ".2f", ["gain.linear"]),
+        ("drifts by 20 % in flight, the error of the force is {} N;", ".3f", ["chain.wrong"]),
+        ("takes over without a jump, {} N; where", ".3f", ["chain.learned"]),
+        ("where the constant is told, {} N", ".3f", ["chain.told"]),
+        ("to {} % in the worst", ".2f", ["fig12.worst"]),
         ("{} N with the paper's 25 work points", ".2f", ["gain.adaptive"]),
         ("{} N with the rules spread", ".2f", ["gain.wide"]),
         ("{} N with the closed force law", ".2f", ["gain.closed"]),
@@ -172,9 +177,24 @@ def test_what_was_found_is_what_is_computed():
         ("constant stiffness has {} N", ".2f", ["force_rms.constant"]),
         ("it has {} N with the widths, {} N", ".2f", ["force_rms.widths", "force_rms.both"]),
         ("{} µm against {} µm, 10 ms ahead", ".1f", ["recording.ten", "recording.adaptive"]),
+        ("no magnet at all has {} µm there", ".1f", ["recording.naive_ten"]),
+        (
+            "ahead it has {} µm, and the model {} µm",
+            ".1f",
+            ["recording.naive_one", "recording.one"],
+        ),
     ]:
-        said = sentence.format(*(number(found[id], digits) for id in ids))
+        said = sentence.format(*(printed(found[id], digits) for id in ids))
         assert said in text
+    median = number(found["fig12.noisy"]["ours"], ".2f")
+    assert f"to {median} % in the median of 100 seeds" in text
+
+
+def printed(row: dict, digits: str) -> str:
+    """What was found, with its spread over the seeds where it has one."""
+    text = number(row["ours"], digits)
+    spread = row["spread"]
+    return text if spread is None else f"{text} ± {number(spread, digits)}"
 
 
 @pytest.mark.parametrize("target", re.findall(r"\]\((?!http)([^)#]+)\)", README))

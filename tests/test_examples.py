@@ -78,7 +78,7 @@ def test_force_table(run):
     expert, law = numbers(r"expert ([\d.]+) N rms, closed law ([\d.]+) N rms", printed)
     assert expert < 0.1 < law
     error = {
-        name: numbers(rf"{name}: error of the disturbance force ([\d.]+) N", printed)[0]
+        name: numbers(rf"{name}: error of the disturbance force ([\d.]+) ± [\d.]+ N", printed)[0]
         for name in ("linear", "closed law", "expert")
     }
     assert error["expert"] < 0.8 * error["linear"]

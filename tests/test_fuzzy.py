@@ -14,6 +14,7 @@ from ambkit import _core, _core_f32, paper
 from ambkit.bearing import Bearing
 from ambkit.errors import AmbkitError
 from ambkit.fuzzy import Expert, Rule
+from ambkit.fuzzy.training import train
 from ambkit.identification.stiffness import StiffnessMap, stiffness_map
 
 ZITTAU = Bearing.preset("zittau_axial")
@@ -118,6 +119,28 @@ def test_a_one_sided_network_adds_the_force_that_carries() -> None:
     stiff = stiffness_map(ZITTAU.replace(magnet__type="one-sided"))
     expert = Expert.from_map(stiff)
     assert expert.force(0.0, 0.0) == expert.force_bias == stiff.force_bias > 0
+
+
+@pytest.mark.parametrize(("preset", "near"), [("zittau_axial", 1e-6), ("inteco_ml", 1e-2)])
+def test_another_magnet_constant_multiplies_what_the_rules_conclude(
+    preset: str, near: float
+) -> None:
+    """What training anew ends at, the bias force of a one-sided magnet included.
+
+    The search of the second stops on a flat ground, not always at the same place.
+    """
+    bearing = Bearing.preset(preset)
+    other = bearing.replace(magnet__magnet_constant=0.8 * bearing.magnet.magnet_constant)
+    trained, anew = (train(stiffness_map(b), weights=True) for b in (bearing, other))
+    scaled = trained.scaled(0.8)
+    iu, x = np.linspace(*trained.current_range, 9), np.linspace(*trained.displacement_range, 9)
+    for found, expected in zip(scaled.stiffness(iu, x), anew.stiffness(iu, x), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=near)
+    np.testing.assert_allclose(scaled.force(iu, x), anew.force(iu, x), rtol=near)
+    np.testing.assert_allclose(scaled.learning_curve, 0.8 * trained.learning_curve)
+    assert scaled.source_hash != trained.source_hash
+    with pytest.raises(AmbkitError, match="factor must be greater than 0 and finite, is -1"):
+        trained.scaled(-1.0)
 
 
 @pytest.mark.parametrize("normalised", [False, True])

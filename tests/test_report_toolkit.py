@@ -381,6 +381,19 @@ def test_contour_levels_are_inside_even_and_enough(low, span, diverging):
     assert surface.levels[0] >= bottom - slack
     assert surface.levels[-1] <= top + slack
     assert 2 <= surface.levels.size <= 11
+    around = Heatmap([0, 1], [0, 1], z, Axis("z"), diverging=diverging, zero=False)
+    assert np.array_equal(around.levels, surface.levels[surface.levels != 0])
+
+
+def test_a_mean_is_printed_with_its_spread_and_its_runs():
+    row: summary.SummaryRow = {
+        "id": "a", "what": "error", "paper": None, "ours": -0.6397, "unit": "N",
+        "verdict": "better", "spread": 0.0078, "runs": 20,
+    }  # fmt: skip
+    assert summary.ours(row) == "−0.6397 ± 0.0078"
+    assert summary.runs(row) == "20"
+    assert summary.ours({**row, "spread": None, "runs": None}) == "−0.6397"
+    assert summary.runs({**row, "runs": None}) == "–"
 
 
 # Formulas and Markdown

@@ -19,7 +19,7 @@ from sphinx.util.docutils import SphinxDirective
 from ambkit.report import static
 from ambkit.report.blocks import FigureBlock, TableBlock
 from ambkit.report.figure import Figure
-from ambkit.report.summary import SummaryRow, number, verdict_of
+from ambkit.report.summary import SummaryRow, number, ours, runs, verdict_of
 from ambkit.reproduction.study import Part, Study
 
 FOLDER = "_build/figures"
@@ -98,12 +98,13 @@ def _verdicts(rows: list[SummaryRow]) -> list[str]:
         [
             row["what"],
             number(row["paper"]),
-            f"{number(row['ours'])} {row['unit']}",
+            f"{ours(row)} {row['unit']}",
+            runs(row),
             f"{verdict_of(row).sign} {row['verdict']}",
         ]
         for row in rows
     ]
-    return _grid("What came out", "", ["", "paper", "ambkit", "verdict"], cells)
+    return _grid("What came out", "", ["", "paper", "ambkit", "runs", "verdict"], cells)
 
 
 def _grid(title: str, name: str, headers: list[str], cells: list[list[str]]) -> list[str]:

@@ -130,80 +130,153 @@ def simulate_run(
         The estimator computes in single precision: the loop is simulated in double. Or a series
         has not one value a sample.
     """
-    T, pid = bearing.sampling_time, scenario.controller
-    n = samples(bearing, scenario)
-    t: NDArray[np.float64] = T * np.arange(n, dtype=float)
-    reference, disturbance = scenario.reference.sample(t), scenario.disturbance.sample(t)
-    noise_u, noise_y = _noise(bearing, scenario, n)
-    if imposed is not None:
-        for name, series in vars(imposed).items():
-            if series is not None and np.shape(series) != (n,):
-                raise ValueError(f"imposed {name} must have {n} values, has {np.shape(series)}")
-        disturbance = disturbance + (0.0 if imposed.disturbance is None else imposed.disturbance)
-        noise_y = noise_y if imposed.sensor_noise is None else imposed.sensor_noise
-    law = ClosedLaw(bearing)
-    plant = magnet if magnet is not None else law
-    in_loop = pid.feedback == "estimate"
-    if estimator is None and in_loop:
-        estimator = KalmanFilter(bearing)
-    if estimator is not None and estimator.precision != "float64":
-        raise ValueError(
-            f"an estimator in a simulated loop must have precision 'float64', got "
-            f"{estimator.precision!r}; estimator.run(record) runs it beside the simulated record"
+    return Loop(bearing, scenario, estimator=estimator, magnet=magnet, imposed=imposed).run()
+
+
+class Loop:
+    """A closed loop that can stop between two samples, and go on with another estimator.
+
+    What is simulated is that of :func:`simulate_run`, and in stretches it is the same, to the last
+    bit, as in one go. In between, `estimator` may be replaced by one that goes on where the old one
+    is, see :meth:`ambkit.estimators.Estimator.take_over`: so a filter is learned anew in flight.
+
+    Parameters
+    ----------
+    bearing, scenario, estimator, magnet, imposed
+        As for :func:`simulate_run`.
+
+    Raises
+    ------
+    ValueError
+        As :func:`simulate_run`.
+
+    Examples
+    --------
+    >>> loop = Loop(bearing, scenario, estimator=ambkit.KalmanFilter(bearing))
+    >>> before = loop.run(until=0.2)
+    >>> better = ambkit.AdaptiveKalmanFilter(bearing, expert)
+    >>> better.take_over(loop.estimator)
+    >>> loop.estimator = better
+    >>> after = loop.run()
+    """
+
+    def __init__(
+        self,
+        bearing: Bearing,
+        scenario: Scenario,
+        *,
+        estimator: Estimator | None = None,
+        magnet: StiffnessSource | None = None,
+        imposed: Imposed | None = None,
+    ) -> None:
+        T, n = bearing.sampling_time, samples(bearing, scenario)
+        t: NDArray[np.float64] = T * np.arange(n, dtype=float)
+        reference, disturbance = scenario.reference.sample(t), scenario.disturbance.sample(t)
+        noise_u, noise_y = _noise(bearing, scenario, n)
+        scale = None
+        if imposed is not None:
+            for name, series in vars(imposed).items():
+                if series is not None and np.shape(series) != (n,):
+                    raise ValueError(f"imposed {name} must have {n} values, has {np.shape(series)}")
+            if imposed.disturbance is not None:
+                disturbance = disturbance + imposed.disturbance
+            noise_y = noise_y if imposed.sensor_noise is None else imposed.sensor_noise
+            scale = imposed.magnet_scale
+        if estimator is None and scenario.controller.feedback == "estimate":
+            estimator = KalmanFilter(bearing)
+        self.bearing, self.scenario, self.estimator = bearing, scenario, estimator
+        self._t, self._scale = t, scale
+        self._series = {"r": reference, "f_d": disturbance, "noise_u": noise_u, "noise_y": noise_y}
+        self._state, self._at = core_module().LoopState(), 0
+        self._law = ClosedLaw(bearing)
+        self._plant = magnet if magnet is not None else self._law
+        hover = scenario.start == "hover"
+        self._start = float(reference[0]) if hover else 0.0
+        balance = bearing.weight + self._law.bias_force + float(disturbance[0])
+        self._integral = hover_current(bearing, self._plant, self._start, balance) if hover else 0.0
+
+    def run(self, until: float | None = None) -> Run:
+        """Go on, to the end of the scenario or to a time before it.
+
+        Parameters
+        ----------
+        until : float, optional
+            The first sample at this time or later is left to the next stretch [s].
+
+        Returns
+        -------
+        Run
+            Of this stretch.
+
+        Raises
+        ------
+        ValueError
+            The estimator computes in single precision; or nothing is left to be run until then.
+        """
+        bearing, estimator, pid = self.bearing, self.estimator, self.scenario.controller
+        if estimator is not None and estimator.precision != "float64":
+            raise ValueError(
+                f"an estimator in a simulated loop must have precision 'float64', got "
+                f"{estimator.precision!r}; estimator.run(record) runs it beside the simulated "
+                "record"
+            )
+        T, n = bearing.sampling_time, self._t.size
+        end = n if until is None else min(n, math.ceil(until / T - 1e-6))
+        if end < self._at + 2:
+            raise ValueError(
+                f"until must be 2 samples or more after {self._at * T:g} s, where the loop is, and "
+                f"the run ends at {(n - 1) * T:g} s; is {until!r}"
+            )
+        here = slice(self._at, end)
+        if self._at == 0 and estimator is not None:
+            x = self._start
+            estimator.reset([x, 0.0, 0.0, bearing.sensor.gain * x])
+        lag = max(bearing.sensor.lag, 1e-3 * T)
+        core = core_module()
+        out = core.simulate(
+            self._plant.magnet(core),
+            T=T,
+            m=bearing.rotor.mass,
+            f_0=bearing.weight + self._law.bias_force,
+            K_sen=bearing.sensor.gain,
+            T_sen=lag,
+            travel=bearing.rotor.travel_limit,
+            # Runge-Kutta needs two steps in the sensor's lag; from 2.8 lags a step on it is
+            # unstable.
+            substeps=max(self.scenario.substeps, math.ceil(2 * T / lag)),
+            k_ui=bearing.amplifier.gain,
+            iu_min=bearing.current_min,
+            iu_max=bearing.current_max,
+            kp=pid.kp,
+            ki=pid.ki,
+            kd=pid.kd,
+            T_f=pid.derivative_filter,
+            T_t=pid.anti_windup,
+            integral=self._integral,
+            feedback_estimate=pid.feedback == "estimate",
+            estimator=None if estimator is None else estimator.core,
+            **{name: series[here] for name, series in self._series.items()},
+            scale=None if self._scale is None else self._scale[here],
+            f_bias=self._law.bias_force,
+            x_start=self._start,
+            state=self._state,
         )
-
-    known = bearing.weight + law.bias_force
-    hover = scenario.start == "hover"
-    x_start = float(reference[0]) if hover else 0.0
-    balance = known + float(disturbance[0])
-    integral = hover_current(bearing, plant, x_start, balance) if hover else 0.0
-    if estimator is not None:
-        estimator.reset([x_start, 0.0, 0.0, bearing.sensor.gain * x_start])
-
-    lag = max(bearing.sensor.lag, 1e-3 * T)
-    core = core_module()
-    out = core.simulate(
-        plant.magnet(core),
-        T=T,
-        m=bearing.rotor.mass,
-        f_0=known,
-        K_sen=bearing.sensor.gain,
-        T_sen=lag,
-        travel=bearing.rotor.travel_limit,
-        # Runge-Kutta needs two steps in the sensor's lag; from 2.8 lags a step on it is unstable.
-        substeps=max(scenario.substeps, math.ceil(2 * T / lag)),
-        k_ui=bearing.amplifier.gain,
-        iu_min=bearing.current_min,
-        iu_max=bearing.current_max,
-        kp=pid.kp,
-        ki=pid.ki,
-        kd=pid.kd,
-        T_f=pid.derivative_filter,
-        T_t=pid.anti_windup,
-        integral=integral,
-        feedback_estimate=in_loop,
-        estimator=None if estimator is None else estimator.core,
-        r=reference,
-        f_d=disturbance,
-        noise_u=noise_u,
-        noise_y=noise_y,
-        scale=None if imposed is None else imposed.magnet_scale,
-        f_bias=law.bias_force,
-        x_start=x_start,
-    )
-    signals = {name: out[name] for name in ("x", "v", "x_m", "iu", "y", "u")}
-    signals |= {"r": reference, "f_d": disturbance, "f_mag": out["force"] - bearing.weight}
-    meta = {
-        "bearing": bearing.to_toml(),
-        "scenario": scenario.model_dump(mode="json"),
-        "seed": scenario.seed,
-        "version": version("ambkit"),
-        "stop_touched": int(out["touched"]),
-    }
-    record = Record(t, {name: signals[name] for name in UNITS}, UNITS, meta=meta)
-    if estimator is None:
-        return Run(record, None)
-    return Run(record, Estimate.from_core(t, out["estimate"], estimator.name))
+        self._at = end
+        signals = {name: out[name] for name in ("x", "v", "x_m", "iu", "y", "u")}
+        signals |= {name: self._series[name][here] for name in ("r", "f_d")}
+        signals["f_mag"] = out["force"] - bearing.weight
+        meta = {
+            "bearing": bearing.to_toml(),
+            "scenario": self.scenario.model_dump(mode="json"),
+            "seed": self.scenario.seed,
+            "version": version("ambkit"),
+            "stop_touched": int(out["touched"]),
+        }
+        t = self._t[here]
+        record = Record(t, {name: signals[name] for name in UNITS}, UNITS, meta=meta)
+        if estimator is None:
+            return Run(record, None)
+        return Run(record, Estimate.from_core(t, out["estimate"], estimator.name))
 
 
 def hover_current(bearing: Bearing, plant: StiffnessSource, x: float, balance: float) -> float:

@@ -99,10 +99,9 @@ static amb_status loop_run(size_t n, const amb_kalman *kf, bool fed_by_estimate,
   const amb_estimator estimator = {&amb_kalman_methods, kf, &magnet, NULL};
   const amb_loop loop = loop_of(kf != NULL ? &estimator : NULL, fed_by_estimate);
   const amb_loop_input in = {n, r, f_d, noise_u, noise_y, NULL, 0};
-  amb_plant_state state = {0, 0, 0};
-  amb_pid_state control;
-  amb_pid_reset(&control, 0);
-  return amb_loop_run(&loop, &in, &state, &control, kalman, out);
+  amb_loop_state state = {0};
+  amb_pid_reset(&state.pid, 0);
+  return amb_loop_run(&loop, &in, &state, kalman, out);
 }
 
 static void test_loop(bool fed_by_estimate)

@@ -137,6 +137,32 @@ class Estimator:
             std = self.default_std()
         self.core.reset(np.asarray(mean, dtype=float), np.asarray(std, dtype=float))
 
+    def take_over(self, other: Estimator) -> None:
+        """Go on where another filter is: with its mean, its covariance, its counts of bad samples.
+
+        So a filter that was learned anew replaces the one that flies, between two samples, without
+        a jump. In C, where the state is the caller's, nothing needs to be done: the next step is
+        given the new parameters, and the same state.
+
+        Parameters
+        ----------
+        other : Estimator
+            Any of the linear, adaptive, extended and unscented Kalman filters where this is one of
+            them; for the square-root filter another of its kind. Sampling time and sensor should be
+            the same.
+
+        Raises
+        ------
+        ValueError
+            One of the two keeps something else as well, such as a scale of the magnet, which means
+            something only beside its own parameters; or they differ in precision.
+        """
+        if self.precision != other.precision:
+            raise ValueError(
+                f"both must have one precision, got {self.precision} and {other.precision}"
+            )
+        self.core.take_over(other.core)
+
     def default_std(self) -> tuple[float, float, float, float]:
         """Return the standard deviations with which a filter starts; see :meth:`reset`."""
         b = self.bearing

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from types import ModuleType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
@@ -213,6 +213,49 @@ class Expert(Part):
             rules=tuple(Rule(**dict(zip(Rule.model_fields, row, strict=True))) for row in table),
             **fields,
         )
+
+    def scaled(self, factor: float) -> Self:
+        """Return the expert of a magnet whose constant is a multiple of this one's.
+
+        The magnet constant is a factor on the force, and so on every k_i and k_s: the rules stay
+        where they are, with their widths, and only what they conclude changes. Training anew on
+        the map of the other constant ends there too, but for where its search stops.
+
+        Parameters
+        ----------
+        factor : float
+            The other magnet constant over this one's, greater than 0.
+
+        Raises
+        ------
+        AmbkitError
+            The factor is not positive and finite.
+        """
+        if not 0 < factor < float("inf"):
+            raise AmbkitError(f"factor must be greater than 0 and finite, is {factor!r}")
+
+        def times(values: Iterable[float]) -> tuple[float, ...]:
+            return tuple(factor * value for value in values)
+
+        changed: dict[str, Any] = {
+            "source": f"{self.source}, magnet constant times {factor:g}",
+            "source_hash": "",  # it is of the other map
+            "force_bias": factor * self.force_bias,
+            "rules": tuple(
+                rule.model_copy(
+                    update={
+                        "weight_k_i": factor * rule.weight_k_i,
+                        "weight_k_s": factor * rule.weight_k_s,
+                    }
+                )
+                for rule in self.rules
+            ),
+        }
+        if self.training is not None:
+            curves = ("force_rms", "k_i_rms", "k_s_rms")
+            learned = {name: times(getattr(self.training, name)) for name in curves}
+            changed["training"] = self.training.model_copy(update=learned)
+        return self.model_copy(update=changed)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:

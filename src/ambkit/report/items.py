@@ -248,6 +248,9 @@ class Heatmap:
         True for a signed quantity: the palest colour is zero, limits are symmetric.
     lines : int
         About how many contour lines; they stand at round values.
+    zero : bool
+        Whether one stands at zero. Where a surface is flat there, its place is an accident of the
+        grid.
     """
 
     x: Vector
@@ -256,6 +259,7 @@ class Heatmap:
     bar: Axis
     diverging: bool = False
     lines: int = 9
+    zero: bool = True
 
     def __post_init__(self) -> None:
         for name in ("x", "y", "z"):
@@ -287,7 +291,7 @@ class Heatmap:
         decade = 10.0 ** math.floor(math.log10(rough))
         step = next(nice * decade for nice in (1, 2, 5, 10) if rough <= 1.001 * nice * decade)
         levels: Vector = step * np.arange(math.ceil(low / step), math.floor(high / step) + 1.0)
-        return levels
+        return levels if self.zero else levels[levels != 0]
 
 
 @dataclass(frozen=True, eq=False)

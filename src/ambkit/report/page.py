@@ -28,7 +28,7 @@ from ambkit.report.interactive_items import BUCKETS
 from ambkit.report.items import Line
 from ambkit.report.markup import inline, markdown, plain
 from ambkit.report.static import Picture
-from ambkit.report.summary import COLOURS, VERDICTS, number, tally, verdict_of
+from ambkit.report.summary import COLOURS, VERDICTS, number, ours, runs, tally, verdict_of
 
 _TEMPLATES = Path(__file__).parent / "templates"
 _MARKS = "†‡§¶‖#"
@@ -109,6 +109,7 @@ def render_page(report: Report, pictures: Mapping[str, Picture]) -> str:
         lead=markdown(report.lead, names),
         summary=_summary(report, names),
         tally=tally(report.summary),
+        counted=any(row.get("runs") is not None for row in report.summary),
         verdicts=VERDICTS,
         colours=COLOURS,
         chapters=[_chapter(chapter, names, pictures) for chapter in report.chapters],
@@ -148,7 +149,8 @@ def _summary(report: Report, names: Mapping[str, str]) -> list[dict[str, Any]]:
         texts = {
             "what": inline(row["what"]),
             "paper": number(row["paper"]),
-            "ours": number(row["ours"]),
+            "ours": ours(row),
+            "runs": runs(row),
             "look": verdict_of(row),
             "anchor": anchor if anchor in names else "",
         }

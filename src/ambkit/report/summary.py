@@ -2,9 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypedDict
+from typing import NotRequired, TypedDict
 
 from ambkit.report import style
+from ambkit.units import with_error
 
 
 class SummaryRow(TypedDict):
@@ -23,6 +24,11 @@ class SummaryRow(TypedDict):
         Unit of both; empty for a pure number.
     verdict : str
         One of `VERDICTS`.
+    spread : float or None
+        Standard deviation of ours over the runs, where it is a mean or a median of several.
+    runs : int or None
+        Of how many runs, each with a seed of its own, or of how many recordings ours is; None where
+        chance has no part in it.
     """
 
     id: str
@@ -31,6 +37,8 @@ class SummaryRow(TypedDict):
     ours: float | str | None
     unit: str
     verdict: str
+    spread: NotRequired[float | None]
+    runs: NotRequired[int | None]
 
 
 @dataclass(frozen=True)
@@ -118,6 +126,32 @@ def number(value: float | str | None, digits: str = ".4g") -> str:
         return mantissa
     power = str(int(exponent.replace("−", "-"))).translate(_SUPERSCRIPT)
     return f"{mantissa}×10{power}"
+
+
+def ours(row: SummaryRow) -> str:
+    """Print what was found for humans: ``"0.640 ± 0.011"``.
+
+    Parameters
+    ----------
+    row : SummaryRow
+        A row of the summary.
+    """
+    value, spread = row["ours"], row.get("spread")
+    if spread is None or isinstance(value, str | None):
+        return number(value)
+    return with_error(value, spread).replace("-", "−")
+
+
+def runs(row: SummaryRow) -> str:
+    """Print of how many runs it is; a dash where chance has no part.
+
+    Parameters
+    ----------
+    row : SummaryRow
+        A row of the summary.
+    """
+    count = row.get("runs")
+    return "–" if count is None else str(count)
 
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from ambkit.report.summary import SummaryRow, number, tally, verdict_of
+from ambkit.report.summary import SummaryRow, number, ours, runs, tally, verdict_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -39,14 +39,16 @@ def summary_table(rows: Sequence[SummaryRow]) -> "Table":
     table.add_column("paper", justify="right", overflow="fold")
     table.add_column("ours", justify="right", overflow="fold")
     table.add_column("unit", no_wrap=True)
+    table.add_column("runs", justify="right", no_wrap=True)
     table.add_column("verdict", no_wrap=True)
     for row in rows:
         verdict = verdict_of(row)
         table.add_row(
             Text(row["what"]),
             Text(number(row["paper"])),
-            Text(number(row["ours"]), style="bold"),
+            Text(ours(row), style="bold"),
             Text(row["unit"]),
+            Text(runs(row)),
             Text(f"{verdict.sign} {row['verdict']}", style=_COLOURS[verdict.kind]),
         )
     return table

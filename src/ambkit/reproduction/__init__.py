@@ -52,7 +52,7 @@ def reproduce(
     import ambkit
     from ambkit.report.blocks import Report
     from ambkit.report.page import write_report
-    from ambkit.reproduction.study import Study
+    from ambkit.reproduction.study import SEEDS, Study
 
     folder = Path(out)
     files.make_folder(folder / "tables")  # before the work: an unwritable place is told at once
@@ -75,14 +75,16 @@ def reproduce(
         lead="An active magnetic bearing is unstable without control, its force law is nonlinear, "
         "its sensor noisy and late. The paper corrects the model of a Kalman filter while it runs: "
         "ADALINE identifies the magnet, least squares gives the stiffnesses at 25 work points, a "
-        "fuzzy network makes an expert of them, and the filter asks it at every sample. Everything "
-        "below is computed by one C core, the same that flies.",
+        "fuzzy network makes an expert of them, and the filter asks it at every sample (its "
+        "Fig. 1 draws it as one block diagram). Everything below is computed by one C core, the "
+        "same that flies.",
         version=ambkit.__version__,
         chapters=[part.chapter for part in parts],
         summary=rows,
         facts={
             "bearing": f"{study.bearing.name}, {study.bearing.description}",
             "noise": f"seed {seed} and on",
+            "figures of merit": f"means over {SEEDS} seeds or more; pictures of runs show one",
             "made by": "ambkit reproduce",
         },
     )
@@ -95,6 +97,7 @@ def _chapters(study: Study, progress: Callable[[str], None]) -> list[Part]:
     """Make the chapters, in the order of the report."""
     from ambkit.reproduction.adaline import adaline
     from ambkit.reproduction.adaptive import adaptive
+    from ambkit.reproduction.chain import chain
     from ambkit.reproduction.errata import errata
     from ambkit.reproduction.expert import expert
     from ambkit.reproduction.gain import gain
@@ -103,7 +106,8 @@ def _chapters(study: Study, progress: Callable[[str], None]) -> list[Part]:
     from ambkit.reproduction.recording import recording
 
     parts: list[Part] = []
-    for chapter in (linear, adaline, lsm, expert, adaptive, gain, errata, recording):
-        progress(f"chapter {len(parts) + 1} of 8: {chapter.__name__}")
+    chapters = (linear, adaline, lsm, expert, adaptive, gain, chain, errata, recording)
+    for chapter in chapters:
+        progress(f"chapter {len(parts) + 1} of {len(chapters)}: {chapter.__name__}")
         parts.append(chapter(study))
     return parts

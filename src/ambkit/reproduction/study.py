@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ambkit.bearing import Bearing
 from ambkit.estimators import AdaptiveKalmanFilter, FilterNoise, KalmanFilter
@@ -22,10 +24,15 @@ from ambkit.scenario import PID, Scenario
 from ambkit.simulation import Run, simulate_run
 from ambkit.waveforms import Constant, Step
 
+SEEDS = 20
+"""Runs that a figure of merit is the mean of."""
+
 STEP_TIME, LOAD_TIME, DURATION = 0.05, 0.25, 0.5  # s; the paper gives none of them
 
 # F_St as a random walk of 1e-2 N^2 a sample of 0.1 ms. The paper: "experimentally initialized".
 DISTURBANCE = 100.0  # N^2/s
+
+CONTROLLER = PID(kp=3000.0, ki=20000.0, kd=12.0, feedback="estimate")
 
 WIDE_BOX = 0.8e-3  # m: the step of 0.5 mm overshoots the box of the paper's rules, 0.5 mm
 
@@ -112,20 +119,40 @@ class Study:
             ),
         }
 
-    def scenario(self, step: float, load: float = 0.0, *, noise: bool = True) -> Scenario:
+    def scenario(
+        self, step: float, load: float = 0.0, *, noise: bool = True, seed: int | None = None
+    ) -> Scenario:
         """Step of the reference [m] at 50 ms, and, where there is one, a load [N] at 250 ms."""
         return Scenario(
             duration=DURATION,
             reference=Step(amplitude=step, time=STEP_TIME),
             disturbance=Step(amplitude=load, time=LOAD_TIME) if load else Constant(value=0.0),
-            controller=PID(kp=3000.0, ki=20000.0, kd=12.0, feedback="estimate"),
+            controller=CONTROLLER,
             noise=noise,
-            seed=self.seed,
+            seed=self.seed if seed is None else seed,
         )
 
     def run(self, scenario: Scenario, signal: str = "estimate linear") -> Run:
         """Simulate with one of the filters in the loop."""
         return simulate_run(self.bearing, scenario, estimator=self.filters[signal]())
+
+    @property
+    def one_run(self) -> str:
+        """What a caption says of a picture of a single run."""
+        return f"One run, seed {self.seed}."
+
+    @property
+    def seeds(self) -> range:
+        """Seeds of what is done more than once."""
+        return range(self.seed, self.seed + SEEDS)
+
+    def over_seeds(
+        self, figures: Callable[[int], Iterable[float]], count: int = SEEDS
+    ) -> NDArray[np.float64]:
+        """Find some figures of a run for one seed after the other, (figures, seeds)."""
+        with ThreadPoolExecutor(2) as pool:
+            rows = pool.map(lambda seed: tuple(figures(seed)), range(self.seed, self.seed + count))
+            return np.array(list(rows), dtype=float).T
 
 
 def row(
@@ -135,9 +162,26 @@ def row(
     ours: float | str | None,
     unit: str,
     verdict: str,
+    runs: int | None = None,
 ) -> SummaryRow:
-    """Build one line of the summary."""
-    return SummaryRow(id=id, what=what, paper=paper, ours=ours, unit=unit, verdict=verdict)
+    """Build one line of the summary: of what chance has no part in, or of so many runs."""
+    return SummaryRow(
+        id=id, what=what, paper=paper, ours=ours, unit=unit, verdict=verdict, spread=None, runs=runs
+    )
+
+
+def mean_row(
+    id: str, what: str, ours: NDArray[np.float64], unit: str, verdict: str = "not given"
+) -> SummaryRow:
+    """Build one line of the summary: mean and standard deviation over the seeds."""
+    line = row(id, what, None, float(ours.mean()), unit, verdict, ours.size)
+    line["spread"] = float(ours.std(ddof=1))
+    return line
+
+
+def smaller(ours: NDArray[np.float64], other: NDArray[np.float64] | float) -> str:
+    """Verdict of an error beside another, seed by seed."""
+    return "better" if float(np.mean(ours - other)) < 0 else "worse"
 
 
 def reached(holds: bool) -> str:
