@@ -104,9 +104,10 @@ def _chapters(study: Study, progress: Callable[[str], None]) -> list[Part]:
     from ambkit.reproduction.linear import linear
     from ambkit.reproduction.lsm import lsm
     from ambkit.reproduction.recording import recording
+    from ambkit.reproduction.sampling import sampling
 
     parts: list[Part] = []
-    chapters = (linear, adaline, lsm, expert, adaptive, gain, chain, errata, recording)
+    chapters = (linear, adaline, lsm, expert, adaptive, gain, sampling, chain, errata, recording)
     for chapter in chapters:
         progress(f"chapter {len(parts) + 1} of {len(chapters)}: {chapter.__name__}")
         parts.append(chapter(study))

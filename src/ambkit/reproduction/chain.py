@@ -1,4 +1,4 @@
-"""Chapter 7: the whole chain in one run: identified, learned, flown, and learned anew in flight."""
+"""Chapter 8: the whole chain in one run: identified, learned, flown, and learned anew in flight."""
 
 from __future__ import annotations
 

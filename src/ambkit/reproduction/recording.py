@@ -1,4 +1,4 @@
-"""Chapter 9: the filters on a recording of a real rig, where nobody knows the truth."""
+"""Chapter 10: the filters on a recording of a real rig, where nobody knows the truth."""
 
 from __future__ import annotations
 

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.bearing import Bearing
-from ambkit.estimators import AdaptiveKalmanFilter, FilterNoise, KalmanFilter
+from ambkit.estimators import FilterNoise, KalmanFilter
 from ambkit.fuzzy import Expert
 from ambkit.fuzzy.training import train
 from ambkit.identification.stiffness import StiffnessMap, stiffness_map
-from ambkit.magnets import ClosedLaw, ConstantStiffness
+from ambkit.magnets import ClosedLaw, ConstantStiffness, StiffnessSource
 from ambkit.paper import INITIAL_WIDTH
 from ambkit.report.blocks import Chapter
 from ambkit.report.items import Axis
@@ -105,19 +105,21 @@ class Study:
 
     @property
     def filters(self) -> dict[str, Callable[[], KalmanFilter]]:
-        """The filters that are compared, by the name of their signal in the figures."""
-        return {
-            "estimate linear": lambda: KalmanFilter(self.bearing, noise=self.noise),
-            "estimate adaptive": lambda: AdaptiveKalmanFilter(
-                self.bearing, self.expert, noise=self.noise
-            ),
-            "estimate wide box": lambda: AdaptiveKalmanFilter(
-                self.bearing, self.wide_expert, noise=self.noise
-            ),
-            "estimate closed law": lambda: AdaptiveKalmanFilter(
-                self.bearing, self.law, noise=self.noise
-            ),
+        """The filters that are compared, by the name of their signal in the figures.
+
+        With the sampled model of the paper, eq. 19 as printed.
+        """
+        knows: dict[str, Callable[[], StiffnessSource]] = {
+            "estimate linear": lambda: self.constant,
+            "estimate adaptive": lambda: self.expert,
+            "estimate wide box": lambda: self.wide_expert,
+            "estimate closed law": lambda: self.law,
         }
+
+        def made(source: Callable[[], StiffnessSource]) -> Callable[[], KalmanFilter]:
+            return lambda: KalmanFilter(self.bearing, source(), noise=self.noise, as_printed=True)
+
+        return {name: made(source) for name, source in knows.items()}
 
     def scenario(
         self, step: float, load: float = 0.0, *, noise: bool = True, seed: int | None = None
