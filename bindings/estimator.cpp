@@ -3,6 +3,7 @@
 
 extern "C" {
 #include "ambkit/smoother.h"
+#include "generated/axial_fields.h"
 }
 
 namespace
