@@ -1,19 +1,22 @@
 /* The yardstick: the linear filter as an engineer would structure it by hand, for this model only.
  * No checks, no status, no statistics; zeros and symmetry of the matrices used by hand.
  *
- * Paper, eq. 7-21; state [x, v, f_d, x_m], covariance as its upper triangle, row by row. SI. */
+ * Paper, eq. 7-21, with the lag of the sensor followed exactly; state [x, v, f_d, x_m], covariance as
+ * its upper triangle, row by row. SI. */
 #include <stddef.h>
 
 typedef struct hand {
   double T;     /* sampling time [s] */
   double m;     /* mass of the rotor [kg] */
   double a;     /* exp(-T / T_sen): what the sensor keeps in a sample [1] */
-  double b;     /* K_sen (1 - a) [1] */
+  double b;     /* what it takes on: of the position [1] */
+  double c;     /* of the velocity [s] */
+  double d;     /* of a force [m/N] */
   double k_ui;  /* amplifier gain [A/V] */
   double f_0;   /* known constant force [N] */
   double var_u; /* variance of the control signal [V^2] */
-  double var_d; /* growth of the disturbance force's variance in a sample [N^2] */
   double r;     /* variance of the measurement [m^2] */
+  double q[10]; /* growth of the disturbance force in a sample: covariance that it leaves */
 } hand;
 
 /* n samples: measurement y [m], control signal u [V] and stiffnesses ki [N/A], ks [N/m] that act
@@ -27,36 +30,43 @@ void hand_run(const hand *h, size_t n, const double *y, const double *u, const d
               const double *ks, double *x, double *P, double *mean, double *innovation,
               double *variance)
 {
-  const double T = h->T, Tm = T / h->m, c = 0.5 * T * T / h->m, a = h->a, b = h->b;
+  const double T = h->T, half = 0.5 * h->T, Tm = T / h->m, t2 = half * Tm;
+  const double a = h->a, b = h->b, c = h->c, d = h->d;
+  const double *q = h->q;
   double x0 = x[0], x1 = x[1], x2 = x[2], x3 = x[3];
   double p00 = P[0], p01 = P[1], p02 = P[2], p03 = P[3], p11 = P[4], p12 = P[5], p13 = P[6],
          p22 = P[7], p23 = P[8], p33 = P[9];
   for (size_t k = 0; k < n; k++) {
     if (k > 0) {
-      const double s = ks[k - 1], g = ki[k - 1] * h->k_ui;
-      const double f = g * u[k - 1] + s * x0 + x2 + h->f_0;
-      const double new3 = b * x0 + a * x3;
-      x0 += T * x1 + c * f;
+      const double s = ks[k - 1], g = ki[k - 1] * h->k_ui, e = g * g * h->var_u;
+      const double f = g * u[k - 1] + s * (x0 + half * x1) + x2 + h->f_0;
+      x3 = b * x0 + c * x1 + a * x3 + d * f;
+      x0 += T * x1 + t2 * f;
       x1 += Tm * f;
-      x3 = new3;
-      /* rows of A P: A = [a00 T c 0; a10 1 Tm 0; 0 0 1 0; b 0 0 a] */
-      const double a00 = 1 + c * s, a10 = Tm * s;
-      const double m00 = a00 * p00 + T * p01 + c * p02, m01 = a00 * p01 + T * p11 + c * p12;
-      const double m02 = a00 * p02 + T * p12 + c * p22, m03 = a00 * p03 + T * p13 + c * p23;
-      const double m10 = a10 * p00 + p01 + Tm * p02, m11 = a10 * p01 + p11 + Tm * p12;
-      const double m12 = a10 * p02 + p12 + Tm * p22, m13 = a10 * p03 + p13 + Tm * p23;
-      const double m30 = b * p00 + a * p03, m33 = b * p03 + a * p33;
-      const double q = g * g * h->var_u;
-      p00 = m00 * a00 + m01 * T + m02 * c + c * c * q;
-      p01 = m00 * a10 + m01 + m02 * Tm + c * Tm * q;
-      p11 = m10 * a10 + m11 + m12 * Tm + Tm * Tm * q;
-      p03 = m00 * b + m03 * a;
-      p13 = m10 * b + m13 * a;
-      p23 = b * p02 + a * p23;
-      p02 = m02;
-      p12 = m12;
-      p22 += h->var_d;
-      p33 = m30 * b + m33 * a;
+      /* with the force [s, s half, 1, 0] X + g u: its covariance with X, then that of the next X */
+      const double w0 = s * (p00 + half * p01) + p02, w1 = s * (p01 + half * p11) + p12;
+      const double w2 = s * (p02 + half * p12) + p22, w3 = s * (p03 + half * p13) + p23;
+      const double m00 = p00 + T * p01 + t2 * w0, m01 = p01 + T * p11 + t2 * w1;
+      const double m02 = p02 + T * p12 + t2 * w2, m03 = p03 + T * p13 + t2 * w3;
+      const double m10 = p01 + Tm * w0, m11 = p11 + Tm * w1;
+      const double m12 = p12 + Tm * w2, m13 = p13 + Tm * w3;
+      const double m30 = b * p00 + c * p01 + a * p03 + d * w0;
+      const double m31 = b * p01 + c * p11 + a * p13 + d * w1;
+      const double m32 = b * p02 + c * p12 + a * p23 + d * w2;
+      const double m33 = b * p03 + c * p13 + a * p33 + d * w3;
+      const double z0 = s * (m00 + half * m01) + m02 + t2 * e;
+      const double z1 = s * (m10 + half * m11) + m12 + Tm * e;
+      const double z3 = s * (m30 + half * m31) + m32 + d * e;
+      p00 = m00 + T * m01 + t2 * z0 + q[0];
+      p01 = m01 + Tm * z0 + q[1];
+      p02 = m02 + q[2];
+      p03 = b * m00 + c * m01 + a * m03 + d * z0 + q[3];
+      p11 = m11 + Tm * z1 + q[4];
+      p12 = m12 + q[5];
+      p13 = b * m10 + c * m11 + a * m13 + d * z1 + q[6];
+      p22 += q[7];
+      p23 = m32 + q[8];
+      p33 = b * m30 + c * m31 + a * m33 + d * z3 + q[9];
     }
     const double S = p33 + h->r, inv = 1 / S, e = y[k] - x3;
     const double g0 = p03 * inv, g1 = p13 * inv, g2 = p23 * inv, g3 = p33 * inv;

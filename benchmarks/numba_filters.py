@@ -28,33 +28,46 @@ def njit(function: Function) -> Function:
 
 
 @njit
+def displacement(h: Settings, s: Start) -> float:
+    """At which the magnet is asked: the mean over the sample."""
+    return s[0] + 0.5 * h.T * s[1]
+
+
+@njit
 def predict(h: Settings, force: float, k_i: float, k_s: float, s: Start) -> Start:
     """Eq. 9, 10; `s` is the mean (4) and the upper triangle of the covariance (10)."""
     x0, x1, x2, x3, p00, p01, p02, p03, p11, p12, p13, p22, p23, p33 = s
-    T, tm, c, a, b = h.T, h.T / h.m, 0.5 * h.T * h.T / h.m, h.a, h.b
+    T, half, tm, a, b, c, d, q = h.T, 0.5 * h.T, h.T / h.m, h.a, h.b, h.c, h.d, h.q
+    t2 = half * tm
     f, g = force + x2, k_i * h.k_ui
-    a00, a10 = 1 + c * k_s, tm * k_s
-    m00, m01 = a00 * p00 + T * p01 + c * p02, a00 * p01 + T * p11 + c * p12
-    m02, m03 = a00 * p02 + T * p12 + c * p22, a00 * p03 + T * p13 + c * p23
-    m10, m11 = a10 * p00 + p01 + tm * p02, a10 * p01 + p11 + tm * p12
-    m12, m13 = a10 * p02 + p12 + tm * p22, a10 * p03 + p13 + tm * p23
-    m30, m33 = b * p00 + a * p03, b * p03 + a * p33
-    q = g * g * h.var_u
+    e = g * g * h.var_u
+    w0, w1 = k_s * (p00 + half * p01) + p02, k_s * (p01 + half * p11) + p12
+    w2, w3 = k_s * (p02 + half * p12) + p22, k_s * (p03 + half * p13) + p23
+    m00, m01 = p00 + T * p01 + t2 * w0, p01 + T * p11 + t2 * w1
+    m02, m03 = p02 + T * p12 + t2 * w2, p03 + T * p13 + t2 * w3
+    m10, m11, m12, m13 = p01 + tm * w0, p11 + tm * w1, p12 + tm * w2, p13 + tm * w3
+    m30 = b * p00 + c * p01 + a * p03 + d * w0
+    m31 = b * p01 + c * p11 + a * p13 + d * w1
+    m32 = b * p02 + c * p12 + a * p23 + d * w2
+    m33 = b * p03 + c * p13 + a * p33 + d * w3
+    z0 = k_s * (m00 + half * m01) + m02 + t2 * e
+    z1 = k_s * (m10 + half * m11) + m12 + tm * e
+    z3 = k_s * (m30 + half * m31) + m32 + d * e
     return (
-        x0 + T * x1 + c * f,
+        x0 + T * x1 + t2 * f,
         x1 + tm * f,
         x2,
-        b * x0 + a * x3,
-        m00 * a00 + m01 * T + m02 * c + c * c * q,
-        m00 * a10 + m01 + m02 * tm + c * tm * q,
-        m02,
-        m00 * b + m03 * a,
-        m10 * a10 + m11 + m12 * tm + tm * tm * q,
-        m12,
-        m10 * b + m13 * a,
-        p22 + h.var_d,
-        b * p02 + a * p23,
-        m30 * b + m33 * a,
+        b * x0 + c * x1 + a * x3 + d * f,
+        m00 + T * m01 + t2 * z0 + q[0],
+        m01 + tm * z0 + q[1],
+        m02 + q[2],
+        b * m00 + c * m01 + a * m03 + d * z0 + q[3],
+        m11 + tm * z1 + q[4],
+        m12 + q[5],
+        b * m10 + c * m11 + a * m13 + d * z1 + q[6],
+        p22 + q[7],
+        m32 + q[8],
+        b * m30 + c * m31 + a * m33 + d * z3 + q[9],
     )
 
 
@@ -90,7 +103,7 @@ def structured(h: Settings, start: Start, y: Array, u: Array, k_i: Array, k_s: A
     mean, innovation, variance = np.empty((y.size, 4)), np.empty(y.size), np.empty(y.size)
     for k in range(y.size):
         if k > 0:
-            force = k_i[k - 1] * h.k_ui * u[k - 1] + k_s[k - 1] * s[0] + h.f_0
+            force = k_i[k - 1] * h.k_ui * u[k - 1] + k_s[k - 1] * displacement(h, s) + h.f_0
             s = predict(h, force, k_i[k - 1], k_s[k - 1], s)
         s, innovation[k], variance[k] = update(h, y[k], s)
         mean[k, 0], mean[k, 1], mean[k, 2], mean[k, 3] = s[0], s[1], s[2], s[3]
@@ -105,7 +118,8 @@ def parallel(
         s = start
         for k in range(y.shape[1]):
             if k > 0:
-                force = k_i[k - 1] * h.k_ui * u[run, k - 1] + k_s[k - 1] * s[0] + h.f_0
+                held = k_i[k - 1] * h.k_ui * u[run, k - 1]
+                force = held + k_s[k - 1] * displacement(h, s) + h.f_0
                 s = predict(h, force, k_i[k - 1], k_s[k - 1], s)
             s, _, _ = update(h, y[run, k], s)
             for i in range(4):
@@ -126,7 +140,7 @@ def stepper(work: Work) -> Callable[[Array, float, float], Array]:
             state[0], state[1], state[2], state[3], state[4], state[5], state[6],
             state[7], state[8], state[9], state[10], state[11], state[12], state[13],
         )  # fmt: skip
-        s = predict(h, k_i * h.k_ui * u + k_s * s[0] + h.f_0, k_i, k_s, s)
+        s = predict(h, k_i * h.k_ui * u + k_s * displacement(h, s) + h.f_0, k_i, k_s, s)
         s, _, _ = update(h, y, s)
         for i in range(14):
             state[i] = s[i]
@@ -190,8 +204,9 @@ def with_rules(h: Settings, rules: Rules, start: Start, y: Array, u: Array) -> A
     for k in range(y.size):
         if k > 0:
             iu = h.k_ui * u[k - 1]
-            k_i, k_s = ask(rules, iu, s[0])
-            s = predict(h, k_i * iu + k_s * s[0] + h.f_0, k_i, k_s, s)
+            at = displacement(h, s)
+            k_i, k_s = ask(rules, iu, at)
+            s = predict(h, k_i * iu + k_s * at + h.f_0, k_i, k_s, s)
             stiffness[k, 0], stiffness[k, 1] = k_i, k_s
         s, innovation[k], variance[k] = update(h, y[k], s)
         mean[k, 0], mean[k, 1], mean[k, 2], mean[k, 3] = s[0], s[1], s[2], s[3]
@@ -202,15 +217,22 @@ def with_rules(h: Settings, rules: Rules, start: Start, y: Array, u: Array) -> A
 def dense(
     h: Settings, x: Array, P: Array, y: Array, u: Array, k_i: Array, k_s: Array
 ) -> Array:  # what one writes without thinking of zeros: 4 x 4 loops, work arrays made once
-    tm, c = h.T / h.m, 0.5 * h.T * h.T / h.m
+    tm, t2, half = h.T / h.m, 0.5 * h.T * h.T / h.m, 0.5 * h.T
     A, AP, K = np.zeros((4, 4)), np.empty((4, 4)), np.empty(4)
-    b, Q = np.array([c, tm, 0.0, 0.0]), np.array([0.0, 0.0, h.var_d, 0.0])
-    A[0, 1], A[0, 2], A[1, 1], A[1, 2], A[2, 2], A[3, 0], A[3, 3] = h.T, c, 1, tm, 1, h.b, h.a
+    b, Q = np.array([t2, tm, 0.0, h.d]), np.empty((4, 4))
+    place = 0
+    for i in range(4):
+        for j in range(i, 4):
+            Q[i, j] = h.q[place]
+            place += 1
+    A[0, 2], A[1, 2], A[2, 2], A[3, 2], A[3, 3] = t2, tm, 1, h.d, h.a
     new = np.empty(4)
     mean, innovation, variance = np.empty((y.size, 4)), np.empty(y.size), np.empty(y.size)
     for k in range(y.size):
         if k > 0:
-            A[0, 0], A[1, 0] = 1 + c * k_s[k - 1], tm * k_s[k - 1]
+            s = k_s[k - 1]
+            A[0, 0], A[1, 0], A[3, 0] = 1 + t2 * s, tm * s, h.b + h.d * s
+            A[0, 1], A[1, 1], A[3, 1] = h.T + t2 * s * half, 1 + tm * s * half, h.c + h.d * s * half
             g = k_i[k - 1] * h.k_ui
             force = g * u[k - 1] + h.f_0
             for i in range(4):
@@ -223,11 +245,10 @@ def dense(
             x[:] = new
             for i in range(4):
                 for j in range(i, 4):
-                    entry = b[i] * b[j] * g * g * h.var_u
+                    entry = b[i] * b[j] * g * g * h.var_u + Q[i, j]
                     for m in range(4):
                         entry += AP[i, m] * A[j, m]
                     P[i, j] = P[j, i] = entry
-                P[i, i] += Q[i]
         S, e = P[3, 3] + h.r, y[k] - x[3]
         for i in range(4):
             K[i] = P[i, 3] / S

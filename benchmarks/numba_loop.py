@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 import ambkit
 from benchmarks.closed_loop import ClosedLoop
-from benchmarks.numba_filters import Start, njit, predict, update
+from benchmarks.numba_filters import Start, displacement, njit, predict, update
 from benchmarks.work import Settings
 
 Array = NDArray[np.float64]
@@ -133,7 +133,7 @@ def closed_loop(step: Callable[..., Plant]) -> Callable[..., Run]:
             y = x_m + noise_y[k]
             if k > 0:
                 held = clamp(p.k_ui * signals[4, k - 1], p.iu_min, p.iu_max)
-                force = p.k_i * held + p.k_s * clamp(s[0], -p.x_max, p.x_max) + h.f_0
+                force = p.k_i * held + p.k_s * displacement(h, s) + h.f_0
                 s = predict(h, force, p.k_i, p.k_s, s)
             s, innovation[k], variance[k] = update(h, y, s)
             for i in range(4):

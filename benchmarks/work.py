@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -24,11 +25,13 @@ class Settings(NamedTuple):
     m: float
     a: float  # exp(-T / T_sen)
     b: float  # K_sen (1 - a)
+    c: float  # K_sen (T - T_sen (1 - a))
+    d: float  # K_sen (T^2/2 - T T_sen + T_sen^2 (1 - a)) / m
     k_ui: float
     f_0: float
     var_u: float
-    var_d: float
     r: float
+    q: tuple[float, ...]  # growth of the disturbance force, the upper triangle
 
 
 @dataclass(frozen=True)
@@ -74,7 +77,7 @@ class Work:
             u=record["u"],
             k_i=k_i,
             k_s=k_s,
-            settings=_settings(bearing),
+            settings=_settings(bearing, kf),
             mean=kf.mean,
             cov=kf.covariance,
         )
@@ -93,18 +96,31 @@ class Work:
         return np.asarray(np.sqrt(np.diag(self.cov)))
 
 
-def _settings(bearing: ambkit.Bearing) -> Settings:
-    """What `KalmanFilter` makes of the bearing and of DISTURBANCE, computed here once more."""
-    T, sensor = bearing.sampling_time, bearing.sensor
+def _settings(bearing: ambkit.Bearing, kf: ambkit.KalmanFilter) -> Settings:
+    """What `KalmanFilter` makes of the bearing, computed here once more but for the growth."""
+    T, m, sensor = bearing.sampling_time, bearing.rotor.mass, bearing.sensor
     a = math.exp(-T / sensor.lag)
+    lagged = T - sensor.lag * (1 - a)
+    c = kf.core.parameters["model"]
+    growth = {(i, j): c.get(f"N{i}{j}", 1.0) for i in range(4) for j in range(i, 4)}
     return Settings(
         T=T,
-        m=bearing.rotor.mass,
+        m=m,
         a=a,
         b=sensor.gain * (1 - a),
+        c=sensor.gain * lagged,
+        d=sensor.gain * (T**2 / 2 - sensor.lag * lagged) / m,
         k_ui=bearing.amplifier.gain,
         f_0=bearing.weight,
         var_u=bearing.amplifier.noise_variance,
-        var_d=T * DISTURBANCE,
         r=sensor.noise_variance,
+        q=tuple(T * DISTURBANCE * growth[place] for place in sorted(growth)),
     )
+
+
+def full(triangle: Sequence[float]) -> Array:
+    """Return the symmetric matrix (4, 4) of an upper triangle (10,)."""
+    matrix = np.empty((4, 4))
+    rows, columns = np.triu_indices(4)
+    matrix[rows, columns] = matrix[columns, rows] = triangle
+    return matrix

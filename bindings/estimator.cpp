@@ -5,6 +5,7 @@ extern "C" {
 #include "ambkit/smoother.h"
 #include "ambkit/square_root.h"
 #include "ambkit/unscented.h"
+#include "generated/axial_fields.h"
 }
 
 namespace

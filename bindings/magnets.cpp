@@ -1,7 +1,7 @@
 #include "magnets.h"
 
 extern "C" {
-#include "ambkit/exponential.h"
+#include "ambkit/phi.h"
 }
 
 namespace
@@ -231,4 +231,18 @@ void bind_magnets(nb::module_ &m)
         return e.array;
       },
       nb::arg("t"), "exp(-t) for t >= 0 as the core computes it, (n,).");
+  m.def(
+      "phi",
+      [](const Vector &z) {
+        Fresh<amb_real> phi({z.size(), 3});
+        for (size_t k = 0; k < z.size(); k++) {
+          phi.data[3 * k] = amb_phi1(z.data()[k]);
+          phi.data[3 * k + 1] = amb_phi2(z.data()[k]);
+          phi.data[3 * k + 2] = amb_phi3(z.data()[k]);
+        }
+        return phi.array;
+      },
+      nb::arg("z"),
+      "phi_1, phi_2, phi_3 (n, 3) at z >= 0 as the core computes them, (n,): the sums over n of "
+      "(-z)^n / (n+k)!.");
 }

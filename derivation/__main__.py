@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from derivation.axial import axial
-from derivation.emit import header
+from derivation.emit import fields, header
 from derivation.exponential import exponential_header
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -23,8 +23,9 @@ def formatted(text: str) -> str:
 def main() -> int:
     """Write, or compare, all headers; return 1 where a committed file is stale."""
     stale = 0
-    written = {f"{model.name}.h": header(model) for model in (axial,)}
-    written["exponential.h"] = exponential_header()
+    written = {"exponential.h": exponential_header()}
+    for model in (axial,):
+        written |= {f"{model.name}.h": header(model), f"{model.name}_fields.h": fields(model)}
     for name, unformatted in written.items():
         path, text = GENERATED / name, formatted(unformatted)
         if "--check" in sys.argv:

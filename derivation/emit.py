@@ -88,13 +88,10 @@ class Names:
 def constants(model: Model, names: Names) -> str:
     """Return the struct of the model's constants, and the functions that compute them."""
     fields = "\n".join(f"  amb_real {s};" for s in names.constants)
-    listed = "; ".join(f"FIELD({s})" for s in names.constants)
     arguments = ", ".join(f"amb_real {p}" for p in model.parameters)
     return (
         "/* What the equations ask of the physical parameters, computed once. */\n"
         f"typedef struct {names.kind}_model {{\n{fields}\n}} {names.kind}_model;\n\n"
-        f"/* Each of its fields, for whoever asks for all. */\n"
-        f"#define {names.kind.upper()}_MODEL_FIELDS(FIELD) {listed}\n\n"
         "#ifndef AMB_SIDE_BY_SIDE /* vectors of filters take theirs from the scalars' */\n"
         + function(
             "Constants from the physical parameters, SI.",
@@ -195,6 +192,19 @@ def update(model: Model, names: Names) -> str:
         f"{names.kind}_update(amb_real y, amb_real {model.measurement_variance}, "
         f"{names.mean_argument}, {names.cov_argument}, amb_real *innovation, amb_real *variance)",
         lines,
+    )
+
+
+def fields(model: Model) -> str:
+    """Return the text of ``core/generated/<name>_fields.h``: no controller needs it."""
+    names = Names(model)
+    guard = f"AMBKIT_GENERATED_{model.name.upper()}_FIELDS_H"
+    listed = "; ".join(f"FIELD({s})" for s in names.constants)
+    return (
+        f"/* Each constant of {names.kind}_model, for whoever asks for all. Written by "
+        "`python -m derivation`; do not edit. */\n"
+        f"#ifndef {guard}\n#define {guard}\n\n"
+        f"#define {names.kind.upper()}_MODEL_FIELDS(FIELD) {listed}\n\n#endif\n"
     )
 
 

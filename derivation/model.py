@@ -94,7 +94,8 @@ class Model:
 
         ``N = 1/T int_0^T g(t) g(t)' dt`` with g(t) what the state has made of a growth the time t
         after it. By four points of Gauss and Legendre: exact but for the exponential in the
-        sensor's row, whose share is right to five digits; and never indefinite by rounding.
+        sensor's row, whose share is right to four digits at the worst; and never indefinite by
+        rounding.
         """
         n = len(self.state)
         nodes, weights = _gauss_legendre(4)

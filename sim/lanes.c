@@ -8,6 +8,7 @@
 #include "ambkit/fuzzy.h"
 #include "ambkit/low_pass.h"
 #include "ambkit/observer.h"
+#include "generated/axial_fields.h"
 #include "lanes_step.h"
 #include <string.h>
 

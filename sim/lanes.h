@@ -43,7 +43,6 @@ typedef struct lanes_law {
 #undef AMBKIT_LAW_H
 #undef AMB_AXIAL_STATES
 #undef AMB_AXIAL_TRIANGLE
-#undef AMB_AXIAL_MODEL_FIELDS
 #include "generated/axial.h"
 #include "src/law.h"
 #undef AMB_SIDE_BY_SIDE

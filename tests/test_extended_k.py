@@ -46,8 +46,9 @@ def test_it_is_the_extended_filter_of_five_states(bearing: str, wander: float) -
         if k:
             iu = float(np.clip(s["k_ui"] * record["u"][k - 1], s["iu_min"], s["iu_max"]))
             X = ekf.x * D
-            known = float(magnet.force(np.array([iu]), X[:1])[0]) + bias
-            k_i, k_s = (X[4] * float(a[0]) for a in magnet.tangent(np.array([iu]), X[:1]))
+            at = np.array([iu]), X[:1] + X[1:2] * s["T"] / 2
+            known = float(magnet.force(*at)[0]) + bias
+            k_i, k_s = (X[4] * float(a[0]) for a in magnet.tangent(*at))
             model = LinearModel.of(mine.core.parameters, k_i, k_s)
             free = LinearModel.of(mine.core.parameters, 0.0, 0.0)
             A, Q = np.eye(5), np.zeros((5, 5))

@@ -157,7 +157,7 @@ def test_the_extended_filter_is_the_textbook_s() -> None:
     for k in range(len(RECORD)):
         if k:
             iu = float(np.clip(s["k_ui"] * RECORD["u"][k - 1], s["iu_min"], s["iu_max"]))
-            at = np.array([iu]), np.array([x[0]])
+            at = np.array([iu]), np.array([x[0] + x[1] * s["T"] / 2])
             force = float(magnet.force(*at)[0])
             k_i, k_s = (float(a[0]) for a in magnet.tangent(*at))
             model = LinearModel.of(held, k_i, k_s)

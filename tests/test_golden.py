@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from golden.runs import RUNS, read
+from golden.runs import RUNS, filtered, read
 
 HOW = "\nif the change is meant: python -m tests.golden, and look at the diff"
 
@@ -19,6 +19,15 @@ def test_the_run_is_the_recorded_one(name: str) -> None:
                 f"{name}.csv, column {column}: {changed.size} of {values.size} rows differ, first "
                 f"line {k + 2}: recorded {recorded[column][k]:.17g}, now {values[k]:.17g}{HOW}"
             )
+
+
+def test_as_printed_it_is_what_it_was_before_there_was_another_model() -> None:
+    recorded, now = read("linear_as_printed"), filtered(None, "float64", as_printed=True)
+    assert list(recorded) == list(now)
+    assert (recorded["status"] == now["status"]).all()
+    for column, values in now.items():
+        scale = np.abs(recorded[column]).max()
+        assert np.abs(values - recorded[column]).max() <= 1e-12 * scale, column
 
 
 def test_the_recorded_runs_have_something_in_them() -> None:

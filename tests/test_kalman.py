@@ -16,11 +16,13 @@ from ambkit.magnets import core_module
 # ---- against the textbook ----
 
 
-def test_eq_9_to_13_with_full_matrices() -> None:
-    """As printed, (I - K H) P and all, for as long as that keeps its symmetry."""
+@pytest.mark.parametrize("as_printed", [False, True])
+def test_eq_9_to_13_with_full_matrices(as_printed: bool) -> None:
+    """With (I - K H) P as in eq. 13, for as long as that keeps its symmetry."""
+    s = SETTINGS | {"as_printed": as_printed}
     r = {name: values[:400] for name, values in moving_record(0.05).items()}
-    naive = oracles.Kalman(SETTINGS, START, STD, joseph=False).run(**r)
-    ours = core_filter(SETTINGS).run(**r, covariance=True)
+    naive = oracles.Kalman(s, START, STD, joseph=False).run(**r)
+    ours = core_filter(s).run(**r, covariance=True)
     assert off(ours["mean"], naive["mean"]).max() < 1e-10
     np.testing.assert_allclose(ours["variance"], naive["variance"], rtol=1e-10)
     scale = np.sqrt(np.einsum("kii->ki", naive["covariance"]))
@@ -30,17 +32,17 @@ def test_eq_9_to_13_with_full_matrices() -> None:
     assert np.abs(correlation).max() < 1e-9
 
 
-def test_filterpy_agrees_over_100_000_steps() -> None:
+@pytest.mark.parametrize("as_printed", [False, True])
+def test_filterpy_agrees_over_100_000_steps(as_printed: bool) -> None:
     """Joseph's update, F, B and Q new at each step; to 1e-10 of each state's scale."""
     filterpy = pytest.importorskip("filterpy.kalman")
-    s, r = SETTINGS, moving_record(10.0)
+    s, r = SETTINGS | {"as_printed": as_printed}, moving_record(10.0)
     n = len(r["y"])
     assert n > 100_000
     kf = filterpy.KalmanFilter(dim_x=4, dim_z=1, dim_u=2)
     kf.x, kf.P = START.reshape(4, 1).copy(), np.diag(STD**2)
     kf.H, kf.R = np.array([[0.0, 0, 0, 1]]), np.array([[s["var_y"]]])
-    own = np.diag([0, 0, s["var_d"], 0])
-    constant = np.array([s["T"] ** 2 / (2 * s["m"]), s["T"] / s["m"], 0, 0])
+    _, constant, growth = oracles.held_force(s)
     mean = np.empty((n, 4))
     for k in range(n):
         if k > 0:
@@ -49,7 +51,7 @@ def test_filterpy_agrees_over_100_000_steps() -> None:
                 u=np.array([[r["u"][k - 1]], [s["f_0"]]]),
                 F=F,
                 B=np.column_stack([b, constant]),
-                Q=s["var_u"] * np.outer(b, b) + own,
+                Q=s["var_u"] * np.outer(b, b) + s["var_d"] * growth,
             )
         kf.update(r["y"][k])
         mean[k] = kf.x[:, 0]
@@ -73,8 +75,9 @@ def test_the_adaptive_filter_asks_the_law_at_its_estimate() -> None:
     for i in range(len(y)):
         if i > 0:
             iu = min(max(u[i - 1], SETTINGS["iu_min"]), SETTINGS["iu_max"])
+            at = naive.X[0] + naive.X[1] * SETTINGS["T"] / 2
             # 0.1 mA and 0.1 um: near the limit of the paper's least squares, not yet noise
-            k[i] = oracles.least_squares_stiffness(force, iu, naive.X[0], 1e-4, 1e-7)
+            k[i] = oracles.least_squares_stiffness(force, iu, at, 1e-4, 1e-7)
             naive.predict(*k[i], u[i - 1])
         naive.update(y[i])
         mean[i] = naive.X
@@ -90,7 +93,7 @@ def test_the_gain_settles_where_python_control_says(k_i: float, k_s: float) -> N
     control = pytest.importorskip("control")
     s = SETTINGS
     A, B, H = oracles.system_matrices(s, k_i, k_s)
-    Q = s["var_u"] * np.outer(B, B) + np.diag([0, 0, s["var_d"], 0])
+    Q = s["var_u"] * np.outer(B, B) + s["var_d"] * oracles.held_force(s)[2]
     # In units of STD: in SI the Riccati equation is too badly scaled for any solver.
     scale = np.diag(1 / STD)
     back = np.diag(STD)

@@ -87,7 +87,7 @@ def test_the_covariance_is_positive_definite_after_ten_million_steps(precision: 
         status = kf.run(**part)["status"]
         assert not (status & core_module().BAD_VARIANCE).any()
         settled.append(kf.covariance)
-        assert least_correlation_eigenvalue(settled[-1]) > 4e-6
+        assert least_correlation_eigenvalue(settled[-1]) > 2e-6
     # It has not crept: the same record leaves the same covariance each time.
     np.testing.assert_allclose(
         settled[-1], settled[1], rtol=1e-9 if precision == "float64" else 1e-3

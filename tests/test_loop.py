@@ -50,7 +50,8 @@ def naive_loop(bearing: Bearing, scenario: Scenario, record: Any, *, fed_back: s
         y = state[2] + noise_y[k]
         if k > 0:
             held = min(max(s["k_ui"] * u, s["iu_min"]), s["iu_max"])
-            kf.predict(*oracles.least_squares_stiffness(magnet, held, kf.X[0], 1e-4, 1e-7), u)
+            at = kf.X[0] + kf.X[1] * T / 2
+            kf.predict(*oracles.least_squares_stiffness(magnet, held, at, 1e-4, 1e-7), u)
         kf.update(y)
         r = record["r"][k]
         demanded = (

@@ -44,8 +44,12 @@ def test_it_is_filterpy_s(alpha: float, beta: float, kappa: float, blunt: float)
     mine.reset(MEAN, STD)
     out = mine.run(record["y"], record["u"], covariance=True)
 
-    # filterpy's in units of the standard deviations, as its Cholesky root wants them.
-    D = STD
+    # filterpy's in units of the standard deviations, as its Cholesky root wants them; and with the
+    # displacement at which the magnet is asked as the first state, so that one pair of points moves
+    # it.
+    D = np.diag(STD)
+    D[0, 1] = -s["T"] / 2 * STD[1]
+    back = np.linalg.inv(D)
     free = LinearModel.of(mine.parameters, 0.0, 0.0)
     magnet = law.magnet(core)
 
@@ -53,23 +57,26 @@ def test_it_is_filterpy_s(alpha: float, beta: float, kappa: float, blunt: float)
         return float(magnet.force(np.array([iu]), np.array([x]))[0])
 
     def transition(z: Any, _dt: float, iu: float) -> Any:
-        X = D * z
-        return (free.A @ X + free.E.ravel() * (force(iu, X[0]) + s["f_0"])) / D
+        X = D @ z
+        at = X[0] + X[1] * s["T"] / 2
+        return back @ (free.A @ X + free.E.ravel() * (force(iu, at) + s["f_0"]))
 
     points = MerweScaledSigmaPoints(4, alpha, beta, kappa)
-    ukf = UnscentedKalmanFilter(4, 1, s["T"], lambda z: z[3:] * D[3], transition, points)
-    ukf.x, ukf.P, ukf.R = MEAN / D, np.diag((STD / D) ** 2), np.array([[s["var_y"]]])
+    ukf = UnscentedKalmanFilter(4, 1, s["T"], lambda z: z[3:] * STD[3], transition, points)
+    ukf.x, ukf.P = back @ MEAN, back @ np.diag(STD**2) @ back.T
+    ukf.R = np.array([[s["var_y"]]])
     ukf.sigmas_f = points.sigma_points(ukf.x, ukf.P)
     for k in range(len(record)):
         if k:
             iu = float(np.clip(s["k_ui"] * record["u"][k - 1], s["iu_min"], s["iu_max"]))
-            k_i = float(magnet.tangent(np.array([iu]), np.array([D[0] * ukf.x[0]]))[0][0])
-            ukf.Q = LinearModel.of(mine.parameters, k_i, 0.0).Q / np.outer(D, D)
+            at = np.array([STD[0] * ukf.x[0]])
+            k_i = float(magnet.tangent(np.array([iu]), at)[0][0])
+            ukf.Q = back @ LinearModel.of(mine.parameters, k_i, 0.0).Q @ back.T
             ukf.predict(iu=iu)
         ukf.update(record["y"][k : k + 1])
-        sigma = np.sqrt(np.diag(ukf.P)) * D
-        assert (np.abs(out["mean"][k] - D * ukf.x) <= 1e-9 * np.maximum(sigma, np.abs(D))).all()
-    P = (ukf.P * np.outer(D, D))[np.triu_indices(4)]
+        sigma = np.sqrt(np.diag(D @ ukf.P @ D.T))
+        assert (np.abs(out["mean"][k] - D @ ukf.x) <= 1e-9 * np.maximum(sigma, STD)).all()
+    P = (D @ ukf.P @ D.T)[np.triu_indices(4)]
     rows, columns = np.triu_indices(4)
     off = np.abs(out["covariance"][-1] - P) / (sigma[rows] * sigma[columns])
     assert off.max() < 1e-9

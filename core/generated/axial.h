@@ -29,26 +29,6 @@ typedef struct amb_axial_model {
   amb_real N33;
 } amb_axial_model;
 
-/* Each of its fields, for whoever asks for all. */
-#define AMB_AXIAL_MODEL_FIELDS(FIELD)                                                              \
-  FIELD(T);                                                                                        \
-  FIELD(T_2);                                                                                      \
-  FIELD(T_m);                                                                                      \
-  FIELD(T2_2m);                                                                                    \
-  FIELD(a_sen);                                                                                    \
-  FIELD(b_sen);                                                                                    \
-  FIELD(c_sen);                                                                                    \
-  FIELD(d_sen);                                                                                    \
-  FIELD(N00);                                                                                      \
-  FIELD(N01);                                                                                      \
-  FIELD(N02);                                                                                      \
-  FIELD(N03);                                                                                      \
-  FIELD(N11);                                                                                      \
-  FIELD(N12);                                                                                      \
-  FIELD(N13);                                                                                      \
-  FIELD(N23);                                                                                      \
-  FIELD(N33)
-
 #ifndef AMB_SIDE_BY_SIDE /* vectors of filters take theirs from the scalars' */
 /* Constants from the physical parameters, SI. */
 AMB_INLINE void amb_axial_model_init(amb_axial_model *model, amb_real T, amb_real m, amb_real K_sen,

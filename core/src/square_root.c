@@ -110,7 +110,7 @@ static void predict_factor(const amb_kalman *kf, amb_stiffness k, amb_square_roo
                               g * kf->model.d_sen};
   amb_real growth[N][N];
   amb_real weight[COLUMNS];
-  factor_growth(&kf->model, growth, weight + N + 1);
+  factor_growth(&kf->model, growth, &weight[N + 1]);
   for (int i = 0; i < N; i++) {
     weight[i] = s->D[i];
     W[i][N] = pushed[i];

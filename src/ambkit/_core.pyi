@@ -53,6 +53,11 @@ MAX_RULES: int = 64
 def exp_negative(t: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
     """exp(-t) for t >= 0 as the core computes it, (n,)."""
 
+def phi(z: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
+    """
+    phi_1, phi_2, phi_3 (n, 3) at z >= 0 as the core computes them, (n,): the sums over n of (-z)^n / (n+k)!.
+    """
+
 OK: int = 0
 
 MISSING: int = 1

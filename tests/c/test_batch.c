@@ -72,14 +72,24 @@ static void compare(const amb_estimator_methods *methods, const amb_magnet *magn
   for (size_t i = 0; i < runs; i++) {
     one *o = &all[i];
     memset(o, 0, sizeof *o);
-    const amb_kalman_settings s = {AMB_C(1e-4), AMB_C(0.518) + AMB_C(0.01) * (amb_real)i,
-                                   1,           AMB_C(2e-4),
-                                   1,           AMB_C(-5.08),
-                                   AMB_C(-1.5), AMB_C(1.5),
-                                   AMB_C(1e-3), AMB_C(1e-4),
-                                   AMB_C(1e-2), AMB_C(1e-10),
-                                   8,           10U,
-                                   3U};
+    const amb_kalman_settings s = {
+        .T = AMB_C(1e-4),
+        .m = AMB_C(0.518) + AMB_C(0.01) * (amb_real)i,
+        .K_sen = 1,
+        .T_sen = AMB_C(2e-4),
+        .k_ui = 1,
+        .f_0 = AMB_C(-5.08),
+        .iu_min = AMB_C(-1.5),
+        .iu_max = AMB_C(1.5),
+        .x_max = AMB_C(1e-3),
+        .var_u = AMB_C(1e-4),
+        .var_d = AMB_C(1e-2),
+        .var_y = AMB_C(1e-10),
+        .gate = 8,
+        .as_printed = i % 3 == 2, /* a filter of each sort side by side */
+        .frozen_limit = 10,
+        .outlier_limit = 3,
+    };
     CHECK(amb_kalman_init(&o->kf, &s) == AMB_OK);
     const amb_estimator e = {methods, &o->kf, magnet, own};
     o->estimator = e;

@@ -101,12 +101,31 @@ static void test_predict_is_eq_9_and_10(void)
   s.mean[1] = AMB_C(0.02);
   s.mean[2] = 2;
   CHECK(amb_kalman_predict(&kf, &s, centre, AMB_C(0.5)) == AMB_OK);
-  const amb_real f = AMB_C(10.05) * AMB_C(0.5) + AMB_C(0.75375) - AMB_C(5.08158) + 2;
+  /* At the mean displacement, 0.101 mm; the lag follows position, speed and acceleration. */
+  const amb_real f = AMB_C(10.05) * AMB_C(0.5) + AMB_C(0.7612875) - AMB_C(5.08158) + 2;
   CHECK_NEAR(s.mean[0], AMB_C(1.02e-4) + AMB_C(5e-9) / AMB_C(0.518) * f);
   CHECK_NEAR(s.mean[1], AMB_C(0.02) + AMB_C(1e-4) / AMB_C(0.518) * f);
   CHECK(same(s.mean[2], 2));
-  CHECK_NEAR(s.mean[3], AMB_C(0.8) * AMB_C(1e-4) * AMB_C(0.39346934028736657640));
+  CHECK_NEAR(s.mean[3], AMB_C(0.8) * (AMB_C(1e-4) * AMB_C(0.39346934028736657640) +
+                                      AMB_C(0.02) * AMB_C(2.13061319425266847e-5) +
+                                      f / AMB_C(0.518) * AMB_C(7.38773611494663e-10)));
   CHECK_NEAR(s.cov[7], 25 + AMB_C(1e-2));
+  CHECK(sound(&s));
+}
+
+static void test_as_printed_the_sensor_follows_the_position_alone(void)
+{
+  amb_kalman_settings set = paper;
+  set.as_printed = true;
+  amb_kalman kf;
+  CHECK(amb_kalman_init(&kf, &set) == AMB_OK);
+  amb_kalman_state s = start();
+  s.mean[0] = AMB_C(1e-4);
+  s.mean[1] = AMB_C(0.02);
+  CHECK(amb_kalman_predict(&kf, &s, centre, AMB_C(0.5)) == AMB_OK);
+  const amb_real f = AMB_C(10.05) * AMB_C(0.5) + AMB_C(0.75375) - AMB_C(5.08158);
+  CHECK_NEAR(s.mean[1], AMB_C(0.02) + AMB_C(1e-4) / AMB_C(0.518) * f);
+  CHECK_NEAR(s.mean[3], AMB_C(0.8) * AMB_C(1e-4) * AMB_C(0.39346934028736657640));
   CHECK(sound(&s));
 }
 
@@ -220,7 +239,8 @@ static void test_a_step_is_its_parts(void)
     CHECK(amb_kalman_step(&kf, &closed, &whole, y, u, &r) == AMB_OK);
     amb_status status = AMB_OK;
     const amb_real iu = amb_kalman_current(&kf, &parts, u, &status);
-    const amb_stiffness stiffness = amb_kalman_stiffness(&kf, &closed, iu, parts.mean[0]);
+    const amb_real s = amb_axial_displacement(&kf.model, parts.mean);
+    const amb_stiffness stiffness = amb_kalman_stiffness(&kf, &closed, iu, s);
     CHECK(amb_kalman_predict(&kf, &parts, stiffness, iu) == AMB_OK);
     CHECK(amb_kalman_update(&kf, &parts, y, &q) == AMB_OK && status == AMB_OK);
     CHECK(unchanged(&whole, &parts) && same(r.stiffness.k_s, stiffness.k_s));
@@ -304,6 +324,7 @@ int main(void)
   test_settings();
   test_start();
   test_predict_is_eq_9_and_10();
+  test_as_printed_the_sensor_follows_the_position_alone();
   test_update_is_eq_11_to_13();
   test_measurements_that_are_none();
   test_control_signals_that_are_none();

@@ -30,14 +30,14 @@ static void test_linear(void)
   CHECK_WITHIN(a.cov[0], b.cov[0], AMB_C(1e-3));
 }
 
-/* Where the position is known to all digits, and where not at all. */
+/* Where position and speed are known to all digits, and where not at all. */
 static void test_spread(void)
 {
   const amb_kalman kf = family_filter();
   const amb_estimator e = {&amb_unscented_methods, &kf, &family_law, &own};
   amb_kalman_state s;
   amb_kalman_result r;
-  const amb_real sharp[4] = {AMB_REAL_MIN, 1, 1, AMB_C(1e-5)};
+  const amb_real sharp[4] = {AMB_REAL_MIN, AMB_C(1e-9), 1, AMB_C(1e-5)};
   CHECK(e.methods->reset(&e, &s, family_rest, sharp) == AMB_OK);
   CHECK(e.methods->predict(&e, &s, AMB_C(0.3), &r) == AMB_OK);
   CHECK(all_finite(s.mean, 4) && all_finite(s.cov, 10));

@@ -1,7 +1,8 @@
 """Recorded runs: what the core answered to one short record, digit by digit.
 
 A change of behaviour shows in the diff of the CSV files. ``input.csv`` is the record, and is not
-written again, so that the runs do not depend on the simulation. Where a change is meant:
+written again, so that the runs do not depend on the simulation. Nor is ``linear_as_printed.csv``,
+which the core answered when it knew no other model than eq. 15-21. Where a change is meant:
 
     python -m tests.golden
 """
@@ -40,10 +41,10 @@ def write(name: str, table: Table) -> None:
     (HERE / f"{name}.csv").write_text("\n".join(lines) + "\n")
 
 
-def filtered(source: Any, precision: Any) -> Table:
+def filtered(source: Any, precision: Any, *, as_printed: bool = False) -> Table:
     """Run a filter of the core along the input; every fourth sample."""
     given = read("input")
-    kf = ambkit.KalmanFilter(BEARING, source, precision=precision)
+    kf = ambkit.KalmanFilter(BEARING, source, precision=precision, as_printed=as_printed)
     kf.core.reset(np.zeros(4), np.array([3e-5, 1e-2, 5.0, 3e-5]))
     out = kf.core.run(given["y"], given["u"], covariance=True)
     columns = {name: out["mean"][:, i] for i, name in enumerate(("x", "v", "f_d", "x_m"))}

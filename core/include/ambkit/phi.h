@@ -14,7 +14,8 @@ static inline amb_real amb_phi_series(int k, amb_real first, amb_real z)
 {
   amb_real sum = AMB_C(1.0);
   for (int n = AMB_PHI_TERMS; n > 0; n--) {
-    sum = AMB_C(1.0) - (z * sum) / (amb_real)(n + k);
+    const int place = n + k;
+    sum = AMB_C(1.0) - (z * sum) / (amb_real)place;
   }
   return first * sum;
 }
