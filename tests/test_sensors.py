@@ -1,4 +1,4 @@
-"""Truth judges the filters over every sensor: the bound, the raw sensor, a filter without magnet."""
+"""Truth judges the filters over every sensor: the bound, raw sensor, a filter without magnet."""
 
 import pytest
 
