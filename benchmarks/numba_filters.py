@@ -46,28 +46,28 @@ def predict(h: Settings, force: float, k_i: float, k_s: float, s: Start) -> Star
     m00, m01 = p00 + T * p01 + t2 * w0, p01 + T * p11 + t2 * w1
     m02, m03 = p02 + T * p12 + t2 * w2, p03 + T * p13 + t2 * w3
     m10, m11, m12, m13 = p01 + tm * w0, p11 + tm * w1, p12 + tm * w2, p13 + tm * w3
-    m30 = b * p00 + c * p01 + a * p03 + d * w0
-    m31 = b * p01 + c * p11 + a * p13 + d * w1
-    m32 = b * p02 + c * p12 + a * p23 + d * w2
-    m33 = b * p03 + c * p13 + a * p33 + d * w3
-    z0 = k_s * (m00 + half * m01) + m02 + t2 * e
-    z1 = k_s * (m10 + half * m11) + m12 + tm * e
-    z3 = k_s * (m30 + half * m31) + m32 + d * e
+    m30 = (b * p00 + c * p01) + a * p03 + d * w0
+    m31 = (b * p01 + c * p11) + a * p13 + d * w1
+    m32 = (b * p02 + c * p12) + a * p23 + d * w2
+    m33 = (b * p03 + c * p13) + a * p33 + d * w3
+    z0 = k_s * (m00 + half * m01) + (m02 + t2 * e)
+    z1 = k_s * (m10 + half * m11) + (m12 + tm * e)
+    z3 = k_s * (m30 + half * m31) + (m32 + d * e)
     return (
         x0 + T * x1 + t2 * f,
         x1 + tm * f,
         x2,
         b * x0 + c * x1 + a * x3 + d * f,
-        m00 + T * m01 + t2 * z0 + h.q00,
-        m01 + tm * z0 + h.q01,
+        (m00 + T * m01 + h.q00) + t2 * z0,
+        (m01 + h.q01) + tm * z0,
         m02 + h.q02,
-        b * m00 + c * m01 + a * m03 + d * z0 + h.q03,
-        m11 + tm * z1 + h.q11,
+        (b * m00 + c * m01) + (a * m03 + h.q03) + d * z0,
+        (m11 + h.q11) + tm * z1,
         m12 + h.q12,
-        b * m10 + c * m11 + a * m13 + d * z1 + h.q13,
+        (b * m10 + c * m11) + (a * m13 + h.q13) + d * z1,
         p22 + h.q22,
         m32 + h.q23,
-        b * m30 + c * m31 + a * m33 + d * z3 + h.q33,
+        (b * m30 + c * m31) + (a * m33 + h.q33) + d * z3,
     )
 
 
