@@ -34,10 +34,7 @@ class Outputs(NamedTuple):
 
 
 class _Hand(ctypes.Structure):
-    _fields_ = tuple(
-        (name, ctypes.c_double * 10 if name == "q" else ctypes.c_double)
-        for name in Settings._fields
-    )
+    _fields_ = tuple((name, ctypes.c_double) for name in Settings._fields)
 
 
 class HandLoop:
@@ -67,7 +64,7 @@ class HandLoop:
 
     def __call__(self, work: Work, outputs: Outputs) -> Array:
         """Run along the record; returns the means (n, 4), which are those of `outputs`."""
-        hand = _Hand(*work.settings[:-1], work.settings.q)
+        hand = _Hand(*work.settings)
         mean, cov = work.mean.copy(), work.cov[np.triu_indices(4)]
         arrays = (work.y, work.u, work.k_i, work.k_s, mean, cov, *outputs)
         self._run(ctypes.byref(hand), work.y.size, *(a.ctypes.data for a in arrays))

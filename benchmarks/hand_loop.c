@@ -1,8 +1,8 @@
 /* The yardstick: the linear filter as an engineer would structure it by hand, for this model only.
  * No checks, no status, no statistics; zeros and symmetry of the matrices used by hand.
  *
- * Paper, eq. 7-21, with the lag of the sensor followed exactly; state [x, v, f_d, x_m], covariance as
- * its upper triangle, row by row. SI. */
+ * Paper, eq. 7-21, with the lag of the sensor followed exactly; state [x, v, f_d, x_m], covariance
+ * as its upper triangle, row by row. SI. */
 #include <stddef.h>
 
 typedef struct hand {
@@ -50,23 +50,23 @@ void hand_run(const hand *h, size_t n, const double *y, const double *u, const d
       const double m02 = p02 + T * p12 + t2 * w2, m03 = p03 + T * p13 + t2 * w3;
       const double m10 = p01 + Tm * w0, m11 = p11 + Tm * w1;
       const double m12 = p12 + Tm * w2, m13 = p13 + Tm * w3;
-      const double m30 = b * p00 + c * p01 + a * p03 + d * w0;
-      const double m31 = b * p01 + c * p11 + a * p13 + d * w1;
-      const double m32 = b * p02 + c * p12 + a * p23 + d * w2;
-      const double m33 = b * p03 + c * p13 + a * p33 + d * w3;
-      const double z0 = s * (m00 + half * m01) + m02 + t2 * e;
-      const double z1 = s * (m10 + half * m11) + m12 + Tm * e;
-      const double z3 = s * (m30 + half * m31) + m32 + d * e;
-      p00 = m00 + T * m01 + t2 * z0 + q[0];
-      p01 = m01 + Tm * z0 + q[1];
+      const double m30 = (b * p00 + c * p01) + a * p03 + d * w0;
+      const double m31 = (b * p01 + c * p11) + a * p13 + d * w1;
+      const double m32 = (b * p02 + c * p12) + a * p23 + d * w2;
+      const double m33 = (b * p03 + c * p13) + a * p33 + d * w3;
+      const double z0 = s * (m00 + half * m01) + (m02 + t2 * e);
+      const double z1 = s * (m10 + half * m11) + (m12 + Tm * e);
+      const double z3 = s * (m30 + half * m31) + (m32 + d * e);
+      p00 = (m00 + T * m01 + q[0]) + t2 * z0;
+      p01 = (m01 + q[1]) + Tm * z0;
       p02 = m02 + q[2];
-      p03 = b * m00 + c * m01 + a * m03 + d * z0 + q[3];
-      p11 = m11 + Tm * z1 + q[4];
+      p03 = (b * m00 + c * m01) + (a * m03 + q[3]) + d * z0;
+      p11 = (m11 + q[4]) + Tm * z1;
       p12 = m12 + q[5];
-      p13 = b * m10 + c * m11 + a * m13 + d * z1 + q[6];
+      p13 = (b * m10 + c * m11) + (a * m13 + q[6]) + d * z1;
       p22 += q[7];
       p23 = m32 + q[8];
-      p33 = b * m30 + c * m31 + a * m33 + d * z3 + q[9];
+      p33 = (b * m30 + c * m31) + (a * m33 + q[9]) + d * z3;
     }
     const double S = p33 + h->r, inv = 1 / S, e = y[k] - x3;
     const double g0 = p03 * inv, g1 = p13 * inv, g2 = p23 * inv, g3 = p33 * inv;

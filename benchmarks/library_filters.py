@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.python_filters import H, force_input, transition
-from benchmarks.work import Work, full
+from benchmarks.work import Work
 
 Array = NDArray[np.float64]
 Run = Callable[[], Array]
@@ -31,7 +31,7 @@ class Model:
         self.A = inverse @ transition(h, float(work.k_s[0])) @ scale
         self.B = b * g
         self.c = b * h.f_0
-        self.Q = np.outer(b, b) * g * g * h.var_u + inverse @ full(h.q) @ inverse
+        self.Q = np.outer(b, b) * g * g * h.var_u + inverse @ h.Q @ inverse
         self.R = h.r * 1e12
         self.mean = inverse @ work.mean
         self.cov = inverse @ work.cov @ inverse

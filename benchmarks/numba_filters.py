@@ -37,7 +37,7 @@ def displacement(h: Settings, s: Start) -> float:
 def predict(h: Settings, force: float, k_i: float, k_s: float, s: Start) -> Start:
     """Eq. 9, 10; `s` is the mean (4) and the upper triangle of the covariance (10)."""
     x0, x1, x2, x3, p00, p01, p02, p03, p11, p12, p13, p22, p23, p33 = s
-    T, half, tm, a, b, c, d, q = h.T, 0.5 * h.T, h.T / h.m, h.a, h.b, h.c, h.d, h.q
+    T, half, tm, a, b, c, d = h.T, 0.5 * h.T, h.T / h.m, h.a, h.b, h.c, h.d
     t2 = half * tm
     f, g = force + x2, k_i * h.k_ui
     e = g * g * h.var_u
@@ -46,28 +46,28 @@ def predict(h: Settings, force: float, k_i: float, k_s: float, s: Start) -> Star
     m00, m01 = p00 + T * p01 + t2 * w0, p01 + T * p11 + t2 * w1
     m02, m03 = p02 + T * p12 + t2 * w2, p03 + T * p13 + t2 * w3
     m10, m11, m12, m13 = p01 + tm * w0, p11 + tm * w1, p12 + tm * w2, p13 + tm * w3
-    m30 = b * p00 + c * p01 + a * p03 + d * w0
-    m31 = b * p01 + c * p11 + a * p13 + d * w1
-    m32 = b * p02 + c * p12 + a * p23 + d * w2
-    m33 = b * p03 + c * p13 + a * p33 + d * w3
-    z0 = k_s * (m00 + half * m01) + m02 + t2 * e
-    z1 = k_s * (m10 + half * m11) + m12 + tm * e
-    z3 = k_s * (m30 + half * m31) + m32 + d * e
+    m30 = (b * p00 + c * p01) + a * p03 + d * w0
+    m31 = (b * p01 + c * p11) + a * p13 + d * w1
+    m32 = (b * p02 + c * p12) + a * p23 + d * w2
+    m33 = (b * p03 + c * p13) + a * p33 + d * w3
+    z0 = k_s * (m00 + half * m01) + (m02 + t2 * e)
+    z1 = k_s * (m10 + half * m11) + (m12 + tm * e)
+    z3 = k_s * (m30 + half * m31) + (m32 + d * e)
     return (
         x0 + T * x1 + t2 * f,
         x1 + tm * f,
         x2,
         b * x0 + c * x1 + a * x3 + d * f,
-        m00 + T * m01 + t2 * z0 + q[0],
-        m01 + tm * z0 + q[1],
-        m02 + q[2],
-        b * m00 + c * m01 + a * m03 + d * z0 + q[3],
-        m11 + tm * z1 + q[4],
-        m12 + q[5],
-        b * m10 + c * m11 + a * m13 + d * z1 + q[6],
-        p22 + q[7],
-        m32 + q[8],
-        b * m30 + c * m31 + a * m33 + d * z3 + q[9],
+        (m00 + T * m01 + h.q00) + t2 * z0,
+        (m01 + h.q01) + tm * z0,
+        m02 + h.q02,
+        (b * m00 + c * m01) + (a * m03 + h.q03) + d * z0,
+        (m11 + h.q11) + tm * z1,
+        m12 + h.q12,
+        (b * m10 + c * m11) + (a * m13 + h.q13) + d * z1,
+        p22 + h.q22,
+        m32 + h.q23,
+        (b * m30 + c * m31) + (a * m33 + h.q33) + d * z3,
     )
 
 
@@ -220,11 +220,9 @@ def dense(
     tm, t2, half = h.T / h.m, 0.5 * h.T * h.T / h.m, 0.5 * h.T
     A, AP, K = np.zeros((4, 4)), np.empty((4, 4)), np.empty(4)
     b, Q = np.array([t2, tm, 0.0, h.d]), np.empty((4, 4))
-    place = 0
-    for i in range(4):
-        for j in range(i, 4):
-            Q[i, j] = h.q[place]
-            place += 1
+    Q[0, 0], Q[0, 1], Q[0, 2], Q[0, 3] = h.q00, h.q01, h.q02, h.q03
+    Q[1, 1], Q[1, 2], Q[1, 3] = h.q11, h.q12, h.q13
+    Q[2, 2], Q[2, 3], Q[3, 3] = h.q22, h.q23, h.q33
     A[0, 2], A[1, 2], A[2, 2], A[3, 2], A[3, 3] = t2, tm, 1, h.d, h.a
     new = np.empty(4)
     mean, innovation, variance = np.empty((y.size, 4)), np.empty(y.size), np.empty(y.size)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.work import Settings, Work, full
+from benchmarks.work import Settings, Work
 
 Array = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ def numpy_run(work: Work) -> Array:
     """
     h, x, P = work.settings, work.mean.copy(), work.cov.copy()
     b = force_input(h)
-    bb, growth = np.outer(b, b), full(h.q)
+    bb, growth = np.outer(b, b), h.Q
     out = np.empty((work.y.size, 4))
     innovation, variance = np.empty(work.y.size), np.empty(work.y.size)
     for k in range(work.y.size):
@@ -60,7 +60,7 @@ def filterpy_run(work: Work) -> Array:
 
     h = work.settings
     b = force_input(h)
-    bb, growth = np.outer(b, b), full(h.q)
+    bb, growth = np.outer(b, b), h.Q
     kf = KalmanFilter(dim_x=4, dim_z=1, dim_u=1)
     kf.x, kf.P, kf.H, kf.B = work.mean.reshape(4, 1), work.cov.copy(), H, b.reshape(4, 1)
     kf.R = np.array([[h.r]])

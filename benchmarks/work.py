@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -31,7 +30,24 @@ class Settings(NamedTuple):
     f_0: float
     var_u: float
     r: float
-    q: tuple[float, ...]  # growth of the disturbance force, the upper triangle
+    q00: float  # growth of the disturbance force in a sample, the upper triangle
+    q01: float
+    q02: float
+    q03: float
+    q11: float
+    q12: float
+    q13: float
+    q22: float
+    q23: float
+    q33: float
+
+    @property
+    def Q(self) -> Array:
+        """What a growth of the disturbance force leaves in a sample (4, 4)."""
+        matrix = np.empty((4, 4))
+        rows, columns = np.triu_indices(4)
+        matrix[rows, columns] = matrix[columns, rows] = self[-10:]
+        return matrix
 
 
 @dataclass(frozen=True)
@@ -104,23 +120,15 @@ def _settings(bearing: ambkit.Bearing, kf: ambkit.KalmanFilter) -> Settings:
     c = kf.core.parameters["model"]
     growth = {(i, j): c.get(f"N{i}{j}", 1.0) for i in range(4) for j in range(i, 4)}
     return Settings(
-        T=T,
-        m=m,
-        a=a,
-        b=sensor.gain * (1 - a),
-        c=sensor.gain * lagged,
-        d=sensor.gain * (T**2 / 2 - sensor.lag * lagged) / m,
-        k_ui=bearing.amplifier.gain,
-        f_0=bearing.weight,
-        var_u=bearing.amplifier.noise_variance,
-        r=sensor.noise_variance,
-        q=tuple(T * DISTURBANCE * growth[place] for place in sorted(growth)),
+        T,
+        m,
+        a,
+        sensor.gain * (1 - a),
+        sensor.gain * lagged,
+        sensor.gain * (T**2 / 2 - sensor.lag * lagged) / m,
+        bearing.amplifier.gain,
+        bearing.weight,
+        bearing.amplifier.noise_variance,
+        sensor.noise_variance,
+        *(T * DISTURBANCE * growth[place] for place in sorted(growth)),
     )
-
-
-def full(triangle: Sequence[float]) -> Array:
-    """Return the symmetric matrix (4, 4) of an upper triangle (10,)."""
-    matrix = np.empty((4, 4))
-    rows, columns = np.triu_indices(4)
-    matrix[rows, columns] = matrix[columns, rows] = triangle
-    return matrix

@@ -203,6 +203,22 @@ def test_whatever_the_filter_is_made_from_changes_the_hash(
         assert f'_VERSION "{ambkit.__version__}"' in header
 
 
+def test_its_header_says_which_sampled_model_it_has(tmp_path: Path) -> None:
+    for as_printed, told in (
+        (False, "force held, all else exact"),
+        (True, "position held (eq. 19"),
+    ):
+        folder = tmp_path / str(as_printed)
+        made = export_c(BEARING, ClosedLaw(BEARING), folder, as_printed=as_printed)
+        data = (made.folder / f"{made.name}_data.c").read_text()
+        assert f".as_printed = {'true' if as_printed else 'false'}," in data
+        assert (".c_sen = 0.0F," in data) == as_printed
+        for name in (f"{made.name}.h", "README.md"):
+            text = (made.folder / name).read_text()
+            assert told in text
+            assert ("ahead of the rotor" in text) == as_printed
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_folder_holds_what_the_core_holds(exported: Exported, kind: str) -> None:
     """The library's own files byte for byte, save the one that says the precision."""

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import oracles
 import pytest
 from scipy.io import loadmat
 
@@ -47,6 +48,16 @@ def test_the_model_predicts_as_the_core_does(bearing: Bearing, tmp_path: Path) -
     kf.update(y)
     np.testing.assert_allclose(kf.innovation_variance, m["C"] @ covariance @ m["C"] + m["R"])
     np.testing.assert_allclose(kf.innovation, y - m["C"] @ predicted - m["D"] * u)
+
+
+@both
+def test_the_model_is_exact_between_samples(bearing: Bearing, tmp_path: Path) -> None:
+    m = read_back(bearing, None, tmp_path)
+    s, k = oracles.settings_of(bearing), ambkit.ConstantStiffness.of(bearing)
+    A, B, _ = oracles.system_matrices(s, k.k_i, k.k_s)
+    np.testing.assert_allclose(m["A"], A, rtol=1e-12)
+    np.testing.assert_allclose(m["B"], B, rtol=1e-12)
+    np.testing.assert_allclose(m["E"], oracles.held_force(s)[1], rtol=1e-12)
 
 
 @both

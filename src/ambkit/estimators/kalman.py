@@ -27,7 +27,7 @@ class KalmanFilter(Estimator):
         What the filter knows of its magnet; by default the constant stiffnesses of the origin.
     **options
         Of :class:`ambkit.estimators.Estimator`: noise, gravity, precision, frozen_limit, gate,
-        outlier_limit.
+        outlier_limit, as_printed.
     """
 
     name = "linear Kalman filter"

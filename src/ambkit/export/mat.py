@@ -74,10 +74,11 @@ def variables(bearing: Bearing, expert: Expert | None) -> dict[str, Any]:
     dict
         ``A`` (4, 4), ``B`` (4, 1), ``C`` (1, 4), ``D``, ``E`` (4, 1): the discrete model that the
         linear filter predicts with, ``X(k+1) = A X(k) + B u(k) + E f_0`` and
-        ``y(k) = C X(k) + D u(k)`` (paper, eq. 15-21). ``Q`` (4, 4), ``R``: its noise; ``P0``
-        (4, 4): the covariance at the start. ``T`` [s], ``f_0`` [N], ``states``. ``tables``:
-        stiffnesses and force, rows of ``displacement``. ``bearing``: all that describes it.
-        ``about``: where it comes from.
+        ``y(k) = C X(k) + D u(k)`` (paper, eq. 15-21, with the force held over the sample and the
+        sensor's lag exact). ``Q`` (4, 4), ``R``: its noise; ``P0`` (4, 4): the covariance at the
+        start. ``T`` [s], ``f_0`` [N], ``states``. ``tables``: stiffnesses and force, rows of
+        ``displacement``; a filter asks them at the mean over the sample, ``x + v T/2``.
+        ``bearing``: all that describes it. ``about``: where it comes from.
     """
     estimator = KalmanFilter(bearing) if expert is None else AdaptiveKalmanFilter(bearing, expert)
     content: dict[str, Any] = _model(estimator) | {

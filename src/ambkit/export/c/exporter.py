@@ -108,7 +108,7 @@ def export_c(
         How far the table's force may be from the expert's [N]; by default 0.1 % of its largest.
     **options
         Of the kind; of :class:`ambkit.KalmanFilter` noise, gravity, frozen_limit, gate,
-        outlier_limit.
+        outlier_limit, as_printed.
 
     Raises
     ------

@@ -85,7 +85,8 @@ def render(
         "family": family,
         "magnet_header": f"{kind.source}.h",
         "magnet_about": kind.about,
-        "facts": {"magnet": kind.about, **facts},
+        "sampled": _sampled(estimator),
+        "facts": {"magnet": kind.about, "between samples": _sampled(estimator), **facts},
         **_data_context(estimator, magnet, kind, precision),
         "own": "" if family is None else data.own(estimator, precision),
         "y": data.array(tested.y, precision),
@@ -114,6 +115,15 @@ def render(
         for file, template in made.items()
     }
     return Content(dict(sorted(texts.items())), sources, context["configuration"])
+
+
+def _sampled(estimator: Estimator) -> str:
+    """Say which model of a sample it predicts with."""
+    if type(estimator.core).__name__ == "LowPass":
+        return "no model: exponential averages"
+    if estimator.core.parameters["set"]["as_printed"]:
+        return "position held (eq. 19 as the paper prints it): estimates are ahead of the rotor"
+    return "force held, all else exact"
 
 
 def _data_context(
