@@ -24,7 +24,7 @@ from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import USUAL
 from ambkit.magnets import ConstantStiffness
 from ambkit.record import Record
-from ambkit.simulation import simulate
+from ambkit.simulation import samples, simulate
 from ambkit.units import engineering
 from ambkit.waveforms import Recorded
 
@@ -263,7 +263,7 @@ class _Loop:
         self.bearing, self.limits, self.load = bearing, limits, load
         self.scenario = scenario.replace(noise=True)
         self.T = bearing.sampling_time
-        self.n = max(2, round(scenario.duration / self.T) + 1)
+        self.n = samples(bearing, scenario)
         self.duration = self.n * self.T
         self.t: Array = self.T * np.arange(self.n, dtype=float)
         self.known = scenario.disturbance.sample(self.t)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 from collections.abc import Iterable, Iterator
 from types import ModuleType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
@@ -279,9 +280,14 @@ class Expert(Part):
                 f"{name}:{error.lineno}: not valid JSON: {error.msg}; "
                 "an expert from 'ambkit train' is expected"
             ) from None
+        except RecursionError:
+            raise AmbkitError(f"{name}: is nested too deeply for an expert") from None
         except ValidationError as error:
             found = [(name, dotted(p.path), p.text) for p in Problem.unpack(error)]
             raise ConfigError([": ".join(filter(None, parts)) for parts in found], name) from None
+        except ValueError:  # of int(), which takes only so many digits
+            most = sys.get_int_max_str_digits()
+            raise AmbkitError(f"{name}: has an integer of more than {most} digits") from None
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the network as JSON, a line for each rule, through a temporary file.

@@ -23,6 +23,9 @@ from ambkit.signals import si_unit
 
 Array = NDArray[np.float64]
 
+COMPARED = 60
+"""Channels without a name that are compared, each with each."""
+
 LOOKED_AT = 50_000
 """Samples that the statistics are made of."""
 
@@ -200,7 +203,9 @@ def _by_statistics(found: list[Candidate]) -> None:
     open_ = [candidate for candidate in found if not candidate.role]
     y = next((c for c in found if c.role == "y" and not c.estimated), None)
     if y is None:
-        y = _position(open_)
+        y = _position(open_[:COMPARED])
+        if y is not None and len(open_) > COMPARED:
+            y.why.append(f"only the first {COMPARED} of {len(open_)} such channels were compared")
     if y is None:
         return
     ours = [c for c in open_ if c is not y and c.values.shape == y.values.shape]
