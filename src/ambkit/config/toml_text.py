@@ -63,9 +63,7 @@ def parse(text: str) -> TomlText:
     lines = text.split("\n")
     if deep := _DEEP_KEY.search(text):
         at = text.count("\n", 0, deep.start()) + 1
-        result.problems.append(
-            (at, f"a key of more than {_DEEPEST} names; are dots missing quotes?")
-        )
+        result.problems.append((at, f"a key of more than {_DEEPEST} names; is it text?"))
         return result
     try:
         _read(lines, result)

@@ -153,7 +153,7 @@ def find(lines: Sequence[str]) -> Dialect | None:
 def _few(rows: Sequence[Any]) -> Sequence[Any]:
     """Return the first of some lines or rows: of very long ones a few say as much."""
     longest = max(map(len, rows))
-    return rows[: max(20, _JUDGED // longest)]
+    return rows[: max(8, _JUDGED // longest)]
 
 
 def _named_by_a_comment(found: Dialect, lines: Sequence[str]) -> Dialect:
