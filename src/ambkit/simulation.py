@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.arrays import real
 from ambkit.errors import AmbkitError
 from ambkit.estimate import Estimate
 from ambkit.estimators import Estimator, KalmanFilter
@@ -202,7 +203,7 @@ class Loop:
         scale = None
         if imposed is not None:
             for name, series in vars(imposed).items():
-                if series is not None and np.shape(series) != (n,):
+                if series is not None and real(f"imposed {name}", series).shape != (n,):
                     raise ValueError(f"imposed {name} must have {n} values, has {np.shape(series)}")
             if imposed.disturbance is not None:
                 disturbance = disturbance + imposed.disturbance

@@ -19,6 +19,7 @@ from pydantic import Field, ValidationError
 
 from ambkit import files, paper
 from ambkit._core import MAX_RULES
+from ambkit.arrays import real
 from ambkit.config import Part, Read
 from ambkit.config.problems import Problem, dotted
 from ambkit.config.texts import Description, Line
@@ -382,7 +383,7 @@ class Expert(Part):
 
 
 def _shaped(name: str, values: ArrayLike, shape: tuple[int, int]) -> Array:
-    array = np.asarray(values, dtype=float)
+    array = real(name, values)
     try:
         return np.broadcast_to(array, shape)
     except ValueError:
@@ -394,7 +395,7 @@ def _shaped(name: str, values: ArrayLike, shape: tuple[int, int]) -> Array:
 
 def _check_finite(**values: ArrayLike) -> None:
     for name, given in values.items():
-        array = np.asarray(given, dtype=float)
+        array = real(name, given)
         wrong = array[~np.isfinite(array)]
         if wrong.size:
             raise AmbkitError(f"{name} must be finite, has {wrong[0]}")
