@@ -23,6 +23,7 @@ class Copyable:
     _made: tuple[tuple[Any, ...], dict[str, Any]]
 
     def __new__(cls, *args: Any, **options: Any) -> Self:
+        """Keep the arguments of the constructor."""
         self = super().__new__(cls)
         self._made = args, options
         return self
