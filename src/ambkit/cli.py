@@ -40,6 +40,10 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         output.written.clear()
         given = sys.argv[1:] if arguments is None else arguments
         debug = "--debug" in given
+        if alone and not debug:  # what overflows shows in the results
+            import warnings
+
+            warnings.simplefilter("ignore", RuntimeWarning)
         code = _run([each for each in given if each != "--debug"], debug)
     except KeyboardInterrupt:
         code = INTERRUPTED
