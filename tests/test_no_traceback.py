@@ -369,6 +369,7 @@ def test_ctrl_c_while_it_starts_is_one_line(module):
         "class Finder:\n"
         "    def find_spec(self, name, *rest):\n"
         f"        if name == {module!r}:\n"
+        "            sys.meta_path.remove(self)\n"
         "            os.kill(os.getpid(), signal.SIGINT)\n"
         "for name in list(sys.modules):\n"
         f"    if name.split('.')[0] == {module!r}: del sys.modules[name]\n"

@@ -207,8 +207,10 @@ def design(
         raise AmbkitError(f'there is no excitation "{kind}"; known: {", ".join(KINDS)}')
     limits = limits or Limits.of(bearing)
     load = CALM * bearing.rotor.mass * GRAVITY if load is None else load
-    if not (math.isfinite(load) and load > 0):
-        raise AmbkitError(f"the load's wander must be greater than 0 N, is {load:g} N")
+    if not (math.isfinite(load * load) and load > 0):
+        raise AmbkitError(
+            f"the load's wander must be greater than 0 N, and its square finite, is {load:g} N"
+        )
     loop = _Loop(bearing, scenario, limits, load)
     bands = _bands(bearing, loop.duration) if band is None else [_checked(bearing, loop, band)]
     model = LoopModel(bearing, load_growth=load**2)
