@@ -19,7 +19,7 @@ class Copyable:
     """
 
     core: Any
-    _of_core = ("core",)  # attributes that belong to the core's own object
+    _of_core: tuple[str, ...] = ("core",)  # attributes that belong to the core's own object
     _made: tuple[tuple[Any, ...], dict[str, Any]]
 
     def __new__(cls, *args: Any, **options: Any) -> Self:

@@ -68,7 +68,7 @@ class Estimator(Copyable):
     """
 
     name = "estimator"
-    _of_core = ("core", "_core_step", "_live_mean")
+    _of_core: tuple[str, ...] = ("core", "_core_step", "_live_mean")
     smooths = False  # whether mean and covariance follow the model that the smoother goes back by
 
     def __init__(
