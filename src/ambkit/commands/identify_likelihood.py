@@ -46,7 +46,7 @@ class Asked:
 def by_likelihood(asked: Asked, known: Bearing) -> None:
     """Identify, validate, and deliver."""
     import math
-import os
+    import os
 
     from ambkit.identification.forces.map import force_map
     from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
@@ -67,8 +67,8 @@ import os
     free = usual(start) if asked.free is None else tuple(asked.free.replace(" ", "").split(","))
     named(free)
     # Not Path.resolve, which raises where links go in a loop; reading the record says so.
-    read, judged = ({os.path.realpath(path) for path in of} for of in (asked.records, asked.validate))
-    same = read & judged
+    read = {os.path.realpath(path) for path in asked.records}
+    same = read & {os.path.realpath(path) for path in asked.validate}
     if same:
         raise AmbkitError(
             f"{Path(next(iter(same))).name} is to be identified from and validated on: a model is "

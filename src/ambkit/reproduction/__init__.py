@@ -50,7 +50,7 @@ def reproduce(
         If the folder cannot be written.
     """
     from ambkit.report.page import write_report
-    from ambkit.reproduction.study import SEEDS, Study
+    from ambkit.reproduction.study import Study
 
     folder = Path(out)
     # Begun before the work: an unwritable place is told at once.
@@ -72,6 +72,7 @@ def _report(study: Study, parts: list[Part], rows: list[SummaryRow], seed: int) 
     """Put the chapters together."""
     import ambkit
     from ambkit.report.blocks import Report
+    from ambkit.reproduction.study import SEEDS
 
     return Report(
         title="Adaptive Kalman filter for active magnetic bearings",
