@@ -9,6 +9,7 @@
 #include <initializer_list>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 extern "C" {
@@ -47,6 +48,32 @@ inline void same_length(size_t n, size_t other, const char *name)
 inline std::vector<amb_real> copied(const Vector &a)
 {
   return std::vector<amb_real>(a.data(), a.data() + a.size());
+}
+
+// Memory of the C core, with its size: what of an object a copy must take along.
+template <typename T> using Parts = std::initializer_list<std::pair<T *, size_t>>;
+
+inline nb::bytes kept(Parts<const void> parts)
+{
+  std::string all;
+  for (const auto &[data, size] : parts)
+    all.append(static_cast<const char *>(data), size);
+  return nb::bytes(all.data(), all.size());
+}
+
+inline void restore(const nb::bytes &from, Parts<void> parts)
+{
+  size_t expected = 0;
+  for (const auto &part : parts)
+    expected += part.second;
+  if (from.size() != expected)
+    throw std::invalid_argument("a state has " + std::to_string(from.size()) + " bytes, expected " +
+                                std::to_string(expected));
+  const char *next = from.c_str();
+  for (const auto &[data, size] : parts) {
+    std::copy_n(next, size, static_cast<char *>(data));
+    next += size;
+  }
 }
 
 // A NumPy array of its own from what a struct points to.

@@ -257,6 +257,17 @@ void bind_estimator(nb::module_ &m)
       .def_prop_ro(
           "own", [](const Estimator &s) -> Named { return s.more(); },
           "What only this kind has, by the names of the fields.")
+      .def_prop_rw(
+          "state",
+          [](Estimator &s) {
+            return kept(
+                {{s.state(), s.estimator.methods->state_size}, {&s.result, sizeof s.result}});
+          },
+          [](Estimator &s, const nb::bytes &from) {
+            restore(from,
+                    {{s.state(), s.estimator.methods->state_size}, {&s.result, sizeof s.result}});
+          },
+          "All that it knows, as bytes of this build, for an estimator that was made alike.")
       .def_prop_ro("status", [](const Estimator &s) { return s.result.status; })
       .def_prop_ro("innovation", [](const Estimator &s) { return s.result.innovation; })
       .def_prop_ro("variance", [](const Estimator &s) { return s.result.variance; })

@@ -119,6 +119,12 @@ void bind(nb::class_<Learner> &learner, const Shown<Learner> (&shown)[N])
           },
           nb::arg("y"), nb::arg("u"), nb::arg("f_d"),
           "A whole record; u[k] and f_d[k] act from sample k to k + 1.");
+  learner.def_prop_rw(
+      "state", [](const Learner &self) { return kept({{&self.state, sizeof self.state}}); },
+      [](Learner &self, const nb::bytes &from) {
+        restore(from, {{&self.state, sizeof self.state}});
+      },
+      "All that it has learned, as bytes of this build, for a learner that was made alike.");
   for (const Shown<Learner> &each : shown)
     learner.def_prop_ro(each.name, each.value);
 }

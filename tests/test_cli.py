@@ -621,7 +621,7 @@ def test_reproduce_hands_on_its_arguments_and_prints_the_verdicts(call, monkeypa
             "--gap-range is for --lift-off",
         ),
         ("identify --lift-off RUN --bearing inteco_ml --start 1N*mm^2/A^2", "is for a RECORD"),
-        ("simulate zittau_axial --duration 1e9s", "not enough memory"),
+        ("simulate zittau_axial --duration 1e9s", "duration must be at most"),
         (
             "compare zittau_axial --steps 0.1mm --report r.html",
             "does not go with --report; --out and --plot do",

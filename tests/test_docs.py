@@ -15,7 +15,7 @@ import pytest
 import typer
 
 import ambkit
-from ambkit.cli import app
+from ambkit.commands.app import app
 from ambkit.report.summary import number
 from ambkit.reproduction.adaline import adaline
 from ambkit.reproduction.chain import chain

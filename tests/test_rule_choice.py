@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from ambkit import AmbkitError, Bearing, ClosedLaw
-from ambkit.cli import app
+from ambkit.commands.app import app
 from ambkit.fuzzy.choice import Candidate, RuleChoice, choose_rules, measured_map
 from ambkit.fuzzy.training import train
 from ambkit.identification.forces.points import ForcePoints

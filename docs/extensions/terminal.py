@@ -19,7 +19,8 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 from typer.testing import CliRunner
 
-from ambkit.cli import app, main
+from ambkit.cli import main
+from ambkit.commands.app import app
 
 LANGUAGES = {".toml": "toml", ".csv": "text", ".json": "json"}
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"

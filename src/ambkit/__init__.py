@@ -4,10 +4,14 @@ From a bearing's description, or a recording of the rig, to a tuned adaptive Kal
 quantities are SI. Names are imported when they are first used.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from __future__ import annotations
 
+from importlib import import_module
+
+TYPE_CHECKING = False  # as type checkers know it, without importing typing before a command starts
 if TYPE_CHECKING:
+    from typing import Any
+
     from ambkit.bearing import Bearing as Bearing
     from ambkit.comparison import compare as compare
     from ambkit.errors import AmbkitError as AmbkitError

@@ -140,6 +140,15 @@ class Estimator:
         """What only this kind has, by the names of the fields."""
 
     @property
+    def state(self) -> bytes:
+        """
+        All that it knows, as bytes of this build, for an estimator that was made alike.
+        """
+
+    @state.setter
+    def state(self, arg: bytes, /) -> None: ...
+
+    @property
     def status(self) -> int: ...
 
     @property
@@ -230,6 +239,15 @@ class Adaline:
         """A whole record; u[k] and f_d[k] act from sample k to k + 1."""
 
     @property
+    def state(self) -> bytes:
+        """
+        All that it has learned, as bytes of this build, for a learner that was made alike.
+        """
+
+    @state.setter
+    def state(self, arg: bytes, /) -> None: ...
+
+    @property
     def force(self) -> float: ...
 
     @property
@@ -247,6 +265,15 @@ class MagnetRls:
 
     def run(self, y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], f_d: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> dict[str, Any]:
         """A whole record; u[k] and f_d[k] act from sample k to k + 1."""
+
+    @property
+    def state(self) -> bytes:
+        """
+        All that it has learned, as bytes of this build, for a learner that was made alike.
+        """
+
+    @state.setter
+    def state(self, arg: bytes, /) -> None: ...
 
     @property
     def force(self) -> float: ...

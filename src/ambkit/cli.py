@@ -1,112 +1,22 @@
-"""The command ``ambkit``: what the user did wrong is one message and exit code 2."""
+"""The command ``ambkit``: whatever happens is an exit code and, where it failed, one message.
+
+What a user can mend leaves with 2, an error of ambkit's own with 1, Ctrl-C with 130. The commands
+themselves are in `ambkit.commands.app`, which is imported where an interrupt is heeded already.
+"""
 
 from __future__ import annotations
 
-import inspect
 import os
 import sys
-from collections.abc import Callable, Sequence
-from typing import Annotated, Any, NoReturn
 
-import typer
-from typer.core import TyperCommand
-
-from ambkit.commands import output
-from ambkit.commands.check import check
-from ambkit.commands.compare import compare
-from ambkit.commands.excite import excite
-from ambkit.commands.export import export, export_c
-from ambkit.commands.export_fmu import export_fmu
-from ambkit.commands.export_mat import export_mat
-from ambkit.commands.filter import filter_record
-from ambkit.commands.identify import identify
-from ambkit.commands.options import keep_inputs
-from ambkit.commands.presets import presets
-from ambkit.commands.read import read
-from ambkit.commands.reproduce import reproduce
-from ambkit.commands.simulate import simulate
-from ambkit.commands.train import train
-from ambkit.errors import AmbkitError
+# Nothing but what Python has loaded already: an interrupt during these imports leaves a traceback.
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any, NoReturn
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as shells have it: 128 and the signal's number."""
-
-# Plain help: typer's help in colour takes longer to import than all else here together.
-app = typer.Typer(
-    name="ambkit",
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    add_completion=False,
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-)
-_COMMANDS: dict[str, Callable[..., None]] = {
-    "reproduce": reproduce,
-    "simulate": simulate,
-    "excite": excite,
-    "read": read,
-    "identify": identify,
-    "train": train,
-    "filter": filter_record,
-    "compare": compare,
-    "presets": presets,
-    "check": check,
-}
-_EXPORTS: dict[str, Callable[..., None]] = {"c": export_c, "fmu": export_fmu, "mat": export_mat}
-
-
-class Command(TyperCommand):
-    """A command that does not begin where it would overwrite what it reads."""
-
-    def invoke(self, ctx: Any) -> Any:
-        """Run it."""
-        keep_inputs(ctx)
-        return super().invoke(ctx)
-
-
-def _help(command: Callable[..., None]) -> str:
-    r"""Return a docstring as click's help; "\b" keeps it from filling an example's lines."""
-    paragraphs = inspect.cleandoc(command.__doc__ or "").split("\n\n")
-    return "\n\n".join(f"\b\n{text}" if "\n  " in text else text for text in paragraphs)
-
-
-for _name, _command in _COMMANDS.items():
-    app.command(_name, cls=Command, help=_help(_command))(_command)
-
-
-def _print_version(wanted: bool) -> None:
-    if wanted:
-        import ambkit
-
-        print(f"ambkit {ambkit.__version__}")
-        raise typer.Exit
-
-
-def about(
-    context: typer.Context,
-    version: Annotated[
-        bool,
-        typer.Option(
-            "--version", callback=_print_version, is_eager=True, help="Print the version."
-        ),
-    ] = False,
-) -> None:
-    """From a magnetic bearing's description, or a recording, to a tuned adaptive Kalman filter.
-
-    To begin with:
-      ambkit reproduce                         the paper, with pictures and verdicts
-      ambkit presets zittau_axial > my.toml    a bearing, to be edited
-      ambkit simulate my.toml --step "0.3 mm" --out run.csv
-      ambkit filter run.csv --bearing my.toml --plot run.png
-    """
-    if context.invoked_subcommand is None:
-        print(context.get_help())
-
-
-_export = typer.Typer(name="export", callback=export, invoke_without_command=True)
-for _name, _command in _EXPORTS.items():
-    _export.command(_name, cls=Command, help=_help(_command))(_command)
-app.add_typer(_export, help=_help(export))
-app.callback(help=_help(about), invoke_without_command=True)(about)
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
@@ -115,52 +25,135 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     Parameters
     ----------
     arguments : sequence of str, optional
-        What stands behind ``ambkit``; those of the process if not given.
+        What stands behind ``ambkit``; those of the process if not given. ``--debug`` may stand
+        anywhere among them.
     """
-    output.written.clear()
-    code = _run(arguments)
+    alone = arguments is None
+    try:
+        if alone:
+            sys.unraisablehook = _heed_interrupts
+            # Pictures go into files; matplotlib will not start with a window that it lacks.
+            os.environ.pop("MPLBACKEND", None)
+        from ambkit.commands import output, streams
+
+        streams.prepare()
+        output.written.clear()
+        given = sys.argv[1:] if arguments is None else arguments
+        debug = "--debug" in given
+        if alone and not debug:  # what overflows shows in the results
+            import warnings
+
+            warnings.simplefilter("ignore", RuntimeWarning)
+        code = _run([each for each in given if each != "--debug"], debug)
+    except KeyboardInterrupt:
+        code = INTERRUPTED
+    if code == INTERRUPTED:
+        _interrupted()
+    if alone:
+        import signal
+
+        # All is done: Ctrl-C while Python takes itself apart would only make noise.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
     sys.exit(code)
 
 
-def _run(arguments: Sequence[str] | None) -> int:
-    """Run a command; return 0, 2 for what the user can mend, 130 for Ctrl-C."""
+def _heed_interrupts(lost: Any) -> None:
+    """Repeat a Ctrl-C that fell into a callback, where Python drops it: imports have many."""
+    if not isinstance(lost.exc_value, KeyboardInterrupt):
+        sys.__unraisablehook__(lost)
+        return
+    import _thread
+    from threading import Timer
+
+    again = Timer(0.01, _thread.interrupt_main)  # once Python has left the callback
+    again.daemon = True
+    again.start()
+
+
+def _run(arguments: list[str], debug: bool) -> int:
+    """Run a command; return 0, 2 for what the user can mend, 1 for what is not foreseen."""
+    from typer import TyperException
+
+    from ambkit.errors import AmbkitError
+
     try:
+        from ambkit.commands.app import app
+
         code = app(arguments, prog_name="ambkit", standalone_mode=False) or 0
         sys.stdout.flush()
-    except KeyboardInterrupt:
-        code = INTERRUPTED
-    except typer.TyperException as error:
-        return _refused(
-            error.format_message().replace("Value error, ", ""), getattr(error, "ctx", None)
-        )
+        return int(code)
+    except TyperException as error:
+        _trace(debug)
+        message = error.format_message().replace("Value error, ", "")
+        return _refused(message, getattr(error, "ctx", None))
     except AmbkitError as error:
+        _trace(debug)
         return _refused(str(error))
     except MemoryError:
+        _trace(debug)
         return _refused("there is not enough memory for this many samples")
     except BrokenPipeError:
-        # Whoever read our output has had enough; Python must not try to flush the rest.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+        return _left()
+    except SystemExit as error:
+        # typer and rich leave in their own way where a reader has gone.
+        if isinstance(error.__context__, BrokenPipeError):
+            return _left()
+        raise
     except OSError as error:
-        place = f"{error.filename}: " if error.filename else ""
+        _trace(debug)
+        place = f"{error.filename}: " if error.filename else "the output cannot be written: "
         return _refused(f"{place}{error.strerror or error}")
-    if code == INTERRUPTED:
-        output.note(f"\ninterrupted; {_files()}")
-    return int(code)
+    except Exception as error:
+        _trace(debug)
+        return _unforeseen(error)
 
 
-def _files() -> str:
+def _left() -> int:
+    """Whoever read our output has had enough; Python must not try to flush the rest."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 0
+
+
+def _interrupted() -> None:
     """Say what was written so far, in a line."""
+    from ambkit.commands import output
+
     written = output.written
-    if not written:
-        return "nothing was written"
+    files = f"wrote {', '.join(map(str, written))}" if written else "nothing was written"
     if len(written) > 3:
-        return f"wrote {len(written)} files below {os.path.commonpath(written)}"
-    return f"wrote {', '.join(map(str, written))}"
+        files = f"wrote {len(written)} files below {os.path.commonpath(written)}"
+    output.note(f"\ninterrupted; {files}")
 
 
-def _refused(message: str, context: typer.Context | None = None) -> int:
+def _refused(message: str, context: Any = None) -> int:
     """Print one message, and where the command's help is if the command was not understood."""
+    from ambkit.commands import output
+
     hint = f"\ntry {context.command_path} --help" if context is not None else ""
     output.note(f"ambkit: {message}{hint}")
     return 2
+
+
+def _unforeseen(error: Exception) -> int:
+    """Say in a line what nobody foresaw, where it happened, and what to do with it."""
+    from ambkit.commands import output
+
+    trace, place = error.__traceback__, ""
+    while trace is not None:
+        name = trace.tb_frame.f_globals.get("__name__", "")
+        if name.partition(".")[0] == "ambkit":
+            place = f" in {name}, line {trace.tb_lineno}"
+        trace = trace.tb_next
+    said = str(error).strip().partition("\n")[0]
+    what = f"{type(error).__name__}{f': {said[:200]}' if said else ''}{place}"
+    output.note(f"ambkit: {what}: this is an error of ambkit, please report it with the output of "
+                "--debug")  # fmt: skip
+    return 1
+
+
+def _trace(wanted: bool) -> None:
+    """Show where in the program the error that is being handled came from."""
+    if wanted:
+        import traceback
+
+        traceback.print_exc()

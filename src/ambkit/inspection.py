@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ambkit import files
-from ambkit.errors import AmbkitError, ConfigError, RecordError
+from ambkit.errors import AmbkitError, ConfigError, RecordError, shortened
 from ambkit.files.log import ENDINGS
 
 if TYPE_CHECKING:
@@ -125,11 +125,13 @@ def _documents() -> dict[str, Any]:
 def _kind_of_toml(path: Path) -> str:
     """Return the kind of description that shares most keys with the file."""
     from ambkit.config import toml_text
+    from ambkit.config.document import TOLD
 
     text = files.read_text(path)
     toml = toml_text.parse(text)
     if toml.data is None:
-        raise ConfigError([f"{path}:{line}: {what}" for line, what in toml.problems], str(path))
+        problems = [f"{path}:{line}: {what}" for line, what in toml.problems]
+        raise ConfigError(shortened(problems, TOLD), str(path))
     documents = _documents()
     shared = {
         kind: len(set(toml.data) & set(model.model_fields)) for kind, model in documents.items()

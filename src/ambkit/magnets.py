@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ambkit.arrays import real
+
 if TYPE_CHECKING:
     from ambkit._core import Magnet
     from ambkit.bearing import Bearing
@@ -184,7 +186,7 @@ def _evaluate(
     source: StiffnessSource, method: str, iu: ArrayLike, x: ArrayLike
 ) -> tuple[NDArray[np.float64], ...]:
     """Call a method of the C magnet with arrays that broadcast; always a tuple of arrays."""
-    i, d = np.broadcast_arrays(np.asarray(iu, dtype=float), np.asarray(x, dtype=float))
+    i, d = np.broadcast_arrays(real("iu", iu), real("x", x))
     result = getattr(source.magnet(core_module()), method)(i.ravel(), d.ravel())
     parts = result if isinstance(result, tuple) else (result,)
     return tuple(np.asarray(part).reshape(i.shape) for part in parts)

@@ -252,7 +252,10 @@ class Record:
 
 def _frozen(name: str, values: ArrayLike) -> Array:
     try:
-        array = np.array(values, dtype=np.float64)
+        array = np.array(values)
+        if np.iscomplexobj(array):
+            raise RecordError(f"signal {name} holds complex numbers; give its real part")
+        array = array.astype(np.float64, copy=False)
     except (TypeError, ValueError):
         raise RecordError(f"signal {name} does not hold numbers alone") from None
     array.flags.writeable = False

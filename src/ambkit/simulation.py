@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from dataclasses import dataclass
 from importlib.metadata import version
 from typing import TYPE_CHECKING
@@ -10,10 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.arrays import real
+from ambkit.errors import AmbkitError
 from ambkit.estimate import Estimate
 from ambkit.estimators import Estimator, KalmanFilter
 from ambkit.magnets import ClosedLaw, StiffnessSource, core_module, evaluate_force
 from ambkit.record import Record
+from ambkit.units import engineering
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
@@ -54,8 +58,31 @@ class Imposed:
 
 
 def samples(bearing: Bearing, scenario: Scenario) -> int:
-    """Return how many samples a run has."""
-    return max(2, round(scenario.duration / bearing.sampling_time) + 1)
+    """Return how many samples a run has.
+
+    Raises
+    ------
+    AmbkitError
+        More than the memory of this machine holds.
+    """
+    T, most = bearing.sampling_time, _memory() // _BYTES
+    if scenario.duration / T > most:
+        raise AmbkitError(
+            f"duration must be at most {engineering(most * T, 's', 3)} with a sampling_time of "
+            f"{engineering(T, 's')}: this machine's memory holds {most:.3g} samples; is "
+            f"{engineering(scenario.duration, 's')}"
+        )
+    return max(2, round(scenario.duration / T) + 1)
+
+
+_BYTES = 400  # of memory that a sample takes, with all that is made of it
+
+
+def _memory() -> int:
+    """Return how much memory the machine has [bytes]; 8 GB where that cannot be asked."""
+    if not hasattr(os, "sysconf"):
+        return 8 * 10**9
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
 
 
 def simulate(
@@ -176,7 +203,7 @@ class Loop:
         scale = None
         if imposed is not None:
             for name, series in vars(imposed).items():
-                if series is not None and np.shape(series) != (n,):
+                if series is not None and real(f"imposed {name}", series).shape != (n,):
                     raise ValueError(f"imposed {name} must have {n} values, has {np.shape(series)}")
             if imposed.disturbance is not None:
                 disturbance = disturbance + imposed.disturbance

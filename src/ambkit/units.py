@@ -6,7 +6,7 @@ value survives any number of trips through a file unchanged.
 
 import math
 import re
-from decimal import Decimal
+from decimal import Decimal, DecimalException
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,7 @@ _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\
 _DECIMAL_COMMA = re.compile(r"\s*([+-]?\d+),(\d+)")
 _WITHIN_QUANTITY = re.compile(r"(?:(?<=\d)|(?<=\d\sN)|(?<=\d\sA)) (?!to\b)(?=[A-Za-zµΩ%])")
 _LONGEST = 100  # characters of a unit
+_SHOWN = 60  # characters of a text in a message
 _PREFIXES = {"M": 6, "k": 3, "": 0, "m": -3, "µ": -6, "n": -9, "p": -12, "f": -15}
 
 
@@ -102,22 +103,25 @@ def parse(text: str, unit: str) -> float:
     0.002
     """
     comma = _DECIMAL_COMMA.match(text)
+    shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
     if comma:
-        raise ValueError(f'"{text}" has a decimal comma, write {comma[1]}.{comma[2]}')
+        raise ValueError(f'"{shown}" has a decimal comma, write {comma[1]}.{comma[2]}')
     match = _QUANTITY.fullmatch(text)
     if match is None:
-        raise ValueError(f'"{text}" is not a number with a unit')
+        raise ValueError(f'"{shown}" is not a number with a unit')
     number, given = match.groups()
     if not given and unit != "1":
-        raise ValueError(f'"{text}" has no unit')
+        raise ValueError(f'"{shown}" has no unit')
     if given and unit == "1" and given != "%":
-        raise ValueError(f'"{text}" must be a plain number')
+        raise ValueError(f'"{shown}" must be a plain number')
     try:
         value = float(Decimal(number) * _decimal_factor(given or "1", unit))
     except ValueError as error:
-        raise ValueError(f'"{text}": {error}') from None
+        raise ValueError(f'"{shown}": {error}') from None
+    except DecimalException:  # of an exponent that not even a Decimal has
+        value = math.inf
     if not math.isfinite(value):
-        raise ValueError(f'"{text}" is too large a number')
+        raise ValueError(f'"{shown}" is too large or too small a number')
     return value
 
 

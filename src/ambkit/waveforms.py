@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import BeforeValidator, Field, ValidationInfo
 
+from ambkit.arrays import real
 from ambkit.config import Part, Read
 from ambkit.config.quantities import Quantity, place_of_signal
 from ambkit.errors import AmbkitError
@@ -57,7 +58,7 @@ class Waveform(Part, ABC):
         ndarray, (n,)
             The values, in the SI unit of the signal's place.
         """
-        return np.asarray(self._at(np.asarray(t, dtype=np.float64)), dtype=np.float64)
+        return np.asarray(self._at(real("t", t)), dtype=np.float64)
 
     @abstractmethod
     def _at(self, t: Array) -> Any: ...

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -249,10 +250,9 @@ def _table(scores: Mapping[str, Mapping[str, Score]], what: str, title: str) -> 
     from ambkit.units import factor
 
     def shown_in(signal: str) -> str:
-        largest = max(
-            score.mean(signal) for of_case in scores.values() for score in of_case.values()
-        )
-        return value(largest, JUDGED[signal]).split(" ", 1)[-1]
+        means = [score.mean(signal) for of_case in scores.values() for score in of_case.values()]
+        finite = [mean for mean in means if math.isfinite(mean)]
+        return value(max(finite, default=1.0), JUDGED[signal]).split(" ", 1)[-1]
 
     def entry(score: Score, signal: str) -> str:
         scale = factor(JUDGED[signal], units[signal])

@@ -46,6 +46,7 @@ class Asked:
 def by_likelihood(asked: Asked, known: Bearing) -> None:
     """Identify, validate, and deliver."""
     import math
+    import os
 
     from ambkit.identification.forces.map import force_map
     from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
@@ -65,10 +66,12 @@ def by_likelihood(asked: Asked, known: Bearing) -> None:
     start = LoopModel(known, load_std=math.nan if asked.load_std is None else asked.load_std)
     free = usual(start) if asked.free is None else tuple(asked.free.replace(" ", "").split(","))
     named(free)
-    same = {path.resolve() for path in asked.records} & {path.resolve() for path in asked.validate}
+    # Not Path.resolve, which raises where links go in a loop; reading the record says so.
+    read = {os.path.realpath(path) for path in asked.records}
+    same = read & {os.path.realpath(path) for path in asked.validate}
     if same:
         raise AmbkitError(
-            f"{next(iter(same)).name} is to be identified from and validated on: a model is "
+            f"{Path(next(iter(same))).name} is to be identified from and validated on: a model is "
             "judged on a record that it has not seen"
         )
     records = [_load(path, asked) for path in asked.records]

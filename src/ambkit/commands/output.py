@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,7 +45,10 @@ def deliver(
     if as_json:
         if isinstance(data, dict) and files:
             data = data | {"files": [str(path) for path in written]}
-        print(escaping.json_text(plain(data), indent=2, allow_nan=False))
+        text = escaping.json_text(plain(data), indent=2, allow_nan=False)
+        if not sys.stdout.encoding.lower().startswith("utf"):
+            text = "".join(c if c.isascii() else json.dumps(c)[1:-1] for c in text)
+        print(text)
     else:
         show(tables)
     for path in written:
@@ -70,8 +74,9 @@ def stdout() -> Console:
 
 
 def note(text: str) -> None:
-    """Say something on stderr."""
-    print(escaping.lines(text), file=sys.stderr)
+    """Say something on stderr; where nobody can hear it, nothing is left to be done."""
+    with suppress(OSError):
+        print(escaping.lines(text), file=sys.stderr)
 
 
 def table(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 from typing import Annotated
 
@@ -29,15 +28,8 @@ def reproduce(
     from ambkit.commands import output
     from ambkit.reproduction import reproduce as run
 
-    started = time.time()
-    try:
-        with output.progress("reproducing the paper") as done:
-            outcome = run(out, seed=seed, progress=done)
-    except KeyboardInterrupt:
-        # Each file is whole, but they are not all there.
-        found = [path for path in out.rglob("*") if path.is_file()]
-        output.written.extend(path for path in found if path.stat().st_mtime >= started)
-        raise
+    with output.progress("reproducing the paper") as done:
+        outcome = run(out, seed=seed, progress=done)
     report = outcome.folder / "report.html"
     output.written.append(report)
     if json:

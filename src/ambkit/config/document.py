@@ -27,9 +27,12 @@ from pydantic_core import CoreSchema
 from ambkit import files
 from ambkit.config import toml_text
 from ambkit.config.problems import Problem, dotted, in_words, quantity_of, without_tags
-from ambkit.errors import ConfigError
+from ambkit.errors import ConfigError, shortened
 
 Read = Callable[[str], Any]
+
+TOLD = 20
+"""Problems of a description that are told one by one; the rest is counted."""
 
 
 class Part(BaseModel):
@@ -143,7 +146,8 @@ class Document(Part):
                     path = without_tags(problem.path, toml.data)
                     found.append((toml.line(path), f"{dotted(path)}: {problem.text}"))
         if found:
-            raise ConfigError([f"{name}:{line}: {text}" for line, text in sorted(found)], name)
+            problems = [f"{name}:{line}: {text}" for line, text in sorted(found)]
+            raise ConfigError(shortened(problems, TOLD), name)
         return model
 
     def to_toml(self) -> str:

@@ -67,8 +67,11 @@ class Quantity:
         if isinstance(value, bool) or not isinstance(value, numbers.Real):
             raise ValueError(f"{json.dumps(value, default=repr)} is not a number")
         if in_file and unit != "1":
-            raise ValueError(f"{value} has no unit")
-        return float(value)
+            raise ValueError(f"{value!s:.60} has no unit")
+        try:
+            return float(value)
+        except OverflowError:
+            raise ValueError(f"{value!s:.60}... is too large a number") from None
 
     def _unit(self) -> str | None:
         if "@" not in self.unit:

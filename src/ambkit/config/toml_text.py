@@ -1,6 +1,7 @@
 """TOML as text: its values, the line on which each key stands, and writing it back."""
 
 import re
+import sys
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -18,6 +19,11 @@ _BARE_VALUE = re.compile(
     r"""(?P<start> \s* [\w.-]+ \s* = \s*)
         (?P<value> [^"'\#\[\]{}=]* [^"'\#\[\]{}=\s])""",
     re.VERBOSE,
+)
+_SHOWN = 120  # characters of a line in a message
+_DEEPEST = 64  # names in a key
+_DEEP_KEY = re.compile(
+    rf"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{_DEEPEST}}}[\w"'-]"""
 )
 _TABLE = re.compile(r"\s*\[+\s*([^\]#]*?)\s*\]")
 
@@ -55,19 +61,88 @@ def parse(text: str) -> TomlText:
     """
     result = TomlText()
     lines = text.split("\n")
+    if deep := _DEEP_KEY.search(text):
+        at = text.count("\n", 0, deep.start()) + 1
+        result.problems.append((at, f"a key of more than {_DEEPEST} names; is it text?"))
+        return result
+    try:
+        _read(lines, result)
+        if result.data is not None:
+            result.lines.update(_key_lines("\n".join(lines)))
+    except RecursionError:
+        result.data = None
+        result.problems.append((_deepest_line(lines), "is nested too deeply"))
+    return result
+
+
+def _read(lines: list[str], result: TomlText) -> None:
+    """Read the values, with each mistake put down and mended in `lines`.
+
+    Behind a line that was mended, only the lines that follow are read, until they are right: so
+    thousands of mistakes take no longer than the text does. What can only be told of the whole, as
+    that a key is written twice, is told at the end.
+    """
+    done = 0  # lines that need not be read again
     while result.data is None:
         try:
-            result.data = tomllib.loads("\n".join(lines))
+            data = _loads("\n".join(lines[done:]))
         except tomllib.TOMLDecodeError as error:
-            at, message = _locate(error, len(lines))
+            at, message = _locate(error, len(lines) - done)
+            at += done
             mended, advice = _mend(lines[at - 1], message)
-            result.problems.append((at, advice))
-            if mended is None:
-                break
-            lines[at - 1] = mended
-    if result.data is not None:
-        result.lines.update(_key_lines("\n".join(lines)))
-    return result
+            if mended:
+                result.problems.append((at, advice))
+                lines[at - 1], done = mended, at
+            elif done:  # what is wrong may begin above
+                done = 0
+            elif mended is not None:
+                result.problems += _drop_twins(lines) or [(at, advice)]
+                lines[at - 1] = mended
+            else:
+                result.problems.append((at, advice))
+                return
+        else:
+            if done == 0:
+                result.data = data
+            done = 0
+
+
+def _loads(text: str) -> dict[str, Any]:
+    """Read TOML; an integer with more digits than Python reads is an error as any other."""
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        raise
+    except ValueError:
+        digits = sys.get_int_max_str_digits()
+        at = next((n for n, line in enumerate(text.split("\n"), 1) if _digits(line) > digits), 1)
+        raise tomllib.TOMLDecodeError(
+            f"an integer has more than {digits} digits (at line {at}, column 1)"
+        ) from None
+
+
+def _digits(line: str) -> int:
+    """Return how many digits the longest number of a line has."""
+    return max((len(run.replace("_", "")) for run in re.findall(r"[\d_]+", line)), default=0)
+
+
+def _deepest_line(lines: list[str]) -> int:
+    """Return the line, from 1, with most brackets."""
+    brackets = [line.count("[") + line.count("{") for line in lines]
+    return brackets.index(max(brackets)) + 1
+
+
+def _drop_twins(lines: list[str]) -> list[tuple[int, str]]:
+    """Take out each line whose key stands above already in the same table, and say so."""
+    problems: list[tuple[int, str]] = []
+    seen: set[Path] = set()
+    for path, at in list(_key_lines("\n".join(lines))):
+        if path in seen and not _TABLE.match(lines[at - 1]) and _is_whole(lines[at - 1]):
+            key = lines[at - 1].partition("=")[0].strip()
+            problems.append((at, f"{key}: is written twice in this table"))
+            lines[at - 1] = ""
+        seen.add(path)
+    return problems
 
 
 def _locate(error: tomllib.TOMLDecodeError, last: int) -> tuple[int, str]:
@@ -79,6 +154,8 @@ def _locate(error: tomllib.TOMLDecodeError, last: int) -> tuple[int, str]:
 def _mend(line: str, message: str) -> tuple[str | None, str]:
     """Return the line as it was meant, or None if that is unclear; and what to tell the user."""
     key = line.partition("=")[0].strip()
+    if message.startswith("an integer"):
+        return None, f"{key:.{_SHOWN}}: {message}"
     bare = _BARE_VALUE.match(line)
     if bare and not _is_whole(line):
         value = bare["value"]
@@ -92,13 +169,14 @@ def _mend(line: str, message: str) -> tuple[str | None, str]:
         return None, f"[{table[1]}] is written twice, or is also a key"
     if message == "Cannot overwrite a value":
         return ("" if _is_whole(line) else None), f"{key}: is written twice in this table"
-    return None, f"not valid TOML: {message[:1].lower()}{message[1:]}: {line.strip()}"
+    shown = line.strip() if len(line.strip()) <= _SHOWN else f"{line.strip():.{_SHOWN}}..."
+    return None, f"not valid TOML: {message[:1].lower()}{message[1:]}: {shown}"
 
 
 def _is_whole(line: str) -> bool:
     """Whether the line alone is valid TOML, so that it can be changed without touching others."""
     try:
-        return bool(tomllib.loads(line))
+        return bool(_loads(line))
     except tomllib.TOMLDecodeError:
         return False
 

@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ambkit.arrays import real
 from ambkit.bearing import GRAVITY
+from ambkit.copying import Copyable
 from ambkit.estimate import Estimate, Status
 from ambkit.estimators.noise import FilterNoise, completed
 from ambkit.magnets import (
@@ -29,7 +31,7 @@ if TYPE_CHECKING:
     from ambkit.record import Record
 
 
-class Estimator:
+class Estimator(Copyable):
     """An estimator of the family: the same inputs, the same outputs, one interface in C.
 
     Each kind says in `_build` which of the core's it is (``core/include/ambkit/estimator.h``).
@@ -66,6 +68,7 @@ class Estimator:
     """
 
     name = "estimator"
+    _of_core: tuple[str, ...] = ("core", "_core_step", "_live_mean")
     smooths = False  # whether mean and covariance follow the model that the smoother goes back by
 
     def __init__(
@@ -135,7 +138,7 @@ class Estimator:
         """
         if std is None:
             std = self.default_std()
-        self.core.reset(np.asarray(mean, dtype=float), np.asarray(std, dtype=float))
+        self.core.reset(real("mean", mean), real("std", std))
 
     def take_over(self, other: Estimator) -> None:
         """Go on where another filter is: with its mean, its covariance, its counts of bad samples.
@@ -301,7 +304,7 @@ class Estimator:
             Element k is the prediction of ``record["y"][k + ahead]`` [m], made from the estimate
             at k and the control signals that acted since.
         """
-        mean = np.ascontiguousarray(estimate.mean)
+        mean = np.ascontiguousarray(real("estimate.mean", estimate.mean))
         return np.asarray(self.core.forecast(mean, record["u"], ahead, estimate.scale))
 
     @property

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ambkit.arrays import real
 from ambkit.estimators.base import Estimator
 from ambkit.magnets import Precision, core_module
 
@@ -140,8 +141,8 @@ def run_many(
         [e.core for e in each],
         Y,
         U,
-        _of_runs(mean, runs, precision),
-        _of_runs(std, runs, precision),
+        _of_runs("start mean", mean, runs, precision),
+        _of_runs("start std", std, runs, precision),
         truth=T,
         skip=skip,
         means=kept["mean"],
@@ -163,7 +164,7 @@ def _processors() -> int:
 
 def _rows(name: str, a: ArrayLike, dimensions: int, precision: Precision) -> Array:
     """Return a contiguous array with the runs first."""
-    rows = np.ascontiguousarray(a, dtype=precision)
+    rows = np.ascontiguousarray(real(name, a, precision))
     if rows.ndim == dimensions - 1:
         rows = rows[np.newaxis]
     if rows.ndim != dimensions:
@@ -171,8 +172,8 @@ def _rows(name: str, a: ArrayLike, dimensions: int, precision: Precision) -> Arr
     return rows
 
 
-def _of_runs(a: ArrayLike, runs: int, precision: Precision) -> Array:
-    return np.ascontiguousarray(np.broadcast_to(np.asarray(a, dtype=precision), (runs, 4)))
+def _of_runs(name: str, a: ArrayLike, runs: int, precision: Precision) -> Array:
+    return np.ascontiguousarray(np.broadcast_to(real(name, a, precision), (runs, 4)))
 
 
 def _starts(each: list[Estimator], Y: Array, runs: int) -> tuple[Array, Array]:

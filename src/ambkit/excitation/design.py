@@ -24,7 +24,7 @@ from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import USUAL
 from ambkit.magnets import ConstantStiffness
 from ambkit.record import Record
-from ambkit.simulation import simulate
+from ambkit.simulation import samples, simulate
 from ambkit.units import engineering
 from ambkit.waveforms import Recorded
 
@@ -207,8 +207,10 @@ def design(
         raise AmbkitError(f'there is no excitation "{kind}"; known: {", ".join(KINDS)}')
     limits = limits or Limits.of(bearing)
     load = CALM * bearing.rotor.mass * GRAVITY if load is None else load
-    if not (math.isfinite(load) and load > 0):
-        raise AmbkitError(f"the load's wander must be greater than 0 N, is {load:g} N")
+    if not (math.isfinite(load * load) and load > 0):
+        raise AmbkitError(
+            f"the load's wander must be greater than 0 N, and its square finite, is {load:g} N"
+        )
     loop = _Loop(bearing, scenario, limits, load)
     bands = _bands(bearing, loop.duration) if band is None else [_checked(bearing, loop, band)]
     model = LoopModel(bearing, load_growth=load**2)
@@ -263,7 +265,7 @@ class _Loop:
         self.bearing, self.limits, self.load = bearing, limits, load
         self.scenario = scenario.replace(noise=True)
         self.T = bearing.sampling_time
-        self.n = max(2, round(scenario.duration / self.T) + 1)
+        self.n = samples(bearing, scenario)
         self.duration = self.n * self.T
         self.t: Array = self.T * np.arange(self.n, dtype=float)
         self.known = scenario.disturbance.sample(self.t)

@@ -1,6 +1,7 @@
 """Reading and writing files such that a failure is one clear line and leaves the old file whole."""
 
 import os
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -56,6 +57,48 @@ def make_folder(path: str | os.PathLike[str]) -> Path:
     except OSError as error:
         raise AmbkitError(f"{path}: cannot be made: {error.strerror or error}") from error
     return Path(path)
+
+
+@contextmanager
+def replacing_in(path: str | os.PathLike[str], first: str = "") -> Iterator[Path]:
+    """Give a temporary folder, and put all files that it holds at the end into `path` at the end.
+
+    If the body of the ``with`` fails, as on a full disk, `path` stays as it was; where it was not
+    there, it is not made.
+
+    Parameters
+    ----------
+    path : path
+        The folder; made, with those above it, where it is not there.
+    first : str
+        The file that is put there before the others.
+
+    Raises
+    ------
+    AmbkitError
+        The folder cannot be made or written.
+    """
+    path = Path(path)
+    new = [each for each in (path, *path.parents) if not each.exists()]
+    temporary = path / f".{os.getpid()}.tmp"
+    try:
+        make_folder(path)
+        temporary.mkdir()
+        yield temporary
+        made = sorted(each for each in temporary.rglob("*") if each.is_file())
+        for file in sorted(made, key=lambda each: each.name != first):
+            place = path / file.relative_to(temporary)
+            place.parent.mkdir(parents=True, exist_ok=True)
+            os.replace(file, place)
+    except OSError as error:
+        raise AmbkitError(f"{path}: cannot be written: {error.strerror or error}") from error
+    except AmbkitError as error:  # of a file in it: it is known by where it was to stand
+        raise AmbkitError(str(error).replace(str(temporary), str(path))) from error
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+        for each in new:
+            with suppress(OSError):  # it holds what was written
+                each.rmdir()
 
 
 def read_text(path: str | os.PathLike[str]) -> str:

@@ -9,7 +9,7 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ambkit.escaping import one_line
 from ambkit.files.time_layouts import layouts
@@ -33,6 +33,7 @@ MISSING = frozenset(
 
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "spaces"}
 LOOKED_AT = 200  # lines
+_JUDGED = 100_000  # characters or cells of them by which the dialect is judged
 
 _WORD = re.compile(r"\S+(?: \[[^\]]*\])?")  # "y [mm]" is one
 _LABEL = re.compile(r"(.*?)\s*(?:[\[(]([^\])]*)[\])])?")
@@ -135,7 +136,8 @@ def find(lines: Sequence[str]) -> Dialect | None:
         return None
     known = [said[1]] if said and said[1] in SEPARATORS else SEPARATORS
     pairs = [(sep, sign) for sep in known for sign in ".," if sep != sign]
-    separator, decimal = max(pairs, key=lambda pair: _score([t for _, t in numbered], *pair))
+    judged = _few([line for _, line in numbered])
+    separator, decimal = max(pairs, key=lambda pair: _score(judged, *pair))
     rows = [(n, split(line, separator)) for n, line in numbered]
     if not any(_is_number(cell, decimal) for _, row in rows for cell in row):
         # Not one number: a header alone.
@@ -146,6 +148,12 @@ def find(lines: Sequence[str]) -> Dialect | None:
         return Dialect(separator, ".", names, units, line, line + 1, tuple(range(len(names))))
     found = _header(rows, separator, decimal)
     return found if found.names else _named_by_a_comment(found, lines)
+
+
+def _few(rows: Sequence[Any]) -> Sequence[Any]:
+    """Return the first of some lines or rows: of very long ones a few say as much."""
+    longest = max(map(len, rows))
+    return rows[: max(8, _JUDGED // longest)]
 
 
 def _named_by_a_comment(found: Dialect, lines: Sequence[str]) -> Dialect:
@@ -186,7 +194,7 @@ def _header(rows: list[tuple[int, list[str]]], separator: str, decimal: str) -> 
         width -= 1
         rows = [(n, row[:-1] if len(row) > width else row) for n, row in rows]
         with_numbers = [row for _, row in rows if any(_is_number(c, decimal) for c in row)]
-    whole = [row for row in with_numbers if len(row) == width]
+    whole = _few([row for row in with_numbers if len(row) == width])
     numeric = [
         k
         for k in range(width)
@@ -194,10 +202,11 @@ def _header(rows: list[tuple[int, list[str]]], separator: str, decimal: str) -> 
         and any(_is_number(row[k], decimal) for row in whole)
     ]
 
+    known = set(numeric)
     stamps = tuple(
         k
         for k in range(width)
-        if k not in numeric
+        if k not in known
         and sum(bool(layouts(row[k])) for row in whole) > 0.5 * sum(bool(row[k]) for row in whole)
     )
     places = tuple(numeric)

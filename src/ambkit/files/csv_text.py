@@ -13,6 +13,7 @@ sample. Each number is written with as many digits as it takes to read back exac
 is what ambkit writes; it reads what other programs write, too (`csv_dialect`).
 """
 
+import csv
 import io
 import json
 import math
@@ -142,6 +143,7 @@ def parse(
     # Not str.splitlines: that also breaks at characters which a note may hold, U+0085 for one.
     text = _UNEVEN_LINE_ENDS.sub("\n", text) if "\r" in text else text
     text = _MINUS.sub("-", text) if "\N{MINUS SIGN}" in text else text
+    _check_quotes(text, name)
     head = text[: _end_of_line(text, csv_dialect.LOOKED_AT)].split("\n")
     dialect = csv_dialect.find(head)
     if dialect is None:
@@ -151,17 +153,19 @@ def parse(
     chosen = column_names(names, wanted, f"{name}:{(dialect.header or 0) + 1}")
     header = f"{name}:{(dialect.header or 0) + 1}"
     stamps = {*(names[k] for k in dialect.stamps), *column_names(names, texts, header)}
+    numeric = set(dialect.numeric)
     left = [
         each
         for place, each in enumerate(names)
-        if lenient and place not in dialect.numeric and each not in stamps
+        if lenient and place not in numeric and each not in stamps
     ]
     if left:
         row = next((dialect.cells(line) for line in head[dialect.body :] if line.strip()), [])
         cells = dict(zip(names, row, strict=False))
         shown = [f"{each} ({cells.get(each, '')!r}{_hint(cells.get(each, ''))})" for each in left]
         remarks = [*remarks, f"columns without numbers are not read: {', '.join(shown)}"]
-        chosen = [each for each in chosen if each not in left]
+        dropped = set(left)
+        chosen = [each for each in chosen if each not in dropped]
     start = _end_of_line(text, dialect.body) + 1 if dialect.body else 0
     body = text[start:]
     found = _read_fast(body, names, chosen, dialect, stamps)
@@ -201,6 +205,19 @@ def parse(
     return log
 
 
+def _check_quotes(text: str, name: str) -> None:
+    """Refuse a cell in quotes that is longer than Python's reader of them takes."""
+    limit = csv.field_size_limit()
+    if '"' not in text:
+        return
+    for n, line in enumerate(text.split("\n")):
+        if len(line) > limit and any(len(cell) > limit for cell in line.split('"')[1::2]):
+            raise RecordError(
+                f"{name}:{n + 1}: a cell in quotes has more than {limit} characters; is a quote "
+                "missing?"
+            )
+
+
 def _end_of_line(text: str, count: int) -> int:
     """Return where the line number `count`, from 1, ends."""
     end = -1
@@ -217,7 +234,7 @@ def _notes(lines: list[str]) -> Iterator[tuple[str, Any]]:
         key, text = match.groups()
         try:
             yield key, json.loads(text)
-        except json.JSONDecodeError:
+        except (ValueError, RecursionError):  # no JSON, a number too long, or nested too deeply
             yield key, text
 
 
@@ -256,7 +273,8 @@ def _read_fast(
         return None
     # Arrow counts what follows the separator at a line's end as a column.
     places = [f"{name}#{place}" for place, name in enumerate([*names, *[""] * dialect.closed])]
-    read = {name: places[names.index(name)] for name in chosen}
+    place_of = dict(zip(names, places, strict=False))
+    read = {name: place_of[name] for name in chosen}
 
     def table(kinds: Mapping[str, Any]) -> Any:
         return arrow.read_csv(

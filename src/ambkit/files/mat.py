@@ -177,5 +177,5 @@ def _flat(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
             yield from _flat(name if len(elements) == 1 else f"{name}[{place}]", inner)
     elif isinstance(value, np.ndarray) and value.dtype.kind in "fiubU" and value.ndim in (1, 2):
         yield name, value
-    elif isinstance(value, bool | int | float | np.number):
+    elif isinstance(value, bool | int | float | np.integer | np.floating):
         yield name, np.array([value], dtype=np.float64)

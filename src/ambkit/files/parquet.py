@@ -2,8 +2,9 @@
 
 import json
 import os
+from collections import Counter
 from collections.abc import Callable, Collection, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,13 +60,20 @@ def read(
     try:
         with parquet.ParquetFile(path, memory_map=True) as file:
             schema = file.schema_arrow
-            fields = {one_line(name): name for name in schema.names}
-            asked = column_names(tuple(fields), texts, os.fspath(path))
-            chosen = column_names(tuple(fields), wanted, os.fspath(path))
-            budget.check(path, _memory_of(file.metadata, {fields[n] for n in chosen}), _LESS)
+            places = _places(schema.names)
+            twins = sorted({*places} - {*map(one_line, schema.names)})
+            if twins and wanted is None and not lenient:
+                raise RecordError(
+                    f"{path}: columns share a name, so that a channel map must say which is meant: "
+                    f"{', '.join(twins)}"
+                )
+            asked = column_names(tuple(places), texts, os.fspath(path))
+            chosen = column_names(tuple(places), wanted, os.fspath(path))
+            read = {schema.names[places[name].column] for name in chosen}
+            budget.check(path, _memory_of(file.metadata, read), _LESS)
             for name in chosen:
                 told(f"reading column {name}")
-                column = _column(file, path, fields[name])
+                column = _column(file, path, places[name])
                 if _is_text(column.type) and (name in asked or layouts_of(column)):
                     stamped[name] = column
                     continue
@@ -78,10 +86,10 @@ def read(
                 remarks += remark
     except (pa.ArrowException, OSError) as error:
         raise damaged(path, error) from error
-    of = {name: schema.field(fields[name]) for name in columns}
+    of = {name: schema.field(places[name].column) for name in columns}
     units, meta = _about(schema, of)
     units |= {name: "s" for name, field in of.items() if pa.types.is_temporal(field.type)}
-    order = tuple(fields)
+    order = tuple(places)
     return Log(
         os.fspath(path),
         columns,
@@ -91,6 +99,29 @@ def read(
         remarks=tuple(remarks),
         texts=stamped,
     )
+
+
+class _Place(NamedTuple):
+    """Where a column stands: in the file, and among the columns of its name."""
+
+    column: int
+    twin: int
+
+
+def _places(names: list[str]) -> dict[str, _Place]:
+    """Return where each column stands, by what it is called here.
+
+    Columns that share a name are known by it and their place, ``y#2``, as those of a text file.
+    """
+    count = Counter(map(one_line, names))
+    before: Counter[str] = Counter()
+    places: dict[str, _Place] = {}
+    for column, name in enumerate(names):
+        shown = one_line(name)
+        known = shown if count[shown] == 1 else f"{shown}#{column}"
+        places[known] = _Place(column, before[name])
+        before[name] += 1
+    return places
 
 
 def _memory_of(about: "FileMetaData", wanted: Collection[str]) -> int:
@@ -107,17 +138,18 @@ def _memory_of(about: "FileMetaData", wanted: Collection[str]) -> int:
     )
 
 
-def _column(file: "ParquetFile", path: str | os.PathLike[str], name: str) -> "ChunkedArray":
+def _column(file: "ParquetFile", path: str | os.PathLike[str], place: _Place) -> "ChunkedArray":
     """Read a column; of text the length is looked at first: a few bytes may stand for any."""
     import pyarrow as pa
     import pyarrow.compute as pc
     from pyarrow import parquet
 
-    kind = file.schema_arrow.field(name).type
-    if not _is_text(kind):
-        return file.read([name], use_threads=True).column(name)
+    field = file.schema_arrow.field(place.column)
+    name = field.name
+    if not _is_text(field.type):
+        return file.read([name], use_threads=True).column(place.twin)
     with parquet.ParquetFile(path, memory_map=True, read_dictionary=[name]) as packed:
-        column = packed.read([name], use_threads=True).column(name)
+        column = packed.read([name], use_threads=True).column(place.twin)
     words = (pc.max(pc.binary_length(chunk.dictionary)).as_py() for chunk in column.chunks)
     longest = max((length or 0 for length in words), default=0)
     budget.check(path, len(column) * longest, _LESS)
@@ -173,11 +205,23 @@ def _about(
 ) -> tuple[dict[str, str], dict[str, Any]]:
     """Return the units of the columns, and ambkit's own notes."""
     given = {name: (field.metadata or {}).get(b"unit") for name, field in fields.items()}
-    units = {name: one_line(unit.decode()) for name, unit in given.items() if unit is not None}
+    units = {
+        name: one_line(unit.decode(errors="replace"))
+        for name, unit in given.items()
+        if unit is not None
+    }
     notes = {key.decode(errors="replace"): text for key, text in (schema.metadata or {}).items()}
     meta = {
-        key.removeprefix("ambkit."): json.loads(text)
+        key.removeprefix("ambkit."): _note(text)
         for key, text in notes.items()
         if key.startswith("ambkit.")
     }
     return units, meta
+
+
+def _note(text: bytes) -> Any:
+    """Read a note; what is no JSON, has too long a number or is nested too deeply is its text."""
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        return text.decode(errors="replace")

@@ -39,7 +39,7 @@ def write_table(path: str | os.PathLike[str], table: Table) -> None:
     """
     try:
         meta = {key: json.dumps(value, ensure_ascii=False) for key, value in table.meta.items()}
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, RecursionError) as error:
         raise RecordError(f"{path}: meta cannot be written as JSON: {error}") from None
     match Path(path).suffix.lower():
         case ".csv":

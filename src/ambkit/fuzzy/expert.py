@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 from collections.abc import Iterable, Iterator
 from types import ModuleType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
@@ -18,6 +19,7 @@ from pydantic import Field, ValidationError
 
 from ambkit import files, paper
 from ambkit._core import MAX_RULES
+from ambkit.arrays import real
 from ambkit.config import Part, Read
 from ambkit.config.problems import Problem, dotted
 from ambkit.config.texts import Description, Line
@@ -279,9 +281,14 @@ class Expert(Part):
                 f"{name}:{error.lineno}: not valid JSON: {error.msg}; "
                 "an expert from 'ambkit train' is expected"
             ) from None
+        except RecursionError:
+            raise AmbkitError(f"{name}: is nested too deeply for an expert") from None
         except ValidationError as error:
             found = [(name, dotted(p.path), p.text) for p in Problem.unpack(error)]
             raise ConfigError([": ".join(filter(None, parts)) for parts in found], name) from None
+        except ValueError:  # of int(), which takes only so many digits
+            most = sys.get_int_max_str_digits()
+            raise AmbkitError(f"{name}: has an integer of more than {most} digits") from None
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the network as JSON, a line for each rule, through a temporary file.
@@ -376,7 +383,7 @@ class Expert(Part):
 
 
 def _shaped(name: str, values: ArrayLike, shape: tuple[int, int]) -> Array:
-    array = np.asarray(values, dtype=float)
+    array = real(name, values)
     try:
         return np.broadcast_to(array, shape)
     except ValueError:
@@ -388,7 +395,7 @@ def _shaped(name: str, values: ArrayLike, shape: tuple[int, int]) -> Array:
 
 def _check_finite(**values: ArrayLike) -> None:
     for name, given in values.items():
-        array = np.asarray(given, dtype=float)
+        array = real(name, given)
         wrong = array[~np.isfinite(array)]
         if wrong.size:
             raise AmbkitError(f"{name} must be finite, has {wrong[0]}")

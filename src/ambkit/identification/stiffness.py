@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ambkit.arrays import real
 from ambkit.errors import AmbkitError
 from ambkit.identification.forces.table import check_nodes
 from ambkit.magnets import ClosedLaw, equally_far
@@ -276,7 +277,7 @@ def local_stiffness(
     AmbkitError
         The force is not finite at a point.
     """
-    iu, x = np.broadcast_arrays(np.asarray(iu, dtype=float), np.asarray(x, dtype=float))
+    iu, x = np.broadcast_arrays(real("iu", iu), real("x", x))
     currents = iu[..., np.newaxis] + delta_current * _STEP_CURRENT
     displacements = x[..., np.newaxis] + delta_displacement * _STEP_DISPLACEMENT
     y = _asked(force, currents, displacements) - _bias(force)

@@ -23,6 +23,9 @@ from ambkit.signals import si_unit
 
 Array = NDArray[np.float64]
 
+COMPARED = 60
+"""Channels without a name that are compared, each with each."""
+
 LOOKED_AT = 50_000
 """Samples that the statistics are made of."""
 
@@ -200,12 +203,15 @@ def _by_statistics(found: list[Candidate]) -> None:
     open_ = [candidate for candidate in found if not candidate.role]
     y = next((c for c in found if c.role == "y" and not c.estimated), None)
     if y is None:
-        y = _position(open_)
+        y = _position(open_[:COMPARED])
+        if y is not None and len(open_) > COMPARED:
+            y.why.append(f"only the first {COMPARED} of {len(open_)} such channels were compared")
     if y is None:
         return
     ours = [c for c in open_ if c is not y and c.values.shape == y.values.shape]
+    size = _size(y)
     for candidate in ours:
-        _beside(candidate, y)
+        _beside(candidate, y, size)
     if not any(c.role in ("u", "i") and not c.estimated for c in found):
         _current(ours, y)
 
@@ -226,7 +232,10 @@ def _position(open_: list[Candidate]) -> Candidate | None:
             v.why.append(f"difference of {y.label} (correlation {best:.2f})")
             return y
     moving = [c for c in open_ if np.ptp(seen(c.values)) > 0]
-    followed = [y for y in moving if any(_is_reference(r, y) for r in moving if r is not y)]
+    sizes = {id(c): _size(c) for c in moving}
+    followed = [
+        y for y in moving if any(_is_reference(r, y, sizes[id(y)]) for r in moving if r is not y)
+    ]
     rough = [c for c in moving if noise(c.values) > 1e-4 * float(np.nanstd(c.values))]
     for choice, why in (
         (followed, "follows another channel that has no noise: a position and its reference"),
@@ -239,27 +248,35 @@ def _position(open_: list[Candidate]) -> Candidate | None:
     return None
 
 
-def _is_reference(candidate: Candidate, y: Candidate) -> bool:
-    """Whether a channel goes with the position, at its size, without its noise."""
+def _size(y: Candidate) -> tuple[float, float]:
+    """Return how much a channel moves, and its noise."""
+    return max(float(np.nanstd(y.values)), 1e-300), noise(y.values)
+
+
+def _is_reference(candidate: Candidate, y: Candidate, size: tuple[float, float]) -> bool:
+    """Whether a channel goes with the position, at its size (`_size`), without its noise."""
     if candidate.values.shape != y.values.shape:
         return False
-    size = np.nanstd(candidate.values) / max(float(np.nanstd(y.values)), 1e-300)
-    if not 0.5 < size < 2 or correlation(candidate.values, y.values) < 0.9:
+    if (
+        not 0.5 < np.nanstd(candidate.values) / size[0] < 2
+        or correlation(candidate.values, y.values) < 0.9
+    ):
         return False
     few = np.unique(seen(candidate.values)).size < 0.01 * seen(candidate.values).size
-    return few or noise(candidate.values) < 0.1 * noise(y.values)
+    return few or noise(candidate.values) < 0.1 * size[1]
 
 
-def _beside(candidate: Candidate, y: Candidate) -> None:
+def _beside(candidate: Candidate, y: Candidate, size: tuple[float, float]) -> None:
     """See whether a channel is a reference, or an estimate of the position."""
     if candidate.role:
         return
     likeness = correlation(candidate.values, y.values)
-    close = np.nanmedian(np.abs(candidate.values - y.values))
-    if _is_reference(candidate, y):
+    if likeness < 0.9:
+        return
+    if _is_reference(candidate, y, size):
         candidate.role = "r"
         candidate.why.append(f"follows {y.label} without its noise (correlation {likeness:.3f})")
-    elif likeness > 0.9 and close < 3 * noise(y.values):
+    elif np.nanmedian(np.abs(candidate.values - y.values)) < 3 * size[1]:
         candidate.role, candidate.estimated = "y", True
         candidate.why.append(f"lies within the noise of {y.label}: an estimate or a copy of it")
 

@@ -185,7 +185,10 @@ def resolution(values: Array) -> float:
     if seen.size < 2:
         return 0.0
     steps = np.diff(seen)
-    steps = steps[steps > 1e-9 * (seen[-1] - seen[0])]  # what arithmetic makes of one value
+    with np.errstate(over="ignore"):  # between the ends of all floats there is an infinite step
+        steps = steps[steps > 1e-9 * (seen[-1] - seen[0])]  # what arithmetic makes of one value
+    if steps.size == 0:
+        return 0.0
     least = float(steps.min())
     off = np.abs(steps / least - np.rint(steps / least))
     if np.mean(off < 0.02) > 0.99:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING
 from ambkit import files
 
 if TYPE_CHECKING:
+    from ambkit.report.blocks import Report
     from ambkit.report.summary import SummaryRow
     from ambkit.reproduction.study import Part, Study
 
@@ -49,27 +49,32 @@ def reproduce(
     AmbkitError
         If the folder cannot be written.
     """
-    import ambkit
-    from ambkit.report.blocks import Report
     from ambkit.report.page import write_report
-    from ambkit.reproduction.study import SEEDS, Study
+    from ambkit.reproduction.study import Study
 
     folder = Path(out)
-    files.make_folder(folder / "tables")  # before the work: an unwritable place is told at once
-    study = Study(seed=seed)
-    try:
+    # Begun before the work: an unwritable place is told at once.
+    with files.replacing_in(folder) as temporary:
+        study = Study(seed=seed)
         parts = _chapters(study, progress)
-    except BaseException:
-        with suppress(OSError):  # they are not empty where an earlier run went
-            (folder / "tables").rmdir()
-            folder.rmdir()
-        raise
-    rows = [row for part in parts for row in part.rows]
+        rows = [row for part in parts for row in part.rows]
+        files.make_folder(temporary / "tables")
+        for part in parts:
+            for name, text in part.tables.items():
+                files.write_text(temporary / "tables" / name, text)
+        write_report(_report(study, parts, rows, seed), temporary, progress)
+        summary = json.dumps(rows, indent=2, ensure_ascii=False)
+        files.write_text(temporary / "summary.json", f"{summary}\n")
+    return Outcome(folder, rows)
 
-    for part in parts:
-        for name, text in part.tables.items():
-            files.write_text(folder / "tables" / name, text)
-    report = Report(
+
+def _report(study: Study, parts: list[Part], rows: list[SummaryRow], seed: int) -> Report:
+    """Put the chapters together."""
+    import ambkit
+    from ambkit.report.blocks import Report
+    from ambkit.reproduction.study import SEEDS
+
+    return Report(
         title="Adaptive Kalman filter for active magnetic bearings",
         subtitle="The paper of Li, Kästner and Worlitz, reproduced and judged",
         lead="An active magnetic bearing is unstable without control, its force law is nonlinear, "
@@ -88,9 +93,6 @@ def reproduce(
             "made by": "ambkit reproduce",
         },
     )
-    write_report(report, folder, progress)
-    files.write_text(folder / "summary.json", json.dumps(rows, indent=2, ensure_ascii=False) + "\n")
-    return Outcome(folder, rows)
 
 
 def _chapters(study: Study, progress: Callable[[str], None]) -> list[Part]:

@@ -24,7 +24,6 @@ def write(folder: Path, texts: dict[str, str]) -> Path:
         The folder holds other files, or one of the same name that is not from an export; then
         nothing is written. Or the folder cannot be written.
     """
-    files.make_folder(folder)
     if not (folder / MANIFEST).exists() and any(folder.glob("[!.]*")):
         raise AmbkitError(
             f"{folder}: holds other files, and the {len(texts) + 1} of an export would lie among "
@@ -35,10 +34,11 @@ def write(folder: Path, texts: dict[str, str]) -> Path:
         if name not in older and _other(folder / name, text):
             raise AmbkitError(f"{folder / name} is there already, and not from an export")
     lines = [f"{hashlib.sha256(text.encode()).hexdigest()}  {name}" for name, text in texts.items()]
-    files.write_text(folder / MANIFEST, "\n".join(lines) + "\n")
-    for name, text in texts.items():
-        files.make_folder((folder / name).parent)
-        files.write_text(folder / name, text)
+    with files.replacing_in(folder, first=MANIFEST) as temporary:
+        files.write_text(temporary / MANIFEST, "\n".join(lines) + "\n")
+        for name, text in texts.items():
+            files.make_folder((temporary / name).parent)
+            files.write_text(temporary / name, text)
     for name in older - set(texts):
         (folder / name).unlink(missing_ok=True)
     return folder

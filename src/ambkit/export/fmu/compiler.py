@@ -13,6 +13,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
+from ambkit import files
 from ambkit.errors import AmbkitError
 from ambkit.export.fmu.xml import COMPILER_OPTIONS, Fmi
 
@@ -72,12 +73,13 @@ def compiled(texts: Mapping[str, str], sources: Sequence[str]) -> bytes:
     compiler = _compiler()
     with TemporaryDirectory() as made:
         for name, text in texts.items():
-            path = Path(made, name)
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text, encoding="utf-8")
+            files.make_folder(Path(made, name).parent)
+            files.write_text(Path(made, name), text)
         flags = [*COMPILER_OPTIONS.split(), *_FLAGS, *(_STRICT if sys.platform == "linux" else ())]
         command = [*compiler, *flags, "-I.", *sources, "-o", "binary"]
-        done = subprocess.run(command, cwd=made, capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            command, cwd=made, capture_output=True, text=True, errors="replace", check=False
+        )
         if done.returncode != 0:
             raise AmbkitError(f"{shlex.join(compiler)} cannot compile the FMU:\n{done.stderr}")
         return Path(made, "binary").read_bytes()
@@ -85,7 +87,11 @@ def compiled(texts: Mapping[str, str], sources: Sequence[str]) -> bytes:
 
 def _compiler() -> list[str]:
     """Return the command in the variable CC, or else the first compiler that is there."""
-    chosen = shlex.split(os.environ.get("CC", ""))
+    given = os.environ.get("CC", "")
+    try:
+        chosen = shlex.split(given)
+    except ValueError as error:
+        raise AmbkitError(f"the environment variable CC, {given}, is no command: {error}") from None
     names = [chosen[0]] if chosen else list(_NAMES)
     for name in names:
         if shutil.which(name):

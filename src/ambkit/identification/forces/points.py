@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.arrays import real
 from ambkit.errors import AmbkitError
 
 Array = NDArray[np.float64]
@@ -47,7 +48,7 @@ class ForcePoints:
             given = getattr(self, name)
             if given is None:
                 continue
-            values = np.array(given, dtype=float)
+            values = real(name, given).copy()
             if values.ndim != 1 or values.size == 0 or values.shape != np.shape(self.current):
                 raise AmbkitError(
                     f"{name} must be a list with a value for each point, has shape {values.shape} "

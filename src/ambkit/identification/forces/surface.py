@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ambkit.arrays import real
 from ambkit.errors import AmbkitError
 from ambkit.identification.forces.points import ForcePoints
 from ambkit.magnets import ClosedLaw
@@ -107,12 +108,12 @@ class ForceSurface:
 
     def __call__(self, iu: ArrayLike, x: ArrayLike) -> Array:
         """Force [N] at places (iu [A], x [m]), of shapes that broadcast."""
-        iu, x = np.broadcast_arrays(np.asarray(iu, dtype=float), np.asarray(x, dtype=float))
+        iu, x = np.broadcast_arrays(real("iu", iu), real("x", x))
         return np.asarray(self._law(iu, x)) + self.correction(iu, x)
 
     def correction(self, iu: ArrayLike, x: ArrayLike) -> Array:
         """By how much the force is larger than the law's [N] at places (iu [A], x [m])."""
-        iu, x = np.broadcast_arrays(np.asarray(iu, dtype=float), np.asarray(x, dtype=float))
+        iu, x = np.broadcast_arrays(real("iu", iu), real("x", x))
         places = self._places(iu, x)
         parts = np.array_split(places, 1 + places.shape[1] * self._pull.size // 2_000_000, axis=1)
         found = np.concatenate([self._pull @ _alike(self._at, p, self._reach) for p in parts])
@@ -128,7 +129,7 @@ class ForceSurface:
         """Return the standard error of the force [N] at places (iu [A], x [m])."""
         from scipy.linalg import solve_triangular
 
-        iu, x = np.broadcast_arrays(np.asarray(iu, dtype=float), np.asarray(x, dtype=float))
+        iu, x = np.broadcast_arrays(real("iu", iu), real("x", x))
         shared = self.law_error**2 * _alike(self._at, self._places(iu, x), self._reach)
         told = np.sum(solve_triangular(self._factor, shared, lower=True) ** 2, axis=0)
         # Before: the law's error and the offset's.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ambkit.arrays import real
 from ambkit.errors import AmbkitError
 
 Array = NDArray[np.float64]
@@ -79,7 +80,7 @@ class ForceTable:
         AmbkitError
             A point lies more than one node step outside the table.
         """
-        iu, x = np.broadcast_arrays(np.asarray(iu, dtype=float), np.asarray(x, dtype=float))
+        iu, x = np.broadcast_arrays(real("iu", iu), real("x", x))
         for name, asked, nodes, unit in (
             ("iu", iu, self.current, "A"),
             ("x", x, self.displacement, "m"),

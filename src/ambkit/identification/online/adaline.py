@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ambkit.arrays import real
+from ambkit.copying import Copyable
 from ambkit.identification.online.result import OnlineResult, last_quarter, mean_error
 from ambkit.magnets import core_module
 
@@ -50,7 +52,7 @@ class AdalineResult(OnlineResult):
         return mean_error(self.k[late][~self.held[late]], self.memory)
 
 
-class OnlineIdentifier:
+class OnlineIdentifier(Copyable):
     """Learns the magnet constant sample by sample, in the C core."""
 
     core: Any
@@ -78,8 +80,9 @@ class OnlineIdentifier:
     def _learned(self, record: Record, disturbance: ArrayLike | None) -> dict[str, Any]:
         """Run the core along a record; return its arrays by name, n samples each."""
         y = record["y"]
-        f_d = np.zeros_like(y) if disturbance is None else np.broadcast_to(disturbance, y.shape)
-        out = self.core.run(y, record["u"], np.ascontiguousarray(f_d, dtype=float))
+        known = real("disturbance", 0.0 if disturbance is None else disturbance)
+        f_d = np.ascontiguousarray(np.broadcast_to(known, y.shape))
+        out = self.core.run(y, record["u"], f_d)
         return dict(out)
 
 

@@ -1,0 +1,47 @@
+"""Copies and pickles of what holds a state in the C core."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from typing import Any, Self
+
+
+class Copyable:
+    """Copied and pickled with its live state: the copy goes on alone from where the original is.
+
+    It is made anew from the arguments of its constructor, and given the state. `copy.copy` shares
+    bearing, source and the like with the original, which no step changes; the state never.
+
+    Raises
+    ------
+    ValueError
+        When it is unpickled by another version of ambkit, whose states may mean something else.
+    """
+
+    core: Any
+    _of_core: tuple[str, ...] = ("core",)  # attributes that belong to the core's own object
+    _made: tuple[tuple[Any, ...], dict[str, Any]]
+
+    def __new__(cls, *args: Any, **options: Any) -> Self:
+        """Keep the arguments of the constructor."""
+        self = super().__new__(cls)
+        self._made = args, options
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        own = {name: value for name, value in vars(self).items() if name not in self._of_core}
+        return _made_anew, (type(self), *self._made), (version("ambkit"), self.core.state, own)
+
+    def __setstate__(self, state: tuple[str, bytes, dict[str, Any]]) -> None:
+        writer, live, own = state
+        if writer != version("ambkit"):
+            raise ValueError(
+                f"{type(self).__name__}: was pickled by ambkit {writer}, this is "
+                f"{version('ambkit')}; make it anew"
+            )
+        vars(self).update(own)
+        self.core.state = live
+
+
+def _made_anew(of: type[Any], args: tuple[Any, ...], options: dict[str, Any]) -> Any:
+    return of(*args, **options)
