@@ -25,6 +25,7 @@ from ambkit.commands.presets import presets
 from ambkit.commands.read import read
 from ambkit.commands.reproduce import reproduce
 from ambkit.commands.simulate import simulate
+from ambkit.commands.torture import torture
 from ambkit.commands.train import train
 from ambkit.errors import AmbkitError
 
@@ -48,6 +49,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "train": train,
     "filter": filter_record,
     "compare": compare,
+    "torture": torture,
     "presets": presets,
     "check": check,
 }
