@@ -12,13 +12,39 @@ struct LoopState {
   amb_loop_state state{};
 };
 
+// The faults of a run: arrays by the names of amb_loop_faults, which are those of the caller.
+class Faults
+{
+public:
+  Faults(const nb::dict &arrays, bool beside, size_t n)
+  {
+    to = {beside,
+          series(arrays, "late", n),
+          series(arrays, "y_times", n),
+          series(arrays, "y_plus", n),
+          series(arrays, "u_times", n),
+          series(arrays, "u_plus", n),
+          series(arrays, "current", n)};
+  }
+  amb_loop_faults to{};
+
+private:
+  std::vector<Vector> kept;
+  const amb_real *series(const nb::dict &arrays, const char *name, size_t n)
+  {
+    kept.push_back(nb::cast<Vector>(arrays[name]));
+    same_length(n, kept.back().size(), name);
+    return kept.back().data();
+  }
+};
+
 Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_real K_sen,
                amb_real T_sen, amb_real travel, int substeps, amb_real k_ui, amb_real iu_min,
                amb_real iu_max, amb_real kp, amb_real ki, amb_real kd, amb_real T_f, amb_real T_t,
                amb_real integral, bool feedback_estimate, Estimator *estimator, const Vector &r,
                const Vector &f_d, const Vector &noise_u, const Vector &noise_y,
                const std::optional<Vector> &scale, amb_real f_bias, amb_real x_start,
-               LoopState *went)
+               LoopState *went, const std::optional<Named> &faults, bool beside)
 {
   const size_t n = r.size();
   same_length(n, f_d.size(), "f_d");
@@ -36,9 +62,16 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
                       iu_max,
                       estimator ? &estimator->estimator : nullptr,
                       feedback_estimate};
-  const amb_loop_input input{
-      n,     r.data(), f_d.data(), noise_u.data(), noise_y.data(), scale ? scale->data() : nullptr,
-      f_bias};
+  const std::optional<Faults> wrong =
+      faults ? std::optional<Faults>(Faults(*faults, beside, n)) : std::nullopt;
+  const amb_loop_input input{n,
+                             r.data(),
+                             f_d.data(),
+                             noise_u.data(),
+                             noise_y.data(),
+                             scale ? scale->data() : nullptr,
+                             f_bias,
+                             wrong ? &wrong->to : nullptr};
   Fresh<amb_real> x({n}), v({n}), x_m({n}), iu({n}), force({n}), y({n}), u({n});
   History history(estimator ? n : 0, estimator != nullptr, estimator && estimator->scales());
   amb_loop_output out{x.data, v.data, x_m.data, iu.data, force.data, y.data, u.data, history.to, 0};
@@ -81,6 +114,7 @@ void bind_loop(nb::module_ &m)
       nb::arg("feedback_estimate"), nb::arg("estimator").none(), nb::arg("r"), nb::arg("f_d"),
       nb::arg("noise_u"), nb::arg("noise_y"), nb::arg("scale").none() = nb::none(),
       nb::arg("f_bias") = 0, nb::arg("x_start") = 0, nb::arg("state").none() = nb::none(),
+      nb::arg("faults").none() = nb::none(), nb::arg("beside") = false,
       "A closed-loop run in one call; see sim/loop.h for shapes and units. With a state, an empty "
       "one at first, the next call goes on where this one ends.");
 }

@@ -1,37 +1,43 @@
 #include "loop.h"
 
-/* What the estimator makes of the measurement, knowing the control signal that acted before it. */
-static void estimate(const amb_loop *loop, amb_loop_state *s, void *estimator)
+/* A sample at which the controller gets the measurement `direct` [m], and the estimator y [m] and
+ * that `told` [V] acted before it. The plant is left where it is. */
+static void sense(const amb_loop *loop, amb_loop_state *s, void *estimator,
+                  const amb_loop_sample *sample, amb_real direct, amb_real y, amb_real told)
 {
-  if (s->sampled)
-    (void)amb_estimator_step(loop->estimator, estimator, s->y, s->u, &s->result);
-  else
-    (void)amb_estimator_start(loop->estimator, estimator, s->y, &s->result);
-}
-
-static bool step(const amb_loop *loop, amb_loop_state *s, void *estimator,
-                 const amb_loop_sample *sample)
-{
-  s->y = s->plant.x_m + sample->noise_y;
-  if (loop->estimator != NULL)
-    estimate(loop, s, estimator);
+  s->y = y;
+  if (loop->estimator != NULL) {
+    if (s->sampled)
+      (void)amb_estimator_step(loop->estimator, estimator, y, told, &s->result);
+    else
+      (void)amb_estimator_start(loop->estimator, estimator, y, &s->result);
+  }
   amb_real demanded;
   if (loop->feedback_estimate) {
     const amb_real *mean = ((const amb_kalman_state *)estimator)->mean;
     (void)amb_pid_step(&loop->pid, &s->pid, sample->r, mean[0], &mean[1], &demanded);
   } else
-    (void)amb_pid_step(&loop->pid, &s->pid, sample->r, s->y / loop->plant.K_sen, NULL, &demanded);
+    (void)amb_pid_step(&loop->pid, &s->pid, sample->r, direct / loop->plant.K_sen, NULL, &demanded);
   s->u = demanded / loop->k_ui;
-  s->iu = amb_clamp(loop->k_ui * (s->u + sample->noise_u), loop->iu_min, loop->iu_max);
-  s->force = amb_plant_force(&loop->plant, s->iu, s->plant.x);
   s->sampled = true;
+}
+
+/* And the plant on to the next, with this share of the amplifier's range. */
+static bool act(const amb_loop *loop, amb_loop_state *s, const amb_loop_sample *sample,
+                amb_real share)
+{
+  s->iu =
+      amb_clamp(loop->k_ui * (s->u + sample->noise_u), share * loop->iu_min, share * loop->iu_max);
+  s->force = amb_plant_force(&loop->plant, s->iu, s->plant.x);
   return amb_plant_advance(&loop->plant, &s->plant, loop->T, s->iu, sample->f_d);
 }
 
 bool amb_loop_step(const amb_loop *loop, amb_loop_state *state, void *estimator,
                    const amb_loop_sample *sample)
 {
-  return step(loop, state, estimator, sample);
+  const amb_real y = state->plant.x_m + sample->noise_y;
+  sense(loop, state, estimator, sample, y, y, state->u);
+  return act(loop, state, sample, 1);
 }
 
 /* A magnet whose force is another's, times a factor. Only a plant asks it. */
@@ -44,6 +50,20 @@ static amb_real scaled_force(const void *self, amb_real iu, amb_real x)
 {
   const scaled_magnet *scaled = (const scaled_magnet *)self;
   return scaled->scale * scaled->magnet.methods->force(scaled->magnet.self, iu, x);
+}
+
+/* The measurement at sample k, as far as it has come: x_m is known up to there. */
+static amb_real faulted(const amb_loop_faults *faults, const amb_real *x_m, const amb_real *noise,
+                        size_t k)
+{
+  const amb_real late = faults->late[k];
+  const size_t whole = (late < (amb_real)k) ? (size_t)late : k;
+  const amb_real share = (late < (amb_real)k) ? late - (amb_real)whole : 0;
+  const size_t at = k - whole;
+  amb_real y = x_m[at] + noise[at];
+  if (share > 0)
+    y += share * (x_m[at - 1] + noise[at - 1] - y);
+  return faults->y_times[k] * y + faults->y_plus[k];
 }
 
 amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop_state *state,
@@ -59,6 +79,7 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop
   }
   amb_loop_state s = *state;
   out->touched = 0;
+  amb_real told = s.u;
   for (size_t k = 0; k < in->n; k++) {
     const amb_loop_sample sample = {in->r[k], in->f_d[k], in->noise_u[k], in->noise_y[k]};
     if (in->scale != NULL) {
@@ -68,10 +89,16 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop
     out->x[k] = s.plant.x;
     out->v[k] = s.plant.v;
     out->x_m[k] = s.plant.x_m;
-    if (step(&now, &s, estimator, &sample))
+    const amb_loop_faults *faults = in->faults;
+    const amb_real direct = s.plant.x_m + in->noise_y[k];
+    const amb_real y = faults != NULL ? faulted(faults, out->x_m, in->noise_y, k) : direct;
+    const bool both = faults != NULL && !faults->beside;
+    sense(&now, &s, estimator, &sample, both ? y : direct, y, told);
+    told = faults != NULL ? faults->u_times[k] * s.u + faults->u_plus[k] : s.u;
+    if (act(&now, &s, &sample, faults != NULL ? faults->current[k] : 1))
       out->touched++;
     out->y[k] = s.y;
-    out->u[k] = s.u;
+    out->u[k] = told;
     out->iu[k] = s.iu;
     out->force[k] = s.force;
     if (loop->estimator != NULL) {

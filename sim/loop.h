@@ -41,6 +41,21 @@ typedef struct amb_loop_sample {
 bool amb_loop_step(const amb_loop *loop, amb_loop_state *state, void *estimator,
                    const amb_loop_sample *sample);
 
+/* What is wrong between plant, controller and estimator, n samples each, all wanted. The
+ * measurement y that both get is y_times y' + y_plus, with y' the true one of `late` samples ago,
+ * between two of them on the line through both; before the first sample there is the first. The
+ * estimator alone is told u_times u + u_plus of the control signal u. Anything goes, NaN and
+ * infinity too. */
+typedef struct amb_loop_faults {
+  bool beside; /* the controller gets the true measurement, the estimator alone the other */
+  const amb_real *late;    /* [samples], >= 0 */
+  const amb_real *y_times; /* [1] */
+  const amb_real *y_plus;  /* [m] */
+  const amb_real *u_times; /* [1] */
+  const amb_real *u_plus;  /* [V] */
+  const amb_real *current; /* share of the amplifier's range that is left [1], 0 to 1 */
+} amb_loop_faults;
+
 /* What comes from outside, n samples each. Noise is drawn by the caller, so that a run can be
  * repeated with recorded noise, and random streams are those of a well-known library. */
 typedef struct amb_loop_input {
@@ -51,6 +66,7 @@ typedef struct amb_loop_input {
   const amb_real *noise_y; /* on the measurement [m] */
   const amb_real *scale;   /* of the magnet's force, bias force and all [1]; NULL: 1 throughout */
   amb_real f_bias; /* the magnet's bias force, which the plant's f_0 holds; where scaled [N] */
+  const amb_loop_faults *faults; /* NULL: none */
 } amb_loop_input;
 
 /* Where the run goes; n samples each, all wanted. */
@@ -58,8 +74,8 @@ typedef struct amb_loop_output {
   amb_real *x, *v, *x_m; /* truth at the sample: [m], [m/s], [m] */
   amb_real *iu;          /* control current from this sample to the next, with noise, limited [A] */
   amb_real *force;       /* magnet, weight and bias force at the sample, with that current [N] */
-  amb_real *y;           /* measurement [m] */
-  amb_real *u;           /* control signal from this sample to the next [V] */
+  amb_real *y;           /* measurement, as the estimator gets it [m] */
+  amb_real *u;           /* control signal from this sample to the next, as it is told [V] */
   amb_kalman_history estimate; /* used where there is an estimator */
   size_t touched;              /* samples in which a stop was touched */
 } amb_loop_output;

@@ -25,8 +25,8 @@ from ambkit.identification.stiffness import stiffness_map
 from ambkit.reading.guess import guess
 
 COMMANDS = (
-    "reproduce", "simulate", "excite", "read", "identify", "train", "filter", "compare", "presets",
-    "check",
+    "reproduce", "simulate", "excite", "read", "identify", "train", "filter", "compare",
+    "torture", "presets", "check",
 )  # fmt: skip
 
 
@@ -141,6 +141,8 @@ def test_the_examples_in_the_help_work(call, made, tmp_path, name):
         arguments = shlex.split(example.partition(" > ")[0])[1:]
         if name == "compare":
             arguments += ["--seeds", "2"]
+        if name == "torture":
+            arguments += ["--faults", "outage-10ms,stuck", "--steps", "20000"]
         found = call(*arguments)
         assert found.code == 0, found.err
         for option in ("--out", "--plot"):
@@ -531,6 +533,30 @@ def test_compare_tells_the_limit_where_it_is_known(call):
     assert "no estimator can have smaller errors than: x 3.4" in found.out
 
 
+def test_torture(call):
+    found = call("torture", "inteco_ml", "--estimator", "linear,low-pass", "--estimator", "table",
+                 "--faults", "stuck,long-stuck,nan-u", "--steps", "20000", "--precision", "both",
+                 "--seeds", "2", "--out", "t.csv", "--plot", "t.svg", "--json")  # fmt: skip
+    assert found.code == 0, found.err
+    assert found.json["seeds"] == [0, 1]
+    assert found.json["files"] == ["t.csv", "t.svg"]
+    assert list(found.json["estimators"]) == ["linear", "low-pass", "table"]
+    assert found.json["estimators"]["linear"]["recovered"]
+    # Three faults, clean and mixed beside the loop; one of them not in it.
+    flights = 2 * 2 * (3 * (5 + 4) + 4)
+    assert len(found.json["flights"]) == flights
+    table = Path("t.csv").read_text()
+    assert "recovery [1]" in table
+    assert "after_x [m]" in table
+    assert len([line for line in table.splitlines() if line[0].isdigit()]) == flights
+    told = call(
+        "torture", "inteco_ml", "--estimator", "linear", "--faults", "stuck", "--steps", "0"
+    )
+    assert told.err == ""
+    assert "the sensor repeats its last value" in told.out
+    assert told.out.endswith("no rotor was lost, and all came back\n")
+
+
 def test_compare_takes_a_scenario_as_its_only_case(call, made):
     arguments = ("--scenario", made / "scenario.toml", "--seeds", "2", "--estimator", "linear")
     assert list(call("compare", "zittau_axial", *arguments, "--json").json["cases"]) == [
@@ -641,6 +667,10 @@ def test_reproduce_hands_on_its_arguments_and_prints_the_verdicts(call, monkeypa
         ("filter RUN --bearing zittau_axial --tune 1s --disturbance-noise 1N^2/s", "one of them"),
         ("filter RUN --bearing zittau_axial --tune 0s", "--tune must be greater than 0 s"),
         ("filter missing.csv --bearing zittau_axial", "missing.csv: cannot be read"),
+        ("torture zittau_axial --estimator ukv", 'no estimator "ukv"; known: low-pass'),
+        ("torture zittau_axial --faults gremlin", 'no fault "gremlin"; known: lift-off'),
+        ("torture zittau_axial --precision half", '"half" is none of float64, float32, both'),
+        ("torture zittau_axial --estimator linear --steps 9", "9 steps have no room for a fault"),
         ("compare zittau_axial --seeds 0", "'--runs' / '--seeds'"),
         ("compare zittau_axial --case papers", 'no case "papers"; known: paper, uncertain'),
         ("compare zittau_axial --estimators ukv", 'no estimator "ukv"; known: all, '),

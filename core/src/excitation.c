@@ -11,12 +11,22 @@ void amb_excitation_reset(amb_excitation *e, amb_real f_d)
   e->load.mean = f_d;
   e->answer = none;
   e->age = AMB_C(0.0);
+  e->doubt = AMB_C(0.0);
 }
 
 void amb_excitation_miss(amb_excitation *e)
 {
   e->information = AMB_C(0.0);
   e->age = (e->age > AMB_C(1.0)) ? (e->age - AMB_C(1.0)) : AMB_C(0.0);
+}
+
+bool amb_excitation_doubt(amb_excitation *e, const amb_excitation_settings *settings)
+{
+  const bool before = e->doubt >= AMB_DOUBTFUL_WINDOWS;
+  /* The measurement that follows takes one of the two back. */
+  const amb_real more = e->doubt + AMB_C(2.0) * settings->fresh;
+  e->doubt = (more < AMB_DOUBT_WINDOWS) ? more : AMB_DOUBT_WINDOWS;
+  return !before && (e->doubt >= AMB_DOUBTFUL_WINDOWS);
 }
 
 void amb_excitation_predict(amb_excitation *e, const amb_axial_model *model, amb_real k_s,
@@ -53,7 +63,10 @@ bool amb_excitation_update(amb_excitation *e, const amb_excitation_settings *set
   if (!settled) {
     e->age += settings->fresh;
   }
+  const bool doubtful = e->doubt >= AMB_DOUBTFUL_WINDOWS;
+  const amb_real less = e->doubt - settings->fresh;
+  e->doubt = (less > AMB_C(0.0)) ? less : AMB_C(0.0);
   const bool always = !(settings->least > AMB_C(0.0));
-  return always || (settled && (e->information >= settings->least) &&
+  return always || (settled && !doubtful && (e->information >= settings->least) &&
                     (e->load.var < (AMB_LOAD_SHARE * e->answer.var)));
 }

@@ -35,10 +35,21 @@ static amb_status reset(const amb_estimator *self, void *state,
   if (status == AMB_OK) {
     copy(s->base.cov, s->cov);
     s->theta = AMB_C(1.0);
+    s->trusted = AMB_C(1.0);
     s->var = own_of(self)->std * own_of(self)->std;
     amb_excitation_reset(&s->excitation, mean[2]);
   }
   return status;
+}
+
+/* Set theta, and the states to what they would be had it been that. */
+static void move(amb_extended_k_state *s, amb_real theta)
+{
+  const amb_real by = theta - s->theta;
+  s->theta = theta;
+  for (int i = 0; i < AMB_AXIAL_STATES; i++) {
+    s->base.mean[i] += s->excitation.slope[i] * by;
+  }
 }
 
 /* Theta wanders by var_k: its covariance with the states, s p, stays what it was. */
@@ -63,6 +74,10 @@ static amb_status predict(const amb_estimator *self, void *state, amb_real u,
   amb_extended_k_state *s = (amb_extended_k_state *)state;
   amb_status status = AMB_OK;
   const amb_real iu = amb_step_current(kf, &s->base, u, &status);
+  if (((status & AMB_SATURATED) != 0U) && amb_excitation_doubt(&s->excitation, &own->learn)) {
+    move(s, s->trusted);
+    s->var = own->std * own->std;
+  }
   amb_stiffness k;
   const amb_real at = amb_axial_displacement(&kf->model, s->base.mean);
   const amb_real known = amb_step_force(kf, self->magnet, iu, at, &k) + own->bias;
@@ -100,13 +115,12 @@ static amb_status update(const amb_estimator *self, void *state, amb_real y,
   if ((status & (AMB_MISSING | AMB_FROZEN | AMB_OUTLIER | AMB_BAD_VARIANCE)) == 0U) {
     if (amb_excitation_update(&s->excitation, &own->learn, with_y, S, s->base.mean,
                               self->kf->set.x_max)) {
-      const amb_real before = s->theta;
       const amb_real gain = (s->var * on_y) / total;
-      s->theta = amb_clamp(before + gain * result->innovation, own->min, own->max);
-      for (int i = 0; i < AMB_AXIAL_STATES; i++) {
-        s->base.mean[i] += s->excitation.slope[i] * (s->theta - before);
-      }
+      move(s, amb_clamp(s->theta + gain * result->innovation, own->min, own->max));
       s->var *= S / total;
+      if (!(s->excitation.doubt > AMB_C(0.0))) {
+        s->trusted = s->theta;
+      }
     } else {
       status |= AMB_UNEXCITED;
     }

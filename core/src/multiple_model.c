@@ -71,6 +71,7 @@ static amb_status reset(const amb_estimator *self, void *state,
         m->cov[i] = s->base.cov[i];
       }
       m->weight = AMB_C(1.0) / (amb_real)n;
+      s->trusted[j] = m->weight;
     }
     amb_excitation_reset(&s->excitation, mean[2]);
     s->excited = false;
@@ -130,6 +131,12 @@ static amb_status predict(const amb_estimator *self, void *state, amb_real u,
   const amb_real iu = amb_step_current(kf, &s->base, u, &status);
   if ((status & AMB_BAD_CONTROL) != 0U) {
     amb_excitation_miss(&s->excitation);
+  }
+  if (((status & AMB_SATURATED) != 0U) && amb_excitation_doubt(&s->excitation, &own->learn)) {
+    for (int j = 0; j < own->n; j++) {
+      s->model[j].weight = s->trusted[j];
+    }
+    combine(own->n, s);
   }
   amb_stiffness k;
   const amb_real at = amb_axial_displacement(&kf->model, s->base.mean);
@@ -202,6 +209,11 @@ static amb_status weigh(const amb_multiple_model *own, amb_multiple_model_state 
   }
   for (int j = 0; j < own->n; j++) {
     s->model[j].weight /= sum;
+  }
+  if (!(s->excitation.doubt > AMB_C(0.0))) {
+    for (int j = 0; j < own->n; j++) {
+      s->trusted[j] = s->model[j].weight;
+    }
   }
   return status;
 }

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from ambkit.estimators import SteadyStateKalmanFilter as SteadyStateKalmanFilter
     from ambkit.estimators import UnscentedKalmanFilter as UnscentedKalmanFilter
     from ambkit.estimators.batch import run_many as run_many
+    from ambkit.faults import torture as torture
     from ambkit.fuzzy import Expert as Expert
     from ambkit.fuzzy.training import train as train
     from ambkit.identification import identify as identify
@@ -73,6 +74,7 @@ _HOME = {
         "SteadyStateKalmanFilter",
         "UnscentedKalmanFilter",
     ],
+    "faults": ["torture"],
     "fuzzy": ["Expert"],
     "identification": ["identify"],
     "identification.online.adaline": ["Adaline"],

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.metadata import version
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,46 @@ class Run:
 
 
 @dataclass(frozen=True, eq=False)
+class Faults:
+    """What is wrong between plant, controller and estimator, one value a sample, all (n,).
+
+    Parameters
+    ----------
+    late : ndarray
+        The measurement is that of so many samples ago, 0 or more; between two of them on the line
+        through both. One that grows by 1 a sample is a sensor that is stuck [samples].
+    y_times, y_plus : ndarray
+        It is then multiplied by the one [1] and added to the other [m].
+    u_times, u_plus : ndarray
+        The same for the control signal that the estimator is told [1], [V]; the amplifier gets the
+        true one.
+    current : ndarray
+        Share of the amplifier's range that is left, which nobody is told [1].
+    beside : bool
+        Whether the controller, where it is fed by the measurement, gets the true one.
+    """
+
+    late: NDArray[np.float64]
+    y_times: NDArray[np.float64]
+    y_plus: NDArray[np.float64]
+    u_times: NDArray[np.float64]
+    u_plus: NDArray[np.float64]
+    current: NDArray[np.float64]
+    beside: bool = False
+
+    @classmethod
+    def none(cls, n: int, *, beside: bool = False) -> Faults:
+        """Return n samples without a fault."""
+        zero, one = np.zeros(n), np.ones(n)
+        return cls(zero, one, zero.copy(), one.copy(), zero.copy(), one.copy(), beside=beside)
+
+    @property
+    def series(self) -> dict[str, NDArray[np.float64]]:
+        """All that has one value a sample, by name."""
+        return {name: each for name, each in vars(self).items() if name != "beside"}
+
+
+@dataclass(frozen=True, eq=False)
 class Imposed:
     """Series that a run is given from outside, one value a sample.
 
@@ -50,11 +91,19 @@ class Imposed:
     magnet_scale : ndarray (n,), optional
         Factor on the force of the plant's magnet, such as that of a drifting magnet constant [1].
         Where the rotor hovers at the start, it is held as if the factor were 1.
+    faults : Faults, optional
+        Faults of sensor, control signal and amplifier. The record's y and u are those that the
+        estimator gets, with NaN for infinity.
+    place : float, optional
+        Where the rotor lies at the start [m]. Neither controller nor estimator is told: they start
+        as if it hovered at the reference.
     """
 
     disturbance: NDArray[np.float64] | None = None
     sensor_noise: NDArray[np.float64] | None = None
     magnet_scale: NDArray[np.float64] | None = None
+    faults: Faults | None = None
+    place: float | None = None
 
 
 def samples(bearing: Bearing, scenario: Scenario) -> int:
@@ -125,6 +174,7 @@ def simulate_run(
 ) -> Run:
     """Simulate plant, amplifier, sensor, controller and estimator in closed loop.
 
+    A loop with an estimator in single precision is computed in single precision, plant and all.
     The plant is continuous (Runge-Kutta of order 4 with ``scenario.substeps`` steps in a sample,
     or as many more as a fast sensor needs):
     nonlinear force law, weight, disturbance, sensor lag, mechanical stops. Control current and
@@ -154,8 +204,7 @@ def simulate_run(
     Raises
     ------
     ValueError
-        The estimator computes in single precision: the loop is simulated in double. Or a series
-        has not one value a sample.
+        A series has not one value a sample.
     """
     return Loop(bearing, scenario, estimator=estimator, magnet=magnet, imposed=imposed).run()
 
@@ -200,11 +249,12 @@ class Loop:
         t: NDArray[np.float64] = T * np.arange(n, dtype=float)
         reference, disturbance = scenario.reference.sample(t), scenario.disturbance.sample(t)
         noise_u, noise_y = _noise(bearing, scenario, n)
-        scale = None
+        scale = faults = place = None
         if imposed is not None:
-            for name, series in vars(imposed).items():
-                if series is not None and real(f"imposed {name}", series).shape != (n,):
-                    raise ValueError(f"imposed {name} must have {n} values, has {np.shape(series)}")
+            for name, values in _series(imposed):
+                if real(f"imposed {name}", values).shape != (n,):
+                    raise ValueError(f"imposed {name} must have {n} values, has {np.shape(values)}")
+            faults, place = imposed.faults, imposed.place
             if imposed.disturbance is not None:
                 disturbance = disturbance + imposed.disturbance
             noise_y = noise_y if imposed.sensor_noise is None else imposed.sensor_noise
@@ -214,7 +264,8 @@ class Loop:
         self.bearing, self.scenario, self.estimator = bearing, scenario, estimator
         self._t, self._scale = t, scale
         self._series = {"r": reference, "f_d": disturbance, "noise_u": noise_u, "noise_y": noise_y}
-        self._state, self._at = core_module().LoopState(), 0
+        self._state, self._at = None, 0
+        self._faults, self._place = faults, place
         self._law = ClosedLaw(bearing)
         self._plant = magnet if magnet is not None else self._law
         hover = scenario.start == "hover"
@@ -238,14 +289,17 @@ class Loop:
         Raises
         ------
         ValueError
-            The estimator computes in single precision; or nothing is left to be run until then.
+            Nothing is left to be run until then; a loop with faults is to run in stretches; or the
+            estimator has not the precision of the one that the loop began with.
         """
         bearing, estimator, pid = self.bearing, self.estimator, self.scenario.controller
-        if estimator is not None and estimator.precision != "float64":
+        precision = "float64" if estimator is None else estimator.precision
+        if self._at == 0:
+            self._precision = precision
+        elif precision != self._precision:
             raise ValueError(
-                f"an estimator in a simulated loop must have precision 'float64', got "
-                f"{estimator.precision!r}; estimator.run(record) runs it beside the simulated "
-                "record"
+                f"the loop began in {self._precision} and cannot go on with an estimator in "
+                f"{precision}"
             )
         T, n = bearing.sampling_time, self._t.size
         end = n if until is None else min(n, math.ceil(until / T - 1e-6))
@@ -254,12 +308,20 @@ class Loop:
                 f"until must be 2 samples or more after {self._at * T:g} s, where the loop is, and "
                 f"the run ends at {(n - 1) * T:g} s; is {until!r}"
             )
+        if self._faults is not None and end < n:
+            raise ValueError(f"a loop with faults runs in one go; until must be None, is {until!r}")
         here = slice(self._at, end)
         if self._at == 0 and estimator is not None:
             x = self._start
             estimator.reset([x, 0.0, 0.0, bearing.sensor.gain * x])
         lag = max(bearing.sensor.lag, 1e-3 * T)
-        core = core_module()
+        core = core_module(precision)
+        self._state = self._state or core.LoopState()
+
+        def given(values: NDArray[np.float64]) -> NDArray[Any]:
+            return np.ascontiguousarray(values[here], dtype=precision)
+
+        faults = self._faults
         out = core.simulate(
             self._plant.magnet(core),
             T=T,
@@ -282,14 +344,21 @@ class Loop:
             integral=self._integral,
             feedback_estimate=pid.feedback == "estimate",
             estimator=None if estimator is None else estimator.core,
-            **{name: series[here] for name, series in self._series.items()},
-            scale=None if self._scale is None else self._scale[here],
+            **{name: given(values) for name, values in self._series.items()},
+            scale=None if self._scale is None else given(self._scale),
             f_bias=self._law.bias_force,
-            x_start=self._start,
+            x_start=self._start if self._place is None else self._place,
             state=self._state,
+            faults=None
+            if faults is None
+            else {k: given(each) for k, each in faults.series.items()},
+            beside=faults is not None and faults.beside,
         )
         self._at = end
-        signals = {name: out[name] for name in ("x", "v", "x_m", "iu", "y", "u")}
+        told = ("x", "v", "x_m", "iu", "y", "u")
+        signals = {name: out[name].astype(float, copy=False) for name in told}
+        if faults is not None:  # a record holds no infinities
+            signals |= {k: np.where(np.isinf(signals[k]), np.nan, signals[k]) for k in "yu"}
         signals |= {name: self._series[name][here] for name in ("r", "f_d")}
         signals["f_mag"] = out["force"] - bearing.weight
         meta = {
@@ -304,6 +373,15 @@ class Loop:
         if estimator is None:
             return Run(record, None)
         return Run(record, Estimate.from_core(t, out["estimate"], estimator.name))
+
+
+def _series(imposed: Imposed) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    """All that has one value a sample, by name."""
+    for name in ("disturbance", "sensor_noise", "magnet_scale"):
+        if getattr(imposed, name) is not None:
+            yield name, getattr(imposed, name)
+    if imposed.faults is not None:
+        yield from ((f"fault {name}", values) for name, values in imposed.faults.series.items())
 
 
 def hover_current(bearing: Bearing, plant: StiffnessSource, x: float, balance: float) -> float:

@@ -11,6 +11,10 @@
  *   load with as much force, and that would pass for a change of k.
  * - The rotor is away from the stops, which push too; there the window begins anew.
  * - All has settled, since the start, and since measurements were missing: each costs a window.
+ * - The control signal has not been beyond its limit for long. What the amplifier then gives is a
+ *   guess, and a magnet that does not answer passes for a weak one; at rest nothing would correct
+ *   that later. A window of such samples beyond the good ones is let pass, for a step of the
+ *   position may take it; with more, what was learned since the first of them is taken back.
  *
  * The slope s is that of the estimate of the four states with theta: how they would be off, were
  * theta off by one. It moves as the states do and is corrected as they are.
@@ -25,6 +29,9 @@
 #define AMB_SETTLED_WINDOWS AMB_C(15.0)
 /* Variance of the load estimate over that of its slope [1], beyond which theta is held. */
 #define AMB_LOAD_SHARE AMB_C(0.25)
+/* Of saturation, from which on nothing is learned, and what counts at most [windows]. */
+#define AMB_DOUBTFUL_WINDOWS AMB_C(1.0)
+#define AMB_DOUBT_WINDOWS AMB_C(15.0)
 /* Of the way to the stops, from which on they may push [1]. */
 #define AMB_NEAR_STOP AMB_C(0.95)
 
@@ -44,7 +51,8 @@ typedef struct amb_excitation {
   amb_real information;             /* of a sample about theta, averaged over the window [1] */
   amb_recent load;                  /* f_d [N] */
   amb_recent answer;                /* slope of f_d [N] */
-  amb_real age; /* since the start, less what was missing [windows], until all has settled */
+  amb_real age;   /* since the start, less what was missing [windows], until all has settled */
+  amb_real doubt; /* samples beyond the limit, less the others since, at least 0 [windows] */
 } amb_excitation;
 
 /* Start, at a disturbance force f_d [N]. */
@@ -52,6 +60,10 @@ void amb_excitation_reset(amb_excitation *e, amb_real f_d);
 
 /* A measurement or a control signal is missing: what is learned next would be of that. */
 void amb_excitation_miss(amb_excitation *e);
+
+/* A control signal beyond its limit. True where that has just become long: what was learned since
+ * the doubt was 0 is to be taken back. */
+bool amb_excitation_doubt(amb_excitation *e, const amb_excitation_settings *settings);
 
 /* One sample on; known: force of the known magnet [N], k_s: stiffness of the estimated one. */
 void amb_excitation_predict(amb_excitation *e, const amb_axial_model *model, amb_real k_s,

@@ -33,7 +33,8 @@ typedef struct amb_extended_k_state {
   amb_real cov[AMB_AXIAL_TRIANGLE]; /* P, with theta known */
   amb_excitation excitation;        /* its slope is s */
   amb_real theta;
-  amb_real var; /* p */
+  amb_real var;     /* p */
+  amb_real trusted; /* theta before control signals were beyond their limit */
 } amb_extended_k_state;
 
 extern const amb_estimator_methods amb_extended_k_methods;

@@ -39,7 +39,8 @@ typedef struct amb_one_model {
 typedef struct amb_multiple_model_state {
   amb_kalman_state base; /* mean and covariance of all together */
   amb_one_model model[AMB_MODELS];
-  amb_excitation excitation; /* of the model nearest to the estimated scale */
+  amb_real trusted[AMB_MODELS]; /* weights before control signals were beyond their limit */
+  amb_excitation excitation;    /* of the model nearest to the estimated scale */
   bool excited;
 } amb_multiple_model_state;
 

@@ -22,6 +22,7 @@ from ambkit.commands.presets import presets
 from ambkit.commands.read import read
 from ambkit.commands.reproduce import reproduce
 from ambkit.commands.simulate import simulate
+from ambkit.commands.torture import torture
 from ambkit.commands.train import train
 
 # Plain help: typer's help in colour takes longer to import than all else here together.
@@ -41,6 +42,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "train": train,
     "filter": filter_record,
     "compare": compare,
+    "torture": torture,
     "presets": presets,
     "check": check,
 }

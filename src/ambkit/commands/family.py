@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ambkit.bearing import Bearing
     from ambkit.estimators import Estimator, FilterNoise
     from ambkit.fuzzy import Expert
-    from ambkit.magnets import StiffnessSource
+    from ambkit.magnets import Precision, StiffnessSource
     from ambkit.scenario import PID, Scenario
 
 NAMES = (
@@ -41,7 +41,9 @@ def estimator_option(choice: Iterable[str]) -> Any:
 class Factory(Protocol):
     """What builds an estimator."""
 
-    def __call__(self, noise: FilterNoise | None = None) -> Estimator:
+    def __call__(
+        self, noise: FilterNoise | None = None, *, precision: Precision = "float64"
+    ) -> Estimator:
         """Build a fresh one; by default it assumes the bearing's own noise."""
 
 
@@ -91,7 +93,9 @@ def factories(
 
     def factory(name: str) -> Factory:
         source = _source(name, bearing, expert)
-        return lambda noise=None: KINDS[name].make(bearing, source, noise=noise)
+        return lambda noise=None, **options: KINDS[name].make(
+            bearing, source, noise=noise, **options
+        )
 
     return {name: factory(name) for name in chosen}
 
@@ -134,18 +138,14 @@ def exported(text: str | None, bearing: Bearing, choice: Iterable[str] = NAMES) 
 
 def _source(name: str, bearing: Bearing, expert: Path | None) -> StiffnessSource | None:
     """Return what must be given to a kind; None where it knows by itself."""
-    if name == "table":
-        from ambkit.identification.stiffness import stiffness_map
+    from ambkit.estimators.family import learned_source
 
-        return stiffness_map(bearing)
-    if name != "adaptive":
-        return None
-    if expert is None:
-        from ambkit.fuzzy.training import train
-
+    if name == "adaptive" and expert is not None:
+        return read_expert(expert, bearing)
+    if name == "adaptive":
         with output.progress("training the expert"):
-            return train(bearing, weights=True)
-    return read_expert(expert, bearing)
+            return learned_source(name, bearing)
+    return learned_source(name, bearing)
 
 
 def read_expert(path: Path, bearing: Bearing) -> Expert:

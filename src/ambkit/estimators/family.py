@@ -173,3 +173,29 @@ KINDS = {
     )
 }  # fmt: skip
 """All kinds, from the simplest on."""
+
+
+def learned_source(name: str, bearing: Bearing) -> StiffnessSource | None:
+    """Return what a kind that must be given its source asks where nobody says otherwise.
+
+    Parameters
+    ----------
+    name : str
+        Of the kind.
+    bearing : Bearing
+        Its closed law is what is learned.
+
+    Returns
+    -------
+    StiffnessSource or None
+        A table of nodes, or a trained expert; None for a kind that has a source of its own.
+    """
+    if KINDS[name].source is not None:
+        return None
+    if name == "table":
+        from ambkit.identification.stiffness import stiffness_map
+
+        return stiffness_map(bearing)
+    from ambkit.fuzzy.training import train
+
+    return train(bearing, weights=True)

@@ -25,8 +25,9 @@ PIXELS_PER_INCH = 200
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.7, 0.18, 0.1, 0.46
 _LEGEND_ROW, _TITLE, _BAR = 0.165, 0.22, 0.76
-_LETTER, _ROW, _HEADS = 0.068, 0.22, 0.27
-"""Width of a letter of the names beside cells, height of a row of cells and of heads above them."""
+_LETTER, _ROW, _HEADS, _HEAD = 0.068, 0.22, 0.27, 0.135
+"""Width of a letter of the names beside cells, height of a row of cells, least height of the heads
+above them, and height of a line of these."""
 _RC: dict[Any, Any] = {
     "font.family": ["DejaVu Sans"],  # comes with matplotlib, so every machine draws the same
     "font.size": 8.0,
@@ -188,10 +189,12 @@ def _layout(figure: Figure, top: float) -> tuple[float, list[tuple[float, float,
     panel_height = figure.panel_height or rows
     cell = WIDTH / figure.columns
     places = []
-    depth = top + (_HEADS if any(cells) else 0.0)
+    depth = top
     for start in range(0, len(figure.panels), figure.columns):
         row = range(start, min(start + figure.columns, len(figure.panels)))
         depth += _TITLE * any(figure.panels[index].title for index in row)
+        heads = [name.count("\n") + 1 for n in row if (each := cells[n]) for name in each.columns]
+        depth += max(_HEADS, _HEAD * max(heads)) if heads else 0.0
         for index in row:
             bar = _BAR if figure.panels[index].heatmap else 0.0
             table = cells[index]
