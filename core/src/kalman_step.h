@@ -99,7 +99,8 @@ AMB_INLINE amb_status amb_step_contain(const amb_kalman *kf, amb_kalman_state *s
   if (!amb_step_is_lost(kf, state)) {
     return AMB_OK;
   }
-  amb_kalman_state held = *state;
+  amb_kalman_state held;
+  held = *state;
   const amb_status status = amb_envelope_hold(kf, &held);
   *state = held;
   return status;
@@ -195,7 +196,8 @@ AMB_INLINE amb_status amb_step_update(const amb_kalman *kf, amb_kalman_state *st
     if (outlier != AMB_OK) {
       e->innovation = innovation;
       if (outlier == AMB_RESTARTED) {
-        amb_kalman_state fresh = *state; /* a copy, as in amb_step_contain */
+        amb_kalman_state fresh; /* a copy, as in amb_step_contain */
+        fresh = *state;
         amb_envelope_restart(kf, &fresh, y);
         *state = fresh;
       }

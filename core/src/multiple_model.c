@@ -57,7 +57,7 @@ static void combine(int n, amb_multiple_model_state *s)
   }
 }
 
-/* All models take the mean and the covariance of the base. */
+/* All models take the mean and the covariance of the base, whatever their scales. */
 static void agree(int n, amb_multiple_model_state *s)
 {
   for (int j = 0; j < n; j++) {
@@ -68,6 +68,9 @@ static void agree(int n, amb_multiple_model_state *s)
     for (int i = 0; i < AMB_AXIAL_TRIANGLE; i++) {
       m->cov[i] = s->base.cov[i];
     }
+  }
+  for (int i = 0; i < AMB_AXIAL_STATES; i++) {
+    s->excitation.slope[i] = AMB_C(0.0);
   }
 }
 

@@ -206,15 +206,17 @@ static void test_a_long_outage(const amb_magnet *magnet, amb_real var_y)
   amb_kalman_state s = start();
   amb_kalman_result r;
   amb_status last = AMB_OK;
+  const amb_real shaken = (var_y < AMB_C(1e-12)) ? AMB_C(0.01) : 1;
   for (int k = 0; k < 50000; k++)
     last = amb_kalman_step(&kf, magnet, &s, NOT_A_NUMBER, AMB_C(0.4), &r);
   CHECK(last == (AMB_MISSING | AMB_HELD));
   CHECK(sound(&s) && same(s.cov[0], set.x_max * set.x_max) && same(s.mean[0], 0));
   for (int k = 0; k < 1000; k++) {
-    last = amb_kalman_step(&kf, magnet, &s, wobble(k), AMB_C(0.4045), &r);
+    last = amb_kalman_step(&kf, magnet, &s, shaken * wobble(k), AMB_C(0.4045), &r);
     CHECK(sound(&s));
   }
-  CHECK((last & ~(AMB_SURPRISED | AMB_OUTLIER | AMB_RESTARTED)) == AMB_OK); /* the record is none of this plant */
+  CHECK((last & ~(AMB_SURPRISED | AMB_OUTLIER | AMB_RESTARTED)) ==
+        AMB_OK); /* the record is none of this plant */
   CHECK(s.mean[0] < AMB_C(1e-4) && s.mean[0] > AMB_C(-1e-4));
 }
 
