@@ -81,12 +81,13 @@ Named run_input(Estimator &self, const amb_kalman_input &input, bool covariance)
 namespace
 {
 
-void reset(Estimator &self, const Vector &mean, const Vector &std)
+void reset(Estimator &self, const Vector &mean, std::optional<Vector> std)
 {
   same_length(AMB_AXIAL_STATES, mean.size(), "mean");
-  same_length(AMB_AXIAL_STATES, std.size(), "std");
-  if (self.estimator.methods->reset(&self.estimator, self.state(), mean.data(), std.data()) !=
-      AMB_OK)
+  if (std)
+    same_length(AMB_AXIAL_STATES, std->size(), "std");
+  if (self.estimator.methods->reset(&self.estimator, self.state(), mean.data(),
+                                    std ? std->data() : nullptr) != AMB_OK)
     throw std::invalid_argument("mean must be finite, std finite and positive");
   self.result = amb_kalman_result{};
 }
@@ -207,6 +208,7 @@ Named parameters(const Estimator &self)
   all["far_squared"] = self.kf.far_squared;
   all["gate_squared"] = self.kf.gate_squared;
   all["widest"] = self.kf.widest;
+  all["cap"] = shown({self.kf.cap, self.kf.cap + AMB_AXIAL_STATES}, {AMB_AXIAL_STATES});
   return all;
 }
 
@@ -224,6 +226,7 @@ void bind_flags(nb::module_ &m)
   m.attr("OUTLIER") = AMB_OUTLIER;
   m.attr("SURPRISED") = AMB_SURPRISED;
   m.attr("NOISE_LIMIT") = AMB_NOISE_LIMIT;
+  m.attr("RESTARTED") = AMB_RESTARTED;
 }
 
 } // namespace
@@ -232,8 +235,8 @@ void bind_estimator(nb::module_ &m)
 {
   bind_flags(m);
   nb::class_<Estimator>(m, "Estimator", "One of the family (ambkit/estimator.h).")
-      .def("reset", &reset, nb::arg("mean"), nb::arg("std"),
-           "Start from a mean (4,) and standard deviations (4,), uncorrelated.")
+      .def("reset", &reset, nb::arg("mean"), nb::arg("std") = nb::none(),
+           "Start from a mean (4,) and standard deviations (4,), uncorrelated; None: diffuse.")
       .def("take_over", &take_over, nb::arg("other"),
            "Go on where another is: its mean, covariance and counts.")
       .def("predict", &predict, nb::arg("u"), "One sample on; returns the status.")

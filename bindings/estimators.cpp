@@ -49,7 +49,7 @@ struct SquareRoot : Estimator {
 struct Observer : Estimator {
   amb_observer own{};
   Observer(nb::object asked, const Vector &gain, const Vector &cov, amb_real variance,
-           nb::kwargs settings)
+           const Vector &far, nb::kwargs settings)
       : Estimator(amb_observer_methods, asked, settings)
   {
     same_length(AMB_AXIAL_STATES, gain.size(), "gain");
@@ -57,6 +57,8 @@ struct Observer : Estimator {
     std::copy_n(gain.data(), AMB_AXIAL_STATES, own.gain);
     std::copy_n(cov.data(), AMB_AXIAL_TRIANGLE, own.cov);
     own.variance = variance;
+    same_length(AMB_AXIAL_STATES, far.size(), "far");
+    std::copy_n(far.data(), AMB_AXIAL_STATES, own.far);
     estimator.own = &own;
   }
   nb::dict more() const override
@@ -65,6 +67,7 @@ struct Observer : Estimator {
     d["gain"] = shown({own.gain, own.gain + AMB_AXIAL_STATES}, {AMB_AXIAL_STATES});
     d["cov"] = shown({own.cov, own.cov + AMB_AXIAL_TRIANGLE}, {AMB_AXIAL_TRIANGLE});
     d["variance"] = own.variance;
+    d["far"] = shown({own.far, own.far + AMB_AXIAL_STATES}, {AMB_AXIAL_STATES});
     return d;
   }
 };
@@ -190,11 +193,12 @@ void bind_estimators(nb::module_ &m)
       .def_prop_ro("noise", &AdaptiveNoise::noise,
                    "var_y [m^2] and var_d [N^2 a sample] as found so far.");
   nb::class_<Observer, Estimator>(m, "Observer", "Constant gain (ambkit/observer.h).")
-      .def(nb::init<nb::object, const Vector &, const Vector &, amb_real, nb::kwargs>(),
-           nb::arg("magnet"), nb::arg("gain"), nb::arg("cov"), nb::arg("variance"),
+      .def(nb::init<nb::object, const Vector &, const Vector &, amb_real, const Vector &,
+                    nb::kwargs>(),
+           nb::arg("magnet"), nb::arg("gain"), nb::arg("cov"), nb::arg("variance"), nb::arg("far"),
            nb::arg("settings"),
            nb::sig("def __init__(self, magnet: Magnet, gain: NDArray[Any], cov: NDArray[Any], "
-                   "variance: float, **settings: float) -> None"));
+                   "variance: float, far: NDArray[Any], **settings: float) -> None"));
   nb::class_<LowPass, Estimator>(m, "LowPass", "Low-pass filters (ambkit/low_pass.h).")
       .def(nb::init<nb::object, amb_real, amb_real, amb_real, nb::kwargs>(), nb::arg("magnet"),
            nb::arg("position"), nb::arg("velocity"), nb::arg("force"), nb::arg("settings"),

@@ -84,8 +84,10 @@ static void fill_parameters(lanes_parameters *p, size_t i, const amb_estimator *
   }
   if (e->methods == &amb_observer_methods) {
     const amb_observer *own = (const amb_observer *)e->own;
-    for (int j = 0; j < AMB_AXIAL_STATES; j++)
+    for (int j = 0; j < AMB_AXIAL_STATES; j++) {
       p->gain[j][i] = own->gain[j];
+      p->far[j][i] = own->far[j];
+    }
     p->variance[i] = own->variance;
   } else if (e->methods == &amb_low_pass_methods) {
     const amb_low_pass *own = (const amb_low_pass *)e->own;

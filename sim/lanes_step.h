@@ -13,8 +13,8 @@ typedef struct lanes_parameters {
   lanes k_ui, f_0, iu_min, iu_max, x_max, var_u, var_d, var_y, far_squared, gate_squared, widest;
   lanes k_i, k_s; /* of a constant magnet */
   lanes_law law;
-  lanes gain[AMB_AXIAL_STATES], variance;    /* of an observer */
-  lanes m, K_sen, position, velocity, force; /* of low-pass filters */
+  lanes gain[AMB_AXIAL_STATES], far[AMB_AXIAL_STATES], variance; /* of an observer */
+  lanes m, K_sen, position, velocity, force;                     /* of low-pass filters */
 } lanes_parameters;
 
 typedef struct lanes_state {
@@ -133,11 +133,12 @@ AMB_INLINE lanes_mask lanes_step_kalman(const lanes_parameters *p, lanes_of of, 
     lanes_ask(p, of, iu, at, &k_i, &k_s);
     f = k_i * iu + k_s * at + p->f_0;
   }
-  lanes_mask usual = (s->cov[0] <= p->widest) & ((f * f) <= AMB_REAL_MAX);
+  lanes_mask usual = (f * f) <= AMB_REAL_MAX;
   lanes_axial_predict_mean(&p->model, f, s->mean);
   lanes_axial_predict_covariance(&p->model, k_i, k_s, p->k_ui, p->var_u, p->var_d, s->cov);
 
   const lanes *P = s->cov;
+  usual &= P[0] <= p->widest;
   usual &= lanes_measured(p, s, y) & (P[9] > AMB_C(0.0)) & ((AMB_ROOT_EPSILON * P[9]) <= p->var_y);
   usual &= lanes_expected(p, s, y - s->mean[3], P[9] + p->var_y);
   lanes_axial_update(y, p->var_y, s->mean, s->cov, &r->innovation, &r->variance);
@@ -153,12 +154,12 @@ AMB_INLINE lanes_mask lanes_step_observer(const lanes_parameters *p, lanes_of of
   lanes_ask(p, of, iu, at, &k_i, &k_s);
   /* The scale of the magnet is 1 here, and a product with 1 changes nothing. */
   const lanes f = (k_i * iu + k_s * at) + p->f_0;
-  lanes_mask usual = (s->mean[0] <= p->x_max) & (s->mean[0] >= -p->x_max);
   lanes_axial_predict_mean(&p->model, f, s->mean);
   const lanes e = y - s->mean[3];
-  usual &= lanes_measured(p, s, y) & lanes_expected(p, s, e, p->variance);
+  lanes_mask usual = lanes_measured(p, s, y) & lanes_expected(p, s, e, p->variance);
   for (int i = 0; i < AMB_AXIAL_STATES; i++) {
     s->mean[i] += p->gain[i] * e;
+    usual &= (s->mean[i] <= p->far[i]) & (s->mean[i] >= -p->far[i]);
   }
   r->innovation = e;
   r->variance = p->variance;

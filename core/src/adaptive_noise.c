@@ -1,6 +1,6 @@
 #include "ambkit/adaptive_noise.h"
 
-#define UNUSED (AMB_MISSING | AMB_FROZEN | AMB_OUTLIER | AMB_BAD_VARIANCE)
+#define UNUSED (AMB_MISSING | AMB_FROZEN | AMB_OUTLIER | AMB_RESTARTED | AMB_BAD_VARIANCE)
 
 static const amb_adaptive_noise *own(const amb_estimator *self)
 {
@@ -31,6 +31,14 @@ static void open_window(amb_adaptive_noise_state *s)
   s->samples = 0U;
 }
 
+/* The noise that was assumed, nothing learned. */
+static void forget(const amb_estimator *self, amb_adaptive_noise_state *s)
+{
+  s->kf = *self->kf;
+  s->share = own(self)->first_share;
+  open_window(s);
+}
+
 static amb_status reset(const amb_estimator *self, void *state,
                         const amb_real mean[AMB_AXIAL_STATES], const amb_real std[AMB_AXIAL_STATES])
 {
@@ -38,9 +46,9 @@ static amb_status reset(const amb_estimator *self, void *state,
   const amb_estimator inner = inner_with(self, self->kf);
   const amb_status status = inner.methods->reset(&inner, &s->inner, mean, std);
   if (status == AMB_OK) {
-    s->kf = *self->kf;
-    s->share = own(self)->first_share;
-    open_window(s);
+    forget(self, s);
+    s->young = AMB_YOUNG;
+    s->amiss = false;
   }
   return status;
 }
@@ -97,6 +105,24 @@ static amb_status adapt(const amb_estimator *self, amb_adaptive_noise_state *s,
   return status;
 }
 
+/* Whether a measurement tells of the noise, and not of the start or of a fault. */
+static bool learns(const amb_estimator *self, amb_adaptive_noise_state *s, amb_status status,
+                   const amb_kalman_result *result)
+{
+  if (s->young > 0U) {
+    const amb_real e = result->innovation;
+    s->amiss = s->amiss || ((status & (AMB_OUTLIER | AMB_RESTARTED)) != AMB_OK) ||
+               ((e * e) > (AMB_C(25.0) * result->variance)) ||
+               (s->kf.set.var_y > (AMB_C(4.0) * self->kf->set.var_y));
+    s->young--;
+    if (s->amiss) {
+      forget(self, s);
+      return false;
+    }
+  }
+  return (status & UNUSED) == AMB_OK;
+}
+
 static amb_status update(const amb_estimator *self, void *state, amb_real y,
                          amb_kalman_result *result)
 {
@@ -105,7 +131,7 @@ static amb_status update(const amb_estimator *self, void *state, amb_real y,
   const amb_real f_d = s->inner.base.mean[2];
   const amb_real P23 = s->inner.base.cov[8];
   amb_status status = inner.methods->update(&inner, &s->inner, y, result);
-  if ((status & UNUSED) == AMB_OK) {
+  if (learns(self, s, status, result)) {
     status |= adapt(self, s, result, s->inner.base.mean[2] - f_d, P23);
   }
   result->status = status;

@@ -25,8 +25,7 @@ amb_status amb_estimator_start(const amb_estimator *estimator, void *state, amb_
 static amb_status reset(const amb_estimator *self, void *state,
                         const amb_real mean[AMB_AXIAL_STATES], const amb_real std[AMB_AXIAL_STATES])
 {
-  (void)self;
-  return amb_kalman_reset((amb_kalman_state *)state, mean, std);
+  return amb_kalman_reset(self->kf, (amb_kalman_state *)state, mean, std);
 }
 
 static amb_status predict(const amb_estimator *self, void *state, amb_real u,
@@ -38,6 +37,7 @@ static amb_status predict(const amb_estimator *self, void *state, amb_real u,
   const amb_real at = amb_axial_displacement(&self->kf->model, s->mean);
   result->stiffness = amb_step_ask(self->kf, self->magnet, iu, at);
   status |= amb_step_predict(self->kf, s, result->stiffness, iu);
+  status |= amb_step_contain(self->kf, s);
   result->status = status;
   return status;
 }
@@ -65,6 +65,7 @@ static amb_status predict_extended(const amb_estimator *self, void *state, amb_r
   const amb_real at = amb_axial_displacement(&kf->model, s->mean);
   const amb_real f = amb_step_force(kf, self->magnet, iu, at, &result->stiffness);
   status |= amb_step_predict_with(kf, s, f + kf->set.f_0, result->stiffness);
+  status |= amb_step_contain(kf, s);
   result->status = status;
   return status;
 }

@@ -1,6 +1,8 @@
 #include "ambkit/extended_k.h"
 #include "kalman_step.h"
 
+#define UNUSED (AMB_MISSING | AMB_FROZEN | AMB_OUTLIER | AMB_RESTARTED | AMB_BAD_VARIANCE)
+
 static const amb_extended_k *own_of(const amb_estimator *self)
 {
   return (const amb_extended_k *)self->own;
@@ -31,13 +33,32 @@ static amb_status reset(const amb_estimator *self, void *state,
                         const amb_real mean[AMB_AXIAL_STATES], const amb_real std[AMB_AXIAL_STATES])
 {
   amb_extended_k_state *s = (amb_extended_k_state *)state;
-  const amb_status status = amb_kalman_reset(&s->base, mean, std);
+  const amb_status status = amb_kalman_reset(self->kf, &s->base, mean, std);
   if (status == AMB_OK) {
     copy(s->base.cov, s->cov);
     s->theta = AMB_C(1.0);
     s->trusted = AMB_C(1.0);
     s->var = own_of(self)->std * own_of(self)->std;
-    amb_excitation_reset(&s->excitation, mean[2]);
+    amb_excitation_reset(&s->excitation, s->base.mean[2]);
+  }
+  return status;
+}
+
+/* The four states start afresh, whatever theta is. */
+static void part_from_theta(amb_extended_k_state *s)
+{
+  copy(s->base.cov, s->cov);
+  for (int i = 0; i < AMB_AXIAL_STATES; i++) {
+    s->excitation.slope[i] = AMB_C(0.0);
+  }
+}
+
+/* As amb_step_contain. */
+static amb_status contain(const amb_kalman *kf, amb_extended_k_state *s)
+{
+  const amb_status status = amb_step_contain(kf, &s->base);
+  if (status != AMB_OK) {
+    part_from_theta(s);
   }
   return status;
 }
@@ -95,6 +116,7 @@ static amb_status predict(const amb_estimator *self, void *state, amb_real u,
     amb_excitation_miss(&s->excitation);
   }
   widen(s->cov, s->excitation.slope, s->var, s->base.cov);
+  status |= contain(kf, s);
   result->stiffness = k;
   result->status = status | predicted;
   return result->status;
@@ -112,7 +134,10 @@ static amb_status update(const amb_estimator *self, void *state, amb_real y,
   copy(s->base.cov, s->cov);
   const amb_real S = result->variance;
   const amb_real total = S + on_y * s->var * on_y;
-  if ((status & (AMB_MISSING | AMB_FROZEN | AMB_OUTLIER | AMB_BAD_VARIANCE)) == 0U) {
+  if ((status & AMB_RESTARTED) != 0U) {
+    part_from_theta(s);
+  }
+  if ((status & UNUSED) == 0U) {
     if (amb_excitation_update(&s->excitation, &own->learn, with_y, S, s->base.mean,
                               self->kf->set.x_max)) {
       const amb_real gain = (s->var * on_y) / total;

@@ -1,3 +1,4 @@
+#include "ambkit/envelope.h"
 #include "kalman_step.h"
 
 static bool not_negative(amb_real a)
@@ -26,6 +27,7 @@ amb_status amb_kalman_init(amb_kalman *kf, const amb_kalman_settings *s)
   kf->far_squared = farthest * farthest;
   kf->gate_squared = s->gate * s->gate;
   kf->widest = s->x_max * s->x_max;
+  amb_envelope_caps(s, kf->cap);
   amb_axial_model_init(&kf->model, s->T, s->m, s->K_sen, s->T_sen);
   if (s->as_printed) {
     amb_axial_model_as_printed(&kf->model);
@@ -33,19 +35,32 @@ amb_status amb_kalman_init(amb_kalman *kf, const amb_kalman_settings *s)
   return AMB_OK;
 }
 
-amb_status amb_kalman_reset(amb_kalman_state *state, const amb_real mean[AMB_AXIAL_STATES],
+/* Not more than the rotor can do, and not less than there are digits for. */
+static amb_real variance_at_start(amb_real std, amb_real cap)
+{
+  const amb_real least = (AMB_ROOT_EPSILON * AMB_ROOT_EPSILON) * cap;
+  const amb_real taken = amb_clamp(std, least, cap);
+  return taken * taken;
+}
+
+amb_status amb_kalman_reset(const amb_kalman *kf, amb_kalman_state *state,
+                            const amb_real mean[AMB_AXIAL_STATES],
                             const amb_real std[AMB_AXIAL_STATES])
 {
   for (int i = 0; i < AMB_AXIAL_STATES; i++) {
-    if (!amb_is_finite(mean[i]) || !amb_is_positive(std[i])) {
+    if (!amb_is_finite(mean[i]) || ((std != NULL) && !amb_is_positive(std[i]))) {
       return AMB_BAD_PARAMETER;
     }
   }
+  const bool near = amb_envelope_within(kf, AMB_ASTRAY, mean);
+  amb_envelope_open(kf, state->cov);
   int entry = 0;
   for (int i = 0; i < AMB_AXIAL_STATES; i++) {
-    state->mean[i] = mean[i];
+    state->mean[i] = near ? mean[i] : AMB_C(0.0);
     for (int j = i; j < AMB_AXIAL_STATES; j++) {
-      state->cov[entry] = (i == j) ? (std[i] * std[i]) : AMB_C(0.0);
+      if (near && (std != NULL)) {
+        state->cov[entry] = (i == j) ? variance_at_start(std[i], kf->cap[i]) : AMB_C(0.0);
+      }
       entry++;
     }
   }
@@ -72,7 +87,8 @@ amb_stiffness amb_kalman_stiffness(const amb_kalman *kf, const amb_magnet *magne
 amb_status amb_kalman_predict(const amb_kalman *kf, amb_kalman_state *state, amb_stiffness k,
                               amb_real iu)
 {
-  return amb_step_predict(kf, state, k, iu);
+  const amb_status status = amb_step_predict(kf, state, k, iu);
+  return status | amb_step_contain(kf, state);
 }
 
 amb_status amb_kalman_update(const amb_kalman *kf, amb_kalman_state *state, amb_real y,

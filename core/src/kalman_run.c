@@ -42,8 +42,10 @@ amb_status amb_kalman_run(const amb_kalman *kf, const amb_magnet *magnet, amb_ka
       const amb_real at = amb_axial_displacement(&own.model, s.mean);
       result.stiffness = amb_step_ask(&own, magnet, iu, at);
     }
-    if (k > 0)
+    if (k > 0) {
       result.status |= amb_step_predict(&own, &s, result.stiffness, iu);
+      result.status |= amb_step_contain(&own, &s);
+    }
     amb_step_surprise e;
     result.status |= amb_step_update(&own, &s, in->y[k], &e);
     result.innovation = e.innovation;

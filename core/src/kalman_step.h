@@ -5,7 +5,7 @@
 #ifndef AMBKIT_KALMAN_STEP_H
 #define AMBKIT_KALMAN_STEP_H
 
-#include "ambkit/kalman.h"
+#include "ambkit/envelope.h"
 
 AMB_INLINE amb_real amb_step_current(const amb_kalman *kf, amb_kalman_state *state, amb_real u,
                                      amb_status *status)
@@ -48,17 +48,12 @@ AMB_INLINE amb_real amb_step_force(const amb_kalman *kf, const amb_magnet *magne
 }
 
 /* Prediction with the force f [N] that the magnet and what else is known exert; k carries the
- * covariance. */
+ * covariance. The plant is unstable: without measurements mean and covariance grow, and what they
+ * have become is contained afterwards. */
 AMB_INLINE amb_status amb_step_predict_with(const amb_kalman *kf, amb_kalman_state *state,
                                             amb_real f, amb_stiffness k)
 {
   const amb_kalman_settings *s = &kf->set;
-  /* The plant is unstable: without measurements mean and covariance grow until they overflow.
-   * The stops bound the rotor, so once nothing is known but that it is between them, nothing more
-   * is lost by standing still, and the filter finds back at the first good sample. */
-  if (!(state->cov[0] <= kf->widest)) {
-    return AMB_HELD;
-  }
   if (!((f * f) <= AMB_REAL_MAX)) { /* not finite, or as good as that */
     return AMB_BAD_PARAMETER;
   }
@@ -92,6 +87,25 @@ AMB_INLINE void amb_step_advance(const amb_kalman *kf, const amb_magnet *magnet,
   amb_axial_predict_mean(&kf->model, f, mean);
 }
 
+/* Whether the position is known no better than the travel, or not at all. */
+AMB_INLINE bool amb_step_is_lost(const amb_kalman *kf, const amb_kalman_state *state)
+{
+  return !(state->cov[0] <= kf->widest);
+}
+
+/* After each prediction. The call has a copy, so that the state itself stays in registers. */
+AMB_INLINE amb_status amb_step_contain(const amb_kalman *kf, amb_kalman_state *state)
+{
+  if (!amb_step_is_lost(kf, state)) {
+    return AMB_OK;
+  }
+  amb_kalman_state held;
+  held = *state;
+  const amb_status status = amb_envelope_hold(kf, &held);
+  *state = held;
+  return status;
+}
+
 /* Counts equal measurements; true once they are too many in a row. */
 AMB_INLINE bool amb_step_frozen(const amb_kalman *kf, amb_kalman_state *state, amb_real y)
 {
@@ -106,20 +120,20 @@ AMB_INLINE bool amb_step_frozen(const amb_kalman *kf, amb_kalman_state *state, a
   return (kf->set.frozen_limit > 0U) && (state->unchanged >= kf->set.frozen_limit);
 }
 
-/* Whether an innovation e of variance S is an outlier. Only so many in a row are: the others say
- * that it is the estimate which is wrong. */
-AMB_INLINE bool amb_step_outlier(const amb_kalman *kf, amb_kalman_state *state, amb_real e,
-                                 amb_real S)
+/* Whether an innovation e of variance S is AMB_OUTLIER. Only so many in a row are: the others say
+ * that it is the estimate which is wrong, AMB_RESTARTED. */
+AMB_INLINE amb_status amb_step_outlier(const amb_kalman *kf, amb_kalman_state *state, amb_real e,
+                                       amb_real S)
 {
   if (!((e * e) > (kf->gate_squared * S))) {
     state->outliers = 0U;
-    return false;
+    return AMB_OK;
   }
   if (state->outliers < kf->set.outlier_limit) {
     state->outliers++;
-    return true;
+    return AMB_OUTLIER;
   }
-  return false;
+  return (kf->set.outlier_limit > 0U) ? AMB_RESTARTED : AMB_OK;
 }
 
 /* Whether innovations have been larger than expected for a while. */
@@ -178,9 +192,16 @@ AMB_INLINE amb_status amb_step_update(const amb_kalman *kf, amb_kalman_state *st
   if ((P[9] > AMB_C(0.0)) && (!sharp || amb_is_finite(e->variance))) {
     const amb_real innovation = y - state->mean[3];
     const amb_status surprised = amb_step_surprised(state, innovation, e->variance);
-    if (amb_step_outlier(kf, state, innovation, e->variance)) {
+    const amb_status outlier = amb_step_outlier(kf, state, innovation, e->variance);
+    if (outlier != AMB_OK) {
       e->innovation = innovation;
-      return surprised | AMB_OUTLIER;
+      if (outlier == AMB_RESTARTED) {
+        amb_kalman_state fresh; /* a copy, as in amb_step_contain */
+        fresh = *state;
+        amb_envelope_restart(kf, &fresh, y);
+        *state = fresh;
+      }
+      return surprised | outlier;
     }
     amb_axial_update(y, var_y, state->mean, P, &e->innovation, &e->variance);
     if ((P[0] > AMB_C(0.0)) && (P[4] > AMB_C(0.0)) && (P[7] > AMB_C(0.0))) {
@@ -202,9 +223,11 @@ AMB_INLINE amb_status amb_step_with(const amb_kalman *kf, amb_stiffness k, amb_r
   s = *state;
   s.last_u = state->last_u; /* named, or compilers copy the whole through memory */
   const amb_status predicted = amb_step_predict(kf, &s, k, iu);
-  if (predicted != AMB_OK) {
+  if ((predicted != AMB_OK) || amb_step_is_lost(kf, &s)) {
     amb_kalman_result r;
-    const amb_status all = status | predicted | amb_kalman_update(kf, state, y, &r);
+    *state = s;
+    const amb_status held = predicted | amb_step_contain(kf, state);
+    const amb_status all = status | held | amb_kalman_update(kf, state, y, &r);
     result->innovation = r.innovation;
     result->variance = r.variance;
     result->stiffness = k;

@@ -5,7 +5,7 @@ static amb_status reset(const amb_estimator *self, void *state,
                         const amb_real mean[AMB_AXIAL_STATES], const amb_real std[AMB_AXIAL_STATES])
 {
   amb_low_pass_state *s = (amb_low_pass_state *)state;
-  const amb_status status = amb_kalman_reset(&s->base, mean, std);
+  const amb_status status = amb_kalman_reset(self->kf, &s->base, mean, std);
   if (status == AMB_OK) {
     for (int i = 0; i < AMB_AXIAL_TRIANGLE; i++) {
       s->base.cov[i] = AMB_C(0.0);

@@ -2,6 +2,8 @@
 #include "ambkit/root.h"
 #include "kalman_step.h"
 
+#define UNUSED (AMB_MISSING | AMB_FROZEN | AMB_OUTLIER | AMB_RESTARTED | AMB_BAD_VARIANCE)
+
 static const amb_multiple_model *own_of(const amb_estimator *self)
 {
   return (const amb_multiple_model *)self->own;
@@ -55,25 +57,46 @@ static void combine(int n, amb_multiple_model_state *s)
   }
 }
 
+/* All models take the mean and the covariance of the base, whatever their scales. */
+static void agree(int n, amb_multiple_model_state *s)
+{
+  for (int j = 0; j < n; j++) {
+    amb_one_model *m = &s->model[j];
+    for (int i = 0; i < AMB_AXIAL_STATES; i++) {
+      m->mean[i] = s->base.mean[i];
+    }
+    for (int i = 0; i < AMB_AXIAL_TRIANGLE; i++) {
+      m->cov[i] = s->base.cov[i];
+    }
+  }
+  for (int i = 0; i < AMB_AXIAL_STATES; i++) {
+    s->excitation.slope[i] = AMB_C(0.0);
+  }
+}
+
+/* As amb_step_contain. */
+static amb_status contain(const amb_kalman *kf, int n, amb_multiple_model_state *s)
+{
+  const amb_status status = amb_step_contain(kf, &s->base);
+  if (status != AMB_OK) {
+    agree(n, s);
+  }
+  return status;
+}
+
 static amb_status reset(const amb_estimator *self, void *state,
                         const amb_real mean[AMB_AXIAL_STATES], const amb_real std[AMB_AXIAL_STATES])
 {
   amb_multiple_model_state *s = (amb_multiple_model_state *)state;
   const int n = own_of(self)->n;
-  const amb_status status = amb_kalman_reset(&s->base, mean, std);
+  const amb_status status = amb_kalman_reset(self->kf, &s->base, mean, std);
   if (status == AMB_OK) {
+    agree(n, s);
     for (int j = 0; j < n; j++) {
-      amb_one_model *m = &s->model[j];
-      for (int i = 0; i < AMB_AXIAL_STATES; i++) {
-        m->mean[i] = mean[i];
-      }
-      for (int i = 0; i < AMB_AXIAL_TRIANGLE; i++) {
-        m->cov[i] = s->base.cov[i];
-      }
-      m->weight = AMB_C(1.0) / (amb_real)n;
-      s->trusted[j] = m->weight;
+      s->model[j].weight = AMB_C(1.0) / (amb_real)n;
+      s->trusted[j] = s->model[j].weight;
     }
-    amb_excitation_reset(&s->excitation, mean[2]);
+    amb_excitation_reset(&s->excitation, s->base.mean[2]);
     s->excited = false;
   }
   return status;
@@ -144,9 +167,7 @@ static amb_status predict(const amb_estimator *self, void *state, amb_real u,
   const amb_real scale = scale_of(own, s);
   result->stiffness.k_i = scale * k.k_i;
   result->stiffness.k_s = scale * k.k_s;
-  if (!(s->base.cov[0] <= (set->x_max * set->x_max))) {
-    status |= AMB_HELD; /* as amb_step_predict_with */
-  } else if (!amb_is_finite(now)) {
+  if (!amb_is_finite(now)) {
     status |= AMB_BAD_PARAMETER;
   } else {
     amb_excitation_predict(&s->excitation, &kf->model, result->stiffness.k_s, now + own->bias);
@@ -163,6 +184,7 @@ static amb_status predict(const amb_estimator *self, void *state, amb_real u,
                                    set->var_d, m->cov);
     }
     combine(own->n, s);
+    status |= contain(kf, own->n, s);
   }
   result->status = status;
   return status;
@@ -236,14 +258,18 @@ static amb_status update(const amb_estimator *self, void *state, amb_real y,
   } else {
     result->innovation = y - s->base.mean[3];
     status = amb_step_surprised(&s->base, result->innovation, result->variance);
-    if (amb_step_outlier(kf, &s->base, result->innovation, result->variance)) {
-      status |= AMB_OUTLIER;
-    } else {
+    const amb_status outlier = amb_step_outlier(kf, &s->base, result->innovation, result->variance);
+    status |= outlier;
+    if (outlier == AMB_RESTARTED) {
+      amb_envelope_restart(kf, &s->base, y);
+      agree(own_of(self)->n, s);
+    } else if (outlier == AMB_OK) {
       status |= weigh(own_of(self), s, y, var_y, kf->set.x_max);
       combine(own_of(self)->n, s);
+    } else { /* left out */
     }
   }
-  if ((status & (AMB_MISSING | AMB_FROZEN | AMB_OUTLIER | AMB_BAD_VARIANCE)) != 0U) {
+  if ((status & UNUSED) != 0U) {
     amb_excitation_miss(&s->excitation);
     s->excited = false;
   }

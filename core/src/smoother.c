@@ -3,7 +3,7 @@
 
 #define N AMB_AXIAL_STATES
 #define UNUSED (AMB_MISSING | AMB_FROZEN | AMB_OUTLIER)
-#define BROKEN (AMB_HELD | AMB_BAD_PARAMETER | AMB_BAD_VARIANCE)
+#define BROKEN (AMB_HELD | AMB_RESTARTED | AMB_BAD_PARAMETER | AMB_BAD_VARIANCE)
 
 /* What the samples after the present one say of it. */
 typedef struct adjoint {

@@ -22,19 +22,39 @@ static void multiply_out(amb_square_root_state *s)
   }
 }
 
+/* The factor of the base's covariance after a start, where at most x and x_m are correlated. */
+static void factor_start(amb_square_root_state *s)
+{
+  const amb_real *P = s->base.cov;
+  for (int i = 0; i < N; i++) {
+    for (int j = 0; j < N; j++) {
+      s->U[i][j] = (i == j) ? AMB_C(1.0) : AMB_C(0.0);
+    }
+  }
+  s->U[0][N - 1] = P[3] / P[9];
+  s->D[0] = P[0] - s->U[0][N - 1] * P[3];
+  s->D[1] = P[4];
+  s->D[2] = P[7];
+  s->D[3] = P[9];
+}
+
 static amb_status reset(const amb_estimator *self, void *state, const amb_real mean[N],
                         const amb_real std[N])
 {
-  (void)self;
   amb_square_root_state *s = (amb_square_root_state *)state;
-  const amb_status status = amb_kalman_reset(&s->base, mean, std);
+  const amb_status status = amb_kalman_reset(self->kf, &s->base, mean, std);
   if (status == AMB_OK) {
-    for (int i = 0; i < N; i++) {
-      s->D[i] = std[i] * std[i];
-      for (int j = 0; j < N; j++) {
-        s->U[i][j] = (i == j) ? AMB_C(1.0) : AMB_C(0.0);
-      }
-    }
+    factor_start(s);
+  }
+  return status;
+}
+
+/* As amb_step_contain. */
+static amb_status contain(const amb_kalman *kf, amb_square_root_state *s)
+{
+  const amb_status status = amb_step_contain(kf, &s->base);
+  if (status != AMB_OK) {
+    factor_start(s);
   }
   return status;
 }
@@ -133,14 +153,13 @@ static amb_status predict(const amb_estimator *self, void *state, amb_real u,
   const amb_real at = amb_axial_displacement(&kf->model, s->base.mean);
   const amb_real f = amb_step_force(kf, self->magnet, iu, at, &result->stiffness);
   const amb_stiffness k = result->stiffness;
-  if (!(s->base.cov[0] <= kf->widest)) { /* as all of the family */
-    status |= AMB_HELD;
-  } else if (!amb_is_finite(f) || !amb_is_finite(k.k_i) || !amb_is_finite(k.k_s)) {
+  if (!amb_is_finite(f) || !amb_is_finite(k.k_i) || !amb_is_finite(k.k_s)) {
     status |= AMB_BAD_PARAMETER;
   } else {
     amb_axial_predict_mean(&kf->model, f + kf->set.f_0, s->base.mean);
     predict_factor(kf, k, s);
     multiply_out(s);
+    status |= contain(kf, s);
   }
   result->status = status;
   return status;
@@ -164,9 +183,12 @@ static amb_status update(const amb_estimator *self, void *state, amb_real y,
     const amb_real e = y - s->base.mean[N - 1];
     result->innovation = e;
     status = amb_step_surprised(&s->base, e, S);
-    if (amb_step_outlier(kf, &s->base, e, S)) {
-      status |= AMB_OUTLIER;
-    } else {
+    const amb_status outlier = amb_step_outlier(kf, &s->base, e, S);
+    status |= outlier;
+    if (outlier == AMB_RESTARTED) {
+      amb_envelope_restart(kf, &s->base, y);
+      factor_start(s);
+    } else if (outlier == AMB_OK) {
       /* The last row of U is that of the unit matrix, H U = H: Bierman's update leaves U alone. */
       const amb_real inverse = AMB_C(1.0) / S;
       for (int i = 0; i < N; i++) {
@@ -174,6 +196,7 @@ static amb_status update(const amb_estimator *self, void *state, amb_real y,
       }
       s->D[N - 1] = P33 * (kf->set.var_y * inverse);
       multiply_out(s);
+    } else { /* left out */
     }
   }
   result->status = status;

@@ -48,6 +48,7 @@ static amb_status predict(const amb_estimator *self, void *state, amb_real u,
     s->cov[6] += on_v * on_x_m * more_noise;
     s->cov[9] += on_x_m * on_x_m * more_noise;
   }
+  status |= amb_step_contain(kf, s);
   result->stiffness = k;
   result->status = status | predicted;
   return result->status;

@@ -124,7 +124,10 @@ int main(void)
   const amb_magnet constant = {&amb_constant_magnet, &k};
   const amb_magnet closed = {&amb_law_magnet, &law};
   const amb_low_pass low = {AMB_C(0.2), AMB_C(0.1), AMB_C(0.05)};
-  const amb_observer observer = {{AMB_C(0.1), 10, 100, AMB_C(0.2)}, {AMB_C(1e-12)}, AMB_C(1e-10)};
+  const amb_observer observer = {{AMB_C(0.1), 10, 100, AMB_C(0.2)},
+                                 {AMB_C(1e-12)},
+                                 AMB_C(1e-10),
+                                 {AMB_C(1e-2), 10, AMB_C(1e4), AMB_C(1e-2)}};
   signals();
   for (size_t runs = 1; runs <= MOST; runs += 2) {
     compare(&amb_kalman_methods, &constant, NULL, runs, SAMPLES);

@@ -111,7 +111,7 @@ static void test_loop(bool fed_by_estimate)
   amb_kalman kf;
   amb_kalman_state s;
   CHECK(amb_kalman_init(&kf, &settings) == AMB_OK);
-  CHECK(amb_kalman_reset(&s, zero, some) == AMB_OK);
+  CHECK(amb_kalman_reset(&kf, &s, zero, some) == AMB_OK);
   amb_loop_output out = output();
   x[0] = 9;
   CHECK(loop_run(0, &kf, fed_by_estimate, &s, &out) == AMB_OK && same(x[0], 9));
@@ -121,7 +121,7 @@ static void test_loop(bool fed_by_estimate)
     r[k] = AMB_C(1e-4);
     noise_y[k] = AMB_C(1e-7) * (amb_real)(k % 5 - 2);
   }
-  CHECK(amb_kalman_reset(&s, zero, some) == AMB_OK);
+  CHECK(amb_kalman_reset(&kf, &s, zero, some) == AMB_OK);
   CHECK(loop_run(N, &kf, fed_by_estimate, &s, &out) == AMB_OK);
   CHECK(out.touched == 0 && all_finite(x, N) && all_finite(mean, (size_t)4 * N));
   CHECK_WITHIN(x[N - 1], AMB_C(1e-4), AMB_C(0.4));
@@ -130,7 +130,7 @@ static void test_loop(bool fed_by_estimate)
   /* A measurement and a reference that are no numbers: the loop goes on, and holds the rotor. */
   noise_y[500] = NOT_A_NUMBER;
   r[600] = TOO_MUCH;
-  CHECK(amb_kalman_reset(&s, zero, some) == AMB_OK);
+  CHECK(amb_kalman_reset(&kf, &s, zero, some) == AMB_OK);
   CHECK(loop_run(N, &kf, fed_by_estimate, &s, &out) == AMB_MISSING);
   CHECK(status[500] == AMB_MISSING && out.touched == 0 && all_finite(u, N));
   CHECK_WITHIN(x[N - 1], AMB_C(1e-4), AMB_C(0.4));
@@ -153,7 +153,7 @@ static void test_steps(bool fed_by_estimate)
   amb_kalman kf;
   amb_kalman_state s;
   CHECK(amb_kalman_init(&kf, &settings) == AMB_OK);
-  CHECK(amb_kalman_reset(&s, zero, some) == AMB_OK);
+  CHECK(amb_kalman_reset(&kf, &s, zero, some) == AMB_OK);
   amb_kalman_state own = s;
   amb_loop_state step = {.sampled = false};
   amb_pid_reset(&step.pid, 0);

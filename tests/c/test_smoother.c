@@ -20,7 +20,7 @@ static amb_kalman run(size_t n, size_t gone, size_t back)
   amb_kalman_state s;
   amb_real y[LENGTH], u[LENGTH];
   CHECK(amb_kalman_init(&kf, &paper) == AMB_OK);
-  CHECK(amb_kalman_reset(&s, at_rest, some) == AMB_OK);
+  CHECK(amb_kalman_reset(&kf, &s, at_rest, some) == AMB_OK);
   for (size_t k = 0; k < n; k++) {
     y[k] =
         (k >= gone) && (k < back) ? NOT_A_NUMBER : AMB_C(1e-6) * (amb_real)((int)(k * 7 % 13) - 6);

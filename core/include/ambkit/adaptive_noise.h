@@ -20,6 +20,10 @@
  * is S, one equation for two unknowns. Over a window they ask two. What is no random walk, a step
  * of the load or a wrong stiffness, is still taken for Q, for a while. Choose the one that is
  * not known.
+ *
+ * A start that is wrong looks like noise as well: where, within AMB_YOUNG samples after it, an
+ * innovation is beyond five standard deviations, or R four times what was assumed, nothing is
+ * learned before these are over.
  */
 #ifndef AMBKIT_ADAPTIVE_NOISE_H
 #define AMBKIT_ADAPTIVE_NOISE_H
@@ -28,6 +32,9 @@
 #include "ambkit/extended_k.h"
 #include "ambkit/multiple_model.h"
 #include "ambkit/square_root.h"
+
+/* Samples after a start. */
+#define AMB_YOUNG 256U
 
 typedef struct amb_adaptive_noise {
   amb_estimator inner;  /* the filter: methods, and own; plant, magnet and noise are the outer's */
@@ -54,6 +61,8 @@ typedef struct amb_adaptive_noise_state {
   amb_real correction;  /* c, sum of the corrections of f_d in this window [N] */
   amb_real expected;    /* V, its variance as the filter expects it [N^2] */
   unsigned int samples; /* of this window */
+  unsigned int young;   /* samples until the start is no excuse for large innovations */
+  bool amiss;           /* whether there were such since the start */
 } amb_adaptive_noise_state;
 
 /* Check the parameters. Returns AMB_OK or AMB_BAD_PARAMETER: a number is out of its range, neither

@@ -17,8 +17,9 @@ typedef struct amb_estimator amb_estimator;
 typedef struct amb_estimator_methods {
   size_t state_size; /* [bytes] */
 
-  /* Start from a mean [4] and standard deviations [4] of x, v, f_d, x_m, uncorrelated. Returns
-   * AMB_OK, or AMB_BAD_PARAMETER (not finite, not positive) and leaves the state as it was. */
+  /* Start from a mean [4] and standard deviations [4] of x, v, f_d, x_m, uncorrelated; NULL: with
+   * nothing known but the sensor. Returns AMB_OK, or AMB_BAD_PARAMETER (not finite, not positive)
+   * and leaves the state as it was. */
   amb_status (*reset)(const amb_estimator *self, void *state, const amb_real mean[AMB_AXIAL_STATES],
                       const amb_real std[AMB_AXIAL_STATES]);
 

@@ -35,14 +35,15 @@ typedef struct amb_kalman_settings {
   amb_real f_0;    /* known constant force: weight and bias force of the magnet [N] */
   amb_real iu_min; /* limits of the control current [A] */
   amb_real iu_max;
-  amb_real x_max;  /* mechanical stop: no estimate is less certain than this [m], > 0 */
+  amb_real x_max;  /* mechanical stop: no position is less certain than this [m], > 0 */
   amb_real var_u;  /* variance of the control signal [V^2], >= 0 */
   amb_real var_d;  /* growth of the disturbance force's variance in a sample [N^2], >= 0 */
   amb_real var_y;  /* variance of the measurement [m^2], > 0 */
   amb_real gate;   /* innovations beyond this many of their standard deviations are outliers, > 0 */
   bool as_printed; /* eq. 19 as printed: position held over the sample in the sensor's lag */
   unsigned int frozen_limit;  /* equal measurements in a row that are taken for frozen; 0: never */
-  unsigned int outlier_limit; /* outliers in a row that are left out, then they are believed */
+  unsigned int outlier_limit; /* outliers in a row that are left out; then the filter starts
+                                 afresh from the measurement. 0: none is left out */
 } amb_kalman_settings;
 
 /* Settings, and what is computed from them once. */
@@ -52,6 +53,7 @@ typedef struct amb_kalman {
   amb_real far_squared;  /* square of the farthest measurement that can be the rotor [m^2] */
   amb_real gate_squared; /* of the settings' gate [1] */
   amb_real widest;       /* x_max squared: no variance of the position is larger [m^2] */
+  amb_real cap[AMB_AXIAL_STATES]; /* the most that x, v, f_d, x_m can be (ambkit/envelope.h) */
 } amb_kalman;
 
 typedef struct amb_kalman_state {
@@ -77,9 +79,12 @@ typedef struct amb_kalman_result {
  * `kf` as it was. */
 amb_status amb_kalman_init(amb_kalman *kf, const amb_kalman_settings *settings);
 
-/* Start from a mean [4] and standard deviations [4] of x, v, f_d, x_m, uncorrelated. Returns
- * AMB_OK, or AMB_BAD_PARAMETER (not finite, not positive) and leaves the state as it was. */
-amb_status amb_kalman_reset(amb_kalman_state *state, const amb_real mean[AMB_AXIAL_STATES],
+/* Start from a mean [4] and standard deviations [4] of x, v, f_d, x_m, uncorrelated; NULL: a
+ * diffuse start, where nothing is known but the sensor. What is beyond what a rotor can do is
+ * brought back as by ambkit/envelope.h, so any start ends at the rotor. Returns AMB_OK, or
+ * AMB_BAD_PARAMETER (not finite, not positive) and leaves the state as it was. */
+amb_status amb_kalman_reset(const amb_kalman *kf, amb_kalman_state *state,
+                            const amb_real mean[AMB_AXIAL_STATES],
                             const amb_real std[AMB_AXIAL_STATES]);
 
 /* Control current [A] that the filter takes from a control signal u [V]: the last good one where
@@ -94,8 +99,8 @@ amb_stiffness amb_kalman_stiffness(const amb_kalman *kf, const amb_magnet *magne
                                    amb_real x);
 
 /* Eq. 9, 10: one sample on, with the control current iu [A] that acted and the stiffnesses.
- * Returns AMB_OK, or with the state as it was: AMB_HELD, or AMB_BAD_PARAMETER where a stiffness is
- * not finite. */
+ * Returns AMB_OK; AMB_HELD, perhaps with AMB_RESTARTED, where the envelope held it; or
+ * AMB_BAD_PARAMETER with the state as it was, where a stiffness is not finite. */
 amb_status amb_kalman_predict(const amb_kalman *kf, amb_kalman_state *state, amb_stiffness k,
                               amb_real iu);
 

@@ -55,7 +55,7 @@ class Estimator(Copyable):
         Innovations beyond this many of their standard deviations are outliers.
     outlier_limit : int
         Outliers in a row that are left out; after them the estimate is wrong and not the
-        measurement. 0: none is.
+        measurement, from which the filter starts afresh. 0: none is, and it never does.
     as_printed : bool
         Predict by eq. 19 as the paper prints it, with the position held over the sample in the
         sensor's lag. That puts every estimate ahead of the rotor by
@@ -125,20 +125,49 @@ class Estimator(Copyable):
         """Return the core's estimator of this kind."""
         raise NotImplementedError
 
-    def reset(self, mean: ArrayLike = (0, 0, 0, 0), std: Sequence[float] | None = None) -> None:
+    def reset(
+        self,
+        mean: ArrayLike = (0, 0, 0, 0),
+        std: Sequence[float] | Literal["diffuse"] | None = None,
+    ) -> None:
         """Start anew.
+
+        Any start will do: good samples bring the filter back to the rotor. What is beyond what a
+        rotor between its stops can do is held to that (``core/include/ambkit/envelope.h``).
 
         Parameters
         ----------
         mean : array_like (4,)
-            Displacement [m], velocity [m/s], disturbance force [N], lagged position [m].
-        std : sequence of 4 floats, optional
-            Their standard deviations. Default: three times the measurement noise, a tenth of the
-            travel in the plant's own time, the weight, three times the measurement noise.
+            Displacement [m], velocity [m/s], disturbance force [N], lagged position [m]; finite.
+        std : sequence of 4 floats, or "diffuse", optional
+            Their standard deviations, finite and positive. Default: three times the measurement
+            noise, a tenth of the travel in the plant's own time, the weight, three times the
+            measurement noise. ``"diffuse"``: nothing is known but the stops and the sensor, and
+            the first samples tell the rest.
+
+        Raises
+        ------
+        ValueError
+            A mean is not finite, or a standard deviation not finite and positive.
         """
-        if std is None:
-            std = self.default_std()
-        self.core.reset(real("mean", mean), real("std", std))
+        if isinstance(std, str) and std != "diffuse":
+            raise ValueError(f"std must be four numbers or 'diffuse', got {std!r}")
+        given = self.default_std() if std is None else std
+        self.core.reset(
+            self._representable(real("mean", mean)),
+            None
+            if isinstance(given, str)
+            else self._representable(real("std", given), positive=True),
+        )
+
+    def _representable(self, values: ArrayLike, *, positive: bool = False) -> NDArray[np.float64]:
+        """Return finite values as near as this precision has them; others as they are."""
+        a = np.asarray(values, dtype=float)
+        known = np.finfo(self.precision)
+        near = np.clip(a, -float(known.max), float(known.max))
+        if positive:
+            near = np.where(near > 0, np.maximum(near, float(known.tiny)), near)
+        return np.where(np.isfinite(a), near, a)
 
     def take_over(self, other: Estimator) -> None:
         """Go on where another filter is: with its mean, its covariance, its counts of bad samples.

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+FAST_SENSOR = 0.05
+"""Of a sensor's last value, what is left after a sample, below which it is one without lag."""
+
 
 class _Observer(Estimator):
     """Constant gain; the kinds differ in where it comes from."""
@@ -32,7 +35,8 @@ class _Observer(Estimator):
         k = ConstantStiffness.of(self.bearing)
         # The core computes the model's constants; the states are counted in their own units, or
         # the equations below lose their digits between newtons and micrometres.
-        model = LinearModel.of(core.Kalman(magnet, **settings).parameters, k.k_i, k.k_s)
+        known = core.Kalman(magnet, **settings).parameters
+        model = LinearModel.of(known, k.k_i, k.k_s)
         units = np.array(self.default_std())
         small = model.scaled(units)
         L = self._gain(small)
@@ -40,14 +44,18 @@ class _Observer(Estimator):
         self.gain = L * units
         real = np.float32 if self.precision == "float32" else np.float64
         upper = (P * np.outer(units, units))[np.triu_indices(4)]
-        return core.Observer(magnet, self.gain.astype(real), upper.astype(real), S, **settings)
+        caps = np.asarray(known["cap"], dtype=float)
+        far = np.minimum(2 * _grown(small, L, caps / units) * units, np.finfo(np.float32).max)
+        return core.Observer(
+            magnet, self.gain.astype(real), upper.astype(real), S, far.astype(real), **settings
+        )
 
 
 class ExtendedStateObserver(_Observer):
     """Luenberger observer whose states include the disturbance: an extended state observer.
 
     All poles of the estimation error lie at ``exp(-bandwidth T)``, but for the sensor's own where
-    it has no lag.
+    that is faster than a third of a sample.
 
     Parameters
     ----------
@@ -127,11 +135,13 @@ def placed(model: LinearModel, pole: float) -> Array:
     """Return the update's gain (4,) that puts all poles of ``(I - L H) A`` at one place.
 
     By Ackermann's formula (Ackermann 1972) for the pair A, H A. The lagged position of a sensor
-    without lag is its last measurement: its pole is zero, and the other three are placed.
+    that lags by less than a third of a sample is taken to be its last measurement: its pole is
+    zero, and the other three are placed. To slow it down as well would take gains that let the
+    error of a start grow three thousandfold before it decays.
     """
     A, H = model.A, model.H @ model.A
     n = 4
-    if A[3, 3] < np.finfo(float).eps:
+    if A[3, 3] < FAST_SENSOR:
         A, H, n = A[:3, :3], model.H[:, 3:] @ model.A[3:, :3], 3
     observability = np.vstack([H @ np.linalg.matrix_power(A, i) for i in range(n)])
     last = np.eye(n)[:, -1]
@@ -141,6 +151,22 @@ def placed(model: LinearModel, pole: float) -> Array:
     if n == 3:
         L[3] = 1 / model.H[0, 3]
     return L
+
+
+def _grown(model: LinearModel, L: Array, start: Array) -> Array:
+    """Return the most (4,) that an error within plus or minus ``2 start`` (4,) can grow to.
+
+    That is the error of a start between the caps, and of a mean that was held to them.
+    """
+    step = (np.eye(4) - np.outer(L, model.H)) @ model.A
+    now, most = np.eye(4), 2 * start
+    for _ in range(10_000):
+        now = step @ now
+        error = np.abs(now) @ (2 * start)
+        most = np.maximum(most, error)
+        if (error < 1e-3 * most).all():
+            break
+    return most
 
 
 def _steady(model: LinearModel, L: Array) -> tuple[Array, float]:

@@ -172,11 +172,16 @@ def own(estimator: Estimator, precision: CPrecision) -> str:
             raise AmbkitError(f"{estimator.name}: around this filter it cannot be exported")
         methods = FAMILY.get(type(inner.core).__name__, PAPER).methods
         fields = {"inner": Name(f"{{&{methods}, NULL, NULL, NULL}}")} | fields
+    return struct_with_arrays(fields, precision) if fields else ""
+
+
+def struct_with_arrays(fields: Mapping[str, Any], precision: CPrecision) -> str:
+    """Write a struct as an initialiser, its arrays in it."""
     arrays = {
         path: "{\n" + array(values, precision, "    ") + "}"
         for path, values in arrays_of(fields).items()
     }
-    return struct(fields, precision, arrays) if fields else ""
+    return struct(fields, precision, arrays)
 
 
 def arrays_of(fields: Mapping[str, Any], path: str = "") -> dict[str, NDArray[Any]]:

@@ -13,7 +13,7 @@ from ambkit import escaping
 from ambkit.export import core
 from ambkit.export.c import data, vectors
 from ambkit.export.c.data import FAMILY, MAGNETS, PAPER, CPrecision, Family, Kind
-from ambkit.magnets import core_module
+from ambkit.magnets import core_module, own_time
 from ambkit.units import engineering
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def render(
     family = FAMILY.get(type(estimator.core).__name__)
     # The paper's filter is given its constants, and asks no magnet.
     given = family is None and kind is MAGNETS["Constant"]
-    needed = ["src/kalman.c", *([] if given else [f"src/{kind.source}.c"])]
+    needed = ["src/kalman.c", "src/envelope.c", *([] if given else [f"src/{kind.source}.c"])]
     if family is not None:
         needed += [f"src/{stem}.c" for stem in ("estimator", family.source, *family.more)]
         inner = getattr(estimator, "inner", None)
@@ -89,6 +89,8 @@ def render(
         "facts": {"magnet": kind.about, "between samples": _sampled(estimator), **facts},
         **_data_context(estimator, magnet, kind, precision),
         "own": "" if family is None else data.own(estimator, precision),
+        "settling": _settling(estimator),
+        "bound_of_output": f"{_bound_of_output(estimator):.1f}",
         "y": data.array(tested.y, precision),
         "u": data.array(tested.u, precision),
         "mean": data.array(tested.estimate.mean, precision),
@@ -134,7 +136,7 @@ def _data_context(
     arrays = data.arrays_of(fields)
     names = {path: path.replace(".", "_") for path in arrays}
     return {
-        "kalman": data.struct(estimator.core.parameters, precision, {}),
+        "kalman": data.struct_with_arrays(estimator.core.parameters, precision),
         "std": data.array(np.asarray(estimator.default_std()), precision),
         "magnet": data.struct(fields, precision, names),
         "magnet_type": kind.type,
@@ -149,6 +151,18 @@ def _data_context(
             for path, values in arrays.items()
         ],
     }
+
+
+def _settling(estimator: Estimator) -> int:
+    """Return the plant's own time in samples, at least one, as many as 16 bits count."""
+    bearing = estimator.bearing
+    return min(max(round(own_time(bearing) / bearing.sampling_time), 1), 65535)
+
+
+def _bound_of_output(estimator: Estimator) -> float:
+    """Return how many caps a mean may be away: ten, or what an observer's transients reach."""
+    far = estimator.core.own.get("far")
+    return 10.0 if far is None else max(10.0, float((far / estimator.core.parameters["cap"]).max()))
 
 
 def _casts(kind: Kind, family: Family | None, given: bool) -> tuple[str, ...]:
