@@ -106,6 +106,7 @@ static void put(team *t, lanes_state *s, size_t i)
     s->cov[j][i] = from->cov[j];
   s->last_u[i] = from->last_u;
   s->last_y[i] = from->last_y;
+  s->residual[i] = from->residual;
   s->surprise[i] = from->surprise;
   t->unchanged[i] = from->unchanged;
   t->outliers[i] = from->outliers;
@@ -123,6 +124,7 @@ static void get(const team *t, const lanes_state *s, size_t i)
     to->cov[j] = s->cov[j][i];
   to->last_u = s->last_u[i];
   to->last_y = s->last_y[i];
+  to->residual = s->residual[i];
   to->surprise = s->surprise[i];
   to->unchanged = t->unchanged[i];
   to->outliers = t->outliers[i];

@@ -20,7 +20,7 @@ typedef struct lanes_parameters {
 typedef struct lanes_state {
   lanes mean[AMB_AXIAL_STATES];
   lanes cov[AMB_AXIAL_TRIANGLE];
-  lanes last_u, last_y, surprise;
+  lanes last_u, last_y, residual, surprise;
   lanes force; /* of low-pass filters */
 } lanes_state;
 
@@ -142,6 +142,7 @@ AMB_INLINE lanes_mask lanes_step_kalman(const lanes_parameters *p, lanes_of of, 
   usual &= lanes_measured(p, s, y) & (P[9] > AMB_C(0.0)) & ((AMB_ROOT_EPSILON * P[9]) <= p->var_y);
   usual &= lanes_expected(p, s, y - s->mean[3], P[9] + p->var_y);
   lanes_axial_update(y, p->var_y, s->mean, s->cov, &r->innovation, &r->variance);
+  s->residual = y - s->mean[3];
   return usual & (P[0] > AMB_C(0.0)) & (P[4] > AMB_C(0.0)) & (P[7] > AMB_C(0.0));
 }
 
@@ -161,6 +162,7 @@ AMB_INLINE lanes_mask lanes_step_observer(const lanes_parameters *p, lanes_of of
     s->mean[i] += p->gain[i] * e;
     usual &= (s->mean[i] <= p->far[i]) & (s->mean[i] >= -p->far[i]);
   }
+  s->residual = y - s->mean[3];
   r->innovation = e;
   r->variance = p->variance;
   return usual;

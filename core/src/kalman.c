@@ -66,6 +66,7 @@ amb_status amb_kalman_reset(const amb_kalman *kf, amb_kalman_state *state,
   }
   state->last_u = AMB_C(0.0);
   state->last_y = AMB_C(0.0);
+  state->residual = AMB_C(0.0);
   state->surprise = AMB_C(0.0);
   state->unchanged = 0U;
   state->outliers = 0U;

@@ -120,12 +120,23 @@ AMB_INLINE bool amb_step_frozen(const amb_kalman *kf, amb_kalman_state *state, a
   return (kf->set.frozen_limit > 0U) && (state->unchanged >= kf->set.frozen_limit);
 }
 
+/* Whether the measurement of innovation e goes on from the last one that was taken in. A load that
+ * sets in drives the rotor off its prediction faster than a quiet filter follows, but step by step;
+ * what is no rotor jumps. */
+AMB_INLINE bool amb_step_goes_on(const amb_kalman *kf, const amb_kalman_state *state, amb_real e)
+{
+  const amb_real since = kf->set.T * ((amb_real)state->outliers + AMB_C(1.0));
+  const amb_real pushed = AMB_SUDDEN * kf->set.K_sen * since * since;
+  const amb_real jump = e - state->residual;
+  return (jump * jump) <= (AMB_C(2.0) * kf->gate_squared * kf->set.var_y + pushed * pushed);
+}
+
 /* Whether an innovation e of variance S is AMB_OUTLIER. Only so many in a row are: the others say
  * that it is the estimate which is wrong, AMB_RESTARTED. */
 AMB_INLINE amb_status amb_step_outlier(const amb_kalman *kf, amb_kalman_state *state, amb_real e,
                                        amb_real S)
 {
-  if (!((e * e) > (kf->gate_squared * S))) {
+  if (!((e * e) > (kf->gate_squared * S)) || amb_step_goes_on(kf, state, e)) {
     state->outliers = 0U;
     return AMB_OK;
   }
@@ -204,6 +215,7 @@ AMB_INLINE amb_status amb_step_update(const amb_kalman *kf, amb_kalman_state *st
       return surprised | outlier;
     }
     amb_axial_update(y, var_y, state->mean, P, &e->innovation, &e->variance);
+    state->residual = y - state->mean[3];
     if ((P[0] > AMB_C(0.0)) && (P[4] > AMB_C(0.0)) && (P[7] > AMB_C(0.0))) {
       return surprised;
     }

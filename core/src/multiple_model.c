@@ -266,6 +266,7 @@ static amb_status update(const amb_estimator *self, void *state, amb_real y,
     } else if (outlier == AMB_OK) {
       status |= weigh(own_of(self), s, y, var_y, kf->set.x_max);
       combine(own_of(self)->n, s);
+      s->base.residual = y - s->base.mean[3];
     } else { /* left out */
     }
   }

@@ -73,6 +73,7 @@ static amb_status update(const amb_estimator *self, void *state, amb_real y,
       for (int i = 0; i < AMB_AXIAL_STATES; i++) {
         s->mean[i] += own(self)->gain[i] * e;
       }
+      s->residual = y - s->mean[3];
       if (is_far(own(self), s->mean)) {
         amb_envelope_place(kf, y, s->mean);
         status |= AMB_RESTARTED;

@@ -194,6 +194,7 @@ static amb_status update(const amb_estimator *self, void *state, amb_real y,
       for (int i = 0; i < N; i++) {
         s->base.mean[i] += s->U[i][N - 1] * (P33 * inverse) * e;
       }
+      s->base.residual = y - s->base.mean[N - 1];
       s->D[N - 1] = P33 * (kf->set.var_y * inverse);
       multiply_out(s);
     } else { /* left out */

@@ -20,6 +20,10 @@
 /* A measurement beyond this many travel limits cannot be the rotor: it counts as missing. */
 #define AMB_FAR AMB_C(10.0)
 
+/* An acceleration that nobody reckoned with, that of a load of ten weights [m/s^2]: what a rotor
+ * under it can do within a sample is no outlier. */
+#define AMB_SUDDEN AMB_C(100.0)
+
 /* Of the innovations of a filter whose model and noise are right, one in 22 is beyond twice its
  * standard deviation; with this share over the last AMB_MEMORY samples something is wrong. */
 #define AMB_SURPRISING AMB_C(0.25)
@@ -61,6 +65,7 @@ typedef struct amb_kalman_state {
   amb_real cov[AMB_AXIAL_TRIANGLE];
   amb_real last_u;        /* last finite control signal [V] */
   amb_real last_y;        /* last measurement [m] */
+  amb_real residual;      /* last measurement taken in, less what it left of the estimate [m] */
   amb_real surprise;      /* share of late innovations beyond twice their standard deviation [1] */
   unsigned int unchanged; /* how many times in a row the last measurement has come again */
   unsigned int outliers;  /* how many measurements in a row were left out as outliers */
