@@ -4,14 +4,14 @@
 paper's bearing with six sensors. ``python -m benchmarks.sensors random [bearings] [first]`` draws
 sensible bearings at random, and compares the position of each Kalman filter of the family with the
 raw sensor and with a constant-velocity Kalman filter that knows no magnet. What each assumes of its
-process noise is tuned alike: one figure, against the true position, on a run of its own.
+process noise is tuned alike: one figure, against the true position, on runs of their own.
 """
 
 from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -45,7 +45,7 @@ filter."""
 
 RAW, NAIVE = "raw sensor", "constant velocity"
 RUNS = 3
-"""Judged, after the one that is tuned on."""
+"""Judged, after as many others that are tuned on."""
 
 DECADES = 4.0
 """How far tuning goes from the default growth of the load, to either side."""
@@ -134,16 +134,20 @@ def judged(seed: int) -> Judged | None:
     """Tune and judge all filters on a drawn bearing; None where its loop does not hold it."""
     try:
         bearing = drawn(seed)
-        made = trials(CASES["paper"], bearing, 1 + RUNS, seed)
+        made = trials(CASES["paper"], bearing, 2 * RUNS, seed)
     except (AmbkitError, ValueError):
         return None  # it cannot carry its rotor
     if any(trial.lost for trial in made):
         return None
-    training, *rest = [trial.record for trial in made]
+    records = [trial.record for trial in made]
+    training, rest = records[:RUNS], records[RUNS:]
     first = round(SETTLING * own_time(bearing) / bearing.sampling_time)
     gain = bearing.sensor.gain
     naive = constant_velocity(
-        training["y"] / gain, bearing.sampling_time, truth=training["x"], first=first
+        [r["y"] / gain for r in training],
+        bearing.sampling_time,
+        truth=[r["x"] for r in training],
+        first=first,
     )
     errors = {
         RAW: _error((r["y"] / gain - r["x"] for r in rest), first),
@@ -155,8 +159,8 @@ def judged(seed: int) -> Judged | None:
     return Judged(bearing, errors)
 
 
-def _tuned(name: str, bearing: Bearing, training: Record, first: int) -> Any:
-    """Return a filter whose growth of the load makes the error on the training run least."""
+def _tuned(name: str, bearing: Bearing, training: Sequence[Record], first: int) -> Any:
+    """Return a filter whose growth of the load makes the error on the training runs least."""
 
     def made(decade: float) -> Any:
         default = KINDS["linear"].make(bearing).variances.disturbance
@@ -164,7 +168,7 @@ def _tuned(name: str, bearing: Bearing, training: Record, first: int) -> Any:
         return KINDS[name].make(bearing, noise=noise)
 
     def cost(decade: float) -> float:
-        return _error([made(decade).run(training).x - training["x"]], first)
+        return _error((made(decade).run(r).x - r["x"] for r in training), first)
 
     grid = np.arange(-DECADES, DECADES + 0.5)
     costs = [cost(float(decade)) for decade in grid]
@@ -174,7 +178,7 @@ def _tuned(name: str, bearing: Bearing, training: Record, first: int) -> Any:
     return made(best if min(costs) <= found.fun else float(found.x))
 
 
-def _error(errors: Any, first: int) -> float:
+def _error(errors: Iterable[Array], first: int) -> float:
     return math.sqrt(np.mean([np.mean(error[first:] ** 2) for error in errors]))
 
 
