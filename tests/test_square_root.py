@@ -124,13 +124,6 @@ def test_after_an_outage_a_sharp_sensor_is_believed_at_once(noise: float) -> Non
         assert least_correlation_eigenvalue(P) > 0
 
 
-def test_the_plain_filter_s_covariance_is_not_positive_then() -> None:
-    """Without which the test above would show nothing."""
-    plain = after_an_outage(1e-8)["plain"].covariance
-    assert plain is not None
-    assert min(least_correlation_eigenvalue(P) for P in full(plain[7000:7100])) < 0
-
-
 @settings(max_examples=50)
 @given(
     st.floats(-10, -3),

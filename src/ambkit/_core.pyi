@@ -82,11 +82,15 @@ SURPRISED: int = 512
 
 NOISE_LIMIT: int = 1024
 
+RESTARTED: int = 2048
+
 class Estimator:
     """One of the family (ambkit/estimator.h)."""
 
-    def reset(self, mean: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], std: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> None:
-        """Start from a mean (4,) and standard deviations (4,), uncorrelated."""
+    def reset(self, mean: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], std: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None) -> None:
+        """
+        Start from a mean (4,) and standard deviations (4,), uncorrelated; None: diffuse.
+        """
 
     def take_over(self, other: Estimator) -> None:
         """Go on where another is: its mean, covariance and counts."""
@@ -207,7 +211,7 @@ class AdaptiveNoise(Estimator):
 class Observer(Estimator):
     """Constant gain (ambkit/observer.h)."""
 
-    def __init__(self, magnet: Magnet, gain: NDArray[Any], cov: NDArray[Any], variance: float, **settings: float) -> None: ...
+    def __init__(self, magnet: Magnet, gain: NDArray[Any], cov: NDArray[Any], variance: float, far: NDArray[Any], **settings: float) -> None: ...
 
 class LowPass(Estimator):
     """Low-pass filters (ambkit/low_pass.h)."""
