@@ -22,6 +22,7 @@ from ambkit.reproduction.chain import chain
 from ambkit.reproduction.expert import expert
 from ambkit.reproduction.gain import gain
 from ambkit.reproduction.recording import recording
+from ambkit.reproduction.sampling import sampling
 from ambkit.reproduction.study import Study
 
 ROOT = Path(__file__).parent.parent
@@ -160,10 +161,11 @@ def test_the_table_of_commands_is_the_command_lines():
 
 def test_what_was_found_is_what_is_computed():
     study = Study()
-    chapters = (adaline, gain, chain, expert, recording)
+    chapters = (adaline, gain, sampling, chain, expert, recording)
     found = {row["id"]: row for chapter in chapters for row in chapter(study).rows}
     text = " ".join(README[README.index("## What we found") :].split())
     for sentence, digits, ids in [
+        ("the filter as printed has {} µm where the raw", ".2f", ["sampling.printed"]),
         ("filters lie within {} % of each other", ".1f", ["gain.position"]),
         ("is {} N rms with the linear filter", ".2f", ["gain.linear"]),
         ("drifts by 20 % in flight, the error of the force is {} N;", ".3f", ["chain.wrong"]),

@@ -109,6 +109,12 @@ class Study:
 
         With the sampled model of the paper, eq. 19 as printed.
         """
+        return self.filters_of(self.bearing, as_printed=True)
+
+    def filters_of(
+        self, bearing: Bearing, *, as_printed: bool
+    ) -> dict[str, Callable[[], KalmanFilter]]:
+        """Return the same filters for a bearing with another sensor, or by the exact model."""
         knows: dict[str, Callable[[], StiffnessSource]] = {
             "estimate linear": lambda: self.constant,
             "estimate adaptive": lambda: self.expert,
@@ -117,7 +123,7 @@ class Study:
         }
 
         def made(source: Callable[[], StiffnessSource]) -> Callable[[], KalmanFilter]:
-            return lambda: KalmanFilter(self.bearing, source(), noise=self.noise, as_printed=True)
+            return lambda: KalmanFilter(bearing, source(), noise=self.noise, as_printed=as_printed)
 
         return {name: made(source) for name, source in knows.items()}
 
