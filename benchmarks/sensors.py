@@ -54,7 +54,7 @@ SETTLING = 12
 """Of the bearing's own times, which do not count."""
 
 
-def efficiency(lag: float, noise: float, runs: int = 64, seed: int = 1) -> dict[str, float]:
+def efficiency(lag: float, noise: float, runs: int = 200, seed: int = 1) -> dict[str, float]:
     """Judge the extended filter, which knows the true law, on the paper's bearing.
 
     Parameters

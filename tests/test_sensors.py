@@ -7,7 +7,7 @@ from benchmarks import sensors
 
 @pytest.mark.parametrize(("lag", "noise"), sensors.SENSORS)
 def test_the_extended_filter_reaches_the_bound(lag: float, noise: float) -> None:
-    found = sensors.efficiency(lag, noise, runs=32)
+    found = sensors.efficiency(lag, noise, runs=64)
     for name in ("x", "v", "f_d"):
         assert 0.98 <= found[name] < 1.02, found
     assert 0.93 < found["nees"] < 0.97, found
