@@ -271,3 +271,50 @@ def test_every_name_has_the_prefix_and_nothing_is_borrowed(
     assert symbols("--undefined-only") - own <= {"memcpy", "memset", "_GLOBAL_OFFSET_TABLE_"}
     # C99 promises 31 significant characters.
     assert len({name[:31] for name in own}) == len(own)
+
+
+class Supervised(ctypes.Structure):
+    """`NAME_estimates` in single precision."""
+
+    _fields_ = [
+        *(
+            (name, ctypes.c_float)
+            for name in ("x", "v", "f_d", "x_m", "k_i", "k_s", "innovation", "variance")
+        ),
+        ("feed_back", ctypes.c_bool),
+    ]
+
+
+@needs_gcc
+@pytest.mark.parametrize("kind", ["linear", "extended", "observer", "extended-k", "low-pass"])
+def test_init_is_all_there_is_to_do_at_power_on(
+    exported: Exported, tmp_path: Path, kind: str
+) -> None:
+    """The first measurement is where it starts; what may be fed back is said."""
+    made = exported(kind)
+    library = tmp_path / "filter.so"
+    sources = [str(made.folder / source) for source in made.sources]
+    command = ["gcc", "-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC"]
+    includes = [f"-I{made.folder / folder}" for folder in (".", "core/include", "core")]
+    subprocess.run([*command, *includes, *sources, "-o", library], check=True)
+    lib = ctypes.CDLL(str(library))
+    step = getattr(lib, f"{made.name}_step")
+    step.argtypes = [ctypes.c_void_p, ctypes.c_float, ctypes.c_float, ctypes.c_void_p]
+    state = ctypes.create_string_buffer(8192)
+    now = Supervised()
+    header = (made.folder / f"{made.name}.h").read_text()
+    settling = int(re.search(r"_SETTLING (\d+)U", header)[1])  # type: ignore[index]
+
+    getattr(lib, f"{made.name}_init")(state)
+    step(state, float("nan"), 0.0, ctypes.byref(now))
+    assert not now.feed_back
+    for k in range(settling + 3):  # the rotor lies on the stop
+        step(state, -0.8e-3 + 1e-6 * (k % 3), -1.5, ctypes.byref(now))
+        if k == 0:
+            assert now.x == pytest.approx(-0.8e-3, rel=1e-3)
+            assert not now.feed_back
+    assert now.feed_back
+    for _ in range(settling):
+        assert now.feed_back
+        step(state, float("nan"), -1.5, ctypes.byref(now))
+    assert not now.feed_back

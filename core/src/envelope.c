@@ -87,6 +87,7 @@ amb_status amb_envelope_hold(const amb_kalman *kf, amb_kalman_state *state)
   state->mean[0] = AMB_C(0.0);
   state->mean[1] = AMB_C(0.0);
   state->mean[3] = AMB_C(0.0);
+  state->residual = AMB_C(0.0);
   if (!sound) {
     state->mean[2] = AMB_C(0.0);
     amb_envelope_open(kf, P);
@@ -108,4 +109,5 @@ void amb_envelope_restart(const amb_kalman *kf, amb_kalman_state *state, amb_rea
   const amb_real apart = at_most(LESS_SURE * P[0] + (lag * lag) * v, kf->cap[0]);
   fill(kf, apart, v, f_d, kf->set.var_y, P);
   amb_envelope_place(kf, y, state->mean);
+  state->residual = AMB_C(0.0);
 }

@@ -21,6 +21,7 @@ amb_real filter_sample(amb_real y, amb_real (*controller)(const zittau_axial_est
 {
   zittau_axial_estimates now;
   const amb_status status = zittau_axial_step(&filter, y, u_last, &now);
+  /* now.feed_back is false while the estimate is not settled: the controller then takes y. */
   missing = ((status & (AMB_MISSING | AMB_FROZEN)) != 0U) ? (missing + 1U) : 0U;
   if (missing > LONGEST_OUTAGE) {
     land_the_rotor();

@@ -279,8 +279,8 @@ class Estimator(Copyable):
 
         The fixed-interval smoother of Rauch, Tung and Striebel (1965), in the form of Bryson and
         Frazier modified by Bierman (1973), which inverts no covariance. Samples that the filter
-        leaves out are bridged. Where it stood still because it knew no place any more, nothing is
-        carried back over the gap.
+        leaves out are bridged. Where it was held because it knew no place any more, or started
+        afresh, nothing is carried back over the gap.
 
         Parameters
         ----------
