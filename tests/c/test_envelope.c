@@ -18,12 +18,14 @@ static const amb_multiple_model models = {
 };
 static const amb_unscented points = {AMB_C(1.7320508), AMB_C(2.0)};
 static const amb_low_pass low = {AMB_C(0.2), AMB_C(0.1), AMB_C(0.03)};
-/* Four poles at 960 rad/s. */
+/* The paper's rig with all poles at eight times the unstable one. */
 static const amb_observer observer = {
-    {AMB_C(0.35), AMB_C(165.0), AMB_C(8500.0), AMB_C(0.3)},
-    {AMB_C(1e-11), 0, 0, 0, AMB_C(1e-5), 0, 0, 9, 0, AMB_C(1e-11)},
-    AMB_C(1e-10),
-    {AMB_C(0.1), 100, AMB_C(1e5), AMB_C(0.1)}};
+    {AMB_C(1.174982e-01), AMB_C(7.660125e+01), AMB_C(9.428160e+03), AMB_C(-1.207407e-01)},
+    {AMB_C(1.348377e-11), AMB_C(8.289901e-09), AMB_C(1.151406e-06), AMB_C(1.163403e-11),
+     AMB_C(7.082104e-06), AMB_C(1.310412e-03), AMB_C(6.122142e-09), AMB_C(3.771677e-01),
+     AMB_C(8.755423e-07), AMB_C(2.079904e-11)},
+    AMB_C(9.859563e-11),
+    {AMB_C(3.777285e-02), AMB_C(5.778186e+01), AMB_C(2.097882e+04), AMB_C(5.554633e-02)}};
 static const amb_adaptive_noise noises = {
     {&amb_extended_methods, NULL, NULL, NULL}, true, true, AMB_C(1e-3), AMB_C(2e-2), 100, 10};
 
