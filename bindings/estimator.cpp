@@ -205,6 +205,8 @@ Named parameters(const Estimator &self)
 #undef SHOW
   all["set"] = set;
   all["model"] = model;
+  all["growth"] =
+      shown({self.kf.growth, self.kf.growth + AMB_AXIAL_TRIANGLE}, {AMB_AXIAL_TRIANGLE});
   all["far_squared"] = self.kf.far_squared;
   all["gate_squared"] = self.kf.gate_squared;
   all["widest"] = self.kf.widest;

@@ -28,21 +28,27 @@ var_u, var_d, var_y = sp.symbols("var_u var_d var_y", nonnegative=True)
 phi1, phi2, phi3 = (sp.Function(f"phi{k}") for k in (1, 2, 3))
 
 
-def pushed(t: sp.Expr) -> list[sp.Expr]:
-    """Return how far a force of 1 N that begins to act moves the state within the time t."""
-    return [t**2 / (2 * m), t / m, sp.Integer(0), K_sen * t**3 * phi3(t / T_sen) / (m * T_sen)]
+# How far a force of 1 N moves v, x and (but for what phi3 makes of it) x_m within a sample. Its
+# effects are formed from these and their squares: T^6 alone is less than single precision holds.
+T_m, T2_2m, T3_m = sp.symbols("T_m T2_2m T3_m")
+factors = {T_m: T / m, T2_2m: T**2 / (2 * m), T3_m: K_sen * T**3 / (m * T_sen)}
+
+
+def pushed(s: sp.Expr) -> list[sp.Expr]:
+    """Return how far a force of 1 N moves the state within the share s of a sample."""
+    return [T2_2m * s**2, T_m * s, sp.Integer(0), T3_m * s**3 * phi3(s * T / T_sen)]
 
 
 # What eq. 15-19 ask of the parameters, computed once per model and not once per sample.
-T_2, T_m, T2_2m, a_sen, b_sen, c_sen, d_sen = sp.symbols("T_2 T_m T2_2m a_sen b_sen c_sen d_sen")
+T_2, a_sen, b_sen, c_sen, d_sen = sp.symbols("T_2 a_sen b_sen c_sen d_sen")
 constants = {
     T_2: T / 2,
-    T_m: pushed(T)[1],
-    T2_2m: pushed(T)[0],
+    T_m: T_m,
+    T2_2m: T2_2m,
     a_sen: sp.exp(-T / T_sen),
     b_sen: K_sen * phi1(T / T_sen) * T / T_sen,
     c_sen: K_sen * phi2(T / T_sen) * T**2 / T_sen,
-    d_sen: pushed(T)[3],
+    d_sen: pushed(sp.Integer(1))[3],
 }
 
 transition = [
@@ -62,6 +68,7 @@ axial = Model(
     state=[x, v, f_d, x_m],
     parameters=[T, m, K_sen, T_sen],
     kept=[T],
+    factors=factors,
     constants=constants,
     force=f,
     control=u,
@@ -79,7 +86,6 @@ axial = Model(
     growth=f_d,
     growth_variance=var_d,
     pushed=pushed,
-    time=T,
     measurement_variance=var_y,
     printed=[T_2, c_sen, d_sen],
 )

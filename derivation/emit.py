@@ -76,8 +76,10 @@ class Names:
         self.mean = {s: f"mean[{i}]" for i, s in enumerate(model.state)}
         self.pairs = model.triangle()
         self.entries = {sp.Symbol(f"P{i}{j}"): f"cov[{k}]" for k, (i, j) in enumerate(self.pairs)}
+        self.growth = {s: f"growth[{k}]" for k, s in enumerate(model.growth_in_sample)}
         self.mean_argument = f"amb_real mean[{len(model.state)}]"
         self.cov_argument = f"amb_real cov[{len(self.pairs)}]"
+        self.growth_argument = f"amb_real growth[{len(self.pairs)}]"
 
     def in_place(self, expr: Expr) -> str:
         """Return an expression with the arrays' entries for its symbols."""
@@ -96,7 +98,10 @@ def constants(model: Model, names: Names) -> str:
         + function(
             "Constants from the physical parameters, SI.",
             f"{names.kind}_model_init({names.kind}_model *model, {arguments})",
-            block([(names.constants[s], e) for s, e in names.values.items()], {}),
+            block(
+                [(names.constants[s], e) for s, e in names.values.items()],
+                {s: c(e) for s, e in model.factors.items()},
+            ),
         )
         + "\n"
         + function(
@@ -105,6 +110,17 @@ def constants(model: Model, names: Names) -> str:
             [
                 f"{names.constants[s]} = AMB_C(0.0);"
                 for s in (*model.printed, *model.growth_constants)
+            ],
+        )
+        + "\n"
+        + function(
+            f"Covariance that a growth of {model.growth} of variance {model.growth_variance} "
+            "leaves in a sample.",
+            f"{names.kind}_growth({names.model_argument}, amb_real {model.growth_variance}, "
+            f"{names.growth_argument})",
+            [
+                f"{names.growth[s]} = {names.in_place(e)};"
+                for s, e in model.growth_in_sample.items()
             ],
         )
         + "#endif\n"
@@ -153,18 +169,18 @@ def covariance_step(model: Model, names: Names) -> str:
     """Return the prediction of the covariance (eq. 10)."""
     stages, triangle = model.covariance_stages()
     entries = [(f"cov[{k}]", terms) for k, terms in enumerate(triangle)]
-    stored = {**names.constants, **names.entries}
+    stored = {**names.constants, **names.growth, **names.entries}
     computed = [terms for _, terms in stages] + triangle
     used = {s for terms in computed for term in terms for s in term.free_symbols}
     lines = [f"const amb_real {s} = {where};" for s, where in stored.items() if s in used]
     lines += [f"const amb_real {s} = {total(terms)};" for s, terms in stages]
     lines += [f"{entry} = {total(terms)};" for entry, terms in entries]
-    given = [*model.stiffness, model.gain, model.control_variance, model.growth_variance]
+    given = [*model.stiffness, model.gain, model.control_variance]
     arguments = ", ".join(f"amb_real {s}" for s in given)
     return function(
         "Eq. 10, A P A' + Q on the upper triangle, row by row.",
         f"{names.kind}_predict_covariance({names.model_argument}, {arguments}, "
-        f"{names.cov_argument})",
+        f"const {names.growth_argument}, {names.cov_argument})",
         lines,
     )
 
@@ -176,7 +192,6 @@ def update(model: Model, names: Names) -> str:
     S = (model.H * PH)[0] + model.measurement_variance
     inverse, e = sp.symbols("inverse e")
     K = sp.Matrix(sp.symbols(f"K:{len(model.state)}"))
-    new_P = P - K * PH.T
     lines = [
         f"*variance = {names.in_place(S)};",
         f"*innovation = y - {names.in_place(model.measurement)};",
@@ -186,7 +201,10 @@ def update(model: Model, names: Names) -> str:
     lines += [f"const amb_real {s} = {entry};" for s, entry in names.entries.items()]
     lines += [f"const amb_real {k} = {c(p * inverse)};" for k, p in zip(K, PH, strict=True)]
     lines += [f"mean[{i}] += {c(k * e)};" for i, k in enumerate(K)]
-    lines += [f"cov[{k}] = {c(new_P[i, j])};" for k, (i, j) in enumerate(names.pairs)]
+    # As differences, not as sums with -K: that would be one more operation to wait for.
+    lines += [
+        f"cov[{k}] = {c(P[i, j])} - {c(K[i] * PH[j])};" for k, (i, j) in enumerate(names.pairs)
+    ]
     return function(
         "Eq. 11-13 for the scalar measurement of eq. 21; S must be positive.",
         f"{names.kind}_update(amb_real y, amb_real {model.measurement_variance}, "

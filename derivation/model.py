@@ -26,6 +26,7 @@ class Model:
     state: list[Expr]
     parameters: list[Expr]
     kept: list[Expr]
+    factors: dict[Expr, Expr]  # what the constants are formed from, first of all
     constants: dict[Expr, Expr]
     force: Expr
     control: Expr
@@ -40,8 +41,7 @@ class Model:
     control_variance: Expr
     growth: Expr  # the state that wanders
     growth_variance: Expr  # of its random walk, in one sample
-    pushed: Callable[[Expr], list[Expr]]  # what moves the state, the time after it has grown by 1
-    time: Expr  # length of a sample
+    pushed: Callable[[Expr], list[Expr]]  # how far it moves the state, a share of a sample later
     measurement_variance: Expr
     printed: list[Expr]  # constants that are zero in the paper's equations
 
@@ -92,8 +92,8 @@ class Model:
     def growth_constants(self) -> dict[Expr, Expr]:
         """Covariance that a growth of variance 1 leaves in the state, on the upper triangle.
 
-        ``N = 1/T int_0^T g(t) g(t)' dt`` with g(t) what the state has made of a growth the time t
-        after it. By four points of Gauss and Legendre: exact but for the exponential in the
+        ``N = int_0^1 g(s) g(s)' ds`` with g(s) what the state has made of a growth the share s of a
+        sample after it. By four points of Gauss and Legendre: exact but for the exponential in the
         sensor's row, whose share is right to four digits at the worst; and never indefinite by
         rounding.
         """
@@ -101,7 +101,7 @@ class Model:
         nodes, weights = _gauss_legendre(4)
         N = sp.zeros(n, n)
         for node, weight in zip(nodes, weights, strict=True):
-            g = sp.Matrix(self.pushed(node * self.time))
+            g = sp.Matrix(self.pushed(node))
             g[self.state.index(self.growth)] = 1
             N += weight * g * g.T
         return {
@@ -113,26 +113,34 @@ class Model:
     @property
     def own_noise(self) -> sp.Matrix:
         """Growth of what is not modelled, in one sample."""
-        n = len(self.state)
-        N = sp.ones(n, n)
-        for i, j in self.triangle():
-            symbol = sp.Symbol(f"N{i}{j}")
-            if symbol in self.growth_constants:
-                N[i, j] = N[j, i] = symbol
-        return self.growth_variance * N
+        return self.symmetric("G").subs(self.growth_in_sample)
+
+    @property
+    def growth_in_sample(self) -> dict[Expr, Expr]:
+        """Upper triangle of :attr:`own_noise`; constant as long as the growth's variance is."""
+        known = self.growth_constants
+        entries = {pair: sp.Symbol("N{}{}".format(*pair)) for pair in self.triangle()}
+        return {
+            sp.Symbol("G{}{}".format(*pair)): self.growth_variance * (N if N in known else 1)
+            for pair, N in entries.items()
+        }
 
     def triangle(self) -> list[tuple[int, int]]:
         """Index pairs of the upper triangle in the order of storage."""
         n = len(self.state)
         return [(i, j) for i in range(n) for j in range(i, n)]
 
-    def covariance(self) -> sp.Matrix:
-        """Symmetric matrix of the symbols that stand for the stored triangle."""
+    def symmetric(self, name: str) -> sp.Matrix:
+        """Symmetric matrix of the symbols that stand for a stored triangle."""
         n = len(self.state)
-        P = sp.zeros(n, n)
+        matrix = sp.zeros(n, n)
         for i, j in self.triangle():
-            P[i, j] = P[j, i] = sp.Symbol(f"P{i}{j}")
-        return P
+            matrix[i, j] = matrix[j, i] = sp.Symbol(f"{name}{i}{j}")
+        return matrix
+
+    def covariance(self) -> sp.Matrix:
+        """Covariance of the state."""
+        return self.symmetric("P")
 
     def predicted_covariance(self) -> sp.Matrix:
         """``A P A' + Q`` (eq. 10)."""
@@ -147,12 +155,19 @@ class Model:
         with F (z), and from M and z those of the next state with itself. That takes half the
         operations of ``A P A' + Q`` multiplied out.
 
+        Each step waits for the chain P, w, M, z, P+, so what is known last is added last: ``w_j``,
+        entries of h from the last, which needs no product, to the first; ``M_ij``, entries of row i
+        of L, then ``b_i w_j``; ``z_i``, noise of the control, then entries of h as in w; ``P+_ij``,
+        entries of row j of L, growth, then ``b_j z_i``. Loops over the entries in this order give
+        the same bits.
+
         Returns
         -------
         stages : list of (symbol, sum)
             Intermediate results in the order in which they are computed.
         covariance : list of sums
-            Upper triangle of :meth:`predicted_covariance`, in terms of them.
+            Upper triangle of :meth:`predicted_covariance`, in terms of them and of
+            :attr:`growth_in_sample`.
         """
         P, n = self.covariance(), len(self.state)
         L, b = self.held
@@ -170,14 +185,17 @@ class Model:
         h = [stage(f"h{j}", [entry]) for j, entry in enumerate(F.jacobian(self.state))]
         gain = stage("g0", [g])
         noise = stage("q0", [gain * gain * self.control_variance])
-        w = [stage(f"w{j}", product_terms(h, P[:, j])) for j in range(n)]
+        w = [stage(f"w{j}", product_terms(h[::-1], P[::-1, j])) for j in range(n)]
         M = [
             [stage(f"M{i}{j}", product_terms([*L[i, :], b[i]], [*P[:, j], w[j]])) for j in range(n)]
             for i in range(n)
         ]
-        z = [stage(f"z{i}", product_terms([*M[i], b[i]], [*h, noise])) for i in range(n)]
+        z = [
+            stage(f"z{i}", product_terms([b[i], *M[i][::-1]], [noise, *h[::-1]])) for i in range(n)
+        ]
+        growth = self.symmetric("G")
         upper = [
-            product_terms([*M[i], z[i], self.own_noise[i, j]], [*L[j, :], b[j], 1])
+            product_terms([*M[i], growth[i, j], z[i]], [*L[j, :], 1, b[j]])
             for i, j in self.triangle()
         ]
         return _needed(stages, upper), upper

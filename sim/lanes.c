@@ -63,7 +63,8 @@ static void fill_parameters(lanes_parameters *p, size_t i, const amb_estimator *
   p->iu_max[i] = kf->set.iu_max;
   p->x_max[i] = kf->set.x_max;
   p->var_u[i] = kf->set.var_u;
-  p->var_d[i] = kf->set.var_d;
+  for (int j = 0; j < AMB_AXIAL_TRIANGLE; j++)
+    p->growth[j][i] = kf->growth[j];
   p->var_y[i] = kf->set.var_y;
   p->far_squared[i] = kf->far_squared;
   p->gate_squared[i] = kf->gate_squared;

@@ -10,7 +10,8 @@
 /* Parameters and states as the core's structs, a vector for each number. */
 typedef struct lanes_parameters {
   lanes_axial_model model;
-  lanes k_ui, f_0, iu_min, iu_max, x_max, var_u, var_d, var_y, far_squared, gate_squared, widest;
+  lanes k_ui, f_0, iu_min, iu_max, x_max, var_u, var_y, far_squared, gate_squared, widest;
+  lanes growth[AMB_AXIAL_TRIANGLE];
   lanes k_i, k_s; /* of a constant magnet */
   lanes_law law;
   lanes gain[AMB_AXIAL_STATES], far[AMB_AXIAL_STATES], variance; /* of an observer */
@@ -135,7 +136,7 @@ AMB_INLINE lanes_mask lanes_step_kalman(const lanes_parameters *p, lanes_of of, 
   }
   lanes_mask usual = (f * f) <= AMB_REAL_MAX;
   lanes_axial_predict_mean(&p->model, f, s->mean);
-  lanes_axial_predict_covariance(&p->model, k_i, k_s, p->k_ui, p->var_u, p->var_d, s->cov);
+  lanes_axial_predict_covariance(&p->model, k_i, k_s, p->k_ui, p->var_u, p->growth, s->cov);
 
   const lanes *P = s->cov;
   usual &= P[0] <= p->widest;

@@ -34,7 +34,7 @@ def test_one_changed_sign_is_noticed(
     shutil.copytree(writer.GENERATED, tmp_path / "generated")
     shutil.copy(ROOT / ".clang-format", tmp_path)
     header = tmp_path / "generated" / "axial.h"
-    header.write_text(header.read_text().replace("cov[7] = P22 + var_d", "cov[7] = P22 - var_d"))
+    header.write_text(header.read_text().replace("cov[7] = P22 + G22", "cov[7] = P22 - G22"))
     monkeypatch.setattr(writer, "GENERATED", tmp_path / "generated")
     monkeypatch.setattr(writer, "ROOT", tmp_path)
     monkeypatch.setattr(sys, "argv", ["derivation", "--check"])
@@ -49,7 +49,7 @@ def physical(matrix: sp.Matrix) -> sp.Matrix:
     phi = [sp.exp(-z)]
     for k in range(3):
         phi.append((sp.Rational(1, sp.factorial(k)) - phi[k]) / z)
-    told = matrix.subs(MODEL.growth_constants).subs(MODEL.constants)
+    told = matrix.subs(MODEL.growth_constants).subs(MODEL.constants).subs(MODEL.factors)
     for k, function in enumerate((ax.phi1, ax.phi2, ax.phi3), start=1):
         told = told.replace(function, sp.Lambda(t, phi[k].subs(z, t)))
     return told
@@ -139,6 +139,7 @@ def test_the_stages_of_the_covariance_step_put_together_are_eq_10() -> None:
         entry = sum(terms)
         for symbol, stage in reversed(stages):
             entry = entry.subs(symbol, sum(stage))
+        entry = entry.subs(MODEL.growth_in_sample)
         assert sp.expand(entry - P[i, j]) == 0
 
 

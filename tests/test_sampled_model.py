@@ -76,6 +76,7 @@ def symmetric(c: dict[str, float]) -> Array:
 @example(T=-4.0, m=-0.3, lag=1.0, gain=0.0, turned=False, precision="float32")
 @example(T=-4.0, m=-0.3, lag=2.0, gain=0.0, turned=True, precision="float32")
 @example(T=-4.0, m=-0.3, lag=3.0, gain=2.0, turned=False, precision="float32")
+@example(T=-6.0, m=2.0, lag=0.0, gain=-2.0, turned=False, precision="float32")
 def test_its_constants_are_those_of_the_matrix_exponential(
     T: float, m: float, lag: float, gain: float, turned: bool, precision: Any
 ) -> None:

@@ -34,47 +34,40 @@ typedef struct amb_axial_model {
 AMB_INLINE void amb_axial_model_init(amb_axial_model *model, amb_real T, amb_real m, amb_real K_sen,
                                      amb_real T_sen)
 {
-  const amb_real t0 = AMB_C(1.0) / (m);
+  const amb_real T_m = T / m;
+  const amb_real T2_2m = (AMB_C(0.5)) * (T * T) / m;
+  const amb_real T3_m = K_sen * (T * T * T) / (T_sen * m);
+  const amb_real t0 = AMB_C(1.0) / (T_sen);
   const amb_real t1 = T * t0;
-  const amb_real t2 = (T * T);
-  const amb_real t3 = t0 * t2;
-  const amb_real t4 = AMB_C(1.0) / (T_sen);
-  const amb_real t5 = T * t4;
-  const amb_real t6 = K_sen * t4;
-  const amb_real t7 = (T * T * T);
-  const amb_real t8 = t0 * t6 * t7;
-  const amb_real t9 = AMB_C(1.0) / (m * m);
-  const amb_real t10 = (T * T * T * T) * t9;
-  const amb_real t11 = amb_phi3(AMB_C(0.06943184420297371) * t5);
-  const amb_real t12 = amb_phi3(AMB_C(0.33000947820757187) * t5);
-  const amb_real t13 = amb_phi3(AMB_C(0.6699905217924281) * t5);
-  const amb_real t14 = amb_phi3(AMB_C(0.9305681557970263) * t5);
+  const amb_real t2 = amb_phi3(AMB_C(0.06943184420297371) * t1);
+  const amb_real t3 = amb_phi3(AMB_C(0.33000947820757187) * t1);
+  const amb_real t4 = amb_phi3(AMB_C(0.6699905217924281) * t1);
+  const amb_real t5 = amb_phi3(AMB_C(0.9305681557970263) * t1);
   model->T = T;
   model->T_2 = (AMB_C(0.5)) * T;
-  model->T_m = t1;
-  model->T2_2m = (AMB_C(0.5)) * t3;
-  model->a_sen = amb_exp_negative(t5);
-  model->b_sen = K_sen * t5 * amb_phi1(t5);
-  model->c_sen = t2 * t6 * amb_phi2(t5);
-  model->d_sen = t8 * amb_phi3(t5);
-  model->N00 = AMB_C(0.05) * t10;
-  model->N01 = AMB_C(0.125) * t7 * t9;
-  model->N02 = AMB_C(0.16666666666666666) * t3;
-  model->N03 = (T * T * T * T * T) * t6 * t9 *
-               (AMB_C(1.4032387522826027e-07) * t11 + AMB_C(0.0006381405581775073) * t12 +
-                AMB_C(0.022010381750670893) * t13 + AMB_C(0.060684670700609705) * t14);
-  model->N11 = AMB_C(0.3333333333333333) * t2 * t9;
-  model->N12 = AMB_C(0.5) * t1;
-  model->N13 = t10 * t6 *
-               (AMB_C(4.042061012178913e-06) * t11 + AMB_C(0.00386740745534663) * t12 +
-                AMB_C(0.06570356157214415) * t13 + AMB_C(0.13042498891149704) * t14);
-  model->N23 = t8 * (AMB_C(5.82162415326683e-05) * t11 + AMB_C(0.011719079937801297) * t12 +
-                     AMB_C(0.0980664045759441) * t13 + AMB_C(0.14015629924472195) * t14);
+  model->T_m = T_m;
+  model->T2_2m = T2_2m;
+  model->a_sen = amb_exp_negative(t1);
+  model->b_sen = K_sen * t1 * amb_phi1(t1);
+  model->c_sen = K_sen * (T * T) * t0 * amb_phi2(t1);
+  model->d_sen = T3_m * amb_phi3(t1);
+  model->N00 = AMB_C(0.2) * (T2_2m * T2_2m);
+  model->N01 = AMB_C(0.25) * T2_2m * T_m;
+  model->N02 = AMB_C(0.3333333333333333) * T2_2m;
+  model->N03 = T2_2m * T3_m *
+               (AMB_C(2.8064775045652054e-07) * t2 + AMB_C(0.0012762811163550146) * t3 +
+                AMB_C(0.044020763501341785) * t4 + AMB_C(0.12136934140121941) * t5);
+  model->N11 = AMB_C(0.3333333333333333) * (T_m * T_m);
+  model->N12 = AMB_C(0.5) * T_m;
+  model->N13 = T3_m * T_m *
+               (AMB_C(4.042061012178913e-06) * t2 + AMB_C(0.00386740745534663) * t3 +
+                AMB_C(0.06570356157214415) * t4 + AMB_C(0.13042498891149704) * t5);
+  model->N23 = T3_m * (AMB_C(5.82162415326683e-05) * t2 + AMB_C(0.011719079937801297) * t3 +
+                       AMB_C(0.0980664045759441) * t4 + AMB_C(0.14015629924472195) * t5);
   model->N33 =
-      (K_sen * K_sen) * (T * T * T * T * T * T) * t9 *
-      (AMB_C(1.948589088561218e-08) * (t11 * t11) + AMB_C(0.0004211848652544957) * (t12 * t12) +
-       AMB_C(0.02949349430796506) * (t13 * t13) + AMB_C(0.11294244419803241) * (t14 * t14)) /
-      (T_sen * T_sen);
+      (T3_m * T3_m) *
+      (AMB_C(1.948589088561218e-08) * (t2 * t2) + AMB_C(0.0004211848652544957) * (t3 * t3) +
+       AMB_C(0.02949349430796506) * (t4 * t4) + AMB_C(0.11294244419803241) * (t5 * t5));
 }
 
 /* What the equations as printed leave out: the force and the speed within the sample. */
@@ -92,6 +85,21 @@ AMB_INLINE void amb_axial_model_as_printed(amb_axial_model *model)
   model->N13 = AMB_C(0.0);
   model->N23 = AMB_C(0.0);
   model->N33 = AMB_C(0.0);
+}
+
+/* Covariance that a growth of f_d of variance var_d leaves in a sample. */
+AMB_INLINE void amb_axial_growth(const amb_axial_model *model, amb_real var_d, amb_real growth[10])
+{
+  growth[0] = model->N00 * var_d;
+  growth[1] = model->N01 * var_d;
+  growth[2] = model->N02 * var_d;
+  growth[3] = model->N03 * var_d;
+  growth[4] = model->N11 * var_d;
+  growth[5] = model->N12 * var_d;
+  growth[6] = model->N13 * var_d;
+  growth[7] = var_d;
+  growth[8] = model->N23 * var_d;
+  growth[9] = model->N33 * var_d;
 }
 #endif
 
@@ -124,7 +132,7 @@ AMB_INLINE void amb_axial_predict_mean(const amb_axial_model *model, amb_real f,
 /* Eq. 10, A P A' + Q on the upper triangle, row by row. */
 AMB_INLINE void amb_axial_predict_covariance(const amb_axial_model *model, amb_real k_i,
                                              amb_real k_s, amb_real k_ui, amb_real var_u,
-                                             amb_real var_d, amb_real cov[10])
+                                             const amb_real growth[10], amb_real cov[10])
 {
   const amb_real T = model->T;
   const amb_real T_2 = model->T_2;
@@ -134,15 +142,16 @@ AMB_INLINE void amb_axial_predict_covariance(const amb_axial_model *model, amb_r
   const amb_real b_sen = model->b_sen;
   const amb_real c_sen = model->c_sen;
   const amb_real d_sen = model->d_sen;
-  const amb_real N00 = model->N00;
-  const amb_real N01 = model->N01;
-  const amb_real N02 = model->N02;
-  const amb_real N03 = model->N03;
-  const amb_real N11 = model->N11;
-  const amb_real N12 = model->N12;
-  const amb_real N13 = model->N13;
-  const amb_real N23 = model->N23;
-  const amb_real N33 = model->N33;
+  const amb_real G00 = growth[0];
+  const amb_real G01 = growth[1];
+  const amb_real G02 = growth[2];
+  const amb_real G03 = growth[3];
+  const amb_real G11 = growth[4];
+  const amb_real G12 = growth[5];
+  const amb_real G13 = growth[6];
+  const amb_real G22 = growth[7];
+  const amb_real G23 = growth[8];
+  const amb_real G33 = growth[9];
   const amb_real P00 = cov[0];
   const amb_real P01 = cov[1];
   const amb_real P02 = cov[2];
@@ -156,10 +165,10 @@ AMB_INLINE void amb_axial_predict_covariance(const amb_axial_model *model, amb_r
   const amb_real h1 = T_2 * k_s;
   const amb_real g0 = k_i * k_ui;
   const amb_real q0 = (g0 * g0) * var_u;
-  const amb_real w0 = P00 * k_s + P01 * h1 + P02;
-  const amb_real w1 = P01 * k_s + P11 * h1 + P12;
-  const amb_real w2 = P02 * k_s + P12 * h1 + P22;
-  const amb_real w3 = P03 * k_s + P13 * h1 + P23;
+  const amb_real w0 = P02 + P01 * h1 + P00 * k_s;
+  const amb_real w1 = P12 + P11 * h1 + P01 * k_s;
+  const amb_real w2 = P22 + P12 * h1 + P02 * k_s;
+  const amb_real w3 = P23 + P13 * h1 + P03 * k_s;
   const amb_real M00 = P00 + P01 * T + T2_2m * w0;
   const amb_real M01 = P01 + P11 * T + T2_2m * w1;
   const amb_real M02 = P02 + P12 * T + T2_2m * w2;
@@ -172,20 +181,20 @@ AMB_INLINE void amb_axial_predict_covariance(const amb_axial_model *model, amb_r
   const amb_real M31 = P01 * b_sen + P11 * c_sen + P13 * a_sen + d_sen * w1;
   const amb_real M32 = P02 * b_sen + P12 * c_sen + P23 * a_sen + d_sen * w2;
   const amb_real M33 = P03 * b_sen + P13 * c_sen + P33 * a_sen + d_sen * w3;
-  const amb_real z0 = M00 * k_s + M01 * h1 + M02 + T2_2m * q0;
-  const amb_real z1 = M10 * k_s + M11 * h1 + M12 + T_m * q0;
-  const amb_real z2 = P02 * k_s + P12 * h1 + P22;
-  const amb_real z3 = M30 * k_s + M31 * h1 + M32 + d_sen * q0;
-  cov[0] = M00 + M01 * T + T2_2m * z0 + N00 * var_d;
-  cov[1] = M01 + T_m * z0 + N01 * var_d;
-  cov[2] = M02 + N02 * var_d;
-  cov[3] = M00 * b_sen + M01 * c_sen + M03 * a_sen + d_sen * z0 + N03 * var_d;
-  cov[4] = M11 + T_m * z1 + N11 * var_d;
-  cov[5] = M12 + N12 * var_d;
-  cov[6] = M10 * b_sen + M11 * c_sen + M13 * a_sen + d_sen * z1 + N13 * var_d;
-  cov[7] = P22 + var_d;
-  cov[8] = P02 * b_sen + P12 * c_sen + P23 * a_sen + d_sen * z2 + N23 * var_d;
-  cov[9] = M30 * b_sen + M31 * c_sen + M33 * a_sen + d_sen * z3 + N33 * var_d;
+  const amb_real z0 = T2_2m * q0 + M02 + M01 * h1 + M00 * k_s;
+  const amb_real z1 = T_m * q0 + M12 + M11 * h1 + M10 * k_s;
+  const amb_real z2 = P22 + P12 * h1 + P02 * k_s;
+  const amb_real z3 = d_sen * q0 + M32 + M31 * h1 + M30 * k_s;
+  cov[0] = M00 + M01 * T + G00 + T2_2m * z0;
+  cov[1] = M01 + G01 + T_m * z0;
+  cov[2] = M02 + G02;
+  cov[3] = M00 * b_sen + M01 * c_sen + M03 * a_sen + G03 + d_sen * z0;
+  cov[4] = M11 + G11 + T_m * z1;
+  cov[5] = M12 + G12;
+  cov[6] = M10 * b_sen + M11 * c_sen + M13 * a_sen + G13 + d_sen * z1;
+  cov[7] = P22 + G22;
+  cov[8] = P02 * b_sen + P12 * c_sen + P23 * a_sen + G23 + d_sen * z2;
+  cov[9] = M30 * b_sen + M31 * c_sen + M33 * a_sen + G33 + d_sen * z3;
 }
 
 /* Eq. 11-13 for the scalar measurement of eq. 21; S must be positive. */
@@ -214,16 +223,16 @@ AMB_INLINE void amb_axial_update(amb_real y, amb_real var_y, amb_real mean[4], a
   mean[1] += K1 * e;
   mean[2] += K2 * e;
   mean[3] += K3 * e;
-  cov[0] = -K0 * P03 + P00;
-  cov[1] = -K0 * P13 + P01;
-  cov[2] = -K0 * P23 + P02;
-  cov[3] = -K0 * P33 + P03;
-  cov[4] = -K1 * P13 + P11;
-  cov[5] = -K1 * P23 + P12;
-  cov[6] = -K1 * P33 + P13;
-  cov[7] = -K2 * P23 + P22;
-  cov[8] = -K2 * P33 + P23;
-  cov[9] = -K3 * P33 + P33;
+  cov[0] = P00 - K0 * P03;
+  cov[1] = P01 - K0 * P13;
+  cov[2] = P02 - K0 * P23;
+  cov[3] = P03 - K0 * P33;
+  cov[4] = P11 - K1 * P13;
+  cov[5] = P12 - K1 * P23;
+  cov[6] = P13 - K1 * P33;
+  cov[7] = P22 - K2 * P23;
+  cov[8] = P23 - K2 * P33;
+  cov[9] = P33 - K3 * P33;
 }
 
 #endif

@@ -96,6 +96,7 @@ static amb_status adapt(const amb_estimator *self, amb_adaptive_noise_state *s,
       const amb_real share = amb_clamp(s->share * (amb_real)a->window, AMB_C(0.0), AMB_C(0.5));
       status |= follow(share, s->correction * s->correction, s->expected, nominal->var_d, a->most,
                        &s->kf.set.var_d);
+      amb_axial_growth(&s->kf.model, s->kf.set.var_d, s->kf.growth);
     }
     open_window(s);
   }

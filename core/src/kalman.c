@@ -32,6 +32,7 @@ amb_status amb_kalman_init(amb_kalman *kf, const amb_kalman_settings *s)
   if (s->as_printed) {
     amb_axial_model_as_printed(&kf->model);
   }
+  amb_axial_growth(&kf->model, s->var_d, kf->growth);
   return AMB_OK;
 }
 

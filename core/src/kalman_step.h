@@ -58,7 +58,7 @@ AMB_INLINE amb_status amb_step_predict_with(const amb_kalman *kf, amb_kalman_sta
     return AMB_BAD_PARAMETER;
   }
   amb_axial_predict_mean(&kf->model, f, state->mean);
-  amb_axial_predict_covariance(&kf->model, k.k_i, k.k_s, s->k_ui, s->var_u, s->var_d, state->cov);
+  amb_axial_predict_covariance(&kf->model, k.k_i, k.k_s, s->k_ui, s->var_u, kf->growth, state->cov);
   return AMB_OK;
 }
 
@@ -267,7 +267,7 @@ AMB_INLINE void amb_step_trusted(const amb_kalman *kf, amb_stiffness k, amb_kalm
   amb_real variance;
   const amb_real s = amb_axial_displacement(&kf->model, state->mean);
   amb_axial_predict_mean(&kf->model, amb_step_linear(kf, k, iu, s), state->mean);
-  amb_axial_predict_covariance(&kf->model, k.k_i, k.k_s, set->k_ui, set->var_u, set->var_d,
+  amb_axial_predict_covariance(&kf->model, k.k_i, k.k_s, set->k_ui, set->var_u, kf->growth,
                                state->cov);
   amb_axial_update(y, set->var_y, state->mean, state->cov, &innovation, &variance);
 }

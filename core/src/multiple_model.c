@@ -181,7 +181,7 @@ static amb_status predict(const amb_estimator *self, void *state, amb_real u,
       const amb_real f = amb_step_force(kf, self->magnet, iu, own_at, &k) + own->bias;
       amb_axial_predict_mean(&kf->model, theta * f + (set->f_0 - own->bias), m->mean);
       amb_axial_predict_covariance(&kf->model, theta * k.k_i, theta * k.k_s, set->k_ui, set->var_u,
-                                   set->var_d, m->cov);
+                                   kf->growth, m->cov);
     }
     combine(own->n, s);
     status |= contain(kf, own->n, s);

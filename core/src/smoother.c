@@ -57,9 +57,10 @@ static void gain(const amb_kalman *kf, const amb_kalman_history *h, size_t k, am
   const amb_axial_model *g = &kf->model;
   const amb_real *before = h->cov + (k - 1) * AMB_AXIAL_TRIANGLE;
   const amb_real S = h->variance[k];
+  const amb_real none[AMB_AXIAL_TRIANGLE] = {0};
   amb_real P[AMB_AXIAL_TRIANGLE];
   memcpy(P, before, sizeof P);
-  amb_axial_predict_covariance(g, h->k_i[k], h->k_s[k], kf->set.k_ui, kf->set.var_u, 0, P);
+  amb_axial_predict_covariance(g, h->k_i[k], h->k_s[k], kf->set.k_ui, kf->set.var_u, none, P);
   const amb_real known[N] = {P[3], P[6], P[8], P[9]};
   const amb_real grown[N] = {g->N03, g->N13, g->N23, g->N33};
   amb_real var_d = 0;

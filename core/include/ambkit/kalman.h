@@ -54,6 +54,7 @@ typedef struct amb_kalman_settings {
 typedef struct amb_kalman {
   amb_kalman_settings set;
   amb_axial_model model;
+  amb_real growth[AMB_AXIAL_TRIANGLE]; /* covariance that var_d leaves in a sample; follows it */
   amb_real far_squared;  /* square of the farthest measurement that can be the rotor [m^2] */
   amb_real gate_squared; /* of the settings' gate [1] */
   amb_real widest;       /* x_max squared: no variance of the position is larger [m^2] */
