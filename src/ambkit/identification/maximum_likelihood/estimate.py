@@ -30,7 +30,13 @@ from ambkit.identification.maximum_likelihood.parameters import (
     without_mass,
 )
 from ambkit.identification.maximum_likelihood.restricted import restricted
-from ambkit.identification.maximum_likelihood.search import WALL, climb, hold, ran_away
+from ambkit.identification.maximum_likelihood.search import (
+    WALL,
+    climb,
+    hold,
+    not_needed,
+    ran_away,
+)
 from ambkit.identification.maximum_likelihood.start import best_start
 
 if TYPE_CHECKING:
@@ -285,6 +291,7 @@ def maximum_likelihood(
         steps += found.steps
         worst = doubtful(found.local.information, parameters)
         worst = worst or ran_away(several, given, found.model, parameters)
+        worst = worst or not_needed(several, found, parameters, settling)
         if worst is None:
             break
         parameter, why = worst

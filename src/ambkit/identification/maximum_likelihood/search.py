@@ -29,6 +29,10 @@ MUCH_LESS_LIKELY = 2.0
 LONGEST_STEP = 1.0
 """In any coordinate of the search: an e-fold."""
 
+LAGS = ("sensor_lag", "current_lag")
+NO_LAG = 0.01
+"""In samples: what counts as none."""
+
 NEAR_LIMIT, FAR_FROM_LIMIT = 3.0, 10.0
 """Standard deviations of the control noise within which a current is near its limit, or far off."""
 
@@ -140,6 +144,28 @@ def hold(
         why = f"as found, for {parameter.text(given)}, as given, is far less likely"
         return model, f"{parameter.text(model)}, {why}"
     return model, parameter.text(model)
+
+
+def not_needed(
+    records: Sequence[Record], found: Climbed, parameters: Sequence[Parameter], settling: float
+) -> tuple[Parameter, str] | None:
+    """Name a lag without which the records are as likely; None where there is none.
+
+    Beside a delay a lag shows by its square alone, which the records tell as well below zero as
+    above. Where it comes out above, a lag is found that is longer than the true one, with an error
+    of its logarithm that looks small. So it counts as found only where none at all is ruled out.
+    """
+    for parameter in (p for p in parameters if p.name in LAGS):
+        lag = parameter.of(found.model)
+        rest = [p for p in parameters if p is not parameter]
+        if not rest:
+            continue
+        without = {parameter.place: NO_LAG * found.model.bearing.sampling_time}
+        delayed = {"delay": found.model.delay + lag} if any(p.name == "delay" for p in rest) else {}
+        other = climb(records, found.model.replace(**without, **delayed), rest, settling)
+        if other.local.value > found.local.value - MUCH_LESS_LIKELY:
+            return parameter, "the records are as likely without any"
+    return None
 
 
 def ran_away(
