@@ -36,7 +36,7 @@ def test_jitter_missing_rows_and_duplicates_do_not_move_the_rate(seed, jitter, l
     times = even(n, step) + step * np.clip(jitter * rng.normal(size=n), -0.4, 0.4)
     kept = np.array([k for k in range(n) if k not in {25 * each for each in lost}])
     clock = examine("t", np.repeat(times[kept], np.where(kept == 1003, 2, 1)))
-    assert clock.step == pytest.approx(step, rel=1e-3)
+    assert clock.step == pytest.approx(step, rel=3e-3)
     if jitter < 0.05:
         assert clock.missing.tolist() == [1] * len(lost)
     assert clock.jumps.size == 1  # the duplicate

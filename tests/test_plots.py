@@ -103,7 +103,7 @@ def test_a_gap_flattens_nothing(run, bearing):
     y[700:1300] = np.nan
     gap = ambkit.Record(run.record.t, {"y": y, "u": run.record["u"]})
     judgement = judge(ambkit.KalmanFilter(bearing), gap)
-    _, _, force, shown = plots.filter_figure(gap, {"linear": judgement}).panels
+    *_, shown = plots.filter_figure(gap, {"linear": judgement}).panels
     e = judgement.estimate.innovation
     largest = int(np.argmax(np.abs(e)))
     assert 1300 <= largest < 1310
@@ -116,8 +116,6 @@ def test_a_gap_flattens_nothing(run, bearing):
     (note,) = (item for item in shown.items if isinstance(item, Note))
     assert note.text == f"{1e6 * e[largest]:.0f} µm".replace("-", "−")
     assert np.isnan(lines(shown)["innovation"].y[700:1300]).all()
-    after = judgement.estimate.f_d[1300:1310]
-    assert not (force.y.limits[0] < after.min() and after.max() < force.y.limits[1])
 
     filters = {"linear": ambkit.KalmanFilter(bearing), "low-pass": ambkit.LowPass(bearing)}
     whole = {name: judge(one, run.record) for name, one in filters.items()}

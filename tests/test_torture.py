@@ -219,13 +219,7 @@ def campaign(bearing: str, precision: Any) -> Torture:
     return torture(BEARINGS[bearing], faults=QUICK, steps=20_000, precisions=(precision,))
 
 
-DIVERGES = pytest.mark.xfail(
-    strict=False, reason="the observer diverges: predict holds, update not"
-)
-KINDS_NOW = [pytest.param(n, marks=DIVERGES) if n == "observer" else n for n in KINDS]
-
-
-@pytest.mark.parametrize("kind", KINDS_NOW)
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 @pytest.mark.parametrize("bearing", BEARINGS)
 def test_every_estimator_comes_back_from_every_fault(

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 _TOUCHING = re.compile(r"(?<=/)(?=[*/])|(?<=\*)(?=/)|(?<=\?)(?=\?)")
-_MARKDOWN = re.compile(r"[\\`*_{}\[\]<>&|~$#!:@]|^(?:[-+=]|\d+(?=[.)]))")
+_MARKDOWN = re.compile(r"[\\`*_{}\[\]<>&|~$#!:@]|^(?:[-+=]|\d+(?=[.)](?:\s|$)))")
 
 
 def one_line(text: object) -> str:

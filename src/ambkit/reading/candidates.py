@@ -250,7 +250,8 @@ def _position(open_: list[Candidate]) -> Candidate | None:
 
 def _size(y: Candidate) -> tuple[float, float]:
     """Return how much a channel moves, and its noise."""
-    return max(float(np.nanstd(y.values)), 1e-300), noise(y.values)
+    there = y.values[np.isfinite(y.values)]
+    return max(float(there.std()) if there.size else 0.0, 1e-300), noise(y.values)
 
 
 def _is_reference(candidate: Candidate, y: Candidate, size: tuple[float, float]) -> bool:
