@@ -206,7 +206,7 @@ def torture(
         Kinds of :data:`ambkit.estimators.family.KINDS`, all of them by default; or what makes
         fresh ones, called with ``precision=...``.
     faults : iterable of str, optional
-        Some of :data:`ambkit.faults.FAULTS`; by default all.
+        Some of ``ambkit.faults.FAULTS``; by default all.
     seeds : sequence of int
         One campaign each, of noise and of what is drawn.
     steps : int
