@@ -29,6 +29,9 @@ MUCH_LESS_LIKELY = 2.0
 LONGEST_STEP = 1.0
 """In any coordinate of the search: an e-fold."""
 
+RULED_OUT = 4.5
+"""Loss of log likelihood that one in 370 exceeds by chance: three standard errors."""
+
 LAGS = ("sensor_lag", "current_lag")
 NO_LAG = 0.01
 """In samples: what counts as none."""
@@ -163,8 +166,8 @@ def not_needed(
         without = {parameter.place: NO_LAG * found.model.bearing.sampling_time}
         delayed = {"delay": found.model.delay + lag} if any(p.name == "delay" for p in rest) else {}
         other = climb(records, found.model.replace(**without, **delayed), rest, settling)
-        if other.local.value > found.local.value - MUCH_LESS_LIKELY:
-            return parameter, "the records are as likely without any"
+        if other.local.value > found.local.value - RULED_OUT:
+            return parameter, "the records are about as likely without any"
     return None
 
 
