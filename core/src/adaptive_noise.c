@@ -1,7 +1,5 @@
 #include "ambkit/adaptive_noise.h"
 
-#define UNUSED (AMB_MISSING | AMB_FROZEN | AMB_OUTLIER | AMB_RESTARTED | AMB_BAD_VARIANCE)
-
 static const amb_adaptive_noise *own(const amb_estimator *self)
 {
   return (const amb_adaptive_noise *)self->own;
@@ -121,7 +119,7 @@ static bool learns(const amb_estimator *self, amb_adaptive_noise_state *s, amb_s
       return false;
     }
   }
-  return (status & UNUSED) == AMB_OK;
+  return (status & AMB_UNTOLD) == AMB_OK;
 }
 
 static amb_status update(const amb_estimator *self, void *state, amb_real y,

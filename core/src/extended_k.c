@@ -1,8 +1,6 @@
 #include "ambkit/extended_k.h"
 #include "kalman_step.h"
 
-#define UNUSED (AMB_MISSING | AMB_FROZEN | AMB_OUTLIER | AMB_RESTARTED | AMB_BAD_VARIANCE)
-
 static const amb_extended_k *own_of(const amb_estimator *self)
 {
   return (const amb_extended_k *)self->own;
@@ -137,7 +135,7 @@ static amb_status update(const amb_estimator *self, void *state, amb_real y,
   if ((status & AMB_RESTARTED) != 0U) {
     part_from_theta(s);
   }
-  if ((status & UNUSED) == 0U) {
+  if ((status & AMB_UNTOLD) == 0U) {
     if (amb_excitation_update(&s->excitation, &own->learn, with_y, S, s->base.mean,
                               self->kf->set.x_max)) {
       const amb_real gain = (s->var * on_y) / total;

@@ -2,8 +2,6 @@
 #include "ambkit/root.h"
 #include "kalman_step.h"
 
-#define UNUSED (AMB_MISSING | AMB_FROZEN | AMB_OUTLIER | AMB_RESTARTED | AMB_BAD_VARIANCE)
-
 static const amb_multiple_model *own_of(const amb_estimator *self)
 {
   return (const amb_multiple_model *)self->own;
@@ -270,7 +268,7 @@ static amb_status update(const amb_estimator *self, void *state, amb_real y,
     } else { /* left out */
     }
   }
-  if ((status & UNUSED) != 0U) {
+  if ((status & AMB_UNTOLD) != 0U) {
     amb_excitation_miss(&s->excitation);
     s->excited = false;
   }

@@ -1,8 +1,6 @@
 #include "ambkit/observer.h"
 #include "kalman_step.h"
 
-#define UNUSED (AMB_MISSING | AMB_FROZEN | AMB_OUTLIER)
-
 static const amb_observer *own(const amb_estimator *self)
 {
   return (const amb_observer *)self->own;
@@ -80,7 +78,7 @@ static amb_status update(const amb_estimator *self, void *state, amb_real y,
       }
     }
   }
-  if (((status & UNUSED) != 0U) && amb_envelope_clamp(kf, s->mean)) {
+  if (((status & AMB_UNUSED) != 0U) && amb_envelope_clamp(kf, s->mean)) {
     status |= AMB_HELD;
   }
   result->status = status;

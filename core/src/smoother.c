@@ -2,7 +2,6 @@
 #include <string.h>
 
 #define N AMB_AXIAL_STATES
-#define UNUSED (AMB_MISSING | AMB_FROZEN | AMB_OUTLIER)
 #define BROKEN (AMB_HELD | AMB_RESTARTED | AMB_BAD_PARAMETER | AMB_BAD_VARIANCE)
 
 /* What the samples after the present one say of it. */
@@ -143,7 +142,7 @@ void amb_smooth(const amb_kalman *kf, size_t n, const amb_kalman_history *h)
     }
     amb_real A[N][N];
     transition(kf, h->k_s[k], A);
-    if ((h->status[k] & UNUSED) == 0U) {
+    if ((h->status[k] & AMB_UNUSED) == 0U) {
       amb_real K[N];
       gain(kf, h, k, after, K);
       over_update(&a, K, h->innovation[k], h->variance[k]);

@@ -21,4 +21,8 @@ typedef unsigned int amb_status;
 #define AMB_RESTARTED                                                                              \
   2048U /* started afresh: from this measurement after too many outliers, or from nothing */
 
+/* Of a measurement: it was left out; or nothing can be learned from its innovation. */
+#define AMB_UNUSED (AMB_MISSING | AMB_FROZEN | AMB_OUTLIER)
+#define AMB_UNTOLD (AMB_UNUSED | AMB_RESTARTED | AMB_BAD_VARIANCE)
+
 #endif
