@@ -124,8 +124,14 @@ run_batch(const std::vector<const Estimator *> &estimators, const Rows &y, const
   const size_t n = y.shape(1), count = mean.shape(0);
   const amb_instructions set = chosen(instructions);
   same_length(n, u.shape(1), "u");
-  if (mean.shape(1) != AMB_AXIAL_STATES || std.shape(1) != AMB_AXIAL_STATES)
-    throw std::invalid_argument("mean and std must have 4 columns");
+  if (estimators.empty())
+    throw std::invalid_argument("there must be an estimator");
+  const Sizes of = estimators[0]->sizes();
+  if (of.sensors != 1 || of.controls != 1)
+    throw std::invalid_argument("only models of one sensor and one control can be run in batches");
+  if (mean.shape(1) != of.states || std.shape(1) != of.states)
+    throw std::invalid_argument("mean and std must have " + std::to_string(of.states) +
+                                " columns");
   if (truth && (truth->shape(1) != n || truth->shape(2) != AMB_BATCH_JUDGED))
     throw std::invalid_argument("truth must be (runs, n, 3)");
   if (estimators.size() != 1)
@@ -134,20 +140,21 @@ run_batch(const std::vector<const Estimator *> &estimators, const Rows &y, const
   std::vector<amb_batch_run> runs(count);
   for (size_t i = 0; i < count; i++) {
     const amb_estimator *e = &estimators[estimators.size() == 1 ? 0 : i]->estimator;
+    same_length(of.states, amb_states(&e->kf->model), "an estimator's state");
     states[i].resize(e->methods->state_size / sizeof(std::max_align_t) + 1);
     runs[i] = {e,
                states[i].data(),
                row(y, i, count, n),
                row(u, i, count, n),
                truth ? row(*truth, i, count, n * AMB_BATCH_JUDGED) : nullptr,
-               place(means, i, count, n * AMB_AXIAL_STATES, "means"),
+               place(means, i, count, n * of.states, "means"),
                place(innovation, i, count, n, "innovation"),
                place(variance, i, count, n, "variance"),
                place(status, i, count, n, "status"),
                {0, 0, 0},
                AMB_OK};
-    if (e->methods->reset(e, states[i].data(), row(mean, i, count, AMB_AXIAL_STATES),
-                          row(std, i, count, AMB_AXIAL_STATES)) != AMB_OK)
+    if (e->methods->reset(e, states[i].data(), row(mean, i, count, of.states),
+                          row(std, i, count, of.states)) != AMB_OK)
       throw std::invalid_argument("mean must be finite, std finite and positive");
   }
   const auto work = chunks(runs, amb_batch_lanes(set));

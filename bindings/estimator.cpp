@@ -1,46 +1,54 @@
 // What every estimator of the family can do, whichever it is.
 #include "estimator.h"
 
+#include <nanobind/stl/vector.h>
+
 extern "C" {
 #include "ambkit/smoother.h"
-#include "ambkit/square_root.h"
+#include "ambkit/ud.h"
 #include "ambkit/unscented.h"
-#include "generated/axial_fields.h"
 }
 
 namespace
 {
 
-// Each setting with its name.
-template <typename Settings, typename Visit> void each_setting(Settings &s, Visit visit)
+// Each setting with its name, and how many numbers it has; 0: one that is no array.
+template <typename Settings, typename Visit>
+void each_setting(Settings &s, const Sizes &of, Visit visit)
 {
-  visit("T", s.T);
-  visit("m", s.m);
-  visit("K_sen", s.K_sen);
-  visit("T_sen", s.T_sen);
-  visit("k_ui", s.k_ui);
-  visit("f_0", s.f_0);
-  visit("iu_min", s.iu_min);
-  visit("iu_max", s.iu_max);
-  visit("x_max", s.x_max);
-  visit("var_u", s.var_u);
-  visit("var_d", s.var_d);
-  visit("var_y", s.var_y);
-  visit("gate", s.gate);
-  visit("as_printed", s.as_printed);
-  visit("frozen_limit", s.frozen_limit);
-  visit("outlier_limit", s.outlier_limit);
+  visit("T", s.T, 0);
+  visit("K_sen", s.K_sen, of.sensors);
+  visit("lag", s.lag, of.sensors);
+  visit("travel", s.travel, of.sensors);
+  visit("k_ui", s.k_ui, of.controls);
+  visit("iu_min", s.iu_min, of.controls);
+  visit("iu_max", s.iu_max, of.controls);
+  visit("f_0", s.f_0, of.forces);
+  visit("x_max", s.x_max, of.forces);
+  visit("cap", s.cap, of.states);
+  visit("var_u", s.var_u, of.controls);
+  visit("var_d", s.var_d, of.noises);
+  visit("var_y", s.var_y, of.sensors);
+  visit("gate", s.gate, 0);
+  visit("frozen_limit", s.frozen_limit, 0);
+  visit("outlier_limit", s.outlier_limit, 0);
 }
 
 // All must be there, and no other.
-amb_kalman_settings settings_of(const nb::kwargs &given)
+amb_kalman_settings settings_of(const nb::kwargs &given, const Sizes &of)
 {
   amb_kalman_settings s{};
   size_t known = 0;
-  each_setting(s, [&](const char *name, auto &field) {
+  each_setting(s, of, [&](const char *name, auto &field, size_t count) {
+    using Field = std::remove_reference_t<decltype(field)>;
     if (!given.contains(name))
       throw std::invalid_argument(std::string("the setting ") + name + " is missing");
-    field = nb::cast<std::remove_reference_t<decltype(field)>>(given[name]);
+    if constexpr (std::is_array_v<Field>) {
+      const auto values = nb::cast<std::vector<amb_real>>(given[name]);
+      same_length(count, values.size(), name);
+      std::copy(values.begin(), values.end(), field);
+    } else
+      field = nb::cast<Field>(given[name]);
     known++;
   });
   if (given.size() != known)
@@ -48,17 +56,33 @@ amb_kalman_settings settings_of(const nb::kwargs &given)
   return s;
 }
 
+nb::list magnets_of(nb::object asked)
+{
+  if (nb::isinstance<nb::list>(asked))
+    return nb::cast<nb::list>(asked);
+  nb::list one;
+  one.append(asked);
+  return one;
+}
+
 } // namespace
 
-Estimator::Estimator(const amb_estimator_methods &methods, nb::object asked,
+Estimator::Estimator(const amb_estimator_methods &methods, nb::object asked, nb::object of,
                      const nb::kwargs &settings)
-    : keeps(asked), memory(methods.state_size / sizeof(std::max_align_t) + 1)
+    : keeps(magnets_of(asked)), keeps_too(of),
+      memory(methods.state_size / sizeof(std::max_align_t) + 1)
 {
-  const amb_kalman_settings s = settings_of(settings);
-  if (amb_kalman_init(&kf, &s) != AMB_OK)
+  const amb_model &model = nb::cast<const Model &>(of).model;
+  const Sizes sizes(model);
+  const amb_kalman_settings s = settings_of(settings, sizes);
+  if (amb_kalman_init(&kf, &model, &s) != AMB_OK)
     throw std::invalid_argument("a setting of the estimator is outside its range");
-  magnet = nb::cast<const Magnet &>(asked).magnet;
-  estimator = {&methods, &kf, &magnet, nullptr};
+  for (nb::handle magnet : nb::cast<nb::list>(keeps))
+    magnets.push_back(nb::cast<const Magnet &>(magnet).magnet);
+  if (magnets.size() != sizes.forces)
+    throw std::invalid_argument("there are " + std::to_string(magnets.size()) + " magnets for " +
+                                std::to_string(sizes.forces) + " forces");
+  estimator = {&methods, &kf, magnets.data(), nullptr};
 }
 
 Estimator::Estimator(const amb_estimator_methods &methods, nb::object around)
@@ -66,13 +90,13 @@ Estimator::Estimator(const amb_estimator_methods &methods, nb::object around)
 {
   const auto &inner = nb::cast<const Estimator &>(around);
   kf = inner.kf;
-  magnet = inner.magnet;
-  estimator = {&methods, &kf, &magnet, nullptr};
+  magnets = inner.magnets;
+  estimator = {&methods, &kf, magnets.data(), nullptr};
 }
 
 Named run_input(Estimator &self, const amb_kalman_input &input, bool covariance)
 {
-  History history(input.n, covariance, self.scales());
+  History history(input.n, self.sizes(), covariance, self.scales());
   nb::gil_scoped_release release;
   amb_estimator_run(&self.estimator, self.state(), &input, &history.to);
   return history.arrays;
@@ -83,9 +107,9 @@ namespace
 
 void reset(Estimator &self, const Vector &mean, std::optional<Vector> std)
 {
-  same_length(AMB_AXIAL_STATES, mean.size(), "mean");
+  same_length(self.sizes().states, mean.size(), "mean");
   if (std)
-    same_length(AMB_AXIAL_STATES, std->size(), "std");
+    same_length(self.sizes().states, std->size(), "std");
   if (self.estimator.methods->reset(&self.estimator, self.state(), mean.data(),
                                     std ? std->data() : nullptr) != AMB_OK)
     throw std::invalid_argument("mean must be finite, std finite and positive");
@@ -103,81 +127,125 @@ bool keeps_estimates_only(const Estimator &one)
 void take_over(Estimator &self, const Estimator &other)
 {
   const auto *kind = self.estimator.methods;
-  const bool factors = kind == &amb_square_root_methods && kind == other.estimator.methods;
+  const bool factors = kind == &amb_ud_methods && kind == other.estimator.methods;
   if (!factors && !(keeps_estimates_only(self) && keeps_estimates_only(other)))
     throw std::invalid_argument("only linear, adaptive, extended and unscented Kalman filters can "
-                                "take over from each other, and the square-root one from its own "
+                                "take over from each other, and the UD-factorised one from its own "
                                 "kind");
+  same_length(self.sizes().states, other.sizes().states, "the other filter");
   self.copy_state(other);
 }
 
-amb_status predict(Estimator &self, amb_real u)
+amb_status predict(Estimator &self, const Samples &u)
 {
-  return self.estimator.methods->predict(&self.estimator, self.state(), u, &self.result);
+  same_length(1, samples_of(u, self.sizes().controls, "u"), "u");
+  return self.estimator.methods->predict(&self.estimator, self.state(), u.data(), &self.result);
 }
 
-amb_status update(Estimator &self, amb_real y)
+amb_status update(Estimator &self, const Samples &y)
 {
-  return self.estimator.methods->update(&self.estimator, self.state(), y, &self.result);
+  same_length(1, samples_of(y, self.sizes().sensors, "y"), "y");
+  return self.estimator.methods->update(&self.estimator, self.state(), y.data(), &self.result);
 }
 
-amb_status step(Estimator &self, amb_real y, amb_real u)
+amb_status step(Estimator &self, const Samples &y, const Samples &u)
 {
-  return amb_estimator_step(&self.estimator, self.state(), y, u, &self.result);
+  same_length(1, samples_of(y, self.sizes().sensors, "y"), "y");
+  same_length(1, samples_of(u, self.sizes().controls, "u"), "u");
+  return amb_estimator_step(&self.estimator, self.state(), y.data(), u.data(), &self.result);
 }
 
-Named run(Estimator &self, const Vector &y, const Vector &u, bool covariance)
+// The same of one sensor and one control, without an array.
+void only_one(const Estimator &self)
 {
-  same_length(y.size(), u.size(), "u");
-  return run_input(self, {y.size(), y.data(), u.data(), nullptr, nullptr}, covariance);
+  if (self.sizes().sensors != 1 || self.sizes().controls != 1)
+    throw std::invalid_argument("this model has several sensors or controls: arrays are needed");
 }
 
-Named smooth(Estimator &self, const Vector &y, const Vector &u)
+amb_status predict_one(Estimator &self, amb_real u)
 {
-  same_length(y.size(), u.size(), "u");
-  History history(y.size(), true, self.scales());
-  const amb_kalman_input input{y.size(), y.data(), u.data(), nullptr, nullptr};
+  only_one(self);
+  const amb_real all[AMB_CONTROLS] = {u};
+  return self.estimator.methods->predict(&self.estimator, self.state(), all, &self.result);
+}
+
+amb_status update_one(Estimator &self, amb_real y)
+{
+  only_one(self);
+  const amb_real all[AMB_SENSORS] = {y};
+  return self.estimator.methods->update(&self.estimator, self.state(), all, &self.result);
+}
+
+amb_status step_one(Estimator &self, amb_real y, amb_real u)
+{
+  only_one(self);
+  const amb_real measured[AMB_SENSORS] = {y}, acted[AMB_CONTROLS] = {u};
+  return amb_estimator_step(&self.estimator, self.state(), measured, acted, &self.result);
+}
+
+amb_kalman_input input_of(const Estimator &self, const Samples &y, const Samples &u)
+{
+  const size_t n = samples_of(y, self.sizes().sensors, "y");
+  same_length(n, samples_of(u, self.sizes().controls, "u"), "u");
+  return {n, y.data(), u.data(), nullptr, nullptr};
+}
+
+Named run(Estimator &self, const Samples &y, const Samples &u, bool covariance)
+{
+  return run_input(self, input_of(self, y, u), covariance);
+}
+
+Named smooth(Estimator &self, const Samples &y, const Samples &u)
+{
+  const amb_kalman_input input = input_of(self, y, u);
+  History history(input.n, self.sizes(), true, self.scales());
   nb::gil_scoped_release release;
   amb_estimator_run(&self.estimator, self.state(), &input, &history.to);
   amb_smooth(&self.kf, input.n, &history.to);
   return history.arrays;
 }
 
-Out<amb_real> forecast(const Estimator &self, const Matrix &mean, const Vector &u, size_t ahead,
+Out<amb_real> forecast(const Estimator &self, const Matrix &mean, const Samples &u, size_t ahead,
                        std::optional<Vector> scale)
 {
+  const Sizes of = self.sizes();
   const size_t n = mean.shape(0);
-  same_length(n, u.size(), "u");
+  same_length(n, samples_of(u, of.controls, "u"), "u");
   if (scale)
     same_length(n, scale->size(), "scale");
-  if (mean.shape(1) != AMB_AXIAL_STATES)
-    throw std::invalid_argument("mean must have 4 columns");
+  if (mean.shape(1) != of.states)
+    throw std::invalid_argument("mean must have " + std::to_string(of.states) + " columns");
   const size_t made = n > ahead ? n - ahead : 0;
-  Fresh<amb_real> y({made});
-  nb::gil_scoped_release release;
-  for (size_t k = 0; k < made; k++)
-    y.data[k] = amb_estimator_forecast(&self.estimator, scale ? scale->data()[k] : 1,
-                                       mean.data() + k * AMB_AXIAL_STATES, u.data() + k, ahead);
+  Fresh<amb_real> y({made, of.sensors});
+  {
+    nb::gil_scoped_release release;
+    for (size_t k = 0; k < made; k++)
+      amb_estimator_forecast(&self.estimator, scale ? scale->data()[k] : 1,
+                             mean.data() + k * of.states, u.data() + k * of.controls, ahead,
+                             y.data + k * of.sensors);
+  }
   return y.array;
 }
 
 Out<amb_real> mean(const Estimator &self)
 {
-  Fresh<amb_real> a({AMB_AXIAL_STATES});
-  std::copy_n(self.base().mean, AMB_AXIAL_STATES, a.data);
+  const size_t n = self.sizes().states;
+  Fresh<amb_real> a({n});
+  std::copy_n(self.base().mean, n, a.data);
   return a.array;
 }
 
 // The state's own memory, so that a caller who steps sample by sample makes no array of his own.
 nb::ndarray<nb::numpy, const amb_real> live(nb::handle_t<Estimator> self)
 {
-  return nb::ndarray<nb::numpy, const amb_real>(nb::cast<Estimator &>(self).base().mean,
-                                                {AMB_AXIAL_STATES}, self);
+  const auto &estimator = nb::cast<Estimator &>(self);
+  return nb::ndarray<nb::numpy, const amb_real>(estimator.base().mean, {estimator.sizes().states},
+                                                self);
 }
 
 Out<amb_real> covariance(const Estimator &self)
 {
-  const size_t n = AMB_AXIAL_STATES;
+  const size_t n = self.sizes().states;
   Fresh<amb_real> P({n, n});
   const amb_real *entry = self.base().cov;
   for (size_t i = 0; i < n; i++)
@@ -195,22 +263,52 @@ nb::object scale(Estimator &self)
   return nb::make_tuple(value, variance);
 }
 
+Out<amb_real> numbers(const amb_real *from, size_t n)
+{
+  Fresh<amb_real> copy({n});
+  std::copy_n(from, n, copy.data);
+  return copy.array;
+}
+
 Named parameters(const Estimator &self)
 {
-  const amb_axial_model &m = self.kf.model;
-  nb::dict set, model, all;
-  each_setting(self.kf.set, [&](const char *name, const auto &field) { set[name] = field; });
-#define SHOW(field) model[#field] = m.field
-  AMB_AXIAL_MODEL_FIELDS(SHOW);
-#undef SHOW
+  const Sizes of = self.sizes();
+  nb::dict set, all;
+  each_setting(self.kf.set, of, [&](const char *name, const auto &field, size_t count) {
+    if constexpr (std::is_array_v<std::remove_reference_t<decltype(field)>>)
+      set[name] = numbers(field, count);
+    else
+      set[name] = field;
+  });
   all["set"] = set;
-  all["model"] = model;
-  all["growth"] =
-      shown({self.kf.growth, self.kf.growth + AMB_AXIAL_TRIANGLE}, {AMB_AXIAL_TRIANGLE});
-  all["far_squared"] = self.kf.far_squared;
+  all["model"] = shown(self.kf.model);
+  all["growth"] = numbers(self.kf.growth, of.entries);
+  all["far_squared"] = numbers(self.kf.far_squared, of.sensors);
   all["gate_squared"] = self.kf.gate_squared;
-  all["widest"] = self.kf.widest;
-  all["cap"] = shown({self.kf.cap, self.kf.cap + AMB_AXIAL_STATES}, {AMB_AXIAL_STATES});
+  all["widest"] = numbers(self.kf.widest, of.states);
+  return all;
+}
+
+// What is told of each sensor or force: a number where there is one only.
+nb::object told(const amb_real *from, size_t n)
+{
+  return n == 1 ? nb::cast(*from) : nb::cast(numbers(from, n));
+}
+
+nb::object stiffness(const Estimator &self, amb_real amb_stiffness::*which)
+{
+  const size_t n = self.sizes().forces;
+  std::vector<amb_real> all(n);
+  for (size_t f = 0; f < n; f++)
+    all[f] = self.result.stiffness[f].*which;
+  return told(all.data(), n);
+}
+
+nb::list health(const Estimator &self)
+{
+  nb::list all;
+  for (size_t r = 0; r < self.sizes().sensors; r++)
+    all.append(self.result.health[r]);
   return all;
 }
 
@@ -241,20 +339,23 @@ void bind_estimator(nb::module_ &m)
            "Start from a mean (4,) and standard deviations (4,), uncorrelated; None: diffuse.")
       .def("take_over", &take_over, nb::arg("other"),
            "Go on where another is: its mean, covariance and counts.")
-      .def("predict", &predict, nb::arg("u"), "One sample on; returns the status.")
-      .def("update", &update, nb::arg("y"), "Take in y; returns the status.")
-      .def("step", &step, nb::arg("y"), nb::arg("u"), "Predict with u, update with y.")
+      .def("predict", &predict_one, nb::arg("u"), "One sample on; returns the status.")
+      .def("predict", &predict, nb::arg("u"), "The same with u (controls,).")
+      .def("update", &update_one, nb::arg("y"), "Take in y; returns the status.")
+      .def("update", &update, nb::arg("y"), "The same with y (sensors,).")
+      .def("step", &step_one, nb::arg("y"), nb::arg("u"), "Predict with u, update with y.")
+      .def("step", &step, nb::arg("y"), nb::arg("u"), "The same with arrays.")
       .def("run", &run, nb::arg("y"), nb::arg("u"), nb::kw_only(), nb::arg("covariance") = false,
            "A whole record; u[k] acts from sample k to k + 1.")
       .def("smooth", &smooth, nb::arg("y"), nb::arg("u"),
            "A whole record, mean and covariance by all of it (ambkit/smoother.h).")
       .def("forecast", &forecast, nb::arg("mean"), nb::arg("u"), nb::arg("ahead"),
            nb::arg("scale") = nb::none(),
-           "Measurement `ahead` samples after each of mean (n, 4), u (n,): (n - ahead,) [m].")
-      .def_prop_ro("mean", &mean, nb::rv_policy::move,
-                   "State estimate (4,): x [m], v [m/s], f_d [N], x_m [m].")
+           "Measurements `ahead` samples after each of mean (n, states): (n - ahead, sensors) [m].")
+      .def_prop_ro("mean", &mean, nb::rv_policy::move, "State estimate (states,).")
       .def_prop_ro("live_mean", &live, "The same, read only, which follows the estimator.")
-      .def_prop_ro("covariance", &covariance, nb::rv_policy::move, "Its covariance (4, 4).")
+      .def_prop_ro("covariance", &covariance, nb::rv_policy::move,
+                   "Its covariance (states, states).")
       .def_prop_ro("scale", &scale,
                    "Scale of the magnet's force and its variance; None where not estimated.")
       .def_prop_ro("parameters", &parameters,
@@ -274,8 +375,13 @@ void bind_estimator(nb::module_ &m)
           },
           "All that it knows, as bytes of this build, for an estimator that was made alike.")
       .def_prop_ro("status", [](const Estimator &s) { return s.result.status; })
-      .def_prop_ro("innovation", [](const Estimator &s) { return s.result.innovation; })
-      .def_prop_ro("variance", [](const Estimator &s) { return s.result.variance; })
-      .def_prop_ro("k_i", [](const Estimator &s) { return s.result.stiffness.k_i; })
-      .def_prop_ro("k_s", [](const Estimator &s) { return s.result.stiffness.k_s; });
+      .def_prop_ro("health", &health, "What there is to say of each sensor.")
+      .def_prop_ro("innovation",
+                   [](const Estimator &s) {
+                     return told(s.result.innovation, s.sizes().sensors);
+                   })
+      .def_prop_ro("variance",
+                   [](const Estimator &s) { return told(s.result.variance, s.sizes().sensors); })
+      .def_prop_ro("k_i", [](const Estimator &s) { return stiffness(s, &amb_stiffness::k_i); })
+      .def_prop_ro("k_s", [](const Estimator &s) { return stiffness(s, &amb_stiffness::k_s); });
 }

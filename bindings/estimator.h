@@ -9,55 +9,104 @@ extern "C" {
 #include "ambkit/estimator_run.h"
 }
 
+// The model of a machine (ambkit/model.h), and in the build for any model the memory of its arrays.
+struct Model {
+  amb_model model{};
+  Model() = default;
+  Model(const Model &) = delete; // pointers of `model` point into the object
+#if defined(AMB_MODEL_LOOPS)
+  explicit Model(const nb::dict &arrays);
+
+private:
+  std::vector<std::vector<unsigned short>> places;
+  std::vector<std::vector<amb_real>> numbers;
+  std::vector<unsigned char> roles;
+  amb_sparse sparse(const nb::dict &arrays, const char *name, size_t rows, size_t columns);
+  const amb_real *values(const nb::dict &arrays, const char *name, size_t count);
+#else
+  Model(amb_real T, amb_real m, amb_real K_sen, amb_real T_sen, bool as_printed);
+#endif
+};
+
+// The numbers of a built-in model, by their names.
+nb::dict shown(const amb_model &model);
+
+// How many of what a model has.
+struct Sizes {
+  size_t states, entries, forces, controls, sensors, noises;
+  explicit Sizes(const amb_model &model)
+      : states(amb_states(&model)), entries(states * (states + 1) / 2), forces(amb_forces(&model)),
+        controls(amb_controls(&model)), sensors(amb_sensors(&model)), noises(amb_noises(&model))
+  {
+  }
+};
+
 // Where a filter writes its history: arrays for n samples, in one block of memory. One block,
 // because the allocator gives a block that was freed as a whole back at the next run, while many
 // large ones would be fetched from the system page by page, which costs as much as the filter.
 class History
 {
 public:
-  History(size_t n, bool with_covariance, bool with_scale)
+  History(size_t n, const Sizes &of, bool with_covariance, bool with_scale)
   {
-    const size_t columns =
-        AMB_AXIAL_STATES + 4 + (with_covariance ? AMB_AXIAL_TRIANGLE : 0) + (with_scale ? 2 : 0);
-    amb_real *next = new amb_real[n * columns + n / 2 + 1]; // a status is at most half a real
+    const size_t columns = of.states + 2 * of.sensors + 2 * of.forces +
+                           (with_covariance ? of.entries : 0) + (with_scale ? 2 : 0);
+    const size_t flags = n * (1 + of.sensors); // a status is at most half a real
+    amb_real *next = new amb_real[n * columns + flags / 2 + 1];
     owner = nb::capsule(next, [](void *p) noexcept { delete[] static_cast<amb_real *>(p); });
-    to.mean = place("mean", next, {n, AMB_AXIAL_STATES});
-    to.cov = with_covariance ? place("covariance", next, {n, AMB_AXIAL_TRIANGLE}) : nullptr;
-    to.innovation = place("innovation", next, {n});
-    to.variance = place("variance", next, {n});
-    to.k_i = place("k_i", next, {n});
-    to.k_s = place("k_s", next, {n});
-    to.scale = with_scale ? place("scale", next, {n}) : nullptr;
-    to.scale_variance = with_scale ? place("scale_variance", next, {n}) : nullptr;
+    to.mean = place("mean", next, n, of.states, true);
+    to.cov = with_covariance ? place("covariance", next, n, of.entries, true) : nullptr;
+    to.innovation = place("innovation", next, n, of.sensors, false);
+    to.variance = place("variance", next, n, of.sensors, false);
+    to.k_i = place("k_i", next, n, of.forces, false);
+    to.k_s = place("k_s", next, n, of.forces, false);
+    to.scale = with_scale ? place("scale", next, n, 1, false) : nullptr;
+    to.scale_variance = with_scale ? place("scale_variance", next, n, 1, false) : nullptr;
     to.status = reinterpret_cast<unsigned short *>(next);
+    to.health = of.sensors == 1 ? to.status : to.status + n;
     arrays["status"] = Out<unsigned short>(to.status, {n}, owner);
+    if (of.sensors > 1)
+      arrays["health"] = Out<unsigned short>(to.health, {n, of.sensors}, owner);
   }
   amb_kalman_history to{};
   nb::dict arrays;
 
 private:
   nb::capsule owner;
-  amb_real *place(const char *name, amb_real *&next, std::initializer_list<size_t> shape)
+  // n rows; where there is one column only, and it is none of a table, of numbers.
+  amb_real *place(const char *name, amb_real *&next, size_t n, size_t columns, bool table)
   {
     amb_real *data = next;
-    size_t size = 1;
-    for (size_t extent : shape)
-      size *= extent;
-    next += size;
-    arrays[name] = Out<amb_real>(data, shape, owner);
+    next += n * columns;
+    if (table || columns > 1)
+      arrays[name] = Out<amb_real>(data, {n, columns}, owner);
+    else
+      arrays[name] = Out<amb_real>(data, {n}, owner);
     return data;
   }
 };
 
-// An estimator, its state, the magnet it asks, and what its last step said. Each kind is a class
+// Arrays of one row a sample, or of one number: n x columns.
+using Samples = nb::ndarray<const amb_real, nb::c_contig, nb::device::cpu>;
+
+inline size_t samples_of(const Samples &a, size_t columns, const char *name)
+{
+  if (columns == 0 || a.size() % columns != 0 || (a.ndim() > 1 && a.shape(1) != columns))
+    throw std::invalid_argument(std::string(name) + " must have " + std::to_string(columns) +
+                                " columns");
+  return a.size() / columns;
+}
+
+// An estimator, its state, the magnets it asks, and what its last step said. Each kind is a class
 // of its own, which adds what only it has (`own`) and how that is shown (`more`).
 struct Estimator {
   amb_kalman kf{};
-  amb_magnet magnet{};
-  amb_estimator estimator;
+  std::vector<amb_magnet> magnets;
+  amb_estimator estimator{};
   amb_kalman_result result{};
 
-  Estimator(const amb_estimator_methods &methods, nb::object asked, const nb::kwargs &settings);
+  Estimator(const amb_estimator_methods &methods, nb::object asked, nb::object of,
+            const nb::kwargs &settings);
   Estimator(const amb_estimator_methods &methods, nb::object around); // another one
   virtual ~Estimator() = default;
   Estimator(const Estimator &) = delete; // `estimator` points into the object
@@ -75,6 +124,10 @@ struct Estimator {
     memory = other.memory;
     result = other.result;
   }
+  Sizes sizes() const
+  {
+    return Sizes(kf.model);
+  }
   bool scales() const
   {
     return estimator.methods->scale != nullptr;
@@ -85,9 +138,16 @@ struct Estimator {
   }
 
 private:
-  nb::object keeps; // the magnet's owner, or the estimator inside
+  nb::object keeps, keeps_too; // the magnets' owners and the model's, or the estimator inside
   std::vector<std::max_align_t> memory;
 };
+
+// Fill an array of a struct of the core; all of it must be there.
+inline void fill(amb_real *to, const Vector &from, size_t n, const char *name)
+{
+  same_length(n, from.size(), name);
+  std::copy_n(from.data(), n, to);
+}
 
 // A whole record; the history is made here.
 Named run_input(Estimator &self, const amb_kalman_input &input, bool covariance);

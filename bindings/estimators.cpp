@@ -5,7 +5,7 @@ extern "C" {
 #include "ambkit/adaptive_noise.h"
 #include "ambkit/low_pass.h"
 #include "ambkit/observer.h"
-#include "ambkit/square_root.h"
+#include "ambkit/ud.h"
 #include "ambkit/unscented.h"
 }
 
@@ -13,76 +13,85 @@ namespace
 {
 
 struct Kalman : Estimator {
-  Kalman(nb::object asked, nb::kwargs settings) : Estimator(amb_kalman_methods, asked, settings)
+  Kalman(nb::object asked, nb::object model, nb::kwargs settings) : Estimator(amb_kalman_methods, asked, model, settings)
   {
   }
 };
 
 struct Extended : Estimator {
-  Extended(nb::object asked, nb::kwargs settings) : Estimator(amb_extended_methods, asked, settings)
+  Extended(nb::object asked, nb::object model, nb::kwargs settings) : Estimator(amb_extended_methods, asked, model, settings)
   {
   }
   /* Its state is the filter's own: nothing else depends on the covariance. */
   void widen(const Vector &std)
   {
-    same_length(AMB_AXIAL_STATES, std.size(), "std");
+    const size_t n = sizes().states;
+    same_length(n, std.size(), "std");
     amb_real *entry = static_cast<amb_kalman_state *>(state())->cov;
-    for (size_t i = 0; i < AMB_AXIAL_STATES; entry += AMB_AXIAL_STATES - i, i++)
+    for (size_t i = 0; i < n; entry += n - i, i++)
       *entry += std.data()[i] * std.data()[i];
   }
 };
 
-struct SquareRoot : Estimator {
-  SquareRoot(nb::object asked, nb::kwargs settings)
-      : Estimator(amb_square_root_methods, asked, settings)
+struct UD : Estimator {
+  UD(nb::object asked, nb::object model, nb::kwargs settings)
+      : Estimator(amb_ud_methods, asked, model, settings)
   {
   }
   nb::object factor()
   {
-    const auto &s = *static_cast<const amb_square_root_state *>(state());
-    const size_t n = AMB_AXIAL_STATES;
-    return nb::make_tuple(shown({&s.U[0][0], &s.U[0][0] + n * n}, {n, n}),
-                          shown({s.D, s.D + n}, {n}));
+    const auto &s = *static_cast<const amb_ud_state *>(state());
+    const size_t n = sizes().states;
+    Fresh<amb_real> U({n, n});
+    for (size_t i = 0; i < n; i++)
+      std::copy_n(s.U[i], n, U.data + i * n);
+    return nb::make_tuple(U.array, shown({s.D, s.D + n}, {n}));
   }
 };
 
 struct Observer : Estimator {
   amb_observer own{};
-  Observer(nb::object asked, const Vector &gain, const Vector &cov, amb_real variance,
-           const Vector &far, nb::kwargs settings)
-      : Estimator(amb_observer_methods, asked, settings)
+  Observer(nb::object asked, nb::object model, const Matrix &gain, const Vector &cov,
+           const Vector &variance, const Vector &far, nb::kwargs settings)
+      : Estimator(amb_observer_methods, asked, model, settings)
   {
-    same_length(AMB_AXIAL_STATES, gain.size(), "gain");
-    same_length(AMB_AXIAL_TRIANGLE, cov.size(), "cov");
-    std::copy_n(gain.data(), AMB_AXIAL_STATES, own.gain);
-    std::copy_n(cov.data(), AMB_AXIAL_TRIANGLE, own.cov);
-    own.variance = variance;
-    same_length(AMB_AXIAL_STATES, far.size(), "far");
-    std::copy_n(far.data(), AMB_AXIAL_STATES, own.far);
+    const Sizes of = sizes();
+    same_length(of.sensors, gain.shape(0), "gain");
+    same_length(of.states, gain.shape(1), "gain");
+    for (size_t r = 0; r < of.sensors; r++)
+      std::copy_n(gain.data() + r * of.states, of.states, own.gain[r]);
+    fill(own.cov, cov, of.entries, "cov");
+    fill(own.variance, variance, of.sensors, "variance");
+    fill(own.far, far, of.states, "far");
     estimator.own = &own;
   }
   nb::dict more() const override
   {
+    const Sizes of = sizes();
+    Fresh<amb_real> gain({of.sensors, of.states});
+    for (size_t r = 0; r < of.sensors; r++)
+      std::copy_n(own.gain[r], of.states, gain.data + r * of.states);
     nb::dict d;
-    d["gain"] = shown({own.gain, own.gain + AMB_AXIAL_STATES}, {AMB_AXIAL_STATES});
-    d["cov"] = shown({own.cov, own.cov + AMB_AXIAL_TRIANGLE}, {AMB_AXIAL_TRIANGLE});
-    d["variance"] = own.variance;
-    d["far"] = shown({own.far, own.far + AMB_AXIAL_STATES}, {AMB_AXIAL_STATES});
+    d["gain"] = gain.array;
+    d["cov"] = shown({own.cov, own.cov + of.entries}, {of.entries});
+    d["variance"] = shown({own.variance, own.variance + of.sensors}, {of.sensors});
+    d["far"] = shown({own.far, own.far + of.states}, {of.states});
     return d;
   }
 };
 
 struct LowPass : Estimator {
   amb_low_pass own;
-  LowPass(nb::object asked, amb_real position, amb_real velocity, amb_real force,
-          nb::kwargs settings)
-      : Estimator(amb_low_pass_methods, asked, settings), own{position, velocity, force}
+  LowPass(nb::object asked, nb::object model, amb_real m, amb_real position, amb_real velocity,
+          amb_real force, nb::kwargs settings)
+      : Estimator(amb_low_pass_methods, asked, model, settings), own{m, position, velocity, force}
   {
     estimator.own = &own;
   }
   nb::dict more() const override
   {
     nb::dict d;
+    d["m"] = own.m;
     d["position"] = own.position;
     d["velocity"] = own.velocity;
     d["force"] = own.force;
@@ -92,8 +101,8 @@ struct LowPass : Estimator {
 
 struct Unscented : Estimator {
   amb_unscented own;
-  Unscented(nb::object asked, amb_real reach, amb_real curvature, nb::kwargs settings)
-      : Estimator(amb_unscented_methods, asked, settings), own{reach, curvature}
+  Unscented(nb::object asked, nb::object model, amb_real reach, amb_real curvature, nb::kwargs settings)
+      : Estimator(amb_unscented_methods, asked, model, settings), own{reach, curvature}
   {
     estimator.own = &own;
   }
@@ -139,20 +148,23 @@ struct AdaptiveNoise : Estimator {
   nb::object noise()
   {
     const auto &s = *static_cast<const amb_adaptive_noise_state *>(state());
-    return nb::make_tuple(s.kf.set.var_y, s.kf.set.var_d);
+    const Sizes of = sizes();
+    return nb::make_tuple(shown({s.kf.set.var_y, s.kf.set.var_y + of.sensors}, {of.sensors}),
+                          shown({s.kf.set.var_d, s.kf.set.var_d + of.noises}, {of.noises}));
   }
 };
 
-Named run_kalman(Kalman &self, const Vector &y, const Vector &u, std::optional<Vector> k_i,
-                 std::optional<Vector> k_s, bool covariance)
+Named run_kalman(Kalman &self, const Samples &y, const Samples &u, std::optional<Samples> k_i,
+                 std::optional<Samples> k_s, bool covariance)
 {
-  const size_t n = y.size();
-  same_length(n, u.size(), "u");
+  const Sizes of = self.sizes();
+  const size_t n = samples_of(y, of.sensors, "y");
+  same_length(n, samples_of(u, of.controls, "u"), "u");
   if (k_i.has_value() != k_s.has_value())
     throw std::invalid_argument("k_i and k_s are given together or not at all");
   if (k_i) {
-    same_length(n, k_i->size(), "k_i");
-    same_length(n, k_s->size(), "k_s");
+    same_length(n, samples_of(*k_i, of.forces, "k_i"), "k_i");
+    same_length(n, samples_of(*k_s, of.forces, "k_s"), "k_s");
   }
   return run_input(
       self, {n, y.data(), u.data(), k_i ? k_i->data() : nullptr, k_s ? k_s->data() : nullptr},
@@ -164,25 +176,32 @@ Named run_kalman(Kalman &self, const Vector &y, const Vector &u, std::optional<V
 void bind_estimators(nb::module_ &m)
 {
   nb::class_<Kalman, Estimator>(m, "Kalman", "Kalman filter (paper, eq. 7-21, Fig. 8).")
-      .def(nb::init<nb::object, nb::kwargs>(), nb::arg("magnet"), nb::arg("settings"),
-           nb::sig("def __init__(self, magnet: Magnet, **settings: float) -> None"))
+      .def(nb::init<nb::object, nb::object, nb::kwargs>(), nb::arg("magnet"), nb::arg("model"),
+           nb::arg("settings"),
+           nb::sig("def __init__(self, magnet: Magnet | list[Magnet], model: Model, **settings: Any) -> "
+                   "None"))
       .def("run", &run_kalman, nb::arg("y"), nb::arg("u"), nb::arg("k_i") = nb::none(),
            nb::arg("k_s") = nb::none(), nb::kw_only(), nb::arg("covariance") = false,
            "A whole record, with given stiffnesses (n,) or the magnet's.");
   nb::class_<Extended, Estimator>(m, "Extended", "Extended Kalman filter.")
-      .def(nb::init<nb::object, nb::kwargs>(), nb::arg("magnet"), nb::arg("settings"),
-           nb::sig("def __init__(self, magnet: Magnet, **settings: float) -> None"))
+      .def(nb::init<nb::object, nb::object, nb::kwargs>(), nb::arg("magnet"), nb::arg("model"),
+           nb::arg("settings"),
+           nb::sig("def __init__(self, magnet: Magnet | list[Magnet], model: Model, **settings: Any) -> "
+                   "None"))
       .def("widen", &Extended::widen, nb::arg("std"),
-           "Know the state less surely: by standard deviations (4,) more, uncorrelated.");
-  nb::class_<SquareRoot, Estimator>(m, "SquareRoot", "Extended filter (ambkit/square_root.h).")
-      .def(nb::init<nb::object, nb::kwargs>(), nb::arg("magnet"), nb::arg("settings"),
-           nb::sig("def __init__(self, magnet: Magnet, **settings: float) -> None"))
-      .def_prop_ro("factor", &SquareRoot::factor, "U (4, 4) and D (4,) of the covariance U D U'.");
+           "Know the state less surely: by standard deviations (states,) more, uncorrelated.");
+  nb::class_<UD, Estimator>(m, "UD", "Extended filter on a factor (ambkit/ud.h).")
+      .def(nb::init<nb::object, nb::object, nb::kwargs>(), nb::arg("magnet"), nb::arg("model"),
+           nb::arg("settings"),
+           nb::sig("def __init__(self, magnet: Magnet | list[Magnet], model: Model, **settings: Any) -> "
+                   "None"))
+      .def_prop_ro("factor", &UD::factor,
+                   "U (states, states) and D (states,) of the covariance U D U'.");
   nb::class_<Unscented, Estimator>(m, "Unscented", "Unscented filter (ambkit/unscented.h).")
-      .def(nb::init<nb::object, amb_real, amb_real, nb::kwargs>(), nb::arg("magnet"),
-           nb::arg("reach"), nb::arg("curvature"), nb::arg("settings"),
-           nb::sig("def __init__(self, magnet: Magnet, reach: float, curvature: float, "
-                   "**settings: float) -> None"));
+      .def(nb::init<nb::object, nb::object, amb_real, amb_real, nb::kwargs>(), nb::arg("magnet"),
+           nb::arg("model"), nb::arg("reach"), nb::arg("curvature"), nb::arg("settings"),
+           nb::sig("def __init__(self, magnet: Magnet | list[Magnet], model: Model, reach: float, "
+                   "curvature: float, **settings: Any) -> None"));
   nb::class_<AdaptiveNoise, Estimator>(m, "AdaptiveNoise",
                                        "Noise found online (ambkit/adaptive_noise.h).")
       .def(nb::init<nb::object, bool, bool, amb_real, amb_real, amb_real, unsigned int>(),
@@ -193,15 +212,17 @@ void bind_estimators(nb::module_ &m)
       .def_prop_ro("noise", &AdaptiveNoise::noise,
                    "var_y [m^2] and var_d [N^2 a sample] as found so far.");
   nb::class_<Observer, Estimator>(m, "Observer", "Constant gain (ambkit/observer.h).")
-      .def(nb::init<nb::object, const Vector &, const Vector &, amb_real, const Vector &,
-                    nb::kwargs>(),
-           nb::arg("magnet"), nb::arg("gain"), nb::arg("cov"), nb::arg("variance"), nb::arg("far"),
+      .def(nb::init<nb::object, nb::object, const Matrix &, const Vector &, const Vector &,
+                    const Vector &, nb::kwargs>(),
+           nb::arg("magnet"), nb::arg("model"), nb::arg("gain"), nb::arg("cov"), nb::arg("variance"), nb::arg("far"),
            nb::arg("settings"),
-           nb::sig("def __init__(self, magnet: Magnet, gain: NDArray[Any], cov: NDArray[Any], "
-                   "variance: float, far: NDArray[Any], **settings: float) -> None"));
+           nb::sig("def __init__(self, magnet: Magnet | list[Magnet], model: Model, "
+                   "gain: NDArray[Any], cov: NDArray[Any], variance: NDArray[Any], "
+                   "far: NDArray[Any], **settings: Any) -> None"));
   nb::class_<LowPass, Estimator>(m, "LowPass", "Low-pass filters (ambkit/low_pass.h).")
-      .def(nb::init<nb::object, amb_real, amb_real, amb_real, nb::kwargs>(), nb::arg("magnet"),
-           nb::arg("position"), nb::arg("velocity"), nb::arg("force"), nb::arg("settings"),
-           nb::sig("def __init__(self, magnet: Magnet, position: float, velocity: float, "
-                   "force: float, **settings: float) -> None"));
+      .def(nb::init<nb::object, nb::object, amb_real, amb_real, amb_real, amb_real, nb::kwargs>(),
+           nb::arg("magnet"), nb::arg("model"), nb::arg("m"), nb::arg("position"),
+           nb::arg("velocity"), nb::arg("force"), nb::arg("settings"),
+           nb::sig("def __init__(self, magnet: Magnet | list[Magnet], model: Model, m: float, "
+                   "position: float, velocity: float, force: float, **settings: Any) -> None"));
 }

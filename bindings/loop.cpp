@@ -73,7 +73,8 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
                              f_bias,
                              wrong ? &wrong->to : nullptr};
   Fresh<amb_real> x({n}), v({n}), x_m({n}), iu({n}), force({n}), y({n}), u({n});
-  History history(estimator ? n : 0, estimator != nullptr, estimator && estimator->scales());
+  const Sizes of(estimator ? estimator->kf.model : amb_model{});
+  History history(estimator ? n : 0, of, estimator != nullptr, estimator && estimator->scales());
   amb_loop_output out{x.data, v.data, x_m.data, iu.data, force.data, y.data, u.data, history.to, 0};
   LoopState fresh;
   amb_loop_state &state = went ? went->state : fresh.state;

@@ -1,10 +1,12 @@
-// One thin module: arrays in, arrays out, no logic. Built twice, for double and for float.
+// One thin module: arrays in, arrays out, no logic. Built four times: for
+// double and for float, with the built-in model and for any.
 #include "arrays.h"
 
 NB_MODULE(AMBKIT_MODULE_NAME, m)
 {
   m.doc() = "The C core of ambkit.";
   bind_magnets(m);
+  bind_model(m);
   bind_estimator(m);
   bind_estimators(m);
   bind_scale_estimators(m);

@@ -2,7 +2,7 @@
 #include "estimator.h"
 
 extern "C" {
-#include "ambkit/extended_k.h"
+#include "ambkit/augmented.h"
 #include "ambkit/multiple_model.h"
 }
 
@@ -24,21 +24,26 @@ amb_excitation_settings learning(amb_real fresh, amb_real least)
   return {fresh, least};
 }
 
-struct ExtendedK : Estimator {
-  amb_extended_k own;
-  ExtendedK(nb::object asked, amb_real bias, amb_real std, amb_real var_k, amb_real min,
-            amb_real max, amb_real fresh, amb_real least, nb::kwargs settings)
-      : Estimator(amb_extended_k_methods, asked, settings),
-        own{bias, std, var_k, min, max, learning(fresh, least)}
+struct Augmented : Estimator {
+  amb_augmented own{};
+  Augmented(nb::object asked, nb::object model, const Vector &bias, amb_real std, amb_real var_k,
+            amb_real min, amb_real max, amb_real fresh, amb_real least, nb::kwargs settings)
+      : Estimator(amb_augmented_methods, asked, model, settings)
   {
     if (!(std > 0 && var_k >= 0 && min > 0 && min <= 1 && max >= 1))
       throw std::invalid_argument("std must be above 0, var_k 0 or more, 0 < min <= 1 <= max");
+    fill(own.bias, bias, sizes().forces, "bias");
+    own.std = std;
+    own.var_k = var_k;
+    own.min = min;
+    own.max = max;
+    own.learn = learning(fresh, least);
     estimator.own = &own;
   }
   nb::dict more() const override
   {
     nb::dict d;
-    d["bias"] = own.bias;
+    d["bias"] = shown({own.bias, own.bias + sizes().forces}, {sizes().forces});
     d["std"] = own.std;
     d["var_k"] = own.var_k;
     d["min"] = own.min;
@@ -50,9 +55,9 @@ struct ExtendedK : Estimator {
 
 struct MultipleModel : Estimator {
   amb_multiple_model own{};
-  MultipleModel(nb::object asked, const Vector &theta, amb_real leave, amb_real bias,
-                amb_real fresh, amb_real least, nb::kwargs settings)
-      : Estimator(amb_multiple_model_methods, asked, settings)
+  MultipleModel(nb::object asked, nb::object model, const Vector &theta, amb_real leave,
+                const Vector &bias, amb_real fresh, amb_real least, nb::kwargs settings)
+      : Estimator(amb_multiple_model_methods, asked, model, settings)
   {
     const size_t n = theta.size();
     if (n < 2 || n > AMB_MODELS)
@@ -65,7 +70,7 @@ struct MultipleModel : Estimator {
     own.n = static_cast<int>(n);
     std::copy_n(theta.data(), n, own.theta);
     own.leave = leave;
-    own.bias = bias;
+    fill(own.bias, bias, sizes().forces, "bias");
     own.learn = learning(fresh, least);
     estimator.own = &own;
   }
@@ -76,7 +81,7 @@ struct MultipleModel : Estimator {
     d["n"] = own.n;
     d["theta"] = shown({own.theta, own.theta + n}, {n});
     d["leave"] = own.leave;
-    d["bias"] = own.bias;
+    d["bias"] = shown({own.bias, own.bias + sizes().forces}, {sizes().forces});
     d["learn"] = shown_learning(own.learn);
     return d;
   }
@@ -96,21 +101,23 @@ Out<amb_real> weights(MultipleModel &self)
 
 void bind_scale_estimators(nb::module_ &m)
 {
-  nb::class_<ExtendedK, Estimator>(m, "ExtendedK", "Five states (ambkit/extended_k.h).")
-      .def(nb::init<nb::object, amb_real, amb_real, amb_real, amb_real, amb_real, amb_real,
-                    amb_real, nb::kwargs>(),
-           nb::arg("magnet"), nb::arg("bias"), nb::arg("std"), nb::arg("var_k"), nb::arg("min"),
-           nb::arg("max"), nb::arg("fresh"), nb::arg("least"), nb::arg("settings"),
-           nb::sig("def __init__(self, magnet: Magnet, bias: float, std: float, var_k: float, "
-                   "min: float, max: float, fresh: float, least: float, **settings: float) -> "
-                   "None"));
+  nb::class_<Augmented, Estimator>(m, "Augmented",
+                                   "State augmented by the magnet's scale (ambkit/augmented.h).")
+      .def(nb::init<nb::object, nb::object, const Vector &, amb_real, amb_real, amb_real, amb_real,
+                    amb_real, amb_real, nb::kwargs>(),
+           nb::arg("magnet"), nb::arg("model"), nb::arg("bias"), nb::arg("std"), nb::arg("var_k"),
+           nb::arg("min"), nb::arg("max"), nb::arg("fresh"), nb::arg("least"), nb::arg("settings"),
+           nb::sig("def __init__(self, magnet: Magnet | list[Magnet], model: Model, "
+                   "bias: NDArray[Any], std: float, var_k: float, min: float, max: float, "
+                   "fresh: float, least: float, **settings: Any) -> None"));
   nb::class_<MultipleModel, Estimator>(m, "MultipleModel",
                                        "Interacting models (ambkit/multiple_model.h).")
-      .def(nb::init<nb::object, const Vector &, amb_real, amb_real, amb_real, amb_real,
-                    nb::kwargs>(),
-           nb::arg("magnet"), nb::arg("theta"), nb::arg("leave"), nb::arg("bias"), nb::arg("fresh"),
-           nb::arg("least"), nb::arg("settings"),
-           nb::sig("def __init__(self, magnet: Magnet, theta: NDArray[Any], leave: float, "
-                   "bias: float, fresh: float, least: float, **settings: float) -> None"))
+      .def(nb::init<nb::object, nb::object, const Vector &, amb_real, const Vector &, amb_real,
+                    amb_real, nb::kwargs>(),
+           nb::arg("magnet"), nb::arg("model"), nb::arg("theta"), nb::arg("leave"),
+           nb::arg("bias"), nb::arg("fresh"), nb::arg("least"), nb::arg("settings"),
+           nb::sig("def __init__(self, magnet: Magnet | list[Magnet], model: Model, "
+                   "theta: NDArray[Any], leave: float, bias: NDArray[Any], fresh: float, "
+                   "least: float, **settings: Any) -> None"))
       .def_prop_ro("weights", &weights, nb::rv_policy::move, "Probabilities of the models (n,).");
 }

@@ -67,7 +67,7 @@ axial = Model(
     about="One axial bearing, four states (paper, eq. 15-21)",
     state=[x, v, f_d, x_m],
     parameters=[T, m, K_sen, T_sen],
-    kept=[T],
+    kept=[T, K_sen],
     factors=factors,
     constants=constants,
     force=f,
@@ -87,5 +87,7 @@ axial = Model(
     growth_variance=var_d,
     pushed=pushed,
     measurement_variance=var_y,
+    roles=["AMB_POSITION", "AMB_VELOCITY", "AMB_LOAD", "AMB_SHOWN"],
+    at_rest={x_m: K_sen * x},
     printed=[T_2, c_sen, d_sen],
 )

@@ -65,21 +65,22 @@ def function(doc: str, signature: str, body: list[str]) -> str:
     return f"/* {doc} */\nAMB_INLINE void {signature}\n{{\n{inside}\n}}\n"
 
 
+MODEL = "const amb_model *model"
+
+
 class Names:
     """What a model's symbols are called in C."""
 
     def __init__(self, model: Model) -> None:
-        self.kind = f"amb_{model.name}"
-        self.model_argument = f"const {self.kind}_model *model"
         self.values = {kept: kept for kept in model.kept} | model.constants | model.growth_constants
         self.constants = {s: f"model->{s}" for s in self.values}
         self.mean = {s: f"mean[{i}]" for i, s in enumerate(model.state)}
         self.pairs = model.triangle()
         self.entries = {sp.Symbol(f"P{i}{j}"): f"cov[{k}]" for k, (i, j) in enumerate(self.pairs)}
         self.growth = {s: f"growth[{k}]" for k, s in enumerate(model.growth_in_sample)}
-        self.mean_argument = f"amb_real mean[{len(model.state)}]"
-        self.cov_argument = f"amb_real cov[{len(self.pairs)}]"
-        self.growth_argument = f"amb_real growth[{len(self.pairs)}]"
+        self.mean_argument = "amb_real mean[AMB_STATES]"
+        self.cov_argument = "amb_real cov[AMB_TRIANGLE]"
+        self.growth_argument = "amb_real growth[AMB_TRIANGLE]"
 
     def in_place(self, expr: Expr) -> str:
         """Return an expression with the arrays' entries for its symbols."""
@@ -93,11 +94,11 @@ def constants(model: Model, names: Names) -> str:
     arguments = ", ".join(f"amb_real {p}" for p in model.parameters)
     return (
         "/* What the equations ask of the physical parameters, computed once. */\n"
-        f"typedef struct {names.kind}_model {{\n{fields}\n}} {names.kind}_model;\n\n"
+        f"typedef struct amb_model {{\n{fields}\n}} amb_model;\n\n"
         "#ifndef AMB_SIDE_BY_SIDE /* vectors of filters take theirs from the scalars' */\n"
         + function(
             "Constants from the physical parameters, SI.",
-            f"{names.kind}_model_init({names.kind}_model *model, {arguments})",
+            f"amb_model_init(amb_model *model, {arguments})",
             block(
                 [(names.constants[s], e) for s, e in names.values.items()],
                 {s: c(e) for s, e in model.factors.items()},
@@ -106,7 +107,7 @@ def constants(model: Model, names: Names) -> str:
         + "\n"
         + function(
             "What the equations as printed leave out: the force and the speed within the sample.",
-            f"{names.kind}_model_as_printed({names.kind}_model *model)",
+            f"amb_model_as_printed(amb_model *model)",
             [
                 f"{names.constants[s]} = AMB_C(0.0);"
                 for s in (*model.printed, *model.growth_constants)
@@ -114,28 +115,88 @@ def constants(model: Model, names: Names) -> str:
         )
         + "\n"
         + function(
-            f"Covariance that a growth of {model.growth} of variance {model.growth_variance} "
-            "leaves in a sample.",
-            f"{names.kind}_growth({names.model_argument}, amb_real {model.growth_variance}, "
-            f"{names.growth_argument})",
+            f"Covariance that a growth of {model.growth} of variance var[0] leaves in a sample.",
+            f"amb_model_growth({MODEL}, const amb_real var[AMB_NOISES], {names.growth_argument})",
             [
-                f"{names.growth[s]} = {names.in_place(e)};"
+                f"{names.growth[s]} = "
+                + names.in_place(e.subs(model.growth_variance, sp.Symbol("var[0]")))
+                + ";"
                 for s, e in model.growth_in_sample.items()
             ],
         )
+        + "\n"
+        + scalar_forms(model, names)
         + "#endif\n"
     )
 
 
-def displacement(model: Model, names: Names) -> str:
-    """Return the displacement at which the magnet is asked."""
-    return (
-        "/* Displacement at which the magnet pulls, the mean over the sample [m]. */\n"
-        f"AMB_INLINE amb_real {names.kind}_displacement({names.model_argument}, "
-        f"const {names.mean_argument})\n{{\n  return "
-        + names.in_place(model.displacement)
-        + ";\n}\n"
-    )
+def scalar_forms(model: Model, names: Names) -> str:
+    """Return what is asked of a model only one filter at a time."""
+    _, b = model.held
+    return "\n".join([
+        function(
+            "How a force of 1 N moves the states within a sample.",
+            f"amb_model_pushed({MODEL}, int f, amb_real moved[AMB_STATES])",
+            ["(void)f;", *(f"moved[{i}] = {names.in_place(e)};" for i, e in enumerate(b))],
+        ),
+        form(
+            "What each state is.",
+            f"amb_model_role({MODEL}, int i)",
+            [
+                "static const amb_role role[AMB_STATES] = {" + ", ".join(model.roles) + "};",
+                "(void)model;",
+                "return role[i];",
+            ],
+            "amb_role",
+        ),
+    ])  # fmt: skip
+
+
+def forms(model: Model, names: Names) -> str:
+    """Return what magnet and sensor are asked about: linear forms of the state."""
+    k = model.state.index(model.measurement)
+    last = [names.pairs.index((min(i, k), max(i, k))) for i in range(len(model.state))]
+    rest = {names.mean[s]: names.in_place(e) for s, e in model.at_rest.items()}
+    unused = "(void)model;"
+    return "\n".join([
+        form(
+            "Displacement at which the magnet pulls, the mean over the sample [m].",
+            f"amb_model_displacement({MODEL}, int f, const {names.mean_argument})",
+            ["(void)f;", f"return {names.in_place(model.displacement)};"],
+        ),
+        form(
+            "Its current [A].",
+            f"amb_model_current({MODEL}, int f, const {names.mean_argument}, "
+            "const amb_real iu[AMB_CONTROLS])",
+            [unused, "(void)f;", "(void)mean;", "return iu[0];"],
+        ),
+        form(
+            "What the sensor shows (eq. 21).",
+            f"amb_model_shown({MODEL}, int r, const {names.mean_argument})",
+            [unused, "(void)r;", f"return {names.in_place(model.measurement)};"],
+        ),
+        form(
+            "The variance of that.",
+            f"amb_model_shown_variance({MODEL}, int r, const {names.cov_argument})",
+            [unused, "(void)r;", f"return cov[{last[k]}];"],
+        ),
+        function(
+            "And its covariance with the states.",
+            f"amb_model_shown_with({MODEL}, int r, const {names.cov_argument}, "
+            "amb_real with_y[AMB_STATES])",
+            [unused, "(void)r;", *(f"with_y[{i}] = cov[{e}];" for i, e in enumerate(last))],
+        ),
+        function(
+            "What follows from the positions when all is at rest.",
+            f"amb_model_at_rest({MODEL}, {names.mean_argument})",
+            [f"{state} = {value};" for state, value in rest.items()],
+        ),
+    ])  # fmt: skip
+
+
+def form(doc: str, signature: str, body: list[str], returned: str = "amb_real") -> str:
+    """Return one function that returns a value."""
+    return function(doc, signature, body).replace("AMB_INLINE void", f"AMB_INLINE {returned}")
 
 
 def total(terms: Sum) -> str:
@@ -154,13 +215,14 @@ def mean_step(model: Model, names: Names) -> str:
         for s, where in stored.items()
         if s in used | model.whole_force.free_symbols
     ]
-    lines.append(f"const amb_real {model.driving} = {c(model.whole_force)};")
+    whole = model.whole_force.subs(model.force, sp.Symbol("F[0]"))
+    lines.insert(0, "(void)iu;")
+    lines.append(f"const amb_real {model.driving} = {c(whole)};")
     lines += [f"{names.mean[state]} = {total(terms)};" for state, terms in changed]
     return function(
-        f"Eq. 9, the mean one sample on; {model.force}: force on the rotor without "
-        f"{model.growth} [N].",
-        f"{names.kind}_predict_mean({names.model_argument}, amb_real {model.force}, "
-        f"{names.mean_argument})",
+        f"Eq. 9, the mean one sample on; F: force on the rotor without {model.growth} [N].",
+        f"amb_model_predict_mean({MODEL}, const amb_real F[AMB_FORCES], "
+        f"const amb_real iu[AMB_CONTROLS], {names.mean_argument})",
         lines,
     )
 
@@ -168,6 +230,8 @@ def mean_step(model: Model, names: Names) -> str:
 def covariance_step(model: Model, names: Names) -> str:
     """Return the prediction of the covariance (eq. 10)."""
     stages, triangle = model.covariance_stages()
+    places = {s: sp.Symbol(f"{s}[0]") for s in (model.gain, model.control_variance)}
+    stages = [(s, [term.subs(places) for term in terms]) for s, terms in stages]
     entries = [(f"cov[{k}]", terms) for k, terms in enumerate(triangle)]
     stored = {**names.constants, **names.growth, **names.entries}
     computed = [terms for _, terms in stages] + triangle
@@ -175,13 +239,15 @@ def covariance_step(model: Model, names: Names) -> str:
     lines = [f"const amb_real {s} = {where};" for s, where in stored.items() if s in used]
     lines += [f"const amb_real {s} = {total(terms)};" for s, terms in stages]
     lines += [f"{entry} = {total(terms)};" for entry, terms in entries]
-    given = [*model.stiffness, model.gain, model.control_variance]
-    arguments = ", ".join(f"amb_real {s}" for s in given)
+    given = {s: f"k[0].{s}" for s in model.stiffness}
+    lines = [f"const amb_real {s} = {place};" for s, place in given.items()] + lines
     return function(
         "Eq. 10, A P A' + Q on the upper triangle, row by row.",
-        f"{names.kind}_predict_covariance({names.model_argument}, {arguments}, "
-        f"const {names.growth_argument}, {names.cov_argument})",
-        lines,
+        f"amb_model_predict_covariance({MODEL}, const amb_stiffness k[AMB_FORCES], "
+        f"const amb_real {model.gain}[AMB_CONTROLS], "
+        f"const amb_real {model.control_variance}[AMB_CONTROLS], "
+        f"const {names.growth_argument}, {names.cov_argument}, amb_real work[AMB_WORK])",
+        ["(void)work;", *lines],
     )
 
 
@@ -193,6 +259,8 @@ def update(model: Model, names: Names) -> str:
     inverse, e = sp.symbols("inverse e")
     K = sp.Matrix(sp.symbols(f"K:{len(model.state)}"))
     lines = [
+        "(void)model;",
+        "(void)r;",
         f"*variance = {names.in_place(S)};",
         f"*innovation = y - {names.in_place(model.measurement)};",
         "const amb_real inverse = AMB_C(1.0)/(*variance);",  # one division for all of K
@@ -207,7 +275,7 @@ def update(model: Model, names: Names) -> str:
     ]
     return function(
         "Eq. 11-13 for the scalar measurement of eq. 21; S must be positive.",
-        f"{names.kind}_update(amb_real y, amb_real {model.measurement_variance}, "
+        f"amb_model_update({MODEL}, int r, amb_real y, amb_real {model.measurement_variance}, "
         f"{names.mean_argument}, {names.cov_argument}, amb_real *innovation, amb_real *variance)",
         lines,
     )
@@ -219,10 +287,10 @@ def fields(model: Model) -> str:
     guard = f"AMBKIT_GENERATED_{model.name.upper()}_FIELDS_H"
     listed = "; ".join(f"FIELD({s})" for s in names.constants)
     return (
-        f"/* Each constant of {names.kind}_model, for whoever asks for all. Written by "
+        "/* Each constant of the model, for whoever asks for all. Written by "
         "`python -m derivation`; do not edit. */\n"
         f"#ifndef {guard}\n#define {guard}\n\n"
-        f"#define {names.kind.upper()}_MODEL_FIELDS(FIELD) {listed}\n\n#endif\n"
+        f"#define AMB_MODEL_FIELDS(FIELD) {listed}\n\n#endif\n"
     )
 
 
@@ -233,11 +301,18 @@ def header(model: Model) -> str:
     return "\n".join([
         f"/* {model.about}. Written by `python -m derivation`; do not edit. */",
         f"#ifndef {guard}\n#define {guard}\n",
-        '#include "ambkit/phi.h"\n',
-        f"#define AMB_{upper}_STATES {len(model.state)}",
-        f"#define AMB_{upper}_TRIANGLE {len(names.pairs)}\n",
+        '#include "ambkit/magnet.h"\n#include "ambkit/phi.h"\n',
+        f"#define AMB_STATES {len(model.state)}",
+        f"#define AMB_TRIANGLE {len(names.pairs)}",
+        *(f"#define AMB_{what} 1" for what in ("FORCES", "CONTROLS", "SENSORS", "NOISES", "WORK")),
+        "",
+        *(
+            f"#define amb_{what.lower()}(model) ((void)(model), AMB_{what})"
+            for what in ("STATES", "FORCES", "CONTROLS", "SENSORS", "NOISES")
+        ),
+        "",
         constants(model, names),
-        displacement(model, names),
+        forms(model, names),
         mean_step(model, names),
         covariance_step(model, names),
         update(model, names),

@@ -43,6 +43,8 @@ class Model:
     growth_variance: Expr  # of its random walk, in one sample
     pushed: Callable[[Expr], list[Expr]]  # how far it moves the state, a share of a sample later
     measurement_variance: Expr
+    roles: list[str]  # of the states, amb_role
+    at_rest: dict[Expr, Expr]  # states that follow from others when all is at rest
     printed: list[Expr]  # constants that are zero in the paper's equations
 
     @property

@@ -6,14 +6,18 @@
 
 bool amb_batch_has(amb_instructions instructions)
 {
-#if defined(AMB_LANES_X86)
+#if defined(AMB_LANES_X86) && !defined(AMB_MODEL_LOOPS)
   if (instructions == AMB_AVX512)
     return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
            __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw");
   if (instructions == AMB_AVX2)
     return __builtin_cpu_supports("avx2") != 0;
 #endif
+#if defined(AMB_MODEL_LOOPS)
+  return instructions == AMB_SCALAR;
+#else
   return (instructions == AMB_SCALAR) || (instructions == AMB_BASELINE);
+#endif
 }
 
 size_t amb_batch_lanes(amb_instructions instructions)
@@ -22,6 +26,13 @@ size_t amb_batch_lanes(amb_instructions instructions)
   return bytes[instructions] / sizeof(amb_real);
 }
 
+#if defined(AMB_MODEL_LOOPS) /* any model: each run by itself */
+unsigned int amb_batch_group(const amb_estimator *e)
+{
+  (void)e;
+  return 0U;
+}
+#else
 unsigned int amb_batch_group(const amb_estimator *e)
 {
   static const amb_estimator_methods *const kinds[] = {
@@ -36,25 +47,30 @@ unsigned int amb_batch_group(const amb_estimator *e)
       return 1U + 3U * kind + magnet;
   return 0U;
 }
+#endif
 
 /* One run as ambkit/estimator.h does it. */
-static void alone(amb_batch_run *run, size_t n, size_t skip)
+static void alone(amb_batch_run *run, size_t samples, size_t skip)
 {
+  const amb_model *model = &run->estimator->kf->model;
+  const size_t n = (size_t)amb_states(model), m = (size_t)amb_sensors(model);
+  const size_t controls = (size_t)amb_controls(model);
   const amb_kalman_state *state = (const amb_kalman_state *)run->state;
   amb_real sum[AMB_BATCH_JUDGED] = {AMB_C(0.0), AMB_C(0.0), AMB_C(0.0)};
-  for (size_t k = 0; k < n; k++) {
+  for (size_t k = 0; k < samples; k++) {
+    const amb_real *y = run->y + k * m;
     amb_kalman_result r;
     if (k > 0)
-      (void)amb_estimator_step(run->estimator, run->state, run->y[k], run->u[k - 1], &r);
+      (void)amb_estimator_step(run->estimator, run->state, y, run->u + (k - 1) * controls, &r);
     else
-      (void)amb_estimator_start(run->estimator, run->state, run->y[0], &r);
+      (void)amb_estimator_start(run->estimator, run->state, y, &r);
     run->all |= r.status;
     if (run->mean != NULL)
-      memcpy(run->mean + AMB_AXIAL_STATES * k, state->mean, sizeof state->mean);
+      memcpy(run->mean + n * k, state->mean, n * sizeof *state->mean);
     if (run->innovation != NULL)
-      run->innovation[k] = r.innovation;
+      memcpy(run->innovation + m * k, r.innovation, m * sizeof *r.innovation);
     if (run->variance != NULL)
-      run->variance[k] = r.variance;
+      memcpy(run->variance + m * k, r.variance, m * sizeof *r.variance);
     if (run->status != NULL)
       run->status[k] = (unsigned short)r.status;
     if (run->truth != NULL) {
@@ -63,7 +79,7 @@ static void alone(amb_batch_run *run, size_t n, size_t skip)
         sum[j] += d * d;
       }
       for (size_t j = 0; j < AMB_BATCH_JUDGED; j++)
-        if ((k + 1 == n) || ((k + 1) % AMB_BATCH_BLOCK == 0)) {
+        if ((k + 1 == samples) || ((k + 1) % AMB_BATCH_BLOCK == 0)) {
           run->squares[j] += (double)sum[j];
           sum[j] = AMB_C(0.0);
         }
@@ -81,7 +97,8 @@ void amb_batch_advance(amb_instructions instructions, amb_batch_run *const runs[
   if (count == 0)
     return;
   const bool together = amb_batch_group(runs[0]->estimator) != 0U;
-#if defined(AMB_LANES_X86)
+  (void)together, (void)instructions;
+#if defined(AMB_LANES_X86) && !defined(AMB_MODEL_LOOPS)
   if (together && (instructions == AMB_AVX512)) {
     amb_lanes_run_avx512(runs, count, n, skip);
     return;
@@ -91,10 +108,12 @@ void amb_batch_advance(amb_instructions instructions, amb_batch_run *const runs[
     return;
   }
 #endif
+#if !defined(AMB_MODEL_LOOPS)
   if (together && (instructions != AMB_SCALAR)) {
     amb_lanes_run_baseline(runs, count, n, skip);
     return;
   }
+#endif
   for (size_t i = 0; i < count; i++)
     alone(runs[i], n, skip);
 }

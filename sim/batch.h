@@ -9,19 +9,19 @@
 
 #include "ambkit/estimator.h"
 
-#define AMB_BATCH_JUDGED 3 /* x, v, f_d */
+#define AMB_BATCH_JUDGED 3 /* the first states: x, v, f_d of an axis */
 #define AMB_BATCH_BLOCK 16 /* samples that are fetched, written and summed up together */
 
 /* One run of n samples. What is not wanted is NULL. */
 typedef struct amb_batch_run {
   const amb_estimator *estimator;
   void *state;                      /* after a reset; left at the end of the record */
-  const amb_real *y;                /* n [m] */
-  const amb_real *u;                /* n [V]; u[k] acts from sample k to k + 1 */
+  const amb_real *y;                /* n x sensors [m] */
+  const amb_real *u;                /* n x controls [V]; u[k] acts from sample k to k + 1 */
   const amb_real *truth;            /* n x 3: x [m], v [m/s], f_d [N]; NULL for all together */
-  amb_real *mean;                   /* out, n x 4, or NULL */
-  amb_real *innovation;             /* out, n [m], or NULL */
-  amb_real *variance;               /* out, n [m^2], or NULL */
+  amb_real *mean;                   /* out, n x states, or NULL */
+  amb_real *innovation;             /* out, n x sensors [m], or NULL */
+  amb_real *variance;               /* out, n x sensors [m^2], or NULL */
   unsigned short *status;           /* out, n, or NULL */
   double squares[AMB_BATCH_JUDGED]; /* out: sums of squared errors against the truth */
   amb_status all;                   /* out: all flags that were raised */

@@ -5,6 +5,7 @@
  * their step again from where they stood, by the core's own function. So what is rare costs nothing
  * where it does not happen, and each lane is its own run to the last bit.
  */
+#if !defined(AMB_MODEL_LOOPS) /* which has no text for vectors */
 #include "ambkit/fuzzy.h"
 #include "ambkit/low_pass.h"
 #include "ambkit/observer.h"
@@ -18,7 +19,7 @@
 typedef struct block {
   lanes y[BLOCK];
   lanes u[BLOCK]; /* that acted since the sample before */
-  lanes mean[BLOCK][AMB_AXIAL_STATES];
+  lanes mean[BLOCK][AMB_STATES];
   lanes_result result[BLOCK];
   unsigned short status[BLOCK][LANES];
   bool told; /* some of these are not 0 */
@@ -55,22 +56,21 @@ static void fill_parameters(lanes_parameters *p, size_t i, const amb_estimator *
 {
   const amb_kalman *kf = e->kf;
 #define FILL(field) p->model.field[i] = kf->model.field
-  AMB_AXIAL_MODEL_FIELDS(FILL);
+  AMB_MODEL_FIELDS(FILL);
 #undef FILL
-  p->k_ui[i] = kf->set.k_ui;
-  p->f_0[i] = kf->set.f_0;
-  p->iu_min[i] = kf->set.iu_min;
-  p->iu_max[i] = kf->set.iu_max;
-  p->x_max[i] = kf->set.x_max;
-  p->var_u[i] = kf->set.var_u;
-  for (int j = 0; j < AMB_AXIAL_TRIANGLE; j++)
+  p->k_ui[i] = kf->set.k_ui[0];
+  p->f_0[i] = kf->set.f_0[0];
+  p->iu_min[i] = kf->set.iu_min[0];
+  p->iu_max[i] = kf->set.iu_max[0];
+  p->x_max[i] = kf->set.x_max[0];
+  p->var_u[i] = kf->set.var_u[0];
+  for (int j = 0; j < AMB_TRIANGLE; j++)
     p->growth[j][i] = kf->growth[j];
-  p->var_y[i] = kf->set.var_y;
-  p->far_squared[i] = kf->far_squared;
+  p->var_y[i] = kf->set.var_y[0];
+  p->far_squared[i] = kf->far_squared[0];
   p->gate_squared[i] = kf->gate_squared;
-  p->widest[i] = kf->widest;
-  p->m[i] = kf->set.m;
-  p->K_sen[i] = kf->set.K_sen;
+  p->widest[i] = kf->widest[LANES_X];
+  p->K_sen[i] = kf->set.K_sen[0];
   if (e->magnet->methods == &amb_constant_magnet) {
     const amb_stiffness *k = (const amb_stiffness *)e->magnet->self;
     p->k_i[i] = k->k_i;
@@ -85,13 +85,14 @@ static void fill_parameters(lanes_parameters *p, size_t i, const amb_estimator *
   }
   if (e->methods == &amb_observer_methods) {
     const amb_observer *own = (const amb_observer *)e->own;
-    for (int j = 0; j < AMB_AXIAL_STATES; j++) {
-      p->gain[j][i] = own->gain[j];
+    for (int j = 0; j < AMB_STATES; j++) {
+      p->gain[j][i] = own->gain[0][j];
       p->far[j][i] = own->far[j];
     }
-    p->variance[i] = own->variance;
+    p->variance[i] = own->variance[0];
   } else if (e->methods == &amb_low_pass_methods) {
     const amb_low_pass *own = (const amb_low_pass *)e->own;
+    p->m[i] = own->m;
     p->position[i] = own->position;
     p->velocity[i] = own->velocity;
     p->force[i] = own->force;
@@ -101,17 +102,18 @@ static void fill_parameters(lanes_parameters *p, size_t i, const amb_estimator *
 static void put(team *t, lanes_state *s, size_t i)
 {
   const amb_kalman_state *from = (const amb_kalman_state *)t->runs[i]->state;
-  for (int j = 0; j < AMB_AXIAL_STATES; j++)
+  for (int j = 0; j < AMB_STATES; j++)
     s->mean[j][i] = from->mean[j];
-  for (int j = 0; j < AMB_AXIAL_TRIANGLE; j++)
+  for (int j = 0; j < AMB_TRIANGLE; j++)
     s->cov[j][i] = from->cov[j];
-  s->last_u[i] = from->last_u;
-  s->last_y[i] = from->last_y;
-  s->residual[i] = from->residual;
-  s->surprise[i] = from->surprise;
-  t->unchanged[i] = from->unchanged;
-  t->outliers[i] = from->outliers;
-  t->counting = t->counting || (from->unchanged > 0U) || (from->outliers > 0U);
+  const amb_sensor_state *sensor = &from->sensor[0];
+  s->last_u[i] = from->last_u[0];
+  s->last_y[i] = sensor->last_y;
+  s->residual[i] = sensor->residual;
+  s->surprise[i] = sensor->surprise;
+  t->unchanged[i] = sensor->unchanged;
+  t->outliers[i] = sensor->outliers;
+  t->counting = t->counting || (sensor->unchanged > 0U) || (sensor->outliers > 0U);
   if (t->runs[i]->estimator->methods == &amb_low_pass_methods)
     s->force[i] = ((const amb_low_pass_state *)t->runs[i]->state)->force;
 }
@@ -119,16 +121,17 @@ static void put(team *t, lanes_state *s, size_t i)
 static void get(const team *t, const lanes_state *s, size_t i)
 {
   amb_kalman_state *to = (amb_kalman_state *)t->runs[i]->state;
-  for (int j = 0; j < AMB_AXIAL_STATES; j++)
+  for (int j = 0; j < AMB_STATES; j++)
     to->mean[j] = s->mean[j][i];
-  for (int j = 0; j < AMB_AXIAL_TRIANGLE; j++)
+  for (int j = 0; j < AMB_TRIANGLE; j++)
     to->cov[j] = s->cov[j][i];
-  to->last_u = s->last_u[i];
-  to->last_y = s->last_y[i];
-  to->residual = s->residual[i];
-  to->surprise = s->surprise[i];
-  to->unchanged = t->unchanged[i];
-  to->outliers = t->outliers[i];
+  amb_sensor_state *sensor = &to->sensor[0];
+  to->last_u[0] = s->last_u[i];
+  sensor->last_y = s->last_y[i];
+  sensor->residual = s->residual[i];
+  sensor->surprise = s->surprise[i];
+  sensor->unchanged = t->unchanged[i];
+  sensor->outliers = t->outliers[i];
   if (t->runs[i]->estimator->methods == &amb_low_pass_methods)
     ((amb_low_pass_state *)t->runs[i]->state)->force = s->force[i];
 }
@@ -159,10 +162,10 @@ static __attribute__((noinline)) void mend(team *t, size_t b, lanes_mask usual,
       if (i < t->count) { /* beyond, the lanes repeat the last run, which has just been mended */
         amb_kalman_result r;
         get(t, before, i);
-        status = amb_estimator_step(t->runs[i]->estimator, t->runs[i]->state, t->b.y[b][i],
-                                    t->b.u[b][i], &r);
-        t->b.result[b].innovation[i] = r.innovation;
-        t->b.result[b].variance[i] = r.variance;
+        const amb_real y = t->b.y[b][i], u = t->b.u[b][i];
+        status = amb_estimator_step(t->runs[i]->estimator, t->runs[i]->state, &y, &u, &r);
+        t->b.result[b].innovation[i] = r.innovation[0];
+        t->b.result[b].variance[i] = r.variance[0];
       }
       put(t, after, i);
     }
@@ -190,7 +193,7 @@ AMB_INLINE void steps(team *t, size_t first, size_t count, lanes_kind kind, lane
       next = after;
     }
     s = next;
-    for (int j = 0; j < AMB_AXIAL_STATES; j++)
+    for (int j = 0; j < AMB_STATES; j++)
       t->b.mean[b][j] = s.mean[j];
   }
   t->s = s;
@@ -246,10 +249,10 @@ static void write_out(team *t, size_t first, size_t count)
     amb_batch_run *run = t->runs[i];
     const block *b = &t->b;
     if (run->mean != NULL) {
-      amb_real *to = run->mean + AMB_AXIAL_STATES * first;
+      amb_real *to = run->mean + AMB_STATES * first;
       for (size_t k = 0; k < count; k++)
-        for (size_t j = 0; j < AMB_AXIAL_STATES; j++)
-          to[AMB_AXIAL_STATES * k + j] = b->mean[k][j][i];
+        for (size_t j = 0; j < AMB_STATES; j++)
+          to[AMB_STATES * k + j] = b->mean[k][j][i];
     }
     if (run->innovation != NULL)
       for (size_t k = 0; k < count; k++)
@@ -291,10 +294,10 @@ static void start(team *t)
     amb_batch_run *run = t->runs[i];
     const amb_kalman_state *state = (const amb_kalman_state *)run->state;
     amb_kalman_result r;
-    tell(t, 0, i, amb_estimator_start(run->estimator, run->state, run->y[0], &r));
-    t->b.result[0].innovation[i] = r.innovation;
-    t->b.result[0].variance[i] = r.variance;
-    for (size_t j = 0; j < AMB_AXIAL_STATES; j++)
+    tell(t, 0, i, amb_estimator_start(run->estimator, run->state, run->y, &r));
+    t->b.result[0].innovation[i] = r.innovation[0];
+    t->b.result[0].variance[i] = r.variance[0];
+    for (size_t j = 0; j < AMB_STATES; j++)
       t->b.mean[0][j][i] = state->mean[j];
   }
 }
@@ -330,3 +333,5 @@ void AMB_LANES_NAME(amb_lanes_run)(amb_batch_run *const runs[], size_t count, si
   for (size_t i = 0; i < count; i++)
     get(&t, &t.s, i);
 }
+
+#endif

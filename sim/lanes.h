@@ -21,6 +21,11 @@ typedef int32_t lanes_mask __attribute__((vector_size(AMB_LANES_BYTES)));
 typedef int64_t lanes_mask __attribute__((vector_size(AMB_LANES_BYTES)));
 #endif
 
+/* By the names of amb_stiffness. */
+typedef struct lanes_stiffness {
+  lanes k_i, k_s;
+} lanes_stiffness;
+
 /* Of the closed law, by the names of amb_law. */
 typedef struct lanes_law {
   lanes k, s0, i0, ampere, metre;
@@ -29,11 +34,19 @@ typedef struct lanes_law {
 /* The text once more. */
 #define AMB_SIDE_BY_SIDE
 #define amb_real lanes
-#define amb_axial_model lanes_axial_model
-#define amb_axial_displacement lanes_axial_displacement
-#define amb_axial_predict_mean lanes_axial_predict_mean
-#define amb_axial_predict_covariance lanes_axial_predict_covariance
-#define amb_axial_update lanes_axial_update
+#define amb_stiffness lanes_stiffness
+#define amb_model lanes_model
+#define amb_model_displacement lanes_model_displacement
+#define amb_model_current lanes_model_current
+#define amb_model_shown lanes_model_shown
+#define amb_model_shown_variance lanes_model_shown_variance
+#define amb_model_shown_with lanes_model_shown_with
+#define amb_model_pushed lanes_model_pushed
+#define amb_model_role lanes_model_role
+#define amb_model_at_rest lanes_model_at_rest
+#define amb_model_predict_mean lanes_model_predict_mean
+#define amb_model_predict_covariance lanes_model_predict_covariance
+#define amb_model_update lanes_model_update
 #define amb_law lanes_law
 #define amb_law_force lanes_law_force
 #define amb_law_tangent lanes_law_tangent
@@ -41,17 +54,23 @@ typedef struct lanes_law {
 #define amb_law_turn lanes_law_turn
 #undef AMBKIT_GENERATED_AXIAL_H
 #undef AMBKIT_LAW_H
-#undef AMB_AXIAL_STATES
-#undef AMB_AXIAL_TRIANGLE
 #include "generated/axial.h"
 #include "src/law.h"
 #undef AMB_SIDE_BY_SIDE
 #undef amb_real
-#undef amb_axial_model
-#undef amb_axial_displacement
-#undef amb_axial_predict_mean
-#undef amb_axial_predict_covariance
-#undef amb_axial_update
+#undef amb_stiffness
+#undef amb_model
+#undef amb_model_displacement
+#undef amb_model_current
+#undef amb_model_shown
+#undef amb_model_shown_variance
+#undef amb_model_shown_with
+#undef amb_model_pushed
+#undef amb_model_role
+#undef amb_model_at_rest
+#undef amb_model_predict_mean
+#undef amb_model_predict_covariance
+#undef amb_model_update
 #undef amb_law
 #undef amb_law_force
 #undef amb_law_tangent

@@ -7,20 +7,26 @@
 
 #include "lanes.h"
 
+/* Where position, velocity and load stand among the states. */
+#define LANES_X amb_first(NULL, AMB_POSITION)
+#define LANES_V amb_first(NULL, AMB_VELOCITY)
+#define LANES_LOAD amb_first(NULL, AMB_LOAD)
+
 /* Parameters and states as the core's structs, a vector for each number. */
 typedef struct lanes_parameters {
-  lanes_axial_model model;
-  lanes k_ui, f_0, iu_min, iu_max, x_max, var_u, var_y, far_squared, gate_squared, widest;
-  lanes growth[AMB_AXIAL_TRIANGLE];
+  lanes_model model;
+  lanes k_ui, f_0, iu_min, iu_max, x_max, var_u, var_y, far_squared, gate_squared;
+  lanes widest; /* of the position */
+  lanes growth[AMB_TRIANGLE];
   lanes k_i, k_s; /* of a constant magnet */
   lanes_law law;
-  lanes gain[AMB_AXIAL_STATES], far[AMB_AXIAL_STATES], variance; /* of an observer */
+  lanes gain[AMB_STATES], far[AMB_STATES], variance; /* of an observer */
   lanes m, K_sen, position, velocity, force;                     /* of low-pass filters */
 } lanes_parameters;
 
 typedef struct lanes_state {
-  lanes mean[AMB_AXIAL_STATES];
-  lanes cov[AMB_AXIAL_TRIANGLE];
+  lanes mean[AMB_STATES];
+  lanes cov[AMB_TRIANGLE];
   lanes last_u, last_y, residual, surprise;
   lanes force; /* of low-pass filters */
 } lanes_state;
@@ -127,7 +133,7 @@ AMB_INLINE lanes_mask lanes_step_kalman(const lanes_parameters *p, lanes_of of, 
   lanes k_i;
   lanes k_s;
   lanes f;
-  const lanes at = lanes_axial_displacement(&p->model, s->mean);
+  const lanes at = lanes_model_displacement(&p->model, 0, s->mean);
   if (of.kind == LANES_EXTENDED) {
     f = lanes_force(p, of, iu, at, &k_i, &k_s) + p->f_0;
   } else {
@@ -135,16 +141,21 @@ AMB_INLINE lanes_mask lanes_step_kalman(const lanes_parameters *p, lanes_of of, 
     f = k_i * iu + k_s * at + p->f_0;
   }
   lanes_mask usual = (f * f) <= AMB_REAL_MAX;
-  lanes_axial_predict_mean(&p->model, f, s->mean);
-  lanes_axial_predict_covariance(&p->model, k_i, k_s, p->k_ui, p->var_u, p->growth, s->cov);
+  const lanes_stiffness k = {k_i, k_s};
+  lanes_model_predict_mean(&p->model, &f, &iu, s->mean);
+  lanes_model_predict_covariance(&p->model, &k, &p->k_ui, &p->var_u, p->growth, s->cov, NULL);
 
-  const lanes *P = s->cov;
-  usual &= P[0] <= p->widest;
-  usual &= lanes_measured(p, s, y) & (P[9] > AMB_C(0.0)) & ((AMB_ROOT_EPSILON * P[9]) <= p->var_y);
-  usual &= lanes_expected(p, s, y - s->mean[3], P[9] + p->var_y);
-  lanes_axial_update(y, p->var_y, s->mean, s->cov, &r->innovation, &r->variance);
-  s->residual = y - s->mean[3];
-  return usual & (P[0] > AMB_C(0.0)) & (P[4] > AMB_C(0.0)) & (P[7] > AMB_C(0.0));
+  const lanes shown = lanes_model_shown_variance(&p->model, 0, s->cov);
+  usual &= s->cov[amb_entry(AMB_STATES, LANES_X, LANES_X)] <= p->widest;
+  usual &= lanes_measured(p, s, y) & (shown > AMB_C(0.0));
+  usual &= (AMB_ROOT_EPSILON * shown) <= p->var_y;
+  usual &= lanes_expected(p, s, y - lanes_model_shown(&p->model, 0, s->mean), shown + p->var_y);
+  lanes_model_update(&p->model, 0, y, p->var_y, s->mean, s->cov, &r->innovation, &r->variance);
+  s->residual = y - lanes_model_shown(&p->model, 0, s->mean);
+  for (int i = 0; i < AMB_STATES; i++) {
+    usual &= s->cov[amb_entry(AMB_STATES, i, i)] >= AMB_C(0.0);
+  }
+  return usual;
 }
 
 AMB_INLINE lanes_mask lanes_step_observer(const lanes_parameters *p, lanes_of of, lanes_state *s,
@@ -152,18 +163,18 @@ AMB_INLINE lanes_mask lanes_step_observer(const lanes_parameters *p, lanes_of of
 {
   lanes k_i;
   lanes k_s;
-  const lanes at = lanes_axial_displacement(&p->model, s->mean);
+  const lanes at = lanes_model_displacement(&p->model, 0, s->mean);
   lanes_ask(p, of, iu, at, &k_i, &k_s);
   /* The scale of the magnet is 1 here, and a product with 1 changes nothing. */
   const lanes f = (k_i * iu + k_s * at) + p->f_0;
-  lanes_axial_predict_mean(&p->model, f, s->mean);
-  const lanes e = y - s->mean[3];
+  lanes_model_predict_mean(&p->model, &f, &iu, s->mean);
+  const lanes e = y - lanes_model_shown(&p->model, 0, s->mean);
   lanes_mask usual = lanes_measured(p, s, y) & lanes_expected(p, s, e, p->variance);
-  for (int i = 0; i < AMB_AXIAL_STATES; i++) {
+  for (int i = 0; i < AMB_STATES; i++) {
     s->mean[i] += p->gain[i] * e;
     usual &= (s->mean[i] <= p->far[i]) & (s->mean[i] >= -p->far[i]);
   }
-  s->residual = y - s->mean[3];
+  s->residual = y - lanes_model_shown(&p->model, 0, s->mean);
   r->innovation = e;
   r->variance = p->variance;
   return usual;
@@ -175,18 +186,18 @@ AMB_INLINE lanes_mask lanes_step_low_pass(const lanes_parameters *p, lanes_of of
   lanes k_i;
   lanes k_s;
   lanes *mean = s->mean;
-  lanes_ask(p, of, iu, mean[0], &k_i, &k_s);
-  s->force = k_i * iu + k_s * mean[0] + p->f_0;
+  lanes_ask(p, of, iu, mean[LANES_X], &k_i, &k_s);
+  s->force = k_i * iu + k_s * mean[LANES_X] + p->f_0;
   const lanes T = p->model.T;
-  r->innovation = y - mean[3];
+  r->innovation = y - lanes_model_shown(&p->model, 0, mean);
   r->variance = lanes_all_equal(AMB_C(0.0));
-  const lanes dx = p->position * (y / p->K_sen - mean[0]);
-  const lanes dv = p->velocity * (dx / T - mean[1]);
+  const lanes dx = p->position * (y / p->K_sen - mean[LANES_X]);
+  const lanes dv = p->velocity * (dx / T - mean[LANES_V]);
   const lanes f_d = p->m * (dv / T) - s->force;
-  mean[0] += dx;
-  mean[1] += dv;
-  mean[2] += p->force * (f_d - mean[2]);
-  mean[3] = p->K_sen * mean[0];
+  mean[LANES_X] += dx;
+  mean[LANES_V] += dv;
+  mean[LANES_LOAD] += p->force * (f_d - mean[LANES_LOAD]);
+  lanes_model_at_rest(&p->model, mean);
   return lanes_measured(p, s, y);
 }
 

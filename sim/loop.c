@@ -7,15 +7,18 @@ static void sense(const amb_loop *loop, amb_loop_state *s, void *estimator,
 {
   s->y = y;
   if (loop->estimator != NULL) {
+    const amb_real measured[AMB_SENSORS] = {y}, acted[AMB_CONTROLS] = {told};
     if (s->sampled)
-      (void)amb_estimator_step(loop->estimator, estimator, y, told, &s->result);
+      (void)amb_estimator_step(loop->estimator, estimator, measured, acted, &s->result);
     else
-      (void)amb_estimator_start(loop->estimator, estimator, y, &s->result);
+      (void)amb_estimator_start(loop->estimator, estimator, measured, &s->result);
   }
   amb_real demanded;
   if (loop->feedback_estimate) {
+    const amb_model *model = &loop->estimator->kf->model;
     const amb_real *mean = ((const amb_kalman_state *)estimator)->mean;
-    (void)amb_pid_step(&loop->pid, &s->pid, sample->r, mean[0], &mean[1], &demanded);
+    (void)amb_pid_step(&loop->pid, &s->pid, sample->r, mean[amb_first(model, AMB_POSITION)],
+                       &mean[amb_first(model, AMB_VELOCITY)], &demanded);
   } else
     (void)amb_pid_step(&loop->pid, &s->pid, sample->r, direct / loop->plant.K_sen, NULL, &demanded);
   s->u = demanded / loop->k_ui;

@@ -3,14 +3,27 @@
 #ifndef AMBKIT_GENERATED_AXIAL_H
 #define AMBKIT_GENERATED_AXIAL_H
 
+#include "ambkit/magnet.h"
 #include "ambkit/phi.h"
 
-#define AMB_AXIAL_STATES 4
-#define AMB_AXIAL_TRIANGLE 10
+#define AMB_STATES 4
+#define AMB_TRIANGLE 10
+#define AMB_FORCES 1
+#define AMB_CONTROLS 1
+#define AMB_SENSORS 1
+#define AMB_NOISES 1
+#define AMB_WORK 1
+
+#define amb_states(model) ((void)(model), AMB_STATES)
+#define amb_forces(model) ((void)(model), AMB_FORCES)
+#define amb_controls(model) ((void)(model), AMB_CONTROLS)
+#define amb_sensors(model) ((void)(model), AMB_SENSORS)
+#define amb_noises(model) ((void)(model), AMB_NOISES)
 
 /* What the equations ask of the physical parameters, computed once. */
-typedef struct amb_axial_model {
+typedef struct amb_model {
   amb_real T;
+  amb_real K_sen;
   amb_real T_2;
   amb_real T_m;
   amb_real T2_2m;
@@ -27,12 +40,12 @@ typedef struct amb_axial_model {
   amb_real N13;
   amb_real N23;
   amb_real N33;
-} amb_axial_model;
+} amb_model;
 
 #ifndef AMB_SIDE_BY_SIDE /* vectors of filters take theirs from the scalars' */
 /* Constants from the physical parameters, SI. */
-AMB_INLINE void amb_axial_model_init(amb_axial_model *model, amb_real T, amb_real m, amb_real K_sen,
-                                     amb_real T_sen)
+AMB_INLINE void amb_model_init(amb_model *model, amb_real T, amb_real m, amb_real K_sen,
+                               amb_real T_sen)
 {
   const amb_real T_m = T / m;
   const amb_real T2_2m = (AMB_C(0.5)) * (T * T) / m;
@@ -44,6 +57,7 @@ AMB_INLINE void amb_axial_model_init(amb_axial_model *model, amb_real T, amb_rea
   const amb_real t4 = amb_phi3(AMB_C(0.6699905217924281) * t1);
   const amb_real t5 = amb_phi3(AMB_C(0.9305681557970263) * t1);
   model->T = T;
+  model->K_sen = K_sen;
   model->T_2 = (AMB_C(0.5)) * T;
   model->T_m = T_m;
   model->T2_2m = T2_2m;
@@ -71,7 +85,7 @@ AMB_INLINE void amb_axial_model_init(amb_axial_model *model, amb_real T, amb_rea
 }
 
 /* What the equations as printed leave out: the force and the speed within the sample. */
-AMB_INLINE void amb_axial_model_as_printed(amb_axial_model *model)
+AMB_INLINE void amb_model_as_printed(amb_model *model)
 {
   model->T_2 = AMB_C(0.0);
   model->c_sen = AMB_C(0.0);
@@ -87,31 +101,100 @@ AMB_INLINE void amb_axial_model_as_printed(amb_axial_model *model)
   model->N33 = AMB_C(0.0);
 }
 
-/* Covariance that a growth of f_d of variance var_d leaves in a sample. */
-AMB_INLINE void amb_axial_growth(const amb_axial_model *model, amb_real var_d, amb_real growth[10])
+/* Covariance that a growth of f_d of variance var[0] leaves in a sample. */
+AMB_INLINE void amb_model_growth(const amb_model *model, const amb_real var[AMB_NOISES],
+                                 amb_real growth[AMB_TRIANGLE])
 {
-  growth[0] = model->N00 * var_d;
-  growth[1] = model->N01 * var_d;
-  growth[2] = model->N02 * var_d;
-  growth[3] = model->N03 * var_d;
-  growth[4] = model->N11 * var_d;
-  growth[5] = model->N12 * var_d;
-  growth[6] = model->N13 * var_d;
-  growth[7] = var_d;
-  growth[8] = model->N23 * var_d;
-  growth[9] = model->N33 * var_d;
+  growth[0] = model->N00 * var[0];
+  growth[1] = model->N01 * var[0];
+  growth[2] = model->N02 * var[0];
+  growth[3] = model->N03 * var[0];
+  growth[4] = model->N11 * var[0];
+  growth[5] = model->N12 * var[0];
+  growth[6] = model->N13 * var[0];
+  growth[7] = var[0];
+  growth[8] = model->N23 * var[0];
+  growth[9] = model->N33 * var[0];
+}
+
+/* How a force of 1 N moves the states within a sample. */
+AMB_INLINE void amb_model_pushed(const amb_model *model, int f, amb_real moved[AMB_STATES])
+{
+  (void)f;
+  moved[0] = model->T2_2m;
+  moved[1] = model->T_m;
+  moved[2] = AMB_C(0.0);
+  moved[3] = model->d_sen;
+}
+
+/* What each state is. */
+AMB_INLINE amb_role amb_model_role(const amb_model *model, int i)
+{
+  static const amb_role role[AMB_STATES] = {AMB_POSITION, AMB_VELOCITY, AMB_LOAD, AMB_SHOWN};
+  (void)model;
+  return role[i];
 }
 #endif
 
 /* Displacement at which the magnet pulls, the mean over the sample [m]. */
-AMB_INLINE amb_real amb_axial_displacement(const amb_axial_model *model, const amb_real mean[4])
+AMB_INLINE amb_real amb_model_displacement(const amb_model *model, int f,
+                                           const amb_real mean[AMB_STATES])
 {
+  (void)f;
   return mean[0] + mean[1] * model->T_2;
 }
 
-/* Eq. 9, the mean one sample on; f: force on the rotor without f_d [N]. */
-AMB_INLINE void amb_axial_predict_mean(const amb_axial_model *model, amb_real f, amb_real mean[4])
+/* Its current [A]. */
+AMB_INLINE amb_real amb_model_current(const amb_model *model, int f,
+                                      const amb_real mean[AMB_STATES],
+                                      const amb_real iu[AMB_CONTROLS])
 {
+  (void)model;
+  (void)f;
+  (void)mean;
+  return iu[0];
+}
+
+/* What the sensor shows (eq. 21). */
+AMB_INLINE amb_real amb_model_shown(const amb_model *model, int r, const amb_real mean[AMB_STATES])
+{
+  (void)model;
+  (void)r;
+  return mean[3];
+}
+
+/* The variance of that. */
+AMB_INLINE amb_real amb_model_shown_variance(const amb_model *model, int r,
+                                             const amb_real cov[AMB_TRIANGLE])
+{
+  (void)model;
+  (void)r;
+  return cov[9];
+}
+
+/* And its covariance with the states. */
+AMB_INLINE void amb_model_shown_with(const amb_model *model, int r,
+                                     const amb_real cov[AMB_TRIANGLE], amb_real with_y[AMB_STATES])
+{
+  (void)model;
+  (void)r;
+  with_y[0] = cov[3];
+  with_y[1] = cov[6];
+  with_y[2] = cov[8];
+  with_y[3] = cov[9];
+}
+
+/* What follows from the positions when all is at rest. */
+AMB_INLINE void amb_model_at_rest(const amb_model *model, amb_real mean[AMB_STATES])
+{
+  mean[3] = mean[0] * model->K_sen;
+}
+
+/* Eq. 9, the mean one sample on; F: force on the rotor without f_d [N]. */
+AMB_INLINE void amb_model_predict_mean(const amb_model *model, const amb_real F[AMB_FORCES],
+                                       const amb_real iu[AMB_CONTROLS], amb_real mean[AMB_STATES])
+{
+  (void)iu;
   const amb_real T = model->T;
   const amb_real T_m = model->T_m;
   const amb_real T2_2m = model->T2_2m;
@@ -123,17 +206,23 @@ AMB_INLINE void amb_axial_predict_mean(const amb_axial_model *model, amb_real f,
   const amb_real v = mean[1];
   const amb_real f_d = mean[2];
   const amb_real x_m = mean[3];
-  const amb_real f_all = f + f_d;
+  const amb_real f_all = F[0] + f_d;
   mean[0] = x + T * v + T2_2m * f_all;
   mean[1] = v + T_m * f_all;
   mean[3] = b_sen * x + c_sen * v + a_sen * x_m + d_sen * f_all;
 }
 
 /* Eq. 10, A P A' + Q on the upper triangle, row by row. */
-AMB_INLINE void amb_axial_predict_covariance(const amb_axial_model *model, amb_real k_i,
-                                             amb_real k_s, amb_real k_ui, amb_real var_u,
-                                             const amb_real growth[10], amb_real cov[10])
+AMB_INLINE void amb_model_predict_covariance(const amb_model *model,
+                                             const amb_stiffness k[AMB_FORCES],
+                                             const amb_real k_ui[AMB_CONTROLS],
+                                             const amb_real var_u[AMB_CONTROLS],
+                                             const amb_real growth[AMB_TRIANGLE],
+                                             amb_real cov[AMB_TRIANGLE], amb_real work[AMB_WORK])
 {
+  (void)work;
+  const amb_real k_i = k[0].k_i;
+  const amb_real k_s = k[0].k_s;
   const amb_real T = model->T;
   const amb_real T_2 = model->T_2;
   const amb_real T_m = model->T_m;
@@ -163,8 +252,8 @@ AMB_INLINE void amb_axial_predict_covariance(const amb_axial_model *model, amb_r
   const amb_real P23 = cov[8];
   const amb_real P33 = cov[9];
   const amb_real h1 = T_2 * k_s;
-  const amb_real g0 = k_i * k_ui;
-  const amb_real q0 = (g0 * g0) * var_u;
+  const amb_real g0 = k_i * k_ui[0];
+  const amb_real q0 = (g0 * g0) * var_u[0];
   const amb_real w0 = P02 + P01 * h1 + P00 * k_s;
   const amb_real w1 = P12 + P11 * h1 + P01 * k_s;
   const amb_real w2 = P22 + P12 * h1 + P02 * k_s;
@@ -198,9 +287,12 @@ AMB_INLINE void amb_axial_predict_covariance(const amb_axial_model *model, amb_r
 }
 
 /* Eq. 11-13 for the scalar measurement of eq. 21; S must be positive. */
-AMB_INLINE void amb_axial_update(amb_real y, amb_real var_y, amb_real mean[4], amb_real cov[10],
+AMB_INLINE void amb_model_update(const amb_model *model, int r, amb_real y, amb_real var_y,
+                                 amb_real mean[AMB_STATES], amb_real cov[AMB_TRIANGLE],
                                  amb_real *innovation, amb_real *variance)
 {
+  (void)model;
+  (void)r;
   *variance = cov[9] + var_y;
   *innovation = y - mean[3];
   const amb_real inverse = AMB_C(1.0) / (*variance);

@@ -1,10 +1,11 @@
-/* Each constant of amb_axial_model, for whoever asks for all. Written by `python -m derivation`; do
- * not edit. */
+/* Each constant of the model, for whoever asks for all. Written by `python -m derivation`; do not
+ * edit. */
 #ifndef AMBKIT_GENERATED_AXIAL_FIELDS_H
 #define AMBKIT_GENERATED_AXIAL_FIELDS_H
 
-#define AMB_AXIAL_MODEL_FIELDS(FIELD)                                                              \
+#define AMB_MODEL_FIELDS(FIELD)                                                                    \
   FIELD(T);                                                                                        \
+  FIELD(K_sen);                                                                                    \
   FIELD(T_2);                                                                                      \
   FIELD(T_m);                                                                                      \
   FIELD(T2_2m);                                                                                    \

@@ -37,8 +37,8 @@ static void forget(const amb_estimator *self, amb_adaptive_noise_state *s)
   open_window(s);
 }
 
-static amb_status reset(const amb_estimator *self, void *state,
-                        const amb_real mean[AMB_AXIAL_STATES], const amb_real std[AMB_AXIAL_STATES])
+static amb_status reset(const amb_estimator *self, void *state, const amb_real mean[AMB_STATES],
+                        const amb_real std[AMB_STATES])
 {
   amb_adaptive_noise_state *s = (amb_adaptive_noise_state *)state;
   const amb_estimator inner = inner_with(self, self->kf);
@@ -51,7 +51,7 @@ static amb_status reset(const amb_estimator *self, void *state,
   return status;
 }
 
-static amb_status predict(const amb_estimator *self, void *state, amb_real u,
+static amb_status predict(const amb_estimator *self, void *state, const amb_real u[AMB_CONTROLS],
                           amb_kalman_result *result)
 {
   amb_adaptive_noise_state *s = (amb_adaptive_noise_state *)state;
@@ -74,27 +74,37 @@ static amb_status follow(amb_real share, amb_real square, amb_real variance, amb
   return ((next < low) || (next > high)) ? AMB_NOISE_LIMIT : AMB_OK;
 }
 
+/* The growth of all noises by what is seen of the first load; `share`: of a sample. */
+static amb_status adapt_growth(const amb_adaptive_noise *a, const amb_kalman_settings *nominal,
+                               amb_adaptive_noise_state *s)
+{
+  /* A window tells once what its samples would have told one by one. */
+  const amb_real share = amb_clamp(s->share * (amb_real)a->window, AMB_C(0.0), AMB_C(0.5));
+  const amb_status status = follow(share, s->correction * s->correction, s->expected,
+                                   nominal->var_d[0], a->most, &s->kf.set.var_d[0]);
+  amb_model_growth(&s->kf.model, s->kf.set.var_d, s->kf.growth);
+  return status;
+}
+
 static amb_status adapt(const amb_estimator *self, amb_adaptive_noise_state *s,
-                        const amb_kalman_result *result, amb_real correction, amb_real P23)
+                        const amb_kalman_result *result, amb_real correction, amb_real expected)
 {
   const amb_adaptive_noise *a = own(self);
   const amb_kalman_settings *nominal = &self->kf->set;
-  const amb_real e = result->innovation;
-  const amb_real S = result->variance;
   amb_status status = AMB_OK;
-  if (a->measurement) {
-    status |= follow(s->share, e * e, S, nominal->var_y, a->most, &s->kf.set.var_y);
+  for (int r = 0; r < amb_sensors(&self->kf->model); r++) {
+    const amb_real e = result->innovation[r];
+    if (a->measurement && ((result->health[r] & AMB_UNTOLD) == AMB_OK)) {
+      status |= follow(s->share, e * e, result->variance[r], nominal->var_y[r], a->most,
+                       &s->kf.set.var_y[r]);
+    }
   }
   s->correction += correction;
-  s->expected += P23 * (P23 / S);
+  s->expected += expected;
   s->samples++;
   if (s->samples >= a->window) {
     if (a->disturbance && (s->expected > AMB_C(0.0))) {
-      /* A window tells once what its samples would have told one by one. */
-      const amb_real share = amb_clamp(s->share * (amb_real)a->window, AMB_C(0.0), AMB_C(0.5));
-      status |= follow(share, s->correction * s->correction, s->expected, nominal->var_d, a->most,
-                       &s->kf.set.var_d);
-      amb_axial_growth(&s->kf.model, s->kf.set.var_d, s->kf.growth);
+      status |= adapt_growth(a, nominal, s);
     }
     open_window(s);
   }
@@ -104,15 +114,26 @@ static amb_status adapt(const amb_estimator *self, amb_adaptive_noise_state *s,
   return status;
 }
 
+/* Whether an innovation is too large for any start, or R has become so. */
+static bool is_amiss(const amb_estimator *self, const amb_adaptive_noise_state *s,
+                     const amb_kalman_result *result)
+{
+  bool amiss = false;
+  for (int r = 0; r < amb_sensors(&self->kf->model); r++) {
+    const amb_real e = result->innovation[r];
+    amiss = amiss || ((e * e) > (AMB_C(25.0) * result->variance[r])) ||
+            (s->kf.set.var_y[r] > (AMB_C(4.0) * self->kf->set.var_y[r]));
+  }
+  return amiss;
+}
+
 /* Whether a measurement tells of the noise, and not of the start or of a fault. */
 static bool learns(const amb_estimator *self, amb_adaptive_noise_state *s, amb_status status,
                    const amb_kalman_result *result)
 {
   if (s->young > 0U) {
-    const amb_real e = result->innovation;
     s->amiss = s->amiss || ((status & (AMB_OUTLIER | AMB_RESTARTED)) != AMB_OK) ||
-               ((e * e) > (AMB_C(25.0) * result->variance)) ||
-               (s->kf.set.var_y > (AMB_C(4.0) * self->kf->set.var_y));
+               is_amiss(self, s, result);
     s->young--;
     if (s->amiss) {
       forget(self, s);
@@ -122,23 +143,33 @@ static bool learns(const amb_estimator *self, amb_adaptive_noise_state *s, amb_s
   return (status & AMB_UNTOLD) == AMB_OK;
 }
 
-static amb_status update(const amb_estimator *self, void *state, amb_real y,
+static amb_status update(const amb_estimator *self, void *state, const amb_real y[AMB_SENSORS],
                          amb_kalman_result *result)
 {
+  const amb_model *model = &self->kf->model;
   amb_adaptive_noise_state *s = (amb_adaptive_noise_state *)state;
+  const amb_kalman_state *base = &s->inner.base;
   const amb_estimator inner = inner_with(self, &s->kf);
-  const amb_real f_d = s->inner.base.mean[2];
-  const amb_real P23 = s->inner.base.cov[8];
+  const int load = amb_first(model, AMB_LOAD);
+  const int variance = amb_entry(amb_states(model), load, load);
+  const amb_real f_d = base->mean[load];
+  const amb_real before = base->cov[variance];
+  amb_real with_y[AMB_STATES];
+  amb_model_shown_with(model, 0, base->cov, with_y);
   amb_status status = inner.methods->update(&inner, &s->inner, y, result);
   if (learns(self, s, status, result)) {
-    status |= adapt(self, s, result, s->inner.base.mean[2] - f_d, P23);
+    /* K S K', for several sensors what they have taken off the variance together. */
+    const amb_real expected = (amb_sensors(model) > 1)
+                                  ? (before - base->cov[variance])
+                                  : (with_y[load] * (with_y[load] / result->variance[0]));
+    status |= adapt(self, s, result, base->mean[load] - f_d, expected);
   }
   result->status = status;
   return status;
 }
 
-static void advance(const amb_estimator *self, amb_real scale, amb_real iu,
-                    amb_real mean[AMB_AXIAL_STATES])
+static void advance(const amb_estimator *self, amb_real scale, const amb_real iu[AMB_CONTROLS],
+                    amb_real mean[AMB_STATES])
 {
   const amb_estimator inner = inner_with(self, self->kf);
   inner.methods->advance(&inner, scale, iu, mean);

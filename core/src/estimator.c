@@ -1,7 +1,8 @@
 #include "ambkit/estimator.h"
 #include "kalman_step.h"
 
-amb_status amb_estimator_step(const amb_estimator *estimator, void *state, amb_real y, amb_real u,
+amb_status amb_estimator_step(const amb_estimator *estimator, void *state,
+                              const amb_real y[AMB_SENSORS], const amb_real u[AMB_CONTROLS],
                               amb_kalman_result *result)
 {
   const amb_status predicted = estimator->methods->predict(estimator, state, u, result);
@@ -10,73 +11,91 @@ amb_status amb_estimator_step(const amb_estimator *estimator, void *state, amb_r
   return result->status;
 }
 
-amb_status amb_estimator_start(const amb_estimator *estimator, void *state, amb_real y,
-                               amb_kalman_result *result)
+amb_status amb_estimator_start(const amb_estimator *estimator, void *state,
+                               const amb_real y[AMB_SENSORS], amb_kalman_result *result)
 {
   const amb_kalman_state *base = (const amb_kalman_state *)state;
-  const amb_kalman *kf = estimator->kf;
-  const amb_real s = amb_axial_displacement(&kf->model, base->mean);
-  result->stiffness = amb_kalman_stiffness(kf, estimator->magnet, AMB_C(0.0), s);
+  const amb_real none[AMB_CONTROLS] = {AMB_C(0.0)};
+  amb_step_ask_all(estimator->kf, estimator->magnet, none, base->mean, result->stiffness);
   return estimator->methods->update(estimator, state, y, result);
 }
 
 /* ---- The paper's filter and the extended one: one update, two predictions. ---- */
 
-static amb_status reset(const amb_estimator *self, void *state,
-                        const amb_real mean[AMB_AXIAL_STATES], const amb_real std[AMB_AXIAL_STATES])
+static amb_status reset(const amb_estimator *self, void *state, const amb_real mean[AMB_STATES],
+                        const amb_real std[AMB_STATES])
 {
   return amb_kalman_reset(self->kf, (amb_kalman_state *)state, mean, std);
 }
 
-static amb_status predict(const amb_estimator *self, void *state, amb_real u,
+static amb_status predict(const amb_estimator *self, void *state, const amb_real u[AMB_CONTROLS],
                           amb_kalman_result *result)
 {
   amb_kalman_state *s = (amb_kalman_state *)state;
-  amb_status status = AMB_OK;
-  const amb_real iu = amb_step_current(self->kf, s, u, &status);
-  const amb_real at = amb_axial_displacement(&self->kf->model, s->mean);
-  result->stiffness = amb_step_ask(self->kf, self->magnet, iu, at);
+  amb_real iu[AMB_CONTROLS];
+  amb_status status = amb_step_currents(self->kf, s, u, iu);
+  amb_step_ask_all(self->kf, self->magnet, iu, s->mean, result->stiffness);
   status |= amb_step_predict(self->kf, s, result->stiffness, iu);
   status |= amb_step_contain(self->kf, s);
   result->status = status;
   return status;
 }
 
-static amb_status update(const amb_estimator *self, void *state, amb_real y,
+static amb_status update(const amb_estimator *self, void *state, const amb_real y[AMB_SENSORS],
                          amb_kalman_result *result)
 {
   result->status = amb_kalman_update(self->kf, (amb_kalman_state *)state, y, result);
   return result->status;
 }
 
-static void advance(const amb_estimator *self, amb_real scale, amb_real iu,
-                    amb_real mean[AMB_AXIAL_STATES])
+static void advance(const amb_estimator *self, amb_real scale, const amb_real iu[AMB_CONTROLS],
+                    amb_real mean[AMB_STATES])
 {
   amb_step_advance(self->kf, self->magnet, scale, iu, mean);
 }
 
-static amb_status predict_extended(const amb_estimator *self, void *state, amb_real u,
-                                   amb_kalman_result *result)
+static amb_status predict_extended(const amb_estimator *self, void *state,
+                                   const amb_real u[AMB_CONTROLS], amb_kalman_result *result)
 {
   const amb_kalman *kf = self->kf;
   amb_kalman_state *s = (amb_kalman_state *)state;
-  amb_status status = AMB_OK;
-  const amb_real iu = amb_step_current(kf, s, u, &status);
-  const amb_real at = amb_axial_displacement(&kf->model, s->mean);
-  const amb_real f = amb_step_force(kf, self->magnet, iu, at, &result->stiffness);
-  status |= amb_step_predict_with(kf, s, f + kf->set.f_0, result->stiffness);
+  amb_real iu[AMB_CONTROLS];
+  amb_real F[AMB_FORCES];
+  amb_status status = amb_step_currents(kf, s, u, iu);
+  amb_step_forces(kf, self->magnet, iu, s->mean, F, result->stiffness);
+  for (int f = 0; f < amb_forces(&kf->model); f++) {
+    F[f] += kf->set.f_0[f];
+  }
+  status |= amb_step_predict_with(kf, s, F, result->stiffness, iu);
   status |= amb_step_contain(kf, s);
   result->status = status;
   return status;
 }
 
-static void advance_extended(const amb_estimator *self, amb_real scale, amb_real iu,
-                             amb_real mean[AMB_AXIAL_STATES])
+static void advance_extended(const amb_estimator *self, amb_real scale,
+                             const amb_real iu[AMB_CONTROLS], amb_real mean[AMB_STATES])
 {
-  amb_stiffness k;
-  const amb_real s = amb_axial_displacement(&self->kf->model, mean);
-  const amb_real f = scale * amb_step_force(self->kf, self->magnet, iu, s, &k);
-  amb_axial_predict_mean(&self->kf->model, f + self->kf->set.f_0, mean);
+  const amb_kalman *kf = self->kf;
+  amb_real F[AMB_FORCES];
+  amb_stiffness k[AMB_FORCES];
+  amb_step_forces(kf, self->magnet, iu, mean, F, k);
+  for (int f = 0; f < amb_forces(&kf->model); f++) {
+    F[f] = scale * F[f] + kf->set.f_0[f];
+  }
+  amb_model_predict_mean(&kf->model, F, iu, mean);
+}
+
+void amb_scaled_advance(const amb_estimator *self, const amb_real bias[AMB_FORCES], amb_real scale,
+                        const amb_real iu[AMB_CONTROLS], amb_real mean[AMB_STATES])
+{
+  const amb_kalman *kf = self->kf;
+  amb_real F[AMB_FORCES];
+  amb_stiffness k[AMB_FORCES];
+  amb_step_forces(kf, self->magnet, iu, mean, F, k);
+  for (int f = 0; f < amb_forces(&kf->model); f++) {
+    F[f] = scale * (F[f] + bias[f]) + (kf->set.f_0[f] - bias[f]);
+  }
+  amb_model_predict_mean(&kf->model, F, iu, mean);
 }
 
 const amb_estimator_methods amb_kalman_methods = {

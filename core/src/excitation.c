@@ -3,7 +3,7 @@
 void amb_excitation_reset(amb_excitation *e, amb_real f_d)
 {
   const amb_recent none = {AMB_C(0.0), AMB_C(0.0)};
-  for (int i = 0; i < AMB_AXIAL_STATES; i++) {
+  for (int i = 0; i < AMB_STATES; i++) {
     e->slope[i] = AMB_C(0.0);
   }
   e->information = AMB_C(0.0);
@@ -29,11 +29,17 @@ bool amb_excitation_doubt(amb_excitation *e, const amb_excitation_settings *sett
   return !before && (e->doubt >= AMB_DOUBTFUL_WINDOWS);
 }
 
-void amb_excitation_predict(amb_excitation *e, const amb_axial_model *model, amb_real k_s,
-                            amb_real known)
+void amb_excitation_predict(amb_excitation *e, const amb_model *model,
+                            const amb_stiffness k[AMB_FORCES], const amb_real known[AMB_FORCES])
 {
-  const amb_real s = amb_axial_displacement(model, e->slope);
-  amb_axial_predict_mean(model, k_s * s + known, e->slope);
+  const amb_real none[AMB_CONTROLS] = {AMB_C(0.0)};
+  amb_real F[AMB_FORCES];
+  for (int f = 0; f < amb_forces(model); f++) {
+    const amb_real i = amb_model_current(model, f, e->slope, none);
+    const amb_real s = amb_model_displacement(model, f, e->slope);
+    F[f] = k[f].k_i * i + k[f].k_s * s + known[f];
+  }
+  amb_model_predict_mean(model, F, none, e->slope);
 }
 
 static void follow(amb_recent *recent, amb_real value, amb_real fresh)
@@ -43,22 +49,34 @@ static void follow(amb_recent *recent, amb_real value, amb_real fresh)
   recent->var += fresh * ((AMB_C(1.0) - fresh) * off * off - recent->var);
 }
 
-bool amb_excitation_update(amb_excitation *e, const amb_excitation_settings *settings,
-                           const amb_real with_y[AMB_AXIAL_STATES], amb_real S,
-                           const amb_real mean[AMB_AXIAL_STATES], amb_real x_max)
+static bool near_a_stop(const amb_kalman *kf, const amb_real mean[AMB_STATES])
 {
-  const amb_real on_y = e->slope[AMB_AXIAL_STATES - 1];
+  bool near = false;
+  for (int i = 0; i < amb_states(&kf->model); i++) {
+    if (amb_model_role(&kf->model, i) == AMB_POSITION) {
+      near = near || (amb_magnitude(mean[i]) > (AMB_NEAR_STOP * kf->set.cap[i]));
+    }
+  }
+  return near;
+}
+
+bool amb_excitation_update(amb_excitation *e, const amb_excitation_settings *settings,
+                           const amb_kalman *kf, int r, const amb_real with_y[AMB_STATES],
+                           amb_real S, const amb_real mean[AMB_STATES])
+{
+  const int load = amb_first(&kf->model, AMB_LOAD);
+  const amb_real on_y = amb_model_shown(&kf->model, r, e->slope);
   const amb_real per = on_y / S;
-  for (int i = 0; i < AMB_AXIAL_STATES; i++) {
+  for (int i = 0; i < amb_states(&kf->model); i++) {
     e->slope[i] -= with_y[i] * per;
   }
   e->information += settings->fresh * (on_y * per - e->information);
-  if (amb_magnitude(mean[0]) > (AMB_NEAR_STOP * x_max)) {
+  if (near_a_stop(kf, mean)) {
     e->information = AMB_C(0.0);
   }
   const amb_real slowly = settings->fresh / AMB_LOAD_WINDOWS;
-  follow(&e->load, mean[2], slowly);
-  follow(&e->answer, e->slope[2], slowly);
+  follow(&e->load, mean[load], slowly);
+  follow(&e->answer, e->slope[load], slowly);
   const bool settled = e->age >= AMB_SETTLED_WINDOWS;
   if (!settled) {
     e->age += settings->fresh;

@@ -11,28 +11,46 @@ static bool not_zero(amb_real a)
   return amb_is_finite(a) && ((a > AMB_C(0.0)) || (a < AMB_C(0.0)));
 }
 
-amb_status amb_kalman_init(amb_kalman *kf, const amb_kalman_settings *s)
+static bool good_settings(const amb_model *model, const amb_kalman_settings *s)
 {
-  const bool good = amb_is_positive(s->T) && amb_is_positive(s->m) && not_zero(s->K_sen) &&
-                    amb_is_positive(s->T_sen) && not_zero(s->k_ui) && amb_is_finite(s->f_0) &&
-                    amb_is_finite(s->iu_min) && amb_is_finite(s->iu_max) &&
-                    (s->iu_min < s->iu_max) && amb_is_positive(s->x_max) &&
-                    not_negative(s->var_u) && not_negative(s->var_d) && amb_is_positive(s->var_y) &&
-                    amb_is_positive(s->gate);
-  if (!good) {
+  bool good = amb_is_positive(s->T) && amb_is_positive(s->gate);
+  for (int r = 0; r < amb_sensors(model); r++) {
+    good = good && not_zero(s->K_sen[r]) && not_negative(s->lag[r]) &&
+           amb_is_positive(s->travel[r]) && amb_is_positive(s->var_y[r]);
+  }
+  for (int c = 0; c < amb_controls(model); c++) {
+    good = good && not_zero(s->k_ui[c]) && amb_is_finite(s->iu_min[c]) &&
+           amb_is_finite(s->iu_max[c]) && (s->iu_min[c] < s->iu_max[c]) &&
+           not_negative(s->var_u[c]);
+  }
+  for (int f = 0; f < amb_forces(model); f++) {
+    good = good && amb_is_finite(s->f_0[f]) && amb_is_positive(s->x_max[f]);
+  }
+  for (int k = 0; k < amb_noises(model); k++) {
+    good = good && not_negative(s->var_d[k]);
+  }
+  for (int i = 0; i < amb_states(model); i++) {
+    good = good && amb_is_positive(s->cap[i]);
+  }
+  return good;
+}
+
+amb_status amb_kalman_init(amb_kalman *kf, const amb_model *model, const amb_kalman_settings *s)
+{
+  if (!good_settings(model, s)) {
     return AMB_BAD_PARAMETER;
   }
-  const amb_real farthest = AMB_FAR * s->x_max * s->K_sen;
   kf->set = *s;
-  kf->far_squared = farthest * farthest;
-  kf->gate_squared = s->gate * s->gate;
-  kf->widest = s->x_max * s->x_max;
-  amb_envelope_caps(s, kf->cap);
-  amb_axial_model_init(&kf->model, s->T, s->m, s->K_sen, s->T_sen);
-  if (s->as_printed) {
-    amb_axial_model_as_printed(&kf->model);
+  kf->model = *model;
+  for (int r = 0; r < amb_sensors(model); r++) {
+    const amb_real farthest = AMB_FAR * s->travel[r] * s->K_sen[r];
+    kf->far_squared[r] = farthest * farthest;
   }
-  amb_axial_growth(&kf->model, s->var_d, kf->growth);
+  kf->gate_squared = s->gate * s->gate;
+  for (int i = 0; i < amb_states(model); i++) {
+    kf->widest[i] = s->cap[i] * s->cap[i];
+  }
+  amb_model_growth(model, s->var_d, kf->growth);
   return AMB_OK;
 }
 
@@ -45,10 +63,10 @@ static amb_real variance_at_start(amb_real std, amb_real cap)
 }
 
 amb_status amb_kalman_reset(const amb_kalman *kf, amb_kalman_state *state,
-                            const amb_real mean[AMB_AXIAL_STATES],
-                            const amb_real std[AMB_AXIAL_STATES])
+                            const amb_real mean[AMB_STATES], const amb_real std[AMB_STATES])
 {
-  for (int i = 0; i < AMB_AXIAL_STATES; i++) {
+  const int n = amb_states(&kf->model);
+  for (int i = 0; i < n; i++) {
     if (!amb_is_finite(mean[i]) || ((std != NULL) && !amb_is_positive(std[i]))) {
       return AMB_BAD_PARAMETER;
     }
@@ -56,67 +74,67 @@ amb_status amb_kalman_reset(const amb_kalman *kf, amb_kalman_state *state,
   const bool near = amb_envelope_within(kf, AMB_ASTRAY, mean);
   amb_envelope_open(kf, state->cov);
   int entry = 0;
-  for (int i = 0; i < AMB_AXIAL_STATES; i++) {
+  for (int i = 0; i < n; i++) {
     state->mean[i] = near ? mean[i] : AMB_C(0.0);
-    for (int j = i; j < AMB_AXIAL_STATES; j++) {
+    for (int j = i; j < n; j++) {
       if (near && (std != NULL)) {
-        state->cov[entry] = (i == j) ? variance_at_start(std[i], kf->cap[i]) : AMB_C(0.0);
+        state->cov[entry] = (i == j) ? variance_at_start(std[i], kf->set.cap[i]) : AMB_C(0.0);
       }
       entry++;
     }
   }
-  state->last_u = AMB_C(0.0);
-  state->last_y = AMB_C(0.0);
-  state->residual = AMB_C(0.0);
-  state->surprise = AMB_C(0.0);
-  state->unchanged = 0U;
-  state->outliers = 0U;
+  for (int c = 0; c < amb_controls(&kf->model); c++) {
+    state->last_u[c] = AMB_C(0.0);
+  }
+  for (int r = 0; r < amb_sensors(&kf->model); r++) {
+    const amb_sensor_state well = {AMB_C(0.0), AMB_C(0.0), AMB_C(0.0), 0U, 0U};
+    state->sensor[r] = well;
+  }
   return AMB_OK;
 }
 
-amb_real amb_kalman_current(const amb_kalman *kf, amb_kalman_state *state, amb_real u,
-                            amb_status *status)
+amb_status amb_kalman_currents(const amb_kalman *kf, amb_kalman_state *state,
+                               const amb_real u[AMB_CONTROLS], amb_real iu[AMB_CONTROLS])
 {
-  return amb_step_current(kf, state, u, status);
+  return amb_step_currents(kf, state, u, iu);
 }
 
-amb_stiffness amb_kalman_stiffness(const amb_kalman *kf, const amb_magnet *magnet, amb_real iu,
-                                   amb_real x)
+void amb_kalman_stiffness(const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES],
+                          const amb_real iu[AMB_CONTROLS], const amb_real mean[AMB_STATES],
+                          amb_stiffness k[AMB_FORCES])
 {
-  return amb_step_ask(kf, magnet, iu, x);
+  amb_step_ask_all(kf, magnet, iu, mean, k);
 }
 
-amb_status amb_kalman_predict(const amb_kalman *kf, amb_kalman_state *state, amb_stiffness k,
-                              amb_real iu)
+amb_status amb_kalman_predict(const amb_kalman *kf, amb_kalman_state *state,
+                              const amb_stiffness k[AMB_FORCES], const amb_real iu[AMB_CONTROLS])
 {
   const amb_status status = amb_step_predict(kf, state, k, iu);
   return status | amb_step_contain(kf, state);
 }
 
-amb_status amb_kalman_update(const amb_kalman *kf, amb_kalman_state *state, amb_real y,
-                             amb_kalman_result *result)
+amb_status amb_kalman_update(const amb_kalman *kf, amb_kalman_state *state,
+                             const amb_real y[AMB_SENSORS], amb_kalman_result *result)
 {
-  amb_step_surprise e;
-  const amb_status status = amb_step_update(kf, state, y, &e);
-  result->innovation = e.innovation;
-  result->variance = e.variance;
-  return status;
+  return amb_step_update_all(kf, state, y, result);
 }
 
-amb_status amb_kalman_step(const amb_kalman *kf, const amb_magnet *magnet, amb_kalman_state *state,
-                           amb_real y, amb_real u, amb_kalman_result *result)
+amb_status amb_kalman_step(const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES],
+                           amb_kalman_state *state, const amb_real y[AMB_SENSORS],
+                           const amb_real u[AMB_CONTROLS], amb_kalman_result *result)
 {
-  amb_status status = AMB_OK;
-  const amb_real iu = amb_step_current(kf, state, u, &status);
-  const amb_real s = amb_axial_displacement(&kf->model, state->mean);
-  const amb_stiffness k = amb_step_ask(kf, magnet, iu, s);
+  amb_real iu[AMB_CONTROLS];
+  amb_stiffness k[AMB_FORCES];
+  const amb_status status = amb_step_currents(kf, state, u, iu);
+  amb_step_ask_all(kf, magnet, iu, state->mean, k);
   return amb_step_with(kf, k, iu, state, y, status, result);
 }
 
-amb_status amb_kalman_step_given(const amb_kalman *kf, amb_stiffness k, amb_kalman_state *state,
-                                 amb_real y, amb_real u, amb_kalman_result *result)
+amb_status amb_kalman_step_given(const amb_kalman *kf, const amb_stiffness k[AMB_FORCES],
+                                 amb_kalman_state *state, const amb_real y[AMB_SENSORS],
+                                 const amb_real u[AMB_CONTROLS], amb_kalman_result *result)
 {
-  amb_status status = AMB_OK;
-  const amb_real iu = amb_step_current(kf, state, u, &status);
+  amb_real iu[AMB_CONTROLS];
+  const amb_status status = amb_step_currents(kf, state, u, iu);
   return amb_step_with(kf, k, iu, state, y, status, result);
 }

@@ -2,31 +2,57 @@
 #include "kalman_step.h"
 
 /* Entry by entry: what is copied as a block of memory cannot stay in registers. */
-AMB_INLINE void note(const amb_kalman_state *state, const amb_kalman_result *result, size_t k,
-                     const amb_kalman_history *h)
+AMB_INLINE void note(const amb_model *model, const amb_kalman_state *state,
+                     const amb_kalman_result *result, size_t k, const amb_kalman_history *h)
 {
-  for (size_t i = 0; i < AMB_AXIAL_STATES; i++)
-    h->mean[k * AMB_AXIAL_STATES + i] = state->mean[i];
-  h->innovation[k] = result->innovation;
-  h->variance[k] = result->variance;
-  h->k_i[k] = result->stiffness.k_i;
-  h->k_s[k] = result->stiffness.k_s;
+  const size_t n = (size_t)amb_states(model), entries = (n * (n + 1)) / 2;
+  const size_t p = (size_t)amb_forces(model), m = (size_t)amb_sensors(model);
+  for (size_t i = 0; i < n; i++)
+    h->mean[k * n + i] = state->mean[i];
+  for (size_t r = 0; r < m; r++) {
+    h->innovation[k * m + r] = result->innovation[r];
+    h->variance[k * m + r] = result->variance[r];
+    if (h->health != h->status)
+      h->health[k * m + r] = (unsigned short)result->health[r];
+  }
+  for (size_t f = 0; f < p; f++) {
+    h->k_i[k * p + f] = result->stiffness[f].k_i;
+    h->k_s[k * p + f] = result->stiffness[f].k_s;
+  }
   h->status[k] = (unsigned short)result->status;
   if (h->cov != NULL)
-    for (size_t i = 0; i < AMB_AXIAL_TRIANGLE; i++)
-      h->cov[k * AMB_AXIAL_TRIANGLE + i] = state->cov[i];
+    for (size_t i = 0; i < entries; i++)
+      h->cov[k * entries + i] = state->cov[i];
 }
 
-void amb_kalman_note(const amb_kalman_state *state, const amb_kalman_result *result, size_t k,
-                     const amb_kalman_history *history)
+void amb_kalman_note(const amb_kalman *kf, const amb_kalman_state *state,
+                     const amb_kalman_result *result, size_t k, const amb_kalman_history *history)
 {
-  note(state, result, k, history);
+  note(&kf->model, state, result, k, history);
 }
 
-/* Prediction with the control current iu [A] that acted and the result's stiffness, then
- * measurement y [m]. What is not usual has a copy, so that the state itself stays in registers. */
-AMB_INLINE void step(const amb_kalman *kf, amb_kalman_state *s, amb_real iu, amb_real y,
-                     amb_kalman_result *result)
+static void given_at(const amb_kalman *kf, const amb_kalman_input *in, size_t k,
+                     amb_stiffness stiffness[AMB_FORCES])
+{
+  const size_t p = (size_t)amb_forces(&kf->model);
+  for (size_t f = 0; f < p; f++) {
+    stiffness[f].k_i = in->k_i[k * p + f];
+    stiffness[f].k_s = in->k_s[k * p + f];
+  }
+}
+
+static bool all_constant(const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES])
+{
+  bool constant = true;
+  for (int f = 0; f < amb_forces(&kf->model); f++)
+    constant = constant && (magnet[f].methods == &amb_constant_magnet);
+  return constant;
+}
+
+/* Prediction with the control currents iu [A] that acted and the result's stiffnesses, then
+ * measurements y [m]. What is not usual has a copy, so that the state itself stays in registers. */
+AMB_INLINE void step(const amb_kalman *kf, amb_kalman_state *s, const amb_real iu[AMB_CONTROLS],
+                     const amb_real y[AMB_SENSORS], amb_kalman_result *result)
 {
   const amb_status predicted = amb_step_predict(kf, s, result->stiffness, iu);
   if ((predicted != AMB_OK) || amb_step_is_lost(kf, s)) {
@@ -35,57 +61,54 @@ AMB_INLINE void step(const amb_kalman *kf, amb_kalman_state *s, amb_real iu, amb
     held = *s;
     result->status |= predicted | amb_step_contain(kf, &held);
     result->status |= amb_kalman_update(kf, &held, y, &r);
-    result->innovation = r.innovation;
-    result->variance = r.variance;
+    for (int i = 0; i < amb_sensors(&kf->model); i++) {
+      result->innovation[i] = r.innovation[i];
+      result->variance[i] = r.variance[i];
+      result->health[i] = r.health[i];
+    }
     *s = held;
   } else {
-    amb_step_surprise e;
-    result->status |= amb_step_update(kf, s, y, &e);
-    result->innovation = e.innovation;
-    result->variance = e.variance;
+    result->status |= amb_step_update_all(kf, s, y, result);
   }
 }
 
-amb_status amb_kalman_run(const amb_kalman *kf, const amb_magnet *magnet, amb_kalman_state *state,
-                          const amb_kalman_input *input, const amb_kalman_history *history)
+amb_status amb_kalman_run(const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES],
+                          amb_kalman_state *state, const amb_kalman_input *input,
+                          const amb_kalman_history *history)
 {
   const amb_kalman own = *kf; /* copies: nothing that is written can be part of them */
   const amb_kalman_history h = *history;
   const amb_kalman_input in = *input;
+  const size_t m = (size_t)amb_sensors(&own.model), controls = (size_t)amb_controls(&own.model);
   const bool given = (in.k_i != NULL) && (in.k_s != NULL);
-  const bool constant = !given && (magnet->methods == &amb_constant_magnet);
+  const bool constant = !given && all_constant(&own, magnet);
   if (in.n == 0) {
     return AMB_OK;
   }
-  /* The first sample, which is only taken in, with the stiffness that comes first. */
+  /* The first sample, which is only taken in, with the stiffnesses that come first. */
+  const amb_real none[AMB_CONTROLS] = {AMB_C(0.0)};
   amb_kalman_result result;
-  amb_stiffness k;
   if (given) {
-    k.k_i = in.k_i[0];
-    k.k_s = in.k_s[0];
+    given_at(&own, &in, 0, result.stiffness);
   } else {
-    const amb_real at = amb_axial_displacement(&own.model, state->mean);
-    k = amb_step_ask(&own, magnet, AMB_C(0.0), at);
+    amb_step_ask_all(&own, magnet, none, state->mean, result.stiffness);
   }
-  result.status = amb_kalman_update(&own, state, in.y[0], &result);
-  result.stiffness = k;
-  amb_kalman_note(state, &result, 0, &h);
+  result.status = amb_kalman_update(&own, state, in.y, &result);
+  amb_kalman_note(&own, state, &result, 0, &h);
   amb_status all = result.status;
   amb_kalman_state s = *state;
   for (size_t i = 1; i < in.n; i++) {
-    result.status = AMB_OK;
-    const amb_real iu = amb_step_current(&own, &s, in.u[i - 1], &result.status);
+    amb_real iu[AMB_CONTROLS];
+    result.status = amb_step_currents(&own, &s, in.u + (i - 1) * controls, iu);
     if (given) {
-      result.stiffness.k_i = in.k_i[i - 1];
-      result.stiffness.k_s = in.k_s[i - 1];
+      given_at(&own, &in, i - 1, result.stiffness);
     } else if (!constant) { /* not for nothing: a call empties the registers */
-      const amb_real at = amb_axial_displacement(&own.model, s.mean);
-      result.stiffness = amb_step_ask(&own, magnet, iu, at);
+      amb_step_ask_all(&own, magnet, iu, s.mean, result.stiffness);
     } else { /* as before */
     }
-    step(&own, &s, iu, in.y[i], &result);
+    step(&own, &s, iu, in.y + i * m, &result);
     all |= result.status;
-    note(&s, &result, i, &h);
+    note(&own.model, &s, &result, i, &h);
   }
   *state = s;
   return all;

@@ -2,70 +2,72 @@
 #include "kalman_step.h"
 
 static amb_status reset(const amb_estimator *self, void *state,
-                        const amb_real mean[AMB_AXIAL_STATES], const amb_real std[AMB_AXIAL_STATES])
+                        const amb_real mean[AMB_STATES], const amb_real std[AMB_STATES])
 {
   amb_low_pass_state *s = (amb_low_pass_state *)state;
   const amb_status status = amb_kalman_reset(self->kf, &s->base, mean, std);
   if (status == AMB_OK) {
-    for (int i = 0; i < AMB_AXIAL_TRIANGLE; i++) {
+    for (int i = 0; i < AMB_TRIANGLE; i++) {
       s->base.cov[i] = AMB_C(0.0);
     }
-    s->force = self->kf->set.f_0;
+    s->force = self->kf->set.f_0[0];
   }
   return status;
 }
 
 /* Nothing is predicted; the force that acts is kept for the next measurement. */
-static amb_status predict(const amb_estimator *self, void *state, amb_real u,
+static amb_status predict(const amb_estimator *self, void *state, const amb_real u[AMB_CONTROLS],
                           amb_kalman_result *result)
 {
   amb_low_pass_state *s = (amb_low_pass_state *)state;
   amb_status status = AMB_OK;
-  const amb_real iu = amb_step_current(self->kf, &s->base, u, &status);
-  const amb_real x = s->base.mean[0];
-  result->stiffness = amb_step_ask(self->kf, self->magnet, iu, x);
-  s->force = result->stiffness.k_i * iu + result->stiffness.k_s * x + self->kf->set.f_0;
+  const amb_real iu = amb_step_current(self->kf, &s->base, 0, u[0], &status);
+  const amb_real x = s->base.mean[amb_first(&self->kf->model, AMB_POSITION)];
+  const amb_stiffness k = amb_step_ask(self->kf, self->magnet, 0, iu, x);
+  s->force = k.k_i * iu + k.k_s * x + self->kf->set.f_0[0];
+  result->stiffness[0] = k;
   result->status = status;
   return status;
 }
 
-static amb_status update(const amb_estimator *self, void *state, amb_real y,
+static amb_status update(const amb_estimator *self, void *state, const amb_real y[AMB_SENSORS],
                          amb_kalman_result *result)
 {
   const amb_kalman *kf = self->kf;
   const amb_low_pass *own = (const amb_low_pass *)self->own;
   amb_low_pass_state *s = (amb_low_pass_state *)state;
   amb_real *mean = s->base.mean;
-  result->innovation = AMB_C(0.0);
-  result->variance = AMB_C(0.0);
-  amb_status status = AMB_OK;
-  if (!((y * y) <= kf->far_squared)) {
-    status = AMB_MISSING;
-  } else if (amb_step_frozen(kf, &s->base, y)) {
-    status = AMB_FROZEN;
-  } else {
+  const amb_status status = amb_step_useless(kf, &s->base, 0, y[0]);
+  result->innovation[0] = AMB_C(0.0);
+  result->variance[0] = AMB_C(0.0);
+  if (status == AMB_OK) {
+    const int x = amb_first(&kf->model, AMB_POSITION);
+    const int v = amb_first(&kf->model, AMB_VELOCITY);
+    const int load = amb_first(&kf->model, AMB_LOAD);
     const amb_real T = kf->set.T;
-    const amb_real v_before = mean[1];
-    result->innovation = y - mean[3];
-    const amb_real dx = own->position * (y / kf->set.K_sen - mean[0]);
+    const amb_real v_before = mean[v];
+    result->innovation[0] = y[0] - amb_model_shown(&kf->model, 0, mean);
+    const amb_real dx = own->position * (y[0] / kf->set.K_sen[0] - mean[x]);
     const amb_real dv = own->velocity * (dx / T - v_before);
-    const amb_real f_d = kf->set.m * (dv / T) - s->force;
-    mean[0] += dx;
-    mean[1] += dv;
-    mean[2] += own->force * (f_d - mean[2]);
-    mean[3] = kf->set.K_sen * mean[0];
+    const amb_real f_d = own->m * (dv / T) - s->force;
+    mean[x] += dx;
+    mean[v] += dv;
+    mean[load] += own->force * (f_d - mean[load]);
+    amb_model_at_rest(&kf->model, mean);
   }
+  result->health[0] = status;
   result->status = status;
   return status;
 }
 
-static void advance(const amb_estimator *self, amb_real scale, amb_real iu,
-                    amb_real mean[AMB_AXIAL_STATES])
+static void advance(const amb_estimator *self, amb_real scale, const amb_real iu[AMB_CONTROLS],
+                    amb_real mean[AMB_STATES])
 {
+  const amb_model *model = &self->kf->model;
   (void)scale;
   (void)iu;
-  mean[0] += self->kf->set.T * mean[1];
-  mean[3] = self->kf->set.K_sen * mean[0];
+  mean[amb_first(model, AMB_POSITION)] += self->kf->set.T * mean[amb_first(model, AMB_VELOCITY)];
+  amb_model_at_rest(model, mean);
 }
 
 const amb_estimator_methods amb_low_pass_methods = {

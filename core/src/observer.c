@@ -7,73 +7,70 @@ static const amb_observer *own(const amb_estimator *self)
 }
 
 static amb_status reset(const amb_estimator *self, void *state,
-                        const amb_real mean[AMB_AXIAL_STATES], const amb_real std[AMB_AXIAL_STATES])
+                        const amb_real mean[AMB_STATES], const amb_real std[AMB_STATES])
 {
   amb_kalman_state *s = (amb_kalman_state *)state;
   const amb_status status = amb_kalman_reset(self->kf, s, mean, std);
   if (status == AMB_OK) {
-    for (int i = 0; i < AMB_AXIAL_TRIANGLE; i++) {
+    const int n = amb_states(&self->kf->model);
+    for (int i = 0; i < amb_entry(n, n - 1, n); i++) {
       s->cov[i] = own(self)->cov[i];
     }
   }
   return status;
 }
 
-static void advance(const amb_estimator *self, amb_real scale, amb_real iu,
-                    amb_real mean[AMB_AXIAL_STATES])
+static void advance(const amb_estimator *self, amb_real scale, const amb_real iu[AMB_CONTROLS],
+                    amb_real mean[AMB_STATES])
 {
   amb_step_advance(self->kf, self->magnet, scale, iu, mean);
 }
 
-static amb_status predict(const amb_estimator *self, void *state, amb_real u,
+static amb_status predict(const amb_estimator *self, void *state, const amb_real u[AMB_CONTROLS],
                           amb_kalman_result *result)
 {
   const amb_kalman *kf = self->kf;
   amb_kalman_state *s = (amb_kalman_state *)state;
-  amb_status status = AMB_OK;
-  const amb_real iu = amb_step_current(kf, s, u, &status);
-  const amb_real at = amb_axial_displacement(&kf->model, s->mean);
-  result->stiffness = amb_step_ask(kf, self->magnet, iu, at);
+  amb_real iu[AMB_CONTROLS];
+  const amb_status status = amb_step_currents(kf, s, u, iu);
+  amb_step_ask_all(kf, self->magnet, iu, s->mean, result->stiffness);
   advance(self, AMB_C(1.0), iu, s->mean);
   result->status = status;
   return status;
 }
 
-static bool is_far(const amb_observer *observer, const amb_real mean[AMB_AXIAL_STATES])
+static bool is_far(const amb_kalman *kf, const amb_observer *observer,
+                   const amb_real mean[AMB_STATES])
 {
   bool within = true;
-  for (int i = 0; i < AMB_AXIAL_STATES; i++) {
+  for (int i = 0; i < amb_states(&kf->model); i++) {
     within = within && (amb_magnitude(mean[i]) <= observer->far[i]);
   }
   return !within; /* or not a number */
 }
 
-static amb_status update(const amb_estimator *self, void *state, amb_real y,
-                         amb_kalman_result *result)
+/* Take in the measurement y [m] of sensor r. */
+static amb_status update_one(const amb_estimator *self, amb_kalman_state *s, int r, amb_real y,
+                             amb_real *innovation)
 {
   const amb_kalman *kf = self->kf;
-  amb_kalman_state *s = (amb_kalman_state *)state;
-  result->innovation = AMB_C(0.0);
-  result->variance = own(self)->variance;
-  amb_status status = AMB_OK;
-  if (!((y * y) <= kf->far_squared)) {
-    status = AMB_MISSING;
-  } else if (amb_step_frozen(kf, s, y)) {
-    status = AMB_FROZEN;
-  } else {
-    const amb_real e = y - s->mean[3];
-    result->innovation = e;
-    status = amb_step_surprised(s, e, result->variance);
+  const amb_real S = own(self)->variance[r];
+  amb_status status = amb_step_useless(kf, s, r, y);
+  *innovation = AMB_C(0.0);
+  if (status == AMB_OK) {
+    const amb_real e = y - amb_model_shown(&kf->model, r, s->mean);
+    *innovation = e;
+    status = amb_step_surprised(&s->sensor[r], e, S);
     /* After too many outliers it is the estimate that is wrong: a constant gain leads it back. */
-    if (amb_step_outlier(kf, s, e, result->variance) == AMB_OUTLIER) {
+    if (amb_step_outlier(kf, &s->sensor[r], r, e, S) == AMB_OUTLIER) {
       status |= AMB_OUTLIER;
     } else {
-      for (int i = 0; i < AMB_AXIAL_STATES; i++) {
-        s->mean[i] += own(self)->gain[i] * e;
+      for (int i = 0; i < amb_states(&kf->model); i++) {
+        s->mean[i] += own(self)->gain[r][i] * e;
       }
-      s->residual = y - s->mean[3];
-      if (is_far(own(self), s->mean)) {
-        amb_envelope_place(kf, y, s->mean);
+      s->sensor[r].residual = y - amb_model_shown(&kf->model, r, s->mean);
+      if (is_far(kf, own(self), s->mean)) {
+        amb_envelope_place(kf, r, y, s->mean);
         status |= AMB_RESTARTED;
       }
     }
@@ -81,8 +78,20 @@ static amb_status update(const amb_estimator *self, void *state, amb_real y,
   if (((status & AMB_UNUSED) != 0U) && amb_envelope_clamp(kf, s->mean)) {
     status |= AMB_HELD;
   }
-  result->status = status;
   return status;
+}
+
+static amb_status update(const amb_estimator *self, void *state, const amb_real y[AMB_SENSORS],
+                         amb_kalman_result *result)
+{
+  result->status = AMB_OK;
+  for (int r = 0; r < amb_sensors(&self->kf->model); r++) {
+    result->variance[r] = own(self)->variance[r];
+    result->health[r] =
+        update_one(self, (amb_kalman_state *)state, r, y[r], &result->innovation[r]);
+    result->status |= result->health[r];
+  }
+  return result->status;
 }
 
 const amb_estimator_methods amb_observer_methods = {

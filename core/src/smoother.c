@@ -1,20 +1,34 @@
 #include "ambkit/smoother.h"
 #include <string.h>
 
-#define N AMB_AXIAL_STATES
+#define N AMB_STATES
 #define BROKEN (AMB_HELD | AMB_RESTARTED | AMB_BAD_PARAMETER | AMB_BAD_VARIANCE)
 
-/* What the samples after the present one say of it. */
+/* What the samples after the present one say of it, and room to work in. */
 typedef struct adjoint {
+  int n;
   amb_real lambda[N];
   amb_real Lambda[N][N];
+  amb_real A[N][N];
+  amb_real B[N][N];
+  amb_real P[N][N];
+  amb_real K[AMB_SENSORS][N]; /* of each sensor */
+  bool used[AMB_SENSORS];
+  amb_real triangle[AMB_TRIANGLE];
+  amb_real work[AMB_WORK];
 } adjoint;
 
-static void unfold(const amb_real triangle[AMB_AXIAL_TRIANGLE], amb_real P[N][N])
+static void forget(adjoint *a)
+{
+  memset(a->lambda, 0, sizeof a->lambda);
+  memset(a->Lambda, 0, sizeof a->Lambda);
+}
+
+static void unfold(int n, const amb_real triangle[AMB_TRIANGLE], amb_real P[N][N])
 {
   int entry = 0;
-  for (int i = 0; i < N; i++) {
-    for (int j = i; j < N; j++) {
+  for (int i = 0; i < n; i++) {
+    for (int j = i; j < n; j++) {
       P[i][j] = P[j][i] = triangle[entry];
       entry++;
     }
@@ -22,88 +36,122 @@ static void unfold(const amb_real triangle[AMB_AXIAL_TRIANGLE], amb_real P[N][N]
 }
 
 /* C = A B, or with `transposed` A' B. */
-static void multiply(amb_real A[N][N], amb_real B[N][N], bool transposed, amb_real C[N][N])
+static void multiply(int n, amb_real A[N][N], amb_real B[N][N], bool transposed, amb_real C[N][N])
 {
-  for (int i = 0; i < N; i++) {
-    for (int j = 0; j < N; j++) {
+  for (int i = 0; i < n; i++) {
+    for (int j = 0; j < n; j++) {
       C[i][j] = AMB_C(0.0);
-      for (int k = 0; k < N; k++)
+      for (int k = 0; k < n; k++)
         C[i][j] += (transposed ? A[k][i] : A[i][k]) * B[k][j];
     }
   }
 }
 
 /* A of eq. 20: what the linear transition makes of the unit vectors. */
-static void transition(const amb_kalman *kf, amb_real k_s, amb_real A[N][N])
+static void transition(const amb_kalman *kf, const amb_stiffness k[AMB_FORCES], amb_real A[N][N])
 {
-  for (int j = 0; j < N; j++) {
-    amb_real column[N] = {0};
+  const amb_model *model = &kf->model;
+  const amb_real none[AMB_CONTROLS] = {0};
+  for (int j = 0; j < amb_states(model); j++) {
+    amb_real column[N] = {0}, F[AMB_FORCES];
     column[j] = AMB_C(1.0);
-    const amb_real f = k_s * amb_axial_displacement(&kf->model, column);
-    amb_axial_predict_mean(&kf->model, f, column);
-    for (int i = 0; i < N; i++)
+    for (int f = 0; f < amb_forces(model); f++)
+      F[f] = k[f].k_i * amb_model_current(model, f, column, none) +
+             k[f].k_s * amb_model_displacement(model, f, column);
+    amb_model_predict_mean(model, F, none, column);
+    for (int i = 0; i < amb_states(model); i++)
       A[i][j] = column[i];
   }
 }
 
-/* With which the filter took in sample k: the prediction's covariance with x_m, over S. The growth
- * of f_d has a small part in it; how large that was the filter's variances of f_d before and after
- * tell, P+ = P + var - K S K, and a filter that adapts it shows the same. `after`: the filter's P+.
- */
-static void gain(const amb_kalman *kf, const amb_kalman_history *h, size_t k, amb_real after,
-                 amb_real K[N])
+/* The prediction of sample k from the filter's covariance before it, without growth. */
+static void predict(adjoint *a, const amb_kalman *kf, const amb_kalman_history *h, size_t k,
+                    const amb_stiffness stiffness[AMB_FORCES])
 {
-  const amb_axial_model *g = &kf->model;
-  const amb_real *before = h->cov + (k - 1) * AMB_AXIAL_TRIANGLE;
-  const amb_real S = h->variance[k];
-  const amb_real none[AMB_AXIAL_TRIANGLE] = {0};
-  amb_real P[AMB_AXIAL_TRIANGLE];
-  memcpy(P, before, sizeof P);
-  amb_axial_predict_covariance(g, h->k_i[k], h->k_s[k], kf->set.k_ui, kf->set.var_u, none, P);
-  const amb_real known[N] = {P[3], P[6], P[8], P[9]};
-  const amb_real grown[N] = {g->N03, g->N13, g->N23, g->N33};
-  amb_real var_d = 0;
+  static const amb_real none[AMB_TRIANGLE] = {0};
+  const size_t entries = (size_t)(a->n * (a->n + 1) / 2);
+  memcpy(a->triangle, h->cov + (k - 1) * entries, entries * sizeof *a->triangle);
+  amb_model_predict_covariance(&kf->model, stiffness, kf->set.k_ui, kf->set.var_u, none,
+                               a->triangle, a->work);
+}
+
+/* With which the filter took in sample k from its only sensor: the prediction's covariance with
+ * what that shows, over S. The growth has a small part in it; how large that was, beside the
+ * settings', the filter's variances of the load before and after tell, P+ = P + growth - K S K, and
+ * a filter that adapts it shows the same. `after`: the filter's P+ of the load. */
+static void gain_of_one(const adjoint *a, const amb_kalman *kf, amb_real S, amb_real after,
+                        amb_real K[N])
+{
+  const amb_model *model = &kf->model;
+  const int load = amb_first(model, AMB_LOAD);
+  const int entry = amb_entry(a->n, load, load);
+  const amb_real before = a->triangle[entry], growth = kf->growth[entry];
+  amb_real known[N], grown[N], share = 0;
+  amb_model_shown_with(model, 0, a->triangle, known);
+  amb_model_shown_with(model, 0, kf->growth, grown);
   for (int pass = 0; pass < 4; pass++) { /* each is right to three digits more */
-    for (int i = 0; i < N; i++)
-      K[i] = (known[i] + grown[i] * var_d) / S;
-    var_d = (after - before[7]) + K[2] * S * K[2];
+    for (int i = 0; i < a->n; i++)
+      K[i] = (known[i] + grown[i] * share) / S;
+    share = (growth > 0) ? ((after - before) + K[load] * S * K[load]) / growth : 0;
   }
 }
 
-/* Back over the update with the innovation e of variance S; K: the gain. */
-static void over_update(adjoint *a, const amb_real K[N], amb_real e, amb_real S)
+/* The gains of several sensors, one after the other; the growth is the settings'. */
+static void gains_of_all(adjoint *a, const amb_kalman *kf, const amb_real S[AMB_SENSORS])
 {
-  amb_real w[N]; /* Lambda K */
+  const int n = a->n;
+  amb_real *P = a->triangle;
+  for (int i = 0; i < amb_entry(n, n - 1, n); i++)
+    P[i] += kf->growth[i];
+  for (int r = 0; r < amb_sensors(&kf->model); r++) {
+    amb_real with_y[N];
+    if (!a->used[r])
+      continue;
+    amb_model_shown_with(&kf->model, r, P, with_y);
+    for (int i = 0; i < n; i++) {
+      a->K[r][i] = with_y[i] / S[r];
+      for (int j = i; j < n; j++)
+        P[amb_entry(n, i, j)] -= a->K[r][i] * with_y[j];
+    }
+  }
+}
+
+/* Back over the update by sensor r with the innovation e of variance S. */
+static void over_update(adjoint *a, const amb_model *model, int r, amb_real e, amb_real S)
+{
+  const amb_real *K = a->K[r];
+  amb_real w[N], H[N]; /* Lambda K; what the sensor shows of each state */
   amb_real q = AMB_C(0.0), p = AMB_C(0.0);
-  for (int i = 0; i < N; i++) {
+  for (int i = 0; i < a->n; i++) {
+    amb_real one[N] = {0};
+    one[i] = AMB_C(1.0);
+    H[i] = amb_model_shown(model, r, one);
     w[i] = AMB_C(0.0);
-    for (int j = 0; j < N; j++)
+    for (int j = 0; j < a->n; j++)
       w[i] += a->Lambda[i][j] * K[j];
     q += K[i] * w[i];
     p += K[i] * a->lambda[i];
   }
-  const amb_real last = a->Lambda[N - 1][N - 1] - 2 * w[N - 1] + q + 1 / S;
-  for (int i = 0; i < N; i++) {
-    a->Lambda[i][N - 1] -= w[i];
-    a->Lambda[N - 1][i] = a->Lambda[i][N - 1];
+  for (int i = 0; i < a->n; i++) {
+    for (int j = 0; j < a->n; j++)
+      a->Lambda[i][j] += (H[i] * H[j]) * (q + 1 / S) - (H[i] * w[j] + w[i] * H[j]);
+    a->lambda[i] -= H[i] * (p + e / S);
   }
-  a->Lambda[N - 1][N - 1] = last;
-  a->lambda[N - 1] -= p + e / S;
 }
 
 /* Back over the prediction. */
-static void over_prediction(adjoint *a, amb_real A[N][N])
+static void over_prediction(adjoint *a)
 {
-  amb_real B[N][N], before[N];
-  multiply(A, a->Lambda, true, B); /* A' Lambda, and then that times A */
-  for (int i = 0; i < N; i++) {
+  amb_real before[N];
+  multiply(a->n, a->A, a->Lambda, true, a->B); /* A' Lambda, and then that times A */
+  for (int i = 0; i < a->n; i++) {
     before[i] = AMB_C(0.0);
-    for (int j = 0; j < N; j++) {
-      before[i] += A[j][i] * a->lambda[j];
+    for (int j = 0; j < a->n; j++) {
+      before[i] += a->A[j][i] * a->lambda[j];
       if (j >= i) {
         amb_real sum = AMB_C(0.0);
-        for (int k = 0; k < N; k++)
-          sum += B[i][k] * A[k][j];
+        for (int k = 0; k < a->n; k++)
+          sum += a->B[i][k] * a->A[k][j];
         a->Lambda[i][j] = a->Lambda[j][i] = sum;
       }
     }
@@ -111,42 +159,69 @@ static void over_prediction(adjoint *a, amb_real A[N][N])
   memcpy(a->lambda, before, sizeof before);
 }
 
-static void smooth_sample(adjoint *a, amb_real mean[N], amb_real cov[AMB_AXIAL_TRIANGLE])
+static void smooth_sample(adjoint *a, amb_real mean[N], amb_real cov[AMB_TRIANGLE])
 {
-  amb_real P[N][N], M[N][N];
-  unfold(cov, P);
-  multiply(P, a->Lambda, false, M);
+  unfold(a->n, cov, a->P);
+  multiply(a->n, a->P, a->Lambda, false, a->B);
   int entry = 0;
-  for (int i = 0; i < N; i++) {
-    for (int j = 0; j < N; j++) {
-      mean[i] -= P[i][j] * a->lambda[j];
+  for (int i = 0; i < a->n; i++) {
+    for (int j = 0; j < a->n; j++) {
+      mean[i] -= a->P[i][j] * a->lambda[j];
       if (j >= i) {
-        for (int k = 0; k < N; k++)
-          cov[entry] -= M[i][k] * P[k][j];
+        for (int k = 0; k < a->n; k++)
+          cov[entry] -= a->B[i][k] * a->P[k][j];
         entry++;
       }
     }
   }
 }
 
+/* Back over sample k; `after`: the filter's variance of the load, before it was smoothed. */
+static void over_sample(adjoint *a, const amb_kalman *kf, const amb_kalman_history *h, size_t k,
+                        amb_real after)
+{
+  const amb_model *model = &kf->model;
+  const size_t p = (size_t)amb_forces(model), m = (size_t)amb_sensors(model);
+  const amb_real *e = h->innovation + k * m, *S = h->variance + k * m;
+  amb_stiffness stiffness[AMB_FORCES];
+  bool any = false;
+  for (size_t f = 0; f < p; f++) {
+    stiffness[f].k_i = h->k_i[k * p + f];
+    stiffness[f].k_s = h->k_s[k * p + f];
+  }
+  for (size_t r = 0; r < m; r++) {
+    a->used[r] = (h->health[k * m + r] & AMB_UNUSED) == 0U;
+    any = any || a->used[r];
+  }
+  transition(kf, stiffness, a->A);
+  if (any) {
+    predict(a, kf, h, k, stiffness);
+    if (m == 1)
+      gain_of_one(a, kf, S[0], after, a->K[0]);
+    else
+      gains_of_all(a, kf, S);
+    for (int r = (int)m - 1; r >= 0; r--)
+      if (a->used[r])
+        over_update(a, model, r, e[r], S[r]);
+  }
+  over_prediction(a);
+}
+
 void amb_smooth(const amb_kalman *kf, size_t n, const amb_kalman_history *h)
 {
+  const int states = amb_states(&kf->model);
+  const size_t entries = (size_t)(states * (states + 1) / 2);
+  const int load = amb_first(&kf->model, AMB_LOAD);
   adjoint a;
-  memset(&a, 0, sizeof a);
+  a.n = states;
+  forget(&a);
   for (size_t k = n; k-- > 0;) {
-    const amb_real after = h->cov[k * AMB_AXIAL_TRIANGLE + 7]; /* before it is smoothed */
-    smooth_sample(&a, h->mean + k * N, h->cov + k * AMB_AXIAL_TRIANGLE);
-    if ((k == 0) || ((h->status[k] & BROKEN) != 0U)) {
-      memset(&a, 0, sizeof a);
-      continue;
-    }
-    amb_real A[N][N];
-    transition(kf, h->k_s[k], A);
-    if ((h->status[k] & AMB_UNUSED) == 0U) {
-      amb_real K[N];
-      gain(kf, h, k, after, K);
-      over_update(&a, K, h->innovation[k], h->variance[k]);
-    }
-    over_prediction(&a, A);
+    amb_real *cov = h->cov + k * entries;
+    const amb_real after = cov[amb_entry(states, load, load)]; /* before it is smoothed */
+    smooth_sample(&a, h->mean + k * (size_t)states, cov);
+    if ((k == 0) || ((h->status[k] & BROKEN) != 0U))
+      forget(&a);
+    else
+      over_sample(&a, kf, h, k, after);
   }
 }

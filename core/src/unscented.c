@@ -3,65 +3,96 @@
 #include "kalman_step.h"
 
 static amb_status reset(const amb_estimator *self, void *state,
-                        const amb_real mean[AMB_AXIAL_STATES], const amb_real std[AMB_AXIAL_STATES])
+                        const amb_real mean[AMB_STATES], const amb_real std[AMB_STATES])
 {
   return amb_extended_methods.reset(self, state, mean, std);
 }
 
-/* Of the mean displacement over the sample, x + v T/2 [m^2]. */
-static amb_real displacement_variance(const amb_kalman *kf, const amb_real P[AMB_AXIAL_TRIANGLE])
+/* Of the mean displacement of magnet f over the sample [m^2]: what a column of the covariance does
+ * to it is a linear form, and so is that of these. */
+static amb_real displacement_variance(const amb_model *model, int f, const amb_real P[AMB_TRIANGLE])
 {
-  const amb_real t = kf->model.T_2;
-  return P[0] + t * (P[1] + (P[1] + t * P[4]));
+  const int n = amb_states(model);
+  amb_real with[AMB_STATES];
+  for (int j = 0; j < n; j++) {
+    amb_real column[AMB_STATES];
+    for (int i = 0; i < n; i++) {
+      column[i] = P[(i <= j) ? amb_entry(n, i, j) : amb_entry(n, j, i)];
+    }
+    with[j] = amb_model_displacement(model, f, column);
+  }
+  return amb_model_displacement(model, f, with);
 }
 
-static amb_status predict(const amb_estimator *self, void *state, amb_real u,
+/* Force of magnet f at its points: their mean less the force at the mean, d [N]; k_s becomes the
+ * secant. */
+static amb_real spread(const amb_estimator *self, int f, const amb_kalman_state *s,
+                       const amb_real iu[AMB_CONTROLS], amb_real force, amb_stiffness *k)
+{
+  const amb_kalman *kf = self->kf;
+  const amb_unscented *own = (const amb_unscented *)self->own;
+  const amb_real at = amb_model_displacement(&kf->model, f, s->mean);
+  const amb_real i = amb_model_current(&kf->model, f, s->mean, iu);
+  const amb_real away = own->reach * amb_root(displacement_variance(&kf->model, f, s->cov));
+  amb_real d = AMB_C(0.0);
+  if (away > (AMB_ROOT_EPSILON * kf->set.x_max[f])) { /* closer, the secant is the tangent */
+    amb_stiffness unused;
+    const amb_real more = amb_step_force(kf, self->magnet, f, i, at + away, &unused);
+    const amb_real less = amb_step_force(kf, self->magnet, f, i, at - away, &unused);
+    d = ((more - force) + (less - force)) / (AMB_C(2.0) * own->reach * own->reach);
+    k->k_s = (more - less) / (AMB_C(2.0) * away);
+  }
+  return d;
+}
+
+/* Variance that a force of this variance [N^2] at magnet f leaves in the states. */
+static void add_force_noise(const amb_model *model, int f, amb_real variance,
+                            amb_real P[AMB_TRIANGLE])
+{
+  const int n = amb_states(model);
+  amb_real moved[AMB_STATES];
+  amb_model_pushed(model, f, moved);
+  for (int i = 0; i < n; i++) {
+    for (int j = i; j < n; j++) {
+      P[amb_entry(n, i, j)] += moved[i] * moved[j] * variance;
+    }
+  }
+}
+
+static amb_status predict(const amb_estimator *self, void *state, const amb_real u[AMB_CONTROLS],
                           amb_kalman_result *result)
 {
   const amb_kalman *kf = self->kf;
   const amb_unscented *own = (const amb_unscented *)self->own;
   amb_kalman_state *s = (amb_kalman_state *)state;
-  amb_status status = AMB_OK;
-  const amb_real iu = amb_step_current(kf, s, u, &status);
-  const amb_real at = amb_axial_displacement(&kf->model, s->mean);
-  amb_stiffness k;
-  amb_stiffness unused;
-  const amb_real f = amb_step_force(kf, self->magnet, iu, at, &k);
-  const amb_real away = own->reach * amb_root(displacement_variance(kf, s->cov));
-  amb_real d = AMB_C(0.0);
-  if (away > (AMB_ROOT_EPSILON * kf->set.x_max)) { /* closer, the secant is the tangent */
-    const amb_real more = amb_step_force(kf, self->magnet, iu, at + away, &unused);
-    const amb_real less = amb_step_force(kf, self->magnet, iu, at - away, &unused);
-    d = ((more - f) + (less - f)) / (AMB_C(2.0) * own->reach * own->reach);
-    k.k_s = (more - less) / (AMB_C(2.0) * away);
+  amb_real iu[AMB_CONTROLS];
+  amb_real F[AMB_FORCES];
+  amb_real d[AMB_FORCES];
+  amb_status status = amb_step_currents(kf, s, u, iu);
+  amb_step_forces(kf, self->magnet, iu, s->mean, F, result->stiffness);
+  for (int f = 0; f < amb_forces(&kf->model); f++) {
+    d[f] = spread(self, f, s, iu, F[f], &result->stiffness[f]);
+    F[f] = F[f] + d[f] + kf->set.f_0[f];
   }
-  const amb_status predicted = amb_step_predict_with(kf, s, f + d + kf->set.f_0, k);
+  const amb_status predicted = amb_step_predict_with(kf, s, F, result->stiffness, iu);
   if (predicted == AMB_OK) {
-    const amb_real more_noise = own->curvature * d * d; /* [N^2] */
-    const amb_real on_x = kf->model.T2_2m;
-    const amb_real on_v = kf->model.T_m;
-    const amb_real on_x_m = kf->model.d_sen;
-    s->cov[0] += on_x * on_x * more_noise;
-    s->cov[1] += on_x * on_v * more_noise;
-    s->cov[3] += on_x * on_x_m * more_noise;
-    s->cov[4] += on_v * on_v * more_noise;
-    s->cov[6] += on_v * on_x_m * more_noise;
-    s->cov[9] += on_x_m * on_x_m * more_noise;
+    for (int f = 0; f < amb_forces(&kf->model); f++) {
+      add_force_noise(&kf->model, f, own->curvature * d[f] * d[f], s->cov);
+    }
   }
   status |= amb_step_contain(kf, s);
-  result->stiffness = k;
   result->status = status | predicted;
   return result->status;
 }
 
-static amb_status update(const amb_estimator *self, void *state, amb_real y,
+static amb_status update(const amb_estimator *self, void *state, const amb_real y[AMB_SENSORS],
                          amb_kalman_result *result)
 {
   return amb_extended_methods.update(self, state, y, result);
 }
 
-static void advance(const amb_estimator *self, amb_real scale, amb_real iu,
-                    amb_real mean[AMB_AXIAL_STATES])
+static void advance(const amb_estimator *self, amb_real scale, const amb_real iu[AMB_CONTROLS],
+                    amb_real mean[AMB_STATES])
 {
   amb_extended_methods.advance(self, scale, iu, mean);
 }

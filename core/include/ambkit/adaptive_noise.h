@@ -1,7 +1,7 @@
 /* Noise found online, around any filter of the family that has a covariance: `own` is an
  * amb_adaptive_noise, which holds the filter.
  *
- * Measurement noise R. An innovation e of variance S should have e^2 = S on the average; where it
+ * Measurement noise R, of each sensor. An innovation e of variance S should have e^2 = S on the average; where it
  * has not, R <- R + d (e^2 - S), which is R <- (1 - d) R + d (e^2 - H P H') (Sage and Husa 1969;
  * over a window: Mehra 1972, Mohamed and Schwarz 1999).
  *
@@ -28,10 +28,9 @@
 #ifndef AMBKIT_ADAPTIVE_NOISE_H
 #define AMBKIT_ADAPTIVE_NOISE_H
 
-#include "ambkit/estimator.h"
-#include "ambkit/extended_k.h"
+#include "ambkit/augmented.h"
 #include "ambkit/multiple_model.h"
-#include "ambkit/square_root.h"
+#include "ambkit/ud.h"
 
 /* Samples after a start. */
 #define AMB_YOUNG 256U
@@ -49,8 +48,8 @@ typedef struct amb_adaptive_noise {
 /* Room for the state of the filter inside, all of which begin with an amb_kalman_state. */
 typedef union amb_adaptive_noise_inner {
   amb_kalman_state base;
-  amb_square_root_state square_root;
-  amb_extended_k_state extended_k;
+  amb_ud_state ud;
+  amb_augmented_state augmented;
   amb_multiple_model_state multiple_model;
 } amb_adaptive_noise_inner;
 

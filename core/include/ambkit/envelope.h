@@ -1,20 +1,21 @@
 /* What a rotor between its stops can do, and how an estimate that knows less than that, or says
  * more, is brought back. Nothing here happens in a run without faults.
  *
- * Caps: no state is known any worse than the stops, x_max; a tenth of them in a sample,
+ * Caps, for each state the most that it can be. Of the paper's: x_max; a tenth of it in a sample,
  * 0.1 x_max / T; the force that takes the rotor there within one, 0.1 m x_max / T^2; and what the
  * sensor shows, 3 |K_sen| x_max.
  *
  * - Held. Without measurements the unstable plant runs away, until nothing is known but that the
- *   rotor is between the stops. From then on just that is said, sample by sample: x anywhere, v
- *   open as far as it had become with x, the sensor at the rotor to a tenth, f_d as it was, and
- *   nothing else correlated, as the stops have bent whatever path was predicted. The sensor is,
- *   so the first measurement tells x.
+ *   rotor is between the stops. From then on just that is said, sample by sample: positions
+ *   anywhere, velocities open as far as they had become with them, sensors at the rotor to a tenth,
+ *   loads as they were, and nothing else correlated, as the stops have bent whatever path was
+ *   predicted. The sensors are, so the first measurement tells the position.
  * - Started afresh, from a measurement: so many outliers in a row that it is the estimate which is
  *   wrong. All is known ten times worse than was believed, so what was far too sure is believed
- *   less and less at each attempt.
+ *   less and less at each attempt. With one sensor the rotor is then where that shows it, at rest
+ *   and without a load; with several, what the others say is not thrown away.
  * - Opened: a mean beyond AMB_ASTRAY caps, or a variance that is not finite. All that is left is
- *   what the caps and the sensor say.
+ *   what the caps and the sensors say.
  */
 #ifndef AMBKIT_ENVELOPE_H
 #define AMBKIT_ENVELOPE_H
@@ -24,28 +25,24 @@
 /* Caps, beyond which a mean is none. */
 #define AMB_ASTRAY AMB_C(10.0)
 
-/* The caps of x [m], v [m/s], f_d [N], x_m [m]. */
-void amb_envelope_caps(const amb_kalman_settings *settings, amb_real cap[AMB_AXIAL_STATES]);
-
 /* Whether all of the mean is within so many caps; false for what is not a number. */
-bool amb_envelope_within(const amb_kalman *kf, amb_real caps,
-                         const amb_real mean[AMB_AXIAL_STATES]);
+bool amb_envelope_within(const amb_kalman *kf, amb_real caps, const amb_real mean[AMB_STATES]);
 
 /* Hold a mean to the caps. True where it was beyond. */
-bool amb_envelope_clamp(const amb_kalman *kf, amb_real mean[AMB_AXIAL_STATES]);
+bool amb_envelope_clamp(const amb_kalman *kf, amb_real mean[AMB_STATES]);
 
-/* The mean of a rotor at rest, between the stops, where the sensor shows y [m]. */
-void amb_envelope_place(const amb_kalman *kf, amb_real y, amb_real mean[AMB_AXIAL_STATES]);
+/* The mean of a rotor at rest, between the stops, where sensor r shows y [m]. What follows from the
+ * controls stays. */
+void amb_envelope_place(const amb_kalman *kf, int r, amb_real y, amb_real mean[AMB_STATES]);
 
 /* The open covariance. */
-void amb_envelope_open(const amb_kalman *kf, amb_real P[AMB_AXIAL_TRIANGLE]);
+void amb_envelope_open(const amb_kalman *kf, amb_real P[AMB_TRIANGLE]);
 
-/* Hold a state, or open it. Returns AMB_HELD, with AMB_RESTARTED where it was opened. Afterwards,
- * at most x and x_m are correlated; and so they are after the next one. */
+/* Hold a state, or open it. Returns AMB_HELD, with AMB_RESTARTED where it was opened. */
 amb_status amb_envelope_hold(const amb_kalman *kf, amb_kalman_state *state);
 
-/* Start afresh from the measurement y [m], at rest and without a load; what was counted, and the
- * last control signal, stay. */
-void amb_envelope_restart(const amb_kalman *kf, amb_kalman_state *state, amb_real y);
+/* Start afresh from the measurement y [m] of sensor r; what was counted, and the last control
+ * signals, stay. */
+void amb_envelope_restart(const amb_kalman *kf, amb_kalman_state *state, int r, amb_real y);
 
 #endif

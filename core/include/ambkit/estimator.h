@@ -1,7 +1,7 @@
 /* One interface for the family of estimators.
  *
  * An estimator is methods, and what they work on: the plant and its noise (an amb_kalman), the
- * magnet, and what only this kind has, such as the gain of an observer. All of it is const and the
+ * magnets, and what only this kind has, such as the gain of an observer. All of it is const and the
  * caller's. The state is the caller's too: `state_size` bytes, aligned as an amb_kalman_state, with
  * which each kind's state begins, so that mean and covariance are found in the same place whatever
  * the kind.
@@ -17,26 +17,26 @@ typedef struct amb_estimator amb_estimator;
 typedef struct amb_estimator_methods {
   size_t state_size; /* [bytes] */
 
-  /* Start from a mean [4] and standard deviations [4] of x, v, f_d, x_m, uncorrelated; NULL: with
-   * nothing known but the sensor. Returns AMB_OK, or AMB_BAD_PARAMETER (not finite, not positive)
-   * and leaves the state as it was. */
-  amb_status (*reset)(const amb_estimator *self, void *state, const amb_real mean[AMB_AXIAL_STATES],
-                      const amb_real std[AMB_AXIAL_STATES]);
+  /* Start from a mean and standard deviations of all states, uncorrelated; NULL: with nothing known
+   * but the sensors. Returns AMB_OK, or AMB_BAD_PARAMETER (not finite, not positive) and leaves the
+   * state as it was. */
+  amb_status (*reset)(const amb_estimator *self, void *state, const amb_real mean[AMB_STATES],
+                      const amb_real std[AMB_STATES]);
 
-  /* One sample on, with the control signal u [V] that acted. Writes the stiffnesses and the status
+  /* One sample on, with the control signals u [V] that acted. Writes the stiffnesses and the status
    * of the result, and returns the status. */
-  amb_status (*predict)(const amb_estimator *self, void *state, amb_real u,
+  amb_status (*predict)(const amb_estimator *self, void *state, const amb_real u[AMB_CONTROLS],
                         amb_kalman_result *result);
 
-  /* Take in the measurement y [m]. Writes innovation, variance and status of the result, and
-   * returns the status. The variance is 0 where the kind has no idea of it. */
-  amb_status (*update)(const amb_estimator *self, void *state, amb_real y,
+  /* Take in the measurements y [m]. Writes innovations, variances, health and status of the result,
+   * and returns the status. A variance is 0 where the kind has no idea of it. */
+  amb_status (*update)(const amb_estimator *self, void *state, const amb_real y[AMB_SENSORS],
                        amb_kalman_result *result);
 
-  /* The mean alone one sample on, without noise, while the control current iu [A] acts on a magnet
+  /* The mean alone one sample on, without noise, while the control currents iu [A] act on magnets
    * whose force is `scale` times the known one [1]. */
-  void (*advance)(const amb_estimator *self, amb_real scale, amb_real iu,
-                  amb_real mean[AMB_AXIAL_STATES]);
+  void (*advance)(const amb_estimator *self, amb_real scale, const amb_real iu[AMB_CONTROLS],
+                  amb_real mean[AMB_STATES]);
 
   /* Estimated scale of the magnet's force, k over the known k [1], and the variance of that; NULL
    * where the kind does not estimate it. */
@@ -46,7 +46,7 @@ typedef struct amb_estimator_methods {
 struct amb_estimator {
   const amb_estimator_methods *methods;
   const amb_kalman *kf;
-  const amb_magnet *magnet;
+  const amb_magnet *magnet; /* [AMB_FORCES] */
   const void *own; /* what only this kind has, or NULL */
 };
 
@@ -57,13 +57,18 @@ extern const amb_estimator_methods amb_kalman_methods;
  * tangents in that of the covariance. */
 extern const amb_estimator_methods amb_extended_methods;
 
-/* Prediction with the control signal u that acted since the last sample, then measurement y;
+/* Prediction with the control signals u that acted since the last sample, then measurements y;
  * returns all that there was to say. */
-amb_status amb_estimator_step(const amb_estimator *estimator, void *state, amb_real y, amb_real u,
+amb_status amb_estimator_step(const amb_estimator *estimator, void *state,
+                              const amb_real y[AMB_SENSORS], const amb_real u[AMB_CONTROLS],
                               amb_kalman_result *result);
 
-/* The first measurement y after a reset, which nothing is predicted for. */
-amb_status amb_estimator_start(const amb_estimator *estimator, void *state, amb_real y,
-                               amb_kalman_result *result);
+/* The first measurements y after a reset, which nothing is predicted for. */
+amb_status amb_estimator_start(const amb_estimator *estimator, void *state,
+                               const amb_real y[AMB_SENSORS], amb_kalman_result *result);
+
+/* The `advance` of kinds that estimate the magnets' scale: bias forces [N] go with it. */
+void amb_scaled_advance(const amb_estimator *self, const amb_real bias[AMB_FORCES], amb_real scale,
+                        const amb_real iu[AMB_CONTROLS], amb_real mean[AMB_STATES]);
 
 #endif

@@ -14,11 +14,11 @@ void amb_estimator_note(const amb_estimator *estimator, const void *state,
                         const amb_kalman_result *result, size_t k,
                         const amb_kalman_history *history);
 
-/* Mean of the measurement `ahead` samples on [m], from `mean` and without new measurements, while
- * the control signals u[0 .. ahead - 1] act on a magnet whose force is `scale` times the known one;
- * f_d stays what it is. */
-amb_real amb_estimator_forecast(const amb_estimator *estimator, amb_real scale,
-                                const amb_real mean[AMB_AXIAL_STATES], const amb_real *u,
-                                size_t ahead);
+/* Means y of the measurements `ahead` samples on [m], from `mean` and without new measurements,
+ * while the control signals u [V], `ahead` x controls, act on magnets whose force is `scale` times
+ * the known one; loads stay what they are. */
+void amb_estimator_forecast(const amb_estimator *estimator, amb_real scale,
+                            const amb_real mean[AMB_STATES], const amb_real *u, size_t ahead,
+                            amb_real y[AMB_SENSORS]);
 
 #endif

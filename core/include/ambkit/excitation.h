@@ -16,7 +16,7 @@
  *   that later. A window of such samples beyond the good ones is let pass, for a step of the
  *   position may take it; with more, what was learned since the first of them is taken back.
  *
- * The slope s is that of the estimate of the four states with theta: how they would be off, were
+ * The slope s is that of the estimate of the states with theta: how they would be off, were
  * theta off by one. It moves as the states do and is corrected as they are.
  */
 #ifndef AMBKIT_EXCITATION_H
@@ -47,10 +47,10 @@ typedef struct amb_recent {
 } amb_recent;
 
 typedef struct amb_excitation {
-  amb_real slope[AMB_AXIAL_STATES]; /* s, of x, v, f_d, x_m */
-  amb_real information;             /* of a sample about theta, averaged over the window [1] */
-  amb_recent load;                  /* f_d [N] */
-  amb_recent answer;                /* slope of f_d [N] */
+  amb_real slope[AMB_STATES]; /* s, of all states */
+  amb_real information;       /* of a sample about theta, averaged over the window [1] */
+  amb_recent load;            /* f_d, the first one [N] */
+  amb_recent answer;          /* slope of f_d [N] */
   amb_real age;   /* since the start, less what was missing [windows], until all has settled */
   amb_real doubt; /* samples beyond the limit, less the others since, at least 0 [windows] */
 } amb_excitation;
@@ -65,14 +65,14 @@ void amb_excitation_miss(amb_excitation *e);
  * the doubt was 0 is to be taken back. */
 bool amb_excitation_doubt(amb_excitation *e, const amb_excitation_settings *settings);
 
-/* One sample on; known: force of the known magnet [N], k_s: stiffness of the estimated one. */
-void amb_excitation_predict(amb_excitation *e, const amb_axial_model *model, amb_real k_s,
-                            amb_real known);
+/* One sample on; known: forces of the known magnets [N], k: stiffnesses of the estimated ones. */
+void amb_excitation_predict(amb_excitation *e, const amb_model *model,
+                            const amb_stiffness k[AMB_FORCES], const amb_real known[AMB_FORCES]);
 
-/* After a measurement, which corrected the states by with_y / S times the innovation; mean: what
- * they are now; x_max: the stops [m]. True where theta can be learned from it. */
+/* After a measurement of sensor r, which corrected the states by with_y / S times the innovation;
+ * mean: what they are now. True where theta can be learned from it. */
 bool amb_excitation_update(amb_excitation *e, const amb_excitation_settings *settings,
-                           const amb_real with_y[AMB_AXIAL_STATES], amb_real S,
-                           const amb_real mean[AMB_AXIAL_STATES], amb_real x_max);
+                           const amb_kalman *kf, int r, const amb_real with_y[AMB_STATES],
+                           amb_real S, const amb_real mean[AMB_STATES]);
 
 #endif

@@ -11,8 +11,10 @@
 
 #include "ambkit/estimator.h"
 
-/* 1 - exp(-2 pi corner T) each, in (0, 1]: how much of the new value is taken. */
+/* For one force and one sensor. */
 typedef struct amb_low_pass {
+  amb_real m; /* mass of the rotor [kg], > 0 */
+  /* 1 - exp(-2 pi corner T) each, in (0, 1]: how much of the new value is taken. */
   amb_real position;
   amb_real velocity;
   amb_real force;

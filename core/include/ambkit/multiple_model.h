@@ -26,13 +26,13 @@ typedef struct amb_multiple_model {
   int n;                      /* models, 2 to AMB_MODELS */
   amb_real theta[AMB_MODELS]; /* their scales [1], > 0 */
   amb_real leave;             /* probability for a scale to change in a sample, below 1 - 1 / n */
-  amb_real bias;              /* bias force of the known magnet, part of the settings' f_0 [N] */
+  amb_real bias[AMB_FORCES];  /* bias force of the known magnet, part of the settings' f_0 [N] */
   amb_excitation_settings learn;
 } amb_multiple_model;
 
 typedef struct amb_one_model {
-  amb_real mean[AMB_AXIAL_STATES];
-  amb_real cov[AMB_AXIAL_TRIANGLE];
+  amb_real mean[AMB_STATES];
+  amb_real cov[AMB_TRIANGLE];
   amb_real weight; /* probability [1] */
 } amb_one_model;
 

@@ -15,11 +15,10 @@
 #include "ambkit/estimator.h"
 
 typedef struct amb_observer {
-  amb_real gain[AMB_AXIAL_STATES];  /* of the innovation, for x, v, f_d, x_m, at the update */
-  amb_real cov[AMB_AXIAL_TRIANGLE]; /* covariance of the estimate in the steady state */
-  amb_real variance;                /* of the innovation then [m^2] */
-  amb_real
-      far[AMB_AXIAL_STATES]; /* beyond all that the error of a start between the caps grows to */
+  amb_real gain[AMB_SENSORS][AMB_STATES]; /* of each innovation, at the update */
+  amb_real cov[AMB_TRIANGLE];             /* covariance of the estimate in the steady state */
+  amb_real variance[AMB_SENSORS];         /* of the innovations then [m^2] */
+  amb_real far[AMB_STATES]; /* beyond all that the error of a start between the caps grows to */
 } amb_observer;
 
 /* The covariance is the steady state's from the start on: a constant gain asks no other. */

@@ -2,10 +2,11 @@
  * amb_unscented.
  *
  * Its 2 n + 1 points are the mean and the mean +- c times the columns of the triangular root of the
- * covariance. The displacement is the first state, so that only the first of the columns moves it,
- * and only the displacement enters the magnet's force, the one thing here that is not linear. Of
- * the nine points three forces are therefore enough, F at x and F+, F- at x +- c sigma_x, and what
- * the transform sums up comes out in closed form:
+ * covariance. Order the states such that the displacement of a magnet is the first: then only the
+ * first of the columns moves it, and of what is not known only the displacement enters the magnet's
+ * force, the one thing here that is not linear (a current that is a state is as good as known, and
+ * enters by its tangent). Of all points three forces are therefore enough, F at x and F+, F- at
+ * x +- c sigma_x, and what the transform sums up comes out in closed form:
  *
  *   mean of the force      F + d,  d = (F+ - 2 F + F-) / (2 c^2)
  *   covariance with state  k_s P_x,  k_s = (F+ - F-) / (2 c sigma_x), the secant

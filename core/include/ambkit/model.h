@@ -1,0 +1,93 @@
+/* The model of a machine between two samples, and what an estimator asks of it.
+ *
+ * With the magnets' forces held over a sample everything else is linear:
+ *
+ *   X+  = L X + B_u iu + sum over f of b_f (F_f + r_f X) + noise
+ *   F_f = magnet f at the current i_f = e_f X + d_f iu and the displacement s_f = h_f X, both means
+ *         over the sample, and what is known besides: weight and bias force
+ *   y_r = c_r X + noise
+ *
+ * X: n states; iu: control currents [A]; r_f: states that pull where the magnet does. The matrices
+ * have a pattern, which depends on the kind of machine only, and numbers.
+ *
+ * Two builds of one text: a machine's own model as straight-line C, written by
+ * `python -m derivation` or by an export (for the paper's axis generated/axial.h), and loops over
+ * the entries of any model (ambkit/loops.h). Both add up in the same order, and give the same bits:
+ *
+ *   row_f = k_s h_f + k_i e_f + r_f        w_f = row_f P         entries from last to first
+ *   M_i   = L_i P + b_i w                  z_i = b_i q + row M_i     and again last to first
+ *   P+_ij = L_j M_i + growth + b_j z_i     i <= j; q: variance of the force from that of the control
+ *
+ * AMB_STATES, AMB_FORCES, AMB_CONTROLS, AMB_SENSORS, AMB_NOISES: how many there are, or can be;
+ * AMB_TRIANGLE: entries of a covariance's upper triangle, row by row. How many of them a model has
+ * say amb_states(model), amb_forces(model) and so on. AMB_WORK: numbers of room for a prediction.
+ */
+#ifndef AMBKIT_MODEL_H
+#define AMBKIT_MODEL_H
+
+#include "ambkit/magnet.h"
+
+/* What a state is, to whoever must find a lost rotor again (ambkit/envelope.h). */
+typedef enum amb_role {
+  AMB_POSITION, /* of the rotor */
+  AMB_VELOCITY,
+  AMB_SHOWN, /* follows from the positions when all is at rest: what a sensor shows */
+  AMB_LOAD,  /* acts from outside, unknown: disturbance forces, noise with a memory */
+  AMB_KNOWN  /* follows from the controls, whatever happens to the rotor: currents */
+} amb_role;
+
+#if defined(AMB_MODEL_LOOPS)
+#include "ambkit/loops.h"
+#else
+#include "generated/model.h"
+#endif
+
+/* Entry (i, j), i <= j, of the upper triangle of n rows. */
+AMB_INLINE int amb_entry(int n, int i, int j)
+{
+  return i * n - (i * (i + 1)) / 2 + j;
+}
+
+/* The first state of a role; 0 where there is none. */
+AMB_INLINE int amb_first(const amb_model *model, amb_role role)
+{
+  int first = 0;
+  (void)model;
+  for (int i = amb_states(model) - 1; i >= 0; i--) {
+    first = (amb_model_role(model, i) == role) ? i : first;
+  }
+  return first;
+}
+
+/* ---- Each model has these; generated/axial.h and ambkit/loops.h.
+ *
+ * Displacement [m] and current [A] of magnet f, means over the sample, which are linear forms:
+ *   amb_real amb_model_displacement(const amb_model *model, int f, const amb_real mean[]);
+ *   amb_real amb_model_current(const amb_model *model, int f, const amb_real mean[],
+ *                              const amb_real iu[]);
+ * The mean one sample on (eq. 9); F: forces but for the riders [N]:
+ *   void amb_model_predict_mean(const amb_model *model, const amb_real F[], const amb_real iu[],
+ *                               amb_real mean[]);
+ * The covariance (eq. 10); k: stiffnesses; k_ui [A/V] and var_u [V^2] of the controls:
+ *   void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[],
+ *                                     const amb_real k_ui[], const amb_real var_u[],
+ *                                     const amb_real growth[], amb_real cov[], amb_real work[]);
+ * What sensor r shows of a mean; the variance of that, and its covariance with all states:
+ *   amb_real amb_model_shown(const amb_model *model, int r, const amb_real mean[]);
+ *   amb_real amb_model_shown_variance(const amb_model *model, int r, const amb_real cov[]);
+ *   void amb_model_shown_with(const amb_model *model, int r, const amb_real cov[],
+ *                             amb_real with_y[]);
+ * Take in a measurement of sensor r (eq. 11-13); the variance must be positive:
+ *   void amb_model_update(const amb_model *model, int r, amb_real y, amb_real var_y,
+ *                         amb_real mean[], amb_real cov[], amb_real *innovation,
+ *                         amb_real *variance);
+ * How a force of 1 N at magnet f moves the states within a sample:
+ *   void amb_model_pushed(const amb_model *model, int f, amb_real moved[]);
+ * Covariance that noises of these variances leave in a sample, upper triangle:
+ *   void amb_model_growth(const amb_model *model, const amb_real var[], amb_real growth[]);
+ * What each state is, and AMB_SHOWN ones set to what they are at rest:
+ *   amb_role amb_model_role(const amb_model *model, int i);
+ *   void amb_model_at_rest(const amb_model *model, amb_real mean[]);
+ */
+
+#endif

@@ -1,0 +1,193 @@
+#include "ambkit/augmented.h"
+#include "kalman_step.h"
+
+static const amb_augmented *own_of(const amb_estimator *self)
+{
+  return (const amb_augmented *)self->own;
+}
+
+static void copy(int n, const amb_real from[AMB_TRIANGLE], amb_real to[AMB_TRIANGLE])
+{
+  for (int i = 0; i < amb_entry(n, n - 1, n); i++) {
+    to[i] = from[i];
+  }
+}
+
+/* Write from + s var s' into `to`. */
+static void widen(int n, const amb_real from[AMB_TRIANGLE], const amb_real s[AMB_STATES],
+                  amb_real var, amb_real to[AMB_TRIANGLE])
+{
+  int entry = 0;
+  for (int i = 0; i < n; i++) {
+    const amb_real with_theta = s[i] * var;
+    for (int j = i; j < n; j++) {
+      to[entry] = from[entry] + with_theta * s[j];
+      entry++;
+    }
+  }
+}
+
+static amb_status reset(const amb_estimator *self, void *state, const amb_real mean[AMB_STATES],
+                        const amb_real std[AMB_STATES])
+{
+  const amb_model *model = &self->kf->model;
+  amb_augmented_state *s = (amb_augmented_state *)state;
+  const amb_status status = amb_kalman_reset(self->kf, &s->base, mean, std);
+  if (status == AMB_OK) {
+    copy(amb_states(model), s->base.cov, s->cov);
+    s->theta = AMB_C(1.0);
+    s->trusted = AMB_C(1.0);
+    s->var = own_of(self)->std * own_of(self)->std;
+    amb_excitation_reset(&s->excitation, s->base.mean[amb_first(model, AMB_LOAD)]);
+  }
+  return status;
+}
+
+/* The plant's states start afresh, whatever theta is. */
+static void part_from_theta(int n, amb_augmented_state *s)
+{
+  copy(n, s->base.cov, s->cov);
+  for (int i = 0; i < n; i++) {
+    s->excitation.slope[i] = AMB_C(0.0);
+  }
+}
+
+/* As amb_step_contain. */
+static amb_status contain(const amb_kalman *kf, amb_augmented_state *s)
+{
+  const amb_status status = amb_step_contain(kf, &s->base);
+  if (status != AMB_OK) {
+    part_from_theta(amb_states(&kf->model), s);
+  }
+  return status;
+}
+
+/* Set theta, and the states to what they would be had it been that. */
+static void move(int n, amb_augmented_state *s, amb_real theta)
+{
+  const amb_real by = theta - s->theta;
+  s->theta = theta;
+  for (int i = 0; i < n; i++) {
+    s->base.mean[i] += s->excitation.slope[i] * by;
+  }
+}
+
+/* Theta wanders by var_k: its covariance with the states, s p, stays what it was. */
+static void wander(int n, const amb_augmented *own, amb_augmented_state *s)
+{
+  if (s->var < (own->std * own->std)) {
+    const amb_real grown = s->var + own->var_k;
+    const amb_real kept = s->var / grown;
+    widen(n, s->cov, s->excitation.slope, kept * own->var_k, s->cov);
+    for (int i = 0; i < n; i++) {
+      s->excitation.slope[i] *= kept;
+    }
+    s->var = grown;
+  }
+}
+
+static amb_status predict(const amb_estimator *self, void *state, const amb_real u[AMB_CONTROLS],
+                          amb_kalman_result *result)
+{
+  const amb_kalman *kf = self->kf;
+  const int n = amb_states(&kf->model);
+  const amb_augmented *own = own_of(self);
+  amb_augmented_state *s = (amb_augmented_state *)state;
+  amb_real iu[AMB_CONTROLS];
+  amb_real known[AMB_FORCES];
+  amb_real F[AMB_FORCES];
+  amb_stiffness *k = result->stiffness;
+  amb_status status = amb_step_currents(kf, &s->base, u, iu);
+  if (((status & AMB_SATURATED) != 0U) && amb_excitation_doubt(&s->excitation, &own->learn)) {
+    move(n, s, s->trusted);
+    s->var = own->std * own->std;
+  }
+  amb_step_forces(kf, self->magnet, iu, s->base.mean, known, k);
+  for (int f = 0; f < amb_forces(&kf->model); f++) {
+    known[f] += own->bias[f];
+    k[f].k_i *= s->theta;
+    k[f].k_s *= s->theta;
+    F[f] = s->theta * known[f] + (kf->set.f_0[f] - own->bias[f]);
+  }
+  copy(n, s->cov, s->base.cov);
+  const amb_status predicted = amb_step_predict_with(kf, &s->base, F, k, iu);
+  if (predicted == AMB_OK) {
+    copy(n, s->base.cov, s->cov);
+    amb_excitation_predict(&s->excitation, &kf->model, k, known);
+    wander(n, own, s);
+  }
+  if ((status & AMB_BAD_CONTROL) != 0U) {
+    amb_excitation_miss(&s->excitation);
+  }
+  widen(n, s->cov, s->excitation.slope, s->var, s->base.cov);
+  status |= contain(kf, s);
+  result->status = status | predicted;
+  return result->status;
+}
+
+/* Take in the measurement y [m] of sensor r. */
+static amb_status update_one(const amb_kalman *kf, const amb_augmented *own,
+                             amb_augmented_state *s, int r, amb_real y, amb_step_surprise *told)
+{
+  const int n = amb_states(&kf->model);
+  amb_real with_y[AMB_STATES];
+  amb_model_shown_with(&kf->model, r, s->cov, with_y);
+  const amb_real on_y = amb_model_shown(&kf->model, r, s->excitation.slope);
+  copy(n, s->cov, s->base.cov);
+  amb_status status = amb_step_update(kf, &s->base, r, y, told);
+  copy(n, s->base.cov, s->cov);
+  const amb_real S = told->variance;
+  const amb_real total = S + on_y * s->var * on_y;
+  if ((status & AMB_RESTARTED) != 0U) {
+    part_from_theta(n, s);
+  }
+  if ((status & AMB_UNTOLD) == 0U) {
+    if (amb_excitation_update(&s->excitation, &own->learn, kf, r, with_y, S, s->base.mean)) {
+      const amb_real gain = (s->var * on_y) / total;
+      move(n, s, amb_clamp(s->theta + gain * told->innovation, own->min, own->max));
+      s->var *= S / total;
+      if (!(s->excitation.doubt > AMB_C(0.0))) {
+        s->trusted = s->theta;
+      }
+    } else {
+      status |= AMB_UNEXCITED;
+    }
+  } else {
+    amb_excitation_miss(&s->excitation);
+  }
+  widen(n, s->cov, s->excitation.slope, s->var, s->base.cov);
+  told->variance = total;
+  return status;
+}
+
+static amb_status update(const amb_estimator *self, void *state, const amb_real y[AMB_SENSORS],
+                         amb_kalman_result *result)
+{
+  result->status = AMB_OK;
+  for (int r = 0; r < amb_sensors(&self->kf->model); r++) {
+    amb_step_surprise e;
+    result->health[r] =
+        update_one(self->kf, own_of(self), (amb_augmented_state *)state, r, y[r], &e);
+    result->innovation[r] = e.innovation;
+    result->variance[r] = e.variance;
+    result->status |= result->health[r];
+  }
+  return result->status;
+}
+
+static void advance(const amb_estimator *self, amb_real scale, const amb_real iu[AMB_CONTROLS],
+                    amb_real mean[AMB_STATES])
+{
+  amb_scaled_advance(self, own_of(self)->bias, scale, iu, mean);
+}
+
+static void scale(const amb_estimator *self, const void *state, amb_real *value, amb_real *variance)
+{
+  const amb_augmented_state *s = (const amb_augmented_state *)state;
+  (void)self;
+  *value = s->theta;
+  *variance = s->var;
+}
+
+const amb_estimator_methods amb_augmented_methods = {
+    sizeof(amb_augmented_state), reset, predict, update, advance, scale};

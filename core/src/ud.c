@@ -1,0 +1,243 @@
+#include "ambkit/ud.h"
+#include "kalman_step.h"
+
+/* P = U D U' for those who ask for it. */
+static void multiply_out(int n, amb_ud_state *s)
+{
+  int entry = 0;
+  for (int i = 0; i < n; i++) {
+    for (int j = i; j < n; j++) {
+      amb_real sum = s->U[i][j] * s->D[j];
+      for (int k = j + 1; k < n; k++) {
+        sum += s->U[i][k] * s->D[k] * s->U[j][k];
+      }
+      s->base.cov[entry] = sum;
+      entry++;
+    }
+  }
+}
+
+/* Factors U and D of a covariance, row i of U from U[i] on, `stride` apart. Where it is singular
+ * but for rounding, the rest is 0. */
+static void factor(int n, const amb_real triangle[AMB_TRIANGLE], amb_real *U, int stride,
+                   amb_real D[AMB_STATES])
+{
+  amb_real P[AMB_TRIANGLE];
+  for (int i = 0; i < amb_entry(n, n - 1, n); i++) {
+    P[i] = triangle[i];
+  }
+  for (int j = n - 1; j >= 0; j--) {
+    const amb_real last = P[amb_entry(n, j, j)];
+    const bool there = last > AMB_C(0.0);
+    D[j] = there ? last : AMB_C(0.0);
+    for (int i = 0; i < n; i++) {
+      const bool above = there && (i < j);
+      U[i * stride + j] = above ? (P[amb_entry(n, i, j)] / last) : AMB_C(0.0);
+    }
+    U[j * stride + j] = AMB_C(1.0);
+    for (int i = 0; i < j; i++) {
+      for (int k = 0; k <= i; k++) {
+        P[amb_entry(n, k, i)] -= U[k * stride + j] * (D[j] * U[i * stride + j]);
+      }
+    }
+  }
+}
+
+static void factor_state(int n, amb_ud_state *s)
+{
+  factor(n, s->base.cov, &s->U[0][0], AMB_STATES, s->D);
+}
+
+static amb_status reset(const amb_estimator *self, void *state, const amb_real mean[AMB_STATES],
+                        const amb_real std[AMB_STATES])
+{
+  amb_ud_state *s = (amb_ud_state *)state;
+  const amb_status status = amb_kalman_reset(self->kf, &s->base, mean, std);
+  if (status == AMB_OK) {
+    factor_state(amb_states(&self->kf->model), s);
+  }
+  return status;
+}
+
+/* As amb_step_contain. */
+static amb_status contain(const amb_kalman *kf, amb_ud_state *s)
+{
+  const amb_status status = amb_step_contain(kf, &s->base);
+  if (status != AMB_OK) {
+    factor_state(amb_states(&kf->model), s);
+  }
+  return status;
+}
+
+/* The rows of W under the weights `weight`, made orthogonal from the last to the first: W weight W'
+ * is then U D U'. */
+static void orthogonalise(int n, int columns, const amb_real weight[AMB_UD_COLUMNS],
+                          amb_ud_state *s)
+{
+  for (int j = n - 1; j >= 0; j--) {
+    amb_real weighted[AMB_UD_COLUMNS];
+    amb_real square = AMB_C(0.0);
+    for (int c = 0; c < columns; c++) {
+      weighted[c] = s->W[j][c] * weight[c];
+      square += s->W[j][c] * weighted[c];
+    }
+    const amb_real inverse = (square > AMB_C(0.0)) ? (AMB_C(1.0) / square) : AMB_C(0.0);
+    s->D[j] = square;
+    for (int i = 0; i < j; i++) {
+      amb_real product = AMB_C(0.0);
+      for (int c = 0; c < columns; c++) {
+        product += s->W[i][c] * weighted[c];
+      }
+      const amb_real share = product * inverse;
+      s->U[i][j] = share;
+      for (int c = 0; c < columns; c++) {
+        s->W[i][c] -= share * s->W[j][c];
+      }
+    }
+  }
+}
+
+/* What the linear transition makes of a column: of states, or of controls alone. */
+static void carry(const amb_model *model, const amb_stiffness k[AMB_FORCES],
+                  const amb_real iu[AMB_CONTROLS], amb_real column[AMB_STATES])
+{
+  amb_real F[AMB_FORCES];
+  for (int f = 0; f < amb_forces(model); f++) {
+    const amb_real i = amb_model_current(model, f, column, iu);
+    F[f] = k[f].k_i * i + k[f].k_s * amb_model_displacement(model, f, column);
+  }
+  amb_model_predict_mean(model, F, iu, column);
+}
+
+/* Eq. 10 on the factor. */
+static void predict_factor(const amb_kalman *kf, const amb_stiffness k[AMB_FORCES],
+                           amb_ud_state *s)
+{
+  const amb_model *model = &kf->model;
+  const int n = amb_states(model);
+  const int controls = amb_controls(model);
+  amb_real weight[AMB_UD_COLUMNS];
+  for (int j = 0; j < n + controls; j++) {
+    amb_real column[AMB_STATES];
+    amb_real iu[AMB_CONTROLS];
+    for (int c = 0; c < controls; c++) {
+      iu[c] = (c == (j - n)) ? kf->set.k_ui[c] : AMB_C(0.0);
+    }
+    for (int i = 0; i < n; i++) {
+      column[i] = (j < n) ? s->U[i][j] : AMB_C(0.0);
+    }
+    carry(model, k, iu, column);
+    for (int i = 0; i < n; i++) {
+      s->W[i][j] = column[i];
+    }
+    weight[j] = (j < n) ? s->D[j] : kf->set.var_u[j - n];
+  }
+  factor(n, kf->growth, &s->W[0][n + controls], AMB_UD_COLUMNS, &weight[n + controls]);
+  orthogonalise(n, 2 * n + controls, weight, s);
+}
+
+static amb_status predict(const amb_estimator *self, void *state, const amb_real u[AMB_CONTROLS],
+                          amb_kalman_result *result)
+{
+  const amb_kalman *kf = self->kf;
+  amb_ud_state *s = (amb_ud_state *)state;
+  amb_real iu[AMB_CONTROLS];
+  amb_real F[AMB_FORCES];
+  amb_status status = amb_step_currents(kf, &s->base, u, iu);
+  amb_step_forces(kf, self->magnet, iu, s->base.mean, F, result->stiffness);
+  bool finite = true;
+  for (int f = 0; f < amb_forces(&kf->model); f++) {
+    const amb_stiffness k = result->stiffness[f];
+    finite = finite && amb_is_finite(F[f]) && amb_is_finite(k.k_i) && amb_is_finite(k.k_s);
+    F[f] += kf->set.f_0[f];
+  }
+  if (!finite) {
+    status |= AMB_BAD_PARAMETER;
+  } else {
+    amb_model_predict_mean(&kf->model, F, iu, s->base.mean);
+    predict_factor(kf, result->stiffness, s);
+    multiply_out(amb_states(&kf->model), s);
+    status |= contain(kf, s);
+  }
+  result->status = status;
+  return status;
+}
+
+/* Bierman's update with a measurement of sensor r: innovation e, of variance S. */
+static void correct(const amb_kalman *kf, amb_ud_state *s, int r, amb_real e)
+{
+  const amb_model *model = &kf->model;
+  const int n = amb_states(model);
+  amb_real alpha = kf->set.var_y[r];
+  amb_real gain[AMB_STATES]; /* times alpha */
+  for (int j = 0; j < n; j++) {
+    amb_real column[AMB_STATES];
+    for (int i = 0; i < n; i++) {
+      column[i] = s->U[i][j];
+    }
+    const amb_real shown = amb_model_shown(model, r, column); /* of U' c' */
+    const amb_real weighted = s->D[j] * shown;
+    const amb_real before = alpha;
+    alpha += shown * weighted;
+    s->D[j] *= before / alpha;
+    for (int i = 0; i < j; i++) {
+      const amb_real u = s->U[i][j];
+      s->U[i][j] = u - gain[i] * (shown / before);
+      gain[i] += u * weighted;
+    }
+    gain[j] = weighted;
+  }
+  for (int i = 0; i < n; i++) {
+    s->base.mean[i] += (gain[i] / alpha) * e;
+  }
+}
+
+static amb_status update_one(const amb_kalman *kf, amb_ud_state *s, int r, amb_real y,
+                             amb_step_surprise *told)
+{
+  const amb_model *model = &kf->model;
+  const amb_real S = amb_model_shown_variance(model, r, s->base.cov) + kf->set.var_y[r];
+  told->innovation = AMB_C(0.0);
+  told->variance = S;
+  amb_status status = amb_step_useless(kf, &s->base, r, y);
+  if (status == AMB_OK) {
+    const amb_real e = y - amb_model_shown(model, r, s->base.mean);
+    told->innovation = e;
+    status = amb_step_surprised(&s->base.sensor[r], e, S);
+    const amb_status outlier = amb_step_outlier(kf, &s->base.sensor[r], r, e, S);
+    status |= outlier;
+    if (outlier == AMB_RESTARTED) {
+      amb_envelope_restart(kf, &s->base, r, y);
+      factor_state(amb_states(model), s);
+    } else if (outlier == AMB_OK) {
+      correct(kf, s, r, e);
+      s->base.sensor[r].residual = y - amb_model_shown(model, r, s->base.mean);
+      multiply_out(amb_states(model), s);
+    } else { /* left out */
+    }
+  }
+  return status;
+}
+
+static amb_status update(const amb_estimator *self, void *state, const amb_real y[AMB_SENSORS],
+                         amb_kalman_result *result)
+{
+  result->status = AMB_OK;
+  for (int r = 0; r < amb_sensors(&self->kf->model); r++) {
+    amb_step_surprise e;
+    result->health[r] = update_one(self->kf, (amb_ud_state *)state, r, y[r], &e);
+    result->innovation[r] = e.innovation;
+    result->variance[r] = e.variance;
+    result->status |= result->health[r];
+  }
+  return result->status;
+}
+
+static void advance(const amb_estimator *self, amb_real scale, const amb_real iu[AMB_CONTROLS],
+                    amb_real mean[AMB_STATES])
+{
+  amb_extended_methods.advance(self, scale, iu, mean);
+}
+
+const amb_estimator_methods amb_ud_methods = {
+    sizeof(amb_ud_state), reset, predict, update, advance, NULL};
