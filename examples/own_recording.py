@@ -13,7 +13,7 @@ from ambkit.tuning import most_likely_disturbance
 TUNED_ON = 1.5  # s
 
 here = Path(__file__).parent
-record = ambkit.Record.load(here / "recordings" / "sinus_kalman.csv", here / "shifted_map.toml")
+record = ambkit.load(here / "recordings" / "sinus_kalman.csv", here / "shifted_map.toml")
 bearing = ambkit.Bearing.preset("inteco_ml").replace(
     name="around 9 mm", magnet__air_gap="11.149 mm", magnet__bias_current="0.8587 A"
 )

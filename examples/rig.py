@@ -46,19 +46,19 @@ if not LOGS.is_dir():
 def closed_loop(name: str) -> ambkit.Record:
     """Read a log, and leave out its beginning."""
     path = LOGS / "closed_loop" / f"{NAMES[name]}.mat"
-    return ambkit.Record.load(path, HERE / "recordings" / "closed_loop.toml").between(FROM, None)
+    return ambkit.load(path, HERE / "recordings" / "closed_loop.toml").between(FROM, None)
 
 
 # The law from lift-off, and what the sensors show at rest.
 lift_off = HERE / "recordings" / "lift_off.toml"
 points = [
-    find_lift_off(ambkit.Record.load(path, lift_off), int(path.stem))
+    find_lift_off(ambkit.load(path, lift_off), int(path.stem))
     for path in sorted((LOGS / "force").glob("*.mat"))
 ]
 preset = ambkit.Bearing.preset("inteco_ml")
 law = fit_lift_off(points, preset.rotor.mass, gap_range=(0.004, 0.016))
 gap, bias = law.working_point(0.010)
-rest = measurement_noise(ambkit.Record.load(LOGS / "noises.mat", lift_off), "i")
+rest = measurement_noise(ambkit.load(LOGS / "noises.mat", lift_off), "i")
 moving = [p.noise_variance for p in points if 0.008 <= p.gap <= 0.012]
 bearing = preset.replace(
     magnet__magnet_constant=law.magnet_constant,

@@ -63,7 +63,7 @@ def test_a_mirrored_record_pulls_with_gravity(name):
 def test_the_signs_of_the_rig_are_told():
     bearing = ambkit.Bearing.preset("inteco_ml")
     for log in sorted(RIG.glob("*.mat")):
-        record = Record.load(log, recordings.folder() / "closed_loop.toml")
+        record = ambkit.load(log, recordings.folder() / "closed_loop.toml")
         assert judge_record(record, bearing).problems == (), log.name
         (problem,) = judge_record(changed(record, y=-1.0), bearing).problems
         assert "swapped" in problem

@@ -86,7 +86,7 @@ def test_what_is_of_the_log_goes_into_its_channel_map(call, made, tmp_path):
             assert lines[0] == "[signals.u]"  # of y there is nothing
             parts += lines[1:]
     (tmp_path / "map.toml").write_text("\n".join(parts))
-    read = ambkit.Record.load("log.csv", "map.toml")
+    read = ambkit.load("log.csv", "map.toml")
     right = TRUTH.corrected(run)
     inner = slice(10, -10)
     off, before = (u[inner] - right["u"][inner] for u in (read["u"], late["u"]))
@@ -113,7 +113,7 @@ def test_the_lines_for_the_map_do_what_the_model_does(tmp_path):
         place = f"[signals.{name}]"
         text = text.replace(place, f'{place}\ncolumn = "{name}"\nunit = "{unit}"')
     (tmp_path / "map.toml").write_text(text)
-    read = ambkit.Record.load(tmp_path / "log.parquet", tmp_path / "map.toml")
+    read = ambkit.load(tmp_path / "log.parquet", tmp_path / "map.toml")
     expected = model.corrected(log)
     for name in ("y", "u"):
         np.testing.assert_allclose(read[name][5:], expected[name][5:], rtol=1e-5, atol=1e-10)

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import ambkit
 from ambkit import Bearing, recordings
 from ambkit.bearing import GRAVITY
 from ambkit.channelmap import ChannelMap
@@ -312,7 +313,7 @@ def test_the_shipped_recordings_are_what_the_script_makes(tmp_path):
 @needs_rig
 def test_the_noise_file_of_the_rig_shows_the_current_alone():
     channel_map = ChannelMap.load(recordings.folder() / "lift_off.toml")
-    record = Record.load(RIG / "noises.mat", channel_map)
+    record = ambkit.load(RIG / "noises.mat", channel_map)
     assert measurement_noise(record, "i").variance == pytest.approx(4.0e-5, rel=0.03)
     with pytest.raises(RecordError, match=r"9\d\d\d frozen, \d+ in motion at 20 mm"):
         measurement_noise(record, "z")

@@ -156,7 +156,7 @@ def test_parquet_with_columns_of_one_name_needs_a_map(call):
     Path("map.toml").write_text(
         '[signals.t]\ncolumn = "t"\nunit = "s"\n[signals.y]\ncolumn = "y#2"\nunit = "mm"\n'
     )
-    record = ambkit.Record.load("run.parquet", "map.toml")
+    record = ambkit.load("run.parquet", "map.toml")
     assert np.allclose(record["y"], np.arange(300) * 1e-7)
     assert call("read", "run.parquet", "--guess")[0] == 0
 

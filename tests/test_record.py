@@ -31,10 +31,10 @@ def same(first, second):
 
 @pytest.fixture
 def load(tmp_path):
-    def from_text(text, **options):
+    def from_text(text):
         path = tmp_path / "log.csv"
         path.write_text(text)
-        return Record.load(path, **options)
+        return Record.load(path)
 
     return from_text
 

@@ -15,6 +15,7 @@ from ambkit.estimators.family import KINDS
 from ambkit.faults import FAULTS, Torture, torture
 from ambkit.faults.campaign import BASELINE, recovery_text
 from ambkit.faults.declared import CLEAN, Channel
+from ambkit.faults.figures import torture_figure
 from ambkit.faults.flight import Flight
 from ambkit.scenario import PID
 from ambkit.simulation import Faults, Imposed, simulate_run
@@ -192,7 +193,7 @@ def test_the_result_is_whole_and_repeats() -> None:
 
 
 def test_the_picture_has_a_row_for_each_fault_and_a_column_for_each_estimator() -> None:
-    beside, in_loop = (panel.cells for panel in small().figure().panels)
+    beside, in_loop = (panel.cells for panel in torture_figure(small()).panels)
     assert beside is not None
     assert in_loop is not None
     assert list(beside.rows) == ["clean", "outage-10ms", "rail", "mixture"]

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from ambkit.estimators import SteadyStateKalmanFilter as SteadyStateKalmanFilter
     from ambkit.estimators import UnscentedKalmanFilter as UnscentedKalmanFilter
     from ambkit.estimators.batch import run_many as run_many
+    from ambkit.export.statespace import to_control as to_control
     from ambkit.faults import torture as torture
     from ambkit.fuzzy import Expert as Expert
     from ambkit.fuzzy.training import train as train
@@ -42,6 +43,8 @@ if TYPE_CHECKING:
     from ambkit.identification.stiffness import stiffness_map as stiffness_map
     from ambkit.magnets import ClosedLaw as ClosedLaw
     from ambkit.magnets import ConstantStiffness as ConstantStiffness
+    from ambkit.reading.reader import load as load
+    from ambkit.reading.reader import read as read
     from ambkit.record import Record as Record
     from ambkit.scenario import PID as PID
     from ambkit.scenario import Scenario as Scenario
@@ -74,6 +77,7 @@ _HOME = {
         "SteadyStateKalmanFilter",
         "UnscentedKalmanFilter",
     ],
+    "export.statespace": ["to_control"],
     "faults": ["torture"],
     "fuzzy": ["Expert"],
     "identification": ["identify"],
@@ -81,6 +85,7 @@ _HOME = {
     "identification.online.rls": ["RecursiveLeastSquares"],
     "identification.stiffness": ["StiffnessMap", "stiffness_map"],
     "magnets": ["ClosedLaw", "ConstantStiffness"],
+    "reading.reader": ["load", "read"],
     "record": ["Record"],
     "estimators.batch": ["run_many"],
     "scenario": ["PID", "Scenario"],

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     ConfigDict,
@@ -17,11 +17,6 @@ from ambkit.config import Document, Part, Read, read_unchecked, reader
 from ambkit.config.quantities import Quantity
 from ambkit.config.texts import Description, Name
 from ambkit.units import engineering
-
-if TYPE_CHECKING:
-    from control import StateSpace
-
-    from ambkit.scenario import PID
 
 MU_0 = 1.25663706127e-6
 """Vacuum magnetic permeability [N/A^2] (CODATA 2022)."""
@@ -219,28 +214,6 @@ class Bearing(Document):
         ``iu = s0 sqrt(-weight/k) - i0``.
         """
         return _hover_current(reader(self))
-
-    def to_control(self, pid: "PID | None" = None) -> "StateSpace":
-        """Return the linearised plant, or closed loop with a PID, for python-control.
-
-        Parameters
-        ----------
-        pid : PID, optional
-            Controller that closes the loop; without it, the plant.
-
-        Returns
-        -------
-        control.StateSpace
-            See :mod:`ambkit.export.statespace` for states, inputs and outputs.
-
-        Raises
-        ------
-        AmbkitError
-            Where python-control is not installed (``pip install 'ambkit[control]'``).
-        """
-        from ambkit.export import statespace
-
-        return statespace.plant(self) if pid is None else statespace.closed_loop(self, pid)
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:

@@ -216,12 +216,12 @@ def _describe_record(
 ) -> _Described:
     import numpy as np
 
+    from ambkit.reading import load
     from ambkit.reading.belongs import judge_record
     from ambkit.reading.faults import account, find
-    from ambkit.record import Record
     from ambkit.units import engineering
 
-    record = Record.load(path, channel_map)
+    record = load(path, channel_map)
     lacking = [name for name in ("y", "u") if name not in record]
     unfit = f"; without {' and '.join(lacking)}, so nothing to filter" if lacking else ""
     lost = _lost({name: int(np.isnan(record[name]).sum()) for name in record})

@@ -6,16 +6,13 @@ import math
 import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit import signals as names
 from ambkit.errors import RecordError, shortened
-
-if TYPE_CHECKING:
-    from ambkit.channelmap import ChannelMap
 
 Array = NDArray[np.float64]
 
@@ -172,36 +169,28 @@ class Record:
         write_table(path, Table({"t": self.t, **self.signals}, units, dict(self.meta)))
 
     @classmethod
-    def load(
-        cls,
-        path: str | os.PathLike[str],
-        channel_map: ChannelMap | str | os.PathLike[str] | None = None,
-    ) -> Record:
-        """Read a record whose clock is even; `read` also takes logs with faults.
+    def load(cls, path: str | os.PathLike[str]) -> Record:
+        """Read what `save` wrote, or any table with units whose clock is even.
+
+        `ambkit.load` also takes a channel map, and `ambkit.read` also logs with faults.
 
         Parameters
         ----------
         path : path
             The file. A CSV has a header with units, ``t [s],y [mm],u [V]``; they are converted
-            to SI. With a channel map any format that `read` knows.
-        channel_map : ChannelMap or path, optional
-            Which row or column of the file is which signal, with its unit, scale, sign and offset.
+            to SI.
 
         Raises
         ------
         RecordError
-            The file is cut short, holds no number where one should be, has no units, lacks a
-            signal, or is no valid record; the message names file and line.
+            The file is cut short, holds no number where one should be, has no units, or is no
+            valid record; the message names file and line.
         AmbkitError
-            The file, or the channel map, cannot be read.
+            The file cannot be read.
         """
         from ambkit.files.log import read_log
         from ambkit.files.tables import to_table
 
-        if channel_map is not None:
-            from ambkit.reading import load_mapped
-
-            return load_mapped(path, channel_map)
         log = read_log(path)
         table = to_table(log)
         if "t" not in table.columns:
@@ -215,39 +204,6 @@ class Record:
             return cls(t, columns, table.units, table.meta)
         except RecordError as error:
             raise RecordError(f"{path}: {error}") from None
-
-    @classmethod
-    def read(
-        cls,
-        path: str | os.PathLike[str],
-        map: ChannelMap | str | os.PathLike[str] | None = None,
-        **options: Any,
-    ) -> Record:
-        """Read a rig's log, of any format, whose clock and channels may have faults.
-
-        See `ambkit.reading.read`, which also gives the faults; here their account is kept in
-        ``meta["reading"]``.
-
-        Parameters
-        ----------
-        path : path
-            CSV of any kind, Parquet, MATLAB, HDF5 or MDF.
-        map : ChannelMap or path, optional
-            Which channel is which signal.
-        **options
-            ``resample``, ``sampling_time``, ``segment``, ``missing`` of `ambkit.reading.read`.
-
-        Raises
-        ------
-        RecordError
-            The file is damaged, the map does not fit it, or its samples lie on no even grid and
-            ``resample`` was not asked for; the message has all of it, each with its place.
-        AmbkitError
-            The file, or the map, cannot be read, or the library for it is not installed.
-        """
-        from ambkit.reading import read
-
-        return read(path, map, **options).record
 
 
 def _frozen(name: str, values: ArrayLike) -> Array:

@@ -127,7 +127,7 @@ def filter_record(
     from ambkit.commands.family import factories
     from ambkit.estimators import FilterNoise
     from ambkit.judgement import judge
-    from ambkit.record import Record
+    from ambkit.reading import load
     from ambkit.tuning import default_disturbance
 
     if tune is not None and noise_d is not None:
@@ -136,7 +136,7 @@ def filter_record(
         raise AmbkitError(f"--tune must be greater than 0 s, is {tune:g} s")
     chosen = names(estimator)
     model = find_bearing(bearing)
-    log = Record.load(record, channel_map)
+    log = load(record, channel_map)
     if begin is not None or end is not None:
         log = log.between(begin, end)
     check_belongs(record, log, model)

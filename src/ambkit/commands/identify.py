@@ -180,7 +180,7 @@ def identify(
     from ambkit.commands.identify_lift_off import by_lift_off
     from ambkit.commands.identify_likelihood import Asked, by_likelihood
     from ambkit.commands.identify_online import learn_online
-    from ambkit.record import Record
+    from ambkit.reading import load
 
     if bool(record) == (lift_off is not None):
         raise AmbkitError("give either a RECORD or --lift-off POINTS.csv")
@@ -233,7 +233,7 @@ def identify(
         return
     if len(record) > 1:
         raise AmbkitError(f"--method {method} learns along one record, {len(record)} are given")
-    log = Record.load(record[0], channel_map)
+    log = load(record[0], channel_map)
     if begin is not None or end is not None:
         log = log.between(begin, end)
     check_belongs(record[0], log, known)

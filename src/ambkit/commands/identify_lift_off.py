@@ -33,7 +33,7 @@ def by_lift_off(
     from ambkit.commands.output import value
     from ambkit.identification.forces.lift_off import find_lift_off, load_points
     from ambkit.identification.forces.lift_off_fit import fit_lift_off
-    from ambkit.record import Record
+    from ambkit.reading import load
 
     if out is not None and working_point is None:
         raise AmbkitError("--out needs --working-point: which distance is x = 0?")
@@ -46,7 +46,7 @@ def by_lift_off(
         with output.progress("reading", len(paths)) as done:
             points = []
             for run, path in enumerate(paths, 1):
-                points.append(find_lift_off(Record.load(path, channel_map), run))
+                points.append(find_lift_off(load(path, channel_map), run))
                 done()
     else:
         points = load_points(paths[0])

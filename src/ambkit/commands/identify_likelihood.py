@@ -149,9 +149,9 @@ def _at_rest(path: Path, channel_map: Path | None) -> dict[str, dict[str, Any]]:
     """Noise of each signal of a record at rest, or why it cannot be seen."""
     from ambkit.errors import RecordError
     from ambkit.identification.noise import measurement_noise
-    from ambkit.record import Record
+    from ambkit.reading import load
 
-    record = Record.load(path, channel_map)
+    record = load(path, channel_map)
     found: dict[str, dict[str, Any]] = {}
     for name in record:
         try:
@@ -181,9 +181,9 @@ def _rest_table(rest: dict[str, dict[str, Any]]) -> list[Any]:
 
 
 def _load(path: Path, asked: Asked) -> Record:
-    from ambkit.record import Record
+    from ambkit.reading import load
 
-    record = Record.load(path, asked.channel_map)
+    record = load(path, asked.channel_map)
     if asked.begin is None and asked.end is None:
         return record
     return record.between(asked.begin, asked.end)

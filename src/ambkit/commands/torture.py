@@ -91,6 +91,7 @@ def torture(
     from ambkit.commands.family import factories
     from ambkit.faults.campaign import chosen_faults, flights_of
     from ambkit.faults.campaign import torture as through
+    from ambkit.faults.figures import torture_figure
 
     plant = find_bearing(bearing)
     chosen = names(",".join(estimators or NAMES))
@@ -108,7 +109,7 @@ def torture(
         [_of_estimators(found, runs), _of_faults(found), *_failed(found)],
         [
             (out, lambda path: _save(path, found)),
-            (plot, lambda path: plots.save_figure(found.figure(), path)),
+            (plot, lambda path: plots.save_figure(torture_figure(found), path)),
         ],
         as_json=json,
     )

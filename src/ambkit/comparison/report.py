@@ -29,7 +29,7 @@ def report_of(study: Study) -> Report:
     study : Study
         With its sweeps.
     """
-    import ambkit
+    from importlib.metadata import version
 
     bench = study.bench
     chapters = [_result(study), _how(study)]
@@ -41,7 +41,7 @@ def report_of(study: Study) -> Report:
         title=f"Estimators compared: {bench.bearing.name}",
         subtitle=f"case {bench.case.name}: {bench.case.title}",
         lead=_lead(bench),
-        version=ambkit.__version__,
+        version=version("ambkit"),
         chapters=chapters,
         facts={
             "bearing": bench.bearing.name,
@@ -60,7 +60,7 @@ def report_of_cases(benches: Mapping[str, Bench]) -> Report:
     benches : mapping of str to Bench
         By case, with the same estimators in each.
     """
-    import ambkit
+    from importlib.metadata import version
 
     first = next(iter(benches.values()))
 
@@ -103,7 +103,7 @@ def report_of_cases(benches: Mapping[str, Bench]) -> Report:
         subtitle="in all cases",
         lead="The same records and the same start for all, and the same effort of tuning in each "
         "case.",
-        version=ambkit.__version__,
+        version=version("ambkit"),
         chapters=chapters,
         facts={
             "bearing": first.bearing.name,

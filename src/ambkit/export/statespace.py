@@ -17,6 +17,29 @@ if TYPE_CHECKING:
     from ambkit.scenario import PID
 
 
+def to_control(bearing: Bearing, pid: PID | None = None) -> control.StateSpace:
+    """Return the linearised plant, or closed loop with a PID, for python-control.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        The plant.
+    pid : PID, optional
+        Controller that closes the loop; without it, the plant alone.
+
+    Returns
+    -------
+    control.StateSpace
+        See `plant` and `closed_loop` for states, inputs and outputs.
+
+    Raises
+    ------
+    AmbkitError
+        Where python-control is not installed (``pip install 'ambkit[control]'``).
+    """
+    return plant(bearing) if pid is None else closed_loop(bearing, pid)
+
+
 def plant(bearing: Bearing) -> control.StateSpace:
     """Linearised plant at iu = 0, x = 0, in continuous time (paper, eq. 2, 14, 18).
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
     from ambkit.estimators import Estimator
     from ambkit.faults.declared import Channel
     from ambkit.magnets import Precision
-    from ambkit.report.figure import Figure
     from ambkit.simulation import Run
 
 Factory = Callable[..., "Estimator"]
@@ -135,24 +133,6 @@ class Torture:
 
     def _beside(self, name: str) -> list[Outcome]:
         return self.select(estimator=name, setting="beside the loop")
-
-    def figure(self) -> Figure:
-        """Show each estimator in each fault: recovered, and how fast."""
-        from ambkit.faults.figures import torture_figure
-
-        return torture_figure(self)
-
-    def plot(self, path: str | os.PathLike[str]) -> None:
-        """Draw that into a file.
-
-        Parameters
-        ----------
-        path : path
-            Ends with ``.png``, ``.svg`` or ``.html``.
-        """
-        from ambkit.plots import save_figure
-
-        save_figure(self.figure(), path)
 
 
 def chosen_faults(names: Iterable[str] | None) -> list[str]:

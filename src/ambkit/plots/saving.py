@@ -49,7 +49,8 @@ def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
 
 
 def _page(figure: Figure, picture: Any) -> str:
-    import ambkit
+    from importlib.metadata import version
+
     from ambkit.report.blocks import Chapter, FigureBlock, Report
     from ambkit.report.markup import plain
     from ambkit.report.page import render_page
@@ -58,7 +59,7 @@ def _page(figure: Figure, picture: Any) -> str:
         title=plain(figure.title),
         subtitle="",
         lead="",
-        version=ambkit.__version__,
+        version=version("ambkit"),
         chapters=[Chapter("picture", "Picture", [FigureBlock(figure)])],
     )
     return render_page(report, {figure.id: picture})

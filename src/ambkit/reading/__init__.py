@@ -2,7 +2,7 @@
 
 from ambkit.reading.clock import Clock
 from ambkit.reading.faults import Channel, Fault
-from ambkit.reading.reader import Reading, load_mapped, read
+from ambkit.reading.reader import Reading, load, read
 from ambkit.reading.refusals import Refused
 
-__all__ = ["Channel", "Clock", "Fault", "Reading", "Refused", "load_mapped", "read"]
+__all__ = ["Channel", "Clock", "Fault", "Reading", "Refused", "load", "read"]

@@ -219,16 +219,30 @@ def _placed(
     return replace(reading, record=record)
 
 
-def load_mapped(
-    path: str | os.PathLike[str], channel_map: ChannelMap | str | os.PathLike[str]
+def load(
+    path: str | os.PathLike[str],
+    channel_map: ChannelMap | str | os.PathLike[str] | None = None,
 ) -> Record:
-    """Read a log through a channel map where its clock is even: `ambkit.Record.load`.
+    """Read a record whose clock is even; `read` also takes logs with faults.
+
+    Parameters
+    ----------
+    path : path
+        The file: without a channel map a table with units, see `Record.load`; with one, any format
+        that `read` knows.
+    channel_map : ChannelMap or path, optional
+        Which row or column of the file is which signal, with its unit, scale, sign and offset.
 
     Raises
     ------
     RecordError
-        As `read`; also for gaps and infinite values, which `read` makes missing samples.
+        As `read`; also for gaps and infinite values, which `read` makes missing samples. The
+        message names file and line.
+    AmbkitError
+        The file, or the channel map, cannot be read.
     """
+    if channel_map is None:
+        return Record.load(path)
     log, mapped = _mapped(path, channel_map, lambda _: None)
     used = list(dict.fromkeys(mapped.clock_of.values()))
     check_times(log, mapped, used)

@@ -35,7 +35,7 @@ def refused_figure(refused: Refused) -> Figure | None:
     Parameters
     ----------
     refused : Refused
-        What `ambkit.reading.read` raised.
+        What `ambkit.read` raised.
 
     Returns
     -------

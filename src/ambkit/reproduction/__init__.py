@@ -70,7 +70,8 @@ def reproduce(
 
 def _report(study: Study, parts: list[Part], rows: list[SummaryRow], seed: int) -> Report:
     """Put the chapters together."""
-    import ambkit
+    from importlib.metadata import version
+
     from ambkit.report.blocks import Report
     from ambkit.reproduction.study import SEEDS
 
@@ -83,7 +84,7 @@ def _report(study: Study, parts: list[Part], rows: list[SummaryRow], seed: int) 
         "fuzzy network makes an expert of them, and the filter asks it at every sample (its "
         "Fig. 1 draws it as one block diagram). Everything below is computed by one C core, the "
         "same that flies.",
-        version=ambkit.__version__,
+        version=version("ambkit"),
         chapters=[part.chapter for part in parts],
         summary=rows,
         facts={

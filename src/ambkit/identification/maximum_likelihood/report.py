@@ -64,7 +64,7 @@ def identification_report(
     found: MaximumLikelihood, checks: Sequence[Validation], shown: Record
 ) -> Report:
     """Put together what was found, how surely, and whether it holds on other records."""
-    import ambkit
+    from importlib.metadata import version
 
     first = checks[0]
     prediction = figures.prediction_figure(found.model, shown, first.farthest, first.name)
@@ -73,7 +73,7 @@ def identification_report(
         subtitle=f"{found.samples} measurements, {len(found.parameters)} parameters",
         lead="By maximum likelihood: the parameters under which the Kalman filter's innovations "
         "are least surprising. Errors are those of Fisher's information along the records.",
-        version=ambkit.__version__,
+        version=version("ambkit"),
         chapters=[
             Chapter("found", "What was found", _found(found)),
             Chapter("stiffness", "Stiffness at work points", _stiffness(found)),
