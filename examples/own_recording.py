@@ -6,9 +6,9 @@ Writes recording.png into the folder in which it is started.
 from pathlib import Path
 
 import ambkit
-from ambkit import plots
-from ambkit.judgement import judge
-from ambkit.tuning import most_likely_disturbance
+from ambkit.judge.judgement import judge
+from ambkit.show import plots
+from ambkit.workflow.tuning import most_likely_disturbance
 
 TUNED_ON = 1.5  # s
 

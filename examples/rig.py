@@ -15,17 +15,18 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter, savgol_filter
 
 import ambkit
-from ambkit import plots
-from ambkit.comparison import prediction_error
-from ambkit.comparison.constant_velocity import tuned
+from ambkit.estimate.innovations import prediction_error
 from ambkit.identification.forces.lift_off import find_lift_off
 from ambkit.identification.forces.lift_off_fit import fit_lift_off
-from ambkit.identification.maximum_likelihood import figures, maximum_likelihood
+from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel, delayed
 from ambkit.identification.maximum_likelihood.validation import validate
 from ambkit.identification.noise import measurement_noise
-from ambkit.report.figure import Figure, Panel
-from ambkit.report.items import Axis, Bars, Line, Rule
+from ambkit.judge.comparison.constant_velocity import tuned
+from ambkit.show import plots
+from ambkit.show.plots import maximum_likelihood as figures
+from ambkit.show.report.figure import Figure, Panel
+from ambkit.show.report.items import Axis, Bars, Line, Rule
 
 HERE = Path(__file__).parent
 LOGS = Path(sys.argv[1]) if len(sys.argv) > 1 else HERE.parents[1] / "shared" / "data" / "inteco"

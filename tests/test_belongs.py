@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import recordings
-from ambkit.inspection import inspect
-from ambkit.reading.belongs import SURE, judge_record, mirror_correlation
-from ambkit.record import Record
+from ambkit.data import recordings
+from ambkit.data.record import Record
+from ambkit.judge.belongs import SURE, judge_record, mirror_correlation
+from ambkit.workflow.inspection import inspect
 
 RIG = Path(__file__).parents[2] / "shared" / "data" / "inteco" / "closed_loop"
 BEARING = ambkit.Bearing.preset("zittau_axial")

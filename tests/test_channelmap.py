@@ -5,10 +5,10 @@ import pytest
 from scipy.io import savemat
 
 import ambkit
-from ambkit import recordings
-from ambkit.channelmap import ChannelMap
-from ambkit.errors import ConfigError, RecordError
-from ambkit.record import Record
+from ambkit.base.errors import ConfigError, RecordError
+from ambkit.data import recordings
+from ambkit.data.channelmap import ChannelMap
+from ambkit.data.record import Record
 
 MAP = """\
 name = "a rig"

@@ -15,15 +15,15 @@ import pytest
 import typer
 
 import ambkit
-from ambkit.commands.app import app
-from ambkit.report.summary import number
-from ambkit.reproduction.adaline import adaline
-from ambkit.reproduction.chain import chain
-from ambkit.reproduction.expert import expert
-from ambkit.reproduction.gain import gain
-from ambkit.reproduction.recording import recording
-from ambkit.reproduction.sampling import sampling
-from ambkit.reproduction.study import Study
+from ambkit.cli.app import app
+from ambkit.show.report.summary import number
+from ambkit.workflow.reproduction.adaline import adaline
+from ambkit.workflow.reproduction.chain import chain
+from ambkit.workflow.reproduction.expert import expert
+from ambkit.workflow.reproduction.gain import gain
+from ambkit.workflow.reproduction.recording import recording
+from ambkit.workflow.reproduction.sampling import sampling
+from ambkit.workflow.reproduction.study import Study
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
@@ -97,7 +97,7 @@ def header(anchor: str) -> str:
 
 def test_resolve_notices_what_does_not_exist():
     assert resolve("ambkit.KalmanFilter.predict")
-    assert resolve("ambkit.bearing.Sensor.lag")
+    assert resolve("ambkit.machine.bearing.Sensor.lag")
     with pytest.raises(AttributeError):
         resolve("ambkit.KalmanFilter.foretell")
     assert resolve("nowhere.at.all") is None

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit.judgement import judge
+from ambkit.judge.judgement import judge
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit.cli import main
+from ambkit.cli.main import main
 from ambkit.identification.maximum_likelihood import maximum_likelihood
-from ambkit.identification.maximum_likelihood.figures import estimates_figure
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import named
-from ambkit.identification.maximum_likelihood.report import carried_over
 from ambkit.identification.maximum_likelihood.validation import cross_correlation, validate
-from ambkit.report.items import Rule
+from ambkit.show.pages.maximum_likelihood import carried_over
+from ambkit.show.plots.maximum_likelihood import estimates_figure
+from ambkit.show.report.items import Rule
 from benchmarks.identification import TRUTH, closed_loops
 
 

@@ -11,15 +11,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import ambkit
-from ambkit import Bearing, recordings
-from ambkit.bearing import GRAVITY
-from ambkit.channelmap import ChannelMap
-from ambkit.cli import main
-from ambkit.errors import AmbkitError, RecordError
+from ambkit import Bearing
+from ambkit.base.errors import AmbkitError, RecordError
+from ambkit.cli.main import main
+from ambkit.data import recordings
+from ambkit.data.channelmap import ChannelMap
+from ambkit.data.record import Record
 from ambkit.identification.forces.lift_off import LiftOff, find_lift_off, load_points, save_points
 from ambkit.identification.forces.lift_off_fit import fit_lift_off
 from ambkit.identification.noise import measurement_noise
-from ambkit.record import Record
+from ambkit.machine.bearing import GRAVITY
 
 MASS, CONSTANT, OFFSET = 0.06054, 1.0e-4, 2.1e-3
 RIG = Path(__file__).parents[2] / "shared" / "data" / "inteco"

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import ambkit
-from ambkit.channelmap import ChannelMap
-from ambkit.errors import AmbkitError, ExtraMissing, RecordError
-from ambkit.files import csv_dialect
-from ambkit.files.log import read_log
-from ambkit.record import Record
+from ambkit.base.errors import AmbkitError, ExtraMissing, RecordError
+from ambkit.data.channelmap import ChannelMap
+from ambkit.data.files import csv_dialect
+from ambkit.data.files.log import read_log
+from ambkit.data.record import Record
 from tests import logs
 
 MAP = ChannelMap.from_toml(logs.MAP)

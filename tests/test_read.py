@@ -14,16 +14,17 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import ambkit
-from ambkit import plots, recordings
-from ambkit.channelmap import ChannelMap
-from ambkit.cli import main
-from ambkit.errors import ConfigError, RecordError
-from ambkit.reading import Refused, faults, grid, read
-from ambkit.reading.clock import examine
-from ambkit.reading.guess import guess
-from ambkit.reading.picture import reading_figure
-from ambkit.reading.refused_picture import refused_figure
-from ambkit.record import Record
+from ambkit.base.errors import ConfigError, RecordError
+from ambkit.cli.main import main
+from ambkit.data import recordings
+from ambkit.data.channelmap import ChannelMap
+from ambkit.data.reading import Refused, faults, grid, read
+from ambkit.data.reading.clock import examine
+from ambkit.data.reading.guess import guess
+from ambkit.data.record import Record
+from ambkit.show import plots
+from ambkit.show.plots.reading import reading_figure
+from ambkit.show.plots.refused import refused_figure
 from benchmarks import reading as reading_benchmark
 from tests import logs
 

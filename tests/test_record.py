@@ -8,9 +8,9 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from ambkit.errors import AmbkitError, RecordError
-from ambkit.record import Record
-from ambkit.signals import SI_UNITS, si_unit
+from ambkit.base.errors import AmbkitError, RecordError
+from ambkit.data.record import Record
+from ambkit.data.signals import SI_UNITS, si_unit
 
 ENDINGS = (".csv", ".parquet")
 VALUES = st.floats(allow_nan=True, allow_infinity=False, width=64)

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import ambkit
-from ambkit import recordings
+from ambkit.data import recordings
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.validation import validate

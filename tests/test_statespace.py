@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from ambkit import PID, Bearing, Scenario, Step, simulate, to_control
-from ambkit.errors import AmbkitError
+from ambkit.base.errors import AmbkitError
 from ambkit.export import statespace
-from ambkit.magnets import ConstantStiffness
+from ambkit.machine.magnets import ConstantStiffness
 
 LOOPS = [
     PID(kp=3000.0, ki=20000.0, kd=12.0, feedback="estimate"),

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 import ambkit
-from ambkit.channelmap import ChannelMap
+from ambkit.data.channelmap import ChannelMap
+from ambkit.data.record import Record
 from ambkit.identification.forces.lift_off import find_lift_off, save_points
-from ambkit.record import Record
 
 HERE = Path(__file__).parent
 LOOP = (2.0, 6.0)  # [s]: the ball has been caught, and goes from its lowest point to its highest

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ambkit.errors import AmbkitError
-from ambkit.magnets import ConstantStiffness
+from ambkit.base.errors import AmbkitError
+from ambkit.machine.magnets import ConstantStiffness
 
 if TYPE_CHECKING:
     import control
 
-    from ambkit.bearing import Bearing
-    from ambkit.scenario import PID
+    from ambkit.machine.bearing import Bearing
+    from ambkit.simulation.scenario import PID
 
 
 def to_control(bearing: Bearing, pid: PID | None = None) -> control.StateSpace:
