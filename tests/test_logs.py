@@ -11,7 +11,7 @@ import ambkit
 from ambkit.base.errors import AmbkitError, ExtraMissing, RecordError
 from ambkit.data.channelmap import ChannelMap
 from ambkit.data.files import csv_dialect
-from ambkit.data.files.log import read_log
+from ambkit.data.files.formats import read_log
 from ambkit.data.record import Record
 from tests import logs
 

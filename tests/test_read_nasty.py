@@ -9,7 +9,7 @@ import pytest
 
 from ambkit.cli.main import main
 from ambkit.data.channelmap import ChannelMap
-from ambkit.data.files.log import read_log
+from ambkit.data.files.formats import read_log
 from ambkit.data.reading import read
 from ambkit.data.reading.guess import guess
 from tests import logs

@@ -188,7 +188,7 @@ class Record:
         AmbkitError
             The file cannot be read.
         """
-        from ambkit.data.files.log import read_log
+        from ambkit.data.files.formats import read_log
         from ambkit.data.files.tables import to_table
 
         log = read_log(path)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, Literal, Protocol
 
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
 
 Precision = Literal["float64", "float32"]
+
+_BUILDS = {"float64": "ambkit._core", "float32": "ambkit._core_f32"}
 
 
 def equally_far(bearing: Bearing) -> tuple[float, float]:
@@ -47,15 +50,9 @@ class StiffnessSource(Protocol):
 
 def core_module(precision: Precision = "float64") -> ModuleType:
     """Return the build of the C core that computes in ``precision``."""
-    if precision == "float64":
-        from ambkit import _core
-
-        return _core
-    if precision == "float32":
-        from ambkit import _core_f32
-
-        return _core_f32
-    raise ValueError(f"precision must be 'float64' or 'float32', got {precision!r}")
+    if precision not in _BUILDS:
+        raise ValueError(f"precision must be 'float64' or 'float32', got {precision!r}")
+    return import_module(_BUILDS[precision])
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ambkit.base import files
 from ambkit.base.errors import AmbkitError, ConfigError, RecordError, shortened
-from ambkit.data.files.log import ENDINGS
+from ambkit.data.files.formats import ENDINGS
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing

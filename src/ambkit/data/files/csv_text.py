@@ -81,7 +81,7 @@ def read(
     lenient: bool = False,
     texts: Collection[str | int] = (),
 ) -> Log:
-    """Read a text file with columns; see `ambkit.data.files.log.read_log`."""
+    """Read a text file with columns; see `ambkit.data.files.formats.read_log`."""
     try:
         content = budget.read_bytes(path, budget.TEXT_SHARE)
     except OSError as error:

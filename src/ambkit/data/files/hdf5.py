@@ -26,7 +26,7 @@ def read(
     lenient: bool = False,
     texts: Collection[str | int] = (),
 ) -> Log:
-    """Read data sets; see `ambkit.data.files.log.read_log`.
+    """Read data sets; see `ambkit.data.files.formats.read_log`.
 
     A data set of a compound type gives each of its fields, ``rig/log.current``.
     """

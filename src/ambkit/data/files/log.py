@@ -7,8 +7,6 @@ import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,21 +15,6 @@ from numpy.typing import NDArray
 from ambkit.base.errors import RecordError
 
 Array = NDArray[np.float64]
-
-_READERS = {
-    ".csv": "csv_text",
-    ".txt": "csv_text",
-    ".tsv": "csv_text",
-    ".asc": "csv_text",
-    ".parquet": "parquet",
-    ".mat": "mat",
-    ".h5": "hdf5",
-    ".hdf5": "hdf5",
-    ".mf4": "mdf",
-    ".mdf": "mdf",
-}
-ENDINGS = tuple(_READERS)
-"""Endings of the files that `read_log` reads."""
 
 
 @dataclass(frozen=True)
@@ -92,50 +75,6 @@ class Log:
         shown += [f"{name} (times as text)" for name in self.texts]
         more = f" and {len(shown) - 30} more" if len(shown) > 30 else ""
         return ", ".join(shown[:30]) + more or "nothing"
-
-
-def read_log(
-    path: str | os.PathLike[str],
-    wanted: Collection[str | int] | None = None,
-    told: Callable[[str], object] = lambda _: None,
-    *,
-    lenient: bool = False,
-    texts: Collection[str | int] = (),
-) -> Log:
-    """Read the numbers of a log.
-
-    Parameters
-    ----------
-    path : path
-        A text file with columns (``.csv``, ``.txt``, ``.tsv``, ``.asc``), ``.parquet``, ``.mat``,
-        ``.h5`` or ``.hdf5``, ``.mf4`` or ``.mdf``.
-    wanted : collection of str or int, optional
-        Read these alone; in a text file or a Parquet the others may then hold anything, and a
-        number is the place of a column.
-    told : callable
-        Called with what is being done, where that takes long.
-    lenient : bool
-        Leave out what holds no numbers, and say so, where it would be refused.
-    texts : collection of str or int
-        Read these as times in text, whatever they look like.
-
-    Raises
-    ------
-    RecordError
-        The file is damaged or cut short, or of another kind, or lacks what is wanted.
-    ExtraMissing
-        The library for such files is not installed; the message names the command.
-    AmbkitError
-        The file cannot be read.
-    """
-    ending = Path(path).suffix.lower()
-    if ending not in _READERS:
-        known = f"{', '.join(ENDINGS[:-1])} or {ENDINGS[-1]}"
-        raise RecordError(f"{path}: cannot read {ending or 'a file without ending'}, use {known}")
-    reader = import_module(f"ambkit.base.files.{_READERS[ending]}")
-    told(f"reading {Path(path).name}")
-    log: Log = reader.read(path, wanted, told, lenient, texts)
-    return log
 
 
 class DamagedLog(RecordError):

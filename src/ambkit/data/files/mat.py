@@ -39,7 +39,7 @@ def read(
     lenient: bool = False,
     texts: Collection[str | int] = (),
 ) -> Log:
-    """Read all arrays of numbers, and times as text; see `ambkit.data.files.log.read_log`."""
+    """Read all arrays of numbers, and times as text; see `ambkit.data.files.formats.read_log`."""
     import pyarrow as pa
 
     check_readable(path)

@@ -29,7 +29,7 @@ def read(
     lenient: bool = False,
     texts: Collection[str | int] = (),
 ) -> Log:
-    """Read channels, and the clock of each; see `ambkit.data.files.log.read_log`."""
+    """Read channels, and the clock of each; see `ambkit.data.files.formats.read_log`."""
     check_readable(path)
     try:
         from asammdf import MDF

@@ -48,7 +48,7 @@ def read(
     lenient: bool = False,
     texts: Collection[str | int] = (),
 ) -> Log:
-    """Read the columns; see `ambkit.data.files.log.read_log`."""
+    """Read the columns; see `ambkit.data.files.formats.read_log`."""
     import pyarrow as pa
     from pyarrow import parquet
 

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from ambkit.base import files
 from ambkit.base.errors import RecordError
 from ambkit.data.files import csv_text, parquet, timestamps
-from ambkit.data.files.log import Log, read_log
+from ambkit.data.files.formats import read_log
+from ambkit.data.files.log import Log
 from ambkit.data.signals import UNITS, si_unit
 
 Array = NDArray[np.float64]

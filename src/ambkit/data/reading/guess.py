@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from ambkit.base.errors import RecordError
 from ambkit.base.escaping import one_line, toml_string
 from ambkit.base.units import factor
-from ambkit.data.files.log import FIRST, Log, read_log
+from ambkit.data.files.formats import read_log
+from ambkit.data.files.log import FIRST, Log
 from ambkit.data.reading.candidates import (
     Candidate,
     candidates,

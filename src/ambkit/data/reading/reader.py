@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import RecordError, shortened
 from ambkit.base.units import engineering
-from ambkit.data.files.log import DamagedLog, Log, read_log
+from ambkit.data.files.formats import read_log
+from ambkit.data.files.log import DamagedLog, Log
 from ambkit.data.reading import faults as channel_faults
 from ambkit.data.reading import grid
 from ambkit.data.reading.clock import Clock, examine, instant
@@ -108,7 +109,7 @@ def read(
     Parameters
     ----------
     path : path
-        The log; see `ambkit.data.files.log.read_log` for the formats.
+        The log; see `ambkit.data.files.formats.read_log` for the formats.
     map : ChannelMap or path, optional
         What is what; without it, a table whose columns have the names and units of a record.
     resample : bool
