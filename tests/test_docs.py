@@ -5,6 +5,7 @@ build, which .ci/run does with warnings as errors.
 """
 
 import re
+import tomllib
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
@@ -101,6 +102,24 @@ def test_resolve_notices_what_does_not_exist():
     with pytest.raises(AttributeError):
         resolve("ambkit.KalmanFilter.foretell")
     assert resolve("nowhere.at.all") is None
+
+
+# --- the floors of the house
+
+
+def test_the_readme_shows_the_floors_that_are_checked():
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
+    floors = next(c["layers"] for c in contracts["contracts"] if c["type"] == "layers")
+    optional = re.compile(r"\(\w+\)")  # a room that is still to come
+    checked = [re.findall(r"\w+", optional.sub("", floor)) for floor in floors]
+    shown: list[list[str]] = []
+    for floor, room, *_ in rows(README.partition("## The house")[2].partition("\n## ")[0]):
+        shown += [[]] if floor else []
+        shown[-1].append(room.strip("`"))
+    assert shown == checked
+    assert len(shown) <= 10
+    rooms = {path.parent.name for path in (ROOT / "src/ambkit").glob("*/__init__.py")}
+    assert rooms == {room for floor in shown for room in floor}
 
 
 # --- the pages
