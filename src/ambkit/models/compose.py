@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,7 +124,7 @@ class Sampling:
         shares = {share for _, share in self.plan.past.values() if share < 1}
         ends = [0.0, *sorted(shares), 1.0]
         Phi = np.eye(self.sizes[3])
-        for start, end in zip(ends, ends[1:], strict=False):
+        for start, end in pairwise(ends):
             Phi = exponential.transition(self.generator(start), (end - start) * self.plan.T) @ Phi
         return structured(Phi, pattern_of(self.driven()))
 
@@ -220,7 +221,7 @@ class Sampling:
 
     def _pure_means(self, parts: dict[str, tuple[Array, Pattern]]) -> None:
         """Set the ones of h and d: the mean of what does not move by itself is what it was."""
-        plan, (n, p, c, _) = self.plan, self.sizes
+        plan, (n, p, _c, _) = self.plan, self.sizes
         reach = pattern_of(self.driven())
         for k, force in enumerate(plan.forces):
             seen = {self.at(q): value for q, value in plan.places[force.name].items()}

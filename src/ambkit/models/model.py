@@ -127,9 +127,7 @@ class Model:
             raise KeyError(f"no state {state}; there are {', '.join(names)}")
         return names.index(state)
 
-    def sparse(
-        self, name: str, k: int = 0
-    ) -> tuple[NDArray[np.uint16], NDArray[np.uint16], Array]:
+    def sparse(self, name: str, k: int = 0) -> tuple[NDArray[np.uint16], NDArray[np.uint16], Array]:
         """Return a matrix as compressed rows: all its structural entries, columns ascending.
 
         Parameters
@@ -196,7 +194,8 @@ class Model:
         """
         B = self.input_matrix(k_i)
         scales = np.broadcast_to(np.asarray(var_noise, float), len(self.noises))
-        return (B * np.asarray(var_u, float)) @ B.T + np.tensordot(scales, self.N, 1)
+        driven = (B * np.asarray(var_u, float)) @ B.T
+        return np.asarray(driven + np.tensordot(scales, self.N, 1))
 
     def _per_force(self, values: ArrayLike) -> Array:
         return np.broadcast_to(np.asarray(values, float), len(self.forces))

@@ -60,7 +60,7 @@ class Plan:
         self.places: dict[str, Row] = {}
         self.currents: dict[str, str] = {}
         self.past: dict[str, tuple[list[str], float]] = {}
-        self.readings: list[Row] = []
+        self.readings: list[dict[str, float]] = []
         self.sources: list[tuple[Row, bool]] = []
         self.rests: dict[str, Row] = {}
         self._parts = 0
@@ -107,7 +107,7 @@ class Plan:
         names = [at.name for at in self.measurements]
         if measurement not in names:
             raise ValueError(f"no measurement {measurement}; there are {', '.join(names)}")
-        self.readings[names.index(measurement)] |= reading
+        self.readings[names.index(measurement)].update(reading)
 
     def noise(self, name: str, unit: str, size: float, intensity: Row, *, walk: bool) -> None:
         """Add a source of noise, white and independent in each state that it drives.

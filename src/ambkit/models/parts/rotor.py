@@ -67,8 +67,8 @@ class Rotor:
         )
         for entries, sources, scale in driven:
             for (k, j), value in entries.items():
-                for (i, l), moved in inverse.items():
-                    if l == k:
+                for (i, pushed), moved in inverse.items():
+                    if pushed == k:
                         plan.rate(self.velocities[i], sources[j], -moved * scale * value)
 
     def _inverse_mass(self) -> dict[tuple[int, int], float]:
