@@ -126,7 +126,11 @@ class Sampling:
         Phi = np.eye(self.sizes[3])
         for start, end in pairwise(ends):
             Phi = exponential.transition(self.generator(start), (end - start) * self.plan.T) @ Phi
-        return structured(Phi, pattern_of(self.driven()))
+        driven = self.driven()
+        # What is on no circle but its own decays by its own rate, however far: no digit is lost.
+        alone = np.flatnonzero(np.diag(pattern_of(driven & ~np.eye(len(driven), dtype=bool))) == ONE)
+        Phi[alone, alone] = np.exp(np.diag(self.generator(0.0))[alone] * self.plan.T)
+        return structured(Phi, pattern_of(driven))
 
     def model(self, name: str) -> Model:
         """Return the sampled model."""
