@@ -128,7 +128,9 @@ class Sampling:
             Phi = exponential.transition(self.generator(start), (end - start) * self.plan.T) @ Phi
         driven = self.driven()
         # What is on no circle but its own decays by its own rate, however far: no digit is lost.
-        alone = np.flatnonzero(np.diag(pattern_of(driven & ~np.eye(len(driven), dtype=bool))) == ONE)
+        alone = np.flatnonzero(
+            np.diag(pattern_of(driven & ~np.eye(len(driven), dtype=bool))) == ONE
+        )
         Phi[alone, alone] = np.exp(np.diag(self.generator(0.0))[alone] * self.plan.T)
         return structured(Phi, pattern_of(driven))
 
