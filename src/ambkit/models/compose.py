@@ -39,6 +39,7 @@ def compose(parts: Sequence[Part], T: float, *, name: str = "model") -> Model:
     plan = Plan(T)
     for part in parts:
         plan.add(part)
+    plan.check()
     return Sampling(plan).model(name)
 
 
@@ -86,8 +87,6 @@ class Sampling:
             pushes |= {state: plan.pushes[force] for state, force in plan.riders.items()}
         for source, places in pushes.items():
             for position, share in places.items():
-                if position not in plan.inertia:
-                    raise ValueError(f"{source} pushes at {position}, which is no position")
                 terms += [
                     (self.at(velocity), source, value * share)
                     for velocity, value in plan.inertia[position].items()
@@ -137,7 +136,6 @@ class Sampling:
     def model(self, name: str) -> Model:
         """Return the sampled model."""
         plan, (n, p, c, _) = self.plan, self.sizes
-        riders = self._riders()
         Phi, kinds = self.whole()
         states, forces, controls = slice(n), slice(n, n + p), slice(n + p, n + p + c)
         displaced, currents = slice(n + p + c, n + 2 * p + c), slice(n + 2 * p + c, None)
@@ -149,7 +147,7 @@ class Sampling:
             "h": (Phi[displaced, states] * rotor, kinds[displaced, states] * rotor),
             "e": (Phi[currents, states], kinds[currents, states]),
             "d": (Phi[currents, controls], kinds[currents, controls]),
-            "r": riders,
+            "r": self._riders(),
             "c": self._linear_forms(plan.readings),
             "N": self._growth(),
             "rest": self._rest(),
@@ -177,8 +175,6 @@ class Sampling:
         forces = [at.name for at in self.plan.forces]
         r = np.zeros((len(forces), len(self.plan.states)))
         for state, force in self.plan.riders.items():
-            if force not in forces:
-                raise ValueError(f"{state} rides on {force}, which is no magnet's force")
             r[forces.index(force), self.at(state)] = 1.0
         return r, np.where(r == 1, ONE, ZERO).astype(np.int8)
 

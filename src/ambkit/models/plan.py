@@ -129,6 +129,29 @@ class Plan:
         """Say what a state is when all is at rest."""
         self.rests[state] = dict(values)
 
+    def check(self) -> None:
+        """Check that what parts name of each other is there.
+
+        Raises
+        ------
+        ValueError
+            It is not.
+        """
+        forces, controls = ({at.name for at in of} for of in (self.forces, self.controls))
+        for state, force in self.riders.items():
+            if force not in forces:
+                raise ValueError(f"{state} rides on {force}, which is no magnet's force")
+        for force, current in self.currents.items():
+            if force not in forces:
+                raise ValueError(f"{current} feeds {force}, which is no magnet's force")
+        for control in self.past:
+            if control not in controls:
+                raise ValueError(f"no amplifier has the demanded current {control}, which is late")
+        for source, places in self.pushes.items():
+            for position in places:
+                if position not in self.inertia:
+                    raise ValueError(f"{source} pushes at {position}, which is no position")
+
     def _named(self, name: str, unit: str, size: float, role: str) -> Descriptor:
         taken = {at.name for at in (*self.states, *self.forces, *self.controls)}
         if name in taken:

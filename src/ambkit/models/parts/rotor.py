@@ -78,6 +78,8 @@ class Rotor:
         M, joined = np.zeros((n, n)), np.eye(n, dtype=bool)
         for (i, j), value in entries.items():
             M[i, j], joined[i, j], joined[j, i] = value, True, True
+        if (M != M.T).any() or np.linalg.eigvalsh(M).min() <= 0:
+            raise ValueError(f"mass must be symmetric and positive definite, is {M.tolist()}")
         joined = np.linalg.matrix_power(joined.astype(np.int64), n) > 0
         inverse = np.linalg.inv(M)
         return {(int(i), int(j)): float(inverse[i, j]) for i, j in np.argwhere(joined)}
