@@ -1,0 +1,69 @@
+"""One axis: the composition that a bearing's keys give; the paper's is the plainest."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from ambkit.models.compose import compose
+from ambkit.models.model import ONE, Model
+from ambkit.models.parts import PARTS
+from ambkit.models.parts.typical import Typical
+from ambkit.models.plan import Part
+
+PAPER_CONSTANTS: Mapping[tuple[str, int, int], str] = {
+    ("L", 0, 1): "T",
+    ("h", 0, 1): "T_2",
+    ("b", 1, 0): "T_m",
+    ("b", 0, 0): "T2_2m",
+    ("L", 3, 3): "a_sen",
+    ("L", 3, 0): "b_sen",
+    ("L", 3, 1): "c_sen",
+    ("b", 3, 0): "d_sen",
+} | {("N0", i, j): f"N{i}{j}" for i in range(4) for j in range(i, 4) if (i, j) != (2, 2)}
+"""What the constants of the paper's axis (eq. 15-21) are called in C, in their order there."""
+
+
+def axis_parts(bearing: Any) -> list[Part]:
+    """Return the parts of a bearing of one axis, as its keys give them.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        Keys that it does not have (``delay``, ``amplifier.bandwidth``, ``sensor.coloured_noise``,
+        ``sensor.hum``) count as not given.
+    """
+    typical = Typical.of(bearing)
+    return [part for kind in PARTS for part in kind.of_axis(bearing, typical)]
+
+
+def axis_model(bearing: Any, *, T: float | None = None, as_printed: bool = False) -> Model:
+    """Return the sampled model of one axis.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        See `axis_parts`.
+    T : float, optional
+        Sampling time [s]; the bearing's own by default.
+    as_printed : bool, optional
+        Eq. 15-21 to the letter: the position is held within the sample. For the paper's axis only.
+
+    Raises
+    ------
+    ValueError
+        As printed, with parts that the paper does not have.
+    """
+    model = compose(axis_parts(bearing), T or bearing.sampling_time, name="axial")
+    return printed(model) if as_printed else model
+
+
+def printed(model: Model) -> Model:
+    """Return the paper's axis as eq. 15-21 print it: what acts within the sample is zero."""
+    names = [state.name for state in model.states]
+    if names != ["x", "v", "f_d", "x_m"]:
+        raise ValueError(f"as printed there are the states x, v, f_d and x_m, not {names}")
+    h, L, b = model.h.copy(), model.L.copy(), model.b.copy()
+    h[0, 1] = L[3, 1] = b[3, 0] = 0.0
+    return replace(model, h=h, L=L, b=b, N=(model.pattern["N"] == ONE).astype(float))

@@ -1,0 +1,26 @@
+"""From a model's pattern to straight-line C: the same sums as the core's loops, unrolled.
+
+The covariance is its upper triangle, row by row. There are no branches, so one text serves float,
+double and SIMD lanes. An entry that is one by structure costs no product. The order of the sums is
+that of the loops, so that the bits agree.
+"""
+
+from ambkit.models.emit.covariance import predict_covariance
+from ambkit.models.emit.header import constants, growth, header, initialiser, struct
+from ambkit.models.emit.names import Names, Naming
+from ambkit.models.emit.steps import current, displacement, predict_mean, update
+
+__all__ = [
+    "Names",
+    "Naming",
+    "constants",
+    "current",
+    "displacement",
+    "growth",
+    "header",
+    "initialiser",
+    "predict_covariance",
+    "predict_mean",
+    "struct",
+    "update",
+]

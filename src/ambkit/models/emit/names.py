@@ -1,0 +1,124 @@
+"""What the entries of a model are called in C."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ambkit.models.emit.terms import Factor
+from ambkit.models.model import MATRICES, NUMBER, ONE, ZERO, Model
+
+Naming = Mapping[tuple[str, int, int], str]
+"""What constants are called: by matrix (the k-th source's N is ``Nk``), row and column."""
+
+
+class Names:
+    """Names of one model's entries, and how the functions get at them.
+
+    Parameters
+    ----------
+    model : Model
+        Its name, sizes, names and pattern are asked; its numbers are not.
+    naming : mapping, optional
+        Names of constants, in their order in the struct; others follow as ``L_0_3``.
+
+    Raises
+    ------
+    ValueError
+        The naming has an entry that is no number by the pattern.
+    """
+
+    def __init__(self, model: Model, naming: Naming | None = None) -> None:
+        self.model = model
+        self.kind = f"amb_{model.name}"
+        self.n, self.p, self.c = len(model.states), len(model.forces), len(model.controls)
+        self.m, self.k = len(model.measurements), len(model.noises)
+        self.pairs = [(i, j) for i in range(self.n) for j in range(i, self.n)]
+        self.where = {pair: at for at, pair in enumerate(self.pairs)}
+        self.constants = self._constants(naming or {})
+        self.between = "_" if self.n > 10 else ""
+        reserved = {"f", "u", "mean", "model", *(self.whole_force(f) for f in range(self.p))}
+        reserved |= set(self.constants.values())
+        self.state = [at.name + "_" * (at.name in reserved) for at in model.states]
+        self.given = f"const {self.kind}_model *model"
+        self.cov = f"amb_real cov[{len(self.pairs)}]"
+        self.growth = f"amb_real growth[{len(self.pairs)}]"
+        self.mean = f"amb_real mean[{self.n}]"
+
+    def _constants(self, naming: Naming) -> dict[tuple[str, int, int], str]:
+        """Return the name of each number, in the struct's order."""
+        listed: list[tuple[str, int, int]] = []
+        for name in MATRICES:
+            pattern = self.model.pattern[name]
+            if name == "N":
+                numbers = [(k, i, j) for k in range(self.k) for i, j in self.pairs]
+                listed += [(f"N{k}", i, j) for k, i, j in numbers if pattern[k, i, j] == NUMBER]
+            elif name != "rest":
+                rows, columns = (pattern == NUMBER).nonzero()
+                listed += [(name, int(i), int(j)) for i, j in zip(rows, columns, strict=True)]
+        if unknown := [key for key in naming if key not in listed]:
+            raise ValueError(f"the pattern has no number at {unknown}")
+        return {**naming} | {
+            key: "{}_{}_{}".format(*key) for key in listed if key not in naming
+        }  # fmt: skip
+
+    def entries(self, name: str, i: int) -> list[tuple[int, Factor]]:
+        """Return the structural entries of a row, columns ascending; None for a one."""
+        return [
+            (j, None if kind == ONE else self.constants[name, i, j])
+            for j, kind in enumerate(self.model.pattern[name][i].tolist())
+            if kind != ZERO
+        ]
+
+    def pair(self, name: str, i: int, j: int) -> str:
+        """Return the name of something of two states."""
+        return f"{name}{i}{self.between}{j}"
+
+    def P(self, i: int, j: int) -> str:
+        """Return the symbol of a covariance."""
+        return self.pair("P", min(i, j), max(i, j))
+
+    def of_force(self, name: str, f: int, j: int) -> str:
+        """Return the name of something of a force and a state."""
+        return f"{name}{j}" if self.p == 1 else f"{name}{f}_{j}"
+
+    def of_control(self, name: str, i: int, at: int) -> str:
+        """Return the name of something of a state (or force) and a control."""
+        return f"{name}{i}" if self.c == 1 else f"{name}{i}_{at}"
+
+    def whole_force(self, f: int) -> str:
+        """Return the name of all force at a magnet's place."""
+        return "f_all" if self.p == 1 else f"f_all{f}"
+
+    def argument(self, name: str, count: int) -> list[str]:
+        """Return an argument's declaration: a number, or an array of several, or none at all."""
+        if count == 0:
+            return []
+        return [f"amb_real {name}" if count == 1 else f"const amb_real {name}[{count}]"]
+
+    def of(self, name: str, at: int, count: int) -> str:
+        """Return one entry of an argument."""
+        return name if count == 1 else f"{name}[{at}]"
+
+    def of_p(self, name: str, f: int) -> str:
+        """Return a force's entry of an argument."""
+        return self.of(name, f, self.p)
+
+    def of_c(self, name: str, at: int) -> str:
+        """Return a control's entry of an argument."""
+        return self.of(name, at, self.c)
+
+    def loads(self, symbols: set[str]) -> list[str]:
+        """Return the lines that load what other lines ask for."""
+        stored = {name: f"model->{name}" for name in self.constants.values()}
+        for letter, array in (("G", "growth"), ("P", "cov")):
+            stored |= {self.pair(letter, *ij): f"{array}[{at}]" for ij, at in self.where.items()}
+        stored |= {name: f"mean[{i}]" for i, name in enumerate(self.state)}
+        return [f"const amb_real {s} = {at};" for s, at in stored.items() if s in symbols]
+
+    def function(
+        self, doc: str, name: str, arguments: list[str], body: list[str], returns: str = "void"
+    ) -> str:
+        """Return a function that becomes part of its caller."""
+        inside = "\n".join("  " + line for line in body)
+        head = f"AMB_INLINE {returns} {self.kind}_{name}({', '.join(arguments)})"
+        return f"/* {doc} */\n{head}\n{{\n{inside}\n}}\n"

@@ -1,0 +1,74 @@
+"""Exponentials of a linear system over a time, each entry to its own digits.
+
+A library's Padé approximant is right to a rounding of the *greatest* entry: in metres and newtons
+the small ones would be lost. The series over a short share of the time, doubled from there, is
+right to a rounding of ``exp(|A| t)`` entry by entry, whatever the units.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ambkit.models.model import Array
+
+TERMS = 20
+"""1 / 20! is below the rounding of a double: enough where a term is at most the one before."""
+
+
+def transition(A: Array, time: float) -> Array:
+    """Return ``exp(A time)`` (n, n)."""
+    share, doublings = _share(A * time)
+    Phi = _series(share)
+    for _ in range(doublings):
+        Phi = Phi @ Phi
+    return Phi
+
+
+def growth(A: Array, intensity: Array, time: float) -> Array:
+    """Return the covariance that white noise leaves in the state over a time (n, n).
+
+    It solves ``dN/dt = A N + N A' + W`` (Van Loan 1978): by its series over a share of the time,
+    and from there by ``N(2t) = N(t) + Phi(t) N(t) Phi(t)'``, a sum of squares. Van Loan's own
+    exponential holds exp(-A t), which overflows for a fast sensor.
+
+    Parameters
+    ----------
+    A : ndarray, shape (n, n)
+        ``dX/dt = A X``.
+    intensity : ndarray, shape (n,)
+        Variance that the noise adds to each state in a second.
+    time : float
+        The time [s].
+    """
+    share, doublings = _share(A * time)
+    Phi = _series(share)
+    N = term = np.diag(intensity * (time / 2.0**doublings))
+    for k in range(2, TERMS + 2 * len(A)):
+        driven = share @ term
+        term = (driven + driven.T) / k
+        N = N + term
+    for _ in range(doublings):
+        N = N + Phi @ N @ Phi.T
+        Phi = Phi @ Phi
+    return np.asarray((N + N.T) / 2)
+
+
+def _series(share: Array) -> Array:
+    """Return the exponential by Horner's scheme: past the longest way from state to state."""
+    one = np.eye(len(share))
+    Phi = one
+    for k in range(TERMS + len(share), 0, -1):
+        Phi = one + share @ Phi / k
+    return Phi
+
+
+def _share(A: Array) -> tuple[Array, int]:
+    """Return ``A / 2^k``, whose circles pass on at most half of what they are given, and k.
+
+    That is the spectral radius of |A|, its norm in the units in which that is least.
+    """
+    radius = float(np.abs(np.linalg.eigvals(np.abs(A))).max())
+    doublings = max(0, math.ceil(math.log2(radius)) + 1) if radius > 0 else 0
+    return A / 2.0**doublings, doublings

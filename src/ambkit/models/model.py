@@ -1,0 +1,201 @@
+"""A sampled model as data: patterns, numbers and what everything in it is called."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+Pattern = NDArray[np.int8]
+
+ZERO, ONE, NUMBER = 0, 1, 2
+"""Entries of a pattern: zero or one in every machine of this kind, or a number of this machine."""
+
+
+@dataclass(frozen=True)
+class Descriptor:
+    """One state, force, control, measurement or noise: what plots, records and exports call it."""
+
+    name: str
+    """Symbol, a C identifier: ``x``, ``f_d``."""
+    unit: str
+    """SI unit; of a noise, that of its standard deviation."""
+    size: float
+    """Typical size in that unit; of a noise, its standard deviation where the machine gives it."""
+    role: str
+    """What it is: position, velocity, disturbance force, sensor, current, past control, noise."""
+
+    def __post_init__(self) -> None:
+        if not (self.name.isidentifier() and self.name.isascii()):
+            raise ValueError(f"name must be an identifier of C, is {self.name!r}")
+        if not (np.isfinite(self.size) and self.size > 0):
+            raise ValueError(f"size of {self.name} must be positive, is {self.size!r}")
+
+
+MATRICES = {
+    "L": ("states", "states"),
+    "b": ("states", "forces"),
+    "B_u": ("states", "controls"),
+    "h": ("forces", "states"),
+    "e": ("forces", "states"),
+    "d": ("forces", "controls"),
+    "r": ("forces", "states"),
+    "c": ("measurements", "states"),
+    "N": ("noises", "states", "states"),
+    "rest": ("states", "states"),
+}
+"""What the rows and columns of each matrix are."""
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """One sample of a machine, exact with the magnets' forces held over it.
+
+    ``X+ = L X + B_u u + sum_f b_f F_f + noise`` with ``F_f = magnet_f(i_f, s_f) + f_0f + r_f X``,
+    ``i_f = e_f X + d_f u``, ``s_f = h_f X`` and ``y = c X + v``; currents and displacements are
+    means over the sample. SI; u are the demanded currents [A] of this sample. Arrays are read-only.
+    """
+
+    name: str
+    """Kind of machine, an identifier of C."""
+    T: float
+    """Sampling time [s]."""
+    states: tuple[Descriptor, ...]
+    """The n states, in their order."""
+    forces: tuple[Descriptor, ...]
+    """The p magnets' forces."""
+    controls: tuple[Descriptor, ...]
+    """The demanded currents, one of each amplifier."""
+    measurements: tuple[Descriptor, ...]
+    """The m sensors' readings."""
+    noises: tuple[Descriptor, ...]
+    """Independent sources of growth of the covariance, beside the controls' noise."""
+    L: Array
+    """Transition (n, n), without what goes through a force."""
+    b: Array
+    """What a force of 1 N, held, leaves in the state (n, p)."""
+    B_u: Array
+    """What a demanded current of 1 A leaves in the state (n, c), without what goes through a force.
+    """
+    h: Array
+    """Mean displacement in each magnet, of the rotor's free motion (p, n)."""
+    e: Array
+    """Mean current of each magnet, by the state (p, n)."""
+    d: Array
+    """Mean current of each magnet, by the demanded currents (p, c)."""
+    r: Array
+    """States that push where the magnet does (p, n)."""
+    c: Array
+    """Measurements (m, n)."""
+    N: Array
+    """Covariance that a source of variance 1 leaves in the state over a sample (k, n, n)."""
+    rest: Array
+    """Each state of a machine at rest, from the free ones (n, n); the identity for those."""
+    pattern: Mapping[str, Pattern] = field(repr=False)
+    """For each matrix, of its shape: `ZERO`, `ONE` or `NUMBER`, by the kind of machine alone."""
+
+    def __post_init__(self) -> None:
+        kept = {}
+        for name in MATRICES:
+            values, pattern = np.array(getattr(self, name), float), np.array(self.pattern[name])
+            shape = tuple(len(getattr(self, of)) for of in MATRICES[name])
+            for array in (values, pattern):
+                if array.shape != shape:
+                    raise ValueError(f"{name} must be of shape {shape}, is of {array.shape}")
+                array.setflags(write=False)
+            if (values[pattern == ZERO] != 0).any() or (values[pattern == ONE] != 1).any():
+                raise ValueError(f"{name} has other numbers where its pattern says 0 or 1")
+            if not np.isfinite(values).all():
+                raise ValueError(f"{name} must be finite")
+            object.__setattr__(self, name, values)
+            kept[name] = pattern.astype(np.int8)
+            kept[name].setflags(write=False)
+        object.__setattr__(self, "pattern", MappingProxyType(kept))
+        names = [at.name for at in self.states]
+        if len(set(names)) < len(names):
+            raise ValueError(f"names of states must differ, are {names}")
+
+    def index(self, state: str) -> int:
+        """Return where a state stands; `KeyError` with the names there are, if nowhere."""
+        names = [at.name for at in self.states]
+        if state not in names:
+            raise KeyError(f"no state {state}; there are {', '.join(names)}")
+        return names.index(state)
+
+    def sparse(self, name: str, k: int = 0) -> tuple[NDArray[np.uint16], NDArray[np.uint16], Array]:
+        """Return a matrix as compressed rows: all its structural entries, columns ascending.
+
+        Parameters
+        ----------
+        name : str
+            One of `MATRICES`.
+        k : int, optional
+            Which source, for ``N``; both triangles are listed.
+
+        Returns
+        -------
+        start : ndarray of uint16, shape (rows + 1,)
+            Row i has the entries start[i] to start[i + 1] - 1.
+        column : ndarray of uint16
+            Column of each entry.
+        value : ndarray of float64
+            Its number; a structural one is 1.0, a number that happens to be 0 is listed.
+        """
+        values, pattern = getattr(self, name), self.pattern[name]
+        if name == "N":
+            values, pattern = values[k], pattern[k]
+        row, column = np.nonzero(pattern)
+        start = np.searchsorted(row, np.arange(len(pattern) + 1))
+        return start.astype(np.uint16), column.astype(np.uint16), values[row, column]
+
+    def pattern_key(self) -> str:
+        """Return a hash (hex) of the sizes and patterns: equal for machines of one kind."""
+        text = hashlib.sha256()
+        for name in MATRICES:
+            pattern = self.pattern[name]
+            text.update(f"{name}{pattern.shape}".encode() + pattern.tobytes())
+        return text.hexdigest()
+
+    def force_rows(self, k_i: ArrayLike, k_s: ArrayLike) -> Array:
+        """Return the forces' derivatives by the state (p, n) [N per unit of the state].
+
+        Parameters
+        ----------
+        k_i, k_s : array_like, scalar or shape (p,)
+            Current stiffnesses [N/A], position stiffnesses [N/m].
+        """
+        i, s = self._per_force(k_i)[:, None], self._per_force(k_s)[:, None]
+        return s * self.h + i * self.e + self.r
+
+    def jacobian(self, k_i: ArrayLike, k_s: ArrayLike) -> Array:
+        """Return A (n, n), the transition with the linearised forces; see `force_rows`."""
+        return self.L + self.b @ self.force_rows(k_i, k_s)
+
+    def input_matrix(self, k_i: ArrayLike) -> Array:
+        """Return B (n, c) by the demanded currents [A], with current stiffnesses (p,) [N/A]."""
+        return self.B_u + self.b @ (self._per_force(k_i)[:, None] * self.d)
+
+    def process_noise(self, k_i: ArrayLike, var_u: ArrayLike, var_noise: ArrayLike) -> Array:
+        """Return Q (n, n).
+
+        Parameters
+        ----------
+        k_i : array_like, scalar or shape (p,)
+            Current stiffnesses [N/A].
+        var_u : array_like, scalar or shape (c,)
+            Variances of the demanded currents [A^2].
+        var_noise : array_like, scalar or shape (k,)
+            Variances of the sources of noise, in the squares of their units.
+        """
+        B = self.input_matrix(k_i)
+        scales = np.broadcast_to(np.asarray(var_noise, float), len(self.noises))
+        driven = (B * np.asarray(var_u, float)) @ B.T
+        return np.asarray(driven + np.tensordot(scales, self.N, 1))
+
+    def _per_force(self, values: ArrayLike) -> Array:
+        return np.broadcast_to(np.asarray(values, float), len(self.forces))

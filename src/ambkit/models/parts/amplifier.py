@@ -1,0 +1,44 @@
+"""A current amplifier, within its limits."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from ambkit.models.parts.typical import Typical
+from ambkit.models.plan import UNIT, Plan
+
+
+@dataclass(frozen=True)
+class Amplifier:
+    """From a demanded current to a magnet's: at once, or as a first-order lag."""
+
+    size: float
+    """Typical current [A]."""
+    bandwidth: float | None = None
+    """Corner frequency of the lag [Hz]; None: the current follows at once."""
+    control: str = "u"
+    """Name of the demanded current."""
+    current: str = "i"
+    """Name of the current, a state where there is a lag."""
+    force: str = "f"
+    """The magnet force that it feeds."""
+
+    @classmethod
+    def of_axis(cls, bearing: Any, typical: Typical) -> list[Amplifier]:
+        """Return the amplifier of an axis; it lags if it has a bandwidth."""
+        return [cls(typical.current, getattr(bearing.amplifier, "bandwidth", None))]
+
+    def declare(self, plan: Plan) -> None:
+        """Add the control, and the current if it lags behind."""
+        plan.control(self.control, self.size)
+        if self.bandwidth is None:
+            plan.currents[self.force] = self.control
+            return
+        corner = 2 * math.pi * self.bandwidth
+        plan.state(self.current, "A", self.size, "current")
+        plan.rate(self.current, self.control, corner)
+        plan.rate(self.current, self.current, -corner)
+        plan.rest(self.current, {self.control: UNIT})
+        plan.currents[self.force] = self.current

@@ -1,0 +1,39 @@
+"""A disturbance force that wanders."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from ambkit.models.parts.typical import Typical
+from ambkit.models.plan import Place, Plan
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """A random walk [N]; its variance is that of its growth in one sample [N^2]."""
+
+    size: float
+    """Typical force [N]."""
+    growth: float
+    """Typical growth in a sample [N]."""
+    name: str = "f_d"
+    """Name of the state."""
+    rides: str | None = "f"
+    """The magnet force at whose place it pushes; or None, and `place` says where."""
+    place: Place = "x"
+    """Where it pushes, away from the magnets."""
+
+    @classmethod
+    def of_axis(cls, bearing: Any, typical: Typical) -> list[Disturbance]:
+        """Return the one that every estimator knows."""
+        return [cls(typical.force, growth=1e-3 * typical.force)]
+
+    def declare(self, plan: Plan) -> None:
+        """Add the state and its noise."""
+        plan.state(self.name, "N", self.size, "disturbance force")
+        if self.rides is None:
+            plan.push(self.name, self.place)
+        else:
+            plan.ride(self.name, self.rides)
+        plan.noise(self.name, "N", self.growth, {self.name: 1 / plan.T}, walk=True)

@@ -1,0 +1,50 @@
+"""A narrow line in a reading: the mains, a resonance."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from ambkit.models.parts.typical import Typical
+from ambkit.models.plan import UNIT, Plan
+
+
+@dataclass(frozen=True)
+class Hum:
+    """An oscillator of two states whose amplitude and phase wander; stationary.
+
+    Both states have the variance amplitude^2 / 2; the first is seen in the reading.
+    """
+
+    frequency: float
+    """Frequency of the line [Hz]."""
+    amplitude: float
+    """Amplitude of the reading's error [m], root of twice its variance."""
+    bandwidth: float
+    """Half the width of the line [Hz]: how fast it wanders."""
+    name: str = "hum"
+    """Name of the states, with _c and _s for cosine and sine."""
+    measurement: str = "y"
+    """The measurement it is on."""
+
+    @classmethod
+    def of_axis(cls, bearing: Any, typical: Typical) -> list[Hum]:
+        """Return the sensor's lines: the first is ``hum``, the others are ``hum2``, ``hum3``."""
+        lines = getattr(bearing.sensor, "hum", None) or ()
+        return [
+            cls(line.frequency, line.amplitude, line.bandwidth, f"hum{k}" if k > 1 else "hum")
+            for k, line in enumerate(lines, 1)
+        ]
+
+    def declare(self, plan: Plan) -> None:
+        """Add both states, their noise, and their share of the reading."""
+        turn, decay = 2 * math.pi * self.frequency, 2 * math.pi * self.bandwidth
+        cosine, sine, size = f"{self.name}_c", f"{self.name}_s", self.amplitude / math.sqrt(2)
+        for name in (cosine, sine):
+            plan.state(name, "m", size, "noise")
+            plan.rate(name, name, -decay)
+        plan.rate(cosine, sine, -turn)
+        plan.rate(sine, cosine, turn)
+        plan.noise(self.name, "m", size, dict.fromkeys((cosine, sine), 2 * decay), walk=False)
+        plan.add_to_reading(self.measurement, {cosine: UNIT})

@@ -1,0 +1,27 @@
+"""Typical sizes of an axis's quantities, from its bearing."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple, Self
+
+
+class Typical(NamedTuple):
+    """What the descriptors of an axis's parts give as typical sizes."""
+
+    displacement: float
+    """Up to where the rotor may go [m]."""
+    velocity: float
+    """To which half of the force brings the rotor over that way [m/s]."""
+    force: float
+    """Of the magnets at twice the bias current [N]."""
+    current: float
+    """Bias current [A]."""
+
+    @classmethod
+    def of(cls, bearing: Any) -> Self:
+        """Return those of a bearing of one axis."""
+        magnet, rotor = bearing.magnet, bearing.rotor
+        force = 4 * magnet.magnet_constant * (magnet.bias_current / magnet.air_gap) ** 2
+        speed = math.sqrt(force * rotor.travel_limit / rotor.mass)
+        return cls(rotor.travel_limit, speed, force, magnet.bias_current)

@@ -1,0 +1,159 @@
+"""What the parts of a machine say of its continuous model, before it is sampled."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final, Protocol
+
+from ambkit.models.model import Descriptor
+
+
+class _Unit(float):
+    """One in every machine of this kind."""
+
+
+UNIT: Final = _Unit(1.0)
+"""A coefficient that is one by structure; 1.0 is a number that may be another tomorrow."""
+
+Row = Mapping[str, float]
+"""Coefficients by name; what is named is in the pattern, zero or not."""
+Place = str | Row
+"""Where something sits: at a position of the rotor, or at a combination of several."""
+
+
+def row(place: Place) -> dict[str, float]:
+    """Return a place as a linear form of positions."""
+    return {place: UNIT} if isinstance(place, str) else dict(place)
+
+
+class Part(Protocol):
+    """One part of a machine."""
+
+    def declare(self, plan: Plan) -> None:
+        """Say what it adds; what it names may be declared by a later part."""
+
+
+class Plan:
+    """The continuous linear model as a list of named terms.
+
+    States, forces and controls share one name space; any of them may drive a state. The order of
+    declaration is the order of the states.
+
+    Parameters
+    ----------
+    T : float
+        Sampling time [s].
+    """
+
+    def __init__(self, T: float) -> None:
+        self.T = T
+        self.states: list[Descriptor] = []
+        self.owner: list[int] = []
+        self.forces: list[Descriptor] = []
+        self.controls: list[Descriptor] = []
+        self.measurements: list[Descriptor] = []
+        self.noises: list[Descriptor] = []
+        self.rates: dict[tuple[str, str], float] = {}
+        self.inertia: dict[str, Row] = {}
+        self.pushes: dict[str, Row] = {}
+        self.riders: dict[str, str] = {}
+        self.places: dict[str, Row] = {}
+        self.currents: dict[str, str] = {}
+        self.past: dict[str, tuple[list[str], float]] = {}
+        self.readings: list[dict[str, float]] = []
+        self.sources: list[tuple[Row, bool]] = []
+        self.rests: dict[str, Row] = {}
+        self._parts = 0
+
+    def add(self, part: Part) -> None:
+        """Let a part declare what it adds."""
+        part.declare(self)
+        self._parts += 1
+
+    def state(self, name: str, unit: str, size: float, role: str) -> None:
+        """Add a state."""
+        self.states.append(self._named(name, unit, size, role))
+        self.owner.append(self._parts)
+
+    def rate(self, state: str, by: str, value: float) -> None:
+        """Let a state change by value [1/s, times the units] for 1 of a state or control."""
+        self.rates[state, by] = self.rates.get((state, by), 0.0) + value
+
+    def force(self, name: str, size: float, place: Place) -> None:
+        """Add a magnet's force: it pulls at a place, and depends on the displacement there."""
+        self.forces.append(self._named(name, "N", size, "magnet force"))
+        self.places[name] = row(place)
+        self.pushes[name] = row(place)
+
+    def push(self, state: str, place: Place) -> None:
+        """Let a state [N] push the rotor at a place without a magnet."""
+        self.pushes[state] = row(place)
+
+    def ride(self, state: str, force: str) -> None:
+        """Let a state [N] push where a magnet pulls: it is held over the sample as the force is."""
+        self.riders[state] = force
+
+    def control(self, name: str, size: float) -> None:
+        """Add an amplifier's demanded current."""
+        self.controls.append(self._named(name, "A", size, "control current"))
+
+    def measure(self, name: str, unit: str, size: float, reading: Row) -> None:
+        """Add a measurement, a linear form of the state."""
+        self.measurements.append(Descriptor(name, unit, size, "position sensor"))
+        self.readings.append(dict(reading))
+
+    def add_to_reading(self, measurement: str, reading: Row) -> None:
+        """Add a linear form of the state to a measurement that stands."""
+        names = [at.name for at in self.measurements]
+        if measurement not in names:
+            raise ValueError(f"no measurement {measurement}; there are {', '.join(names)}")
+        self.readings[names.index(measurement)].update(reading)
+
+    def noise(self, name: str, unit: str, size: float, intensity: Row, *, walk: bool) -> None:
+        """Add a source of noise, white and independent in each state that it drives.
+
+        Parameters
+        ----------
+        name, unit, size : str, str, float
+            Of its standard deviation.
+        intensity : mapping
+            For each state, what it adds to the variance in a second, for a source of variance 1.
+        walk : bool
+            A random walk that grows by its variance in a sample, a structural one.
+        """
+        role = "random walk" if walk else "noise"
+        self.noises.append(Descriptor(name, unit, size, role))
+        self.sources.append((dict(intensity), walk))
+
+    def rest(self, state: str, values: Row) -> None:
+        """Say what a state is when all is at rest."""
+        self.rests[state] = dict(values)
+
+    def check(self) -> None:
+        """Check that what parts name of each other is there.
+
+        Raises
+        ------
+        ValueError
+            It is not.
+        """
+        forces, controls = ({at.name for at in of} for of in (self.forces, self.controls))
+        for state, force in self.riders.items():
+            if force not in forces:
+                raise ValueError(f"{state} rides on {force}, which is no magnet's force")
+        for force, current in self.currents.items():
+            if force not in forces:
+                raise ValueError(f"{current} feeds {force}, which is no magnet's force")
+        for control in self.past:
+            if control not in controls:
+                raise ValueError(f"no amplifier has the demanded current {control}, which is late")
+        for source, places in self.pushes.items():
+            for position in places:
+                if position not in self.inertia:
+                    raise ValueError(f"{source} pushes at {position}, which is no position")
+
+    def _named(self, name: str, unit: str, size: float, role: str) -> Descriptor:
+        taken = {at.name for at in (*self.states, *self.forces, *self.controls)}
+        if name in taken:
+            raise ValueError(f"there are two of the name {name}")
+        return Descriptor(name, unit, size, role)
