@@ -9,7 +9,6 @@ from ambkit.estimate.base import Estimator
 from ambkit.estimate.low_pass import LowPass
 from ambkit.estimate.noise import Variances
 from ambkit.estimate.observer import ExtendedStateObserver, SteadyStateKalmanFilter
-from ambkit.machine.magnets import core_module
 
 METHODS = ("innovation", "sage-husa")
 ADAPTS = ("measurement", "disturbance", "both")
@@ -93,7 +92,8 @@ class AdaptiveNoise(Estimator):
         self.variances, self.precision = inner.variances, inner.precision
         self.name = f"{inner.name}, adaptive noise"
         share = T / memory
-        self.core: Any = core_module(inner.precision).AdaptiveNoise(
+        self.engine, self._settings = inner.engine, inner._settings
+        self.core: Any = self.engine.core.AdaptiveNoise(
             inner.core,
             measurement=adapts != "disturbance",
             disturbance=adapts != "measurement",
@@ -110,7 +110,7 @@ class AdaptiveNoise(Estimator):
         """What the filter assumes now: R [m^2], control signal [V^2], growth [N^2/s]."""
         var_y, var_d = self.core.noise
         return self.variances._replace(
-            measurement=float(var_y), disturbance=float(var_d) / self.bearing.sampling_time
+            measurement=float(var_y[0]), disturbance=float(var_d[0]) / self.bearing.sampling_time
         )
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from types import ModuleType
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -13,7 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.arrays import real
 from ambkit.base.copying import Copyable
+from ambkit.estimate.engine import Engine, caps, lag
 from ambkit.estimate.estimate import Estimate, Status
+from ambkit.estimate.model import LinearModel
 from ambkit.estimate.noise import FilterNoise, completed
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.magnets import (
@@ -21,9 +22,10 @@ from ambkit.machine.magnets import (
     ConstantStiffness,
     Precision,
     StiffnessSource,
-    core_module,
     own_time,
 )
+
+from ambkit.models.model import Descriptor, Model
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
@@ -68,7 +70,7 @@ class Estimator(Copyable):
     """
 
     name = "estimator"
-    _of_core: tuple[str, ...] = ("core", "_core_step", "_live_mean")
+    _of_core: tuple[str, ...] = ("core", "engine", "_core_step", "_live_mean")
     smooths = False  # whether mean and covariance follow the model that the smoother goes back by
 
     def __init__(
@@ -96,38 +98,64 @@ class Estimator(Copyable):
         self.variances = completed(bearing, noise or FilterNoise())
         self.precision = precision
         known = bearing.weight if gravity == "known" else 0.0
-        core = core_module(precision)
-        T = bearing.sampling_time
-        # A sensor faster than a thousandth of a sample is a sensor without lag.
-        lag = max(bearing.sensor.lag, 1e-3 * T)
+        self.engine = Engine(bearing, precision, as_printed=as_printed)
+        travel = bearing.rotor.travel_limit
         settings = {
-            "T": T,
-            "m": bearing.rotor.mass,
-            "K_sen": bearing.sensor.gain,
-            "T_sen": lag,
-            "k_ui": bearing.amplifier.gain,
-            "f_0": known + ClosedLaw(bearing).bias_force,
-            "iu_min": bearing.current_min,
-            "iu_max": bearing.current_max,
-            "x_max": bearing.rotor.travel_limit,
-            "var_u": self.variances.control,
-            "var_d": T * self.variances.disturbance,
-            "var_y": self.variances.measurement,
+            "T": bearing.sampling_time,
+            "K_sen": [bearing.sensor.gain],
+            "lag": [lag(bearing)],
+            "travel": [travel],
+            "k_ui": [bearing.amplifier.gain],
+            "iu_min": [bearing.current_min],
+            "iu_max": [bearing.current_max],
+            "f_0": [known + ClosedLaw(bearing).bias_force],
+            "x_max": [travel],
+            "cap": caps(bearing, self.states),
+            "var_u": [self.variances.control],
+            "var_d": self._growth(),
+            "var_y": [self.variances.measurement],
             "gate": gate,
-            "as_printed": as_printed,
             "frozen_limit": frozen_limit,
             "outlier_limit": outlier_limit,
         }
-        self.core: Any = self._build(core, self.source.magnet(core), settings)
+        self._settings = settings
+        magnet = self.source.magnet(self.engine.core)
+        self.core: Any = self._build(self.engine, magnet, settings)
         self.reset()
 
-    def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
+    @property
+    def states(self) -> tuple[Descriptor, ...]:
+        """What the states are, in their order: name, unit, typical size, role."""
+        return self.engine.states
+
+    @property
+    def model(self) -> Model:
+        """The sampled model that it predicts with."""
+        return self.engine.model
+
+    def linear_model(self, k_i: float, k_s: float) -> LinearModel:
+        """Return what it predicts with as matrices.
+
+        Parameters
+        ----------
+        k_i, k_s : float
+            Stiffnesses at the working point [N/A], [N/m].
+        """
+        return _linear(self.model, k_i, k_s, self._settings)
+
+    def _growth(self) -> list[float]:
+        """Variances of the model's noises: the load's in a sample [N^2], the others' own."""
+        T = self.bearing.sampling_time
+        _, *others = self.engine.noises
+        return [T * self.variances.disturbance, *(noise.size**2 for noise in others)]
+
+    def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         """Return the core's estimator of this kind."""
         raise NotImplementedError
 
     def reset(
         self,
-        mean: ArrayLike = (0, 0, 0, 0),
+        mean: ArrayLike | None = None,
         std: Sequence[float] | Literal["diffuse"] | None = None,
     ) -> None:
         """Start anew.
@@ -137,13 +165,14 @@ class Estimator(Copyable):
 
         Parameters
         ----------
-        mean : array_like (4,)
-            Displacement [m], velocity [m/s], disturbance force [N], lagged position [m]; finite.
-        std : sequence of 4 floats, or "diffuse", optional
+        mean : array_like (n,), optional
+            The states: displacement [m], velocity [m/s], disturbance force [N], lagged position
+            [m], and what else the model has; finite. Default: at rest in the middle.
+        std : sequence of n floats, or "diffuse", optional
             Their standard deviations, finite and positive. Default: three times the measurement
             noise, a tenth of the travel in the plant's own time, the weight, three times the
-            measurement noise. ``"diffuse"``: nothing is known but the stops and the sensor, and
-            the first samples tell the rest.
+            measurement noise; currents are anywhere, noise is as large as it is. ``"diffuse"``:
+            nothing is known but the stops and the sensor, and the first samples tell the rest.
 
         Raises
         ------
@@ -153,8 +182,9 @@ class Estimator(Copyable):
         if isinstance(std, str) and std != "diffuse":
             raise ValueError(f"std must be four numbers or 'diffuse', got {std!r}")
         given = self.default_std() if std is None else std
+        start = np.zeros(len(self.states)) if mean is None else mean
         self.core.reset(
-            self._representable(real("mean", mean)),
+            self._representable(real("mean", start)),
             None
             if isinstance(given, str)
             else self._representable(real("std", given), positive=True),
@@ -195,16 +225,33 @@ class Estimator(Copyable):
             )
         self.core.take_over(other.core)
 
-    def default_std(self) -> tuple[float, float, float, float]:
+    def default_std(self) -> tuple[float, ...]:
         """Return the standard deviations with which a filter starts; see :meth:`reset`."""
         b = self.bearing
         sigma = 3 * math.sqrt(self.variances.measurement)
-        return (
-            sigma / abs(b.sensor.gain),
-            0.1 * b.rotor.travel_limit / own_time(b),
-            b.rotor.mass * GRAVITY,
-            sigma,
-        )
+        by_role = {
+            "position": sigma / abs(b.sensor.gain),
+            "velocity": 0.1 * b.rotor.travel_limit / own_time(b),
+            "disturbance force": b.rotor.mass * GRAVITY,
+            "sensor": sigma,
+            "current": b.amplifier.current_limit,
+            "past control": b.amplifier.current_limit,
+        }
+        return tuple(by_role.get(state.role, state.size) for state in self.states)
+
+    def at_rest(self, x: float, shown: float | None = None) -> NDArray[np.float64]:
+        """Return the states (n,) of a rotor at rest.
+
+        Parameters
+        ----------
+        x : float
+            Displacement [m].
+        shown : float, optional
+            What the sensor shows [m]; by default what it shows of x.
+        """
+        shown = self.bearing.sensor.gain * x if shown is None else shown
+        by_role = {"position": x, "sensor": shown}
+        return np.array([by_role.get(state.role, 0.0) for state in self.states])
 
     def predict(self, u: float) -> NDArray[np.float64]:
         """Go one sample on (eq. 9, 10).
@@ -216,8 +263,8 @@ class Estimator(Copyable):
 
         Returns
         -------
-        ndarray (4,)
-            State estimate: x [m], v [m/s], f_d [N], x_m [m].
+        ndarray (n,)
+            State estimate: x [m], v [m/s], f_d [N], x_m [m], and what else the model has.
         """
         self.core.predict(u)
         return self.mean
@@ -232,8 +279,8 @@ class Estimator(Copyable):
 
         Returns
         -------
-        ndarray (4,)
-            State estimate: x [m], v [m/s], f_d [N], x_m [m].
+        ndarray (n,)
+            State estimate: x [m], v [m/s], f_d [N], x_m [m], and what else the model has.
         """
         self.core.update(y)
         return self.mean
@@ -250,8 +297,8 @@ class Estimator(Copyable):
 
         Returns
         -------
-        ndarray (4,)
-            State estimate: x [m], v [m/s], f_d [N], x_m [m].
+        ndarray (n,)
+            State estimate: x [m], v [m/s], f_d [N], x_m [m], and what else the model has.
         """
         self._core_step(y, u)
         return self._live_mean.copy()
@@ -272,7 +319,7 @@ class Estimator(Copyable):
             Where the record's sampling time is not the bearing's.
         """
         y, u = self._start(record)
-        return Estimate.from_core(record.t, self.core.run(y, u, covariance=covariance), self.name)
+        return self._estimate(record.t, self.core.run(y, u, covariance=covariance), self.name)
 
     def smooth(self, record: Record) -> Estimate:
         """Estimate each sample of a record from all of it, not only from what came before.
@@ -304,7 +351,11 @@ class Estimator(Copyable):
                 "Kalman filters can"
             )
         y, u = self._start(record)
-        return Estimate.from_core(record.t, self.core.smooth(y, u), f"{self.name}, smoothed")
+        return self._estimate(record.t, self.core.smooth(y, u), f"{self.name}, smoothed")
+
+    def _estimate(self, t: NDArray[np.float64], history: dict[str, Any], name: str) -> Estimate:
+        """Wrap what the core wrote of a whole record."""
+        return Estimate.from_core(t, history, name, self.states)
 
     def _start(self, record: Record) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Reset to the first measurement of a record within the travel; return its y and u."""
@@ -312,7 +363,7 @@ class Estimator(Copyable):
         y, u = record["y"], record["u"]
         near = y[np.abs(y) <= self.bearing.sensor.gain * self.bearing.rotor.travel_limit]
         first = float(near[0]) if near.size else 0.0
-        self.reset([first / self.bearing.sensor.gain, 0.0, 0.0, first])
+        self.reset(self.at_rest(first / self.bearing.sensor.gain, first))
         return y, u
 
     def forecast(self, estimate: Estimate, record: Record, ahead: int) -> NDArray[np.float64]:
@@ -334,11 +385,11 @@ class Estimator(Copyable):
             at k and the control signals that acted since.
         """
         mean = np.ascontiguousarray(real("estimate.mean", estimate.mean))
-        return np.asarray(self.core.forecast(mean, record["u"], ahead, estimate.scale))
+        return np.asarray(self.core.forecast(mean, record["u"], ahead, estimate.scale))[:, 0]
 
     @property
     def mean(self) -> NDArray[np.float64]:
-        """State estimate (4,): x [m], v [m/s], f_d [N], x_m [m]."""
+        """State estimate (n,): x [m], v [m/s], f_d [N], x_m [m], and what else the model has."""
         return self._live_mean.copy()
 
     # Looked up once: they are asked at every sample.
@@ -352,7 +403,7 @@ class Estimator(Copyable):
 
     @property
     def covariance(self) -> NDArray[np.float64]:
-        """Covariance of the state estimate (4, 4)."""
+        """Covariance of the state estimate (n, n)."""
         return np.asarray(self.core.covariance)
 
     @property
@@ -392,3 +443,16 @@ def check_sampling(bearing: Bearing, record: Record) -> None:
             f"the record is sampled every {T:.6g} s, but bearing {bearing.name!r} has "
             f"sampling_time = {bearing.sampling_time:.6g} s"
         )
+
+
+def _linear(model: Model, k_i: float, k_s: float, settings: dict[str, Any]) -> LinearModel:
+    """Return a model with the noise of some settings, at a working point."""
+    gain = settings["k_ui"][0]
+    return LinearModel(
+        A=model.jacobian(k_i, k_s),
+        B=model.input_matrix(k_i) * gain,
+        E=model.b.copy(),
+        H=model.c.copy(),
+        Q=model.process_noise(k_i, gain**2 * settings["var_u"][0], settings["var_d"]),
+        R=settings["var_y"][0],
+    )

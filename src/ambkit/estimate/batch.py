@@ -26,8 +26,8 @@ class Batch:
 
     Attributes
     ----------
-    mean : ndarray (runs, n, 4) or None
-        State estimates: x [m], v [m/s], f_d [N], x_m [m].
+    mean : ndarray (runs, n, states) or None
+        State estimates: x [m], v [m/s], f_d [N], x_m [m], and what else the model has.
     innovation, innovation_variance : ndarray (runs, n) or None
         As of :class:`ambkit.Estimate` [m], [m^2].
     status : ndarray (runs, n) or None
@@ -93,7 +93,7 @@ def run_many(
         Of an earlier call with the same shapes and `history`: its arrays are written again, which
         spares the system fetching new memory.
     start : (mean, std), optional
-        State estimates and standard deviations at the start, (runs, 4) or (4,) each. Default: as
+        State estimates and standard deviations at the start, (runs, states) or (states,) each. Default: as
         `Estimator.run`, at rest at the record's first measurement within the travel.
     threads : int, optional
         Default: as many as the process may use.
@@ -123,6 +123,8 @@ def run_many(
         raise ValueError("estimators must hold one or more, got none")
     if len({e.precision for e in each}) > 1:
         raise ValueError("estimators must have one precision, got float32 and float64")
+    if len({tuple(state.name for state in e.states) for e in each}) > 1:
+        raise ValueError("estimators must have the same states, and got different ones")
     precision = each[0].precision
     Y, U = _rows("y", y, 2, precision), _rows("u", u, 2, precision)
     T = None if truth is None else _rows("truth", truth, 3, precision)
@@ -133,16 +135,17 @@ def run_many(
     if not 0 <= skip < max(n, 1):
         raise ValueError(f"skip must be within the {n} samples, got {skip}")
     mean, std = _starts(each, _rows("y", y, 2, "float64"), runs) if start is None else start
-    kept = _kept(out, history, runs, n, precision)
+    kept = _kept(out, history, (runs, n, len(each[0].states)), precision)
     count = threads if threads is not None else _processors()
     if count < 1:
         raise ValueError(f"threads must be 1 or more, got {count}")
-    squares, flags = core_module(precision).run_batch(
+    states = len(each[0].states)
+    squares, flags = each[0].engine.core.run_batch(
         [e.core for e in each],
         Y,
         U,
-        _of_runs("start mean", mean, runs, precision),
-        _of_runs("start std", std, runs, precision),
+        _of_runs("start mean", mean, runs, states, precision),
+        _of_runs("start std", std, runs, states, precision),
         truth=T,
         skip=skip,
         means=kept["mean"],
@@ -172,34 +175,35 @@ def _rows(name: str, a: ArrayLike, dimensions: int, precision: Precision) -> Arr
     return rows
 
 
-def _of_runs(name: str, a: ArrayLike, runs: int, precision: Precision) -> Array:
-    return np.ascontiguousarray(np.broadcast_to(real(name, a, precision), (runs, 4)))
+def _of_runs(name: str, a: ArrayLike, runs: int, states: int, precision: Precision) -> Array:
+    return np.ascontiguousarray(np.broadcast_to(real(name, a, precision), (runs, states)))
 
 
 def _starts(each: list[Estimator], Y: Array, runs: int) -> tuple[Array, Array]:
-    """Return where `Estimator.run` would start each, (runs, 4) twice."""
+    """Return where `Estimator.run` would start each, (runs, states) twice."""
     known = {e: (e.default_std(), e.bearing.sensor.gain, e.bearing.rotor.travel_limit)
              for e in set(each)}  # fmt: skip
-    mean, std = np.zeros((runs, 4)), np.empty((runs, 4))
+    mean, std = np.zeros((2, runs, len(each[0].states)))
     for i in range(runs):
-        std[i], gain, travel = known[each[i if len(each) > 1 else 0]]
+        one = each[i if len(each) > 1 else 0]
+        std[i], gain, travel = known[one]
         y = Y[i if len(Y) > 1 else 0]
         limit = gain * travel  # the whole record is searched only where it must be
         near = y if y.size and abs(y[0]) <= limit else y[np.abs(y) <= limit]
         first = float(near[0]) if near.size else 0.0
-        mean[i] = first / gain, 0.0, 0.0, first
+        mean[i] = one.at_rest(first / gain, first)
     return mean, std
 
 
 def _kept(
-    out: Batch | None, history: Sequence[str], runs: int, n: int, precision: Precision
+    out: Batch | None, history: Sequence[str], shape: tuple[int, int, int], precision: Precision
 ) -> dict[str, Array | None]:
     """Return the arrays to fill, those of `out` where they fit."""
     shapes: dict[str, tuple[tuple[int, ...], Any]] = {
-        "mean": ((runs, n, 4), precision),
-        "innovation": ((runs, n), precision),
-        "innovation_variance": ((runs, n), precision),
-        "status": ((runs, n), np.uint16),
+        "mean": (shape, precision),
+        "innovation": (shape[:2], precision),
+        "innovation_variance": (shape[:2], precision),
+        "status": (shape[:2], np.uint16),
     }
     if unknown := set(history) - set(shapes):
         raise ValueError(f"history knows {', '.join(shapes)}; got {', '.join(sorted(unknown))}")

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.data.record import Record
+from ambkit.models.model import Descriptor
 
 Array = NDArray[np.float64]
 
-STATES = ("x", "v", "f_d", "x_m")
-UNITS = {"x": "m", "v": "m/s", "f_d": "N", "x_m": "m", "k_i": "N/A", "k_s": "N/m"}
+UNITS = {"k_i": "N/A", "k_s": "N/m", "innovation": "m", "innovation_variance": "m^2", "status": "1"}
 
 
 class Status(IntFlag):
@@ -44,8 +44,9 @@ class Estimate:
     ----------
     t : ndarray (n,)
         Time [s].
-    mean : ndarray (n, 4)
-        Displacement x [m], velocity v [m/s], disturbance force f_d [N], lagged position x_m [m].
+    mean : ndarray (n, states)
+        Displacement x [m], velocity v [m/s], disturbance force f_d [N], lagged position x_m [m],
+        and what else the model has.
     innovation, innovation_variance : ndarray (n,)
         Measurement less its prediction [m], and the variance S that the filter expects [m^2].
         The innovation is zero where the measurement was not used, but told of an outlier. The
@@ -54,10 +55,12 @@ class Estimate:
         Stiffnesses that the prediction used [N/A], [N/m].
     status : ndarray of uint16 (n,)
         Flags of :class:`Status`.
-    covariance : ndarray (n, 10) or None
+    covariance : ndarray (n, states (states + 1) / 2) or None
         Upper triangle of the covariance, row by row.
     estimator : str
         Name of the estimator.
+    states : tuple of Descriptor
+        What the columns of the mean are: name, unit, typical size, role.
     scale, scale_variance : ndarray (n,) or None
         Estimated magnet constant over the known one, and its variance, from estimators that
         estimate it.
@@ -72,11 +75,14 @@ class Estimate:
     status: NDArray[np.uint16]
     covariance: Array | None
     estimator: str
+    states: tuple[Descriptor, ...]
     scale: Array | None = None
     scale_variance: Array | None = None
 
     @classmethod
-    def from_core(cls, t: Array, history: dict[str, Any], estimator: str) -> Estimate:
+    def from_core(
+        cls, t: Array, history: dict[str, Any], estimator: str, states: tuple[Descriptor, ...]
+    ) -> Estimate:
         """Wrap what the C core wrote.
 
         Parameters
@@ -87,6 +93,8 @@ class Estimate:
             The core's arrays by name, n samples each.
         estimator : str
             Name of the estimator.
+        states : tuple of Descriptor
+            Of its model.
         """
         return cls(
             t=t,
@@ -98,17 +106,23 @@ class Estimate:
             status=history["status"],
             covariance=history.get("covariance"),
             estimator=estimator,
+            states=states,
             scale=history.get("scale"),
             scale_variance=history.get("scale_variance"),
         )
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the states, in their order."""
+        return tuple(state.name for state in self.states)
+
     def __getitem__(self, name: str) -> Array:
         """Return a state by its symbol: ``estimate["f_d"]``; also k_i, k_s, innovation."""
-        if name in STATES:
-            return self.mean[:, STATES.index(name)]
+        if name in self.names:
+            return self.mean[:, self.names.index(name)]
         if name in ("k_i", "k_s", "innovation", "innovation_variance"):
             return np.asarray(getattr(self, name))
-        raise KeyError(f"{name!r}; known: {', '.join((*STATES, 'k_i', 'k_s', 'innovation'))}")
+        raise KeyError(f"{name!r}; known: {', '.join((*self.names, 'k_i', 'k_s', 'innovation'))}")
 
     @property
     def x(self) -> Array:
@@ -151,8 +165,8 @@ class Estimate:
 
         Parameters
         ----------
-        name : {"x", "v", "f_d", "x_m"}
-            The state.
+        name : str
+            Of the state.
 
         Raises
         ------
@@ -161,15 +175,16 @@ class Estimate:
         """
         if self.covariance is None:
             raise ValueError("run(record, covariance=True) keeps the covariances that std needs")
-        entry = {"x": 0, "v": 4, "f_d": 7, "x_m": 9}[name]
+        i, n = self.names.index(name), len(self.states)
+        entry = i * n - i * (i - 1) // 2
         return np.asarray(np.sqrt(self.covariance[:, entry]), dtype=float)
 
     def to_record(self) -> Record:
         """Return the estimates as a :class:`Record`, ready to be saved or plotted."""
-        signals = {name: self[name] for name in (*STATES, "k_i", "k_s", "innovation")}
+        signals = {name: self[name] for name in (*self.names, "k_i", "k_s", "innovation")}
         signals["innovation_variance"] = self.innovation_variance
         signals["status"] = self.status.astype(float)
-        units = UNITS | {"innovation": "m", "innovation_variance": "m^2", "status": "1"}
+        units = {state.name: state.unit for state in self.states} | UNITS
         return Record(self.t, signals, units, meta={"estimator": self.estimator})
 
     def save(self, path: str | Path) -> None:

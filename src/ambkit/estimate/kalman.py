@@ -5,10 +5,10 @@ The first two are the same C code; they differ in what they know of their magnet
 
 from __future__ import annotations
 
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from ambkit.estimate.base import Estimator
+from ambkit.estimate.engine import Engine
 from ambkit.machine.magnets import ClosedLaw, StiffnessSource
 
 if TYPE_CHECKING:
@@ -33,8 +33,8 @@ class KalmanFilter(Estimator):
     name = "linear Kalman filter"
     smooths = True
 
-    def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
-        return core.Kalman(magnet, **settings)
+    def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
+        return engine.core.Kalman(magnet, engine.model_of_core, **settings)
 
 
 class AdaptiveKalmanFilter(KalmanFilter):
@@ -83,8 +83,8 @@ class ExtendedKalmanFilter(Estimator):
     ) -> None:
         super().__init__(bearing, source or ClosedLaw(bearing), **options)
 
-    def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
-        return core.Extended(magnet, **settings)
+    def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
+        return engine.core.Extended(magnet, engine.model_of_core, **settings)
 
 
 class SquareRootKalmanFilter(ExtendedKalmanFilter):
@@ -110,5 +110,5 @@ class SquareRootKalmanFilter(ExtendedKalmanFilter):
 
     name = "square-root Kalman filter"
 
-    def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
-        return core.SquareRoot(magnet, **settings)
+    def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
+        return engine.core.UD(magnet, engine.model_of_core, **settings)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from ambkit.estimate.base import Estimator
+from ambkit.estimate.engine import Engine
 from ambkit.estimate.observer import unstable_pole
 from ambkit.machine.magnets import StiffnessSource
 
@@ -61,7 +61,9 @@ class LowPass(Estimator):
                 raise ValueError(f"{name} must be greater than 0 rad/s, got {corner!r}")
         super().__init__(bearing, source, **options)
 
-    def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
+    def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         T = self.bearing.sampling_time
         taken = {name: -math.expm1(-corner * T) for name, corner in self.corners.items()}
-        return core.LowPass(magnet, **taken, **settings)
+        return engine.core.LowPass(
+            magnet, engine.model_of_core, m=self.bearing.rotor.mass, **taken, **settings
+        )

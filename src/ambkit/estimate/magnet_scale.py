@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ambkit.estimate.base import Estimator
+from ambkit.estimate.engine import Engine
 from ambkit.estimate.observer import unstable_pole
 from ambkit.machine.magnets import ClosedLaw, StiffnessSource
 
@@ -77,8 +77,8 @@ class FiveStateKalmanFilter(Estimator):
             raise ValueError(f"wander must be 0 1/s or more, got {wander!r}")
         if not (0 < least <= 1 <= most < math.inf):
             raise ValueError(f"limits must be 0 < least <= 1 <= most, got {least!r}, {most!r}")
-        self._own = {
-            "bias": ClosedLaw(bearing).bias_force,
+        self._own: dict[str, Any] = {
+            "bias": [ClosedLaw(bearing).bias_force],
             "std": scale_std,
             "var_k": wander * bearing.sampling_time,
             "min": least,
@@ -87,8 +87,9 @@ class FiveStateKalmanFilter(Estimator):
         }
         super().__init__(bearing, source or ClosedLaw(bearing), **options)
 
-    def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
-        return core.ExtendedK(magnet, **self._own, **settings)
+    def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
+        own = self._own | {"bias": np.array(self._own["bias"], self.precision)}
+        return engine.core.Augmented(magnet, engine.model_of_core, **own, **settings)
 
 
 class MultipleModelFilter(Estimator):
@@ -141,16 +142,17 @@ class MultipleModelFilter(Estimator):
         if not (math.isfinite(sojourn) and sojourn >= 2 * bearing.sampling_time):
             raise ValueError(f"sojourn must be two samples or more [s], got {sojourn!r}")
         self.scales = tuple(float(s) for s in scales)
-        self._own = {
+        self._own: dict[str, Any] = {
             "leave": bearing.sampling_time / sojourn,
-            "bias": ClosedLaw(bearing).bias_force,
+            "bias": [ClosedLaw(bearing).bias_force],
             **_learning(bearing, excitation),
         }
         super().__init__(bearing, source or ClosedLaw(bearing), **options)
 
-    def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
-        real = np.float32 if self.precision == "float32" else np.float64
-        return core.MultipleModel(magnet, np.array(self.scales, real), **self._own, **settings)
+    def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
+        scales = np.array(self.scales, self.precision)
+        own = self._own | {"bias": np.array(self._own["bias"], self.precision)}
+        return engine.core.MultipleModel(magnet, engine.model_of_core, scales, **own, **settings)
 
     @property
     def weights(self) -> dict[float, float]:

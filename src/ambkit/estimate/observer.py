@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.estimate.base import Estimator
+from ambkit.estimate.engine import Engine
 from ambkit.estimate.model import LinearModel
 from ambkit.machine.magnets import ConstantStiffness, StiffnessSource
 
@@ -26,28 +26,31 @@ FAST_SENSOR = 0.05
 class _Observer(Estimator):
     """Constant gain; the kinds differ in where it comes from."""
 
-    gain: Array  # (4,), for the update
+    gain: Array  # (n,), for the update
 
     def _gain(self, model: LinearModel) -> Array:
         raise NotImplementedError
 
-    def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
+    def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         k = ConstantStiffness.of(self.bearing)
-        # The core computes the model's constants; the states are counted in their own units, or
-        # the equations below lose their digits between newtons and micrometres.
-        known = core.Kalman(magnet, **settings).parameters
-        model = LinearModel.of(known, k.k_i, k.k_s)
+        # The states are counted in their own units, or the equations below lose their digits
+        # between newtons and micrometres.
         units = np.array(self.default_std())
-        small = model.scaled(units)
+        small = self.linear_model(k.k_i, k.k_s).scaled(units)
         L = self._gain(small)
         P, S = _steady(small, L)
         self.gain = L * units
-        real = np.float32 if self.precision == "float32" else np.float64
-        upper = (P * np.outer(units, units))[np.triu_indices(4)]
-        caps = np.asarray(known["cap"], dtype=float)
+        upper = (P * np.outer(units, units))[np.triu_indices(len(units))]
+        caps = np.asarray(settings["cap"])
         far = np.minimum(2 * _grown(small, L, caps / units) * units, np.finfo(np.float32).max)
-        return core.Observer(
-            magnet, self.gain.astype(real), upper.astype(real), S, far.astype(real), **settings
+        return engine.core.Observer(
+            magnet,
+            engine.model_of_core,
+            self.gain[np.newaxis].astype(self.precision),
+            upper.astype(self.precision),
+            np.array([S], self.precision),
+            far.astype(self.precision),
+            **settings,
         )
 
 

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import math
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from ambkit.estimate.base import Estimator
+from ambkit.estimate.engine import Engine
 from ambkit.machine.magnets import ClosedLaw, StiffnessSource
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
     from ambkit.machine.bearing import Bearing
 
-STATES = 4
-
 
 class UnscentedKalmanFilter(Estimator):
-    """Unscented Kalman filter: nine points about the mean go through the force law.
+    """Unscented Kalman filter: 2 n + 1 points about the mean go through the force law.
 
     Three forces are all it takes for them, because only the displacement enters the force
     (``core/include/ambkit/unscented.h``).
@@ -29,8 +27,9 @@ class UnscentedKalmanFilter(Estimator):
     source : optional
         What the filter knows of its magnet; by default the closed law.
     alpha, beta, kappa : float
-        Spread of the points [1]: they lie ``alpha sqrt(4 + kappa)`` standard deviations from the
-        mean. The defaults put them at ``sqrt(3)``, the abscissae of Gauss and Hermite.
+        Spread of the points [1]: they lie ``alpha sqrt(n + kappa)`` standard deviations from the
+        mean of n states. The defaults, ``kappa = 3 - n``, put them at ``sqrt(3)``, the abscissae of
+        Gauss and Hermite.
     **options
         As for :class:`KalmanFilter`.
 
@@ -54,19 +53,24 @@ class UnscentedKalmanFilter(Estimator):
         *,
         alpha: float = 1.0,
         beta: float = 0.0,
-        kappa: float = 3.0 - STATES,
+        kappa: float | None = None,
         **options: Any,
     ) -> None:
-        for name, value, least in (("alpha", alpha, 0.0), ("kappa", kappa, -float(STATES))):
+        self._spread: dict[str, Any] = {"alpha": alpha, "beta": beta, "kappa": kappa}
+        super().__init__(bearing, source or ClosedLaw(bearing), **options)
+
+    def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
+        n, alpha, beta = len(engine.states), self._spread["alpha"], self._spread["beta"]
+        kappa = 3.0 - n if self._spread["kappa"] is None else self._spread["kappa"]
+        for name, value, least in (("alpha", alpha, 0.0), ("kappa", kappa, -float(n))):
             if not (math.isfinite(value) and value > least):
                 raise ValueError(f"{name} must be greater than {least:g}, got {value!r}")
-        spread = alpha**2 * (STATES + kappa)
+        spread = alpha**2 * (n + kappa)
         self.reach = math.sqrt(spread)
         self.curvature = spread + beta - alpha**2
         if not (math.isfinite(self.curvature) and self.curvature >= 0):
             lowest = alpha**2 - spread
             raise ValueError(f"beta must be {lowest:.6g} or more for a variance, got {beta!r}")
-        super().__init__(bearing, source or ClosedLaw(bearing), **options)
-
-    def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
-        return core.Unscented(magnet, self.reach, self.curvature, **settings)
+        return engine.core.Unscented(
+            magnet, engine.model_of_core, self.reach, self.curvature, **settings
+        )

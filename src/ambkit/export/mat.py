@@ -10,9 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base import files
-from ambkit.estimate.estimate import STATES
 from ambkit.estimate.kalman import AdaptiveKalmanFilter, KalmanFilter
-from ambkit.estimate.model import LinearModel
 from ambkit.export.tabulate import tabulate
 from ambkit.machine.magnets import ConstantStiffness, core_module
 from ambkit.machine.stiffness import stiffness_map
@@ -82,7 +80,7 @@ def variables(bearing: Bearing, expert: Expert | None) -> dict[str, Any]:
     """
     estimator = KalmanFilter(bearing) if expert is None else AdaptiveKalmanFilter(bearing, expert)
     content: dict[str, Any] = _model(estimator) | {
-        "states": np.array(STATES, dtype=object),
+        "states": np.array([state.name for state in estimator.states], dtype=object),
         "tables": _tables(bearing, expert),
         "bearing": _fields(bearing),
         "about": f"{bearing.name}, written by ambkit {version('ambkit')}; SI units",
@@ -91,10 +89,10 @@ def variables(bearing: Bearing, expert: Expert | None) -> dict[str, Any]:
 
 
 def _model(estimator: KalmanFilter) -> dict[str, Any]:
-    """Matrices from the constants that the C core computed (core/generated/axial.h)."""
+    """Matrices of the model that the filter predicts with."""
     k = ConstantStiffness.of(estimator.bearing)
-    held = estimator.core.parameters
-    model = LinearModel.of(held, k.k_i, k.k_s)
+    held = estimator.core.parameters["set"]
+    model = estimator.linear_model(k.k_i, k.k_s)
     return {
         "A": model.A,
         "B": model.B,
@@ -104,8 +102,8 @@ def _model(estimator: KalmanFilter) -> dict[str, Any]:
         "Q": model.Q,
         "R": model.R,
         "P0": np.diag(np.square(estimator.default_std())),
-        "T": held["set"]["T"],
-        "f_0": held["set"]["f_0"],
+        "T": held["T"],
+        "f_0": float(held["f_0"][0]),
     }
 
 

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 Precision = Literal["float64", "float32"]
 
 _BUILDS = {"float64": "ambkit._core", "float32": "ambkit._core_f32"}
+_ANY_MODEL = {"float64": "ambkit._any", "float32": "ambkit._any_f32"}
 
 
 def equally_far(bearing: Bearing) -> tuple[float, float]:
@@ -48,11 +49,24 @@ class StiffnessSource(Protocol):
         """Build the C implementation in the given build of the core."""
 
 
-def core_module(precision: Precision = "float64") -> ModuleType:
-    """Return the build of the C core that computes in ``precision``."""
+def core_module(precision: Precision = "float64", *, any_model: bool = False) -> ModuleType:
+    """Return a build of the C core.
+
+    Parameters
+    ----------
+    precision : {"float64", "float32"}
+        What it computes in.
+    any_model : bool
+        The build with loops over any model, instead of that with the paper's axis built in.
+
+    Raises
+    ------
+    ValueError
+        There is no such precision.
+    """
     if precision not in _BUILDS:
         raise ValueError(f"precision must be 'float64' or 'float32', got {precision!r}")
-    return import_module(_BUILDS[precision])
+    return import_module((_ANY_MODEL if any_model else _BUILDS)[precision])
 
 
 @dataclass(frozen=True)

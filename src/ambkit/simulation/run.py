@@ -314,9 +314,9 @@ class Loop:
         here = slice(self._at, end)
         if self._at == 0 and estimator is not None:
             x = self._start
-            estimator.reset([x, 0.0, 0.0, bearing.sensor.gain * x])
+            estimator.reset(estimator.at_rest(x))
         lag = max(bearing.sensor.lag, 1e-3 * T)
-        core = core_module(precision)
+        core = core_module(precision) if estimator is None else estimator.engine.core
         self._state = self._state or core.LoopState()
 
         def given(values: NDArray[np.float64]) -> NDArray[Any]:
@@ -373,7 +373,7 @@ class Loop:
         record = Record(t, {name: signals[name] for name in UNITS}, UNITS, meta=meta)
         if estimator is None:
             return Run(record, None)
-        return Run(record, Estimate.from_core(t, out["estimate"], estimator.name))
+        return Run(record, Estimate.from_core(t, out["estimate"], estimator.name, estimator.states))
 
 
 def _series(imposed: Imposed) -> Iterator[tuple[str, NDArray[np.float64]]]:

@@ -1,0 +1,144 @@
+"""From a model as data to the build of the C core that computes with it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.machine.magnets import Precision, core_module
+from ambkit.models import axis_model, axis_parts
+from ambkit.models.model import Descriptor, Model
+from ambkit.models.parts import Disturbance, MagnetPlace, Rotor, Sensor
+from ambkit.models.plan import Plan
+
+if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
+
+Array = NDArray[np.float64]
+
+PAPER = (Rotor, MagnetPlace, Disturbance, Sensor)
+"""The parts of the paper's axis, which is built into the core as straight-line C."""
+
+ROLES = {
+    "position": 0, "velocity": 1, "sensor": 2, "disturbance force": 3, "noise": 3,
+    "current": 4, "past control": 4,
+}  # fmt: skip
+"""What the core calls the roles of the states: ``amb_role`` of ``ambkit/model.h``."""
+
+
+class Engine:
+    """A build of the core, and the model of a bearing in it.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        Whose parts decide: the paper's axis is built in, all else runs by loops over its model.
+    precision : {"float64", "float32"}
+        What it computes in.
+    as_printed : bool
+        Eq. 19 as the paper prints it.
+
+    Raises
+    ------
+    ValueError
+        As printed, with parts that the paper does not have.
+    """
+
+    def __init__(self, bearing: Bearing, precision: Precision, *, as_printed: bool = False) -> None:
+        self.bearing, self.as_printed = bearing, as_printed
+        parts = axis_parts(bearing)
+        plan = Plan(bearing.sampling_time)
+        for part in parts:
+            plan.add(part)
+        self.states, self.noises = tuple(plan.states), tuple(plan.noises)
+        self.built_in = tuple(type(part) for part in parts) == PAPER
+        self.core: ModuleType = core_module(precision, any_model=not self.built_in)
+        if self.built_in:
+            self.model_of_core: Any = self.core.Model(
+                bearing.sampling_time, bearing.rotor.mass, bearing.sensor.gain, lag(bearing),
+                as_printed,
+            )  # fmt: skip
+        else:
+            self.model_of_core = self.core.Model(arrays(self.model))
+
+    @cached_property
+    def model(self) -> Model:
+        """The model as data, sampled when it is first asked for."""
+        return axis_model(self.bearing, as_printed=self.as_printed)
+
+
+def lag(bearing: Bearing) -> float:
+    """Return the sensor's lag [s]; one faster than a thousandth of a sample is as good as none."""
+    return max(bearing.sensor.lag, 1e-3 * bearing.sampling_time)
+
+
+class Sizes(NamedTuple):
+    """The most that a rotor between its stops can do, for the states' caps."""
+
+    position: float
+    velocity: float
+    force: float
+
+    @classmethod
+    def of(cls, bearing: Bearing) -> Sizes:
+        """A tenth of the travel in a sample, and the force that does that within one."""
+        T, travel = bearing.sampling_time, bearing.rotor.travel_limit
+        velocity = 0.1 * (travel / T)
+        return cls(travel, velocity, bearing.rotor.mass * (velocity / T))
+
+
+def caps(bearing: Bearing, states: Sequence[Descriptor]) -> list[float]:
+    """Return the most that each state can be (``ambkit/envelope.h``)."""
+    most = Sizes.of(bearing)
+    by_role = {
+        "position": lambda _: most.position,
+        "velocity": lambda _: most.velocity,
+        "disturbance force": lambda _: most.force,
+        "sensor": lambda _: 3 * abs(bearing.sensor.gain) * most.position,
+        "noise": lambda size: 30 * size,
+        "current": lambda _: 10 * bearing.amplifier.current_limit,
+        "past control": lambda _: 10 * bearing.amplifier.current_limit,
+    }
+    return [by_role[state.role](state.size) for state in states]
+
+
+def arrays(model: Model) -> dict[str, Any]:
+    """Return a model as the core's loops want it (``ambkit/loops.h``).
+
+    Raises
+    ------
+    ValueError
+        It has a state of a role that the core does not know.
+    """
+    unknown = [state.name for state in model.states if state.role not in ROLES]
+    if unknown:
+        raise ValueError(f"states of unknown roles: {', '.join(unknown)}")
+    on = (model.pattern["h"] | model.pattern["e"] | model.pattern["r"]) > 0
+    shown = np.array([state.role == "sensor" for state in model.states])
+    upper = np.triu_indices(len(model.states))
+    return {
+        "states": len(model.states),
+        "forces": len(model.forces),
+        "controls": len(model.controls),
+        "sensors": len(model.measurements),
+        "noises": len(model.noises),
+        **{name: model.sparse(name) for name in ("L", "b", "B_u", "d", "c")},
+        "h": sparse(model.h, on),
+        "e": model.e[on],
+        "r": model.r[on],
+        "N": sparse(model.N[:, *upper], (model.pattern["N"] > 0)[:, *upper]),
+        "rest": sparse(model.rest, (model.pattern["rest"] > 0) & shown[:, None]),
+        "role": [float(ROLES[state.role]) for state in model.states],
+    }
+
+
+def sparse(values: Array, there: NDArray[np.bool_]) -> tuple[list[int], list[int], list[float]]:
+    """Return where rows start, columns and values of the entries that are there."""
+    row, column = np.nonzero(there)
+    start = np.searchsorted(row, np.arange(len(values) + 1))
+    return start.tolist(), column.tolist(), values[row, column].tolist()
