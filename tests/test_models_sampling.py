@@ -217,6 +217,32 @@ def test_a_rotor_of_two_planes_is_sampled_exactly() -> None:
     assert (model.L[:, model.index("f_d1")] != 0).sum() > 4
 
 
+def test_its_noise_is_that_of_a_quadrature() -> None:
+    """Both disturbances, one at a magnet's place, one between them; seen by both sensors."""
+    T, model = 1e-4, compose(machine(), 1e-4)
+    inverse = np.linalg.inv([[2.0, 0.1], [0.1, 0.5]])
+    D, K = np.diag([3.0, 0.0]) + 900.0 * np.array([[0, 0.2], [-0.2, 0]]), np.diag([4e4, 0.0])
+    P, lag = np.array([[1.0, 0.3], [0.2, 1.0]]), np.array([[1e-4], [2e-4]])
+    zero = np.zeros((2, 2))
+    A = np.block(
+        [
+            [zero, np.eye(2), zero, zero],
+            [-inverse @ K, -inverse @ D, inverse @ np.array([[1, 0.2], [0, 1]]), zero],
+            [zero, zero, zero, zero],
+            [np.array([[0.9], [1.0]]) * P / lag, zero, zero, -np.eye(2) / lag],
+        ]
+    )
+    at, weights = np.polynomial.legendre.leggauss(30)
+    left = np.array([expm(A * T * (1 + s) / 2) for s in at])
+    names = ["x", "y", "vx", "vy", "f_d0", "f_d1", "xm_0", "xm_1"]
+    to = [model.index(name) for name in names]
+    for k, column in enumerate((4, 5)):
+        g = left[:, :, column]
+        N = np.einsum("k,ki,kj->ij", weights / 2, g, g)
+        np.testing.assert_allclose(model.N[k][np.ix_(to, to)], N, rtol=1e-10)
+        assert np.count_nonzero(model.N[k]) == np.count_nonzero(N)
+
+
 def test_the_mean_displacement_is_the_free_rotor_s() -> None:
     T, model = 1e-4, compose(machine(), 1e-4)
     M, D = np.array([[2.0, 0.1], [0.1, 0.5]]), np.diag([3.0, 0.0])
