@@ -51,7 +51,7 @@ def random_model(seed: int, n: int, p: int, m: int, *, controlled: bool | None =
         kinds[name][some < share * ones] = ONE
 
     fill("L", density, 0.0)
-    fill("b", max(density, 0.2), 0.1)
+    fill("b", max(density, 0.2), 0.0)
     fill("e", density / 2, 0.3)
     fill("c", 0.7 / n, 0.5)
     fill("r", 0.7 / n, 0.8)
@@ -78,13 +78,20 @@ def random_model(seed: int, n: int, p: int, m: int, *, controlled: bool | None =
         values["N"][source] = root @ root.T
         seen = root != 0
         kinds["N"][source][(seen[:, None] & seen[None]).any(2)] = NUMBER
+    # The first source drives every state, so that the covariance stays positive definite.
+    values["N"][0] += np.diag(rng.uniform(1e-3, 1e-2, n))
+    kinds["N"][0][np.diag_indices(n)] = NUMBER
     # A norm of at most 0.95 in L and the forces together, at the greatest stiffnesses.
-    ones = {name: kinds[name] == ONE for name in ("L", "b")}
-    kinds["b"][ones["b"]], values["b"][ones["b"]] = NUMBER, 1.0
     row = 2.0 * (np.abs(values["h"]) + np.abs(values["e"])) + np.abs(values["r"])
     reach = (np.abs(values["L"]) + np.abs(values["b"]) @ row).sum(1, keepdims=True)
     scale = 0.95 / np.maximum(reach, 0.95)
     values["L"], values["b"] = values["L"] * scale, values["b"] * scale
+    # Some states are what an earlier one was a sample before, as past controls are.
+    for i in np.flatnonzero(rng.random(n - 1) < 0.2) + 1:
+        for name in ("L", "b"):
+            kinds[name][i], values[name][i] = ZERO, 0.0
+        earlier = rng.integers(i)
+        kinds["L"][i, earlier], values["L"][i, earlier] = ONE, 1.0
     names = {
         "states": "X", "forces": "f", "controls": "u", "measurements": "y", "noises": "w",
     }  # fmt: skip

@@ -55,7 +55,7 @@ def axis_model(bearing: Any, *, T: float | None = None, as_printed: bool = False
     ValueError
         As printed, with parts that the paper does not have.
     """
-    model = compose(axis_parts(bearing), T or bearing.sampling_time, name="axial")
+    model = compose(axis_parts(bearing), bearing.sampling_time if T is None else T, name="axial")
     return printed(model) if as_printed else model
 
 

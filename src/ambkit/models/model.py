@@ -100,6 +100,8 @@ class Model:
     """For each matrix, of its shape: `ZERO`, `ONE` or `NUMBER`, by the kind of machine alone."""
 
     def __post_init__(self) -> None:
+        if not (self.name.isidentifier() and self.name.isascii()):
+            raise ValueError(f"name must be an identifier of C, is {self.name!r}")
         kept = {}
         for name in MATRICES:
             values, pattern = np.array(getattr(self, name), float), np.array(self.pattern[name])

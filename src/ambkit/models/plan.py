@@ -43,6 +43,16 @@ class Plan:
     ----------
     T : float
         Sampling time [s].
+
+    Attributes
+    ----------
+    inertia : dict
+        For each position, what a force of 1 N there adds to the velocities [m/s^2].
+    currents : dict
+        For each force, the state or control that is its magnet's current.
+    past : dict
+        For each demanded current that is late, the states that hold those of samples before, and up
+        to which share of a sample the last of them acts; then the one before it does.
     """
 
     def __init__(self, T: float) -> None:

@@ -39,11 +39,13 @@ def predict_covariance(names: Names) -> str:
     z: Symbols = []
     for i in n:
         z.append([])
+        V = {
+            at: stages.add(names.of_control("V", i, at), [product(B, names.of_c("var_u", at))])
+            for at, B in direct[i].items()
+        }
         for f in p:
             terms = products((a, q[min(k, f)][max(k, f)]) for k, a in b[i])
-            for at, B in direct[i].items():
-                noise = [product(B, names.of_c("var_u", at))]
-                terms += products([(stages.add(names.of_control("V", i, at), noise), g[f][at])])
+            terms += products((noise, g[f][at]) for at, noise in V.items())
             terms += products((a, M[i][k]) for k, a in rows[f][::-1])
             z[i].append(stages.add(names.of_force("z", f, i), terms))
     U = [_with_noise(names, i, direct[i], g, stages) for i in n]

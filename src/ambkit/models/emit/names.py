@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 
 from ambkit.models.emit.terms import Factor
@@ -118,7 +119,10 @@ class Names:
     def function(
         self, doc: str, name: str, arguments: list[str], body: list[str], returns: str = "void"
     ) -> str:
-        """Return a function that becomes part of its caller."""
+        """Return a function that becomes part of its caller; the pattern may need no argument."""
+        text = "\n".join(body)
+        given = [re.sub(r"\[.*", "", at).replace("*", " ").split()[-1] for at in arguments]
+        body = [f"(void){at};" for at in given if not re.search(rf"\b{at}\b", text)] + body
         inside = "\n".join("  " + line for line in body)
         head = f"AMB_INLINE {returns} {self.kind}_{name}({', '.join(arguments)})"
         return f"/* {doc} */\n{head}\n{{\n{inside}\n}}\n"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ambkit.models.emit.names import Names
-from ambkit.models.emit.terms import Factor, Stages, Sum, product, symbols_of, total
+from ambkit.models.emit.terms import Factor, Stages, Sum, product, total
 from ambkit.models.model import NUMBER, ZERO
 
 
@@ -33,16 +33,10 @@ def current(names: Names) -> str:
 
 def _forms(names: Names, name: str, doc: str, result: str, rows: list[Sum], more: list[str]) -> str:
     """Return a function of linear forms, one of each force; of one force as its value."""
-    used = symbols_of(rows)
-    looked_at = {
-        "model": any(at.startswith("model->") for at in used),
-        "mean": any(at.startswith("mean[") for at in used),
-    } | ({"u": any(names.of_c("u", at) in used for at in range(names.c))} if more else {})
-    body = [f"(void){at};" for at, asked in looked_at.items() if not asked]
     given = [names.given, f"const {names.mean}", *more]
     if names.p == 1:
-        return names.function(doc, name, given, [*body, f"return {total(rows[0])};"], "amb_real")
-    body += [f"{result}[{f}] = {total(row)};" for f, row in enumerate(rows)]
+        return names.function(doc, name, given, [f"return {total(rows[0])};"], "amb_real")
+    body = [f"{result}[{f}] = {total(row)};" for f, row in enumerate(rows)]
     return names.function(doc, name, [*given, f"amb_real {result}[{names.p}]"], body)
 
 

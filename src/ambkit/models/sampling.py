@@ -1,0 +1,229 @@
+"""A machine's continuous model over one sample: the pattern, and exact numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from ambkit.models import exponential
+from ambkit.models.model import NUMBER, ONE, ZERO, Array, Model
+from ambkit.models.plan import UNIT, Plan, Row
+from ambkit.models.structure import Flags, Kinds, pattern_of, set_one, structured
+
+
+@dataclass
+class Sampling:
+    """A plan over one sample.
+
+    The exponential is taken of one state that holds everything which moves or is held over the
+    sample: the n states, p forces and c controls, and the integrals of the p displacements and p
+    currents, from which their means come. Where a delay ends within the sample, it is the product
+    of the exponentials before and after.
+    """
+
+    plan: Plan
+
+    @cached_property
+    def place(self) -> dict[str, int]:
+        """Where each state, force and control stands in the whole state."""
+        plan = self.plan
+        return {at.name: k for k, at in enumerate((*plan.states, *plan.forces, *plan.controls))}
+
+    @cached_property
+    def sizes(self) -> tuple[int, int, int, int]:
+        """Numbers n, p, c and size of the whole state."""
+        n, p, c = len(self.plan.states), len(self.plan.forces), len(self.plan.controls)
+        return n, p, c, n + 3 * p + c
+
+    def at(self, name: str) -> int:
+        """Return where something stands."""
+        if name not in self.place:
+            raise ValueError(f"no part declares {name}; there are {', '.join(self.place)}")
+        return self.place[name]
+
+    def acting(self, control: str, after: float) -> str:
+        """Return what acts on an amplifier from some share of a sample on: a past control, or u."""
+        past, share = self.plan.past.get(control, ([], 0.0))
+        return [control, *past][len(past) - (after >= share if past else 0)]
+
+    def terms(self, *, riders: bool) -> list[tuple[int, str, float]]:
+        """Return what drives each state, as (row, name, value); sums of equal places."""
+        plan = self.plan
+        terms = [(self.at(state), by, value) for (state, by), value in plan.rates.items()]
+        pushes = dict(plan.pushes)
+        if riders:
+            pushes |= {state: plan.pushes[force] for state, force in plan.riders.items()}
+        for source, places in pushes.items():
+            for position, share in places.items():
+                terms += [
+                    (self.at(velocity), source, value * share)
+                    for velocity, value in plan.inertia[position].items()
+                ]
+        n, p, c, _ = self.sizes
+        for k, force in enumerate(plan.forces):
+            terms += [
+                (n + p + c + k, position, value / plan.T)
+                for position, value in plan.places[force.name].items()
+            ]
+            if force.name in plan.currents:
+                terms.append((n + 2 * p + c + k, plan.currents[force.name], 1 / plan.T))
+        return terms
+
+    def generator(self, after: float, *, riders: bool = False) -> Array:
+        """Return A of the whole state, from some share of the sample on [1/s, times the units]."""
+        A = np.zeros((self.sizes[3],) * 2)
+        controls = {at.name for at in self.plan.controls}
+        for i, name, value in self.terms(riders=riders):
+            A[i, self.at(self.acting(name, after) if name in controls else name)] += value
+        return A
+
+    def driven(self, *, riders: bool = False) -> Flags:
+        """Return what drives what in some part of the sample, by structure."""
+        A = np.zeros((self.sizes[3],) * 2, bool)
+        for i, name, _ in self.terms(riders=riders):
+            past, _share = self.plan.past.get(name, ([], 0.0))
+            for source in [name, *past][-2:]:
+                A[i, self.at(source)] = True
+        return A
+
+    def whole(self) -> Kinds:
+        """Return the whole state's transition over the sample, and its pattern."""
+        shares = {share for _, share in self.plan.past.values() if share < 1}
+        ends = [0.0, *sorted(shares), 1.0]
+        Phi = np.eye(self.sizes[3])
+        for start, end in pairwise(ends):
+            Phi = exponential.transition(self.generator(start), (end - start) * self.plan.T) @ Phi
+        driven = self.driven()
+        # What is on no circle but its own decays by its own rate, however far: no digit is lost.
+        others = pattern_of(driven & ~np.eye(len(driven), dtype=bool))
+        alone = np.flatnonzero(np.diag(others) == ONE)
+        Phi[alone, alone] = np.exp(np.diag(self.generator(0.0))[alone] * self.plan.T)
+        return structured(Phi, pattern_of(driven))
+
+    def model(self, name: str) -> Model:
+        """Return the sampled model."""
+        plan, (n, p, c, _) = self.plan, self.sizes
+        Phi, kinds = self.whole()
+        states, forces, controls = slice(n), slice(n, n + p), slice(n + p, n + p + c)
+        displaced, currents = slice(n + p + c, n + 2 * p + c), slice(n + 2 * p + c, None)
+        rotor = self._rotor_columns()
+        parts = {
+            "L": (Phi[states, states], kinds[states, states]),
+            "b": (Phi[states, forces], kinds[states, forces]),
+            "B_u": (Phi[states, controls], kinds[states, controls]),
+            "h": (Phi[displaced, states] * rotor, kinds[displaced, states] * rotor),
+            "e": (Phi[currents, states], kinds[currents, states]),
+            "d": (Phi[currents, controls], kinds[currents, controls]),
+            "r": self._riders(),
+            "c": self._linear_forms(plan.readings),
+            "N": self._growth(),
+            "rest": self._rest(),
+        }
+        self._pure_means(parts)
+        self._shift(parts)
+        return Model(
+            name=name, T=plan.T, states=tuple(plan.states), forces=tuple(plan.forces),
+            controls=tuple(plan.controls), measurements=tuple(plan.measurements),
+            noises=tuple(plan.noises), pattern={key: kind for key, (_, kind) in parts.items()},
+            **{key: values for key, (values, _) in parts.items()},
+        )  # fmt: skip
+
+    def _rotor_columns(self) -> Flags:
+        """Return, for each force, the states (p, n) of the rotor at which it pulls."""
+        plan = self.plan
+        owner = np.array(plan.owner, int)
+        rows = [
+            np.isin(owner, [owner[self.at(q)] for q in plan.places[force.name]])
+            for force in plan.forces
+        ]
+        return np.array(rows, bool).reshape(len(plan.forces), len(plan.states))
+
+    def _riders(self) -> Kinds:
+        forces = [at.name for at in self.plan.forces]
+        r = np.zeros((len(forces), len(self.plan.states)))
+        for state, force in self.plan.riders.items():
+            r[forces.index(force), self.at(state)] = 1.0
+        return r, np.where(r == 1, ONE, ZERO).astype(np.int8)
+
+    def _linear_forms(self, rows: Sequence[Row]) -> Kinds:
+        values = np.zeros((len(rows), len(self.plan.states)))
+        kinds = np.zeros(values.shape, np.int8)
+        for i, entries in enumerate(rows):
+            for state, value in entries.items():
+                values[i, self.at(state)] = value
+                kinds[i, self.at(state)] = ONE if value is UNIT else NUMBER
+        return values, kinds
+
+    def _growth(self) -> Kinds:
+        n = self.sizes[0]
+        A, kinds = self.generator(0.0, riders=True)[:n, :n], pattern_of(self.driven(riders=True))
+        reached = kinds[:n, :n] != ZERO
+        N, pattern = np.zeros((2, len(self.plan.sources), n, n))
+        for k, (row, walk) in enumerate(self.plan.sources):
+            intensity = np.zeros(n)
+            for state, value in row.items():
+                source = self.at(state)
+                intensity[source] = value
+                pattern[k][np.outer(reached[:, source], reached[:, source])] = NUMBER
+                if walk and kinds[source, source] == ONE:
+                    pattern[k, source, source] = ONE
+            N[k], pattern[k] = structured(exponential.growth(A, intensity, self.plan.T), pattern[k])
+        return N, pattern.astype(np.int8)
+
+    def _rest(self) -> Kinds:
+        """Return what each state is at rest, each dependent one traced back to free ones.
+
+        What rests on a demanded current is free itself, unless a past control holds that.
+        """
+        controls = {at.name for at in self.plan.controls}
+        held = {control: past[0] for control, (past, _) in self.plan.past.items()}
+        rests = {
+            state: {held.get(by, by): value for by, value in given.items()}
+            for state, given in self.plan.rests.items()
+            if all(by in held or by not in controls for by in given)
+        }
+        rows = [rests.get(at.name, {at.name: UNIT}) for at in self.plan.states]
+        for _ in rests:
+            rows = [_traced(row, rests) for row in rows]
+        return self._linear_forms(rows)
+
+    def _pure_means(self, parts: dict[str, Kinds]) -> None:
+        """Set the ones of h and d: the mean of what does not move by itself is what it was."""
+        plan, (n, p, _c, _) = self.plan, self.sizes
+        reach = pattern_of(self.driven())
+        for k, force in enumerate(plan.forces):
+            seen = {self.at(q): value for q, value in plan.places[force.name].items()}
+            for q, value in seen.items():
+                alone = all(reach[other, q] == ZERO for other in seen if other != q)
+                if value is UNIT and alone and reach[q, q] == ONE:
+                    set_one(parts["h"], k, q)
+            current = plan.currents.get(force.name)
+            if current in {at.name for at in plan.controls} and current not in plan.past:
+                set_one(parts["d"], k, self.at(current) - n - p)
+
+    def _shift(self, parts: dict[str, Kinds]) -> None:
+        """Let the past controls move on by one sample."""
+        _, p, _, _ = self.sizes
+        for control, (past, _) in self.plan.past.items():
+            for k, state in enumerate(past):
+                i = self.at(state)
+                for name in ("L", "B_u"):
+                    for array in parts[name]:
+                        array[i] = 0
+                if k == 0:
+                    set_one(parts["B_u"], i, self.at(control) - self.sizes[0] - p)
+                else:
+                    set_one(parts["L"], i, self.at(past[k - 1]))
+
+
+def _traced(row: Row, rests: dict[str, dict[str, float]]) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for state, value in row.items():
+        for by, share in rests.get(state, {state: UNIT}).items():
+            product = share if value is UNIT else value if share is UNIT else value * share
+            found[by] = found[by] + product if by in found else product
+    return found

@@ -1,0 +1,241 @@
+"""Straight-line C from a pattern: the bits of naive loops, and the text of the paper's axis."""
+
+from __future__ import annotations
+
+import ctypes
+import re
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from filter_cases import BEARING
+from model_oracles import Array, Loops, Settings, random_model, random_settings, random_state
+
+from ambkit.models import NUMBER, ZERO, Model, axis_model, compose, emit
+from ambkit.models.axis import PAPER_CONSTANTS
+from ambkit.models.parts import (
+    Amplifier,
+    ColouredNoise,
+    Delay,
+    Disturbance,
+    Hum,
+    MagnetPlace,
+    Rotor,
+    Sensor,
+)
+
+ROOT = Path(__file__).resolve().parent.parent
+COMPILER = shutil.which("gcc") or shutil.which("clang") or shutil.which("cc")
+compiled = pytest.mark.skipif(COMPILER is None, reason="no C compiler (gcc, clang or cc) here")
+
+double = ctypes.c_double
+
+
+class Compiled:
+    """The functions of a model's header, on arrays."""
+
+    def __init__(self, model: Model, folder: Path, naming: emit.Naming | None = None) -> None:
+        names = emit.Names(model, naming)
+        self.names, self.n, self.size = names, names.n, len(names.pairs)
+        (folder / "model.h").write_text(emit.header(names, "A model of a test"))
+        (folder / "model.c").write_text(self.source(model))
+        library = folder / "model.so"
+        optimised = "-O1" if self.n < 16 else "-O0"  # at 40 states it takes a minute
+        command = [
+            str(COMPILER), "-std=c99", optimised, "-ffp-contract=off", "-shared", "-fPIC", "-Wall",
+            "-Wextra", "-Werror", f"-I{ROOT / 'core' / 'include'}", "-o", str(library),
+            str(folder / "model.c"),
+        ]  # fmt: skip
+        subprocess.run(command, check=True, cwd=folder)
+        self.library = ctypes.CDLL(str(library))
+
+    def source(self, model: Model) -> str:
+        """Functions with a symbol of their own, all of whose arguments are arrays."""
+        names, kind = self.names, self.names.kind
+        p, c = ("" if count == 1 else "*" for count in (names.p, names.c))
+
+        def given(name: str, star: str) -> str:
+            return name if star else f"{name}[0]"
+
+        controlled = ", " + given("u", c) if (model.pattern["B_u"] != ZERO).any() else ""
+        numbers = "&model, " if (model.pattern["c"] == NUMBER).any() else ""
+        noise = "var_noise" if names.k > 1 else "var_noise[0]"
+        call = {
+            "growth(const double *var_noise, double *growth)":
+                f"{kind}_growth(&model, {noise}, growth)",
+            "mean(const double *f, const double *u, double *mean)":
+                f"(void)u; {kind}_predict_mean(&model, {given('f', p)}{controlled}, mean)",
+            "covariance(const double *k_i, const double *k_s, const double *k_ui, "
+            "const double *var_u, const double *growth, double *cov)":
+                f"{kind}_predict_covariance(&model, {given('k_i', p)}, {given('k_s', p)}, "
+                f"{given('k_ui', c)}, {given('var_u', c)}, growth, cov)",
+        }  # fmt: skip
+        if names.p == 1:
+            call["displacement(const double *mean, double *s)"] = (
+                f"s[0] = {kind}_displacement(&model, mean)"
+            )
+            call["current(const double *mean, const double *u, double *i)"] = (
+                f"i[0] = {kind}_current(&model, mean, {given('u', c)})"
+            )
+        else:
+            call["displacement(const double *mean, double *s)"] = (
+                f"{kind}_displacement(&model, mean, s)"
+            )
+            call["current(const double *mean, const double *u, double *i)"] = (
+                f"{kind}_current(&model, mean, {given('u', c)}, i)"
+            )
+        for r in range(names.m):
+            name = f"{kind}_update" + ("" if names.m == 1 else f"_{r}")
+            call[f"update_{r}(double y, double var_y, double *mean, double *cov, double *out)"] = (
+                f"{name}({numbers}y, var_y, mean, cov, &out[0], &out[1])"
+            )
+        functions = "".join(f"void {head};\nvoid {head}\n{{ {body}; }}\n"
+                            for head, body in call.items())  # fmt: skip
+        filled = f"static const {kind}_model model = {emit.initialiser(self.names, model)};\n"
+        return f'#include "model.h"\n{filled}{functions}'
+
+    def call(self, function: str, *arguments: Any) -> None:
+        """Arrays are given as they are, and changed in place."""
+        given = [
+            double(at) if isinstance(at, float) else at.ctypes.data_as(ctypes.POINTER(double))
+            for at in arguments
+        ]
+        self.library[function](*given)
+
+    def triangle(self, P: Array) -> Array:
+        return np.ascontiguousarray(P[np.triu_indices(self.n)])
+
+    def square(self, cov: Array) -> Array:
+        P = np.zeros((self.n, self.n))
+        P[np.triu_indices(self.n)] = cov
+        return np.triu(P) + np.triu(P, 1).T
+
+
+def same_bits(model: Model, s: Settings, folder: Path, naming: emit.Naming | None = None) -> None:
+    """A few whole samples: displacement, current, prediction, all updates."""
+    code, loops, rng = Compiled(model, folder, naming), Loops(model), np.random.default_rng(1)
+    X, P = random_state(model, 2)
+    size = np.array([at.size for at in model.states])
+    X, P = X * size, P * np.outer(size, size)
+    mean, cov, growth = X.copy(), code.triangle(P), np.zeros(code.size)
+    code.call("growth", s.var_noise, growth)
+    G = loops.growth(s.var_noise)
+    np.testing.assert_array_equal(code.square(growth), G)
+    for _ in range(5):
+        u, F = rng.uniform(-1, 1, len(model.controls)), rng.uniform(-1, 1, len(model.forces))
+        found = np.zeros(len(model.forces))
+        code.call("displacement", mean, found)
+        np.testing.assert_array_equal(found, loops.displacement(X))
+        code.call("current", mean, u, found)
+        np.testing.assert_array_equal(found, loops.current(X, u))
+        code.call("mean", F, u, mean)
+        X = loops.predict_mean(X, F, u)
+        np.testing.assert_array_equal(mean, X)
+        code.call("covariance", s.k_i, s.k_s, s.k_ui, s.var_u, growth, cov)
+        P = loops.predict_covariance(P, s, G)
+        np.testing.assert_array_equal(code.square(cov), P)
+        for r, var in enumerate(s.var_y.tolist()):
+            y, out = float(rng.uniform(-1, 1)) * model.measurements[r].size, np.zeros(2)
+            code.call(f"update_{r}", y, var, mean, cov, out)
+            X, P, e, S = loops.update(r, y, var, X, P)
+            np.testing.assert_array_equal(mean, X)
+            np.testing.assert_array_equal(code.square(cov), P)
+            np.testing.assert_array_equal(out, [e, S])
+    assert (X != 0).any()
+    assert np.linalg.eigvalsh(P / np.outer(size, size)).min() > 0
+
+
+@compiled
+def test_the_axis_s_code_has_the_bits_of_the_loops(tmp_path: Path) -> None:
+    model = axis_model(BEARING)
+    s = Settings(*(np.array([at]) for at in (10.05, 7537.5, 1.0, 8e-5, 1e-3, 8.3e-11)))
+    same_bits(model, s, tmp_path, PAPER_CONSTANTS)
+
+
+@compiled
+def test_an_axis_of_all_parts_has_the_bits_of_the_loops(tmp_path: Path) -> None:
+    """Names of states beside names of arguments: the amplifier's current is i."""
+    model = compose([
+        Rotor(0.5, 1e-3, 0.1), MagnetPlace(10.0), Disturbance(10.0, 0.01), Sensor(0.8, None, 1e-3),
+        Amplifier(1.0, 2000.0), Delay(1.5e-4, 1.0), ColouredNoise(1e-12, 200.0),
+        Hum(50.0, 5e-6, 0.5),
+    ], 1e-4, name="axis")  # fmt: skip
+    one = (10.05, 7537.5, 0.7, 8e-5)
+    s = Settings(*(np.array([at]) for at in one), np.array([1e-3, 1e-12, 1e-11]), np.array([8e-11]))
+    same_bits(model, s, tmp_path)
+
+
+@compiled
+@pytest.mark.parametrize(("n", "p", "m", "seeds"), [
+    (2, 1, 1, 4), (5, 1, 2, 4), (8, 2, 2, 3), (11, 3, 1, 2), (16, 4, 4, 2), (40, 8, 10, 1),
+])  # fmt: skip
+@pytest.mark.parametrize("controlled", [False, True])
+def test_random_patterns_have_the_bits_of_the_loops(
+    n: int, p: int, m: int, seeds: int, controlled: bool, tmp_path: Path
+) -> None:
+    for seed in range(seeds):
+        folder = tmp_path / str(seed)
+        folder.mkdir()
+        model = random_model(seed, n, p, m, controlled=controlled)
+        same_bits(model, random_settings(model, seed), folder)
+
+
+@pytest.mark.parametrize(("n", "p", "m"), [(4, 1, 1), (9, 3, 4)])
+def test_the_loops_are_the_textbook_s_filter(n: int, p: int, m: int) -> None:
+    """A P A' + Q and P - K S K', in full matrices."""
+    for seed in range(10):
+        model = random_model(seed, n, p, m)
+        s, loops = random_settings(model, seed), Loops(model)
+        X, P = random_state(model, seed)
+        A = model.jacobian(s.k_i, s.k_s)
+        Q = model.process_noise(s.k_i, s.var_u * s.k_ui**2, s.var_noise)
+        got = loops.predict_covariance(P, s, loops.growth(s.var_noise))
+        np.testing.assert_allclose(got, A @ P @ A.T + Q, rtol=1e-11, atol=1e-13)
+        for r, (c, var) in enumerate(zip(model.c, s.var_y.tolist(), strict=True)):
+            mean, new, e, S = loops.update(r, 0.3, var, X, P)
+            K = P @ c / (c @ P @ c + var)
+            assert (e, S) == pytest.approx((0.3 - c @ X, c @ P @ c + var), abs=1e-13)
+            np.testing.assert_allclose(mean, X + K * (0.3 - c @ X), atol=1e-12)
+            np.testing.assert_allclose(new, P - S * np.outer(K, K), atol=1e-12)
+
+
+FUNCTIONS: list[Callable[[emit.Names], str]] = [
+    emit.displacement, emit.predict_mean, emit.predict_covariance,
+    lambda names: emit.update(names, 0),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("function", FUNCTIONS)
+def test_the_paper_s_axis_has_the_text_that_flies(function: Callable[[emit.Names], str]) -> None:
+    """Each statement of the header in core/generated."""
+
+    def code(text: str) -> str:
+        return re.sub(r"\s+", " ", re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL))
+
+    flies = code((ROOT / "core" / "generated" / "axial.h").read_text())
+    text = code(function(emit.Names(axis_model(BEARING), PAPER_CONSTANTS))).strip()
+    assert text.count(";") >= 1
+    assert text in flies
+
+
+def test_a_one_by_structure_costs_no_product() -> None:
+    names = emit.Names(axis_model(BEARING), PAPER_CONSTANTS)
+    assert list(names.constants.values())[:4] == ["T", "T_2", "T_m", "T2_2m"]
+    assert "AMB_C(1.0) *" not in emit.header(names, "x")
+    assert "mean[2] =" not in emit.predict_mean(names)  # f_d stays what it is
+
+
+def test_numbers_are_those_of_a_model_of_the_pattern() -> None:
+    names = emit.Names(axis_model(BEARING), PAPER_CONSTANTS)
+    lighter = axis_model(BEARING.replace(rotor__mass="0.5 kg"))
+    found = emit.constants(names, lighter)
+    assert list(found) == list(PAPER_CONSTANTS.values())
+    assert found["T_m"] == lighter.b[1, 0]
+    with pytest.raises(ValueError, match="of another pattern than the struct"):
+        emit.constants(names, random_model(0, 4, 1, 1))
+    with pytest.raises(ValueError, match=r"the pattern has no number at \[\('L', 0, 0\)\]"):
+        emit.Names(lighter, {("L", 0, 0): "one"})
