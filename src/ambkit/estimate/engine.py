@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from ambkit.machine.magnets import Precision, core_module
 from ambkit.models import axis_model, axis_parts
 from ambkit.models.model import Descriptor, Model
-from ambkit.models.parts import Disturbance, MagnetPlace, Rotor, Sensor
 from ambkit.models.plan import Plan
 
 if TYPE_CHECKING:
@@ -21,8 +20,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-PAPER = (Rotor, MagnetPlace, Disturbance, Sensor)
-"""The parts of the paper's axis, which is built into the core as straight-line C."""
+PAPER = ("x", "v", "f_d", "x_m")
+"""The states of the paper's axis, which is built into the core as straight-line C."""
 
 ROLES = {
     "position": 0, "velocity": 1, "sensor": 2, "disturbance force": 3, "noise": 3,
@@ -51,12 +50,11 @@ class Engine:
 
     def __init__(self, bearing: Bearing, precision: Precision, *, as_printed: bool = False) -> None:
         self.bearing, self.as_printed = bearing, as_printed
-        parts = axis_parts(bearing)
         plan = Plan(bearing.sampling_time)
-        for part in parts:
+        for part in axis_parts(bearing):
             plan.add(part)
         self.states, self.noises = tuple(plan.states), tuple(plan.noises)
-        self.built_in = tuple(type(part) for part in parts) == PAPER
+        self.built_in = tuple(state.name for state in plan.states) == PAPER
         self.core: ModuleType = core_module(precision, any_model=not self.built_in)
         if self.built_in:
             self.model_of_core: Any = self.core.Model(
@@ -127,10 +125,13 @@ def arrays(model: Model) -> dict[str, Any]:
         "controls": len(model.controls),
         "sensors": len(model.measurements),
         "noises": len(model.noises),
-        **{name: model.sparse(name) for name in ("L", "b", "B_u", "d", "c")},
+        **{
+            name: sparse(getattr(model, name), model.pattern[name] > 0)
+            for name in ("L", "b", "B_u", "d", "c")
+        },
         "h": sparse(model.h, on),
-        "e": model.e[on],
-        "r": model.r[on],
+        "e": model.e[on].tolist(),
+        "r": model.r[on].tolist(),
         "N": sparse(model.N[:, *upper], (model.pattern["N"] > 0)[:, *upper]),
         "rest": sparse(model.rest, (model.pattern["rest"] > 0) & shown[:, None]),
         "role": [float(ROLES[state.role]) for state in model.states],
