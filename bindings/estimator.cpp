@@ -377,9 +377,7 @@ void bind_estimator(nb::module_ &m)
       .def_prop_ro("status", [](const Estimator &s) { return s.result.status; })
       .def_prop_ro("health", &health, "What there is to say of each sensor.")
       .def_prop_ro("innovation",
-                   [](const Estimator &s) {
-                     return told(s.result.innovation, s.sizes().sensors);
-                   })
+                   [](const Estimator &s) { return told(s.result.innovation, s.sizes().sensors); })
       .def_prop_ro("variance",
                    [](const Estimator &s) { return told(s.result.variance, s.sizes().sensors); })
       .def_prop_ro("k_i", [](const Estimator &s) { return stiffness(s, &amb_stiffness::k_i); })

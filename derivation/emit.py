@@ -126,6 +126,8 @@ def constants(model: Model, names: Names) -> str:
         )
         + "\n"
         + scalar_forms(model, names)
+        + "\n"
+        + variances(model, names)
         + "#endif\n"
     )
 
@@ -148,6 +150,42 @@ def scalar_forms(model: Model, names: Names) -> str:
                 "return role[i];",
             ],
             "amb_role",
+        ),
+    ])  # fmt: skip
+
+
+def variances(model: Model, names: Names) -> str:
+    """Return what is asked of the variances, which must not be loops (``ambkit/model.h``)."""
+    n = len(model.state)
+    diagonal = [f"cov[{names.pairs.index((i, i))}]" for i in range(n)]
+    positions = [i for i, role in enumerate(model.roles) if role == "AMB_POSITION"]
+    zeros = {f"cov[{k}]": "AMB_C(0.0)" for k in range(len(names.pairs))}
+    alone = zeros | {at: f"amb_magnitude(variances[{i}])" for i, at in enumerate(diagonal)}
+    given = f"const {names.cov_argument}"
+    unused = "(void)model;"
+    return "\n".join([
+        function(
+            "The variances of all states.",
+            f"amb_model_variances({MODEL}, {given}, amb_real variances[AMB_STATES])",
+            [unused, *(f"variances[{i}] = {at};" for i, at in enumerate(diagonal))],
+        ),
+        form(
+            "Whether they are such.",
+            f"amb_model_sound({MODEL}, {given})",
+            [unused, f"return {' && '.join(f'({at} >= AMB_C(0.0))' for at in diagonal)};"],
+            "bool",
+        ),
+        form(
+            "Whether the position is known better than this.",
+            f"amb_model_known({MODEL}, {given}, const amb_real widest[AMB_STATES])",
+            [unused, f"return {' && '.join(f'({diagonal[i]} <= widest[{i}])' for i in positions)};"],
+            "bool",
+        ),
+        function(
+            "A covariance of these variances, and nothing else.",
+            f"amb_model_uncorrelated({MODEL}, const amb_real variances[AMB_STATES], "
+            f"{names.cov_argument})",
+            [unused, *(f"{at} = {value};" for at, value in alone.items())],
         ),
     ])  # fmt: skip
 

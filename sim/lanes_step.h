@@ -21,7 +21,7 @@ typedef struct lanes_parameters {
   lanes k_i, k_s; /* of a constant magnet */
   lanes_law law;
   lanes gain[AMB_STATES], far[AMB_STATES], variance; /* of an observer */
-  lanes m, K_sen, position, velocity, force;                     /* of low-pass filters */
+  lanes m, K_sen, position, velocity, force;         /* of low-pass filters */
 } lanes_parameters;
 
 typedef struct lanes_state {
