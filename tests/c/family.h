@@ -4,6 +4,8 @@
 
 #include "ambkit/adaptive_noise.h"
 #include "ambkit/low_pass.h"
+#include "ambkit/observer.h"
+#include "ambkit/unscented.h"
 #include "paper.h"
 
 /* The paper's rig with gains of one. */
@@ -24,6 +26,47 @@ static inline amb_kalman family_filter(void)
   CHECK(amb_kalman_init(&kf, &model, &settings) == AMB_OK);
   return kf;
 }
+
+/* Each kind, with what only it has. */
+#define FAMILY_KINDS 9
+static const amb_augmented family_augmented = {
+    {AMB_C(0.75375)}, AMB_C(0.2), AMB_C(1e-6), AMB_C(0.2), 5, {AMB_C(0.012), AMB_C(0.1)}};
+static const amb_multiple_model family_models = {
+    .n = 3,
+    .theta = {AMB_C(0.8), 1, AMB_C(1.2)},
+    .leave = AMB_C(1e-4),
+    .bias = {AMB_C(0.75375)},
+    .learn = {AMB_C(0.012), AMB_C(0.1)},
+};
+static const amb_unscented family_points = {AMB_C(1.7320508), AMB_C(2.0)};
+static const amb_low_pass family_low = {PAPER_M, AMB_C(0.2), AMB_C(0.1), AMB_C(0.03)};
+/* The paper's rig with all poles at eight times the unstable one. */
+static const amb_observer family_observer = {
+    {{AMB_C(1.174982e-01), AMB_C(7.660125e+01), AMB_C(9.428160e+03), AMB_C(-1.207407e-01)}},
+    {AMB_C(1.348377e-11), AMB_C(8.289901e-09), AMB_C(1.151406e-06), AMB_C(1.163403e-11),
+     AMB_C(7.082104e-06), AMB_C(1.310412e-03), AMB_C(6.122142e-09), AMB_C(3.771677e-01),
+     AMB_C(8.755423e-07), AMB_C(2.079904e-11)},
+    {AMB_C(9.859563e-11)},
+    {AMB_C(3.777285e-02), AMB_C(5.778186e+01), AMB_C(2.097882e+04), AMB_C(5.554633e-02)}};
+static const amb_adaptive_noise family_noises = {
+    {&amb_extended_methods, NULL, NULL, NULL}, true, true, AMB_C(1e-3), AMB_C(2e-2), 100, 10};
+
+typedef struct family_kind {
+  const amb_estimator_methods *methods;
+  const void *own;
+  bool certain; /* has a covariance of its own */
+} family_kind;
+
+static const family_kind family_kinds[FAMILY_KINDS] = {
+    {&amb_kalman_methods, NULL, true},
+    {&amb_extended_methods, NULL, true},
+    {&amb_ud_methods, NULL, true},
+    {&amb_unscented_methods, &family_points, true},
+    {&amb_augmented_methods, &family_augmented, true},
+    {&amb_multiple_model_methods, &family_models, true},
+    {&amb_adaptive_noise_methods, &family_noises, true},
+    {&amb_observer_methods, &family_observer, false},
+    {&amb_low_pass_methods, &family_low, false}};
 
 /* Room for the state of any kind. */
 typedef union family_state {

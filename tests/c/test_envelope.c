@@ -1,47 +1,7 @@
 /* Starts from anywhere and any faults, for every kind of the family: none is ever not finite, and
  * all come back to the rotor. */
 #include "ambkit/envelope.h"
-#include "ambkit/observer.h"
-#include "ambkit/unscented.h"
 #include "family.h"
-
-static const amb_augmented augmented = {{AMB_C(0.75375)}, AMB_C(0.2), AMB_C(1e-6),
-                                        AMB_C(0.2),       5,          {AMB_C(0.012), AMB_C(0.1)}};
-static const amb_multiple_model models = {
-    .n = 3,
-    .theta = {AMB_C(0.8), 1, AMB_C(1.2)},
-    .leave = AMB_C(1e-4),
-    .bias = {AMB_C(0.75375)},
-    .learn = {AMB_C(0.012), AMB_C(0.1)},
-};
-static const amb_unscented points = {AMB_C(1.7320508), AMB_C(2.0)};
-static const amb_low_pass low = {PAPER_M, AMB_C(0.2), AMB_C(0.1), AMB_C(0.03)};
-/* The paper's rig with all poles at eight times the unstable one. */
-static const amb_observer observer = {
-    {{AMB_C(1.174982e-01), AMB_C(7.660125e+01), AMB_C(9.428160e+03), AMB_C(-1.207407e-01)}},
-    {AMB_C(1.348377e-11), AMB_C(8.289901e-09), AMB_C(1.151406e-06), AMB_C(1.163403e-11),
-     AMB_C(7.082104e-06), AMB_C(1.310412e-03), AMB_C(6.122142e-09), AMB_C(3.771677e-01),
-     AMB_C(8.755423e-07), AMB_C(2.079904e-11)},
-    {AMB_C(9.859563e-11)},
-    {AMB_C(3.777285e-02), AMB_C(5.778186e+01), AMB_C(2.097882e+04), AMB_C(5.554633e-02)}};
-static const amb_adaptive_noise noises = {
-    {&amb_extended_methods, NULL, NULL, NULL}, true, true, AMB_C(1e-3), AMB_C(2e-2), 100, 10};
-
-typedef struct kind {
-  const amb_estimator_methods *methods;
-  const void *own;
-  bool certain; /* has a covariance of its own */
-} kind;
-
-static const kind kinds[] = {{&amb_kalman_methods, NULL, true},
-                             {&amb_extended_methods, NULL, true},
-                             {&amb_ud_methods, NULL, true},
-                             {&amb_unscented_methods, &points, true},
-                             {&amb_augmented_methods, &augmented, true},
-                             {&amb_multiple_model_methods, &models, true},
-                             {&amb_adaptive_noise_methods, &noises, true},
-                             {&amb_observer_methods, &observer, false},
-                             {&amb_low_pass_methods, &low, false}};
 
 /* xorshift (Marsaglia 2003). */
 static unsigned long draw(void)
@@ -70,13 +30,13 @@ static amb_real decades(int most)
   return a;
 }
 
-static bool sound(const kind *tried, const amb_kalman_state *s)
+static bool sound(const family_kind *tried, const amb_kalman_state *s)
 {
   return tried->certain ? axis_sound(s) : axis_finite(s);
 }
 
 /* Good samples of a rotor that hangs at the middle: it is found within 50 ms, and not held. */
-static void comes_back(const kind *tried, const amb_estimator *e, family_state *s)
+static void comes_back(const family_kind *tried, const amb_estimator *e, family_state *s)
 {
   amb_kalman_result r;
   amb_status last = AMB_OK;
@@ -88,7 +48,7 @@ static void comes_back(const kind *tried, const amb_estimator *e, family_state *
   CHECK(amb_magnitude(s->base.mean[0]) < AMB_C(1e-4));
 }
 
-static void test_starts(const kind *tried)
+static void test_starts(const family_kind *tried)
 {
   static const amb_real scale[AXIS_STATES] = {AMB_C(1e-3), AMB_C(0.1), 5, AMB_C(1e-3)};
   const amb_kalman kf = family_filter();
@@ -141,7 +101,7 @@ static amb_real faulty(unsigned long fault, int k, amb_real good, amb_real *stuc
   }
 }
 
-static void test_faults(const kind *tried)
+static void test_faults(const family_kind *tried)
 {
   const amb_kalman kf = family_filter();
   const amb_estimator e = {tried->methods, &kf, &closed, tried->own};
@@ -197,9 +157,9 @@ static void test_restart(void)
 
 int main(void)
 {
-  for (size_t i = 0; i < sizeof kinds / sizeof *kinds; i++) {
-    test_starts(&kinds[i]);
-    test_faults(&kinds[i]);
+  for (size_t i = 0; i < FAMILY_KINDS; i++) {
+    test_starts(&family_kinds[i]);
+    test_faults(&family_kinds[i]);
     if (failures > 0) {
       (void)fprintf(stderr, "kind %d\n", (int)i);
       return failures;
