@@ -44,7 +44,14 @@ static void print_kind(int kind, const amb_magnet *magnet, axis_form form)
   const amb_kalman_settings settings = family_settings();
   const amb_model model = axis_model(PAPER_T, PAPER_M, 1, PAPER_T_SEN, form);
   amb_kalman kf;
-  const amb_estimator e = {family_kinds[kind].methods, &kf, magnet, family_kinds[kind].own};
+  amb_augmented augmented = family_augmented;
+  amb_multiple_model models = family_models;
+  amb_estimator e = {family_kinds[kind].methods, &kf, magnet, family_kinds[kind].own};
+  augmented.learn.least = models.learn.least = 0; /* learn, whatever it is worth */
+  if (e.methods == &amb_augmented_methods)
+    e.own = &augmented;
+  if (e.methods == &amb_multiple_model_methods)
+    e.own = &models;
   family_state s;
   amb_kalman_result r;
   amb_status all = AMB_OK;
