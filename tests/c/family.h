@@ -80,6 +80,59 @@ static inline amb_real family_control(int k)
   return AMB_C(0.5056) + AMB_C(0.01) * (amb_real)(k % 5 - 2);
 }
 
+/* xorshift (Marsaglia 2003). */
+static inline unsigned long family_draw(void)
+{
+  static unsigned long s = 2463534242UL;
+  s ^= (s << 13) & 0xFFFFFFFFUL;
+  s ^= s >> 17;
+  s ^= (s << 5) & 0xFFFFFFFFUL;
+  return s;
+}
+
+static inline amb_real family_uniform(void)
+{
+  return (amb_real)(family_draw() % 100000UL) / AMB_C(50000.0) - 1;
+}
+
+/* 10^n for whole n, of either sign. */
+static inline amb_real family_decades(int most)
+{
+  const int n = (int)(family_draw() % (unsigned long)(2 * most + 1)) - most;
+  amb_real a = 1;
+  for (int i = 0; i < n; i++)
+    a *= 10;
+  for (int i = 0; i > n; i--)
+    a /= 10;
+  return a;
+}
+
+/* What a sensor or an amplifier may give, one fault for a while, then another. */
+static inline amb_real family_faulty(unsigned long fault, int k, amb_real good, amb_real *stuck)
+{
+  switch (fault) {
+  case 0:
+    return NOT_A_NUMBER;
+  case 1:
+    return (k % 2 == 0) ? TOO_MUCH : -AMB_REAL_MAX;
+  case 2:
+    return *stuck;
+  case 3:
+    return *stuck + good; /* stuck, with noise: at a stop, or beyond */
+  case 4:
+    return (family_draw() % 4UL == 0UL) ? (family_uniform() * AMB_C(9e-3)) : good;
+  case 5:
+    return family_uniform() * AMB_C(1e-2);
+  case 6:
+    return good * AMB_REAL_MIN; /* denormal */
+  case 7:
+    return (family_draw() % 2UL == 0UL) ? NOT_A_NUMBER : (family_uniform() * family_decades(30));
+  default:
+    *stuck = family_uniform() * AMB_C(1.5e-3);
+    return good;
+  }
+}
+
 /* Starts that are none, and each thing that can come from a sensor or an amplifier. */
 static inline void family_faults(const amb_estimator_methods *methods, const void *own)
 {

@@ -3,33 +3,6 @@
 #include "ambkit/envelope.h"
 #include "family.h"
 
-/* xorshift (Marsaglia 2003). */
-static unsigned long draw(void)
-{
-  static unsigned long s = 2463534242UL;
-  s ^= (s << 13) & 0xFFFFFFFFUL;
-  s ^= s >> 17;
-  s ^= (s << 5) & 0xFFFFFFFFUL;
-  return s;
-}
-
-static amb_real uniform(void)
-{
-  return (amb_real)(draw() % 100000UL) / AMB_C(50000.0) - 1;
-}
-
-/* 10^n for whole n, of either sign. */
-static amb_real decades(int most)
-{
-  const int n = (int)(draw() % (unsigned long)(2 * most + 1)) - most;
-  amb_real a = 1;
-  for (int i = 0; i < n; i++)
-    a *= 10;
-  for (int i = 0; i > n; i--)
-    a /= 10;
-  return a;
-}
-
 static bool sound(const family_kind *tried, const amb_kalman_state *s)
 {
   return tried->certain ? axis_sound(s) : axis_finite(s);
@@ -58,8 +31,10 @@ static void test_starts(const family_kind *tried)
   for (int start = 0; start < 100; start++) {
     amb_real mean[AMB_STATES], std[AMB_STATES];
     for (int i = 0; i < AXIS_STATES; i++) {
-      mean[i] = (start % 3 == 0) ? 0 : uniform() * scale[i] * ((start % 3 == 1) ? 1 : decades(12));
-      std[i] = scale[i] * decades(12);
+      mean[i] = (start % 3 == 0)
+                    ? 0
+                    : family_uniform() * scale[i] * ((start % 3 == 1) ? 1 : family_decades(12));
+      std[i] = scale[i] * family_decades(12);
     }
     CHECK(tried->methods->reset(&e, &s, mean, (start % 10 == 9) ? NULL : std) == AMB_OK);
     comes_back(tried, &e, &s);
@@ -75,32 +50,6 @@ static void test_starts(const family_kind *tried)
   comes_back(tried, &e, &s);
 }
 
-/* What a sensor or an amplifier may give, one fault for a while, then another. */
-static amb_real faulty(unsigned long fault, int k, amb_real good, amb_real *stuck)
-{
-  switch (fault) {
-  case 0:
-    return NOT_A_NUMBER;
-  case 1:
-    return (k % 2 == 0) ? TOO_MUCH : -AMB_REAL_MAX;
-  case 2:
-    return *stuck;
-  case 3:
-    return *stuck + good; /* stuck, with noise: at a stop, or beyond */
-  case 4:
-    return (draw() % 4UL == 0UL) ? (uniform() * AMB_C(9e-3)) : good;
-  case 5:
-    return uniform() * AMB_C(1e-2);
-  case 6:
-    return good * AMB_REAL_MIN; /* denormal */
-  case 7:
-    return (draw() % 2UL == 0UL) ? NOT_A_NUMBER : (uniform() * decades(30));
-  default:
-    *stuck = uniform() * AMB_C(1.5e-3);
-    return good;
-  }
-}
-
 static void test_faults(const family_kind *tried)
 {
   const amb_kalman kf = family_filter();
@@ -112,11 +61,11 @@ static void test_faults(const family_kind *tried)
   amb_real y_stuck = AMB_C(1e-3), u_stuck = 0;
   for (int k = 0; k < 100000; k++) {
     if (k % 997 == 0) {
-      of_y = draw() % 12UL;
-      of_u = draw() % 12UL;
+      of_y = family_draw() % 12UL;
+      of_u = family_draw() % 12UL;
     }
-    const amb_real y = faulty(of_y, k, axis_wobble(k), &y_stuck);
-    const amb_real u = faulty(of_u, k, family_control(k), &u_stuck);
+    const amb_real y = family_faulty(of_y, k, axis_wobble(k), &y_stuck);
+    const amb_real u = family_faulty(of_u, k, family_control(k), &u_stuck);
     (void)axis_step(&e, &s, y, u, &r);
     CHECK(sound(tried, &s.base) && amb_is_finite(r.variance[0]) && amb_is_finite(r.innovation[0]));
     if (k % 20000 == 19999)
