@@ -113,6 +113,9 @@ void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[
   amb_real row[AMB_FORCES * AMB_STATES]; /* of each entry of h */
   for (int f = 0; f < p; f++) {
     const int last = h->start[f + 1] - 1;
+    if (last < (int)h->start[f]) { /* a force that nothing moves */
+      set_scaled(n, AMB_C(0.0), P, &w[f * n]);
+    }
     for (int a = last; a >= (int)h->start[f]; a--) {
       const amb_real *x = &P[h->column[a] * n];
       row[a] = k[f].k_s * h->value[a] + k[f].k_i * model->e[a] + model->r[a];
