@@ -1,4 +1,5 @@
 #include "plant.h"
+#include "parts_step.h"
 
 amb_real amb_plant_force(const amb_plant *plant, amb_real iu, amb_real x)
 {
@@ -63,6 +64,8 @@ bool amb_plant_advance(const amb_plant *plant, amb_plant_state *state, amb_real 
 {
   const amb_real h = T / (amb_real)plant->substeps, g = (plant->f_0 + f_d) / plant->m;
   bool touched = false;
+  if (plant->parts != NULL)
+    return amb_parts_advance(plant, state, T, iu, g);
   amb_plant_state s = *state;
   s.x = reachable(plant, s.x);
   for (int i = 0; i < plant->substeps; i++) {
@@ -71,4 +74,33 @@ bool amb_plant_advance(const amb_plant *plant, amb_plant_state *state, amb_real 
   }
   *state = s;
   return touched;
+}
+
+void amb_plant_settle(const amb_plant *plant, amb_plant_state *state, amb_real x, amb_real iu)
+{
+  const amb_plant_state settled = {.x = x, .x_m = plant->K_sen * x};
+  *state = settled;
+  if (plant->parts != NULL)
+    amb_parts_settle(plant, state, iu);
+}
+
+amb_acting amb_plant_from_now(const amb_plant *plant, const amb_plant_state *state, amb_real iu)
+{
+  if (plant->parts != NULL)
+    return amb_parts_acting(plant, state, amb_parts_next(plant->parts, state, iu));
+  const amb_acting acting = {.iu = iu, .force = amb_plant_force(plant, iu, state->x)};
+  return acting;
+}
+
+amb_acting amb_plant_until_now(const amb_plant *plant, const amb_plant_state *state, amb_real iu)
+{
+  if (plant->parts != NULL)
+    return amb_parts_acting(plant, state, state->demanded[plant->parts->delay]);
+  return amb_plant_from_now(plant, state, iu);
+}
+
+amb_real amb_plant_measure(const amb_plant *plant, amb_real x_m, amb_real noise)
+{
+  const amb_real y = x_m + noise;
+  return plant->parts != NULL ? amb_parts_rounded(plant->parts, y) : y;
 }

@@ -21,8 +21,9 @@ from ambkit.estimators import AdaptiveKalmanFilter
 from ambkit.estimators.family import KINDS as FAMILY
 from ambkit.export.fmu import export_fmu
 from ambkit.identification.stiffness import stiffness_map
+from ambkit.plant_noise import drawn
 from ambkit.record import Record
-from ambkit.simulation import _noise, simulate_run
+from ambkit.simulation import simulate_run
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
@@ -233,7 +234,7 @@ def test_plant_in_fmpy_equals_the_library(
     scenario = disturbed(bearing)
     record = ambkit.simulate(bearing, scenario)
     n = len(record.t)
-    noise_u, _ = _noise(bearing, scenario, n)
+    noise_u, _ = drawn(bearing, scenario, n)
     inputs = {"u": record["u"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": np.zeros(n)}
     found = simulated(made("plant", fmi, bearing), bearing.sampling_time, {}, **inputs)
     for name in ("x", "v", "x_m"):
@@ -252,7 +253,7 @@ def test_closed_loop_in_fmpy_equals_the_library(
     scenario = disturbed(bearing)
     run = simulate_run(bearing, scenario)
     record = run.record
-    noise_u, noise_y = _noise(bearing, scenario, len(record.t))
+    noise_u, noise_y = drawn(bearing, scenario, len(record.t))
     inputs = {"r": record["r"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": noise_y}
     found = simulated(made("closed-loop", fmi, bearing), bearing.sampling_time, {}, **inputs)
     for name in ("x", "v", "x_m"):
@@ -272,7 +273,7 @@ def test_a_scenario_s_controller_closes_the_loop(command: Command, tmp_path: Pat
     assert command(*words, "--estimator", "closed-law", "--out", str(out)).code == 0
     estimator = AdaptiveKalmanFilter(BEARING, ClosedLaw(BEARING))
     run = simulate_run(BEARING, scenario, estimator=estimator)
-    noise_u, noise_y = _noise(BEARING, scenario, len(run.record.t))
+    noise_u, noise_y = drawn(BEARING, scenario, len(run.record.t))
     inputs = {"r": run.record["r"], "f_d": run.record["f_d"]}
     inputs |= {"noise_u": noise_u, "noise_y": noise_y}
     found = simulated(out, BEARING.sampling_time, {}, **inputs)
@@ -386,7 +387,7 @@ def test_mass_and_magnet_constant_of_the_plant_are_the_library_s(
 ) -> None:
     other = ONE_SIDED.replace(rotor__mass=0.07, magnet__magnet_constant=1.1e-4)
     record = ambkit.simulate(other, disturbed(other))
-    noise_u, _ = _noise(other, disturbed(other), len(record.t))
+    noise_u, _ = drawn(other, disturbed(other), len(record.t))
     found = simulated(
         made("plant", 3, ONE_SIDED),
         other.sampling_time,

@@ -30,6 +30,10 @@ GRAVITY = 9.81
 """Acceleration of free fall [m/s^2], as both rigs of the presets were calculated with."""
 
 
+LONGEST_DELAY = 16
+"""Samples of the longest delay of the loop (sim/parts.h)."""
+
+
 def magnet_constant(turns: float, pole_area: float) -> float:
     """Return k = mu0 A N^2 / 4 [N m^2/A^2] (paper, below eq. 1).
 
@@ -131,10 +135,62 @@ class Amplifier(Part):
     """Greatest control current |iu| [A]."""
     noise_variance: Annotated[float, Quantity("V^2", "8e-5 V^2", above=0)]
     """Variance of the noise on the control signal [V^2] (paper: process noise)."""
+    bandwidth: Annotated[float, Quantity("Hz", "2 kHz", above=0)] | None = None
+    """Corner frequency of the current, which follows as a first-order lag [Hz]; at once without."""
+    voltage_limit: Annotated[float, Quantity("V", "150 V", above=0)] | None = None
+    """Greatest voltage of a coil, either way [V]; with bandwidth and resistance."""
+    resistance: Annotated[float, Quantity("ohm", "2 ohm", above=0)] | None = None
+    """Resistance R of a coil [ohm]; with voltage_limit."""
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        bandwidth, voltage, R = read("bandwidth"), read("voltage_limit"), read("resistance")
+        if voltage is not None:
+            if bandwidth is None:
+                yield "bandwidth", "missing: voltage_limit limits what the current follows with"
+            if R is None:
+                yield "resistance", "missing: voltage_limit alone does not give the current's slew"
+        elif R is not None:
+            yield "voltage_limit", "missing: resistance counts only with it"
+
+
+class ColouredNoise(Part):
+    """Noise of first order on the measured position, beside the white one."""
+
+    variance: Annotated[float, Quantity("m^2", "1 µm^2", above=0)]
+    """Variance [m^2]."""
+    bandwidth: Annotated[float, Quantity("Hz", "200 Hz", above=0)]
+    """Corner frequency of its spectrum [Hz]."""
+
+
+class Hum(Part):
+    """A narrow line in the measured position, of random phase."""
+
+    frequency: Annotated[float, Quantity("Hz", "50 Hz", above=0)]
+    """Frequency [Hz]."""
+    amplitude: Annotated[float, Quantity("m", "5 µm", above=0)]
+    """Amplitude [m]; of a line that wanders, in the quadratic mean."""
+    bandwidth: Annotated[float, Quantity("Hz", "0.5 Hz", at_least=0)] = 0.0
+    """How fast amplitude and phase wander: half the width of the line, 3 dB below its top [Hz]."""
+
+
+class Runout(Part):
+    """Unroundness of what the sensor looks at: ``amplitude cos(order speed t + phase)``."""
+
+    order: Annotated[int, Field(ge=1, le=5, strict=True)]
+    """How often a revolution, 1 to 5."""
+    amplitude: Annotated[float, Quantity("m", "3 µm", above=0)]
+    """Amplitude [m]."""
+    phase: Annotated[float, Quantity("rad", "30 deg")] = 0.0
+    """Phase at the start [rad]."""
 
 
 class Sensor(Part):
-    """The position sensor: a first-order lag with noise (paper, eq. 18)."""
+    """The position sensor: a first-order lag with noise (paper, eq. 18).
+
+    It sees the displacement and the runout, bends it to ``x (1 + quadratic x + cubic x^2)``, and
+    lags; then come gain, noise and rounding.
+    """
 
     gain: Annotated[float, Quantity("1", "1", above=0)]
     """Gain K_Sen [1]."""
@@ -142,6 +198,37 @@ class Sensor(Part):
     """Time constant T_Sen of the lag [s]."""
     noise_variance: Annotated[float, Quantity("m^2", "83 µm^2", above=0)]
     """Variance of the noise on the measured position [m^2]."""
+    quantisation: Annotated[float, Quantity("m", "0.5 µm", above=0)] | None = None
+    """Step of the measured position [m]; none without."""
+    quadratic: Annotated[float, Quantity("1/m", "20 1/m")] = 0.0
+    """Part of the sensor's non-linearity [1/m]."""
+    cubic: Annotated[float, Quantity("1/m^2", "1e4 1/m^2")] = 0.0
+    """Part of the sensor's non-linearity [1/m^2]."""
+    coloured_noise: ColouredNoise | None = None
+    """Noise of first order, beside the white one."""
+    hum: tuple[Hum, ...] = ()
+    """Narrow lines in the measured position."""
+    runout: tuple[Runout, ...] = ()
+    """Runout at multiples of the bearing's speed."""
+
+    @model_serializer(mode="wrap")
+    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = handler(self)
+        absent = ("quadratic", "cubic", "hum", "runout")
+        return {k: each for k, each in data.items() if k not in absent or getattr(self, k)}
+
+
+class Stop(Part):
+    """A stop that gives way: ``stiffness d^1.5 (1 + 3/2 damping d')`` in the depth d, and no pull.
+
+    Hunt and Crossley, Coefficient of restitution interpreted as damping in vibroimpact, 1975. An
+    impact with the velocity v comes back with ``(1 - damping v) v`` where that loss is small.
+    """
+
+    stiffness: Annotated[float, Quantity("N/m^1.5", "1e8 N/m^1.5", above=0)]
+    """Stiffness [N/m^1.5]."""
+    damping: Annotated[float, Quantity("s/m", "0.3 s/m", at_least=0)] = 0.0
+    """Loss of the coefficient of restitution by the velocity of the impact [s/m]."""
 
 
 class Bearing(Document):
@@ -167,6 +254,10 @@ class Bearing(Document):
     """Where its values come from."""
     sampling_time: Annotated[float, Quantity("s", "0.1 ms", above=0)]
     """Sampling time T of controller and estimator [s]."""
+    delay: Annotated[float, Quantity("s", "0.15 ms", above=0)] | None = None
+    """Dead time from a sample to the change of the control current that it leads to [s]."""
+    speed: Annotated[float, Quantity("rad/s", "12000 rpm", at_least=0)] | None = None
+    """Speed of rotation [rad/s], of which runout has its frequencies."""
     magnet: Magnet
     """The electromagnets."""
     rotor: Rotor
@@ -175,6 +266,8 @@ class Bearing(Document):
     """The amplifier."""
     sensor: Sensor
     """The position sensor."""
+    stop: Stop | None = None
+    """Stops that give way, and bounce; without it the rotor stays where it touches one."""
 
     @classmethod
     def preset(cls, name: str) -> Self:
@@ -268,6 +361,7 @@ class Bearing(Document):
                 "amplifier.current_limit",
                 f"must be at least {limit}; is {engineering(current, 'A')}",
             )
+        yield from _parts_contradictions(read)
 
 
 _WEIGHT_SIGN = {"-x": -1.0, "+x": 1.0, "none": 0.0}
@@ -283,3 +377,36 @@ def _hover_current(read: Read) -> float:
     if kind == "one-sided" and weight < 0:
         return float(gap * math.sqrt(-weight / constant) - bias)
     return math.nan
+
+
+def _parts_contradictions(read: Read) -> Iterator[tuple[str, str]]:
+    T, delay, speed = read("sampling_time"), read("delay"), read("speed")
+    if delay is not None and delay > LONGEST_DELAY * T:
+        limit = f"{LONGEST_DELAY} samples, {engineering(LONGEST_DELAY * T, 's')}"
+        yield "delay", f"must be at most {limit}; is {engineering(delay, 's')}"
+
+    voltage, R = read("amplifier.voltage_limit"), read("amplifier.resistance")
+    if voltage is not None and R is not None:
+        needed = R * (read("magnet.bias_current") + read("amplifier.current_limit"))
+        if voltage <= needed:
+            limit = f"{engineering(needed, 'V')}, which the greatest coil current needs at rest"
+            text = f"must be greater than {limit}; is {engineering(voltage, 'V')}"
+            yield "amplifier.voltage_limit", text
+
+    runout = read("sensor.runout")
+    if isinstance(runout, tuple) and runout:
+        if speed is None:
+            yield "speed", "missing: sensor.runout is at multiples of it"
+            return
+        for at, line in enumerate(runout):
+            frequency = line.order * speed / (2 * math.pi)
+            if 2 * T * frequency >= 1:
+                text = f"{line.order} times the speed is {engineering(frequency, 'Hz')}, must be"
+                limit = f"less than half the sampling frequency, {engineering(0.5 / T, 'Hz')}"
+                yield f"sensor.runout.{at}.order", f"{text} {limit}"
+    hum = read("sensor.hum")
+    for at, line in enumerate(hum if isinstance(hum, tuple) else ()):
+        if 2 * T * line.frequency >= 1:
+            limit = f"half the sampling frequency, {engineering(0.5 / T, 'Hz')}"
+            text = f"must be less than {limit}; is {engineering(line.frequency, 'Hz')}"
+            yield f"sensor.hum.{at}.frequency", text
