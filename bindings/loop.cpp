@@ -86,7 +86,7 @@ amb_parts parts_of(const nb::dict &given)
   take_orders("runout_cosine", parts.runout_cosine);
   take_orders("runout_sine", parts.runout_sine);
   for (const auto &[name, value] : rest)
-    throw std::invalid_argument("a plant has no part " + nb::cast<std::string>(name));
+    throw std::invalid_argument(std::string("a plant has no part ") + nb::str(name).c_str());
   return parts;
 }
 
@@ -131,16 +131,12 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
   History history(estimator ? n : 0, estimator != nullptr, estimator && estimator->scales());
   const bool volts = with.voltage > 0;
   Fresh<amb_real> first({volts ? n : 0}), second({volts && with.pair ? n : 0});
-  amb_loop_output out{x.data,
-                      v.data,
-                      x_m.data,
-                      iu.data,
-                      force.data,
-                      y.data,
-                      u.data,
-                      history.to,
-                      0,
-                      {volts ? first.data : nullptr, volts && with.pair ? second.data : nullptr}};
+  amb_loop_output out{
+      x.data,     v.data,
+      x_m.data,   iu.data,
+      force.data, y.data,
+      u.data,     history.to,
+      0,          {volts ? first.data : nullptr, volts && with.pair ? second.data : nullptr}};
   LoopState fresh;
   amb_loop_state &state = went ? went->state : fresh.state;
   if (!state.sampled) {

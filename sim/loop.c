@@ -28,7 +28,11 @@ static bool act(const amb_loop *loop, amb_loop_state *s, const amb_loop_sample *
 {
   s->demanded =
       amb_clamp(loop->k_ui * (s->u + sample->noise_u), share * loop->iu_min, share * loop->iu_max);
-  s->acting = amb_plant_from_now(&loop->plant, &s->plant, s->demanded);
+  if (loop->plant.parts == NULL) {
+    s->acting.iu = s->demanded;
+    s->acting.force = amb_plant_force(&loop->plant, s->demanded, s->plant.x);
+  } else
+    s->acting = amb_plant_from_now(&loop->plant, &s->plant, s->demanded);
   return amb_plant_advance(&loop->plant, &s->plant, loop->T, s->demanded, sample->f_d);
 }
 
@@ -114,9 +118,10 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop
     out->u[k] = told;
     out->iu[k] = s.acting.iu;
     out->force[k] = s.acting.force;
-    for (size_t coil = 0; coil < 2; coil++)
-      if (out->voltage[coil] != NULL)
-        out->voltage[coil][k] = s.acting.voltage[coil];
+    if (out->voltage[0] != NULL)
+      out->voltage[0][k] = s.acting.voltage[0];
+    if (out->voltage[1] != NULL)
+      out->voltage[1][k] = s.acting.voltage[1];
     if (loop->estimator != NULL) {
       all |= s.result.status;
       amb_estimator_note(loop->estimator, estimator, &s.result, k, &out->estimate);

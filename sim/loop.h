@@ -24,8 +24,8 @@ typedef struct amb_loop_state {
   amb_real y;               /* last measurement [m] */
   amb_real u;               /* control signal from that sample to the next [V] */
   amb_real demanded;        /* control current that it asks for, with noise, limited [A] */
-  amb_acting acting;        /* what acts just after the sample; iu is what is demanded, without parts */
-  bool sampled;             /* whether there was a sample */
+  amb_acting acting; /* what acts just after the sample; iu is what is demanded, without parts */
+  bool sampled;      /* whether there was a sample */
 } amb_loop_state;
 
 /* What comes from outside at a sample, and is held to the next. */

@@ -182,11 +182,11 @@ static bool runge_kutta(const amb_piece *piece, amb_point *at, amb_real t, amb_r
   const amb_point d2 = slope(piece, &p2, t + half), p3 = along(at, &d2, half);
   const amb_point d3 = slope(piece, &p3, t + half), p4 = along(at, &d3, h);
   const amb_point d4 = slope(piece, &p4, t + h);
-  const amb_point d = {weighed(d1.x, d2.x, d3.x, d4.x),
-                       weighed(d1.v, d2.v, d3.v, d4.v),
-                       weighed(d1.x_m, d2.x_m, d3.x_m, d4.x_m),
-                       {weighed(d1.i[0], d2.i[0], d3.i[0], d4.i[0]),
-                        weighed(d1.i[1], d2.i[1], d3.i[1], d4.i[1])}};
+  const amb_point d = {
+      weighed(d1.x, d2.x, d3.x, d4.x),
+      weighed(d1.v, d2.v, d3.v, d4.v),
+      weighed(d1.x_m, d2.x_m, d3.x_m, d4.x_m),
+      {weighed(d1.i[0], d2.i[0], d3.i[0], d4.i[0]), weighed(d1.i[1], d2.i[1], d3.i[1], d4.i[1])}};
   const bool was = amb_magnitude(at->x) > travel;
   *at = along(at, &d, h);
   return was || (amb_magnitude(p2.x) > travel) || (amb_magnitude(p3.x) > travel) ||
@@ -199,10 +199,10 @@ static bool agree(const amb_piece *piece, const amb_point *from, const amb_point
 {
   const amb_plant *plant = piece->plant;
   const amb_real tolerance = AMB_ROOT_EPSILON, epsilon = tolerance * tolerance;
-  const amb_real forces = amb_magnitude(pull(plant, two->i, amb_clamp(two->x, -reach(plant),
-                                                                     reach(plant)))) +
-                          amb_magnitude(contact(plant, from->x, from->v)) +
-                          amb_magnitude(contact(plant, two->x, two->v));
+  const amb_real forces =
+      amb_magnitude(pull(plant, two->i, amb_clamp(two->x, -reach(plant), reach(plant)))) +
+      amb_magnitude(contact(plant, from->x, from->v)) +
+      amb_magnitude(contact(plant, two->x, two->v));
   const amb_real v = amb_magnitude(from->v) + h * (amb_magnitude(piece->g) + forces / plant->m);
   return (amb_magnitude(two->v - one->v) <= tolerance * v) &&
          (amb_magnitude(two->x - one->x) <= tolerance * h * v + 4 * epsilon * plant->travel);
@@ -287,8 +287,8 @@ bool amb_parts_advance(const amb_plant *plant, amb_plant_state *state, amb_real 
     touched |= stretch(&before, &at, 0, rest, steps);
   }
   const amb_piece after = piece_of(plant, s, s->demanded[parts->delay], g);
-  const int steps = rest > 0 ? (int)((amb_real)plant->substeps * (T - rest) / T) + 1
-                             : plant->substeps;
+  const int steps =
+      rest > 0 ? (int)((amb_real)plant->substeps * (T - rest) / T) + 1 : plant->substeps;
   touched |= stretch(&after, &at, rest, T - rest, steps);
   s->x = at.x;
   s->v = at.v;

@@ -14,7 +14,4 @@ amb_acting amb_parts_acting(const amb_plant *plant, const amb_plant_state *state
 /* The demanded current that counts just after a sample at which iu is demanded [A]. */
 amb_real amb_parts_next(const amb_parts *parts, const amb_plant_state *state, amb_real iu);
 
-/* The nearest multiple of the sensor's step [m]. */
-amb_real amb_parts_rounded(const amb_parts *parts, amb_real y);
-
 #endif

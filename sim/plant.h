@@ -47,8 +47,15 @@ amb_acting amb_plant_from_now(const amb_plant *plant, const amb_plant_state *sta
 /* ... and just before a sample, iu demanded at the one before it. */
 amb_acting amb_plant_until_now(const amb_plant *plant, const amb_plant_state *state, amb_real iu);
 
-/* Measurement that a sensor gives with this noise [m]. */
-amb_real amb_plant_measure(const amb_plant *plant, amb_real x_m, amb_real noise);
+/* The nearest multiple of the sensor's step [m]. */
+amb_real amb_parts_rounded(const amb_parts *parts, amb_real y);
+
+/* Measurement that the sensor gives with this noise [m]. */
+static inline amb_real amb_plant_measure(const amb_plant *plant, amb_real x_m, amb_real noise)
+{
+  const amb_real y = x_m + noise;
+  return plant->parts != NULL ? amb_parts_rounded(plant->parts, y) : y;
+}
 
 /* Advance by the sampling time T [s] with the control current iu [A] demanded at its start and the
  * disturbance f_d [N] held: classical Runge-Kutta of order 4 with fixed substeps (Kutta 1901), with

@@ -1,5 +1,7 @@
-"""Noise of a simulated bearing: white on the control signal; white, coloured and lines on the
-measured position. Each source has a random stream of its own, so that one does not change another.
+"""Noise of a simulated bearing: on the control signal, and on the measured position.
+
+The one is white, the other white, coloured and narrow lines. Each source has a random stream of its
+own, so that one does not change another.
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.magnets import ClosedLaw, core_module
+from ambkit.units import engineering
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
@@ -59,6 +60,33 @@ def parts_of(bearing: Bearing, dtype: str = "float64") -> dict[str, Any] | None:
     """
     parts = _amplifier(bearing) | _delay(bearing) | _sensor(bearing, dtype) | _contact(bearing)
     return parts or None
+
+
+def in_words(bearing: Bearing) -> list[str]:
+    """Name each part with its values, for people."""
+    amplifier, sensor, stop = bearing.amplifier, bearing.sensor, bearing.stop
+    told = []
+    if amplifier.bandwidth is not None:
+        volts = amplifier.voltage_limit
+        within = "" if volts is None else f" within {engineering(volts, 'V')}"
+        told.append(f"amplifier of {engineering(amplifier.bandwidth, 'Hz')}{within}")
+    if bearing.delay is not None:
+        samples = bearing.delay / bearing.sampling_time
+        told.append(f"delay of {engineering(bearing.delay, 's')}, {samples:.3g} samples")
+    if sensor.quantisation is not None:
+        told.append(f"quantisation of {engineering(sensor.quantisation, 'm')}")
+    if sensor.quadratic or sensor.cubic:
+        told.append("non-linear sensor")
+    if sensor.coloured_noise is not None:
+        told.append(f"coloured noise to {engineering(sensor.coloured_noise.bandwidth, 'Hz')}")
+    if sensor.hum:
+        told.append(f"hum at {', '.join(engineering(line.frequency, 'Hz') for line in sensor.hum)}")
+    if sensor.runout and bearing.speed is not None:
+        orders = ", ".join(f"{line.order}x" for line in sensor.runout)
+        told.append(f"runout {orders} of {engineering(bearing.speed / (2 * math.pi), 'Hz')}")
+    if stop is not None:
+        told.append(f"stops of {engineering(stop.stiffness, 'N/m^1.5')}")
+    return told
 
 
 def coil_fields(bearing: Bearing) -> dict[str, Any] | None:

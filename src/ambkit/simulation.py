@@ -186,8 +186,8 @@ def simulate_run(
     nonlinear force law, weight, disturbance, sensor lag, mechanical stops, and what else the
     bearing has: an amplifier's bandwidth and voltage, a dead time, runout, a stop that bounces.
     Demanded control current and disturbance are held over a sample. Noise on the control signal and
-    on the measurement is normal, white unless the sensor has coloured noise or hum, from independent
-    PCG64 streams that ``scenario.seed`` seeds.
+    on the measurement is normal, white unless the sensor has coloured noise or hum, from
+    independent PCG64 streams that ``scenario.seed`` seeds.
 
     Parameters
     ----------
