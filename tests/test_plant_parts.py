@@ -15,6 +15,7 @@ from scipy.optimize import brentq
 
 import ambkit
 from ambkit import Bearing, plant_noise, plant_parts
+from ambkit.bearing_parts import ColouredNoise, Hum
 from ambkit.magnets import core_module
 from ambkit.simulation import Loop
 
@@ -396,7 +397,7 @@ def autocovariance(z: np.ndarray, lags: range) -> np.ndarray:
 
 def test_coloured_noise_has_the_autocovariance_of_first_order() -> None:
     T, n = 1e-4, 200_000
-    noise = ambkit.bearing.ColouredNoise(variance="1 um^2", bandwidth="200 Hz")
+    noise = ColouredNoise(variance="1 um^2", bandwidth="200 Hz")
     seeds = range(20)
     z = np.array([plant_noise.coloured(noise, T, n, np.random.default_rng(s)) for s in seeds])
     lags = range(0, 40, 4)
@@ -411,7 +412,7 @@ def test_coloured_noise_has_the_autocovariance_of_first_order() -> None:
 @pytest.mark.parametrize("bandwidth", ["0 Hz", "2 Hz"])
 def test_hum_has_its_line(bandwidth: str) -> None:
     T, n, f, A = 1e-4, 100_000, 50.0, 5e-6
-    line = ambkit.bearing.Hum(frequency=f, amplitude=A, bandwidth=bandwidth)
+    line = Hum(frequency=f, amplitude=A, bandwidth=bandwidth)
     z = np.array([plant_noise.hum(line, T, n, np.random.default_rng(s)) for s in range(40)])
     lags = range(0, 400, 50)
     at = T * np.arange(0, 400, 50)

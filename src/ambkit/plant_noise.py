@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 if TYPE_CHECKING:
-    from ambkit.bearing import Bearing, ColouredNoise, Hum
+    from ambkit.bearing import Bearing
+    from ambkit.bearing_parts import ColouredNoise, Hum
     from ambkit.scenario import Scenario
 
 Array = NDArray[np.float64]
