@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from ambkit import AmbkitError, Bearing, ClosedLaw, train
 from ambkit.fuzzy.choice import measured_map
-from ambkit.identification.forces.points import ForcePoints
-from ambkit.identification.forces.surface import MOST, ForceSurface
+from ambkit.machine.forces.points import ForcePoints
+from ambkit.machine.forces.surface import MOST, ForceSurface
 
 BEARING = Bearing.preset("zittau_axial")
 LAW = ClosedLaw(BEARING).force

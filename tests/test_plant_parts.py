@@ -14,10 +14,13 @@ from scipy.integrate import cumulative_simpson, solve_ivp
 from scipy.optimize import brentq
 
 import ambkit
-from ambkit import Bearing, plant_noise, plant_parts
-from ambkit.bearing_parts import ColouredNoise, Hum
-from ambkit.magnets import core_module
-from ambkit.simulation import Loop
+from ambkit import Bearing
+from ambkit.machine import presets
+from ambkit.machine.magnets import core_module
+from ambkit.machine.parts import ColouredNoise, Hum
+from ambkit.simulation import noise as plant_noise
+from ambkit.simulation import parts as plant_parts
+from ambkit.simulation.run import Loop
 
 M, K, S0, I0 = 0.518, 6.7e-6, 2e-3, 1.5
 BEARING = Bearing.preset("zittau_axial")
@@ -71,7 +74,7 @@ def coils(**changes: Any) -> dict[str, Any]:
 
 
 def test_a_bearing_without_parts_is_simulated_without_them() -> None:
-    for name in ambkit.presets.names():
+    for name in presets.names():
         bearing = Bearing.preset(name)
         assert plant_parts.parts_of(bearing) is None
         assert plant_parts.coil_fields(bearing) is None

@@ -10,19 +10,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ambkit import escaping, plant_parts
-from ambkit.errors import AmbkitError
+from ambkit.base import escaping
+from ambkit.base.errors import AmbkitError
 from ambkit.export import core
 from ambkit.export.c import data
 from ambkit.export.c.data import MAGNETS
 from ambkit.export.fmu.variables import Kind
 from ambkit.export.fmu.xml import Fmi, Model
-from ambkit.magnets import ClosedLaw, core_module
-from ambkit.scenario import PID, Scenario
+from ambkit.machine.magnets import ClosedLaw, core_module
+from ambkit.simulation import parts
+from ambkit.simulation.scenario import PID, Scenario
 
 if TYPE_CHECKING:
-    from ambkit.bearing import Bearing
-    from ambkit.estimators import Estimator
+    from ambkit.estimate.base import Estimator
+    from ambkit.machine.bearing import Bearing
 
 _HERE = Path(__file__).parent
 _MODELS: dict[Kind, tuple[str, ...]] = {
@@ -163,7 +164,7 @@ def rig_data(bearing: Bearing) -> str:
 
     Steps and parts are those of :func:`ambkit.simulate`.
     """
-    law, parts = ClosedLaw(bearing), plant_parts.parts_of(bearing)
+    law, with_parts = ClosedLaw(bearing), parts.parts_of(bearing)
     fields: dict[str, Any] = {
         "law": law.magnet(core_module()).parameters,
         "T": bearing.sampling_time,
@@ -171,16 +172,16 @@ def rig_data(bearing: Bearing) -> str:
         "weight": bearing.weight,
         "bias_force": law.bias_force,
         "K_sen": bearing.sensor.gain,
-        "T_sen": plant_parts.sensor_lag(bearing),
+        "T_sen": parts.sensor_lag(bearing),
         "travel": bearing.rotor.travel_limit,
-        "substeps": plant_parts.substeps(bearing, Scenario().substeps),
+        "substeps": parts.substeps(bearing, Scenario().substeps),
         "k_ui": bearing.amplifier.gain,
         "iu_min": bearing.current_min,
         "iu_max": bearing.current_max,
     }
-    if parts is not None:
-        fields |= {"with_parts": True, "parts": parts}
-        if (coil := plant_parts.coil_fields(bearing)) is not None:
+    if with_parts is not None:
+        fields |= {"with_parts": True, "parts": with_parts}
+        if (coil := parts.coil_fields(bearing)) is not None:
             fields["coil"] = coil
     return data.struct_with_arrays(fields, "double")
 
