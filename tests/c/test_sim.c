@@ -33,9 +33,11 @@ static unsigned short status[N];
 static amb_loop_output output(void)
 {
   const amb_loop_output out = {
-      x,     v, x_m, iu,
-      force, y, u,   {mean, cov, innovation, variance, k_i, k_s, NULL, NULL, status, status},
-      0};
+      x,     v,
+      x_m,   iu,
+      force, y,
+      u,     {mean, cov, innovation, variance, k_i, k_s, NULL, NULL, status, status},
+      0,     {NULL, NULL}};
   return out;
 }
 
@@ -49,7 +51,7 @@ static amb_kalman never_frozen(void)
 static void test_plant(void)
 {
   CHECK_NEAR(amb_plant_force(&plant, 0, 0), plant.f_0);
-  amb_plant_state s = {0, 0, 0};
+  amb_plant_state s = {.x = 0};
   amb_plant once = plant;
   once.substeps = 1;
   CHECK(!amb_plant_advance(&once, &s, AMB_C(1e-4), AMB_C(0.5), 1));

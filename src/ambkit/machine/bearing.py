@@ -17,6 +17,7 @@ from ambkit.base.config import Document, Part, Read, read_unchecked, reader
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.texts import Description, Name
 from ambkit.base.units import engineering
+from ambkit.machine.parts import ColouredNoise, Hum, Runout, Stop, parts_contradictions
 
 MU_0 = 1.25663706127e-6
 """Vacuum magnetic permeability [N/A^2] (CODATA 2022)."""
@@ -126,10 +127,31 @@ class Amplifier(Part):
     """Greatest control current |iu| [A]."""
     noise_variance: Annotated[float, Quantity("V^2", "8e-5 V^2", above=0)]
     """Variance of the noise on the control signal [V^2] (paper: process noise)."""
+    bandwidth: Annotated[float, Quantity("Hz", "2 kHz", above=0)] | None = None
+    """Corner frequency of the current, which follows as a first-order lag [Hz]; at once without."""
+    voltage_limit: Annotated[float, Quantity("V", "150 V", above=0)] | None = None
+    """Greatest voltage of a coil, either way [V]; with bandwidth and resistance."""
+    resistance: Annotated[float, Quantity("ohm", "2 ohm", above=0)] | None = None
+    """Resistance R of a coil [ohm]; with voltage_limit."""
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        bandwidth, voltage, R = read("bandwidth"), read("voltage_limit"), read("resistance")
+        if voltage is not None:
+            if bandwidth is None:
+                yield "bandwidth", "missing: voltage_limit limits what the current follows with"
+            if R is None:
+                yield "resistance", "missing: voltage_limit alone does not give the current's slew"
+        elif R is not None:
+            yield "voltage_limit", "missing: resistance counts only with it"
 
 
 class Sensor(Part):
-    """The position sensor: a first-order lag with noise (paper, eq. 18)."""
+    """The position sensor: a first-order lag with noise (paper, eq. 18).
+
+    It sees the displacement and the runout, bends it to ``x (1 + quadratic x + cubic x^2)``, and
+    lags; then come gain, noise and rounding.
+    """
 
     gain: Annotated[float, Quantity("1", "1", above=0)]
     """Gain K_Sen [1]."""
@@ -137,6 +159,24 @@ class Sensor(Part):
     """Time constant T_Sen of the lag [s]."""
     noise_variance: Annotated[float, Quantity("m^2", "83 µm^2", above=0)]
     """Variance of the noise on the measured position [m^2]."""
+    quantisation: Annotated[float, Quantity("m", "0.5 µm", above=0)] | None = None
+    """Step of the measured position [m]; none without."""
+    quadratic: Annotated[float, Quantity("1/m", "20 1/m")] = 0.0
+    """Part of the sensor's non-linearity [1/m]."""
+    cubic: Annotated[float, Quantity("1/m^2", "1e4 1/m^2")] = 0.0
+    """Part of the sensor's non-linearity [1/m^2]."""
+    coloured_noise: ColouredNoise | None = None
+    """Noise of first order, beside the white one."""
+    hum: tuple[Hum, ...] = ()
+    """Narrow lines in the measured position."""
+    runout: tuple[Runout, ...] = ()
+    """Runout at multiples of the bearing's speed."""
+
+    @model_serializer(mode="wrap")
+    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = handler(self)
+        absent = ("quadratic", "cubic", "hum", "runout")
+        return {k: each for k, each in data.items() if k not in absent or getattr(self, k)}
 
 
 class Bearing(Document):
@@ -162,6 +202,10 @@ class Bearing(Document):
     """Where its values come from."""
     sampling_time: Annotated[float, Quantity("s", "0.1 ms", above=0)]
     """Sampling time T of controller and estimator [s]."""
+    delay: Annotated[float, Quantity("s", "0.15 ms", above=0)] | None = None
+    """Dead time from a sample to the change of the control current that it leads to [s]."""
+    speed: Annotated[float, Quantity("rad/s", "12000 rpm", at_least=0)] | None = None
+    """Speed of rotation [rad/s], of which runout has its frequencies."""
     magnet: Magnet
     """The electromagnets."""
     rotor: Rotor
@@ -170,6 +214,8 @@ class Bearing(Document):
     """The amplifier."""
     sensor: Sensor
     """The position sensor."""
+    stop: Stop | None = None
+    """Stops that give way, and bounce; without it the rotor stays where it touches one."""
 
     @classmethod
     def preset(cls, name: str) -> Self:
@@ -241,6 +287,7 @@ class Bearing(Document):
                 "amplifier.current_limit",
                 f"must be at least {limit}; is {engineering(current, 'A')}",
             )
+        yield from parts_contradictions(read)
 
 
 _WEIGHT_SIGN = {"-x": -1.0, "+x": 1.0, "none": 0.0}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable
 from importlib.metadata import distribution, version
@@ -19,6 +18,7 @@ from ambkit.export.c.data import MAGNETS
 from ambkit.export.fmu.variables import Kind
 from ambkit.export.fmu.xml import Fmi, Model
 from ambkit.machine.magnets import ClosedLaw, core_module
+from ambkit.simulation import parts
 from ambkit.simulation.scenario import PID, Scenario
 
 if TYPE_CHECKING:
@@ -49,9 +49,13 @@ def library_files(texts: dict[str, str]) -> dict[str, str]:
         The C files by their names.
     """
     simulation, sim = core.folder().parent / "sim", {}
-    for stem in _included("sim", texts):
+    stems = _included("sim", texts)
+    while more := _beside(simulation, stems) - stems:
+        stems |= more
+    for stem in stems:
         for name in (f"{stem}.h", f"{stem}.c"):
-            sim[f"sim/{name}"] = (simulation / name).read_text(encoding="utf-8")
+            if (simulation / name).is_file():
+                sim[f"sim/{name}"] = (simulation / name).read_text(encoding="utf-8")
     wanted = {f"include/ambkit/{stem}.h" for stem in _included("ambkit", texts | sim)}
     found = core.closure(wanted)
     while more := _sources_of(found) - found.keys():
@@ -64,6 +68,14 @@ def _included(folder: str, texts: dict[str, str]) -> set[str]:
     """Return the headers of a folder that texts include, without their endings."""
     include = re.compile(rf'^#include "{folder}/(\w+)\.h"', re.MULTILINE)
     return {stem for text in texts.values() for stem in include.findall(text)}
+
+
+def _beside(folder: Path, stems: set[str]) -> set[str]:
+    """Return the headers of a folder that its own files of these names include."""
+    files = [folder / f"{stem}{ending}" for stem in stems for ending in (".h", ".c")]
+    text = "\n".join(file.read_text(encoding="utf-8") for file in files if file.is_file())
+    named = set(re.findall(r'^#include "(\w+)\.h"', text, re.MULTILINE))
+    return {stem for stem in named if (folder / f"{stem}.h").is_file()}
 
 
 def _sources_of(names: Iterable[str]) -> set[str]:
@@ -148,28 +160,30 @@ def filter_data(estimator: Estimator) -> dict[str, Any]:
 
 
 def rig_data(bearing: Bearing) -> str:
-    """Return magnet, rotor, amplifier and sensor of a bearing as an initialiser.
+    """Return magnet, rotor, amplifier, sensor and stops of a bearing as an initialiser.
 
-    A sensor faster than a thousandth of a sample is one without lag, and Runge-Kutta takes two
-    steps in its lag, as in :func:`ambkit.simulate`.
+    Steps and parts are those of :func:`ambkit.simulate`.
     """
-    T, law = bearing.sampling_time, ClosedLaw(bearing)
-    lag = max(bearing.sensor.lag, 1e-3 * T)
-    fields = {
+    law, with_parts = ClosedLaw(bearing), parts.parts_of(bearing)
+    fields: dict[str, Any] = {
         "law": law.magnet(core_module()).parameters,
-        "T": T,
+        "T": bearing.sampling_time,
         "m": bearing.rotor.mass,
         "weight": bearing.weight,
         "bias_force": law.bias_force,
         "K_sen": bearing.sensor.gain,
-        "T_sen": lag,
+        "T_sen": parts.sensor_lag(bearing),
         "travel": bearing.rotor.travel_limit,
-        "substeps": max(Scenario().substeps, math.ceil(2 * T / lag)),
+        "substeps": parts.substeps(bearing, Scenario().substeps),
         "k_ui": bearing.amplifier.gain,
         "iu_min": bearing.current_min,
         "iu_max": bearing.current_max,
     }
-    return data.struct(fields, "double", {})
+    if with_parts is not None:
+        fields |= {"with_parts": True, "parts": with_parts}
+        if (coil := parts.coil_fields(bearing)) is not None:
+            fields["coil"] = coil
+    return data.struct_with_arrays(fields, "double")
 
 
 def pid_data(bearing: Bearing, controller: PID) -> str:

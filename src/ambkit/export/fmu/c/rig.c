@@ -8,6 +8,8 @@ void amb_rig_tune(amb_rig *rig, amb_real mass, amb_real magnet_constant)
   rig->bias_force = amb_data_rig.bias_force * (magnet_constant / amb_data_rig.law.k);
   rig->m = mass;
   rig->law.k = magnet_constant;
+  rig->coil.k = magnet_constant;
+  rig->parts.k = magnet_constant;
 }
 
 amb_plant amb_rig_plant(const amb_rig *rig)
@@ -20,6 +22,8 @@ amb_plant amb_rig_plant(const amb_rig *rig)
       .T_sen = rig->T_sen,
       .travel = rig->travel,
       .substeps = rig->substeps,
+      .parts = rig->with_parts ? &rig->parts : NULL,
+      .coil = {rig->with_parts && (rig->parts.voltage > 0) ? &amb_law_magnet : NULL, &rig->coil},
   };
   return plant;
 }
@@ -29,7 +33,10 @@ amb_real amb_rig_current(const amb_rig *rig, amb_real u)
   return amb_clamp(rig->k_ui * u, rig->iu_min, rig->iu_max);
 }
 
-amb_real amb_rig_force(const amb_rig *rig, amb_real iu, amb_real x)
+amb_real amb_rig_force(const amb_rig *rig, const amb_plant_state *state, amb_real iu)
 {
-  return amb_law_magnet.force(&rig->law, iu, x) + rig->bias_force;
+  if (!rig->with_parts)
+    return amb_law_magnet.force(&rig->law, iu, state->x) + rig->bias_force;
+  const amb_plant plant = amb_rig_plant(rig);
+  return amb_plant_until_now(&plant, state, iu).force - rig->weight;
 }

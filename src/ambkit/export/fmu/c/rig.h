@@ -16,6 +16,9 @@ typedef struct amb_rig {
   amb_real k_ui;         /* amplifier gain [A/V] */
   amb_real iu_min;       /* limits of the control current [A] */
   amb_real iu_max;
+  bool with_parts; /* else the next two are idle */
+  amb_parts parts;
+  amb_law coil; /* one coil of a pair */
 } amb_rig;
 
 /* Written by the export. */
@@ -25,13 +28,13 @@ extern const amb_rig amb_data_rig;
  * another bias force. */
 void amb_rig_tune(amb_rig *rig, amb_real mass, amb_real magnet_constant);
 
-/* What sim/plant.h asks for; it points to the rig's force law. */
+/* What sim/plant.h asks for; it points to the rig. */
 amb_plant amb_rig_plant(const amb_rig *rig);
 
 /* Control current [A] that the amplifier makes of a control signal [V]. */
 amb_real amb_rig_current(const amb_rig *rig, amb_real u);
 
-/* Whole force of the magnet [N]. */
-amb_real amb_rig_force(const amb_rig *rig, amb_real iu, amb_real x);
+/* Whole force of the magnet just before a sample, iu demanded at the one before it [N]. */
+amb_real amb_rig_force(const amb_rig *rig, const amb_plant_state *state, amb_real iu);
 
 #endif
