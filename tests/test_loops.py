@@ -159,7 +159,8 @@ def random_model(rng: np.random.Generator) -> Model:
 
 
 def random_point(rng: np.random.Generator, model: Model) -> Point:
-    n, p, controls = len(model.L.value), len(model.h.value), model.d.value.shape[1]
+    n, p = len(model.L.value), len(model.h.value)
+    controls = int(model.d.value.shape[1])
     size = 10 ** rng.uniform(-3, 3, n)
     root = rng.normal(size=(n, n)) * size[:, None]
     return Point(
