@@ -42,6 +42,29 @@ struct Law : Magnet {
   }
 };
 
+struct Saturating : Magnet {
+  amb_saturating_law law;
+  Saturating(amb_real k, amb_real s0, amb_real i0, amb_real iron, amb_real knee, bool two_sided,
+             amb_real ampere, amb_real metre)
+      : law{k, s0, i0, iron, knee, two_sided, ampere, metre}
+  {
+    magnet = {&amb_saturating_magnet, &law};
+  }
+  Named parameters() const override
+  {
+    nb::dict d;
+    d["k"] = law.k;
+    d["s0"] = law.s0;
+    d["i0"] = law.i0;
+    d["iron"] = law.iron;
+    d["knee"] = law.knee;
+    d["two_sided"] = law.two_sided;
+    d["ampere"] = law.ampere;
+    d["metre"] = law.metre;
+    return d;
+  }
+};
+
 struct Table : Magnet {
   std::vector<amb_stiffness> nodes;
   amb_table table{};
@@ -207,6 +230,10 @@ void bind_magnets(nb::module_ &m)
   nb::class_<Law, Magnet>(m, "Law", "The closed force law (paper, eq. 1).")
       .def(nb::init<amb_real, amb_real, amb_real, bool, amb_real, amb_real>(), nb::arg("k"),
            nb::arg("s0"), nb::arg("i0"), nb::arg("two_sided"), nb::arg("ampere"), nb::arg("metre"));
+  nb::class_<Saturating, Magnet>(m, "Saturating", "Iron that saturates (ambkit/saturating.h).")
+      .def(nb::init<amb_real, amb_real, amb_real, amb_real, amb_real, bool, amb_real, amb_real>(),
+           nb::arg("k"), nb::arg("s0"), nb::arg("i0"), nb::arg("iron"), nb::arg("knee"),
+           nb::arg("two_sided"), nb::arg("ampere"), nb::arg("metre"));
   nb::class_<Table, Magnet>(m, "Table", "Bilinear stiffness tables, rows of x.")
       .def(nb::init<amb_real, amb_real, amb_real, amb_real, const Matrix &, const Matrix &>(),
            nb::arg("x_min"), nb::arg("dx"), nb::arg("iu_min"), nb::arg("diu"), nb::arg("k_i"),

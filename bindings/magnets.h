@@ -5,6 +5,7 @@
 
 extern "C" {
 #include "ambkit/fuzzy.h"
+#include "ambkit/saturating.h"
 #include "ambkit/table.h"
 }
 

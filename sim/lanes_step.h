@@ -47,9 +47,10 @@ AMB_INLINE void lanes_law_through_origin(const lanes_law *law, lanes iu, lanes x
   lanes_law_tangent(law, lanes_all_equal(AMB_C(1.0)), iu, x, k_i, k_s);
   lanes turned_i = *k_i;
   lanes turned_s = *k_s;
-  const lanes square = lanes_law_square(law, iu, x);
+  const lanes square = lanes_turn_square(law->ampere, law->metre, iu, x);
   const lanes_mask away = square >= AMB_REAL_MIN;
-  lanes_law_turn(law, lanes_law_force(law, iu, x), square, iu, x, &turned_i, &turned_s);
+  lanes_turn(law->ampere, law->metre, lanes_law_force(law, iu, x), square, iu, x, &turned_i,
+             &turned_s);
   *k_i = lanes_choose(away, turned_i, *k_i);
   *k_s = lanes_choose(away, turned_s, *k_s);
 }

@@ -42,6 +42,8 @@ if TYPE_CHECKING:
     from ambkit.identification.stiffness import stiffness_map as stiffness_map
     from ambkit.magnets import ClosedLaw as ClosedLaw
     from ambkit.magnets import ConstantStiffness as ConstantStiffness
+    from ambkit.magnets import SaturatingLaw as SaturatingLaw
+    from ambkit.magnets import magnet_of as magnet_of
     from ambkit.record import Record as Record
     from ambkit.scenario import PID as PID
     from ambkit.scenario import Scenario as Scenario
@@ -80,7 +82,7 @@ _HOME = {
     "identification.online.adaline": ["Adaline"],
     "identification.online.rls": ["RecursiveLeastSquares"],
     "identification.stiffness": ["StiffnessMap", "stiffness_map"],
-    "magnets": ["ClosedLaw", "ConstantStiffness"],
+    "magnets": ["ClosedLaw", "ConstantStiffness", "SaturatingLaw", "magnet_of"],
     "record": ["Record"],
     "estimators.batch": ["run_many"],
     "scenario": ["PID", "Scenario"],

@@ -33,6 +33,11 @@ class Law(Magnet):
 
     def __init__(self, k: float, s0: float, i0: float, two_sided: bool, ampere: float, metre: float) -> None: ...
 
+class Saturating(Magnet):
+    """Iron that saturates (ambkit/saturating.h)."""
+
+    def __init__(self, k: float, s0: float, i0: float, iron: float, knee: float, two_sided: bool, ampere: float, metre: float) -> None: ...
+
 class Table(Magnet):
     """Bilinear stiffness tables, rows of x."""
 

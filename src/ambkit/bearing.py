@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, cast
 
 from pydantic import (
     ConfigDict,
@@ -16,6 +17,7 @@ from pydantic import (
 from ambkit.config import Document, Part, Read, read_unchecked, reader
 from ambkit.config.quantities import Quantity
 from ambkit.config.texts import Description, Name
+from ambkit.magnets import MU_0, magnet_of
 from ambkit.units import engineering
 
 if TYPE_CHECKING:
@@ -23,15 +25,12 @@ if TYPE_CHECKING:
 
     from ambkit.scenario import PID
 
-MU_0 = 1.25663706127e-6
-"""Vacuum magnetic permeability [N/A^2] (CODATA 2022)."""
-
 GRAVITY = 9.81
 """Acceleration of free fall [m/s^2], as both rigs of the presets were calculated with."""
 
 
-def magnet_constant(turns: float, pole_area: float) -> float:
-    """Return k = mu0 A N^2 / 4 [N m^2/A^2] (paper, below eq. 1).
+def magnet_constant(turns: float, pole_area: float, pole_angle: float = 0.0) -> float:
+    """Return k = mu0 A N^2 cos(angle) / 4 [N m^2/A^2] (paper, below eq. 1).
 
     Parameters
     ----------
@@ -39,8 +38,10 @@ def magnet_constant(turns: float, pole_area: float) -> float:
         Turns N of one magnet's coil.
     pole_area : float
         Cross section A of one air gap [m^2].
+    pole_angle : float
+        Between the pull of a pole and the axis [rad].
     """
-    return MU_0 * pole_area * turns**2 / 4
+    return MU_0 * pole_area * turns**2 / 4 * math.cos(pole_angle)
 
 
 def _constant_or_coil(schema: dict[str, Any]) -> None:
@@ -48,6 +49,13 @@ def _constant_or_coil(schema: dict[str, Any]) -> None:
     schema["required"].remove("magnet_constant")
     alternatives = (["magnet_constant"], ["turns", "pole_area"])
     schema["oneOf"] = [{"required": keys} for keys in alternatives]
+    schema["dependentRequired"] = {"pole_angle": ["turns"]} | {
+        key: ["turns", *(other for other in IRON if other != key)] for key in IRON
+    }
+
+
+IRON = ("iron_length", "relative_permeability", "saturation")
+"""What describes iron that saturates; all of it or none."""
 
 
 class Magnet(Part):
@@ -56,7 +64,8 @@ class Magnet(Part):
     With the magnet constant k, the bias current i0, the gap s0, the control current iu and the
     displacement x, a two-sided magnet pulls with
     ``F = k [((i0 + iu)/(s0 - x))^2 - ((i0 - iu)/(s0 + x))^2]`` (paper, eq. 1, without its second
-    equality, a slip), a one-sided one with its first half alone: x is positive towards it.
+    equality, a slip), a one-sided one with its first half alone: x is positive towards it. Iron
+    that saturates takes from that (`ambkit.SaturatingLaw`).
     """
 
     model_config = ConfigDict(json_schema_extra=_constant_or_coil)
@@ -67,8 +76,17 @@ class Magnet(Part):
     """Turns N of one coil; with pole_area instead of magnet_constant."""
     pole_area: Annotated[float, Quantity("m^2", "400 mm^2", above=0)] | None = None
     """Cross section A of one air gap [m^2]; with turns instead of magnet_constant."""
+    pole_angle: Annotated[float, Quantity("rad", "22.5 deg", at_least=0)] | None = None
+    """Angle between the pull of a pole and the axis [rad], by whose cosine turns and pole_area give
+    less; without it 0."""
+    iron_length: Annotated[float, Quantity("m", "0.2 m", above=0)] | None = None
+    """Mean length of the flux in the iron of one magnet [m]; with it saturation and the next."""
+    relative_permeability: Annotated[float, Quantity("1", "2000", above=0)] | None = None
+    """Relative permeability mu_r of that iron, far from saturation [1]."""
+    saturation: Annotated[float, Quantity("T", "1.6 T", above=0)] | None = None
+    """Flux density Bs at which that iron is saturated [T]."""
     magnet_constant: Annotated[float, Quantity("N m^2/A^2", "6.7 N mm^2/A^2", above=0)]
-    """Magnet constant k [N m^2/A^2], or else turns and pole_area."""
+    """Magnet constant k [N m^2/A^2] as of ideal iron, or else turns and pole_area."""
     air_gap: Annotated[float, Quantity("m", "2 mm", above=0)]
     """Nominal air gap s0 [m], at x = 0."""
     bias_current: Annotated[float, Quantity("A", "1.5 A", above=0)]
@@ -93,6 +111,22 @@ class Magnet(Part):
             del data["magnet_constant"]
         return data
 
+    def with_constant(self, constant: float) -> dict[str, float | None]:
+        """Return what :meth:`Bearing.replace` is to change for another magnet constant.
+
+        A coil would contradict it, and is left out; where the iron saturates and so needs its
+        turns, the pole area is what changes.
+
+        Parameters
+        ----------
+        constant : float
+            The other one, k [N m^2/A^2].
+        """
+        if self.saturation is not None and self.pole_area is not None:
+            return {"magnet__pole_area": self.pole_area * (constant / self.magnet_constant)}
+        coil = dict.fromkeys(("magnet__turns", "magnet__pole_area", "magnet__pole_angle"))
+        return {"magnet__magnet_constant": constant} | coil
+
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
         turns, area, constant = read("turns"), read("pole_area"), read("magnet_constant")
@@ -100,6 +134,21 @@ class Magnet(Part):
             yield "turns", "missing: pole_area alone does not give the magnet constant"
         if area is None and turns is not None:
             yield "pole_area", "missing: turns alone do not give the magnet constant"
+        angle = read("pole_angle")
+        if angle is not None and angle >= math.pi / 2:
+            shown = engineering(math.degrees(angle), "deg")
+            yield "pole_angle", f"must be less than 90 deg, is {shown}"
+        if angle is not None and turns is None and area is None:
+            yield (
+                "pole_angle",
+                "goes with turns and pole_area; a magnet_constant has it in it already",
+            )
+        iron = [key for key in IRON if read(key) is not None]
+        for key in IRON:
+            if iron and key not in iron:
+                yield key, f"missing: iron is described by {', '.join(IRON[:2])} and {IRON[2]}"
+        if iron and turns is None and area is None:
+            yield iron[0], "needs turns and pole_area in the place of magnet_constant"
         coil = _coil_constant(read)
         if abs(coil - constant) > 1e-9 * constant:
             shown = engineering(coil, "N m^2/A^2")
@@ -107,8 +156,10 @@ class Magnet(Part):
 
 
 def _coil_constant(read: Read) -> float:
-    turns, area = read("turns"), read("pole_area")
-    return math.nan if turns is None or area is None else magnet_constant(turns, area)
+    turns, area, angle = read("turns"), read("pole_area"), read("pole_angle")
+    if turns is None or area is None:
+        return math.nan
+    return magnet_constant(turns, area, 0.0 if angle is None else angle)
 
 
 class Rotor(Part):
@@ -215,8 +266,8 @@ class Bearing(Document):
     def hover_current(self) -> float:
         """Control current iu [A] that carries the rotor at rest at x = 0.
 
-        It solves ``F(iu, 0) + weight = 0``; two-sided: ``iu = -weight s0^2 / (4 k i0)``, one-sided:
-        ``iu = s0 sqrt(-weight/k) - i0``.
+        It solves ``F(iu, 0) + weight = 0``; ideal iron, two-sided:
+        ``iu = -weight s0^2 / (4 k i0)``, one-sided: ``iu = s0 sqrt(-weight/k) - i0``.
         """
         return _hover_current(reader(self))
 
@@ -263,10 +314,12 @@ class Bearing(Document):
             )
         hover = abs(_hover_current(read))
         if hover > current:
-            limit = f"{engineering(hover, 'A')}, which carries the rotor at x = 0"
+            limit = f"at least {engineering(hover, 'A')}, which carries the rotor at x = 0"
+            if math.isinf(hover):
+                limit = "such that it carries the rotor at x = 0, which no current does"
             yield (
                 "amplifier.current_limit",
-                f"must be at least {limit}; is {engineering(current, 'A')}",
+                f"must be {limit}; is {engineering(current, 'A')}",
             )
 
 
@@ -274,12 +327,10 @@ _WEIGHT_SIGN = {"-x": -1.0, "+x": 1.0, "none": 0.0}
 
 
 def _hover_current(read: Read) -> float:
-    constant, gap = read("magnet.magnet_constant"), read("magnet.air_gap")
-    bias, kind = read("magnet.bias_current"), read("magnet.type")
     weight = _WEIGHT_SIGN.get(read("rotor.gravity"), math.nan) * read("rotor.mass") * GRAVITY
-    if kind == "two-sided":
-        # In this order, not by powers: an absurd value gives infinity, not an arithmetic error.
-        return float(-weight / constant * gap / bias * gap / 4)
-    if kind == "one-sided" and weight < 0:
-        return float(gap * math.sqrt(-weight / constant) - bias)
-    return math.nan
+    magnet = SimpleNamespace(**{key: read(f"magnet.{key}") for key in Magnet.model_fields})
+    wrong = any(isinstance(value, float) and math.isnan(value) for value in vars(magnet).values())
+    if wrong or math.isnan(weight) or (magnet.type == "one-sided" and not weight < 0):
+        return math.nan
+    law = magnet_of(cast("Bearing", SimpleNamespace(magnet=magnet)))
+    return law.current_for(-weight)

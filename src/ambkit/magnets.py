@@ -1,7 +1,8 @@
-"""What an estimator can know of its magnet: constant stiffness, or the closed force law.
+"""What a magnet pulls with: constant stiffness, the closed law, or the law of saturating iron.
 
-Each source of stiffness (these two, :class:`ambkit.StiffnessMap`, :class:`ambkit.Expert`) has the
-method ``magnet(core)`` that builds the C implementation of ``ambkit/magnet.h`` from it.
+`magnet_of` gives the one that a bearing describes; who wants to know anything of a bearing's magnet
+asks that. Each source of stiffness (these, :class:`ambkit.StiffnessMap`, :class:`ambkit.Expert`)
+has the method ``magnet(core)`` that builds the C implementation of ``ambkit/magnet.h`` from it.
 """
 
 from __future__ import annotations
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
     from ambkit.bearing import Bearing
 
 Precision = Literal["float64", "float32"]
+
+MU_0 = 1.25663706127e-6
+"""Vacuum magnetic permeability [N/A^2] (CODATA 2022)."""
 
 
 def equally_far(bearing: Bearing) -> tuple[float, float]:
@@ -85,17 +89,17 @@ class ConstantStiffness:
 
     @classmethod
     def of(cls, bearing: Bearing) -> ConstantStiffness:
-        """Linearise the bearing's closed law at iu = 0, x = 0 (paper, eq. 3-5, corrected).
+        """Linearise the bearing's magnet at iu = 0, x = 0 (paper, eq. 3-5, corrected).
 
-        Two-sided: ``k_i = 4 k i0 / s0^2``, ``k_s = 4 k i0^2 / s0^3``; the paper prints a factor 2
-        and a minus sign, which its own Tables 4 and 5 contradict.
+        Ideal iron, two-sided: ``k_i = 4 k i0 / s0^2``, ``k_s = 4 k i0^2 / s0^3``; the paper prints
+        a factor 2 and a minus sign, which its own Tables 4 and 5 contradict.
 
         Parameters
         ----------
         bearing : Bearing
-            Gives magnet constant, air gap and bias current.
+            Whose magnet.
         """
-        k_i, k_s = ClosedLaw(bearing).tangent(0.0, 0.0)
+        k_i, k_s = magnet_of(bearing).tangent(0.0, 0.0)
         return cls(float(k_i), float(k_s))
 
     def magnet(self, core: ModuleType) -> Magnet:
@@ -110,14 +114,8 @@ class ConstantStiffness:
 
 
 @dataclass(frozen=True)
-class ClosedLaw:
-    """The bearing's force law itself (paper, eq. 1, first equality), two-sided or one-sided.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        Gives magnet constant, air gap and bias current.
-    """
+class Law:
+    """The force law of a bearing's magnet, as the C core computes it."""
 
     bearing: Bearing
 
@@ -129,19 +127,48 @@ class ClosedLaw:
         core : module
             The build of the core that computes, see `core_module`.
         """
-        m = self.bearing.magnet
-        ampere, metre = equally_far(self.bearing)
-        return core.Law(  # type: ignore[no-any-return]
-            m.magnet_constant, m.air_gap, m.bias_current, m.type == "two-sided", ampere, metre
-        )
+        raise NotImplementedError
 
     @property
     def bias_force(self) -> float:
         """Force at iu = 0, x = 0 [N]: zero for a two-sided magnet."""
         m = self.bearing.magnet
+        # Forces are relative to it, and without any current there is no force.
         if m.type == "two-sided":
             return 0.0
-        return float(m.magnet_constant * (m.bias_current / m.air_gap) ** 2)
+        return -float(_evaluate(self, "force", -m.bias_current, 0.0)[0])
+
+    def current_for(self, force: float) -> float:
+        """Return the control current iu [A] with which the magnet pulls so much at x = 0.
+
+        Parameters
+        ----------
+        force : float
+            Whole force of the magnet [N].
+
+        Returns
+        -------
+        float
+            Infinite where no current does.
+        """
+        magnet, middle = self.magnet(core_module()), np.zeros(1)
+        wanted = force - self.bias_force
+
+        def short(iu: float) -> bool:
+            """Whether the magnet pulls less than is wanted, in the direction of that."""
+            f = float(magnet.force(np.array([iu]), middle)[0])
+            return not (f >= wanted if wanted > 0 else f <= wanted)
+
+        if wanted == 0:
+            return 0.0
+        low, high = 0.0, math.copysign(self.bearing.magnet.bias_current, wanted)
+        while short(high):
+            low, high = high, 2 * high
+            if not math.isfinite(high):
+                return high
+        while low < (half := 0.5 * (low + high)) < high or high < half < low:
+            low, high = (half, high) if short(half) else (low, half)
+        return high
 
     def force(self, iu: ArrayLike, x: ArrayLike) -> NDArray[np.float64]:
         """Whole force of the magnet.
@@ -180,6 +207,80 @@ class ClosedLaw:
             Control current [A] and displacement [m], of shapes that broadcast.
         """
         return _evaluate(self, "tangent", iu, x)
+
+
+@dataclass(frozen=True)
+class ClosedLaw(Law):
+    """The force law of ideal iron (paper, eq. 1, first equality), two-sided or one-sided.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        Gives magnet constant, air gap and bias current.
+    """
+
+    def magnet(self, core: ModuleType) -> Magnet:
+        """Build the C implementation.
+
+        Parameters
+        ----------
+        core : module
+            The build of the core that computes, see `core_module`.
+        """
+        m = self.bearing.magnet
+        ampere, metre = equally_far(self.bearing)
+        return core.Law(  # type: ignore[no-any-return]
+            m.magnet_constant, m.air_gap, m.bias_current, m.type == "two-sided", ampere, metre
+        )
+
+
+@dataclass(frozen=True)
+class SaturatingLaw(Law):
+    """The force law of iron of finite permeability that saturates, two-sided or one-sided.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        Whose ``[magnet]`` has ``iron_length``, ``relative_permeability`` and ``saturation``;
+        without them it is the ideal law.
+
+    References
+    ----------
+    Froehlich, Investigations of dynamoelectric machines and electric power transmission, 1881.
+    """
+
+    def magnet(self, core: ModuleType) -> Magnet:
+        """Build the C implementation.
+
+        Parameters
+        ----------
+        core : module
+            The build of the core that computes, see `core_module`.
+        """
+        m = self.bearing.magnet
+        # Ideal iron, where nothing is said of it.
+        iron = (m.iron_length or 0.0) / (2 * (m.relative_permeability or math.inf))
+        knee = MU_0 * (m.turns or 0) / (2 * (m.saturation or math.inf))
+        return core.Saturating(  # type: ignore[no-any-return]
+            m.magnet_constant,
+            m.air_gap,
+            m.bias_current,
+            iron,
+            knee,
+            m.type == "two-sided",
+            *equally_far(self.bearing),
+        )
+
+
+def magnet_of(bearing: Bearing) -> Law:
+    """Return the magnet that a bearing describes.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        Whose ``[magnet]``.
+    """
+    return ClosedLaw(bearing) if bearing.magnet.saturation is None else SaturatingLaw(bearing)
 
 
 def _evaluate(

@@ -221,13 +221,13 @@ def _wrong_sign(expert: Expert, bearing: Bearing) -> dict[str, dict[str, float]]
     """
     import numpy as np
 
-    from ambkit.magnets import ClosedLaw, evaluate_stiffness
+    from ambkit.magnets import evaluate_stiffness, magnet_of
 
     box = np.meshgrid(
         np.linspace(*expert.current_range, 41), np.linspace(*expert.displacement_range, 41)
     )
     found = {}
-    known = evaluate_stiffness(ClosedLaw(bearing), *box)
+    known = evaluate_stiffness(magnet_of(bearing), *box)
     for name, values, law in zip(("k_i", "k_s"), expert.stiffness(*box), known, strict=True):
         wrong = (values <= 0) & (law > CLEAR * law.max())
         if wrong.any():

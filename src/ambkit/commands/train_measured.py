@@ -105,14 +105,14 @@ class Measured:
         import numpy as np
 
         from ambkit.fuzzy.lesson import rms
-        from ambkit.magnets import ClosedLaw
+        from ambkit.magnets import magnet_of
 
         points, surface = self.surface.points, self.surface
         inside = points.where(points.within(expert.current_range, expert.displacement_range))
         at = inside.current, inside.displacement
         off = {
             name: model(*at) - inside.force
-            for name, model in (("law", ClosedLaw(self.bearing).force), ("trained", expert.force))
+            for name, model in (("law", magnet_of(self.bearing).force), ("trained", expert.force))
         }
         noise = surface.noise(inside)
         box = np.meshgrid(

@@ -17,11 +17,11 @@ from ambkit.copying import Copyable
 from ambkit.estimate import Estimate, Status
 from ambkit.estimators.noise import FilterNoise, completed
 from ambkit.magnets import (
-    ClosedLaw,
     ConstantStiffness,
     Precision,
     StiffnessSource,
     core_module,
+    magnet_of,
     own_time,
 )
 
@@ -106,7 +106,7 @@ class Estimator(Copyable):
             "K_sen": bearing.sensor.gain,
             "T_sen": lag,
             "k_ui": bearing.amplifier.gain,
-            "f_0": known + ClosedLaw(bearing).bias_force,
+            "f_0": known + magnet_of(bearing).bias_force,
             "iu_min": bearing.current_min,
             "iu_max": bearing.current_max,
             "x_max": bearing.rotor.travel_limit,

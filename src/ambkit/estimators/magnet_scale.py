@@ -11,7 +11,7 @@ import numpy as np
 
 from ambkit.estimators.base import Estimator
 from ambkit.estimators.observer import unstable_pole
-from ambkit.magnets import ClosedLaw, StiffnessSource
+from ambkit.magnets import StiffnessSource, magnet_of
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
@@ -32,7 +32,7 @@ class FiveStateKalmanFilter(Estimator):
     bearing : Bearing
         What is filtered.
     source : optional
-        What the filter knows of its magnet; by default the closed law.
+        What the filter knows of its magnet; by default the bearing's own law.
     scale_std : float, optional
         Standard deviation of the scale at the start, and the most that it grows to [1].
     wander : float, optional
@@ -78,14 +78,14 @@ class FiveStateKalmanFilter(Estimator):
         if not (0 < least <= 1 <= most < math.inf):
             raise ValueError(f"limits must be 0 < least <= 1 <= most, got {least!r}, {most!r}")
         self._own = {
-            "bias": ClosedLaw(bearing).bias_force,
+            "bias": magnet_of(bearing).bias_force,
             "std": scale_std,
             "var_k": wander * bearing.sampling_time,
             "min": least,
             "max": most,
             **_learning(bearing, excitation),
         }
-        super().__init__(bearing, source or ClosedLaw(bearing), **options)
+        super().__init__(bearing, source or magnet_of(bearing), **options)
 
     def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
         return core.ExtendedK(magnet, **self._own, **settings)
@@ -103,7 +103,7 @@ class MultipleModelFilter(Estimator):
     bearing : Bearing
         What is filtered.
     source : optional
-        What the filters know of their magnet; by default the closed law.
+        What the filters know of their magnet; by default the bearing's own law.
     scales : sequence of float, optional
         Magnet constants over the known one, 2 to 5 [1].
     sojourn : float, optional
@@ -143,10 +143,10 @@ class MultipleModelFilter(Estimator):
         self.scales = tuple(float(s) for s in scales)
         self._own = {
             "leave": bearing.sampling_time / sojourn,
-            "bias": ClosedLaw(bearing).bias_force,
+            "bias": magnet_of(bearing).bias_force,
             **_learning(bearing, excitation),
         }
-        super().__init__(bearing, source or ClosedLaw(bearing), **options)
+        super().__init__(bearing, source or magnet_of(bearing), **options)
 
     def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
         real = np.float32 if self.precision == "float32" else np.float64

@@ -7,7 +7,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from ambkit.estimators.base import Estimator
-from ambkit.magnets import ClosedLaw, StiffnessSource
+from ambkit.magnets import StiffnessSource, magnet_of
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
@@ -66,7 +66,7 @@ class UnscentedKalmanFilter(Estimator):
         if not (math.isfinite(self.curvature) and self.curvature >= 0):
             lowest = alpha**2 - spread
             raise ValueError(f"beta must be {lowest:.6g} or more for a variance, got {beta!r}")
-        super().__init__(bearing, source or ClosedLaw(bearing), **options)
+        super().__init__(bearing, source or magnet_of(bearing), **options)
 
     def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
         return core.Unscented(magnet, self.reach, self.curvature, **settings)

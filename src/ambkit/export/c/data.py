@@ -30,6 +30,9 @@ class Kind(NamedTuple):
 MAGNETS = {
     "Constant": Kind("amb_stiffness", "amb_constant_magnet", "magnet", "constant stiffnesses"),
     "Law": Kind("amb_law", "amb_law_magnet", "magnet", "the closed force law"),
+    "Saturating": Kind(
+        "amb_saturating_law", "amb_saturating_magnet", "saturating", "iron that saturates"
+    ),
     "Table": Kind("amb_table", "amb_table_magnet", "table", "bilinear stiffness tables"),
     "Fuzzy": Kind("amb_fuzzy", "amb_fuzzy_magnet", "fuzzy", "the fuzzy expert"),
 }

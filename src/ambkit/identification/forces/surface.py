@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from ambkit.arrays import real
 from ambkit.errors import AmbkitError
 from ambkit.identification.forces.points import ForcePoints
-from ambkit.magnets import ClosedLaw
+from ambkit.magnets import magnet_of
 
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
@@ -91,7 +91,7 @@ class ForceSurface:
         if not np.all(self._extent > 0):
             name = ("current", "displacement")[int(np.argmin(self._extent > 0))]
             raise AmbkitError(f"the points must differ in {name}, have all the same")
-        self.points, self._law = points, ClosedLaw(bearing).force
+        self.points, self._law = points, magnet_of(bearing).force
         off = points.force - self._law(*at)
         known = points.standard_error is not None
         error = np.ones_like(off) if points.standard_error is None else points.standard_error

@@ -15,7 +15,7 @@ from ambkit.errors import AmbkitError
 from ambkit.estimate import Status
 from ambkit.estimators import Estimator, ExtendedKalmanFilter, FilterNoise
 from ambkit.identification.maximum_likelihood.gaps import filled, run_with_gaps
-from ambkit.magnets import ClosedLaw, StiffnessSource
+from ambkit.magnets import StiffnessSource, magnet_of
 from ambkit.record import Record
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class LoopModel:
         How well the load at the start is known to be zero, standard deviation [N]; NaN: no better
         than the weight.
     source : StiffnessSource, optional
-        The magnet, where it is not the bearing's closed law.
+        The magnet, where it is not the bearing's own.
     substeps : int
         Steps of the filter in a sample. The paper's discretisation holds the magnet's force over
         a step, though the rotor moves: with one step a sample the estimates would be off by part
@@ -83,7 +83,7 @@ class LoopModel:
         )
         return ExtendedKalmanFilter(
             finer,
-            self.source or ClosedLaw(b),
+            self.source or magnet_of(b),
             noise=FilterNoise(disturbance=self.load_growth),
             outlier_limit=0,  # left out, what a wrong model cannot explain would speak for it
         )
@@ -244,8 +244,8 @@ class LoopModel:
         if not of_bearing:
             return model
         if "magnet__magnet_constant" in of_bearing:
-            # A constant from turns and pole area would contradict the one that was found.
-            of_bearing |= {"magnet__turns": None, "magnet__pole_area": None}
+            constant = float(of_bearing.pop("magnet__magnet_constant"))  # type: ignore[arg-type]
+            of_bearing |= self.bearing.magnet.with_constant(constant)
         return replace(model, bearing=self.bearing.replace(**of_bearing))
 
 
