@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Bearing, ClosedLaw, FilterNoise, KalmanFilter
+from ambkit import Bearing, ClosedLaw, FilterNoise, KalmanFilter, magnet_of
 from ambkit.errors import AmbkitError
 from ambkit.estimators import AdaptiveKalmanFilter
 from ambkit.estimators.family import KINDS as FAMILY
@@ -30,6 +30,7 @@ pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no 
 from fmpy.fmi1 import FMICallException  # noqa: E402
 from fmpy.validation import validate_fmu  # noqa: E402
 from fmu_instance import Instance, unpacked  # noqa: E402
+from iron import TWO_SIDED as IRON  # noqa: E402
 
 BEARING = Bearing.preset("zittau_axial")
 ONE_SIDED = Bearing.preset("inteco_ml")
@@ -226,7 +227,7 @@ def test_every_kind_in_fmpy_equals_the_library(name: str, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-@pytest.mark.parametrize("bearing", [BEARING, ONE_SIDED], ids=lambda b: b.name)
+@pytest.mark.parametrize("bearing", [BEARING, ONE_SIDED, IRON], ids=lambda b: b.name)
 def test_plant_in_fmpy_equals_the_library(
     made: Callable[..., Path], bearing: Bearing, fmi: int
 ) -> None:
@@ -240,12 +241,12 @@ def test_plant_in_fmpy_equals_the_library(
         np.testing.assert_array_equal(found[name][:n], record[name], name)
     np.testing.assert_array_equal(found["y"], found["x_m"])
     np.testing.assert_array_equal(found["iu"][1:], record["iu"])
-    np.testing.assert_array_equal(found["f_mag"], ClosedLaw(bearing).force(found["iu"], found["x"]))
+    np.testing.assert_array_equal(found["f_mag"], magnet_of(bearing).force(found["iu"], found["x"]))
     assert np.ptp(record["x"]) > 1e-4
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-@pytest.mark.parametrize("bearing", [BEARING, ONE_SIDED], ids=lambda b: b.name)
+@pytest.mark.parametrize("bearing", [BEARING, ONE_SIDED, IRON], ids=lambda b: b.name)
 def test_closed_loop_in_fmpy_equals_the_library(
     made: Callable[..., Path], bearing: Bearing, fmi: int
 ) -> None:
