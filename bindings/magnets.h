@@ -6,6 +6,7 @@
 extern "C" {
 #include "ambkit/fuzzy.h"
 #include "ambkit/saturating.h"
+#include "ambkit/surface.h"
 #include "ambkit/table.h"
 }
 

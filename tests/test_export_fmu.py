@@ -27,6 +27,7 @@ from ambkit.simulation import _noise, simulate_run
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
 
+import fe_map  # noqa: E402
 from fmpy.fmi1 import FMICallException  # noqa: E402
 from fmpy.validation import validate_fmu  # noqa: E402
 from fmu_instance import Instance, unpacked  # noqa: E402
@@ -243,6 +244,21 @@ def test_plant_in_fmpy_equals_the_library(
     np.testing.assert_array_equal(found["iu"][1:], record["iu"])
     np.testing.assert_array_equal(found["f_mag"], magnet_of(bearing).force(found["iu"], found["x"]))
     assert np.ptp(record["x"]) > 1e-4
+
+
+def test_a_force_map_is_plant_and_what_the_filter_knows(tmp_path: Path) -> None:
+    bearing = Bearing.load(fe_map.written(tmp_path))
+    scenario = disturbed(bearing)
+    run = simulate_run(bearing, scenario, estimator=FAMILY["extended"].make(bearing))
+    record = run.record
+    noise_u, noise_y = _noise(bearing, scenario, len(record.t))
+    inputs = {"r": record["r"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": noise_y}
+    export_fmu(bearing, None, tmp_path / "map.fmu", kind="closed-loop", estimator="extended",
+               controller=scenario.controller)  # fmt: skip
+    found = simulated(tmp_path / "map.fmu", bearing.sampling_time, {}, **inputs)
+    for name in ("x", "v", "x_m"):
+        np.testing.assert_array_equal(found[name][:-1], record[name], name)
+    assert np.ptp(record["x"]) > 1e-5
 
 
 @pytest.mark.parametrize("fmi", [2, 3])

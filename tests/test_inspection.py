@@ -5,7 +5,7 @@ import pytest
 
 import ambkit
 from ambkit import recordings
-from ambkit.identification.forces.file import load_force_points
+from ambkit.forces.file import load_force_points
 from ambkit.inspection import inspect, schema_of
 
 FORCE = """iu [mA],x [mm],f_mag [N]

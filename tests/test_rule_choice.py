@@ -8,10 +8,10 @@ from typer.testing import CliRunner
 
 from ambkit import AmbkitError, Bearing, ClosedLaw
 from ambkit.commands.app import app
+from ambkit.forces.points import ForcePoints
+from ambkit.forces.surface import ForceSurface
 from ambkit.fuzzy.choice import Candidate, RuleChoice, choose_rules, measured_map
 from ambkit.fuzzy.training import train
-from ambkit.identification.forces.points import ForcePoints
-from ambkit.identification.forces.surface import ForceSurface
 
 BEARING = Bearing.preset("zittau_axial")
 FEW = ((2, 2), (3, 3), (4, 4))

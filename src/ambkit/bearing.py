@@ -2,10 +2,12 @@
 
 import math
 from collections.abc import Iterator
+from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, cast
 
 from pydantic import (
+    AfterValidator,
     ConfigDict,
     Field,
     SerializerFunctionWrapHandler,
@@ -17,6 +19,7 @@ from pydantic import (
 from ambkit.config import Document, Part, Read, read_unchecked, reader
 from ambkit.config.quantities import Quantity
 from ambkit.config.texts import Description, Name
+from ambkit.errors import AmbkitError
 from ambkit.magnets import MU_0, magnet_of
 from ambkit.units import engineering
 
@@ -54,6 +57,12 @@ def _constant_or_coil(schema: dict[str, Any]) -> None:
     }
 
 
+def _resolved(value: str, info: ValidationInfo) -> str:
+    """Take a relative file name from where the bearing's file lies."""
+    folder = (info.context or {}).get("folder")
+    return value if folder is None else str(Path(folder, value).absolute())
+
+
 IRON = ("iron_length", "relative_permeability", "saturation")
 """What describes iron that saturates; all of it or none."""
 
@@ -85,6 +94,13 @@ class Magnet(Part):
     """Relative permeability mu_r of that iron, far from saturation [1]."""
     saturation: Annotated[float, Quantity("T", "1.6 T", above=0)] | None = None
     """Flux density Bs at which that iron is saturated [T]."""
+    force_map: Annotated[str, AfterValidator(_resolved)] | None = None
+    """A file with the measured or computed force, points of iu, x and f_mag: the surface through
+    them is the magnet, and the law only what goes on where there are none."""
+    force_channels: Annotated[str, AfterValidator(_resolved)] | None = None
+    """A TOML file that says which columns of the force map mean what, where it has other names."""
+    force_scale: Annotated[float, Quantity("1", "1", above=0)] | None = None
+    """By how much the force is larger than the force map's [1]; without it 1."""
     magnet_constant: Annotated[float, Quantity("N m^2/A^2", "6.7 N mm^2/A^2", above=0)]
     """Magnet constant k [N m^2/A^2] as of ideal iron, or else turns and pole_area."""
     air_gap: Annotated[float, Quantity("m", "2 mm", above=0)]
@@ -115,17 +131,21 @@ class Magnet(Part):
         """Return what :meth:`Bearing.replace` is to change for another magnet constant.
 
         A coil would contradict it, and is left out; where the iron saturates and so needs its
-        turns, the pole area is what changes.
+        turns, the pole area is what changes. A force map is scaled as much.
 
         Parameters
         ----------
         constant : float
             The other one, k [N m^2/A^2].
         """
+        ratio = constant / self.magnet_constant
+        changes: dict[str, float | None] = {}
+        if self.force_map is not None:
+            changes["magnet__force_scale"] = ratio * (self.force_scale or 1.0)
         if self.saturation is not None and self.pole_area is not None:
-            return {"magnet__pole_area": self.pole_area * (constant / self.magnet_constant)}
+            return changes | {"magnet__pole_area": self.pole_area * ratio}
         coil = dict.fromkeys(("magnet__turns", "magnet__pole_area", "magnet__pole_angle"))
-        return {"magnet__magnet_constant": constant} | coil
+        return changes | coil | {"magnet__magnet_constant": constant}
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
@@ -149,6 +169,17 @@ class Magnet(Part):
                 yield key, f"missing: iron is described by {', '.join(IRON[:2])} and {IRON[2]}"
         if iron and turns is None and area is None:
             yield iron[0], "needs turns and pole_area in the place of magnet_constant"
+        path, channels = read("force_map"), read("force_channels")
+        for key in ("force_channels", "force_scale"):
+            if read(key) is not None and path is None:
+                yield key, "is of a force_map, and there is none"
+        if isinstance(path, str) and (channels is None or isinstance(channels, str)):
+            from ambkit.forces.map_of import points_of
+
+            try:
+                points_of(path, channels)
+            except AmbkitError as error:
+                yield "force_map", str(error)
         coil = _coil_constant(read)
         if abs(coil - constant) > 1e-9 * constant:
             shown = engineering(coil, "N m^2/A^2")
@@ -253,9 +284,7 @@ class Bearing(Document):
     @property
     def current_min(self) -> float:
         """Least control current iu [A]; a one-sided coil's current i0 + iu stays positive."""
-        if self.magnet.type == "one-sided":
-            return -min(self.amplifier.current_limit, self.magnet.bias_current)
-        return -self.amplifier.current_limit
+        return _current_limits(self.amplifier.current_limit, self.magnet)[0]
 
     @property
     def current_max(self) -> float:
@@ -332,5 +361,19 @@ def _hover_current(read: Read) -> float:
     wrong = any(isinstance(value, float) and math.isnan(value) for value in vars(magnet).values())
     if wrong or math.isnan(weight) or (magnet.type == "one-sided" and not weight < 0):
         return math.nan
-    law = magnet_of(cast("Bearing", SimpleNamespace(magnet=magnet)))
-    return law.current_for(-weight)
+    bearing = SimpleNamespace(magnet=magnet)
+    if magnet.force_map is not None:
+        bearing.rotor = SimpleNamespace(travel_limit=read("rotor.travel_limit"))
+        limit = read("amplifier.current_limit")
+        bearing.current_min, bearing.current_max = _current_limits(limit, magnet)
+        if not 0 < bearing.rotor.travel_limit < magnet.air_gap or not limit > 0:
+            return math.nan
+    try:
+        return magnet_of(cast("Bearing", bearing)).current_for(-weight)
+    except AmbkitError:  # which is told of the force map
+        return math.nan
+
+
+def _current_limits(limit: float, magnet: Any) -> tuple[float, float]:
+    """Least and greatest control current [A]; a one-sided coil's current i0 + iu stays positive."""
+    return -min(limit, magnet.bias_current) if magnet.type == "one-sided" else -limit, limit

@@ -169,7 +169,7 @@ def _describe_expert(path: Path) -> _Described:
 
 def _kind_of_table(path: Path, bearing: Bearing | None) -> tuple[str, Callable[[Path], _Described]]:
     from ambkit.files.tables import read_table
-    from ambkit.identification.forces import file as force_file
+    from ambkit.forces import file as force_file
     from ambkit.identification.forces import lift_off
 
     columns = set(read_table(path).columns)
@@ -189,7 +189,7 @@ def _describe_points(path: Path) -> _Described:
 
 
 def _describe_force(path: Path) -> _Described:
-    from ambkit.identification.forces.file import load_force_points
+    from ambkit.forces.file import load_force_points
     from ambkit.units import engineering
 
     points = load_force_points(path)

@@ -113,9 +113,8 @@ class ConstantStiffness:
         return core.Constant(self.k_i, self.k_s)  # type: ignore[no-any-return]
 
 
-@dataclass(frozen=True)
 class Law:
-    """The force law of a bearing's magnet, as the C core computes it."""
+    """The force of a bearing's magnet, as the C core computes it."""
 
     bearing: Bearing
 
@@ -219,6 +218,8 @@ class ClosedLaw(Law):
         Gives magnet constant, air gap and bias current.
     """
 
+    bearing: Bearing
+
     def magnet(self, core: ModuleType) -> Magnet:
         """Build the C implementation.
 
@@ -249,6 +250,8 @@ class SaturatingLaw(Law):
     Froehlich, Investigations of dynamoelectric machines and electric power transmission, 1881.
     """
 
+    bearing: Bearing
+
     def magnet(self, core: ModuleType) -> Magnet:
         """Build the C implementation.
 
@@ -272,8 +275,8 @@ class SaturatingLaw(Law):
         )
 
 
-def magnet_of(bearing: Bearing) -> Law:
-    """Return the magnet that a bearing describes.
+def law_of(bearing: Bearing) -> Law:
+    """Return the law that a bearing describes, without what a force map says of its magnet.
 
     Parameters
     ----------
@@ -281,6 +284,31 @@ def magnet_of(bearing: Bearing) -> Law:
         Whose ``[magnet]``.
     """
     return ClosedLaw(bearing) if bearing.magnet.saturation is None else SaturatingLaw(bearing)
+
+
+def magnet_of(bearing: Bearing) -> Law:
+    """Return the magnet that a bearing describes: its force map, or else its law.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        Whose ``[magnet]``.
+
+    Raises
+    ------
+    AmbkitError
+        The force map cannot be read.
+    """
+    if bearing.magnet.force_map is None:
+        return law_of(bearing)
+    from ambkit.forces.map_of import surface_of
+
+    return surface_of(bearing)
+
+
+def bias_force_of(source: StiffnessSource, bearing: Bearing) -> float:
+    """Force at iu = 0, x = 0 [N] of what an estimator knows, or else of the bearing's magnet."""
+    return (source if isinstance(source, Law) else magnet_of(bearing)).bias_force
 
 
 def _evaluate(

@@ -16,7 +16,7 @@ from ambkit.arrays import real
 from ambkit.errors import AmbkitError
 from ambkit.estimate import Estimate
 from ambkit.estimators import Estimator, KalmanFilter
-from ambkit.magnets import StiffnessSource, core_module, evaluate_force, magnet_of
+from ambkit.magnets import Law, StiffnessSource, core_module, evaluate_force, magnet_of
 from ambkit.record import Record
 from ambkit.units import engineering
 
@@ -266,7 +266,7 @@ class Loop:
         self._series = {"r": reference, "f_d": disturbance, "noise_u": noise_u, "noise_y": noise_y}
         self._state, self._at = None, 0
         self._faults, self._place = faults, place
-        self._law = magnet_of(bearing)
+        self._law = magnet if isinstance(magnet, Law) else magnet_of(bearing)
         self._plant = magnet if magnet is not None else self._law
         hover = scenario.start == "hover"
         self._start = float(reference[0]) if hover else 0.0

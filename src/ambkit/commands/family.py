@@ -16,6 +16,7 @@ from ambkit.errors import AmbkitError
 if TYPE_CHECKING:
     from ambkit.bearing import Bearing
     from ambkit.estimators import Estimator, FilterNoise
+    from ambkit.forces.surface import ForceSurface
     from ambkit.fuzzy import Expert
     from ambkit.magnets import Precision, StiffnessSource
     from ambkit.scenario import PID, Scenario
@@ -33,7 +34,8 @@ def estimator_option(choice: Iterable[str]) -> Any:
     return typer.Option(
         "--estimator",
         metavar="FILE",
-        help="Expert of the adaptive filter, from 'ambkit train'; or a name: "
+        help="Expert of the adaptive filter, from 'ambkit train', or a force map (.csv); or a "
+        "name: "
         f"{', '.join(choice)}. The linear filter without it.",
     )
 
@@ -148,8 +150,10 @@ def _source(name: str, bearing: Bearing, expert: Path | None) -> StiffnessSource
     return learned_source(name, bearing)
 
 
-def read_expert(path: Path, bearing: Bearing) -> Expert:
+def read_expert(path: Path, bearing: Bearing) -> Expert | ForceSurface:
     """Return the expert in a file, and note if it was trained for another bearing.
+
+    Of a table of points of the force it is the surface through them.
 
     Raises
     ------
@@ -158,6 +162,13 @@ def read_expert(path: Path, bearing: Bearing) -> Expert:
     """
     from ambkit.fuzzy import Expert
 
+    if path.suffix.lower() in (".csv", ".parquet"):
+        from ambkit.forces.file import load_force_points
+        from ambkit.forces.surface import ForceSurface
+
+        points = load_force_points(path)
+        with output.progress("finding the force"):
+            return ForceSurface(bearing, points)
     trained = Expert.load(path)
     if not trained.source.startswith(bearing.name):
         output.note(f"{path}: was trained for {trained.source}, not for {bearing.name}")

@@ -20,8 +20,8 @@ from ambkit.magnets import (
     ConstantStiffness,
     Precision,
     StiffnessSource,
+    bias_force_of,
     core_module,
-    magnet_of,
     own_time,
 )
 
@@ -106,7 +106,7 @@ class Estimator(Copyable):
             "K_sen": bearing.sensor.gain,
             "T_sen": lag,
             "k_ui": bearing.amplifier.gain,
-            "f_0": known + magnet_of(bearing).bias_force,
+            "f_0": known + bias_force_of(self.source, bearing),
             "iu_min": bearing.current_min,
             "iu_max": bearing.current_max,
             "x_max": bearing.rotor.travel_limit,

@@ -11,7 +11,7 @@ import numpy as np
 
 from ambkit.estimators.base import Estimator
 from ambkit.estimators.observer import unstable_pole
-from ambkit.magnets import StiffnessSource, magnet_of
+from ambkit.magnets import StiffnessSource, bias_force_of, magnet_of
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
@@ -77,15 +77,16 @@ class FiveStateKalmanFilter(Estimator):
             raise ValueError(f"wander must be 0 1/s or more, got {wander!r}")
         if not (0 < least <= 1 <= most < math.inf):
             raise ValueError(f"limits must be 0 < least <= 1 <= most, got {least!r}, {most!r}")
+        source = source or magnet_of(bearing)
         self._own = {
-            "bias": magnet_of(bearing).bias_force,
+            "bias": bias_force_of(source, bearing),
             "std": scale_std,
             "var_k": wander * bearing.sampling_time,
             "min": least,
             "max": most,
             **_learning(bearing, excitation),
         }
-        super().__init__(bearing, source or magnet_of(bearing), **options)
+        super().__init__(bearing, source, **options)
 
     def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
         return core.ExtendedK(magnet, **self._own, **settings)
@@ -141,12 +142,13 @@ class MultipleModelFilter(Estimator):
         if not (math.isfinite(sojourn) and sojourn >= 2 * bearing.sampling_time):
             raise ValueError(f"sojourn must be two samples or more [s], got {sojourn!r}")
         self.scales = tuple(float(s) for s in scales)
+        source = source or magnet_of(bearing)
         self._own = {
             "leave": bearing.sampling_time / sojourn,
-            "bias": magnet_of(bearing).bias_force,
+            "bias": bias_force_of(source, bearing),
             **_learning(bearing, excitation),
         }
-        super().__init__(bearing, source or magnet_of(bearing), **options)
+        super().__init__(bearing, source, **options)
 
     def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
         real = np.float32 if self.precision == "float32" else np.float64

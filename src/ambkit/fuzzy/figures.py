@@ -11,8 +11,8 @@ from ambkit.report.figure import Figure, Panel
 from ambkit.report.items import Axis, Heatmap, Item, Note, Points, Rule
 
 if TYPE_CHECKING:
+    from ambkit.forces.surface import ForceSurface
     from ambkit.fuzzy.choice import RuleChoice
-    from ambkit.identification.forces.surface import ForceSurface
     from ambkit.identification.stiffness import StiffnessMap
 
 MOST_SHOWN = 400

@@ -145,7 +145,7 @@ def magnet_data(source: StiffnessSource, name: str) -> dict[str, Any]:
         "arrays": [
             {
                 "name": names[path],
-                "type": "amb_stiffness" if values.ndim == 2 else "amb_real",
+                "type": data.type_of(values),
                 "length": len(values),
                 "text": data.array(values, "double"),
             }

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.errors import AmbkitError
-from ambkit.identification.forces.points import ForcePoints
-from ambkit.identification.forces.surface import REACH, smooth
+from ambkit.forces.points import ForcePoints
+from ambkit.forces.surface import REACH, smooth
 from ambkit.identification.forces.table import check_nodes
 from ambkit.magnets import equally_far, magnet_of
 

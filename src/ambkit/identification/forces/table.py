@@ -15,7 +15,7 @@ class ForceTable:
     """Force function from a table, to be given to :func:`ambkit.stiffness_map` as ``force``.
 
     It goes through all values; for those that scatter there is
-    :class:`~ambkit.identification.forces.surface.ForceSurface`. Bicubic between the nodes
+    :class:`~ambkit.forces.surface.ForceSurface`. Bicubic between the nodes
     (not-a-knot spline). Outside, its last polynomial goes on for up to one node step, which is
     where the nine points of an edge node lie (paper, eq. 27).
 

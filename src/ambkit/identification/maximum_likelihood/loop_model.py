@@ -98,7 +98,7 @@ class LoopModel:
         of k_s for a noise of 4 % of the bias current, but many records tell.
         """
         b, i0 = self.bearing, self.bearing.magnet.bias_current
-        if self.source is not None or not i0 > 0:
+        if self.source is not None or b.magnet.force_map is not None or not i0 > 0:
             return b
         raised = math.hypot(i0, b.amplifier.gain * math.sqrt(b.amplifier.noise_variance))
         return b.replace(
