@@ -264,3 +264,73 @@ def test_its_exported_c_passes_its_selftest(
     )  # fmt: skip
     ran = subprocess.run([made.folder / "test"], capture_output=True, text=True, check=True)
     assert "PASS" in ran.stdout.upper()
+
+
+# ---- from the shell ----
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with the map in its own names, as columns with units, and the bearing's law."""
+    text = fe_map.written(tmp_path).read_text()
+    (tmp_path / "law.toml").write_text(
+        "".join(line for line in text.splitlines(True) if not line.startswith("force_"))
+    )
+    ForcePoints(IU, X, fe_map.fe_force(IU, X)).save(tmp_path / "map.csv")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def said(capsys: pytest.CaptureFixture[str], *words: str, fails: int = 0) -> tuple[str, str]:
+    from ambkit.cli import main
+
+    try:
+        code = main(list(words))
+    except SystemExit as ended:
+        code = int(ended.code or 0)
+    captured = capsys.readouterr()
+    assert (code or 0) == fails, captured.err
+    return captured.out, captured.err
+
+
+def test_train_shows_what_is_best_at_points_left_out(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["train", "law.toml", "--map", "fe.csv", "--channels", "channels.toml"]
+    shown, told = said(capsys, *words, "--rules", "4x4", "--out", "refitted.toml")
+    for name in (LAW, REFITTED, SURFACE, NETWORK):
+        assert f" {name} " in shown
+    assert "the surface is off by" in told
+    assert "write it with --out map.csv" in told
+    assert Bearing.load("refitted.toml").magnet.air_gap > 0.9e-3
+    _, told = said(capsys, "train", "law.toml", "--out", "law.csv", fails=2)
+    assert "without --map there is an expert only" in told
+
+
+def test_train_warns_of_an_expert_worse_than_its_law(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    right = ClosedLaw(fe_map.BEARING).force(IU, X)
+    ForcePoints(IU, X, np.asarray(right)).save("right.csv")
+    _, told = said(capsys, *["train", "law.toml", "--map", "right.csv", "--rules", "3x3"])
+    assert "leave it; the law has" in told
+
+
+def test_commands_take_a_map_for_an_expert_or_the_true_magnet(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = ("simulate", "law.toml", "--step", "0.05 mm", "--duration", "0.1 s")
+    said(capsys, *run, "--magnet", "map.csv", "--out", "run.csv")
+    record = ambkit.Record.load("run.csv")
+    at = record["iu"], record["x"]
+    assert rms(record["f_mag"] - ClosedLaw(fe_map.BEARING).force(*at)) > 5
+    assert rms(record["f_mag"] - fe_map.fe_force(*at)) < 0.5
+    filtering = ("filter", "run.csv", "--bearing", "law.toml", "--estimator", "adaptive")
+    shown, _ = said(capsys, *filtering, "--expert", "map.csv", "--json")
+    assert "adaptive" in shown
+    export = ("export", "c", "law.toml", "--estimator", "map.csv", "--out", "out")
+    said(capsys, *export)
+    assert (folder / "out" / "core" / "src" / "surface.c").is_file()
+    mat = ("export", "mat", "law.toml", "--estimator", "map.csv", "--out", "out.mat")
+    _, told = said(capsys, *mat, fails=2)
+    assert "a MAT-file holds an expert" in told

@@ -163,16 +163,30 @@ def read_expert(path: Path, bearing: Bearing) -> Expert | ForceSurface:
     from ambkit.fuzzy import Expert
 
     if path.suffix.lower() in (".csv", ".parquet"):
-        from ambkit.forces.file import load_force_points
-        from ambkit.forces.surface import ForceSurface
-
-        points = load_force_points(path)
-        with output.progress("finding the force"):
-            return ForceSurface(bearing, points)
+        return surface_in(path, bearing)
     trained = Expert.load(path)
     if not trained.source.startswith(bearing.name):
         output.note(f"{path}: was trained for {trained.source}, not for {bearing.name}")
     return trained
+
+
+def surface_in(path: Path, bearing: Bearing) -> ForceSurface:
+    """Return the surface through the points of a force map.
+
+    Raises
+    ------
+    AmbkitError
+        It cannot be read, or is no force map of this bearing.
+    """
+    from ambkit.forces.file import load_force_points
+    from ambkit.forces.surface import ForceSurface
+
+    points = load_force_points(path)
+    try:
+        with output.progress("finding the force"):
+            return ForceSurface(bearing, points)
+    except AmbkitError as error:
+        raise AmbkitError(f"{path}: {error}") from None
 
 
 def scenario_of(

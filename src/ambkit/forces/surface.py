@@ -118,7 +118,8 @@ class ForceSurface(Law):
             found = self._learned(off, error, known, law_error)
         else:
             found = _Found(like.law_error, like._reach, 1.0 if known else float(like.scatter or 1))
-        self.law_error, self._reach = found.law_error, found.reach
+        self.law_error: float = found.law_error
+        self._reach: Array = found.reach
         self.reach = tuple((self._reach * self._extent).ravel().tolist())
         self.scatter: float | None = None if known else found.scatter
         self._factor, self._pull = _solved(self._at, off, error, found)
