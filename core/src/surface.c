@@ -92,9 +92,10 @@ static amb_real surface_force(const void *self, amb_real iu, amb_real x)
   amb_real force;
   if (amb_turn_square(s->ampere, s->metre, iu, x) < NEAR) {
     const amb_stiffness k = ask(s, AMB_C(0.5) * iu, AMB_C(0.5) * x, &force);
-    return k.k_i * iu + k.k_s * x;
+    force = k.k_i * iu + k.k_s * x;
+  } else {
+    (void)ask(s, iu, x, &force);
   }
-  (void)ask(s, iu, x, &force);
   return force;
 }
 
