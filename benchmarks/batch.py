@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import ambkit
-from ambkit.estimators.batch import instruction_sets, run_many
+from ambkit.estimate.batch import instruction_sets, run_many
 from benchmarks.entries import Entry
 from benchmarks.hand import HandLoop, Outputs
 from benchmarks.work import NOISE, Work

@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 
 import ambkit
-from ambkit.commands.output import progress
-from ambkit.estimators.family import KINDS
+from ambkit.cli.output import progress
+from ambkit.estimate.family import KINDS
 
 PERIOD, CALL, GAP = 100_000, 10_000, 1_500  # samples; the gap is on either side of the seam
 SENSOR = 1e-7  # m

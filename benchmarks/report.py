@@ -11,7 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from statistics import median
 
-from ambkit import files
+from ambkit.base import files
 from benchmarks.hand import compiler_version
 from benchmarks.timing import Times
 

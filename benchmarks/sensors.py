@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from ambkit import Bearing, FilterNoise, Record
-from ambkit.comparison.bench import bench
-from ambkit.comparison.cases import CASES, trials
-from ambkit.comparison.constant_velocity import tuned as constant_velocity
-from ambkit.comparison.contenders import contenders
-from ambkit.errors import AmbkitError
-from ambkit.estimators.family import KINDS
-from ambkit.magnets import own_time
+from ambkit.base.errors import AmbkitError
+from ambkit.estimate.family import KINDS
+from ambkit.judge.comparison.bench import bench
+from ambkit.judge.comparison.cases import CASES, trials
+from ambkit.judge.comparison.constant_velocity import tuned as constant_velocity
+from ambkit.judge.comparison.contenders import contenders
+from ambkit.machine.magnets import own_time
 
 Array = NDArray[np.float64]
 

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 import ambkit
 from ambkit import Bearing, Record, Status
-from ambkit.estimate import STATES
-from ambkit.estimators import Estimator
-from ambkit.estimators.family import KINDS
-from ambkit.magnets import Precision, own_time
+from ambkit.estimate.base import Estimator
+from ambkit.estimate.estimate import STATES
+from ambkit.estimate.family import KINDS
+from ambkit.machine.magnets import Precision, own_time
 
 Array = NDArray[np.float64]
 

@@ -9,12 +9,12 @@ import json
 from make_images import FOLDER, small
 
 import ambkit
-from ambkit.comparison import figures
-from ambkit.comparison.cases import CASES
-from ambkit.comparison.report import limit_steps, steps, wrong_k
-from ambkit.comparison.study import across, study
-from ambkit.estimators.family import KINDS
-from ambkit.report import static
+from ambkit.estimate.family import KINDS
+from ambkit.judge.comparison.cases import CASES
+from ambkit.judge.comparison.study import across, study
+from ambkit.show.pages.study import limit_steps, steps, wrong_k
+from ambkit.show.plots import study as figures
+from ambkit.show.report import static
 
 RUNS, BUDGET = 32, 32
 

@@ -8,11 +8,11 @@ from pathlib import Path
 
 from PIL import Image
 
-from ambkit.report import static
-from ambkit.report.figure import Figure, Panel
-from ambkit.report.items import Axis, Line
-from ambkit.reproduction.gain import LOAD, STEPS
-from ambkit.reproduction.study import POSITION, TIME, Study
+from ambkit.show.report import static
+from ambkit.show.report.figure import Figure, Panel
+from ambkit.show.report.items import Axis, Line
+from ambkit.workflow.reproduction.gain import LOAD, STEPS
+from ambkit.workflow.reproduction.study import POSITION, TIME, Study
 
 FOLDER = Path(__file__).parent / "images"
 FORCE = Axis(r"disturbance force $F_\mathrm{St}$", "N", limits=(-1.2, 4.2))

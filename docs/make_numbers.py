@@ -21,18 +21,19 @@ from numpy.typing import NDArray
 from scipy.stats import chi2, ttest_rel
 
 import ambkit
-from ambkit.comparison import criteria
-from ambkit.comparison.bench import bench
-from ambkit.comparison.cases import CASES, Trial, trials, walk_case
-from ambkit.comparison.contenders import contenders
-from ambkit.estimators import Estimator, ExtendedKalmanFilter
-from ambkit.estimators.family import KINDS
-from ambkit.excitation import design
+from ambkit.estimate.base import Estimator
+from ambkit.estimate.family import KINDS
+from ambkit.estimate.kalman import ExtendedKalmanFilter
+from ambkit.identification.excitation import design
 from ambkit.identification.maximum_likelihood import maximum_likelihood
-from ambkit.magnets import own_time
-from ambkit.report.summary import ours, runs
-from ambkit.reproduction import adaline, chain, expert, gain, recording
-from ambkit.reproduction.study import Study
+from ambkit.judge.comparison import criteria
+from ambkit.judge.comparison.bench import bench
+from ambkit.judge.comparison.cases import CASES, Trial, trials, walk_case
+from ambkit.judge.comparison.contenders import contenders
+from ambkit.machine.magnets import own_time
+from ambkit.show.report.summary import ours, runs
+from ambkit.workflow.reproduction import adaline, chain, expert, gain, recording
+from ambkit.workflow.reproduction.study import Study
 
 DOCS = Path(__file__).parent
 BEARING = ambkit.Bearing.preset("zittau_axial")

@@ -6,7 +6,7 @@ Writes comparison.png into the folder in which it is started.
 import numpy as np
 
 import ambkit
-from ambkit import plots
+from ambkit.show import plots
 
 SEEDS = range(20)
 STEPS = (0.1e-3, 0.3e-3, 0.5e-3)  # m

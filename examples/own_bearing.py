@@ -6,8 +6,8 @@ Writes spindle.csv and spindle.png into the folder in which it is started.
 from pathlib import Path
 
 import ambkit
-from ambkit import plots
-from ambkit.comparison import rmse
+from ambkit.judge.comparison import rmse
+from ambkit.show import plots
 
 bearing = ambkit.Bearing.load(Path(__file__).with_name("spindle.toml"))
 linear = ambkit.ConstantStiffness.of(bearing)

@@ -6,14 +6,14 @@ Writes recording.png into the folder in which it is started.
 from pathlib import Path
 
 import ambkit
-from ambkit import plots
-from ambkit.judgement import judge
-from ambkit.tuning import most_likely_disturbance
+from ambkit.judge.judgement import judge
+from ambkit.show import plots
+from ambkit.workflow.tuning import most_likely_disturbance
 
 TUNED_ON = 1.5  # s
 
 here = Path(__file__).parent
-record = ambkit.Record.load(here / "recordings" / "sinus_kalman.csv", here / "shifted_map.toml")
+record = ambkit.load(here / "recordings" / "sinus_kalman.csv", here / "shifted_map.toml")
 bearing = ambkit.Bearing.preset("inteco_ml").replace(
     name="around 9 mm", magnet__air_gap="11.149 mm", magnet__bias_current="0.8587 A"
 )

@@ -15,17 +15,18 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter, savgol_filter
 
 import ambkit
-from ambkit import plots
-from ambkit.comparison import prediction_error
-from ambkit.comparison.constant_velocity import tuned
+from ambkit.estimate.innovations import prediction_error
 from ambkit.identification.forces.lift_off import find_lift_off
 from ambkit.identification.forces.lift_off_fit import fit_lift_off
-from ambkit.identification.maximum_likelihood import figures, maximum_likelihood
+from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel, delayed
 from ambkit.identification.maximum_likelihood.validation import validate
 from ambkit.identification.noise import measurement_noise
-from ambkit.report.figure import Figure, Panel
-from ambkit.report.items import Axis, Bars, Line, Rule
+from ambkit.judge.comparison.constant_velocity import tuned
+from ambkit.show import plots
+from ambkit.show.plots import maximum_likelihood as figures
+from ambkit.show.report.figure import Figure, Panel
+from ambkit.show.report.items import Axis, Bars, Line, Rule
 
 HERE = Path(__file__).parent
 LOGS = Path(sys.argv[1]) if len(sys.argv) > 1 else HERE.parents[1] / "shared" / "data" / "inteco"
@@ -46,19 +47,19 @@ if not LOGS.is_dir():
 def closed_loop(name: str) -> ambkit.Record:
     """Read a log, and leave out its beginning."""
     path = LOGS / "closed_loop" / f"{NAMES[name]}.mat"
-    return ambkit.Record.load(path, HERE / "recordings" / "closed_loop.toml").between(FROM, None)
+    return ambkit.load(path, HERE / "recordings" / "closed_loop.toml").between(FROM, None)
 
 
 # The law from lift-off, and what the sensors show at rest.
 lift_off = HERE / "recordings" / "lift_off.toml"
 points = [
-    find_lift_off(ambkit.Record.load(path, lift_off), int(path.stem))
+    find_lift_off(ambkit.load(path, lift_off), int(path.stem))
     for path in sorted((LOGS / "force").glob("*.mat"))
 ]
 preset = ambkit.Bearing.preset("inteco_ml")
 law = fit_lift_off(points, preset.rotor.mass, gap_range=(0.004, 0.016))
 gap, bias = law.working_point(0.010)
-rest = measurement_noise(ambkit.Record.load(LOGS / "noises.mat", lift_off), "i")
+rest = measurement_noise(ambkit.load(LOGS / "noises.mat", lift_off), "i")
 moving = [p.noise_variance for p in points if 0.008 <= p.gap <= 0.012]
 bearing = preset.replace(
     magnet__magnet_constant=law.magnet_constant,

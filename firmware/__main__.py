@@ -5,7 +5,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from ambkit import files
+from ambkit.base import files
 from ambkit.export.c import cost
 from firmware import harness, measure
 

@@ -9,15 +9,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ambkit import Bearing, Record, stiffness_map
-from ambkit.estimators import Estimator
-from ambkit.estimators.family import KINDS
+from ambkit.estimate.base import Estimator
+from ambkit.estimate.family import KINDS
 from ambkit.export.c import cost, export_c
 from ambkit.export.tabulate import tabulate
-from ambkit.fuzzy import Expert
-from ambkit.magnets import StiffnessSource
-from ambkit.scenario import PID, Scenario
-from ambkit.simulation import simulate
-from ambkit.waveforms import Step
+from ambkit.fuzzy.expert import Expert
+from ambkit.machine.magnets import StiffnessSource
+from ambkit.simulation.run import simulate
+from ambkit.simulation.scenario import PID, Scenario
+from ambkit.simulation.waveforms import Step
 from firmware import harness
 
 BEARING = Bearing.preset("zittau_axial")

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from ambkit import Bearing
-from ambkit.commands import family
-from ambkit.estimators import Estimator
-from ambkit.estimators.family import KINDS as FAMILY
+from ambkit.cli import family
+from ambkit.estimate.base import Estimator
+from ambkit.estimate.family import KINDS as FAMILY
 from ambkit.export.c import CExport, export_c
 
 BEARING = Bearing.preset("zittau_axial")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import ambkit
 from ambkit import Bearing, ClosedLaw
-from ambkit.magnets import core_module
+from ambkit.machine.magnets import core_module
 
 Array = NDArray[np.float64]
 

@@ -12,8 +12,8 @@ from filter_cases import SETTINGS, START, STD, moving_record
 
 import ambkit
 from ambkit import AdaptiveNoise, Bearing, Estimate, FilterNoise, Record, Scenario, Status
-from ambkit.estimators.family import KINDS
-from ambkit.magnets import core_module
+from ambkit.estimate.family import KINDS
+from ambkit.machine.magnets import core_module
 
 BEARING = Bearing.preset("zittau_axial")
 R = BEARING.sensor.noise_variance

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 import ambkit
 from ambkit import Bearing, ClosedLaw, FilterNoise, KalmanFilter, Status
-from ambkit.estimators import Estimator
-from ambkit.estimators.batch import Batch, instruction_sets, run_many
-from ambkit.estimators.family import KINDS
-from ambkit.magnets import StiffnessSource, core_module
+from ambkit.estimate.base import Estimator
+from ambkit.estimate.batch import Batch, instruction_sets, run_many
+from ambkit.estimate.family import KINDS
+from ambkit.machine.magnets import StiffnessSource, core_module
 
 Array = NDArray[Any]
 

@@ -9,20 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ambkit import bearing as bearing_module
-from ambkit import presets
-from ambkit.bearing import (
-    MU_0,
-    Amplifier,
-    Bearing,
-    Magnet,
-    Rotor,
-    Sensor,
-    magnet_constant,
-)
-from ambkit.errors import AmbkitError, ConfigError
+from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.identification.forces.lift_off import load_points
 from ambkit.identification.forces.lift_off_fit import fit_lift_off
+from ambkit.machine import bearing as bearing_module
+from ambkit.machine import presets
+from ambkit.machine.bearing import MU_0, Amplifier, Bearing, Magnet, Rotor, Sensor, magnet_constant
 
 SIX_MISTAKES = """\
 name = "mine"

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import recordings
-from ambkit.inspection import inspect
-from ambkit.reading.belongs import SURE, judge_record, mirror_correlation
-from ambkit.record import Record
+from ambkit.data import recordings
+from ambkit.data.record import Record
+from ambkit.judge.belongs import SURE, judge_record, mirror_correlation
+from ambkit.workflow.inspection import inspect
 
 RIG = Path(__file__).parents[2] / "shared" / "data" / "inteco" / "closed_loop"
 BEARING = ambkit.Bearing.preset("zittau_axial")
@@ -63,7 +63,7 @@ def test_a_mirrored_record_pulls_with_gravity(name):
 def test_the_signs_of_the_rig_are_told():
     bearing = ambkit.Bearing.preset("inteco_ml")
     for log in sorted(RIG.glob("*.mat")):
-        record = Record.load(log, recordings.folder() / "closed_loop.toml")
+        record = ambkit.load(log, recordings.folder() / "closed_loop.toml")
         assert judge_record(record, bearing).problems == (), log.name
         (problem,) = judge_record(changed(record, y=-1.0), bearing).problems
         assert "swapped" in problem

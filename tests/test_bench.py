@@ -12,18 +12,18 @@ from scipy.stats import chi2
 
 import ambkit
 from ambkit import AmbkitError, Bearing
-from ambkit.comparison import cases, criteria
-from ambkit.comparison.bench import Sweep, bench, sweep
-from ambkit.comparison.cases import CASES, trials, walk_case
-from ambkit.comparison.contenders import PythonEstimator, contenders, expand
-from ambkit.comparison.figures import cases_figure, matrix_figure, sweep_figure
-from ambkit.comparison.report import report_of
-from ambkit.comparison.spread import CERTAIN, Spread
-from ambkit.comparison.study import learned, pieces_of, study
-from ambkit.comparison.tune import errors, tune
-from ambkit.magnets import own_time
-from ambkit.report.items import Axis
-from ambkit.simulation import Imposed
+from ambkit.judge.comparison import cases, criteria
+from ambkit.judge.comparison.bench import Sweep, bench, sweep
+from ambkit.judge.comparison.cases import CASES, trials, walk_case
+from ambkit.judge.comparison.contenders import PythonEstimator, contenders, expand
+from ambkit.judge.comparison.spread import CERTAIN, Spread
+from ambkit.judge.comparison.study import learned, pieces_of, study
+from ambkit.judge.comparison.tune import errors, tune
+from ambkit.machine.magnets import own_time
+from ambkit.show.pages.study import report_of
+from ambkit.show.plots.study import cases_figure, matrix_figure, sweep_figure
+from ambkit.show.report.items import Axis
+from ambkit.simulation.run import Imposed
 
 BEARING = Bearing.preset("zittau_axial")
 SHORT = replace(

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 import ambkit
-from ambkit.magnets import StiffnessSource
+from ambkit.machine.magnets import StiffnessSource
 from benchmarks import batch, entries, report
 from benchmarks.batch import Many
 from benchmarks.closed_loop import ClosedLoop

@@ -7,7 +7,7 @@ import pytest
 
 import ambkit
 from ambkit import Bearing
-from ambkit.comparison.bound import bearing_bound, posterior_bound
+from ambkit.judge.comparison.bound import bearing_bound, posterior_bound
 
 BEARING = Bearing.preset("zittau_axial")
 

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from ambkit import recordings
-from ambkit.channelmap import ChannelMap
-from ambkit.errors import ConfigError, RecordError
-from ambkit.record import Record
+import ambkit
+from ambkit.base.errors import ConfigError, RecordError
+from ambkit.data import recordings
+from ambkit.data.channelmap import ChannelMap
+from ambkit.data.record import Record
 
 MAP = """\
 name = "a rig"
@@ -52,7 +53,7 @@ def check(record):
 
 
 def test_value_is_sign_scale_number_unit_plus_offset(mat):
-    record = Record.load(mat, ChannelMap.from_toml(MAP))
+    record = ambkit.load(mat, ChannelMap.from_toml(MAP))
     check(record)
     assert record.meta == {"log": "a rig", "source": "log.mat"}
 
@@ -60,7 +61,7 @@ def test_value_is_sign_scale_number_unit_plus_offset(mat):
 def test_the_map_may_be_a_file(mat, tmp_path):
     path = tmp_path / "map.toml"
     path.write_text(MAP)
-    check(Record.load(mat, path))
+    check(ambkit.load(mat, path))
     ChannelMap.load(path).save(tmp_path / "again.toml")
     assert ChannelMap.load(tmp_path / "again.toml") == ChannelMap.load(path)
 
@@ -76,7 +77,7 @@ def test_samples_as_rows_and_arrays_by_name(mat):
         unit = "mm"
         scale = -1
     """
-    record = Record.load(mat, ChannelMap.from_toml(text))
+    record = ambkit.load(mat, ChannelMap.from_toml(text))
     np.testing.assert_allclose(record["y"], -1e-3 * Z)
 
 
@@ -93,7 +94,7 @@ def test_columns_by_name(tmp_path, ending):
         parquet.write_table(table, path)
     text = MAP.replace("row = 0", 'column = "Zeit"').replace("row = 1", 'column = "Strom"')
     channel_map = ChannelMap.from_toml(text.replace("row = 2", 'column = "Weg"'))
-    check(Record.load(path, channel_map))
+    check(ambkit.load(path, channel_map))
 
 
 @pytest.mark.parametrize(
@@ -110,7 +111,7 @@ def test_columns_by_name(tmp_path, ending):
 )
 def test_a_log_that_lacks_what_the_map_says(mat, old, new, message):
     with pytest.raises(RecordError, match=message) as failure:
-        Record.load(mat, ChannelMap.from_toml(MAP.replace(old, new)))
+        ambkit.load(mat, ChannelMap.from_toml(MAP.replace(old, new)))
     assert "log.mat" in str(failure.value)
 
 
@@ -158,7 +159,7 @@ def test_a_mat_cut_short(mat):
     for length in (0, 50, 128, 200, len(whole) // 2):
         mat.write_bytes(whole[:length])
         with pytest.raises(RecordError, match=r"log\.mat"):
-            Record.load(mat, channel_map)
+            ambkit.load(mat, channel_map)
 
 
 def test_the_maps_of_the_shipped_recordings_are_whole():

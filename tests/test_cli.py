@@ -17,12 +17,12 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import recordings
-from ambkit.bearing import GRAVITY
-from ambkit.cli import main
+from ambkit.cli.main import main
+from ambkit.data import recordings
+from ambkit.data.reading.guess import guess
 from ambkit.identification.forces.lift_off import load_points
-from ambkit.identification.stiffness import stiffness_map
-from ambkit.reading.guess import guess
+from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.stiffness import stiffness_map
 
 COMMANDS = (
     "reproduce", "simulate", "excite", "read", "identify", "train", "filter", "compare",
@@ -108,7 +108,7 @@ def test_help_starts_in_less_than_four_tenths_of_a_second():
 
 def test_the_front_imports_nothing_heavy():
     heavy = "numpy scipy pydantic pint pyarrow matplotlib plotly rich"
-    code = f"import sys, ambkit.cli; print([m for m in {heavy.split()} if m in sys.modules])"
+    code = f"import sys, ambkit.cli.main; print([m for m in {heavy.split()} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 
@@ -514,8 +514,8 @@ def test_compare_in_a_case(call):
 
 
 def test_compare_in_all_cases(call):
-    from ambkit.commands.compare import CASES
-    from ambkit.comparison import cases
+    from ambkit.cli.compare import CASES
+    from ambkit.judge.comparison import cases
 
     assert (*cases.CASES, "all") == CASES
     found = call("compare", "zittau_axial", "--estimators", "linear,observer", "--case", "all",
@@ -565,7 +565,7 @@ def test_compare_takes_a_scenario_as_its_only_case(call, made):
 
 
 def test_presets_print_their_toml_as_it_is(call):
-    from ambkit import presets
+    from ambkit.machine import presets
 
     assert call("presets", "zittau_axial").out == presets.text("zittau_axial")
     assert {each["name"] for each in call("presets", "--json").json} == set(presets.names())
@@ -600,8 +600,8 @@ def test_check_prints_the_schema(call, kind):
 
 
 def test_reproduce_hands_on_its_arguments_and_prints_the_verdicts(call, monkeypatch):
-    from ambkit import reproduction
-    from ambkit.report.summary import SummaryRow
+    from ambkit.show.report.summary import SummaryRow
+    from ambkit.workflow import reproduction
 
     row = SummaryRow(id="a", what="k", paper=6.7, ours=6.69, unit="N", verdict="agrees")
 
@@ -835,7 +835,7 @@ def test_filter_says_when_a_record_is_not_of_the_bearing(call, made):
 def test_identify_replaces_what_turns_and_area_gave(call, made):
     bearing = ambkit.Bearing.preset("zittau_axial")
     turns = 100
-    area = 4 * bearing.magnet.magnet_constant / (ambkit.bearing.MU_0 * turns**2)
+    area = 4 * bearing.magnet.magnet_constant / (ambkit.machine.bearing.MU_0 * turns**2)
     wound = bearing.to_toml().replace(
         next(line for line in bearing.to_toml().splitlines() if line.startswith("magnet_constant")),
         f'turns = {turns}\npole_area = "{area!r} m^2"',

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ambkit.reading import grid
-from ambkit.reading.clock import examine
+from ambkit.data.reading import grid
+from ambkit.data.reading.clock import examine
 
 
 def even(n, step):

@@ -10,8 +10,9 @@ import pytest
 
 import ambkit
 from ambkit import AdaptiveKalmanFilter, Bearing, ClosedLaw, KalmanFilter, Record, Scenario, compare
-from ambkit.comparison import prediction_error, rmse, whiteness
-from ambkit.simulation import simulate_run
+from ambkit.estimate.innovations import prediction_error, whiteness
+from ambkit.judge.comparison import rmse
+from ambkit.simulation.run import simulate_run
 
 BEARING = Bearing.preset("zittau_axial")
 FAMILY: dict[str, Any] = {

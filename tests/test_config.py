@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ambkit.config import Document, Part, toml_text
-from ambkit.config.quantities import Quantity
-from ambkit.errors import AmbkitError, ConfigError
+from ambkit.base.config import Document, Part, toml_text
+from ambkit.base.config.quantities import Quantity
+from ambkit.base.errors import AmbkitError, ConfigError
 
 
 class Wheel(Part):

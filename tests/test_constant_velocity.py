@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit.comparison import ConstantVelocityFilter, prediction_error
-from ambkit.comparison.constant_velocity import tuned
-from ambkit.recordings import folder
+from ambkit.data.recordings import folder
+from ambkit.estimate.innovations import prediction_error
+from ambkit.judge.comparison import ConstantVelocityFilter
+from ambkit.judge.comparison.constant_velocity import tuned
 
 T = 1e-4
 

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ambkit.magnets import core_module
+from ambkit.machine.magnets import core_module
 
 T = 1e-4
 GAINS = {"kp": 3000.0, "ki": 2e4, "kd": 12.0, "T_f": 2e-4, "T_t": 25e-3}

@@ -5,6 +5,7 @@ build, which .ci/run does with warnings as errors.
 """
 
 import re
+import tomllib
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
@@ -15,15 +16,15 @@ import pytest
 import typer
 
 import ambkit
-from ambkit.commands.app import app
-from ambkit.report.summary import number
-from ambkit.reproduction.adaline import adaline
-from ambkit.reproduction.chain import chain
-from ambkit.reproduction.expert import expert
-from ambkit.reproduction.gain import gain
-from ambkit.reproduction.recording import recording
-from ambkit.reproduction.sampling import sampling
-from ambkit.reproduction.study import Study
+from ambkit.cli.app import app
+from ambkit.show.report.summary import number
+from ambkit.workflow.reproduction.adaline import adaline
+from ambkit.workflow.reproduction.chain import chain
+from ambkit.workflow.reproduction.expert import expert
+from ambkit.workflow.reproduction.gain import gain
+from ambkit.workflow.reproduction.recording import recording
+from ambkit.workflow.reproduction.sampling import sampling
+from ambkit.workflow.reproduction.study import Study
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
@@ -97,10 +98,28 @@ def header(anchor: str) -> str:
 
 def test_resolve_notices_what_does_not_exist():
     assert resolve("ambkit.KalmanFilter.predict")
-    assert resolve("ambkit.bearing.Sensor.lag")
+    assert resolve("ambkit.machine.bearing.Sensor.lag")
     with pytest.raises(AttributeError):
         resolve("ambkit.KalmanFilter.foretell")
     assert resolve("nowhere.at.all") is None
+
+
+# --- the floors of the house
+
+
+def test_the_readme_shows_the_floors_that_are_checked():
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
+    floors = next(c["layers"] for c in contracts["contracts"] if c["type"] == "layers")
+    optional = re.compile(r"\(\w+\)")  # a room that is still to come
+    checked = [re.findall(r"\w+", optional.sub("", floor)) for floor in floors]
+    shown: list[list[str]] = []
+    for floor, room, *_ in rows(README.partition("## The house")[2].partition("\n## ")[0]):
+        shown += [[]] if floor else []
+        shown[-1].append(room.strip("`"))
+    assert shown == checked
+    assert len(shown) <= 10
+    rooms = {path.parent.name for path in (ROOT / "src/ambkit").glob("*/__init__.py")}
+    assert rooms == {room for floor in shown for room in floor}
 
 
 # --- the pages

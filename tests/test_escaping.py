@@ -20,19 +20,20 @@ from hypothesis import strategies as st
 from jinja2 import Environment
 
 import ambkit
-from ambkit import Bearing, escaping
-from ambkit.cli import main
-from ambkit.commands import output
-from ambkit.config import toml_text
-from ambkit.errors import AmbkitError, ConfigError
+from ambkit import Bearing
+from ambkit.base import escaping
+from ambkit.base.config import toml_text
+from ambkit.base.errors import AmbkitError, ConfigError
+from ambkit.cli import output
+from ambkit.cli.main import main
+from ambkit.data.reading import read
 from ambkit.export.c import export_c
 from ambkit.export.fmu import export_fmu
-from ambkit.fuzzy import Expert
-from ambkit.identification.stiffness import stiffness_map
-from ambkit.plots import save_figure
-from ambkit.reading import read
-from ambkit.reading.picture import reading_figure
-from ambkit.report import (
+from ambkit.fuzzy.expert import Expert
+from ambkit.machine.stiffness import stiffness_map
+from ambkit.show.plots import save_figure
+from ambkit.show.plots.reading import reading_figure
+from ambkit.show.report import (
     Axis,
     Chapter,
     Figure,
@@ -45,7 +46,7 @@ from ambkit.report import (
     markup,
     write_report,
 )
-from ambkit.report import Text as Paragraph
+from ambkit.show.report import Text as Paragraph
 from tests.hostile import NOT_PRINTABLE, TEXTS, Page, called
 
 BEARING = Bearing.preset("zittau_axial")

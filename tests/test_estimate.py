@@ -9,7 +9,7 @@ import pytest
 
 import ambkit
 from ambkit import Bearing, Estimate, KalmanFilter, Record, Scenario, Status
-from ambkit.estimate import STATES
+from ambkit.estimate.estimate import STATES
 
 BEARING = Bearing.preset("zittau_axial")
 RECORD = ambkit.simulate(BEARING, Scenario(duration=0.5, seed=1))

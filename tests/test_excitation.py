@@ -14,13 +14,13 @@ from scipy.stats import chi2
 
 import ambkit
 from ambkit import Bearing, Record, Scenario
-from ambkit.cli import main
-from ambkit.errors import AmbkitError
-from ambkit.excitation import Design, Limits, design
-from ambkit.excitation.signals import KINDS, multisine, prbs, stepped_sine
+from ambkit.base.errors import AmbkitError
+from ambkit.cli.main import main
+from ambkit.identification.excitation import Design, Limits, design
+from ambkit.identification.excitation.signals import KINDS, multisine, prbs, stepped_sine
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood, settling_time
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, named
-from ambkit.scenario import PID
+from ambkit.simulation.scenario import PID
 
 BEARING = Bearing.preset("zittau_axial")
 LOOP = Scenario(duration=1.0, controller=PID.for_bearing(BEARING))

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ambkit.magnets import core_module
+from ambkit.machine.magnets import core_module
 
 LARGEST = {"float64": 708.0, "float32": 87.0}
 """From here on the result stays what it is, the smallest that is still a normal number."""

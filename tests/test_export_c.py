@@ -24,10 +24,10 @@ from export_cases import (
 
 import ambkit
 from ambkit import ClosedLaw, FilterNoise
-from ambkit.cli import main
-from ambkit.commands.family import NAMES
-from ambkit.errors import AmbkitError
-from ambkit.estimators.family import KINDS as FAMILY
+from ambkit.base.errors import AmbkitError
+from ambkit.cli.family import NAMES
+from ambkit.cli.main import main
+from ambkit.estimate.family import KINDS as FAMILY
 from ambkit.export.c import CExport, export_c
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -308,7 +308,7 @@ def test_an_installed_package_brings_its_c(tmp_path: Path, exported: Exported) -
     # Without site.py, and so without the hook that leads an editable install to the repository.
     code = (
         f"import sys; sys.path[:0] = [{str(tmp_path)!r}, {str(installed)!r}]\n"
-        "import ambkit.cli; print(ambkit.__file__); ambkit.cli.main()"
+        "import ambkit.cli.main; print(ambkit.__file__); ambkit.cli.main.main()"
     )
     words = ["export", "c", "zittau_axial", "--out", str(tmp_path / "out")]
     done = subprocess.run(

@@ -16,13 +16,13 @@ import pytest
 
 import ambkit
 from ambkit import Bearing, ClosedLaw, FilterNoise, KalmanFilter, magnet_of
-from ambkit.errors import AmbkitError
-from ambkit.estimators import AdaptiveKalmanFilter
-from ambkit.estimators.family import KINDS as FAMILY
+from ambkit.base.errors import AmbkitError
+from ambkit.data.record import Record
+from ambkit.estimate.family import KINDS as FAMILY
+from ambkit.estimate.kalman import AdaptiveKalmanFilter
 from ambkit.export.fmu import export_fmu
-from ambkit.identification.stiffness import stiffness_map
-from ambkit.record import Record
-from ambkit.simulation import _noise, simulate_run
+from ambkit.machine.stiffness import stiffness_map
+from ambkit.simulation.run import _noise, simulate_run
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
@@ -86,7 +86,7 @@ Command = Callable[..., Called]
 @pytest.fixture
 def command(capsys: pytest.CaptureFixture[str]) -> Command:
     """Call ``ambkit export fmu zittau_axial`` with further words."""
-    from ambkit.cli import main
+    from ambkit.cli.main import main
 
     def call(*words: str) -> Called:
         capsys.readouterr()

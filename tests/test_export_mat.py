@@ -15,8 +15,8 @@ from scipy.io import loadmat
 import ambkit
 from ambkit import Bearing, KalmanFilter
 from ambkit.export.mat import export_mat
-from ambkit.identification.stiffness import stiffness_map
-from ambkit.magnets import evaluate_force, evaluate_stiffness
+from ambkit.machine.magnets import evaluate_force, evaluate_stiffness
+from ambkit.machine.stiffness import stiffness_map
 
 BEARINGS = [Bearing.preset("zittau_axial"), Bearing.preset("inteco_ml")]
 both = pytest.mark.parametrize("bearing", BEARINGS, ids=lambda b: b.name)
@@ -118,7 +118,7 @@ def test_octave_reads_it(tmp_path: Path) -> None:
 
 
 def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from ambkit.cli import main
+    from ambkit.cli.main import main
 
     out = tmp_path / "bearing.mat"
     with pytest.raises(SystemExit) as done:

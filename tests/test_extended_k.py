@@ -13,8 +13,8 @@ from magnet_scale_cases import BEARING, LOAD_AT, jump, quieter, rms, run
 
 import ambkit
 from ambkit import Bearing, ClosedLaw, ExtendedKalmanFilter, FiveStateKalmanFilter, Record, Status
-from ambkit.estimators.model import LinearModel
-from ambkit.magnets import core_module
+from ambkit.estimate.model import LinearModel
+from ambkit.machine.magnets import core_module
 
 
 def one_sided() -> tuple[Bearing, Record]:

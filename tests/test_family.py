@@ -12,11 +12,11 @@ from filter_cases import core_filter
 
 import ambkit
 from ambkit import Bearing, ClosedLaw, KalmanFilter, Record, Scenario, Status
-from ambkit.estimators import ExtendedStateObserver, SteadyStateKalmanFilter
-from ambkit.estimators.family import KINDS, Kind
-from ambkit.estimators.model import LinearModel
-from ambkit.magnets import ConstantStiffness, core_module
-from ambkit.simulation import Imposed, simulate_run
+from ambkit.estimate.family import KINDS, Kind
+from ambkit.estimate.model import LinearModel
+from ambkit.estimate.observer import ExtendedStateObserver, SteadyStateKalmanFilter
+from ambkit.machine.magnets import ConstantStiffness, core_module
+from ambkit.simulation.run import Imposed, simulate_run
 
 BEARING = Bearing.preset("zittau_axial")
 RECORD = ambkit.simulate(
@@ -282,6 +282,6 @@ def test_a_record_is_a_record_for_all() -> None:
 
 def test_the_commands_know_every_kind() -> None:
     """They keep the names themselves, because the family takes long to import."""
-    from ambkit.commands.family import NAMES
+    from ambkit.cli.family import NAMES
 
     assert set(NAMES) == set(KINDS)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import ambkit
 from ambkit import Bearing, ClosedLaw, KalmanFilter, Record, Scenario, Status
-from ambkit.estimate import STATES, Estimate
+from ambkit.estimate.estimate import STATES, Estimate
 
 BEARING = Bearing.preset("zittau_axial")
 RECORD = ambkit.simulate(

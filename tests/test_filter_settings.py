@@ -10,7 +10,7 @@ import pytest
 
 import ambkit
 from ambkit import Bearing, FilterNoise, KalmanFilter, Record, Scenario
-from ambkit.magnets import core_module
+from ambkit.machine.magnets import core_module
 
 BEARING = Bearing.preset("zittau_axial")
 RECORD = ambkit.simulate(BEARING, Scenario(duration=0.3, seed=2))

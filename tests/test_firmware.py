@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from ambkit import Bearing
-from ambkit.cli import main
-from ambkit.commands.family import NAMES
-from ambkit.estimate import Estimate
-from ambkit.estimators.family import KINDS
+from ambkit.cli.family import NAMES
+from ambkit.cli.main import main
+from ambkit.estimate.estimate import Estimate
+from ambkit.estimate.family import KINDS
 from ambkit.export.c import CYCLES_PER_INSTRUCTION, Cost, cost, export_c
-from ambkit.magnets import StiffnessSource
+from ambkit.machine.magnets import StiffnessSource
 from firmware import harness, measure
 
 MISSING = harness.missing_tools()

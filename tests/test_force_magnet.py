@@ -16,17 +16,17 @@ from magnet_at import differences, force, tangent, through_origin
 
 import ambkit
 from ambkit import Bearing, ClosedLaw, Scenario, magnet_of, train
-from ambkit.errors import AmbkitError, ConfigError
-from ambkit.estimators.family import KINDS
+from ambkit.base.errors import AmbkitError, ConfigError
+from ambkit.estimate.family import KINDS
 from ambkit.export.c import export_c
-from ambkit.forces.patches import ACCURACY, patches
-from ambkit.forces.points import ForcePoints
-from ambkit.forces.surface import ForceSurface
 from ambkit.fuzzy.choice import measured_map
 from ambkit.fuzzy.left_out import LAW, NETWORK, REFITTED, SURFACE, choose_model, refitted
-from ambkit.magnets import core_module
-from ambkit.scenario import PID
-from ambkit.simulation import simulate_run
+from ambkit.machine.forces.patches import ACCURACY, patches
+from ambkit.machine.forces.points import ForcePoints
+from ambkit.machine.forces.surface import ForceSurface
+from ambkit.machine.magnets import core_module
+from ambkit.simulation.run import simulate_run
+from ambkit.simulation.scenario import PID
 
 CORE = core_module()
 IU, X = fe_map.grid()
@@ -282,7 +282,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def said(capsys: pytest.CaptureFixture[str], *words: str, fails: int = 0) -> tuple[str, str]:
-    from ambkit.cli import main
+    from ambkit.cli.main import main
 
     try:
         code = main(list(words))

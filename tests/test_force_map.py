@@ -7,12 +7,12 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 
 from ambkit import AmbkitError, Bearing, ClosedLaw, Scenario, Sine, simulate, stiffness_map, train
-from ambkit.forces.file import load_force_points
-from ambkit.forces.points import ForcePoints
 from ambkit.fuzzy.choice import measured_map
 from ambkit.identification.forces.map import force_map, nodes_for
-from ambkit.identification.forces.table import ForceTable
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+from ambkit.machine.forces.file import load_force_points
+from ambkit.machine.forces.points import ForcePoints
+from ambkit.machine.forces.table import ForceTable
 
 BEARING = Bearing.preset("zittau_axial")
 

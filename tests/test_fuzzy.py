@@ -10,12 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ambkit import _core, _core_f32, paper
-from ambkit.bearing import Bearing
-from ambkit.errors import AmbkitError
-from ambkit.fuzzy import Expert, Rule
+from ambkit import _core, _core_f32
+from ambkit.base.errors import AmbkitError
+from ambkit.fuzzy.expert import Expert, Rule
 from ambkit.fuzzy.training import train
-from ambkit.identification.stiffness import StiffnessMap, stiffness_map
+from ambkit.machine import paper
+from ambkit.machine.bearing import Bearing
+from ambkit.machine.stiffness import StiffnessMap, stiffness_map
 
 ZITTAU = Bearing.preset("zittau_axial")
 MAP = stiffness_map(ZITTAU)

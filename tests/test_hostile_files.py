@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from ambkit import Bearing
-from ambkit.cli import main
-from ambkit.errors import AmbkitError, RecordError
-from ambkit.files import budget
-from ambkit.files.log import read_log
+from ambkit.base import budget
+from ambkit.base.errors import AmbkitError, RecordError
+from ambkit.cli.main import main
+from ambkit.data.files.formats import read_log
 from tests import logs
 
 SECRET = "root:x:0:0:root:/root:/bin/bash\n" * 8

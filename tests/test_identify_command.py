@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit.cli import main
+from ambkit.cli.main import main
 from ambkit.identification.maximum_likelihood import maximum_likelihood
-from ambkit.identification.maximum_likelihood.figures import estimates_figure
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import named
-from ambkit.identification.maximum_likelihood.report import carried_over
 from ambkit.identification.maximum_likelihood.validation import cross_correlation, validate
-from ambkit.report.items import Rule
+from ambkit.show.pages.maximum_likelihood import carried_over
+from ambkit.show.plots.maximum_likelihood import estimates_figure
+from ambkit.show.report.items import Rule
 from benchmarks.identification import TRUTH, closed_loops
 
 
@@ -86,7 +86,7 @@ def test_what_is_of_the_log_goes_into_its_channel_map(call, made, tmp_path):
             assert lines[0] == "[signals.u]"  # of y there is nothing
             parts += lines[1:]
     (tmp_path / "map.toml").write_text("\n".join(parts))
-    read = ambkit.Record.load("log.csv", "map.toml")
+    read = ambkit.load("log.csv", "map.toml")
     right = TRUTH.corrected(run)
     inner = slice(10, -10)
     off, before = (u[inner] - right["u"][inner] for u in (read["u"], late["u"]))
@@ -113,7 +113,7 @@ def test_the_lines_for_the_map_do_what_the_model_does(tmp_path):
         place = f"[signals.{name}]"
         text = text.replace(place, f'{place}\ncolumn = "{name}"\nunit = "{unit}"')
     (tmp_path / "map.toml").write_text(text)
-    read = ambkit.Record.load(tmp_path / "log.parquet", tmp_path / "map.toml")
+    read = ambkit.load(tmp_path / "log.parquet", tmp_path / "map.toml")
     expected = model.corrected(log)
     for name in ("y", "u"):
         np.testing.assert_allclose(read[name][5:], expected[name][5:], rtol=1e-5, atol=1e-10)

@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 import ambkit
 from ambkit import Bearing, Record, Scenario
-from ambkit.errors import AmbkitError
+from ambkit.base.errors import AmbkitError
 from ambkit.identification.maximum_likelihood.information import expect
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import recordings
-from ambkit.forces.file import load_force_points
-from ambkit.inspection import inspect, schema_of
+from ambkit.data import recordings
+from ambkit.machine.forces.file import load_force_points
+from ambkit.workflow.inspection import inspect, schema_of
 
 FORCE = """iu [mA],x [mm],f_mag [N]
 {rows}

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit.comparison import rmse
-from ambkit.judgement import judge, logged_predictions
+from ambkit.judge.comparison import rmse
+from ambkit.judge.judgement import judge, logged_predictions
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from filter_cases import BEARING, SETTINGS, START, STD, Array, core_filter, full
 
 import ambkit
 from ambkit import ClosedLaw
-from ambkit.magnets import core_module
+from ambkit.machine.magnets import core_module
 
 # ---- against the textbook ----
 

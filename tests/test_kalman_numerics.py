@@ -22,7 +22,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ambkit import ClosedLaw
-from ambkit.magnets import core_module
+from ambkit.machine.magnets import core_module
 
 # ---- other units, other precision, very long ----
 

@@ -10,15 +10,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ambkit import Bearing, recordings
-from ambkit.bearing import GRAVITY
-from ambkit.channelmap import ChannelMap
-from ambkit.cli import main
-from ambkit.errors import AmbkitError, RecordError
+import ambkit
+from ambkit import Bearing
+from ambkit.base.errors import AmbkitError, RecordError
+from ambkit.cli.main import main
+from ambkit.data import recordings
+from ambkit.data.channelmap import ChannelMap
+from ambkit.data.record import Record
 from ambkit.identification.forces.lift_off import LiftOff, find_lift_off, load_points, save_points
 from ambkit.identification.forces.lift_off_fit import fit_lift_off
 from ambkit.identification.noise import measurement_noise
-from ambkit.record import Record
+from ambkit.machine.bearing import GRAVITY
 
 MASS, CONSTANT, OFFSET = 0.06054, 1.0e-4, 2.1e-3
 RIG = Path(__file__).parents[2] / "shared" / "data" / "inteco"
@@ -312,7 +314,7 @@ def test_the_shipped_recordings_are_what_the_script_makes(tmp_path):
 @needs_rig
 def test_the_noise_file_of_the_rig_shows_the_current_alone():
     channel_map = ChannelMap.load(recordings.folder() / "lift_off.toml")
-    record = Record.load(RIG / "noises.mat", channel_map)
+    record = ambkit.load(RIG / "noises.mat", channel_map)
     assert measurement_noise(record, "i").variance == pytest.approx(4.0e-5, rel=0.03)
     with pytest.raises(RecordError, match=r"9\d\d\d frozen, \d+ in motion at 20 mm"):
         measurement_noise(record, "z")

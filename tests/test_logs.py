@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ambkit.channelmap import ChannelMap
-from ambkit.errors import AmbkitError, ExtraMissing, RecordError
-from ambkit.files import csv_dialect
-from ambkit.files.log import read_log
-from ambkit.record import Record
+import ambkit
+from ambkit.base.errors import AmbkitError, ExtraMissing, RecordError
+from ambkit.data.channelmap import ChannelMap
+from ambkit.data.files import csv_dialect
+from ambkit.data.files.formats import read_log
+from ambkit.data.record import Record
 from tests import logs
 
 MAP = ChannelMap.from_toml(logs.MAP)
@@ -26,7 +27,7 @@ def test_each_format_gives_back_what_its_library_wrote(tmp_path_factory, name, s
     time = 0.125 * step * np.arange(len(pos))
     path = tmp_path_factory.mktemp("round") / name
     logs.WRITERS[name](path, {"time": time, "pos": pos, "current": current})
-    record = Record.load(path, MAP)
+    record = ambkit.load(path, MAP)
     np.testing.assert_array_equal(record.t, time)
     np.testing.assert_array_equal(record["y"], pos * 1e-3)
     np.testing.assert_array_equal(record["u"], current)
@@ -41,7 +42,7 @@ def test_a_damaged_file_is_one_line(tmp_path, name):
     for part in (0.0, 0.02, 0.3, 0.6, 0.8):
         path.write_bytes(whole[: int(part * len(whole))])
         with pytest.raises(AmbkitError, match=name) as failure:
-            Record.load(path, MAP)
+            ambkit.load(path, MAP)
         assert "\n" not in str(failure.value)
 
 
@@ -158,10 +159,10 @@ def test_a_separator_at_the_end_of_each_line_and_no_header(tmp_path):
     np.testing.assert_array_equal(log.arrays["2"], [-2.5, 3.5, 4.25])
     by_place = MAP.to_toml().replace('"time"', "0").replace('"pos"', "1").replace('"current"', "2")
     np.testing.assert_array_equal(
-        Record.load(path, ChannelMap.from_toml(by_place))["u"], [-2.5, 3.5, 4.25]
+        ambkit.load(path, ChannelMap.from_toml(by_place))["u"], [-2.5, 3.5, 4.25]
     )
     with pytest.raises(RecordError, match=r"has no column 7, it has 3"):
-        Record.load(path, ChannelMap.from_toml(by_place.replace("column = 2", "column = 7")))
+        ambkit.load(path, ChannelMap.from_toml(by_place.replace("column = 2", "column = 7")))
 
 
 def test_names_that_are_there_twice_are_told_apart(tmp_path):
@@ -169,7 +170,7 @@ def test_names_that_are_there_twice_are_told_apart(tmp_path):
     path.write_text("time,pos,current,current\n0,1,2,3\n1,1,2,3\n")
     assert read_log(path).order == ("time", "pos", "current#2", "current#3")
     with pytest.raises(RecordError, match="several columns current: use current#2 or current#3"):
-        Record.load(path, MAP)
+        ambkit.load(path, MAP)
 
 
 def test_all_that_is_wrong_is_said_at_once_with_its_line(tmp_path):
@@ -226,7 +227,7 @@ def test_dates_in_a_parquet_are_seconds_from_the_first(tmp_path):
         {"time": stamps, "pos": [1.0, 2.0, 3.0], "current": [1, 2, 3], "who": ["a"] * 3}
     )
     parquet.write_table(table, tmp_path / "a.parquet")
-    record = Record.load(tmp_path / "a.parquet", MAP)
+    record = ambkit.load(tmp_path / "a.parquet", MAP)
     np.testing.assert_allclose(record.t, [0, 5e-4, 1e-3])
     lenient = read_log(tmp_path / "a.parquet", lenient=True)
     assert "who" not in lenient.arrays

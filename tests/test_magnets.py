@@ -12,7 +12,7 @@ from magnet_at import differences, force, tangent, through_origin
 from oracles import least_squares_stiffness, magnet_force
 
 from ambkit import Bearing
-from ambkit.magnets import ClosedLaw, ConstantStiffness, core_module, equally_far
+from ambkit.machine.magnets import ClosedLaw, ConstantStiffness, core_module, equally_far
 
 TWO_SIDED = Bearing.preset("zittau_axial")
 ONE_SIDED = Bearing.preset("inteco_ml")

@@ -13,7 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize_scalar
 
-from ambkit import PID, AmbkitError, Bearing, Record, Scenario, Sine, recordings, simulate
+from ambkit import PID, AmbkitError, Bearing, Record, Scenario, Sine, simulate
+from ambkit.base.units import engineering
+from ambkit.data import recordings
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.maximum_likelihood.gaps import filled, run_with_gaps
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood
@@ -26,7 +28,6 @@ from ambkit.identification.maximum_likelihood.parameters import (
 )
 from ambkit.identification.maximum_likelihood.restricted import restricted
 from ambkit.identification.maximum_likelihood.search import climb, hold, ran_away
-from ambkit.units import engineering
 from benchmarks.identification import START, TRUTH, closed_loops, judged
 
 SEEDS = 12

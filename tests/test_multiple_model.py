@@ -12,8 +12,8 @@ from filterpy.kalman import KalmanFilter as Textbook
 from magnet_scale_cases import BEARING, LOAD_AT, jump, quieter, rms, run
 
 from ambkit import ExtendedKalmanFilter, MultipleModelFilter, Record, Status
-from ambkit.estimators.model import LinearModel
-from ambkit.magnets import ConstantStiffness
+from ambkit.estimate.model import LinearModel
+from ambkit.machine.magnets import ConstantStiffness
 
 
 @pytest.mark.parametrize("scales", [(0.7, 0.85, 1.0, 1.15, 1.3), (0.9, 1.2)])

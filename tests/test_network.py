@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from magnet_at import differences, tangent, through_origin
 from oracles import network_output
 
-from ambkit.magnets import core_module
+from ambkit.machine.magnets import core_module
 
 CORE = core_module()
 

@@ -17,9 +17,9 @@ import pytest
 from pyarrow import parquet
 
 import ambkit
-from ambkit import files
-from ambkit.cli import main
-from ambkit.config import toml_text
+from ambkit.base import files
+from ambkit.base.config import toml_text
+from ambkit.cli.main import main
 
 AMBKIT = f"{shlex.quote(sys.executable)} -m ambkit"
 ROWS = "".join(f"{k * 1e-4},{k % 7}e-6,0.1\n" for k in range(300))
@@ -59,11 +59,11 @@ def test_what_is_not_foreseen_is_one_line_with_its_place(call, monkeypatch):
     def broken(*_arguments):
         raise KeyError("no such thing")
 
-    monkeypatch.setattr("ambkit.presets.names", broken)
+    monkeypatch.setattr("ambkit.machine.presets.names", broken)
     code, out, err = call("presets")
     assert (code, out) == (1, "")
     assert err.count("\n") == 1
-    assert err.startswith("ambkit: KeyError: 'no such thing' in ambkit.commands.presets, line ")
+    assert err.startswith("ambkit: KeyError: 'no such thing' in ambkit.cli.presets, line ")
     assert "please report it with the output of --debug" in err
 
 
@@ -156,7 +156,7 @@ def test_parquet_with_columns_of_one_name_needs_a_map(call):
     Path("map.toml").write_text(
         '[signals.t]\ncolumn = "t"\nunit = "s"\n[signals.y]\ncolumn = "y#2"\nunit = "mm"\n'
     )
-    record = ambkit.Record.load("run.parquet", "map.toml")
+    record = ambkit.load("run.parquet", "map.toml")
     assert np.allclose(record["y"], np.arange(300) * 1e-7)
     assert call("read", "run.parquet", "--guess")[0] == 0
 
@@ -361,7 +361,7 @@ def test_a_window_that_matplotlib_lacks_does_not_matter(tmp_path):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT to send")
-@pytest.mark.parametrize("module", ["typer", "ambkit.commands.app", "numpy", "json"])
+@pytest.mark.parametrize("module", ["typer", "ambkit.cli.app", "numpy", "json"])
 def test_ctrl_c_while_it_starts_is_one_line(module):
     """Interrupted while it imports: by a finder that is asked for each module."""
     program = (
@@ -375,7 +375,7 @@ def test_ctrl_c_while_it_starts_is_one_line(module):
         f"    if name.split('.')[0] == {module!r}: del sys.modules[name]\n"
         "sys.meta_path.insert(0, Finder())\n"
         "sys.argv = ['ambkit', 'simulate', 'zittau_axial']\n"
-        "from ambkit.cli import main\n"
+        "from ambkit.cli.main import main\n"
         "main()\n"
     )
     done = subprocess.run(

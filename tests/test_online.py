@@ -14,14 +14,14 @@ from scipy.signal import lfilter
 
 import ambkit
 from ambkit import Bearing, Constant, Record, Scenario, Sine, Step
-from ambkit.cli import main
-from ambkit.errors import AmbkitError
+from ambkit.base.errors import AmbkitError
+from ambkit.cli.main import main
 from ambkit.identification.online.extended_k import ExtendedKIdentifier, ExtendedKResult
-from ambkit.identification.online.figure import online_figure
 from ambkit.identification.online.result import OnlineResult, mean_error
 from ambkit.identification.online.side_by_side import SideBySide, learn_online
-from ambkit.report.items import Band, Line, Rule, Span
-from ambkit.simulation import Imposed
+from ambkit.show.plots.online import online_figure
+from ambkit.show.report.items import Band, Line, Rule, Span
+from ambkit.simulation.run import Imposed
 
 Array = NDArray[np.float64]
 BEARING = Bearing.preset("zittau_axial")

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ambkit import paper
-from ambkit.bearing import Bearing
-from ambkit.identification.stiffness import StiffnessMap, stiffness_map
+from ambkit.machine import paper
+from ambkit.machine.bearing import Bearing
+from ambkit.machine.stiffness import StiffnessMap, stiffness_map
 
 REFERENCE = Path(__file__).parents[2] / "shared" / "reference"
 
@@ -56,5 +56,5 @@ def test_table_6_has_two_widths_a_rule_in_the_order_of_the_rules() -> None:
 def test_the_shipped_tables_are_the_reference(name: str) -> None:
     if not REFERENCE.is_dir():
         pytest.skip("../shared/reference is not there")
-    shipped = Path(paper.__file__).parent / "data" / "paper" / name
+    shipped = Path(paper.__file__).parent / name
     assert shipped.read_bytes() == (REFERENCE / name).read_bytes()

@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 
 import ambkit
 from ambkit import Bearing, ClosedLaw
-from ambkit.magnets import core_module
+from ambkit.machine.magnets import core_module
 
 BEARING = Bearing.preset("zittau_axial")
 M, S0, I0, K = 0.518, 2e-3, 1.5, 6.7e-6

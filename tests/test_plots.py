@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import plots, recordings
-from ambkit.comparison import compare
+from ambkit.data import recordings
 from ambkit.identification.forces.lift_off import load_points
 from ambkit.identification.forces.lift_off_fit import fit_lift_off
-from ambkit.judgement import judge
-from ambkit.report import style
-from ambkit.report.items import Bars, Heatmap, Line, Note, Points
-from ambkit.report.style import SIGNALS
+from ambkit.judge.comparison import compare
+from ambkit.judge.judgement import judge
+from ambkit.show import plots
+from ambkit.show.report import style
+from ambkit.show.report.items import Bars, Heatmap, Line, Note, Points
+from ambkit.show.report.style import SIGNALS
 
 
 @pytest.fixture(scope="module")

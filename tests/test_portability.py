@@ -14,7 +14,7 @@ import pytest
 from export_cases import BEARING, CASES, INCLUDES, STRICT, flight_files
 
 import ambkit
-from ambkit.errors import AmbkitError
+from ambkit.base.errors import AmbkitError
 from ambkit.export.c import CExport, export_c
 
 needs_cc = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")

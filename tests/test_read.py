@@ -14,16 +14,17 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import ambkit
-from ambkit import plots, recordings
-from ambkit.channelmap import ChannelMap
-from ambkit.cli import main
-from ambkit.errors import ConfigError, RecordError
-from ambkit.reading import Refused, faults, grid, read
-from ambkit.reading.clock import examine
-from ambkit.reading.guess import guess
-from ambkit.reading.picture import reading_figure
-from ambkit.reading.refused_picture import refused_figure
-from ambkit.record import Record
+from ambkit.base.errors import ConfigError, RecordError
+from ambkit.cli.main import main
+from ambkit.data import recordings
+from ambkit.data.channelmap import ChannelMap
+from ambkit.data.reading import Refused, faults, grid, read
+from ambkit.data.reading.clock import examine
+from ambkit.data.reading.guess import guess
+from ambkit.data.record import Record
+from ambkit.show import plots
+from ambkit.show.plots.reading import reading_figure
+from ambkit.show.plots.refused import refused_figure
 from benchmarks import reading as reading_benchmark
 from tests import logs
 
@@ -140,7 +141,7 @@ def test_a_log_without_times_takes_them_from_the_map(tmp_path):
     columns = sound(100)
     logs.csv(tmp_path / "log.csv", columns)
     text = 'sampling_time = "2 ms"\n' + MAP.partition('unit = "s"')[2]
-    record = Record.read(tmp_path / "log.csv", ChannelMap.from_toml(text))
+    record = ambkit.read(tmp_path / "log.csv", ChannelMap.from_toml(text)).record
     np.testing.assert_allclose(record.t, 2e-3 * np.arange(100))
 
 
@@ -198,7 +199,7 @@ def test_two_clocks_are_refused_or_resampled_on_request(two_clocks):
     with pytest.raises(RecordError, match=r"2 clocks: t \(y: .*t_slow \(u: .*--resample"):
         read(two_clocks, ChannelMap.from_toml(two))
     with pytest.raises(RecordError, match="2 clocks"):
-        Record.load(two_clocks, ChannelMap.from_toml(two))
+        ambkit.load(two_clocks, ChannelMap.from_toml(two))
     reading = read(two_clocks, ChannelMap.from_toml(two), resample=True)
     record = reading.record
     np.testing.assert_allclose(record.t, T * np.arange(2000))
@@ -367,7 +368,7 @@ def test_the_map_takes_a_delay_out_and_says_so(read_columns):
     assert 1 <= (~there).sum() <= 5
     (remark,) = [r for r in shifted.remarks if "late" in r]
     assert "y was logged 2.3 ms late: shifted by 2 samples and 0.3 of one (a cubic" in remark
-    same = Record.load(logs_path, ChannelMap.from_toml(text))
+    same = ambkit.load(logs_path, ChannelMap.from_toml(text))
     np.testing.assert_array_equal(same["y"], shifted.record["y"])
 
 
@@ -404,7 +405,7 @@ def test_the_guess_tells_the_rows_of_the_rig_apart(log):
     assert channel_map.signals["y"].sign == -1
     ours, theirs = (
         read(log, channel_map).record,
-        Record.load(log, recordings.folder() / "closed_loop.toml"),
+        ambkit.load(log, recordings.folder() / "closed_loop.toml"),
     )
     assert np.ptp(ours["y"] - theirs["y"]) < 1e-12
 
@@ -457,7 +458,7 @@ def test_the_guess_reads_common_names(tmp_path, header, expected):
     _, channel_map = proposed(path)
     found = {name: channel.column for name, channel in channel_map.signals.items()}
     assert found == {k: re.sub(r" \[.*", "", v) for k, v in expected.items()}
-    assert len(Record.read(path, channel_map)) == 400
+    assert len(ambkit.read(path, channel_map).record) == 400
 
 
 def test_the_guess_gives_units_of_names_and_headers(tmp_path):
@@ -466,7 +467,7 @@ def test_the_guess_gives_units_of_names_and_headers(tmp_path):
                     "I [mA]": sound()["current"] * 1e3})  # fmt: skip
     text, channel_map = proposed(path)
     assert [c.unit for c in channel_map.signals.values()] == ["ms", "µm", "mA"]
-    record = Record.read(path, channel_map)
+    record = ambkit.read(path, channel_map).record
     np.testing.assert_allclose(record["y"], sound()["pos"] * 1e-3, rtol=1e-12)
     assert tomllib.loads(text)
 
@@ -501,7 +502,7 @@ def test_the_guess_of_two_clocks_says_so_and_resamples(two_clocks):
 def test_the_guess_of_each_format_reads_it(tmp_path, name):
     logs.WRITERS[name](tmp_path / name, sound(1000))
     _, channel_map = proposed(tmp_path / name)
-    record = Record.read(tmp_path / name, channel_map)
+    record = ambkit.read(tmp_path / name, channel_map).record
     np.testing.assert_allclose(record["y"], sound(1000)["pos"] * 1e-3, atol=1e-15)
     np.testing.assert_allclose(record.t, sound(1000)["time"], atol=1e-12)
 
@@ -650,7 +651,7 @@ def test_the_picture_marks_the_faults(tmp_path):
 def test_record_read_is_what_the_command_reads(tmp_path):
     faulty(tmp_path / "log.csv")
     (tmp_path / "map.toml").write_text(MAP)
-    record = ambkit.Record.read(tmp_path / "log.csv", map=tmp_path / "map.toml")
+    record = ambkit.read(tmp_path / "log.csv", map=tmp_path / "map.toml").record
     assert len(record) == 2000
     assert record.meta["source"] == "log.csv"
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ambkit.channelmap import ChannelMap
-from ambkit.cli import main
-from ambkit.files.log import read_log
-from ambkit.reading import read
-from ambkit.reading.guess import guess
+from ambkit.cli.main import main
+from ambkit.data.channelmap import ChannelMap
+from ambkit.data.files.formats import read_log
+from ambkit.data.reading import read
+from ambkit.data.reading.guess import guess
 from tests import logs
 
 N, T = 400, 1e-3

@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ambkit import plots
-from ambkit.channelmap import ChannelMap
-from ambkit.cli import main
-from ambkit.errors import RecordError
-from ambkit.reading import Refused, read
-from ambkit.reading.picture import reading_figure
-from ambkit.reading.refused_picture import refused_figure
-from ambkit.report.items import Line, Rule, Span
+from ambkit.base.errors import RecordError
+from ambkit.cli.main import main
+from ambkit.data.channelmap import ChannelMap
+from ambkit.data.reading import Refused, read
+from ambkit.show import plots
+from ambkit.show.plots.reading import reading_figure
+from ambkit.show.plots.refused import refused_figure
+from ambkit.show.report.items import Line, Rule, Span
 from tests import logs
 
 MAP = logs.MAP

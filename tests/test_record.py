@@ -8,9 +8,9 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from ambkit.errors import AmbkitError, RecordError
-from ambkit.record import Record
-from ambkit.signals import SI_UNITS, si_unit
+from ambkit.base.errors import AmbkitError, RecordError
+from ambkit.data.record import Record
+from ambkit.data.signals import SI_UNITS, si_unit
 
 ENDINGS = (".csv", ".parquet")
 VALUES = st.floats(allow_nan=True, allow_infinity=False, width=64)
@@ -31,10 +31,10 @@ def same(first, second):
 
 @pytest.fixture
 def load(tmp_path):
-    def from_text(text, **options):
+    def from_text(text):
         path = tmp_path / "log.csv"
         path.write_text(text)
-        return Record.load(path, **options)
+        return Record.load(path)
 
     return from_text
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ambkit.cli import main
-from ambkit.errors import RecordError, shortened
+from ambkit.base.errors import RecordError, shortened
+from ambkit.cli.main import main
 
 LOG = "t,y,u\n" + "".join(
     f"{k * 1e-3:.4f},{1e-3 * np.sin(k / 50):.6f},{-np.sin(k / 50):.4f}\n"
@@ -105,8 +105,8 @@ def test_a_guess_invents_no_sampling_time(capsys, refused, tmp_path):
 
 
 def test_samples_missing_in_a_gap_are_counted(tmp_path):
-    from ambkit.reading.guess import guess
-    from ambkit.reading.reader import read
+    from ambkit.data.reading.guess import guess
+    from ambkit.data.reading.reader import read
 
     log, proposed = tmp_path / "log.csv", tmp_path / "map.toml"
     log.write_text(LOG)

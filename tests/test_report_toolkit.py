@@ -21,12 +21,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ambkit.errors import AmbkitError
-from ambkit.plots import save_figure
-from ambkit.reading import Refused, read
-from ambkit.reading.picture import reading_figure
-from ambkit.reading.refused_picture import refused_figure
-from ambkit.report import (
+from ambkit.base.errors import AmbkitError
+from ambkit.data.reading import Refused, read
+from ambkit.show.plots import save_figure
+from ambkit.show.plots.reading import reading_figure
+from ambkit.show.plots.refused import refused_figure
+from ambkit.show.report import (
     Axis,
     Band,
     Bars,
@@ -56,9 +56,9 @@ from ambkit.report import (
     summary,
     write_report,
 )
-from ambkit.report.decimate import decimate
-from ambkit.report.page import render_page
-from ambkit.report.terminal import print_summary
+from ambkit.show.report.decimate import decimate
+from ambkit.show.report.page import render_page
+from ambkit.show.report.terminal import print_summary
 
 TIME = Axis("time $t$", "s")
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ambkit import paper
-from ambkit.errors import AmbkitError
-from ambkit.reproduction import reproduce
-from ambkit.reproduction.study import Study
+from ambkit.base.errors import AmbkitError
+from ambkit.machine import paper
+from ambkit.workflow.reproduction import reproduce
+from ambkit.workflow.reproduction.study import Study
 
 SHARED = Path(__file__).parents[2] / "shared" / "reference"
 

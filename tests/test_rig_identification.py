@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import ambkit
-from ambkit import recordings
+from ambkit.data import recordings
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.validation import validate
@@ -16,7 +16,7 @@ FREE = ("measurement_noise", "control_noise", "load_growth", "current_offset")
 
 def log(name: str, begin: float, end: float) -> ambkit.Record:
     channels = recordings.folder() / "closed_loop.toml"
-    return ambkit.Record.load(RIG / f"{name}.mat", channels).between(begin, end)
+    return ambkit.load(RIG / f"{name}.mat", channels).between(begin, end)
 
 
 @pytest.mark.skipif(not RIG.is_dir(), reason="the rig's logs are not here (../shared/data/inteco)")

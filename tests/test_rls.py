@@ -15,10 +15,10 @@ from portability import lint
 
 import ambkit
 from ambkit import Adaline, Bearing, Record, Scenario
-from ambkit.cli import main
-from ambkit.errors import AmbkitError
+from ambkit.base.errors import AmbkitError
+from ambkit.cli.main import main
 from ambkit.identification.online.rls import RecursiveLeastSquares
-from ambkit.magnets import core_module
+from ambkit.machine.magnets import core_module
 
 Array = NDArray[np.float64]
 BEARING = Bearing.preset("zittau_axial")

@@ -7,11 +7,11 @@ import pytest
 from typer.testing import CliRunner
 
 from ambkit import AmbkitError, Bearing, ClosedLaw
-from ambkit.commands.app import app
-from ambkit.forces.points import ForcePoints
-from ambkit.forces.surface import ForceSurface
+from ambkit.cli.app import app
 from ambkit.fuzzy.choice import Candidate, RuleChoice, choose_rules, measured_map
 from ambkit.fuzzy.training import train
+from ambkit.machine.forces.points import ForcePoints
+from ambkit.machine.forces.surface import ForceSurface
 
 BEARING = Bearing.preset("zittau_axial")
 FEW = ((2, 2), (3, 3), (4, 4))

@@ -16,8 +16,8 @@ from scipy.integrate import solve_ivp
 
 import ambkit
 from ambkit import ClosedLaw, FilterNoise
-from ambkit.estimators.model import LinearModel
-from ambkit.magnets import core_module
+from ambkit.estimate.model import LinearModel
+from ambkit.machine.magnets import core_module
 
 # ---- the functions phi ----
 

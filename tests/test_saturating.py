@@ -16,15 +16,15 @@ from iron import IDEAL, ONE_SIDED, TOML, TWO_SIDED
 from magnet_at import differences, force, tangent, through_origin
 
 import ambkit
-import ambkit.scenario
+import ambkit.simulation.scenario
 from ambkit import Bearing, ClosedLaw, ConstantStiffness, SaturatingLaw, Scenario, magnet_of
-from ambkit.bearing import MU_0
-from ambkit.errors import ConfigError
-from ambkit.estimators.family import KINDS
+from ambkit.base.errors import ConfigError
+from ambkit.estimate.family import KINDS
 from ambkit.export.c import export_c
 from ambkit.identification.maximum_likelihood import maximum_likelihood
-from ambkit.magnets import core_module
-from ambkit.simulation import simulate_run
+from ambkit.machine.bearing import MU_0
+from ambkit.machine.magnets import core_module
+from ambkit.simulation.run import simulate_run
 from derivation.laws.law import Function, check
 from derivation.laws.saturating import saturating
 
@@ -219,12 +219,12 @@ SHAKEN = Scenario.model_validate(
         "duration": 0.5,
         "seed": 4,
         "reference": {"type": "sine", "amplitude": 0.1e-3, "frequency": 5.0},
-        "controller": ambkit.scenario.PID.for_bearing(TWO_SIDED).model_dump(),
+        "controller": ambkit.simulation.scenario.PID.for_bearing(TWO_SIDED).model_dump(),
     }
 )
 
 
-REFERENCE = ambkit.scenario.Scenario.model_validate(
+REFERENCE = ambkit.simulation.scenario.Scenario.model_validate(
     {
         "reference": {
             "type": "sum",

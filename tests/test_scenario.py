@@ -9,12 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ambkit import presets
-from ambkit import scenario as scenario_module
-from ambkit.bearing import Bearing
-from ambkit.errors import ConfigError
-from ambkit.record import Record
-from ambkit.scenario import (
+from ambkit.base.errors import ConfigError
+from ambkit.data.record import Record
+from ambkit.machine import presets
+from ambkit.machine.bearing import Bearing
+from ambkit.simulation import scenario as scenario_module
+from ambkit.simulation.run import simulate
+from ambkit.simulation.scenario import (
     PID,
     Constant,
     Impulse,
@@ -27,7 +28,6 @@ from ambkit.scenario import (
     Sum,
     Waveform,
 )
-from ambkit.simulation import simulate
 
 T = 1e-3
 t = T * np.arange(101)

@@ -10,9 +10,9 @@ from filter_cases import full
 
 import ambkit
 from ambkit import Bearing, Estimate, Record, Scenario, Status
-from ambkit.estimators import Estimator
-from ambkit.estimators.family import KINDS
-from ambkit.estimators.model import LinearModel
+from ambkit.estimate.base import Estimator
+from ambkit.estimate.family import KINDS
+from ambkit.estimate.model import LinearModel
 
 BEARING = Bearing.preset("zittau_axial")
 RECORD = ambkit.simulate(

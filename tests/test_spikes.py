@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.signal import max_len_seq
 
-from ambkit.channelmap import ChannelMap
-from ambkit.reading import faults, read
-from ambkit.reading.picture import reading_figure
+from ambkit.data.channelmap import ChannelMap
+from ambkit.data.reading import faults, read
+from ambkit.show.plots.reading import reading_figure
 from tests import logs
 
 N = 20_001

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 import ambkit
 from ambkit import Bearing, ClosedLaw, Estimate, Record, Scenario, SquareRootKalmanFilter, Status
-from ambkit.estimators.family import KINDS
-from ambkit.magnets import ConstantStiffness, core_module
+from ambkit.estimate.family import KINDS
+from ambkit.machine.magnets import ConstantStiffness, core_module
 from benchmarks import long_run
 
 BEARING = Bearing.preset("zittau_axial")

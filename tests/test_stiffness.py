@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ambkit import _core, _core_f32
-from ambkit.bearing import Bearing
-from ambkit.errors import AmbkitError
-from ambkit.identification.forces.table import ForceTable
-from ambkit.identification.stiffness import StiffnessMap, local_stiffness, stiffness_map
-from ambkit.magnets import ClosedLaw, ConstantStiffness
+from ambkit.base.errors import AmbkitError
+from ambkit.machine.bearing import Bearing
+from ambkit.machine.forces.table import ForceTable
+from ambkit.machine.magnets import ClosedLaw, ConstantStiffness
+from ambkit.machine.stiffness import StiffnessMap, local_stiffness, stiffness_map
 
 ZITTAU = Bearing.preset("zittau_axial")
 ONE_SIDED = ZITTAU.replace(magnet__type="one-sided")

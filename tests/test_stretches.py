@@ -7,8 +7,8 @@ import pytest
 
 import ambkit
 from ambkit import Bearing
-from ambkit.estimators.family import KINDS
-from ambkit.simulation import Imposed, Loop, samples, simulate_run
+from ambkit.estimate.family import KINDS
+from ambkit.simulation.run import Imposed, Loop, samples, simulate_run
 
 BEARING = Bearing.preset("zittau_axial")
 STEP = ambkit.Scenario(
@@ -20,7 +20,7 @@ CUTS = (0.0123, 0.05, 0.0777, None)
 PLAIN = ("linear", "closed-law", "extended", "unscented")
 
 
-def make(kind: str, k: float = 1.0) -> ambkit.estimators.Estimator:
+def make(kind: str, k: float = 1.0) -> ambkit.estimate.base.Estimator:
     constant = k * BEARING.magnet.magnet_constant
     return KINDS[kind].make(BEARING.replace(magnet__magnet_constant=constant), None)
 

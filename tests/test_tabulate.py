@@ -14,10 +14,10 @@ from scipy.stats import qmc
 
 import ambkit
 from ambkit import Bearing
-from ambkit.errors import AmbkitError
+from ambkit.base.errors import AmbkitError
 from ambkit.export.c import CExport
 from ambkit.export.tabulate import tabulate
-from ambkit.magnets import core_module, evaluate_force
+from ambkit.machine.magnets import core_module, evaluate_force
 
 
 def deviation(table: Any, expert: Any, bearing: Bearing, precision: str, points: Any) -> Any:

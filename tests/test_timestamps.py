@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ambkit.channelmap import ChannelMap
-from ambkit.errors import ConfigError, RecordError
-from ambkit.files import timestamps
-from ambkit.files.time_layouts import layouts, pattern
-from ambkit.reading import read
-from ambkit.reading.guess import guess
-from ambkit.record import Record
+from ambkit.base.errors import ConfigError, RecordError
+from ambkit.data.channelmap import ChannelMap
+from ambkit.data.files import timestamps
+from ambkit.data.files.time_layouts import layouts, pattern
+from ambkit.data.reading import read
+from ambkit.data.reading.guess import guess
+from ambkit.data.record import Record
 from tests import logs
 
 MAP = """

@@ -11,13 +11,14 @@ import pytest
 
 import ambkit
 from ambkit import AmbkitError, Bearing, Scenario, Sine, Status
-from ambkit.estimators.family import KINDS
-from ambkit.faults import FAULTS, Torture, torture
-from ambkit.faults.campaign import BASELINE, recovery_text
-from ambkit.faults.declared import CLEAN, Channel
-from ambkit.faults.flight import Flight
-from ambkit.scenario import PID
-from ambkit.simulation import Faults, Imposed, simulate_run
+from ambkit.estimate.family import KINDS
+from ambkit.judge.faults import FAULTS, Torture, torture
+from ambkit.judge.faults.campaign import BASELINE, recovery_text
+from ambkit.judge.faults.declared import CLEAN, Channel
+from ambkit.judge.faults.flight import Flight
+from ambkit.show.plots.torture import torture_figure
+from ambkit.simulation.run import Faults, Imposed, simulate_run
+from ambkit.simulation.scenario import PID
 
 PAPER = Bearing.preset("zittau_axial")
 BEARINGS = {
@@ -192,7 +193,7 @@ def test_the_result_is_whole_and_repeats() -> None:
 
 
 def test_the_picture_has_a_row_for_each_fault_and_a_column_for_each_estimator() -> None:
-    beside, in_loop = (panel.cells for panel in small().figure().panels)
+    beside, in_loop = (panel.cells for panel in torture_figure(small()).panels)
     assert beside is not None
     assert in_loop is not None
     assert list(beside.rows) == ["clean", "outage-10ms", "rail", "mixture"]
@@ -265,7 +266,7 @@ def test_a_long_saturation_does_not_pass_for_a_weak_magnet(
 
 def test_a_loop_with_faults_runs_in_one_go() -> None:
     """What is late would have to reach back into the stretch before."""
-    from ambkit.simulation import Loop
+    from ambkit.simulation.run import Loop
 
     scenario = Scenario(duration=(N - 1) * PAPER.sampling_time, controller=MEASURED)
     loop = Loop(PAPER, scenario, imposed=Imposed(faults=Faults.none(N)))

@@ -5,14 +5,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ambkit import paper
-from ambkit.bearing import Bearing
-from ambkit.errors import AmbkitError
-from ambkit.fuzzy import Expert
+from ambkit.base.errors import AmbkitError
+from ambkit.fuzzy.expert import Expert
 from ambkit.fuzzy.lesson import Lesson
 from ambkit.fuzzy.training import LeastSquares, train
-from ambkit.identification.forces.table import ForceTable
-from ambkit.identification.stiffness import StiffnessMap, stiffness_map
+from ambkit.machine import paper
+from ambkit.machine.bearing import Bearing
+from ambkit.machine.forces.table import ForceTable
+from ambkit.machine.stiffness import StiffnessMap, stiffness_map
 
 ZITTAU = Bearing.preset("zittau_axial")
 ONE_SIDED = ZITTAU.replace(magnet__type="one-sided")

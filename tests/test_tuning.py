@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from ambkit import PID, Bearing, FilterNoise, KalmanFilter, LowPass, Record, Scenario, simulate
-from ambkit.judgement import judge
-from ambkit.tuning import (
+from ambkit.judge.judgement import judge
+from ambkit.workflow.tuning import (
     DECADES,
     TunedDisturbance,
     default_disturbance,

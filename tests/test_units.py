@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ambkit import units
-from ambkit.units import engineering, factor, parse
+from ambkit.base import units
+from ambkit.base.units import engineering, factor, parse
 
 SURFACE_UNITS = [
     *("m", "A", "s", "kg", "V", "N", "Hz", "m^2", "V^2", "N m^2/A^2", "A/V"),

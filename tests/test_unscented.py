@@ -11,8 +11,8 @@ from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 import ambkit
 from ambkit import Bearing, ClosedLaw
-from ambkit.estimators.model import LinearModel
-from ambkit.magnets import core_module
+from ambkit.estimate.model import LinearModel
+from ambkit.machine.magnets import core_module
 
 BEARING = Bearing.preset("zittau_axial")
 MEAN = np.array([2e-5, 0.01, -1.0, 1e-5])

@@ -16,11 +16,11 @@ from docutils.statemachine import StringList
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from ambkit.report import static
-from ambkit.report.blocks import FigureBlock, TableBlock
-from ambkit.report.figure import Figure
-from ambkit.report.summary import SummaryRow, number, ours, runs, verdict_of
-from ambkit.reproduction.study import Part, Study
+from ambkit.show.report import static
+from ambkit.show.report.blocks import FigureBlock, TableBlock
+from ambkit.show.report.figure import Figure
+from ambkit.show.report.summary import SummaryRow, number, ours, runs, verdict_of
+from ambkit.workflow.reproduction.study import Part, Study
 
 FOLDER = "_build/figures"
 
@@ -33,7 +33,7 @@ def _study() -> Study:
 @cache
 def _chapter(name: str) -> Part:
     """Compute a chapter of the reproduction; module and function have its name."""
-    part: Part = getattr(import_module(f"ambkit.reproduction.{name}"), name)(_study())
+    part: Part = getattr(import_module(f"ambkit.workflow.reproduction.{name}"), name)(_study())
     return part
 
 

@@ -19,8 +19,8 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 from typer.testing import CliRunner
 
-from ambkit.cli import main
-from ambkit.commands.app import app
+from ambkit.cli.app import app
+from ambkit.cli.main import main
 
 LANGUAGES = {".toml": "toml", ".csv": "text", ".json": "json"}
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"

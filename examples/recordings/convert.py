@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ambkit.channelmap import ChannelMap
+import ambkit
+from ambkit.data.channelmap import ChannelMap
+from ambkit.data.record import Record
 from ambkit.identification.forces.lift_off import find_lift_off, save_points
-from ambkit.record import Record
 
 HERE = Path(__file__).parent
 LOOP = (2.0, 6.0)  # [s]: the ball has been caught, and goes from its lowest point to its highest
@@ -29,15 +30,15 @@ def convert(source: Path, out: Path) -> None:
     """Write all files of this folder that come from the rig."""
     points_map = ChannelMap.load(HERE / "lift_off.toml")
     files = sorted((source / "force").glob("*.mat"))
-    points = [find_lift_off(Record.load(file, points_map), int(file.stem)) for file in files]
+    points = [find_lift_off(ambkit.load(file, points_map), int(file.stem)) for file in files]
     save_points(out / "lift_off_points.csv", points)
 
-    rest = Record.load(source / "noises.mat", points_map).between(*REST)
+    rest = ambkit.load(source / "noises.mat", points_map).between(*REST)
     rounded(rest).save(out / "rest.csv")
 
     loop_map = ChannelMap.load(HERE / "closed_loop.toml")
     for name, (log, signals) in LOGS.items():
-        record = Record.load(source / "closed_loop" / log, loop_map).between(*LOOP)
+        record = ambkit.load(source / "closed_loop" / log, loop_map).between(*LOOP)
         rounded(record.select(*signals)).save(out / name)
 
 

@@ -12,83 +12,86 @@ TYPE_CHECKING = False  # as type checkers know it, without importing typing befo
 if TYPE_CHECKING:
     from typing import Any
 
-    from ambkit.bearing import Bearing as Bearing
-    from ambkit.comparison import compare as compare
-    from ambkit.errors import AmbkitError as AmbkitError
-    from ambkit.errors import ConfigError as ConfigError
-    from ambkit.errors import RecordError as RecordError
-    from ambkit.estimate import Estimate as Estimate
-    from ambkit.estimate import Status as Status
-    from ambkit.estimators import AdaptiveKalmanFilter as AdaptiveKalmanFilter
-    from ambkit.estimators import AdaptiveNoise as AdaptiveNoise
-    from ambkit.estimators import ExtendedKalmanFilter as ExtendedKalmanFilter
-    from ambkit.estimators import ExtendedStateObserver as ExtendedStateObserver
-    from ambkit.estimators import FilterNoise as FilterNoise
-    from ambkit.estimators import FiveStateKalmanFilter as FiveStateKalmanFilter
-    from ambkit.estimators import KalmanFilter as KalmanFilter
-    from ambkit.estimators import LowPass as LowPass
-    from ambkit.estimators import MultipleModelFilter as MultipleModelFilter
-    from ambkit.estimators import SquareRootKalmanFilter as SquareRootKalmanFilter
-    from ambkit.estimators import SteadyStateKalmanFilter as SteadyStateKalmanFilter
-    from ambkit.estimators import UnscentedKalmanFilter as UnscentedKalmanFilter
-    from ambkit.estimators.batch import run_many as run_many
-    from ambkit.faults import torture as torture
-    from ambkit.fuzzy import Expert as Expert
+    from ambkit.base.errors import AmbkitError as AmbkitError
+    from ambkit.base.errors import ConfigError as ConfigError
+    from ambkit.base.errors import RecordError as RecordError
+    from ambkit.data.reading.reader import load as load
+    from ambkit.data.reading.reader import read as read
+    from ambkit.data.record import Record as Record
+    from ambkit.estimate.adaptive_noise import AdaptiveNoise as AdaptiveNoise
+    from ambkit.estimate.batch import run_many as run_many
+    from ambkit.estimate.estimate import Estimate as Estimate
+    from ambkit.estimate.estimate import Status as Status
+    from ambkit.estimate.kalman import AdaptiveKalmanFilter as AdaptiveKalmanFilter
+    from ambkit.estimate.kalman import ExtendedKalmanFilter as ExtendedKalmanFilter
+    from ambkit.estimate.kalman import KalmanFilter as KalmanFilter
+    from ambkit.estimate.kalman import SquareRootKalmanFilter as SquareRootKalmanFilter
+    from ambkit.estimate.low_pass import LowPass as LowPass
+    from ambkit.estimate.magnet_scale import FiveStateKalmanFilter as FiveStateKalmanFilter
+    from ambkit.estimate.magnet_scale import MultipleModelFilter as MultipleModelFilter
+    from ambkit.estimate.noise import FilterNoise as FilterNoise
+    from ambkit.estimate.observer import ExtendedStateObserver as ExtendedStateObserver
+    from ambkit.estimate.observer import SteadyStateKalmanFilter as SteadyStateKalmanFilter
+    from ambkit.estimate.unscented import UnscentedKalmanFilter as UnscentedKalmanFilter
+    from ambkit.export.statespace import to_control as to_control
+    from ambkit.fuzzy.expert import Expert as Expert
     from ambkit.fuzzy.training import train as train
-    from ambkit.identification import identify as identify
     from ambkit.identification.online.adaline import Adaline as Adaline
+    from ambkit.identification.online.magnet_constant import identify as identify
     from ambkit.identification.online.rls import RecursiveLeastSquares as RecursiveLeastSquares
-    from ambkit.identification.stiffness import StiffnessMap as StiffnessMap
-    from ambkit.identification.stiffness import stiffness_map as stiffness_map
-    from ambkit.magnets import ClosedLaw as ClosedLaw
-    from ambkit.magnets import ConstantStiffness as ConstantStiffness
-    from ambkit.magnets import SaturatingLaw as SaturatingLaw
-    from ambkit.magnets import magnet_of as magnet_of
-    from ambkit.record import Record as Record
-    from ambkit.scenario import PID as PID
-    from ambkit.scenario import Scenario as Scenario
-    from ambkit.simulation import simulate as simulate
-    from ambkit.simulation import simulate_run as simulate_run
-    from ambkit.waveforms import Constant as Constant
-    from ambkit.waveforms import Impulse as Impulse
-    from ambkit.waveforms import Ramp as Ramp
-    from ambkit.waveforms import Recorded as Recorded
-    from ambkit.waveforms import Sequence as Sequence
-    from ambkit.waveforms import Sine as Sine
-    from ambkit.waveforms import Step as Step
+    from ambkit.judge.comparison import compare as compare
+    from ambkit.judge.faults import torture as torture
+    from ambkit.machine.bearing import Bearing as Bearing
+    from ambkit.machine.magnets import ClosedLaw as ClosedLaw
+    from ambkit.machine.magnets import ConstantStiffness as ConstantStiffness
+    from ambkit.machine.magnets import SaturatingLaw as SaturatingLaw
+    from ambkit.machine.magnets import magnet_of as magnet_of
+    from ambkit.machine.stiffness import StiffnessMap as StiffnessMap
+    from ambkit.machine.stiffness import stiffness_map as stiffness_map
+    from ambkit.simulation.run import simulate as simulate
+    from ambkit.simulation.run import simulate_run as simulate_run
+    from ambkit.simulation.scenario import PID as PID
+    from ambkit.simulation.scenario import Scenario as Scenario
+    from ambkit.simulation.waveforms import Constant as Constant
+    from ambkit.simulation.waveforms import Impulse as Impulse
+    from ambkit.simulation.waveforms import Ramp as Ramp
+    from ambkit.simulation.waveforms import Recorded as Recorded
+    from ambkit.simulation.waveforms import Sequence as Sequence
+    from ambkit.simulation.waveforms import Sine as Sine
+    from ambkit.simulation.waveforms import Step as Step
 
 _HOME = {
-    "bearing": ["Bearing"],
-    "comparison": ["compare"],
-    "errors": ["AmbkitError", "ConfigError", "RecordError"],
-    "estimate": ["Estimate", "Status"],
-    "estimators": [
+    "base.errors": ["AmbkitError", "ConfigError", "RecordError"],
+    "data.reading.reader": ["load", "read"],
+    "data.record": ["Record"],
+    "estimate.adaptive_noise": ["AdaptiveNoise"],
+    "estimate.batch": ["run_many"],
+    "estimate.estimate": ["Estimate", "Status"],
+    "estimate.kalman": [
         "AdaptiveKalmanFilter",
-        "AdaptiveNoise",
         "ExtendedKalmanFilter",
-        "ExtendedStateObserver",
-        "FilterNoise",
-        "FiveStateKalmanFilter",
         "KalmanFilter",
-        "LowPass",
-        "MultipleModelFilter",
         "SquareRootKalmanFilter",
-        "SteadyStateKalmanFilter",
-        "UnscentedKalmanFilter",
     ],
-    "faults": ["torture"],
-    "fuzzy": ["Expert"],
-    "identification": ["identify"],
-    "identification.online.adaline": ["Adaline"],
-    "identification.online.rls": ["RecursiveLeastSquares"],
-    "identification.stiffness": ["StiffnessMap", "stiffness_map"],
-    "magnets": ["ClosedLaw", "ConstantStiffness", "SaturatingLaw", "magnet_of"],
-    "record": ["Record"],
-    "estimators.batch": ["run_many"],
-    "scenario": ["PID", "Scenario"],
-    "simulation": ["simulate", "simulate_run"],
+    "estimate.low_pass": ["LowPass"],
+    "estimate.magnet_scale": ["FiveStateKalmanFilter", "MultipleModelFilter"],
+    "estimate.noise": ["FilterNoise"],
+    "estimate.observer": ["ExtendedStateObserver", "SteadyStateKalmanFilter"],
+    "estimate.unscented": ["UnscentedKalmanFilter"],
+    "export.statespace": ["to_control"],
+    "fuzzy.expert": ["Expert"],
     "fuzzy.training": ["train"],
-    "waveforms": ["Constant", "Impulse", "Ramp", "Recorded", "Sequence", "Sine", "Step"],
+    "identification.online.adaline": ["Adaline"],
+    "identification.online.magnet_constant": ["identify"],
+    "identification.online.rls": ["RecursiveLeastSquares"],
+    "judge.comparison": ["compare"],
+    "judge.faults": ["torture"],
+    "machine.bearing": ["Bearing"],
+    "machine.magnets": ["ClosedLaw", "ConstantStiffness", "SaturatingLaw", "magnet_of"],
+    "machine.stiffness": ["StiffnessMap", "stiffness_map"],
+    "simulation.run": ["simulate", "simulate_run"],
+    "simulation.scenario": ["PID", "Scenario"],
+    "simulation.waveforms": ["Constant", "Impulse", "Ramp", "Recorded", "Sequence", "Sine", "Step"],
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 

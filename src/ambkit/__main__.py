@@ -1,5 +1,5 @@
 """``python -m ambkit``."""
 
-from ambkit.cli import main
+from ambkit.cli.main import main
 
 main()

@@ -1,4 +1,4 @@
-"""From the trained filter to the controller: the library's own C, with its data, wrapped.
+"""From the trained filter to the controller: C, FMUs, MATLAB, and the plant for python-control.
 
-``c`` writes a folder of C that compiles alone; what else wraps the same C builds on it.
+``c`` writes a folder of the library's own C that compiles alone; ``fmu`` wraps the same C.
 """

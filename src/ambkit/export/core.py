@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from ambkit.errors import AmbkitError
+from ambkit.base.errors import AmbkitError
 
 _PACKAGE = Path(__file__).parents[1]
 _FOLDERS = (_PACKAGE / "core", _PACKAGE.parents[1] / "core")

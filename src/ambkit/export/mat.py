@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit import files
-from ambkit.estimate import STATES
-from ambkit.estimators import AdaptiveKalmanFilter, KalmanFilter
-from ambkit.estimators.model import LinearModel
+from ambkit.base import files
+from ambkit.estimate.estimate import STATES
+from ambkit.estimate.kalman import AdaptiveKalmanFilter, KalmanFilter
+from ambkit.estimate.model import LinearModel
 from ambkit.export.tabulate import tabulate
-from ambkit.identification.stiffness import stiffness_map
-from ambkit.magnets import ConstantStiffness, core_module
+from ambkit.machine.magnets import ConstantStiffness, core_module
+from ambkit.machine.stiffness import stiffness_map
 
 if TYPE_CHECKING:
-    from ambkit.bearing import Bearing
-    from ambkit.fuzzy import Expert
+    from ambkit.fuzzy.expert import Expert
+    from ambkit.machine.bearing import Bearing
 
 Array = NDArray[np.float64]
 

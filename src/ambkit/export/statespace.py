@@ -7,14 +7,37 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ambkit.errors import AmbkitError
-from ambkit.magnets import ConstantStiffness
+from ambkit.base.errors import AmbkitError
+from ambkit.machine.magnets import ConstantStiffness
 
 if TYPE_CHECKING:
     import control
 
-    from ambkit.bearing import Bearing
-    from ambkit.scenario import PID
+    from ambkit.machine.bearing import Bearing
+    from ambkit.simulation.scenario import PID
+
+
+def to_control(bearing: Bearing, pid: PID | None = None) -> control.StateSpace:
+    """Return the linearised plant, or closed loop with a PID, for python-control.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        The plant.
+    pid : PID, optional
+        Controller that closes the loop; without it, the plant alone.
+
+    Returns
+    -------
+    control.StateSpace
+        See `plant` and `closed_loop` for states, inputs and outputs.
+
+    Raises
+    ------
+    AmbkitError
+        Where python-control is not installed (``pip install 'ambkit[control]'``).
+    """
+    return plant(bearing) if pid is None else closed_loop(bearing, pid)
 
 
 def plant(bearing: Bearing) -> control.StateSpace:

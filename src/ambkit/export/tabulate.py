@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.errors import AmbkitError
-from ambkit.magnets import core_module, evaluate_force, evaluate_stiffness
+from ambkit.base.errors import AmbkitError
+from ambkit.machine.magnets import core_module, evaluate_force, evaluate_stiffness
 
 if TYPE_CHECKING:
     from ambkit._core import Table
-    from ambkit.bearing import Bearing
-    from ambkit.fuzzy import Expert
-    from ambkit.magnets import Precision
+    from ambkit.fuzzy.expert import Expert
+    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.magnets import Precision
 
 Array = NDArray[np.float64]
 

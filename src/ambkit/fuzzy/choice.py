@@ -18,14 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit._core import MAX_RULES
-from ambkit.errors import AmbkitError
-from ambkit.forces.points import ForcePoints
-from ambkit.forces.surface import ForceSurface
+from ambkit.base.errors import AmbkitError
 from ambkit.fuzzy.training import train
-from ambkit.identification.stiffness import ForceFunction, StiffnessMap, stiffness_map
+from ambkit.machine.forces.points import ForcePoints
+from ambkit.machine.forces.surface import ForceSurface
+from ambkit.machine.stiffness import ForceFunction, StiffnessMap, stiffness_map
 
 if TYPE_CHECKING:
-    from ambkit.bearing import Bearing
+    from ambkit.machine.bearing import Bearing
 
 Array = NDArray[np.float64]
 Shape = tuple[int, int]
@@ -146,7 +146,7 @@ def choose_rules(
     candidates : sequence of (int, int), optional
         Rules along current and displacement. Default: `CANDIDATES`, as far as the points allow.
     law_error : float, optional
-        See :class:`ambkit.forces.surface.ForceSurface`.
+        See :class:`ambkit.machine.forces.surface.ForceSurface`.
     threads : int, optional
         Trainings side by side. Default: a thread for each processor. The result does not depend
         on it.

@@ -17,19 +17,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, ValidationError
 
-from ambkit import files, paper
 from ambkit._core import MAX_RULES
-from ambkit.arrays import real
-from ambkit.config import Part, Read
-from ambkit.config.problems import Problem, dotted
-from ambkit.config.texts import Description, Line
-from ambkit.errors import AmbkitError, ConfigError
+from ambkit.base import files
+from ambkit.base.arrays import real
+from ambkit.base.config import Part, Read
+from ambkit.base.config.problems import Problem, dotted
+from ambkit.base.config.texts import Description, Line
+from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.fuzzy.network import Scaling, default_width, network, scale_factors
-from ambkit.magnets import evaluate_force, evaluate_stiffness
+from ambkit.machine import paper
+from ambkit.machine.magnets import evaluate_force, evaluate_stiffness
 
 if TYPE_CHECKING:
     from ambkit._core import Fuzzy
-    from ambkit.identification.stiffness import StiffnessMap
+    from ambkit.machine.stiffness import StiffnessMap
 
 Array = NDArray[np.float64]
 Method = Literal["least-squares", "steepest-gradient"]
@@ -335,7 +336,7 @@ class Expert(Part):
         Parameters
         ----------
         core : module
-            The build of the core that computes, see `ambkit.magnets.core_module`.
+            The build of the core that computes, see `ambkit.machine.magnets.core_module`.
         """
         return network(
             core,

@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.forces.surface import ForceSurface
 from ambkit.fuzzy.choice import BLOCKS, EPOCHS, FEWEST, FOLDS, Shape, box_of, map_of, numbered
 from ambkit.fuzzy.training import train
-from ambkit.identification.stiffness import ForceFunction
-from ambkit.magnets import law_of
+from ambkit.machine.forces.surface import ForceSurface
+from ambkit.machine.magnets import law_of
+from ambkit.machine.stiffness import ForceFunction
 
 if TYPE_CHECKING:
-    from ambkit.bearing import Bearing
-    from ambkit.forces.points import ForcePoints
+    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.forces.points import ForcePoints
 
 Array = NDArray[np.float64]
 

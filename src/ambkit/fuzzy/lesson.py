@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.errors import AmbkitError
+from ambkit.base.errors import AmbkitError
 from ambkit.fuzzy.expert import Expert
 from ambkit.fuzzy.network import network
-from ambkit.identification.stiffness import StiffnessMap
-from ambkit.magnets import core_module
+from ambkit.machine.magnets import core_module
+from ambkit.machine.stiffness import StiffnessMap
 
 Array = NDArray[np.float64]
 

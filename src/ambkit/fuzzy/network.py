@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.errors import AmbkitError
+from ambkit.base.errors import AmbkitError
 
 if TYPE_CHECKING:
     from ambkit._core import Fuzzy
-    from ambkit.identification.stiffness import StiffnessMap
+    from ambkit.machine.stiffness import StiffnessMap
 
 Array = NDArray[np.float64]
 Scaling = Literal["grid", "unit"] | tuple[float, float]

@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ambkit.errors import AmbkitError
+from ambkit.base.errors import AmbkitError
 from ambkit.fuzzy.expert import Expert, Method, Training
 from ambkit.fuzzy.lesson import Lesson, Outputs, rms
 from ambkit.fuzzy.network import Scaling
-from ambkit.identification.stiffness import StiffnessMap, stiffness_map
+from ambkit.machine.stiffness import StiffnessMap, stiffness_map
 
 if TYPE_CHECKING:
-    from ambkit.bearing import Bearing
+    from ambkit.machine.bearing import Bearing
 
 Array = NDArray[np.float64]
 

@@ -1,5 +1,1 @@
-"""From measurements to a bearing: force and magnet constant, stiffnesses, noise, lift-off."""
-
-from ambkit.identification.online.magnet_constant import Identification, identify
-
-__all__ = ["Identification", "identify"]
+"""Parameters from records, all at once or sample by sample, and the experiments that tell them."""

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.errors import RecordError
-from ambkit.units import engineering
+from ambkit.base.errors import RecordError
+from ambkit.base.units import engineering
 
 if TYPE_CHECKING:
-    from ambkit.record import Record
+    from ambkit.data.record import Record
 
 Array = NDArray[np.float64]
 

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.export.c.data import arrays_of
-from ambkit.magnets import core_module
+from ambkit.machine.magnets import core_module
 
 if TYPE_CHECKING:
-    from ambkit.estimators import Estimator
+    from ambkit.estimate.base import Estimator
 
 STORED = Path(__file__).with_name("cost.json")
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.errors import AmbkitError
+from ambkit.base.errors import AmbkitError
 
 if TYPE_CHECKING:
-    from ambkit.estimators import Estimator
+    from ambkit.estimate.base import Estimator
 
 CPrecision = Literal["float", "double"]
 

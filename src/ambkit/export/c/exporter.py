@@ -7,20 +7,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from ambkit.errors import AmbkitError
-from ambkit.estimators.family import KINDS
+from ambkit.base.errors import AmbkitError
+from ambkit.base.units import engineering
+from ambkit.estimate.family import KINDS
 from ambkit.export.c import cost, folder, render
 from ambkit.export.c.cost import Cost
 from ambkit.export.c.data import FAMILY, CPrecision
 from ambkit.export.tabulate import MOST_NODES, TabulatedExpert, tabulate
-from ambkit.fuzzy import Expert
-from ambkit.magnets import Precision, core_module
-from ambkit.units import engineering
+from ambkit.fuzzy.expert import Expert
+from ambkit.machine.magnets import Precision, core_module
 
 if TYPE_CHECKING:
-    from ambkit.bearing import Bearing
-    from ambkit.estimators import Estimator
-    from ambkit.magnets import StiffnessSource
+    from ambkit.estimate.base import Estimator
+    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.magnets import StiffnessSource
 
 LONGEST_PREFIX = 16
 """Within 31 characters, which C99 promises to tell apart, every exported name stays distinct."""
@@ -96,7 +96,7 @@ def export_c(
         The folder: new, empty, or with an older export, which is replaced; what else lies beside
         that is not touched.
     kind : str, optional
-        Of estimator, by its name in ``ambkit.estimators.family.KINDS``, such as ``"extended"``;
+        Of estimator, by its name in ``ambkit.estimate.family.KINDS``, such as ``"extended"``;
         by default the paper's filter, linear or adaptive by its source.
     precision : {"float", "double"}
         Of the exported numbers.

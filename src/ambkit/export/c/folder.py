@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-from ambkit import files
-from ambkit.errors import AmbkitError
+from ambkit.base import files
+from ambkit.base.errors import AmbkitError
 
 MANIFEST = "ambkit.sha256"
 """Names each file of an export, for ``sha256sum -c``, and is how an older export is known."""

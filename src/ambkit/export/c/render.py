@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ambkit import escaping
+from ambkit.base import escaping
+from ambkit.base.units import engineering
 from ambkit.export import core
 from ambkit.export.c import data, vectors
 from ambkit.export.c.data import FAMILY, MAGNETS, PAPER, CPrecision, Family, Kind
-from ambkit.magnets import core_module, own_time
-from ambkit.units import engineering
+from ambkit.machine.magnets import core_module, own_time
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
-    from ambkit.estimators import Estimator
+    from ambkit.estimate.base import Estimator
 
 _BOUNDS: dict[CPrecision, str] = {"float": "1e-3", "double": "1e-9"}
 

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.estimate import Estimate
-from ambkit.record import Record
+from ambkit.data.record import Record
+from ambkit.estimate.estimate import Estimate
 
 if TYPE_CHECKING:
-    from ambkit.bearing import Bearing
-    from ambkit.estimators import Estimator
+    from ambkit.estimate.base import Estimator
+    from ambkit.machine.bearing import Bearing
 
 STEPS = 200
 
@@ -33,9 +33,9 @@ def make(estimator: Estimator) -> Vectors:
     estimator : Estimator
         Of the precision that is exported.
     """
-    from ambkit.scenario import PID, Scenario
-    from ambkit.simulation import simulate
-    from ambkit.waveforms import Step
+    from ambkit.simulation.run import simulate
+    from ambkit.simulation.scenario import PID, Scenario
+    from ambkit.simulation.waveforms import Step
 
     bearing = estimator.bearing
     T = bearing.sampling_time

@@ -6,7 +6,7 @@ import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 
-from ambkit import files
+from ambkit.base import files
 
 _LONG_AGO = (1980, 1, 1, 0, 0, 0)  # the earliest time that ZIP knows
 

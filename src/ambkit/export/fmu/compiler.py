@@ -13,8 +13,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
-from ambkit import files
-from ambkit.errors import AmbkitError
+from ambkit.base import files
+from ambkit.base.errors import AmbkitError
 from ambkit.export.fmu.xml import COMPILER_OPTIONS, Fmi
 
 _NAMES = ("cc", "gcc", "clang")

@@ -11,19 +11,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ambkit import escaping
-from ambkit.errors import AmbkitError
+from ambkit.base import escaping
+from ambkit.base.errors import AmbkitError
 from ambkit.export import core
 from ambkit.export.c import data
 from ambkit.export.c.data import MAGNETS
 from ambkit.export.fmu.variables import Kind
 from ambkit.export.fmu.xml import Fmi, Model
-from ambkit.magnets import StiffnessSource, core_module, magnet_of
-from ambkit.scenario import PID, Scenario
+from ambkit.machine.magnets import StiffnessSource, core_module, magnet_of
+from ambkit.simulation.scenario import PID, Scenario
 
 if TYPE_CHECKING:
-    from ambkit.bearing import Bearing
-    from ambkit.estimators import Estimator
+    from ambkit.estimate.base import Estimator
+    from ambkit.machine.bearing import Bearing
 
 _HERE = Path(__file__).parent
 _MODELS: dict[Kind, tuple[str, ...]] = {

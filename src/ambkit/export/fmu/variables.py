@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
-    from ambkit.bearing import Bearing
-    from ambkit.estimators import Estimator
-    from ambkit.scenario import PID
+    from ambkit.estimate.base import Estimator
+    from ambkit.machine.bearing import Bearing
+    from ambkit.simulation.scenario import PID
 
 Kind = Literal["estimator", "plant", "closed-loop"]
 Role = Literal["time", "fixed", "tunable", "input", "output"]
@@ -212,8 +212,8 @@ def _rig(bearing: Bearing) -> list[Variable]:
 
 
 def _controller(bearing: Bearing, controller: PID) -> list[Variable]:
-    from ambkit.magnets import magnet_of
-    from ambkit.simulation import hover_current
+    from ambkit.machine.magnets import magnet_of
+    from ambkit.simulation.run import hover_current
 
     law = magnet_of(bearing)
     current = hover_current(bearing, law, 0.0, bearing.weight + law.bias_force)

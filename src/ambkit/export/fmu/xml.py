@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 from xml.etree import ElementTree
 
-from ambkit.escaping import one_line
+from ambkit.base.escaping import one_line
 from ambkit.export.fmu.variables import UNITS, Variable
 
 Fmi = Literal[2, 3]

@@ -1,1 +1,1 @@
-"""Forces that were measured: on a grid from the loop, as points from a bench, at lift-off."""
+"""Forces that a record tells: on a grid from the loop, or at lift-off."""

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.bearing import GRAVITY
-from ambkit.errors import RecordError
-from ambkit.files.tables import Table, read_table, write_table
+from ambkit.base.errors import RecordError
+from ambkit.data.files.tables import Table, read_table, write_table
 from ambkit.identification.noise import measurement_noise
+from ambkit.machine.bearing import GRAVITY
 
 if TYPE_CHECKING:
-    from ambkit.record import Record
+    from ambkit.data.record import Record
 
 Array = NDArray[np.float64]
 

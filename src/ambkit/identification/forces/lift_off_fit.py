@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.bearing import GRAVITY
-from ambkit.errors import RecordError
+from ambkit.base.errors import RecordError
 from ambkit.identification.forces.lift_off import LiftOff
+from ambkit.machine.bearing import GRAVITY
 
 Array = NDArray[np.float64]
 

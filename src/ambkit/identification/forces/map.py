@@ -19,17 +19,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ambkit.errors import AmbkitError
-from ambkit.forces.points import ForcePoints
-from ambkit.forces.surface import REACH, smooth
-from ambkit.identification.forces.table import check_nodes
-from ambkit.magnets import equally_far, magnet_of
+from ambkit.base.errors import AmbkitError
+from ambkit.machine.forces.points import ForcePoints
+from ambkit.machine.forces.surface import REACH, smooth
+from ambkit.machine.forces.table import check_nodes
+from ambkit.machine.magnets import equally_far, magnet_of
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
-    from ambkit.bearing import Bearing
+    from ambkit.data.record import Record
     from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-    from ambkit.record import Record
+    from ambkit.machine.bearing import Bearing
 
 Array = NDArray[np.float64]
 Ranges = list[tuple[float, float]]

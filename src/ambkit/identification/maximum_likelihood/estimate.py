@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ambkit.errors import AmbkitError, RecordError
-from ambkit.estimators import check_sampling
+from ambkit.base.errors import AmbkitError, RecordError
+from ambkit.estimate.base import check_sampling
 from ambkit.identification.maximum_likelihood.information import doubtful
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood, settling_time
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
@@ -30,18 +30,12 @@ from ambkit.identification.maximum_likelihood.parameters import (
     without_mass,
 )
 from ambkit.identification.maximum_likelihood.restricted import restricted
-from ambkit.identification.maximum_likelihood.search import (
-    WALL,
-    climb,
-    hold,
-    not_needed,
-    ran_away,
-)
+from ambkit.identification.maximum_likelihood.search import WALL, climb, hold, not_needed, ran_away
 from ambkit.identification.maximum_likelihood.start import best_start
 
 if TYPE_CHECKING:
-    from ambkit.bearing import Bearing
-    from ambkit.record import Record
+    from ambkit.data.record import Record
+    from ambkit.machine.bearing import Bearing
 
 Array = NDArray[np.float64]
 
@@ -176,7 +170,7 @@ class MaximumLikelihood:
             For ``k_i`` and ``k_s`` the values and their errors, (nx, ni). Where the records have
             not been, they are those of the law.
         """
-        from ambkit.magnets import magnet_of
+        from ambkit.machine.magnets import magnet_of
 
         coordinates = Coordinates(self.model, self.parameters)
         iu, x = np.meshgrid(currents, displacements)

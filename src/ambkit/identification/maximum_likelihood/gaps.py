@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.estimate import Status
-from ambkit.magnets import ConstantStiffness, own_time
+from ambkit.estimate.estimate import Status
+from ambkit.machine.magnets import ConstantStiffness, own_time
 
 if TYPE_CHECKING:
-    from ambkit.bearing import Bearing
-    from ambkit.estimators import Estimator
+    from ambkit.estimate.base import Estimator
+    from ambkit.machine.bearing import Bearing
 
 Array = NDArray[np.float64]
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.data.record import Record
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood, settling_time
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import (
@@ -24,7 +25,6 @@ from ambkit.identification.maximum_likelihood.parameters import (
     named,
     without_mass,
 )
-from ambkit.record import Record
 
 Array = NDArray[np.float64]
 

@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.errors import AmbkitError, ConfigError
+from ambkit.base.errors import AmbkitError, ConfigError
+from ambkit.data.record import Record
 from ambkit.identification.maximum_likelihood.parameters import Coordinates
-from ambkit.record import Record
 
 if TYPE_CHECKING:
-    from ambkit.bearing import Bearing
+    from ambkit.machine.bearing import Bearing
 
 Array = NDArray[np.float64]
 
@@ -161,7 +161,7 @@ class Likelihood:
 
 def settling_time(bearing: Bearing) -> float:
     """Return the time at a record's start that does not count [s]: the plant's own, sqrt(m/k_s)."""
-    from ambkit.magnets import own_time
+    from ambkit.machine.magnets import own_time
 
     return own_time(bearing)
 

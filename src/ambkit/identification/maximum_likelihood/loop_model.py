@@ -10,16 +10,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.bearing import GRAVITY
-from ambkit.errors import AmbkitError
-from ambkit.estimate import Status
-from ambkit.estimators import Estimator, ExtendedKalmanFilter, FilterNoise
+from ambkit.base.errors import AmbkitError
+from ambkit.data.record import Record
+from ambkit.estimate.base import Estimator
+from ambkit.estimate.estimate import Status
+from ambkit.estimate.kalman import ExtendedKalmanFilter
+from ambkit.estimate.noise import FilterNoise
 from ambkit.identification.maximum_likelihood.gaps import filled, run_with_gaps
-from ambkit.magnets import StiffnessSource, magnet_of
-from ambkit.record import Record
+from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.magnets import StiffnessSource, magnet_of
 
 if TYPE_CHECKING:
-    from ambkit.bearing import Bearing
+    from ambkit.machine.bearing import Bearing
 
 Array = NDArray[np.float64]
 

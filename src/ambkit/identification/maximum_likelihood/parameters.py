@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.errors import AmbkitError
-from ambkit.units import engineering
+from ambkit.base.errors import AmbkitError
+from ambkit.base.units import engineering
 
 if TYPE_CHECKING:
     from ambkit.identification.maximum_likelihood.loop_model import LoopModel

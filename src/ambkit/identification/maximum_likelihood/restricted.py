@@ -20,7 +20,7 @@ from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import NOISES, Coordinates, Parameter
 
 if TYPE_CHECKING:
-    from ambkit.record import Record
+    from ambkit.data.record import Record
 
 Array = NDArray[np.float64]
 

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ambkit.errors import ConfigError
+from ambkit.base.errors import ConfigError
+from ambkit.base.units import engineering
 from ambkit.identification.maximum_likelihood.likelihood import STEP, Likelihood, Local
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, Parameter
-from ambkit.units import engineering
 
 if TYPE_CHECKING:
-    from ambkit.record import Record
+    from ambkit.data.record import Record
 
 CONVERGED = 1e-3
 """Newton's decrement that ends the search: squared distance to the maximum in standard errors."""

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.errors import AmbkitError
+from ambkit.base.errors import AmbkitError
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel, delayed
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, Parameter
 from ambkit.identification.online.adaline import Adaline
-from ambkit.magnets import ConstantStiffness
+from ambkit.machine.magnets import ConstantStiffness
 
 if TYPE_CHECKING:
-    from ambkit.record import Record
+    from ambkit.data.record import Record
 
 Array = NDArray[np.float64]
 

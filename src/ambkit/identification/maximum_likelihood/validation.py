@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.comparison import Whiteness, whiteness
-from ambkit.errors import RecordError
+from ambkit.base.errors import RecordError
+from ambkit.estimate.innovations import Whiteness, whiteness
 
 if TYPE_CHECKING:
+    from ambkit.data.record import Record
     from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-    from ambkit.record import Record
 
 Array = NDArray[np.float64]
 

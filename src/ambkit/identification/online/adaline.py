@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ambkit.arrays import real
-from ambkit.copying import Copyable
+from ambkit.base.arrays import real
+from ambkit.base.copying import Copyable
 from ambkit.identification.online.result import OnlineResult, last_quarter, mean_error
-from ambkit.magnets import core_module
+from ambkit.machine.magnets import core_module
 
 if TYPE_CHECKING:
-    from ambkit.bearing import Bearing
-    from ambkit.record import Record
+    from ambkit.data.record import Record
+    from ambkit.machine.bearing import Bearing
 
 Array = NDArray[np.float64]
 
@@ -173,7 +173,7 @@ def first_element(
     ValueError
         Where an argument is outside its range.
     """
-    from ambkit.magnets import ConstantStiffness
+    from ambkit.machine.magnets import ConstantStiffness
 
     if not 0 < rate_force < 2:
         raise ValueError(f"rate_force must be greater than 0 and less than 2, got {rate_force!r}")

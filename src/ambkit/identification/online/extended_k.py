@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ambkit.estimate import Estimate, Status
-from ambkit.estimators.magnet_scale import FiveStateKalmanFilter
+from ambkit.estimate.estimate import Estimate, Status
+from ambkit.estimate.magnet_scale import FiveStateKalmanFilter
 from ambkit.identification.online.result import CONFIDENCE, OnlineResult
 
 if TYPE_CHECKING:
-    from ambkit.bearing import Bearing
-    from ambkit.record import Record
+    from ambkit.data.record import Record
+    from ambkit.machine.bearing import Bearing
 
 Array = NDArray[np.float64]
 

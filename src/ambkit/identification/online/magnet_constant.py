@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
-from ambkit.errors import AmbkitError
+from ambkit.base.errors import AmbkitError
 from ambkit.identification.online.adaline import Adaline, AdalineResult
 from ambkit.identification.online.extended_k import ExtendedKIdentifier
 from ambkit.identification.online.result import OnlineResult
 from ambkit.identification.online.rls import RecursiveLeastSquares
 
 if TYPE_CHECKING:
-    from ambkit.bearing import Bearing
-    from ambkit.record import Record
+    from ambkit.data.record import Record
+    from ambkit.machine.bearing import Bearing
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.identification.online.adaline import AdalineResult, OnlineIdentifier, first_element
-from ambkit.magnets import core_module
+from ambkit.machine.magnets import core_module
 
 if TYPE_CHECKING:
-    from ambkit.bearing import Bearing
-    from ambkit.record import Record
+    from ambkit.data.record import Record
+    from ambkit.machine.bearing import Bearing
 
 Array = NDArray[np.float64]
 

@@ -18,8 +18,8 @@ from ambkit.identification.online.result import CONFIDENCE, OnlineResult, last_q
 from ambkit.identification.online.rls import LeastSquaresResult
 
 if TYPE_CHECKING:
-    from ambkit.bearing import Bearing
-    from ambkit.record import Record
+    from ambkit.data.record import Record
+    from ambkit.machine.bearing import Bearing
 
 NAMES = {
     "adaline": "ADALINE",
@@ -210,7 +210,7 @@ def learn_online(
     ValueError
         The start is out of its range, or the record's sampling time is not the bearing's.
     """
-    from ambkit.estimators import check_sampling
+    from ambkit.estimate.base import check_sampling
 
     check_sampling(bearing, record)
     return SideBySide(
@@ -232,7 +232,7 @@ def true_constant(record: Record) -> float | None:
     record : Record
         Its ``meta`` holds the bearing of a simulation.
     """
-    from ambkit.bearing import Bearing
+    from ambkit.machine.bearing import Bearing
 
     text = record.meta.get("bearing")
     if not (record.has_truth and isinstance(text, str)):

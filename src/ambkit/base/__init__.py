@@ -1,0 +1,4 @@
+"""What every room stands on and none is about: errors, units, TOML with units, files, text.
+
+Nothing here knows of bearings or filters.
+"""

@@ -1,0 +1,90 @@
+"""How much memory a file may take to read: a small file can unpack to more than there is.
+
+The size is taken from what the file declares, before anything is unpacked.
+"""
+
+import os
+
+from ambkit.base.errors import AmbkitError, RecordError
+from ambkit.base.units import parse
+
+LIMIT = 8e9
+"""Memory that reading one file may take [byte], where `VARIABLE` does not say."""
+VARIABLE = "AMBKIT_READ_MEMORY"
+"""Environment variable with another limit, such as ``16 GB``."""
+TEXT_SHARE = 7
+"""Memory that a CSV takes to read, in sizes of the file: measured, with 9 digits a number."""
+_LEAST = 1 << 20
+
+
+def limit() -> float:
+    """Return how much memory reading one file may take [byte].
+
+    Raises
+    ------
+    AmbkitError
+        The environment variable holds no such size.
+    """
+    given = os.environ.get(VARIABLE, "")
+    if not given:
+        return LIMIT
+    try:
+        size = parse(given, "byte")
+    except ValueError as error:
+        raise AmbkitError(f"{VARIABLE}: {error}; write it like 16 GB") from None
+    if not size > 0:
+        raise AmbkitError(f"{VARIABLE}: must be greater than 0 GB, is {given}")
+    return size
+
+
+def check(path: str | os.PathLike[str], size: float, hint: str = "", *, whole: bool = True) -> None:
+    """Refuse a file that takes more memory to read than it may.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    size : float
+        Memory that reading it takes [byte].
+    hint : str
+        What else may help, before the variable that raises the limit.
+    whole : bool
+        That is all of it; else counting may have ended at the limit.
+
+    Raises
+    ------
+    RecordError
+        That is more than `limit`.
+    """
+    allowed = limit()
+    if size > allowed:
+        needed = _shown(size) if whole else f"more than {_shown(allowed)}"
+        enough = 1.1 * size if whole else 2 * allowed
+        raise RecordError(
+            f"{path}: would take {needed} of memory to read, and the limit is {_shown(allowed)};"
+            f'{hint} to allow more, set {VARIABLE}, such as {VARIABLE}="{_shown(enough)}"'
+        )
+
+
+def read_bytes(path: str | os.PathLike[str], share: float = 1.0) -> bytes:
+    """Read a whole file, of which each byte takes `share` bytes of memory; a device never ends.
+
+    Raises
+    ------
+    RecordError
+        It would take more than `limit`.
+    OSError
+        It cannot be read.
+    """
+    with open(path, "rb") as file:
+        declared = os.fstat(file.fileno()).st_size
+        check(path, share * declared)
+        parts: list[bytes] = []
+        while part := file.read(max(declared + 1, _LEAST)):
+            parts.append(part)
+            check(path, share * sum(map(len, parts)), whole=False)
+    return b"".join(parts)
+
+
+def _shown(size: float) -> str:
+    return f"{size / 1e9:.3g} GB" if size >= 1e8 else f"{size / 1e6:.3g} MB"

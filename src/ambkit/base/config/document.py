@@ -1,0 +1,238 @@
+"""Descriptions in TOML: frozen, validated models whose mistakes are all told at once.
+
+A description is a `Document` made of `Part` models. Each key is declared once, with its unit, its
+limits and an example; checks, messages, the written TOML and the JSON schema come from that.
+"""
+
+import math
+import os
+from collections.abc import Callable, Iterator
+from functools import cache
+from operator import attrgetter
+from pathlib import Path
+from typing import Any, Self
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    GetJsonSchemaHandler,
+    ModelWrapValidatorHandler,
+    TypeAdapter,
+    ValidationError,
+    ValidationInfo,
+    model_validator,
+)
+from pydantic_core import CoreSchema
+
+from ambkit.base import files
+from ambkit.base.config import toml_text
+from ambkit.base.config.problems import Problem, dotted, in_words, quantity_of, without_tags
+from ambkit.base.errors import ConfigError, shortened
+
+Read = Callable[[str], Any]
+
+TOLD = 20
+"""Problems of a description that are told one by one; the rest is counted."""
+
+
+class Part(BaseModel):
+    """A table of a description: frozen, without unknown keys, its mistakes in words."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
+    def __init__(self, /, **data: Any) -> None:
+        try:
+            super().__init__(**data)
+        except ValidationError as error:
+            found = [(without_tags(p.path, data), p.text) for p in Problem.unpack(error)]
+            name = type(self).__name__
+            raise ConfigError([f"{name}.{dotted(path)}: {text}" for path, text in found]) from None
+
+    # Pydantic then builds nested models without this method, and so collects all their errors.
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        """Yield (key, what is wrong) for values that are fine alone and not together.
+
+        Parameters
+        ----------
+        read : callable
+            Gives the value of a dotted key. One that is missing or wrong by itself reads as NaN,
+            so that comparisons with it find nothing to complain about.
+        """
+        yield from ()
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        json_schema = handler(schema)
+        properties = handler.resolve_ref_schema(json_schema)["properties"]
+        for name, field in cls.model_fields.items():
+            quantity = quantity_of(field)
+            if quantity and isinstance(field.default, float):  # as a file would say it
+                properties[name]["default"] = quantity.write(field.default)
+            elif isinstance(field.default, BaseModel):  # its keys have their own defaults
+                del properties[name]["default"]
+        return json_schema
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _tell_all(
+        cls, data: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo
+    ) -> Self:
+        problems: list[Problem] = []
+        try:
+            model = handler(data)
+            read = reader(model)
+        except ValidationError as error:
+            problems = [in_words(cls, e) for e in error.errors(include_url=False)]
+            meant = {p.meant for p in problems}
+            problems = [p for p in problems if not (p.missing and p.path in meant)]
+            read = read_unchecked(cls, data, info.context)
+        problems += [Problem(tuple(k.split(".")), text) for k, text in cls._contradictions(read)]
+        if problems:
+            raise ValidationError.from_exception_data(cls.__name__, [p.pack() for p in problems])
+        return model
+
+
+class Document(Part):
+    """A description that stands in a TOML file of its own."""
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a TOML file.
+
+        Parameters
+        ----------
+        path : path
+            The file.
+
+        Raises
+        ------
+        ConfigError
+            With all that is wrong in it, each as ``file:line: key: what is wrong``.
+        AmbkitError
+            The file cannot be read.
+        """
+        return cls.from_toml(files.read_text(path), name=os.fspath(path), folder=Path(path).parent)
+
+    @classmethod
+    def from_toml(cls, text: str, name: str = "<text>", folder: Path = Path()) -> Self:
+        """Read TOML text.
+
+        Parameters
+        ----------
+        text : str
+            The TOML.
+        name : str
+            What the messages call it.
+        folder : Path
+            Where the files that the text names are looked for.
+
+        Raises
+        ------
+        ConfigError
+            With all that is wrong in it.
+        """
+        toml = toml_text.parse(text)
+        found = list(toml.problems)
+        if toml.data is not None:
+            try:
+                model = cls.model_validate(toml.data, context={"folder": folder})
+            except ValidationError as error:
+                for problem in Problem.unpack(error):
+                    path = without_tags(problem.path, toml.data)
+                    found.append((toml.line(path), f"{dotted(path)}: {problem.text}"))
+        if found:
+            problems = [f"{name}:{line}: {text}" for line, text in sorted(found)]
+            raise ConfigError(shortened(problems, TOLD), name)
+        return model
+
+    def to_toml(self) -> str:
+        """Return the description as TOML with units; `from_toml` gives back an equal one."""
+        return toml_text.dumps(self.model_dump(exclude_none=True, context={}))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write `to_toml` to a file (through a temporary one).
+
+        Parameters
+        ----------
+        path : path
+            The file.
+
+        Raises
+        ------
+        AmbkitError
+            The file cannot be written; an older one is left as it was.
+        """
+        files.write_text(path, self.to_toml())
+
+    def replace(self, **changes: Any) -> Self:
+        """Return a copy with some values changed, checked like a new one.
+
+        Parameters
+        ----------
+        **changes
+            Values by dotted key, with two underscores for the dot where Python wants a name:
+            ``replace(magnet__air_gap="2.2 mm")`` or ``replace(**{"magnet.air_gap": 2.2e-3})``.
+        """
+        data = self.model_dump()
+        for key, value in changes.items():
+            *tables, name = key.replace("__", ".").split(".")
+            table: Any = data
+            for part in tables:
+                table = table.setdefault(part, {}) if isinstance(table, dict) else None
+            if not isinstance(table, dict):
+                raise ConfigError([f"{type(self).__name__}.{key}: there is no such key"])
+            table[name] = value
+        return type(self)(**data)
+
+    @classmethod
+    def json_schema(cls) -> dict[str, Any]:
+        """Return the JSON schema of the TOML file, for editors that complete and check."""
+        schema = cls.model_json_schema()
+        return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def reader(model: BaseModel) -> Read:
+    """Return a function that reads a dotted key of a checked model."""
+    return lambda key: attrgetter(key)(model)
+
+
+def read_unchecked(model: type[BaseModel], data: Any, context: Any) -> Read:
+    """Return a function that reads a dotted key of unchecked data; NaN if it is missing or wrong.
+
+    Parameters
+    ----------
+    model : type
+        What the data is meant to be.
+    data : dict or model
+        As the user gave it.
+    context : Any
+        Pydantic's validation context: not None for data from a file.
+    """
+
+    def read(key: str) -> Any:
+        name, _, rest = key.partition(".")
+        field = model.model_fields[name]
+        if isinstance(data, BaseModel):
+            value = getattr(data, name, math.nan)
+        elif isinstance(data, dict) and (name in data or not field.is_required()):
+            value = data.get(name, field.default)
+        else:
+            return math.nan
+        if rest:
+            return read_unchecked(field.annotation, value, context)(rest)  # type: ignore[arg-type]
+        try:
+            return _checker(model, name).validate_python(value, context=context)
+        except ValidationError:
+            return math.nan
+
+    return read
+
+
+@cache
+def _checker(model: type[BaseModel], name: str) -> TypeAdapter[Any]:
+    return TypeAdapter(model.model_fields[name].rebuild_annotation())

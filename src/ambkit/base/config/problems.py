@@ -1,0 +1,180 @@
+"""What is wrong with a description, in the user's words instead of pydantic's."""
+
+import difflib
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, NamedTuple, get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import InitErrorDetails, PydanticCustomError
+
+from ambkit.base.config.quantities import Quantity
+from ambkit.base.config.toml_text import Path
+from ambkit.base.escaping import json_text, one_line
+
+
+class Problem(NamedTuple):
+    """One mistake in a description."""
+
+    path: Path
+    text: str
+    value: Any = None
+    missing: bool = False
+    meant: Path | None = None
+    """Of an unknown key: the one that was probably meant."""
+
+    @classmethod
+    def unpack(cls, error: ValidationError) -> "list[Problem]":
+        """Take the problems out of pydantic's error."""
+        return [cls.of(e) for e in error.errors(include_url=False)]
+
+    @classmethod
+    def of(cls, error: Mapping[str, Any]) -> "Problem":
+        """Take over one of pydantic's errors as it is."""
+        own = {k: v for k, v in error.get("ctx", {}).items() if k in ("missing", "meant")}
+        return cls(tuple(error["loc"]), error["msg"], error["input"], **own)
+
+    def pack(self) -> InitErrorDetails:
+        """Pack the problem such that pydantic carries it to the outermost model."""
+        context = {"text": self.text, "missing": self.missing, "meant": self.meant}
+        error = PydanticCustomError("problem", "{text}", context)
+        return InitErrorDetails(type=error, loc=self.path, input=self.value)
+
+
+def in_words(model: type[BaseModel], error: Mapping[str, Any]) -> Problem:
+    """Say what pydantic found in `model`, with what the model knows of its keys."""
+    problem, context = Problem.of(error), error.get("ctx", {})
+    path, value = problem.path, problem.value
+    match error["type"]:
+        case "problem":
+            return _find_home(model, problem)
+        case "extra_forbidden":
+            return _unknown(model, problem)
+        case "missing":
+            purpose = _purpose(model.model_fields[str(path[-1])])
+            return problem._replace(text=f"missing{purpose}", missing=True)
+        case "union_tag_not_found":
+            text = f"missing: {_one_of(_kinds(model.model_fields[str(path[0])].annotation))}"
+            return problem._replace(path=(*path, "type"), text=text)
+        case "union_tag_invalid":
+            text = _choice(context["tag"], context["expected_tags"])
+            return problem._replace(path=(*path, "type"), text=text)
+        case "literal_error":
+            return problem._replace(text=_choice(value, context["expected"]))
+        case "model_type" | "model_attributes_type":
+            return problem._replace(text=f"must be a table, is {_shown(value)}")
+    text = re.sub(r"^\w+ should", "must", problem.text)
+    return problem._replace(text=f"{text}, is {_shown(value)}")
+
+
+def _unknown(model: type[BaseModel], problem: Problem) -> Problem:
+    """Name the table to which an unknown key belongs, or the nearest key of the same table."""
+    *around, name = problem.path
+    near = _nearest(str(name), list(model.model_fields))
+    text = f"did you mean {near}?" if near else f"known here: {', '.join(model.model_fields)}"
+    meant = (*around, near or "")
+    return _find_home(model, problem._replace(text=f"unknown key, {text}", meant=meant))
+
+
+def _nearest(name: str, keys: list[str]) -> str | None:
+    """Return the key of nearly the same letters, or the only one with a word in common."""
+    near = difflib.get_close_matches(name, keys, 1)
+    words = set(name.split("_"))
+    akin = [key for key in keys if words & set(key.split("_"))]
+    return near[0] if near else akin[0] if len(akin) == 1 else None
+
+
+def _find_home(model: type[BaseModel], problem: Problem) -> Problem:
+    """Of a key that is unknown where it stands, say in which other table of `model` it is known."""
+    if problem.meant is None or len(problem.path) > 2:
+        return problem
+    name = str(problem.path[-1])
+    if name in model.model_fields:
+        text = "unknown key here, it belongs above the first [table]"
+        return problem._replace(text=text, meant=(name,))
+    for table, keys in _tables(model):
+        if name in keys:
+            text = f"unknown key here, it belongs to [{table}]"
+            return problem._replace(text=text, meant=(table, name))
+    return problem
+
+
+def _tables(model: type[BaseModel]) -> Iterator[tuple[str, list[str]]]:
+    for name, field in model.model_fields.items():
+        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            yield name, list(field.annotation.model_fields)
+
+
+def _purpose(field: FieldInfo) -> str:
+    """Say what a key is for, and give an example."""
+    if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+        return f": a table with {', '.join(field.annotation.model_fields)}"
+    about = " ".join((field.description or "").split()).rstrip(".")
+    about = f": {about[:1].lower()}{about[1:]}" if about else ""
+    quantity = quantity_of(field)
+    return f"{about}, such as {quantity.shown_example()}" if quantity else about
+
+
+def quantity_of(field: FieldInfo) -> Quantity | None:
+    """Return the mark of a key that stands for a value with a unit, or for a list of such."""
+    return _find_quantity((field.annotation, *field.metadata))
+
+
+def _find_quantity(annotations: Iterable[Any]) -> Quantity | None:
+    for annotation in annotations:
+        if isinstance(annotation, Quantity):
+            return annotation
+        found = _find_quantity((*getattr(annotation, "__metadata__", ()), *get_args(annotation)))
+        if found:
+            return found
+    return None
+
+
+def _choice(value: Any, allowed: str) -> str:
+    """Say which words are allowed; `allowed` is pydantic's list of them in single quotes."""
+    words = re.findall("'([^']*)'", allowed)
+    near = difflib.get_close_matches(str(value), words, 1)
+    text = f"must be {_one_of(words)}, is {_shown(value)}"
+    return text + (f"; did you mean {_shown(near[0])}?" if near else "")
+
+
+def _one_of(words: list[str]) -> str:
+    shown = [_shown(word) for word in words]
+    return " or ".join(shown) if len(shown) < 3 else f"one of {', '.join(shown)}"
+
+
+def _kinds(annotation: Any) -> list[str]:
+    """Return the type names of all the models in an annotation."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation.model_fields["type"].default]
+    return [kind for inner in get_args(annotation) for kind in _kinds(inner)]
+
+
+def _shown(value: Any) -> str:
+    shown = json_text(value, default=repr)
+    return shown if len(shown) <= 60 else f"{shown[:57]}..."
+
+
+def without_tags(path: Path, data: Any) -> Path:
+    """Return the path as it stands in `data`: pydantic's also names the type of each signal."""
+    found: list[str | int] = []
+    for place, step in enumerate(path):
+        inside = isinstance(data, dict) and step in data
+        inside = inside or (isinstance(data, list | tuple) and isinstance(step, int))
+        if inside:
+            data = data[step]
+        elif place < len(path) - 1:
+            continue
+        found.append(step)
+    return tuple(found)
+
+
+def dotted(path: Path) -> str:
+    """Print a path: ``rotor.mass``, ``reference.times[2]``."""
+    text = "".join(
+        f"[{step}]" if isinstance(step, int) else f".{one_line(step)}"
+        for step in path
+        if step != "[key]"  # pydantic's word for what is wrong with a key itself
+    )
+    return text.removeprefix(".")

@@ -1,0 +1,158 @@
+"""Pydantic types for values with units: strings at the surface, SI floats inside."""
+
+import json
+import math
+import numbers
+from collections.abc import Callable
+from contextvars import ContextVar
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationInfo
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+from ambkit.base import units
+
+_place: "ContextVar[SignalIn | None]" = ContextVar("place of a signal", default=None)
+
+
+def place_of_signal() -> "SignalIn | None":
+    """Return where the signal that is just being read or written is used."""
+    return _place.get()
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Marks a float that stands in files as a string with a unit.
+
+    Used as ``Annotated[float, Quantity("m", "2 mm")]``. In a file a bare number is refused, save
+    for unit ``"1"``; in Python a number counts as SI and a string is read like one in a file.
+
+    Attributes
+    ----------
+    unit : str
+        SI unit. ``@`` stands for the unit of the signal, which the place of use knows (`SignalIn`).
+    example : str
+        How a user would write a sensible value; of a signal's value the place of use knows that.
+    above, at_least : float or None
+        Limits, in `unit`.
+    """
+
+    unit: str
+    example: str = ""
+    above: float | None = None
+    at_least: float | None = None
+
+    def read(self, value: Any, info: ValidationInfo) -> float:
+        """Give the value in SI, or say what is wrong with it."""
+        try:
+            number = self._number(value, in_file=info.context is not None)
+        except ValueError as error:
+            raise self._wrong(f"{error}, write it like {self.shown_example()}") from None
+        shown = value if isinstance(value, str) else self._shown(number)
+        if not math.isfinite(number):
+            raise self._wrong(f"must be finite, is {shown}")
+        if self.above is not None and not number > self.above:
+            raise self._wrong(f"must be greater than {self._shown(self.above)}, is {shown}")
+        if self.at_least is not None and not number >= self.at_least:
+            raise self._wrong(f"must be at least {self._shown(self.at_least)}, is {shown}")
+        return number
+
+    def _number(self, value: Any, in_file: bool) -> float:
+        unit = self._unit()
+        if isinstance(value, str):
+            if unit is None:
+                raise ValueError(f'"{value}": a signal by itself has no unit, give SI')
+            return units.parse(value, unit)
+        if isinstance(value, bool) or not isinstance(value, numbers.Real):
+            raise ValueError(f"{json.dumps(value, default=repr)} is not a number")
+        if in_file and unit != "1":
+            raise ValueError(f"{value!s:.60} has no unit")
+        try:
+            return float(value)
+        except OverflowError:
+            raise ValueError(f"{value!s:.60}... is too large a number") from None
+
+    def _unit(self) -> str | None:
+        if "@" not in self.unit:
+            return self.unit
+        place = _place.get()
+        return self.unit.replace("@", place.unit) if place else None
+
+    def _shown(self, number: float) -> str:
+        unit = self._unit()
+        return units.engineering(number, unit) if unit else f"{number:g}"
+
+    def shown_example(self) -> str:
+        """Give the example as it stands in a file."""
+        place = _place.get()
+        if "@" in self.unit:
+            return f'"{self.unit.replace("@", place.example)}"' if place else "0.001"
+        return self.example if self.unit == "1" else f'"{self.example}"'
+
+    def _wrong(self, text: str) -> PydanticCustomError:
+        return PydanticCustomError("problem", "{text}", {"text": text})
+
+    def write(self, value: float) -> float | str:
+        """Give the string for a file, which reads back as exactly `value`."""
+        unit = self._unit()
+        return value if unit in (None, "1") else units.engineering(value, str(unit), digits=None)
+
+    def _serialize(self, value: float, info: core_schema.SerializationInfo) -> float | str:
+        return value if info.context is None else self.write(value)
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.with_info_plain_validator_function(
+            self.read,
+            serialization=core_schema.plain_serializer_function_ser_schema(
+                self._serialize, info_arg=True
+            ),
+        )
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        if self.unit == "1":
+            return {"type": "number", "examples": [float(self.example)]}
+        if "@" in self.unit:
+            examples = [self.unit.replace("@", example) for example in ("0.5 mm", "3 N")]
+        else:
+            examples = [self.example]
+        return {"type": "string", "examples": examples}
+
+
+@dataclass(frozen=True)
+class SignalIn:
+    """Marks where a signal is used, and so its unit: ``Annotated[Signal, SignalIn("N", "3 N")]``.
+
+    Attributes
+    ----------
+    unit : str
+        SI unit of the signal's values.
+    example : str
+        How a user would write such a value.
+    """
+
+    unit: str
+    example: str
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        inner = handler(source)
+        return core_schema.no_info_wrap_validator_function(
+            self._inside,
+            inner,
+            serialization=core_schema.wrap_serializer_function_ser_schema(
+                self._inside, schema=inner
+            ),
+        )
+
+    def _inside(self, value: Any, inner: Callable[[Any], Any]) -> Any:
+        token = _place.set(self)
+        try:
+            return inner(value)
+        finally:
+            _place.reset(token)

@@ -1,0 +1,260 @@
+"""TOML as text: its values, the line on which each key stands, and writing it back."""
+
+import re
+import sys
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from ambkit.base import escaping
+
+if TYPE_CHECKING:
+    from tree_sitter import Node
+
+Path = tuple[str | int, ...]
+
+_PLACE = re.compile(r" \(at (?:line (\d+), column \d+|end of document)\)$")
+_BARE_VALUE = re.compile(
+    r"""(?P<start> \s* [\w.-]+ \s* = \s*)
+        (?P<value> [^"'\#\[\]{}=]* [^"'\#\[\]{}=\s])""",
+    re.VERBOSE,
+)
+_SHOWN = 120  # characters of a line in a message
+_DEEPEST = 64  # names in a key
+_DEEP_KEY = re.compile(
+    rf"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{_DEEPEST}}}[\w"'-]"""
+)
+_TABLE = re.compile(r"\s*\[+\s*([^\]#]*?)\s*\]")
+
+
+@dataclass
+class TomlText:
+    """What a TOML text says.
+
+    Attributes
+    ----------
+    data : dict or None
+        The values; None where the syntax is so wrong that it is not clear what is meant.
+    lines : dict
+        Line (from 1) of each table, key and array element, by its path.
+    problems : list of (int, str)
+        Line and text of each mistake in the syntax.
+    """
+
+    data: dict[str, Any] | None = None
+    lines: dict[Path, int] = field(default_factory=dict)
+    problems: list[tuple[int, str]] = field(default_factory=list)
+
+    def line(self, path: Path) -> int:
+        """Return the line of `path`, or of the nearest table around it that is written down."""
+        while path and path not in self.lines:
+            path = path[:-1]
+        return self.lines.get(path, 1)
+
+
+def parse(text: str) -> TomlText:
+    """Read TOML, and go on behind each mistake of which it is clear what was meant.
+
+    A value without quotes (``air_gap = 2 mm``) and a key written twice are such mistakes: they are
+    put down as problems, and the rest of the text is still read, so that one look shows them all.
+    """
+    result = TomlText()
+    lines = text.split("\n")
+    if deep := _DEEP_KEY.search(text):
+        at = text.count("\n", 0, deep.start()) + 1
+        result.problems.append((at, f"a key of more than {_DEEPEST} names; is it text?"))
+        return result
+    try:
+        _read(lines, result)
+        if result.data is not None:
+            result.lines.update(_key_lines("\n".join(lines)))
+    except RecursionError:
+        result.data = None
+        result.problems.append((_deepest_line(lines), "is nested too deeply"))
+    return result
+
+
+def _read(lines: list[str], result: TomlText) -> None:
+    """Read the values, with each mistake put down and mended in `lines`.
+
+    Behind a line that was mended, only the lines that follow are read, until they are right: so
+    thousands of mistakes take no longer than the text does. What can only be told of the whole, as
+    that a key is written twice, is told at the end.
+    """
+    done = 0  # lines that need not be read again
+    while result.data is None:
+        try:
+            data = _loads("\n".join(lines[done:]))
+        except tomllib.TOMLDecodeError as error:
+            at, message = _locate(error, len(lines) - done)
+            at += done
+            mended, advice = _mend(lines[at - 1], message)
+            if mended:
+                result.problems.append((at, advice))
+                lines[at - 1], done = mended, at
+            elif done:  # what is wrong may begin above
+                done = 0
+            elif mended is not None:
+                result.problems += _drop_twins(lines) or [(at, advice)]
+                lines[at - 1] = mended
+            else:
+                result.problems.append((at, advice))
+                return
+        else:
+            if done == 0:
+                result.data = data
+            done = 0
+
+
+def _loads(text: str) -> dict[str, Any]:
+    """Read TOML; an integer with more digits than Python reads is an error as any other."""
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        raise
+    except ValueError:
+        digits = sys.get_int_max_str_digits()
+        at = next((n for n, line in enumerate(text.split("\n"), 1) if _digits(line) > digits), 1)
+        raise tomllib.TOMLDecodeError(
+            f"an integer has more than {digits} digits (at line {at}, column 1)"
+        ) from None
+
+
+def _digits(line: str) -> int:
+    """Return how many digits the longest number of a line has."""
+    return max((len(run.replace("_", "")) for run in re.findall(r"[\d_]+", line)), default=0)
+
+
+def _deepest_line(lines: list[str]) -> int:
+    """Return the line, from 1, with most brackets."""
+    brackets = [line.count("[") + line.count("{") for line in lines]
+    return brackets.index(max(brackets)) + 1
+
+
+def _drop_twins(lines: list[str]) -> list[tuple[int, str]]:
+    """Take out each line whose key stands above already in the same table, and say so."""
+    problems: list[tuple[int, str]] = []
+    seen: set[Path] = set()
+    for path, at in list(_key_lines("\n".join(lines))):
+        if path in seen and not _TABLE.match(lines[at - 1]) and _is_whole(lines[at - 1]):
+            key = lines[at - 1].partition("=")[0].strip()
+            problems.append((at, f"{key}: is written twice in this table"))
+            lines[at - 1] = ""
+        seen.add(path)
+    return problems
+
+
+def _locate(error: tomllib.TOMLDecodeError, last: int) -> tuple[int, str]:
+    place = _PLACE.search(str(error))
+    message = _PLACE.sub("", str(error))
+    return (int(place[1]) if place and place[1] else last), message
+
+
+def _mend(line: str, message: str) -> tuple[str | None, str]:
+    """Return the line as it was meant, or None if that is unclear; and what to tell the user."""
+    key = line.partition("=")[0].strip()
+    if message.startswith("an integer"):
+        return None, f"{key:.{_SHOWN}}: {message}"
+    bare = _BARE_VALUE.match(line)
+    if bare and not _is_whole(line):
+        value = bare["value"]
+        meant = value.lower() if value.lower() in ("true", "false") else f'"{value}"'
+        mended = f"{bare['start']}{meant}{line[bare.end() :]}"
+        if _is_whole(mended):
+            quotes = "" if meant == value.lower() else " in quotes"
+            return mended, f"{key}: write it{quotes}: {key} = {meant}"
+    table = _TABLE.match(line)
+    if table and message.startswith("Cannot"):
+        return None, f"[{table[1]}] is written twice, or is also a key"
+    if message == "Cannot overwrite a value":
+        return ("" if _is_whole(line) else None), f"{key}: is written twice in this table"
+    shown = line.strip() if len(line.strip()) <= _SHOWN else f"{line.strip():.{_SHOWN}}..."
+    return None, f"not valid TOML: {message[:1].lower()}{message[1:]}: {shown}"
+
+
+def _is_whole(line: str) -> bool:
+    """Whether the line alone is valid TOML, so that it can be changed without touching others."""
+    try:
+        return bool(_loads(line))
+    except tomllib.TOMLDecodeError:
+        return False
+
+
+def _key_lines(text: str) -> Iterator[tuple[Path, int]]:
+    import tree_sitter_toml
+    from tree_sitter import Language, Parser
+
+    tree = Parser(Language(tree_sitter_toml.language())).parse(text.encode())
+    elements: dict[Path, int] = {}  # of each array of tables: the index of its last element
+    for node in tree.root_node.named_children:
+        path: Path = ()
+        if node.type in ("table", "table_array_element"):
+            for name in _key(node.named_children[0]):
+                path += (elements[path], name) if path in elements else (name,)
+            if node.type == "table_array_element":
+                elements[path] = elements.get(path, -1) + 1
+                path += (elements[path],)
+            elif path in elements:
+                path += (elements[path],)
+            yield path, node.start_point.row + 1
+        yield from _pairs(node, path)
+
+
+def _pairs(node: "Node", path: Path) -> Iterator[tuple[Path, int]]:
+    """Yield the paths and lines of all keys and elements in a table, pair, or value."""
+    if node.type == "pair":
+        key, value = node.named_children[0], node.named_children[-1]
+        path += _key(key)
+        yield path, key.start_point.row + 1
+        yield from _pairs(value, path)
+    elif node.type == "array":
+        for index, element in enumerate(n for n in node.named_children if n.type != "comment"):
+            yield (*path, index), element.start_point.row + 1
+            yield from _pairs(element, (*path, index))
+    else:
+        for child in node.named_children:
+            if child.type == "pair":
+                yield from _pairs(child, path)
+
+
+def _key(node: "Node") -> tuple[str, ...]:
+    """Return the names in a bare, quoted or dotted key."""
+    names: list[str] = []
+    level: Any = tomllib.loads(f"{(node.text or b'').decode()} = 0")
+    while isinstance(level, dict):
+        name, level = next(iter(level.items()))
+        names.append(name)
+    return tuple(names)
+
+
+def dumps(data: Mapping[str, Any]) -> str:
+    """Write nested mappings as TOML: plain keys first, then a ``[table]`` for each mapping."""
+    return "\n".join(_table_lines(data, "")).lstrip("\n") + "\n"
+
+
+def _table_lines(data: Mapping[str, Any], name: str) -> Iterator[str]:
+    for key, value in data.items():
+        if not isinstance(value, Mapping):
+            yield f"{_key_text(key)} = {_value_text(value)}"
+    for key, value in data.items():
+        if isinstance(value, Mapping):
+            table = f"{name}{_key_text(key)}"
+            yield from ("", f"[{table}]", *_table_lines(value, f"{table}."))
+
+
+def _key_text(key: str) -> str:
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _value_text(key)
+
+
+def _value_text(value: Any) -> str:
+    if isinstance(value, str):
+        return escaping.toml_string(value)
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, Mapping):
+        pairs = (f"{_key_text(k)} = {_value_text(v)}" for k, v in value.items())
+        return f"{{ {', '.join(pairs)} }}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_value_text, value))}]"
+    return repr(value)

@@ -1,0 +1,118 @@
+"""Reading and writing files such that a failure is one clear line and leaves the old file whole."""
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from ambkit.base import budget
+from ambkit.base.errors import AmbkitError
+
+
+@contextmanager
+def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Give a temporary file beside `path`, and put it in the place of `path` at the end.
+
+    If the body of the ``with`` fails, the temporary file goes and `path` stays as it was.
+
+    Raises
+    ------
+    AmbkitError
+        The folder or the file cannot be written.
+    """
+    path = Path(path)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        yield temporary
+        os.replace(temporary, path)
+    except OSError as error:
+        raise AmbkitError(f"{path}: cannot be written: {error.strerror or error}") from error
+    finally:
+        with suppress(OSError):  # not there: put in place above, or never made
+            temporary.unlink()
+
+
+def write_text(path: str | os.PathLike[str], text: str) -> None:
+    """Write UTF-8 text through a temporary file (see `replacing`)."""
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
+    """Write a file through a temporary file (see `replacing`)."""
+    with replacing(path) as temporary:
+        temporary.write_bytes(content)
+
+
+def make_folder(path: str | os.PathLike[str]) -> Path:
+    """Make a folder, and those above it, where they are not there yet.
+
+    Raises
+    ------
+    AmbkitError
+        It cannot be made.
+    """
+    try:
+        Path(path).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise AmbkitError(f"{path}: cannot be made: {error.strerror or error}") from error
+    return Path(path)
+
+
+@contextmanager
+def replacing_in(path: str | os.PathLike[str], first: str = "") -> Iterator[Path]:
+    """Give a temporary folder, and put all files that it holds at the end into `path` at the end.
+
+    If the body of the ``with`` fails, as on a full disk, `path` stays as it was; where it was not
+    there, it is not made.
+
+    Parameters
+    ----------
+    path : path
+        The folder; made, with those above it, where it is not there.
+    first : str
+        The file that is put there before the others.
+
+    Raises
+    ------
+    AmbkitError
+        The folder cannot be made or written.
+    """
+    path = Path(path)
+    new = [each for each in (path, *path.parents) if not each.exists()]
+    temporary = path / f".{os.getpid()}.tmp"
+    try:
+        make_folder(path)
+        temporary.mkdir()
+        yield temporary
+        made = sorted(each for each in temporary.rglob("*") if each.is_file())
+        for file in sorted(made, key=lambda each: each.name != first):
+            place = path / file.relative_to(temporary)
+            place.parent.mkdir(parents=True, exist_ok=True)
+            os.replace(file, place)
+    except OSError as error:
+        raise AmbkitError(f"{path}: cannot be written: {error.strerror or error}") from error
+    except AmbkitError as error:  # of a file in it: it is known by where it was to stand
+        raise AmbkitError(str(error).replace(str(temporary), str(path))) from error
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+        for each in new:
+            with suppress(OSError):  # it holds what was written
+                each.rmdir()
+
+
+def read_text(path: str | os.PathLike[str]) -> str:
+    """Read UTF-8 text.
+
+    Raises
+    ------
+    AmbkitError
+        There is no such file, it cannot be opened, or it is not UTF-8 text.
+    """
+    try:
+        text = budget.read_bytes(path).decode("utf-8-sig")
+        return text.replace("\r\n", "\n").replace("\r", "\n")
+    except OSError as error:
+        raise AmbkitError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
+        raise AmbkitError(f"{path}: is not UTF-8 text (byte {error.start})") from error

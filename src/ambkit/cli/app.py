@@ -1,0 +1,108 @@
+"""The commands with their arguments and help, for typer."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperCommand
+
+from ambkit.cli.check import check
+from ambkit.cli.compare import compare
+from ambkit.cli.excite import excite
+from ambkit.cli.export import export, export_c
+from ambkit.cli.export_fmu import export_fmu
+from ambkit.cli.export_mat import export_mat
+from ambkit.cli.filter import filter_record
+from ambkit.cli.identify import identify
+from ambkit.cli.options import keep_inputs
+from ambkit.cli.presets import presets
+from ambkit.cli.read import read
+from ambkit.cli.reproduce import reproduce
+from ambkit.cli.simulate import simulate
+from ambkit.cli.torture import torture
+from ambkit.cli.train import train
+
+# Plain help: typer's help in colour takes longer to import than all else here together.
+app = typer.Typer(
+    name="ambkit",
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+_COMMANDS: dict[str, Callable[..., None]] = {
+    "reproduce": reproduce,
+    "simulate": simulate,
+    "excite": excite,
+    "read": read,
+    "identify": identify,
+    "train": train,
+    "filter": filter_record,
+    "compare": compare,
+    "torture": torture,
+    "presets": presets,
+    "check": check,
+}
+_EXPORTS: dict[str, Callable[..., None]] = {"c": export_c, "fmu": export_fmu, "mat": export_mat}
+
+
+class Command(TyperCommand):
+    """A command that does not begin where it would overwrite what it reads."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run it."""
+        keep_inputs(ctx)
+        return super().invoke(ctx)
+
+
+def _help(command: Callable[..., None]) -> str:
+    r"""Return a docstring as click's help; "\b" keeps it from filling an example's lines."""
+    paragraphs = inspect.cleandoc(command.__doc__ or "").split("\n\n")
+    return "\n\n".join(f"\b\n{text}" if "\n  " in text else text for text in paragraphs)
+
+
+for _name, _command in _COMMANDS.items():
+    app.command(_name, cls=Command, help=_help(_command))(_command)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        import ambkit
+
+        print(f"ambkit {ambkit.__version__}")
+        raise typer.Exit
+
+
+def about(
+    context: typer.Context,
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version."
+        ),
+    ] = False,
+    _debug: Annotated[
+        bool,
+        typer.Option("--debug", help="With an error, show where in the program it came from."),
+    ] = False,
+) -> None:
+    """From a magnetic bearing's description, or a recording, to a tuned adaptive Kalman filter.
+
+    To begin with:
+      ambkit reproduce                         the paper, with pictures and verdicts
+      ambkit presets zittau_axial > my.toml    a bearing, to be edited
+      ambkit simulate my.toml --step "0.3 mm" --out run.csv
+      ambkit filter run.csv --bearing my.toml --plot run.png
+    """
+    if context.invoked_subcommand is None:
+        print(context.get_help())
+
+
+_export = typer.Typer(name="export", callback=export, invoke_without_command=True)
+for _name, _command in _EXPORTS.items():
+    _export.command(_name, cls=Command, help=_help(_command))(_command)
+app.add_typer(_export, help=_help(export))
+app.callback(help=_help(about), invoke_without_command=True)(about)

@@ -1,0 +1,83 @@
+"""``ambkit check``: whether files are what ambkit can use, and all that is wrong with them."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from ambkit.base.errors import AmbkitError
+from ambkit.cli.options import Json, MapFile, find_bearing
+
+
+class Schema(StrEnum):
+    """The kinds of TOML files."""
+
+    bearing = "bearing"
+    scenario = "scenario"
+    map = "map"
+
+
+def check(
+    files: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="FILE",
+            help="Bearings, scenarios, channel maps, experts, records, measured forces.",
+        ),
+    ] = None,
+    schema: Annotated[
+        Schema | None, typer.Option(help="Print the JSON schema of such a TOML file.")
+    ] = None,
+    channel_map: MapFile = None,
+    bearing: Annotated[
+        str | None,
+        typer.Option(
+            "--bearing",
+            metavar="BEARING",
+            help="Compare records with it: rate, range, noise, signs. A preset, or a TOML file.",
+        ),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Check files of any kind.
+
+    Each problem is told with its file and line; the exit code is 2 if there is one. What is odd
+    about a record and may be right is told too.
+
+    For example:
+      ambkit check my.toml scenario.toml run.csv --bearing my.toml
+      ambkit check --schema bearing > bearing.schema.json
+    """
+    from ambkit.cli import output
+    from ambkit.workflow.inspection import inspect, schema_of
+
+    if (schema is None) == (not files):
+        raise AmbkitError("give either FILES or --schema")
+    if schema is not None:
+        output.deliver(schema_of(schema.value), [], as_json=True)
+        return
+    known = find_bearing(bearing) if bearing is not None else None
+    found = [inspect(path, channel_map, known) for path in files or ()]
+    data: list[dict[str, Any]] = [
+        {
+            "file": str(each.path),
+            "kind": each.kind,
+            "ok": each.ok,
+            "about": each.about,
+            "problems": list(each.problems),
+            "remarks": list(each.remarks),
+        }
+        for each in found
+    ]
+    lines = [f"{each.path}: ok, {each.kind}: {each.about}" for each in found if each.ok]
+    output.deliver(data, lines, as_json=json)
+    for each in found:
+        for problem in each.problems:
+            output.note(problem)
+        for remark in each.remarks:
+            output.note(f"{each.path}: note: {remark}")
+    if not all(each.ok for each in found):
+        raise typer.Exit(2)

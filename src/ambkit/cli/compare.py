@@ -1,0 +1,298 @@
+"""``ambkit compare``: estimators in a case, or each in its own loop over many seeds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ambkit.base.errors import AmbkitError
+from ambkit.cli.family import known, names
+from ambkit.cli.options import (
+    RECORDS,
+    BearingName,
+    ExpertFile,
+    Json,
+    Plot,
+    file_option,
+    find_bearing,
+    quantity,
+    read_quantities,
+)
+
+if TYPE_CHECKING:
+    from ambkit.judge.comparison import Score
+    from ambkit.machine.bearing import Bearing
+
+CASES = (
+    "paper", "uncertain", "wrong-k", "saturating", "coloured-noise", "step", "unbalance", "model",
+    "all",
+)  # fmt: skip
+
+
+def known_case(name: str | None) -> str | None:
+    """Check the name of a case, as the callback of an option.
+
+    Raises
+    ------
+    BadParameter
+        It is not in `CASES`.
+    """
+    if name is not None and name not in CASES:
+        raise typer.BadParameter(f'there is no case "{name}"; known: {", ".join(CASES)}')
+    return name
+
+
+LABELS = {"x": "x", "v": "v", "f_d": "F_St"}
+
+
+def compare(
+    bearing: BearingName,
+    case: Annotated[
+        str | None,
+        typer.Option(
+            callback=known_case,
+            metavar="NAME",
+            help=f"What happens: {', '.join(CASES)}. Default paper.",
+        ),
+    ] = None,
+    estimators: Annotated[
+        str | None,
+        typer.Option(
+            "--estimators",
+            "--estimator",
+            metavar="NAMES",
+            help="Who takes part: all, or some of the family (those of 'ambkit filter' and more); "
+            "your own as my.py:MyFilter, a class with step(y, u).",
+        ),
+    ] = None,
+    tune: Annotated[
+        int, typer.Option(min=0, metavar="N", help="Evaluations to tune each with; 0: defaults.")
+    ] = 0,
+    runs: Annotated[
+        int, typer.Option("--runs", "--seeds", min=1, metavar="N", help="How many runs.")
+    ] = 20,
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Of the first of them.")] = 0,
+    spread: Annotated[
+        float | None,
+        typer.Option(
+            parser=quantity("1"),
+            metavar="SHARE",
+            help='How far the plant is off at most, such as "20 %": magnet constant, mass, air '
+            "gap, sensor and load. Default what the case says.",
+        ),
+    ] = None,
+    expert: ExpertFile = None,
+    scenario: Annotated[
+        Path | None, typer.Option(metavar="FILE.toml", help="Your own run in place of a case.")
+    ] = None,
+    steps: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LENGTHS",
+            help='In place of a case: steps of the reference, such as "0.1 mm,0.3 mm".',
+        ),
+    ] = None,
+    load: Annotated[
+        float | None,
+        typer.Option(
+            parser=quantity("N"),
+            metavar="FORCE",
+            help="In place of a case: load after half of the run.",
+        ),
+    ] = None,
+    duration: Annotated[
+        float | None,
+        typer.Option(
+            parser=quantity("s"), metavar="TIME", help="In place of a case: length of the run."
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        file_option("Write the figures of each run: .csv or .parquet.", RECORDS, "--out"),
+    ] = None,
+    plot: Plot = None,
+    report: Annotated[
+        Path | None,
+        file_option(
+            "Write the whole comparison with pictures: .html; of a --case only, not with --steps, "
+            "--load, --duration or --scenario.",
+            (".html",),
+            "--report",
+        ),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Compare estimators, by all that counts.
+
+    In a case, all run along the same records from the same start, and each in the loop; where the
+    limit of any estimator is known, it is told. With --steps, --load, --duration or --scenario the
+    errors of each in its own loop are compared, without tuning, --spread and --report.
+
+    For example:
+      ambkit compare zittau_axial --case paper --plot matrix.png --report comparison.html
+      ambkit compare zittau_axial --steps "0.1 mm,0.3 mm,0.5 mm" --load "3 N" --plot bars.png
+    """
+    own = {"--scenario": scenario, "--steps": steps, "--load": load, "--duration": duration}
+    given = [name for name, value in own.items() if value is not None]
+    if not given:
+        from ambkit.cli.compare_case import Wanted, in_case
+
+        wanted = Wanted(runs, tune, seed, spread, expert, out, plot, report, json)
+        chosen = "all" if estimators is None else estimators
+        in_case(find_bearing(bearing), case or "paper", chosen, wanted)
+        return
+    unwanted = {"--case": case, "--tune": tune or None, "--spread": spread, "--report": report}
+    clash = [name for name, value in unwanted.items() if value is not None]
+    if clash:
+        hint = "; --out and --plot do" if clash[0] == "--report" else ""
+        raise AmbkitError(
+            f"{given[0]} is in place of a case, and does not go with {clash[0]}{hint}"
+        )
+    chosen = "linear,adaptive,closed-law" if estimators is None else estimators
+    _in_own_loops(
+        find_bearing(bearing),
+        names(known(chosen)),
+        scenario_file=scenario,
+        expert=expert,
+        steps=steps,
+        load=load,
+        duration=duration,
+        seeds=runs,
+        seed=seed,
+        files=(out, plot),
+        as_json=json,
+    )
+
+
+def _in_own_loops(
+    plant: Bearing,
+    chosen: list[str],
+    *,
+    scenario_file: Path | None,
+    expert: Path | None,
+    steps: str | None,
+    load: float | None,
+    duration: float | None,
+    seeds: int,
+    seed: int,
+    files: tuple[Path | None, Path | None],
+    as_json: bool,
+) -> None:
+    """Each closes its own loop, against the same noise, with the same Q and R."""
+    from ambkit.cli import output
+    from ambkit.cli.family import factories, scenario_of
+    from ambkit.judge import comparison
+    from ambkit.show import plots
+
+    heights: list[float | None] = [None]
+    if steps is not None:
+        heights = list(read_quantities(steps, "m", "--steps"))
+    elif scenario_file is None:
+        heights = [share * plant.rotor.travel_limit for share in (0.1, 0.3, 0.5)]
+    happening = {
+        output.value(height, "m") if height is not None else str(scenario_file): scenario_of(
+            plant, scenario_file, duration=duration, step=height, load=load, seed=None
+        )
+        for height in heights
+    }
+    built = factories(chosen, plant, expert)
+    runs = len(happening) * len(built) * seeds
+    with output.progress("comparing", runs) as done:
+        scores = {
+            case: comparison.compare(plant, each, built, range(seed, seed + seeds), done=done)
+            for case, each in happening.items()
+        }
+    what = "scenario" if heights == [None] else "step"
+    data = {
+        "bearing": plant.name,
+        "seeds": [seed, seed + seeds - 1],
+        "load": load,
+        "cases": {case: {n: _figures(s) for n, s in of.items()} for case, of in scores.items()},
+    }
+    figure = plots.comparison_figure
+    out, plot = files
+    output.deliver(
+        data,
+        [_table(scores, what, f"{plant.name}, {seeds} seeds"), *_stops(scores, seeds)],
+        [
+            (out, lambda path: _save(path, scores, heights, seed)),
+            (plot, lambda path: plots.save_figure(figure(scores, what), path)),
+        ],
+        as_json=as_json,
+    )
+
+
+def _figures(score: Score) -> dict[str, Any]:
+    return {
+        "rmse": {name: score.mean(name) for name in score.rmse},
+        "spread": {name: score.spread(name) for name in score.rmse},
+        "nis": score.nis.mean(),
+        "runs_at_the_stop": score.touched,
+    }
+
+
+def _stops(scores: Mapping[str, Mapping[str, Score]], seeds: int) -> list[str]:
+    """Say in which loops the rotor touched a stop: their errors are not those of a levitation."""
+    return [
+        f"{case}, {name}: the rotor touched the stop in {score.touched} of {seeds} runs"
+        for case, of_case in scores.items()
+        for name, score in of_case.items()
+        if score.touched
+    ]
+
+
+def _table(scores: Mapping[str, Mapping[str, Score]], what: str, title: str) -> Any:
+    from ambkit.base.units import factor
+    from ambkit.cli.output import table, value
+    from ambkit.judge.comparison import JUDGED
+
+    def shown_in(signal: str) -> str:
+        means = [score.mean(signal) for of_case in scores.values() for score in of_case.values()]
+        finite = [mean for mean in means if math.isfinite(mean)]
+        return value(max(finite, default=1.0), JUDGED[signal]).split(" ", 1)[-1]
+
+    def entry(score: Score, signal: str) -> str:
+        scale = factor(JUDGED[signal], units[signal])
+        return f"{scale * score.mean(signal):.3f} ± {scale * score.spread(signal):.3f}"
+
+    units = {signal: shown_in(signal) for signal in JUDGED}
+    headers = [what, *(f"{LABELS[signal]} [{unit}]" for signal, unit in units.items()), "mean NIS"]
+    rows = [
+        [f"{case}, {name}", *(entry(score, signal) for signal in JUDGED), f"{score.nis.mean():.3f}"]
+        for case, of_case in scores.items()
+        for name, score in of_case.items()
+    ]
+    return table(f"{title}: root mean square errors", headers, rows)
+
+
+def _save(
+    path: Path,
+    scores: Mapping[str, Mapping[str, Score]],
+    heights: list[float | None],
+    first: int,
+) -> None:
+    """Write the error of each run: a row for each case and seed."""
+    import numpy as np
+
+    from ambkit.data.files.tables import Table, write_table
+    from ambkit.judge.comparison import JUDGED
+
+    columns: dict[str, Any] = {}
+    units = {"case": "1", "step": "m", "seed": "1"}
+    count = len(next(iter(next(iter(scores.values())).values())).nis)
+    columns["case"] = np.repeat(np.arange(len(scores), dtype=float), count)
+    if None not in heights:
+        columns["step"] = np.repeat(np.array(heights, dtype=float), count)
+    columns["seed"] = np.tile(np.arange(first, first + count, dtype=float), len(scores))
+    for name in next(iter(scores.values())):
+        for signal, unit in JUDGED.items():
+            key = f"{name}_{signal}"
+            units[key] = unit
+            columns[key] = np.concatenate([case[name].rmse[signal] for case in scores.values()])
+        units[f"{name}_nis"] = "1"
+        columns[f"{name}_nis"] = np.concatenate([case[name].nis for case in scores.values()])
+    write_table(path, Table(columns, {k: units[k] for k in columns}, {"cases": list(scores)}))

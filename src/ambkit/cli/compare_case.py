@@ -1,0 +1,238 @@
+"""``ambkit compare`` in a case: the same records for all, judged by all criteria."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ambkit.base.errors import AmbkitError
+
+if TYPE_CHECKING:
+    from ambkit.judge.comparison.bench import Bench, Standing
+    from ambkit.judge.comparison.cases import Case
+    from ambkit.judge.comparison.study import Study
+    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.magnets import StiffnessSource
+    from ambkit.show.report.blocks import Report
+
+SHOWN = ("x", "v", "f_d", "nees", "nis", "delay", "tracking", "effort", "lost", "cost")
+
+
+class Wanted(NamedTuple):
+    """What the user asked of a comparison."""
+
+    runs: int
+    budget: int
+    seed: int
+    spread: float | None
+    expert: Path | None
+    out: Path | None
+    plot: Path | None
+    report: Path | None
+    as_json: bool
+
+
+def in_case(bearing: Bearing, case_name: str, chosen: str, wanted: Wanted) -> None:
+    """Compare in a case, or in all of them, and deliver; see ``ambkit compare --help``."""
+    from ambkit.cli import output
+    from ambkit.judge.comparison.contenders import expand
+    from ambkit.judge.comparison.study import across, pieces_of, study
+
+    names = expand(chosen)
+    cases = _cases(case_name, wanted.spread)
+    options: dict[str, Any] = {
+        "runs": wanted.runs,
+        "budget": wanted.budget,
+        "seed": wanted.seed,
+        "sources": _sources(bearing, names, wanted.expert),
+    }
+    if len(cases) > 1:
+        work = len(cases) * pieces_of(len(names), wanted.budget, whole=False)
+        with output.progress("learning", work) as done:
+            _deliver_all(bearing, across(bearing, cases, names, **options, done=done), wanted)
+        return
+    whole = wanted.report is not None
+    with output.progress("learning", pieces_of(len(names), wanted.budget, whole)) as done:
+        found = study(bearing, cases[case_name], names, **options, whole=whole, done=done)
+    _deliver(found, wanted)
+
+
+def _cases(name: str, spread: float | None) -> dict[str, Case]:
+    from ambkit.judge.comparison.cases import CASES
+    from ambkit.judge.comparison.spread import Spread
+
+    cases = dict(CASES) if name == "all" else {name: CASES[name]}
+    if spread is None:
+        return cases
+    if not 0 <= spread < 1:
+        raise AmbkitError(f"--spread must be from 0 to below 100 %, is {100 * spread:g} %")
+    return {name: replace(case, spread=Spread.all(spread)) for name, case in cases.items()}
+
+
+def _sources(
+    bearing: Bearing, names: Sequence[str], expert: Path | None
+) -> dict[str, StiffnessSource]:
+    from ambkit.cli.family import read_expert
+
+    if expert is None:
+        return {}
+    if "adaptive" not in names:
+        raise AmbkitError("--expert is for the estimator adaptive, which does not take part")
+    return {"adaptive": read_expert(expert, bearing)}
+
+
+def _deliver(found: Study, wanted: Wanted) -> None:
+    from ambkit.cli import output
+    from ambkit.show import plots
+    from ambkit.show.pages.study import report_of
+    from ambkit.show.plots.study import matrix_figure
+
+    bench = found.bench
+    tables = [_table(bench, bench.best, "tuned alike" if bench.tuned else "defaults")]
+    if bench.tuned:
+        tables.insert(0, _table(bench, bench.default, "defaults"))
+    output.deliver(
+        _data(bench),
+        [*tables, *_notes(bench)],
+        [
+            (wanted.out, lambda path: _save(path, {bench.case.name: bench})),
+            (wanted.plot, lambda path: plots.save_figure(matrix_figure(bench, alone=True), path)),
+            (wanted.report, lambda path: _write_report(path, report_of(found))),
+        ],
+        as_json=wanted.as_json,
+    )
+
+
+def _deliver_all(bearing: Bearing, benches: Mapping[str, Bench], wanted: Wanted) -> None:
+    from ambkit.cli import output
+    from ambkit.show import plots
+    from ambkit.show.pages.study import report_of_cases
+    from ambkit.show.plots.study import cases_figure
+
+    first = next(iter(benches.values()))
+    rows = [
+        [name, *(f"{bench.best[name].mean('f_d'):.3g}" for bench in benches.values())]
+        for name in first.best
+    ]
+    how = "tuned alike" if first.tuned else "defaults"
+    title = f"{bearing.name}: error of F_St [N], {first.runs} runs in each case, {how}"
+    output.deliver(
+        {"bearing": bearing.name, "cases": {name: _data(b) for name, b in benches.items()}},
+        [output.table(title, ["", *benches], rows)],
+        [
+            (wanted.out, lambda path: _save(path, benches)),
+            (wanted.plot, lambda path: plots.save_figure(cases_figure(benches, alone=True), path)),
+            (wanted.report, lambda path: _write_report(path, report_of_cases(benches))),
+        ],
+        as_json=wanted.as_json,
+    )
+
+
+def _table(bench: Bench, standings: Mapping[str, Standing], how: str) -> Any:
+    from ambkit.base.units import with_error
+    from ambkit.cli.output import table
+    from ambkit.judge.comparison.criteria import CRITERIA
+
+    def entry(standing: Standing, name: str) -> str:
+        import math
+
+        value = CRITERIA[name].factor * standing.mean(name)
+        half = CRITERIA[name].factor * standing.half_width(name)
+        if not math.isfinite(value):
+            return "–"
+        if name in ("x", "v", "f_d") and math.isfinite(half):
+            return with_error(value, half)
+        return f"{value:.3g}"
+
+    heads = [f"{c.label} [{c.unit}]" if c.unit else c.label for c in map(CRITERIA.get, SHOWN) if c]
+    rows = [[name, *(entry(s, shown) for shown in SHOWN)] for name, s in standings.items()]
+    title = f"{bench.bearing.name}, {bench.case.name}: {bench.case.title}; {bench.runs} runs, {how}"
+    return table(title, ["", *heads], rows)
+
+
+def _notes(bench: Bench) -> list[str]:
+    from ambkit.cli.output import value
+
+    notes = []
+    if bench.stopped:
+        notes.append(f"{bench.stopped} runs left out: the rotor met a stop")
+    if bench.limit:
+        x, v, f_d = (
+            value(bench.limit[signal], unit)
+            for signal, unit in (("x", "m"), ("v", "m/s"), ("f_d", "N"))
+        )
+        notes.append(f"no estimator can have smaller errors than: x {x}, v {v}, F_St {f_d}")
+    return notes
+
+
+def _data(bench: Bench) -> dict[str, Any]:
+    def figures(standing: Standing) -> dict[str, Any]:
+        data: dict[str, Any] = {
+            name: {"mean": standing.mean(name), "half_width": standing.half_width(name)}
+            for name in standing.figures
+        }
+        data["values"] = dict(standing.values)
+        if standing.tuning is not None:
+            data["objective"] = {
+                "default": standing.tuning.default,
+                "tuned": standing.tuning.objective,
+                "evaluations": standing.tuning.evaluations,
+            }
+        return data
+
+    return {
+        "bearing": bench.bearing.name,
+        "case": bench.case.name,
+        "runs": bench.runs,
+        "stopped": bench.stopped,
+        "seed": bench.seed,
+        "budget": bench.budget,
+        "limit": dict(bench.limit),
+        "estimators": {
+            name: {
+                "label": standing.label,
+                "default": figures(standing),
+                "tuned": figures(bench.tuned[name]) if bench.tuned else None,
+            }
+            for name, standing in bench.default.items()
+        },
+    }
+
+
+SI = {"x": "m", "v": "m/s", "f_d": "N", "force": "N", "delay": "s", "tracking": "m", "effort": "A",
+      "settling": "s", "cost": "s"}  # fmt: skip
+
+
+def _save(path: Path, benches: Mapping[str, Bench]) -> None:
+    """Write the figures of each run: a row for case and run, columns by estimator and criterion."""
+    import numpy as np
+
+    from ambkit.data.files.tables import Table, write_table
+
+    gathered: dict[str, list[Any]] = {"case": [], "run": []}
+    units = {"case": "1", "run": "1"}
+    for place, bench in enumerate(benches.values()):
+        count = bench.runs - bench.stopped
+        gathered["case"].append(np.full(count, float(place)))
+        gathered["run"].append(np.arange(count, dtype=float))
+        for how, standings in (("default", bench.default), ("tuned", bench.tuned)):
+            for name, standing in standings.items():
+                for criterion, values in standing.figures.items():
+                    key = f"{name}_{how}_{criterion}"
+                    gathered.setdefault(key, []).append(values)
+                    units[key] = SI.get(criterion, "1")
+    first = next(iter(benches.values()))
+    meta = {"bearing": first.bearing.name, "cases": list(benches), "seed": first.seed}
+    columns = {key: np.concatenate(parts) for key, parts in gathered.items()}
+    write_table(path, Table(columns, units, meta))
+
+
+def _write_report(path: Path, whole: Report) -> None:
+    from ambkit.base import files
+    from ambkit.show.report import static
+    from ambkit.show.report.page import render_page
+
+    pictures = {figure.id: static.render(figure) for figure in whole.figures}
+    files.write_text(path, render_page(whole, pictures))

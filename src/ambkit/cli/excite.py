@@ -1,0 +1,198 @@
+"""``ambkit excite``: the experiment that identifies a bearing, and what it will tell."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ambkit.cli.options import (
+    RECORDS,
+    BearingName,
+    Json,
+    Plot,
+    file_option,
+    find_bearing,
+    quantity,
+    read_quantities,
+)
+
+if TYPE_CHECKING:
+    from ambkit.identification.excitation import Design
+
+OWN_PERIODS = 40
+"""Length of an experiment, in periods of the plant's own frequency, where it is not given."""
+
+CERTAIN = 0.95
+"""Correlation from which on two parameters are said to hang together."""
+
+
+def excite(
+    bearing: BearingName,
+    kind: Annotated[
+        str,
+        typer.Option(metavar="KIND", help="multisine, prbs or stepped-sine."),
+    ] = "stepped-sine",
+    parameters: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAMES",
+            help="What is to be identified: magnet_constant,air_gap,...; as for 'ambkit identify'.",
+        ),
+    ] = None,
+    scenario: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.toml", help="Controller, duration and disturbance; else one is tuned."
+        ),
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(parser=quantity("s"), metavar="TIME", help='Such as "2 s".')
+    ] = None,
+    band: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FROM,TO", help='Frequencies: "5 Hz,100 Hz"; else the best are found.'
+        ),
+    ] = None,
+    limit_current: Annotated[
+        float | None,
+        typer.Option(
+            parser=quantity("A"),
+            metavar="CURRENT",
+            help="Greatest control current; else 80 % of what it can be.",
+        ),
+    ] = None,
+    limit_displacement: Annotated[
+        float | None,
+        typer.Option(
+            parser=quantity("m"),
+            metavar="LENGTH",
+            help="Greatest displacement from the centre; else half of the travel.",
+        ),
+    ] = None,
+    load: Annotated[
+        float | None,
+        typer.Option(
+            parser=quantity("N"),
+            metavar="FORCE",
+            help="By how much the load wanders in a second, rms; else 1 % of the weight.",
+        ),
+    ] = None,
+    seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="Seed of the noise.")] = None,
+    out: Annotated[
+        Path | None,
+        file_option("Write the reference, t and r: .csv or .parquet.", RECORDS, "--out"),
+    ] = None,
+    plot: Plot = None,
+    json: Json = False,
+) -> None:
+    """Design an experiment, and say what it will tell.
+
+    An excitation for the reference of the controller, as large as the limits on current and
+    displacement allow in the simulated loop, in the band that tells most; and the standard errors
+    that identification will have from it.
+
+    For example:
+      ambkit excite my.toml --duration "1 s" --out excitation.csv --plot excitation.png
+      ambkit simulate my.toml --reference excitation.csv --out run.csv
+    """
+    import math
+
+    from ambkit.cli import output
+    from ambkit.cli.family import scenario_of
+    from ambkit.identification.excitation import Limits, design
+    from ambkit.identification.maximum_likelihood.parameters import USUAL
+    from ambkit.machine.magnets import ConstantStiffness
+    from ambkit.show.plots import save_figure
+    from ambkit.show.plots.excitation import excitation_figure
+
+    plant = find_bearing(bearing)
+    if duration is None and scenario is None:
+        own = math.sqrt(ConstantStiffness.of(plant).k_s / plant.rotor.mass) / (2 * math.pi)
+        duration = float(f"{OWN_PERIODS / own:.2g}")
+    happening = scenario_of(plant, scenario, duration=duration, step=None, load=None, seed=seed)
+    ends = None
+    if band is not None:
+        low, high = read_quantities(band, "Hz", "--band", count=2)
+        ends = low, high
+    free = [part.strip() for part in parameters.split(",")] if parameters else list(USUAL)
+    with output.progress("comparing bands") as step:
+        found = design(
+            plant,
+            happening,
+            kind=kind,
+            free=free,
+            limits=Limits.of(plant, limit_current, limit_displacement),
+            band=ends,
+            load=load,
+            done=lambda text: step(f"comparing bands: {text}"),
+        )
+    output.deliver(
+        {"bearing": plant.name} | found.to_dict(),
+        [_experiment(found), _expected(found), *_remarks(found)],
+        [
+            (out, found.file().save),
+            (plot, lambda path: save_figure(excitation_figure(found), path)),
+        ],
+        as_json=json,
+    )
+
+
+def _experiment(found: Design) -> Any:
+    import numpy as np
+
+    from ambkit.cli.output import table, value
+
+    record, limits = found.record, found.limits
+    low, high = (value(end, "Hz", 3) for end in found.band)
+    current, far = (float(np.max(np.abs(record[name]))) for name in ("iu", "x"))
+    rows = [
+        ["duration", f"{value(record.t[-1], 's')}, {len(record)} samples"],
+        ["band", f"{low} to {high}"],
+        ["reference, greatest value", value(found.amplitude, "m")],
+        ["  crest factor of the signal", f"{found.excitation.crest_factor:.2f}"],
+        [
+            "control current, greatest",
+            f"{value(current, 'A', like=limits.current)} of {value(limits.current, 'A')}",
+        ],
+        [
+            "displacement, greatest",
+            f"{value(far, 'm', like=limits.displacement)} of {value(limits.displacement, 'm')}",
+        ],
+    ]
+    model = found.expectation.model
+    return table(f"{found.excitation.kind} for {model.bearing.name}", ["", ""], rows)
+
+
+def _expected(found: Design) -> Any:
+    from ambkit.cli.output import table, value
+
+    expectation = found.expectation
+    rows = []
+    for parameter, error in zip(expectation.parameters, expectation.errors, strict=True):
+        at = parameter.of(expectation.model)
+        share = f"{100 * error / at:.2g} %" if parameter.positive else "–"
+        name = parameter.name.replace("_", " ")
+        rows.append(
+            [name, value(at, parameter.unit), value(error, parameter.unit, 3, like=at), share]
+        )
+    rows += [[name.replace("_", " "), "–", "–", "–"] for name in expectation.held]
+    return table("Expected", ["parameter", "value", "standard error", "of the value"], rows)
+
+
+def _remarks(found: Design) -> list[str]:
+    """Say in words what cannot be told, or only together."""
+    expectation = found.expectation
+    lines = [
+        f"{name} will not be found: {why}".replace("_", " ")
+        for name, why in expectation.held.items()
+    ]
+    names = [parameter.name.replace("_", " ") for parameter in expectation.parameters]
+    for i, name in enumerate(names):
+        for j in range(i):
+            together = expectation.correlation[i, j]
+            if abs(together) > CERTAIN:
+                lines.append(f"{names[j]} and {name} hang together: correlation {together:+.3f}")
+    return lines

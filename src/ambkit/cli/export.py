@@ -1,0 +1,165 @@
+"""``ambkit export``: the trained filter for the controller, as C."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ambkit.base.errors import AmbkitError
+from ambkit.cli.family import NAMES, estimator_option, exported
+from ambkit.cli.options import BearingName, Json, find_bearing, quantity
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from ambkit.export.c import Cost
+
+
+class Precision(StrEnum):
+    """Of the exported numbers."""
+
+    float = "float"
+    double = "double"
+
+
+class Form(StrEnum):
+    """How the expert is exported."""
+
+    exact = "exact"
+    tabulated = "tabulated"
+
+
+_CLOCK = 168e6  # Hz; of an STM32F4
+
+
+def export(context: typer.Context) -> None:
+    """Write a filter for the controller.
+
+    For example:
+      ambkit export c zittau_axial --estimator expert.json --out out/
+    """
+    if context.invoked_subcommand is None:
+        print(context.get_help())
+
+
+def export_c(
+    bearing: BearingName,
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out", metavar="DIR", help="The folder to write: new, empty, or of an older export."
+        ),
+    ],
+    estimator: Annotated[str | None, estimator_option(NAMES)] = None,
+    precision: Annotated[Precision, typer.Option(help="Of its numbers.")] = Precision.float,
+    prefix: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Of its names; the bearing's name if not given."),
+    ] = None,
+    expert: Annotated[
+        Form, typer.Option(help="The rules themselves, or a table of what they say.")
+    ] = Form.exact,
+    force_bound: Annotated[
+        float | None,
+        typer.Option(
+            parser=quantity("N"),
+            metavar="FORCE",
+            help='How far the table may be from the rules, such as "0.1 N".',
+        ),
+    ] = None,
+    cost: Annotated[
+        bool, typer.Option("--cost", help="Also print what it costs on a Cortex-M4F.")
+    ] = False,
+    clock: Annotated[
+        float | None,
+        typer.Option(
+            parser=quantity("Hz"),
+            metavar="FREQUENCY",
+            help="Of the processor, for --cost; 168 MHz if not given.",
+        ),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Write a filter as a folder of C99 that compiles alone.
+
+    The library's own C, with the data of this bearing and this filter.
+
+    For example:
+      ambkit train zittau_axial --out expert.json
+      ambkit export c zittau_axial --estimator expert.json --out out/
+      ambkit export c zittau_axial --estimator closed-law --precision double --out law/
+    """
+    from ambkit.cli import output
+    from ambkit.export import c
+
+    if precision is Precision.double and (cost or clock is not None):
+        raise AmbkitError("--cost is for --precision float: a Cortex-M4F has no double in hardware")
+    if clock is not None and not clock > 0:
+        raise AmbkitError(f"--clock must be greater than 0 Hz, is {clock:g} Hz")
+    model = find_bearing(bearing)
+    chosen = exported(estimator, model)
+    written = c.export_c(
+        model,
+        chosen.source,
+        out,
+        kind=chosen.kind,
+        precision=precision.value,
+        prefix=prefix,
+        expert_form=expert.value,
+        force_bound=force_bound,
+    )
+    data: dict[str, Any] = {
+        "folder": str(written.folder),
+        "name": written.name,
+        "precision": written.precision,
+        "configuration": written.configuration,
+        "sources": list(written.sources),
+        "files": list(written.files),
+    }
+    if written.table is not None:
+        rows, columns = written.table.k_i.shape
+        data |= {
+            "table": {
+                "rows": rows,
+                "columns": columns,
+                "force_bound": written.table.bound,
+                "force_error": written.table.error,
+            }
+        }
+    tables = []
+    if written.cost is not None and (cost or clock is not None):
+        clock = clock or _CLOCK
+        rate = {"clock": clock, "highest_rate": written.cost.highest_rate(clock)}
+        data["cost"] = asdict(written.cost) | rate
+        tables.append(_cost_table(written.cost, clock))
+    output.deliver(data, tables, as_json=json)
+    output.note(f"wrote {written.folder}, {len(written.files) + 1} files")
+
+
+def _cost_table(spent: Cost, clock: float) -> Table:
+    from ambkit.base.units import engineering
+    from ambkit.cli import output
+    from ambkit.export.c import CYCLES_PER_INSTRUCTION
+
+    rows = [
+        ("instructions a step, as a rule", f"{spent.instructions}"),
+        ("instructions a step, at most", f"{spent.most}"),
+        (
+            "instructions of the step that trusts its input",
+            "no such step" if spent.trusted is None else f"{spent.trusted}",
+        ),
+        ("code", f"{spent.code} bytes"),
+        ("constants", f"{spent.constants} bytes"),
+        ("state of an instance", f"{spent.state} bytes"),
+        ("stack", f"{spent.stack} bytes"),
+        (
+            f"highest sampling rate at {engineering(clock, 'Hz')}, "
+            f"{CYCLES_PER_INSTRUCTION} cycles an instruction assumed",
+            engineering(spent.highest_rate(clock), "Hz", digits=3),
+        ),
+    ]
+    return output.table("Cost on a Cortex-M4F, measured in qemu", ("", ""), rows)

@@ -1,0 +1,245 @@
+"""``ambkit identify``: a bearing, from records of the loop or from lift-off points."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ambkit.base.errors import AmbkitError
+from ambkit.cli.options import CONSTANT, Json, MapFile, Plot, file_option, find_bearing, quantity
+
+if TYPE_CHECKING:
+    pass
+
+
+class Method(StrEnum):
+    """How a record is learned from."""
+
+    likelihood = "likelihood"
+    adaline = "adaline"
+    rls = "rls"
+    extended_k = "extended-k"
+    online = "online"
+
+
+def identify(
+    bearing: Annotated[
+        str,
+        typer.Option(
+            "--bearing",
+            metavar="BEARING",
+            help="What is known already: a preset's name, or a TOML file.",
+        ),
+    ],
+    record: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="RECORD", help="Runs in closed loop: .csv, .parquet or .mat."),
+    ] = None,
+    channel_map: MapFile = None,
+    method: Annotated[
+        Method | None,
+        typer.Option(
+            help="Maximum likelihood, for all parameters with their errors; or the magnet constant "
+            "as a controller would learn it, by ADALINE, recursive least squares, or the extended "
+            "Kalman filter with k. These show the others beside them; online shows all three and "
+            "prefers none.",
+            show_default="likelihood; adaline with --start or --disturbance",
+        ),
+    ] = None,
+    free: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAMES",
+            help="What to look for: magnet_constant or mass, air_gap, sensor_lag, delay, "
+            "current_lag, position_offset, current_offset, sensor_gain, amplifier_gain, "
+            "measurement_noise, control_noise, load_growth.",
+            show_default="what a record usually tells",
+        ),
+    ] = None,
+    load_std: Annotated[
+        float | None,
+        typer.Option(
+            "--load-at-start",
+            parser=quantity("N"),
+            metavar="FORCE",
+            help="How far from zero the load may be at the start of a record. Default: the weight.",
+        ),
+    ] = None,
+    rest: Annotated[
+        Path | None,
+        typer.Option(metavar="RECORD", help="A record at rest: noise and its colour, each signal."),
+    ] = None,
+    rest_map: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="MAP.toml",
+            help="Channel map of --rest.",
+            show_default="that of the records, --map",
+        ),
+    ] = None,
+    validate: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="RECORD", help="Judge the result on this record; again for more."),
+    ] = None,
+    begin: Annotated[
+        float | None,
+        typer.Option("--from", parser=quantity("s"), metavar="TIME", help="Where to begin."),
+    ] = None,
+    end: Annotated[
+        float | None, typer.Option("--to", parser=quantity("s"), metavar="TIME", help="And to end.")
+    ] = None,
+    start: Annotated[
+        float | None,
+        typer.Option(
+            parser=quantity(CONSTANT),
+            metavar="CONSTANT",
+            help="Learning: magnet constant to start from, if not the bearing's.",
+        ),
+    ] = None,
+    disturbance: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FORCE",
+            help='Learning: load that is known, "3 N", or a signal of the record, f_d.',
+        ),
+    ] = None,
+    lift_off: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="POINTS.csv", help="Fit the law to lift-off points, instead of a RECORD."
+        ),
+    ] = None,
+    lifting_off: Annotated[
+        bool,
+        typer.Option(
+            "--lifting-off",
+            help="The RECORDs are of a rotor that lifts off, one each, as the current rises; --map "
+            "names distance z and coil current i.",
+        ),
+    ] = False,
+    gap_range: Annotated[
+        str | None,
+        typer.Option(metavar="FROM,TO", help='Of lift-off points, fit those within: "4 mm,16 mm".'),
+    ] = None,
+    working_point: Annotated[
+        float | None,
+        typer.Option(
+            parser=quantity("m"),
+            metavar="LENGTH",
+            help="With lift-off points: distance at x = 0; gives air gap and bias current.",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, file_option("Write the bearing that was found.", (".toml",), "--out")
+    ] = None,
+    force_map: Annotated[
+        Path | None,
+        file_option(
+            "Write the force at nodes of a grid, as far as the records tell, for "
+            "'ambkit train --map'.",
+            (".csv", ".parquet"),
+            "--force-map",
+        ),
+    ] = None,
+    force_map_nodes: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NxM",
+            help="Nodes of --force-map along current and displacement.",
+            show_default="5x5 to 9x9, as the records fill them",
+        ),
+    ] = None,
+    report: Annotated[
+        Path | None, file_option("Write a report with pictures.", (".html",), "--report")
+    ] = None,
+    plot: Plot = None,
+    json: Json = False,
+) -> None:
+    """Identify a bearing, with the errors of all that was found.
+
+    From records of the closed loop, or from the points at which a rotor lifts off. What a record
+    cannot tell is named, and stays as it was.
+
+    For example:
+      ambkit identify run.csv --bearing my.toml --out found.toml --report found.html
+      ambkit identify run.csv --bearing my.toml --method online --plot online.png
+      ambkit identify --lift-off points.csv --bearing inteco_ml --working-point "10 mm"
+    """
+    from ambkit.cli.belonging import check_belongs
+    from ambkit.cli.identify_lift_off import by_lift_off
+    from ambkit.cli.identify_likelihood import Asked, by_likelihood
+    from ambkit.cli.identify_online import learn_online
+    from ambkit.data.reading import load
+
+    if bool(record) == (lift_off is not None):
+        raise AmbkitError("give either a RECORD or --lift-off POINTS.csv")
+    if lifting_off and not record:
+        raise AmbkitError("--lifting-off needs RECORDs of a rotor that lifts off")
+    online = {"--start": start, "--disturbance": disturbance}
+    for_likelihood = {
+        "--free": free, "--load-at-start": load_std, "--validate": validate or None,
+        "--rest": rest, "--rest-map": rest_map,
+        "--report": report, "--force-map": force_map,
+        "--force-map-nodes": force_map_nodes,
+    }  # fmt: skip
+    asked = method
+    if method is None:
+        online_only = record and any(given is not None for given in online.values())
+        method = Method.adaline if online_only else Method.likelihood
+    if record:
+        others = online if method is Method.likelihood else for_likelihood
+        for option, given in others.items():
+            if given is not None:
+                other = "adaline" if method is Method.likelihood else "likelihood"
+                raise AmbkitError(f"{option} is for --method {other}")
+    if rest_map is not None and rest is None:
+        raise AmbkitError("--rest-map needs --rest RECORD")
+    if force_map_nodes is not None and force_map is None:
+        raise AmbkitError("--force-map-nodes needs --force-map FILE")
+    if start is not None and not start > 0:
+        raise AmbkitError(f"--start must be greater than 0, is {start:g} {CONSTANT}")
+    for_points = {"--gap-range": gap_range, "--working-point": working_point}
+    for_a_record = {"--from": begin, "--to": end, "--method": asked} | online | for_likelihood
+    for_a_log = {} if lifting_off else {"--map": channel_map}
+    of_the_loop = record and not lifting_off
+    for option, given in (for_points if of_the_loop else for_a_record | for_a_log).items():
+        if given is not None:
+            what = "--lift-off" if of_the_loop else "a RECORD of the loop"
+            raise AmbkitError(f"{option} is for {what}")
+    known = find_bearing(bearing)
+    if not of_the_loop:
+        points = [lift_off] if lift_off is not None else record or []
+        by_lift_off(points, lifting_off, channel_map, known, gap_range, working_point, out, plot,
+                    json)  # fmt: skip
+        return
+    assert record
+    if method is Method.likelihood:
+        by_likelihood(
+            Asked(record, validate or [], rest, rest_map or channel_map, channel_map, begin, end,
+                  free, load_std, out, force_map, _nodes(force_map_nodes), report, plot, json),
+            known,
+        )  # fmt: skip
+        return
+    if len(record) > 1:
+        raise AmbkitError(f"--method {method} learns along one record, {len(record)} are given")
+    log = load(record[0], channel_map)
+    if begin is not None or end is not None:
+        log = log.between(begin, end)
+    check_belongs(record[0], log, known)
+    learn_online(log, known, method, start, disturbance, out, plot, json)
+
+
+def _nodes(text: str | None) -> tuple[int, int] | None:
+    """Nodes along current and displacement, from ``"9x7"``, or ``"9"`` for both."""
+    if text is None:
+        return None
+    sides = text.lower().split("x")
+    if len(sides) > 2 or not all(side.isdecimal() and 4 <= int(side) <= 33 for side in sides):
+        raise typer.BadParameter(
+            f"must be nodes along current and displacement such as 9x7, 4 to 33 each, is {text!r}",
+            param_hint="--force-map-nodes",
+        )
+    return int(sides[0]), int(sides[-1])

@@ -1,0 +1,159 @@
+"""The command ``ambkit``: whatever happens is an exit code and, where it failed, one message.
+
+What a user can mend leaves with 2, an error of ambkit's own with 1, Ctrl-C with 130. The commands
+themselves are in `ambkit.cli.app`, which is imported where an interrupt is heeded already.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+
+# Nothing but what Python has loaded already: an interrupt during these imports leaves a traceback.
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any, NoReturn
+
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, as shells have it: 128 and the signal's number."""
+
+
+def main(arguments: Sequence[str] | None = None) -> NoReturn:
+    """Run a command and leave with its exit code.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        What stands behind ``ambkit``; those of the process if not given. ``--debug`` may stand
+        anywhere among them.
+    """
+    alone = arguments is None
+    try:
+        if alone:
+            sys.unraisablehook = _heed_interrupts
+            # Pictures go into files; matplotlib will not start with a window that it lacks.
+            os.environ.pop("MPLBACKEND", None)
+        from ambkit.cli import output, streams
+
+        streams.prepare()
+        output.written.clear()
+        given = sys.argv[1:] if arguments is None else arguments
+        debug = "--debug" in given
+        if alone and not debug:  # what overflows shows in the results
+            import warnings
+
+            warnings.simplefilter("ignore", RuntimeWarning)
+        code = _run([each for each in given if each != "--debug"], debug)
+    except KeyboardInterrupt:
+        code = INTERRUPTED
+    if code == INTERRUPTED:
+        _interrupted()
+    if alone:
+        import signal
+
+        # All is done: Ctrl-C while Python takes itself apart would only make noise.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    sys.exit(code)
+
+
+def _heed_interrupts(lost: Any) -> None:
+    """Repeat a Ctrl-C that fell into a callback, where Python drops it: imports have many."""
+    if not isinstance(lost.exc_value, KeyboardInterrupt):
+        sys.__unraisablehook__(lost)
+        return
+    import _thread
+    from threading import Timer
+
+    again = Timer(0.01, _thread.interrupt_main)  # once Python has left the callback
+    again.daemon = True
+    again.start()
+
+
+def _run(arguments: list[str], debug: bool) -> int:
+    """Run a command; return 0, 2 for what the user can mend, 1 for what is not foreseen."""
+    from typer import TyperException
+
+    from ambkit.base.errors import AmbkitError
+
+    try:
+        from ambkit.cli.app import app
+
+        code = app(arguments, prog_name="ambkit", standalone_mode=False) or 0
+        sys.stdout.flush()
+        return int(code)
+    except TyperException as error:
+        _trace(debug)
+        message = error.format_message().replace("Value error, ", "")
+        return _refused(message, getattr(error, "ctx", None))
+    except AmbkitError as error:
+        _trace(debug)
+        return _refused(str(error))
+    except MemoryError:
+        _trace(debug)
+        return _refused("there is not enough memory for this many samples")
+    except BrokenPipeError:
+        return _left()
+    except SystemExit as error:
+        # typer and rich leave in their own way where a reader has gone.
+        if isinstance(error.__context__, BrokenPipeError):
+            return _left()
+        raise
+    except OSError as error:
+        _trace(debug)
+        place = f"{error.filename}: " if error.filename else "the output cannot be written: "
+        return _refused(f"{place}{error.strerror or error}")
+    except Exception as error:
+        _trace(debug)
+        return _unforeseen(error)
+
+
+def _left() -> int:
+    """Whoever read our output has had enough; Python must not try to flush the rest."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 0
+
+
+def _interrupted() -> None:
+    """Say what was written so far, in a line."""
+    from ambkit.cli import output
+
+    written = output.written
+    files = f"wrote {', '.join(map(str, written))}" if written else "nothing was written"
+    if len(written) > 3:
+        files = f"wrote {len(written)} files below {os.path.commonpath(written)}"
+    output.note(f"\ninterrupted; {files}")
+
+
+def _refused(message: str, context: Any = None) -> int:
+    """Print one message, and where the command's help is if the command was not understood."""
+    from ambkit.cli import output
+
+    hint = f"\ntry {context.command_path} --help" if context is not None else ""
+    output.note(f"ambkit: {message}{hint}")
+    return 2
+
+
+def _unforeseen(error: Exception) -> int:
+    """Say in a line what nobody foresaw, where it happened, and what to do with it."""
+    from ambkit.cli import output
+
+    trace, place = error.__traceback__, ""
+    while trace is not None:
+        name = trace.tb_frame.f_globals.get("__name__", "")
+        if name.partition(".")[0] == "ambkit":
+            place = f" in {name}, line {trace.tb_lineno}"
+        trace = trace.tb_next
+    said = str(error).strip().partition("\n")[0]
+    what = f"{type(error).__name__}{f': {said[:200]}' if said else ''}{place}"
+    output.note(f"ambkit: {what}: this is an error of ambkit, please report it with the output of "
+                "--debug")  # fmt: skip
+    return 1
+
+
+def _trace(wanted: bool) -> None:
+    """Show where in the program the error that is being handled came from."""
+    if wanted:
+        import traceback
+
+        traceback.print_exc()

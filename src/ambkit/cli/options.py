@@ -1,0 +1,157 @@
+"""Options that several commands share, checked before any work is begun."""
+
+from __future__ import annotations
+
+import difflib
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ambkit.base.errors import AmbkitError
+
+if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
+
+PICTURES = (".png", ".svg", ".html")
+RECORDS = (".csv", ".parquet")
+CONSTANT = "N m^2/A^2"
+"""Unit of a magnet constant."""
+_WRITTEN: set[str] = set()  # the options that name a file to write
+
+
+def quantity(unit: str) -> Callable[[str], float]:
+    """Return a parser of an option such as ``"0.5 mm"``, which gives SI."""
+
+    def read(text: str) -> float:
+        from ambkit.base.units import parse
+
+        try:
+            return parse(text, unit)
+        except ValueError as error:
+            raise typer.BadParameter(f"{error}; it is given in {unit} or a multiple") from None
+
+    return read
+
+
+def read_quantities(text: str, unit: str, option: str, count: int = 0) -> list[float]:
+    """Read a list such as ``"0.1 mm,0.3 mm"`` into SI; exactly `count` of them if that is not 0."""
+    try:
+        values = [quantity(unit)(part) for part in text.split(",")]
+    except typer.BadParameter as error:
+        raise typer.BadParameter(error.message, param_hint=option) from None
+    if count and len(values) != count:
+        raise typer.BadParameter(f"{count} values expected, got {text!r}", param_hint=option)
+    return values
+
+
+def file_option(help: str, endings: tuple[str, ...], *names: str) -> Any:
+    """Return an option that names a file to write, with one of the endings, in a real folder."""
+
+    def check(path: Path | None) -> Path | None:
+        if path is None:
+            return None
+        if path.suffix.lower() not in endings:
+            raise typer.BadParameter(f"{path} must end with {' or '.join(endings)}")
+        if path.is_dir():
+            raise typer.BadParameter(f"{path} is a folder")
+        if not path.parent.is_dir():
+            raise typer.BadParameter(f"there is no folder {path.parent}")
+        if not os.access(path.parent, os.W_OK):
+            raise typer.BadParameter(f"the folder {path.parent} cannot be written")
+        return path
+
+    _WRITTEN.update(names)
+    return typer.Option(*names, help=help, metavar="FILE", callback=check)
+
+
+def keep_inputs(context: typer.Context) -> None:
+    """Refuse to write a file that the command reads: a log cannot be recorded again.
+
+    Parameters
+    ----------
+    context : Context
+        Of the command, with the values of all its parameters.
+
+    Raises
+    ------
+    AmbkitError
+        An option of `file_option` names the same file as an argument or another option.
+    """
+    written: dict[str, Path] = {}
+    read: list[Path] = []
+    for parameter in context.command.params:
+        value = context.params.get(parameter.name or "")
+        if _WRITTEN.intersection(parameter.opts):
+            if value is not None and value.exists():
+                written[parameter.opts[0]] = value
+            continue
+        values = value if isinstance(value, list | tuple) else [value]
+        read += [Path(each) for each in values if isinstance(each, str | Path)]
+    for option, path in written.items():
+        if any(each.is_file() and each.samefile(path) for each in read):
+            raise AmbkitError(f"{option}: {path} is read by this command, and would be overwritten")
+
+
+BearingName = Annotated[
+    str, typer.Argument(metavar="BEARING", help="A preset's name, or a TOML file.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON, in SI units, for machines.")]
+Plot = Annotated[
+    Path | None, file_option("Draw a picture: .png, .svg or .html.", PICTURES, "--plot")
+]
+MapFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--map",
+        metavar="MAP.toml",
+        help="Channel map: what is what in a log; 'ambkit read --guess' proposes one.",
+    ),
+]
+ExpertFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--expert",
+        metavar="FILE",
+        help="Expert of the adaptive filter, from 'ambkit train', or a force map, points of iu, x "
+        "and f_mag (.csv); trained anew without it.",
+    ),
+]
+
+
+def find_bearing(text: str) -> Bearing:
+    """Return the preset, or the bearing in the TOML file, that the user named.
+
+    Raises
+    ------
+    AmbkitError
+        There is neither; the message names the nearest preset. Or the file is not valid.
+    """
+    from ambkit.machine import presets
+    from ambkit.machine.bearing import Bearing
+
+    if text in presets.names():
+        return Bearing.preset(text)
+    if Path(text).suffix == ".toml" or os.sep in text or Path(text).exists():
+        return Bearing.load(text)
+    near = difflib.get_close_matches(text, presets.names(), 1)
+    hint = f"did you mean {near[0]}?" if near else f"there are: {', '.join(presets.names())}"
+    raise AmbkitError(f'there is no preset and no file "{text}"; {hint}')
+
+
+@contextmanager
+def arguments_of_the_user() -> Iterator[None]:
+    """Around library calls whose arguments the user gave: their ValueErrors are the user's.
+
+    Raises
+    ------
+    AmbkitError
+        With the text of the ValueError.
+    """
+    try:
+        yield
+    except ValueError as error:
+        raise AmbkitError(str(error)) from error

@@ -1,0 +1,53 @@
+"""``ambkit presets``: the bearings that come with ambkit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ambkit.base.errors import AmbkitError
+from ambkit.cli.options import Json, file_option
+
+
+def presets(
+    name: Annotated[
+        str | None, typer.Argument(metavar="NAME", help="Print this preset's TOML as it is.")
+    ] = None,
+    out: Annotated[
+        Path | None, file_option("Write the TOML to a file.", (".toml",), "--out")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """List bearings, or print one as TOML.
+
+    The bearings that come with ambkit; as TOML they are ready to be edited.
+
+    For example:
+      ambkit presets zittau_axial > my.toml
+    """
+    from ambkit.base import files
+    from ambkit.cli import output
+    from ambkit.machine import presets as collection
+    from ambkit.machine.bearing import Bearing
+
+    if name is None:
+        if out is not None:
+            raise AmbkitError("--out needs the NAME of a preset")
+        known = [Bearing.preset(each) for each in collection.names()]
+        data = [{"name": b.name, "description": b.description, "source": b.source} for b in known]
+        rows = [[b["name"], b["description"]] for b in data]
+        shown = output.table("Presets", ["name", "what"], rows, wide=True)
+        output.deliver(data, [shown], as_json=json)
+        return
+    text = collection.text(name)
+    if json:
+        content = {"name": name, "bearing": Bearing.preset(name).model_dump(), "toml": text}
+    write = [(out, lambda path: files.write_text(path, text))]
+    if json:
+        output.deliver(content, [], write, as_json=True)
+    elif out is not None:
+        output.deliver(None, [], write, as_json=False)
+    else:
+        print(text, end="")

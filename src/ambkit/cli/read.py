@@ -1,0 +1,191 @@
+"""``ambkit read``: a rig's log into a record, with an account of its faults."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ambkit.base.errors import AmbkitError
+from ambkit.cli.options import RECORDS, Json, MapFile, Plot, file_option, quantity
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from ambkit.data.reading import Fault, Reading, Refused
+
+LISTED = 4
+"""Faults of a kind in the printed table; the rest is summed up."""
+
+
+def read(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE", help="The log: .csv, .txt, .parquet, .mat, .h5, .mf4 and the like."
+        ),
+    ],
+    channel_map: MapFile = None,
+    guess: Annotated[
+        bool, typer.Option("--guess", help="Propose a channel map, on stdout, and read no record.")
+    ] = False,
+    resample: Annotated[
+        bool,
+        typer.Option(
+            "--resample", help="Put signals of several clocks, or of an uneven one, on one grid."
+        ),
+    ] = False,
+    sampling_time: Annotated[
+        float | None,
+        typer.Option(
+            parser=quantity("s"),
+            metavar="TIME",
+            help="With --resample: the grid's step, if not the clock's own.",
+        ),
+    ] = None,
+    segment: Annotated[
+        int | None,
+        typer.Option(min=1, metavar="N", help="Of a clock that jumps, read the part number N."),
+    ] = None,
+    missing: Annotated[
+        str,
+        typer.Option(
+            metavar="KINDS", help="Take as missing: saturated, frozen, spike; several with commas."
+        ),
+    ] = "",
+    out: Annotated[
+        Path | None, file_option("Write the record: .csv or .parquet.", RECORDS, "--out")
+    ] = None,
+    plot: Plot = None,
+    json: Json = False,
+) -> None:
+    """Read a rig's log, and say what is wrong with it.
+
+    Rate, jitter, gaps and jumps of its clock; missing, saturated, frozen and coarse stretches and
+    spikes of its channels; and what was done about each. Nothing is dropped or resampled unless
+    asked for.
+    Of a log that is refused, --plot shows where the trouble is.
+
+    For example:
+      ambkit read log.csv --guess > map.toml
+      ambkit read log.csv --map map.toml --out log.parquet --plot log.png
+    """
+    from ambkit.cli import output
+    from ambkit.data.reading.reader import read as read_log
+    from ambkit.data.reading.refusals import Refused
+    from ambkit.show import plots
+    from ambkit.show.plots.reading import reading_figure
+
+    if guess:
+        if channel_map or out or plot:
+            raise AmbkitError("--guess proposes a map and reads no record: use it alone")
+        _print_guess(file, as_json=json)
+        return
+    if sampling_time is not None and not resample:
+        raise AmbkitError("--sampling-time is the step to resample to: add --resample")
+    kinds = [kind.strip() for kind in missing.split(",") if kind.strip()]
+    try:
+        with output.progress(f"reading {file.name}") as done:
+            reading = read_log(
+                file,
+                channel_map,
+                resample=resample,
+                sampling_time=sampling_time,
+                segment=segment,
+                missing=kinds,
+                told=done,
+            )
+    except Refused as error:
+        if plot is None:
+            raise
+        _draw_refused(error, plot)
+        raise typer.Exit(2) from None
+    output.deliver(
+        reading.to_dict(),
+        _tables(reading),
+        [
+            (out, reading.record.save),
+            (plot, lambda path: plots.save_figure(reading_figure(reading), path)),
+        ],
+        as_json=json,
+    )
+
+
+def _draw_refused(error: Refused, plot: Path) -> None:
+    """Say why a log is refused, and draw where."""
+    from ambkit.cli import output
+    from ambkit.show import plots
+    from ambkit.show.plots.refused import refused_figure
+
+    output.note(f"ambkit: {error}")
+    figure = refused_figure(error)
+    if figure is None:
+        output.note(f"{plot} is not written: there is nothing to be drawn")
+        return
+    plots.save_figure(figure, plot)
+    output.note(f"wrote {plot}: what could be read, and where the trouble is; no record is written")
+
+
+def _print_guess(file: Path, *, as_json: bool) -> None:
+    from ambkit.cli import output
+    from ambkit.data.reading.guess import guess
+
+    with output.progress(f"reading {file.name}") as done:
+        found = guess(file, told=done)
+    if as_json:
+        output.deliver({"map": found}, [], as_json=True)
+    else:
+        print(found, end="")
+
+
+def _tables(reading: Reading) -> list[Any]:
+    from ambkit.cli.output import table, value
+
+    record = reading.record
+    about = [["record", f"{len(record)} samples every {value(record.sampling_time, 's')}"]]
+    about += [[f"clock {name}", clock.in_words()] for name, clock in reading.clocks.items()]
+    about += [["", remark] for remark in reading.remarks]
+    channels = [
+        [
+            each.name,
+            value(each.least, each.unit),
+            value(each.greatest, each.unit),
+            value(each.mean, each.unit),
+            value(each.noise, each.unit, 3),
+            value(each.resolution, each.unit, 3) if each.resolution else "–",
+            str(each.missing) if each.missing else "–",
+        ]
+        for each in reading.channels
+    ]
+    heads = ["channel", "least", "greatest", "mean", "noise rms", "steps of", "missing"]
+    shown = [table(Path(reading.source).name, ["", ""], about, wide=True)]
+    shown.append(table("Channels", heads, channels))
+    if not reading.faults:
+        return [*shown, "no faults found"]
+    rows = [row for found in _grouped(reading.faults) for row in _rows(found, record.sampling_time)]
+    heads = ["channel", "fault", "from", "to", "samples", "what, and what was done"]
+    return [*shown, table("Faults", heads, rows, wide=True)]
+
+
+def _grouped(faults: Iterable[Fault]) -> list[list[Fault]]:
+    """Put faults of one kind on one channel together."""
+    groups: dict[tuple[str, str], list[Fault]] = {}
+    for fault in faults:
+        groups.setdefault((fault.signal, fault.kind), []).append(fault)
+    return list(groups.values())
+
+
+def _rows(faults: Sequence[Fault], step: float) -> Iterator[list[str]]:
+    from ambkit.data.reading.clock import instant
+
+    shown = faults if len(faults) <= LISTED + 1 else faults[:LISTED]
+    for fault in shown:
+        span = instant(fault.start, step), instant(fault.stop, step)
+        what = f"{fault.text}; {fault.action}"
+        yield [fault.signal, fault.kind, *span, str(fault.samples), what]
+    rest = faults[len(shown) :]
+    if rest:
+        span = instant(rest[0].start, step), instant(rest[-1].stop, step)
+        what = f"in {len(rest)} more stretches, which --json lists"
+        yield ["", "", *span, str(sum(fault.samples for fault in rest)), what]

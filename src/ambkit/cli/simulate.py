@@ -1,0 +1,195 @@
+"""``ambkit simulate``: a bearing and a scenario make a record."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ambkit.cli.family import NAMES, known
+from ambkit.cli.options import (
+    RECORDS,
+    BearingName,
+    ExpertFile,
+    Json,
+    Plot,
+    file_option,
+    find_bearing,
+    quantity,
+)
+
+if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
+    from ambkit.simulation.run import Run
+
+
+def simulate(
+    bearing: BearingName,
+    scenario: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.toml",
+            help="What happens; 'ambkit check --schema scenario'. What its [controller] does not "
+            "say, all of it without one, is tuned for the bearing.",
+        ),
+    ] = None,
+    estimator: Annotated[
+        str,
+        typer.Option(
+            callback=lambda name: name if name == "none" else known(name),
+            metavar="NAME",
+            help=f"none, {', '.join(NAMES)}; the controller is fed by it unless the scenario "
+            "says otherwise.",
+        ),
+    ] = "linear",
+    expert: ExpertFile = None,
+    magnet: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.csv",
+            help="Force map of the true magnet, points of iu, x and f_mag, which the estimators do "
+            "not know: they know the bearing's.",
+        ),
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(parser=quantity("s"), metavar="TIME", help='Such as "0.5 s".')
+    ] = None,
+    step: Annotated[
+        float | None,
+        typer.Option(
+            parser=quantity("m"),
+            metavar="LENGTH",
+            help="Step of the reference, after a tenth of the run.",
+        ),
+    ] = None,
+    reference: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Reference r of a record, such as 'ambkit excite' writes; for as long as it is.",
+        ),
+    ] = None,
+    load: Annotated[
+        float | None,
+        typer.Option(
+            parser=quantity("N"), metavar="FORCE", help="Load on the rotor, after half of the run."
+        ),
+    ] = None,
+    seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="Seed of the noise.")] = None,
+    out: Annotated[
+        Path | None, file_option("Write the record: .csv or .parquet.", RECORDS, "--out")
+    ] = None,
+    plot: Plot = None,
+    json: Json = False,
+) -> None:
+    """Simulate a bearing in closed loop.
+
+    With its nonlinear magnet, noise, sensor lag, current limit and stops.
+
+    For example:
+      ambkit simulate zittau_axial --step "0.5 mm" --load "3 N" --out run.csv --plot run.png
+    """
+    from ambkit.base.errors import AmbkitError
+    from ambkit.cli import output
+    from ambkit.cli.family import factories, scenario_of, surface_in
+    from ambkit.show import plots
+    from ambkit.simulation.run import simulate_run
+
+    with_one = estimator != "none"
+    plant = find_bearing(bearing)
+    happening = scenario_of(
+        plant,
+        scenario,
+        duration=duration,
+        step=step,
+        load=load,
+        seed=seed,
+        reference=reference,
+        from_estimate=with_one,
+    )
+    if not with_one and happening.controller.feedback == "estimate":
+        raise AmbkitError(
+            f'{scenario}: the controller is fed by the estimate (controller.feedback = "estimate"),'
+            " so --estimator cannot be none"
+        )
+    built = factories([estimator] if with_one else [], plant, expert)
+    kalman = built[estimator]() if with_one else None
+    true = None if magnet is None else surface_in(magnet, plant)
+    with output.progress("simulating"):
+        run = simulate_run(plant, happening, estimator=kalman, magnet=true)
+    data = _summary(run, plant)
+    output.deliver(
+        data,
+        [_table(data, plant)],
+        [
+            (out, run.record.save),
+            (plot, lambda path: plots.save_figure(plots.simulation_figure(run, plant), path)),
+        ],
+        as_json=json,
+    )
+    if data["samples_at_the_stop"]:
+        output.note(_of_the_stop(run, plant))
+
+
+def _of_the_stop(run: Run, bearing: Bearing) -> str:
+    """Say when the rotor touched a stop, and what may help."""
+    import numpy as np
+
+    from ambkit.cli.output import value
+
+    record, travel = run.record, bearing.rotor.travel_limit
+    touched = record.meta["stop_touched"]
+    there = np.abs(record["x"]) >= travel  # not those at which it left before the sample's end
+    first = f", first at {value(record.t[int(np.argmax(there))], 's')}" if there.any() else ""
+    return (
+        f"the rotor touched the stop at {value(travel, 'm')} in {touched} of {len(record)} "
+        f"samples{first}: does the controller suit the bearing ([controller] in the file of "
+        "--scenario)? Or take a smaller step or load"
+    )
+
+
+def _summary(run: Run, bearing: Bearing) -> dict[str, Any]:
+    import numpy as np
+
+    from ambkit.judge.comparison import JUDGED, rmse
+
+    record, estimate = run.record, run.estimate
+    found: dict[str, Any] = {
+        "bearing": bearing.name,
+        "samples": len(record),
+        "duration": record.t[-1],
+        "seed": record.meta["seed"],
+        "greatest_displacement": np.max(np.abs(record["x"])),
+        "greatest_current": np.max(np.abs(record["iu"])),
+        "samples_at_the_current_limit": int(
+            np.sum((record["iu"] >= bearing.current_max) | (record["iu"] <= bearing.current_min))
+        ),
+        "samples_at_the_stop": record.meta["stop_touched"],
+    }
+    if estimate is not None:
+        found["estimator"] = estimate.estimator
+        found["rmse"] = {name: rmse(estimate, record, name) for name in JUDGED}
+        found["nis"] = np.mean(estimate.nis[1:])
+    return found
+
+
+def _table(data: dict[str, Any], bearing: Bearing) -> Any:
+    from ambkit.cli.output import table, value
+
+    rows = [
+        ["duration", f"{value(data['duration'], 's')}, {data['samples']} samples"],
+        ["greatest displacement", value(data["greatest_displacement"], "m")],
+        ["  at the stop", f"{data['samples_at_the_stop']} samples"],
+        ["greatest control current", value(data["greatest_current"], "A")],
+        ["  at its limit", f"{data['samples_at_the_current_limit']} samples"],
+    ]
+    if "rmse" in data:
+        errors = data["rmse"]
+        rows += [
+            [f"{data['estimator']}: RMSE of x", value(errors["x"], "m")],
+            ["  RMSE of v", value(errors["v"], "m/s")],
+            ["  RMSE of F_St", value(errors["f_d"], "N")],
+            ["  mean NIS (1: consistent)", f"{data['nis']:.3f}"],
+        ]
+    return table(f"{bearing.name}, seed {data['seed']}", ["", ""], rows)

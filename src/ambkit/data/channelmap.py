@@ -1,0 +1,333 @@
+"""The channel map: which row or column of a log is which signal, and what its numbers mean.
+
+::
+
+    array = "logouts"              # the array in the .mat that holds the channels
+
+    [signals.t]
+    row = 0
+    unit = "s"
+
+    [signals.y]                    # y = 10 mm - z: distance from the magnet, turned around
+    row = 2
+    unit = "m"
+    sign = -1
+    offset = "10 mm"
+
+    [signals.u]                    # a current stands for the control signal at 1 V/A
+    row = 4
+    unit = "A"
+    scale = "1 V/A"
+    offset = "-0.94 V"
+
+Of each number in the log, ``value = sign * scale * number * unit + offset``, in SI. So what ties a
+log to a bearing, such as the point around which the bearing is described, is data, not code.
+
+A channel that the logger wrote too late has a ``delay``, and is shifted by it. A channel with a
+clock of its own names that with ``time``; a log without times has ``sampling_time``.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from ambkit.base import units
+from ambkit.base.config import Document, Part, Read
+from ambkit.base.config.quantities import Quantity
+from ambkit.base.config.texts import Description, Line, Name
+from ambkit.base.errors import RecordError
+from ambkit.data.files import timestamps
+from ambkit.data.files.log import Log
+from ambkit.data.files.time_layouts import pattern
+from ambkit.data.signals import UNITS, si_unit
+
+Array = NDArray[np.float64]
+Index = Annotated[int, Field(ge=0, strict=True)]
+
+_SCALE = re.compile(r"\s*(\S+)\s+(\S.*?)\s*")
+
+
+class Mapped(NamedTuple):
+    """The signals that a channel map found in a log."""
+
+    signals: Mapping[str, Array]
+    """Each signal (n,) in SI, without the clocks."""
+    units: Mapping[str, str]
+    """SI unit of each."""
+    clocks: Mapping[str, Array]
+    """The times of samples (n,) [s], by the name of the clock; ``t`` first, where it is there."""
+    clock_of: Mapping[str, str]
+    """The clock of each signal."""
+    delays: Mapping[str, float]
+    """How much too late the logger wrote a signal [s], where it did."""
+    meta: dict[str, Any]
+    """The map's name and source."""
+    remarks: tuple[str, ...] = ()
+    """How times were read that are text."""
+
+
+class Channel(Part):
+    """One signal: where it stands in the log, and what its numbers mean."""
+
+    row: Index | None = None
+    """Row of the array, from 0, where each sample is a column of it."""
+    column: Index | Annotated[Line, Field(min_length=1)] | None = None
+    """Column of the array, from 0, where each sample is a row; of a table its name or place."""
+    array: Line | None = None
+    """The array in the file, where it is not the map's own; alone, it must be a vector."""
+    unit: Line
+    """Unit of the numbers in the log, such as "mm"."""
+    scale: float | Line = 1.0
+    """Factor; with a unit where it makes one quantity of another, such as "2 A/V"."""
+    sign: Annotated[int, Field(strict=True)] = 1
+    """1, or -1 where the log counts the other way."""
+    offset: Line = ""
+    """Added in the end, with its unit, such as "10 mm"."""
+    delay: Annotated[float, Quantity("s", "0.25 ms")] = 0.0
+    """How much later than it was the logger wrote it [s]; the signal is shifted back by that."""
+    format: Line = ""
+    """Of times as text, how they are written, such as "%d.%m.%Y %H:%M:%S.%f"; most are known."""
+    time: Name | None = None
+    """The signal of this map that has the times of its samples, where that is not ``t``."""
+
+    @property
+    def si_unit(self) -> str:
+        """SI unit of the signal."""
+        return si_unit(_scaled_unit(self.unit, self.scale))
+
+    def value(self, numbers: Array) -> Array:
+        """Turn the log's numbers into the signal, in SI."""
+        gain = self.sign * _factor(self.unit, self.scale, self.si_unit)
+        offset = units.parse(self.offset, self.si_unit) if self.offset else 0.0
+        return gain * numbers + offset if offset or gain != 1.0 else numbers
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        if isinstance(read("row"), int) and isinstance(read("column"), int | str):
+            yield "column", "give either row or column"
+        if read("sign") not in (1, -1) and isinstance(read("sign"), int):
+            yield "sign", f"must be 1 or -1, is {read('sign')}"
+        layout = read("format")
+        if isinstance(layout, str) and layout:
+            if read("unit") != "s":
+                yield "format", 'is of times as text, which are read as seconds: unit = "s"'
+            try:
+                pattern(layout)
+            except ValueError as error:
+                yield "format", str(error)
+        unit, scale, offset = read("unit"), read("scale"), read("offset")
+        if scale == 0.0:
+            yield "scale", "must not be 0"
+        key = "unit"
+        try:
+            si_unit(unit if isinstance(unit, str) else "1")
+            if isinstance(unit, str) and isinstance(scale, str | float):
+                key = "scale"
+                si = si_unit(_scaled_unit(unit, scale))
+                _factor(unit, scale, si)
+                key = "offset"
+                units.parse(offset, si) if offset and isinstance(offset, str) else 0.0
+        except ValueError as error:
+            yield key, str(error)
+
+
+class ChannelMap(Document):
+    """What the channels of a log mean; read from TOML with `load` or `from_toml`."""
+
+    name: Name = ""
+    """What kind of log this is for."""
+    source: Description = ""
+    """Where such logs come from."""
+    array: Line | None = None
+    """The array in the file that holds the channels."""
+    sampling_time: Annotated[float, Quantity("s", "0.1 ms", above=0)] | None = None
+    """Time between samples [s], of a log without times; or with times that mean nothing."""
+    signals: dict[Annotated[Name, Field(min_length=1)], Channel]
+    """The signals by name; ``t`` is the time."""
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        signals = read("signals")
+        if not isinstance(signals, dict):
+            return
+        even = isinstance(read("sampling_time"), float) and read("sampling_time") > 0
+        if "t" not in signals and not even:
+            yield "signals", "t, the time, is missing; without one, give sampling_time"
+        if "t" in signals and even:
+            yield "sampling_time", "give either sampling_time or signals.t"
+        for name, channel in signals.items():
+            if not isinstance(channel, Channel):
+                continue
+            place = f"signals.{name}"
+            if UNITS.get(name, channel.si_unit) != channel.si_unit:
+                what = f"makes {name} a quantity in {channel.si_unit}, it is one in {UNITS[name]}"
+                yield f"{place}.unit", what
+            clock = signals.get(channel.time) if channel.time else None
+            if channel.time and (channel.time == name or not isinstance(clock, Channel)):
+                yield f"{place}.time", f"there is no other signal {channel.time} in this map"
+            elif clock and clock.si_unit != "s":
+                yield f"{place}.time", f"{channel.time} is a quantity in {clock.si_unit}, not in s"
+            elif channel.time and even:
+                yield f"{place}.time", "with sampling_time there is no other clock"
+
+    @property
+    def texts(self) -> tuple[str | int, ...]:
+        """The columns that hold times as text, in a format that the map says."""
+        formatted = [c for c in self.signals.values() if c.format]
+        found = (self.array if c.column is None else c.column for c in formatted if not c.array)
+        arrays = (c.array for c in formatted if c.array)
+        return tuple(each for each in (*found, *arrays) if each is not None)
+
+    @property
+    def wanted(self) -> tuple[str | int, ...]:
+        """What the map reads of a file: names of arrays or columns, and places of columns."""
+        found: list[str | int] = []
+        for channel in self.signals.values():
+            array = channel.array or self.array
+            if isinstance(channel.column, str):
+                found.append(channel.column)
+            elif array is not None:
+                found.append(array)
+            elif channel.column is not None:
+                found.append(channel.column)
+        return tuple(dict.fromkeys(found))
+
+    def apply(self, log: Log) -> Mapped:
+        """Pick the signals out of a log; see `pick`.
+
+        Raises
+        ------
+        RecordError
+            The log lacks an array, row or column, a signal is not as long as its clock, or it has
+            another clock in the file.
+        """
+        mapped, problems = self.pick(log)
+        if problems:
+            raise RecordError(problems, log.name)
+        return mapped
+
+    def pick(self, log: Log) -> tuple[Mapped, list[str]]:
+        """Pick those signals out of a log that are there.
+
+        Parameters
+        ----------
+        log : Log
+            What the file holds.
+
+        Returns
+        -------
+        Mapped
+            Signals in SI, each with its clock; they are not shifted yet.
+        list of str
+            What keeps them from being used.
+        """
+        values: dict[str, Array] = {}
+        remarks: list[str] = []
+        problems: list[str] = []
+        for name, channel in self.signals.items():
+            try:
+                values[name] = channel.value(self._numbers(channel, log, remarks))
+            except RecordError as error:
+                for each in error.problems:
+                    placed = each.startswith(f"{log.name}:")
+                    problems.append(each if placed else f"{log.name}: signal {name}: {each}")
+        clock_names = {"t", *(c.time for c in self.signals.values() if c.time)}
+        signals = {name: v for name, v in values.items() if name not in clock_names}
+        clock_of = {name: self.signals[name].time or "t" for name in signals}
+        clocks = {name: v for name, v in values.items() if name in clock_names}
+        if self.sampling_time is not None:
+            n = max((v.size for v in signals.values()), default=0)
+            clocks["t"] = self.sampling_time * np.arange(n, dtype=np.float64)
+        if not problems:
+            problems = list(self._of_other_clocks(log, signals, clocks, clock_of))
+        about = {"log": self.name, "origin": self.source}
+        mapped = Mapped(
+            signals,
+            {name: self.signals[name].si_unit for name in signals},
+            clocks,
+            clock_of,
+            {name: c.delay for name, c in self.signals.items() if c.delay and name in signals},
+            {key: text for key, text in about.items() if text},
+            tuple(dict.fromkeys(remarks)),
+        )
+        return mapped, problems
+
+    def _of_other_clocks(
+        self,
+        log: Log,
+        signals: Mapping[str, Array],
+        clocks: dict[str, Array],
+        clock_of: dict[str, str],
+    ) -> Iterator[str]:
+        """Say which signals have another clock than the map says, and give them their own."""
+        for name, values in signals.items():
+            clock = clock_of[name]
+            place = f"{log.name}: signal {name}"
+            own, used = log.clocks.get(self._name(name) or ""), self._name(clock)
+            if own is not None and own != used and self.sampling_time is None:
+                clocks[own], clock_of[name] = log.arrays[own], own
+                yield (
+                    f'{place}: has the clock "{own}" in the file, and {clock} is "{used}"; give it '
+                    f'a clock of its own: time = "t_{name}", and [signals.t_{name}] with column = '
+                    f'"{own}"'
+                )
+            elif values.shape != clocks[clock].shape:
+                yield (
+                    f"{place} has shape {values.shape}, its time {clock} has {clocks[clock].shape}"
+                )
+
+    def _name(self, signal: str) -> str | None:
+        """Name of the array or column in which a signal stands."""
+        channel = self.signals.get(signal)
+        if channel is None:
+            return None
+        return channel.column if isinstance(channel.column, str) else channel.array or self.array
+
+    def _numbers(self, channel: Channel, log: Log, remarks: list[str]) -> Array:
+        name = channel.column if isinstance(channel.column, str) else channel.array or self.array
+        if name is None and isinstance(channel.column, int) and log.order:
+            name = log.order[channel.column]
+            if name in log.arrays:
+                return log.arrays[name]
+        if name is not None and name in log.texts:
+            if channel.unit != "s":
+                raise RecordError(f'{name} holds times as text, which are seconds: unit = "s"')
+            moments = timestamps.read(log.texts[name], channel.format, name, log.place)
+            remarks += moments.remarks
+            return moments.seconds
+        if name is None:
+            raise RecordError("the channel map does not say which array, or which column by name")
+        if name not in log.arrays:
+            raise RecordError(f"there is no {name}; there is {', '.join(log.arrays) or 'nothing'}")
+        array = log.arrays[name]
+        if isinstance(channel.row, int):
+            return _pick(array, 0, channel.row, f"{name} has no row")
+        if isinstance(channel.column, int):
+            return _pick(array, 1, channel.column, f"{name} has no column")
+        if array.size != max(array.shape):
+            raise RecordError(f"{name} has shape {array.shape}: which row or column is it?")
+        return array.ravel()
+
+
+def _pick(array: Array, axis: int, index: int, complaint: str) -> Array:
+    if array.ndim == 1 and index == 0:  # some readers drop the other dimension
+        return array
+    if array.ndim != 2 or index >= array.shape[axis]:
+        raise RecordError(f"{complaint} {index}, its shape is {array.shape} (counted from 0)")
+    return array[index] if axis == 0 else array[:, index]
+
+
+def _scaled_unit(unit: str, scale: float | str) -> str:
+    """Return the unit of number times scale."""
+    match = _SCALE.fullmatch(scale) if isinstance(scale, str) else None
+    return f"({unit}) * ({match[2]})" if match else unit
+
+
+def _factor(unit: str, scale: float | str, to: str) -> float:
+    if isinstance(scale, str):
+        return units.parse(scale, "1" if unit == to else f"({to}) / ({unit})")
+    return scale * units.factor(unit, to)

@@ -1,0 +1,271 @@
+"""How a CSV is written: its separator, decimal sign, header, unit row, found by looking at it.
+
+Loggers disagree on all of these. Of every separator and decimal sign that are possible, that pair
+is taken under which most cells of the first lines are numbers; where the numbers begin, the header
+ends.
+"""
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from ambkit.base.escaping import one_line
+from ambkit.data.files.time_layouts import layouts
+
+_NO_NUMBER = (
+    *("nan", "-nan", "+nan", "nan()", "nan(ind)", "-nan(ind)", "nan(snan)"),
+    *("na", "n/a", "#n/a", "#nv", "null", "none", "nil", "missing", "nodata", "no data", "invalid"),
+    *("1.#qnan", "-1.#qnan", "1.#ind", "-1.#ind", "1.#ind00", "-1.#ind00", "1.#qnan0"),
+    *("#value!", "#div/0!", "#num!", "#wert!", "-", "--", "---", "–", "?", "*", "."),
+)
+MISSING = frozenset(
+    (
+        "",
+        "NaN",
+        "NaN()",
+        "NoData",
+        *(way(cell) for cell in _NO_NUMBER for way in (str, str.upper, str.title)),
+    )
+)
+"""How programs write that there is no number."""
+
+SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "spaces"}
+LOOKED_AT = 200  # lines
+_JUDGED = 100_000  # characters or cells of them by which the dialect is judged
+
+_WORD = re.compile(r"\S+(?: \[[^\]]*\])?")  # "y [mm]" is one
+_LABEL = re.compile(r"(.*?)\s*(?:[\[(]([^\])]*)[\])])?")
+_ENDLESS = re.compile(r"([+-]?)(?:1\.#INF\d*|∞|oo)")
+_SEP_LINE = re.compile(r'"?sep=(.)"?[;,\t]*')  # Excel says so in the first line
+_NUMBER = (
+    r"[+-]?(?:\d+(?:{0}\d*)?|{0}\d+)(?:[eEdD][+-]?\d+)?|[+-]?(?:inf|Inf|INF|infinity|Infinity)"
+)
+_NUMBERS = {sign: re.compile(_NUMBER.format(re.escape(sign))) for sign in ".,"}
+
+
+class Dialect(NamedTuple):
+    """How a CSV is written; lines count from 0."""
+
+    separator: str
+    """One of `SEPARATORS`; a space stands for any number of spaces and tabs."""
+    decimal: str
+    """``"."`` or ``","``."""
+    names: tuple[str, ...]
+    """Names of the columns; empty where the file has no header."""
+    units: tuple[str | None, ...]
+    """What the header says of the unit of each."""
+    header: int | None
+    """Line with the names."""
+    body: int
+    """First line with numbers."""
+    numeric: tuple[int, ...] = ()
+    """Places of the columns that hold numbers."""
+    closed: bool = False
+    """Whether a separator ends each line too."""
+    stamps: tuple[int, ...] = ()
+    """Places of the columns that hold times as text."""
+    passed_over: int = 0
+    """Number of lines above the numbers that are neither names, nor units, nor comments."""
+
+    @property
+    def width(self) -> int:
+        """Number of columns."""
+        return len(self.units)
+
+    def cells(self, line: str) -> list[str]:
+        """Split a line."""
+        found = split(line, self.separator)
+        return found[:-1] if self.closed and len(found) > self.width else found
+
+    def in_words(self) -> str:
+        """Say what is unusual, for the report; empty for a plain CSV."""
+        words = [f"{SEPARATORS[self.separator]} between cells"] if self.separator != "," else []
+        words += ["decimal comma"] if self.decimal == "," else []
+        if self.passed_over:
+            words.append(f"{self.passed_over} line{'s' * (self.passed_over > 1)} above the header")
+        return ", ".join(words)
+
+
+def split(line: str, separator: str) -> list[str]:
+    """Split a line into its cells, without the spaces around them."""
+    if separator == " ":
+        return _WORD.findall(line)
+    if '"' in line:
+        cells = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+    else:
+        cells = line.split(separator)
+    return [cell.strip() for cell in cells]
+
+
+def number_of(cell: str, decimal: str = ".") -> float | None:
+    """Read a cell; None where it is no number. A missing one is NaN."""
+    if cell in MISSING:
+        return float("nan")
+    if endless := _ENDLESS.fullmatch(cell):  # as Windows and some instruments write it
+        return float(f"{endless[1]}inf")
+    if not _NUMBERS[decimal].fullmatch(cell):
+        return None
+    return float(cell.replace(decimal, ".").translate(_EXPONENT))
+
+
+_EXPONENT = str.maketrans("dD", "ee")  # as Fortran writes it
+
+
+def find(lines: Sequence[str]) -> Dialect | None:
+    """Find out how a CSV is written.
+
+    Parameters
+    ----------
+    lines : sequence of str
+        The first lines of the file, comments too.
+
+    Returns
+    -------
+    Dialect or None
+        None where there is not one line with something in it.
+    """
+    said = _SEP_LINE.fullmatch(lines[0].strip(" ")) if lines else None
+    numbered = [
+        (n, line)
+        for n, line in enumerate(lines)
+        if line.strip() and line[0] != "#" and not (said and n == 0)
+    ]
+    if not numbered:
+        return None
+    known = [said[1]] if said and said[1] in SEPARATORS else SEPARATORS
+    pairs = [(sep, sign) for sep in known for sign in ".," if sep != sign]
+    judged = _few([line for _, line in numbered])
+    separator, decimal = max(pairs, key=lambda pair: _score(judged, *pair))
+    rows = [(n, split(line, separator)) for n, line in numbered]
+    if not any(_is_number(cell, decimal) for _, row in rows for cell in row):
+        # Not one number: a header alone.
+        separator = max(",;\t|", key=numbered[0][1].count)
+        header = split(numbered[0][1], separator)
+        names, units = zip(*map(_label, header), strict=True)
+        line = numbered[0][0]
+        return Dialect(separator, ".", names, units, line, line + 1, tuple(range(len(names))))
+    found = _header(rows, separator, decimal)
+    return found if found.names else _named_by_a_comment(found, lines)
+
+
+def _few(rows: Sequence[Any]) -> Sequence[Any]:
+    """Return the first of some lines or rows: of very long ones a few say as much."""
+    longest = max(map(len, rows))
+    return rows[: max(8, _JUDGED // longest)]
+
+
+def _named_by_a_comment(found: Dialect, lines: Sequence[str]) -> Dialect:
+    """Take the names from the comment above the numbers, where they stand there (NumPy's way)."""
+    above = next((n for n in range(found.body - 1, -1, -1) if lines[n].startswith("#")), None)
+    if above is None:
+        return found
+    cells = split(lines[above].lstrip("# "), found.separator)
+    if len(cells) != found.width or found.width < 2 or ":" in lines[above]:
+        return found
+    if not all(cells) or any(_is_number(cell, found.decimal) for cell in cells):
+        return found
+    names, units = zip(*map(_label, cells), strict=True)
+    return found._replace(names=names, units=units, header=above)
+
+
+def _score(lines: Sequence[str], separator: str, decimal: str) -> tuple[float, int, int]:
+    """Count the cells that are numbers, where they are most of their line."""
+    rows = [split(line, separator) for line in lines]
+    width = Counter(map(len, rows)).most_common(1)[0][0]
+    score = 0.0
+    for row in rows:
+        filled = [cell for cell in row if cell not in MISSING]
+        if len(row) == width and filled:
+            numbers = sum(_is_number(cell, decimal) for cell in filled)
+            score += numbers * (numbers / len(filled)) ** 2
+    # With equal scores the separator that more lines have is right: "1 2" is not one cell.
+    # With equal widths too, that under which the header has it as well.
+    return score, width, sum(len(row) == width for row in rows)
+
+
+def _header(rows: list[tuple[int, list[str]]], separator: str, decimal: str) -> Dialect:
+    """Find the names and units above the numbers."""
+    with_numbers = [row for _, row in rows if any(_is_number(c, decimal) for c in row)]
+    width = Counter(map(len, with_numbers)).most_common(1)[0][0]
+    closed = width > 1 and not any(row[-1] for _, row in rows if len(row) == width)
+    if closed:  # a separator ends each line
+        width -= 1
+        rows = [(n, row[:-1] if len(row) > width else row) for n, row in rows]
+        with_numbers = [row for _, row in rows if any(_is_number(c, decimal) for c in row)]
+    whole = _few([row for row in with_numbers if len(row) == width])
+    numeric = [
+        k
+        for k in range(width)
+        if sum(number_of(row[k], decimal) is not None for row in whole) > 0.5 * len(whole)
+        and any(_is_number(row[k], decimal) for row in whole)
+    ]
+
+    known = set(numeric)
+    stamps = tuple(
+        k
+        for k in range(width)
+        if k not in known
+        and sum(bool(layouts(row[k])) for row in whole) > 0.5 * sum(bool(row[k]) for row in whole)
+    )
+    places = tuple(numeric)
+
+    def holds_numbers(row: list[str]) -> bool:
+        if len(row) != width or any(number_of(row[k], decimal) is None for k in numeric):
+            return False
+        # Dashes alone are units of plain numbers.
+        return not any(row) or any(_is_number(row[k], decimal) for k in numeric)
+
+    first = next(k for k, (_, row) in enumerate(rows) if holds_numbers(row))
+    titles = [
+        k
+        for k, (_, row) in enumerate(rows[:first])
+        if len(row) == width and not any(_is_number(cell, decimal) or layouts(cell) for cell in row)
+    ]
+    if not titles:
+        unnamed = (None,) * width
+        return Dialect(separator, decimal, (), unnamed, None, rows[0][0], places, closed, stamps)
+    above, last = titles[-2:] if len(titles) > 1 else (titles[-1], titles[-1])
+    if above == last or last != above + 1 or not _are_units(rows[last][1]):
+        header = last
+        names, units = zip(*map(_label, rows[header][1]), strict=True)
+    else:
+        header = above
+        names = tuple(_label(cell)[0] for cell in rows[header][1])
+        cells = rows[last][1]
+        units = (None,) * width if set(cells) <= {"-", ""} else tuple(map(_bare, cells))
+    # A damaged line right below the header belongs to the numbers, so that it is complained of.
+    body = rows[last + 1][0]
+    place = rows[header][0]
+    return Dialect(separator, decimal, names, units, place, body, places, closed, stamps, header)
+
+
+def _label(label: str) -> tuple[str, str | None]:
+    """Split ``"y [mm]"`` into the name and the unit, None without one."""
+    label = one_line(label)
+    match = _LABEL.fullmatch(label)
+    return (match[1], match[2]) if match else (label, None)
+
+
+def _are_units(row: Sequence[str]) -> bool:
+    """Whether all the cells of a row are units, and at least one is more than empty."""
+    from ambkit.data.signals import si_unit
+
+    bare = [_bare(cell) for cell in row]
+    for unit in filter(None, bare):
+        try:
+            si_unit(unit)
+        except ValueError:
+            return False
+    return any(bare)
+
+
+def _bare(cell: str) -> str | None:
+    """Return a unit without the brackets around it, None where there is none."""
+    unit = cell.strip("[](){}<> ")
+    return unit or None
+
+
+def _is_number(cell: str, decimal: str) -> bool:
+    return cell not in MISSING and number_of(cell, decimal) is not None

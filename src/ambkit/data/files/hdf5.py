@@ -1,0 +1,131 @@
+"""HDF5: each data set of numbers by its path, ``rig/current``, with the unit that it carries."""
+
+import os
+from collections.abc import Callable, Collection
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base import budget
+from ambkit.base.errors import AmbkitError, ExtraMissing, RecordError, shortened
+from ambkit.base.escaping import one_line
+from ambkit.data.files.log import Log, check_readable, damaged, whole_numbers
+from ambkit.data.files.timestamps import layouts_of
+
+Array = NDArray[np.float64]
+
+_LESS = " a channel map that names fewer data sets takes less;"
+_UNIT_NAMES = ("unit", "units", "Unit", "Units", "unit_string")
+
+
+def read(
+    path: str | os.PathLike[str],
+    wanted: Collection[str | int] | None = None,
+    told: Callable[[str], object] = lambda _: None,
+    lenient: bool = False,
+    texts: Collection[str | int] = (),
+) -> Log:
+    """Read data sets; see `ambkit.data.files.formats.read_log`.
+
+    A data set of a compound type gives each of its fields, ``rig/log.current``.
+    """
+    check_readable(path)
+    import pyarrow as pa
+
+    try:
+        import h5py
+    except ModuleNotFoundError:
+        raise ExtraMissing(f"{path}: an HDF5 file", "h5py", "hdf5") from None
+    arrays: dict[str, Array] = {}
+    units: dict[str, str] = {}
+    stamped: dict[str, Any] = {}
+    remarks: list[str] = []
+    try:
+        with h5py.File(path, "r") as file:
+            check_within(path, file)
+            found = _data_sets(file, h5py)
+            known = wanted is not None and set(wanted) <= set(found)
+            chosen = {k: v for k, v in found.items() if not known or k in (wanted or ())}
+            budget.check(path, sum(memory_of(*each) for each in chosen.values()), _LESS)
+            for name, (data, part) in chosen.items():
+                told(f"reading {name}")
+                values = data[()] if part is None else data[part]
+                if values.dtype.kind not in "fiub":
+                    cells = pa.array(map(_plain, values.tolist()), pa.string())
+                    if name in texts or layouts_of(cells):
+                        stamped[name] = cells
+                    continue
+                arrays[name], remark = whole_numbers(name, values)
+                remarks += remark
+                unit = next((data.attrs[k] for k in _UNIT_NAMES if k in data.attrs), None)
+                if unit is not None and part is None:
+                    units[name] = one_line(_plain(unit))
+            about = {key: _plain(value) for key, value in file.attrs.items()}
+    except AmbkitError:
+        raise
+    except Exception as error:  # h5py passes on whatever the HDF5 library says
+        raise damaged(path, error) from error
+    meta = {key: value for key, value in about.items() if isinstance(value, str | int | float)}
+    return Log(os.fspath(path), arrays, units, meta=meta, remarks=tuple(remarks), texts=stamped)
+
+
+def _data_sets(file: Any, h5py: Any) -> dict[str, tuple[Any, str | None]]:
+    """Return vectors and matrices of numbers, and vectors of text; of a compound type by field."""
+    found: dict[str, tuple[Any, str | None]] = {}
+
+    def visit(name: str, item: Any) -> None:
+        if not isinstance(item, h5py.Dataset) or item.ndim not in (1, 2):
+            return
+        if item.dtype.names:
+            for field in item.dtype.names:
+                if item.dtype[field].kind in "fiub":
+                    found[one_line(f"{name}.{field}")] = item, field
+        elif item.dtype.kind in "fiub" or (item.dtype.kind in "SO" and item.ndim == 1):
+            found[one_line(name)] = item, None
+
+    file.visititems(visit)
+    return found
+
+
+def check_within(path: str | os.PathLike[str], file: Any) -> None:
+    """Refuse an HDF5 file that has its numbers from other files: it could name any on this machine.
+
+    Raises
+    ------
+    RecordError
+        It has an external link, data in external storage, or a virtual data set.
+    """
+    import h5py
+
+    problems: list[str] = []
+
+    def see_link(name: bytes, info: Any) -> None:
+        if info.type not in (h5py.h5l.TYPE_HARD, h5py.h5l.TYPE_SOFT):
+            problems.append(f"{name.decode(errors='replace')} is a link to another file")
+
+    def see(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset):
+            if item.external:
+                problems.append(f"{name} has its numbers in {item.external[0][0]}")
+            elif item.is_virtual:
+                problems.append(f"{name} is made of data sets of other files")
+
+    file.id.links.visit(see_link, info=True)
+    file.visititems(see)
+    if problems:
+        advice = "nothing outside of the file is read: copy the numbers into it"
+        told = shortened([f"{path}: {one_line(problem)}; {advice}" for problem in problems])
+        raise RecordError(told, os.fspath(path))
+
+
+def memory_of(data: Any, part: str | None = None) -> int:
+    """Memory that a data set, or a field of it, takes as it is and as float64 [byte]."""
+    kind = data.dtype if part is None else data.dtype[part]
+    return int(data.size) * (int(kind.itemsize) + 8)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, bytes):
+        return value.decode(errors="replace")
+    return value.item() if isinstance(value, np.generic) else value

@@ -1,0 +1,179 @@
+"""What a log file holds, before a channel map gives it a meaning: arrays by name."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import RecordError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Log:
+    """Arrays as they stand in a file.
+
+    Attributes
+    ----------
+    name : str
+        What the messages call the file.
+    arrays : mapping of str to ndarray
+        The numbers by name, as float64: vectors (n,) or matrices; a missing one is NaN.
+    units : mapping of str to str
+        What the file says of the unit of each, where it does.
+    clocks : mapping of str to str
+        Name of the array with the times of each, where the file says so (MDF).
+    meta : dict
+        What else the file says.
+    order : tuple of str
+        Of a table, all its columns in order, so that a number may stand for a name.
+    remarks : tuple of str
+        What a user may want to know about how the file was read.
+    line_of : callable, optional
+        Gives the line of a sample in a text file, from 1.
+    header : int
+        Line of the names in a text file, from 1; 0 where there is none.
+    texts : mapping of str to Arrow array of strings
+        Columns of times as text, which `ambkit.data.files.timestamps` reads.
+    """
+
+    name: str
+    arrays: Mapping[str, Array]
+    units: Mapping[str, str] = field(default_factory=dict)
+    clocks: Mapping[str, str] = field(default_factory=dict)
+    meta: dict[str, Any] = field(default_factory=dict)
+    order: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+    line_of: Callable[[int], int] | None = None
+    header: int = 0
+    texts: Mapping[str, Any] = field(default_factory=dict)
+
+    def place(self, sample: int) -> str:
+        """Say where a sample stands: ``log.csv:17``, or the file alone."""
+        return self.name if self.line_of is None else f"{self.name}:{self.line_of(sample)}"
+
+    @property
+    def head(self) -> str:
+        """Where the names of the columns stand."""
+        return f"{self.name}:{self.header}" if self.header else self.name
+
+    @cached_property
+    def contents(self) -> str:
+        """What the file holds, in a line."""
+        shown = [
+            name if array.ndim == 1 and self.order else f"{name} {array.shape}"
+            for name, array in self.arrays.items()
+        ]
+        shown += [f"{name} (times as text)" for name in self.texts]
+        more = f" and {len(shown) - 30} more" if len(shown) > 30 else ""
+        return ", ".join(shown[:30]) + more or "nothing"
+
+
+class DamagedLog(RecordError):
+    """A log that can be read in part.
+
+    Parameters
+    ----------
+    problems : list of str
+        What is wrong, one line each.
+    log : Log
+        What could be read; NaN where it could not.
+    samples : tuple of int
+        Where the damage is.
+    """
+
+    def __init__(self, problems: list[str], log: Log, samples: tuple[int, ...]) -> None:
+        super().__init__(problems, log.name)
+        self.log, self.samples = log, samples
+
+
+def too_coarse(values: Array) -> bool:
+    """Whether a column (n,) rises by steps that float64 can hardly tell apart at its size.
+
+    Seconds or nanoseconds since 1970 do, at a high rate.
+    """
+    head = values[:10_000]
+    head = head[np.isfinite(head)]
+    if head.size < 3 or (largest := float(np.abs(head).max())) < 1e8:
+        return False
+    with np.errstate(over="ignore"):  # a step between the ends of all floats is infinite
+        steps = np.diff(head)
+    rising = steps[steps > 0]
+    if rising.size == 0 or np.mean(steps >= 0) < 0.9:
+        return False
+    return bool(np.finfo(np.float64).eps * largest > 1e-6 * np.median(rising))
+
+
+def whole_numbers(name: str, values: NDArray[Any]) -> tuple[Array, list[str]]:
+    """Turn integers (n,) into float64; a time that would lose digits counts from its first."""
+    numbers = np.asarray(values, dtype=np.float64)
+    if values.dtype.kind not in "iu" or values.ndim != 1 or not too_coarse(numbers):
+        return numbers, []
+    return (values - values[0]).astype(np.float64), [counted_from(name, str(values[0]))]
+
+
+FIRST = re.compile(r"(.*) counts from its first value, ([-\d.]+)")
+"""What `counted_from` says."""
+
+
+def counted_from(name: str, first: str) -> str:
+    """Say that a column counts from its first value."""
+    return f"{name} counts from its first value, {first}: as a whole it has too many digits"
+
+
+def damaged(path: str | os.PathLike[str], error: Exception) -> RecordError:
+    """Return the error for a file that a library cannot read."""
+    if isinstance(error, FileNotFoundError | PermissionError | IsADirectoryError):
+        return RecordError(f"{path}: cannot be read: {error.strerror or error}")
+    what = str(error).partition("\n")[0].partition(";")[0] or type(error).__name__
+    return RecordError(f"{path}: is damaged or cut short: {what}")
+
+
+def check_readable(path: str | os.PathLike[str]) -> None:
+    """Say in one way for all formats that a file is not there, or must not be read.
+
+    Raises
+    ------
+    RecordError
+        It cannot be opened.
+    """
+    try:
+        with open(path, "rb") as file:
+            if not file.read(1):
+                raise RecordError(f"{path}: is empty; is the file cut short?")
+    except OSError as error:
+        raise RecordError(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
+def column_names(
+    order: Sequence[str], wanted: Collection[str | int] | None, place: str
+) -> list[str]:
+    """Return the names of the wanted columns of a table; all of them if none are named.
+
+    Raises
+    ------
+    RecordError
+        There is no such column.
+    """
+    if wanted is None:
+        return list(order)
+    found: list[str] = []
+    for each in wanted:
+        if isinstance(each, int) and each >= len(order):
+            raise RecordError(f"{place}: has no column {each}, it has {len(order)} (from 0)")
+        name = order[each] if isinstance(each, int) else each
+        if name not in order:
+            twins = [other for other in order if other.startswith(f"{name}#")]
+            if twins:
+                raise RecordError(f"{place}: has several columns {name}: use {' or '.join(twins)}")
+            raise RecordError(f"{place}: has no column {name}; it has {', '.join(order)}")
+        found.append(name)
+    return list(dict.fromkeys(found))

@@ -1,0 +1,181 @@
+"""MATLAB files: version 5 by SciPy, version 7.3, which is HDF5, by pymatreader.
+
+The fields of a structure come as ``structure.field``, the elements of a structure array or a cell
+as ``structure[0].field``.
+"""
+
+import math
+import os
+import struct
+import warnings
+import zlib
+from collections.abc import Callable, Collection, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base import budget
+from ambkit.base.errors import AmbkitError, ExtraMissing
+from ambkit.base.escaping import one_line
+from ambkit.data.files.hdf5 import check_within, memory_of
+from ambkit.data.files.log import Log, check_readable, damaged, whole_numbers
+from ambkit.data.files.timestamps import layouts_of
+
+Array = NDArray[np.float64]
+
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_USER_BLOCKS = (0, 512, 1024, 2048)
+_HEADER = 128  # bytes that a MATLAB 5 file begins with; the last two tell the order of bytes
+_COMPRESSED = 15  # type of such an element
+_PART = 1 << 20
+
+
+def read(
+    path: str | os.PathLike[str],
+    wanted: Collection[str | int] | None = None,
+    told: Callable[[str], object] = lambda _: None,
+    lenient: bool = False,
+    texts: Collection[str | int] = (),
+) -> Log:
+    """Read all arrays of numbers, and times as text; see `ambkit.data.files.formats.read_log`."""
+    import pyarrow as pa
+
+    check_readable(path)
+    content = _content_of_7_3(path) if _is_7_3(path) else _content(path)
+    arrays = {
+        one_line(name): values
+        for key, value in content.items()
+        if not key.startswith("__")
+        for name, values in _flat(key, value)
+    }
+    cells = {k: pa.array(v.ravel().tolist()) for k, v in arrays.items() if v.dtype.kind == "U"}
+    arrays = {name: values for name, values in arrays.items() if name not in cells}
+    stamped = {k: v for k, v in cells.items() if k in texts or layouts_of(v)}
+    remarks: list[str] = []
+    for name, values in arrays.items():
+        if values.dtype.kind in "iu" and values.size == max(values.shape):
+            arrays[name], remark = whole_numbers(name, values.ravel())
+            remarks += remark
+    numbers = {name: np.asarray(values, dtype=np.float64) for name, values in arrays.items()}
+    chosen = numbers if wanted is None else {k: v for k, v in numbers.items() if k in wanted}
+    found = chosen if wanted is None else _lacking(numbers, chosen, {*wanted} - {*stamped})
+    return Log(os.fspath(path), found, remarks=tuple(remarks), texts=stamped)
+
+
+def _lacking(
+    arrays: dict[str, Array], chosen: dict[str, Array], wanted: Collection[str | int]
+) -> dict[str, Array]:
+    """Give all arrays where one that is wanted is not there, for the message to list them."""
+    return chosen if set(wanted) <= set(chosen) else arrays
+
+
+def _is_7_3(path: str | os.PathLike[str]) -> bool:
+    with Path(path).open("rb") as file:
+        for start in _USER_BLOCKS:
+            file.seek(start)
+            if file.read(8) == _SIGNATURE:
+                return True
+    return False
+
+
+def _content(path: str | os.PathLike[str]) -> dict[str, Any]:
+    from scipy.io import loadmat
+
+    try:
+        packed = _unpacked(Path(path))
+        budget.check(path, packed, whole=False)
+        budget.check(path, _memory_of(path, packed))
+        return dict(loadmat(os.fspath(path)))
+    except AmbkitError:
+        raise
+    except Exception as error:  # SciPy lets through whatever a damaged file makes it stumble over
+        raise damaged(path, error) from error
+
+
+def _memory_of(path: str | os.PathLike[str], unpacked: int) -> int:
+    """Memory that a MATLAB 5 file takes as it is and as float64 [byte], of its length `unpacked`.
+
+    Numbers may be stored shorter than they are, so those of arrays count by their shape. What is
+    in structures and cells is told by nothing but their bytes.
+    """
+    from scipy.io import whosmat
+
+    numbers = sum(8 * math.prod(shape) for _, shape, kind in whosmat(os.fspath(path)))
+    return numbers + max(numbers, unpacked)
+
+
+def _unpacked(path: Path) -> int:
+    """Length of a MATLAB 5 file with its elements unpacked; not counted on beyond the limit."""
+    total, most = 0, budget.limit()
+    with path.open("rb") as file:
+        order = {b"IM": "<", b"MI": ">"}.get(file.read(_HEADER)[-2:])
+        while order and len(tag := file.read(8)) == 8 and total <= most:
+            kind, size = struct.unpack(f"{order}II", tag)
+            if kind != _COMPRESSED:
+                total += size
+                file.seek(size, os.SEEK_CUR)
+                continue
+            unpack = zlib.decompressobj()
+            while size > 0 and total <= most and (part := file.read(min(size, _PART))):
+                size -= len(part)
+                while part and total <= most:
+                    total += len(unpack.decompress(part, _PART))
+                    part = unpack.unconsumed_tail
+    return total
+
+
+def _content_of_7_3(path: str | os.PathLike[str]) -> dict[str, Any]:
+    try:
+        import h5py
+        from pymatreader import read_mat
+    except ModuleNotFoundError:
+        what = f"{path}: a MATLAB 7.3 file"
+        raise ExtraMissing(what, "pymatreader and h5py", "mat") from None
+    try:
+        with h5py.File(path, "r") as file:
+            check_within(path, file)
+            sizes: list[int] = []
+            file.visititems(
+                lambda _, item: sizes.append(memory_of(item)) if hasattr(item, "dtype") else None
+            )
+            budget.check(path, sum(sizes))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of objects that hold no numbers
+            return dict(read_mat(os.fspath(path)))
+    except AmbkitError:
+        raise
+    except Exception as error:
+        raise damaged(path, error) from error
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, np.ndarray) and value.dtype.kind == "U"
+
+
+def _flat(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Yield the arrays of numbers, and of text, within a value, by their full names."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from _flat(f"{name}.{key}", inner)
+    elif isinstance(value, np.ndarray) and value.dtype.names:
+        for place, element in enumerate(value.ravel()):
+            whole = name if value.size == 1 else f"{name}[{place}]"
+            for key in value.dtype.names:
+                yield from _flat(f"{whole}.{key}", element[key])
+    elif isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object):
+        elements = value if isinstance(value, list) else value.ravel().tolist()
+        if elements and all(isinstance(each, int | float) for each in elements):
+            yield name, np.array(elements, dtype=np.float64)
+            return
+        texts = [each.item() if _is_text(each) and each.size == 1 else each for each in elements]
+        if len(texts) > 1 and all(isinstance(each, str) for each in texts):
+            yield name, np.array(texts)
+            return
+        for place, inner in enumerate(elements):
+            yield from _flat(name if len(elements) == 1 else f"{name}[{place}]", inner)
+    elif isinstance(value, np.ndarray) and value.dtype.kind in "fiubU" and value.ndim in (1, 2):
+        yield name, value
+    elif isinstance(value, bool | int | float | np.integer | np.floating):
+        yield name, np.array([value], dtype=np.float64)

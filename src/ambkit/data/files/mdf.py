@@ -1,0 +1,111 @@
+"""MDF 4 (and 3), the format of automotive measurement: channels in groups, each with its clock.
+
+A channel has its name where that is the only one of it, and ``2/name`` with the number of its
+group. The clock of a group comes as ``time`` where there is one group, as ``2/time`` otherwise.
+"""
+
+import os
+from collections import Counter
+from collections.abc import Callable, Collection
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base import budget
+from ambkit.base.errors import AmbkitError, ExtraMissing
+from ambkit.base.escaping import one_line
+from ambkit.data.files.log import Log, check_readable, damaged
+
+Array = NDArray[np.float64]
+
+
+def read(
+    path: str | os.PathLike[str],
+    wanted: Collection[str | int] | None = None,
+    told: Callable[[str], object] = lambda _: None,
+    lenient: bool = False,
+    texts: Collection[str | int] = (),
+) -> Log:
+    """Read channels, and the clock of each; see `ambkit.data.files.formats.read_log`."""
+    check_readable(path)
+    try:
+        from asammdf import MDF
+    except ModuleNotFoundError:
+        raise ExtraMissing(f"{path}: an MDF file", "asammdf", "mdf") from None
+    try:
+        with Path(path).open("rb") as stream, MDF(stream) as file:
+            return _read(file, os.fspath(path), wanted, told)
+    except AmbkitError:
+        raise
+    except Exception as error:  # asammdf passes on whatever a damaged file makes it stumble over
+        _let_go(error)
+        raise damaged(path, error) from error
+
+
+def _let_go(error: Exception) -> None:
+    """Close what asammdf has half built: deleted without that, it complains on stderr."""
+    step = error.__traceback__
+    while step is not None:
+        half_built: Any = step.tb_frame.f_locals.get("self")
+        if type(half_built).__name__ in ("MDF4", "MDF3"):
+            with suppress(Exception):  # it lacks what it would close last
+                half_built.close()
+        step = step.tb_next
+
+
+def _read(
+    file: Any, name: str, wanted: Collection[str | int] | None, told: Callable[[str], object]
+) -> Log:
+    masters = dict(file.masters_db)
+    groups = [g for g, group in enumerate(file.groups) if group.channel_group.cycles_nr]
+    channels = [
+        (g, c, one_line(channel.name))
+        for g in groups
+        for c, channel in enumerate(file.groups[g].channels)
+        if c != masters.get(g)
+    ]
+    count = Counter(label for _, _, label in channels)
+    arrays: dict[str, Array] = {}
+    units: dict[str, str] = {}
+    clocks: dict[str, str] = {}
+    remarks: list[str] = []
+    asked = set(wanted or ())
+    labels = {(g, c): (label if count[label] == 1 else f"{g}/{label}") for g, c, label in channels}
+    times = {g: "time" if len(groups) == 1 else f"{g}/time" for g in groups}
+    all_known = asked <= {*labels.values(), *times.values()}
+    chosen = {
+        place: label
+        for place, label in labels.items()
+        if wanted is None or not all_known or label in asked or times[place[0]] in asked
+    }
+    budget.check(name, _memory_of(file, chosen), " a channel map that names fewer takes less;")
+    for (g, c), label in chosen.items():
+        clock = times[g]
+        told(f"reading {label}")
+        file.groups[g].channels[c].attachment = None  # it may be any file, and is read with it
+        signal = file.get(group=g, index=c)
+        arrays.setdefault(clock, np.asarray(signal.timestamps, dtype=np.float64))
+        units[clock] = "s"
+        if signal.samples.dtype.kind not in "fiub" or signal.samples.ndim != 1:
+            remarks.append(f"{label} holds no plain numbers: not read")
+            continue
+        values = np.array(signal.samples, dtype=np.float64)
+        if signal.invalidation_bits is not None:
+            values[np.asarray(signal.invalidation_bits, dtype=bool)] = np.nan
+            remarks.append(f"{label}: samples that the logger marked invalid are missing")
+        arrays[label] = values
+        clocks[label] = clock
+        if signal.unit:
+            units[label] = one_line(signal.unit)
+    return Log(name, arrays, units, clocks, {"start": str(file.start_time)}, remarks=tuple(remarks))
+
+
+def _memory_of(file: Any, chosen: Collection[tuple[int, int]]) -> int:
+    """Memory that channels take: the largest group as it is unpacked, and all as float64 [byte]."""
+    of = {g: file.groups[g].channel_group for g, _ in chosen}
+    width = {g: group.samples_byte_nr for g, group in of.items()}
+    whole = max((int(group.cycles_nr) * int(width[g]) for g, group in of.items()), default=0)
+    return whole + sum(16 * int(of[g].cycles_nr) for g, _ in chosen)

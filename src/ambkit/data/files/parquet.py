@@ -1,0 +1,226 @@
+"""Parquet: columns with their units and notes, a column at a time so that long logs fit."""
+
+import json
+import os
+from collections import Counter
+from collections.abc import Callable, Collection, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base import budget, files
+from ambkit.base.errors import RecordError
+from ambkit.base.escaping import one_line
+from ambkit.data.files.log import Log, check_readable, column_names, damaged, whole_numbers
+from ambkit.data.files.timestamps import layouts_of, unwrapped
+
+if TYPE_CHECKING:
+    from pyarrow import ChunkedArray, DataType, Field, Schema
+    from pyarrow.parquet import FileMetaData, ParquetFile
+
+Array = NDArray[np.float64]
+
+_LESS = " a channel map that names fewer columns takes less;"
+
+
+def write(
+    path: str | os.PathLike[str],
+    columns: Mapping[str, Array],
+    units: Mapping[str, str],
+    meta: Mapping[str, str],
+) -> None:
+    """Write columns (n,), the unit of each, and JSON by key; through a temporary file."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    fields = [pa.field(name, pa.float64(), metadata={"unit": units[name]}) for name in columns]
+    schema = pa.schema(fields, metadata={f"ambkit.{key}": text for key, text in meta.items()})
+    arrays = [pa.array(values, from_pandas=True) for values in columns.values()]
+    with files.replacing(path) as temporary:
+        parquet.write_table(pa.Table.from_arrays(arrays, schema=schema), temporary)
+
+
+def read(
+    path: str | os.PathLike[str],
+    wanted: Collection[str | int] | None = None,
+    told: Callable[[str], object] = lambda _: None,
+    lenient: bool = False,
+    texts: Collection[str | int] = (),
+) -> Log:
+    """Read the columns; see `ambkit.data.files.formats.read_log`."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    check_readable(path)
+    columns: dict[str, Array] = {}
+    remarks: list[str] = []
+    stamped: dict[str, Any] = {}
+    try:
+        with parquet.ParquetFile(path, memory_map=True) as file:
+            schema = file.schema_arrow
+            places = _places(schema.names)
+            twins = sorted({*places} - {*map(one_line, schema.names)})
+            if twins and wanted is None and not lenient:
+                raise RecordError(
+                    f"{path}: columns share a name, so that a channel map must say which is meant: "
+                    f"{', '.join(twins)}"
+                )
+            asked = column_names(tuple(places), texts, os.fspath(path))
+            chosen = column_names(tuple(places), wanted, os.fspath(path))
+            read = {schema.names[places[name].column] for name in chosen}
+            budget.check(path, _memory_of(file.metadata, read), _LESS)
+            for name in chosen:
+                told(f"reading column {name}")
+                column = _column(file, path, places[name])
+                if _is_text(column.type) and (name in asked or layouts_of(column)):
+                    stamped[name] = column
+                    continue
+                try:
+                    columns[name], remark = _numbers(column, f"{path}: column {name}")
+                except RecordError:
+                    if not lenient:
+                        raise
+                    remark = [f"column {name} holds no numbers: not read"]
+                remarks += remark
+    except (pa.ArrowException, OSError) as error:
+        raise damaged(path, error) from error
+    of = {name: schema.field(places[name].column) for name in columns}
+    units, meta = _about(schema, of)
+    units |= {name: "s" for name, field in of.items() if pa.types.is_temporal(field.type)}
+    order = tuple(places)
+    return Log(
+        os.fspath(path),
+        columns,
+        units,
+        meta=meta,
+        order=order,
+        remarks=tuple(remarks),
+        texts=stamped,
+    )
+
+
+class _Place(NamedTuple):
+    """Where a column stands: in the file, and among the columns of its name."""
+
+    column: int
+    twin: int
+
+
+def _places(names: list[str]) -> dict[str, _Place]:
+    """Return where each column stands, by what it is called here.
+
+    Columns that share a name are known by it and their place, ``y#2``, as those of a text file.
+    """
+    count = Counter(map(one_line, names))
+    before: Counter[str] = Counter()
+    places: dict[str, _Place] = {}
+    for column, name in enumerate(names):
+        shown = one_line(name)
+        known = shown if count[shown] == 1 else f"{shown}#{column}"
+        places[known] = _Place(column, before[name])
+        before[name] += 1
+    return places
+
+
+def _memory_of(about: "FileMetaData", wanted: Collection[str]) -> int:
+    """Memory that columns take as they are and as float64 [byte], by what the file declares."""
+    parts = (
+        about.row_group(group).column(place)
+        for group in range(about.num_row_groups)
+        for place in range(about.num_columns)
+    )
+    return sum(
+        part.total_uncompressed_size + 16 * part.num_values
+        for part in parts
+        if any(f"{part.path_in_schema}.".startswith(f"{name}.") for name in wanted)
+    )
+
+
+def _column(file: "ParquetFile", path: str | os.PathLike[str], place: _Place) -> "ChunkedArray":
+    """Read a column; of text the length is looked at first: a few bytes may stand for any."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+    from pyarrow import parquet
+
+    field = file.schema_arrow.field(place.column)
+    name = field.name
+    if not _is_text(field.type):
+        return file.read([name], use_threads=True).column(place.twin)
+    with parquet.ParquetFile(path, memory_map=True, read_dictionary=[name]) as packed:
+        column = packed.read([name], use_threads=True).column(place.twin)
+    words = (pc.max(pc.binary_length(chunk.dictionary)).as_py() for chunk in column.chunks)
+    longest = max((length or 0 for length in words), default=0)
+    budget.check(path, len(column) * longest, _LESS)
+    return column.cast(pa.string())
+
+
+def _is_text(kind: "DataType") -> bool:
+    import pyarrow as pa
+
+    kind = kind.value_type if pa.types.is_dictionary(kind) else kind
+    return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
+
+
+def _numbers(column: "ChunkedArray", place: str) -> tuple[Array, list[str]]:
+    """Return a column as numbers; a date and time as seconds from the first one."""
+    import pyarrow as pa
+
+    kind = column.type
+    try:
+        if pa.types.is_temporal(kind) and hasattr(kind, "unit"):
+            return _seconds(column, place)
+        if pa.types.is_integer(kind) and column.null_count == 0:
+            return whole_numbers(place.rpartition(": column ")[2], column.to_numpy())
+        numbers = column if pa.types.is_float64(kind) else column.cast(pa.float64())
+    except (pa.ArrowInvalid, pa.ArrowNotImplementedError):
+        raise RecordError(f"{place} holds {kind}, not numbers") from None
+    return np.asarray(numbers.to_numpy(), dtype=np.float64), []
+
+
+def _seconds(column: "ChunkedArray", place: str) -> tuple[Array, list[str]]:
+    """Return dates, times of the day and durations as seconds from the first one."""
+    import pyarrow as pa
+
+    kind = column.type
+    there = np.asarray(column.is_valid().to_numpy(), dtype=bool)
+    integers = pa.int32() if pa.types.is_time32(kind) else pa.int64()
+    ticks = np.asarray(column.cast(integers).drop_null().to_numpy(), dtype=np.int64)
+    a_second = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}[kind.unit]
+    seconds = np.full(len(column), np.nan)
+    if not ticks.size:
+        return seconds, []
+    label, first = place.rpartition(": ")[2], column.drop_null()[0]
+    remarks = [f"{label}: seconds from {first.cast(pa.string()).as_py()}"]
+    if pa.types.is_time(kind):
+        ticks, times = unwrapped(ticks, 86_400 * a_second)
+        remarks += [f"{label} goes past midnight: carried on"] if times else []
+    seconds[there] = (ticks - ticks[0]) / a_second
+    return seconds, remarks
+
+
+def _about(
+    schema: "Schema", fields: Mapping[str, "Field"]
+) -> tuple[dict[str, str], dict[str, Any]]:
+    """Return the units of the columns, and ambkit's own notes."""
+    given = {name: (field.metadata or {}).get(b"unit") for name, field in fields.items()}
+    units = {
+        name: one_line(unit.decode(errors="replace"))
+        for name, unit in given.items()
+        if unit is not None
+    }
+    notes = {key.decode(errors="replace"): text for key, text in (schema.metadata or {}).items()}
+    meta = {
+        key.removeprefix("ambkit."): _note(text)
+        for key, text in notes.items()
+        if key.startswith("ambkit.")
+    }
+    return units, meta
+
+
+def _note(text: bytes) -> Any:
+    """Read a note; what is no JSON, has too long a number or is nested too deeply is its text."""
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        return text.decode(errors="replace")

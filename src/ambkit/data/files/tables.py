@@ -1,0 +1,109 @@
+"""Tables: columns of equal length with units, as ambkit itself writes and reads them."""
+
+import json
+import os
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base import files
+from ambkit.base.errors import RecordError
+from ambkit.data.files import csv_text, parquet, timestamps
+from ambkit.data.files.formats import read_log
+from ambkit.data.files.log import Log
+from ambkit.data.signals import UNITS, si_unit
+
+Array = NDArray[np.float64]
+
+
+class Table(NamedTuple):
+    """Columns of equal length in SI, the unit of each, and what else the file says."""
+
+    columns: Mapping[str, Array]
+    units: Mapping[str, str]
+    meta: dict[str, Any]
+
+
+def write_table(path: str | os.PathLike[str], table: Table) -> None:
+    """Write a table as ``.csv`` or ``.parquet``, through a temporary file.
+
+    Raises
+    ------
+    RecordError
+        Another ending, or ``meta`` that JSON cannot hold.
+    AmbkitError
+        The file cannot be written; an older one is left as it was.
+    """
+    try:
+        meta = {key: json.dumps(value, ensure_ascii=False) for key, value in table.meta.items()}
+    except (TypeError, ValueError, RecursionError) as error:
+        raise RecordError(f"{path}: meta cannot be written as JSON: {error}") from None
+    match Path(path).suffix.lower():
+        case ".csv":
+            files.write_text(path, csv_text.dump(table.columns, table.units, meta))
+        case ".parquet":
+            parquet.write(path, table.columns, table.units, meta)
+        case ending:
+            what = ending or "a file without ending"
+            raise RecordError(f"{path}: cannot write {what}, use .csv or .parquet")
+
+
+def read_table(path: str | os.PathLike[str]) -> Table:
+    """Read a table whose columns name their units, and convert it to SI.
+
+    Raises
+    ------
+    RecordError
+        The file is damaged, or a column has no unit, or one that is unknown or of another kind
+        than its signal; the message names file and line.
+    AmbkitError
+        The file cannot be read.
+    """
+    return to_table(read_log(path))
+
+
+def to_table(log: Log) -> Table:
+    """Convert the columns of a file that names their units to SI; see `read_table`."""
+    if not log.order:
+        raise RecordError(
+            f"{log.name}: needs a channel map to say what is what; it has {log.contents}"
+        )
+    if log.line_of and not log.header:
+        place = log.place(0) if log.arrays else log.name
+        raise RecordError(f"{place}: has numbers where the header should be, such as t [s],y [mm]")
+    if log.line_of and any(re.search(r"#\d+$", name) for name in log.arrays):
+        raise RecordError(f"{log.head}: two columns have the same name, or one has none")
+    problems: list[str] = []
+    columns: dict[str, Array] = {}
+    units: dict[str, str] = {}
+    for name, cells in log.texts.items():
+        if name != "t":
+            problems.append(f"{log.head}: column {name} holds times as text: give a channel map")
+            continue
+        columns["t"], units["t"] = timestamps.read(cells, "", name, log.place).seconds, "s"
+    for name, values in log.arrays.items():
+        try:
+            columns[name], units[name] = _to_si(name, log.units.get(name), values)
+        except ValueError as error:
+            problems.append(f"{log.head}: column {name}{error}")
+    if problems:
+        raise RecordError(problems, log.name)
+    return Table(columns, units, log.meta)
+
+
+def _to_si(name: str, unit: str | None, values: Array) -> tuple[Array, str]:
+    if unit is None:
+        example = f"{name} [{UNITS[name]}]" if name in UNITS else "y [m]"
+        raise ValueError(f" has no unit; write one, as in {example}, or give a channel map")
+    from ambkit.base.units import factor
+
+    try:
+        target = UNITS.get(name) or si_unit(unit)
+        scale = 1.0 if unit == target else factor(unit, target)
+    except ValueError as error:
+        raise ValueError(f": {error}") from None
+    return (values if scale == 1.0 else values * scale), target

@@ -1,0 +1,282 @@
+"""Times as text, ``2024-05-03 12:00:00.123`` and its relatives, exact to the nanosecond.
+
+Columns are parsed by Arrow as a whole: a log has millions of rows.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import RecordError, shortened
+from ambkit.data.files.time_layouts import MONTHS, layouts, pattern
+
+Array = NDArray[np.float64]
+Ticks = NDArray[np.int64]
+
+SECOND = 1_000_000_000
+HOUR = 3600 * SECOND
+DAY = 24 * HOUR
+
+
+class Moments(NamedTuple):
+    """A column of times."""
+
+    seconds: Array
+    """Seconds from the first one (n,); NaN where there is none."""
+    layout: str
+    """How they are written."""
+    remarks: tuple[str, ...]
+    """When the first one was; where midnight or summer time were taken out."""
+    certain: bool
+    """Whether it cannot be that day and month are the other way round, or it does not matter."""
+
+
+def read(
+    texts: Any, layout: str, name: str, place: Callable[[int], str], *, lenient: bool = False
+) -> Moments:
+    """Read a column of times.
+
+    Parameters
+    ----------
+    texts : Arrow array of strings (n,)
+        The cells; null where there is none.
+    layout : str
+        How they are written; found by looking at them where empty.
+    name : str
+        What the messages call the column.
+    place : callable
+        Says where a sample stands.
+    lenient : bool
+        Where nothing says which is the day and which the month, take the likelier, and do not
+        refuse.
+
+    Raises
+    ------
+    RecordError
+        Cells are no times, or day and month cannot be told apart and it matters.
+    """
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    if hasattr(texts, "combine_chunks"):
+        texts = texts.combine_chunks()
+    texts = pc.utf8_trim_whitespace(pc.cast(texts, pa.string()))
+    possible = (layout,) if layout else layouts_of(texts)
+    first = next((cell.as_py() for cell in texts if cell.is_valid), "")
+    if not possible:
+        what = f'"{first}" is no time that is known' if first else "is empty"
+        raise RecordError(f'{name} {what}; give its format in the map, as "%d.%m.%Y %H:%M:%S.%f"')
+    parsed = {each: _parse(texts, each) for each in possible}
+    sound = [each for each, found in parsed.items() if not found.wrong.any()]
+    if not sound:
+        chosen = min(parsed, key=lambda each: int(parsed[each].wrong.sum()))
+        problems = [
+            f"{place(at)}: {name}: {texts[at].as_py()!r} is no time of the format {chosen}"
+            for at in np.flatnonzero(parsed[chosen].wrong).tolist()
+        ]
+        raise RecordError(shortened(problems))
+    results = {each: _carried_on(name, parsed[each], texts, place, each) for each in sound}
+    chosen = min(sound, key=lambda each: (_longest_step(results[each][0]), _unlikely(each)))
+    ticks, remarks = results[chosen]
+    same = all(np.array_equal(ticks, found) for found, _ in results.values())
+    if not same and not lenient:
+        other = next(each for each in sound if each != chosen)
+        raise RecordError(
+            f"{name}: which is the day in {first}, and which the month? Give the format in the "
+            f'map: format = "{chosen}" or "{other}"'
+        )
+    seconds = ticks / SECOND
+    seconds[_absent(texts)] = np.nan
+    return Moments(seconds, chosen, tuple(remarks), same)
+
+
+def layouts_of(texts: Any) -> tuple[str, ...]:
+    """Return the layouts of a column's first times; none where they are of no known one."""
+    head = [cell.as_py() for cell in texts[:200]]
+    return next((layouts(cell.strip()) for cell in head if cell), ())
+
+
+def unwrapped(ticks: Ticks, period: int) -> tuple[Ticks, int]:
+    """Carry a time of the day on past midnight.
+
+    Parameters
+    ----------
+    ticks : ndarray of int (n,)
+        Times that begin again after each `period`.
+    period : int
+        Such as `DAY`.
+
+    Returns
+    -------
+    ndarray of int (n,)
+        Times that go on.
+    int
+        How often they began again.
+    """
+    again = np.diff(ticks) < -period // 2
+    return ticks + period * np.concatenate([[0], np.cumsum(again)]), int(again.sum())
+
+
+def _absent(texts: Any) -> NDArray[np.bool_]:
+    import pyarrow.compute as pc
+
+    empty = pc.fill_null(pc.equal(texts, ""), True)
+    return np.asarray(empty.to_numpy(zero_copy_only=False), dtype=bool)
+
+
+class _Parsed(NamedTuple):
+    ticks: Ticks
+    """The time of each cell since 1970 [ns]; 0 where there is none."""
+    wrong: NDArray[np.bool_]
+    """Which are no times."""
+    zoned: bool
+    """Whether they say how far they are from UTC."""
+
+
+def _parse(texts: Any, layout: str) -> _Parsed:
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    expression = f"^{pattern(layout)}$"
+    fields = pc.extract_regex(texts, expression)
+    wrong = np.asarray(pc.is_null(fields).to_numpy(zero_copy_only=False), dtype=bool)
+    names = re.findall(r"\?P<(\w)>", expression)
+
+    def text(name: str) -> Any:
+        return pc.fill_null(pc.struct_field(fields, name), "")
+
+    def number(name: str, absent: int = 0) -> Ticks:
+        if name not in names:
+            return np.full(len(texts), absent, dtype=np.int64)
+        digits = pc.if_else(pc.equal(text(name), ""), str(absent), text(name))
+        return np.asarray(pc.cast(digits, pa.int64()).to_numpy(), dtype=np.int64)
+
+    year, month, day = number("Y", 1970), number("m", 1), number("d", 1)
+    if "y" in names:
+        year = number("y") + np.where(number("y") < 70, 2000, 1900)
+    if "b" in names:
+        place = pc.index_in(pc.utf8_lower(text("b")), pa.array(MONTHS))
+        month = np.asarray(pc.fill_null(place, 0).to_numpy(), dtype=np.int64) % 12 + 1
+        wrong |= np.asarray(pc.is_null(place).to_numpy(zero_copy_only=False), dtype=bool)
+    hour = number("I" if "I" in names else "H")
+    wrong |= (hour < (1 if "I" in names else 0)) | (hour > (12 if "I" in names else 23))
+    if "p" in names:
+        late = np.asarray(pc.equal(pc.utf8_lower(text("p")), "p").to_numpy(zero_copy_only=False))
+        hour = hour % 12 + 12 * late
+    minute, second = number("M"), number("S")
+    wrong |= (minute > 59) | (second > 59) | (month < 1) | (month > 12)
+    wrong |= (year < 1900) | (year > 2200)
+    months = np.where(wrong, 0, (year - 1970) * 12 + month - 1)
+    start = _first_day(months)
+    if "j" in names:
+        day = number("j")
+        wrong |= (day < 1) | (day > _first_day(months + 12) - start)
+    else:
+        wrong |= (day < 1) | (day > _first_day(months + 1) - start)
+    fraction = np.zeros(len(texts), dtype=np.int64)
+    if "f" in names:
+        digits = pc.utf8_rpad(text("f"), 9, "0")
+        fraction = np.asarray(pc.cast(digits, pa.int64()).to_numpy(), dtype=np.int64)
+    zone, zoned = np.zeros(len(texts), dtype=np.int64), False
+    if "z" in names:
+        zone, some = _zone(text("z"))
+        zoned = bool(some.any())
+        if zoned:  # times with a zone here and without one there are no times
+            wrong |= ~some
+    clock = ((start + day - 1) * 24 + hour) * 60 + minute - zone
+    ticks = (clock * 60 + second) * SECOND + fraction
+    absent = _absent(texts)
+    wrong &= ~absent
+    ticks[wrong | absent] = 0
+    return _Parsed(ticks, wrong, zoned)
+
+
+def _first_day(months: Ticks) -> Ticks:
+    """Return the first day of months since 1970, in days since 1970."""
+    return months.astype("datetime64[M]").astype("datetime64[D]").astype(np.int64)
+
+
+def _zone(texts: Any) -> tuple[Ticks, NDArray[np.bool_]]:
+    """Return how far each zone is ahead of UTC [minutes], and which times have one."""
+    different, place = np.unique(np.asarray(texts.to_numpy(zero_copy_only=False)).astype(str),
+                                 return_inverse=True)  # fmt: skip
+    minutes = []
+    for each in different.tolist():
+        digits = each[1:].replace(":", "") or "0"
+        sign = -1 if each[:1] == "-" else 1
+        minutes.append(sign * (int(digits[:2]) * 60 + int(digits[2:] or 0)))
+    return np.array(minutes, dtype=np.int64)[place], different[place] != ""
+
+
+def _carried_on(
+    name: str, parsed: _Parsed, texts: Any, place: Callable[[int], str], layout: str
+) -> tuple[Ticks, list[str]]:
+    """Take midnight, and summer time, out of a column; and say so."""
+    there = np.flatnonzero(~_absent(texts))
+    if there.size == 0:
+        return parsed.ticks, []
+    went = parsed.ticks[there]
+    remarks = [f"{name} is text, {layout}: seconds from {texts[int(there[0])].as_py()}"]
+    dated = any(part in layout for part in ("%d", "%j"))
+    if not dated:
+        timed = "%H" in layout or "%I" in layout
+        went, times = unwrapped(went, DAY if timed else HOUR)
+        if times:
+            what = "midnight" if timed else "the full hour"
+            often = f", {times} times" if times > 1 else ""
+            remarks.append(f"{name} goes past {what}{often}: carried on")
+    elif not parsed.zoned:
+        shift, turns = _summer_time(went)
+        for at in turns:
+            ends = shift[at] > shift[at - 1]
+            what = "back by an hour, as summer time ends" if ends else "on, as summer time begins"
+            remarks.append(f"{place(int(there[at]))}: {name} is put {what}: taken out")
+        went = went + shift
+    found = parsed.ticks.copy()
+    found[there] = went - went[0]
+    return found, remarks
+
+
+def _summer_time(ticks: Ticks) -> tuple[Ticks, list[int]]:
+    """Find where local time is put on or back: an hour, to the sample, in a Sunday's first hours.
+
+    Returns
+    -------
+    ndarray of int (n,)
+        What is to be added [ns].
+    list of int
+        The samples before which it happened.
+    """
+    steps = np.diff(ticks)
+    none = np.zeros(ticks.size, dtype=np.int64)
+    forward = steps[steps > 0]
+    if forward.size < 2 or (usual := int(np.median(forward))) > 60 * SECOND:
+        return none, []
+    found = np.flatnonzero(np.abs(np.abs(steps - usual) - HOUR) <= usual // 2) + 1
+    turns = []
+    for at in found.tolist():
+        after = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=int(ticks[at]) // 1000)
+        before_hour = (-int(ticks[at - 1])) % HOUR
+        if after.weekday() == 6 and after.hour < 4 and before_hour <= 1.5 * usual:
+            turns.append(at)
+    shift = none.copy()
+    for at in turns:
+        shift[at:] -= HOUR if steps[at - 1] > 0 else -HOUR
+    return shift, turns
+
+
+def _longest_step(ticks: Ticks) -> float:
+    """Return the longest step [ns]: a day and a month that are swapped make long ones."""
+    steps = np.diff(ticks)
+    return float(np.abs(steps).max()) if steps.size else 0.0
+
+
+def _unlikely(layout: str) -> bool:
+    """Whether of two layouts the other is commoner: the day is first, but before a slash."""
+    return layout.startswith("%d/") or layout.startswith(("%m.", "%m-"))

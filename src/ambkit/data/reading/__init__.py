@@ -1,0 +1,8 @@
+"""Reading a rig's logs: what is in them, what is wrong with them, and a record out of them."""
+
+from ambkit.data.reading.clock import Clock
+from ambkit.data.reading.faults import Channel, Fault
+from ambkit.data.reading.reader import Reading, load, read
+from ambkit.data.reading.refusals import Refused
+
+__all__ = ["Channel", "Clock", "Fault", "Reading", "Refused", "load", "read"]

@@ -1,0 +1,211 @@
+"""The clock of a log: its rate, its jitter, where samples are missing, where it jumps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.units import engineering
+from ambkit.data.record import TIME_TOLERANCE
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+AROUND = 5
+"""So many samples on each side tell a gap from a late stamp."""
+
+ROUNDED = 5
+"""So many steps at least must be longer by a digit before stamps count as rounded."""
+
+
+@dataclass(frozen=True, eq=False)
+class Clock:
+    """What the times of n samples are worth.
+
+    Attributes
+    ----------
+    name : str
+        The signal with the times.
+    times : ndarray (n,)
+        The times [s] as logged.
+    step : float
+        Usual time between two samples [s], over the whole of the log: see `examine`.
+    jitter : float
+        Standard deviation of the steps [s], gaps and jumps left out.
+    uneven : ndarray of int
+        Samples before which the step is off by more than 1 %, and is neither gap nor jump.
+    gaps : ndarray of int (g,)
+        Samples before which others are missing.
+    missing : ndarray of int (g,)
+        How many, of each gap.
+    jumps : ndarray of int
+        Samples before which the clock goes back, stands still, or leaps by more than the log is
+        long.
+    """
+
+    name: str
+    times: Array
+    step: float
+    jitter: float
+    uneven: NDArray[np.intp]
+    gaps: NDArray[np.intp]
+    missing: NDArray[np.intp]
+    jumps: NDArray[np.intp]
+
+    @property
+    def rate(self) -> float:
+        """Samples a second [Hz]."""
+        return 1.0 / self.step
+
+    @property
+    def segments(self) -> list[slice]:
+        """The parts between jumps, of at least two samples."""
+        ends = [0, *self.jumps.tolist(), self.times.size]
+        return [slice(a, b) for a, b in pairwise(ends) if b - a > 1]
+
+    def part(self, where: slice) -> Clock:
+        """Return the clock of some of the samples."""
+        return examine(self.name, self.times[where])
+
+    @property
+    def whole_gaps(self) -> bool:
+        """Whether each gap is a whole number of steps, so that missing samples have a place."""
+        steps = np.diff(self.times)[self.gaps - 1] / self.step
+        return bool((np.abs(steps / (self.missing + 1) - 1) <= TIME_TOLERANCE).all())
+
+    @property
+    def too_coarse(self) -> bool:
+        """Whether times are printed with so few digits that many samples share theirs."""
+        still = np.count_nonzero(np.diff(self.times) == 0)
+        return bool(still > 0.1 * self.times.size)
+
+    def in_words(self) -> str:
+        """Say how good the clock is, in a line."""
+        words = [f"{self.times.size} samples at {engineering(self.rate, 'Hz', digits=5)}"]
+        if self.jitter > 1e-6 * self.step:
+            words.append(f"jitter {engineering(self.jitter, 's', digits=2)} rms")
+        for count, what in ((self.gaps.size, "gap"), (self.jumps.size, "jump")):
+            if count:
+                words.append(f"{count} {what}{'s' if count > 1 else ''}")
+        return ", ".join(words)
+
+
+def examine(name: str, times: Array) -> Clock:
+    """Find out what a clock is worth.
+
+    Its step is that of the whole time it goes on: what it went on by, over how many steps that
+    were. Neither the jitter of single stamps nor their few digits move it, nor do missing samples,
+    of which it counts the steps, or jumps, which it leaves out.
+
+    Parameters
+    ----------
+    name : str
+        The signal with the times.
+    times : ndarray (n,)
+        The times [s], finite, n >= 2.
+    """
+    steps = np.diff(times)
+    none = np.array([], dtype=np.intp)
+    forward = steps if steps.min() > 0 else steps[steps > 0]
+    if forward.size == 0:
+        return Clock(name, times, np.inf, 0.0, none, none, none, np.arange(1, times.size))
+    median = float(np.median(forward))
+    usual = np.abs(steps - median) <= TIME_TOLERANCE * median
+    if usual.all():  # the usual case, and a long log is done with
+        return Clock(name, times, float(steps.mean()), float(steps.std()), none, none, none, none)
+    span = min(float(forward.sum()), times.size * median)
+    jump = (steps <= 0) | ((steps > 10 * median) & (steps > span))
+    counts = _rounded_counts(times, steps, jump)
+    if counts is None:
+        counts = _counts(times, steps, jump, median)
+    step = float(steps[~jump].sum()) / int(counts[~jump].sum())
+    gap = (counts > 1) & ~jump
+    within = steps[~(jump | gap)]
+    return Clock(
+        name,
+        times,
+        step,
+        float(within.std()) if within.size else 0.0,
+        np.flatnonzero((np.abs(steps / step - 1) > TIME_TOLERANCE) & ~(jump | gap)) + 1,
+        np.flatnonzero(gap) + 1,
+        counts[gap] - 1,
+        np.flatnonzero(jump) + 1,
+    )
+
+
+def _counts(times: Array, steps: Array, jump: NDArray[np.bool_], step: float) -> Index:
+    """Count how many steps each one stands for; `step` [s] is a first guess."""
+    counts = np.ones(steps.size, dtype=np.intp)
+    for _ in range(8):
+        before = counts
+        counts = np.where(jump, 1, np.maximum(1, np.rint(steps / step))).astype(np.intp)
+        _doubt(times, steps / step, counts, jump, step)
+        if (counts == before).all():
+            break
+        step = float(steps[~jump].sum()) / int(counts[~jump].sum())
+    return counts
+
+
+def _doubt(times: Array, ratio: Array, counts: Index, jump: NDArray[np.bool_], step: float) -> None:
+    """Take back gaps that are late stamps: the samples behind a gap stay late, on the whole."""
+    odd = jump | (counts > 1)
+    vague = (counts > 1) & ~jump & (np.abs(ratio / counts - 1) > TIME_TOLERANCE)
+    at = np.flatnonzero(vague) + 1  # samples behind the gaps
+    at = at[(at >= AROUND) & (at <= times.size - AROUND)]
+    passed = np.concatenate([[0], np.cumsum(odd)])
+    alone = passed[at + AROUND - 1] - passed[at - AROUND] == 1
+    at = at[alone]
+    near = np.arange(AROUND)
+    before = np.median(times[at[:, None] - 1 - near] + step * near, axis=1)
+    after = np.median(times[at[:, None] + near] - step * near, axis=1)
+    counts[at - 1] = np.maximum(1, np.rint((after - before) / step))
+
+
+def _rounded_counts(times: Array, steps: Array, jump: NDArray[np.bool_]) -> Index | None:
+    """Count the steps of a clock whose stamps have few digits; None where it has enough.
+
+    Rounded to q, a step T is logged as the multiple of q below or the one above it, so that 1.3 ms
+    come as 1 ms and 2 ms. That no sample is missing there shows in that all stamps lie within q of
+    an even row.
+    """
+    sound = np.where(jump, np.nan, steps)
+    ladder = np.rint(1e3 * sound / np.nanmedian(sound))
+    seen, often = np.unique(ladder[~jump], return_counts=True)
+    if seen.size < 2 or np.sort(often)[-2] < ROUNDED:
+        return None
+    least, most = np.sort(seen[np.argsort(often)[-2:]])
+    short, long = ladder == least, ladder == most
+    usual = short | long
+    low, digit = float(steps[short].mean()), float(steps[long].mean() - steps[short].mean())
+    if np.mean(usual[~jump]) < 0.9 or abs(low / digit - round(low / digit)) > 0.01:
+        return None
+    if abs(low / digit - 1) < 0.01 and np.unique(np.diff(np.flatnonzero(long))).size == 1:
+        return None  # at even distances: rather each tenth sample is lost
+    ends = [0, *(np.flatnonzero(~usual) + 1).tolist(), times.size]
+    pieces = [times[a:b] - times[a:b].mean() for a, b in pairwise(ends)]
+    rows = [np.arange(piece.size) - 0.5 * (piece.size - 1) for piece in pieces]
+    products = sum(float(row @ piece) for row, piece in zip(rows, pieces, strict=True))
+    step = products / sum(float(row @ row) for row in rows)  # of straight lines, least squares
+    off = max(float(np.ptp(each - step * row)) for row, each in zip(rows, pieces, strict=True))
+    if off > 1.1 * digit:
+        return None
+    counts: Index = np.where(usual | jump, 1, np.maximum(1, np.rint(steps / step))).astype(np.intp)
+    return counts
+
+
+def instant(time: float, step: float) -> str:
+    """Print a time [s] with so many digits that samples a step [s] apart have not the same."""
+    if not (0 < step < np.inf) or time == 0.0 or not np.isfinite(time):
+        return engineering(time, "s")
+    digits = max(4, int(np.log10(max(1.0, abs(time) / step))) + 2)
+    return engineering(time, "s", digits=digits) if abs(time) < 1e4 else f"{time:.{digits}g} s"
+
+
+def not_finite(times: Array) -> Iterator[tuple[int, float]]:
+    """Yield the samples without a time, and what stands there."""
+    for at in np.flatnonzero(~np.isfinite(times)):
+        yield int(at), float(times[at])

@@ -1,0 +1,390 @@
+"""What is wrong with a channel: what is missing, saturated, frozen, coarse, or a spike."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.units import engineering
+from ambkit.data.reading.clock import instant
+from ambkit.data.reading.spikes import spikes, without
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+KINDS = (
+    *("gap", "jump", "jitter", "missing", "infinite"),
+    *("constant", "spike", "saturated", "frozen", "quantised"),
+)
+"""What can be wrong, the clock's faults first."""
+
+MASKABLE = ("saturated", "frozen", "spike")
+"""What can be taken as missing if the user wishes so."""
+
+STILL = 10
+"""So many equal samples at least are a sensor that stands still; the core's filters count alike."""
+
+CLIPPED = 3
+"""So many equal samples at least, at the greatest or least value, are saturation."""
+
+BY_CHANCE = 1e-6
+"""Probability that a stretch of equal samples in a whole sound record is called frozen."""
+
+LOOKED_AT = 200_000  # samples for the resolution
+BLOCK = 200  # samples in which different values are counted
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Something that is wrong for a while.
+
+    Attributes
+    ----------
+    kind : str
+        One of `KINDS`.
+    signal : str
+        The channel, or the clock.
+    start, stop : float
+        From when to when [s], by the record's clock: a delay is taken out.
+    samples : int
+        How many samples it has.
+    text : str
+        What is wrong.
+    action : str
+        What was done about it.
+    """
+
+    kind: str
+    signal: str
+    start: float
+    stop: float
+    samples: int
+    text: str
+    action: str = "kept"
+
+
+def account(faults: Iterable[Fault], step: float) -> list[str]:
+    """Say in sentences what was found and done, faults of a kind together.
+
+    Parameters
+    ----------
+    faults : iterable of Fault
+        What was found.
+    step : float
+        Time between two samples [s], which the times told must tell apart.
+    """
+    groups: dict[tuple[str, str, str], list[Fault]] = {}
+    for fault in faults:
+        groups.setdefault((fault.signal, fault.kind, fault.action), []).append(fault)
+    lines = []
+    for (signal, kind, action), found in groups.items():
+        first = found[0]
+        start = instant(first.start, step)
+        count = f"{first.samples} sample{'s' if first.samples != 1 else ''}"
+        if kind in ("constant", "quantised", "jitter"):
+            lines.append(f"{signal}: {first.text}; {action}")
+        elif len(found) == 1:
+            stop = f" to {instant(first.stop, step)}" if first.stop > first.start else ""
+            span = f"{count} {'from' if stop else 'at'} {start}{stop}"
+            lines.append(f"{signal}: {span}: {first.text}; {action}")
+        else:
+            samples = sum(fault.samples for fault in found)
+            lines.append(
+                f"{signal}: {kind} in {len(found)} stretches, {samples} samples, the first at "
+                f"{start}; {action}"
+            )
+    return lines
+
+
+@dataclass(frozen=True)
+class Channel:
+    """What a channel looks like, in SI.
+
+    Attributes
+    ----------
+    name, unit : str
+        The signal, and its unit.
+    samples, missing : int
+        How many the record has, and how many of them are missing.
+    least, greatest, mean : float
+        Of the samples that are there.
+    noise : float
+        Standard deviation of what changes from sample to sample, from second differences: noise,
+        if the signal itself is slow.
+    resolution : float
+        Smallest step between values; 0 where the signal has none that shows.
+    clock : str
+        Where its times come from.
+    delay : float
+        How late it was logged [s]; the record has it shifted back by that.
+    """
+
+    name: str
+    unit: str
+    samples: int
+    missing: int
+    least: float
+    greatest: float
+    mean: float
+    noise: float
+    resolution: float
+    clock: str
+    delay: float = 0.0
+
+
+def describe(name: str, unit: str, values: Array, clock: str = "t") -> Channel:
+    """Measure a channel (n,)."""
+    there = values[np.isfinite(values)]
+    missing = values.size - there.size
+    if there.size == 0:
+        nothing = math.nan
+        return Channel(
+            name, unit, values.size, missing, nothing, nothing, nothing, nothing, 0.0, clock
+        )
+    return Channel(
+        name,
+        unit,
+        values.size,
+        missing,
+        float(there.min()),
+        float(there.max()),
+        float(there.mean()),
+        noise(values),
+        resolution(there),
+        clock,
+    )
+
+
+def noise(values: Array) -> float:
+    """Estimate the standard deviation of white noise on a slow signal (n,).
+
+    Second differences of white noise have six times its variance; the median is not moved by steps
+    or spikes. Where most of them are zero, as on a coarse signal, their mean square counts; where
+    next to all of them are, as on a reference of steps, there is none.
+    """
+    bend = np.diff(values[:LOOKED_AT], 2)
+    bend = np.abs(bend[np.isfinite(bend)])
+    if bend.size == 0:
+        return math.nan
+    if np.count_nonzero(bend) < 0.05 * bend.size:
+        return 0.0
+    spread = 1.4826 * float(np.median(bend)) or float(np.sqrt(np.mean(bend**2)))
+    return spread / math.sqrt(6)
+
+
+def resolution(values: Array) -> float:
+    """Find the smallest step between the values of a signal (n,); 0 where there is none.
+
+    A signal is in steps where its values come again and again, or lie on one ladder.
+    """
+    seen = np.unique(_some(values))
+    if seen.size < 2:
+        return 0.0
+    steps = np.diff(seen)
+    with np.errstate(over="ignore"):  # between the ends of all floats there is an infinite step
+        steps = steps[steps > 1e-9 * (seen[-1] - seen[0])]  # what arithmetic makes of one value
+    if steps.size == 0:
+        return 0.0
+    least = float(steps.min())
+    off = np.abs(steps / least - np.rint(steps / least))
+    if np.mean(off < 0.02) > 0.99:
+        return least
+    few = seen.size < 0.2 * min(values.size, LOOKED_AT)
+    return float(np.median(steps)) if few and values.size >= 100 else 0.0
+
+
+def _some(values: Array) -> Array:
+    """Return at most `LOOKED_AT` samples, in four stretches."""
+    if values.size <= LOOKED_AT:
+        return values
+    size = LOOKED_AT // 4
+    starts = np.linspace(0, values.size - size, 4).astype(int)
+    return np.concatenate([values[start : start + size] for start in starts])
+
+
+def find(name: str, logged: Array, times: Array, unit: str) -> Iterator[Fault]:
+    """Find what is wrong with a channel.
+
+    A run of equal samples counts as frozen, or as saturated if it is at the greatest or least
+    value, where chance does not explain it: a coarse signal repeats itself, and how often it does
+    between two samples is measured on the channel itself. A channel that hardly ever changes, such
+    as a reference, is not suspected.
+
+    A spike is told of what is measured, see `ambkit.data.reading.spikes`, and left out before the
+    rest is looked for.
+
+    Parameters
+    ----------
+    name : str
+        The channel; the reference ``r``, which no sensor measures, may stand still. The control
+        signal ``u`` may leap for a sample: a controller that differentiates does where its
+        reference steps.
+    logged : ndarray (n,)
+        The samples in SI, NaN where one is missing.
+    times : ndarray (n,)
+        Their times [s].
+    unit : str
+        Unit of the values.
+    """
+    for kind, absent in (("missing", np.isnan(logged)), ("infinite", np.isinf(logged))):
+        if absent.any():
+            text = "not logged" if kind == "missing" else "infinite values"
+            yield from _runs_of(absent, times, kind, name, text)
+    values = np.where(np.isinf(logged), np.nan, logged)
+    place = np.flatnonzero(np.isfinite(values))
+    there = values[place]
+    if there.size == 0 or name == "r":  # a reference has no sensor
+        return
+    if name != "u":
+        found = spikes(there, noise(there), resolution(there))
+        for start, length in zip(*(each.tolist() for each in found), strict=True):
+            yield _spike(name, there, times[place], unit, start, length)
+        there = without(there, *found)
+        values = values.copy()
+        values[place] = there
+    least, greatest = float(there.min()), float(there.max())
+    if least == greatest:
+        text = f"the same in all {there.size} samples: {engineering(least, unit)}"
+        yield Fault("constant", name, float(times[0]), float(times[-1]), there.size, text)
+        return
+    coarse = list(_coarse(name, there, times, unit))
+    yield from coarse
+    for fault in _still(name, values, times, unit, (least, greatest)):
+        # A coarse sensor near the middle of a step stands still for long, without being frozen.
+        inside = any(each.start <= fault.start <= each.stop for each in coarse)
+        if not inside or fault.samples > BLOCK:
+            yield fault
+
+
+def _spike(name: str, there: Array, times: Array, unit: str, start: int, length: int) -> Fault:
+    part = there[start : start + length]
+    peak = float(part[np.argmax(np.abs(part - np.median(there)))])
+    near = [*there[max(0, start - 5) : start], *there[start + length : start + length + 5]]
+    usual = engineering(float(np.median(near)), unit, digits=3)
+    text = f"{engineering(peak, unit, digits=4)} amid {usual}"
+    ends = float(times[start]), float(times[start + length - 1])
+    return Fault("spike", name, *ends, length, text)
+
+
+def _runs_of(
+    where: NDArray[np.bool_], times: Array, kind: str, name: str, text: str
+) -> Iterator[Fault]:
+    starts, lengths = _runs(where)
+    for start, length in zip(starts, lengths, strict=True):
+        if where[start]:
+            last = start + length - 1
+            yield Fault(kind, name, float(times[start]), float(times[last]), int(length), text)
+
+
+def _runs(values: NDArray[np.generic]) -> tuple[Index, Index]:
+    """Return start and length of each run of equal values; NaN equals nothing."""
+    ends = np.flatnonzero(values[1:] != values[:-1]) + 1
+    starts = np.concatenate([[0], ends])
+    return starts, np.diff(np.concatenate([starts, [values.size]]))
+
+
+def _coarse(name: str, there: Array, times: Array, unit: str) -> Iterator[Fault]:
+    step, rough = resolution(there), noise(there)
+    if rough == 0.0:  # it changes now and then: a coarse sensor goes step by step, through many
+        changes = np.diff(there)
+        changes = np.abs(changes[changes != 0])
+        by_one = float(np.mean(changes < 1.5 * step)) if changes.size else 0.0
+        if by_one < 0.9 or np.unique(_some(there)).size < 5:
+            return
+    if step > 1.5 * rough:
+        yield Fault(
+            "quantised", name, float(times[0]), float(times[-1]), there.size, _in_steps(step, unit)
+        )
+    else:
+        yield from _coarse_stretches(name, there, times, unit)
+
+
+def _in_steps(step: float, unit: str) -> str:
+    shown = engineering(step, unit, digits=3)
+    return f"in steps of {shown}, more than its noise: what is smaller is lost"
+
+
+def _coarse_stretches(name: str, there: Array, times: Array, unit: str) -> Iterator[Fault]:
+    """Find blocks that have but a tenth of the usual number of different values, and yet move."""
+    count = there.size // BLOCK
+    if count < 4 or there.size != times.size:  # with missing samples the blocks have no place
+        return
+    blocks = np.sort(there[: count * BLOCK].reshape(count, BLOCK), axis=1)
+    different = 1 + np.count_nonzero(np.diff(blocks, axis=1), axis=1)
+    moves = different > 2
+    coarse = moves & (different < 0.1 * np.median(different))
+    starts, lengths = _runs(coarse)
+    for start, length in zip(starts.tolist(), lengths.tolist(), strict=True):
+        if not coarse[start]:
+            continue
+        part = slice(start * BLOCK, (start + length) * BLOCK)
+        step = resolution(there[part])
+        if step > 1.5 * noise(there[part]) and not _mostly_still(there[part]):
+            ends = float(times[part][0]), float(times[part][-1])
+            yield Fault("quantised", name, *ends, length * BLOCK, _in_steps(step, unit))
+
+
+def _mostly_still(values: Array) -> bool:
+    """Whether a long run of one value explains that there are few: frozen, or saturated."""
+    return bool(_runs(values)[1].max() > 0.3 * min(values.size, BLOCK))
+
+
+def _still(
+    name: str, values: Array, times: Array, unit: str, limits: tuple[float, float]
+) -> Iterator[Fault]:
+    starts, lengths = _runs(values)
+    repeats = _usual_repeats(values)
+    if repeats > 0.98:
+        # It hardly ever changes. If most of it lies at one end, that is a sensor at its limit.
+        at_end = max(float(np.mean(values == limit)) for limit in limits)
+        if at_end < 0.5 or np.unique(_some(values)).size < 5:
+            return
+        repeats = 0.5
+    long = np.flatnonzero(lengths > max(CLIPPED - 1, _longest_by_chance(repeats, values.size)))
+    for run in long.tolist():
+        start, length = int(starts[run]), int(lengths[run])
+        near = _repeats_around(lengths, run)
+        if length <= _longest_by_chance(near, values.size):
+            continue
+        value = float(values[start])
+        span = float(times[start]), float(times[start + length - 1])
+        if value in limits:
+            end = "greatest" if value == limits[1] else "least"
+            text = f"at its {end} value, {engineering(value, unit, digits=4)}"
+            yield Fault("saturated", name, *span, length, text)
+        elif length >= STILL:
+            text = f"stands still at {engineering(value, unit, digits=4)}"
+            yield Fault("frozen", name, *span, length, text)
+
+
+def _longest_by_chance(repeats: float, samples: int) -> float:
+    """How long a run of equal samples may be by chance, if so many repeat the one before."""
+    return math.log(BY_CHANCE / samples) / math.log(repeats) if repeats > 0 else 0.0
+
+
+def _repeats_around(lengths: Index, run: int) -> float:
+    """Return how often a sample repeats the one before, in the 50 runs on each side.
+
+    A signal may be coarser here than elsewhere. The longest tenth of the runs does not count, so
+    that a sensor that hangs now and then does not hide it; nor are they trusted beyond 0.8, so that
+    a control signal that goes from one limit to the other is seen.
+    """
+    around = np.concatenate([lengths[max(0, run - 50) : run], lengths[run + 1 : run + 51]])
+    if around.size < 10:
+        return 0.0
+    kept = np.sort(around)[: -(-around.size * 9 // 10)]
+    return min(0.8, 1.0 - 1.0 / float(kept.mean()))
+
+
+def _usual_repeats(values: Array) -> float:
+    """Return how often a sample equals the one before, in the middle one of 101 stretches.
+
+    The middle one, so that a long frozen stretch does not raise it.
+    """
+    equal = values[1:] == values[:-1]
+    parts = np.array_split(equal, min(101, max(1, equal.size // 20)))
+    return float(np.median([part.mean() for part in parts]))

@@ -1,0 +1,400 @@
+"""From a log to a record, with an account of what was wrong and what was done about it."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import RecordError, shortened
+from ambkit.base.units import engineering
+from ambkit.data.files.formats import read_log
+from ambkit.data.files.log import DamagedLog, Log
+from ambkit.data.reading import faults as channel_faults
+from ambkit.data.reading import grid
+from ambkit.data.reading.clock import Clock, examine, instant
+from ambkit.data.reading.faults import Channel, Fault
+from ambkit.data.reading.refusals import Refused, check_times, refuse_uneven, segments_of
+from ambkit.data.record import Record, time_problems
+
+if TYPE_CHECKING:
+    from ambkit.data.channelmap import ChannelMap, Mapped
+
+Array = NDArray[np.float64]
+
+SENTENCES = 30
+"""So many sentences of the account are kept with the record."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """A record, and how it came out of its log.
+
+    Attributes
+    ----------
+    record : Record
+        The signals on one even grid.
+    clocks : mapping of str to Clock
+        The clocks of the log, ``t`` first.
+    channels : tuple of Channel
+        What each channel of the log looks like.
+    faults : tuple of Fault
+        All that is wrong, in the order of the channels, each with what was done about it.
+    remarks : tuple of str
+        What else a user should know: how the file is written, what was shifted or resampled.
+    source : str
+        The file.
+    """
+
+    record: Record
+    clocks: Mapping[str, Clock]
+    channels: tuple[Channel, ...]
+    faults: tuple[Fault, ...]
+    remarks: tuple[str, ...]
+    source: str
+
+    def account(self) -> list[str]:
+        """Say in sentences what was found and done, faults of a kind together."""
+        lines = [f"{name}: {clock.in_words()}" for name, clock in self.clocks.items()]
+        step = min(clock.step for clock in self.clocks.values())
+        return [*lines, *self.remarks, *channel_faults.account(self.faults, step)]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all of it as plain data, in SI, without the samples."""
+        return {
+            "source": self.source,
+            "samples": len(self.record),
+            "sampling_time": self.record.sampling_time,
+            "clocks": {
+                name: {
+                    "samples": clock.times.size,
+                    "rate": clock.rate,
+                    "jitter": clock.jitter,
+                    "gaps": clock.gaps.size,
+                    "missing": int(clock.missing.sum()),
+                    "jumps": clock.jumps.size,
+                    "uneven": clock.uneven.size,
+                }
+                for name, clock in self.clocks.items()
+            },
+            "channels": [asdict(channel) for channel in self.channels],
+            "faults": [asdict(fault) for fault in self.faults],
+            "remarks": list(self.remarks),
+            "account": self.account(),
+        }
+
+
+def read(
+    path: str | os.PathLike[str],
+    map: ChannelMap | str | os.PathLike[str] | None = None,
+    *,
+    resample: bool = False,
+    sampling_time: float | None = None,
+    segment: int | None = None,
+    missing: Collection[str] = (),
+    told: Callable[[str], object] = lambda _: None,
+) -> Reading:
+    """Read a log into a record, and say what is wrong with it.
+
+    Nothing is dropped or resampled unless it is asked for. A gap of a whole number of samples gets
+    so many missing ones, an infinite value becomes a missing one, a delay of the channel map is
+    taken out; all else stays as it was logged, and is told.
+
+    Parameters
+    ----------
+    path : path
+        The log; see `ambkit.data.files.formats.read_log` for the formats.
+    map : ChannelMap or path, optional
+        What is what; without it, a table whose columns have the names and units of a record.
+    resample : bool
+        Put all signals on one even grid, where they have several clocks or an uneven one.
+    sampling_time : float, optional
+        The grid's step [s]; the usual step of the clock ``t`` without it.
+    segment : int, optional
+        Which part between jumps of the clock to read, from 1.
+    missing : collection of {"saturated", "frozen", "spike"}
+        Take such samples as missing.
+    told : callable
+        Called with what is being done.
+
+    Returns
+    -------
+    Reading
+        The record and its account.
+
+    Raises
+    ------
+    Refused
+        The file is damaged; the map does not fit it; or there is no even grid: two clocks, jitter,
+        jumps. The message has all of it, each with its place, and what would help; what could be
+        read is there for a picture (`ambkit.show.plots.reading.refused_figure`).
+    RecordError
+        Nothing could be read.
+    ExtraMissing
+        The library for such files is not installed.
+    AmbkitError
+        The file, or the map, cannot be read.
+    """
+    wrong = set(missing) - set(channel_faults.MASKABLE)
+    if wrong:
+        *some, last = channel_faults.MASKABLE
+        known = f"{', '.join(some)} and {last}"
+        raise RecordError(f"only {known} can be taken as missing, not {min(wrong)}")
+    log, mapped = _mapped(path, map, told)
+    try:
+        return _placed(log, mapped, resample, sampling_time, segment, missing, told)
+    except RecordError as error:
+        raise Refused(error, log.name, mapped) from None
+
+
+def _placed(
+    log: Log,
+    mapped: Mapped,
+    resample: bool,
+    sampling_time: float | None,
+    segment: int | None,
+    missing: Collection[str],
+    told: Callable[[str], object],
+) -> Reading:
+    """Put the signals of a log on one grid, and say what was wrong; see `read`."""
+    remarks = [*log.remarks, *mapped.remarks]
+    used = list(dict.fromkeys(mapped.clock_of.values()))
+    check_times(log, mapped, used)
+    clocks = {name: examine(name, mapped.clocks[name]) for name in used}
+    signals = dict(mapped.signals)
+    faults: list[Fault] = [f for c in clocks.values() for f in _clock_faults(c)]
+    if segment is not None or any(clock.jumps.size for clock in clocks.values()):
+        parts, remark = segments_of(log, clocks, segment)
+        signals = {name: v[parts[mapped.clock_of[name]]] for name, v in signals.items()}
+        clocks = {name: clock.part(parts[name]) for name, clock in clocks.items()}
+        remarks.append(remark)
+        faults = [replace(f, action="another part is read") for f in faults if f.kind == "jump"]
+        faults += [f for c in clocks.values() for f in _clock_faults(c)]
+    if not resample:
+        refuse_uneven(log, mapped, clocks)
+    channels: list[Channel] = []
+    for name in signals:
+        clock = clocks[mapped.clock_of[name]]
+        told(f"looking at {name}")
+        logged, unit = signals[name], mapped.units[name]
+        signals[name] = np.where(np.isinf(logged), np.nan, logged)
+        channels.append(channel_faults.describe(name, unit, signals[name], clock.name))
+        for fault in channel_faults.find(name, logged, clock.times, unit):
+            if fault.kind in missing:
+                signals[name] = _masked(signals[name], clock.times, fault)
+            if fault.kind in (*missing, "infinite"):
+                fault = replace(fault, action="taken as missing")
+            delay = mapped.delays.get(name, 0.0)  # faults are told where the record has them
+            faults.append(replace(fault, start=fault.start - delay, stop=fault.stop - delay))
+    told("placing the samples")
+    if resample:
+        times, on_grid, said = _resampled(log, signals, mapped.clock_of, clocks, sampling_time)
+        faults = [_action_of_grid(fault, "resampled") for fault in faults]
+    elif sampling_time is not None:
+        raise RecordError("sampling_time (--sampling-time) is the step to resample to: ask for it")
+    else:
+        times, on_grid, said = _filled(signals, clocks)
+        faults = [_action_of_grid(fault, "filled with missing samples") for fault in faults]
+    remarks += said
+    step = float(times[-1] - times[0]) / (times.size - 1)
+    for name, delay in mapped.delays.items():
+        on_grid[name] = grid.shifted(on_grid[name], delay / step, held=name in grid.HELD)
+        remarks.append(grid.shift_in_words(name, delay, step))
+    faults = [_within(fault, times) for fault in faults]
+    channels = [_as_placed(c, on_grid[c.name], mapped.delays.get(c.name, 0.0)) for c in channels]
+    meta = {**mapped.meta, "source": Path(log.name).name}
+    reading = Reading(
+        Record.__new__(Record), clocks, tuple(channels), tuple(faults), tuple(remarks), log.name
+    )
+    meta["reading"] = reading.account()[:SENTENCES]
+    try:
+        record = Record(times, on_grid, mapped.units, meta)
+    except RecordError as error:
+        raise RecordError([f"{log.name}: {problem}" for problem in error.problems]) from None
+    return replace(reading, record=record)
+
+
+def load(
+    path: str | os.PathLike[str],
+    channel_map: ChannelMap | str | os.PathLike[str] | None = None,
+) -> Record:
+    """Read a record whose clock is even; `read` also takes logs with faults.
+
+    Parameters
+    ----------
+    path : path
+        The file: without a channel map a table with units, see `Record.load`; with one, any format
+        that `read` knows.
+    channel_map : ChannelMap or path, optional
+        Which row or column of the file is which signal, with its unit, scale, sign and offset.
+
+    Raises
+    ------
+    RecordError
+        As `read`; also for gaps and infinite values, which `read` makes missing samples. The
+        message names file and line.
+    AmbkitError
+        The file, or the channel map, cannot be read.
+    """
+    if channel_map is None:
+        return Record.load(path)
+    log, mapped = _mapped(path, channel_map, lambda _: None)
+    used = list(dict.fromkeys(mapped.clock_of.values()))
+    check_times(log, mapped, used)
+    clocks = {name: examine(name, mapped.clocks[name]) for name in used}
+    if len(clocks) > 1:
+        refuse_uneven(log, mapped, clocks)
+    t = mapped.clocks[used[0]]
+    problems = list(time_problems(t, log.place))
+    if problems:
+        advice = f"{log.name}: 'ambkit read' can make an even record of it"
+        raise RecordError([*shortened(problems), advice], log.name)
+    step = float(t[-1] - t[0]) / (t.size - 1)
+    signals = {
+        name: grid.shifted(values, mapped.delays[name] / step, held=name in grid.HELD)
+        if name in mapped.delays
+        else values
+        for name, values in mapped.signals.items()
+    }
+    try:
+        return Record(t, signals, mapped.units, mapped.meta | {"source": Path(path).name})
+    except RecordError as error:
+        raise RecordError([f"{log.name}: {text}" for text in error.problems], log.name) from None
+
+
+def _mapped(
+    path: str | os.PathLike[str],
+    channel_map: ChannelMap | str | os.PathLike[str] | None,
+    told: Callable[[str], object],
+) -> tuple[Log, Mapped]:
+    """Read a log, and pick its signals out of it; a table with names and units needs no map."""
+    from ambkit.data.channelmap import ChannelMap, Mapped
+    from ambkit.data.files.tables import to_table
+
+    if channel_map is not None:
+        if not isinstance(channel_map, ChannelMap):
+            channel_map = ChannelMap.load(channel_map)
+        log, error, damaged = _logged(path, channel_map, told)
+        mapped, problems = channel_map.pick(log)
+        error = error or (RecordError(problems, log.name) if problems else None)
+        if error:
+            raise Refused(error, log.name, mapped, damaged)
+        return log, mapped
+    log, error, damaged = _logged(path, None, told)
+    try:
+        table = to_table(log)
+    except RecordError as other:
+        raise error or other from None
+    columns = dict(table.columns)
+    if "t" not in columns and error is None:
+        raise RecordError(f"{path}: has no column t [s]; it has {', '.join(columns)}")
+    clocks = {"t": columns.pop("t")} if "t" in columns else {}
+    units = {name: table.units[name] for name in columns}
+    mapped = Mapped(columns, units, clocks, dict.fromkeys(columns, "t"), {}, table.meta)
+    if error:
+        raise Refused(error, log.name, mapped, damaged)
+    return log, mapped
+
+
+def _logged(
+    path: str | os.PathLike[str], channel_map: ChannelMap | None, told: Callable[[str], object]
+) -> tuple[Log, RecordError | None, tuple[int, ...]]:
+    """Read a log; of a damaged one what can be read, what is wrong, and where."""
+    wanted, texts = (channel_map.wanted, channel_map.texts) if channel_map else (None, ())
+    try:
+        return read_log(path, wanted, told, texts=texts), None, ()
+    except DamagedLog as error:
+        return error.log, error, error.samples
+
+
+def _clock_faults(clock: Clock) -> list[Fault]:
+    """Turn what is wrong with a clock into faults; what is done about it is not known yet."""
+    t, found = clock.times, []
+    for at, count in zip(clock.gaps.tolist(), clock.missing.tolist(), strict=True):
+        text = f"{count} sample{'s' if count > 1 else ''} missing"
+        found.append(Fault("gap", clock.name, float(t[at - 1]), float(t[at]), count, text))
+    for at in clock.jumps.tolist():
+        text = f"from {instant(t[at - 1], clock.step)} to {instant(t[at], clock.step)}"
+        found.append(Fault("jump", clock.name, float(t[at - 1]), float(t[at]), 1, text))
+    if clock.uneven.size:
+        text = (
+            f"{clock.uneven.size} steps are off by more than 1 %, "
+            f"{engineering(clock.jitter, 's', digits=2)} rms"
+        )
+        ends = float(t[0]), float(t[-1])
+        found.append(Fault("jitter", clock.name, *ends, clock.uneven.size, text))
+    return found
+
+
+def _masked(values: Array, times: Array, fault: Fault) -> Array:
+    first = np.searchsorted(times, fault.start)
+    kept = values.copy()
+    kept[first : first + fault.samples] = np.nan
+    return kept
+
+
+def _within(fault: Fault, times: Array) -> Fault:
+    """Cut a fault at the ends of the record, beyond which a delay may have moved it."""
+    if fault.kind == "jump" or (times[0] <= fault.start and fault.stop <= times[-1]):
+        return fault
+    if fault.stop < times[0] or fault.start > times[-1]:
+        return replace(fault, action="shifted out of the record")
+    ends = max(fault.start, float(times[0])), min(fault.stop, float(times[-1]))
+    return replace(fault, start=ends[0], stop=ends[1])
+
+
+def _as_placed(channel: Channel, values: Array, delay: float) -> Channel:
+    """Count the samples as the record has them: gaps are filled, stretches may be masked."""
+    lost = int(np.isnan(values).sum())
+    return replace(channel, samples=values.size, missing=lost, delay=delay)
+
+
+def _action_of_grid(fault: Fault, action: str) -> Fault:
+    return replace(fault, action=action) if fault.kind in ("gap", "jitter") else fault
+
+
+def _filled(
+    signals: Mapping[str, Array], clocks: Mapping[str, Clock]
+) -> tuple[Array, dict[str, Array], list[str]]:
+    """Leave each sample where it is, and make room for the missing ones."""
+    (clock,) = clocks.values()
+    times, place = grid.with_missing(clock)
+    return times, {name: grid.spread(v, place, times.size) for name, v in signals.items()}, []
+
+
+def _resampled(
+    log: Log,
+    signals: Mapping[str, Array],
+    clock_of: Mapping[str, str],
+    clocks: Mapping[str, Clock],
+    sampling_time: float | None,
+) -> tuple[Array, dict[str, Array], list[str]]:
+    """Put all signals on the even grid of the first clock."""
+    jumping = [clock.name for clock in clocks.values() if clock.jumps.size]
+    if jumping:
+        raise RecordError(f"{log.name}: the clock {jumping[0]} jumps: it cannot be resampled")
+    main = clocks.get("t") or next(iter(clocks.values()))
+    step = sampling_time or main.step
+    times = grid.even_grid(main, step)
+    if times.size < 2:
+        raise RecordError(
+            f"{log.name}: a sampling time of {engineering(step, 's')} leaves no two samples"
+        )
+    found = {
+        name: grid.resample(v, clocks[clock_of[name]], times, held=name in grid.HELD)
+        for name, v in signals.items()
+    }
+    how = Counter("held" if name in grid.HELD else "straight" for name in signals)
+    said = [f"resampled to {engineering(1 / step, 'Hz', digits=5)}, without a low-pass before"]
+    if how["straight"]:
+        names = ", ".join(name for name in signals if name not in grid.HELD)
+        said.append(f"{names}: on straight lines between the samples")
+    if how["held"]:
+        said.append("u: as it was at the last sample, since a controller holds it")
+    return times, found, said

@@ -1,0 +1,125 @@
+"""Spikes of a channel: a few samples far off, between neighbours that agree."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+LONGEST = 3
+"""A spike has at most so many samples; more are a movement, or another fault."""
+
+FAR = 10.0
+"""So many standard deviations of the noise, or steps of the sensor, off its neighbours."""
+
+AROUND = 10
+"""Neighbours on each side that a spike is compared with."""
+
+RARE = 0.01
+"""Where more samples than this part would be spikes, they are what the signal is like."""
+
+
+def spikes(values: Array, rough: float, step: float) -> tuple[Index, Index]:
+    """Find the spikes of a signal.
+
+    A spike leaves the range of its 20 neighbours by `FAR` times their noise and by twice that
+    range, on one side, for at most three samples. Signals that leap by as much elsewhere too, such
+    as binary ones and references, have none.
+
+    Parameters
+    ----------
+    values : ndarray (n,)
+        The samples, finite.
+    rough : float
+        Standard deviation of the noise; see `ambkit.data.reading.faults.noise`.
+    step : float
+        Resolution of the signal, or 0.
+
+    Returns
+    -------
+    starts, lengths : ndarray of int (m,)
+        First sample of each spike, and how many it has.
+    """
+    least = FAR * max(rough, step)
+    if values.size < 2 * AROUND + LONGEST:
+        return _none()
+    padded = np.pad(values, AROUND, mode="reflect")  # so that the first sample may be one
+    change = np.diff(padded)
+    leaps = np.flatnonzero(np.abs(change) > least)
+    starts, lengths = _there_and_back(change, leaps)
+    starts, lengths = _within(starts, lengths, values.size)
+    if starts.size == 0 or starts.size > RARE * values.size:
+        return _none()
+    height = _height(padded, starts, lengths, least)
+    kept = height > 0
+    starts, lengths, height = starts[kept], lengths[kept], height[kept]
+    if starts.size == 0:
+        return _none()
+    # Leaps that belong to no spike, and are half as high as the lowest one.
+    own = np.zeros(change.size, dtype=bool)
+    for k in range(-1, LONGEST):
+        own[starts[k < lengths] + k] = True
+    others = np.abs(change[AROUND - 1 : change.size - AROUND + 1])
+    others = np.sort(others[~own[AROUND - 1 : change.size - AROUND + 1]])
+    alike = others.size - np.searchsorted(others, 0.5 * height)
+    kept = alike <= 2
+    return starts[kept] - AROUND, lengths[kept]
+
+
+def without(values: Array, starts: Index, lengths: Index) -> Array:
+    """Return a signal with each spike on the straight line between its neighbours."""
+    if starts.size == 0:
+        return values
+    sound = np.ones(values.size, dtype=bool)
+    for k in range(LONGEST):
+        sound[starts[k < lengths] + k] = False
+    at = np.arange(values.size)
+    return np.where(sound, values, np.interp(at, at[sound], values[sound]))
+
+
+def _none() -> tuple[Index, Index]:
+    nothing = np.array([], dtype=np.intp)
+    return nothing, nothing
+
+
+def _there_and_back(change: Array, leaps: Index) -> tuple[Index, Index]:
+    """Find leaps that the next one, at most three samples later, takes back."""
+    first, second = leaps[:-1], leaps[1:]
+    lengths = second - first
+    back = change[first] * change[second] < 0
+    alike = np.abs(change[first] + change[second]) < 0.5 * np.abs(change[first])
+    found = back & alike & (lengths <= LONGEST)
+    # Of two that share a leap the first one is it.
+    found[1:] &= ~(found[:-1] & (first[1:] == second[:-1]))
+    return first[found] + 1, lengths[found]
+
+
+def _within(starts: Index, lengths: Index, size: int) -> tuple[Index, Index]:
+    """Cut spikes at the ends, where the signal was continued by its mirror image."""
+    stops = np.minimum(starts + lengths, AROUND + size)
+    starts = np.maximum(starts, AROUND)
+    inside = stops > starts
+    return starts[inside], (stops - starts)[inside]
+
+
+def _height(padded: Array, starts: Index, lengths: Index, least: float) -> Array:
+    """Return how far each spike is off the range of its neighbours; 0 where that is not far.
+
+    The three of the neighbours that are farthest from their middle do not count: another spike may
+    be among them.
+    """
+    before = starts[:, None] - 1 - np.arange(AROUND)
+    after = (starts + lengths)[:, None] + np.arange(AROUND)
+    near = padded[np.clip(np.concatenate([before, after], axis=1), 0, padded.size - 1)]
+    middle = np.median(near, axis=1)
+    farness = np.sort(np.abs(near - middle[:, None]), axis=1)
+    reach = farness[:, -1 - LONGEST]
+    inside = np.arange(LONGEST) < lengths[:, None]
+    spike = padded[np.minimum(starts[:, None] + np.arange(LONGEST), padded.size - 1)]
+    off = np.where(inside, spike - middle[:, None], np.nan)
+    lowest, highest = np.nanmin(off, axis=1), np.nanmax(off, axis=1)
+    one_side = np.maximum(lowest, -highest)  # negative where it lies on both sides
+    far = one_side - reach > np.maximum(least, 4 * reach)
+    return np.where(far, one_side, 0.0)

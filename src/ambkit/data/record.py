@@ -1,0 +1,285 @@
+"""The record: what was measured or simulated, as labelled time series with units."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ambkit.base.errors import RecordError, shortened
+from ambkit.data import signals as names
+
+Array = NDArray[np.float64]
+
+TIME_TOLERANCE = 0.01
+"""How far a time step may be from their mean, as a part of it: logs print rounded times."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Record:
+    """Evenly sampled signals of one run, n samples; a simulated and a measured run alike.
+
+    The arrays are copied and cannot be written to. NaN in a signal is a missing sample.
+
+    Parameters
+    ----------
+    t : array_like (n,)
+        Time [s], evenly sampled, n >= 2.
+    signals : mapping of str to array_like (n,)
+        The signals by name, in SI. The standard names are those of the symbol table: measured
+        ``y`` [m], ``u`` [V], ``r`` [m]; and the truth of a simulation, ``x`` [m], ``v`` [m/s],
+        ``f_d`` [N], ``x_m`` [m], ``iu`` [A], ``f_mag`` [N].
+    units : mapping of str to str, optional
+        SI unit of each signal; those of the standard names need not be given.
+    meta : mapping, optional
+        Where the record comes from, such that JSON can hold it: ``bearing`` (its TOML),
+        ``scenario``, ``seed``, ``version`` of a simulation; ``source`` of a log.
+
+    Raises
+    ------
+    RecordError
+        Time not increasing, uneven or not finite; an infinite value; lengths that differ; a
+        signal without unit, or in one that is not SI.
+    """
+
+    t: Array
+    signals: Mapping[str, Array]
+    units: Mapping[str, str] = field(default_factory=dict)
+    meta: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        t = _frozen("t", self.t)
+        _check_time(t)
+        signals = {name: _frozen(name, values) for name, values in self.signals.items()}
+        for name, values in signals.items():
+            _check_signal(name, values, t)
+        units = {name: _si(name, (names.UNITS | dict(self.units)).get(name)) for name in signals}
+        checked = {"t": t, "signals": signals, "units": units, "meta": dict(self.meta)}
+        for key, value in checked.items():
+            object.__setattr__(self, key, value)
+
+    def __getitem__(self, name: str) -> Array:
+        """Return a signal by its name, ``t`` too.
+
+        Raises
+        ------
+        RecordError
+            The record has no such signal; the message lists those that it has.
+        """
+        if name == "t":
+            return self.t
+        if name not in self.signals:
+            raise RecordError(f"the record has no signal {name}; it has {', '.join(self)}")
+        return self.signals[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name == "t" or name in self.signals
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.signals)
+
+    def __len__(self) -> int:
+        return self.t.size
+
+    def __repr__(self) -> str:
+        columns = ", ".join(f"{name} [{self.units[name]}]" for name in self)
+        return f"<Record {self.t[0]:g} to {self.t[-1]:g} s, {len(self)} samples: {columns}>"
+
+    @property
+    def sampling_time(self) -> float:
+        """Mean time between two samples [s]."""
+        return float(self.t[-1] - self.t[0]) / (len(self) - 1)
+
+    @property
+    def truth(self) -> dict[str, Array]:
+        """The signals that only a simulation knows; empty for a measured record.
+
+        A record counts as simulated where its ``meta`` holds the scenario: an estimate has
+        signals of the same names and is not the truth.
+        """
+        if "scenario" not in self.meta:
+            return {}
+        return {name: self.signals[name] for name in self if name in names.TRUTH}
+
+    @property
+    def has_truth(self) -> bool:
+        """Whether estimates can be judged against the truth."""
+        return bool(self.truth)
+
+    def between(self, start: float | None = None, stop: float | None = None) -> Record:
+        """Return the part with start <= t < stop; its time is not shifted.
+
+        Parameters
+        ----------
+        start, stop : float, optional
+            Time [s], met to half a sampling time. Without it, the record's own start or end.
+
+        Raises
+        ------
+        RecordError
+            Less than two samples lie there.
+        """
+        half = 0.5 * self.sampling_time
+        first = 0 if start is None else int(np.searchsorted(self.t, start - half))
+        last = len(self) if stop is None else int(np.searchsorted(self.t, stop - half))
+        if last - first < 2:
+            span = f"it goes from {self.t[0]:g} to {self.t[-1]:g} s"
+            asked = "" if start is None else f" from {start:g} s on"
+            if stop is not None:
+                asked = f" before {stop:g} s" if start is None else f" from {start:g} to {stop:g} s"
+            raise RecordError(f"the record has no samples{asked}: {span}")
+        part = slice(first, last)
+        return Record(
+            self.t[part], {name: self[name][part] for name in self}, self.units, self.meta
+        )
+
+    def select(self, *signals: str) -> Record:
+        """Return the record with some of its signals.
+
+        Parameters
+        ----------
+        *signals : str
+            Their names, in the order wanted.
+        """
+        return Record(self.t, {name: self[name] for name in signals}, self.units, self.meta)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the record; `load` gives back exactly its values.
+
+        Parameters
+        ----------
+        path : path
+            Ends with ``.csv`` or ``.parquet``.
+
+        Raises
+        ------
+        RecordError
+            Another ending, or ``meta`` that JSON cannot hold.
+        AmbkitError
+            The file cannot be written; an older one is left as it was.
+        """
+        from ambkit.data.files.tables import Table, write_table
+
+        units = {"t": "s"} | dict(self.units)
+        write_table(path, Table({"t": self.t, **self.signals}, units, dict(self.meta)))
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Record:
+        """Read what `save` wrote, or any table with units whose clock is even.
+
+        `ambkit.load` also takes a channel map, and `ambkit.read` also logs with faults.
+
+        Parameters
+        ----------
+        path : path
+            The file. A CSV has a header with units, ``t [s],y [mm],u [V]``; they are converted
+            to SI.
+
+        Raises
+        ------
+        RecordError
+            The file is cut short, holds no number where one should be, has no units, or is no
+            valid record; the message names file and line.
+        AmbkitError
+            The file cannot be read.
+        """
+        from ambkit.data.files.formats import read_log
+        from ambkit.data.files.tables import to_table
+
+        log = read_log(path)
+        table = to_table(log)
+        if "t" not in table.columns:
+            raise RecordError(f"{path}: has no column t [s]; it has {', '.join(table.columns)}")
+        columns = dict(table.columns)
+        t = columns.pop("t")
+        problems = list(time_problems(t, log.place)) if t.size > 1 else []
+        if problems:
+            raise RecordError(shortened(problems), log.name)
+        try:
+            return cls(t, columns, table.units, table.meta)
+        except RecordError as error:
+            raise RecordError(f"{path}: {error}") from None
+
+
+def _frozen(name: str, values: ArrayLike) -> Array:
+    try:
+        array = np.array(values)
+        if np.iscomplexobj(array):
+            raise RecordError(f"signal {name} holds complex numbers; give its real part")
+        array = array.astype(np.float64, copy=False)
+    except (TypeError, ValueError):
+        raise RecordError(f"signal {name} does not hold numbers alone") from None
+    array.flags.writeable = False
+    return array
+
+
+def _check_time(t: Array) -> None:
+    if t.ndim == 1 and t.size < 2:
+        raise RecordError(f"t must have at least 2 samples, has {t.size or 'none'}")
+    if t.ndim != 1:
+        raise RecordError(f"t must be a row of at least 2 samples, has shape {t.shape}")
+    problems = list(time_problems(t))
+    if problems:
+        raise RecordError(shortened(problems))
+
+
+def time_problems(t: Array, place: Callable[[int], str] | None = None) -> Iterator[str]:
+    """Yield all that keeps times from being even.
+
+    Parameters
+    ----------
+    t : ndarray (n,)
+        Times [s], n >= 2.
+    place : callable, optional
+        Says where a sample stands, such as ``log.csv:17``; put before each problem.
+    """
+
+    def at_(sample: int) -> str:
+        return f"{place(sample)}: " if place else ""
+
+    for at in np.flatnonzero(~np.isfinite(t)).tolist():
+        yield f"{at_(at)}t is {t[at]} at sample {at}"
+    steps = np.diff(t)
+    for at in (np.flatnonzero(steps <= 0) + 1).tolist():
+        before = f"{t[at]:g} s after {t[at - 1]:g} s"
+        yield f"{at_(at)}t must increase, but sample {at} has {before}"
+    step = float(np.nanmedian(steps)) if np.isfinite(steps).any() else math.nan
+    uneven = (np.abs(steps - step) > TIME_TOLERANCE * step) & (steps > 0)
+    for at in (np.flatnonzero(uneven) + 1).tolist():
+        yield (
+            f"{at_(at)}t must be even, but from sample {at - 1} to {at} (t = {t[at]:g} s) it goes "
+            f"on by {steps[at - 1]:.6g} s instead of {step:.6g} s; a missing sample is an empty "
+            "cell"
+        )
+
+
+def _check_signal(name: str, values: Array, t: Array) -> None:
+    if name == "t":
+        raise RecordError("t is the time, no signal can have this name")
+    if values.shape != t.shape:
+        raise RecordError(f"signal {name} has shape {values.shape}, t has {t.shape}")
+    if np.isinf(values).any():
+        at = _first(np.isinf(values))
+        raise RecordError(f"signal {name} is {values[at]} at sample {at} (t = {t[at]:g} s)")
+
+
+def _first(where: NDArray[np.bool_]) -> int:
+    return int(np.argmax(where))
+
+
+def _si(name: str, unit: str | None) -> str:
+    """Return the unit of a signal if it is the one that a record holds it in."""
+    if unit is None:
+        raise RecordError(f"signal {name} has no unit")
+    if unit in names.SI_UNITS and names.UNITS.get(name, unit) == unit:
+        return unit
+    try:
+        si = names.UNITS.get(name) or names.si_unit(unit)
+    except ValueError as error:
+        raise RecordError(f"signal {name}: {error}") from None
+    raise RecordError(f"signal {name} must be given in {si}, not in {unit}")

@@ -1,0 +1,56 @@
+"""Names of the signals in a record, and the SI unit of each."""
+
+from functools import cache
+
+MEASURED = {"y": "m", "u": "V", "r": "m"}
+"""What a rig's log has: measured position, control signal, reference."""
+
+TRUTH = {"x": "m", "v": "m/s", "f_d": "N", "x_m": "m", "iu": "A", "f_mag": "N"}
+"""What only a simulation knows, by the symbols of the paper: displacement, velocity, disturbance
+force, lagged position before the noise, control current, magnet force."""
+
+UNITS = {"t": "s"} | MEASURED | TRUTH
+"""SI unit of each standard signal."""
+
+SI_UNITS = (
+    *dict.fromkeys(UNITS.values()),
+    *("1", "m/s^2", "rad", "rad/s", "Hz", "kg", "K", "Pa", "J", "W"),
+    *("m^2", "m^2/s^2", "V^2", "A^2", "N^2", "N/A", "N/m", "N m", "N s/m", "N m^2/A^2"),
+    *("A/V", "V/A", "V/m", "A/s", "V/s", "N/s", "ohm", "H", "T", "Wb", "C"),
+)
+"""The SI units that a record writes; what is given in another unit of the kind is converted."""
+
+
+@cache
+def si_unit(unit: str) -> str:
+    """Return the SI unit that measures what `unit` does.
+
+    Parameters
+    ----------
+    unit : str
+        Such as ``"mm"``; ``"1"``, ``"-"`` or nothing is a plain number.
+
+    Raises
+    ------
+    ValueError
+        The unit is unknown, or of a kind that no record holds.
+
+    Examples
+    --------
+    >>> si_unit("um/ms")
+    'm/s'
+    """
+    from ambkit.base.units import factor
+
+    if unit in ("", "-"):
+        return "1"
+    if unit in SI_UNITS:
+        return unit
+    factor(unit, unit)  # raises where the unit is unknown, so that the message says so
+    for candidate in SI_UNITS:
+        try:
+            factor(unit, candidate)
+        except ValueError:
+            continue
+        return candidate
+    raise ValueError(f"{unit} measures nothing that a record holds; known: {', '.join(SI_UNITS)}")

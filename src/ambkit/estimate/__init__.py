@@ -1,0 +1,5 @@
+"""The estimators, one class each kind, one registry of the kinds, and the estimate they give.
+
+The mathematics is C. Whether an estimate is consistent with its own innovations is told here too:
+it needs nothing but the estimate.
+"""

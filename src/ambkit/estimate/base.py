@@ -1,0 +1,394 @@
+"""What all estimators of one axial bearing have in common."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ambkit.base.arrays import real
+from ambkit.base.copying import Copyable
+from ambkit.estimate.estimate import Estimate, Status
+from ambkit.estimate.noise import FilterNoise, completed
+from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.magnets import (
+    ConstantStiffness,
+    Precision,
+    StiffnessSource,
+    bias_force_of,
+    core_module,
+    own_time,
+)
+
+if TYPE_CHECKING:
+    from ambkit._core import Magnet
+    from ambkit.data.record import Record
+    from ambkit.machine.bearing import Bearing
+
+
+class Estimator(Copyable):
+    """An estimator of the family: the same inputs, the same outputs, one interface in C.
+
+    Each kind says in `_build` which of the core's it is (``core/include/ambkit/estimator.h``).
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What is filtered.
+    source : optional
+        What the filter knows of its magnet; by default the constant stiffnesses of the origin.
+    noise : FilterNoise, optional
+        Variances; by default those of the bearing.
+    gravity : {"known", "disturbance"}
+        ``"known"``: the weight is part of the model, and ``f_d`` is the disturbance alone.
+        ``"disturbance"``: as eq. 15-16 of the paper, where weight is left out and lands in F_St.
+    precision : {"float64", "float32"}
+        Which build of the C core computes; float32 is what flies on a Cortex-M4F.
+    frozen_limit : int
+        Equal measurements in a row that are taken for a frozen sensor; 0: never.
+    gate : float
+        Innovations beyond this many of their standard deviations are outliers.
+    outlier_limit : int
+        Outliers in a row that are left out; after them the estimate is wrong and not the
+        measurement, from which the filter starts afresh. 0: none is, and it never does.
+    as_printed : bool
+        Predict by eq. 19 as the paper prints it, with the position held over the sample in the
+        sensor's lag. That puts every estimate ahead of the rotor by
+        ``T/(1 - exp(-T/T_sen)) - T_sen``: to reproduce the paper only.
+
+    Raises
+    ------
+    ValueError
+        Where a variance is negative or not finite, with its name, limit and value.
+    """
+
+    name = "estimator"
+    _of_core: tuple[str, ...] = ("core", "_core_step", "_live_mean")
+    smooths = False  # whether mean and covariance follow the model that the smoother goes back by
+
+    def __init__(
+        self,
+        bearing: Bearing,
+        source: StiffnessSource | None = None,
+        *,
+        noise: FilterNoise | None = None,
+        gravity: Literal["known", "disturbance"] = "known",
+        precision: Precision = "float64",
+        frozen_limit: int = 10,
+        gate: float = 8.0,
+        outlier_limit: int = 3,
+        as_printed: bool = False,
+    ) -> None:
+        if gravity not in ("known", "disturbance"):
+            raise ValueError(f"gravity must be 'known' or 'disturbance', got {gravity!r}")
+        for limit, value in (("frozen_limit", frozen_limit), ("outlier_limit", outlier_limit)):
+            if value < 0:
+                raise ValueError(f"{limit} must be 0 or more, got {value}")
+        if not (math.isfinite(gate) and gate > 0):
+            raise ValueError(f"gate must be greater than 0 standard deviations, got {gate!r}")
+        self.bearing = bearing
+        self.source = source if source is not None else ConstantStiffness.of(bearing)
+        self.variances = completed(bearing, noise or FilterNoise())
+        self.precision = precision
+        known = bearing.weight if gravity == "known" else 0.0
+        core = core_module(precision)
+        T = bearing.sampling_time
+        # A sensor faster than a thousandth of a sample is a sensor without lag.
+        lag = max(bearing.sensor.lag, 1e-3 * T)
+        settings = {
+            "T": T,
+            "m": bearing.rotor.mass,
+            "K_sen": bearing.sensor.gain,
+            "T_sen": lag,
+            "k_ui": bearing.amplifier.gain,
+            "f_0": known + bias_force_of(self.source, bearing),
+            "iu_min": bearing.current_min,
+            "iu_max": bearing.current_max,
+            "x_max": bearing.rotor.travel_limit,
+            "var_u": self.variances.control,
+            "var_d": T * self.variances.disturbance,
+            "var_y": self.variances.measurement,
+            "gate": gate,
+            "as_printed": as_printed,
+            "frozen_limit": frozen_limit,
+            "outlier_limit": outlier_limit,
+        }
+        self.core: Any = self._build(core, self.source.magnet(core), settings)
+        self.reset()
+
+    def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
+        """Return the core's estimator of this kind."""
+        raise NotImplementedError
+
+    def reset(
+        self,
+        mean: ArrayLike = (0, 0, 0, 0),
+        std: Sequence[float] | Literal["diffuse"] | None = None,
+    ) -> None:
+        """Start anew.
+
+        Any start will do: good samples bring the filter back to the rotor. What is beyond what a
+        rotor between its stops can do is held to that (``core/include/ambkit/envelope.h``).
+
+        Parameters
+        ----------
+        mean : array_like (4,)
+            Displacement [m], velocity [m/s], disturbance force [N], lagged position [m]; finite.
+        std : sequence of 4 floats, or "diffuse", optional
+            Their standard deviations, finite and positive. Default: three times the measurement
+            noise, a tenth of the travel in the plant's own time, the weight, three times the
+            measurement noise. ``"diffuse"``: nothing is known but the stops and the sensor, and
+            the first samples tell the rest.
+
+        Raises
+        ------
+        ValueError
+            A mean is not finite, or a standard deviation not finite and positive.
+        """
+        if isinstance(std, str) and std != "diffuse":
+            raise ValueError(f"std must be four numbers or 'diffuse', got {std!r}")
+        given = self.default_std() if std is None else std
+        self.core.reset(
+            self._representable(real("mean", mean)),
+            None
+            if isinstance(given, str)
+            else self._representable(real("std", given), positive=True),
+        )
+
+    def _representable(self, values: ArrayLike, *, positive: bool = False) -> NDArray[np.float64]:
+        """Return finite values as near as this precision has them; others as they are."""
+        a = np.asarray(values, dtype=float)
+        known = np.finfo(self.precision)
+        near = np.clip(a, -float(known.max), float(known.max))
+        if positive:
+            near = np.where(near > 0, np.maximum(near, float(known.tiny)), near)
+        return np.where(np.isfinite(a), near, a)
+
+    def take_over(self, other: Estimator) -> None:
+        """Go on where another filter is: with its mean, its covariance, its counts of bad samples.
+
+        So a filter that was learned anew replaces the one that flies, between two samples, without
+        a jump. In C, where the state is the caller's, nothing needs to be done: the next step is
+        given the new parameters, and the same state.
+
+        Parameters
+        ----------
+        other : Estimator
+            Any of the linear, adaptive, extended and unscented Kalman filters where this is one of
+            them; for the square-root filter another of its kind. Sampling time and sensor should be
+            the same.
+
+        Raises
+        ------
+        ValueError
+            One of the two keeps something else as well, such as a scale of the magnet, which means
+            something only beside its own parameters; or they differ in precision.
+        """
+        if self.precision != other.precision:
+            raise ValueError(
+                f"both must have one precision, got {self.precision} and {other.precision}"
+            )
+        self.core.take_over(other.core)
+
+    def default_std(self) -> tuple[float, float, float, float]:
+        """Return the standard deviations with which a filter starts; see :meth:`reset`."""
+        b = self.bearing
+        sigma = 3 * math.sqrt(self.variances.measurement)
+        return (
+            sigma / abs(b.sensor.gain),
+            0.1 * b.rotor.travel_limit / own_time(b),
+            b.rotor.mass * GRAVITY,
+            sigma,
+        )
+
+    def predict(self, u: float) -> NDArray[np.float64]:
+        """Go one sample on (eq. 9, 10).
+
+        Parameters
+        ----------
+        u : float
+            Control signal that acted since the last sample [V].
+
+        Returns
+        -------
+        ndarray (4,)
+            State estimate: x [m], v [m/s], f_d [N], x_m [m].
+        """
+        self.core.predict(u)
+        return self.mean
+
+    def update(self, y: float) -> NDArray[np.float64]:
+        """Take in a measurement (eq. 11-13).
+
+        Parameters
+        ----------
+        y : float
+            Measured position [m].
+
+        Returns
+        -------
+        ndarray (4,)
+            State estimate: x [m], v [m/s], f_d [N], x_m [m].
+        """
+        self.core.update(y)
+        return self.mean
+
+    def step(self, y: float, u: float) -> NDArray[np.float64]:
+        """Predict, then take in a measurement. Never raises on bad input: see :attr:`status`.
+
+        Parameters
+        ----------
+        y : float
+            Measured position [m].
+        u : float
+            Control signal that acted since the last sample [V].
+
+        Returns
+        -------
+        ndarray (4,)
+            State estimate: x [m], v [m/s], f_d [N], x_m [m].
+        """
+        self._core_step(y, u)
+        return self._live_mean.copy()
+
+    def run(self, record: Record, *, covariance: bool = False) -> Estimate:
+        """Run along a whole record, from a fresh start at its first measurement within the travel.
+
+        Parameters
+        ----------
+        record : Record
+            With ``y`` [m] and ``u`` [V]; u[k] acts from sample k to k + 1.
+        covariance : bool
+            Keep the covariances, 10 numbers a sample.
+
+        Raises
+        ------
+        ValueError
+            Where the record's sampling time is not the bearing's.
+        """
+        y, u = self._start(record)
+        return Estimate.from_core(record.t, self.core.run(y, u, covariance=covariance), self.name)
+
+    def smooth(self, record: Record) -> Estimate:
+        """Estimate each sample of a record from all of it, not only from what came before.
+
+        The fixed-interval smoother of Rauch, Tung and Striebel (1965), in the form of Bryson and
+        Frazier modified by Bierman (1973), which inverts no covariance. Samples that the filter
+        leaves out are bridged. Where it was held because it knew no place any more, or started
+        afresh, nothing is carried back over the gap.
+
+        Parameters
+        ----------
+        record : Record
+            With ``y`` [m] and ``u`` [V]; u[k] acts from sample k to k + 1.
+
+        Returns
+        -------
+        Estimate
+            With covariances. Innovations, stiffnesses and status are the filter's.
+
+        Raises
+        ------
+        ValueError
+            This kind has no covariance that the smoother could go back by; or the record's sampling
+            time is not the bearing's.
+        """
+        if not self.smooths:
+            raise ValueError(
+                f"{self.name}: cannot be smoothed; the linear, adaptive, extended and square-root "
+                "Kalman filters can"
+            )
+        y, u = self._start(record)
+        return Estimate.from_core(record.t, self.core.smooth(y, u), f"{self.name}, smoothed")
+
+    def _start(self, record: Record) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Reset to the first measurement of a record within the travel; return its y and u."""
+        check_sampling(self.bearing, record)
+        y, u = record["y"], record["u"]
+        near = y[np.abs(y) <= self.bearing.sensor.gain * self.bearing.rotor.travel_limit]
+        first = float(near[0]) if near.size else 0.0
+        self.reset([first / self.bearing.sensor.gain, 0.0, 0.0, first])
+        return y, u
+
+    def forecast(self, estimate: Estimate, record: Record, ahead: int) -> NDArray[np.float64]:
+        """Predict the measurement ``ahead`` samples after each estimate.
+
+        Parameters
+        ----------
+        estimate : Estimate
+            Of this filter along the record, n samples.
+        record : Record
+            With ``u`` [V].
+        ahead : int
+            How many samples ahead.
+
+        Returns
+        -------
+        ndarray (n - ahead,)
+            Element k is the prediction of ``record["y"][k + ahead]`` [m], made from the estimate
+            at k and the control signals that acted since.
+        """
+        mean = np.ascontiguousarray(real("estimate.mean", estimate.mean))
+        return np.asarray(self.core.forecast(mean, record["u"], ahead, estimate.scale))
+
+    @property
+    def mean(self) -> NDArray[np.float64]:
+        """State estimate (4,): x [m], v [m/s], f_d [N], x_m [m]."""
+        return self._live_mean.copy()
+
+    # Looked up once: they are asked at every sample.
+    @cached_property
+    def _core_step(self) -> Callable[[float, float], int]:
+        return self.core.step  # type: ignore[no-any-return]
+
+    @cached_property
+    def _live_mean(self) -> NDArray[np.float64]:
+        return self.core.live_mean  # type: ignore[no-any-return]
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """Covariance of the state estimate (4, 4)."""
+        return np.asarray(self.core.covariance)
+
+    @property
+    def innovation(self) -> float:
+        """Last measurement less its prediction [m]."""
+        return float(self.core.innovation)
+
+    @property
+    def innovation_variance(self) -> float:
+        """Its variance S as the filter expects it [m^2]."""
+        return float(self.core.variance)
+
+    @property
+    def scale(self) -> tuple[float, float] | None:
+        """Estimated magnet constant over the known one, and its standard deviation.
+
+        None where this kind does not estimate it.
+        """
+        if self.core.scale is None:
+            return None
+        value, variance = self.core.scale
+        return float(value), math.sqrt(variance)
+
+    @property
+    def status(self) -> Status:
+        """What the last step had to say."""
+        return Status(self.core.status)
+
+
+def check_sampling(bearing: Bearing, record: Record) -> None:
+    """Raise ValueError where the record was not sampled as the bearing says."""
+    if len(record.t) < 2:
+        return
+    T = float(record.t[-1] - record.t[0]) / (len(record.t) - 1)
+    if abs(T - bearing.sampling_time) > 1e-3 * bearing.sampling_time:
+        raise ValueError(
+            f"the record is sampled every {T:.6g} s, but bearing {bearing.name!r} has "
+            f"sampling_time = {bearing.sampling_time:.6g} s"
+        )

@@ -1,0 +1,215 @@
+"""Many estimators along many records at once: SIMD lanes and threads, for Monte Carlo."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ambkit.base.arrays import real
+from ambkit.estimate.base import Estimator
+from ambkit.machine.magnets import Precision, core_module
+
+Array = NDArray[Any]
+
+TRUTH = ("x", "v", "f_d")
+"""What errors are summed of, in this order."""
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What many runs gave; what was not asked for is None.
+
+    Attributes
+    ----------
+    mean : ndarray (runs, n, 4) or None
+        State estimates: x [m], v [m/s], f_d [N], x_m [m].
+    innovation, innovation_variance : ndarray (runs, n) or None
+        As of :class:`ambkit.Estimate` [m], [m^2].
+    status : ndarray (runs, n) or None
+        What each step had to say, :class:`ambkit.Status`.
+    rmse : ndarray (runs, 3) or None
+        Root mean square errors of x [m], v [m/s], f_d [N]; where the truth was given.
+    flags : ndarray (runs,)
+        All statuses of a run together.
+    """
+
+    mean: Array | None
+    innovation: Array | None
+    innovation_variance: Array | None
+    status: Array | None
+    rmse: Array | None
+    flags: Array
+
+
+def instruction_sets() -> list[str]:
+    """Return what this processor can compute lanes with, the fastest last.
+
+    ``"scalar"`` is one run after the other; ``"baseline"`` has 2 lanes in double precision,
+    ``"avx2"`` 4, ``"avx512"`` 8; twice as many in single.
+    """
+    return list(core_module().instruction_sets())
+
+
+def run_many(
+    estimators: Estimator | Sequence[Estimator],
+    y: ArrayLike,
+    u: ArrayLike,
+    *,
+    truth: ArrayLike | None = None,
+    skip: int = 0,
+    history: Sequence[str] = ("mean",),
+    out: Batch | None = None,
+    start: tuple[ArrayLike, ArrayLike] | None = None,
+    threads: int | None = None,
+    instructions: str | None = None,
+) -> Batch:
+    """Run many estimators, each along its own record from its own start.
+
+    The numbers are those of `Estimator.run`, run by run and to the last bit, whatever the lanes and
+    the threads. The estimators themselves are not changed. Those of one kind go side by side, and
+    may differ in everything else: noise, bearing, gains. Kinds from low-pass to extended have
+    lanes; the others take part, one by one.
+
+    Parameters
+    ----------
+    estimators : Estimator or sequence of Estimator
+        One for all runs, or one for each; all of the same precision.
+    y, u : array_like (runs, n) or (n,)
+        Measured position [m] and control signal [V]; one record for all runs, or one for each.
+        u[k] acts from sample k to k + 1.
+    truth : array_like (runs, n, 3) or (n, 3), optional
+        x [m], v [m/s], f_d [N]; gives ``rmse`` without a history.
+    skip : int
+        Samples at the beginning that the errors leave out.
+    history : sequence of {"mean", "innovation", "innovation_variance", "status"}
+        What is kept of every sample. Writing it takes about as long as the filter: where only the
+        errors are wanted, give the truth and keep nothing.
+    out : Batch, optional
+        Of an earlier call with the same shapes and `history`: its arrays are written again, which
+        spares the system fetching new memory.
+    start : (mean, std), optional
+        State estimates and standard deviations at the start, (runs, 4) or (4,) each. Default: as
+        `Estimator.run`, at rest at the record's first measurement within the travel.
+    threads : int, optional
+        Default: as many as the process may use.
+    instructions : str, optional
+        One of `instruction_sets`; default: the fastest.
+
+    Returns
+    -------
+    Batch
+
+    Raises
+    ------
+    ValueError
+        Where shapes or precisions do not fit, or the processor lacks the instructions.
+
+    Examples
+    --------
+    >>> bearing = ambkit.Bearing.preset("zittau_axial")
+    >>> noises = [ambkit.FilterNoise(disturbance=d) for d in (1.0, 10.0, 100.0)]
+    >>> filters = [ambkit.KalmanFilter(bearing, noise=noise) for noise in noises]
+    >>> record = ambkit.simulate(bearing, ambkit.Scenario(duration=0.1))
+    >>> ambkit.run_many(filters, record["y"], record["u"]).mean.shape
+    (3, 1001, 4)
+    """
+    each = [estimators] if isinstance(estimators, Estimator) else list(estimators)
+    if not each:
+        raise ValueError("estimators must hold one or more, got none")
+    if len({e.precision for e in each}) > 1:
+        raise ValueError("estimators must have one precision, got float32 and float64")
+    precision = each[0].precision
+    Y, U = _rows("y", y, 2, precision), _rows("u", u, 2, precision)
+    T = None if truth is None else _rows("truth", truth, 3, precision)
+    runs = max(len(each), len(Y), len(U), 1 if T is None else len(T))
+    if len(each) not in (1, runs):
+        raise ValueError(f"estimators must be 1 or {runs}, as many as records, got {len(each)}")
+    n = Y.shape[1]
+    if not 0 <= skip < max(n, 1):
+        raise ValueError(f"skip must be within the {n} samples, got {skip}")
+    mean, std = _starts(each, _rows("y", y, 2, "float64"), runs) if start is None else start
+    kept = _kept(out, history, runs, n, precision)
+    count = threads if threads is not None else _processors()
+    if count < 1:
+        raise ValueError(f"threads must be 1 or more, got {count}")
+    squares, flags = core_module(precision).run_batch(
+        [e.core for e in each],
+        Y,
+        U,
+        _of_runs("start mean", mean, runs, precision),
+        _of_runs("start std", std, runs, precision),
+        truth=T,
+        skip=skip,
+        means=kept["mean"],
+        innovation=kept["innovation"],
+        variance=kept["innovation_variance"],
+        status=kept["status"],
+        instructions=instructions,
+        threads=count,
+    )
+    rmse = None if T is None else np.sqrt(squares / max(n - skip, 1))
+    return Batch(**kept, rmse=rmse, flags=flags)
+
+
+def _processors() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _rows(name: str, a: ArrayLike, dimensions: int, precision: Precision) -> Array:
+    """Return a contiguous array with the runs first."""
+    rows = np.ascontiguousarray(real(name, a, precision))
+    if rows.ndim == dimensions - 1:
+        rows = rows[np.newaxis]
+    if rows.ndim != dimensions:
+        raise ValueError(f"{name} must have {dimensions} dimensions or one less, got {rows.ndim}")
+    return rows
+
+
+def _of_runs(name: str, a: ArrayLike, runs: int, precision: Precision) -> Array:
+    return np.ascontiguousarray(np.broadcast_to(real(name, a, precision), (runs, 4)))
+
+
+def _starts(each: list[Estimator], Y: Array, runs: int) -> tuple[Array, Array]:
+    """Return where `Estimator.run` would start each, (runs, 4) twice."""
+    known = {e: (e.default_std(), e.bearing.sensor.gain, e.bearing.rotor.travel_limit)
+             for e in set(each)}  # fmt: skip
+    mean, std = np.zeros((runs, 4)), np.empty((runs, 4))
+    for i in range(runs):
+        std[i], gain, travel = known[each[i if len(each) > 1 else 0]]
+        y = Y[i if len(Y) > 1 else 0]
+        limit = gain * travel  # the whole record is searched only where it must be
+        near = y if y.size and abs(y[0]) <= limit else y[np.abs(y) <= limit]
+        first = float(near[0]) if near.size else 0.0
+        mean[i] = first / gain, 0.0, 0.0, first
+    return mean, std
+
+
+def _kept(
+    out: Batch | None, history: Sequence[str], runs: int, n: int, precision: Precision
+) -> dict[str, Array | None]:
+    """Return the arrays to fill, those of `out` where they fit."""
+    shapes: dict[str, tuple[tuple[int, ...], Any]] = {
+        "mean": ((runs, n, 4), precision),
+        "innovation": ((runs, n), precision),
+        "innovation_variance": ((runs, n), precision),
+        "status": ((runs, n), np.uint16),
+    }
+    if unknown := set(history) - set(shapes):
+        raise ValueError(f"history knows {', '.join(shapes)}; got {', '.join(sorted(unknown))}")
+    kept: dict[str, Array | None] = {}
+    for name, (shape, kind) in shapes.items():
+        old = getattr(out, name, None)
+        if name not in history:
+            kept[name] = None
+        elif old is not None and old.shape == shape and old.dtype == kind:
+            kept[name] = old
+        else:
+            kept[name] = np.empty(shape, dtype=kind)
+    return kept

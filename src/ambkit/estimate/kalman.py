@@ -1,0 +1,114 @@
+"""Kalman filters: linear, adaptive (paper, eq. 7-21 and Fig. 8), and extended.
+
+The first two are the same C code; they differ in what they know of their magnet.
+"""
+
+from __future__ import annotations
+
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from ambkit.estimate.base import Estimator
+from ambkit.machine.magnets import StiffnessSource, magnet_of
+
+if TYPE_CHECKING:
+    from ambkit._core import Magnet
+    from ambkit.machine.bearing import Bearing
+
+
+class KalmanFilter(Estimator):
+    """Linear Kalman filter with the stiffnesses of the working point (paper, eq. 7-21).
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What is filtered.
+    source : optional
+        What the filter knows of its magnet; by default the constant stiffnesses of the origin.
+    **options
+        Of :class:`ambkit.estimate.base.Estimator`: noise, gravity, precision, frozen_limit, gate,
+        outlier_limit, as_printed.
+    """
+
+    name = "linear Kalman filter"
+    smooths = True
+
+    def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
+        return core.Kalman(magnet, **settings)
+
+
+class AdaptiveKalmanFilter(KalmanFilter):
+    """Kalman filter that asks for k_i and k_s at every sample (paper, Fig. 8).
+
+    The stiffnesses are taken at the estimated displacement and the control current.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What is filtered.
+    source : Expert, StiffnessMap, ClosedLaw or ConstantStiffness
+        What is asked: the trained expert, its table, or the force law itself.
+    **options
+        As for :class:`KalmanFilter`.
+    """
+
+    name = "adaptive Kalman filter"
+
+    def __init__(self, bearing: Bearing, source: StiffnessSource, **options: Any) -> None:
+        super().__init__(bearing, source, **options)
+
+
+class ExtendedKalmanFilter(Estimator):
+    """Extended Kalman filter: the force itself in the mean, its tangents in the covariance.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What is filtered.
+    source : optional
+        What the filter knows of its magnet; by default the bearing's own law.
+    **options
+        As for :class:`KalmanFilter`.
+
+    References
+    ----------
+    Jazwinski, Stochastic Processes and Filtering Theory, 1970.
+    """
+
+    name = "extended Kalman filter"
+    smooths = True
+
+    def __init__(
+        self, bearing: Bearing, source: StiffnessSource | None = None, **options: Any
+    ) -> None:
+        super().__init__(bearing, source or magnet_of(bearing), **options)
+
+    def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
+        return core.Extended(magnet, **settings)
+
+
+class SquareRootKalmanFilter(ExtendedKalmanFilter):
+    """Extended Kalman filter on the factor U D U' of its covariance, for single precision.
+
+    In exact arithmetic it is the extended filter; with constant stiffnesses, the linear one. In
+    float32 its covariance stays positive definite whatever happens: no variance is a difference.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What is filtered.
+    source : optional
+        What the filter knows of its magnet; by default the bearing's own law.
+    **options
+        As for :class:`KalmanFilter`.
+
+    References
+    ----------
+    Thornton, Triangular Covariance Factorizations for Kalman Filtering, 1976; Bierman,
+    Factorization Methods for Discrete Sequential Estimation, 1977.
+    """
+
+    name = "square-root Kalman filter"
+
+    def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
+        return core.SquareRoot(magnet, **settings)

@@ -1,0 +1,67 @@
+"""Low-pass filters with numerical derivatives: what is done without a model of the noise."""
+
+from __future__ import annotations
+
+import math
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from ambkit.estimate.base import Estimator
+from ambkit.estimate.observer import unstable_pole
+from ambkit.machine.magnets import StiffnessSource
+
+if TYPE_CHECKING:
+    from ambkit._core import Magnet
+    from ambkit.machine.bearing import Bearing
+
+
+class LowPass(Estimator):
+    """First-order low-pass of the measurement, its difference quotient, and of the force.
+
+    The disturbance force is what accelerates the rotor beyond the known forces. The sensor's lag is
+    not made up for, and no covariance is known: it is zero.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What is filtered.
+    source : optional
+        What is known of the magnet; by default the constant stiffnesses of the origin.
+    position, velocity, force : float, optional
+        Corner frequencies [rad/s]. Defaults: 20, 10 and 2 times the plant's unstable pole.
+    **options
+        As for :class:`KalmanFilter`; the noise does not matter.
+
+    Raises
+    ------
+    ValueError
+        A corner is not positive and finite.
+    """
+
+    name = "low-pass and derivative"
+
+    def __init__(
+        self,
+        bearing: Bearing,
+        source: StiffnessSource | None = None,
+        *,
+        position: float | None = None,
+        velocity: float | None = None,
+        force: float | None = None,
+        **options: Any,
+    ) -> None:
+        pole = unstable_pole(bearing)
+        self.corners = {
+            "position": 20 * pole if position is None else position,
+            "velocity": 10 * pole if velocity is None else velocity,
+            "force": 2 * pole if force is None else force,
+        }
+        for name, corner in self.corners.items():
+            if not (math.isfinite(corner) and corner > 0):
+                raise ValueError(f"{name} must be greater than 0 rad/s, got {corner!r}")
+        super().__init__(bearing, source, **options)
+
+    def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
+        T = self.bearing.sampling_time
+        taken = {name: -math.expm1(-corner * T) for name, corner in self.corners.items()}
+        return core.LowPass(magnet, **taken, **settings)

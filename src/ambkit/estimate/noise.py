@@ -1,0 +1,63 @@
+"""What an estimator assumes of the noise."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+from ambkit.machine.bearing import GRAVITY
+
+if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
+
+
+@dataclass(frozen=True)
+class FilterNoise:
+    """Variances that a filter assumes; ``None`` takes the bearing's own figure.
+
+    Parameters
+    ----------
+    measurement : float, optional
+        R, variance of the measured position [m^2].
+    control : float, optional
+        Variance of the control signal [V^2]; enters as ``B var B'`` (paper, below eq. 21).
+    disturbance : float, optional
+        Growth of the disturbance force's variance [N^2/s]; times T a sample. Default ``(2 m g)^2``:
+        a force that wanders by twice the rotor's weight in a second. The paper leaves it to
+        experiment: larger follows a load faster and lets more noise through.
+    """
+
+    measurement: float | None = None
+    control: float | None = None
+    disturbance: float | None = None
+
+
+class Variances(NamedTuple):
+    """What a filter assumes: R [m^2], control signal [V^2], growth of the disturbance [N^2/s]."""
+
+    measurement: float
+    control: float
+    disturbance: float
+
+
+def completed(bearing: Bearing, noise: FilterNoise) -> Variances:
+    """Fill in the bearing's figures and check all of them.
+
+    Raises
+    ------
+    ValueError
+        Where a variance is negative or not finite, with its name, limit and value.
+    """
+    weight = bearing.rotor.mass * GRAVITY
+    full = Variances(
+        bearing.sensor.noise_variance if noise.measurement is None else noise.measurement,
+        bearing.amplifier.noise_variance if noise.control is None else noise.control,
+        (2 * weight) ** 2 if noise.disturbance is None else noise.disturbance,
+    )
+    for name, unit in (("measurement", "m^2"), ("control", "V^2"), ("disturbance", "N^2/s")):
+        value = getattr(full, name)
+        if not math.isfinite(value) or value < 0 or (name == "measurement" and value == 0):
+            limit = "greater than 0" if name == "measurement" else "0 or greater"
+            raise ValueError(f"noise.{name} must be {limit} {unit}, got {value!r}")
+    return full

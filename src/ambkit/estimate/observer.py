@@ -1,0 +1,180 @@
+"""Observers with a constant gain: from poles, or from the Riccati equation."""
+
+from __future__ import annotations
+
+import math
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.estimate.base import Estimator
+from ambkit.estimate.model import LinearModel
+from ambkit.machine.magnets import ConstantStiffness, StiffnessSource
+
+if TYPE_CHECKING:
+    from ambkit._core import Magnet
+    from ambkit.machine.bearing import Bearing
+
+Array = NDArray[np.float64]
+
+FAST_SENSOR = 0.05
+"""Of a sensor's last value, what is left after a sample, below which it is one without lag."""
+
+
+class _Observer(Estimator):
+    """Constant gain; the kinds differ in where it comes from."""
+
+    gain: Array  # (4,), for the update
+
+    def _gain(self, model: LinearModel) -> Array:
+        raise NotImplementedError
+
+    def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
+        k = ConstantStiffness.of(self.bearing)
+        # The core computes the model's constants; the states are counted in their own units, or
+        # the equations below lose their digits between newtons and micrometres.
+        known = core.Kalman(magnet, **settings).parameters
+        model = LinearModel.of(known, k.k_i, k.k_s)
+        units = np.array(self.default_std())
+        small = model.scaled(units)
+        L = self._gain(small)
+        P, S = _steady(small, L)
+        self.gain = L * units
+        real = np.float32 if self.precision == "float32" else np.float64
+        upper = (P * np.outer(units, units))[np.triu_indices(4)]
+        caps = np.asarray(known["cap"], dtype=float)
+        far = np.minimum(2 * _grown(small, L, caps / units) * units, np.finfo(np.float32).max)
+        return core.Observer(
+            magnet, self.gain.astype(real), upper.astype(real), S, far.astype(real), **settings
+        )
+
+
+class ExtendedStateObserver(_Observer):
+    """Luenberger observer whose states include the disturbance: an extended state observer.
+
+    All poles of the estimation error lie at ``exp(-bandwidth T)``, but for the sensor's own where
+    that is faster than a third of a sample.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What is observed.
+    source : optional
+        What the observer knows of its magnet; by default the constant stiffnesses of the origin,
+        for which the gain is computed whatever the source.
+    bandwidth : float, optional
+        Of the estimation error [rad/s]. Default: eight times the plant's unstable pole.
+    **options
+        As for :class:`KalmanFilter`. Of the noise only the stated covariance knows.
+
+    Raises
+    ------
+    ValueError
+        The bandwidth is not positive and finite.
+
+    References
+    ----------
+    Luenberger, Observing the state of a linear system, 1964; Gao, Scaling and
+    bandwidth-parameterization based controller tuning, 2003.
+    """
+
+    name = "extended state observer"
+
+    def __init__(
+        self,
+        bearing: Bearing,
+        source: StiffnessSource | None = None,
+        *,
+        bandwidth: float | None = None,
+        **options: Any,
+    ) -> None:
+        if bandwidth is None:
+            bandwidth = 8 * unstable_pole(bearing)
+        if not (math.isfinite(bandwidth) and bandwidth > 0):
+            raise ValueError(f"bandwidth must be greater than 0 rad/s, got {bandwidth!r}")
+        self.bandwidth = bandwidth
+        super().__init__(bearing, source, **options)
+
+    def _gain(self, model: LinearModel) -> Array:
+        pole = math.exp(-self.bandwidth * self.bearing.sampling_time)
+        return placed(model, pole)
+
+
+class SteadyStateKalmanFilter(_Observer):
+    """Kalman filter with the gain that it settles to: the algebraic Riccati equation's.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What is filtered.
+    source : optional
+        What the filter knows of its magnet; by default the constant stiffnesses of the origin,
+        for which the gain is computed whatever the source.
+    **options
+        As for :class:`KalmanFilter`.
+    """
+
+    name = "steady-state Kalman filter"
+
+    def _gain(self, model: LinearModel) -> Array:
+        from scipy.linalg import solve_discrete_are
+
+        predicted = solve_discrete_are(model.A.T, model.H.T, model.Q, np.array([[model.R]]))
+        PH = predicted @ model.H.T
+        return np.asarray((PH / (model.H @ PH + model.R)).ravel())
+
+
+def unstable_pole(bearing: Bearing) -> float:
+    """Return the pole at which the bearing falls out of its middle, sqrt(k_s / m) [rad/s]."""
+    return math.sqrt(ConstantStiffness.of(bearing).k_s / bearing.rotor.mass)
+
+
+def placed(model: LinearModel, pole: float) -> Array:
+    """Return the update's gain (4,) that puts all poles of ``(I - L H) A`` at one place.
+
+    By Ackermann's formula (Ackermann 1972) for the pair A, H A. The lagged position of a sensor
+    that lags by less than a third of a sample is taken to be its last measurement: its pole is
+    zero, and the other three are placed. To slow it down as well would take gains that let the
+    error of a start grow three thousandfold before it decays.
+    """
+    A, H = model.A, model.H @ model.A
+    n = 4
+    if A[3, 3] < FAST_SENSOR:
+        A, H, n = A[:3, :3], model.H[:, 3:] @ model.A[3:, :3], 3
+    observability = np.vstack([H @ np.linalg.matrix_power(A, i) for i in range(n)])
+    last = np.eye(n)[:, -1]
+    error = np.linalg.matrix_power(A - pole * np.eye(n), n)
+    L = np.zeros(4)
+    L[:n] = error @ np.linalg.solve(observability, last)
+    if n == 3:
+        L[3] = 1 / model.H[0, 3]
+    return L
+
+
+def _grown(model: LinearModel, L: Array, start: Array) -> Array:
+    """Return the most (4,) that an error within plus or minus ``2 start`` (4,) can grow to.
+
+    That is the error of a start between the caps, and of a mean that was held to them.
+    """
+    step = (np.eye(4) - np.outer(L, model.H)) @ model.A
+    now, most = np.eye(4), 2 * start
+    for _ in range(10_000):
+        now = step @ now
+        error = np.abs(now) @ (2 * start)
+        most = np.maximum(most, error)
+        if (error < 1e-3 * most).all():
+            break
+    return most
+
+
+def _steady(model: LinearModel, L: Array) -> tuple[Array, float]:
+    """Return the covariance (4, 4) that a constant gain settles to, and the innovation's."""
+    from scipy.linalg import solve_discrete_lyapunov
+
+    left = np.eye(4) - np.outer(L, model.H)
+    noise = left @ model.Q @ left.T + model.R * np.outer(L, L)
+    P = solve_discrete_lyapunov(left @ model.A, noise)
+    predicted = model.A @ P @ model.A.T + model.Q
+    return np.asarray((P + P.T) / 2), (model.H @ predicted @ model.H.T).item() + model.R

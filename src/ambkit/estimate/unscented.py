@@ -1,0 +1,72 @@
+"""Unscented Kalman filter: the force at points about the mean, instead of its tangent."""
+
+from __future__ import annotations
+
+import math
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from ambkit.estimate.base import Estimator
+from ambkit.machine.magnets import StiffnessSource, magnet_of
+
+if TYPE_CHECKING:
+    from ambkit._core import Magnet
+    from ambkit.machine.bearing import Bearing
+
+STATES = 4
+
+
+class UnscentedKalmanFilter(Estimator):
+    """Unscented Kalman filter: nine points about the mean go through the force law.
+
+    Three forces are all it takes for them, because only the displacement enters the force
+    (``core/include/ambkit/unscented.h``).
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What is filtered.
+    source : optional
+        What the filter knows of its magnet; by default the closed law.
+    alpha, beta, kappa : float
+        Spread of the points [1]: they lie ``alpha sqrt(4 + kappa)`` standard deviations from the
+        mean. The defaults put them at ``sqrt(3)``, the abscissae of Gauss and Hermite.
+    **options
+        As for :class:`KalmanFilter`.
+
+    Raises
+    ------
+    ValueError
+        The parameters leave no spread, or a negative variance.
+
+    References
+    ----------
+    Julier & Uhlmann, A new extension of the Kalman filter to nonlinear systems, 1997; van der
+    Merwe, Sigma-point Kalman filters for probabilistic inference, 2004.
+    """
+
+    name = "unscented Kalman filter"
+
+    def __init__(
+        self,
+        bearing: Bearing,
+        source: StiffnessSource | None = None,
+        *,
+        alpha: float = 1.0,
+        beta: float = 0.0,
+        kappa: float = 3.0 - STATES,
+        **options: Any,
+    ) -> None:
+        for name, value, least in (("alpha", alpha, 0.0), ("kappa", kappa, -float(STATES))):
+            if not (math.isfinite(value) and value > least):
+                raise ValueError(f"{name} must be greater than {least:g}, got {value!r}")
+        spread = alpha**2 * (STATES + kappa)
+        self.reach = math.sqrt(spread)
+        self.curvature = spread + beta - alpha**2
+        if not (math.isfinite(self.curvature) and self.curvature >= 0):
+            lowest = alpha**2 - spread
+            raise ValueError(f"beta must be {lowest:.6g} or more for a variance, got {beta!r}")
+        super().__init__(bearing, source or magnet_of(bearing), **options)
+
+    def _build(self, core: ModuleType, magnet: Magnet, settings: dict[str, Any]) -> Any:
+        return core.Unscented(magnet, self.reach, self.curvature, **settings)

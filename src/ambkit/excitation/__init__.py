@@ -1,5 +1,0 @@
-"""Designing an experiment: signals that excite a bearing in its loop, within limits."""
-
-from ambkit.excitation.design import Design, Limits, design
-
-__all__ = ["Design", "Limits", "design"]

@@ -1,1 +1,0 @@
-"""A force that was measured or computed, point by point, and the surface through it."""

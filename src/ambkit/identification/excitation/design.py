@@ -1,0 +1,353 @@
+"""The experiment that tells most about a bearing while its loop keeps within limits.
+
+The excitation is added to the reference of the position controller, and not to the control signal:
+every loop has that input, and no rig must be changed for it. Nothing is lost by it. A PID passes
+the reference on by its gain kp, while its derivative looks at the position alone; so a reference r
+acts as a control signal of ``kp r / k_ui`` would, at frequencies far above the loop's own too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import AmbkitError
+from ambkit.base.units import engineering
+from ambkit.data.record import Record
+from ambkit.identification.excitation.signals import KINDS, Band, Excitation
+from ambkit.identification.maximum_likelihood.information import Expectation, expect
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+from ambkit.identification.maximum_likelihood.parameters import USUAL
+from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.magnets import ConstantStiffness
+from ambkit.simulation.run import samples, simulate
+from ambkit.simulation.waveforms import Recorded
+
+if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
+    from ambkit.simulation.scenario import Scenario
+
+Array = NDArray[np.float64]
+
+LOWEST, HIGHEST = (1 / 16, 1 / 4, 1.0), (2.0, 4.0, 8.0, 16.0, 32.0)
+"""Ends of the bands that are tried, times the plant's own frequency ``sqrt(k_s/m) / (2 pi)``."""
+
+LEAST_PERIODS = 4
+"""Of the lowest frequency, in a record."""
+
+FILLED = 0.97
+"""Part of a limit that is near enough to it."""
+
+TRIES = 8
+"""Simulations in which an amplitude is brought to the limit."""
+
+SEEDS = 5
+"""Noises under which the limits are checked at the end."""
+
+CALM = 0.01
+"""By how much the load of a quiet rig is taken to wander in a second, times the rotor's weight."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What an experiment must not exceed.
+
+    Attributes
+    ----------
+    current : float
+        Greatest control current |iu| [A], with what carries the rotor and what the noise adds.
+    displacement : float
+        Greatest displacement |x| from the centre [m].
+    """
+
+    current: float
+    displacement: float
+
+    @classmethod
+    def of(
+        cls, bearing: Bearing, current: float | None = None, displacement: float | None = None
+    ) -> Limits:
+        """Return limits, by default 80 % of what the current may be and half of the travel.
+
+        Raises
+        ------
+        AmbkitError
+            One is not above zero, or beyond what the bearing can do.
+        """
+        most = min(bearing.current_max, -bearing.current_min)
+        travel = bearing.rotor.travel_limit
+        for what, value, end, unit in (
+            ("current", current, most, "A"),
+            ("displacement", displacement, travel, "m"),
+        ):
+            if value is not None and not 0 < value <= end:
+                raise AmbkitError(
+                    f"the limit of the {what} must be greater than 0 and at most "
+                    f"{engineering(end, unit)}, what {bearing.name} can do; "
+                    f"is {engineering(value, unit)}"
+                )
+        return cls(
+            0.8 * most if current is None else current,
+            0.5 * travel if displacement is None else displacement,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """An experiment, and what it would tell.
+
+    Attributes
+    ----------
+    excitation : Excitation
+        The signal, of amplitude 1.
+    reference : ndarray (n,)
+        The reference that makes the experiment [m].
+    band : tuple of float
+        Frequencies [Hz].
+    record : Record
+        The experiment, simulated, with the noise of the bearing.
+    limits : Limits
+        What it keeps within.
+    expectation : Expectation
+        What it would tell.
+    tried : sequence of (band, certainty)
+        Bands that were compared.
+    """
+
+    excitation: Excitation
+    reference: Array
+    band: Band
+    record: Record
+    limits: Limits
+    expectation: Expectation
+    tried: Sequence[tuple[Band, float]]
+
+    @property
+    def amplitude(self) -> float:
+        """Greatest value of the reference [m]."""
+        return float(np.max(np.abs(self.reference)))
+
+    def file(self) -> Record:
+        """Return the reference as a record, to be saved and run: ``t`` and ``r``."""
+        model = self.expectation.model
+        meta = {
+            "source": f"ambkit excite, {self.excitation.kind}, {self.band[0]:.4g} to "
+            f"{self.band[1]:.4g} Hz, for {model.bearing.name}",
+        }
+        return Record(self.record.t, {"r": self.reference}, meta=meta)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as plain data, SI, ready for JSON."""
+        return {
+            "kind": self.excitation.kind,
+            "band": list(self.band),
+            "amplitude": self.amplitude,
+            "crest_factor": self.excitation.crest_factor,
+            "samples": len(self.record),
+            "limit_current": self.limits.current,
+            "limit_displacement": self.limits.displacement,
+            "greatest_current": float(np.max(np.abs(self.record["iu"]))),
+            "greatest_displacement": float(np.max(np.abs(self.record["x"]))),
+            "load_growth": self.expectation.model.load_growth,
+            "expected": self.expectation.to_dict(),
+            "bands": [
+                {"band": list(band), "certainty": certainty} for band, certainty in self.tried
+            ],
+        }
+
+
+def design(
+    bearing: Bearing,
+    scenario: Scenario,
+    *,
+    kind: str = "multisine",
+    free: Sequence[str] = USUAL,
+    limits: Limits | None = None,
+    band: Band | None = None,
+    load: float | None = None,
+    done: Callable[[str], object] = lambda _: None,
+) -> Design:
+    """Design the experiment that tells parameters of a bearing best.
+
+    Each band is brought up to the limits in the simulated loop, noise and all; the best one makes
+    the information's determinant largest, ``ln det(1 + I)`` (D-optimal, with nothing known before
+    but each parameter's coarse scale).
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What is believed of it.
+    scenario : Scenario
+        Duration, controller and seed of the noise; its reference is replaced.
+    kind : {"multisine", "prbs", "stepped-sine"}
+        The signal.
+    free : sequence of str
+        Names of `ambkit.identification.maximum_likelihood.parameters.PARAMETERS`.
+    limits : Limits, optional
+        By default `Limits.of` the bearing.
+    band : tuple of float, optional
+        Lowest and highest frequency [Hz], if not to be chosen.
+    load : float, optional
+        By how much the load wanders in a second, rms [N]; by default 1 % of the rotor's weight.
+    done : callable
+        Told each band that was tried.
+
+    Raises
+    ------
+    AmbkitError
+        An unknown kind or parameter, a band that the record or the sampling does not hold, or a
+        loop that exceeds a limit even without excitation.
+    """
+    if kind not in KINDS:
+        raise AmbkitError(f'there is no excitation "{kind}"; known: {", ".join(KINDS)}')
+    limits = limits or Limits.of(bearing)
+    load = CALM * bearing.rotor.mass * GRAVITY if load is None else load
+    if not (math.isfinite(load * load) and load > 0):
+        raise AmbkitError(
+            f"the load's wander must be greater than 0 N, and its square finite, is {load:g} N"
+        )
+    loop = _Loop(bearing, scenario, limits, load)
+    bands = _bands(bearing, loop.duration) if band is None else [_checked(bearing, loop, band)]
+    model = LoopModel(bearing, load_growth=load**2)
+    best: tuple[Band, Excitation, Array] | None = None
+    tried: list[tuple[Band, float]] = []
+    for one in bands:
+        excitation = KINDS[kind](loop.n, loop.T, one)
+        reference = loop.at_the_limit(excitation)
+        certainty = expect(loop.run(reference), model, free).certainty
+        tried.append((one, certainty))
+        if certainty >= max(certainty for _, certainty in tried):
+            best = one, excitation, reference
+        done(f"{one[0]:.3g} to {one[1]:.3g} Hz")
+    assert best is not None
+    one, excitation, reference = best
+    reference = loop.within_limits(reference)
+    record = loop.run(reference)
+    return Design(excitation, reference, one, record, limits, expect(record, model, free), tried)
+
+
+def _bands(bearing: Bearing, duration: float) -> list[Band]:
+    """Return bands to try about the plant's own frequency, as far as record and sampling go."""
+    own = math.sqrt(ConstantStiffness.of(bearing).k_s / bearing.rotor.mass) / (2 * math.pi)
+    slowest, fastest = LEAST_PERIODS / duration, 0.2 / bearing.sampling_time
+    lows = sorted({max(part * own, slowest) for part in LOWEST})
+    highs = sorted({min(part * own, fastest) for part in HIGHEST})
+    bands = [(low, high) for low in lows for high in highs if high >= 2 * low]
+    if not bands:
+        raise AmbkitError(
+            f"{engineering(duration, 's')} are too short: {LEAST_PERIODS} periods of the plant's "
+            f"own frequency, {engineering(own, 'Hz')}, last {engineering(LEAST_PERIODS / own, 's')}"
+        )
+    return bands
+
+
+def _checked(bearing: Bearing, loop: _Loop, band: Band) -> Band:
+    low, high = band
+    slowest, fastest = 1 / loop.duration, 0.4 / bearing.sampling_time
+    if not slowest * (1 - 1e-9) <= low < high <= fastest * (1 + 1e-9):
+        raise AmbkitError(
+            f"the band must rise, from {engineering(slowest, 'Hz')}, one period in the record, to "
+            f"{engineering(fastest, 'Hz')}, two fifths of the sampling rate, at most; "
+            f"is {engineering(low, 'Hz')} to {engineering(high, 'Hz')}"
+        )
+    return band
+
+
+class _Loop:
+    """The simulated loop, with noise and a load that wanders, excited by its reference."""
+
+    def __init__(self, bearing: Bearing, scenario: Scenario, limits: Limits, load: float) -> None:
+        self.bearing, self.limits, self.load = bearing, limits, load
+        self.scenario = scenario.replace(noise=True)
+        self.T = bearing.sampling_time
+        self.n = samples(bearing, scenario)
+        self.duration = self.n * self.T
+        self.t: Array = self.T * np.arange(self.n, dtype=float)
+        self.known = scenario.disturbance.sample(self.t)
+
+    def run(self, reference: Array, other: int = 0) -> Record:
+        """Simulate with a reference [m]; with `other` noise and load than the scenario's seed's."""
+        seed = self.scenario.seed + other
+        steps = np.random.default_rng([seed, 1]).normal(size=self.n)
+        steps[0] = 0.0
+        wander = self.load * math.sqrt(self.T) * np.cumsum(steps)
+        scenario = self.scenario.model_copy(
+            update={
+                "seed": seed,
+                "reference": _recorded(self.t, reference),
+                "disturbance": _recorded(self.t, self.known + wander),
+            }
+        )
+        return simulate(self.bearing, scenario)
+
+    def levels(self, record: Record, parts: Sequence[slice]) -> Array:
+        """How far each part of a record goes towards each limit (2, parts); 1: up to it."""
+        used = [
+            np.abs(record["iu"]) / self.limits.current,
+            np.abs(record["x"]) / self.limits.displacement,
+        ]
+        return np.array([[np.max(one[part]) for part in parts] for one in used])
+
+    def at_the_limit(self, excitation: Excitation) -> Array:
+        """Return the reference that fills one of the limits in each of its parts.
+
+        Current and displacement rise nearly as straight lines, from those of the noise alone.
+        """
+        parts = excitation.parts
+        still = self.run(np.zeros(self.n))
+        floor = self.levels(still, parts)
+        if not np.max(floor) < FILLED:
+            raise AmbkitError(self._too_much(still))
+        stiff = ConstantStiffness.of(self.bearing)
+        kp = max(self.scenario.controller.kp, stiff.k_s / stiff.k_i)
+        gain = np.full(len(parts), 0.2 * min(self.limits.displacement, self.limits.current / kp))
+        best, reached = np.zeros(self.n), 0.0
+        for _ in range(TRIES):
+            reference = _scaled(excitation, gain)
+            levels = self.levels(self.run(reference), parts)
+            filled = np.max(levels, axis=0)
+            if np.max(filled) <= 1 and np.mean(filled) > reached:
+                best, reached = reference, float(np.mean(filled))
+                if np.min(filled) >= FILLED:
+                    break
+            rise = np.maximum(levels - floor, 1e-3)
+            gain = gain * np.clip(np.min((0.99 - floor) / rise, axis=0), 0.3, 4.0)
+        return best
+
+    def within_limits(self, reference: Array) -> Array:
+        """Return the reference, smaller where other noise would carry it beyond a limit."""
+        parts = [slice(0, self.n)]
+        for _ in range(TRIES):
+            runs = [self.run(reference, other) for other in range(SEEDS)]
+            most = np.max([self.levels(record, parts) for record in runs])
+            if most <= 1:
+                break
+            reference = reference * 0.995 / most
+        return reference
+
+    def _too_much(self, record: Record) -> str:
+        current, far = np.max(np.abs(record["iu"])), np.max(np.abs(record["x"]))
+        return (
+            f"even without excitation the loop goes to {engineering(float(current), 'A')} and "
+            f"{engineering(float(far), 'm')}; the limits, "
+            f"{engineering(self.limits.current, 'A')} and "
+            f"{engineering(self.limits.displacement, 'm')}, leave no room"
+        )
+
+
+def _scaled(excitation: Excitation, gain: Array) -> Array:
+    """Return the signal with each of its parts scaled."""
+    values = np.zeros_like(excitation.values)
+    for part, by in zip(excitation.parts, gain, strict=True):
+        values[part] = by * excitation.values[part]
+    return values
+
+
+def _recorded(t: Array, values: Array) -> Recorded:
+    """Return a waveform of samples, unchecked: that would take longer than the simulation."""
+    return Recorded.model_construct(times=tuple(t.tolist()), values=tuple(values.tolist()))

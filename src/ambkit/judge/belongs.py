@@ -1,0 +1,204 @@
+"""Whether a record can be of a bearing: its rate, its range, its noise, its signs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.units import engineering
+from ambkit.data.reading.faults import noise
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+    from ambkit.machine.bearing import Bearing
+
+Array = NDArray[np.float64]
+
+SURE = 0.6
+"""Correlation of slow position and slow control signal from which their signs can be told."""
+
+_START = 0.25  # part of a record that may be a start, with the rotor on its stop
+
+_TWICE = 0.25  # how far a load may be from twice the weight
+
+
+class Verdict(NamedTuple):
+    """What speaks against a record being of a bearing."""
+
+    problems: tuple[str, ...]
+    """What makes it useless with this bearing."""
+    remarks: tuple[str, ...]
+    """What is odd."""
+
+
+def judge_record(record: Record, bearing: Bearing) -> Verdict:
+    """Compare a record with the bearing that it is said to be of.
+
+    Parameters
+    ----------
+    record : Record
+        With y [m] and u [V], as far as it has them.
+    bearing : Bearing
+        The bearing.
+
+    Returns
+    -------
+    Verdict
+        Problems and remarks, each a sentence with value and limit.
+    """
+    swapped = list(_signs(record, bearing))
+    problems = [*_rate(record, bearing), *swapped]
+    remarks = [] if swapped else list(_gravity(record, bearing))
+    for wrong, text in (*_position(record, bearing), *_control(record, bearing)):
+        (problems if wrong else remarks).append(text)
+    return Verdict(tuple(problems), tuple(remarks))
+
+
+def off_rate(record: Record, bearing: Bearing) -> bool:
+    """Whether a record's sampling time is not the bearing's."""
+    return abs(record.sampling_time / bearing.sampling_time - 1) > 1e-3
+
+
+def _rate(record: Record, bearing: Bearing) -> Iterator[str]:
+    ours, theirs = record.sampling_time, bearing.sampling_time
+    if off_rate(record, bearing):
+        yield (
+            f"it is sampled every {engineering(ours, 's', digits=4)}, the bearing's sampling_time "
+            f"is {engineering(theirs, 's', digits=4)}"
+        )
+
+
+def _position(record: Record, bearing: Bearing) -> Iterator[tuple[bool, str]]:
+    if "y" not in record or not np.isfinite(record["y"]).any():
+        return
+    y = record["y"][np.isfinite(record["y"])] / bearing.sensor.gain
+    farthest = float(np.abs(y).max())
+    shown = f"y reaches {engineering(farthest, 'm', digits=4)}"
+    gap, travel = bearing.magnet.air_gap, bearing.rotor.travel_limit
+    # One wild sample is a spike, which a filter leaves out; many are a wrong map.
+    beyond = float(np.mean(np.abs(y) > gap))
+    if beyond > 0.01:
+        limit = f"beyond the air gap of {engineering(gap, 'm')}"
+        yield True, f"{shown}, {limit}: is a unit, scale or offset wrong?"
+    elif farthest > travel:
+        part = float(np.mean(np.abs(y) > travel))
+        limit = f"beyond travel_limit, {engineering(travel, 'm')}"
+        yield False, f"{shown}, {limit}, in {100 * part:.2g} % of the samples"
+    elif np.ptp(y) < 1e-3 * travel:
+        yield (
+            False,
+            f"y moves by {engineering(float(np.ptp(y)), 'm', digits=3)} alone, less than a "
+            f"thousandth of travel_limit: is its unit wrong?",
+        )
+    rough, expected = noise(record["y"]), math.sqrt(bearing.sensor.noise_variance)
+    if expected > 0 and not 0.2 < rough / expected < 5:
+        yield (
+            False,
+            f"the noise of y is about {engineering(rough, 'm', digits=2)} rms, the bearing's "
+            f"sensor has {engineering(expected, 'm', digits=2)}",
+        )
+
+
+def _control(record: Record, bearing: Bearing) -> Iterator[tuple[bool, str]]:
+    if "u" not in record or not np.isfinite(record["u"]).any():
+        return
+    asked = bearing.amplifier.gain * record["u"][np.isfinite(record["u"])]
+    low, high = bearing.current_min, bearing.current_max
+    slack = 0.02 * (high - low)
+    beyond = float(np.mean((asked < low - slack) | (asked > high + slack)))
+    if beyond == 0:
+        return
+    most = float(asked[np.argmax(np.abs(asked))])
+    text = (
+        f"u asks for {engineering(most, 'A', digits=3)}, the control current goes from "
+        f"{engineering(low, 'A', digits=3)} to {engineering(high, 'A', digits=3)}; beyond in "
+        f"{100 * beyond:.2g} % of the samples"
+    )
+    wrong = beyond > 0.5
+    yield wrong, f"{text}: is a unit, scale or offset wrong?" if wrong else text
+
+
+def _signs(record: Record, bearing: Bearing) -> Iterator[str]:
+    if "y" not in record or "u" not in record:
+        return
+    likeness = mirror_correlation(record, bearing)
+    if likeness > SURE:
+        yield (
+            f"u rises where y does (correlation {likeness:.2f} of what is slow in them), but an "
+            "unstable rotor at x is only held by a current against x: the sign of y or of u is "
+            "swapped (or a load moved with the rotor)"
+        )
+
+
+def _gravity(record: Record, bearing: Bearing) -> Iterator[str]:
+    """Tell of a magnet that pulls with gravity, as in a record whose signs are both swapped.
+
+    On the mean of a record the magnet's force, the weight and the load are in balance. Mirrored,
+    the force that holds the weight adds to it, and a load of twice the weight is left.
+    """
+    from ambkit.machine.magnets import magnet_of
+
+    weight = bearing.weight
+    if weight == 0.0 or "y" not in record or "u" not in record:
+        return
+    first = int(_START * len(record))
+    x = record["y"][first:] / bearing.sensor.gain
+    iu = bearing.amplifier.gain * record["u"][first:]
+    sound = np.isfinite(iu) & (np.abs(x) < bearing.rotor.travel_limit)
+    if np.count_nonzero(sound) < 20:
+        return
+    iu = np.clip(iu[sound], bearing.current_min, bearing.current_max)
+    force = float(magnet_of(bearing).force(iu, x[sound]).mean())
+    load = -(force + weight)
+    if abs(load / (-2 * weight) - 1) < _TWICE:
+        pull, held = (engineering(abs(each), "N", digits=3) for each in (force, load))
+        yield (
+            f"on its mean the magnet pulls with gravity, by {pull}: a load of {held}, about twice "
+            "the weight, would have to hold the rotor. Are the signs of y and of u both swapped, "
+            "or is rotor.gravity?"
+        )
+
+
+def mirror_correlation(record: Record, bearing: Bearing) -> float:
+    """Correlation of the slow parts of y and u, whose sign the plant dictates.
+
+    Of the undamped plant ``m a = k_i iu + k_s x`` with k_i, k_s > 0, the response from current to
+    displacement is ``-k_i / (m w^2 + k_s)``: real and negative at every frequency w, whatever the
+    controller does; and a controller that holds the rotor answers a displacement by the other load
+    with a current against it. So the two move against each other. Noise makes them do so too, where
+    the signs are right, and the other way where one is swapped: it is averaged away over half the
+    plant's own time sqrt(m / k_s).
+
+    Parameters
+    ----------
+    record : Record
+        With y and u; its first quarter does not count, it may be a start.
+    bearing : Bearing
+        Gives sqrt(m / k_s).
+
+    Returns
+    -------
+    float
+        From -1, as it must be, to 1; 0 where it cannot be told.
+    """
+    from ambkit.machine.magnets import own_time
+
+    size = max(1, round(0.5 * own_time(bearing) / record.sampling_time))
+    first = int(_START * len(record))
+    y, u = (_means(record[name][first:], size) for name in ("y", "u"))
+    there = np.isfinite(y) & np.isfinite(u)
+    if np.count_nonzero(there) < 20:
+        return 0.0
+    y, u = y[there] - y[there].mean(), u[there] - u[there].mean()
+    scale = math.sqrt(float(y @ y) * float(u @ u))
+    return float(y @ u) / scale if scale > 0 else 0.0
+
+
+def _means(values: Array, size: int) -> Array:
+    whole = values[: values.size // size * size].reshape(-1, size)
+    found: Array = whole.mean(axis=1)
+    return found

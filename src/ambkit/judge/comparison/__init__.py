@@ -1,0 +1,12 @@
+"""Estimators compared: over seeds in their own loops, and along the same records."""
+
+from ambkit.judge.comparison.constant_velocity import ConstantVelocityFilter
+from ambkit.judge.comparison.seeds import JUDGED, Score, compare, rmse
+
+__all__ = [
+    "JUDGED",
+    "ConstantVelocityFilter",
+    "Score",
+    "compare",
+    "rmse",
+]

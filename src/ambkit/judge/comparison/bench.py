@@ -1,0 +1,365 @@
+"""The comparison: the same records for all, tuned alike, judged on other runs, beside the limit."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import AmbkitError
+from ambkit.estimate.kalman import KalmanFilter
+from ambkit.judge.comparison.bound import bearing_bound
+from ambkit.judge.comparison.cases import Case, Trial, trials
+from ambkit.judge.comparison.contenders import Contender
+from ambkit.judge.comparison.criteria import CRITERIA, SETTLING, judge_run
+from ambkit.judge.comparison.tune import SIGNALS, Tuning, errors, tune
+from ambkit.machine.magnets import own_time
+
+if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
+
+Array = NDArray[np.float64]
+
+TRAINING = 4
+"""Runs that are tuned on; they are judged on others."""
+
+BOUND_RUNS = 8
+"""Runs over which the limit's expectations are taken."""
+
+_TRAINING_SEED = 500_009
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How one estimator did, with one set of values.
+
+    Attributes
+    ----------
+    name, label : str
+        Of the estimator.
+    values : mapping
+        Of its tunables.
+    figures : mapping of str to ndarray (runs,)
+        By the names of :data:`ambkit.judge.comparison.criteria.CRITERIA`, in SI; NaN where a
+        criterion does not apply to a run.
+    tuning : Tuning or None
+        What was found; None where these are the defaults.
+    """
+
+    name: str
+    label: str
+    values: Mapping[str, float]
+    figures: Mapping[str, Array]
+    tuning: Tuning | None = None
+
+    def mean(self, criterion: str) -> float:
+        """Mean over the runs in which it applies; NaN where it never does."""
+        known = self._known(criterion)
+        return float(known.mean()) if known.size else float("nan")
+
+    def half_width(self, criterion: str) -> float:
+        """Half width of the 95 % confidence interval of the mean (Student's t)."""
+        from scipy.stats import t
+
+        known = self._known(criterion)
+        if known.size < 2:
+            return float("nan")
+        return float(t.ppf(0.975, known.size - 1) * known.std(ddof=1) / np.sqrt(known.size))
+
+    def _known(self, criterion: str) -> Array:
+        values = np.asarray(self.figures[criterion])
+        return np.asarray(values[np.isfinite(values)])
+
+
+@dataclass(frozen=True)
+class Bench:
+    """The whole comparison in one case.
+
+    Attributes
+    ----------
+    bearing : Bearing
+        What the estimators assume.
+    case : Case
+        What happened.
+    runs, stopped : int
+        Runs, and those left out since the rotor met a stop while the records were made.
+    seed, budget : int
+        First seed; evaluations of the tuning, 0: not tuned.
+    default, tuned : mapping of str to Standing
+        By the names of the estimators; `tuned` is empty without tuning.
+    limit : mapping of str to float
+        Least RMSE of x, v, f_d, x_m that any estimator can have; empty where the truth is not as
+        the filters' model, and there is no limit known.
+    units : mapping of str to (mapping of str to str)
+        By estimator, unit of each value that can be tuned.
+    """
+
+    bearing: Bearing
+    case: Case
+    runs: int
+    stopped: int
+    seed: int
+    budget: int
+    default: Mapping[str, Standing]
+    tuned: Mapping[str, Standing] = field(default_factory=dict)
+    limit: Mapping[str, float] = field(default_factory=dict)
+    units: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+
+    @property
+    def best(self) -> Mapping[str, Standing]:
+        """The tuned standings, or the default ones where nothing was tuned."""
+        return self.tuned or self.default
+
+    def efficiency(self, name: str, signal: str) -> float:
+        """Limit over root mean square error of a state; 1 is what nobody exceeds."""
+        return self.limit[signal] / _pooled(self.best[name].figures[signal])
+
+
+def _pooled(errors: Array) -> float:
+    """RMSE over all runs together: that is what the limit limits."""
+    known = errors[np.isfinite(errors)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
+
+
+def bench(
+    bearing: Bearing,
+    case: Case,
+    field: Mapping[str, Contender],
+    *,
+    runs: int = 16,
+    budget: int = 0,
+    seed: int = 0,
+    threads: int = 2,
+    tuned: Mapping[str, Tuning] | None = None,
+    only: Sequence[str] | None = None,
+    done: Callable[[], None] = lambda: None,
+) -> Bench:
+    """Compare estimators in one case.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What all estimators assume.
+    case : Case
+        What happens, and how the plant differs.
+    field : mapping of str to Contender
+        Who takes part.
+    runs : int
+        Runs that are judged.
+    budget : int
+        Evaluations that each one's tuning has, on `TRAINING` other runs; 0: defaults only.
+    seed : int
+        Of the points of what is uncertain, and of all noise.
+    threads : int
+        How many runs go side by side; no figure but the cost depends on it.
+    tuned : mapping, optional
+        Tunings found before; nothing is then tuned anew.
+    only : sequence of str, optional
+        Names of the standings to be judged: ``"default"``, ``"tuned"``; both without it.
+    done : callable
+        Called after each piece of work, see `pieces`.
+
+    Raises
+    ------
+    AmbkitError
+        In all runs the rotor meets a stop, so that there is nothing to estimate.
+    """
+    made = trials(case, bearing, runs, seed)
+    valid = [trial for trial in made if not trial.lost]
+    if not valid:
+        raise AmbkitError(f"case {case.name}: in each of {runs} runs the rotor meets a stop")
+    settling = SETTLING * own_time(bearing)
+    first = max(1, round(settling / bearing.sampling_time))
+    with _pool(threads) as pool:
+        if tuned is None and budget > 0:
+            training = [
+                t for t in trials(case, bearing, TRAINING, seed + _TRAINING_SEED) if not t.lost
+            ]
+            reference = errors(lambda: KalmanFilter(bearing), training, first).mean(axis=0)
+
+            def search(contender: Contender) -> Tuning:
+                found = tune(contender, training, reference, budget, first, seed)
+                done()
+                return found
+
+            tuned = dict(zip(field, pool.map(search, field.values()), strict=True))
+
+        def judged(contender: Contender, tuning: Tuning | None) -> Standing:
+            values = dict(tuning.values) if tuning else contender.defaults
+
+            def one(trial: Trial) -> dict[str, float]:
+                return judge_run(
+                    contender.build(**values),
+                    trial,
+                    bearing,
+                    settling,
+                    in_loop=contender.in_loop,
+                )
+
+            results = list(pool.map(one, valid))
+            figures = {name: np.array([r[name] for r in results]) for name in results[0]}
+            cost = _cost(contender.build(**values), valid[0])
+            figures["cost"] = np.full(len(valid), cost)
+            done()
+            return Standing(contender.name, contender.label, values, figures, tuning)
+
+        wanted = ("default", "tuned") if only is None else only
+        default = {n: judged(c, None) for n, c in field.items()} if "default" in wanted else {}
+        better = (
+            {n: judged(c, tuned[n]) for n, c in field.items()}
+            if tuned and "tuned" in wanted
+            else {}
+        )
+    return Bench(
+        bearing=bearing,
+        case=case,
+        runs=runs,
+        stopped=runs - len(valid),
+        seed=seed,
+        budget=budget,
+        default=default,
+        tuned=better,
+        limit=_limit(bearing, case, valid, first),
+        units={name: {t.name: t.unit for t in each.tunable} for name, each in field.items()},
+    )
+
+
+def pieces(field: Mapping[str, object], budget: int) -> int:
+    """Return how often `bench` calls `done`."""
+    return len(field) * (3 if budget else 1)
+
+
+def _pool(threads: int) -> Any:
+    from contextlib import contextmanager
+
+    @contextmanager
+    def opened() -> Iterator[ThreadPoolExecutor]:
+        pool = ThreadPoolExecutor(threads)
+        try:
+            yield pool
+        finally:
+            pool.shutdown(cancel_futures=True)  # after Ctrl-C, what still waits is not run first
+
+    return opened()
+
+
+def _cost(estimator: Any, trial: Trial) -> float:
+    """Time of a step [s]: the best of three runs along a record, with nothing else going on."""
+    best = float("inf")
+    for _ in range(3):
+        start = time.perf_counter()
+        estimator.run(trial.record)
+        best = min(best, time.perf_counter() - start)
+    return best / len(trial.record)
+
+
+def _limit(bearing: Bearing, case: Case, valid: Sequence[Trial], first: int) -> dict[str, float]:
+    if case.walks != 1.0:
+        return {}
+    model = KalmanFilter(bearing)
+    records = [trial.record for trial in valid[:BOUND_RUNS]]
+    bound = bearing_bound(bearing, records, model.variances, model.default_std())
+    names = (*SIGNALS, "x_m")
+    assert set(SIGNALS) <= set(CRITERIA)
+    return {
+        name: float(np.sqrt(np.mean(bound[first:, place] ** 2))) for place, name in enumerate(names)
+    }
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """How the error changes with one thing, for each estimator.
+
+    Attributes
+    ----------
+    values : ndarray (n,)
+        Of what is changed.
+    errors : mapping of str to (mapping of str to ndarray (n,))
+        By estimator, then x, v, f_d: mean RMSE.
+    half_widths : mapping
+        The same: half of the 95 % confidence interval.
+    limit : mapping of str to ndarray (n,)
+        Of x, v, f_d; empty where none is known.
+    """
+
+    values: Array
+    errors: Mapping[str, Mapping[str, Array]]
+    half_widths: Mapping[str, Mapping[str, Array]]
+    limit: Mapping[str, Array]
+
+
+def sweep(
+    bearing: Bearing,
+    cases: Mapping[float, Case],
+    field: Mapping[str, Contender],
+    *,
+    tuned: Mapping[str, Tuning] | None = None,
+    runs: int = 4,
+    seed: int = 0,
+    threads: int = 2,
+    done: Callable[[], None] = lambda: None,
+) -> Sweep:
+    """Compare estimators along records only, in a row of cases that differ in one thing.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What all estimators assume.
+    cases : mapping of float to Case
+        By what is changed.
+    field : mapping of str to Contender
+        Who takes part.
+    tuned : mapping, optional
+        Tunings; defaults without it.
+    runs, seed, threads : int
+        As for `bench`.
+    done : callable
+        Called after each case.
+    """
+    first = max(1, round(SETTLING * own_time(bearing) / bearing.sampling_time))
+    rows: list[dict[str, Array]] = []
+    limits: list[dict[str, float]] = []
+    with _pool(threads) as pool:
+        for case in cases.values():
+            valid = [t for t in trials(case, bearing, runs, seed + 31) if not t.lost]
+
+            def one(contender: Contender, valid: list[Trial] = valid) -> Array:
+                values = dict(tuned[contender.name].values) if tuned else contender.defaults
+                return errors(lambda: contender.build(**values), valid, first)
+
+            rows.append(dict(zip(field, pool.map(one, field.values()), strict=True)))
+            limits.append(_limit(bearing, case, valid, first) if valid else {})
+            done()
+
+    def gathered(what: Callable[[Array], float]) -> dict[str, dict[str, Array]]:
+        return {
+            name: {
+                signal: np.array([what(row[name][:, place]) for row in rows])
+                for place, signal in enumerate(SIGNALS)
+            }
+            for name in field
+        }
+
+    limit = {}
+    if all(limits):
+        limit = {signal: np.array([each[signal] for each in limits]) for signal in SIGNALS}
+    return Sweep(np.array(list(cases)), gathered(_mean), gathered(_half_width), limit)
+
+
+def _mean(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else float("nan")
+
+
+def _half_width(values: Array) -> float:
+    from scipy.stats import t
+
+    known = values[np.isfinite(values)]
+    if known.size < 2:
+        return 0.0
+    return float(t.ppf(0.975, known.size - 1) * known.std(ddof=1) / np.sqrt(known.size))

@@ -1,0 +1,154 @@
+"""The limit: how small the error of any estimator can be, by the posterior Cramer-Rao bound.
+
+Tichavsky, Muravchik and Nehorai (1998) bound the error at each sample by a recursion on the
+information. Theirs needs the inverse of the process noise Q, which does not exist here: noise
+enters the four states through two doors only, control signal and disturbance. So the density is
+written in what is independent and regular: the state at the start, and the unit noises w_0, w_1
+and so on. From these the state at sample k follows, and the inequality of van Trees (1968) says of
+any estimate of x_k that sees y_0 ... y_k::
+
+    E[(x^ - x)(x^ - x)'] >= E[D_k] J_k^-1 E[D_k]',    J_k = J_0 + sum_j E[D_j' H' R^-1 H D_j]
+
+with D_j the derivative of x_j by start and noises along a true run, and J_0 their prior
+information. The mean E is taken over `runs` simulated truths. J_k grows with k; it is not built.
+Instead the runs are read as *one* linear system: the derivatives of all runs stacked, driven by the
+same noises, each run measured with the variance `runs` R. Its Kalman filter has the information
+J_k, and the covariance of the mean of the stacked states is the bound. With one run, or with runs
+that are all alike as in the linear case, this is the Riccati recursion itself.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ambkit.data.record import Record
+    from ambkit.estimate.noise import Variances
+    from ambkit.machine.bearing import Bearing
+
+Array = NDArray[np.float64]
+
+NODES = 4
+"""Points of the quadrature over a sample."""
+
+
+def posterior_bound(
+    transition: ArrayLike,
+    noise_input: ArrayLike,
+    output: ArrayLike,
+    measurement: float,
+    prior: ArrayLike,
+) -> Array:
+    """Bound on the covariance of any estimate, sample by sample, after its measurement.
+
+    Parameters
+    ----------
+    transition : array_like (runs, samples - 1, n, n)
+        F, derivative of each sample's state by the one before, along each true run.
+    noise_input : array_like (runs, samples - 1, n, q)
+        G, derivative by the q noises that act between; the noises have unit variance.
+    output : array_like (n,)
+        H, one measured quantity a sample.
+    measurement : float
+        R, variance of its noise, greater than 0.
+    prior : array_like (n, n)
+        Covariance of the state at the first sample, before its measurement.
+
+    Returns
+    -------
+    ndarray (samples, n, n)
+        The bound: no estimator's mean square error is below it.
+    """
+    F, G = np.asarray(transition, dtype=float), np.asarray(noise_input, dtype=float)
+    runs, steps, n, _ = F.shape
+    H = np.asarray(output, dtype=float)
+    # A factor L of the stacked covariance P = L L', for where runs differ P is zero at first and
+    # the plant unstable: a rounded P that is negative by a hair grows without end.
+    start = np.linalg.cholesky(np.asarray(prior, dtype=float))
+    L = np.tile(start, (runs, 1, 1))
+    noise = np.sqrt(runs * measurement) * np.eye(runs)
+    bound = np.empty((steps + 1, n, n))
+    for k in range(steps + 1):
+        if k > 0:
+            L = np.concatenate([F[:, k - 1] @ L, G[:, k - 1]], axis=2)
+        # Array form of prediction and measurement (Kailath, Sayed and Hassibi 2000, section 12.1).
+        wide = np.zeros((runs + L.shape[2], runs + runs * n))
+        wide[:runs, :runs] = noise
+        wide[runs:, :runs] = np.einsum("i,aij->ja", H, L)
+        wide[runs:, runs:] = L.reshape(runs * n, -1).T
+        left = np.asarray(np.linalg.qr(wide, mode="r"))[runs:, runs:]
+        L = left.T.reshape(runs, n, -1)
+        mean = L.mean(axis=0)
+        bound[k] = mean @ mean.T
+    return bound
+
+
+def bearing_bound(
+    bearing: Bearing, records: Sequence[Record], variances: Variances, std: Sequence[float]
+) -> Array:
+    """Bound for a bearing whose truth follows the filters' model.
+
+    That is: the closed force law, white noise on control signal and measurement, and a disturbance
+    force that is a random walk, all with the variances given.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        The plant, and what the estimator knows of it.
+    records : sequence of Record
+        Simulated runs of the same scenario, with truth, alike in length.
+    variances : Variances
+        Of measurement, control signal, and growth of the disturbance.
+    std : sequence of 4 floats
+        Standard deviations of x [m], v [m/s], f_d [N], x_m [m] at the start.
+
+    Returns
+    -------
+    ndarray (samples, 4)
+        Least standard deviation of the error: x [m], v [m/s], f_d [N], x_m [m].
+    """
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1):  # the matrices are small: threads of BLAS would wait ten times over
+        return _bearing_bound(bearing, records, variances, np.asarray(std, dtype=float))
+
+
+def _bearing_bound(
+    bearing: Bearing, records: Sequence[Record], variances: Variances, unit: Array
+) -> Array:
+    F, G = zip(*(_along(bearing, record, variances) for record in records), strict=True)
+    # In units of their own, so that no entry is 1e12 times another.
+    scaled_F = np.asarray(F) * (unit / unit[:, None])
+    scaled_G = np.asarray(G) / unit[:, None]
+    scaled_R = variances.measurement / unit[3] ** 2
+    found = posterior_bound(scaled_F, scaled_G, [0, 0, 0, 1], scaled_R, np.eye(4))
+    return np.asarray(np.sqrt(np.einsum("kii->ki", found)) * unit)
+
+
+def _along(bearing: Bearing, record: Record, variances: Variances) -> tuple[Array, Array]:
+    """F (samples - 1, 4, 4) and G (samples - 1, 4, 5) of one run, exact for held tangents."""
+    from scipy.linalg import expm
+
+    from ambkit.machine.magnets import magnet_of
+
+    T, m = bearing.sampling_time, bearing.rotor.mass
+    lag = max(bearing.sensor.lag, 1e-3 * T)
+    k_i, k_s = magnet_of(bearing).tangent(record["iu"][:-1], record["x"][:-1])
+    A = np.zeros((len(record) - 1, 5, 5))  # x, v, f_d, x_m, and the current, which is held
+    A[:, 0, 1] = 1.0
+    A[:, 1, 0], A[:, 1, 2], A[:, 1, 4] = k_s / m, 1 / m, k_i / m
+    A[:, 3, 0], A[:, 3, 3] = bearing.sensor.gain / lag, -1 / lag
+    held = expm(A * T)
+    G = np.zeros((len(A), 4, 1 + NODES))
+    G[:, :, 0] = held[:, :4, 4] * bearing.amplifier.gain * np.sqrt(variances.control)
+    # The load walks on within the sample (Van Loan 1978, his integral by Gauss and Legendre). What
+    # it does until the sample's end hardly depends on the tangents, so the first ones do for all.
+    at, weights = np.polynomial.legendre.leggauss(NODES)
+    walked = expm(A[0] * (T * (1 + at) / 2)[:, None, None])[:, :4, 2]
+    G[:, :, 1:] = (walked * np.sqrt(T * variances.disturbance * weights / 2)[:, None]).T
+    return held[:, :4, :4], G

@@ -1,0 +1,359 @@
+"""What happens in the comparison: cases, and the records that come of them.
+
+Times are in the plant's own, ``sqrt(m/k_s)`` (8.3 ms on the paper's rig), lengths in the travel
+and forces in the weight, so that each case means the same on any bearing. On the paper's rig a step
+of half of the travel is 0.5 mm, and 0.6 of the weight is 3 N.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.data.record import Record
+from ambkit.estimate.base import Estimator
+from ambkit.estimate.kalman import KalmanFilter
+from ambkit.judge.comparison.spread import CERTAIN, Spread
+from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.magnets import own_time
+from ambkit.simulation.run import Imposed, Run, samples, simulate_run
+from ambkit.simulation.scenario import PID, Scenario
+from ambkit.simulation.waveforms import Constant, Sequence, Sine, Step
+
+if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.magnets import StiffnessSource
+    from ambkit.simulation.waveforms import Signal
+
+Array = NDArray[np.float64]
+Force = Callable[[Array, Array], Array]
+
+STEPS = (0.1, 0.3, 0.5)
+"""Position steps of the paper's kind, in travels."""
+
+LOAD = 0.6
+"""Load, in weights."""
+
+REACH = 0.8
+"""How far out a step of half of the travel overshoots, in travels; so far the maps reach."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A situation that estimators are compared in.
+
+    Attributes
+    ----------
+    name : str
+        As the user calls it.
+    title : str
+        What happens, in a few words.
+    about : str
+        What is to be seen in it, in a sentence.
+    scenario : callable
+        ``scenario(bearing, load)``, load in weights.
+    spread : Spread
+        What is uncertain about the plant.
+    magnet_constant : float
+        Factor on the plant's magnet constant, which the estimators do not know.
+    drift : float
+        How much of that constant it gains by the end of the run, evenly.
+    saturates : bool
+        Whether the plant's iron saturates, which only the learned maps know.
+    correlation : float
+        Samples over which the sensor's noise is correlated; 0: white.
+    walks : float
+        Growth of the load as a random walk, as a factor on what the filters assume; 0: it has none.
+    """
+
+    name: str
+    title: str
+    about: str
+    scenario: Callable[[Bearing, float], Scenario]
+    spread: Spread = CERTAIN
+    magnet_constant: float = 1.0
+    drift: float = 0.0
+    saturates: bool = False
+    correlation: float = 0.0
+    walks: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One run of a case: the plant that it was made with, and the record that all are given.
+
+    Attributes
+    ----------
+    plant : Bearing
+        The true one.
+    scenario : Scenario
+        With its seed.
+    imposed : Imposed
+        Series of noise and load.
+    magnet : StiffnessSource or None
+        The plant's magnet where it is no closed law.
+    record : Record
+        The run that the nominal linear filter closed the loop of.
+    """
+
+    plant: Bearing
+    scenario: Scenario
+    imposed: Imposed
+    magnet: StiffnessSource | None
+    record: Record
+
+    def with_estimator(self, estimator: Estimator) -> Run:
+        """Repeat the run with another estimator in the loop."""
+        return simulate_run(
+            self.plant, self.scenario, estimator=estimator, magnet=self.magnet, imposed=self.imposed
+        )
+
+    @property
+    def lost(self) -> bool:
+        """Whether the rotor met a stop, so that there is nothing to estimate."""
+        return bool(self.record.meta["stop_touched"])
+
+
+def trials(case: Case, bearing: Bearing, runs: int, seed: int) -> list[Trial]:
+    """Make the records of a case.
+
+    Parameters
+    ----------
+    case : Case
+        What happens.
+    bearing : Bearing
+        The nominal one.
+    runs : int
+        How many.
+    seed : int
+        Of the points of what is uncertain, and of all noise.
+
+    Returns
+    -------
+    list of Trial
+        In the order of the points; the first are the same however many there are.
+
+    Raises
+    ------
+    ConfigError
+        The spread leads to a bearing that cannot be, such as one that cannot carry its rotor.
+    """
+    nominal = case.spread == CERTAIN
+    fixed = _magnet(case, bearing) if nominal else None
+    made = []
+    for run, factors in enumerate(case.spread.factors(runs, seed)):
+        plant = factors.plant(bearing)
+        if case.magnet_constant != 1.0:
+            constant = case.magnet_constant * plant.magnet.magnet_constant
+            plant = plant.replace(**plant.magnet.with_constant(constant))
+        scenario = case.scenario(bearing, LOAD * factors.load)
+        scenario = scenario.model_copy(update={"seed": 1000 * seed + run})
+        imposed, walk = _imposed(case, bearing, plant, scenario)
+        magnet = fixed if nominal else _magnet(case, plant)
+        first = simulate_run(
+            plant, scenario, estimator=KalmanFilter(bearing), magnet=magnet, imposed=imposed
+        )
+        made.append(Trial(plant, scenario, imposed, magnet, _with_walk(first.record, walk)))
+    return made
+
+
+def _imposed(
+    case: Case, bearing: Bearing, plant: Bearing, scenario: Scenario
+) -> tuple[Imposed, Array | None]:
+    """Draw the load's walk and the coloured noise, from streams of their own.
+
+    A load that walks does not wait for the samples. What acts over a sample is its mean there, so
+    that the run is that of the walk; where it stands at the samples (n,) is returned beside it.
+    """
+    n, T = samples(plant, scenario), plant.sampling_time
+    on_load, on_sensor = (
+        np.random.default_rng(s)
+        for s in np.random.SeedSequence([scenario.seed, 3]).spawn(2)
+    )  # fmt: skip
+    load = noise = scale = walk = None
+    if case.drift:
+        scale = np.linspace(1.0, 1.0 + case.drift, n)
+    if case.walks:
+        growth = case.walks * KalmanFilter(bearing).variances.disturbance
+        steps, within = on_load.normal(0.0, math.sqrt(growth * T), (2, n))
+        walk = np.cumsum(steps) - steps
+        load = walk + 0.5 * steps + within / math.sqrt(12)  # of a Brownian bridge: its mean
+    if case.correlation:
+        from scipy.signal import lfilter
+
+        # First order, of the variance that the white noise would have, from its stationary state.
+        pole = math.exp(-1 / case.correlation)
+        white = on_sensor.normal(0.0, math.sqrt(plant.sensor.noise_variance), n)
+        white[1:] *= math.sqrt(1 - pole**2)
+        noise = np.asarray(lfilter([1.0], [1.0, -pole], white))
+    return Imposed(disturbance=load, sensor_noise=noise, magnet_scale=scale), walk
+
+
+def _with_walk(record: Record, walk: Array | None) -> Record:
+    """Return a record whose truth has the load at the samples, not its means between them."""
+    if walk is None:
+        return record
+    return replace(record, signals={**record.signals, "f_d": walk})
+
+
+def saturating(bearing: Bearing) -> Force:
+    """Return the force of magnets whose iron saturates at twice the flux of the bias current.
+
+    The flux, proportional to i/s, bends off as ``phi/(1 + (phi/phi_s)^4)^(1/4)``.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        Whose magnets they are.
+    """
+    m = bearing.magnet
+    limit = 2 * m.bias_current / m.air_gap
+
+    def flux(current: Array, gap: Array) -> Array:
+        ideal = current / gap
+        return np.asarray(ideal / (1 + (ideal / limit) ** 4) ** 0.25)
+
+    def force(iu: Array, x: Array) -> Array:
+        pull = flux(m.bias_current + iu, m.air_gap - x) ** 2
+        if m.type == "two-sided":
+            pull = pull - flux(m.bias_current - iu, m.air_gap + x) ** 2
+        return m.magnet_constant * pull
+
+    return force
+
+
+def _magnet(case: Case, plant: Bearing) -> StiffnessSource | None:
+    """Return the plant's own magnet: a map so fine that its corners do not matter."""
+    if not case.saturates:
+        return None
+    from ambkit.machine.stiffness import stiffness_map
+
+    reach = min(plant.rotor.travel_limit, 0.95 * plant.magnet.air_gap)
+    return stiffness_map(
+        plant,
+        currents=np.linspace(plant.current_min, plant.current_max, 31),
+        displacements=np.linspace(-reach, reach, 41),
+        force=saturating(plant),
+    )
+
+
+# ---- the cases ----
+
+
+def _scenario(
+    bearing: Bearing,
+    duration: float,
+    reference: Signal | None = None,
+    disturbance: Signal | None = None,
+) -> Scenario:
+    return Scenario(
+        duration=duration * own_time(bearing),
+        reference=reference or Constant(value=0.0),
+        disturbance=disturbance or Constant(value=0.0),
+        controller=PID.for_bearing(bearing),
+    )
+
+
+def _sign(bearing: Bearing) -> float:
+    """Loads act against gravity, as the paper's do: the way that is safe for any magnet."""
+    return -1.0 if bearing.rotor.gravity == "+x" else 1.0
+
+
+def _load(bearing: Bearing, load: float, at: float) -> Step:
+    weight = bearing.rotor.mass * GRAVITY
+    return Step(amplitude=_sign(bearing) * load * weight, time=at * own_time(bearing))
+
+
+def _positions(bearing: Bearing, plan: dict[float, float]) -> Sequence:
+    """Positions in travels, by the times at which they begin, in the plant's own."""
+    return Sequence(
+        times=tuple(at * own_time(bearing) for at in plan),
+        values=tuple(height * bearing.rotor.travel_limit for height in plan.values()),
+    )
+
+
+def step_case(share: float) -> Case:
+    """Return the case of one step and a load, as `ambkit reproduce` has it.
+
+    Parameters
+    ----------
+    share : float
+        Height of the step, in travels.
+    """
+
+    def scenario(bearing: Bearing, load: float) -> Scenario:
+        return _scenario(bearing, 60, _positions(bearing, {6: share}), _load(bearing, load, 30))
+
+    return Case(
+        "step",
+        f"a step to {share:g} of the travel, then a load",
+        "Far from the centre the force law bends, and a filter that does not know it takes its own "
+        "wrong stiffness for a load.",
+        scenario,
+    )
+
+
+def walk_case(share: float) -> Case:
+    """Return the case in which all is as the filters' model says, with one step.
+
+    Parameters
+    ----------
+    share : float
+        Height of the step, in travels.
+    """
+
+    def scenario(bearing: Bearing, _load: float) -> Scenario:
+        return _scenario(bearing, 24, _positions(bearing, {2: share}))
+
+    return Case(
+        "model",
+        f"a step to {share:g} of the travel, all noise as the filters assume",
+        "The load is a random walk, as the filters' model has it: the one case with a limit that "
+        "nobody crosses.",
+        scenario,
+        walks=1.0,
+    )
+
+
+def _paper(bearing: Bearing, load: float) -> Scenario:
+    plan = dict(zip((6.0, 18.0, 30.0), STEPS, strict=True))
+    return _scenario(bearing, 60, _positions(bearing, plan), _load(bearing, load, 45))
+
+
+def _wrong_k(bearing: Bearing, load: float) -> Scenario:
+    plan = {6.0: 0.2, 14.0: -0.2, 22.0: 0.3, 30.0: 0.1}
+    return _scenario(bearing, 60, _positions(bearing, plan), _load(bearing, load, 42))
+
+
+def _unbalance(bearing: Bearing, load: float) -> Scenario:
+    weight, rate = bearing.rotor.mass * GRAVITY, 1 / (6 * own_time(bearing))
+    force = Sine(amplitude=load * weight, frequency=rate)
+    return _scenario(bearing, 60, _positions(bearing, {6: 0.3}), force)
+
+
+_DEFAULT = (
+    Case("paper", "steps as the paper's, then a load",
+         "Near the centre all are alike; the further out, the more the force law counts.", _paper),
+    Case("uncertain", "the paper's steps, and a plant that is not the nominal one",
+         "What is left of the differences where nothing is known exactly.", _paper,
+         spread=Spread.all(0.2)),
+    Case("wrong-k", "a magnet constant 30 % too small that drifts, position steps, a load",
+         "The steps tell the constant; who estimates it has it before the load comes.", _wrong_k,
+         magnet_constant=0.7, drift=0.1),
+    Case("saturating", "iron that saturates, with maps learned from the measured force",
+         "The closed law is wrong here; only what is learned fits.", _paper, saturates=True),
+    Case("coloured-noise", "sensor noise that is correlated over ten samples",
+         "All assume white noise, and all are wrong.", _paper, correlation=10.0),
+    step_case(STEPS[-1]),
+    Case("unbalance", "a load that is a sine",
+         "No filter's model: the load never rests, and delay costs most.", _unbalance),
+    walk_case(STEPS[-1]),
+)  # fmt: skip
+
+CASES = {case.name: case for case in _DEFAULT}
+"""The cases by name."""

@@ -1,0 +1,295 @@
+"""Who takes part: the family's estimators, and the user's own from a Python file."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import AmbkitError
+from ambkit.estimate.estimate import Estimate, Status
+from ambkit.estimate.family import KINDS, Tunable
+from ambkit.estimate.kalman import KalmanFilter
+from ambkit.estimate.noise import FilterNoise
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.magnets import StiffnessSource
+
+
+@dataclass(frozen=True)
+class Range:
+    """Where tuning looks for a value, evenly in its logarithm.
+
+    Attributes
+    ----------
+    name : str
+        As the family calls it: ``noise.disturbance``, ``bandwidth``.
+    unit : str
+        SI.
+    default, low, high : float
+        Greater than 0.
+    """
+
+    name: str
+    unit: str
+    default: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Contender:
+    """An estimator that takes part.
+
+    Attributes
+    ----------
+    name : str
+        As the user calls it.
+    label : str
+        As it stands in pictures.
+    build : callable
+        ``build(**values)`` makes a fresh one, with values of its tunables.
+    tunable : tuple of Range
+        What can be tuned of it.
+    in_loop : bool
+        Whether it can be in the simulated loop, which is C; one in Python runs beside it.
+    """
+
+    name: str
+    label: str
+    build: Callable[..., Any]
+    tunable: tuple[Range, ...] = ()
+    in_loop: bool = True
+
+    @property
+    def defaults(self) -> dict[str, float]:
+        """Values of the tunables as they are without tuning."""
+        return {each.name: each.default for each in self.tunable}
+
+
+def contenders(
+    names: Sequence[str],
+    bearing: Bearing,
+    sources: Mapping[str, StiffnessSource] | None = None,
+    own: Mapping[str, Callable[..., Any]] | None = None,
+) -> dict[str, Contender]:
+    """Return who takes part, by name.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Kinds of :data:`ambkit.estimate.family.KINDS`, or ``file.py:Class``.
+    bearing : Bearing
+        What all of them assume.
+    sources : mapping, optional
+        What kinds of estimator know of the magnet, where it is not their default.
+    own : mapping, optional
+        Estimators of the user by name: classes or functions that give an object with
+        ``step(y, u)``, called with the bearing, or without it.
+
+    Raises
+    ------
+    AmbkitError
+        A name is unknown, or the file does not give such an object.
+    """
+    found = {}
+    for name in names:
+        if name in KINDS:
+            found[name] = _of_family(name, bearing, (sources or {}).get(name))
+        elif ".py:" in name:
+            own_name, make = load_class(name)
+            found[own_name] = _of_user(own_name, make, bearing)
+        else:
+            raise _unknown(name)
+    for own_name, make in (own or {}).items():
+        found[own_name] = _of_user(own_name, make, bearing)
+    return found
+
+
+def expand(text: str) -> list[str]:
+    """Split a list of names, such as ``linear,my.py:MyFilter``; ``all`` is the whole family.
+
+    Parameters
+    ----------
+    text : str
+        Names with commas between.
+
+    Raises
+    ------
+    AmbkitError
+        A name is unknown, or there is none.
+    """
+    found: dict[str, None] = {}
+    for name in filter(None, map(str.strip, text.split(","))):
+        if name == "all":
+            found |= dict.fromkeys(KINDS)
+        elif name in KINDS or ".py:" in name:
+            found[name] = None
+        else:
+            raise _unknown(name)
+    if not found:
+        raise AmbkitError(f"no estimator is named; known: all, {', '.join(KINDS)}")
+    return list(found)
+
+
+def _unknown(name: str) -> AmbkitError:
+    return AmbkitError(
+        f'there is no estimator "{name}"; known: all, {", ".join(KINDS)}, or one of your own as '
+        "file.py:Class"
+    )
+
+
+def _of_family(name: str, bearing: Bearing, source: StiffnessSource | None) -> Contender:
+    kind = KINDS[name]
+
+    def build(**values: float) -> Any:
+        noise = {key.removeprefix("noise."): v for key, v in values.items() if "noise." in key}
+        rest = {key: value for key, value in values.items() if "noise." not in key}
+        return kind.make(bearing, source, noise=FilterNoise(**noise), **rest)
+
+    # Gains depend on the ratios of the variances alone: one of them is left as it is.
+    free = {t.name: t for t in kind.tunable}
+    if {"noise.control", "noise.disturbance"} <= free.keys():
+        free.pop("noise.measurement", None)
+    return Contender(name, kind.label, build, tuple(_range(t, bearing) for t in free.values()))
+
+
+def _range(tunable: Tunable, bearing: Bearing) -> Range:
+    default, reach = tunable.default(bearing), 10**tunable.decades
+    return Range(tunable.name, tunable.unit, default, default / reach, default * reach)
+
+
+# ---- the user's own ----
+
+
+def load_class(text: str) -> tuple[str, Callable[..., Any]]:
+    """Return name and class of an estimator in a Python file.
+
+    Parameters
+    ----------
+    text : str
+        Such as ``my.py:MyFilter``.
+
+    Raises
+    ------
+    AmbkitError
+        The file cannot be run, or has no such class.
+    """
+    path, _, name = text.rpartition(":")
+    if not Path(path).is_file():
+        raise AmbkitError(f"{path}: there is no such file")
+    module_name = f"ambkit_own_{Path(path).stem}"
+    spec = importlib.util.spec_from_file_location(module_name, path)
+    assert spec is not None  # it ends with .py
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[module_name] = module  # dataclasses look it up
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise AmbkitError(f"{path}: {type(error).__name__}: {error}") from error
+    make = getattr(module, name, None)
+    if not callable(make):
+        there = [key for key, value in vars(module).items() if isinstance(value, type)]
+        hint = f"; it has {', '.join(there)}" if there else ""
+        raise AmbkitError(f"{path}: there is no class {name}{hint}")
+    return name, make
+
+
+def _of_user(name: str, make: Callable[..., Any], bearing: Bearing) -> Contender:
+    import inspect
+
+    try:
+        takes = len(inspect.signature(make).parameters)
+    except (TypeError, ValueError):
+        takes = 1
+
+    def build() -> PythonEstimator:
+        try:
+            made = make(bearing) if takes else make()
+        except Exception as error:
+            given = "with the bearing" if takes else "without arguments"
+            raise AmbkitError(
+                f"{name}: it is made {given}, and fails: {type(error).__name__}: {error}"
+            ) from error
+        return PythonEstimator(made, bearing, name)
+
+    build()  # what is wrong with it is told before the work begins
+    return Contender(name, name, build, in_loop=False)
+
+
+@dataclass
+class PythonEstimator:
+    """An object with ``step(y, u)``, run along a record sample by sample.
+
+    Parameters
+    ----------
+    wrapped : object
+        ``step(y, u)`` takes the measured position [m] and the control signal that acted since the
+        last sample [V], and returns x [m], v [m/s], f_d [N], x_m [m]. What it does not estimate is
+        NaN. If it has ``reset(mean, std)``, it is told where it starts, as all others are.
+    bearing : Bearing
+        What is filtered.
+    name : str
+        Its name.
+
+    Raises
+    ------
+    AmbkitError
+        The object has no ``step``.
+    """
+
+    wrapped: Any
+    bearing: Bearing
+    name: str
+    _columns: int = field(default=4, init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if not callable(getattr(self.wrapped, "step", None)):
+            raise AmbkitError(f"{self.name}: an estimator needs a method step(y, u)")
+
+    def run(self, record: Record, *, covariance: bool = False) -> Estimate:
+        """Run along a record; at the first sample, u is the record's first.
+
+        Parameters
+        ----------
+        record : Record
+            With ``y`` [m] and ``u`` [V].
+        covariance : bool
+            There is none; asked for or not.
+
+        Raises
+        ------
+        AmbkitError
+            ``step`` fails, or does not return four numbers.
+        """
+        y, u = record["y"].tolist(), record["u"].tolist()
+        if callable(getattr(self.wrapped, "reset", None)):
+            other = KalmanFilter(self.bearing)
+            first = record["y"][0]
+            start = [first / self.bearing.sensor.gain, 0.0, 0.0, first]
+            self.wrapped.reset(np.array(start), np.array(other.default_std()))
+        mean = np.empty((len(y), self._columns))
+        acted = [u[0], *u[:-1]]
+        for k in range(len(y)):
+            try:
+                x, v, f_d, x_m = self.wrapped.step(y[k], acted[k])
+                mean[k] = x, v, f_d, x_m
+            except Exception as error:
+                raise AmbkitError(
+                    f"{self.name}: step(y, u) at sample {k}: {type(error).__name__}: {error}; it "
+                    "must return the four numbers x, v, f_d, x_m"
+                ) from error
+        unknown: NDArray[np.float64] = np.full(len(y), np.nan)
+        status = np.full(len(y), Status.OK, dtype=np.uint16)
+        return Estimate(
+            record.t, mean, unknown, unknown, unknown, unknown, status, None, self.name
+        )  # fmt: skip

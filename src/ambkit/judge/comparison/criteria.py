@@ -1,0 +1,281 @@
+"""What an estimator is judged by, run by run; NaN where a criterion does not apply."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.estimate.innovations import whiteness
+from ambkit.machine.magnets import evaluate_force, magnet_of
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+    from ambkit.estimate.estimate import Estimate
+    from ambkit.judge.comparison.cases import Trial
+    from ambkit.machine.bearing import Bearing
+
+Array = NDArray[np.float64]
+
+SETTLING = 2.0
+"""What counts begins after this time, in the plant's own: all have then left their start."""
+
+LAGS = 50
+"""Lags of the whiteness test."""
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """One column of the judgement.
+
+    Attributes
+    ----------
+    label : str
+        What it is, short.
+    unit : str
+        As shown.
+    factor : float
+        What SI is multiplied with to be in `unit`.
+    best : float
+        What it should be.
+    kind : {"error", "ratio", "share"}
+        How distance from the best is judged: as a multiple of the least, as a factor either way, as
+        a difference.
+    about : str
+        How it is found, in a sentence.
+    """
+
+    label: str
+    unit: str
+    factor: float
+    best: float
+    kind: Literal["error", "ratio", "share"]
+    about: str
+
+
+CRITERIA = {
+    "x": Criterion("x", "µm", 1e6, 0, "error", "RMSE of the position."),
+    "v": Criterion("v", "mm/s", 1e3, 0, "error", "RMSE of the velocity."),
+    "f_d": Criterion("F_St", "N", 1, 0, "error", "RMSE of the disturbance force."),
+    "force": Criterion("F_mag", "N", 1, 0, "error", "RMSE of the magnet force, as the estimator's "
+                       "own force law gives it at its estimated position and the current asked."),
+    "nees": Criterion("NEES", "%", 100, 0.95, "share", "Share of the samples at which the "
+                      "normalised estimation error squared of x, v and F_St is within its "
+                      "95 % chi-square bound, 7.81; less: the filter is too sure."),
+    "nis": Criterion("NIS", "", 1, 1, "ratio", "Normalised innovation squared; the same, of the "
+                     "innovations."),
+    "white": Criterion("white", "%", 100, 0.95, "share", "Share of 50 lags at which the "
+                       "innovations' correlation is within its 95 % bound; white: 95 %."),
+    "delay": Criterion("delay", "ms", 1e3, 0, "error", "How late the disturbance force is: lag of "
+                       "the greatest correlation with the truth."),
+    "tracking": Criterion("r − x", "µm", 1e6, 0, "error", "RMS control error, with the estimator "
+                          "in the loop."),
+    "effort": Criterion("effort", "mA", 1e3, 0, "error", "RMS change of the current asked for from "
+                        "sample to sample, with the estimator in the loop."),
+    "overshoot": Criterion("oversh.", "%", 100, 0, "error", "Overshoot of the last step before the "
+                           "load, in the loop."),
+    "settling": Criterion("settling", "ms", 1e3, 0, "error", "Time after that step until the rotor "
+                          "stays within 5 % of it."),
+    "lost": Criterion("lost", "%", 100, 0, "share", "Share of the runs in which the estimate "
+                      "is not finite or is off by a tenth of the travel, or the rotor meets a stop "
+                      "with the estimator in the loop."),
+    "cost": Criterion("cost", "ns", 1e9, 0, "error", "Time a step takes, in one thread."),
+}  # fmt: skip
+"""All criteria by name."""
+
+
+def judge_run(
+    estimator: Any, trial: Trial, bearing: Bearing, settling: float, *, in_loop: bool
+) -> dict[str, float]:
+    """Run an estimator along a trial's record, and in its loop, and judge both.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        A fresh one.
+    trial : Trial
+        The record and the plant.
+    bearing : Bearing
+        What the estimator assumes.
+    settling : float
+        What does not count at the start [s].
+    in_loop : bool
+        Whether it can close the loop.
+
+    Returns
+    -------
+    dict of str to float
+        By the names of `CRITERIA`, in SI, without the cost.
+    """
+    record = trial.record
+    first = max(1, round(settling / record.sampling_time))
+    estimate = estimator.run(record, covariance=True)
+    figures = dict.fromkeys(CRITERIA, np.nan)
+    del figures["cost"]
+    error = (estimate.x - record["x"])[first:]
+    lost = not np.isfinite(error).all()
+    lost = lost or bool(np.abs(error).max() > 0.1 * bearing.rotor.travel_limit)
+    if not lost:
+        figures |= {name: rms((estimate[name] - record[name])[first:]) for name in ("x", "v")}
+        figures["f_d"] = rms((estimate.f_d - record["f_d"])[first:])
+        figures["force"] = rms(
+            (magnet_force(estimator, estimate, record) - record["f_mag"])[first:]
+        )
+        figures["nees"] = nees(estimate, record, first)
+        figures |= _innovations(estimate, first)
+        figures["delay"] = delay(estimate.f_d[first:], record["f_d"][first:], record.sampling_time)
+    if in_loop:
+        closed = trial.with_estimator(estimator).record
+        if closed.meta["stop_touched"]:
+            lost = True
+        else:
+            figures |= loop_figures(closed, bearing.amplifier.gain, first)
+    figures["lost"] = float(lost)
+    return figures
+
+
+def rms(error: Array) -> float:
+    """Root mean square; NaN where any is."""
+    return float(np.sqrt(np.mean(error**2)))
+
+
+def magnet_force(estimator: Any, estimate: Estimate, record: Record) -> Array:
+    """Magnet force as an estimator sees it [N]; NaN where it knows no force law."""
+    source = getattr(estimator, "source", None)
+    if source is None:
+        return np.full(len(record), np.nan)
+    bearing = estimator.bearing
+    current = bearing.amplifier.gain * record["u"]
+    iu = np.clip(current, bearing.current_min, bearing.current_max)
+    force = evaluate_force(source, iu, estimate.x) + magnet_of(bearing).bias_force
+    return force if estimate.scale is None else estimate.scale * force
+
+
+def normalised_errors(estimate: Estimate, record: Record) -> Array:
+    """NEES sample by sample, (n,): e' P^-1 e of x, v, f_d; NaN without covariances.
+
+    The lagged position is left out: it follows from the others but for a few parts in a million,
+    and a NEES with it would judge the last digits of how the model was made discrete.
+    """
+    if estimate.covariance is None:
+        return np.full(len(record), np.nan)
+    upper = np.asarray(estimate.covariance, dtype=float)
+    P = np.empty((len(record), 3, 3))
+    for i, j, place in _ENTRIES:
+        P[:, i, j] = P[:, j, i] = upper[:, place]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        std = np.sqrt(np.einsum("kii->ki", P))
+        # In standard deviations, so that what is inverted is a correlation matrix.
+        C = P / (std[:, :, None] * std[:, None, :])
+        e = np.column_stack([estimate[name] - record[name] for name in ("x", "v", "f_d")]) / std
+    found = np.full(len(record), np.nan)
+    valid = np.isfinite(C).all(axis=(1, 2)) & np.isfinite(e).all(axis=1)
+    valid[valid] = np.linalg.det(C[valid]) > 0
+    solved = np.linalg.solve(C[valid], e[valid][..., None])[..., 0]
+    found[valid] = np.einsum("ki,ki->k", e[valid], solved)
+    return found
+
+
+_ENTRIES = [(0, 0, 0), (0, 1, 1), (0, 2, 2), (1, 1, 4), (1, 2, 5), (2, 2, 7)]
+"""Row and column of x, v, f_d, and place in the upper triangle of all four, row by row."""
+
+
+def nees(estimate: Estimate, record: Record, first: int) -> float:
+    """Share of samples from `first` on whose NEES is within its bound; NaN without covariances."""
+    from scipy.stats import chi2
+
+    found = normalised_errors(estimate, record)[first:]
+    return float(np.mean(found <= chi2.ppf(0.95, 3))) if np.isfinite(found).all() else np.nan
+
+
+def _innovations(estimate: Estimate, first: int) -> dict[str, float]:
+    taken = estimate.used[first:]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        nis = estimate.nis[first:][taken]
+    innovation = estimate.innovation[first:][taken]
+    known = np.isfinite(innovation).all() and innovation.size >= 4 * LAGS
+    if not known or not np.ptp(innovation) > 0:
+        return {}
+    return {
+        "nis": float(np.mean(nis)),
+        "white": whiteness(innovation, LAGS).share_within,
+    }
+
+
+def delay(estimated: Array, true: Array, T: float) -> float:
+    """How late a signal is [s]: the lag of the greatest correlation with the truth.
+
+    Found between the samples by a parabola through the three around it. NaN where the truth never
+    moves, or the estimate does not.
+
+    Parameters
+    ----------
+    estimated, true : ndarray (n,)
+        The signal as estimated and as it was.
+    T : float
+        Sampling time [s].
+    """
+    from scipy.signal import correlate
+
+    n = estimated.size
+    furthest = n // 8
+    if n < 16 or not np.isfinite(estimated).all():
+        return float("nan")
+    # The same stretch of the estimate for all lags, against the truth so much earlier: with a
+    # stretch that shrinks, the greatest correlation of a step would be at no lag at all.
+    e = estimated[furthest:] - estimated[furthest:].mean()
+    t = true - true.mean()
+    if not (np.ptp(e) > 0 and np.ptp(t) > 0):
+        return float("nan")
+    product = correlate(t, e, mode="valid", method="fft")[::-1]  # lags 0 ... furthest
+    sums, squares = (np.concatenate([[0.0], np.cumsum(t**power)]) for power in (1, 2))
+    ends = n - np.arange(furthest + 1)
+    starts = furthest - np.arange(furthest + 1)
+    mean = (sums[ends] - sums[starts]) / e.size
+    variance = (squares[ends] - squares[starts]) / e.size - mean**2
+    still = variance <= 1e-9 * variance.max()  # rounding, of a truth that does not move
+    found = np.where(still, -1.0, product / np.sqrt(np.where(still, 1.0, variance)))
+    at = int(np.argmax(found))
+    if not 0 < at < furthest:
+        return float(at * T)
+    before, peak, after = found[at - 1 : at + 2]
+    bend = before - 2 * peak + after
+    between = 0.5 * (before - after) / bend if bend < 0 else 0.0
+    return float((at + np.clip(between, -0.5, 0.5)) * T)
+
+
+def loop_figures(record: Record, gain: float, first: int) -> dict[str, float]:
+    """Control error, control effort and step response of a closed loop.
+
+    Parameters
+    ----------
+    record : Record
+        The closed loop.
+    gain : float
+        Of the amplifier [A/V].
+    first : int
+        The first sample that counts.
+    """
+    r, x = record["r"], record["x"]
+    figures = {
+        "tracking": rms((r - x)[first:]),
+        "effort": gain * rms(np.diff(record["u"][first:])),
+    }
+    steps = np.flatnonzero(np.diff(r)) + 1
+    if steps.size == 0:
+        return figures
+    start = int(steps[-1])
+    later = np.flatnonzero(np.diff(record["f_d"][start:]) != 0)
+    # A load that never rests leaves no step response to be seen.
+    stop = start + int(later[0]) + 1 if later.size else len(record)
+    if later.size > 1 or stop - start < 50:
+        return figures
+    height = float(r[start] - r[start - 1])
+    way = (x[start:stop] - r[start]) / height  # -1 before, 0 there
+    outside = np.flatnonzero(np.abs(way) > 0.05)
+    figures["overshoot"] = max(0.0, float(way.max()))
+    if outside.size and outside[-1] < way.size - 1:
+        figures["settling"] = float((outside[-1] + 1) * record.sampling_time)
+    return figures

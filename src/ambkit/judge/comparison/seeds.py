@@ -1,0 +1,113 @@
+"""Estimators over many seeds, each in its own loop, judged by the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.estimate.base import Estimator
+from ambkit.estimate.estimate import Estimate
+from ambkit.simulation.run import simulate_run
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+    from ambkit.machine.bearing import Bearing
+    from ambkit.simulation.scenario import Scenario
+
+Array = NDArray[np.float64]
+
+JUDGED = {"x": "m", "v": "m/s", "f_d": "N"}
+
+
+@dataclass(frozen=True)
+class Score:
+    """How one estimator did over several seeds.
+
+    Attributes
+    ----------
+    rmse : dict
+        ``x`` [m], ``v`` [m/s], ``f_d`` [N]: root mean square errors, one per seed, (seeds,).
+    nis : ndarray (seeds,)
+        Mean normalised innovation squared; 1 where model and noise are right.
+    touched : int
+        Runs in which the rotor touched a stop.
+    """
+
+    rmse: Mapping[str, Array]
+    nis: Array
+    touched: int = 0
+
+    def mean(self, signal: str) -> float:
+        """Mean RMSE over the seeds."""
+        return float(self.rmse[signal].mean())
+
+    def spread(self, signal: str) -> float:
+        """Standard deviation of the RMSE over the seeds."""
+        return float(self.rmse[signal].std(ddof=1)) if len(self.rmse[signal]) > 1 else 0.0
+
+
+def rmse(estimate: Estimate, record: Record, signal: str) -> float:
+    """Root mean square error of an estimated signal against the truth in the record."""
+    return float(np.sqrt(np.mean((estimate[signal] - record[signal]) ** 2)))
+
+
+def compare(
+    bearing: Bearing,
+    scenario: Scenario,
+    estimators: Mapping[str, Callable[[], Estimator]],
+    seeds: Sequence[int],
+    *,
+    threads: int = 2,
+    done: Callable[[], None] = lambda: None,
+) -> dict[str, Score]:
+    """Monte Carlo over seeds: every estimator closes its own loop against the same noise.
+
+    Parameters
+    ----------
+    bearing, scenario : Bearing, Scenario
+        The plant and what happens to it; the scenario's seed is replaced.
+    estimators : mapping of name to factory
+        Each call of a factory gives a fresh estimator. All of them should assume the same noise.
+    seeds : sequence of int
+        One run each; the same seed gives every estimator the same noise.
+    threads : int
+        How many runs go side by side; the result does not depend on it.
+    done : callable
+        Called after each run, for a progress bar.
+
+    Returns
+    -------
+    dict of Score
+        By the names of the estimators.
+    """
+
+    def one(name: str, seed: int) -> tuple[list[float], float, bool]:
+        run = simulate_run(
+            bearing, scenario.model_copy(update={"seed": seed}), estimator=estimators[name]()
+        )
+        assert run.estimate is not None  # an estimator was given
+        errors = [rmse(run.estimate, run.record, signal) for signal in JUDGED]
+        done()
+        touched = run.record.meta["stop_touched"] > 0
+        return errors, float(run.estimate.nis[1:].mean()), touched
+
+    scores = {}
+    pool = ThreadPoolExecutor(threads)
+    try:
+        futures = {name: [pool.submit(one, name, seed) for seed in seeds] for name in estimators}
+        for name, waiting in futures.items():
+            results = [future.result() for future in waiting]
+            errors = np.array([r[0] for r in results])
+            scores[name] = Score(
+                dict(zip(JUDGED, errors.T, strict=True)),
+                np.array([r[1] for r in results]),
+                sum(r[2] for r in results),
+            )
+    finally:
+        pool.shutdown(cancel_futures=True)  # after Ctrl-C, what still waits is not run first
+    return scores

@@ -1,0 +1,92 @@
+"""What is uncertain of a plant, and points of it that cover it evenly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How far each quantity may be from its nominal value, as a share of it: 0.2 is +-20 %.
+
+    The plant takes the value; the estimators go on with the nominal one.
+
+    Parameters
+    ----------
+    magnet_constant, mass, air_gap : float
+        Of the plant.
+    noise, lag : float
+        Of the sensor: standard deviation of its noise, time constant.
+    load : float
+        Of the disturbance.
+    """
+
+    magnet_constant: float = 0.0
+    mass: float = 0.0
+    air_gap: float = 0.0
+    noise: float = 0.0
+    lag: float = 0.0
+    load: float = 0.0
+
+    @classmethod
+    def all(cls, share: float) -> Spread:
+        """Return the same share for each.
+
+        Parameters
+        ----------
+        share : float
+            From 0 to below 1.
+        """
+        return cls(*(share for _ in fields(cls)))
+
+    def factors(self, runs: int, seed: int) -> list[Spread]:
+        """Draw what each run takes of each nominal value: scrambled Sobol points (Owen 1998).
+
+        Parameters
+        ----------
+        runs : int
+            How many points. Fewer are the first of more.
+        seed : int
+            Of the scrambling.
+
+        Returns
+        -------
+        list of Spread
+            Factors around 1, uniform within the spread.
+        """
+        from scipy.stats import qmc
+
+        shares = np.array([getattr(self, field.name) for field in fields(self)])
+        sobol = qmc.Sobol(shares.size, scramble=True, rng=np.random.default_rng([seed, 2]))
+        points = sobol.random_base2(max(0, int(np.ceil(np.log2(runs)))))[:runs]
+        return [Spread(*map(float, row)) for row in 1 + shares * (2 * points - 1)]
+
+    def plant(self, nominal: Bearing) -> Bearing:
+        """Return the bearing with its values times these factors.
+
+        Parameters
+        ----------
+        nominal : Bearing
+            What the estimators know.
+        """
+        magnet, sensor = nominal.magnet, nominal.sensor
+        gap = magnet.air_gap * self.air_gap
+        return nominal.replace(
+            **magnet.with_constant(magnet.magnet_constant * self.magnet_constant),
+            magnet__air_gap=gap,
+            rotor__mass=nominal.rotor.mass * self.mass,
+            # A narrower gap may leave less room than the stops did.
+            rotor__travel_limit=min(nominal.rotor.travel_limit, 0.95 * gap),
+            sensor__noise_variance=sensor.noise_variance * self.noise**2,
+            sensor__lag=sensor.lag * self.lag,
+        )
+
+
+CERTAIN = Spread()
+"""Nothing is uncertain."""

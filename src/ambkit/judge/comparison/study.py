@@ -1,0 +1,221 @@
+"""A whole comparison: one case, how the errors grow with the step and a wrong k, and the limit."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ambkit.estimate.family import KINDS
+from ambkit.judge.comparison.bench import Bench, Sweep, bench, pieces, sweep
+from ambkit.judge.comparison.cases import (
+    CASES,
+    REACH,
+    STEPS,
+    Case,
+    Trial,
+    saturating,
+    step_case,
+    trials,
+    walk_case,
+)
+from ambkit.judge.comparison.contenders import Contender, contenders
+
+if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.magnets import StiffnessSource
+    from ambkit.machine.stiffness import StiffnessMap
+
+HEIGHTS = (0.02, 0.1, 0.2, 0.3, 0.4, 0.5)
+"""Steps whose errors are shown, in travels."""
+
+WRONG = (0.7, 0.85, 1.0, 1.15, 1.3)
+"""Magnet constants of the plant over the one that the estimators know."""
+
+RULES, NODES = 5, 17
+"""Rules of the expert and nodes of the table, along current and displacement each."""
+
+SWEEP_RUNS = 4
+"""Runs at each point of these."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """A whole comparison.
+
+    Attributes
+    ----------
+    bench : Bench
+        The case that was asked for.
+    field : mapping of str to Contender
+        Who took part.
+    first : Trial
+        Its first run.
+    steps, wrong_k, limit : Sweep or None
+        Errors by the height of the step, by the plant's magnet constant, and by the height of the
+        step where all is as the filters' model says; None where the report was not asked for.
+    model : Bench or None
+        The case in which the limit is known, with defaults, which are right there.
+    """
+
+    bench: Bench
+    field: Mapping[str, Contender]
+    first: Trial
+    steps: Sweep | None = None
+    wrong_k: Sweep | None = None
+    limit: Sweep | None = None
+    model: Bench | None = None
+
+
+def learned(case: Case, bearing: Bearing, names: Sequence[str]) -> dict[str, StiffnessSource]:
+    """Learn the maps that some kinds ask, over all that a step reaches.
+
+    The expert has the paper's 25 rules. A table costs no more with more nodes, and has them.
+
+    Parameters
+    ----------
+    case : Case
+        Where its iron saturates, the maps are learned from the saturating force.
+    bearing : Bearing
+        What the estimators know.
+    names : sequence of str
+        Of those who take part; nothing is learned for others.
+    """
+    asking = [name for name in names if name in KINDS and KINDS[name].source is None]
+    if not asking:
+        return {}
+    from ambkit.fuzzy.training import train
+    from ambkit.machine.stiffness import stiffness_map
+
+    reach = REACH * bearing.rotor.travel_limit
+    force = saturating(bearing) if case.saturates else None
+
+    def work(nodes: int) -> StiffnessMap:
+        currents = np.linspace(bearing.current_min, bearing.current_max, nodes)
+        displacements = np.linspace(-reach, reach, nodes)
+        return stiffness_map(bearing, currents=currents, displacements=displacements, force=force)
+
+    found: dict[str, StiffnessSource] = {}
+    if set(asking) - {"table"}:
+        found = dict.fromkeys(asking, train(work(RULES), weights=True))
+    return found | ({"table": work(NODES)} if "table" in asking else {})
+
+
+def study(
+    bearing: Bearing,
+    case: Case | str,
+    names: Sequence[str],
+    *,
+    own: Mapping[str, Callable[..., Any]] | None = None,
+    runs: int = 16,
+    budget: int = 0,
+    seed: int = 0,
+    threads: int | None = None,
+    sources: Mapping[str, StiffnessSource] | None = None,
+    whole: bool = True,
+    done: Callable[[str], None] = lambda _text: None,
+) -> Study:
+    """Compare estimators in one case, and in rows of cases around it.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What the estimators know.
+    case : Case or str
+        What happens; one of `CASES`.
+    names : sequence of str
+        Kinds of estimators, or ``file.py:Class``.
+    own : mapping, optional
+        The user's own, see :func:`ambkit.judge.comparison.contenders.contenders`.
+    runs, budget, seed : int
+        See :func:`ambkit.judge.comparison.bench.bench`.
+    threads : int, optional
+        As many as there are processors without it; no figure but the cost depends on it.
+    sources : mapping, optional
+        What kinds of estimator know of the magnet, in place of what would be learned.
+    whole : bool
+        Whether the errors by step, wrong k and the limit are wanted, for a report.
+    done : callable
+        Called after each piece of work with what is next, see `pieces_of`.
+    """
+    case = CASES[case] if isinstance(case, str) else case
+    threads = threads or os.cpu_count() or 1
+    given = dict(sources or {})
+    known = learned(case, bearing, [name for name in names if name not in given]) | given
+    field = contenders(names, bearing, known, own)
+    done("judging")
+    main = bench(
+        bearing, case, field, runs=runs, budget=budget, seed=seed, threads=threads,
+        done=lambda: done(f"case {case.name}"),
+    )  # fmt: skip
+    first = next(t for t in trials(case, bearing, runs, seed) if not t.lost)
+    if not whole:
+        return Study(main, field, first)
+    tuned = {name: s.tuning for name, s in main.tuned.items() if s.tuning is not None}
+
+    def row(what: str, cases: dict[float, Case], count: int = SWEEP_RUNS, *, own: bool) -> Sweep:
+        return sweep(
+            bearing, cases, field, tuned=tuned if own else None, runs=count, seed=seed,
+            threads=threads, done=lambda: done(what),
+        )  # fmt: skip
+
+    def alike(other: Case, magnet_constant: float = 1.0) -> Case:
+        return replace(other, saturates=case.saturates, magnet_constant=magnet_constant)
+
+    travel = bearing.rotor.travel_limit
+    steps = {share * travel: alike(step_case(share)) for share in HEIGHTS}
+    wrong = {k: alike(step_case(STEPS[1]), k) for k in WRONG}
+    walks = {share * travel: walk_case(share) for share in HEIGHTS}
+    return Study(
+        main,
+        field,
+        first,
+        steps=row("errors by step", steps, own=True),
+        wrong_k=row("errors by k", wrong, own=True),
+        # There the defaults are the truth.
+        limit=row("the limit", walks, 2 * SWEEP_RUNS, own=False),
+        model=bench(
+            bearing, CASES["model"], field, runs=max(runs, 32), seed=seed, threads=threads,
+            done=lambda: done("the limit"),
+        ),
+    )  # fmt: skip
+
+
+def across(
+    bearing: Bearing,
+    cases: Mapping[str, Case],
+    names: Sequence[str],
+    *,
+    runs: int = 16,
+    budget: int = 0,
+    seed: int = 0,
+    threads: int | None = None,
+    sources: Mapping[str, StiffnessSource] | None = None,
+    done: Callable[[str], None] = lambda _text: None,
+) -> dict[str, Bench]:
+    """Compare estimators in several cases, tuned anew in each.
+
+    Parameters
+    ----------
+    cases : mapping of str to Case
+        What happens, by name.
+    bearing, names, runs, budget, seed, threads, sources, done
+        See `study`.
+    """
+    return {
+        name: study(
+            bearing, case, names, runs=runs, budget=budget, seed=seed, threads=threads,
+            sources=sources, whole=False, done=done,
+        ).bench
+        for name, case in cases.items()
+    }  # fmt: skip
+
+
+def pieces_of(count: int, budget: int, whole: bool) -> int:
+    """Return how often `study` calls `done` for so many estimators."""
+    field = dict.fromkeys(map(str, range(count)))
+    there = pieces(field, budget) + 1
+    return there + (2 * len(HEIGHTS) + len(WRONG) + pieces(field, 0) if whole else 0)

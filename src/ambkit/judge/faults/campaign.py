@@ -1,0 +1,302 @@
+"""The fault campaign: every estimator through every fault, in the loop and beside it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ambkit.base.errors import AmbkitError
+from ambkit.estimate.family import KINDS, learned_source
+from ambkit.judge.faults.declared import CLEAN, FAULTS
+from ambkit.judge.faults.flight import Flight, Outcome
+from ambkit.simulation.scenario import PID
+
+if TYPE_CHECKING:
+    from ambkit.estimate.base import Estimator
+    from ambkit.judge.faults.declared import Channel
+    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.magnets import Precision
+    from ambkit.simulation.run import Run
+
+Factory = Callable[..., "Estimator"]
+
+BASELINE = "measurement"
+"""Stands for the loop without an estimator: the controller is fed by the measurement."""
+
+MIXTURE = "mixture"
+"""Stands for the faults that are drawn at random."""
+
+SETTINGS = ("beside the loop", "in the loop")
+
+
+@dataclass(frozen=True, repr=False)
+class Torture:
+    """What became of a campaign.
+
+    Attributes
+    ----------
+    bearing : Bearing
+        Whose.
+    outcomes : tuple of Outcome
+        One a flight.
+    """
+
+    bearing: Bearing
+    outcomes: tuple[Outcome, ...]
+
+    def __repr__(self) -> str:
+        failed = sum(not each.recovered for each in self.outcomes)
+        lost = sum(each.levitation == "lost" for each in self.outcomes)
+        return (
+            f"<Torture of {self.bearing.name}: {len(self.estimators)} estimators, "
+            f"{len(self.faults)} faults, {len(self.outcomes)} flights; {failed} did not recover, "
+            f"in {lost} the rotor was lost>"
+        )
+
+    @property
+    def estimators(self) -> list[str]:
+        """Names of the estimators, without the baseline."""
+        names = dict.fromkeys(each.estimator for each in self.outcomes)
+        return [name for name in names if name != BASELINE]
+
+    @property
+    def faults(self) -> list[str]:
+        """Names of the faults."""
+        return list(dict.fromkeys(each.fault for each in self.outcomes))
+
+    def select(self, **wanted: str) -> list[Outcome]:
+        """Return the outcomes of which each named attribute is as given.
+
+        Parameters
+        ----------
+        **wanted : str
+            Such as ``fault="knock"``, ``estimator="linear"``, ``setting="in the loop"``.
+        """
+        return [
+            each
+            for each in self.outcomes
+            if all(getattr(each, name) == value for name, value in wanted.items())
+        ]
+
+    @property
+    def failures(self) -> list[Outcome]:
+        """Flights in which an estimator was not finite, stood still for ever or did not recover.
+
+        In the loop only what is not finite counts, unless the rotor stayed up: an estimator that
+        went down with its rotor has nothing to come back to.
+        """
+        return [
+            each
+            for each in self.outcomes
+            if each.estimator != BASELINE
+            and not each.recovered
+            and (not each.finite or each.setting == "beside the loop" or each.levitation == "kept")
+        ]
+
+    def slowest(self, estimator: str) -> float:
+        """Most samples that it took to recover beside the loop; infinity: it did not once.
+
+        Parameters
+        ----------
+        estimator : str
+            Its name.
+        """
+        beside = self.select(estimator=estimator, setting="beside the loop")
+        took = [each.recovery if each.recovered else math.inf for each in beside]
+        return max((each for each in took if not math.isnan(each)), default=math.nan)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all outcomes as plain data, in SI; what is not finite stays so."""
+        return {
+            "bearing": self.bearing.name,
+            "estimators": {
+                name: {
+                    "recovered": all(each.recovered for each in self._beside(name)),
+                    "slowest_recovery": self.slowest(name),
+                    "lost_in_loop": sorted(
+                        {each.fault for each in self.select(estimator=name, setting="in the loop",
+                                                            levitation="lost")}
+                    ),
+                }
+                for name in self.estimators
+            },
+            "flights": [
+                asdict(each) | {"recovered": each.recovered, "never": each.recovery == math.inf}
+                for each in self.outcomes
+            ],
+        }  # fmt: skip
+
+    def _beside(self, name: str) -> list[Outcome]:
+        return self.select(estimator=name, setting="beside the loop")
+
+
+def chosen_faults(names: Iterable[str] | None) -> list[str]:
+    """Check names of faults; all of them where none is named.
+
+    Raises
+    ------
+    AmbkitError
+        There is no such fault.
+    """
+    found = list(FAULTS) if names is None else list(dict.fromkeys(names))
+    for name in found:
+        if name not in FAULTS:
+            raise AmbkitError(f'there is no fault "{name}"; known: {", ".join(FAULTS)}')
+    return found
+
+
+def flights_of(estimators: int, faults: Iterable[str], seeds: int, *, steps: int) -> int:
+    """Return how often `torture` calls `done`, for one precision."""
+    there = [FAULTS[name].in_loop for name in faults]
+    settings = [True, True, *([True, True] if steps else [])]  # clean, mixed
+    in_loop, beside = sum(there) + sum(settings) // 2, len(there) + sum(settings) // 2
+    return seeds * (estimators * (in_loop + beside) + in_loop)
+
+
+def torture(
+    bearing: Bearing,
+    estimators: Sequence[str] | Mapping[str, Factory] | None = None,
+    *,
+    faults: Iterable[str] | None = None,
+    seeds: Sequence[int] = (0,),
+    steps: int = 50_000,
+    precisions: Sequence[Precision] = ("float64",),
+    controller: PID | None = None,
+    threads: int = 2,
+    done: Callable[[str], None] = lambda _text: None,
+) -> Torture:
+    """Fly each estimator through faults of sensor, control signal, amplifier and load.
+
+    The rotor follows a slow sine under a load that is another. Each fault is flown in the loop,
+    where the controller is fed by the estimate and levitation may be lost, and beside the loop,
+    where the controller is fed by the true measurement and every estimator must come back. What it
+    comes back to is its own clean flight: an error is back when it is within five times the 99 %
+    quantile of that flight's, for position, velocity and disturbance force, and stays so.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        The plant, and what the estimators know.
+    estimators : sequence of str, or mapping of name to factory, optional
+        Kinds of :data:`ambkit.estimate.family.KINDS`, all of them by default; or what makes
+        fresh ones, called with ``precision=...``.
+    faults : iterable of str, optional
+        Some of ``ambkit.judge.faults.FAULTS``; by default all.
+    seeds : sequence of int
+        One campaign each, of noise and of what is drawn.
+    steps : int
+        Samples of a flight through random mixtures of faults; 0: none.
+    precisions : sequence of {"float64", "float32"}
+        Of the estimators.
+    controller : PID, optional
+        Its gains; by default those of :meth:`PID.for_bearing`.
+    threads : int
+        Flights side by side; the result does not depend on it.
+    done : callable
+        Called after each flight with the name of its fault.
+
+    Returns
+    -------
+    Torture
+        What became of each flight.
+
+    Raises
+    ------
+    AmbkitError
+        A fault or kind is unknown, or a flight through mixtures has no room for one.
+    """
+    named = chosen_faults(faults)
+    built = _factories(bearing, KINDS if estimators is None else estimators)
+    pid = controller or PID.for_bearing(bearing)
+
+    def fly(work: _Work) -> list[Outcome]:
+        return list(_campaign(work, named, steps, done))
+
+    works = [
+        _Work(Flight(bearing, pid, in_loop, seed, precision), name, build)
+        for precision in precisions
+        for seed in seeds
+        for in_loop in (False, True)
+        for name, build in [*built.items(), *([(BASELINE, None)] if in_loop else [])]
+    ]
+    pool = ThreadPoolExecutor(threads)
+    try:
+        outcomes = [each for found in pool.map(fly, works) for each in found]
+    finally:
+        pool.shutdown(cancel_futures=True)  # after Ctrl-C, what still waits is not flown first
+    return Torture(bearing, tuple(outcomes))
+
+
+@dataclass(frozen=True)
+class _Work:
+    """Who is flown how; without `build`, the controller alone."""
+
+    flight: Flight
+    name: str
+    build: Factory | None
+
+    def run(self, channel: Channel) -> Run:
+        made = None if self.build is None else self.build(precision=self.flight.precision)
+        return self.flight.fly(channel, made)
+
+
+def _campaign(
+    work: _Work, named: Sequence[str], steps: int, done: Callable[[str], None]
+) -> Iterator[Outcome]:
+    """Fly one estimator through all faults, the clean flight first."""
+    flight = work.flight
+    channel, windows = flight.through(CLEAN)
+    clean = work.run(channel)
+    band = flight.band(clean)
+    done(CLEAN.name)
+    yield flight.judge(clean, windows, band, fault=CLEAN.name, estimator=work.name)
+    for name in named:
+        if flight.in_loop and not FAULTS[name].in_loop:
+            continue
+        channel, windows = flight.through(FAULTS[name])
+        yield flight.judge(work.run(channel), windows, band, fault=name, estimator=work.name)
+        done(name)
+    if steps:
+        channel, windows = flight.mixed(steps)
+        if not windows:
+            raise AmbkitError(f"{steps} steps have no room for a fault and its aftermath")
+        yield flight.judge(work.run(channel), windows, band, fault=MIXTURE, estimator=work.name)
+        done(MIXTURE)
+
+
+def _factories(
+    bearing: Bearing, estimators: Iterable[str] | Mapping[str, Factory]
+) -> Mapping[str, Factory]:
+    """Return what builds each estimator."""
+    if isinstance(estimators, Mapping) and estimators is not KINDS:
+        return estimators
+    unknown = [name for name in estimators if name not in KINDS]
+    if unknown:
+        raise AmbkitError(f'there is no estimator "{unknown[0]}"; known: {", ".join(KINDS)}')
+
+    def factory(name: str) -> Factory:
+        source = learned_source(name, bearing)
+        return lambda **options: KINDS[name].make(bearing, source, **options)
+
+    return {name: factory(name) for name in estimators}
+
+
+def recovery_text(outcomes: Sequence[Outcome]) -> str:
+    """Say in a word or a number of samples what became of the same flight over the seeds."""
+    if not outcomes:
+        return ""
+    if any(not each.finite for each in outcomes):
+        return "not finite"
+    if any(each.levitation == "lost" for each in outcomes):
+        return "lost"
+    if any(each.held for each in outcomes):
+        return "held"
+    worst = float(np.max([each.recovery for each in outcomes]))
+    if math.isnan(worst):
+        return "lost"
+    return "never" if math.isinf(worst) else f"{worst:.0f}"

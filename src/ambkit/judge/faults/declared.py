@@ -1,0 +1,290 @@
+"""The faults that estimators are put through, declared once, in the bearing's own measure.
+
+Lengths are in travels, forces in what the magnet can pull, times in the plant's own,
+``sqrt(m/k_s)``, or in samples or seconds where that is what a fault is about. So each means the
+same on any bearing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.machine.magnets import ConstantStiffness, Precision, own_time
+from ambkit.simulation.run import Faults
+
+if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
+
+Array = NDArray[np.float64]
+
+
+@dataclass(eq=False)
+class Channel:
+    """What the faults of a flight are written into, n samples.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        Gives the measure.
+    n : int
+        Samples.
+    precision : {"float64", "float32"}
+        That of the estimator: what is huge and what is denormal depends on it.
+    beside : bool
+        Whether the controller gets the true measurement.
+    seed : int
+        Of what a fault draws.
+    """
+
+    bearing: Bearing
+    n: int
+    precision: Precision = "float64"
+    beside: bool = False
+    seed: int = 0
+    faults: Faults = field(init=False)
+    force: Array = field(init=False)
+    place: float | None = field(init=False, default=None)
+
+    def __post_init__(self) -> None:
+        self.faults = Faults.none(self.n, beside=self.beside)
+        self.force = np.zeros(self.n)
+        self.draw = np.random.default_rng([self.seed, self.n])
+        self.real = np.finfo(self.precision)
+
+    @property
+    def own(self) -> float:
+        """The plant's own time [samples]."""
+        return own_time(self.bearing) / self.bearing.sampling_time
+
+    @property
+    def travel(self) -> float:
+        """Travel as measured [m]."""
+        return self.bearing.sensor.gain * self.bearing.rotor.travel_limit
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation of the sensor's noise [m]."""
+        return float(np.sqrt(self.bearing.sensor.noise_variance))
+
+    @property
+    def greatest(self) -> float:
+        """Force by the linear law at the current's limit and a stop [N]."""
+        bearing, k = self.bearing, ConstantStiffness.of(self.bearing)
+        return k.k_i * bearing.current_max + k.k_s * bearing.rotor.travel_limit
+
+    def read(self, window: slice, y: float | Array) -> None:
+        """Let the sensor read y [m], whatever the rotor does."""
+        self.faults.y_times[window] = 0.0
+        self.faults.y_plus[window] = y
+
+    def tell(self, window: slice, u: float) -> None:
+        """Tell the estimator a control signal u [V], whatever the controller asks."""
+        self.faults.u_times[window] = 0.0
+        self.faults.u_plus[window] = u
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault.
+
+    Attributes
+    ----------
+    name : str
+        As the user calls it.
+    about : str
+        What happens, in a few words.
+    put : callable
+        ``put(channel, window)`` writes it into the samples of the window.
+    own, seconds, samples : float
+        Length of the window, which is their sum: in the plant's own times, in seconds, in samples.
+    in_loop : bool
+        Whether it is flown with the estimator in the loop too, not only beside it.
+    """
+
+    name: str
+    about: str
+    put: Callable[[Channel, slice], None]
+    own: float = 0.0
+    seconds: float = 0.0
+    samples: int = 0
+    in_loop: bool = True
+
+    def length(self, bearing: Bearing) -> int:
+        """Samples of its window."""
+        span = self.own * own_time(bearing) + self.seconds
+        return self.samples + round(span / bearing.sampling_time)
+
+
+def _nothing(_channel: Channel, _window: slice) -> None:
+    pass
+
+
+def _lift_off(channel: Channel, _window: slice) -> None:
+    side = -1.0 if channel.bearing.rotor.gravity == "-x" else 1.0
+    channel.place = side * channel.bearing.rotor.travel_limit
+
+
+def _knock(channel: Channel, window: slice) -> None:
+    channel.force[window] = 2 * channel.greatest * channel.draw.choice([-1.0, 1.0])
+
+
+def _overload(channel: Channel, window: slice) -> None:
+    channel.force[window] = 1.5 * channel.greatest * channel.draw.choice([-1.0, 1.0])
+
+
+def _weak(channel: Channel, window: slice) -> None:
+    channel.faults.current[window] = 0.1
+
+
+def _missing(channel: Channel, window: slice) -> None:
+    channel.faults.y_plus[window] = np.nan
+
+
+def _bursts(channel: Channel, window: slice) -> None:
+    at = window.start
+    while at < window.stop:
+        length, gap = channel.draw.integers(1, 20, 2)
+        channel.faults.y_plus[at : min(at + length, window.stop)] = np.nan
+        at += length + gap
+
+
+def _stuck(channel: Channel, window: slice) -> None:
+    channel.faults.late[window] = 1.0 + np.arange(window.stop - window.start)
+
+
+def _spikes(channel: Channel, window: slice) -> None:
+    size = window.stop - window.start
+    there = channel.draw.random(size) < 0.1
+    channel.faults.y_plus[window] += there * channel.draw.uniform(-9, 9, size) * channel.travel
+
+
+def _offset(channel: Channel, window: slice) -> None:
+    channel.faults.y_plus[window] += 0.3 * channel.travel * channel.draw.choice([-1.0, 1.0])
+
+
+def _rail(channel: Channel, window: slice) -> None:
+    noise = channel.sigma * channel.draw.standard_normal(window.stop - window.start)
+    channel.read(window, channel.travel * channel.draw.choice([-1.0, 1.0]) + noise)
+
+
+def _late(samples: float) -> Callable[[Channel, slice], None]:
+    def put(channel: Channel, window: slice) -> None:
+        channel.faults.late[window] = samples
+
+    return put
+
+
+def _reads(y: Callable[[np.finfo], float]) -> Callable[[Channel, slice], None]:
+    def put(channel: Channel, window: slice) -> None:
+        signs = channel.draw.choice([-1.0, 1.0], window.stop - window.start)
+        channel.read(window, signs * y(channel.real))
+
+    return put
+
+
+def _told(u: Callable[[np.finfo], float]) -> Callable[[Channel, slice], None]:
+    return lambda channel, window: channel.tell(window, u(channel.real))
+
+
+def _amplified(channel: Channel, window: slice) -> None:
+    channel.faults.u_times[window] = 20.0
+
+
+def _overdriven(channel: Channel, window: slice) -> None:
+    limit = channel.bearing.current_max / channel.bearing.amplifier.gain
+    channel.tell(window, 100 * limit * channel.draw.choice([-1.0, 1.0]))
+
+
+_LONGEST = 2.0  # the last that a loop may survive, in own times
+
+CLEAN = Fault("clean", "nothing is wrong", _nothing)
+
+FAULTS = {
+    fault.name: fault
+    for fault in (
+        Fault("lift-off", "the rotor lies on a stop at the start, and nobody is told", _lift_off),
+        Fault("knock", "a force flings the rotor against a stop", _knock, own=1),
+        Fault("overload", "a load beyond the magnet for one own time", _overload, own=1),
+        Fault("long-overload", "a load beyond the magnet: rotor on a stop, current at its limit",
+              _overload, own=60),
+        Fault("weak-amplifier", "a tenth of the current is left", _weak, own=0.5),
+        Fault("nan-bursts", "bursts of 1 to 19 missing samples", _bursts, own=5),
+        Fault("outage-1ms", "no measurement", _missing, seconds=1e-3),
+        Fault("outage-10ms", "no measurement", _missing, seconds=1e-2),
+        Fault("outage-100ms", "no measurement", _missing, seconds=0.1, in_loop=False),
+        Fault("outage-1s", "no measurement", _missing, seconds=1, in_loop=False),
+        Fault("outage-10s", "no measurement", _missing, seconds=10, in_loop=False),
+        Fault("stuck", "the sensor repeats its last value", _stuck, own=0.5),
+        Fault("long-stuck", "the sensor repeats its last value", _stuck, own=30, in_loop=False),
+        Fault("spikes", "one sample in ten is off by up to nine travels", _spikes, own=20),
+        Fault("offset", "the sensor is off by 0.3 travels", _offset, own=_LONGEST),
+        Fault("rail", "the sensor reads the travel's end for 100 samples, noise and all", _rail,
+              samples=100, in_loop=False),
+        Fault("long-rail", "the sensor reads the travel's end", _rail, own=60, in_loop=False),
+        Fault("late-0.5", "the measurement is half a sample late", _late(0.5), own=20),
+        Fault("late-1", "the measurement is one sample late", _late(1), own=20),
+        Fault("late-3", "the measurement is three samples late", _late(3), own=20),
+        Fault("huge-y", "the sensor reads ±1e30 m", _reads(lambda _: 1e30), own=0.5),
+        Fault("greatest-y", "the sensor reads the greatest number there is",
+              _reads(lambda real: float(real.max)), own=0.5),
+        Fault("infinite-y", "the sensor reads infinity", _reads(lambda _: np.inf), own=0.5),
+        Fault("denormal-y", "the sensor reads the least number there is",
+              _reads(lambda real: float(real.smallest_subnormal)), own=0.5),
+        Fault("nan-u", "the control signal is NaN", _told(lambda _: np.nan), own=_LONGEST),
+        Fault("infinite-u", "the control signal is infinite", _told(lambda _: np.inf),
+              own=_LONGEST),
+        Fault("greatest-u", "the control signal is the greatest number there is",
+              _told(lambda real: float(real.max)), own=_LONGEST),
+        Fault("overdriven", "the estimator is told 100 times the current's limit", _overdriven,
+              own=_LONGEST),
+        Fault("long-saturation", "the estimator is told 20 times the control signal", _amplified,
+              own=120, in_loop=False),
+        Fault("long-overdriven", "the estimator is told 100 times the current's limit",
+              _overdriven, own=120, in_loop=False),
+    )
+}  # fmt: skip
+"""All faults by name, each at one place of a flight."""
+
+_MIXED = ("knock", "weak-amplifier", "nan-bursts", "outage-1ms", "stuck", "spikes", "offset",
+          "rail", "late-1", "late-3", "huge-y", "greatest-y", "infinite-y", "denormal-y", "nan-u",
+          "infinite-u", "greatest-u", "overdriven")  # fmt: skip
+
+
+def mixture(channel: Channel, start: int, quiet: int, shortest: int, longest: int) -> list[slice]:
+    """Draw mixtures of one to three faults at a time, until the flight ends.
+
+    Parameters
+    ----------
+    channel : Channel
+        Where they go; its seed draws them.
+    start : int
+        First sample that may be faulty.
+    quiet : int
+        Samples without a fault after each mixture.
+    shortest, longest : int
+        Of a mixture [samples]; the logarithm of its length is evenly distributed.
+
+    Returns
+    -------
+    list of slice
+        The windows.
+    """
+    draw, at = channel.draw, start
+    windows: list[slice] = []
+    while True:
+        length = round(np.exp(draw.uniform(np.log(shortest), np.log(longest))))
+        if at + length + quiet > channel.n:
+            return windows
+        window = slice(at, at + length)
+        for name in draw.choice(_MIXED, draw.integers(1, 4), replace=False):
+            if name == "knock":  # a longer one would be no knock
+                _knock(channel, slice(at, at + min(length, max(1, round(channel.own)))))
+            else:
+                FAULTS[name].put(channel, window)
+        windows.append(window)
+        at += length + quiet

@@ -1,0 +1,302 @@
+"""One flight through one fault, and what became of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.estimate.estimate import Status
+from ambkit.judge.faults.declared import Channel, Fault, mixture
+from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.magnets import own_time
+from ambkit.simulation.run import Imposed, Run, simulate_run
+from ambkit.simulation.scenario import PID, Scenario
+from ambkit.simulation.waveforms import Sine
+
+if TYPE_CHECKING:
+    from ambkit.estimate.base import Estimator
+    from ambkit.estimate.estimate import Estimate
+    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.magnets import Precision
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+BEFORE, AFTER = 50.0, 160.0
+"""Flight before a fault and after it, in the plant's own times."""
+
+SETTLED = 30.0
+"""From then on a clean flight counts [own times]."""
+
+QUIET = 120.0
+"""Flight without a fault between two mixtures [own times]."""
+
+TIMES = 5.0
+"""An error is back when it is within so many times the 99 % quantile of the clean flight's own."""
+
+LAST = 0.2
+"""Share of the flight after a fault by the end of which all must be back, and stay so."""
+
+STATES = ("x", "v", "f_d")
+
+
+@dataclass(frozen=True)
+class Band:
+    """What a clean flight keeps within, and its errors.
+
+    Attributes
+    ----------
+    errors : dict of str to float
+        By x, v, f_d: 99 % quantile of the magnitude of the estimate's error [m], [m/s], [N].
+    rms : dict of str to float
+        The same errors' root mean squares.
+    control : float
+        99 % quantile of the control error |r - x| [m].
+    """
+
+    errors: dict[str, float]
+    rms: dict[str, float]
+    control: float
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one flight.
+
+    Attributes
+    ----------
+    fault, estimator, precision : str
+        Which.
+    setting : {"in the loop", "beside the loop"}
+        Whether the controller was fed by it, or by the true measurement.
+    seed : int
+        Of noise and fault.
+    samples : int
+        Length of the flight.
+    finite : bool
+        Whether mean, covariance, innovation and its variance were finite in every sample.
+    levitation : {"kept", "touched", "lost"}
+        Whether the rotor met a stop, and whether it met it to the end.
+    at_stop : float
+        Time on a stop [s].
+    recovery : float
+        Samples until estimate and, in the loop, rotor were back and stayed so; the most of all
+        faults in the flight. Counted from the fault's end; where the rotor was on a stop or, beside
+        the loop, out of its own band, from when that ended. Infinity: never; NaN: the rotor never
+        came back, so that there is nothing to judge.
+    worst_x, worst_f_d : float
+        Greatest error of the estimate from the fault's begin on [m], [N].
+    after_x, after_f_d : float
+        The same from the point on from which recovery is counted.
+    final_x, final_f_d : float
+        Root mean square error over the flight's last tenth, over the clean flight's own [1].
+    held : bool
+        Whether the estimator still stood still at the end.
+    """
+
+    fault: str
+    estimator: str
+    precision: str
+    setting: Literal["in the loop", "beside the loop"]
+    seed: int
+    samples: int
+    finite: bool
+    levitation: Literal["kept", "touched", "lost"]
+    at_stop: float
+    recovery: float
+    worst_x: float
+    worst_f_d: float
+    after_x: float
+    after_f_d: float
+    final_x: float
+    final_f_d: float
+    held: bool
+
+    @property
+    def recovered(self) -> bool:
+        """Whether all was finite, nothing stood still, and errors came back where that is known."""
+        return self.finite and not self.held and self.recovery != math.inf
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A flight: who flies, how, and with what noise.
+
+    Attributes
+    ----------
+    bearing : Bearing
+        The plant, and what the estimator knows.
+    controller : PID
+        Its gains; what it is fed by is set here.
+    in_loop : bool
+        Whether the controller is fed by the estimate, or, beside the loop, by the true measurement.
+    seed : int
+        Of noise and fault.
+    precision : {"float64", "float32"}
+        Of the estimator.
+    """
+
+    bearing: Bearing
+    controller: PID
+    in_loop: bool
+    seed: int
+    precision: Precision = "float64"
+
+    def _own(self, times: float) -> int:
+        return max(1, round(times * own_time(self.bearing) / self.bearing.sampling_time))
+
+    def through(self, fault: Fault) -> tuple[Channel, list[slice]]:
+        """Return the flight's channel with one fault in it, and its window."""
+        before, length = self._own(BEFORE), fault.length(self.bearing)
+        start = 0 if fault.name == "lift-off" else before
+        channel = self._channel(before + length + self._own(AFTER))
+        window = slice(start, start + length)
+        fault.put(channel, window)
+        return channel, [window]
+
+    def mixed(self, steps: int) -> tuple[Channel, list[slice]]:
+        """Return a channel of so many samples with mixtures of faults, and their windows."""
+        before = self._own(BEFORE)
+        channel = self._channel(steps)
+        longest = self._own(1.0 if self.in_loop else 30.0)
+        return channel, mixture(channel, before, self._own(QUIET), 1, max(2, longest))
+
+    def _channel(self, n: int) -> Channel:
+        return Channel(self.bearing, n, self.precision, beside=not self.in_loop, seed=self.seed)
+
+    def fly(self, channel: Channel, estimator: Estimator | None) -> Run:
+        """Fly it; without an estimator the controller is fed by the measurement, fault and all."""
+        bearing = self.bearing
+        weight, period = bearing.rotor.mass * GRAVITY, own_time(bearing)
+        scenario = Scenario(
+            duration=(channel.n - 1) * bearing.sampling_time,
+            seed=self.seed,
+            reference=Sine(amplitude=0.1 * bearing.rotor.travel_limit, frequency=1 / (40 * period)),
+            disturbance=Sine(amplitude=0.2 * weight, frequency=1 / (90 * period)),
+            controller=self.controller.model_copy(
+                update={"feedback": "estimate" if self.in_loop and estimator else "measurement"}
+            ),
+        )
+        imposed = Imposed(channel.force, faults=channel.faults, place=channel.place)
+        return simulate_run(bearing, scenario, estimator=estimator, imposed=imposed)
+
+    def band(self, run: Run) -> Band:
+        """Return what a clean run keeps within."""
+        first, record = self._own(SETTLED), run.record
+        errors = {name: e[first:] for name, e in _errors(run).items()}
+        control = np.abs(record["r"] - record["x"])[first:]
+        return Band(
+            {name: float(np.quantile(e, 0.99)) for name, e in errors.items()},
+            {name: float(np.sqrt(np.mean(e**2))) for name, e in errors.items()},
+            float(np.quantile(control, 0.99)),
+        )
+
+    def judge(
+        self, run: Run, windows: Sequence[slice], band: Band, *, fault: str, estimator: str
+    ) -> Outcome:
+        """Say what became of a run.
+
+        Parameters
+        ----------
+        run : Run
+            The flight.
+        windows : sequence of slice
+            Where the faults are.
+        band : Band
+            Of the same estimator's clean flight.
+        fault, estimator : str
+            Their names.
+        """
+        record, n = run.record, len(run.record)
+        errors = _errors(run)
+        off_rotor = np.abs(record["r"] - record["x"]) > TIMES * band.control
+        stopped = np.abs(record["x"]) >= (1 - 1e-6) * self.bearing.rotor.travel_limit
+        out = np.zeros(n, dtype=bool)
+        for name, error in errors.items():
+            out |= ~(error <= TIMES * band.errors[name])  # NaN is out
+        if self.in_loop:
+            out |= off_rotor
+        begins = _begins(windows, n, stopped if self.in_loop else stopped | off_rotor)
+        first = windows[0].start if windows else 0
+        late = max((begin for begin, _ in begins if begin >= 0), default=n)
+        recoveries = [_recovery(out[begin:end]) for begin, end in begins if begin >= 0]
+        last = slice(n - max(1, n // 10), n)
+        after = slice(late, n)
+
+        def final(name: str) -> float:
+            if name not in errors:
+                return math.nan
+            with np.errstate(over="ignore"):
+                return float(np.sqrt(np.mean(errors[name][last] ** 2)) / band.rms[name])
+
+        tail = slice(n - max(1, round(LAST * (n - (windows[-1].stop if windows else 0)))), n)
+        lost = bool(stopped[tail].any())
+        return Outcome(
+            fault=fault,
+            estimator=estimator,
+            precision=self.precision,
+            setting="in the loop" if self.in_loop else "beside the loop",
+            seed=self.seed,
+            samples=n,
+            finite=run.estimate is None or _finite(run.estimate),
+            levitation="lost" if lost else "touched" if stopped.any() else "kept",
+            at_stop=float(stopped.sum() * self.bearing.sampling_time),
+            recovery=max(recoveries, default=math.nan),
+            worst_x=_greatest(errors, "x", slice(first, n)),
+            worst_f_d=_greatest(errors, "f_d", slice(first, n)),
+            after_x=_greatest(errors, "x", after),
+            after_f_d=_greatest(errors, "f_d", after),
+            final_x=final("x"),
+            final_f_d=final("f_d"),
+            held=run.estimate is not None and _held(run.estimate),
+        )
+
+
+def _errors(run: Run) -> dict[str, Array]:
+    """Magnitudes of the estimate's errors by state; empty without an estimator."""
+    if run.estimate is None:
+        return {}
+    with np.errstate(over="ignore", invalid="ignore"):
+        return {name: np.abs(run.estimate[name] - run.record[name]) for name in STATES}
+
+
+def _begins(windows: Sequence[slice], n: int, disturbed: Mask) -> list[tuple[int, int]]:
+    """From where to where each fault's aftermath is judged; -1 where the rotor never came back."""
+    found = []
+    for place, window in enumerate(windows):
+        end = windows[place + 1].start if place + 1 < len(windows) else n
+        after = np.flatnonzero(disturbed[window.stop : end])
+        begin = window.stop + (int(after[-1]) + 1 if after.size else 0)
+        room = end - begin >= LAST * (end - window.stop)
+        found.append((begin if room else -1, end))
+    return found
+
+
+def _recovery(out: Mask) -> float:
+    """Samples until none is out any more; infinity where one still is in the last of them."""
+    where = np.flatnonzero(out)
+    last = int(where[-1]) + 1 if where.size else 0
+    return math.inf if last > (1 - LAST) * out.size else float(last)
+
+
+def _finite(estimate: Estimate) -> bool:
+    series = [estimate.mean, estimate.innovation, estimate.innovation_variance]
+    series += [each for each in (estimate.covariance, estimate.scale) if each is not None]
+    return all(bool(np.isfinite(each).all()) for each in series)
+
+
+def _held(estimate: Estimate) -> bool:
+    return bool((estimate.status[-10:] & np.uint16(Status.HELD)).all())
+
+
+def _greatest(errors: dict[str, Array], name: str, where: slice) -> float:
+    """Greatest error; infinity where one is not finite, NaN where there is none."""
+    if name not in errors or errors[name][where].size == 0:
+        return math.nan
+    found = float(np.max(errors[name][where]))
+    return found if math.isfinite(found) else math.inf

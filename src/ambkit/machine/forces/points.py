@@ -1,0 +1,121 @@
+"""Measured points of the magnet's force, on a grid or scattered, each as sure as it is known."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.arrays import real
+from ambkit.base.errors import AmbkitError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ForcePoints:
+    """Points at which the force was measured, for :func:`ambkit.train`.
+
+    They may lie anywhere, and the same point may be measured again.
+
+    Attributes
+    ----------
+    current : array_like (n,)
+        Control current [A].
+    displacement : array_like (n,)
+        Displacement [m].
+    force : array_like (n,)
+        Whole force of the magnet [N].
+    standard_error : array_like (n,), optional
+        Standard errors of the forces [N], > 0; None where they are not known.
+
+    Raises
+    ------
+    AmbkitError
+        No points, lengths that differ, a value that is not finite, or a standard error that is
+        not greater than 0 N; names the first such point.
+    """
+
+    current: Array
+    displacement: Array
+    force: Array
+    standard_error: Array | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("current", "displacement", "force", "standard_error"):
+            given = getattr(self, name)
+            if given is None:
+                continue
+            values = real(name, given).copy()
+            if values.ndim != 1 or values.size == 0 or values.shape != np.shape(self.current):
+                raise AmbkitError(
+                    f"{name} must be a list with a value for each point, has shape {values.shape} "
+                    f"beside current's {np.shape(self.current)}"
+                )
+            low = 0.0 if name == "standard_error" else -np.inf
+            wrong = np.flatnonzero(~(np.isfinite(values) & (values > low)))
+            if wrong.size:
+                more = " and greater than 0 N" if name == "standard_error" else ""
+                raise AmbkitError(
+                    f"{name} must be finite{more}, is {values[wrong[0]]} at point {wrong[0] + 1}"
+                )
+            values.flags.writeable = False
+            object.__setattr__(self, name, values)
+
+    def __len__(self) -> int:
+        return self.current.size
+
+    def where(self, chosen: NDArray[np.bool_]) -> ForcePoints:
+        """Return some of the points.
+
+        Parameters
+        ----------
+        chosen : ndarray (n,)
+            Which.
+        """
+        error = self.standard_error
+        return ForcePoints(
+            self.current[chosen],
+            self.displacement[chosen],
+            self.force[chosen],
+            None if error is None else error[chosen],
+        )
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the points as ``.csv`` or ``.parquet``, as ``ambkit train --map`` reads them.
+
+        Parameters
+        ----------
+        path : path
+            The file.
+
+        Raises
+        ------
+        AmbkitError
+            The file cannot be written; an older one is left as it was.
+        """
+        from ambkit.data.files.tables import Table, write_table
+
+        columns = {"iu": self.current, "x": self.displacement, "f_mag": self.force}
+        if self.standard_error is not None:
+            columns["f_std"] = self.standard_error
+        units = {"iu": "A", "x": "m", "f_mag": "N", "f_std": "N"}
+        write_table(path, Table(columns, {name: units[name] for name in columns}, {}))
+
+    def within(
+        self, currents: tuple[float, float], displacements: tuple[float, float]
+    ) -> NDArray[np.bool_]:
+        """Say which points lie in a box, its edges included; True or False for each (n,).
+
+        Parameters
+        ----------
+        currents, displacements : tuple of 2 floats
+            Lowest and highest [A], [m].
+        """
+        inside = np.ones(len(self), dtype=bool)
+        for values, (low, high) in ((self.current, currents), (self.displacement, displacements)):
+            rounding = 1e-9 * (high - low)
+            inside &= (values >= low - rounding) & (values <= high + rounding)
+        return inside

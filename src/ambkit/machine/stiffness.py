@@ -1,0 +1,318 @@
+"""The LSM machine: k_i and k_s at work points, from any force function (paper, eq. 26-31).
+
+At each work point the force is asked at nine points, one small step around it, and
+``F = k_i iu + k_s x`` is fitted to them **without an intercept**, on the absolute currents and
+displacements. So k_i and k_s are no tangents: they give the force itself, along the ray through the
+origin, and the tangent across it. That is what Tables 4 and 5 of the paper hold.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ambkit.base.arrays import real
+from ambkit.base.errors import AmbkitError
+from ambkit.machine.forces.table import check_nodes
+from ambkit.machine.magnets import equally_far, magnet_of
+
+if TYPE_CHECKING:
+    from ambkit._core import Table
+    from ambkit.machine.bearing import Bearing
+
+Array = NDArray[np.float64]
+ForceFunction = Callable[[Array, Array], ArrayLike]
+
+# The nine points of eq. 27, in steps.
+_STEP_CURRENT, _STEP_DISPLACEMENT = (g.ravel() for g in np.meshgrid([-1, 0, 1], [-1, 0, 1]))
+
+
+@dataclass(frozen=True, eq=False)
+class StiffnessMap:
+    """Stiffnesses at the nodes of a grid of work points, and the force function they come from.
+
+    Attributes
+    ----------
+    current : ndarray (ni,)
+        Nodes of the control current [A], ascending (paper, Table 2).
+    displacement : ndarray (nx,)
+        Nodes of the rotor displacement [m], ascending (paper, Table 3).
+    k_i, k_s : ndarray (nx, ni)
+        Current stiffness [N/A] and position stiffness [N/m] (paper, Tables 4 and 5); rows are
+        displacements, columns currents, as in the paper.
+    residual : ndarray (nx, ni)
+        RMS of what the fit leaves at the nine points [N] (e of eq. 29).
+    force : callable
+        Magnet force ``force(iu [A], x [m]) -> [N]`` on arrays of one shape.
+    force_bias : float
+        ``F(0, 0)`` [N]: what a one-sided magnet carries. The stiffnesses describe
+        ``F - F(0, 0)``.
+    delta_current, delta_displacement : float
+        Steps of the nine points [A], [m].
+    name : str
+        What it was identified from.
+    """
+
+    current: Array
+    displacement: Array
+    k_i: Array
+    k_s: Array
+    residual: Array
+    force: ForceFunction = field(repr=False)
+    force_bias: float
+    delta_current: float
+    delta_displacement: float
+    name: str
+
+    def stiffness_at(self, iu: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
+        """k_i [N/A] and k_s [N/m] by the LSM at any work points, on nodes or between them.
+
+        Parameters
+        ----------
+        iu, x : array_like
+            Work points [A], [m], of shapes that broadcast.
+        """
+        k_i, k_s, _ = local_stiffness(
+            self.force,
+            iu,
+            x,
+            delta_current=self.delta_current,
+            delta_displacement=self.delta_displacement,
+        )
+        return k_i, k_s
+
+    def force_rms(self, model: ForceFunction | None = None, *, samples: int = 120) -> float:
+        """How far a model of the force is from this one: RMS over the area of the box [N].
+
+        Parameters
+        ----------
+        model : callable, optional
+            ``model(iu [A], x [m]) -> [N]``, such as :meth:`ambkit.Expert.force`. Default: the
+            constant ``F(0, 0)``, so that the answer is the RMS of the force itself.
+        samples : int
+            The box is cut into ``samples x samples`` cells and each asked at its centre (midpoint
+            rule); the paper's Table 6 has rules far narrower than a cell, which so count for no
+            more than their area.
+        """
+        if samples < 1:
+            raise AmbkitError(f"samples must be 1 or more, is {samples}")
+        middle = (np.arange(samples) + 0.5) / samples
+        iu, x = (
+            grid.ravel()
+            for grid in np.meshgrid(
+                self.current[0] + middle * np.ptp(self.current),
+                self.displacement[0] + middle * np.ptp(self.displacement),
+            )
+        )
+        other = self.force_bias if model is None else np.asarray(model(iu, x), dtype=float)
+        return float(np.sqrt(np.mean((_asked(self.force, iu, x) - other) ** 2)))
+
+    def magnet(self, core: ModuleType) -> Table:
+        """Build the C implementation: bilinear between the nodes, held at the edge outside.
+
+        Parameters
+        ----------
+        core : module
+            The build of the core that computes, see `ambkit.machine.magnets.core_module`.
+
+        Raises
+        ------
+        AmbkitError
+            The nodes are not evenly spaced.
+        """
+        steps = []
+        for name, nodes in (("current", self.current), ("displacement", self.displacement)):
+            step = np.diff(nodes)
+            if np.ptp(step) > 1e-9 * np.ptp(nodes):
+                raise AmbkitError(
+                    f"a table in C has evenly spaced nodes; the nodes of {name} are {step.min():g} "
+                    f"to {step.max():g} apart"
+                )
+            steps.append(float(np.mean(step)))
+        table: Table = core.Table(
+            x_min=self.displacement[0],
+            dx=steps[1],
+            iu_min=self.current[0],
+            diu=steps[0],
+            k_i=self.k_i,
+            k_s=self.k_s,
+        )
+        return table
+
+    @property
+    def fingerprint(self) -> str:
+        """Sixteen hexadecimal digits that change with any node or stiffness."""
+        digest = hashlib.sha256()
+        for array in (self.current, self.displacement, self.k_i, self.k_s):
+            digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
+        return digest.hexdigest()[:16]
+
+
+def work_points(bearing: Bearing) -> tuple[Array, Array]:
+    """Return the nodes of the paper's 25 work points (Tables 2 and 3), for any bearing.
+
+    Five control currents [A] over what the amplifier gives, and five displacements [m] over half
+    the travel to either side.
+    """
+    half_travel = bearing.rotor.travel_limit / 2
+    return (
+        np.linspace(bearing.current_min, bearing.current_max, 5),
+        np.linspace(-half_travel, half_travel, 5),
+    )
+
+
+def stiffness_map(
+    bearing: Bearing,
+    *,
+    currents: ArrayLike | None = None,
+    displacements: ArrayLike | None = None,
+    delta_current: float | None = None,
+    delta_displacement: float | None = None,
+    force: ForceFunction | None = None,
+) -> StiffnessMap:
+    """Identify k_i and k_s over a grid of work points (paper, eq. 26-31, Tables 2-5).
+
+    Parameters
+    ----------
+    bearing : Bearing
+        Gives the limits of the box and, by default, the force.
+    currents : array_like (ni,), optional
+        Nodes of the control current [A]. Default: those of `work_points`.
+    displacements : array_like (nx,), optional
+        Nodes of the displacement [m]. Default: those of `work_points`.
+    delta_current, delta_displacement : float, optional
+        Steps of the nine points [A], [m]. Default: a hundredth of
+        ``ambkit.machine.magnets.equally_far``, on the paper's rig its 0.01 A and 0.01 mm.
+    force : callable, optional
+        ``force(iu [A], x [m]) -> [N]`` on arrays of one shape, bias force included: another law, a
+        :class:`ForceTable`. Default: the bearing's magnet.
+
+    Returns
+    -------
+    StiffnessMap
+        For a one-sided magnet, of ``F - F(0, 0)``.
+
+    Raises
+    ------
+    AmbkitError
+        Nodes that are too few, not finite or not ascending; a step that is not positive; a
+        displacement at or beyond the air gap; a force that is not finite.
+    """
+    usual_current, usual_displacement = work_points(bearing)
+    ampere, metre = equally_far(bearing)
+    delta_current = ampere / 100 if delta_current is None else delta_current
+    delta_displacement = metre / 100 if delta_displacement is None else delta_displacement
+    current = _nodes("currents", currents, usual_current, "A")
+    displacement = _nodes("displacements", displacements, usual_displacement, "m")
+    for name, delta, unit in (
+        ("delta_current", delta_current, "A"),
+        ("delta_displacement", delta_displacement, "m"),
+    ):
+        if not (np.isfinite(delta) and delta > 0):
+            raise AmbkitError(f"{name} must be greater than 0 {unit}, is {delta!r}")
+    name = bearing.name
+    if force is None:
+        reach = float(np.max(np.abs(displacement))) + delta_displacement
+        gap = bearing.magnet.air_gap
+        if reach >= gap:
+            raise AmbkitError(
+                f"displacements must stay within the air gap, {gap:g} m; the nine points of the "
+                f"outermost node reach {reach:g} m"
+            )
+        force = magnet_of(bearing).force
+    else:
+        name = f"{name}, with its own force function"
+    iu, x = np.meshgrid(current, displacement)
+    k_i, k_s, residual = local_stiffness(
+        force, iu, x, delta_current=delta_current, delta_displacement=delta_displacement
+    )
+    for array in (current, displacement, k_i, k_s, residual):
+        array.flags.writeable = False
+    return StiffnessMap(
+        current=current,
+        displacement=displacement,
+        k_i=k_i,
+        k_s=k_s,
+        residual=residual,
+        force=force,
+        force_bias=_bias(force),
+        delta_current=float(delta_current),
+        delta_displacement=float(delta_displacement),
+        name=name,
+    )
+
+
+def local_stiffness(
+    force: ForceFunction,
+    iu: ArrayLike,
+    x: ArrayLike,
+    *,
+    delta_current: float = 0.01,
+    delta_displacement: float = 1e-5,
+) -> tuple[Array, Array, Array]:
+    """Least squares at single work points (paper, eq. 27-31).
+
+    Parameters
+    ----------
+    force : callable
+        ``force(iu [A], x [m]) -> [N]`` on arrays of one shape.
+    iu, x : array_like
+        Work points [A], [m], of shapes that broadcast.
+    delta_current, delta_displacement : float
+        Steps of the nine points [A], [m].
+
+    Returns
+    -------
+    k_i, k_s, residual : ndarray
+        [N/A], [N/m], and the RMS residual of the nine points [N]; broadcast shape.
+
+    Raises
+    ------
+    AmbkitError
+        The force is not finite at a point.
+    """
+    iu, x = np.broadcast_arrays(real("iu", iu), real("x", x))
+    currents = iu[..., np.newaxis] + delta_current * _STEP_CURRENT
+    displacements = x[..., np.newaxis] + delta_displacement * _STEP_DISPLACEMENT
+    y = _asked(force, currents, displacements) - _bias(force)
+    # Counted in steps, both columns are of one size: A of eq. 28 in metres would mix 1 and 1e-4.
+    # QR instead of (A'A)^-1 of eq. 31, which would square the condition number.
+    a = np.stack([currents / delta_current, displacements / delta_displacement], axis=-1)
+    q, r = np.linalg.qr(a)
+    theta = np.linalg.solve(r, np.swapaxes(q, -1, -2) @ y[..., np.newaxis])
+    residual = y - (a @ theta)[..., 0]
+    k_i, k_s = theta[..., 0, 0] / delta_current, theta[..., 1, 0] / delta_displacement
+    return k_i, k_s, np.sqrt(np.mean(residual**2, axis=-1))
+
+
+def _asked(force: ForceFunction, iu: Array, x: Array) -> Array:
+    """Ask the force function, and hold it to one finite force a point."""
+    answer = np.asarray(force(iu, x), dtype=float)
+    if answer.shape != iu.shape:
+        raise AmbkitError(
+            f"force must return an array of shape {iu.shape}, like its arguments; has shape "
+            f"{answer.shape}"
+        )
+    if not np.all(np.isfinite(answer)):
+        worst = np.unravel_index(np.argmin(np.isfinite(answer)), answer.shape)
+        raise AmbkitError(
+            f"force must be finite, is {answer[worst]} at {iu[worst]:g} A, {x[worst]:g} m"
+        )
+    return answer
+
+
+def _bias(force: ForceFunction) -> float:
+    origin = np.zeros(1)
+    return float(_asked(force, origin, origin)[0])
+
+
+def _nodes(name: str, given: ArrayLike | None, usual: Array, unit: str) -> Array:
+    nodes = usual if given is None else np.array(given, dtype=float)
+    check_nodes(name, nodes, unit)
+    return nodes

@@ -1,0 +1,1 @@
+"""Whole pages: the report on an identification, and on a comparison."""

@@ -1,0 +1,94 @@
+"""The picture of an experiment: what it does, what it excites, and where its information lies."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.escaping import markdown
+from ambkit.show.plots.looks import CURRENT, POSITION, TIME
+from ambkit.show.report.figure import Figure, Panel
+from ambkit.show.report.items import Axis, Item, Line, Rule
+
+if TYPE_CHECKING:
+    from ambkit.identification.excitation.design import Design
+
+Array = NDArray[np.float64]
+
+FREQUENCY = Axis("frequency", "Hz", scale="log")
+
+_LOOKS = ("series 1", "series 2", "series 3", "series 4", "constant")
+
+
+def excitation_figure(design: Design) -> Figure:
+    """Show an experiment over time and over frequency.
+
+    Parameters
+    ----------
+    design : Design
+        What was designed.
+    """
+    record, limits = design.record, design.limits
+    t = record.t
+    T = record.sampling_time
+
+    def within(signal: str, limit: float, style: str, label: str | None) -> list[Item]:
+        return [
+            Line(t, record[signal], signal=style, label=label),
+            Rule(limit, signal="limit", label="limit"),
+            Rule(-limit, signal="limit", label="limit"),
+        ]
+
+    reference: Item = Line(t, record["r"], signal="reference")
+    frequency, asked = _amplitudes(record["r"], T)
+    _, moved = _amplitudes(record["x"], T)
+    shown = (frequency >= 0.5 * design.band[0]) & (frequency <= 2 * design.band[1])
+    top = 2 * max(np.max(asked[shown]), np.max(moved[shown]))
+    # What lies a thousand times lower is noise, or the zeros between two lines.
+    amplitude = Axis("amplitude", "µm", 1e6, "log", limits=(1e-3 * top, top))
+    excited: list[Item] = [
+        Line(frequency[shown], asked[shown], signal="reference", label=""),
+        Line(frequency[shown], moved[shown], signal="truth", label=""),
+    ]
+    name = markdown(design.expectation.model.bearing.name)
+    return Figure(
+        id="excitation",
+        title=f"Experiment for {name}: {design.excitation.kind}",
+        caption="As simulated, with the noise of the bearing. Below, from which frequencies the "
+        "information on each parameter comes, the others known: its share in a third of an octave.",
+        panels=[
+            Panel(TIME, POSITION, [
+                reference, *within("x", limits.displacement, "truth", "position")
+            ]),
+            Panel(TIME, CURRENT, within("iu", limits.current, "control", "control current")),
+            Panel(FREQUENCY, amplitude, excited),
+            Panel(FREQUENCY, Axis("information", "%", 100.0), _shares(design, T)),
+        ],
+    )  # fmt: skip
+
+
+def _amplitudes(values: Array, T: float) -> tuple[Array, Array]:
+    """Frequencies [Hz] but zero, and the amplitudes of a signal at them."""
+    amplitude: Array = 2 / values.size * np.abs(np.fft.rfft(values))
+    return np.asarray(np.fft.rfftfreq(values.size, T)[1:], dtype=float), amplitude[1:]
+
+
+def _shares(design: Design, T: float) -> list[Item]:
+    """Lines of the parts of the information on each parameter in thirds of an octave."""
+    expectation = design.expectation
+    low, high = 0.5 * design.band[0], 2 * design.band[1]
+    edges = low * 2 ** (np.arange(round(3 * np.log2(high / low)) + 1) / 3)
+    centres = np.sqrt(edges[1:] * edges[:-1])
+    items: list[Item] = []
+    for row, parameter in zip(expectation.sensitivity, expectation.parameters, strict=True):
+        power = np.abs(np.fft.rfft(row)) ** 2
+        frequency = np.fft.rfftfreq(row.size, T)
+        # What the variances of the noise tell lies in no frequency of the mean.
+        if len(items) == len(_LOOKS) or parameter.name.endswith(("_noise", "_growth")):
+            continue
+        share = np.histogram(frequency, edges, weights=power)[0] / np.sum(power)
+        label = parameter.name.replace("_", " ")
+        items.append(Line(centres, share, signal=_LOOKS[len(items)], label=label))
+    return items

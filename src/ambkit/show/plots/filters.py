@@ -1,0 +1,163 @@
+"""Filters along a record: what they estimate, and how their innovations fare."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from itertools import cycle
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.escaping import markdown
+from ambkit.estimate.estimate import Status
+from ambkit.show.plots.looks import DISTURBANCE, POSITION, TIME, VELOCITY, looks
+from ambkit.show.report.figure import Figure, Panel
+from ambkit.show.report.items import Axis, Item, Line, Note, Points
+from ambkit.show.report.style import style_of
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+    from ambkit.estimate.estimate import Estimate
+    from ambkit.judge.judgement import Judgement
+
+_SMOOTHED = ("smoothed", "smoothed 2", "smoothed 3")
+
+BEYOND = 1.5
+"""An axis of innovations is cut where the largest is farther out by this than most are."""
+
+
+def filter_figure(
+    record: Record,
+    judged: Mapping[str, Judgement],
+    smoothed: Mapping[str, Estimate] | None = None,
+) -> Figure:
+    """Show what filters estimate along a record, and how their innovations fare.
+
+    Parameters
+    ----------
+    record : Record
+        What they ran along; reference, truth and logged estimates are shown where it has them.
+    judged : mapping of str to Judgement
+        The filters by their short names (``"linear"``, ``"adaptive"``, ``"closed-law"``).
+    smoothed : mapping of str to Estimate, optional
+        What their smoothers say, by the same names.
+    """
+    t, truth = record.t, record.truth
+    time = replace(TIME, limits=(float(t[0]), float(t[-1])))
+    smoothed = smoothed or {}
+
+    def known(signal: str, style: str, **label: str) -> list[Item]:
+        return [Line(t, record[signal], signal=style, **label)] if signal in record else []
+
+    def true(signal: str) -> list[Item]:
+        return known(signal, "truth") if signal in truth else []
+
+    def told(signal: str) -> list[Item]:
+        filtered = [
+            Line(t, judgement.estimate[signal], signal=style, label=label)
+            for (style, label), judgement in zip(looks(judged), judged.values(), strict=True)
+        ]
+        return [*filtered, *after(signal)]
+
+    def after(signal: str) -> list[Item]:
+        names = (label or style_of(style).label for style, label in looks(smoothed))
+        return [
+            Line(t, estimate[signal], signal=style, label=f"{name}, smoothed")
+            for style, name, estimate in zip(
+                cycle(_SMOOTHED), names, smoothed.values(), strict=False
+            )
+        ]
+
+    absent = _absent(record)
+    innovations = [
+        _innovations(name, judgement.estimate, time, absent) for name, judgement in judged.items()
+    ]
+    position = [*known("y", "measured"), *known("r", "reference"), *true("x"), *told("x")]
+    velocity = [*known("v_logged", "logged"), *true("v"), *told("v")]
+    disturbance = [*true("f_d"), *told("f_d")]
+    settled = _settled(t, [judgement.estimate for judgement in judged.values()])
+    return Figure(
+        id="filter",
+        title=f"Estimates along {markdown(record.meta.get('source') or 'the record')}",
+        caption="Bounds: two standard deviations of the innovation as the filter expects it. First "
+        "guesses, at the start and after a long gap, may reach beyond the axes.",
+        panels=[
+            Panel(time, POSITION, [*position, *known("x_logged", "logged"), *absent]),
+            Panel(time, _limited(VELOCITY, velocity, settled), [*velocity, *absent]),
+            Panel(time, _limited(DISTURBANCE, disturbance, settled), [*disturbance, *absent]),
+            *innovations,
+        ],
+    )
+
+
+def _absent(record: Record) -> list[Item]:
+    """Mark where nothing was measured."""
+    from ambkit.show.plots.reading import missing_spans
+
+    t, lost = record.t, np.isnan(record["y"])
+    edges = np.flatnonzero(np.diff(np.r_[False, lost, False]))
+    stretches = [(float(t[a]), float(t[b - 1])) for a, b in edges.reshape(-1, 2)]
+    return list(missing_spans(stretches, t))
+
+
+def _limited(axis: Axis, items: Iterable[Item], where: NDArray[np.bool_]) -> Axis:
+    """Return the axis with limits that show the lines whole where they count."""
+    shown = np.concatenate([item.y[where] for item in items if isinstance(item, Line)])
+    low, high = np.nanmin(shown), np.nanmax(shown)
+    margin = 0.05 * (high - low)
+    if not margin > 0:
+        return axis
+    return replace(axis, limits=(float(low - margin), float(high + margin)))
+
+
+def _settled(t: NDArray[np.float64], estimates: Iterable[Estimate]) -> NDArray[np.bool_]:
+    """Where no filter guesses: in the dark at the start, and anew after a gap where it was HELD.
+
+    What they guess there would flatten all else.
+    """
+    blind = np.zeros(t.size, dtype=bool)
+    blind[0] = True
+    for estimate in estimates:
+        blind |= (estimate.status & np.uint16(Status.HELD)) != 0
+    last = np.maximum.accumulate(np.where(blind, np.arange(t.size), 0))
+    settled = np.asarray(t >= t[last] + 0.02 * np.ptp(t))
+    return settled if settled.any() else np.ones(t.size, dtype=bool)
+
+
+def _innovations(name: str, estimate: Estimate, time: Axis, absent: Sequence[Item]) -> Panel:
+    """Show innovations beside what the filter expects; mark those that would flatten the rest."""
+    t = estimate.t
+    told = estimate.used | ((estimate.status & np.uint16(Status.OUTLIER)) != 0)
+    innovation = np.where(told, estimate.innovation, np.nan)
+    expected = 2 * np.sqrt(estimate.innovation_variance)
+    # The first bounds are so wide that they would make a line of all others.
+    expected[expected > 1.5 * np.median(expected)] = np.nan
+    expected[expected == 0] = np.nan  # a low-pass has no idea of them
+    items: list[Item] = [
+        Line(t, innovation, signal="innovation"),
+        Line(t, expected, signal="bound", label="±2√S"),
+        Line(t, -expected, signal="bound", label=""),
+        *absent,
+    ]
+    axis = Axis(f"innov. {name}", "µm", 1e6)
+    sizes = np.abs(innovation[np.isfinite(innovation)])
+    if not sizes.size:
+        return Panel(time, axis, items)
+    most = float(np.nanmax([np.quantile(sizes, 0.995), *expected]))
+    if sizes.max() <= BEYOND * most:
+        return Panel(time, axis, items)
+    edge = 1.3 * most
+    far = np.flatnonzero(np.abs(np.nan_to_num(innovation)) > edge)
+    for sign, style in ((1, "beyond above"), (-1, "beyond below")):
+        side = far[np.sign(innovation[far]) == sign]
+        if side.size:
+            items.append(Points(t[side], np.full(side.size, 0.9 * sign * edge), signal=style))
+    largest = far[np.argmax(np.abs(innovation[far]))]
+    value = f"{1e6 * innovation[largest]:.0f} µm".replace("-", "−")
+    up = innovation[largest] > 0
+    # Beside the record's end the text would not fit.
+    at = float(np.clip(t[largest], *(t[0] + np.ptp(t) * np.array([0.05, 0.95]))))
+    items.append(Note(at, 0.84 * edge * (1 if up else -1), value, "below" if up else "above"))
+    return Panel(time, replace(axis, limits=(-edge, edge)), items)

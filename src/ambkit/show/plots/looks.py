@@ -1,0 +1,28 @@
+"""Axes that the pictures share, and which filter looks how."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from itertools import cycle
+
+from ambkit.show.report.items import Axis
+
+TIME = Axis("time", "s")
+POSITION = Axis("position", "mm", 1e3)
+VELOCITY = Axis("velocity", "mm/s", 1e3)
+CURRENT = Axis("current", "A")
+DISTURBANCE = Axis("disturbance force", "N")
+
+_SIGNALS = {
+    "linear": "estimate linear",
+    "adaptive": "estimate adaptive",
+    "closed-law": "estimate closed law",
+}
+_OTHERS = ("constant", "series 4", "series 1", "series 2")
+
+
+def looks(names: Iterable[str]) -> Iterator[tuple[str, str | None]]:
+    """Style and label of each filter's lines; one without its own style takes what is left."""
+    others = cycle(_OTHERS)
+    for name in names:
+        yield (_SIGNALS[name], None) if name in _SIGNALS else (next(others), name)

@@ -1,0 +1,206 @@
+"""Pictures of an identification: estimates with intervals, residuals, predictions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ambkit.base.escaping import label, markdown
+from ambkit.base.units import engineering, interval, typeset
+from ambkit.identification.maximum_likelihood.parameters import NOISES
+from ambkit.show.report.figure import Figure, Panel
+from ambkit.show.report.items import Axis, Cells, Intervals, Item, Line, Points, Rule
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+    from ambkit.identification.maximum_likelihood.estimate import MaximumLikelihood
+    from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+    from ambkit.identification.maximum_likelihood.validation import Validation
+
+RECORDS = ("record 1", "record 2", "record 3", "record 4")
+LAG = Axis("lag", "samples")
+RATIO = Axis("found / start")
+ORDER = ("bearing", "noise", "offsets", "delay")
+WIDE = 3.0
+"""Ratio of the ends of an axis from which on it is logarithmic, as the intervals are."""
+SHOWN = 400
+"""Samples of the stretch in which a prediction is shown."""
+
+
+def identified_figure(found: MaximumLikelihood, checks: Sequence[Validation]) -> Figure:
+    """Show all that matters in one picture: estimates, residuals, predictions."""
+    estimates = _estimates(found)
+    # The two panels of the residuals belong beside each other.
+    rest = [*_residuals(checks), _fit(checks)]
+    panels = [*estimates, *(rest if len(estimates) % 2 == 0 else [rest[-1], *rest[:-1]])]
+    return Figure(
+        id="identified",
+        title=f"Identification of {markdown(found.bearing.name)}",
+        caption="",
+        panels=panels,
+        columns=2,
+    )
+
+
+def estimates_figure(found: MaximumLikelihood) -> Figure:
+    """Show what was found beside where the search began, with 95 % intervals."""
+    return Figure(
+        id="estimates",
+        title="What was found, with 95 % intervals",
+        caption="Beside where the search began. Bearing and noise as ratios to the start, whose "
+        "intervals are of the logarithm: none reaches zero.",
+        panels=_estimates(found),
+        columns=2,
+    )
+
+
+def correlation_figure(found: MaximumLikelihood) -> Figure:
+    """Show which estimates go together: their errors are not independent."""
+    names = [f"${p.symbol}$" for p in found.parameters]
+    texts = [[f"{r:+.2f}".replace("-", "−") for r in row] for row in found.correlation]
+    cells: list[Item] = [Cells(names, names, (1 + found.correlation) / 2, texts, diverging=True)]
+    return Figure(
+        id="correlations",
+        title="Correlation of the estimates",
+        caption="Near ±1, a record tells the combination of two better than each.",
+        panels=[Panel(Axis(""), Axis(""), cells)],
+        panel_height=0.6 + 0.27 * len(names),
+    )
+
+
+def residual_figure(checks: Sequence[Validation]) -> Figure:
+    """Show what the residuals still hold: their own correlation and that with the control."""
+    return Figure(
+        id="residuals",
+        title="Residuals: correlation in time, and with the control signal before",
+        caption="Of a model that explains all, 95 % of the points lie between the lines.",
+        panels=_residuals(checks),
+        columns=2,
+    )
+
+
+def fit_figure(checks: Sequence[Validation]) -> Figure:
+    """Show the fit of predictions over the horizon."""
+    return Figure(
+        id="fit",
+        title="Prediction: fit against the number of samples ahead",
+        caption="100 % is perfect; 0 % is no better than the mean. The colour tells the record; "
+        "dashed: predicted from the start; dotted: the last measurement held.",
+        panels=[_fit(checks)],
+    )
+
+
+def prediction_figure(model: LoopModel, record: Record, ahead: int, name: str) -> Figure:
+    """Show a prediction beside the measurement, in the stretch where most happens."""
+    predicted = model.predict(record, ahead)
+    y, t = record["y"][ahead:], record.t[ahead:]
+    width = min(SHOWN, y.size)
+    moves = np.abs(np.diff(np.where(np.isfinite(y), y, 0.0), prepend=y[:1]))
+    busy = np.convolve(moves, np.ones(width), mode="valid")
+    quarter = busy.size // 4  # not where the filter starts
+    first = quarter + int(np.argmax(busy[quarter:]))
+    part = slice(first, first + width)
+    time = Axis("time", "s")
+    miss: list[Item] = [
+        Line(t[part], (y - predicted)[part], signal="innovation", label="measured less predicted")
+    ]
+    return Figure(
+        id="prediction",
+        title=f"Predicted {ahead} samples ahead, {markdown(name)}",
+        caption="Where the rotor moves most.",
+        panels=[
+            Panel(time, Axis("position", "mm", 1e3), [
+                Line(t[part], y[part], signal="truth", label="measured"),
+                Line(t[part], predicted[part], signal="estimate", label="predicted"),
+            ]),
+            Panel(time, Axis("missed by", "µm", 1e6), miss),
+        ],
+    )  # fmt: skip
+
+
+def _estimates(found: MaximumLikelihood) -> list[Panel]:
+    """Group what was found by the axis that suits it, and show each group in a panel."""
+    groups: dict[tuple[str, Axis], list[tuple[str, float, float, float, str]]] = {}
+    for p in found.parameters:
+        value, (low, high), start = found[p.name], found.interval(p.name), p.of(found.start)
+        ends = interval(low, high, p.unit, 3, like=value)
+        text = typeset(f"{engineering(value, p.unit, 4)},  {ends}")
+        if p.positive:
+            group = "noise" if p.name in NOISES else "bearing", RATIO
+            row = (value / start, low / start, high / start)
+        else:
+            scale, group = _natural(found, p.name)
+            row = ((value - start) / scale, (low - start) / scale, (high - start) / scale)
+        groups.setdefault(group, []).append((f"${p.symbol}$", *row, text))
+    panels = []
+    for (title, axis), entries in sorted(
+        groups.items(), key=lambda group: ORDER.index(group[0][0])
+    ):
+        names, values, low_ends, high_ends, texts = zip(*entries, strict=True)
+        wide = axis is RATIO and max(high_ends) > WIDE * min(low_ends)
+        intervals = Intervals(
+            names, np.array(values), np.array(low_ends), np.array(high_ends), texts,
+            signal="identified", label="found, with its 95 % interval",
+        )  # fmt: skip
+        start_at = Rule(1.0 if axis is RATIO else 0.0, axis="x", signal="start")
+        shown = replace(axis, scale="log") if wide else axis
+        panels.append(Panel(shown, Axis(""), [start_at, intervals], title=title))
+    return panels
+
+
+def _natural(found: MaximumLikelihood, name: str) -> tuple[float, tuple[str, Axis]]:
+    """Return what an offset is best counted in, and the panel for that."""
+    b = found.bearing
+    if name == "delay":
+        return b.sampling_time, ("delay", Axis("found less start", "samples"))
+    percent = Axis("found less start, of travel and bias", "%", 100.0)
+    scale = b.rotor.travel_limit if name == "position_offset" else b.magnet.bias_current
+    return scale, ("offsets", percent)
+
+
+def _residuals(checks: Sequence[Validation]) -> list[Panel]:
+    panels = []
+    for title, picks in (
+        ("residuals, own correlation", [check.residual for check in checks]),
+        ("residuals, with the control signal before", [check.cross for check in checks]),
+    ):
+        bound = max(white.bound for white in picks)
+        items: list[Item] = [
+            Points(np.arange(1.0, white.correlation.size + 1), white.correlation,
+                   signal=RECORDS[i % len(RECORDS)], label=label(check.name))
+            for i, (white, check) in enumerate(zip(picks, checks, strict=True))
+        ]  # fmt: skip
+        items += [Rule(sign * bound, signal="bound", label="") for sign in (1, -1)]
+        panels.append(Panel(LAG, Axis("correlation"), items, title=title))
+    return panels
+
+
+def _fit(checks: Sequence[Validation]) -> Panel:
+    items: list[Item] = []
+    for i, check in enumerate(checks):
+        ahead = np.array(list(check.fit), dtype=float)
+        look = RECORDS[i % len(RECORDS)]
+        fit, held, of_start = (
+            np.array(list(of.values())) for of in (check.fit, check.held, check.of_start)
+        )
+        items += [
+            Points(ahead, fit, signal=look, label=label(check.name)),
+            Line(ahead, fit, signal=look, label=""),
+            Line(ahead, held, signal=f"{look} held", label="last measurement held"),
+        ]
+        if check.of_start:
+            items.append(
+                Line(ahead, of_start, signal=f"{look} start", label="prediction from the start")
+            )
+    shown = [fit for check in checks for of in (check.fit, check.held, check.of_start)
+             for fit in of.values() if math.isfinite(fit)]  # fmt: skip
+    low = 10 * math.floor(min([90.0, *shown]) / 10)
+    limits = (max(-100.0, low), 103.0)
+    return Panel(
+        Axis("samples ahead", scale="log"), Axis("fit", "%", limits=limits), items,
+        title="prediction",
+    )  # fmt: skip

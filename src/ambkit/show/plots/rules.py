@@ -1,0 +1,93 @@
+"""Pictures of a measured force, and of the choice of the number of rules."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ambkit.show.report.figure import Figure, Panel
+from ambkit.show.report.items import Axis, Heatmap, Item, Note, Points, Rule
+
+if TYPE_CHECKING:
+    from ambkit.fuzzy.choice import RuleChoice
+    from ambkit.machine.forces.surface import ForceSurface
+    from ambkit.machine.stiffness import StiffnessMap
+
+MOST_SHOWN = 400
+"""More points would hide what lies below them."""
+
+
+def with_surface(figure: Figure, surface: ForceSurface, stiff: StiffnessMap) -> Figure:
+    """Put a measured force before the picture of a training.
+
+    Parameters
+    ----------
+    figure : Figure
+        Of :func:`ambkit.show.plots.training_figure`.
+    surface : ForceSurface
+        The force that was found from the points.
+    stiff : StiffnessMap
+        Gives the box.
+    """
+    iu = np.linspace(stiff.current[0], stiff.current[-1], 61)
+    x = np.linspace(stiff.displacement[0], stiff.displacement[-1], 61)
+    grid = np.meshgrid(iu, x)
+    axes = Axis("control current $i_u$", "A"), Axis("displacement $x$", "mm", 1e3)
+    points = surface.points.where(
+        surface.points.within((iu[0], iu[-1]), (x[0], x[-1]))  # the picture shows the box
+    )
+    step = -(-len(points) // MOST_SHOWN)
+    marks = Points(points.current[::step], points.displacement[::step], signal="measurement")
+    moved = Heatmap(iu, x, surface.correction(*grid), Axis("force", "N"), diverging=True)
+    known = Heatmap(iu, x, surface.standard_error(*grid), Axis("standard error", "N"))
+    panels = [
+        Panel(*axes, [moved, marks], title="measured force, less the bearing's law"),
+        Panel(*axes, [known, marks], title="how well the force is known"),
+    ]
+    return replace(figure, panels=[*panels, *figure.panels])
+
+
+def with_choice(figure: Figure, choice: RuleChoice) -> Figure:
+    """Put the choice of the number of rules before the picture of a training.
+
+    Parameters
+    ----------
+    figure : Figure
+        Of `with_surface`; the choice stands beside the learning curve.
+    choice : RuleChoice
+        What cross-validation said.
+    """
+    caption = (
+        "Error at points that the network was not trained on, with its standard error; 1 is as "
+        f"good as can be. The smallest network below the line is taken, {choice.chosen.name}. "
+        f"{figure.caption}"
+    )
+    return replace(figure, panels=[choice_panel(choice), *figure.panels], caption=caption)
+
+
+def choice_panel(choice: RuleChoice) -> Panel:
+    """Show error against number of rules, the limit, and what was chosen."""
+    taken = choice.chosen
+    groups = [("constant", "", [c for c in choice.candidates if c is not taken])]
+    groups.append(("estimate", "", [taken]))
+    items: list[Item | Note] = [
+        Points(
+            np.array([c.rules for c in some], dtype=float),
+            np.array([c.error for c in some]),
+            np.array([c.standard_error for c in some]),
+            signal=signal,
+            label=label,
+        )
+        for signal, label, some in groups
+        if some
+    ]
+    items.append(Rule(choice.limit, signal="limit", label=""))
+    items.append(Note(taken.rules, taken.error + taken.standard_error, taken.name))
+    return Panel(
+        Axis("number of rules"),
+        Axis("error", "standard deviations"),
+        items,
+        title="points left out of the training",
+    )

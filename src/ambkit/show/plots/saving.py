@@ -1,0 +1,65 @@
+"""A figure as a file: ``.png``, ``.svg`` or, to zoom in, ``.html``."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+from ambkit.base.errors import AmbkitError
+from ambkit.show.report.figure import Figure
+
+ENDINGS = (".png", ".svg", ".html")
+"""What `save_figure` can write."""
+
+
+def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
+    """Draw a figure into one file.
+
+    Parameters
+    ----------
+    figure : Figure
+        What to draw.
+    path : path
+        Its ending says how: ``.png``, ``.svg``, or ``.html``, a page that needs no net.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    AmbkitError
+        Another ending, or the file cannot be written; an older one is left as it was.
+    """
+    from ambkit.base import files
+    from ambkit.show.report import static
+
+    path = Path(path)
+    ending = path.suffix.lower()
+    if ending not in ENDINGS:
+        raise AmbkitError(f"{path}: cannot draw {ending or 'that'}, use {', '.join(ENDINGS)}")
+    picture = static.render(figure)
+    if ending == ".html":
+        files.write_text(path, _page(figure, picture))
+    else:
+        files.write_bytes(path, picture.png if ending == ".png" else picture.svg)
+    return path
+
+
+def _page(figure: Figure, picture: Any) -> str:
+    from importlib.metadata import version
+
+    from ambkit.show.report.blocks import Chapter, FigureBlock, Report
+    from ambkit.show.report.markup import plain
+    from ambkit.show.report.page import render_page
+
+    report = Report(
+        title=plain(figure.title),
+        subtitle="",
+        lead="",
+        version=version("ambkit"),
+        chapters=[Chapter("picture", "Picture", [FigureBlock(figure)])],
+    )
+    return render_page(report, {figure.id: picture})

@@ -1,0 +1,49 @@
+"""A simulated run."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ambkit.base.escaping import markdown
+from ambkit.show.plots.looks import CURRENT, DISTURBANCE, POSITION, TIME, VELOCITY
+from ambkit.show.report.figure import Figure, Panel
+from ambkit.show.report.items import Item, Line, Rule
+
+if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
+    from ambkit.simulation.run import Run
+
+
+def simulation_figure(run: Run, bearing: Bearing) -> Figure:
+    """Show what happened in a simulated run, and what the estimator said to it."""
+    record, estimate = run.record, run.estimate
+    t, name = record.t, "estimate"
+
+    def told(signal: str) -> list[Item]:
+        return [] if estimate is None else [Line(t, estimate[signal], signal=name)]
+
+    limits = [
+        Rule(limit, signal="limit", label="limit")
+        for limit in (bearing.current_min, bearing.current_max)
+        if np.max(np.abs(record["iu"])) > 0.5 * abs(limit)
+    ]
+    position: list[Item] = [
+        Line(t, record["y"], signal="measured"),
+        Line(t, record["r"], signal="reference"),
+        Line(t, record["x"], signal="truth"),
+        *told("x"),
+    ]
+    control = Line(t, record["iu"], signal="control", label="control current")
+    return Figure(
+        id="simulation",
+        title=f"Simulated run of {markdown(bearing.name)}",
+        caption="" if estimate is None else f"In the loop or beside it: {estimate.estimator}.",
+        panels=[
+            Panel(TIME, POSITION, position),
+            Panel(TIME, VELOCITY, [Line(t, record["v"], signal="truth"), *told("v")]),
+            Panel(TIME, CURRENT, [control, *limits]),
+            Panel(TIME, DISTURBANCE, [Line(t, record["f_d"], signal="truth"), *told("f_d")]),
+        ],
+    )

@@ -1,0 +1,289 @@
+"""Pictures of a comparison, each of which answers one question at a glance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.escaping import label
+from ambkit.estimate.family import KINDS
+from ambkit.judge.comparison.bench import Bench, Standing, Sweep
+from ambkit.judge.comparison.contenders import Contender
+from ambkit.judge.comparison.criteria import CRITERIA, Criterion
+from ambkit.show.report.figure import Figure, Panel
+from ambkit.show.report.items import Axis, Bars, Cells, Item, Line, Points, Rule
+from ambkit.show.report.markup import symbols
+from ambkit.show.report.style import FAMILY
+
+if TYPE_CHECKING:
+    from ambkit.judge.comparison.cases import Trial
+
+Array = NDArray[np.float64]
+
+TIMES = 3.0
+"""So many times the best is as dark as it gets."""
+
+SHOWN = {
+    "x": Axis("error of position", "µm rms", 1e6),
+    "v": Axis("error of velocity", "mm/s rms", 1e3),
+    "f_d": Axis(r"error of $F_\mathrm{St}$", "N rms"),
+}
+
+
+def look(name: str, others: Sequence[str] = ()) -> str:
+    """Return the style of an estimator, the same in all pictures."""
+    known = list(KINDS)
+    place = known.index(name) if name in known else len(known) + list(others).index(name)
+    return f"family {place % len(FAMILY)}"
+
+
+def _looks(names: Sequence[str]) -> Iterator[tuple[str, str]]:
+    others = [name for name in names if name not in KINDS]
+    for name in names:
+        yield name, look(name, others)
+
+
+def matrix_figure(bench: Bench, id: str = "matrix", *, alone: bool = False) -> Figure:
+    """Show all estimators by all criteria, the darker the worse.
+
+    Parameters
+    ----------
+    bench : Bench
+        What was found.
+    id : str
+        Of the figure.
+    alone : bool
+        Whether it stands without a report around it: what it shows is then written in it.
+    """
+    standings = list(bench.best.values())
+    names = [name for name in CRITERIA if any(np.isfinite(s.mean(name)) for s in standings)]
+    shade = np.column_stack([_shades(standings, name) for name in names])
+    texts = [[_text(standing, CRITERIA[name]) for name in names] for standing in standings]
+    how = "tuned alike" if bench.tuned else "with their defaults"
+    cells = Cells([_head(CRITERIA[name]) for name in names], list(bench.best), shade, texts)
+    about = (
+        f"{label(bench.bearing.name)}, {bench.case.name}: {bench.case.title}; {_runs(bench)}, {how}"
+    )
+    shades = (
+        f"palest of a column: best, or as it should be; darkest: {TIMES:g} times as bad, or more"
+    )
+    return Figure(
+        id=id,
+        title=f"All estimators by all criteria, {how}",
+        caption="The palest of a column is the best, or as it should be; the darkest is "
+        f"{TIMES:g} times as bad, or more. Empty: the criterion does not apply.",
+        panels=[
+            Panel(Axis(shades if alone else ""), Axis(""), [cells], title=about if alone else "")
+        ],
+    )
+
+
+def _head(criterion: Criterion) -> str:
+    label = symbols(criterion.label)
+    return f"{label}\n[{criterion.unit}]" if criterion.unit else label
+
+
+def _shades(standings: Sequence[Standing], name: str) -> Array:
+    criterion = CRITERIA[name]
+    means = np.array([standing.mean(name) for standing in standings])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if criterion.kind == "error":
+            far = np.log(means / np.nanmin(np.where(means > 0, means, np.nan)))
+        elif criterion.kind == "ratio":
+            far = np.abs(np.log(means))
+        else:
+            far = np.abs(means - criterion.best) * 2 * np.log(TIMES)
+    return np.asarray(np.clip(far / np.log(TIMES), 0, 1))
+
+
+def _text(standing: Standing, criterion: Criterion) -> str:
+    name = next(key for key, value in CRITERIA.items() if value is criterion)
+    value = criterion.factor * standing.mean(name)
+    if not np.isfinite(value):
+        return ""
+    if abs(value) >= 99.5:
+        return f"{value:.0f}"
+    return f"{value:.1f}" if abs(value) >= 9.95 else f"{value:.2f}"
+
+
+def sweep_figure(
+    id: str, swept: Sweep, axis: Axis, title: str, caption: str, signals: Sequence[str]
+) -> Figure:
+    """Show how the errors change with one thing, and the limit where it is known.
+
+    Parameters
+    ----------
+    id, title, caption : str
+        Of the figure.
+    swept : Sweep
+        What was found.
+    axis : Axis
+        What was changed.
+    signals : sequence of str
+        Which errors: some of x, v, f_d.
+    """
+    panels = []
+    for signal in signals:
+        items: list[Item] = []
+        for name, style in _looks(list(swept.errors)):
+            errors = swept.errors[name][signal]
+            items += [
+                Line(swept.values, errors, signal=style, label=""),
+                Points(swept.values, errors, swept.half_widths[name][signal], signal=style,
+                       label=name),
+            ]  # fmt: skip
+        if signal in swept.limit:
+            items.append(Line(swept.values, swept.limit[signal], signal="truth", label="limit"))
+        panels.append(Panel(axis, _from_zero(SHOWN[signal], items), items))
+    return Figure(id=id, title=title, caption=caption, panels=panels, columns=len(panels))
+
+
+def _from_zero(axis: Axis, items: Sequence[Item]) -> Axis:
+    """Begin the axis at zero, and end it where most is to be seen: one lost filter hides none."""
+    from dataclasses import replace
+
+    points = [item for item in items if isinstance(item, Points) and np.isfinite(item.y).all()]
+    if not points:
+        return axis
+    # With their intervals; of a single run there are none.
+    tops = [np.max(p.y + (0.0 if p.error is None else np.nan_to_num(p.error))) for p in points]
+    highest = float(min(max(tops), 4 * np.median(tops)))
+    return replace(axis, limits=(0.0, 1.05 * highest))
+
+
+def cost_figure(bench: Bench) -> Figure:
+    """Show what a step costs against what it buys."""
+    standings = list(bench.best.values())
+    items: list[Item] = []
+    for name, style in _looks(list(bench.best)):
+        standing = bench.best[name]
+        cost, error = standing.mean("cost"), standing.mean("f_d")
+        if np.isfinite(cost) and np.isfinite(error):
+            width = np.array([standing.half_width("f_d")])
+            items.append(
+                Points(np.array([cost]), np.array([error]), np.nan_to_num(width), signal=style,
+                       label=name)
+            )  # fmt: skip
+    if "f_d" in bench.limit:
+        items.append(Rule(bench.limit["f_d"], signal="truth", label="limit"))
+    costs = np.array([s.mean("cost") for s in standings])
+    highest = max((s.mean("f_d") for s in standings if np.isfinite(s.mean("f_d"))), default=1.0)
+    return Figure(
+        id="cost",
+        title="What a step costs, and what it buys",
+        caption="Time a step takes on the machine that this was made on, history written; error of "
+        "the disturbance force with its 95 % confidence interval. Good is low and left.",
+        panels=[
+            Panel(
+                Axis("time a step", "ns", 1e9, "log",
+                     (float(0.7 * np.nanmin(costs)), float(1.4 * np.nanmax(costs)))),
+                Axis(r"error of $F_\mathrm{St}$", "N rms", limits=(0.0, 1.15 * highest)),
+                items,
+            )
+        ],
+    )  # fmt: skip
+
+
+def efficiency_figure(bench: Bench) -> Figure:
+    """Show how close each comes to the limit."""
+    names = list(bench.default)
+    signals = {"x": "x", "v": "v", "f_d": r"$F_\mathrm{St}$"}
+    bars: list[Item] = [
+        Bars(names, np.array([bench.efficiency(name, signal) for name in names]),
+             signal=f"series {place}", label=label)
+        for place, (signal, label) in enumerate(signals.items(), 1)
+    ]  # fmt: skip
+    return Figure(
+        id="efficiency",
+        title="How close each comes to the limit",
+        caption="Limit over root mean square error; 1 is what nobody exceeds, but for the chance "
+        "of a finite number of runs.",
+        panels=[Panel(Axis(""), Axis("efficiency"), [*bars, Rule(1.0, signal="bound", label="")])],
+    )
+
+
+def run_figure(trial: Trial, field: Mapping[str, Contender], bench: Bench) -> Figure:
+    """Show one run: position, and the disturbance force as the estimators see it."""
+    record, time = trial.record, Axis("time", "s")
+    told: list[Item] = []
+    start = len(record) // 25
+    for name, style in _looks(list(field)):
+        estimate = field[name].build(**bench.best[name].values).run(record)
+        # The start in the dark would flatten all that follows.
+        told.append(Line(record.t[start:], estimate.f_d[start:], signal=style, label=name))
+    shown = np.concatenate([item.y for item in told if isinstance(item, Line)])
+    low, high = np.nanpercentile(shown, [0.1, 99.9])
+    low, high = min(low, record["f_d"].min()), max(high, record["f_d"].max())
+    margin = 0.08 * (high - low)
+    force = Axis(r"$F_\mathrm{St}$", "N", limits=(float(low - margin), float(high + margin)))
+    return Figure(
+        id="run",
+        title="One run, and what the estimators see in it",
+        caption="Above, where the rotor is; below, the disturbance force, which no sensor sees.",
+        panels=[
+            Panel(time, Axis("displacement $x$", "mm", 1e3), [
+                Line(record.t, record["y"], signal="measured"),
+                Line(record.t, record["r"], signal="reference"),
+                Line(record.t, record["x"], signal="truth"),
+            ]),
+            Panel(time, force, [*told, Line(record.t, record["f_d"], signal="truth")]),
+        ],
+        panel_height=2.2,
+    )  # fmt: skip
+
+
+def cases_figure(benches: Mapping[str, Bench], *, alone: bool = False) -> Figure:
+    """Show the error of the disturbance force in several cases, relative to the linear filter's.
+
+    Parameters
+    ----------
+    benches : mapping of str to Bench
+        By case, with the same estimators in each; relative to the first where linear is none.
+    alone : bool
+        Whether it stands without a report around it: what it shows is then written in it.
+    """
+    first = next(iter(benches.values()))
+    names = list(first.best)
+    base = "linear" if "linear" in names else names[0]
+
+    def ratio(bench: Bench, name: str) -> float:
+        return bench.best[name].mean("f_d") / bench.best[base].mean("f_d")
+
+    ratios = np.array([[ratio(bench, name) for bench in benches.values()] for name in names])
+    with np.errstate(invalid="ignore"):
+        shade = np.clip(0.5 + 0.5 * np.log(ratios) / np.log(TIMES), 0, 1)
+    texts = [["" if np.isnan(value) else f"{value:.2f}" for value in row] for row in ratios]
+    heads = [name.replace("-", "\n") for name in benches]
+    how = "tuned alike" if first.tuned else "with their defaults"
+    about = (
+        rf"{label(first.bearing.name)}: error of $F_\mathrm{{St}}$ over that of {base}; "
+        f"{_runs(first)} in each case, {how}"
+    )
+    shades = f"blue: a smaller error; brown: a larger one; darkest: a factor of {TIMES:g}, or more"
+    cells = Cells(heads, names, shade, texts, diverging=True)
+    return Figure(
+        id="cases",
+        title=f"Error of the disturbance force over that of {base}, {how} in each case",
+        caption=f"{shades[0].upper()}{shades[1:]}.",
+        panels=[
+            Panel(Axis(shades if alone else ""), Axis(""), [cells], title=about if alone else "")
+        ],
+    )
+
+
+def _runs(bench: Bench) -> str:
+    return f"{bench.runs} runs" if bench.runs > 1 else "1 run"
+
+
+__all__ = [
+    "cases_figure",
+    "cost_figure",
+    "efficiency_figure",
+    "look",
+    "matrix_figure",
+    "run_figure",
+    "sweep_figure",
+]

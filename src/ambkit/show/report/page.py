@@ -1,0 +1,243 @@
+"""The report as one HTML file that needs nothing else: no net, no fonts, no folder beside it.
+
+Each figure is in the page twice: the static SVG, which is what paper and browsers without scripts
+show, and the description that plotly.js draws over it when the figure comes into sight.
+"""
+
+import base64
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from ambkit.base import escaping, files
+from ambkit.show.report import interactive, static
+from ambkit.show.report.blocks import (
+    Block,
+    Cell,
+    Chapter,
+    Equation,
+    FigureBlock,
+    Remark,
+    Report,
+    TableBlock,
+    Text,
+)
+from ambkit.show.report.figure import Figure
+from ambkit.show.report.formula import mathml
+from ambkit.show.report.interactive_items import BUCKETS
+from ambkit.show.report.items import Line
+from ambkit.show.report.markup import inline, markdown, plain
+from ambkit.show.report.static import Picture
+from ambkit.show.report.summary import COLOURS, VERDICTS, number, ours, runs, tally, verdict_of
+
+_TEMPLATES = Path(__file__).parent / "templates"
+_MARKS = "†‡§¶‖#"
+
+
+def write_report(
+    report: Report, folder: Path, progress: Callable[[str], None] = lambda _message: None
+) -> Path:
+    """Draw all figures and write ``report.html`` and ``figures/<id>.png`` and ``.svg``.
+
+    Parameters
+    ----------
+    report : Report
+        What to write.
+    folder : Path
+        Where to; made if it is not there.
+    progress : callable, optional
+        Called with a line before each figure and before the page.
+
+    Returns
+    -------
+    Path
+        ``folder/report.html``.
+
+    Raises
+    ------
+    AmbkitError
+        If the folder cannot be written.
+    ValueError
+        If the report contradicts itself; see `render_page`.
+    """
+    _anchors(report)  # before the slow part
+    pictures = {}
+    for place, figure in enumerate(report.figures, start=1):
+        progress(f"figure {place} of {len(report.figures)}: {plain(figure.title)}")
+        pictures[figure.id] = picture = static.render(figure)
+        picture.save(folder / "figures", figure.id)
+    progress("report.html")
+    page = render_page(report, pictures)
+    files.write_text(folder / "report.html", page)
+    return folder / "report.html"
+
+
+def render_page(report: Report, pictures: Mapping[str, Picture]) -> str:
+    """Write the report as HTML.
+
+    Parameters
+    ----------
+    report : Report
+        What to write.
+    pictures : mapping
+        Each figure drawn, by its id.
+
+    Returns
+    -------
+    str
+        The page. Nothing in it depends on the time or the machine.
+
+    Raises
+    ------
+    ValueError
+        If two things have the same id, a link points nowhere, a formula is not understood, or a
+        verdict is not a known word.
+    """
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    names = _anchors(report)
+    environment = Environment(
+        loader=FileSystemLoader(_TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= escaping.FILTERS
+    return environment.get_template("report.html.j2").render(
+        report=report,
+        lead=markdown(report.lead, names),
+        summary=_summary(report, names),
+        tally=tally(report.summary),
+        counted=any(row.get("runs") is not None for row in report.summary),
+        verdicts=VERDICTS,
+        colours=COLOURS,
+        chapters=[_chapter(chapter, names, pictures) for chapter in report.chapters],
+        names=names,
+        style=(_TEMPLATES / "report.css").read_text(encoding="utf-8"),
+        script=(_TEMPLATES / "report.js").read_text(encoding="utf-8"),
+        plotly=interactive.plotly_js() if report.figures else "",
+    )
+
+
+def _anchors(report: Report) -> dict[str, str]:
+    """What each chapter, figure and table is called, by its id."""
+    names: dict[str, str] = {}
+    counts = {"Chapter": 0, "Figure": 0, "Table": 0}
+
+    def add(kind: str, anchor: str) -> None:
+        if anchor in names:
+            raise ValueError(f"id {anchor!r} is used twice: {names[anchor]} and another {kind}")
+        counts[kind] += 1
+        names[anchor] = f"{kind} {counts[kind]}"
+
+    for chapter in report.chapters:
+        add("Chapter", chapter.id)
+        for block in chapter.blocks:
+            match block:
+                case FigureBlock():
+                    add("Figure", block.figure.id)
+                case TableBlock():
+                    add("Table", block.id)
+    return names
+
+
+def _summary(report: Report, names: Mapping[str, str]) -> list[dict[str, Any]]:
+    rows = []
+    for row in report.summary:
+        anchor = row["id"].partition(".")[0]
+        texts = {
+            "what": inline(row["what"]),
+            "paper": number(row["paper"]),
+            "ours": ours(row),
+            "runs": runs(row),
+            "look": verdict_of(row),
+            "anchor": anchor if anchor in names else "",
+        }
+        rows.append({**row, **texts})
+    return rows
+
+
+def _chapter(
+    chapter: Chapter, names: Mapping[str, str], pictures: Mapping[str, Picture]
+) -> dict[str, Any]:
+    return {
+        "id": chapter.id,
+        "title": inline(chapter.title),
+        "number": names[chapter.id].split()[-1],
+        "lead": inline(chapter.lead, names),
+        "blocks": [_block(block, names, pictures) for block in chapter.blocks],
+    }
+
+
+def _block(
+    block: Block, names: Mapping[str, str], pictures: Mapping[str, Picture]
+) -> dict[str, Any]:
+    match block:
+        case Text():
+            return {"kind": "text", "html": markdown(block.source, names)}
+        case Equation():
+            math = mathml(block.source, display=True)
+            return {"kind": "equation", "math": math, "number": block.number}
+        case Remark():
+            text = markdown(block.source, names)
+            return {"kind": "remark", "title": block.title, "html": text}
+        case FigureBlock():
+            return _figure(block.figure, names, pictures[block.figure.id])
+        case TableBlock():
+            return _table(block, names)
+
+
+def _figure(figure: Figure, names: Mapping[str, str], picture: Picture) -> dict[str, Any]:
+    longest = max(
+        (item.x.size for panel in figure.panels for item in panel.items if isinstance(item, Line)),
+        default=0,
+    )
+    return {
+        "kind": "figure",
+        "id": figure.id,
+        "name": names[figure.id],
+        "title": inline(figure.title),
+        "caption": inline(figure.caption, names),
+        "source": figure.source,
+        "alt": figure.description(),
+        "svg": base64.b64encode(picture.svg).decode(),
+        "json": interactive.to_json(figure),
+        "height": interactive.height(figure),
+        "wide": figure.columns > 1,
+        "samples": f"{longest:,}" if longest > 4 * BUCKETS else "",
+        "buckets": f"{BUCKETS:,}",
+    }
+
+
+def _table(table: TableBlock, names: Mapping[str, str]) -> dict[str, Any]:
+    columns = len(table.headers)
+    digits = [table.digits] * columns if isinstance(table.digits, str) else list(table.digits)
+    marks = dict(zip(dict.fromkeys(table.highlight.values()), _MARKS, strict=False))
+    rows = []
+    for place, row in enumerate(table.rows):
+        cells = []
+        for column, value in enumerate(row):
+            reason = table.highlight.get((place, column), "")
+            mark = marks.get(reason, "*") if reason else ""
+            cells.append({"html": _cell(value, digits[column], names), "mark": mark})
+        rows.append(cells)
+    return {
+        "kind": "table",
+        "id": table.id,
+        "name": names[table.id],
+        "title": inline(table.title),
+        "caption": inline(table.caption, names),
+        "source": table.source,
+        "headers": [inline(header, names) for header in table.headers],
+        "numeric": [all(not isinstance(row[c], str) for row in table.rows) for c in range(columns)],
+        "row_heads": table.row_heads,
+        "rows": rows,
+        "notes": [(mark, inline(reason, names)) for reason, mark in marks.items()],
+    }
+
+
+def _cell(value: Cell, digits: str, names: Mapping[str, str]) -> str:
+    if isinstance(value, str):
+        return inline(value.replace(" ± ", " ±\u00a0"), names)
+    return number(value, "d" if isinstance(value, int) else digits)

@@ -1,0 +1,181 @@
+"""The list of what was reproduced, and the words it is judged with."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NotRequired, TypedDict
+
+from ambkit.base.units import with_error
+from ambkit.show.report import style
+
+
+class SummaryRow(TypedDict):
+    """One line of ``summary.json``.
+
+    Attributes
+    ----------
+    id : str
+        Short name; where it begins with a figure's, table's or chapter's id and a dot (or is one),
+        the report links to it: ``"table4.largest_deviation"``.
+    what : str
+        What was computed, in words.
+    paper, ours : float, str or None
+        The paper's value and this run's; None where there is none.
+    unit : str
+        Unit of both; empty for a pure number.
+    verdict : str
+        One of `VERDICTS`.
+    spread : float or None
+        Standard deviation of ours over the runs, where it is a mean or a median of several.
+    runs : int or None
+        Of how many runs, each with a seed of its own, or of how many recordings ours is; None where
+        chance has no part in it.
+    """
+
+    id: str
+    what: str
+    paper: float | str | None
+    ours: float | str | None
+    unit: str
+    verdict: str
+    spread: NotRequired[float | None]
+    runs: NotRequired[int | None]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How a verdict looks; the sign tells it without colour.
+
+    Parameters
+    ----------
+    sign : str
+        One character.
+    kind : {"good", "bad", "odd", "plain"}
+        Which colour it takes, in the terminal and in the report.
+    meaning : str
+        What it says of the row.
+    """
+
+    sign: str
+    kind: str
+    meaning: str
+
+
+VERDICTS = {
+    "agrees": Verdict("✓", "good", "the same as in the paper, within what the row states"),
+    "reached": Verdict("✓", "good", "the goal is reached"),
+    "better": Verdict("▲", "good", "better than in the paper"),
+    "worse": Verdict("▼", "bad", "worse than in the paper"),
+    "differs": Verdict("≠", "bad", "not as in the paper"),
+    "missed": Verdict("✗", "bad", "the goal is missed"),
+    "misprint": Verdict("!", "odd", "the paper misprints it"),
+    "not given": Verdict("–", "plain", "the paper gives no number"),
+}
+"""The words of the column `verdict`."""
+
+COLOURS = {"good": "#00704F", "bad": "#A32A14", "odd": "#7A5600", "plain": style.GREY}
+"""Text colours of the kinds of verdict: at least 4.5 to 1 on white."""
+
+
+def verdict_of(row: SummaryRow) -> Verdict:
+    """Look of a row's verdict.
+
+    Parameters
+    ----------
+    row : SummaryRow
+        A row of the summary.
+
+    Returns
+    -------
+    Verdict
+        Sign, kind and meaning.
+
+    Raises
+    ------
+    ValueError
+        If the word is not in `VERDICTS`.
+    """
+    word = row["verdict"]
+    if word not in VERDICTS:
+        raise ValueError(
+            f"summary row {row['id']!r}: unknown verdict {word!r}; known: {', '.join(VERDICTS)}"
+        )
+    return VERDICTS[word]
+
+
+def number(value: float | str | None, digits: str = ".4g") -> str:
+    """Print a value for humans.
+
+    Parameters
+    ----------
+    value : float, str or None
+        Text is left as it is, None is a dash.
+    digits : str
+        Format of numbers.
+
+    Returns
+    -------
+    str
+        With a proper minus sign, and powers of ten written out: ``"8.3×10⁻⁵"``.
+    """
+    if value is None:
+        return "–"
+    if isinstance(value, str):
+        return value
+    mantissa, _, exponent = format(value, digits).replace("-", "−").partition("e")
+    if not exponent:
+        return mantissa
+    power = str(int(exponent.replace("−", "-"))).translate(_SUPERSCRIPT)
+    return f"{mantissa}×10{power}"
+
+
+def ours(row: SummaryRow) -> str:
+    """Print what was found for humans: ``"0.640 ± 0.011"``.
+
+    Parameters
+    ----------
+    row : SummaryRow
+        A row of the summary.
+    """
+    value, spread = row["ours"], row.get("spread")
+    if spread is None or isinstance(value, str | None):
+        return number(value)
+    return with_error(value, spread).replace("-", "−")
+
+
+def runs(row: SummaryRow) -> str:
+    """Print of how many runs it is; a dash where chance has no part.
+
+    Parameters
+    ----------
+    row : SummaryRow
+        A row of the summary.
+    """
+    count = row.get("runs")
+    return "–" if count is None else str(count)
+
+
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def tally(rows: Sequence[SummaryRow]) -> list[tuple[str, int]]:
+    """How often each verdict was given.
+
+    Parameters
+    ----------
+    rows : sequence of SummaryRow
+        The summary.
+
+    Returns
+    -------
+    list of tuple of str and int
+        In the order of `VERDICTS`, those that occur.
+
+    Raises
+    ------
+    ValueError
+        If a row's verdict is not in `VERDICTS`.
+    """
+    for row in rows:
+        verdict_of(row)
+    given = [row["verdict"] for row in rows]
+    return [(word, given.count(word)) for word in VERDICTS if word in given]

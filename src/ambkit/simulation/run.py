@@ -1,0 +1,412 @@
+"""A bearing and a scenario make a record: the closed loop, run in one call into C (``sim/``)."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.arrays import real
+from ambkit.base.errors import AmbkitError
+from ambkit.base.units import engineering
+from ambkit.data.record import Record
+from ambkit.estimate.base import Estimator
+from ambkit.estimate.estimate import Estimate
+from ambkit.estimate.kalman import KalmanFilter
+from ambkit.machine.magnets import Law, StiffnessSource, core_module, evaluate_force, magnet_of
+
+if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
+    from ambkit.simulation.scenario import Scenario
+
+UNITS = {
+    "r": "m", "y": "m", "u": "V",
+    "x": "m", "v": "m/s", "f_d": "N", "x_m": "m", "iu": "A", "f_mag": "N",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A simulated run: what happened, and what the estimator said meanwhile."""
+
+    record: Record
+    estimate: Estimate | None
+
+
+@dataclass(frozen=True, eq=False)
+class Faults:
+    """What is wrong between plant, controller and estimator, one value a sample, all (n,).
+
+    Parameters
+    ----------
+    late : ndarray
+        The measurement is that of so many samples ago, 0 or more; between two of them on the line
+        through both. One that grows by 1 a sample is a sensor that is stuck [samples].
+    y_times, y_plus : ndarray
+        It is then multiplied by the one [1] and added to the other [m].
+    u_times, u_plus : ndarray
+        The same for the control signal that the estimator is told [1], [V]; the amplifier gets the
+        true one.
+    current : ndarray
+        Share of the amplifier's range that is left, which nobody is told [1].
+    beside : bool
+        Whether the controller, where it is fed by the measurement, gets the true one.
+    """
+
+    late: NDArray[np.float64]
+    y_times: NDArray[np.float64]
+    y_plus: NDArray[np.float64]
+    u_times: NDArray[np.float64]
+    u_plus: NDArray[np.float64]
+    current: NDArray[np.float64]
+    beside: bool = False
+
+    @classmethod
+    def none(cls, n: int, *, beside: bool = False) -> Faults:
+        """Return n samples without a fault."""
+        zero, one = np.zeros(n), np.ones(n)
+        return cls(zero, one, zero.copy(), one.copy(), zero.copy(), one.copy(), beside=beside)
+
+    @property
+    def series(self) -> dict[str, NDArray[np.float64]]:
+        """All that has one value a sample, by name."""
+        return {name: each for name, each in vars(self).items() if name != "beside"}
+
+
+@dataclass(frozen=True, eq=False)
+class Imposed:
+    """Series that a run is given from outside, one value a sample.
+
+    Parameters
+    ----------
+    disturbance : ndarray (n,), optional
+        Force on the rotor, added to the scenario's [N].
+    sensor_noise : ndarray (n,), optional
+        Noise on the measured position, in place of the white one [m].
+    magnet_scale : ndarray (n,), optional
+        Factor on the force of the plant's magnet, such as that of a drifting magnet constant [1].
+        Where the rotor hovers at the start, it is held as if the factor were 1.
+    faults : Faults, optional
+        Faults of sensor, control signal and amplifier. The record's y and u are those that the
+        estimator gets, with NaN for infinity.
+    place : float, optional
+        Where the rotor lies at the start [m]. Neither controller nor estimator is told: they start
+        as if it hovered at the reference.
+    """
+
+    disturbance: NDArray[np.float64] | None = None
+    sensor_noise: NDArray[np.float64] | None = None
+    magnet_scale: NDArray[np.float64] | None = None
+    faults: Faults | None = None
+    place: float | None = None
+
+
+def samples(bearing: Bearing, scenario: Scenario) -> int:
+    """Return how many samples a run has.
+
+    Raises
+    ------
+    AmbkitError
+        More than the memory of this machine holds.
+    """
+    T, most = bearing.sampling_time, _memory() // _BYTES
+    if scenario.duration / T > most:
+        raise AmbkitError(
+            f"duration must be at most {engineering(most * T, 's', 3)} with a sampling_time of "
+            f"{engineering(T, 's')}: this machine's memory holds {most:.3g} samples; is "
+            f"{engineering(scenario.duration, 's')}"
+        )
+    return max(2, round(scenario.duration / T) + 1)
+
+
+_BYTES = 400  # of memory that a sample takes, with all that is made of it
+
+
+def _memory() -> int:
+    """Return how much memory the machine has [bytes]; 8 GB where that cannot be asked."""
+    if not hasattr(os, "sysconf"):
+        return 8 * 10**9
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+
+
+def simulate(
+    bearing: Bearing,
+    scenario: Scenario,
+    *,
+    estimator: Estimator | None = None,
+    magnet: StiffnessSource | None = None,
+    imposed: Imposed | None = None,
+) -> Record:
+    """Simulate the closed loop; see :func:`simulate_run`, which also returns the estimate.
+
+    Parameters
+    ----------
+    bearing, scenario : Bearing, Scenario
+        The plant, and what happens to it.
+    estimator : Estimator, optional
+        In the loop or beside it.
+    magnet : optional
+        The plant's own magnet, where it is not the bearing's closed law.
+    imposed : Imposed, optional
+        Series of disturbance, noise and magnet from outside.
+
+    Returns
+    -------
+    Record
+        With truth.
+    """
+    run = simulate_run(bearing, scenario, estimator=estimator, magnet=magnet, imposed=imposed)
+    return run.record
+
+
+def simulate_run(
+    bearing: Bearing,
+    scenario: Scenario,
+    *,
+    estimator: Estimator | None = None,
+    magnet: StiffnessSource | None = None,
+    imposed: Imposed | None = None,
+) -> Run:
+    """Simulate plant, amplifier, sensor, controller and estimator in closed loop.
+
+    A loop with an estimator in single precision is computed in single precision, plant and all.
+    The plant is continuous (Runge-Kutta of order 4 with ``scenario.substeps`` steps in a sample,
+    or as many more as a fast sensor needs):
+    nonlinear force law, weight, disturbance, sensor lag, mechanical stops. Control current and
+    disturbance are held over a sample. Noise on the control signal and on the measurement is
+    white and normal, from two independent PCG64 streams that ``scenario.seed`` seeds.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        The plant.
+    scenario : Scenario
+        What happens to it. With ``controller.feedback = "estimate"`` the controller is fed by the
+        estimator, otherwise by the measurement.
+    estimator : Estimator, optional
+        In the loop or beside it. Where the controller needs one and none is given, the linear
+        filter of the bearing.
+    magnet : optional
+        The plant's own magnet, where it is not the bearing's closed law.
+    imposed : Imposed, optional
+        Series of disturbance, noise and magnet from outside.
+
+    Returns
+    -------
+    Run
+        The record, with truth, and the estimate (None without an estimator).
+
+    Raises
+    ------
+    ValueError
+        A series has not one value a sample.
+    """
+    return Loop(bearing, scenario, estimator=estimator, magnet=magnet, imposed=imposed).run()
+
+
+class Loop:
+    """A closed loop that can stop between two samples, and go on with another estimator.
+
+    What is simulated is that of :func:`simulate_run`, and in stretches it is the same, to the last
+    bit, as in one go. In between, `estimator` may be replaced by one that goes on where the old one
+    is, see :meth:`ambkit.estimate.base.Estimator.take_over`: so a filter is learned anew in flight.
+
+    Parameters
+    ----------
+    bearing, scenario, estimator, magnet, imposed
+        As for :func:`simulate_run`.
+
+    Raises
+    ------
+    ValueError
+        As :func:`simulate_run`.
+
+    Examples
+    --------
+    >>> loop = Loop(bearing, scenario, estimator=ambkit.KalmanFilter(bearing))
+    >>> before = loop.run(until=0.2)
+    >>> better = ambkit.AdaptiveKalmanFilter(bearing, expert)
+    >>> better.take_over(loop.estimator)
+    >>> loop.estimator = better
+    >>> after = loop.run()
+    """
+
+    def __init__(
+        self,
+        bearing: Bearing,
+        scenario: Scenario,
+        *,
+        estimator: Estimator | None = None,
+        magnet: StiffnessSource | None = None,
+        imposed: Imposed | None = None,
+    ) -> None:
+        T, n = bearing.sampling_time, samples(bearing, scenario)
+        t: NDArray[np.float64] = T * np.arange(n, dtype=float)
+        reference, disturbance = scenario.reference.sample(t), scenario.disturbance.sample(t)
+        noise_u, noise_y = _noise(bearing, scenario, n)
+        scale = faults = place = None
+        if imposed is not None:
+            for name, values in _series(imposed):
+                if real(f"imposed {name}", values).shape != (n,):
+                    raise ValueError(f"imposed {name} must have {n} values, has {np.shape(values)}")
+            faults, place = imposed.faults, imposed.place
+            if imposed.disturbance is not None:
+                disturbance = disturbance + imposed.disturbance
+            noise_y = noise_y if imposed.sensor_noise is None else imposed.sensor_noise
+            scale = imposed.magnet_scale
+        if estimator is None and scenario.controller.feedback == "estimate":
+            estimator = KalmanFilter(bearing)
+        self.bearing, self.scenario, self.estimator = bearing, scenario, estimator
+        self._t, self._scale = t, scale
+        self._series = {"r": reference, "f_d": disturbance, "noise_u": noise_u, "noise_y": noise_y}
+        self._state, self._at = None, 0
+        self._faults, self._place = faults, place
+        self._law = magnet if isinstance(magnet, Law) else magnet_of(bearing)
+        self._plant = magnet if magnet is not None else self._law
+        hover = scenario.start == "hover"
+        self._start = float(reference[0]) if hover else 0.0
+        balance = bearing.weight + self._law.bias_force + float(disturbance[0])
+        self._integral = hover_current(bearing, self._plant, self._start, balance) if hover else 0.0
+
+    def run(self, until: float | None = None) -> Run:
+        """Go on, to the end of the scenario or to a time before it.
+
+        Parameters
+        ----------
+        until : float, optional
+            The first sample at this time or later is left to the next stretch [s].
+
+        Returns
+        -------
+        Run
+            Of this stretch.
+
+        Raises
+        ------
+        ValueError
+            Nothing is left to be run until then; a loop with faults is to run in stretches; or the
+            estimator has not the precision of the one that the loop began with.
+        """
+        bearing, estimator, pid = self.bearing, self.estimator, self.scenario.controller
+        precision = "float64" if estimator is None else estimator.precision
+        if self._at == 0:
+            self._precision = precision
+        elif precision != self._precision:
+            raise ValueError(
+                f"the loop began in {self._precision} and cannot go on with an estimator in "
+                f"{precision}"
+            )
+        T, n = bearing.sampling_time, self._t.size
+        end = n if until is None else min(n, math.ceil(until / T - 1e-6))
+        if end < self._at + 2:
+            raise ValueError(
+                f"until must be 2 samples or more after {self._at * T:g} s, where the loop is, and "
+                f"the run ends at {(n - 1) * T:g} s; is {until!r}"
+            )
+        if self._faults is not None and end < n:
+            raise ValueError(f"a loop with faults runs in one go; until must be None, is {until!r}")
+        here = slice(self._at, end)
+        if self._at == 0 and estimator is not None:
+            x = self._start
+            estimator.reset([x, 0.0, 0.0, bearing.sensor.gain * x])
+        lag = max(bearing.sensor.lag, 1e-3 * T)
+        core = core_module(precision)
+        self._state = self._state or core.LoopState()
+
+        def given(values: NDArray[np.float64]) -> NDArray[Any]:
+            return np.ascontiguousarray(values[here], dtype=precision)
+
+        faults = self._faults
+        out = core.simulate(
+            self._plant.magnet(core),
+            T=T,
+            m=bearing.rotor.mass,
+            f_0=bearing.weight + self._law.bias_force,
+            K_sen=bearing.sensor.gain,
+            T_sen=lag,
+            travel=bearing.rotor.travel_limit,
+            # Runge-Kutta needs two steps in the sensor's lag; from 2.8 lags a step on it is
+            # unstable.
+            substeps=max(self.scenario.substeps, math.ceil(2 * T / lag)),
+            k_ui=bearing.amplifier.gain,
+            iu_min=bearing.current_min,
+            iu_max=bearing.current_max,
+            kp=pid.kp,
+            ki=pid.ki,
+            kd=pid.kd,
+            T_f=pid.derivative_filter,
+            T_t=pid.anti_windup,
+            integral=self._integral,
+            feedback_estimate=pid.feedback == "estimate",
+            estimator=None if estimator is None else estimator.core,
+            **{name: given(values) for name, values in self._series.items()},
+            scale=None if self._scale is None else given(self._scale),
+            f_bias=self._law.bias_force,
+            x_start=self._start if self._place is None else self._place,
+            state=self._state,
+            faults=None
+            if faults is None
+            else {k: given(each) for k, each in faults.series.items()},
+            beside=faults is not None and faults.beside,
+        )
+        self._at = end
+        told = ("x", "v", "x_m", "iu", "y", "u")
+        signals = {name: out[name].astype(float, copy=False) for name in told}
+        if faults is not None:  # a record holds no infinities
+            signals |= {k: np.where(np.isinf(signals[k]), np.nan, signals[k]) for k in "yu"}
+        signals |= {name: self._series[name][here] for name in ("r", "f_d")}
+        signals["f_mag"] = out["force"] - bearing.weight
+        meta = {
+            "bearing": bearing.to_toml(),
+            "scenario": self.scenario.model_dump(mode="json"),
+            "seed": self.scenario.seed,
+            "version": version("ambkit"),
+            "stop_touched": int(out["touched"]),
+        }
+        t = self._t[here]
+        record = Record(t, {name: signals[name] for name in UNITS}, UNITS, meta=meta)
+        if estimator is None:
+            return Run(record, None)
+        return Run(record, Estimate.from_core(t, out["estimate"], estimator.name))
+
+
+def _series(imposed: Imposed) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    """All that has one value a sample, by name."""
+    for name in ("disturbance", "sensor_noise", "magnet_scale"):
+        if getattr(imposed, name) is not None:
+            yield name, getattr(imposed, name)
+    if imposed.faults is not None:
+        yield from ((f"fault {name}", values) for name, values in imposed.faults.series.items())
+
+
+def hover_current(bearing: Bearing, plant: StiffnessSource, x: float, balance: float) -> float:
+    """Control current [A] that holds the rotor at x [m] against ``balance`` [N], within limits."""
+    from scipy.optimize import brentq
+
+    def force(iu: float) -> float:
+        return float(evaluate_force(plant, iu, x)) + balance
+
+    low, high = bearing.current_min, bearing.current_max
+    if force(low) * force(high) > 0:
+        # No current can hold it there: start from the end that comes closest.
+        return low if abs(force(low)) < abs(force(high)) else high
+    return float(brentq(force, low, high, xtol=1e-15 * (high - low)))
+
+
+def _noise(
+    bearing: Bearing, scenario: Scenario, n: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Noise on the control signal [V] and on the measurement [m], n samples each."""
+    if not scenario.noise:
+        return np.zeros(n), np.zeros(n)
+    on_u, on_y = (np.random.default_rng(s) for s in np.random.SeedSequence(scenario.seed).spawn(2))
+    return (
+        on_u.normal(0.0, np.sqrt(bearing.amplifier.noise_variance), n),
+        on_y.normal(0.0, np.sqrt(bearing.sensor.noise_variance), n),
+    )

@@ -1,0 +1,123 @@
+"""What happens in a run: reference, disturbance, noise, controller."""
+
+import math
+from typing import TYPE_CHECKING, Annotated, Literal, Self
+
+from pydantic import Field
+
+from ambkit.base.config import Document, Part
+from ambkit.base.config.quantities import Quantity, SignalIn
+from ambkit.simulation.waveforms import (
+    Constant,
+    Impulse,
+    Ramp,
+    Recorded,
+    Sequence,
+    Signal,
+    Sine,
+    Step,
+    Sum,
+    Waveform,
+)
+
+if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
+
+__all__ = [
+    "PID",
+    "Constant",
+    "Impulse",
+    "Ramp",
+    "Recorded",
+    "Scenario",
+    "Sequence",
+    "Sine",
+    "Step",
+    "Sum",
+    "Waveform",
+]
+
+
+class PID(Part):
+    """The position controller: its output is the control current that it demands.
+
+    ``iu = kp e + ki integral(e) + kd de/dt`` with the control error e = r - position. The defaults
+    hold the `zittau_axial` bearing, whose gains the paper does not give.
+    """
+
+    kp: Annotated[float, Quantity("A/m", "3000 A/m", at_least=0)] = 3000.0
+    """Proportional gain [A/m]."""
+    ki: Annotated[float, Quantity("A/(m s)", "20000 A/(m s)", at_least=0)] = 20_000.0
+    """Integral gain [A/(m s)]."""
+    kd: Annotated[float, Quantity("A s/m", "12 A s/m", at_least=0)] = 12.0
+    """Derivative gain [A s/m]."""
+    derivative_filter: Annotated[float, Quantity("s", "0.2 ms", at_least=0)] = 0.2e-3
+    """Time constant of the low-pass in the derivative [s]."""
+    anti_windup: Annotated[float, Quantity("s", "25 ms", above=0)] = 25e-3
+    """Tracking time: how fast the integral gives way at the current limit [s]."""
+    feedback: Literal["measurement", "estimate"] = "estimate"
+    """Which position is fed back: the sensor's or the estimator's."""
+
+    @classmethod
+    def for_bearing(cls, bearing: "Bearing") -> Self:
+        """Return gains that hold another bearing as the defaults hold `zittau_axial`.
+
+        With the stiffnesses k_i, k_s at the centre, ``kp = 4 k_s/k_i`` leaves the loop a stiffness
+        of 3 k_s and so the frequency ``w = sqrt(3 k_s/m)``; ``kd = 2 D m w/k_i`` damps it with
+        D = 0.56. Integral, derivative filter and tracking time go with w. Rounded to two digits,
+        they are a start for tuning.
+
+        Parameters
+        ----------
+        bearing : Bearing
+            Gives stiffnesses and mass.
+        """
+        from ambkit.machine.magnets import ConstantStiffness
+
+        linear, mass = ConstantStiffness.of(bearing), bearing.rotor.mass
+        kp, w = 4 * linear.k_s / linear.k_i, math.sqrt(3 * linear.k_s / mass)
+        return cls(
+            kp=_two_digits(kp),
+            ki=_two_digits(kp * w / 31),
+            kd=_two_digits(2 * 0.56 * mass * w / linear.k_i),
+            derivative_filter=_two_digits(1 / (24 * w)),
+            anti_windup=_two_digits(5 / w),
+        )
+
+
+def _two_digits(value: float) -> float:
+    return float(f"{value:.2g}")
+
+
+class Scenario(Document):
+    """A run: what is demanded of the bearing, what disturbs it, and who controls it.
+
+    Frozen, and checked as a whole: from TOML (`load`, `from_toml`) or from Python, in SI.
+
+    Examples
+    --------
+    >>> scenario = Scenario(
+    ...     duration=0.2,
+    ...     reference=Step(amplitude=0.5e-3, time=0.02),
+    ...     disturbance=Constant(value=-3.0),
+    ... )
+    >>> scenario.replace(seed=7).seed
+    7
+    """
+
+    duration: Annotated[float, Quantity("s", "0.5 s", above=0)] = 0.5
+    """How long the run lasts [s]."""
+    start: Literal["hover", "rest"] = "hover"
+    """At the start: in equilibrium at the reference, or released at x = 0 without current."""
+    noise: Annotated[bool, Field(strict=True)] = True
+    """Whether amplifier and sensor are noisy."""
+    seed: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = 0
+    """Seed of the noise."""
+    substeps: Annotated[int, Field(strict=True, ge=1, le=1000)] = 4
+    """Steps of the integrator in one sample."""
+    reference: Annotated[Signal, SignalIn("m", "0.5 mm")] = Constant(value=0.0)
+    """Position that the rotor is to take [m]."""
+    disturbance: Annotated[Signal, SignalIn("N", "3 N")] = Constant(value=0.0)
+    """Force on the rotor besides magnet and weight [N]."""
+    controller: PID = PID()
+    """The position controller. The commands tune to the bearing what a file does not say of it."""

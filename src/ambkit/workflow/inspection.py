@@ -1,0 +1,245 @@
+"""What a file is, and all that is wrong with it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ambkit.base import files
+from ambkit.base.errors import AmbkitError, ConfigError, RecordError, shortened
+from ambkit.data.files.formats import ENDINGS
+
+if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What a file turned out to be.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    kind : str
+        ``"bearing"``, ``"scenario"``, ``"channel map"``, ``"expert"``, ``"record"``, ``"lift-off
+        points"``, ``"measured force"``; ``"file"`` where that cannot be told.
+    about : str
+        What it holds, in a few words; empty where it is not valid.
+    problems : tuple of str
+        All that is wrong, each with its place.
+    remarks : tuple of str
+        What is odd about a record, and may be right.
+    """
+
+    path: Path
+    kind: str
+    about: str
+    problems: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing is wrong."""
+        return not self.problems
+
+
+def schema_of(kind: str) -> dict[str, Any]:
+    """Return the JSON schema of a TOML file: of a ``bearing``, a ``scenario`` or a ``map``."""
+    model = _documents()["channel map" if kind == "map" else kind]
+    return dict(model.json_schema())
+
+
+class _Described(NamedTuple):
+    about: str
+    problems: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+
+def inspect(
+    path: str | os.PathLike[str],
+    channel_map: str | os.PathLike[str] | None = None,
+    bearing: Bearing | None = None,
+) -> Finding:
+    """Find out what a file is by what it holds, and check it.
+
+    Parameters
+    ----------
+    path : path
+        A ``.toml`` or ``.json``, a table, or a log of any format.
+    channel_map : path, optional
+        What is what in a log.
+    bearing : Bearing, optional
+        The bearing that records are said to be of: rate, range, noise and signs are compared.
+
+    Returns
+    -------
+    Finding
+        With all problems; a file that cannot be read is a problem too.
+    """
+    path = Path(path)
+    kind = "file"
+    try:
+        kind, describe = _recognise(path, channel_map, bearing)
+        found = describe(path)
+        return Finding(path, kind, found.about, found.problems, found.remarks)
+    except (ConfigError, RecordError) as error:
+        return Finding(path, kind, "", error.problems)
+    except AmbkitError as error:
+        return Finding(path, kind, "", (str(error),))
+
+
+def _recognise(
+    path: Path, channel_map: str | os.PathLike[str] | None, bearing: Bearing | None
+) -> tuple[str, Callable[[Path], _Described]]:
+    match path.suffix.lower():
+        case ".toml":
+            kind = _kind_of_toml(path)
+            return kind, lambda p: _describe_document(kind, p)
+        case ".json":
+            return "expert", _describe_expert
+        case ".csv" | ".parquet" if channel_map is None:
+            return _kind_of_table(path, bearing)
+        case ending if ending in ENDINGS:
+            return "record", lambda p: _describe_record(p, channel_map, bearing)
+        case _:
+            return "file", _unknown
+
+
+def _unknown(path: Path) -> _Described:
+    known = f".toml, .json, {', '.join(ENDINGS[:-1])} and {ENDINGS[-1]}"
+    raise AmbkitError(f"{path}: what is that? known are {known} files")
+
+
+def _documents() -> dict[str, Any]:
+    from ambkit.data.channelmap import ChannelMap
+    from ambkit.machine.bearing import Bearing
+    from ambkit.simulation.scenario import Scenario
+
+    return {"bearing": Bearing, "scenario": Scenario, "channel map": ChannelMap}
+
+
+def _kind_of_toml(path: Path) -> str:
+    """Return the kind of description that shares most keys with the file."""
+    from ambkit.base.config import toml_text
+    from ambkit.base.config.document import TOLD
+
+    text = files.read_text(path)
+    toml = toml_text.parse(text)
+    if toml.data is None:
+        problems = [f"{path}:{line}: {what}" for line, what in toml.problems]
+        raise ConfigError(shortened(problems, TOLD), str(path))
+    documents = _documents()
+    shared = {
+        kind: len(set(toml.data) & set(model.model_fields)) for kind, model in documents.items()
+    }
+    best = max(shared, key=lambda kind: shared[kind])
+    if shared[best] == 0:
+        raise AmbkitError(
+            f"{path}: is neither a bearing, nor a scenario, nor a channel map: none of its keys "
+            f"is known in those ({', '.join(toml.data) or 'it is empty'})"
+        )
+    return best
+
+
+def _describe_document(kind: str, path: Path) -> _Described:
+    from ambkit.base.units import engineering
+
+    found = _documents()[kind].load(path)
+    if kind == "channel map":
+        return _Described(f"signals {', '.join(found.signals)}")
+    if kind == "scenario":
+        return _Described(
+            f"{engineering(found.duration, 's')}, reference {found.reference.type}, "
+            f"disturbance {found.disturbance.type}"
+        )
+    mass = engineering(found.rotor.mass, "kg")
+    return _Described(f"{found.name}, {found.magnet.type}, {mass}")
+
+
+def _describe_expert(path: Path) -> _Described:
+    from ambkit.fuzzy.expert import Expert
+
+    expert = Expert.load(path)
+    return _Described(f"{len(expert.rules)} rules for {expert.source}")
+
+
+def _kind_of_table(path: Path, bearing: Bearing | None) -> tuple[str, Callable[[Path], _Described]]:
+    from ambkit.data.files.tables import read_table
+    from ambkit.identification.forces import lift_off
+    from ambkit.machine.forces import file as force_file
+
+    columns = set(read_table(path).columns)
+    if "t" not in columns and columns >= set(lift_off.COLUMNS):
+        return "lift-off points", _describe_points
+    if "t" not in columns and columns >= set(force_file.COLUMNS):
+        return "measured force", _describe_force
+    return "record", lambda p: _describe_record(p, None, bearing)
+
+
+def _describe_points(path: Path) -> _Described:
+    from ambkit.identification.forces.lift_off import load_points
+
+    points = load_points(path)
+    usable = sum(not p.problem for p in points)
+    return _Described(f"{len(points)} runs, {usable} of them usable")
+
+
+def _describe_force(path: Path) -> _Described:
+    from ambkit.base.units import engineering
+    from ambkit.machine.forces.file import load_force_points
+
+    points = load_force_points(path)
+    (low, high), (left, right) = (
+        [engineering(end, unit, digits=3) for end in (values.min(), values.max())]
+        for values, unit in ((points.current, "A"), (points.displacement, "m"))
+    )
+    known = "" if points.standard_error is not None else ", without standard errors"
+    return _Described(f"{len(points)} points, {low} to {high}, {left} to {right}{known}")
+
+
+def _lost(missing: Mapping[str, int]) -> str:
+    """Say how many samples each signal lacks; in one number where all lack as many."""
+    counts = set(missing.values())
+    if len(counts) == 1 and len(missing) > 1:
+        (count,) = counts
+        return f", {count} missing in each signal" if count else ""
+    told = ", ".join(f"{count} of {name}" for name, count in missing.items() if count)
+    return f", missing {told}" if told else ""
+
+
+def _describe_record(
+    path: Path, channel_map: str | os.PathLike[str] | None, bearing: Bearing | None
+) -> _Described:
+    import numpy as np
+
+    from ambkit.base.units import engineering
+    from ambkit.data.reading import load
+    from ambkit.data.reading.faults import account, find
+    from ambkit.judge.belongs import judge_record
+
+    record = load(path, channel_map)
+    lacking = [name for name in ("y", "u") if name not in record]
+    unfit = f"; without {' and '.join(lacking)}, so nothing to filter" if lacking else ""
+    lost = _lost({name: int(np.isnan(record[name]).sum()) for name in record})
+    about = (
+        f"{len(record)} samples of {', '.join(record)} every "
+        f"{engineering(record.sampling_time, 's')}{lost}{unfit}"
+    )
+    measured = [name for name in ("y", "u") if name in record]
+    faults = [
+        fault
+        for name in measured
+        for fault in find(name, record[name], record.t, record.units[name])
+        if fault.kind != "missing"
+    ]
+    remarks = account(faults, record.sampling_time)
+    if bearing is None:
+        return _Described(about, (), tuple(remarks))
+    verdict = judge_record(record, bearing)
+    return _Described(
+        about, tuple(f"{path}: {p}" for p in verdict.problems), (*remarks, *verdict.remarks)
+    )

@@ -1,0 +1,164 @@
+"""Tuning a filter by the likelihood of a record, where there is no truth to tune by."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.estimate.base import Estimator
+from ambkit.estimate.estimate import Estimate, Status
+from ambkit.machine.bearing import GRAVITY
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+    from ambkit.machine.bearing import Bearing
+
+DECADES = (-8.0, 1.0)
+"""Range of the search, in decades around ``(2 m g)^2`` a second."""
+
+MUCH_LESS_LIKELY = 2.0
+"""Loss of log likelihood with which a value counts as ruled out (Edwards 1972)."""
+
+AT_THE_END = 0.1
+"""Decades from the end of the range within which the search has run into it."""
+
+
+TOO_LARGE = 2.0
+"""Innovations over what the filter expects, root mean square, that no load explains."""
+
+
+def default_disturbance(bearing: Bearing) -> float:
+    """Growth of the disturbance force's variance that an untuned filter assumes [N^2/s]."""
+    return float((2 * bearing.rotor.mass * GRAVITY) ** 2)
+
+
+def log_likelihood(estimate: Estimate, first: int = 1) -> float:
+    """Log likelihood of the measurements that a filter took in (Schweppe 1965), up to a constant.
+
+    ``-1/2 sum(ln S + e^2/S)`` over the innovations e and the variances S that the filter expected;
+    the first sample, which the filter starts from, does not count, nor what is before sample
+    `first`. An outlier does: a filter that leaves out what it did not expect is not the more likely
+    for it. What a filter has no idea of, as a low-pass, does not count.
+    """
+    taken = _taken(estimate) & (estimate.innovation_variance > 0)
+    taken[: max(1, first)] = False
+    return float(-0.5 * np.sum(np.log(estimate.innovation_variance[taken]) + estimate.nis[taken]))
+
+
+@dataclass(frozen=True)
+class TunedDisturbance:
+    """What a stretch of a record says of how fast the load wanders.
+
+    Attributes
+    ----------
+    growth : float
+        Growth of the variance of the disturbance force to be used [N^2/s].
+    why : str
+        Why it is that, where the stretch does not single one out; else empty.
+    """
+
+    growth: float
+    why: str = ""
+
+
+def most_likely_disturbance(
+    bearing: Bearing, record: Record, make: Callable[[float], Estimator]
+) -> float:
+    """Find the growth of the disturbance force under which a record is most likely.
+
+    Parameters
+    ----------
+    bearing, record, make
+        As for :func:`tune_disturbance`.
+
+    Returns
+    -------
+    float
+        Growth of the variance of the disturbance force [N^2/s].
+    """
+    return tune_disturbance(bearing, record, make).growth
+
+
+def tune_disturbance(
+    bearing: Bearing, record: Record, make: Callable[[float], Estimator]
+) -> TunedDisturbance:
+    """Find the growth of the disturbance force under which a record is most likely.
+
+    The paper leaves it to experiment. Too small, and the filter is sure of a wrong force; too
+    large, and it takes the noise of the sensor for forces. Not every record tells: the untuned
+    growth is kept where it is as likely as the best, and where something else is wrong, for then
+    the search runs to its upper end or to a chance summit. Where the load hardly wanders, and any
+    small growth is as likely, the largest of these is taken.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        Its weight sets the range of the search, see `DECADES`.
+    record : Record
+        With ``y`` [m] and ``u`` [V].
+    make : callable
+        ``make(disturbance)`` builds the filter that assumes this growth [N^2/s].
+    """
+    from scipy.optimize import brentq, minimize_scalar
+
+    own = default_disturbance(bearing)
+    low, high = DECADES
+
+    @cache
+    def cost(decade: float) -> float:
+        return -log_likelihood(make(own * 10**decade).run(record))
+
+    # The likelihood can have a flat or second hill: look everywhere first, then go up the highest.
+    grid = np.arange(low, high + 0.5)
+    best = float(min(grid, key=cost))
+    if cost(best) == max(map(cost, grid)):  # it assumes no load noise, as a low-pass
+        return TunedDisturbance(own)
+    around = (max(low, best - 1), min(high, best + 1))
+    found = minimize_scalar(cost, bounds=around, method="bounded", options={"xatol": 0.02})
+    at = min(best, float(found.x), key=cost)
+
+    def ruled_out(decade: float) -> float:
+        return cost(decade) - cost(at) - MUCH_LESS_LIKELY
+
+    larger = _innovations_over_expected(make(own * 10**at).run(record))
+    if at > high - AT_THE_END or larger > TOO_LARGE:
+        return TunedDisturbance(
+            own,
+            "no load explains this stretch: with the likeliest load noise, "
+            f"{own * 10**at:.3g} N^2/s, the innovations are {larger:.1f} times what the filter "
+            "expects. Is the noise of the sensor as large as the bearing says "
+            f"(--measurement-noise)? The untuned load noise is kept, {own:.3g} N^2/s",
+        )
+    if ruled_out(0.0) < 0:
+        return TunedDisturbance(own, "this stretch does not tell how fast the load wanders, so the "
+                                     f"untuned load noise is kept, {own:.3g} N^2/s")  # fmt: skip
+    if ruled_out(low) < 0:
+        beyond = next((float(d) for d in grid if d > at and ruled_out(float(d)) > 0), at)
+        most = own * 10**at
+        if beyond > at:
+            most = float(own * 10 ** brentq(ruled_out, at, beyond, xtol=0.02))
+        return TunedDisturbance(
+            most,
+            f"the load hardly wanders in this stretch: any load noise up to {most:.3g} N^2/s is as "
+            "likely, and this one is used",
+        )
+    return TunedDisturbance(float(own * 10**at))
+
+
+def _innovations_over_expected(estimate: Estimate) -> float:
+    """Root mean square of the normalised innovations; 0 where the filter has no idea of them."""
+    nis = estimate.nis[_taken(estimate)][1:]
+    known = nis[np.isfinite(nis)]
+    return math.sqrt(float(known.mean())) if known.size else 0.0
+
+
+def _taken(estimate: Estimate) -> NDArray[np.bool_]:
+    """Where a filter took a measurement in, or left it out for being too far off."""
+    outlier = (estimate.status & np.uint16(Status.OUTLIER)) != 0
+    return np.asarray(estimate.used | outlier)
