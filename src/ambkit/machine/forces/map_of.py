@@ -11,8 +11,8 @@ from ambkit.machine.forces.file import load_force_points
 from ambkit.machine.forces.surface import ForceSurface
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.forces.points import ForcePoints
+    from ambkit.machine.laws import Bearing
 
 
 def surface_of(bearing: Bearing) -> ForceSurface:

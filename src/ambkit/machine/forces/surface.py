@@ -19,11 +19,11 @@ from ambkit.base.arrays import real
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.forces.patches import Patches, patches
 from ambkit.machine.forces.points import ForcePoints
-from ambkit.machine.magnets import Law, equally_far, law_of
+from ambkit.machine.laws import Law, equally_far, law_of
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.laws import Bearing
 
 Array = NDArray[np.float64]
 
@@ -166,7 +166,7 @@ class ForceSurface(Law):
         Parameters
         ----------
         core : module
-            The build of the core that computes, see :func:`ambkit.machine.magnets.core_module`.
+            The build of the core that computes, see :func:`ambkit.machine.laws.core_module`.
         """
         p = self.patches
         nodes = (p.force, p.by_current, p.by_displacement, p.by_both)
