@@ -21,12 +21,69 @@ STD = np.array([3e-5, 0.012, 5.0, 3e-5])
 PRECISIONS = ("float64", "float32")
 
 
+def core_settings(s: oracles.Settings) -> dict[str, Any]:
+    """The settings as the core has them: one value for each sensor, control, force, state, noise.
+
+    The caps are those of a rotor between its stops, which a tenth of the travel in a sample is the
+    most for (``ambkit/envelope.h``).
+    """
+    velocity = 0.1 * (s["x_max"] / s["T"])
+    cap = [s["x_max"], velocity, s["m"] * (velocity / s["T"]), 3 * abs(s["K_sen"]) * s["x_max"]]
+    own = {
+        "K_sen": [s["K_sen"]], "lag": [s["T_sen"]], "travel": [s["x_max"]], "cap": cap,
+        **{name: [s[name]] for name in (
+            "k_ui", "iu_min", "iu_max", "f_0", "x_max", "var_u", "var_d", "var_y",
+        )},
+    }  # fmt: skip
+    as_they_are = ("T", "gate", "frozen_limit", "outlier_limit")
+    return own | {name: s[name] for name in as_they_are if name in s}
+
+
+def core_model(core: Any, s: oracles.Settings) -> Any:
+    """The paper's axis, built in."""
+    return core.Model(s["T"], s["m"], s["K_sen"], s["T_sen"], s["as_printed"])
+
+
+def made(core: Any, kind: str, magnet: Any, s: oracles.Settings, **own: Any) -> Any:
+    """An estimator of the core, of the paper's axis, straight from settings; not started.
+
+    Parameters
+    ----------
+    core : module
+        A build with the built-in model.
+    kind : str
+        Its class there.
+    magnet : Magnet
+        Of that build.
+    s : Settings
+        Flat, SI.
+    **own
+        What only this kind has.
+    """
+    return getattr(core, kind)(magnet, core_model(core, s), **own, **core_settings(s))
+
+
 def core_filter(s: oracles.Settings, precision: Any = "float64", magnet: Any = None) -> Any:
     """A filter of the core, straight from settings; started at START, STD."""
     core = core_module(precision)
-    kf = core.Kalman(magnet or core.Constant(10.05, 7537.5), **s)
+    kf = made(core, "Kalman", magnet or core.Constant(10.05, 7537.5), s)
     kf.reset(START, STD)
     return kf
+
+
+def step_matrices(kf: Any, s: oracles.Settings) -> tuple[Array, Array, Array]:
+    """A (4, 4), B (4,) and Q (4, 4), read off the core's own step; of constant stiffness, f_0 0."""
+
+    def ahead(mean: Array, u: float, std: Array) -> tuple[Array, Array]:
+        kf.reset(mean, std)
+        kf.predict(u)
+        return kf.mean, kf.covariance
+
+    certain, nothing = 1e-9 * STD, np.zeros(4)
+    scale = np.array([s["x_max"], 0.01 * s["x_max"] / s["T"], s["m"], s["x_max"]]) / 10
+    A = np.column_stack([ahead(np.eye(4)[j] * scale, 0.0, certain)[0] for j in range(4)]) / scale
+    mean, P = ahead(nothing, 0.1, certain)
+    return A, mean / 0.1, P - A @ np.diag(certain**2) @ A.T
 
 
 def moving_record(duration: float, seed: int = 0) -> dict[str, Array]:

@@ -9,14 +9,13 @@ import mpmath as mp
 import numpy as np
 import oracles
 import pytest
-from filter_cases import BEARING, PRECISIONS, SETTINGS, Array
+from filter_cases import BEARING, PRECISIONS, SETTINGS, Array, made, step_matrices
 from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import ambkit
 from ambkit import ClosedLaw, FilterNoise
-from ambkit.estimate.model import LinearModel
 from ambkit.machine.magnets import core_module
 
 # ---- the functions phi ----
@@ -55,7 +54,7 @@ def test_the_functions_phi_keep_their_digits(precision: Any) -> None:
 def constants(precision: Any, s: oracles.Settings) -> tuple[Any, oracles.Settings]:
     """What the core made of the settings, and the settings as it holds them."""
     core = core_module(precision)
-    held = core.Kalman(core.Constant(1.0, 1.0), **s).parameters
+    held = made(core, "Kalman", core.Constant(1.0, 1.0), s).parameters
     return held["model"], SETTINGS | held["set"]
 
 
@@ -141,15 +140,15 @@ def orders(lag: float, as_printed: bool, filter_of: Callable[..., Any]) -> Array
 
 
 def extended(magnet: Any, s: oracles.Settings) -> Any:
-    return core_module().Extended(magnet, **s)
+    return made(core_module(), "Extended", magnet, s)
 
 
 def unscented(magnet: Any, s: oracles.Settings) -> Any:
-    return core_module().Unscented(magnet, 3**0.5, 2.0, **s)
+    return made(core_module(), "Unscented", magnet, s, reach=3**0.5, curvature=2.0)
 
 
 def adaptive(magnet: Any, s: oracles.Settings) -> Any:
-    return core_module().Kalman(magnet, **s)
+    return made(core_module(), "Kalman", magnet, s)
 
 
 @pytest.mark.parametrize("filter_of", [adaptive, extended, unscented])
@@ -172,11 +171,15 @@ def test_the_matrices_are_those_of_the_core_s_step() -> None:
     for as_printed in (False, True):
         s = SETTINGS | {"as_printed": as_printed, "f_0": 0.0}
         core = core_module()
-        kf = core.Kalman(core.Constant(10.05, 7537.5), **s)
-        model = LinearModel.of(kf.parameters, 10.05, 7537.5)
+        kf = made(core, "Kalman", core.Constant(10.05, 7537.5), s)
+        model = ambkit.KalmanFilter(BEARING, as_printed=as_printed).linear_model(10.05, 7537.5)
         A, B, H = oracles.system_matrices(s, 10.05, 7537.5)
         _, b, N = oracles.held_force(s)
         Q = s["var_u"] * np.outer(B, B) + s["var_d"] * N
+        stepped = step_matrices(kf, s)
+        np.testing.assert_allclose(model.A, stepped[0], rtol=1e-13)
+        np.testing.assert_allclose(model.B[:, 0], stepped[1], rtol=1e-13)
+        np.testing.assert_allclose(model.Q, stepped[2], rtol=1e-5)
         np.testing.assert_allclose(model.A, A, rtol=1e-13)
         np.testing.assert_allclose(model.B[:, 0], B, rtol=1e-13)
         np.testing.assert_allclose(model.E[:, 0], b, rtol=1e-13)
@@ -201,7 +204,7 @@ def test_at_constant_speed_the_printed_model_is_ahead_and_the_exact_one_is_not(
     for as_printed in (False, True):
         s = SETTINGS | {"T_sen": lag, "as_printed": as_printed, "f_0": 0.0}
         core = core_module(precision)
-        kf = core.Kalman(core.Constant(0.0, 0.0), **s)
+        kf = made(core, "Kalman", core.Constant(0.0, 0.0), s)
         kf.reset(np.array([x[0], speed, 0.0, y[0]]), np.array([1e-5, 1e-3, 1.0, 1e-5]))
         mean = kf.run(y, np.zeros(n))["mean"]
         ahead[as_printed] = (mean[-1, 0] - x[-1]) / speed
