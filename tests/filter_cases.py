@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,8 @@ from numpy.typing import NDArray
 import ambkit
 from ambkit import Bearing, ClosedLaw
 from ambkit.machine.magnets import core_module
+from ambkit.models import Model
+from ambkit.models.axis import PAPER_CONSTANTS
 
 Array = NDArray[np.float64]
 
@@ -71,6 +74,22 @@ def core_filter(s: oracles.Settings, precision: Any = "float64", magnet: Any = N
     return kf
 
 
+def with_core_s_numbers(model: Model, parameters: dict[str, Any]) -> Model:
+    """The paper's axis with the very numbers that the built-in one has.
+
+    They differ by rounding, and where the sensor's lag meets the growth of the load by 1e-4: there
+    the core has four points of a quadrature, the model the exact integral.
+    """
+    arrays = {name: np.array(getattr(model, name)) for name in ("L", "b", "h", "N")}
+    for (matrix, i, j), name in PAPER_CONSTANTS.items():
+        value = parameters["model"][name]
+        if matrix == "N0":
+            arrays["N"][0, i, j] = arrays["N"][0, j, i] = value
+        else:
+            arrays[matrix][i, j] = value
+    return replace(model, **arrays)
+
+
 def step_matrices(kf: Any, s: oracles.Settings) -> tuple[Array, Array, Array]:
     """A (4, 4), B (4,) and Q (4, 4), read off the core's own step; of constant stiffness, f_0 0."""
 
@@ -100,9 +119,10 @@ def moving_record(duration: float, seed: int = 0) -> dict[str, Array]:
 
 
 def full(triangle: Array) -> Array:
-    """Covariances (n, 4, 4) from upper triangles (n, 10)."""
-    P = np.empty((len(triangle), 4, 4))
-    rows, columns = np.triu_indices(4)
+    """Covariances (n, states, states) from upper triangles (n, states (states + 1) / 2)."""
+    states = round((np.sqrt(8 * triangle.shape[1] + 1) - 1) / 2)
+    P = np.empty((len(triangle), states, states))
+    rows, columns = np.triu_indices(states)
     P[:, rows, columns] = P[:, columns, rows] = triangle
     return P
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import oracles
 import pytest
-from filter_cases import made
+from filter_cases import made, with_core_s_numbers
 from filterpy.kalman import ExtendedKalmanFilter as Textbook
 from magnet_scale_cases import BEARING, LOAD_AT, jump, quieter, rms, run
 
@@ -36,6 +36,7 @@ def test_it_is_the_extended_filter_of_five_states(bearing: str, wander: float) -
     estimate = mine.run(record, covariance=True)
     assert not (estimate.status & Status.UNEXCITED).any()
 
+    mine.engine.model = with_core_s_numbers(mine.model, mine.core.parameters)
     s, law = oracles.settings_of(b), ClosedLaw(b)
     magnet, bias = law.magnet(core_module()), law.bias_force
     D = np.array([*mine.default_std(), 0.2])

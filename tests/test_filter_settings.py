@@ -61,7 +61,8 @@ def test_an_option_out_of_range_is_told(options: dict[str, Any], told: str) -> N
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
 def test_the_core_refuses_settings_that_make_no_filter(name: str, value: float) -> None:
     settings_ = oracles.settings_of(BEARING) | {name: value}
-    with pytest.raises(ValueError, match="outside its range"):
+    told = "T, m and T_sen must be" if name in ("T", "m", "T_sen") else "outside its range"
+    with pytest.raises(ValueError, match=told):
         made(core_module(), "Kalman", core_module().Constant(10.0, 7e3), settings_)
 
 
