@@ -126,6 +126,8 @@ def constants(model: Model, names: Names) -> str:
         )
         + "\n"
         + scalar_forms(model, names)
+        + "\n"
+        + variances(model, names)
         + "#endif\n"
     )
 
@@ -152,11 +154,44 @@ def scalar_forms(model: Model, names: Names) -> str:
     ])  # fmt: skip
 
 
+def variances(model: Model, names: Names) -> str:
+    """Return what is asked of the variances, which must not be loops (``ambkit/model.h``)."""
+    n = len(model.state)
+    diagonal = [f"cov[{names.pairs.index((i, i))}]" for i in range(n)]
+    positions = [i for i, role in enumerate(model.roles) if role == "AMB_POSITION"]
+    zeros = {f"cov[{k}]": "AMB_C(0.0)" for k in range(len(names.pairs))}
+    alone = zeros | {at: f"amb_magnitude(variances[{i}])" for i, at in enumerate(diagonal)}
+    given = f"const {names.cov_argument}"
+    unused = "(void)model;"
+    return "\n".join([
+        form(
+            "Whether they are such.",
+            f"amb_model_sound({MODEL}, {given})",
+            [unused, f"return {' && '.join(f'({at} >= AMB_C(0.0))' for at in diagonal)};"],
+            "bool",
+        ),
+        form(
+            "Whether the position is known better than this.",
+            f"amb_model_known({MODEL}, {given}, const amb_real widest[AMB_STATES])",
+            [unused, f"return {' && '.join(f'({diagonal[i]} <= widest[{i}])' for i in positions)};"],
+            "bool",
+        ),
+        function(
+            "A covariance of these variances, and nothing else.",
+            f"amb_model_uncorrelated({MODEL}, const amb_real variances[AMB_STATES], "
+            f"{names.cov_argument})",
+            [unused, *(f"{at} = {value};" for at, value in alone.items())],
+        ),
+    ])  # fmt: skip
+
+
 def forms(model: Model, names: Names) -> str:
     """Return what magnet and sensor are asked about: linear forms of the state."""
     k = model.state.index(model.measurement)
     last = [names.pairs.index((min(i, k), max(i, k))) for i in range(len(model.state))]
     rest = {names.mean[s]: names.in_place(e) for s, e in model.at_rest.items()}
+    n = len(model.state)
+    diagonal = [f"cov[{names.pairs.index((i, i))}]" for i in range(n)]
     unused = "(void)model;"
     return "\n".join([
         form(
@@ -179,6 +214,11 @@ def forms(model: Model, names: Names) -> str:
             "The variance of that.",
             f"amb_model_shown_variance({MODEL}, int r, const {names.cov_argument})",
             [unused, "(void)r;", f"return cov[{last[k]}];"],
+        ),
+        function(
+            "The variances of all states.",
+            f"amb_model_variances({MODEL}, const {names.cov_argument}, amb_real variances[AMB_STATES])",
+            [unused, *(f"variances[{i}] = {at};" for i, at in enumerate(diagonal))],
         ),
         function(
             "And its covariance with the states.",
@@ -305,6 +345,11 @@ def header(model: Model) -> str:
         f"#define AMB_STATES {len(model.state)}",
         f"#define AMB_TRIANGLE {len(names.pairs)}",
         *(f"#define AMB_{what} 1" for what in ("FORCES", "CONTROLS", "SENSORS", "NOISES", "WORK")),
+        "",
+        *(
+            f"#define AMB_FIRST_{role} {model.roles.index(f'AMB_{role}')}"
+            for role in ("POSITION", "VELOCITY", "LOAD")
+        ),
         "",
         *(
             f"#define amb_{what.lower()}(model) ((void)(model), AMB_{what})"
