@@ -107,7 +107,7 @@ def constants(model: Model, names: Names) -> str:
         + "\n"
         + function(
             "What the equations as printed leave out: the force and the speed within the sample.",
-            f"amb_model_as_printed(amb_model *model)",
+            "amb_model_as_printed(amb_model *model)",
             [
                 f"{names.constants[s]} = AMB_C(0.0);"
                 for s in (*model.printed, *model.growth_constants)
@@ -159,6 +159,7 @@ def variances(model: Model, names: Names) -> str:
     n = len(model.state)
     diagonal = [f"cov[{names.pairs.index((i, i))}]" for i in range(n)]
     positions = [i for i, role in enumerate(model.roles) if role == "AMB_POSITION"]
+    known = " && ".join(f"({diagonal[i]} <= widest[{i}])" for i in positions)
     zeros = {f"cov[{k}]": "AMB_C(0.0)" for k in range(len(names.pairs))}
     alone = zeros | {at: f"amb_magnitude(variances[{i}])" for i, at in enumerate(diagonal)}
     given = f"const {names.cov_argument}"
@@ -173,7 +174,7 @@ def variances(model: Model, names: Names) -> str:
         form(
             "Whether the position is known better than this.",
             f"amb_model_known({MODEL}, {given}, const amb_real widest[AMB_STATES])",
-            [unused, f"return {' && '.join(f'({diagonal[i]} <= widest[{i}])' for i in positions)};"],
+            [unused, f"return {known};"],
             "bool",
         ),
         function(
@@ -217,7 +218,8 @@ def forms(model: Model, names: Names) -> str:
         ),
         function(
             "The variances of all states.",
-            f"amb_model_variances({MODEL}, const {names.cov_argument}, amb_real variances[AMB_STATES])",
+            f"amb_model_variances({MODEL}, const {names.cov_argument}, "
+            "amb_real variances[AMB_STATES])",
             [unused, *(f"variances[{i}] = {at};" for i, at in enumerate(diagonal))],
         ),
         function(

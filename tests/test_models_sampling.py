@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from ambkit.magnets import core_module
 from filter_cases import BEARING, SETTINGS, STD, made, step_matrices
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
@@ -14,7 +15,6 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from ambkit.magnets import core_module
 from ambkit.models import ZERO, axis, axis_model, compose
 from ambkit.models.parts import (
     Amplifier,
