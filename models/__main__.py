@@ -48,9 +48,7 @@ def main() -> int:
         path, text = GENERATED / name, formatted(unformatted)
         if "--check" in sys.argv:
             if not path.exists() or path.read_text() != text:
-                print(
-                    f"{path.relative_to(ROOT)} is not what the models say", file=sys.stderr
-                )
+                print(f"{path.relative_to(ROOT)} is not what the models say", file=sys.stderr)
                 stale = 1
         else:
             path.write_text(text)

@@ -1,5 +1,4 @@
-/* Each constant of the model, for whoever asks for all. Written by `python -m models`; do not edit.
- */
+/* Each constant, for whoever asks for all. Written by `python -m models`; do not edit. */
 #ifndef AMBKIT_GENERATED_AXIAL_FIELDS_H
 #define AMBKIT_GENERATED_AXIAL_FIELDS_H
 

@@ -115,7 +115,7 @@ def fields(names: Names, *, stem: str, by: str) -> str:
     guard = f"AMBKIT_GENERATED_{stem.upper()}_FIELDS_H"
     listed = "; \\\n  ".join(f"FIELD({name})" for name in names.constants.values())
     return "\n".join([
-        f"/* Each constant of the model, for whoever asks for all. Written by {by}; do not edit. */",
+        f"/* Each constant, for whoever asks for all. Written by {by}; do not edit. */",
         f"#ifndef {guard}\n#define {guard}\n",
         f"#define AMB_MODEL_FIELDS(FIELD) \\\n  {listed}\n",
         "#endif\n",

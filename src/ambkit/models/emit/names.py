@@ -15,11 +15,13 @@ COV = "amb_real cov[AMB_TRIANGLE]"
 GROWTH = "amb_real growth[AMB_TRIANGLE]"
 CURRENTS = "const amb_real iu[AMB_CONTROLS]"
 
-KEYWORDS = frozenset(
-    """auto break case char const continue default do double else enum extern float for goto if
-    inline int long register restrict return short signed sizeof static struct switch typedef union
-    unsigned void volatile while bool true false amb_real amb_model""".split()
-)
+KEYWORDS = frozenset((
+    "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else",
+    "enum", "extern", "float", "for", "goto", "if", "inline", "int", "long", "register",
+    "restrict", "return", "short", "signed", "sizeof", "static", "struct", "switch", "typedef",
+    "union", "unsigned", "void", "volatile", "while", "bool", "true", "false", "amb_real",
+    "amb_model",
+))  # fmt: skip
 """What a name in C cannot be, there or in a header that goes along."""
 
 Naming = Mapping[tuple[str, int, int], str]

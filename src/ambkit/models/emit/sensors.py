@@ -31,12 +31,12 @@ def shown_variance(names: Names) -> str:
 
 def shown_with(names: Names) -> str:
     """Return the function of its covariance with the states."""
-    cases = []
-    for r in range(names.m):
-        cases.append([
-            f"with_y[{i}] = {total([product(in_place(c), _cov(names, i, j)) for j, c in names.entries('c', r)])};"
-            for i in range(names.n)
-        ])  # fmt: skip
+
+    def column(r: int, i: int) -> str:
+        terms = [product(in_place(c), _cov(names, i, j)) for j, c in names.entries("c", r)]
+        return f"with_y[{i}] = {total(terms)};"
+
+    cases = [[column(r, i) for i in range(names.n)] for r in range(names.m)]
     arguments = [SENSOR, f"const {COV}", "amb_real with_y[AMB_STATES]"]
     doc = "And its covariance with the states."
     return names.function(doc, "shown_with", arguments, switched(SENSOR, cases))
