@@ -8,6 +8,7 @@ from pathlib import Path
 from ambkit.models import compose, emit
 from ambkit.models.axis import PAPER_CONSTANTS
 from ambkit.models.parts import Amplifier, Disturbance, MagnetPlace, Rotor, Sensor
+from ambkit.models.plan import Part
 from models.axial import axial
 from models.closed import initialisation
 from models.exponential import exponential_header
@@ -26,7 +27,7 @@ def formatted(text: str) -> str:
 
 def axial_headers() -> dict[str, str]:
     """Return the headers of the paper's axis: its steps by the pattern, its constants by SymPy."""
-    plainest = [
+    plainest: list[Part] = [
         Rotor(1.0, 1.0, 1.0), MagnetPlace(1.0), Disturbance(1.0, 1.0), Sensor(1.0, 1.0, 1.0),
         Amplifier(1.0, None),
     ]  # fmt: skip
