@@ -2,7 +2,6 @@
 #include "estimator.h"
 
 #include <nanobind/stl/string.h>
-#include <nanobind/stl/vector.h>
 
 #include <atomic>
 #include <map>
@@ -130,8 +129,7 @@ run_batch(const std::vector<const Estimator *> &estimators, const Rows &y, const
   if (of.sensors != 1 || of.controls != 1)
     throw std::invalid_argument("only models of one sensor and one control can be run in batches");
   if (mean.shape(1) != of.states || std.shape(1) != of.states)
-    throw std::invalid_argument("mean and std must have " + std::to_string(of.states) +
-                                " columns");
+    throw std::invalid_argument("mean and std must have " + std::to_string(of.states) + " columns");
   if (truth && (truth->shape(1) != n || truth->shape(2) != AMB_BATCH_JUDGED))
     throw std::invalid_argument("truth must be (runs, n, 3)");
   if (estimators.size() != 1)

@@ -1,7 +1,6 @@
 // What every estimator of the family can do, whichever it is.
 #include "estimator.h"
 
-#include <nanobind/stl/vector.h>
 
 extern "C" {
 #include "ambkit/smoother.h"
@@ -377,9 +376,7 @@ void bind_estimator(nb::module_ &m)
       .def_prop_ro("status", [](const Estimator &s) { return s.result.status; })
       .def_prop_ro("health", &health, "What there is to say of each sensor.")
       .def_prop_ro("innovation",
-                   [](const Estimator &s) {
-                     return told(s.result.innovation, s.sizes().sensors);
-                   })
+                   [](const Estimator &s) { return told(s.result.innovation, s.sizes().sensors); })
       .def_prop_ro("variance",
                    [](const Estimator &s) { return told(s.result.variance, s.sizes().sensors); })
       .def_prop_ro("k_i", [](const Estimator &s) { return stiffness(s, &amb_stiffness::k_i); })

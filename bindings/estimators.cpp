@@ -13,13 +13,15 @@ namespace
 {
 
 struct Kalman : Estimator {
-  Kalman(nb::object asked, nb::object model, nb::kwargs settings) : Estimator(amb_kalman_methods, asked, model, settings)
+  Kalman(nb::object asked, nb::object model, nb::kwargs settings)
+      : Estimator(amb_kalman_methods, asked, model, settings)
   {
   }
 };
 
 struct Extended : Estimator {
-  Extended(nb::object asked, nb::object model, nb::kwargs settings) : Estimator(amb_extended_methods, asked, model, settings)
+  Extended(nb::object asked, nb::object model, nb::kwargs settings)
+      : Estimator(amb_extended_methods, asked, model, settings)
   {
   }
   /* Its state is the filter's own: nothing else depends on the covariance. */
@@ -101,7 +103,8 @@ struct LowPass : Estimator {
 
 struct Unscented : Estimator {
   amb_unscented own;
-  Unscented(nb::object asked, nb::object model, amb_real reach, amb_real curvature, nb::kwargs settings)
+  Unscented(nb::object asked, nb::object model, amb_real reach, amb_real curvature,
+            nb::kwargs settings)
       : Estimator(amb_unscented_methods, asked, model, settings), own{reach, curvature}
   {
     estimator.own = &own;
@@ -176,25 +179,31 @@ Named run_kalman(Kalman &self, const Samples &y, const Samples &u, std::optional
 void bind_estimators(nb::module_ &m)
 {
   nb::class_<Kalman, Estimator>(m, "Kalman", "Kalman filter (paper, eq. 7-21, Fig. 8).")
-      .def(nb::init<nb::object, nb::object, nb::kwargs>(), nb::arg("magnet"), nb::arg("model"),
-           nb::arg("settings"),
-           nb::sig("def __init__(self, magnet: Magnet | list[Magnet], model: Model, **settings: Any) -> "
-                   "None"))
+      .def(
+          nb::init<nb::object, nb::object, nb::kwargs>(), nb::arg("magnet"), nb::arg("model"),
+          nb::arg("settings"),
+          nb::sig(
+              "def __init__(self, magnet: Magnet | list[Magnet], model: Model, **settings: Any) -> "
+              "None"))
       .def("run", &run_kalman, nb::arg("y"), nb::arg("u"), nb::arg("k_i") = nb::none(),
            nb::arg("k_s") = nb::none(), nb::kw_only(), nb::arg("covariance") = false,
            "A whole record, with given stiffnesses (n,) or the magnet's.");
   nb::class_<Extended, Estimator>(m, "Extended", "Extended Kalman filter.")
-      .def(nb::init<nb::object, nb::object, nb::kwargs>(), nb::arg("magnet"), nb::arg("model"),
-           nb::arg("settings"),
-           nb::sig("def __init__(self, magnet: Magnet | list[Magnet], model: Model, **settings: Any) -> "
-                   "None"))
+      .def(
+          nb::init<nb::object, nb::object, nb::kwargs>(), nb::arg("magnet"), nb::arg("model"),
+          nb::arg("settings"),
+          nb::sig(
+              "def __init__(self, magnet: Magnet | list[Magnet], model: Model, **settings: Any) -> "
+              "None"))
       .def("widen", &Extended::widen, nb::arg("std"),
            "Know the state less surely: by standard deviations (states,) more, uncorrelated.");
   nb::class_<UD, Estimator>(m, "UD", "Extended filter on a factor (ambkit/ud.h).")
-      .def(nb::init<nb::object, nb::object, nb::kwargs>(), nb::arg("magnet"), nb::arg("model"),
-           nb::arg("settings"),
-           nb::sig("def __init__(self, magnet: Magnet | list[Magnet], model: Model, **settings: Any) -> "
-                   "None"))
+      .def(
+          nb::init<nb::object, nb::object, nb::kwargs>(), nb::arg("magnet"), nb::arg("model"),
+          nb::arg("settings"),
+          nb::sig(
+              "def __init__(self, magnet: Magnet | list[Magnet], model: Model, **settings: Any) -> "
+              "None"))
       .def_prop_ro("factor", &UD::factor,
                    "U (states, states) and D (states,) of the covariance U D U'.");
   nb::class_<Unscented, Estimator>(m, "Unscented", "Unscented filter (ambkit/unscented.h).")
@@ -214,8 +223,8 @@ void bind_estimators(nb::module_ &m)
   nb::class_<Observer, Estimator>(m, "Observer", "Constant gain (ambkit/observer.h).")
       .def(nb::init<nb::object, nb::object, const Matrix &, const Vector &, const Vector &,
                     const Vector &, nb::kwargs>(),
-           nb::arg("magnet"), nb::arg("model"), nb::arg("gain"), nb::arg("cov"), nb::arg("variance"), nb::arg("far"),
-           nb::arg("settings"),
+           nb::arg("magnet"), nb::arg("model"), nb::arg("gain"), nb::arg("cov"),
+           nb::arg("variance"), nb::arg("far"), nb::arg("settings"),
            nb::sig("def __init__(self, magnet: Magnet | list[Magnet], model: Model, "
                    "gain: NDArray[Any], cov: NDArray[Any], variance: NDArray[Any], "
                    "far: NDArray[Any], **settings: Any) -> None"));

@@ -38,13 +38,66 @@ private:
   }
 };
 
+// The parts of a plant, by the names of amb_parts, which are those of the caller; what is not named
+// is 0.
+amb_parts parts_of(const nb::dict &given)
+{
+  amb_parts parts{};
+  nb::dict rest;
+  rest.update(given);
+  const auto take = [&rest](const char *name, auto &to) {
+    if (rest.contains(name)) {
+      to = nb::cast<std::decay_t<decltype(to)>>(rest[name]);
+      nb::del(rest[name]);
+    }
+  };
+  const auto take_orders = [&](const char *name, amb_real *to) {
+    if (rest.contains(name)) {
+      const Vector values = nb::cast<Vector>(rest[name]);
+      same_length(static_cast<size_t>(parts.orders), values.size(), name);
+      std::copy_n(values.data(), values.size(), to);
+      nb::del(rest[name]);
+    }
+  };
+  take("corner", parts.corner);
+  take("voltage", parts.voltage);
+  take("R", parts.R);
+  take("k", parts.k);
+  take("s0", parts.s0);
+  take("i0", parts.i0);
+  take("pair", parts.pair);
+  take("delay", parts.delay);
+  take("delay_rest", parts.delay_rest);
+  take("quadratic", parts.quadratic);
+  take("cubic", parts.cubic);
+  take("step", parts.step);
+  take("orders", parts.orders);
+  take("speed", parts.speed);
+  take("turn_cosine", parts.turn_cosine);
+  take("turn_sine", parts.turn_sine);
+  take("stiffness", parts.stiffness);
+  take("damping", parts.damping);
+  take("farthest", parts.farthest);
+  if (parts.orders < 0 || parts.orders > AMB_RUNOUT_MOST)
+    throw std::invalid_argument("orders must be 0 to " + std::to_string(AMB_RUNOUT_MOST));
+  if (parts.delay < 0 || parts.delay > AMB_DELAY_MOST)
+    throw std::invalid_argument("delay must be 0 to " + std::to_string(AMB_DELAY_MOST) +
+                                " samples");
+  take_orders("runout_cosine", parts.runout_cosine);
+  take_orders("runout_sine", parts.runout_sine);
+  for (const auto &[name, value] : rest)
+    throw std::invalid_argument(std::string("a plant has no part ") + nb::str(name).c_str());
+  return parts;
+}
+
 Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_real K_sen,
                amb_real T_sen, amb_real travel, int substeps, amb_real k_ui, amb_real iu_min,
                amb_real iu_max, amb_real kp, amb_real ki, amb_real kd, amb_real T_f, amb_real T_t,
                amb_real integral, bool feedback_estimate, Estimator *estimator, const Vector &r,
                const Vector &f_d, const Vector &noise_u, const Vector &noise_y,
                const std::optional<Vector> &scale, amb_real f_bias, amb_real x_start,
-               LoopState *went, const std::optional<Named> &faults, bool beside)
+               LoopState *went, const std::optional<Named> &faults, bool beside,
+               const std::optional<Named> &parts, const Magnet *coil)
 {
   const size_t n = r.size();
   same_length(n, f_d.size(), "f_d");
@@ -54,7 +107,9 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
     same_length(n, scale->size(), "scale");
   if (feedback_estimate && estimator == nullptr)
     throw std::invalid_argument("feedback from the estimate needs an estimator");
-  const amb_loop loop{{magnet.magnet, m, f_0, K_sen, T_sen, travel, substeps},
+  const amb_parts with = parts ? parts_of(*parts) : amb_parts{};
+  const amb_loop loop{{magnet.magnet, m, f_0, K_sen, T_sen, travel, substeps,
+                       parts ? &with : nullptr, coil ? coil->magnet : amb_magnet{}},
                       {T, kp, ki, kd, T_f, T_t, iu_min, iu_max},
                       T,
                       k_ui,
@@ -75,11 +130,18 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
   Fresh<amb_real> x({n}), v({n}), x_m({n}), iu({n}), force({n}), y({n}), u({n});
   const Sizes of(estimator ? estimator->kf.model : amb_model{});
   History history(estimator ? n : 0, of, estimator != nullptr, estimator && estimator->scales());
-  amb_loop_output out{x.data, v.data, x_m.data, iu.data, force.data, y.data, u.data, history.to, 0};
+  const bool volts = with.voltage > 0;
+  Fresh<amb_real> first({volts ? n : 0}), second({volts && with.pair ? n : 0});
+  amb_loop_output out{
+      x.data,     v.data,
+      x_m.data,   iu.data,
+      force.data, y.data,
+      u.data,     history.to,
+      0,          {volts ? first.data : nullptr, volts && with.pair ? second.data : nullptr}};
   LoopState fresh;
   amb_loop_state &state = went ? went->state : fresh.state;
   if (!state.sampled) {
-    state.plant = {x_start, 0, K_sen * x_start};
+    amb_plant_settle(&loop.plant, &state.plant, x_start, amb_clamp(integral, iu_min, iu_max));
     amb_pid_reset(&state.pid, integral);
   }
   {
@@ -94,6 +156,10 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
   d["force"] = force.array;
   d["y"] = y.array;
   d["u"] = u.array;
+  if (out.voltage[0] != nullptr)
+    d["u_coil"] = first.array;
+  if (out.voltage[1] != nullptr)
+    d["u_coil_2"] = second.array;
   d["touched"] = out.touched;
   if (estimator)
     d["estimate"] = history.arrays;
@@ -116,6 +182,7 @@ void bind_loop(nb::module_ &m)
       nb::arg("noise_u"), nb::arg("noise_y"), nb::arg("scale").none() = nb::none(),
       nb::arg("f_bias") = 0, nb::arg("x_start") = 0, nb::arg("state").none() = nb::none(),
       nb::arg("faults").none() = nb::none(), nb::arg("beside") = false,
+      nb::arg("parts").none() = nb::none(), nb::arg("coil").none() = nb::none(),
       "A closed-loop run in one call; see sim/loop.h for shapes and units. With a state, an empty "
       "one at first, the next call goes on where this one ends.");
 }

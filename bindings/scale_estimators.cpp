@@ -114,8 +114,8 @@ void bind_scale_estimators(nb::module_ &m)
                                        "Interacting models (ambkit/multiple_model.h).")
       .def(nb::init<nb::object, nb::object, const Vector &, amb_real, const Vector &, amb_real,
                     amb_real, nb::kwargs>(),
-           nb::arg("magnet"), nb::arg("model"), nb::arg("theta"), nb::arg("leave"),
-           nb::arg("bias"), nb::arg("fresh"), nb::arg("least"), nb::arg("settings"),
+           nb::arg("magnet"), nb::arg("model"), nb::arg("theta"), nb::arg("leave"), nb::arg("bias"),
+           nb::arg("fresh"), nb::arg("least"), nb::arg("settings"),
            nb::sig("def __init__(self, magnet: Magnet | list[Magnet], model: Model, "
                    "theta: NDArray[Any], leave: float, bias: NDArray[Any], fresh: float, "
                    "least: float, **settings: Any) -> None"))

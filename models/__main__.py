@@ -12,6 +12,8 @@ from ambkit.models.plan import Part
 from models.axial import axial
 from models.closed import initialisation
 from models.exponential import exponential_header
+from models.laws import LAWS
+from models.laws import law as force_law
 
 ROOT = Path(__file__).resolve().parent.parent
 GENERATED = ROOT / "core" / "generated"
@@ -45,6 +47,7 @@ def main() -> int:
     """Write, or compare, all headers; return 1 where a committed file is stale."""
     stale = 0
     written = {"exponential.h": exponential_header()} | axial_headers()
+    written |= {f"{law.name}.h": force_law.header(law) for law in LAWS}
     for name, unformatted in written.items():
         path, text = GENERATED / name, formatted(unformatted)
         if "--check" in sys.argv:

@@ -29,16 +29,20 @@ static void sense(const amb_loop *loop, amb_loop_state *s, void *estimator,
 static bool act(const amb_loop *loop, amb_loop_state *s, const amb_loop_sample *sample,
                 amb_real share)
 {
-  s->iu =
+  s->demanded =
       amb_clamp(loop->k_ui * (s->u + sample->noise_u), share * loop->iu_min, share * loop->iu_max);
-  s->force = amb_plant_force(&loop->plant, s->iu, s->plant.x);
-  return amb_plant_advance(&loop->plant, &s->plant, loop->T, s->iu, sample->f_d);
+  if (loop->plant.parts == NULL) {
+    s->acting.iu = s->demanded;
+    s->acting.force = amb_plant_force(&loop->plant, s->demanded, s->plant.x);
+  } else
+    s->acting = amb_plant_from_now(&loop->plant, &s->plant, s->demanded);
+  return amb_plant_advance(&loop->plant, &s->plant, loop->T, s->demanded, sample->f_d);
 }
 
 bool amb_loop_step(const amb_loop *loop, amb_loop_state *state, void *estimator,
                    const amb_loop_sample *sample)
 {
-  const amb_real y = state->plant.x_m + sample->noise_y;
+  const amb_real y = amb_plant_measure(&loop->plant, state->plant.x_m, sample->noise_y);
   sense(loop, state, estimator, sample, y, y, state->u);
   return act(loop, state, sample, 1);
 }
@@ -56,8 +60,8 @@ static amb_real scaled_force(const void *self, amb_real iu, amb_real x)
 }
 
 /* The measurement at sample k, as far as it has come: x_m is known up to there. */
-static amb_real faulted(const amb_loop_faults *faults, const amb_real *x_m, const amb_real *noise,
-                        size_t k)
+static amb_real faulted(const amb_plant *plant, const amb_loop_faults *faults, const amb_real *x_m,
+                        const amb_real *noise, size_t k)
 {
   const amb_real late = faults->late[k];
   const size_t whole = (late < (amb_real)k) ? (size_t)late : k;
@@ -66,7 +70,7 @@ static amb_real faulted(const amb_loop_faults *faults, const amb_real *x_m, cons
   amb_real y = x_m[at] + noise[at];
   if (share > 0)
     y += share * (x_m[at - 1] + noise[at - 1] - y);
-  return faults->y_times[k] * y + faults->y_plus[k];
+  return faults->y_times[k] * amb_plant_measure(plant, y, 0) + faults->y_plus[k];
 }
 
 amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop_state *state,
@@ -75,10 +79,19 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop
   static const amb_magnet_methods scaled_methods = {scaled_force, NULL, NULL};
   amb_status all = AMB_OK;
   amb_loop now = *loop;
-  scaled_magnet scaled = {loop->plant.magnet, 1};
+  scaled_magnet scaled = {loop->plant.magnet, 1}, scaled_coil = {loop->plant.coil, 1};
+  amb_parts parts = {0};
   if (in->scale != NULL) {
     now.plant.magnet.methods = &scaled_methods;
     now.plant.magnet.self = &scaled;
+    if (loop->plant.parts != NULL) {
+      parts = *loop->plant.parts;
+      now.plant.parts = &parts;
+    }
+    if (loop->plant.coil.methods != NULL) {
+      now.plant.coil.methods = &scaled_methods;
+      now.plant.coil.self = &scaled_coil;
+    }
   }
   amb_loop_state s = *state;
   out->touched = 0;
@@ -87,14 +100,18 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop
     const amb_loop_sample sample = {in->r[k], in->f_d[k], in->noise_u[k], in->noise_y[k]};
     if (in->scale != NULL) {
       scaled.scale = in->scale[k];
+      scaled_coil.scale = in->scale[k];
+      if (loop->plant.parts != NULL)
+        parts.k = in->scale[k] * loop->plant.parts->k;
       now.plant.f_0 = loop->plant.f_0 + (scaled.scale - 1) * in->f_bias;
     }
     out->x[k] = s.plant.x;
     out->v[k] = s.plant.v;
     out->x_m[k] = s.plant.x_m;
     const amb_loop_faults *faults = in->faults;
-    const amb_real direct = s.plant.x_m + in->noise_y[k];
-    const amb_real y = faults != NULL ? faulted(faults, out->x_m, in->noise_y, k) : direct;
+    const amb_real direct = amb_plant_measure(&now.plant, s.plant.x_m, in->noise_y[k]);
+    const amb_real y =
+        faults != NULL ? faulted(&now.plant, faults, out->x_m, in->noise_y, k) : direct;
     const bool both = faults != NULL && !faults->beside;
     sense(&now, &s, estimator, &sample, both ? y : direct, y, told);
     told = faults != NULL ? faults->u_times[k] * s.u + faults->u_plus[k] : s.u;
@@ -102,8 +119,12 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop
       out->touched++;
     out->y[k] = s.y;
     out->u[k] = told;
-    out->iu[k] = s.iu;
-    out->force[k] = s.force;
+    out->iu[k] = s.acting.iu;
+    out->force[k] = s.acting.force;
+    if (out->voltage[0] != NULL)
+      out->voltage[0][k] = s.acting.voltage[0];
+    if (out->voltage[1] != NULL)
+      out->voltage[1][k] = s.acting.voltage[1];
     if (loop->estimator != NULL) {
       all |= s.result.status;
       amb_estimator_note(loop->estimator, estimator, &s.result, k, &out->estimate);

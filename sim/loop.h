@@ -23,9 +23,9 @@ typedef struct amb_loop_state {
   amb_kalman_result result; /* the estimator's last word, where there is one */
   amb_real y;               /* last measurement [m] */
   amb_real u;               /* control signal from that sample to the next [V] */
-  amb_real iu;              /* control current meanwhile, with noise, limited [A] */
-  amb_real force;           /* magnet, weight and bias force at the sample, with that current [N] */
-  bool sampled;             /* whether there was a sample */
+  amb_real demanded;        /* control current that it asks for, with noise, limited [A] */
+  amb_acting acting; /* what acts just after the sample; iu is what is demanded, without parts */
+  bool sampled;      /* whether there was a sample */
 } amb_loop_state;
 
 /* What comes from outside at a sample, and is held to the next. */
@@ -72,12 +72,14 @@ typedef struct amb_loop_input {
 /* Where the run goes; n samples each, all wanted. */
 typedef struct amb_loop_output {
   amb_real *x, *v, *x_m; /* truth at the sample: [m], [m/s], [m] */
-  amb_real *iu;          /* control current from this sample to the next, with noise, limited [A] */
+  amb_real *iu;          /* control current just after the sample, with noise, limited [A]; held to
+                          * the next but for an amplifier or a dead time that the plant may have */
   amb_real *force;       /* magnet, weight and bias force at the sample, with that current [N] */
   amb_real *y;           /* measurement, as the estimator gets it [m] */
   amb_real *u;           /* control signal from this sample to the next, as it is told [V] */
   amb_kalman_history estimate; /* used where there is an estimator */
   size_t touched;              /* samples in which a stop was touched */
+  amb_real *voltage[2];        /* of each coil just after the sample [V]; NULL: not wanted */
 } amb_loop_output;
 
 /* Runs n samples from the state given, which is left at the end of the run, so that another run

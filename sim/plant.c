@@ -1,4 +1,5 @@
 #include "plant.h"
+#include "parts_step.h"
 
 amb_real amb_plant_force(const amb_plant *plant, amb_real iu, amb_real x)
 {
@@ -58,17 +59,50 @@ static bool stop(const amb_plant *plant, amb_plant_state *s)
   return true;
 }
 
-bool amb_plant_advance(const amb_plant *plant, amb_plant_state *state, amb_real T, amb_real iu,
-                       amb_real f_d)
+/* Without parts. The delay line in the state is left alone, not copied: that would cost a tenth. */
+static bool advance(const amb_plant *plant, amb_plant_state *state, amb_real T, amb_real iu,
+                    amb_real f_d)
 {
   const amb_real h = T / (amb_real)plant->substeps, g = (plant->f_0 + f_d) / plant->m;
   bool touched = false;
-  amb_plant_state s = *state;
-  s.x = reachable(plant, s.x);
+  amb_plant_state s = {.x = reachable(plant, state->x), .v = state->v, .x_m = state->x_m};
   for (int i = 0; i < plant->substeps; i++) {
     runge_kutta(plant, &s, h, iu, g);
     touched |= stop(plant, &s);
   }
-  *state = s;
+  state->x = s.x;
+  state->v = s.v;
+  state->x_m = s.x_m;
   return touched;
+}
+
+bool amb_plant_advance(const amb_plant *plant, amb_plant_state *state, amb_real T, amb_real iu,
+                       amb_real f_d)
+{
+  if (plant->parts != NULL)
+    return amb_parts_advance(plant, state, T, iu, (plant->f_0 + f_d) / plant->m);
+  return advance(plant, state, T, iu, f_d);
+}
+
+void amb_plant_settle(const amb_plant *plant, amb_plant_state *state, amb_real x, amb_real iu)
+{
+  const amb_plant_state settled = {.x = x, .x_m = plant->K_sen * x};
+  *state = settled;
+  if (plant->parts != NULL)
+    amb_parts_settle(plant, state, iu);
+}
+
+amb_acting amb_plant_from_now(const amb_plant *plant, const amb_plant_state *state, amb_real iu)
+{
+  if (plant->parts != NULL)
+    return amb_parts_acting(plant, state, amb_parts_next(plant->parts, state, iu));
+  const amb_acting acting = {.iu = iu, .force = amb_plant_force(plant, iu, state->x)};
+  return acting;
+}
+
+amb_acting amb_plant_until_now(const amb_plant *plant, const amb_plant_state *state, amb_real iu)
+{
+  if (plant->parts != NULL)
+    return amb_parts_acting(plant, state, state->demanded[plant->parts->delay]);
+  return amb_plant_from_now(plant, state, iu);
 }

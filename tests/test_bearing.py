@@ -313,3 +313,160 @@ def test_the_json_schema_knows_both_ways_to_give_the_magnet() -> None:
 
 def test_docstring_examples() -> None:
     assert doctest.testmod(bearing_module).failed == 0
+
+
+# ---- What a bearing can have beside ----
+
+PARTS = """\
+
+[stop]
+stiffness = "1e8 N/m^1.5"
+damping = "0.3 s/m"
+
+[[sensor.runout]]
+order = 1
+amplitude = "3 µm"
+phase = "30 deg"
+
+[[sensor.runout]]
+order = 2
+amplitude = "1 µm"
+
+[[sensor.hum]]
+frequency = "50 Hz"
+amplitude = "5 µm"
+bandwidth = "0.5 Hz"
+
+[sensor.coloured_noise]
+variance = "1 µm^2"
+bandwidth = "200 Hz"
+"""
+
+
+def with_parts(*changes: tuple[str, str], parts: str = PARTS) -> str:
+    """The paper's bearing with parts, and with lines put behind others or instead of them."""
+    text = presets.text("zittau_axial")
+    text = text.replace("[magnet]", 'delay = "0.15 ms"\nspeed = "12000 rpm"\n\n[magnet]')
+    amplifier = 'bandwidth = "2 kHz"\nvoltage_limit = "50 V"\nresistance = "2 ohm"'
+    text = text.replace("[amplifier]", f"[amplifier]\n{amplifier}")
+    sensor = 'quantisation = "0.5 µm"\nquadratic = "20 1/m"\ncubic = "1e4 1/m^2"'
+    text = text.replace("[sensor]", f"[sensor]\n{sensor}") + parts
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    return text
+
+
+def problems(text: str) -> list[str]:
+    with pytest.raises(ConfigError) as caught:
+        Bearing.from_toml(text, "mine.toml")
+    return [line.strip() for line in str(caught.value).splitlines() if "mine.toml:" in line]
+
+
+def line_of(text: str, key: str) -> int:
+    return next(n for n, line in enumerate(text.splitlines(), 1) if line.startswith(key))
+
+
+def test_parts_are_read_with_their_units_and_written_back() -> None:
+    bearing = Bearing.from_toml(with_parts())
+    assert bearing.delay == 0.15e-3
+    assert bearing.speed == pytest.approx(400 * math.pi, rel=1e-15)
+    assert bearing.amplifier.bandwidth == 2e3
+    assert (bearing.amplifier.voltage_limit, bearing.amplifier.resistance) == (50.0, 2.0)
+    assert (bearing.sensor.quantisation, bearing.sensor.quadratic) == (0.5e-6, 20.0)
+    assert [line.order for line in bearing.sensor.runout] == [1, 2]
+    assert bearing.sensor.runout[0].phase == pytest.approx(math.pi / 6, rel=1e-15)
+    assert bearing.sensor.hum[0].bandwidth == 0.5
+    assert bearing.sensor.coloured_noise is not None
+    assert bearing.stop is not None
+    assert (bearing.stop.stiffness, bearing.stop.damping) == (1e8, 0.3)
+    assert Bearing.from_toml(bearing.to_toml()) == bearing
+
+
+def test_a_bearing_without_parts_is_written_without_them(zittau: Bearing) -> None:
+    assert list(zittau.model_dump(exclude_none=True)["sensor"]) == ["gain", "lag", "noise_variance"]
+    new = ("delay", "speed", "bandwidth", "quant", "quadratic", "cubic", "hum", "runout", "stop")
+    keys = {line.partition(" ")[0].strip("[]") for line in zittau.to_toml().splitlines()}
+    assert not keys & set(new)
+
+
+@pytest.mark.parametrize(
+    ("changes", "key", "text"),
+    [
+        (
+            [('voltage_limit = "50 V"', 'voltage_limit = "6 V"')],
+            "voltage_limit",
+            "amplifier.voltage_limit: must be greater than 6 V, which the greatest coil current"
+            " needs at rest; is 6 V",
+        ),
+        (
+            [('bandwidth = "2 kHz"\n', "")],
+            "[amplifier]",
+            "amplifier.bandwidth: missing: voltage_limit limits what the current follows with",
+        ),
+        (
+            [('resistance = "2 ohm"\n', "")],
+            "[amplifier]",
+            "amplifier.resistance: missing: voltage_limit alone does not give the current's slew",
+        ),
+        (
+            [('voltage_limit = "50 V"\n', "")],
+            "[amplifier]",
+            "amplifier.voltage_limit: missing: resistance counts only with it",
+        ),
+        (
+            [('delay = "0.15 ms"', 'delay = "1.7 ms"')],
+            "delay",
+            "delay: must be at most 16 samples, 1.6 ms; is 1.7 ms",
+        ),
+        (
+            [('speed = "12000 rpm"\n', "")],
+            "#",
+            "speed: missing: sensor.runout is at multiples of it",
+        ),
+        (
+            [('speed = "12000 rpm"', 'speed = "200 Hz"')],
+            "speed",
+            'speed: "200 Hz": Hz cannot be converted to rad/s, write it like "12000 rpm"',
+        ),
+        (
+            [("order = 2", "order = 6")],
+            "order = 6",
+            "sensor.runout[1].order: must be less than or equal to 5, is 6",
+        ),
+        (
+            [('speed = "12000 rpm"', 'speed = "150000 rpm"')],
+            "order = 2",
+            "sensor.runout[1].order: 2 times the speed is 5000 Hz, must be less than half the"
+            " sampling frequency, 5000 Hz",
+        ),
+        (
+            [('frequency = "50 Hz"', 'frequency = "5 kHz"')],
+            "frequency",
+            "sensor.hum[0].frequency: must be less than half the sampling frequency, 5000 Hz; is"
+            " 5000 Hz",
+        ),
+        (
+            [('stiffness = "1e8 N/m^1.5"', 'stiffness = "1e8 N/m"')],
+            "stiffness",
+            'stop.stiffness: "1e8 N/m": N/m cannot be converted to N/m^1.5, write it like'
+            ' "1e8 N/m^1.5"',
+        ),
+        (
+            [('damping = "0.3 s/m"', 'restitution = "0.8"')],
+            "restitution",
+            "stop.restitution: unknown key, known here: stiffness, damping",
+        ),
+        (
+            [('variance = "1 µm^2"\n', "")],
+            "[sensor.coloured_noise]",
+            'sensor.coloured_noise.variance: missing: variance [m^2], such as "1 µm^2"',
+        ),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_a_part_is_told_with_its_line(
+    changes: list[tuple[str, str]], key: str, text: str
+) -> None:
+    toml = with_parts(*changes)
+    told = problems(toml)
+    assert told == [f"mine.toml:{line_of(toml, key)}: {text}"]

@@ -1,6 +1,7 @@
-"""The C tests: each public function with good and bad input, under ASan and UBSan, in both builds.
+"""The C tests: each public function with good and bad input, under ASan and UBSan, in all builds.
 
-Compiled as the controller's build would be (C99, no warnings), and run here.
+Compiled as the controller's build would be (C99, no warnings), and run here: in both precisions,
+with the paper's axis built in and with loops over the same axis written as arrays.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -18,7 +20,35 @@ SOURCES = sorted([*(ROOT / "core" / "src").glob("*.c"), *(ROOT / "sim").glob("*.
 INCLUDES = [f"-I{ROOT / folder}" for folder in ("core/include", "core", "sim", "tests/c")]
 WARNINGS = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Werror"]
 SANITIZERS = ["-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover"]
-PRECISIONS = ["AMB_DOUBLE", "AMB_FLOAT"]
+
+
+@dataclass(frozen=True)
+class Build:
+    """A precision, and the axis built in or loops over any model."""
+
+    precision: str
+    loops: bool
+
+    def __str__(self) -> str:
+        return f"{self.precision}{' loops' if self.loops else ''}"
+
+    @property
+    def flags(self) -> list[str]:
+        """What the compiler is told of it."""
+        return [f"-D{self.precision}", *(["-DAMB_MODEL_LOOPS"] if self.loops else [])]
+
+
+BUILDS = [
+    Build(precision, loops) for precision in ("AMB_DOUBLE", "AMB_FLOAT") for loops in (False, True)
+]
+ONLY_IN_LOOPS = {"test_loops"}
+CASES = [
+    (name, build) for name in PROGRAMS for build in BUILDS
+    if build.loops or name not in ONLY_IN_LOOPS
+]  # fmt: skip
+# What core and simulation may ask for that is not theirs, and what compilers write themselves.
+LIBC = {"memcpy", "memset", "memcmp", "memmove", "sqrt", "sqrtf"}
+OF_COMPILERS = {"_GLOBAL_OFFSET_TABLE_", "__stack_chk_fail"}
 
 
 def gcc(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
@@ -36,8 +66,8 @@ def run(program: Path) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.fixture(scope="session")
-def objects(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Path]]:
-    """The core and the simulation, compiled once for each precision."""
+def objects(tmp_path_factory: pytest.TempPathFactory) -> dict[Build, list[Path]]:
+    """The core and the simulation, compiled once for each build."""
     if shutil.which("gcc") is None:
         pytest.skip("gcc is not installed")
     folder = tmp_path_factory.mktemp("c")
@@ -45,27 +75,60 @@ def objects(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Path]]:
     probe = gcc(folder / "empty.c", "-o", folder / "empty")
     if probe.returncode or run(folder / "empty").returncode:
         pytest.skip(f"gcc has no working sanitizers: {probe.stderr.strip()}")
-    compiled: dict[str, list[Path]] = {}
-    for precision in PRECISIONS:
-        compiled[precision] = [folder / f"{precision}_{source.stem}.o" for source in SOURCES]
-        for source, target in zip(SOURCES, compiled[precision], strict=True):
-            done = gcc(f"-D{precision}", *INCLUDES, "-c", source, "-o", target)
+    compiled: dict[Build, list[Path]] = {}
+    for build in BUILDS:
+        compiled[build] = []
+        # The axis of the tests takes its numbers from the model that is built in.
+        built_in = Build(build.precision, loops=False)
+        for source in [*SOURCES, ROOT / "tests" / "c" / "axis.c"]:
+            flags = built_in.flags if source.stem == "axis" else build.flags
+            target = folder / f"{build}_{source.stem}.o".replace(" ", "_")
+            done = gcc(*flags, *INCLUDES, "-c", source, "-o", target)
             assert done.returncode == 0, done.stderr
+            compiled[build].append(target)
     return compiled
 
 
-@pytest.mark.parametrize("precision", PRECISIONS)
-@pytest.mark.parametrize("name", PROGRAMS)
-def test_c(name: str, precision: str, objects: dict[str, list[Path]], tmp_path: Path) -> None:
+@pytest.mark.parametrize(("name", "build"), CASES, ids=str)
+def test_c(name: str, build: Build, objects: dict[Build, list[Path]], tmp_path: Path) -> None:
     source, program = ROOT / "tests" / "c" / f"{name}.c", tmp_path / name
-    built = gcc(f"-D{precision}", *INCLUDES, source, *objects[precision], "-lm", "-o", program)
+    built = gcc(*build.flags, *INCLUDES, source, *objects[build], "-lm", "-o", program)
     assert built.returncode == 0, built.stderr
     done = run(program)
     assert done.returncode == 0, done.stderr
 
 
+def foreign(folder: Path, build: Build, sources: list[Path]) -> set[str]:
+    """What these sources ask for that is in none of them, compiled as the package's build is."""
+    flags = ["-O3", "-fPIC", "-ffp-contract=off", "-fno-trapping-math", *build.flags, *INCLUDES]
+    paths = [str(source) for source in sources]
+    subprocess.run(["gcc", "-std=c99", *flags, "-c", *paths], cwd=folder, check=True)
+    asked, defined = set[str](), set[str]()
+    for made in folder.glob("*.o"):
+        names = subprocess.run(
+            ["nm", "-P", made], capture_output=True, text=True, check=True
+        ).stdout
+        for line in names.splitlines():
+            name, kind = line.split()[:2]
+            (asked if kind in "Uvw" else defined).add(name)
+    return asked - defined
+
+
+@pytest.mark.skipif(
+    shutil.which("gcc") is None or shutil.which("nm") is None, reason="there is no gcc or no nm"
+)
+@pytest.mark.parametrize("build", BUILDS, ids=str)
+def test_of_libm_there_is_only_the_root(build: Build, tmp_path: Path) -> None:
+    """A controller's libm is another one: what rounds differently there may not be used."""
+    assert foreign(tmp_path, build, SOURCES) - OF_COMPILERS <= LIBC
+    wrong = tmp_path / "wrong" / "wrong.c"
+    wrong.parent.mkdir()
+    wrong.write_text("#include <math.h>\ndouble f(double a)\n{\n  return exp(a);\n}\n")
+    assert foreign(wrong.parent, build, [wrong]) - OF_COMPILERS == {"exp"}
+
+
 def test_the_sanitizers_would_stop_a_program(
-    objects: dict[str, list[Path]], tmp_path: Path
+    objects: dict[Build, list[Path]], tmp_path: Path
 ) -> None:
     """An overflow, an index beyond an array, NaN made an integer: each must be fatal."""
     faults = {
@@ -81,7 +144,7 @@ def test_the_sanitizers_would_stop_a_program(
         assert run(tmp_path / name).returncode != 0, name
 
 
-def test_a_failed_check_fails_the_program(objects: dict[str, list[Path]], tmp_path: Path) -> None:
+def test_a_failed_check_fails_the_program(objects: dict[Build, list[Path]], tmp_path: Path) -> None:
     source = tmp_path / "wrong.c"
     checks = "CHECK(1 < 0);\n  CHECK_NEAR(1, 2);\n  CHECK(same(1, 1));"
     source.write_text(f'#include "check.h"\nint main(void)\n{{\n  {checks}\n'

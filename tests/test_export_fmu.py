@@ -15,21 +15,24 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Bearing, ClosedLaw, FilterNoise, KalmanFilter
+from ambkit import Bearing, ClosedLaw, FilterNoise, KalmanFilter, magnet_of
 from ambkit.base.errors import AmbkitError
 from ambkit.data.record import Record
 from ambkit.estimate.family import KINDS as FAMILY
 from ambkit.estimate.kalman import AdaptiveKalmanFilter
 from ambkit.export.fmu import export_fmu
 from ambkit.machine.stiffness import stiffness_map
-from ambkit.simulation.run import _noise, simulate_run
+from ambkit.simulation.noise import drawn
+from ambkit.simulation.run import simulate_run
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
 
+import fe_map  # noqa: E402
 from fmpy.fmi1 import FMICallException  # noqa: E402
 from fmpy.validation import validate_fmu  # noqa: E402
 from fmu_instance import Instance, unpacked  # noqa: E402
+from iron import TWO_SIDED as IRON  # noqa: E402
 
 BEARING = Bearing.preset("zittau_axial")
 ONE_SIDED = Bearing.preset("inteco_ml")
@@ -226,33 +229,109 @@ def test_every_kind_in_fmpy_equals_the_library(name: str, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-@pytest.mark.parametrize("bearing", [BEARING, ONE_SIDED], ids=lambda b: b.name)
+@pytest.mark.parametrize("bearing", [BEARING, ONE_SIDED, IRON], ids=lambda b: b.name)
 def test_plant_in_fmpy_equals_the_library(
     made: Callable[..., Path], bearing: Bearing, fmi: int
 ) -> None:
     scenario = disturbed(bearing)
     record = ambkit.simulate(bearing, scenario)
     n = len(record.t)
-    noise_u, _ = _noise(bearing, scenario, n)
+    noise_u, _ = drawn(bearing, scenario, n)
     inputs = {"u": record["u"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": np.zeros(n)}
     found = simulated(made("plant", fmi, bearing), bearing.sampling_time, {}, **inputs)
     for name in ("x", "v", "x_m"):
         np.testing.assert_array_equal(found[name][:n], record[name], name)
     np.testing.assert_array_equal(found["y"], found["x_m"])
     np.testing.assert_array_equal(found["iu"][1:], record["iu"])
-    np.testing.assert_array_equal(found["f_mag"], ClosedLaw(bearing).force(found["iu"], found["x"]))
+    np.testing.assert_array_equal(found["f_mag"], magnet_of(bearing).force(found["iu"], found["x"]))
     assert np.ptp(record["x"]) > 1e-4
 
 
+# A current that lags, late controls, a bent sensor that rounds, runout and stops that bounce.
+PARTS: dict[str, Any] = {
+    "amplifier__bandwidth": "1 kHz",
+    "amplifier__voltage_limit": "20 V",
+    "amplifier__resistance": "2 ohm",
+    "sensor__quantisation": "0.5 um",
+    "sensor__quadratic": "20 1/m",
+    "speed": "6000 rpm",
+    "sensor__runout": [{"order": n, "amplitude": "3 um", "phase": "90 deg"} for n in (1, 3)],
+    "stop": {"stiffness": "1e8 N/m^1.5", "damping": "0.3 s/m"},
+    "rotor__travel_limit": "0.2 mm",
+}
+LATE: dict[str, Any] = {"delay": "0.03 ms"}
+
+
+@pytest.mark.parametrize(
+    "bearing",
+    [
+        BEARING.replace(name="both", **PARTS, **LATE),
+        BEARING.replace(name="late", delay="0.12 ms"),
+        ONE_SIDED.replace(name="one", amplifier__bandwidth="1 kHz", delay="0.3 ms"),
+    ],
+    ids=lambda b: b.name,
+)
+def test_a_plant_with_parts_in_fmpy_equals_the_library(bearing: Bearing, tmp_path: Path) -> None:
+    scenario = disturbed(bearing).replace(noise=False)
+    record = ambkit.simulate(bearing, scenario)
+    n = len(record.t)
+    inputs = {"u": record["u"], "f_d": record["f_d"]}
+    path = export_fmu(bearing, None, tmp_path / "plant.fmu", kind="plant").path
+    assert validate_fmu(str(path)) == []
+    found = simulated(path, bearing.sampling_time, {}, **inputs)
+    for name in ("x", "v", "x_m", "y"):
+        np.testing.assert_array_equal(found[name][:n], record[name], name)
+    if bearing.amplifier.bandwidth is not None:  # else it jumps at the sample
+        np.testing.assert_array_equal(found["iu"][:n], record["iu"])
+        np.testing.assert_array_equal(found["f_mag"][:n], record["f_mag"])
+    assert np.ptp(record["x"]) > 1e-4
+    assert (record.meta["stop_touched"] > 0) == (bearing.stop is not None)
+
+
+@pytest.mark.parametrize("changes", [PARTS | LATE, {"delay": "0.12 ms"}], ids=["all", "late"])
+def test_a_closed_loop_with_parts_in_fmpy_equals_the_library(
+    changes: dict[str, Any], tmp_path: Path
+) -> None:
+    bearing = BEARING.replace(**changes)
+    scenario = disturbed(bearing)
+    run = simulate_run(bearing, scenario)
+    record = run.record
+    noise_u, noise_y = drawn(bearing, scenario, len(record.t))
+    inputs = {"r": record["r"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": noise_y}
+    path = export_fmu(
+        bearing, None, tmp_path / "loop.fmu", kind="closed-loop", controller=scenario.controller
+    ).path
+    found = simulated(path, bearing.sampling_time, {}, **inputs)
+    for name in ("x", "v", "x_m"):
+        np.testing.assert_array_equal(found[name][:-1], record[name], name)
+    for name in ("y", "u", "iu"):
+        np.testing.assert_array_equal(found[name][1:], record[name], name)
+    assert run.estimate is not None
+    check_estimate(found, run.estimate, "estimate.")
+def test_a_force_map_is_plant_and_what_the_filter_knows(tmp_path: Path) -> None:
+    bearing = Bearing.load(fe_map.written(tmp_path))
+    scenario = disturbed(bearing)
+    run = simulate_run(bearing, scenario, estimator=FAMILY["extended"].make(bearing))
+    record = run.record
+    noise_u, noise_y = drawn(bearing, scenario, len(record.t))
+    inputs = {"r": record["r"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": noise_y}
+    export_fmu(bearing, None, tmp_path / "map.fmu", kind="closed-loop", estimator="extended",
+               controller=scenario.controller)  # fmt: skip
+    found = simulated(tmp_path / "map.fmu", bearing.sampling_time, {}, **inputs)
+    for name in ("x", "v", "x_m"):
+        np.testing.assert_array_equal(found[name][:-1], record[name], name)
+    assert np.ptp(record["x"]) > 1e-5
+
+
 @pytest.mark.parametrize("fmi", [2, 3])
-@pytest.mark.parametrize("bearing", [BEARING, ONE_SIDED], ids=lambda b: b.name)
+@pytest.mark.parametrize("bearing", [BEARING, ONE_SIDED, IRON], ids=lambda b: b.name)
 def test_closed_loop_in_fmpy_equals_the_library(
     made: Callable[..., Path], bearing: Bearing, fmi: int
 ) -> None:
     scenario = disturbed(bearing)
     run = simulate_run(bearing, scenario)
     record = run.record
-    noise_u, noise_y = _noise(bearing, scenario, len(record.t))
+    noise_u, noise_y = drawn(bearing, scenario, len(record.t))
     inputs = {"r": record["r"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": noise_y}
     found = simulated(made("closed-loop", fmi, bearing), bearing.sampling_time, {}, **inputs)
     for name in ("x", "v", "x_m"):
@@ -272,7 +351,7 @@ def test_a_scenario_s_controller_closes_the_loop(command: Command, tmp_path: Pat
     assert command(*words, "--estimator", "closed-law", "--out", str(out)).code == 0
     estimator = AdaptiveKalmanFilter(BEARING, ClosedLaw(BEARING))
     run = simulate_run(BEARING, scenario, estimator=estimator)
-    noise_u, noise_y = _noise(BEARING, scenario, len(run.record.t))
+    noise_u, noise_y = drawn(BEARING, scenario, len(run.record.t))
     inputs = {"r": run.record["r"], "f_d": run.record["f_d"]}
     inputs |= {"noise_u": noise_u, "noise_y": noise_y}
     found = simulated(out, BEARING.sampling_time, {}, **inputs)
@@ -386,7 +465,7 @@ def test_mass_and_magnet_constant_of_the_plant_are_the_library_s(
 ) -> None:
     other = ONE_SIDED.replace(rotor__mass=0.07, magnet__magnet_constant=1.1e-4)
     record = ambkit.simulate(other, disturbed(other))
-    noise_u, _ = _noise(other, disturbed(other), len(record.t))
+    noise_u, _ = drawn(other, disturbed(other), len(record.t))
     found = simulated(
         made("plant", 3, ONE_SIDED),
         other.sampling_time,

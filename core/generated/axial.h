@@ -13,6 +13,10 @@
 #define AMB_TRIANGLE 10
 #define AMB_WORK 1 /* nothing is needed */
 
+#define AMB_FIRST_POSITION 0
+#define AMB_FIRST_VELOCITY 1
+#define AMB_FIRST_LOAD 2
+
 #define amb_states(model) ((void)(model), AMB_STATES)
 #define amb_forces(model) ((void)(model), AMB_FORCES)
 #define amb_controls(model) ((void)(model), AMB_CONTROLS)
@@ -133,6 +137,39 @@ AMB_INLINE amb_role amb_model_role(const amb_model *model, int i)
   static const amb_role role[AMB_STATES] = {AMB_POSITION, AMB_VELOCITY, AMB_LOAD, AMB_SHOWN};
   return role[i];
 }
+
+/* Whether they are such. */
+AMB_INLINE bool amb_model_sound(const amb_model *model, const amb_real cov[AMB_TRIANGLE])
+{
+  (void)model;
+  return (cov[0] >= AMB_C(0.0)) && (cov[4] >= AMB_C(0.0)) && (cov[7] >= AMB_C(0.0)) &&
+         (cov[9] >= AMB_C(0.0));
+}
+
+/* Whether all positions are known better than this. */
+AMB_INLINE bool amb_model_known(const amb_model *model, const amb_real cov[AMB_TRIANGLE],
+                                const amb_real widest[AMB_STATES])
+{
+  (void)model;
+  return (cov[0] <= widest[0]);
+}
+
+/* A covariance of these variances, and nothing else. */
+AMB_INLINE void amb_model_uncorrelated(const amb_model *model, const amb_real variances[AMB_STATES],
+                                       amb_real cov[AMB_TRIANGLE])
+{
+  (void)model;
+  cov[0] = amb_magnitude(variances[0]);
+  cov[1] = AMB_C(0.0);
+  cov[2] = AMB_C(0.0);
+  cov[3] = AMB_C(0.0);
+  cov[4] = amb_magnitude(variances[1]);
+  cov[5] = AMB_C(0.0);
+  cov[6] = AMB_C(0.0);
+  cov[7] = amb_magnitude(variances[2]);
+  cov[8] = AMB_C(0.0);
+  cov[9] = amb_magnitude(variances[3]);
+}
 #endif
 
 /* Displacement at which the magnet pulls, the mean over the sample [m]. */
@@ -169,6 +206,17 @@ AMB_INLINE amb_real amb_model_shown_variance(const amb_model *model, int r,
   (void)model;
   (void)r;
   return cov[9];
+}
+
+/* The variances of all states. */
+AMB_INLINE void amb_model_variances(const amb_model *model, const amb_real cov[AMB_TRIANGLE],
+                                    amb_real variances[AMB_STATES])
+{
+  (void)model;
+  variances[0] = cov[0];
+  variances[1] = cov[4];
+  variances[2] = cov[7];
+  variances[3] = cov[9];
 }
 
 /* And its covariance with the states. */

@@ -126,8 +126,8 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
 }
 
 /* Take in the measurement y [m] of sensor r. */
-static amb_status update_one(const amb_kalman *kf, const amb_augmented *own,
-                             amb_augmented_state *s, int r, amb_real y, amb_step_surprise *told)
+static amb_status update_one(const amb_kalman *kf, const amb_augmented *own, amb_augmented_state *s,
+                             int r, amb_real y, amb_step_surprise *told)
 {
   const int n = amb_states(&kf->model);
   amb_real with_y[AMB_STATES];

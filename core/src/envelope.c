@@ -209,6 +209,7 @@ static void restart_towards(const amb_kalman *kf, amb_kalman_state *state, int r
   const amb_real least = AMB_ROOT_EPSILON * amb_model_shown_variance(&kf->model, r, state->cov);
   const amb_real var_y = (least > kf->set.var_y[r]) ? least : kf->set.var_y[r];
   amb_model_update(&kf->model, r, y, var_y, state->mean, state->cov, &e, &S);
+  (void)amb_envelope_clamp(kf, state->mean); /* no variance here could lead it back from beyond */
   state->sensor[r].residual = AMB_C(0.0);
 }
 

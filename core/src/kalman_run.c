@@ -31,8 +31,8 @@ void amb_kalman_note(const amb_kalman *kf, const amb_kalman_state *state,
   note(&kf->model, state, result, k, history);
 }
 
-static void given_at(const amb_kalman *kf, const amb_kalman_input *in, size_t k,
-                     amb_stiffness stiffness[AMB_FORCES])
+AMB_INLINE void given_at(const amb_kalman *kf, const amb_kalman_input *in, size_t k,
+                         amb_stiffness stiffness[AMB_FORCES])
 {
   const size_t p = (size_t)amb_forces(&kf->model);
   for (size_t f = 0; f < p; f++) {
@@ -93,9 +93,10 @@ amb_status amb_kalman_run(const amb_kalman *kf, const amb_magnet magnet[AMB_FORC
   } else {
     amb_step_ask_all(&own, magnet, none, state->mean, result.stiffness);
   }
-  result.status = amb_kalman_update(&own, state, in.y, &result);
-  amb_kalman_note(&own, state, &result, 0, &h);
-  amb_status all = result.status;
+  amb_kalman_result first = result;
+  first.status = amb_kalman_update(&own, state, in.y, &first);
+  amb_kalman_note(&own, state, &first, 0, &h);
+  amb_status all = first.status;
   amb_kalman_state s = *state;
   for (size_t i = 1; i < in.n; i++) {
     amb_real iu[AMB_CONTROLS];

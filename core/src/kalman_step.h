@@ -34,7 +34,8 @@ AMB_INLINE amb_status amb_step_currents(const amb_kalman *kf, amb_kalman_state *
                                         const amb_real u[AMB_CONTROLS], amb_real iu[AMB_CONTROLS])
 {
   amb_status status = AMB_OK;
-  for (int c = 0; c < amb_controls(&kf->model); c++) {
+  AMB_EACH_CONTROL(c, &kf->model)
+  {
     iu[c] = amb_step_current(kf, state, c, u[c], &status);
   }
   return status;
@@ -54,7 +55,8 @@ AMB_INLINE void amb_step_ask_all(const amb_kalman *kf, const amb_magnet magnet[A
                                  const amb_real iu[AMB_CONTROLS], const amb_real mean[AMB_STATES],
                                  amb_stiffness k[AMB_FORCES])
 {
-  for (int f = 0; f < amb_forces(&kf->model); f++) {
+  AMB_EACH_FORCE(f, &kf->model)
+  {
     const amb_real s = amb_model_displacement(&kf->model, f, mean);
     k[f] = amb_step_ask(kf, magnet, f, amb_model_current(&kf->model, f, mean, iu), s);
   }
@@ -76,7 +78,8 @@ AMB_INLINE void amb_step_forces(const amb_kalman *kf, const amb_magnet magnet[AM
                                 const amb_real iu[AMB_CONTROLS], const amb_real mean[AMB_STATES],
                                 amb_real F[AMB_FORCES], amb_stiffness k[AMB_FORCES])
 {
-  for (int f = 0; f < amb_forces(&kf->model); f++) {
+  AMB_EACH_FORCE(f, &kf->model)
+  {
     const amb_real i = amb_model_current(&kf->model, f, mean, iu);
     F[f] = amb_step_force(kf, magnet, f, i, amb_model_displacement(&kf->model, f, mean), &k[f]);
   }
@@ -91,7 +94,8 @@ AMB_INLINE amb_status amb_step_predict_with(const amb_kalman *kf, amb_kalman_sta
                                             const amb_real iu[AMB_CONTROLS])
 {
   const amb_kalman_settings *s = &kf->set;
-  for (int f = 0; f < amb_forces(&kf->model); f++) {
+  AMB_EACH_FORCE(f, &kf->model)
+  {
     if (!((F[f] * F[f]) <= AMB_REAL_MAX)) { /* not finite, or as good as that */
       return AMB_BAD_PARAMETER;
     }
@@ -118,7 +122,8 @@ AMB_INLINE amb_status amb_step_predict(const amb_kalman *kf, amb_kalman_state *s
                                        const amb_real iu[AMB_CONTROLS])
 {
   amb_real F[AMB_FORCES];
-  for (int f = 0; f < amb_forces(&kf->model); f++) {
+  AMB_EACH_FORCE(f, &kf->model)
+  {
     F[f] = amb_step_linear(kf, k[f], f, iu, state->mean);
   }
   return amb_step_predict_with(kf, state, F, k, iu);
@@ -130,7 +135,8 @@ AMB_INLINE void amb_step_advance(const amb_kalman *kf, const amb_magnet magnet[A
                                  amb_real mean[AMB_STATES])
 {
   amb_real F[AMB_FORCES];
-  for (int f = 0; f < amb_forces(&kf->model); f++) {
+  AMB_EACH_FORCE(f, &kf->model)
+  {
     const amb_real i = amb_model_current(&kf->model, f, mean, iu);
     const amb_real s = amb_model_displacement(&kf->model, f, mean);
     const amb_stiffness k = amb_step_ask(kf, magnet, f, i, s);
@@ -142,14 +148,7 @@ AMB_INLINE void amb_step_advance(const amb_kalman *kf, const amb_magnet magnet[A
 /* Whether a position is known no better than the travel, or not at all. */
 AMB_INLINE bool amb_step_is_lost(const amb_kalman *kf, const amb_kalman_state *state)
 {
-  const int n = amb_states(&kf->model);
-  bool known = true;
-  for (int i = 0; i < n; i++) {
-    if (amb_model_role(&kf->model, i) == AMB_POSITION) {
-      known = known && (state->cov[amb_entry(n, i, i)] <= kf->widest[i]);
-    }
-  }
-  return !known;
+  return !amb_model_known(&kf->model, state->cov, kf->widest);
 }
 
 /* After each prediction. The call has a copy, so that the state itself stays in registers. */
@@ -228,40 +227,6 @@ AMB_INLINE amb_status amb_step_surprised(amb_sensor_state *sensor, amb_real e, a
   return (share > AMB_SURPRISING) ? AMB_SURPRISED : AMB_OK;
 }
 
-/* The variances of all states. */
-AMB_INLINE void amb_step_variances(const amb_model *model, const amb_real P[AMB_TRIANGLE],
-                                   amb_real variances[AMB_STATES])
-{
-  const int n = amb_states(model);
-  for (int i = 0; i < n; i++) {
-    variances[i] = P[amb_entry(n, i, i)];
-  }
-}
-
-/* Whether all variances are such; false for what is not a number. */
-AMB_INLINE bool amb_step_sound(const amb_model *model, const amb_real P[AMB_TRIANGLE])
-{
-  const int n = amb_states(model);
-  bool sound = true;
-  for (int i = 0; i < n; i++) {
-    sound = sound && (P[amb_entry(n, i, i)] >= AMB_C(0.0));
-  }
-  return sound;
-}
-
-/* What rounding makes of a nearly singular covariance may have no root. Its variances have: the
- * filter goes on from these, and learns the correlations anew. */
-AMB_INLINE void amb_step_drop_correlations(const amb_model *model, amb_real P[AMB_TRIANGLE],
-                                           const amb_real variances[AMB_STATES])
-{
-  const int n = amb_states(model);
-  for (int i = 0; i < n; i++) {
-    for (int j = i; j < n; j++) {
-      P[amb_entry(n, i, j)] = (i == j) ? amb_magnitude(variances[i]) : AMB_C(0.0);
-    }
-  }
-}
-
 /* What an update leaves behind besides the state. */
 typedef struct amb_step_surprise {
   amb_real innovation; /* [m]; 0 where the measurement was not used, but told of an outlier */
@@ -276,7 +241,7 @@ AMB_INLINE amb_status amb_step_update(const amb_kalman *kf, amb_kalman_state *st
   amb_sensor_state *sensor = &state->sensor[r];
   amb_real before[AMB_STATES];
   const amb_real shown = amb_model_shown_variance(model, r, state->cov);
-  amb_step_variances(model, state->cov, before);
+  amb_model_variances(model, state->cov, before);
   e->innovation = AMB_C(0.0);
   e->variance = shown + kf->set.var_y[r];
   const amb_status useless = amb_step_useless(kf, state, r, y);
@@ -305,11 +270,13 @@ AMB_INLINE amb_status amb_step_update(const amb_kalman *kf, amb_kalman_state *st
     }
     amb_model_update(model, r, y, var_y, state->mean, state->cov, &e->innovation, &e->variance);
     sensor->residual = y - amb_model_shown(model, r, state->mean);
-    if (amb_step_sound(model, state->cov)) {
+    if (amb_model_sound(model, state->cov)) {
       return surprised;
     }
   }
-  amb_step_drop_correlations(model, state->cov, before);
+  /* What rounding makes of a nearly singular covariance may have no root. Its variances have: the
+   * filter goes on from these, and learns the correlations anew. */
+  amb_model_uncorrelated(model, before, state->cov);
   return AMB_BAD_VARIANCE;
 }
 
@@ -318,7 +285,8 @@ AMB_INLINE amb_status amb_step_update_all(const amb_kalman *kf, amb_kalman_state
                                           const amb_real y[AMB_SENSORS], amb_kalman_result *result)
 {
   amb_status all = AMB_OK;
-  for (int r = 0; r < amb_sensors(&kf->model); r++) {
+  AMB_EACH_SENSOR(r, &kf->model)
+  {
     amb_step_surprise e;
     const amb_status status = amb_step_update(kf, state, r, y[r], &e);
     result->innovation[r] = e.innovation;
@@ -337,7 +305,8 @@ AMB_INLINE amb_status amb_step_with(const amb_kalman *kf, const amb_stiffness k[
                                     const amb_real y[AMB_SENSORS], amb_status status,
                                     amb_kalman_result *result)
 {
-  for (int f = 0; f < amb_forces(&kf->model); f++) {
+  AMB_EACH_FORCE(f, &kf->model)
+  {
     result->stiffness[f] = k[f];
   }
 #if defined(AMB_MODEL_LOOPS) /* no registers for so many */
@@ -373,13 +342,15 @@ AMB_INLINE void amb_step_trusted(const amb_kalman *kf, const amb_stiffness k[AMB
   amb_real F[AMB_FORCES];
   amb_real innovation;
   amb_real variance;
-  for (int f = 0; f < amb_forces(&kf->model); f++) {
+  AMB_EACH_FORCE(f, &kf->model)
+  {
     F[f] = amb_step_linear(kf, k[f], f, iu, state->mean);
   }
   amb_model_predict_mean(&kf->model, F, iu, state->mean);
   amb_model_predict_covariance(&kf->model, k, set->k_ui, set->var_u, kf->growth, state->cov,
                                state->work);
-  for (int r = 0; r < amb_sensors(&kf->model); r++) {
+  AMB_EACH_SENSOR(r, &kf->model)
+  {
     amb_model_update(&kf->model, r, y[r], set->var_y[r], state->mean, state->cov, &innovation,
                      &variance);
   }

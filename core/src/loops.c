@@ -64,8 +64,8 @@ void amb_model_predict_mean(const amb_model *model, const amb_real F[], const am
 
 /* What the control's noise does to forces and states in a sample. */
 typedef struct control_noise {
-  amb_real gain[AMB_FORCES][AMB_CONTROLS];    /* g = k_i d k_ui [N/V] */
-  amb_real variance[AMB_FORCES][AMB_FORCES];  /* q = g var g' [N^2] */
+  amb_real gain[AMB_FORCES][AMB_CONTROLS];   /* g = k_i d k_ui [N/V] */
+  amb_real variance[AMB_FORCES][AMB_FORCES]; /* q = g var g' [N^2] */
 } control_noise;
 
 static void noise_of_controls(const amb_model *model, const amb_stiffness k[],
@@ -100,9 +100,9 @@ void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[
   const int n = model->states;
   const int p = model->forces;
   const amb_sparse *h = &model->h;
-  amb_real *P = work;         /* n x n, unfolded */
-  amb_real *w = &P[n * n];    /* p x n */
-  amb_real *M = &w[p * n];    /* a row */
+  amb_real *P = work;      /* n x n, unfolded */
+  amb_real *w = &P[n * n]; /* p x n */
+  amb_real *M = &w[p * n]; /* a row */
   control_noise noise;
   noise_of_controls(model, k, k_ui, var_u, &noise);
   int entry = 0;
@@ -116,6 +116,9 @@ void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[
   amb_real row[AMB_FORCES * AMB_STATES]; /* of each entry of h */
   for (int f = 0; f < p; f++) {
     const int last = h->start[f + 1] - 1;
+    if (last < (int)h->start[f]) { /* a force that nothing moves */
+      set_scaled(n, AMB_C(0.0), P, &w[f * n]);
+    }
     for (int a = last; a >= (int)h->start[f]; a--) {
       const amb_real *x = &P[h->column[a] * n];
       row[a] = k[f].k_s * h->value[a] + k[f].k_i * model->e[a] + model->r[a];
@@ -219,6 +222,43 @@ amb_real amb_model_shown_variance(const amb_model *model, int r, const amb_real 
     sum += model->c.value[b] * with;
   }
   return sum;
+}
+
+void amb_model_variances(const amb_model *model, const amb_real cov[], amb_real variances[])
+{
+  for (int i = 0; i < model->states; i++) {
+    variances[i] = cov[amb_entry(model->states, i, i)];
+  }
+}
+
+bool amb_model_sound(const amb_model *model, const amb_real cov[])
+{
+  bool sound = true;
+  for (int i = 0; i < model->states; i++) {
+    sound = sound && (cov[amb_entry(model->states, i, i)] >= AMB_C(0.0));
+  }
+  return sound;
+}
+
+bool amb_model_known(const amb_model *model, const amb_real cov[], const amb_real widest[])
+{
+  bool known = true;
+  for (int i = 0; i < model->states; i++) {
+    if (amb_model_role(model, i) == AMB_POSITION) {
+      known = known && (cov[amb_entry(model->states, i, i)] <= widest[i]);
+    }
+  }
+  return known;
+}
+
+void amb_model_uncorrelated(const amb_model *model, const amb_real variances[], amb_real cov[])
+{
+  for (int i = 0; i < model->states; i++) {
+    for (int j = i; j < model->states; j++) {
+      const amb_real variance = amb_magnitude(variances[i]);
+      cov[amb_entry(model->states, i, j)] = (i == j) ? variance : AMB_C(0.0);
+    }
+  }
 }
 
 void amb_model_update(const amb_model *model, int r, amb_real y, amb_real var_y, amb_real mean[],

@@ -1,8 +1,8 @@
 #include "ambkit/low_pass.h"
 #include "kalman_step.h"
 
-static amb_status reset(const amb_estimator *self, void *state,
-                        const amb_real mean[AMB_STATES], const amb_real std[AMB_STATES])
+static amb_status reset(const amb_estimator *self, void *state, const amb_real mean[AMB_STATES],
+                        const amb_real std[AMB_STATES])
 {
   amb_low_pass_state *s = (amb_low_pass_state *)state;
   const amb_status status = amb_kalman_reset(self->kf, &s->base, mean, std);

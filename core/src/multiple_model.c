@@ -216,14 +216,14 @@ static amb_status weigh(const amb_kalman *kf, const amb_multiple_model *own,
     amb_one_model *m = &s->model[j];
     amb_real before[AMB_STATES];
     amb_real e;
-    amb_step_variances(model, m->cov, before);
+    amb_model_variances(model, m->cov, before);
     amb_model_update(model, r, y, var_y, m->mean, m->cov, &e, &S[j]);
     square[j] = (e / S[j]) * e;
     if (square[j] < square[best]) {
       best = j;
     }
-    if (!amb_step_sound(model, m->cov)) {
-      amb_step_drop_correlations(model, m->cov, before);
+    if (!amb_model_sound(model, m->cov)) {
+      amb_model_uncorrelated(model, before, m->cov);
       status = AMB_BAD_VARIANCE;
     }
   }

@@ -6,8 +6,8 @@ static const amb_observer *own(const amb_estimator *self)
   return (const amb_observer *)self->own;
 }
 
-static amb_status reset(const amb_estimator *self, void *state,
-                        const amb_real mean[AMB_STATES], const amb_real std[AMB_STATES])
+static amb_status reset(const amb_estimator *self, void *state, const amb_real mean[AMB_STATES],
+                        const amb_real std[AMB_STATES])
 {
   amb_kalman_state *s = (amb_kalman_state *)state;
   const amb_status status = amb_kalman_reset(self->kf, s, mean, std);

@@ -110,8 +110,7 @@ static void carry(const amb_model *model, const amb_stiffness k[AMB_FORCES],
 }
 
 /* Eq. 10 on the factor. */
-static void predict_factor(const amb_kalman *kf, const amb_stiffness k[AMB_FORCES],
-                           amb_ud_state *s)
+static void predict_factor(const amb_kalman *kf, const amb_stiffness k[AMB_FORCES], amb_ud_state *s)
 {
   const amb_model *model = &kf->model;
   const int n = amb_states(model);

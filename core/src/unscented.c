@@ -2,8 +2,8 @@
 #include "ambkit/root.h"
 #include "kalman_step.h"
 
-static amb_status reset(const amb_estimator *self, void *state,
-                        const amb_real mean[AMB_STATES], const amb_real std[AMB_STATES])
+static amb_status reset(const amb_estimator *self, void *state, const amb_real mean[AMB_STATES],
+                        const amb_real std[AMB_STATES])
 {
   return amb_extended_methods.reset(self, state, mean, std);
 }

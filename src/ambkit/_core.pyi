@@ -33,10 +33,20 @@ class Law(Magnet):
 
     def __init__(self, k: float, s0: float, i0: float, two_sided: bool, ampere: float, metre: float) -> None: ...
 
+class Saturating(Magnet):
+    """Iron that saturates (ambkit/saturating.h)."""
+
+    def __init__(self, k: float, s0: float, i0: float, iron: float, knee: float, two_sided: bool, ampere: float, metre: float) -> None: ...
+
 class Table(Magnet):
     """Bilinear stiffness tables, rows of x."""
 
     def __init__(self, x_min: float, dx: float, iu_min: float, diu: float, k_i: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], k_s: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> None: ...
+
+class Surface(Magnet):
+    """Bicubic force (ambkit/surface.h), rows of x."""
+
+    def __init__(self, x_min: float, dx: float, iu_min: float, diu: float, f: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], f_i: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], f_x: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], f_ix: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], ampere: float, metre: float) -> None: ...
 
 class Fuzzy(Magnet):
     """Fuzzy basis function network (paper, eq. 32-33)."""
@@ -306,7 +316,7 @@ class LoopState:
 
     def __init__(self) -> None: ...
 
-def simulate(magnet: Magnet, *, T: float, m: float, f_0: float, K_sen: float, T_sen: float, travel: float, substeps: int, k_ui: float, iu_min: float, iu_max: float, kp: float, ki: float, kd: float, T_f: float, T_t: float, integral: float, feedback_estimate: bool, estimator: Estimator | None, r: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], f_d: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], noise_u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], noise_y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], scale: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, f_bias: float = 0, x_start: float = 0, state: LoopState | None = None, faults: dict[str, Any] | None = None, beside: bool = False) -> dict[str, Any]:
+def simulate(magnet: Magnet, *, T: float, m: float, f_0: float, K_sen: float, T_sen: float, travel: float, substeps: int, k_ui: float, iu_min: float, iu_max: float, kp: float, ki: float, kd: float, T_f: float, T_t: float, integral: float, feedback_estimate: bool, estimator: Estimator | None, r: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], f_d: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], noise_u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], noise_y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], scale: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, f_bias: float = 0, x_start: float = 0, state: LoopState | None = None, faults: dict[str, Any] | None = None, beside: bool = False, parts: dict[str, Any] | None = None, coil: Magnet | None = None) -> dict[str, Any]:
     """
     A closed-loop run in one call; see sim/loop.h for shapes and units. With a state, an empty one at first, the next call goes on where this one ends.
     """

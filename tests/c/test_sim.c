@@ -1,12 +1,10 @@
 /* The plant and the closed loop: no sample, one sample, with and without an estimator, bad input.
  */
-#include "check.h"
+#include "family.h"
 #include "loop.h"
 
 #define N 2000
 
-static const amb_law law = {AMB_C(6.7e-6), AMB_C(2e-3), AMB_C(1.5), true, 1, AMB_C(1e-3)};
-static const amb_magnet magnet = {&amb_law_magnet, &law};
 static const amb_plant plant = {
     .magnet = {&amb_law_magnet, &law},
     .m = AMB_C(0.518),
@@ -26,40 +24,34 @@ static const amb_pid pid = {
     .iu_min = AMB_C(-1.5),
     .iu_max = AMB_C(1.5),
 };
-static const amb_kalman_settings settings = {
-    .T = AMB_C(1e-4),
-    .m = AMB_C(0.518),
-    .K_sen = 1,
-    .T_sen = AMB_C(2e-4),
-    .k_ui = 1,
-    .f_0 = AMB_C(-5.08158),
-    .iu_min = AMB_C(-1.5),
-    .iu_max = AMB_C(1.5),
-    .x_max = AMB_C(1e-3),
-    .var_u = AMB_C(8e-5),
-    .var_d = AMB_C(1e-2),
-    .var_y = AMB_C(8.3e-11),
-    .gate = 8,
-    .outlier_limit = 3,
-};
-
 static amb_real r[N], f_d[N], noise_u[N], noise_y[N];
 static amb_real x[N], v[N], x_m[N], iu[N], force[N], y[N], u[N];
-static amb_real mean[4 * N], cov[10 * N], innovation[N], variance[N], k_i[N], k_s[N];
+static amb_real mean[AXIS_STATES * N], cov[AXIS_ENTRIES * N], innovation[N], variance[N], k_i[N],
+    k_s[N];
 static unsigned short status[N];
 
 static amb_loop_output output(void)
 {
   const amb_loop_output out = {
-      x, v, x_m, iu, force, y, u, {mean, cov, innovation, variance, k_i, k_s, NULL, NULL, status},
-      0};
+      x,     v,
+      x_m,   iu,
+      force, y,
+      u,     {mean, cov, innovation, variance, k_i, k_s, NULL, NULL, status, status},
+      0,     {NULL, NULL}};
   return out;
+}
+
+static amb_kalman never_frozen(void)
+{
+  amb_kalman kf = family_filter();
+  kf.set.frozen_limit = 0;
+  return kf;
 }
 
 static void test_plant(void)
 {
   CHECK_NEAR(amb_plant_force(&plant, 0, 0), plant.f_0);
-  amb_plant_state s = {0, 0, 0};
+  amb_plant_state s = {.x = 0};
   amb_plant once = plant;
   once.substeps = 1;
   CHECK(!amb_plant_advance(&once, &s, AMB_C(1e-4), AMB_C(0.5), 1));
@@ -96,7 +88,7 @@ static amb_loop loop_of(const amb_estimator *estimator, bool fed_by_estimate)
 static amb_status loop_run(size_t n, const amb_kalman *kf, bool fed_by_estimate,
                            amb_kalman_state *kalman, amb_loop_output *out)
 {
-  const amb_estimator estimator = {&amb_kalman_methods, kf, &magnet, NULL};
+  const amb_estimator estimator = {&amb_kalman_methods, kf, &closed, NULL};
   const amb_loop loop = loop_of(kf != NULL ? &estimator : NULL, fed_by_estimate);
   const amb_loop_input in = {n, r, f_d, noise_u, noise_y, NULL, 0, NULL};
   amb_loop_state state = {0};
@@ -106,12 +98,9 @@ static amb_status loop_run(size_t n, const amb_kalman *kf, bool fed_by_estimate,
 
 static void test_loop(bool fed_by_estimate)
 {
-  const amb_real zero[4] = {0, 0, 0, 0};
-  const amb_real some[4] = {AMB_C(3e-5), AMB_C(1e-2), 5, AMB_C(3e-5)};
-  amb_kalman kf;
   amb_kalman_state s;
-  CHECK(amb_kalman_init(&kf, &settings) == AMB_OK);
-  CHECK(amb_kalman_reset(&kf, &s, zero, some) == AMB_OK);
+  const amb_kalman kf = never_frozen();
+  CHECK(amb_kalman_reset(&kf, &s, at_rest, some) == AMB_OK);
   amb_loop_output out = output();
   x[0] = 9;
   CHECK(loop_run(0, &kf, fed_by_estimate, &s, &out) == AMB_OK && same(x[0], 9));
@@ -121,7 +110,7 @@ static void test_loop(bool fed_by_estimate)
     r[k] = AMB_C(1e-4);
     noise_y[k] = AMB_C(1e-7) * (amb_real)(k % 5 - 2);
   }
-  CHECK(amb_kalman_reset(&kf, &s, zero, some) == AMB_OK);
+  CHECK(amb_kalman_reset(&kf, &s, at_rest, some) == AMB_OK);
   CHECK(loop_run(N, &kf, fed_by_estimate, &s, &out) == AMB_OK);
   CHECK(out.touched == 0 && all_finite(x, N) && all_finite(mean, (size_t)4 * N));
   CHECK_WITHIN(x[N - 1], AMB_C(1e-4), AMB_C(0.4));
@@ -130,7 +119,7 @@ static void test_loop(bool fed_by_estimate)
   /* A measurement and a reference that are no numbers: the loop goes on, and holds the rotor. */
   noise_y[500] = NOT_A_NUMBER;
   r[600] = TOO_MUCH;
-  CHECK(amb_kalman_reset(&kf, &s, zero, some) == AMB_OK);
+  CHECK(amb_kalman_reset(&kf, &s, at_rest, some) == AMB_OK);
   CHECK(loop_run(N, &kf, fed_by_estimate, &s, &out) == AMB_MISSING);
   CHECK(status[500] == AMB_MISSING && out.touched == 0 && all_finite(u, N));
   CHECK_WITHIN(x[N - 1], AMB_C(1e-4), AMB_C(0.4));
@@ -148,18 +137,15 @@ static void test_loop_without_estimator(void)
 /* Sample by sample it is the same run, to the last bit. */
 static void test_steps(bool fed_by_estimate)
 {
-  const amb_real zero[4] = {0, 0, 0, 0};
-  const amb_real some[4] = {AMB_C(3e-5), AMB_C(1e-2), 5, AMB_C(3e-5)};
-  amb_kalman kf;
   amb_kalman_state s;
-  CHECK(amb_kalman_init(&kf, &settings) == AMB_OK);
-  CHECK(amb_kalman_reset(&kf, &s, zero, some) == AMB_OK);
+  const amb_kalman kf = never_frozen();
+  CHECK(amb_kalman_reset(&kf, &s, at_rest, some) == AMB_OK);
   amb_kalman_state own = s;
   amb_loop_state step = {.sampled = false};
   amb_pid_reset(&step.pid, 0);
   amb_loop_output out = output();
   CHECK(loop_run(N, &kf, fed_by_estimate, &s, &out) == AMB_OK);
-  const amb_estimator estimator = {&amb_kalman_methods, &kf, &magnet, NULL};
+  const amb_estimator estimator = {&amb_kalman_methods, &kf, &closed, NULL};
   const amb_loop loop = loop_of(&estimator, fed_by_estimate);
   int different = 0;
   for (int k = 0; k < N; k++) {

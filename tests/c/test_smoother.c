@@ -1,9 +1,7 @@
 /* The smoother: one sample, gaps, a covariance that was lost, and a filter that stood still. */
 #include "ambkit/estimator_run.h"
 #include "ambkit/smoother.h"
-#include "check.h"
 #include "paper.h"
-#include <string.h>
 
 #define LENGTH 400
 
@@ -11,15 +9,14 @@ static amb_real mean[4 * LENGTH], cov[10 * LENGTH], innovation[LENGTH], variance
 static amb_real k_i[LENGTH], k_s[LENGTH], filtered[4 * LENGTH], before[10 * LENGTH];
 static unsigned short status[LENGTH];
 static const amb_kalman_history history = {mean, cov,  innovation, variance, k_i,
-                                           k_s,  NULL, NULL,       status};
+                                           k_s,  NULL, NULL,       status,   status};
 
 /* Filter n samples, of which those from `gone` to `back` are missing. */
 static amb_kalman run(size_t n, size_t gone, size_t back)
 {
-  amb_kalman kf;
   amb_kalman_state s;
   amb_real y[LENGTH], u[LENGTH];
-  CHECK(amb_kalman_init(&kf, &paper) == AMB_OK);
+  const amb_kalman kf = paper_filter();
   CHECK(amb_kalman_reset(&kf, &s, at_rest, some) == AMB_OK);
   for (size_t k = 0; k < n; k++) {
     y[k] =
@@ -27,7 +24,8 @@ static amb_kalman run(size_t n, size_t gone, size_t back)
     u[k] = AMB_C(0.404507);
   }
   const amb_kalman_input in = {n, y, u, NULL, NULL};
-  (void)amb_kalman_run(&kf, &linear, &s, &in, &history);
+  const amb_magnet magnets[AMB_FORCES] = {linear};
+  (void)amb_kalman_run(&kf, magnets, &s, &in, &history);
   memcpy(filtered, mean, sizeof mean);
   memcpy(before, cov, sizeof cov);
   return kf;

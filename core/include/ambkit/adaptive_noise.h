@@ -1,9 +1,9 @@
 /* Noise found online, around any filter of the family that has a covariance: `own` is an
  * amb_adaptive_noise, which holds the filter.
  *
- * Measurement noise R, of each sensor. An innovation e of variance S should have e^2 = S on the average; where it
- * has not, R <- R + d (e^2 - S), which is R <- (1 - d) R + d (e^2 - H P H') (Sage and Husa 1969;
- * over a window: Mehra 1972, Mohamed and Schwarz 1999).
+ * Measurement noise R, of each sensor. An innovation e of variance S should have e^2 = S on the
+ * average; where it has not, R <- R + d (e^2 - S), which is R <- (1 - d) R + d (e^2 - H P H') (Sage
+ * and Husa 1969; over a window: Mehra 1972, Mohamed and Schwarz 1999).
  *
  * Growth Q of the disturbance force. Each measurement corrects f_d by K e, which should have the
  * variance P - P+, its own part of K S K'. Over a window of N samples the corrections add to a sum

@@ -29,9 +29,9 @@ typedef struct amb_augmented {
 } amb_augmented;
 
 typedef struct amb_augmented_state {
-  amb_kalman_state base;            /* its covariance is that of the plant's states */
+  amb_kalman_state base;      /* its covariance is that of the plant's states */
   amb_real cov[AMB_TRIANGLE]; /* P, with theta known */
-  amb_excitation excitation;        /* its slope is s */
+  amb_excitation excitation;  /* its slope is s */
   amb_real theta;
   amb_real var;     /* p */
   amb_real trusted; /* theta before control signals were beyond their limit */

@@ -47,7 +47,7 @@ struct amb_estimator {
   const amb_estimator_methods *methods;
   const amb_kalman *kf;
   const amb_magnet *magnet; /* [AMB_FORCES] */
-  const void *own; /* what only this kind has, or NULL */
+  const void *own;          /* what only this kind has, or NULL */
 };
 
 /* The paper's filter (Fig. 8): linear or adaptive, by its magnet; ambkit/kalman.h. */

@@ -40,9 +40,9 @@ typedef struct amb_kalman_settings {
   amb_real k_ui[AMB_CONTROLS];   /* amplifier gain [A/V], not 0 */
   amb_real iu_min[AMB_CONTROLS]; /* limits of the control current [A] */
   amb_real iu_max[AMB_CONTROLS];
-  amb_real f_0[AMB_FORCES];   /* known constant force: weight and bias force of the magnet [N] */
-  amb_real x_max[AMB_FORCES]; /* what the stops leave at the magnet [m], > 0 */
-  amb_real cap[AMB_STATES];   /* the most that each state can be (ambkit/envelope.h), > 0 */
+  amb_real f_0[AMB_FORCES];     /* known constant force: weight and bias force of the magnet [N] */
+  amb_real x_max[AMB_FORCES];   /* what the stops leave at the magnet [m], > 0 */
+  amb_real cap[AMB_STATES];     /* the most that each state can be (ambkit/envelope.h), > 0 */
   amb_real var_u[AMB_CONTROLS]; /* variance of the control signal [V^2], >= 0 */
   amb_real var_d[AMB_NOISES];   /* what each noise of the model grows by in a sample, such as a
                                    disturbance force's variance [N^2], >= 0 */

@@ -89,6 +89,10 @@ void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[
 amb_real amb_model_shown(const amb_model *model, int r, const amb_real mean[]);
 amb_real amb_model_shown_variance(const amb_model *model, int r, const amb_real cov[]);
 void amb_model_shown_with(const amb_model *model, int r, const amb_real cov[], amb_real with_y[]);
+void amb_model_variances(const amb_model *model, const amb_real cov[], amb_real variances[]);
+bool amb_model_sound(const amb_model *model, const amb_real cov[]);
+bool amb_model_known(const amb_model *model, const amb_real cov[], const amb_real widest[]);
+void amb_model_uncorrelated(const amb_model *model, const amb_real variances[], amb_real cov[]);
 void amb_model_update(const amb_model *model, int r, amb_real y, amb_real var_y, amb_real mean[],
                       amb_real cov[], amb_real *innovation, amb_real *variance);
 void amb_model_pushed(const amb_model *model, int f, amb_real moved[]);

@@ -16,7 +16,8 @@
  *
  *   row_f = k_s h_f + k_i e_f + r_f        w_f = row_f P         entries from last to first
  *   M_i   = L_i P + b_i w                  z_i = b_i q + row M_i     and again last to first
- *   P+_ij = L_j M_i + growth + b_j z_i     i <= j; q: variance of the force from that of the control
+ *   P+_ij = L_j M_i + growth + b_j z_i     i <= j; q: variance of the force from that of the
+ * control
  *
  * AMB_STATES, AMB_FORCES, AMB_CONTROLS, AMB_SENSORS, AMB_NOISES: how many there are, or can be;
  * AMB_TRIANGLE: entries of a covariance's upper triangle, row by row. How many of them a model has
@@ -40,6 +41,24 @@ typedef enum amb_role {
 #include "ambkit/loops.h"
 #else
 #include "generated/model.h"
+#endif
+
+/* One after the other. Where there is only one, there is no loop: compilers would keep what it
+ * touches in memory, and a filter is to live in registers. */
+#if !defined(AMB_MODEL_LOOPS) && (AMB_FORCES == 1)
+#define AMB_EACH_FORCE(f, model) const int f = 0;
+#else
+#define AMB_EACH_FORCE(f, model) for (int f = 0; f < amb_forces(model); f++)
+#endif
+#if !defined(AMB_MODEL_LOOPS) && (AMB_CONTROLS == 1)
+#define AMB_EACH_CONTROL(c, model) const int c = 0;
+#else
+#define AMB_EACH_CONTROL(c, model) for (int c = 0; c < amb_controls(model); c++)
+#endif
+#if !defined(AMB_MODEL_LOOPS) && (AMB_SENSORS == 1)
+#define AMB_EACH_SENSOR(r, model) const int r = 0;
+#else
+#define AMB_EACH_SENSOR(r, model) for (int r = 0; r < amb_sensors(model); r++)
 #endif
 
 /* Entry (i, j), i <= j, of the upper triangle of n rows. */
@@ -77,6 +96,13 @@ AMB_INLINE int amb_first(const amb_model *model, amb_role role)
  *   amb_real amb_model_shown_variance(const amb_model *model, int r, const amb_real cov[]);
  *   void amb_model_shown_with(const amb_model *model, int r, const amb_real cov[],
  *                             amb_real with_y[]);
+ * The variances of all states; whether they are such, and not negative or not a number; whether all
+ * positions are known better than `widest`; and a covariance of variances alone, made positive:
+ *   void amb_model_variances(const amb_model *model, const amb_real cov[], amb_real variances[]);
+ *   bool amb_model_sound(const amb_model *model, const amb_real cov[]);
+ *   bool amb_model_known(const amb_model *model, const amb_real cov[], const amb_real widest[]);
+ *   void amb_model_uncorrelated(const amb_model *model, const amb_real variances[],
+ *                               amb_real cov[]);
  * Take in a measurement of sensor r (eq. 11-13); the variance must be positive:
  *   void amb_model_update(const amb_model *model, int r, amb_real y, amb_real var_y,
  *                         amb_real mean[], amb_real cov[], amb_real *innovation,

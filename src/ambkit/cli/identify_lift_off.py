@@ -80,7 +80,7 @@ def by_lift_off(
     if working_point is not None:
         gap, bias = fit.working_point(working_point)
         found = known.replace(
-            magnet__magnet_constant=fit.magnet_constant,
+            **known.magnet.with_constant(fit.magnet_constant),
             magnet__air_gap=gap,
             magnet__bias_current=bias,
         )

@@ -19,7 +19,8 @@ from ambkit.data.record import Record
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.machine.magnets import ClosedLaw, StiffnessSource, core_module, evaluate_force
+from ambkit.machine.magnets import Law, StiffnessSource, core_module, evaluate_force, magnet_of
+from ambkit.simulation import noise, parts
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
@@ -29,6 +30,11 @@ UNITS = {
     "r": "m", "y": "m", "u": "V",
     "x": "m", "v": "m/s", "f_d": "N", "x_m": "m", "iu": "A", "f_mag": "N",
 }  # fmt: skip
+
+
+COIL_UNITS = {"u_coil": "V", "u_coil_2": "V"}
+"""Voltage of the coil, of a pair that of the coil towards +x and of the other one, just after the
+sample; where the amplifier has a voltage limit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +94,7 @@ class Imposed:
     disturbance : ndarray (n,), optional
         Force on the rotor, added to the scenario's [N].
     sensor_noise : ndarray (n,), optional
-        Noise on the measured position, in place of the white one [m].
+        Noise on the measured position, in place of all that the bearing's sensor has [m].
     magnet_scale : ndarray (n,), optional
         Factor on the force of the plant's magnet, such as that of a drifting magnet constant [1].
         Where the rotor hovers at the start, it is held as if the factor were 1.
@@ -178,9 +184,11 @@ def simulate_run(
     A loop with an estimator in single precision is computed in single precision, plant and all.
     The plant is continuous (Runge-Kutta of order 4 with ``scenario.substeps`` steps in a sample,
     or as many more as a fast sensor needs):
-    nonlinear force law, weight, disturbance, sensor lag, mechanical stops. Control current and
-    disturbance are held over a sample. Noise on the control signal and on the measurement is
-    white and normal, from two independent PCG64 streams that ``scenario.seed`` seeds.
+    nonlinear force law, weight, disturbance, sensor lag, mechanical stops, and what else the
+    bearing has: an amplifier's bandwidth and voltage, a dead time, runout, a stop that bounces.
+    Demanded control current and disturbance are held over a sample. Noise on the control signal and
+    on the measurement is normal, white unless the sensor has coloured noise or hum, from
+    independent PCG64 streams that ``scenario.seed`` seeds.
 
     Parameters
     ----------
@@ -249,7 +257,7 @@ class Loop:
         T, n = bearing.sampling_time, samples(bearing, scenario)
         t: NDArray[np.float64] = T * np.arange(n, dtype=float)
         reference, disturbance = scenario.reference.sample(t), scenario.disturbance.sample(t)
-        noise_u, noise_y = _noise(bearing, scenario, n)
+        noise_u, noise_y = noise.drawn(bearing, scenario, n)
         scale = faults = place = None
         if imposed is not None:
             for name, values in _series(imposed):
@@ -267,8 +275,9 @@ class Loop:
         self._series = {"r": reference, "f_d": disturbance, "noise_u": noise_u, "noise_y": noise_y}
         self._state, self._at = None, 0
         self._faults, self._place = faults, place
-        self._law = ClosedLaw(bearing)
+        self._law = magnet if isinstance(magnet, Law) else magnet_of(bearing)
         self._plant = magnet if magnet is not None else self._law
+        self._coil = parts.coil_fields(bearing) if magnet is None else None
         hover = scenario.start == "hover"
         self._start = float(reference[0]) if hover else 0.0
         balance = bearing.weight + self._law.bias_force + float(disturbance[0])
@@ -315,7 +324,6 @@ class Loop:
         if self._at == 0 and estimator is not None:
             x = self._start
             estimator.reset(estimator.at_rest(x))
-        lag = max(bearing.sensor.lag, 1e-3 * T)
         core = core_module(precision) if estimator is None else estimator.engine.core
         self._state = self._state or core.LoopState()
 
@@ -329,11 +337,9 @@ class Loop:
             m=bearing.rotor.mass,
             f_0=bearing.weight + self._law.bias_force,
             K_sen=bearing.sensor.gain,
-            T_sen=lag,
+            T_sen=parts.sensor_lag(bearing),
             travel=bearing.rotor.travel_limit,
-            # Runge-Kutta needs two steps in the sensor's lag; from 2.8 lags a step on it is
-            # unstable.
-            substeps=max(self.scenario.substeps, math.ceil(2 * T / lag)),
+            substeps=parts.substeps(bearing, self.scenario.substeps),
             k_ui=bearing.amplifier.gain,
             iu_min=bearing.current_min,
             iu_max=bearing.current_max,
@@ -354,6 +360,8 @@ class Loop:
             if faults is None
             else {k: given(each) for k, each in faults.series.items()},
             beside=faults is not None and faults.beside,
+            parts=parts.parts_of(bearing, precision),
+            coil=None if self._coil is None else core.Law(**self._coil),
         )
         self._at = end
         told = ("x", "v", "x_m", "iu", "y", "u")
@@ -362,6 +370,7 @@ class Loop:
             signals |= {k: np.where(np.isinf(signals[k]), np.nan, signals[k]) for k in "yu"}
         signals |= {name: self._series[name][here] for name in ("r", "f_d")}
         signals["f_mag"] = out["force"] - bearing.weight
+        signals |= {k: out[k].astype(float, copy=False) for k in COIL_UNITS if k in out}
         meta = {
             "bearing": bearing.to_toml(),
             "scenario": self.scenario.model_dump(mode="json"),
@@ -370,7 +379,8 @@ class Loop:
             "stop_touched": int(out["touched"]),
         }
         t = self._t[here]
-        record = Record(t, {name: signals[name] for name in UNITS}, UNITS, meta=meta)
+        units = {name: unit for name, unit in (UNITS | COIL_UNITS).items() if name in signals}
+        record = Record(t, {name: signals[name] for name in units}, units, meta=meta)
         if estimator is None:
             return Run(record, None)
         return Run(record, Estimate.from_core(t, out["estimate"], estimator.name, estimator.states))
@@ -397,16 +407,3 @@ def hover_current(bearing: Bearing, plant: StiffnessSource, x: float, balance: f
         # No current can hold it there: start from the end that comes closest.
         return low if abs(force(low)) < abs(force(high)) else high
     return float(brentq(force, low, high, xtol=1e-15 * (high - low)))
-
-
-def _noise(
-    bearing: Bearing, scenario: Scenario, n: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Noise on the control signal [V] and on the measurement [m], n samples each."""
-    if not scenario.noise:
-        return np.zeros(n), np.zeros(n)
-    on_u, on_y = (np.random.default_rng(s) for s in np.random.SeedSequence(scenario.seed).spawn(2))
-    return (
-        on_u.normal(0.0, np.sqrt(bearing.amplifier.noise_variance), n),
-        on_y.normal(0.0, np.sqrt(bearing.sensor.noise_variance), n),
-    )

@@ -147,6 +147,7 @@ def _kind_of_toml(path: Path) -> str:
 
 def _describe_document(kind: str, path: Path) -> _Described:
     from ambkit.base.units import engineering
+    from ambkit.simulation.parts import in_words
 
     found = _documents()[kind].load(path)
     if kind == "channel map":
@@ -157,7 +158,7 @@ def _describe_document(kind: str, path: Path) -> _Described:
             f"disturbance {found.disturbance.type}"
         )
     mass = engineering(found.rotor.mass, "kg")
-    return _Described(f"{found.name}, {found.magnet.type}, {mass}")
+    return _Described("; ".join([f"{found.name}, {found.magnet.type}, {mass}", *in_words(found)]))
 
 
 def _describe_expert(path: Path) -> _Described:

@@ -55,6 +55,8 @@ class Part(BaseModel):
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
         """Yield (key, what is wrong) for values that are fine alone and not together.
 
+        In a key ``runout.0.order`` the number is the place in a list.
+
         Parameters
         ----------
         read : callable
@@ -91,7 +93,7 @@ class Part(BaseModel):
             meant = {p.meant for p in problems}
             problems = [p for p in problems if not (p.missing and p.path in meant)]
             read = read_unchecked(cls, data, info.context)
-        problems += [Problem(tuple(k.split(".")), text) for k, text in cls._contradictions(read)]
+        problems += [Problem(_path(k), text) for k, text in cls._contradictions(read)]
         if problems:
             raise ValidationError.from_exception_data(cls.__name__, [p.pack() for p in problems])
         return model
@@ -194,6 +196,11 @@ class Document(Part):
         """Return the JSON schema of the TOML file, for editors that complete and check."""
         schema = cls.model_json_schema()
         return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def _path(key: str) -> tuple[str | int, ...]:
+    """Take a dotted key apart; a number is the place in a list."""
+    return tuple(int(step) if step.isdecimal() else step for step in key.split("."))
 
 
 def reader(model: BaseModel) -> Read:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable
 from importlib.metadata import distribution, version
@@ -18,7 +17,8 @@ from ambkit.export.c import data
 from ambkit.export.c.data import MAGNETS
 from ambkit.export.fmu.variables import Kind
 from ambkit.export.fmu.xml import Fmi, Model
-from ambkit.machine.magnets import ClosedLaw, core_module
+from ambkit.machine.magnets import StiffnessSource, core_module, magnet_of
+from ambkit.simulation import parts
 from ambkit.simulation.scenario import PID, Scenario
 
 if TYPE_CHECKING:
@@ -49,9 +49,13 @@ def library_files(texts: dict[str, str]) -> dict[str, str]:
         The C files by their names.
     """
     simulation, sim = core.folder().parent / "sim", {}
-    for stem in _included("sim", texts):
+    stems = _included("sim", texts)
+    while more := _beside(simulation, stems) - stems:
+        stems |= more
+    for stem in stems:
         for name in (f"{stem}.h", f"{stem}.c"):
-            sim[f"sim/{name}"] = (simulation / name).read_text(encoding="utf-8")
+            if (simulation / name).is_file():
+                sim[f"sim/{name}"] = (simulation / name).read_text(encoding="utf-8")
     wanted = {f"include/ambkit/{stem}.h" for stem in _included("ambkit", texts | sim)}
     found = core.closure(wanted)
     while more := _sources_of(found) - found.keys():
@@ -64,6 +68,14 @@ def _included(folder: str, texts: dict[str, str]) -> set[str]:
     """Return the headers of a folder that texts include, without their endings."""
     include = re.compile(rf'^#include "{folder}/(\w+)\.h"', re.MULTILINE)
     return {stem for text in texts.values() for stem in include.findall(text)}
+
+
+def _beside(folder: Path, stems: set[str]) -> set[str]:
+    """Return the headers of a folder that its own files of these names include."""
+    files = [folder / f"{stem}{ending}" for stem in stems for ending in (".h", ".c")]
+    text = "\n".join(file.read_text(encoding="utf-8") for file in files if file.is_file())
+    named = set(re.findall(r'^#include "(\w+)\.h"', text, re.MULTILINE))
+    return {stem for stem in named if (folder / f"{stem}.h").is_file()}
 
 
 def _sources_of(names: Iterable[str]) -> set[str]:
@@ -93,8 +105,8 @@ def data_files(kind: Kind, **context: Any) -> dict[str, str]:
     """Return the files that define what the headers of this kind of model declare as data."""
     given: dict[str, Any] = {"filter": None, "rig": None, "pid": None} | context
     headers = [f"{_MODELS[kind][0]}.h"]
-    if given["filter"]:
-        headers.append(given["filter"]["magnet_header"])
+    magnets = [given[part]["magnet_header"] for part in ("filter", "rig") if given[part]]
+    headers += dict.fromkeys(magnets)
     known = {"version": version("ambkit"), "headers": headers}
     files = {"data.c": rendered("data.c.j2", known | given)}
     if given["filter"]:
@@ -121,16 +133,23 @@ def filter_data(estimator: Estimator) -> dict[str, Any]:
     """Return what the data file says of an estimator."""
     if estimator.precision != "float64":
         raise AmbkitError(f'an FMU computes in "float64", the estimator in {estimator.precision!r}')
-    magnet = estimator.source.magnet(core_module())
-    kind, fields = MAGNETS[type(magnet).__name__], magnet.parameters
     family = data.FAMILY.get(type(estimator.core).__name__, data.PAPER)
-    arrays = data.arrays_of(fields)
-    names = {path: path.replace(".", "_") for path in arrays}
-    return {
+    return magnet_data(estimator.source, "magnet") | {
         "settings": data.struct(estimator.core.parameters["set"], "double", {}),
         "family": family,
         "own": data.own(estimator, "double"),
         "std": data.array(np.asarray(estimator.default_std()), "double"),
+    }
+
+
+def magnet_data(source: StiffnessSource, name: str) -> dict[str, Any]:
+    """Return what the data file says of a magnet, which it calls `name`."""
+    magnet = source.magnet(core_module())
+    kind, fields = MAGNETS[type(magnet).__name__], magnet.parameters
+    arrays = data.arrays_of(fields)
+    names = {path: f"{name}_{path.replace('.', '_')}" for path in arrays}
+    return {
+        "magnet_name": name,
         "magnet": data.struct(fields, "double", names),
         "magnet_type": kind.type,
         "magnet_methods": kind.methods,
@@ -138,7 +157,7 @@ def filter_data(estimator: Estimator) -> dict[str, Any]:
         "arrays": [
             {
                 "name": names[path],
-                "type": "amb_stiffness" if values.ndim == 2 else "amb_real",
+                "type": data.type_of(values),
                 "length": len(values),
                 "text": data.array(values, "double"),
             }
@@ -147,29 +166,33 @@ def filter_data(estimator: Estimator) -> dict[str, Any]:
     }
 
 
-def rig_data(bearing: Bearing) -> str:
-    """Return magnet, rotor, amplifier and sensor of a bearing as an initialiser.
+def rig_data(bearing: Bearing) -> dict[str, Any]:
+    """Return what the data file says of magnet, rotor, amplifier and sensor of a bearing.
 
-    A sensor faster than a thousandth of a sample is one without lag, and Runge-Kutta takes two
-    steps in its lag, as in :func:`ambkit.simulate`.
+    Steps and parts are those of :func:`ambkit.simulate`.
     """
-    T, law = bearing.sampling_time, ClosedLaw(bearing)
-    lag = max(bearing.sensor.lag, 1e-3 * T)
-    fields = {
-        "law": law.magnet(core_module()).parameters,
-        "T": T,
+    law, with_parts = magnet_of(bearing), parts.parts_of(bearing)
+    fields: dict[str, Any] = {
+        "magnet": data.Name("&rig_magnet"),
+        "k": bearing.magnet.magnet_constant,
+        "scale": 1.0,
+        "T": bearing.sampling_time,
         "m": bearing.rotor.mass,
         "weight": bearing.weight,
         "bias_force": law.bias_force,
         "K_sen": bearing.sensor.gain,
-        "T_sen": lag,
+        "T_sen": parts.sensor_lag(bearing),
         "travel": bearing.rotor.travel_limit,
-        "substeps": max(Scenario().substeps, math.ceil(2 * T / lag)),
+        "substeps": parts.substeps(bearing, Scenario().substeps),
         "k_ui": bearing.amplifier.gain,
         "iu_min": bearing.current_min,
         "iu_max": bearing.current_max,
     }
-    return data.struct(fields, "double", {})
+    if with_parts is not None:
+        fields |= {"with_parts": True, "parts": with_parts}
+        if (coil := parts.coil_fields(bearing)) is not None:
+            fields["coil"] = coil
+    return magnet_data(law, "rig") | {"text": data.struct_with_arrays(fields, "double")}
 
 
 def pid_data(bearing: Bearing, controller: PID) -> str:

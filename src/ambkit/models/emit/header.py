@@ -8,7 +8,17 @@ from collections.abc import Sequence
 
 from ambkit.models.emit.covariance import predict_covariance
 from ambkit.models.emit.names import Names
-from ambkit.models.emit.scalars import at_rest, growth, pushed, role
+from ambkit.models.emit.scalars import (
+    at_rest,
+    firsts,
+    growth,
+    known,
+    pushed,
+    role,
+    sound,
+    uncorrelated,
+    variances,
+)
 from ambkit.models.emit.sensors import shown, shown_variance, shown_with, update
 from ambkit.models.emit.steps import current, displacement, predict_mean
 from ambkit.models.model import MATRICES, Model
@@ -88,6 +98,8 @@ def header(
         *(f"#define AMB_{what} {count}" for what, count in counts.items()),
         f"#define AMB_TRIANGLE {len(names.pairs)}",
         "#define AMB_WORK 1 /* nothing is needed */\n",
+        *firsts(names),
+        "",
         *(f"#define amb_{what.lower()}(model) ((void)(model), AMB_{what})" for what in counts),
         "",
         struct(names),
@@ -95,11 +107,15 @@ def header(
         *([more] if more else []),
         growth(names),
         pushed(names),
-        f"{role(names)}#endif\n",
+        role(names),
+        sound(names),
+        known(names),
+        f"{uncorrelated(names)}#endif\n",
         displacement(names),
         current(names),
         shown(names),
         shown_variance(names),
+        variances(names),
         shown_with(names),
         at_rest(names),
         predict_mean(names),

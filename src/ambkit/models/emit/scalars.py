@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from ambkit.models.emit.names import GROWTH, MEAN, Names, switched
+from ambkit.models.emit.names import COV, GROWTH, MEAN, Names, switched
 from ambkit.models.emit.terms import in_place, product, total
 from ambkit.models.model import ONE, ZERO
-from ambkit.models.roles import ROLES
+from ambkit.models.roles import LOAD, POSITION, ROLES, VELOCITY
 
 
 def growth(names: Names) -> str:
@@ -68,3 +68,53 @@ def at_rest(names: Names) -> str:
     ]
     doc = "What follows from the positions when all is at rest."
     return names.function(doc, "at_rest", [MEAN], body)
+
+
+def firsts(names: Names) -> list[str]:
+    """Return the macros of the first state of some roles; 0 where there is none."""
+    roles = [ROLES[state.role] for state in names.model.states]
+    return [
+        f"#define {role.replace('AMB_', 'AMB_FIRST_')} {roles.index(role) if role in roles else 0}"
+        for role in (POSITION, VELOCITY, LOAD)
+    ]
+
+
+def sound(names: Names) -> str:
+    """Return the function that says whether variances are such."""
+    body = " && ".join(f"({at} >= AMB_C(0.0))" for at in _diagonal(names))
+    doc = "Whether they are such."
+    return names.function(doc, "sound", [f"const {COV}"], [f"return {body};"], "bool")
+
+
+def known(names: Names) -> str:
+    """Return the function that says whether the positions are known."""
+    body = " && ".join(
+        f"({at} <= widest[{i}])"
+        for i, at in enumerate(_diagonal(names))
+        if ROLES[names.model.states[i].role] == POSITION
+    )
+    arguments = [f"const {COV}", "const amb_real widest[AMB_STATES]"]
+    doc = "Whether all positions are known better than this."
+    return names.function(doc, "known", arguments, [f"return {body or 'true'};"], "bool")
+
+
+def uncorrelated(names: Names) -> str:
+    """Return the function of a covariance of variances alone."""
+    body = [
+        f"cov[{at}] = " + (f"amb_magnitude(variances[{i}]);" if i == j else f"{total([])};")
+        for (i, j), at in names.where.items()
+    ]
+    arguments = ["const amb_real variances[AMB_STATES]", COV]
+    doc = "A covariance of these variances, and nothing else."
+    return names.function(doc, "uncorrelated", arguments, body)
+
+
+def variances(names: Names) -> str:
+    """Return the function of the variances of all states."""
+    body = [f"variances[{i}] = {at};" for i, at in enumerate(_diagonal(names))]
+    arguments = [f"const {COV}", "amb_real variances[AMB_STATES]"]
+    return names.function("The variances of all states.", "variances", arguments, body)
+
+
+def _diagonal(names: Names) -> list[str]:
+    return [f"cov[{names.where[i, i]}]" for i in range(names.n)]

@@ -40,13 +40,15 @@ amb_status amb_model_start(amb_model *model, const amb_real value[AMB_VARIABLES]
   const amb_rig *rig = &model->rig;
   amb_loop_state *s = &model->state;
   memset(s, 0, sizeof *s);
-  s->plant.x = amb_clamp(value[VR_start_position], -rig->travel, rig->travel);
-  s->plant.x_m = rig->K_sen * s->plant.x;
+  const amb_plant plant = amb_rig_plant(rig);
+  s->demanded = amb_clamp(value[VR_start_current], rig->iu_min, rig->iu_max);
+  amb_plant_settle(&plant, &s->plant,
+                   amb_clamp(value[VR_start_position], -rig->travel, rig->travel), s->demanded);
   amb_pid_reset(&s->pid, value[VR_start_current]);
   amb_filter_start(&model->filter, &model->estimate, &s->result, s->plant.x, s->plant.x_m);
-  s->y = s->plant.x_m + value[VR_noise_y];
-  s->iu = amb_clamp(value[VR_start_current], rig->iu_min, rig->iu_max);
-  s->u = s->iu / rig->k_ui;
+  s->y = amb_plant_measure(&plant, s->plant.x_m, value[VR_noise_y]);
+  s->acting = amb_plant_from_now(&plant, &s->plant, s->demanded);
+  s->u = s->demanded / rig->k_ui;
   return AMB_OK;
 }
 
@@ -66,8 +68,8 @@ void amb_model_show(const amb_model *model, amb_real value[AMB_VARIABLES])
   value[VR_x_m] = s->plant.x_m;
   value[VR_y] = s->y;
   value[VR_u] = s->u;
-  value[VR_iu] = s->iu;
-  value[VR_f_mag] = amb_rig_force(&model->rig, s->iu, s->plant.x);
+  value[VR_iu] = s->acting.iu;
+  value[VR_f_mag] = amb_rig_force(&model->rig, &s->plant, s->demanded);
   const amb_real *mean = ((const amb_kalman_state *)&model->estimate)->mean;
   value[VR_estimate_x] = mean[0];
   value[VR_estimate_v] = mean[1];

@@ -16,28 +16,28 @@ static amb_real current(const amb_model *model, const amb_real value[AMB_VARIABL
 amb_status amb_model_start(amb_model *model, const amb_real value[AMB_VARIABLES])
 {
   const amb_status status = amb_model_tune(model, value);
+  const amb_plant plant = amb_rig_plant(&model->rig);
   const amb_real travel = model->rig.travel;
-  model->state.x = amb_clamp(value[VR_start_position], -travel, travel);
-  model->state.v = 0;
-  model->state.x_m = model->rig.K_sen * model->state.x;
-  model->iu = current(model, value);
+  model->demanded = current(model, value);
+  amb_plant_settle(&plant, &model->state, amb_clamp(value[VR_start_position], -travel, travel),
+                   model->demanded);
   return status;
 }
 
 void amb_model_sample(amb_model *model, const amb_real value[AMB_VARIABLES])
 {
   const amb_plant plant = amb_rig_plant(&model->rig);
-  model->iu = current(model, value);
-  (void)amb_plant_advance(&plant, &model->state, model->rig.T, model->iu, value[VR_f_d]);
+  model->demanded = current(model, value);
+  (void)amb_plant_advance(&plant, &model->state, model->rig.T, model->demanded, value[VR_f_d]);
 }
 
 void amb_model_show(const amb_model *model, amb_real value[AMB_VARIABLES])
 {
-  const amb_real x = model->state.x;
-  value[VR_x] = x;
+  const amb_plant plant = amb_rig_plant(&model->rig);
+  value[VR_x] = model->state.x;
   value[VR_v] = model->state.v;
   value[VR_x_m] = model->state.x_m;
-  value[VR_y] = model->state.x_m + value[VR_noise_y];
-  value[VR_iu] = model->iu;
-  value[VR_f_mag] = amb_rig_force(&model->rig, model->iu, x);
+  value[VR_y] = amb_plant_measure(&plant, model->state.x_m, value[VR_noise_y]);
+  value[VR_iu] = amb_plant_until_now(&plant, &model->state, model->demanded).iu;
+  value[VR_f_mag] = amb_rig_force(&model->rig, &model->state, model->demanded);
 }

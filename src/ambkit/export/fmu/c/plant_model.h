@@ -7,7 +7,7 @@
 typedef struct amb_model {
   amb_rig rig;
   amb_plant_state state;
-  amb_real iu; /* control current that acts until now [A] */
+  amb_real demanded; /* control current of the sample before [A] */
 } amb_model;
 
 #endif

@@ -5,17 +5,22 @@
 #include "sim/plant.h"
 
 typedef struct amb_rig {
-  amb_law law;
-  amb_real T;            /* sampling time [s] */
-  amb_real m;            /* mass of the rotor [kg] */
-  amb_real weight;       /* [N] */
-  amb_real bias_force;   /* of the magnet at rest in the centre [N] */
-  amb_real K_sen, T_sen; /* sensor gain [1] and lag [s] */
-  amb_real travel;       /* mechanical stop at +-travel [m] */
-  int substeps;          /* Runge-Kutta steps in a sample */
-  amb_real k_ui;         /* amplifier gain [A/V] */
-  amb_real iu_min;       /* limits of the control current [A] */
+  const amb_magnet *magnet; /* as it was exported */
+  amb_real k;               /* its constant [N m^2/A^2] */
+  amb_real scale;           /* of its force: the constant over that of the export [1] */
+  amb_real T;               /* sampling time [s] */
+  amb_real m;               /* mass of the rotor [kg] */
+  amb_real weight;          /* [N] */
+  amb_real bias_force;      /* of the magnet at rest in the centre [N] */
+  amb_real K_sen, T_sen;    /* sensor gain [1] and lag [s] */
+  amb_real travel;          /* mechanical stop at +-travel [m] */
+  int substeps;             /* Runge-Kutta steps in a sample */
+  amb_real k_ui;            /* amplifier gain [A/V] */
+  amb_real iu_min;          /* limits of the control current [A] */
   amb_real iu_max;
+  bool with_parts; /* else the next two are idle */
+  amb_parts parts;
+  amb_law coil; /* one coil of a pair */
 } amb_rig;
 
 /* Written by the export. */
@@ -25,13 +30,13 @@ extern const amb_rig amb_data_rig;
  * another bias force. */
 void amb_rig_tune(amb_rig *rig, amb_real mass, amb_real magnet_constant);
 
-/* What sim/plant.h asks for; it points to the rig's force law. */
+/* What sim/plant.h asks for; it points to the rig. */
 amb_plant amb_rig_plant(const amb_rig *rig);
 
 /* Control current [A] that the amplifier makes of a control signal [V]. */
 amb_real amb_rig_current(const amb_rig *rig, amb_real u);
 
-/* Whole force of the magnet [N]. */
-amb_real amb_rig_force(const amb_rig *rig, amb_real iu, amb_real x);
+/* Whole force of the magnet just before a sample, iu demanded at the one before it [N]. */
+amb_real amb_rig_force(const amb_rig *rig, const amb_plant_state *state, amb_real iu);
 
 #endif

@@ -1,0 +1,45 @@
+/* What a plant may have beside magnet, rotor, sensor lag and hard stops; each part is off at 0. */
+#ifndef AMBKIT_SIM_PARTS_H
+#define AMBKIT_SIM_PARTS_H
+
+#include "ambkit/real.h"
+
+#define AMB_DELAY_MOST 16 /* samples */
+#define AMB_RUNOUT_MOST 5 /* orders */
+
+typedef struct amb_parts {
+  /* Amplifier: within its voltage the current follows the demanded one by di/dt = corner (i* - i),
+   * for a current controller that knows coil and back-EMF; the voltage of a coil is
+   * L di/dt + R i + (L i/(s0 - x)) v with L = 2 k/(s0 - x), that of an ideal magnet. */
+  amb_real corner; /* [rad/s]; 0: the current follows at once */
+  amb_real
+      voltage; /* greatest voltage of a coil, either way [V]; 0: none, and what follows is idle */
+  amb_real R;  /* resistance of a coil [ohm] */
+  amb_real k;  /* magnet constant [N m^2/A^2] */
+  amb_real s0; /* nominal air gap [m] */
+  amb_real i0; /* bias current [A] */
+  bool pair;   /* two coils, of i0 + iu and i0 - iu; else one */
+
+  /* Dead time from a sample to the change of the demanded current. */
+  int delay;           /* whole samples, 0 to AMB_DELAY_MOST */
+  amb_real delay_rest; /* and that much of one [s], 0 to less than the sampling time */
+
+  /* Sensor: it sees x and the runout, bent by 1 + quadratic x + cubic x^2, and lags; after the
+   * noise it is rounded. */
+  amb_real quadratic;                      /* [1/m] */
+  amb_real cubic;                          /* [1/m^2] */
+  amb_real step;                           /* of the rounding [m]; 0: none */
+  int orders;                              /* of the speed, 0 to AMB_RUNOUT_MOST */
+  amb_real speed;                          /* of rotation; orders * speed * T < pi [rad/s] */
+  amb_real turn_cosine, turn_sine;         /* of speed * T */
+  amb_real runout_cosine[AMB_RUNOUT_MOST]; /* order n is cosine cos(n phi) ... [m] */
+  amb_real runout_sine[AMB_RUNOUT_MOST];   /* ... + sine sin(n phi) [m] */
+
+  /* Contact with a stop in the depth d: stiffness d^1.5 (1 + 3/2 damping d'), never a pull (Hunt
+   * and Crossley 1975). A slow impact of v keeps 1 - damping v of its speed. */
+  amb_real stiffness; /* [N/m^1.5]; 0: the hard stop of plant.h */
+  amb_real damping;   /* [s/m] */
+  amb_real farthest;  /* where the stop gives way no more, between travel and air gap [m] */
+} amb_parts;
+
+#endif

@@ -1,0 +1,17 @@
+/* The plant where it has parts; plant.h says what each function does. */
+#ifndef AMBKIT_SIM_PARTS_STEP_H
+#define AMBKIT_SIM_PARTS_STEP_H
+
+#include "plant.h"
+
+bool amb_parts_advance(const amb_plant *plant, amb_plant_state *state, amb_real T, amb_real iu,
+                       amb_real g);
+void amb_parts_settle(const amb_plant *plant, amb_plant_state *state, amb_real iu);
+
+/* What acts while the control current iu [A] is demanded. */
+amb_acting amb_parts_acting(const amb_plant *plant, const amb_plant_state *state, amb_real iu);
+
+/* The demanded current that counts just after a sample at which iu is demanded [A]. */
+amb_real amb_parts_next(const amb_parts *parts, const amb_plant_state *state, amb_real iu);
+
+#endif

@@ -1,0 +1,98 @@
+"""What a bearing may have beside: noise that is not white, runout, stops that bounce."""
+
+import math
+from collections.abc import Iterator
+from typing import Annotated
+
+from pydantic import Field
+
+from ambkit.base.config import Part, Read
+from ambkit.base.config.quantities import Quantity
+from ambkit.base.units import engineering
+
+LONGEST_DELAY = 16
+"""Samples of the longest delay of the loop (sim/parts.h)."""
+
+
+class ColouredNoise(Part):
+    """Noise of first order on the measured position, beside the white one."""
+
+    variance: Annotated[float, Quantity("m^2", "1 µm^2", above=0)]
+    """Variance [m^2]."""
+    bandwidth: Annotated[float, Quantity("Hz", "200 Hz", above=0)]
+    """Corner frequency of its spectrum [Hz]."""
+
+
+class Hum(Part):
+    """A narrow line in the measured position, of random phase."""
+
+    frequency: Annotated[float, Quantity("Hz", "50 Hz", above=0)]
+    """Frequency [Hz]."""
+    amplitude: Annotated[float, Quantity("m", "5 µm", above=0)]
+    """Amplitude [m]; of a line that wanders, in the quadratic mean."""
+    bandwidth: Annotated[float, Quantity("Hz", "0.5 Hz", at_least=0)] = 0.0
+    """How fast amplitude and phase wander: half the width of the line, 3 dB below its top [Hz]."""
+
+
+class Runout(Part):
+    """Unroundness of what the sensor looks at: ``amplitude cos(order speed t + phase)``."""
+
+    order: Annotated[int, Field(ge=1, le=5, strict=True)]
+    """How often a revolution, 1 to 5."""
+    amplitude: Annotated[float, Quantity("m", "3 µm", above=0)]
+    """Amplitude [m]."""
+    phase: Annotated[float, Quantity("rad", "30 deg")] = 0.0
+    """Phase at the start [rad]."""
+
+
+class Stop(Part):
+    """A stop that gives way: ``stiffness d^1.5 (1 + 3/2 damping d')`` in the depth d, and no pull.
+
+    Hunt and Crossley, Coefficient of restitution interpreted as damping in vibroimpact, 1975. An
+    impact with the velocity v comes back with ``(1 - damping v) v`` where that loss is small.
+    """
+
+    stiffness: Annotated[float, Quantity("N/m^1.5", "1e8 N/m^1.5", above=0)]
+    """Stiffness [N/m^1.5]."""
+    damping: Annotated[float, Quantity("s/m", "0.3 s/m", at_least=0)] = 0.0
+    """Loss of the coefficient of restitution by the velocity of the impact [s/m]."""
+
+
+def parts_contradictions(read: Read) -> Iterator[tuple[str, str]]:
+    """Yield (key of the bearing, what is wrong) for parts that do not go with the rest.
+
+    Parameters
+    ----------
+    read : callable
+        As for `Part._contradictions`, of a bearing.
+    """
+    T, delay, speed = read("sampling_time"), read("delay"), read("speed")
+    if delay is not None and delay > LONGEST_DELAY * T:
+        limit = f"{LONGEST_DELAY} samples, {engineering(LONGEST_DELAY * T, 's')}"
+        yield "delay", f"must be at most {limit}; is {engineering(delay, 's')}"
+
+    voltage, R = read("amplifier.voltage_limit"), read("amplifier.resistance")
+    if voltage is not None and R is not None:
+        needed = R * (read("magnet.bias_current") + read("amplifier.current_limit"))
+        if voltage <= needed:
+            limit = f"{engineering(needed, 'V')}, which the greatest coil current needs at rest"
+            text = f"must be greater than {limit}; is {engineering(voltage, 'V')}"
+            yield "amplifier.voltage_limit", text
+
+    runout = read("sensor.runout")
+    if isinstance(runout, tuple) and runout:
+        if speed is None:
+            yield "speed", "missing: sensor.runout is at multiples of it"
+            return
+        for at, line in enumerate(runout):
+            frequency = line.order * speed / (2 * math.pi)
+            if 2 * T * frequency >= 1:
+                text = f"{line.order} times the speed is {engineering(frequency, 'Hz')}, must be"
+                limit = f"less than half the sampling frequency, {engineering(0.5 / T, 'Hz')}"
+                yield f"sensor.runout.{at}.order", f"{text} {limit}"
+    hum = read("sensor.hum")
+    for at, line in enumerate(hum if isinstance(hum, tuple) else ()):
+        if 2 * T * line.frequency >= 1:
+            limit = f"half the sampling frequency, {engineering(0.5 / T, 'Hz')}"
+            text = f"must be less than {limit}; is {engineering(line.frequency, 'Hz')}"
+            yield f"sensor.hum.{at}.frequency", text

@@ -1,0 +1,87 @@
+"""Noise of a simulated bearing: on the control signal, and on the measured position.
+
+The one is white, the other white, coloured and narrow lines. Each source has a random stream of its
+own, so that one does not change another.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.parts import ColouredNoise, Hum
+    from ambkit.simulation.scenario import Scenario
+
+Array = NDArray[np.float64]
+
+
+def drawn(bearing: Bearing, scenario: Scenario, n: int) -> tuple[Array, Array]:
+    """Return the noise on the control signal [V] and on the measurement [m], n samples each."""
+    if not scenario.noise:
+        return np.zeros(n), np.zeros(n)
+    sensor, T = bearing.sensor, bearing.sampling_time
+    streams = np.random.SeedSequence(scenario.seed).spawn(3 + len(sensor.hum))
+    on_u, on_y, on_coloured, *on_hum = (np.random.default_rng(stream) for stream in streams)
+    noise_u = on_u.normal(0.0, np.sqrt(bearing.amplifier.noise_variance), n)
+    noise_y = on_y.normal(0.0, np.sqrt(sensor.noise_variance), n)
+    if sensor.coloured_noise is not None:
+        noise_y += coloured(sensor.coloured_noise, T, n, on_coloured)
+    for line, on_line in zip(sensor.hum, on_hum, strict=True):
+        noise_y += hum(line, T, n, on_line)
+    return noise_u, noise_y
+
+
+def coloured(noise: ColouredNoise, T: float, n: int, rng: np.random.Generator) -> Array:
+    """Return n samples of stationary first-order noise, exact at every T [m].
+
+    ``z(k+1) = a z(k) + sqrt((1 - a^2) variance) w(k)`` with ``a = exp(-2 pi bandwidth T)``.
+
+    Parameters
+    ----------
+    noise : ColouredNoise
+        Variance and corner frequency.
+    T : float
+        Sampling time [s].
+    n : int
+        Samples.
+    rng : numpy.random.Generator
+        The random stream.
+    """
+    white = rng.normal(0.0, math.sqrt(noise.variance), n)
+    rate = 2 * math.pi * noise.bandwidth * T
+    white[1:] *= math.sqrt(-math.expm1(-2 * rate))
+    return np.asarray(lfilter([1.0], [1.0, -math.exp(-rate)], white))
+
+
+def hum(line: Hum, T: float, n: int, rng: np.random.Generator) -> Array:
+    """Return n samples of a narrow line [m].
+
+    Without a bandwidth, a sine of random phase. Else a phasor ``z(k+1) = exp((j omega - alpha) T)
+    z(k) + noise`` with ``alpha = 2 pi bandwidth``, stationary and of the same power.
+
+    Parameters
+    ----------
+    line : Hum
+        Frequency, amplitude and bandwidth.
+    T : float
+        Sampling time [s].
+    n : int
+        Samples.
+    rng : numpy.random.Generator
+        The random stream.
+    """
+    turning = 2j * math.pi * line.frequency * T
+    if line.bandwidth == 0:
+        phase = rng.uniform(0, 2 * math.pi)
+        return np.asarray(line.amplitude * np.cos(turning.imag * np.arange(n) + phase))
+    spread = line.amplitude / math.sqrt(2)
+    white = rng.normal(0.0, spread, n) + 1j * rng.normal(0.0, spread, n)
+    rate = 2 * math.pi * line.bandwidth * T
+    white[1:] *= math.sqrt(-math.expm1(-2 * rate))
+    return np.asarray(lfilter([1.0], [1.0, -np.exp(turning - rate)], white).real)

@@ -1,0 +1,162 @@
+"""What a plant has beside magnet, rotor, sensor lag and hard stops, for ``sim/parts.h``."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ambkit.base.units import engineering
+from ambkit.machine.magnets import ClosedLaw, core_module, magnet_of
+
+if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
+
+FAST = 1e-3
+"""Time constants of less than so many samples count as this one: nobody can tell them from none."""
+
+
+def sensor_lag(bearing: Bearing) -> float:
+    """Lag of the sensor that is simulated [s]."""
+    return max(bearing.sensor.lag, FAST * bearing.sampling_time)
+
+
+def substeps(bearing: Bearing, least: int) -> int:
+    """Steps of Runge-Kutta in a sample.
+
+    Two in the sensor's lag, which is unstable from 2.8 lags a step on; four in the time constant of
+    the current, which moves the rotor; four in a radian of the fastest runout.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        The plant.
+    least : int
+        So many at least.
+    """
+    T = bearing.sampling_time
+    fastest = max((line.order for line in bearing.sensor.runout), default=0) * (bearing.speed or 0)
+    needed = (2 * T / sensor_lag(bearing), 4 * T * _corner(bearing), 4 * T * fastest)
+    return max(least, *(math.ceil(each) for each in needed))
+
+
+def _corner(bearing: Bearing) -> float:
+    """Corner of the amplifier [rad/s]; 0 where the current follows at once."""
+    bandwidth, most = bearing.amplifier.bandwidth, 1 / (FAST * bearing.sampling_time)
+    return 0.0 if bandwidth is None else min(2 * math.pi * bandwidth, most)
+
+
+def parts_of(bearing: Bearing, dtype: str = "float64") -> dict[str, Any] | None:
+    """Return the parts of a bearing by the names of ``amb_parts``, or None where there are none.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What is simulated.
+    dtype : str
+        Of the arrays.
+    """
+    parts = _amplifier(bearing) | _delay(bearing) | _sensor(bearing, dtype) | _contact(bearing)
+    return parts or None
+
+
+def in_words(bearing: Bearing) -> list[str]:
+    """Name each part with its values, for people."""
+    amplifier, sensor, stop = bearing.amplifier, bearing.sensor, bearing.stop
+    told = []
+    if amplifier.bandwidth is not None:
+        volts = amplifier.voltage_limit
+        within = "" if volts is None else f" within {engineering(volts, 'V')}"
+        told.append(f"amplifier of {engineering(amplifier.bandwidth, 'Hz')}{within}")
+    if bearing.delay is not None:
+        samples = bearing.delay / bearing.sampling_time
+        told.append(f"delay of {engineering(bearing.delay, 's')}, {samples:.3g} samples")
+    if sensor.quantisation is not None:
+        told.append(f"quantisation of {engineering(sensor.quantisation, 'm')}")
+    if sensor.quadratic or sensor.cubic:
+        told.append("non-linear sensor")
+    if sensor.coloured_noise is not None:
+        told.append(f"coloured noise to {engineering(sensor.coloured_noise.bandwidth, 'Hz')}")
+    if sensor.hum:
+        told.append(f"hum at {', '.join(engineering(line.frequency, 'Hz') for line in sensor.hum)}")
+    if sensor.runout and bearing.speed is not None:
+        orders = ", ".join(f"{line.order}x" for line in sensor.runout)
+        told.append(f"runout {orders} of {engineering(bearing.speed / (2 * math.pi), 'Hz')}")
+    if stop is not None:
+        told.append(f"stops of {engineering(stop.stiffness, 'N/m^1.5')}")
+    return told
+
+
+def coil_fields(bearing: Bearing) -> dict[str, Any] | None:
+    """Return the law of one coil of a pair whose currents can differ, by its fields, or None.
+
+    Only the ideal law is known coil by coil; another magnet pulls by the mean of both currents.
+    """
+    law = magnet_of(bearing)
+    pair = bearing.amplifier.voltage_limit is not None and bearing.magnet.type == "two-sided"
+    if not (pair and isinstance(law, ClosedLaw)):
+        return None
+    fields: dict[str, Any] = law.magnet(core_module()).parameters
+    return fields | {"two_sided": False}
+
+
+def _amplifier(bearing: Bearing) -> dict[str, Any]:
+    amplifier, magnet = bearing.amplifier, bearing.magnet
+    if amplifier.bandwidth is None:
+        return {}
+    parts: dict[str, Any] = {"corner": _corner(bearing)}
+    if amplifier.voltage_limit is not None:
+        parts |= {
+            "voltage": amplifier.voltage_limit,
+            "R": amplifier.resistance,
+            "k": magnet.magnet_constant,
+            "s0": magnet.air_gap,
+            "i0": magnet.bias_current,
+            "pair": magnet.type == "two-sided",
+        }
+    return parts
+
+
+def _delay(bearing: Bearing) -> dict[str, Any]:
+    if bearing.delay is None:
+        return {}
+    samples = bearing.delay / bearing.sampling_time
+    if abs(samples - round(samples)) < 1e-9:  # rounding of a whole number
+        return {"delay": round(samples), "delay_rest": 0.0}
+    whole = math.floor(samples)
+    return {"delay": whole, "delay_rest": (samples - whole) * bearing.sampling_time}
+
+
+def _sensor(bearing: Bearing, dtype: str) -> dict[str, Any]:
+    sensor, parts = bearing.sensor, dict[str, Any]()
+    if sensor.quadratic or sensor.cubic:
+        parts |= {"quadratic": sensor.quadratic, "cubic": sensor.cubic}
+    if sensor.quantisation is not None:
+        parts["step"] = sensor.quantisation
+    if sensor.runout and bearing.speed is not None:
+        turn = bearing.speed * bearing.sampling_time
+        lines = np.zeros(max(line.order for line in sensor.runout), dtype=complex)
+        for line in sensor.runout:  # amplitude cos(n phi + phase)
+            lines[line.order - 1] += cmath.rect(line.amplitude, line.phase)
+        parts |= {
+            "speed": bearing.speed,
+            "turn_cosine": math.cos(turn),
+            "turn_sine": math.sin(turn),
+            "orders": len(lines),
+            "runout_cosine": np.ascontiguousarray(lines.real, dtype=dtype),
+            "runout_sine": np.ascontiguousarray(-lines.imag, dtype=dtype),
+        }
+    return parts
+
+
+def _contact(bearing: Bearing) -> dict[str, Any]:
+    if bearing.stop is None:
+        return {}
+    travel, gap = bearing.rotor.travel_limit, bearing.magnet.air_gap
+    return {
+        "stiffness": bearing.stop.stiffness,
+        "damping": bearing.stop.damping,
+        "farthest": travel + 0.9 * (gap - travel),
+    }

@@ -1,0 +1,572 @@
+"""What a plant can have beside the plain axis, each part against a closed form or scipy's solver.
+
+The control signal is set by its noise, with a controller of gain zero.
+"""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import cumulative_simpson, solve_ivp
+from scipy.optimize import brentq
+
+import ambkit
+from ambkit import Bearing
+from ambkit.machine import presets
+from ambkit.machine.magnets import core_module
+from ambkit.machine.parts import ColouredNoise, Hum
+from ambkit.simulation import noise as plant_noise
+from ambkit.simulation import parts as plant_parts
+from ambkit.simulation.run import Loop
+
+M, K, S0, I0 = 0.518, 6.7e-6, 2e-3, 1.5
+BEARING = Bearing.preset("zittau_axial")
+HEAVY = 1e9  # a rotor that stays where it is [kg]
+ALL: dict[str, Any] = {
+    "amplifier__bandwidth": "2 kHz",
+    "amplifier__voltage_limit": "30 V",
+    "amplifier__resistance": "2 ohm",
+    "delay": "0.03 ms",
+    "speed": "6000 rpm",
+    "sensor__runout": [{"order": 1, "amplitude": "3 um"}, {"order": 3, "amplitude": "1 um"}],
+    "sensor__quantisation": "0.5 um",
+    "sensor__quadratic": "20 1/m",
+    "sensor__cubic": "1e4 1/m^2",
+    "sensor__hum": [{"frequency": "50 Hz", "amplitude": "5 um"}],
+    "sensor__coloured_noise": {"variance": "1 um^2", "bandwidth": "200 Hz"},
+    "stop": {"stiffness": "1e8 N/m^1.5", "damping": "0.3 s/m"},
+}  # fmt: skip
+
+
+def law(**changes: Any) -> Any:
+    fields = {"k": K, "s0": S0, "i0": I0, "two_sided": True, "ampere": 1.0, "metre": 1e-3}
+    return core_module().Law(**(fields | changes))
+
+
+def driven(
+    command: Any, parts: dict[str, Any] | None, *, T: float = 1e-4, **changes: Any
+) -> dict[str, Any]:
+    """Run the plant with control currents demanded at each sample [A]."""
+    command = np.asarray(command, dtype=float)
+    n = command.size
+    magnet, f_d = changes.pop("magnet", None) or law(), changes.pop("f_d", 0.0)
+    zero = np.zeros(n)
+    loop = {
+        "T": T, "m": M, "f_0": 0.0, "K_sen": 1.0, "T_sen": 2e-4, "travel": 1e-3, "substeps": 8,
+        "k_ui": 1.0, "iu_min": -1.5, "iu_max": 1.5, "kp": 0.0, "ki": 0.0, "kd": 0.0, "T_f": 0.0,
+        "T_t": 0.0, "integral": 0.0, "feedback_estimate": False, "estimator": None, "r": zero,
+        "f_d": np.broadcast_to(f_d, n).astype(float), "noise_u": command, "noise_y": zero,
+        "x_start": 0.0, "parts": parts,
+    }  # fmt: skip
+    out: dict[str, Any] = core_module().simulate(magnet, **(loop | changes))
+    return out
+
+
+def coils(**changes: Any) -> dict[str, Any]:
+    pair = {"voltage": 20.0, "R": 2.0, "k": K, "s0": S0, "i0": I0, "pair": True}
+    return {"corner": 2 * np.pi * 500} | pair | changes
+
+
+# ---- No part ----
+
+
+def test_a_bearing_without_parts_is_simulated_without_them() -> None:
+    for name in presets.names():
+        bearing = Bearing.preset(name)
+        assert plant_parts.parts_of(bearing) is None
+        assert plant_parts.coil_fields(bearing) is None
+
+
+def test_parts_that_are_all_off_change_nothing_but_the_order_of_sums() -> None:
+    command = np.random.default_rng(0).uniform(-0.2, 0.2, 400)
+    plain, off = driven(command, None, x_start=1e-4), driven(command, {}, x_start=1e-4)
+    assert np.abs(plain["x"]).max() > 3e-4
+    for name in ("x", "v", "x_m", "force", "iu"):
+        scale = np.abs(plain[name]).max()
+        np.testing.assert_allclose(off[name], plain[name], rtol=0, atol=1e-10 * scale)
+
+
+def test_the_core_takes_no_part_that_it_does_not_know() -> None:
+    with pytest.raises(ValueError, match="a plant has no part corners"):
+        driven([0.0], {"corners": 1.0})
+    with pytest.raises(ValueError, match="delay must be 0 to 16 samples"):
+        driven([0.0], {"delay": 17})
+    with pytest.raises(ValueError, match="runout_sine has 1 samples, expected 2"):
+        driven([0.0], {"orders": 2, "runout_sine": np.zeros(1)})
+
+
+# ---- Amplifier ----
+
+
+def test_the_current_follows_as_a_first_order_lag() -> None:
+    corner, T = 2 * np.pi * 800, 1e-4
+    run = driven(np.full(40, 0.5), {"corner": corner}, m=HEAVY, substeps=16)
+    np.testing.assert_allclose(
+        run["iu"], 0.5 * (1 - np.exp(-corner * T * np.arange(40))), atol=1e-8
+    )
+    np.testing.assert_allclose(run["force"], 10.05 * run["iu"], rtol=1e-9)
+    assert "u_coil" not in run
+
+
+@pytest.mark.parametrize("x", [0.0, 4e-4])
+def test_the_slew_is_what_the_voltage_leaves_beside_the_resistance(x: float) -> None:
+    """L di/dt + R i = U in a rotor at rest: an exponential towards U/R, in each coil its own."""
+    U, R, T, n = 20.0, 2.0, 1e-5, 80
+    parts = coils(corner=2 * np.pi * 20e3, voltage=U, R=R)
+    held = {"m": HEAVY, "x_start": x, "coil": law(two_sided=False)}
+    run = driven(np.full(n, 1.5), parts, T=T, **held)
+    t = T * np.arange(n)
+    one = (U / R - I0) * (1 - np.exp(-R * t * (S0 - x) / (2 * K)))
+    other = (U / R + I0) * (1 - np.exp(-R * t * (S0 + x) / (2 * K)))
+    limited = one < 1.4  # the controller takes its voltage back near the end
+    limited &= other < 1.4
+    assert 5 < limited.sum() < n
+    np.testing.assert_allclose(
+        run["iu"][limited], (one + other)[limited] / 2, rtol=1e-9, atol=1e-12
+    )
+    np.testing.assert_allclose(run["u_coil"][limited], U, rtol=1e-12)
+    np.testing.assert_allclose(run["u_coil_2"][limited], -U, rtol=1e-12)
+    pull = K * (((I0 + one) / (S0 - x)) ** 2 - ((I0 - other) / (S0 + x)) ** 2)
+    unbiased = run["force"][limited]
+    np.testing.assert_allclose(
+        unbiased, pull[limited], rtol=1e-7, atol=1e-9, err_msg="each coil pulls by its own current"
+    )
+
+
+def test_held_at_rest_a_coil_has_the_voltage_of_its_resistance() -> None:
+    run = driven(np.zeros(5), coils(), integral=0.3, m=HEAVY)
+    np.testing.assert_allclose(run["u_coil"], 2.0 * (I0 + 0.3), rtol=1e-9)
+    np.testing.assert_allclose(run["u_coil_2"], 2.0 * (I0 - 0.3), rtol=1e-9)
+    np.testing.assert_allclose(run["iu"], 0.3, rtol=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.5, 3.0])
+def test_beyond_the_power_bandwidth_the_current_is_a_triangle(share: float) -> None:
+    """Without resistance the current changes by U/L at most: amplitude A up to U / (2 pi A L)."""
+    U, L, A, T = 20.0, 2 * K / S0, 0.5, 2e-6
+    power = U / (2 * np.pi * A * L)
+    f = share * power
+    n = round(6 / (f * T))
+    command = A * np.sin(2 * np.pi * f * T * np.arange(n))
+    parts = coils(corner=2 * np.pi * 100e3, voltage=U, R=1e-9)
+    late = driven(command, parts, T=T, m=HEAVY, substeps=8)["iu"][n // 2 :]
+    expected = A if share < 1 else U / (4 * f * L)
+    assert (late.max() - late.min()) / 2 == pytest.approx(expected, rel=0.03)
+
+
+def test_power_from_the_amplifier_is_heat_field_and_work() -> None:
+    """Back-EMF: u i = R i^2 + d(L i^2 / 2)/dt + F v in both coils, for a rotor that flies."""
+    T, n = 5e-6, 2600
+    flying = {"x_start": 2e-4, "integral": 0.1, "coil": law(two_sided=False)}
+    run = driven(np.zeros(n), coils(), T=T, **flying)
+    assert not run["touched"]
+    first, second = I0 + run["iu"], I0 - run["iu"]
+    x, v = run["x"], run["v"]
+    assert abs(x[-1] - x[0]) > 3e-4
+    assert np.abs(run["u_coil"]).max() < 20
+    power = run["u_coil"] * first + run["u_coil_2"] * second - 2.0 * (first**2 + second**2)
+    given = cumulative_simpson(power, dx=T, initial=0)
+    field = K * (first**2 / (S0 - x) + second**2 / (S0 + x))
+    taken = field - field[0] + M * v**2 / 2
+    assert np.abs(given).max() > 1e-4
+    np.testing.assert_allclose(given, taken, atol=1e-7 * np.abs(taken).max())
+
+
+def naive(t: float, s: Any, parts: dict[str, Any], demanded: float, turned: float = 0.0) -> list:
+    """Right-hand side of the whole plant as the field writes it: x, v, x_m, i1, i2."""
+    x, v, x_m, i1, i2 = s
+    rates = []
+    for i, wanted, gap, opening in (
+        (i1, I0 + demanded, S0 - x, -v),
+        (i2, I0 - demanded, S0 + x, v),
+    ):
+        L = 2 * parts["k"] / gap
+        emf = -L / gap * i * opening
+        u = L * parts["corner"] * (wanted - i) + parts["R"] * i + emf
+        u = min(max(u, -parts["voltage"]), parts["voltage"])
+        rates.append((u - parts["R"] * i - emf) / L)
+    F = K * ((i1 / (S0 - x)) ** 2 - (i2 / (S0 + x)) ** 2)
+    angle = parts.get("speed", 0.0) * t
+    for order, a in enumerate(parts.get("runout_cosine", ())):
+        turned += a * np.cos((order + 1) * angle)
+    for order, b in enumerate(parts.get("runout_sine", ())):
+        turned += b * np.sin((order + 1) * angle)
+    seen = x + turned
+    seen = seen + parts.get("quadratic", 0.0) * seen**2 + parts.get("cubic", 0.0) * seen**3
+    d = max(abs(x) - 1e-3, 0.0)
+    give = 1 + 1.5 * parts.get("damping", 0.0) * v * np.sign(x)
+    push = -np.sign(x) * parts.get("stiffness", 0.0) * d**1.5 * max(give, 0.0)
+    return [v, (F + push) / M, (seen - x_m) / 2e-4, *rates]
+
+
+def exact(command: np.ndarray, T: float, parts: dict[str, Any], x_start: float) -> np.ndarray:
+    """Solve piece by piece with solve_ivp; the state at each sample."""
+    seen = x_start + sum(parts.get("runout_cosine", ()))
+    s = np.array([x_start, 0, seen, I0, I0])
+    seen += parts.get("quadratic", 0.0) * seen**2 + parts.get("cubic", 0.0) * seen**3
+    s[2] = seen
+    late = parts.get("delay", 0) * T + parts.get("delay_rest", 0.0)
+    rows = [s]
+    for k in range(command.size - 1):
+        edges = np.unique([k * T, *(T * np.arange(command.size) + late), (k + 1) * T])
+        edges = edges[(edges >= k * T - 1e-15) & (edges <= (k + 1) * T + 1e-15)]
+        for low, high in itertools.pairwise(edges):
+            if high - low < 1e-12:
+                continue
+            issued = int(np.floor(((low + high) / 2 - late) / T))
+            demanded = command[issued] if issued >= 0 else 0.0
+            s = solve_ivp(
+                naive, (low, high), s, args=(parts, demanded), method="DOP853",
+                rtol=1e-12, atol=1e-16,
+            ).y[:, -1]  # fmt: skip
+        rows.append(s)
+    return np.array(rows)
+
+
+WHOLE = coils() | {
+    "delay": 1, "delay_rest": 1.7e-4, "quadratic": 30.0, "cubic": -2e4, "speed": 300.0,
+    "turn_cosine": np.cos(300.0 * 4e-4), "turn_sine": np.sin(300.0 * 4e-4), "orders": 2,
+    "runout_cosine": np.array([3e-5, 0.0]), "runout_sine": np.array([1e-5, -2e-5]),
+}  # fmt: skip
+
+
+def test_with_all_that_is_smooth_the_integrator_is_of_order_four() -> None:
+    """Amplifier, back-EMF, a dead time of 1.425 samples, runout and a bent sensor at once."""
+    T = 4e-4
+    command = np.array([0.3, -0.2, 0.1, -0.3, 0.2, -0.1, 0.3, 0.0])
+    reference = exact(command, T, WHOLE, 1e-4)
+    errors = []
+    for substeps in (7, 14, 28, 56):
+        run = driven(
+            command, WHOLE, T=T, x_start=1e-4, substeps=substeps, coil=law(two_sided=False)
+        )
+        ours = np.column_stack([run["x"], run["v"], run["x_m"], run["iu"]])
+        theirs = np.column_stack([reference[:, :3], (reference[:, 3] - reference[:, 4]) / 2])
+        errors.append((np.abs(ours - theirs) / np.abs(theirs).max(axis=0)).max(axis=0))
+    assert np.abs(run["u_coil"]).max() < 20  # nowhere limited
+    assert errors[-1].max() < 1e-6
+    order = np.log2(errors[0] / errors[-1]) / 3
+    assert order == pytest.approx([4, 4, 4, 4], abs=0.4)
+
+
+def test_where_the_voltage_is_limited_now_and_then_the_solver_says_the_same() -> None:
+    parts = WHOLE | {"voltage": 6.0}
+    command = np.array([0.3, -0.2, 0.1, -0.3, 0.2, -0.1, 0.3, 0.0])
+    reference = exact(command, 4e-4, parts, 1e-4)
+    run = driven(command, parts, T=4e-4, x_start=1e-4, substeps=64, coil=law(two_sided=False))
+    limited = np.abs(np.abs(run["u_coil"]) - 6) < 1e-9
+    assert 0 < limited.sum() < limited.size
+    for name, column in (("x", 0), ("v", 1), ("x_m", 2)):
+        scale = np.abs(reference[:, column]).max()
+        np.testing.assert_allclose(run[name], reference[:, column], atol=1e-5 * scale)
+
+
+def test_a_scaled_magnet_is_scaled_with_its_coils() -> None:
+    command = np.random.default_rng(1).uniform(-1, 1, 60)
+    parts = coils(voltage=8.0)
+    one = driven(command, parts, scale=np.full(60, 0.8), x_start=1e-4, coil=law(two_sided=False))
+    weaker = {"magnet": law(k=0.8 * K), "coil": law(k=0.8 * K, two_sided=False)}
+    other = driven(command, parts | {"k": 0.8 * K}, x_start=1e-4, **weaker)
+    for name in ("x", "force", "iu", "u_coil", "u_coil_2"):
+        np.testing.assert_allclose(one[name], other[name], rtol=1e-9, atol=1e-15)
+
+
+# ---- Delay ----
+
+
+@pytest.mark.parametrize("halves", [1, 2, 3, 4, 7])
+def test_a_delay_shifts_the_control_between_the_samples(halves: int) -> None:
+    """The same plant sampled twice as often, and its control shifted by whole samples there."""
+    T, command = 1e-4, np.random.default_rng(2).uniform(-0.4, 0.4, 50)
+    delay = {"delay": halves // 2, "delay_rest": T / 2 * (halves % 2)}
+    late = driven(command, delay, T=T, substeps=8, x_start=5e-5)
+    shifted = np.concatenate([np.zeros(halves), np.repeat(command, 2)])[:100]
+    fine = driven(shifted, {}, T=T / 2, substeps=4 + (halves % 2), x_start=5e-5)
+    for name in ("x", "v", "x_m", "iu", "force"):
+        np.testing.assert_allclose(late[name], fine[name][::2], rtol=1e-8, atol=1e-14)
+
+
+def test_a_delay_is_told_in_whole_samples_and_the_rest() -> None:
+    def delay(text: str) -> tuple[int, float]:
+        parts = plant_parts.parts_of(BEARING.replace(delay=text))
+        assert parts is not None
+        return parts["delay"], parts["delay_rest"]
+
+    assert delay("0.1 ms") == (1, 0)
+    assert delay("0.3 ms") == (3, 0)
+    assert delay("0.7 ms") == (7, 0)
+    assert delay("0.15 ms") == (1, pytest.approx(5e-5, rel=1e-9))
+    assert delay("20 us") == (0, pytest.approx(2e-5, rel=1e-9))
+
+
+# ---- Sensor ----
+
+
+def test_runout_comes_through_the_lag() -> None:
+    """Each line's amplitude and phase behind 1/(1 + j n speed T_sen), after 10^5 turns as well."""
+    T, lag, speed = 1e-4, 2e-4, 6000 * 2 * np.pi / 60
+    bearing = BEARING.replace(
+        speed="6000 rpm",
+        sensor__runout=[
+            {"order": 1, "amplitude": "3 um", "phase": "30 deg"},
+            {"order": 5, "amplitude": "2 um", "phase": "-1 rad"},
+            {"order": 5, "amplitude": "1 um"},
+        ],
+    )
+    assert bearing.speed == speed
+    parts = plant_parts.parts_of(bearing)
+    n = 200_000
+    run = driven(np.zeros(n), parts, m=HEAVY, magnet=core_module().Constant(0.0, 0.0), substeps=16)
+    t = T * np.arange(n)
+    lines = {1: 3e-6 * np.exp(1j * np.pi / 6), 5: 2e-6 * np.exp(-1j) + 1e-6}
+    expected = sum(
+        (a * np.exp(1j * n * speed * t) / (1 + 1j * n * speed * lag)).real for n, a in lines.items()
+    )
+    np.testing.assert_allclose(run["x_m"][100:], expected[100:], atol=3e-11)
+
+
+def test_substeps_follow_the_fastest_part() -> None:
+    def steps(**changes: Any) -> int:
+        return plant_parts.substeps(BEARING.replace(**changes), 4)
+
+    assert steps(sensor__lag="20 us") == 10
+    assert steps(amplifier__bandwidth="2 kHz") == 6
+    assert steps(amplifier__bandwidth="1 GHz") == 4000
+    runout = [{"order": 5, "amplitude": "1 um"}]
+    assert steps(speed="30000 rpm", sensor__runout=runout) == 7
+
+
+def test_a_bent_sensor_settles_on_its_curve() -> None:
+    for x in (-5e-4, 3e-4):
+        run = driven(
+            np.zeros(100), {"quadratic": 50.0, "cubic": 1e5}, m=HEAVY, x_start=x, K_sen=2.0,
+            magnet=core_module().Constant(0.0, 0.0),
+        )  # fmt: skip
+        np.testing.assert_allclose(run["x_m"], 2 * (x + 50 * x**2 + 1e5 * x**3), rtol=1e-12)
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+def test_a_quantised_measurement_is_off_by_half_a_step_at_most(precision: str) -> None:
+    step = 2e-6
+    bearing = BEARING.replace(sensor__quantisation=step)
+    kalman = ambkit.KalmanFilter(bearing, precision=precision)
+    record = ambkit.simulate(bearing, ambkit.Scenario(duration=0.2), estimator=kalman)
+    noise = plant_noise.drawn(bearing, ambkit.Scenario(duration=0.2), len(record))[1]
+    error = record["y"] - record["x_m"] - noise
+    eps = np.finfo(precision).eps
+    assert np.abs(error).max() <= step / 2 + 100 * eps * 1e-3
+    assert error.std() == pytest.approx(step / np.sqrt(12), rel=0.1)
+    whole = record["y"] / step
+    np.testing.assert_allclose(whole, np.round(whole), atol=10 * eps * np.abs(whole).max())
+
+
+def test_what_is_no_number_stays_what_it_is_in_the_rounding() -> None:
+    noise = np.array([0.0, np.nan, np.inf, -np.inf, 1e300, 0.6e-6, -0.6e-6, 0.4e-6])
+    still = {"m": HEAVY, "magnet": core_module().Constant(0.0, 0.0), "noise_y": noise}
+    y = driven(np.zeros(8), {"step": 1e-6}, **still)["y"]
+    np.testing.assert_array_equal(y, [0, np.nan, np.inf, -np.inf, 1e300, 1e-6, -1e-6, 0])
+
+
+# ---- Noise ----
+
+
+def test_the_white_noise_is_what_it_was_whatever_stands_beside_it() -> None:
+    scenario, n = ambkit.Scenario(seed=7), 500
+    streams = [np.random.default_rng(s) for s in np.random.SeedSequence(7).spawn(2)]
+    white_u, white_y = (
+        rng.normal(0.0, np.sqrt(variance), n)
+        for rng, variance in zip(streams, (8e-5, 8.3e-11), strict=True)
+    )
+    noise_u, noise_y = plant_noise.drawn(BEARING, scenario, n)
+    assert (noise_u == white_u).all()
+    assert (noise_y == white_y).all()
+    noisy = BEARING.replace(**{k: ALL[k] for k in ("sensor__hum", "sensor__coloured_noise")})
+    only_hum = BEARING.replace(sensor__hum=ALL["sensor__hum"])
+    also_u, both_y = plant_noise.drawn(noisy, scenario, n)
+    assert (also_u == white_u).all()
+    hum = plant_noise.drawn(only_hum, scenario, n)[1] - white_y
+    assert np.ptp(both_y - white_y - hum) > 1e-6
+    silent = plant_noise.drawn(noisy, scenario.replace(noise=False), n)
+    assert not np.any(silent)
+
+
+def autocovariance(z: np.ndarray, lags: range) -> np.ndarray:
+    n = z.shape[-1]
+    return np.array([np.mean(z[..., : n - lag] * z[..., lag:]) for lag in lags])
+
+
+def test_coloured_noise_has_the_autocovariance_of_first_order() -> None:
+    T, n = 1e-4, 200_000
+    noise = ColouredNoise(variance="1 um^2", bandwidth="200 Hz")
+    seeds = range(20)
+    z = np.array([plant_noise.coloured(noise, T, n, np.random.default_rng(s)) for s in seeds])
+    lags = range(0, 40, 4)
+    expected = 1e-12 * np.exp(-2 * np.pi * 200 * T * np.arange(0, 40, 4))
+    np.testing.assert_allclose(autocovariance(z, lags), expected, atol=0.01e-12)
+    start = np.array(
+        [plant_noise.coloured(noise, T, 1, np.random.default_rng(s)) for s in range(4000)]
+    )
+    assert start.var() == pytest.approx(1e-12, rel=5 * np.sqrt(2 / 4000))  # stationary at once
+
+
+@pytest.mark.parametrize("bandwidth", ["0 Hz", "2 Hz"])
+def test_hum_has_its_line(bandwidth: str) -> None:
+    T, n, f, A = 1e-4, 100_000, 50.0, 5e-6
+    line = Hum(frequency=f, amplitude=A, bandwidth=bandwidth)
+    z = np.array([plant_noise.hum(line, T, n, np.random.default_rng(s)) for s in range(40)])
+    lags = range(0, 400, 50)
+    at = T * np.arange(0, 400, 50)
+    wide = 2 * np.pi * line.bandwidth
+    expected = A**2 / 2 * np.cos(2 * np.pi * f * at) * np.exp(-wide * at)
+    room = 0.02 if line.bandwidth == 0 else 0.15
+    np.testing.assert_allclose(autocovariance(z, lags), expected, atol=room * A**2 / 2)
+    if line.bandwidth == 0:
+        assert np.abs(z).max() == pytest.approx(A, rel=1e-3)
+        assert np.ptp(z[:, 0]) > A  # each seed has a phase of its own
+
+
+# ---- Contact ----
+
+STOP = {"stiffness": 1e8, "damping": 0.5, "farthest": 1.9e-3}
+
+
+def impact(v_in: float, n: int = 1500, T: float = 1e-5, **changes: Any) -> dict[str, Any]:
+    """Push the rotor to a velocity with one sample's force, towards the stop at +1 mm."""
+    push = np.zeros(n)
+    push[0] = M * v_in / T
+    parts = STOP | changes.pop("parts", {})
+    nothing = core_module().Constant(0.0, 0.0)
+    return driven(np.zeros(n), parts, T=T, f_d=push, magnet=nothing, x_start=0.9e-3, **changes)
+
+
+def restitution(v_in: float, damping: float) -> float:
+    """Hunt and Crossley's equation integrated: a v - ln(1 + a v) is the same before and after."""
+    a = 1.5 * damping
+
+    def lost(v: float) -> float:
+        return a * v - np.log1p(a * v)
+
+    out = brentq(lambda v: lost(-v) - lost(v_in), 1e-9 * v_in, v_in)
+    return float(out / v_in)
+
+
+@pytest.mark.parametrize("v_in", [0.02, 0.1, 0.4])
+def test_the_rotor_comes_back_as_the_formula_says(v_in: float) -> None:
+    run = impact(v_in, n={0.02: 1500, 0.1: 600, 0.4: 300}[v_in])
+    assert run["v"][-1] == run["v"][-2]  # free again
+    e = -run["v"][-1] / v_in
+    assert e == pytest.approx(restitution(v_in, 0.5), rel=1e-6)
+    assert e == pytest.approx(1 - 0.5 * v_in, abs=(0.5 * v_in) ** 2)  # where it is little
+    depth = run["x"].max() - 1e-3
+    elastic = (5 * M * v_in**2 / (4 * 1e8)) ** 0.4
+    assert 0.9 * elastic < depth < elastic
+
+
+def test_without_damping_nothing_is_lost() -> None:
+    run = impact(0.1, parts={"damping": 0.0})
+    assert -run["v"][-1] == pytest.approx(0.1, rel=1e-7)
+    depth = np.maximum(run["x"] - 1e-3, 0)
+    energy = M * run["v"] ** 2 / 2 + 1e8 * depth**2.5 / 2.5
+    np.testing.assert_allclose(energy[1:], energy[1], rtol=1e-6)
+    assert depth.max() == pytest.approx((5 * M * 0.1**2 / (4 * 1e8)) ** 0.4, rel=1e-3)
+
+
+@pytest.mark.parametrize("damping", [0.1, 0.5, 20.0])
+def test_the_energy_never_rises(damping: float) -> None:
+    """Under a weight that keeps it bouncing between and against the stops, with a lossy one too."""
+    weight = -M * 9.81
+    nothing = core_module().Constant(0.0, 0.0)
+    parts = STOP | {"damping": damping}
+    run = driven(np.zeros(6000), parts, f_0=weight, magnet=nothing, x_start=9e-4)
+    x, v = run["x"], run["v"]
+    depth = np.maximum(np.abs(x) - 1e-3, 0)
+    energy = M * v**2 / 2 + 1e8 * depth**2.5 / 2.5 - weight * x
+    assert np.diff(energy).max() <= 1e-6 * np.ptp(energy)
+    bounces = np.flatnonzero((v[:-1] < -1e-4) & (v[1:] > 1e-4)).size
+    assert bounces > 3 or damping == 20.0
+    rest = (M * 9.81 / 1e8) ** (2 / 3)
+    if damping == 20.0:
+        assert x[-1] == pytest.approx(-1e-3 - rest, abs=1e-9)
+    assert 0 < run["touched"] <= 6000
+
+
+@pytest.mark.parametrize("stiffness", [1e8, 1e10, 1e12])
+def test_the_impact_does_not_depend_on_the_steps(stiffness: float) -> None:
+    """Also where the whole of it is over in a fraction of a step."""
+    nothing = core_module().Constant(0.0, 0.0)
+    runs = [
+        driven(
+            np.zeros(120), STOP | {"stiffness": stiffness}, f_0=-M * 9.81, magnet=nothing,
+            x_start=-9e-4, substeps=substeps,
+        )
+        for substeps in (1, 4, 64)
+    ]  # fmt: skip
+    assert runs[-1]["v"].max() > 0.02  # it came back
+    for run in runs[:-1]:
+        for name in ("x", "v"):
+            scale = np.abs(runs[-1][name]).max()
+            np.testing.assert_allclose(run[name], runs[-1][name], rtol=0, atol=1e-6 * scale)
+
+
+def test_the_impact_is_the_solvers() -> None:
+    parts = coils() | STOP
+    command = np.full(40, 0.6)
+    reference = exact(command, 4e-4, parts, 8e-4)
+    run = driven(command, parts, T=4e-4, x_start=8e-4, substeps=64, coil=law(two_sided=False))
+    assert np.abs(reference[:, 0]).max() > 1.05e-3
+    for name, column in (("x", 0), ("v", 1)):
+        scale = np.abs(reference[:, column]).max()
+        np.testing.assert_allclose(run[name], reference[:, column], atol=2e-6 * scale)
+
+
+def test_a_stop_too_soft_ends_before_the_magnet() -> None:
+    run = driven(np.zeros(2000), STOP | {"stiffness": 1.0}, f_d=100.0)
+    assert run["x"].max() == 1.9e-3
+    assert np.isfinite(run["force"]).all()
+
+
+# ---- All of it, from the bearing's file ----
+
+
+def test_all_parts_at_once_hover_and_are_told() -> None:
+    bearing = BEARING.replace(**ALL)
+    run = ambkit.simulate(bearing, ambkit.Scenario(duration=0.3))
+    assert run.units["u_coil"] == run.units["u_coil_2"] == "V"
+    assert np.abs(run["x"]).max() < 1e-4
+    assert np.abs(run["u_coil"]).max() <= 30 * (1 + 1e-12)
+    assert "u_coil" not in ambkit.simulate(BEARING, ambkit.Scenario(duration=0.01))
+
+
+def test_stretches_are_the_whole_with_all_parts() -> None:
+    bearing, scenario = BEARING.replace(**ALL), ambkit.Scenario(duration=0.02)
+    whole = Loop(bearing, scenario).run().record
+    loop = Loop(bearing, scenario)
+    first, second = loop.run(until=0.0071).record, loop.run().record
+    for name in whole.signals:
+        joined = np.concatenate([first[name], second[name]])
+        np.testing.assert_array_equal(joined, whole[name], err_msg=name)
+
+
+def test_single_precision_does_nearly_the_same() -> None:
+    bearing = BEARING.replace(**ALL | {"sensor__quantisation": None})
+    scenario = ambkit.Scenario(duration=0.05, controller={"feedback": "measurement"})
+    runs = {
+        p: ambkit.simulate(bearing, scenario, estimator=ambkit.KalmanFilter(bearing, precision=p))
+        for p in ("float64", "float32")
+    }
+    off = np.abs(runs["float32"]["x"] - runs["float64"]["x"]).max()
+    assert 0 < off < 1e-3 * np.abs(runs["float64"]["x"]).max()
+
+
+def test_another_magnet_gets_the_mean_of_both_currents() -> None:
+    bearing = BEARING.replace(amplifier__bandwidth="1 kHz", amplifier__voltage_limit="8 V",
+                              amplifier__resistance="2 ohm")  # fmt: skip
+    record = ambkit.simulate(
+        bearing, ambkit.Scenario(duration=0.05), magnet=ambkit.ConstantStiffness(10.05, 7500.0)
+    )
+    np.testing.assert_allclose(
+        record["f_mag"], 10.05 * record["iu"] + 7500.0 * record["x"], atol=1e-12
+    )
