@@ -42,7 +42,10 @@ void amb_model_predict_mean(const amb_model *model, const amb_real F[], const am
   amb_real all[AMB_FORCES];
   amb_real before[AMB_STATES];
   for (int f = 0; f < model->forces; f++) {
-    all[f] = F[f] + amb_sparse_times(&model->h, model->r, f, mean);
+    all[f] = F[f];
+    for (int k = model->h.start[f]; k < model->h.start[f + 1]; k++) {
+      all[f] += model->r[k] * mean[model->h.column[k]];
+    }
   }
   for (int i = 0; i < n; i++) {
     before[i] = mean[i];

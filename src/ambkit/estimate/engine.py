@@ -14,6 +14,7 @@ from ambkit.machine.magnets import Precision, core_module
 from ambkit.models import axis_model, axis_parts
 from ambkit.models.model import Descriptor, Model
 from ambkit.models.plan import Plan
+from ambkit.models.roles import ENUMERATORS, ROLES
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
@@ -22,12 +23,6 @@ Array = NDArray[np.float64]
 
 PAPER = ("x", "v", "f_d", "x_m")
 """The states of the paper's axis, which is built into the core as straight-line C."""
-
-ROLES = {
-    "position": 0, "velocity": 1, "sensor": 2, "disturbance force": 3, "noise": 3,
-    "current": 4, "past control": 4,
-}  # fmt: skip
-"""What the core calls the roles of the states: ``amb_role`` of ``ambkit/model.h``."""
 
 
 class Engine:
@@ -133,7 +128,7 @@ def arrays(model: Model) -> dict[str, Any]:
         "r": model.r[on].tolist(),
         "N": sparse(model.N[:, *upper], (model.pattern["N"] > 0)[:, *upper]),
         "rest": sparse(model.rest, (model.pattern["rest"] > 0) & shown[:, None]),
-        "role": [float(ROLES[state.role]) for state in model.states],
+        "role": [float(ENUMERATORS.index(ROLES[state.role])) for state in model.states],
     }
 
 
