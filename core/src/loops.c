@@ -93,18 +93,29 @@ static void noise_of_controls(const amb_model *model, const amb_stiffness k[],
   }
 }
 
-void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[],
-                                  const amb_real k_ui[], const amb_real var_u[],
-                                  const amb_real growth[], amb_real cov[], amb_real work[])
+/* Where the parts of the room for a prediction begin. */
+typedef struct rooms {
+  amb_real *P; /* n x n, unfolded; later the transpose of M */
+  amb_real *M; /* n x n, of the next state with the state */
+  amb_real *w; /* p x n, of the forces with the state */
+  amb_real *z; /* p x n, of the forces with the next state */
+  amb_real *v; /* controls x n, of the controls' noise with the next state */
+} rooms;
+
+static rooms laid_out(const amb_model *model, amb_real work[])
 {
   const int n = model->states;
-  const int p = model->forces;
-  const amb_sparse *h = &model->h;
-  amb_real *P = work;      /* n x n, unfolded */
-  amb_real *w = &P[n * n]; /* p x n */
-  amb_real *M = &w[p * n]; /* a row */
-  control_noise noise;
-  noise_of_controls(model, k, k_ui, var_u, &noise);
+  rooms room;
+  room.P = work;
+  room.M = &room.P[n * n];
+  room.w = &room.M[n * n];
+  room.z = &room.w[model->forces * n];
+  room.v = &room.z[model->forces * n];
+  return room;
+}
+
+static void unfold(int n, const amb_real cov[], amb_real *P)
+{
   int entry = 0;
   for (int i = 0; i < n; i++) {
     for (int j = i; j < n; j++) {
@@ -113,77 +124,138 @@ void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[
       entry++;
     }
   }
-  amb_real row[AMB_FORCES * AMB_STATES]; /* of each entry of h */
-  for (int f = 0; f < p; f++) {
-    const int last = h->start[f + 1] - 1;
-    if (last < (int)h->start[f]) { /* a force that nothing moves */
-      set_scaled(n, AMB_C(0.0), P, &w[f * n]);
+}
+
+/* w = row_f P, and the coefficients `row` of each entry of h; from last to first. */
+static void of_forces(const amb_model *model, const amb_stiffness k[], const rooms *room,
+                      amb_real row[])
+{
+  const int n = model->states;
+  const amb_sparse *h = &model->h;
+  for (int f = 0; f < model->forces; f++) {
+    const int first = (int)h->start[f];
+    const int last = (int)h->start[f + 1] - 1;
+    amb_real *w = &room->w[f * n];
+    if (last < first) { /* a force that nothing moves */
+      set_scaled(n, AMB_C(0.0), room->P, w);
     }
-    for (int a = last; a >= (int)h->start[f]; a--) {
-      const amb_real *x = &P[h->column[a] * n];
+    for (int a = last; a >= first; a--) {
+      const amb_real *x = &room->P[h->column[a] * n];
       row[a] = k[f].k_s * h->value[a] + k[f].k_i * model->e[a] + model->r[a];
       if (a == last) {
-        set_scaled(n, row[a], x, &w[f * n]);
+        set_scaled(n, row[a], x, w);
       } else {
-        add_scaled(n, row[a], x, &w[f * n]);
+        add_scaled(n, row[a], x, w);
       }
     }
   }
-  entry = 0;
-  for (int i = 0; i < n; i++) {
-    amb_real z[AMB_FORCES];
-    amb_real moved[AMB_CONTROLS]; /* how the noise of each control moves state i, times var_u */
-    const int first_b = model->b.start[i];
-    const int end_b = model->b.start[i + 1];
-    const int first_u = model->B_u.start[i];
-    const int end_u = model->B_u.start[i + 1];
-    combine_rows(&model->L, i, n, P, M);
+}
+
+/* Row i of z, and of v: what of the next state the noise of the controls is. */
+static void of_noise(const amb_model *model, int i, const amb_real k_ui[], const amb_real var_u[],
+                     const control_noise *noise, const amb_real row[], const rooms *room)
+{
+  const int n = model->states;
+  const amb_sparse *h = &model->h;
+  const int first_b = model->b.start[i];
+  const int end_b = model->b.start[i + 1];
+  const int first_u = model->B_u.start[i];
+  const int end_u = model->B_u.start[i + 1];
+  for (int f = 0; f < model->forces; f++) {
+    amb_real sum = AMB_C(0.0);
     for (int a = first_b; a < end_b; a++) {
-      add_scaled(n, model->b.value[a], &w[model->b.column[a] * n], M);
-    }
-    for (int c = 0; c < model->controls; c++) {
-      moved[c] = AMB_C(0.0);
+      sum += model->b.value[a] * noise->variance[model->b.column[a]][f];
     }
     for (int a = first_u; a < end_u; a++) {
       const int c = model->B_u.column[a];
-      moved[c] = model->B_u.value[a] * k_ui[c];
+      sum += ((model->B_u.value[a] * k_ui[c]) * var_u[c]) * noise->gain[f][c];
     }
-    for (int f = 0; f < p; f++) {
-      amb_real sum = AMB_C(0.0);
-      for (int a = first_b; a < end_b; a++) {
-        sum += model->b.value[a] * noise.variance[model->b.column[a]][f];
-      }
-      for (int a = first_u; a < end_u; a++) {
-        const int c = model->B_u.column[a];
-        sum += (moved[c] * var_u[c]) * noise.gain[f][c];
-      }
-      for (int a = (int)h->start[f + 1] - 1; a >= (int)h->start[f]; a--) {
-        sum += M[h->column[a]] * row[a];
-      }
-      z[f] = sum;
+    for (int a = (int)h->start[f + 1] - 1; a >= (int)h->start[f]; a--) {
+      sum += room->M[i * n + h->column[a]] * row[a];
     }
-    for (int c = 0; c < model->controls; c++) {
-      for (int a = first_b; a < end_b; a++) {
-        moved[c] += model->b.value[a] * noise.gain[model->b.column[a]][c];
-      }
-      moved[c] *= var_u[c];
+    room->z[f * n + i] = sum;
+  }
+  for (int c = 0; c < model->controls; c++) {
+    room->v[c * n + i] = AMB_C(0.0);
+  }
+  for (int a = first_u; a < end_u; a++) {
+    const int c = model->B_u.column[a];
+    room->v[c * n + i] = model->B_u.value[a] * k_ui[c];
+  }
+  for (int c = 0; c < model->controls; c++) {
+    for (int a = first_b; a < end_b; a++) {
+      room->v[c * n + i] += model->b.value[a] * noise->gain[model->b.column[a]][c];
     }
-    for (int j = i; j < n; j++) {
-      amb_real sum = AMB_C(0.0);
-      for (int a = model->L.start[j]; a < model->L.start[j + 1]; a++) {
-        sum += M[model->L.column[a]] * model->L.value[a];
-      }
-      sum += growth[entry];
-      for (int a = model->B_u.start[j]; a < model->B_u.start[j + 1]; a++) {
-        const int c = model->B_u.column[a];
-        sum += (model->B_u.value[a] * k_ui[c]) * moved[c];
-      }
-      for (int a = model->b.start[j]; a < model->b.start[j + 1]; a++) {
-        sum += model->b.value[a] * z[model->b.column[a]];
-      }
-      cov[entry] = sum;
-      entry++;
+    room->v[c * n + i] *= var_u[c];
+  }
+}
+
+static void transpose(int n, const amb_real *from, amb_real *to)
+{
+  for (int i = 0; i < n; i++) {
+    for (int j = 0; j < n; j++) {
+      to[j * n + i] = from[i * n + j];
     }
+  }
+}
+
+/* Column j of the covariance one sample on, down to its diagonal. */
+static void next_column(const amb_model *model, int j, const amb_real k_ui[],
+                        const amb_real growth[], const rooms *room, amb_real cov[])
+{
+  const int n = model->states;
+  const int count = j + 1;
+  amb_real column[AMB_STATES];
+  const int first = model->L.start[j];
+  const int end = model->L.start[j + 1];
+  if (first == end) {
+    set_scaled(count, AMB_C(0.0), room->P, column);
+  }
+  for (int a = first; a < end; a++) {
+    const amb_real *m = &room->P[model->L.column[a] * n];
+    if (a == first) {
+      set_scaled(count, model->L.value[a], m, column);
+    } else {
+      add_scaled(count, model->L.value[a], m, column);
+    }
+  }
+  for (int i = 0; i < count; i++) {
+    column[i] += growth[amb_entry(n, i, j)];
+  }
+  for (int a = model->B_u.start[j]; a < model->B_u.start[j + 1]; a++) {
+    const int c = model->B_u.column[a];
+    add_scaled(count, model->B_u.value[a] * k_ui[c], &room->v[c * n], column);
+  }
+  for (int a = model->b.start[j]; a < model->b.start[j + 1]; a++) {
+    add_scaled(count, model->b.value[a], &room->z[model->b.column[a] * n], column);
+  }
+  for (int i = 0; i < count; i++) {
+    cov[amb_entry(n, i, j)] = column[i];
+  }
+}
+
+void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[],
+                                  const amb_real k_ui[], const amb_real var_u[],
+                                  const amb_real growth[], amb_real cov[], amb_real work[])
+{
+  const int n = model->states;
+  const rooms room = laid_out(model, work);
+  control_noise noise;
+  amb_real row[AMB_FORCES * AMB_STATES];
+  noise_of_controls(model, k, k_ui, var_u, &noise);
+  unfold(n, cov, room.P);
+  of_forces(model, k, &room, row);
+  for (int i = 0; i < n; i++) {
+    amb_real *M = &room.M[i * n];
+    combine_rows(&model->L, i, n, room.P, M);
+    for (int a = model->b.start[i]; a < model->b.start[i + 1]; a++) {
+      add_scaled(n, model->b.value[a], &room.w[model->b.column[a] * n], M);
+    }
+    of_noise(model, i, k_ui, var_u, &noise, row, &room);
+  }
+  transpose(n, room.M, room.P);
+  for (int j = 0; j < n; j++) {
+    next_column(model, j, k_ui, growth, &room, cov);
   }
 }
 
