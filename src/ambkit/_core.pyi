@@ -186,7 +186,7 @@ class Estimator:
     def status(self) -> int: ...
 
     @property
-    def health(self) -> list:
+    def health(self) -> list[int]:
         """What there is to say of each sensor."""
 
     @property
