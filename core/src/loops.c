@@ -2,36 +2,63 @@
 
 #if defined(AMB_MODEL_LOOPS)
 
-/* to = a x, or to += a x. */
-static void set_scaled(int n, amb_real a, const amb_real *x, amb_real *to)
+/* Rows that are to be added up, each times a number: what a row of a product is made of. */
+typedef struct sum_of_rows {
+  int count;
+  amb_real value[AMB_STATES + AMB_FORCES + AMB_CONTROLS + 1];
+  const amb_real *row[AMB_STATES + AMB_FORCES + AMB_CONTROLS + 1];
+} sum_of_rows;
+
+static void add_row(sum_of_rows *sum, amb_real value, const amb_real *row)
 {
-  for (int j = 0; j < n; j++) {
-    to[j] = a * x[j];
-  }
+  sum->value[sum->count] = value;
+  sum->row[sum->count] = row;
+  sum->count++;
 }
 
-static void add_scaled(int n, amb_real a, const amb_real *x, amb_real *to)
+/* `n` columns of the sum, one row after the other in each; several at a time, as then the sum is
+ * fetched and stored less often. */
+static void add_up(const sum_of_rows *sum, int n, amb_real *to)
 {
-  for (int j = 0; j < n; j++) {
-    to[j] += a * x[j];
-  }
-}
-
-/* to = sum of value[k] times row column[k] of the n x n matrix X, entries `from` to `end`. */
-static void combine_rows(const amb_sparse *A, int row, int n, const amb_real *X, amb_real *to)
-{
-  const int from = A->start[row];
-  const int end = A->start[row + 1];
-  if (from == end) {
-    set_scaled(n, AMB_C(0.0), X, to);
-  }
-  for (int k = from; k < end; k++) {
-    const amb_real *x = &X[A->column[k] * n];
-    if (k == from) {
-      set_scaled(n, A->value[k], x, to);
-    } else {
-      add_scaled(n, A->value[k], x, to);
+  const amb_real *v = sum->value;
+  const amb_real *const *x = sum->row;
+  int k = 1;
+  if (sum->count == 0) {
+    for (int j = 0; j < n; j++) {
+      to[j] = AMB_C(0.0);
     }
+    return;
+  }
+  for (int j = 0; j < n; j++) {
+    to[j] = v[0] * x[0][j];
+  }
+  for (; (k + 4) <= sum->count; k += 4) {
+    const amb_real a = v[k];
+    const amb_real b = v[k + 1];
+    const amb_real c = v[k + 2];
+    const amb_real d = v[k + 3];
+    const amb_real *restrict p = x[k];
+    const amb_real *restrict q = x[k + 1];
+    const amb_real *restrict r = x[k + 2];
+    const amb_real *restrict s = x[k + 3];
+    for (int j = 0; j < n; j++) {
+      to[j] = (((to[j] + a * p[j]) + b * q[j]) + c * r[j]) + d * s[j];
+    }
+  }
+  for (; k < sum->count; k++) {
+    const amb_real a = v[k];
+    const amb_real *restrict p = x[k];
+    for (int j = 0; j < n; j++) {
+      to[j] += a * p[j];
+    }
+  }
+}
+
+/* The rows of X, n wide, that row i of A asks for. */
+static void add_rows_of(const amb_sparse *A, int i, const amb_real *X, int n, sum_of_rows *sum)
+{
+  for (int k = A->start[i]; k < A->start[i + 1]; k++) {
+    add_row(sum, A->value[k], &X[A->column[k] * n]);
   }
 }
 
@@ -133,21 +160,13 @@ static void of_forces(const amb_model *model, const amb_stiffness k[], const roo
   const int n = model->states;
   const amb_sparse *h = &model->h;
   for (int f = 0; f < model->forces; f++) {
-    const int first = (int)h->start[f];
-    const int last = (int)h->start[f + 1] - 1;
-    amb_real *w = &room->w[f * n];
-    if (last < first) { /* a force that nothing moves */
-      set_scaled(n, AMB_C(0.0), room->P, w);
-    }
-    for (int a = last; a >= first; a--) {
-      const amb_real *x = &room->P[h->column[a] * n];
+    sum_of_rows sum;
+    sum.count = 0;
+    for (int a = (int)h->start[f + 1] - 1; a >= (int)h->start[f]; a--) {
       row[a] = k[f].k_s * h->value[a] + k[f].k_i * model->e[a] + model->r[a];
-      if (a == last) {
-        set_scaled(n, row[a], x, w);
-      } else {
-        add_scaled(n, row[a], x, w);
-      }
+      add_row(&sum, row[a], &room->P[h->column[a] * n]);
     }
+    add_up(&sum, n, &room->w[f * n]);
   }
 }
 
@@ -199,39 +218,21 @@ static void transpose(int n, const amb_real *from, amb_real *to)
   }
 }
 
-/* Column j of the covariance one sample on, down to its diagonal. */
+/* Column j of the covariance one sample on, down to its diagonal; `grown`: of the growth. */
 static void next_column(const amb_model *model, int j, const amb_real k_ui[],
-                        const amb_real growth[], const rooms *room, amb_real cov[])
+                        const amb_real grown[], const rooms *room, amb_real column[])
 {
   const int n = model->states;
-  const int count = j + 1;
-  amb_real column[AMB_STATES];
-  const int first = model->L.start[j];
-  const int end = model->L.start[j + 1];
-  if (first == end) {
-    set_scaled(count, AMB_C(0.0), room->P, column);
-  }
-  for (int a = first; a < end; a++) {
-    const amb_real *m = &room->P[model->L.column[a] * n];
-    if (a == first) {
-      set_scaled(count, model->L.value[a], m, column);
-    } else {
-      add_scaled(count, model->L.value[a], m, column);
-    }
-  }
-  for (int i = 0; i < count; i++) {
-    column[i] += growth[amb_entry(n, i, j)];
-  }
+  sum_of_rows sum;
+  sum.count = 0;
+  add_rows_of(&model->L, j, room->P, n, &sum);
+  add_row(&sum, AMB_C(1.0), grown);
   for (int a = model->B_u.start[j]; a < model->B_u.start[j + 1]; a++) {
     const int c = model->B_u.column[a];
-    add_scaled(count, model->B_u.value[a] * k_ui[c], &room->v[c * n], column);
+    add_row(&sum, model->B_u.value[a] * k_ui[c], &room->v[c * n]);
   }
-  for (int a = model->b.start[j]; a < model->b.start[j + 1]; a++) {
-    add_scaled(count, model->b.value[a], &room->z[model->b.column[a] * n], column);
-  }
-  for (int i = 0; i < count; i++) {
-    cov[amb_entry(n, i, j)] = column[i];
-  }
+  add_rows_of(&model->b, j, room->z, n, &sum);
+  add_up(&sum, j + 1, column);
 }
 
 void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[],
@@ -246,16 +247,24 @@ void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[
   unfold(n, cov, room.P);
   of_forces(model, k, &room, row);
   for (int i = 0; i < n; i++) {
-    amb_real *M = &room.M[i * n];
-    combine_rows(&model->L, i, n, room.P, M);
-    for (int a = model->b.start[i]; a < model->b.start[i + 1]; a++) {
-      add_scaled(n, model->b.value[a], &room.w[model->b.column[a] * n], M);
-    }
+    sum_of_rows sum;
+    sum.count = 0;
+    add_rows_of(&model->L, i, room.P, n, &sum);
+    add_rows_of(&model->b, i, room.w, n, &sum);
+    add_up(&sum, n, &room.M[i * n]);
     of_noise(model, i, k_ui, var_u, &noise, row, &room);
   }
   transpose(n, room.M, room.P);
   for (int j = 0; j < n; j++) {
-    next_column(model, j, k_ui, growth, &room, cov);
+    amb_real grown[AMB_STATES];
+    amb_real column[AMB_STATES];
+    for (int i = 0; i <= j; i++) {
+      grown[i] = growth[amb_entry(n, i, j)];
+    }
+    next_column(model, j, k_ui, grown, &room, column);
+    for (int i = 0; i <= j; i++) {
+      cov[amb_entry(n, i, j)] = column[i];
+    }
   }
 }
 
