@@ -4,7 +4,7 @@
 
 Prediction and update of a Kalman filter, nothing checked, in C, compiled as the library is
 (``-O3 -ffp-contract=off``). Dense: the same filter as everybody writes it, matrices of a size known
-to the compiler, ``A P A' + Q`` with two triple loops on the upper triangle where it can, sensors one
+to the compiler, ``A P A' + Q`` in two triple loops, the second on the upper triangle, sensors one
 after the other. Everyone in turn, ratios within a round. Ends with status 1 where a limit is not
 kept.
 """

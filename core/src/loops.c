@@ -16,38 +16,48 @@ static void add_row(sum_of_rows *sum, amb_real value, const amb_real *row)
   sum->count++;
 }
 
-/* `n` columns of the sum, one row after the other in each; several at a time, as then the sum is
- * fetched and stored less often. */
-static void add_up(const sum_of_rows *sum, int n, amb_real *to)
+/* Four of them, from number k on, to what is there already; or with `fresh` to nothing. */
+static void add_four(const sum_of_rows *sum, int k, int n, bool fresh, amb_real *to)
 {
-  const amb_real *v = sum->value;
-  const amb_real *const *x = sum->row;
-  int k = 1;
-  if (sum->count == 0) {
+  const amb_real a = sum->value[k];
+  const amb_real b = sum->value[k + 1];
+  const amb_real c = sum->value[k + 2];
+  const amb_real d = sum->value[k + 3];
+  const amb_real *restrict p = sum->row[k];
+  const amb_real *restrict q = sum->row[k + 1];
+  const amb_real *restrict r = sum->row[k + 2];
+  const amb_real *restrict s = sum->row[k + 3];
+  if (fresh) {
     for (int j = 0; j < n; j++) {
-      to[j] = AMB_C(0.0);
+      to[j] = ((a * p[j] + b * q[j]) + c * r[j]) + d * s[j];
     }
-    return;
-  }
-  for (int j = 0; j < n; j++) {
-    to[j] = v[0] * x[0][j];
-  }
-  for (; (k + 4) <= sum->count; k += 4) {
-    const amb_real a = v[k];
-    const amb_real b = v[k + 1];
-    const amb_real c = v[k + 2];
-    const amb_real d = v[k + 3];
-    const amb_real *restrict p = x[k];
-    const amb_real *restrict q = x[k + 1];
-    const amb_real *restrict r = x[k + 2];
-    const amb_real *restrict s = x[k + 3];
+  } else {
     for (int j = 0; j < n; j++) {
       to[j] = (((to[j] + a * p[j]) + b * q[j]) + c * r[j]) + d * s[j];
     }
   }
+}
+
+/* `n` columns of the sum, one row after the other in each; four at a time, as then the sum is
+ * fetched and stored less often. */
+static void add_up(const sum_of_rows *sum, int n, amb_real *to)
+{
+  int k = 0;
+  if (sum->count >= 4) {
+    add_four(sum, 0, n, true, to);
+    k = 4;
+  } else {
+    for (int j = 0; j < n; j++) {
+      to[j] = (sum->count > 0) ? (sum->value[0] * sum->row[0][j]) : AMB_C(0.0);
+    }
+    k = 1;
+  }
+  for (; (k + 4) <= sum->count; k += 4) {
+    add_four(sum, k, n, false, to);
+  }
   for (; k < sum->count; k++) {
-    const amb_real a = v[k];
-    const amb_real *restrict p = x[k];
+    const amb_real a = sum->value[k];
+    const amb_real *restrict p = sum->row[k];
     for (int j = 0; j < n; j++) {
       to[j] += a * p[j];
     }
@@ -170,51 +180,58 @@ static void of_forces(const amb_model *model, const amb_stiffness k[], const roo
   }
 }
 
-/* Row i of z, and of v: what of the next state the noise of the controls is. */
-static void of_noise(const amb_model *model, int i, const amb_real k_ui[], const amb_real var_u[],
-                     const control_noise *noise, const amb_real row[], const rooms *room)
-{
-  const int n = model->states;
-  const amb_sparse *h = &model->h;
-  const int first_b = model->b.start[i];
-  const int end_b = model->b.start[i + 1];
-  const int first_u = model->B_u.start[i];
-  const int end_u = model->B_u.start[i + 1];
-  for (int f = 0; f < model->forces; f++) {
-    amb_real sum = AMB_C(0.0);
-    for (int a = first_b; a < end_b; a++) {
-      sum += model->b.value[a] * noise->variance[model->b.column[a]][f];
-    }
-    for (int a = first_u; a < end_u; a++) {
-      const int c = model->B_u.column[a];
-      sum += ((model->B_u.value[a] * k_ui[c]) * var_u[c]) * noise->gain[f][c];
-    }
-    for (int a = (int)h->start[f + 1] - 1; a >= (int)h->start[f]; a--) {
-      sum += room->M[i * n + h->column[a]] * row[a];
-    }
-    room->z[f * n + i] = sum;
-  }
-  for (int c = 0; c < model->controls; c++) {
-    room->v[c * n + i] = AMB_C(0.0);
-  }
-  for (int a = first_u; a < end_u; a++) {
-    const int c = model->B_u.column[a];
-    room->v[c * n + i] = model->B_u.value[a] * k_ui[c];
-  }
-  for (int c = 0; c < model->controls; c++) {
-    for (int a = first_b; a < end_b; a++) {
-      room->v[c * n + i] += model->b.value[a] * noise->gain[model->b.column[a]][c];
-    }
-    room->v[c * n + i] *= var_u[c];
-  }
-}
-
 static void transpose(int n, const amb_real *from, amb_real *to)
 {
   for (int i = 0; i < n; i++) {
     for (int j = 0; j < n; j++) {
       to[j * n + i] = from[i * n + j];
     }
+  }
+}
+
+/* z, of which P is the transpose of M now: the noise of the controls in force f, then row_f M. */
+static void with_next_state(const amb_model *model, int f, const amb_real k_ui[],
+                            const amb_real var_u[], const control_noise *noise,
+                            const amb_real row[], const rooms *room)
+{
+  const int n = model->states;
+  const amb_sparse *h = &model->h;
+  amb_real of_noise[AMB_STATES];
+  sum_of_rows sum;
+  for (int i = 0; i < n; i++) {
+    of_noise[i] = AMB_C(0.0);
+    for (int a = model->b.start[i]; a < model->b.start[i + 1]; a++) {
+      of_noise[i] += model->b.value[a] * noise->variance[model->b.column[a]][f];
+    }
+    for (int a = model->B_u.start[i]; a < model->B_u.start[i + 1]; a++) {
+      const int c = model->B_u.column[a];
+      of_noise[i] += ((model->B_u.value[a] * k_ui[c]) * var_u[c]) * noise->gain[f][c];
+    }
+  }
+  sum.count = 0;
+  add_row(&sum, AMB_C(1.0), of_noise);
+  for (int a = (int)h->start[f + 1] - 1; a >= (int)h->start[f]; a--) {
+    add_row(&sum, row[a], &room->P[h->column[a] * n]);
+  }
+  add_up(&sum, n, &room->z[f * n]);
+}
+
+/* v: what of the next state the noise of control c is. */
+static void with_control(const amb_model *model, int c, const amb_real k_ui[],
+                         const amb_real var_u[], const control_noise *noise, const rooms *room)
+{
+  amb_real *v = &room->v[c * model->states];
+  for (int i = 0; i < model->states; i++) {
+    v[i] = AMB_C(0.0);
+    for (int a = model->B_u.start[i]; a < model->B_u.start[i + 1]; a++) {
+      if ((int)model->B_u.column[a] == c) {
+        v[i] = model->B_u.value[a] * k_ui[c];
+      }
+    }
+    for (int a = model->b.start[i]; a < model->b.start[i + 1]; a++) {
+      v[i] += model->b.value[a] * noise->gain[model->b.column[a]][c];
+    }
+    v[i] *= var_u[c];
   }
 }
 
@@ -252,9 +269,16 @@ void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[
     add_rows_of(&model->L, i, room.P, n, &sum);
     add_rows_of(&model->b, i, room.w, n, &sum);
     add_up(&sum, n, &room.M[i * n]);
-    of_noise(model, i, k_ui, var_u, &noise, row, &room);
   }
   transpose(n, room.M, room.P);
+  for (int f = 0; f < model->forces; f++) {
+    with_next_state(model, f, k_ui, var_u, &noise, row, &room);
+  }
+  if (model->B_u.start[n] > 0U) { /* else it moves nothing past the forces */
+    for (int c = 0; c < model->controls; c++) {
+      with_control(model, c, k_ui, var_u, &noise, &room);
+    }
+  }
   for (int j = 0; j < n; j++) {
     amb_real grown[AMB_STATES];
     amb_real column[AMB_STATES];
@@ -348,18 +372,22 @@ void amb_model_update(const amb_model *model, int r, amb_real y, amb_real var_y,
   const int n = model->states;
   amb_real with_y[AMB_STATES];
   amb_model_shown_with(model, r, cov, with_y);
-  *variance = amb_model_shown_variance(model, r, cov) + var_y;
-  *innovation = y - amb_model_shown(model, r, mean);
-  const amb_real inverse = AMB_C(1.0) / (*variance);
-  int entry = 0;
+  const amb_real S = amb_model_shown_variance(model, r, cov) + var_y;
+  const amb_real e = y - amb_model_shown(model, r, mean);
+  const amb_real inverse = AMB_C(1.0) / S;
+  amb_real *row = cov; /* from its diagonal on */
   for (int i = 0; i < n; i++) {
     const amb_real K = with_y[i] * inverse;
-    mean[i] += K * (*innovation);
-    for (int j = i; j < n; j++) {
-      cov[entry] -= K * with_y[j];
-      entry++;
+    const amb_real *restrict after = &with_y[i];
+    const int count = n - i;
+    mean[i] += K * e;
+    for (int j = 0; j < count; j++) {
+      row[j] -= K * after[j];
     }
+    row = &row[count];
   }
+  *innovation = e;
+  *variance = S;
 }
 
 void amb_model_pushed(const amb_model *model, int f, amb_real moved[])
