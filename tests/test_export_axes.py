@@ -54,7 +54,7 @@ def made(axis: Any, kind: str, out: Path, **options: Any) -> CExport:
     return export_c(axis, source, out, kind=kind, prefix="f", **options)
 
 
-def tested(folder: Path) -> str:
+def printed_by(folder: Path) -> str:
     """What the self-test prints, compiled with all warnings."""
     done = program(str(COMPILER), folder, folder / "selftest.out")
     assert done.returncode == 0, done.stderr
@@ -67,7 +67,7 @@ def test_an_axis_of_all_parts_has_python_s_bits(kind: str, tmp_path: Path) -> No
     for precision, loops in (("double", False), ("double", True), ("float", None)):
         out = tmp_path / f"{precision}{loops}"
         made(AXES["all"], kind, out, precision=precision, loops=loops)
-        assert "equal to the last bit" in tested(out), (precision, loops)
+        assert "equal to the last bit" in printed_by(out), (precision, loops)
 
 
 @compiled
@@ -77,7 +77,7 @@ def test_each_part_has_python_s_bits(axis: str, tmp_path: Path) -> None:
         for loops in (False, True):
             out = tmp_path / f"{kind}{loops}"
             made(AXES[axis], kind, out, precision="double", loops=loops)
-            assert "equal to the last bit" in tested(out), (kind, loops)
+            assert "equal to the last bit" in printed_by(out), (kind, loops)
 
 
 @compiled
@@ -90,7 +90,7 @@ def test_a_large_model_is_computed_by_loops(tmp_path: Path) -> None:
         r"#define AMB_STATES (\d+)", (tmp_path / "core/include/ambkit/precision.h").read_text()
     )
     assert int(states) == 4 + 2 * 5 > MOST_UNROLLED
-    assert "equal to the last bit" in tested(tmp_path)
+    assert "equal to the last bit" in printed_by(tmp_path)
 
 
 def test_its_header_names_its_states(tmp_path: Path) -> None:

@@ -41,6 +41,7 @@ void amb_model_predict_mean(const amb_model *model, const amb_real F[], const am
   const int n = model->states;
   amb_real all[AMB_FORCES];
   amb_real before[AMB_STATES];
+  all[0] = AMB_C(0.0); /* compilers do not know that there is one */
   for (int f = 0; f < model->forces; f++) {
     all[f] = F[f];
     for (int k = model->h.start[f]; k < model->h.start[f + 1]; k++) {
@@ -73,6 +74,7 @@ static void noise_of_controls(const amb_model *model, const amb_stiffness k[],
 {
   const int p = model->forces;
   const int controls = model->controls;
+  noise->gain[0][0] = AMB_C(0.0); /* compilers do not know that there is one */
   for (int f = 0; f < p; f++) {
     for (int c = 0; c < controls; c++) {
       noise->gain[f][c] = AMB_C(0.0);
@@ -137,6 +139,7 @@ void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[
     const int end_b = model->b.start[i + 1];
     const int first_u = model->B_u.start[i];
     const int end_u = model->B_u.start[i + 1];
+    z[0] = AMB_C(0.0); /* see above */
     combine_rows(&model->L, i, n, P, M);
     for (int a = first_b; a < end_b; a++) {
       add_scaled(n, model->b.value[a], &w[model->b.column[a] * n], M);

@@ -11,7 +11,13 @@
 #include "ambkit/status.h"
 #include "description.h"
 
-typedef enum amb_causality { AMB_TIME, AMB_FIXED, AMB_TUNABLE, AMB_INPUT, AMB_OUTPUT } amb_causality;
+typedef enum amb_causality {
+  AMB_TIME,
+  AMB_FIXED,
+  AMB_TUNABLE,
+  AMB_INPUT,
+  AMB_OUTPUT
+} amb_causality;
 
 typedef enum amb_limit { AMB_ANY, AMB_NOT_NEGATIVE, AMB_POSITIVE } amb_limit;
 

@@ -17,7 +17,8 @@ static amb_stiffness scaled(const amb_rig *rig, amb_stiffness k)
 static amb_stiffness scaled_through_origin(const void *self, amb_real iu, amb_real x)
 {
   const amb_rig *rig = (const amb_rig *)self;
-  return scaled(rig, amb_data_rig.magnet->methods->through_origin(amb_data_rig.magnet->self, iu, x));
+  return scaled(rig,
+                amb_data_rig.magnet->methods->through_origin(amb_data_rig.magnet->self, iu, x));
 }
 
 static amb_stiffness scaled_tangent(const void *self, amb_real iu, amb_real x)
