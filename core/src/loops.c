@@ -78,6 +78,7 @@ void amb_model_predict_mean(const amb_model *model, const amb_real F[], const am
   const int n = model->states;
   amb_real all[AMB_FORCES];
   amb_real before[AMB_STATES];
+  all[0] = AMB_C(0.0); /* compilers do not know that there is one */
   for (int f = 0; f < model->forces; f++) {
     all[f] = F[f];
     for (int k = model->h.start[f]; k < model->h.start[f + 1]; k++) {
@@ -110,6 +111,7 @@ static void noise_of_controls(const amb_model *model, const amb_stiffness k[],
 {
   const int p = model->forces;
   const int controls = model->controls;
+  noise->gain[0][0] = AMB_C(0.0); /* compilers do not know that there is one */
   for (int f = 0; f < p; f++) {
     for (int c = 0; c < controls; c++) {
       noise->gain[f][c] = AMB_C(0.0);

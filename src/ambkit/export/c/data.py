@@ -131,6 +131,8 @@ def array(values: NDArray[Any], precision: CPrecision, indent: str = "  ") -> st
 
 def type_of(values: NDArray[Any]) -> str:
     """Return the C type of an array's elements, by its columns."""
+    if values.dtype.kind == "u":
+        return {1: "unsigned char", 2: "unsigned short"}[values.dtype.itemsize]
     columns = values.shape[1] if values.ndim == 2 else 1
     return {1: "amb_real", 2: "amb_stiffness", 4: "amb_force_node"}[columns]
 
@@ -192,20 +194,12 @@ def struct_with_arrays(fields: Mapping[str, Any], precision: CPrecision) -> str:
     return struct(fields, precision, arrays)
 
 
-def c_type(values: NDArray[Any]) -> str:
-    """Return the type in C of what an array holds."""
-    if values.ndim == 2:
-        return "amb_stiffness"
-    known = {"uint8": "unsigned char", "uint16": "unsigned short"}
-    return known.get(values.dtype.name, "amb_real")
-
-
 def declared(arrays: Mapping[str, NDArray[Any]], precision: CPrecision) -> list[dict[str, Any]]:
     """Return what a data file says of arrays: name, type, length and text of each."""
     return [
         {
             "name": name,
-            "type": c_type(values),
+            "type": type_of(values),
             "length": len(values),
             "text": array(values, precision),
         }
