@@ -2,7 +2,6 @@
 #include "estimator.h"
 
 #include <nanobind/stl/string.h>
-#include <nanobind/stl/vector.h>
 
 #include <atomic>
 #include <map>

@@ -1,5 +1,7 @@
 #include "magnets.h"
 
+#include <algorithm>
+
 extern "C" {
 #include "ambkit/phi.h"
 }
@@ -35,6 +37,29 @@ struct Law : Magnet {
     d["k"] = law.k;
     d["s0"] = law.s0;
     d["i0"] = law.i0;
+    d["two_sided"] = law.two_sided;
+    d["ampere"] = law.ampere;
+    d["metre"] = law.metre;
+    return d;
+  }
+};
+
+struct Saturating : Magnet {
+  amb_saturating_law law;
+  Saturating(amb_real k, amb_real s0, amb_real i0, amb_real iron, amb_real knee, bool two_sided,
+             amb_real ampere, amb_real metre)
+      : law{k, s0, i0, iron, knee, two_sided, ampere, metre}
+  {
+    magnet = {&amb_saturating_magnet, &law};
+  }
+  Named parameters() const override
+  {
+    nb::dict d;
+    d["k"] = law.k;
+    d["s0"] = law.s0;
+    d["i0"] = law.i0;
+    d["iron"] = law.iron;
+    d["knee"] = law.knee;
     d["two_sided"] = law.two_sided;
     d["ampere"] = law.ampere;
     d["metre"] = law.metre;
@@ -83,6 +108,60 @@ struct Table : Magnet {
     d["iu_min"] = table.iu_min;
     d["per_ampere"] = table.per_ampere;
     d["nodes"] = pairs.array;
+    return d;
+  }
+};
+
+struct Surface : Magnet {
+  std::vector<amb_force_node> nodes;
+  amb_surface surface{};
+  Surface(amb_real x_min, amb_real dx, amb_real iu_min, amb_real diu, const Matrix &f,
+          const Matrix &f_i, const Matrix &f_x, const Matrix &f_ix, amb_real ampere, amb_real metre)
+  {
+    for (const Matrix *a : {&f_i, &f_x, &f_ix})
+      if (a->shape(0) != f.shape(0) || a->shape(1) != f.shape(1))
+        throw std::invalid_argument("force and derivatives differ in shape");
+    if (f.shape(0) < 2 || f.shape(1) < 2)
+      throw std::invalid_argument("a surface needs at least 2 x 2 nodes");
+    for (size_t k = 0; k < f.size(); k++)
+      nodes.push_back({f.data()[k], f_i.data()[k], f_x.data()[k], f_ix.data()[k]});
+    surface = {static_cast<int>(f.shape(0)),
+               static_cast<int>(f.shape(1)),
+               static_cast<amb_real>(f.shape(0) - 1),
+               static_cast<amb_real>(f.shape(1) - 1),
+               x_min,
+               dx,
+               1 / dx,
+               iu_min,
+               diu,
+               1 / diu,
+               ampere,
+               metre,
+               nodes.data()};
+    magnet = {&amb_surface_magnet, &surface};
+  }
+
+  Named parameters() const override
+  {
+    Fresh<amb_real> rows({nodes.size(), 4});
+    for (size_t k = 0; k < nodes.size(); k++) {
+      const amb_real of[] = {nodes[k].f, nodes[k].f_i, nodes[k].f_x, nodes[k].f_ix};
+      std::copy(of, of + 4, rows.data + 4 * k);
+    }
+    nb::dict d;
+    d["rows"] = surface.rows;
+    d["columns"] = surface.columns;
+    d["last_row"] = surface.last_row;
+    d["last_column"] = surface.last_column;
+    d["x_min"] = surface.x_min;
+    d["x_step"] = surface.x_step;
+    d["per_metre"] = surface.per_metre;
+    d["iu_min"] = surface.iu_min;
+    d["iu_step"] = surface.iu_step;
+    d["per_ampere"] = surface.per_ampere;
+    d["ampere"] = surface.ampere;
+    d["metre"] = surface.metre;
+    d["nodes"] = rows.array;
     return d;
   }
 };
@@ -207,10 +286,19 @@ void bind_magnets(nb::module_ &m)
   nb::class_<Law, Magnet>(m, "Law", "The closed force law (paper, eq. 1).")
       .def(nb::init<amb_real, amb_real, amb_real, bool, amb_real, amb_real>(), nb::arg("k"),
            nb::arg("s0"), nb::arg("i0"), nb::arg("two_sided"), nb::arg("ampere"), nb::arg("metre"));
+  nb::class_<Saturating, Magnet>(m, "Saturating", "Iron that saturates (ambkit/saturating.h).")
+      .def(nb::init<amb_real, amb_real, amb_real, amb_real, amb_real, bool, amb_real, amb_real>(),
+           nb::arg("k"), nb::arg("s0"), nb::arg("i0"), nb::arg("iron"), nb::arg("knee"),
+           nb::arg("two_sided"), nb::arg("ampere"), nb::arg("metre"));
   nb::class_<Table, Magnet>(m, "Table", "Bilinear stiffness tables, rows of x.")
       .def(nb::init<amb_real, amb_real, amb_real, amb_real, const Matrix &, const Matrix &>(),
            nb::arg("x_min"), nb::arg("dx"), nb::arg("iu_min"), nb::arg("diu"), nb::arg("k_i"),
            nb::arg("k_s"));
+  nb::class_<Surface, Magnet>(m, "Surface", "Bicubic force (ambkit/surface.h), rows of x.")
+      .def(nb::init<amb_real, amb_real, amb_real, amb_real, const Matrix &, const Matrix &,
+                    const Matrix &, const Matrix &, amb_real, amb_real>(),
+           nb::arg("x_min"), nb::arg("dx"), nb::arg("iu_min"), nb::arg("diu"), nb::arg("f"),
+           nb::arg("f_i"), nb::arg("f_x"), nb::arg("f_ix"), nb::arg("ampere"), nb::arg("metre"));
   nb::class_<Fuzzy, Magnet>(m, "Fuzzy", "Fuzzy basis function network (paper, eq. 32-33).")
       .def(nb::init<const Vector &, const Vector &, const Vector &, const Vector &, const Vector &,
                     const Vector &, amb_real, amb_real, amb_real, amb_real, amb_real, amb_real,

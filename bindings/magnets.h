@@ -5,6 +5,8 @@
 
 extern "C" {
 #include "ambkit/fuzzy.h"
+#include "ambkit/saturating.h"
+#include "ambkit/surface.h"
 #include "ambkit/table.h"
 }
 

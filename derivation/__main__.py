@@ -8,6 +8,8 @@ from pathlib import Path
 from derivation.axial import axial
 from derivation.emit import fields, header
 from derivation.exponential import exponential_header
+from derivation.laws import LAWS
+from derivation.laws import law as force_law
 
 ROOT = Path(__file__).resolve().parent.parent
 GENERATED = ROOT / "core" / "generated"
@@ -26,6 +28,7 @@ def main() -> int:
     written = {"exponential.h": exponential_header()}
     for model in (axial,):
         written |= {f"{model.name}.h": header(model), f"{model.name}_fields.h": fields(model)}
+    written |= {f"{law.name}.h": force_law.header(law) for law in LAWS}
     for name, unformatted in written.items():
         path, text = GENERATED / name, formatted(unformatted)
         if "--check" in sys.argv:

@@ -164,11 +164,6 @@ def variances(model: Model, names: Names) -> str:
     given = f"const {names.cov_argument}"
     unused = "(void)model;"
     return "\n".join([
-        function(
-            "The variances of all states.",
-            f"amb_model_variances({MODEL}, {given}, amb_real variances[AMB_STATES])",
-            [unused, *(f"variances[{i}] = {at};" for i, at in enumerate(diagonal))],
-        ),
         form(
             "Whether they are such.",
             f"amb_model_sound({MODEL}, {given})",
@@ -195,6 +190,8 @@ def forms(model: Model, names: Names) -> str:
     k = model.state.index(model.measurement)
     last = [names.pairs.index((min(i, k), max(i, k))) for i in range(len(model.state))]
     rest = {names.mean[s]: names.in_place(e) for s, e in model.at_rest.items()}
+    n = len(model.state)
+    diagonal = [f"cov[{names.pairs.index((i, i))}]" for i in range(n)]
     unused = "(void)model;"
     return "\n".join([
         form(
@@ -217,6 +214,11 @@ def forms(model: Model, names: Names) -> str:
             "The variance of that.",
             f"amb_model_shown_variance({MODEL}, int r, const {names.cov_argument})",
             [unused, "(void)r;", f"return cov[{last[k]}];"],
+        ),
+        function(
+            "The variances of all states.",
+            f"amb_model_variances({MODEL}, const {names.cov_argument}, amb_real variances[AMB_STATES])",
+            [unused, *(f"variances[{i}] = {at};" for i, at in enumerate(diagonal))],
         ),
         function(
             "And its covariance with the states.",
@@ -343,6 +345,11 @@ def header(model: Model) -> str:
         f"#define AMB_STATES {len(model.state)}",
         f"#define AMB_TRIANGLE {len(names.pairs)}",
         *(f"#define AMB_{what} 1" for what in ("FORCES", "CONTROLS", "SENSORS", "NOISES", "WORK")),
+        "",
+        *(
+            f"#define AMB_FIRST_{role} {model.roles.index(f'AMB_{role}')}"
+            for role in ("POSITION", "VELOCITY", "LOAD")
+        ),
         "",
         *(
             f"#define amb_{what.lower()}(model) ((void)(model), AMB_{what})"

@@ -70,7 +70,7 @@ static void fill_parameters(lanes_parameters *p, size_t i, const amb_estimator *
   p->var_y[i] = kf->set.var_y[0];
   p->far_squared[i] = kf->far_squared[0];
   p->gate_squared[i] = kf->gate_squared;
-  p->widest[i] = kf->widest[LANES_X];
+  p->widest[i] = kf->widest[AMB_FIRST_POSITION];
   p->K_sen[i] = kf->set.K_sen[0];
   if (e->magnet->methods == &amb_constant_magnet) {
     const amb_stiffness *k = (const amb_stiffness *)e->magnet->self;

@@ -47,15 +47,19 @@ typedef struct lanes_law {
 #define amb_model_predict_mean lanes_model_predict_mean
 #define amb_model_predict_covariance lanes_model_predict_covariance
 #define amb_model_update lanes_model_update
+#define amb_model_variances lanes_model_variances
 #define amb_law lanes_law
 #define amb_law_force lanes_law_force
 #define amb_law_tangent lanes_law_tangent
-#define amb_law_square lanes_law_square
-#define amb_law_turn lanes_law_turn
+#define amb_law_force_one_sided lanes_law_force_one_sided
+#define amb_turn_square lanes_turn_square
+#define amb_turn lanes_turn
 #undef AMBKIT_GENERATED_AXIAL_H
-#undef AMBKIT_LAW_H
+#undef AMBKIT_GENERATED_CLOSED_LAW_H
+#undef AMBKIT_TURN_H
 #include "generated/axial.h"
-#include "src/law.h"
+#include "generated/closed_law.h"
+#include "src/turn.h"
 #undef AMB_SIDE_BY_SIDE
 #undef amb_real
 #undef amb_stiffness
@@ -71,11 +75,13 @@ typedef struct lanes_law {
 #undef amb_model_predict_mean
 #undef amb_model_predict_covariance
 #undef amb_model_update
+#undef amb_model_variances
 #undef amb_law
 #undef amb_law_force
 #undef amb_law_tangent
-#undef amb_law_square
-#undef amb_law_turn
+#undef amb_law_force_one_sided
+#undef amb_turn_square
+#undef amb_turn
 
 AMB_INLINE lanes lanes_all_equal(amb_real a)
 {

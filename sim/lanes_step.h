@@ -7,11 +7,6 @@
 
 #include "lanes.h"
 
-/* Where position, velocity and load stand among the states. */
-#define LANES_X amb_first(NULL, AMB_POSITION)
-#define LANES_V amb_first(NULL, AMB_VELOCITY)
-#define LANES_LOAD amb_first(NULL, AMB_LOAD)
-
 /* Parameters and states as the core's structs, a vector for each number. */
 typedef struct lanes_parameters {
   lanes_model model;
@@ -53,9 +48,10 @@ AMB_INLINE void lanes_law_through_origin(const lanes_law *law, lanes iu, lanes x
   lanes_law_tangent(law, lanes_all_equal(AMB_C(1.0)), iu, x, k_i, k_s);
   lanes turned_i = *k_i;
   lanes turned_s = *k_s;
-  const lanes square = lanes_law_square(law, iu, x);
+  const lanes square = lanes_turn_square(law->ampere, law->metre, iu, x);
   const lanes_mask away = square >= AMB_REAL_MIN;
-  lanes_law_turn(law, lanes_law_force(law, iu, x), square, iu, x, &turned_i, &turned_s);
+  lanes_turn(law->ampere, law->metre, lanes_law_force(law, iu, x), square, iu, x, &turned_i,
+             &turned_s);
   *k_i = lanes_choose(away, turned_i, *k_i);
   *k_s = lanes_choose(away, turned_s, *k_s);
 }
@@ -146,14 +142,17 @@ AMB_INLINE lanes_mask lanes_step_kalman(const lanes_parameters *p, lanes_of of, 
   lanes_model_predict_covariance(&p->model, &k, &p->k_ui, &p->var_u, p->growth, s->cov, NULL);
 
   const lanes shown = lanes_model_shown_variance(&p->model, 0, s->cov);
-  usual &= s->cov[amb_entry(AMB_STATES, LANES_X, LANES_X)] <= p->widest;
+  lanes variances[AMB_STATES];
+  lanes_model_variances(&p->model, s->cov, variances);
+  usual &= variances[AMB_FIRST_POSITION] <= p->widest;
   usual &= lanes_measured(p, s, y) & (shown > AMB_C(0.0));
   usual &= (AMB_ROOT_EPSILON * shown) <= p->var_y;
   usual &= lanes_expected(p, s, y - lanes_model_shown(&p->model, 0, s->mean), shown + p->var_y);
   lanes_model_update(&p->model, 0, y, p->var_y, s->mean, s->cov, &r->innovation, &r->variance);
   s->residual = y - lanes_model_shown(&p->model, 0, s->mean);
+  lanes_model_variances(&p->model, s->cov, variances);
   for (int i = 0; i < AMB_STATES; i++) {
-    usual &= s->cov[amb_entry(AMB_STATES, i, i)] >= AMB_C(0.0);
+    usual &= variances[i] >= AMB_C(0.0);
   }
   return usual;
 }
@@ -186,17 +185,17 @@ AMB_INLINE lanes_mask lanes_step_low_pass(const lanes_parameters *p, lanes_of of
   lanes k_i;
   lanes k_s;
   lanes *mean = s->mean;
-  lanes_ask(p, of, iu, mean[LANES_X], &k_i, &k_s);
-  s->force = k_i * iu + k_s * mean[LANES_X] + p->f_0;
+  lanes_ask(p, of, iu, mean[AMB_FIRST_POSITION], &k_i, &k_s);
+  s->force = k_i * iu + k_s * mean[AMB_FIRST_POSITION] + p->f_0;
   const lanes T = p->model.T;
   r->innovation = y - lanes_model_shown(&p->model, 0, mean);
   r->variance = lanes_all_equal(AMB_C(0.0));
-  const lanes dx = p->position * (y / p->K_sen - mean[LANES_X]);
-  const lanes dv = p->velocity * (dx / T - mean[LANES_V]);
+  const lanes dx = p->position * (y / p->K_sen - mean[AMB_FIRST_POSITION]);
+  const lanes dv = p->velocity * (dx / T - mean[AMB_FIRST_VELOCITY]);
   const lanes f_d = p->m * (dv / T) - s->force;
-  mean[LANES_X] += dx;
-  mean[LANES_V] += dv;
-  mean[LANES_LOAD] += p->force * (f_d - mean[LANES_LOAD]);
+  mean[AMB_FIRST_POSITION] += dx;
+  mean[AMB_FIRST_VELOCITY] += dv;
+  mean[AMB_FIRST_LOAD] += p->force * (f_d - mean[AMB_FIRST_LOAD]);
   lanes_model_at_rest(&p->model, mean);
   return lanes_measured(p, s, y);
 }

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import Bearing, ClosedLaw, FilterNoise, KalmanFilter
+from ambkit import Bearing, ClosedLaw, FilterNoise, KalmanFilter, magnet_of
 from ambkit.base.errors import AmbkitError
 from ambkit.data.record import Record
 from ambkit.estimate.family import KINDS as FAMILY
@@ -28,9 +28,11 @@ from ambkit.simulation.run import simulate_run
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
 
+import fe_map  # noqa: E402
 from fmpy.fmi1 import FMICallException  # noqa: E402
 from fmpy.validation import validate_fmu  # noqa: E402
 from fmu_instance import Instance, unpacked  # noqa: E402
+from iron import TWO_SIDED as IRON  # noqa: E402
 
 BEARING = Bearing.preset("zittau_axial")
 ONE_SIDED = Bearing.preset("inteco_ml")
@@ -227,7 +229,7 @@ def test_every_kind_in_fmpy_equals_the_library(name: str, tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-@pytest.mark.parametrize("bearing", [BEARING, ONE_SIDED], ids=lambda b: b.name)
+@pytest.mark.parametrize("bearing", [BEARING, ONE_SIDED, IRON], ids=lambda b: b.name)
 def test_plant_in_fmpy_equals_the_library(
     made: Callable[..., Path], bearing: Bearing, fmi: int
 ) -> None:
@@ -241,7 +243,7 @@ def test_plant_in_fmpy_equals_the_library(
         np.testing.assert_array_equal(found[name][:n], record[name], name)
     np.testing.assert_array_equal(found["y"], found["x_m"])
     np.testing.assert_array_equal(found["iu"][1:], record["iu"])
-    np.testing.assert_array_equal(found["f_mag"], ClosedLaw(bearing).force(found["iu"], found["x"]))
+    np.testing.assert_array_equal(found["f_mag"], magnet_of(bearing).force(found["iu"], found["x"]))
     assert np.ptp(record["x"]) > 1e-4
 
 
@@ -306,10 +308,23 @@ def test_a_closed_loop_with_parts_in_fmpy_equals_the_library(
         np.testing.assert_array_equal(found[name][1:], record[name], name)
     assert run.estimate is not None
     check_estimate(found, run.estimate, "estimate.")
+def test_a_force_map_is_plant_and_what_the_filter_knows(tmp_path: Path) -> None:
+    bearing = Bearing.load(fe_map.written(tmp_path))
+    scenario = disturbed(bearing)
+    run = simulate_run(bearing, scenario, estimator=FAMILY["extended"].make(bearing))
+    record = run.record
+    noise_u, noise_y = drawn(bearing, scenario, len(record.t))
+    inputs = {"r": record["r"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": noise_y}
+    export_fmu(bearing, None, tmp_path / "map.fmu", kind="closed-loop", estimator="extended",
+               controller=scenario.controller)  # fmt: skip
+    found = simulated(tmp_path / "map.fmu", bearing.sampling_time, {}, **inputs)
+    for name in ("x", "v", "x_m"):
+        np.testing.assert_array_equal(found[name][:-1], record[name], name)
+    assert np.ptp(record["x"]) > 1e-5
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-@pytest.mark.parametrize("bearing", [BEARING, ONE_SIDED], ids=lambda b: b.name)
+@pytest.mark.parametrize("bearing", [BEARING, ONE_SIDED, IRON], ids=lambda b: b.name)
 def test_closed_loop_in_fmpy_equals_the_library(
     made: Callable[..., Path], bearing: Bearing, fmi: int
 ) -> None:

@@ -14,6 +14,10 @@
 #define AMB_NOISES 1
 #define AMB_WORK 1
 
+#define AMB_FIRST_POSITION 0
+#define AMB_FIRST_VELOCITY 1
+#define AMB_FIRST_LOAD 2
+
 #define amb_states(model) ((void)(model), AMB_STATES)
 #define amb_forces(model) ((void)(model), AMB_FORCES)
 #define amb_controls(model) ((void)(model), AMB_CONTROLS)
@@ -135,17 +139,6 @@ AMB_INLINE amb_role amb_model_role(const amb_model *model, int i)
   return role[i];
 }
 
-/* The variances of all states. */
-AMB_INLINE void amb_model_variances(const amb_model *model, const amb_real cov[AMB_TRIANGLE],
-                                    amb_real variances[AMB_STATES])
-{
-  (void)model;
-  variances[0] = cov[0];
-  variances[1] = cov[4];
-  variances[2] = cov[7];
-  variances[3] = cov[9];
-}
-
 /* Whether they are such. */
 AMB_INLINE bool amb_model_sound(const amb_model *model, const amb_real cov[AMB_TRIANGLE])
 {
@@ -214,6 +207,17 @@ AMB_INLINE amb_real amb_model_shown_variance(const amb_model *model, int r,
   (void)model;
   (void)r;
   return cov[9];
+}
+
+/* The variances of all states. */
+AMB_INLINE void amb_model_variances(const amb_model *model, const amb_real cov[AMB_TRIANGLE],
+                                    amb_real variances[AMB_STATES])
+{
+  (void)model;
+  variances[0] = cov[0];
+  variances[1] = cov[4];
+  variances[2] = cov[7];
+  variances[3] = cov[9];
 }
 
 /* And its covariance with the states. */

@@ -1,5 +1,6 @@
 #include "ambkit/magnet.h"
-#include "law.h"
+#include "generated/closed_law.h"
+#include "turn.h"
 
 static amb_real constant_force(const void *self, amb_real iu, amb_real x)
 {
@@ -29,13 +30,7 @@ amb_real amb_law_regressor(const amb_law *law, amb_real iu, amb_real x)
 static amb_real law_force(const void *self, amb_real iu, amb_real x)
 {
   const amb_law *law = (const amb_law *)self;
-  if (law->two_sided) {
-    return amb_law_force(law, iu, x);
-  }
-  const amb_real i0 = law->i0;
-  const amb_real s0 = law->s0;
-  const amb_real own = (i0 + iu) / (s0 - x);
-  return law->k * (own + i0 / s0) * (i0 * x + iu * s0) / ((s0 - x) * s0);
+  return law->two_sided ? amb_law_force(law, iu, x) : amb_law_force_one_sided(law, iu, x);
 }
 
 static amb_stiffness law_tangent(const void *self, amb_real iu, amb_real x)
@@ -50,9 +45,9 @@ static amb_stiffness law_through_origin(const void *self, amb_real iu, amb_real 
 {
   const amb_law *law = (const amb_law *)self;
   amb_stiffness k = law_tangent(self, iu, x);
-  const amb_real square = amb_law_square(law, iu, x);
+  const amb_real square = amb_turn_square(law->ampere, law->metre, iu, x);
   if (square >= AMB_REAL_MIN) {
-    amb_law_turn(law, law_force(self, iu, x), square, iu, x, &k.k_i, &k.k_s);
+    amb_turn(law->ampere, law->metre, law_force(self, iu, x), square, iu, x, &k.k_i, &k.k_s);
   }
   return k;
 }

@@ -44,6 +44,8 @@ if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing as Bearing
     from ambkit.machine.magnets import ClosedLaw as ClosedLaw
     from ambkit.machine.magnets import ConstantStiffness as ConstantStiffness
+    from ambkit.machine.magnets import SaturatingLaw as SaturatingLaw
+    from ambkit.machine.magnets import magnet_of as magnet_of
     from ambkit.machine.stiffness import StiffnessMap as StiffnessMap
     from ambkit.machine.stiffness import stiffness_map as stiffness_map
     from ambkit.simulation.run import simulate as simulate
@@ -85,7 +87,7 @@ _HOME = {
     "judge.comparison": ["compare"],
     "judge.faults": ["torture"],
     "machine.bearing": ["Bearing"],
-    "machine.magnets": ["ClosedLaw", "ConstantStiffness"],
+    "machine.magnets": ["ClosedLaw", "ConstantStiffness", "SaturatingLaw", "magnet_of"],
     "machine.stiffness": ["StiffnessMap", "stiffness_map"],
     "simulation.run": ["simulate", "simulate_run"],
     "simulation.scenario": ["PID", "Scenario"],

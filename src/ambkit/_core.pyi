@@ -33,10 +33,20 @@ class Law(Magnet):
 
     def __init__(self, k: float, s0: float, i0: float, two_sided: bool, ampere: float, metre: float) -> None: ...
 
+class Saturating(Magnet):
+    """Iron that saturates (ambkit/saturating.h)."""
+
+    def __init__(self, k: float, s0: float, i0: float, iron: float, knee: float, two_sided: bool, ampere: float, metre: float) -> None: ...
+
 class Table(Magnet):
     """Bilinear stiffness tables, rows of x."""
 
     def __init__(self, x_min: float, dx: float, iu_min: float, diu: float, k_i: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], k_s: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> None: ...
+
+class Surface(Magnet):
+    """Bicubic force (ambkit/surface.h), rows of x."""
+
+    def __init__(self, x_min: float, dx: float, iu_min: float, diu: float, f: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], f_i: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], f_x: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], f_ix: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], ampere: float, metre: float) -> None: ...
 
 class Fuzzy(Magnet):
     """Fuzzy basis function network (paper, eq. 32-33)."""

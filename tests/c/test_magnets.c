@@ -1,6 +1,8 @@
-/* Constant stiffness, the closed law and the table: values, edges, and what is no number. */
+/* Constant stiffness, the laws, table and surface: values, edges, and what is no number. */
 #include "ambkit/exponential.h"
 #include "ambkit/magnet.h"
+#include "ambkit/saturating.h"
+#include "ambkit/surface.h"
 #include "ambkit/table.h"
 #include "check.h"
 
@@ -72,6 +74,53 @@ static void test_law_at_its_limits(void)
   CHECK_NEAR(k.k_s, amb_law_magnet.tangent(&two_sided, 0, 0).k_s);
 }
 
+/* The bearing of DESIGN.md, and the same without iron. */
+static void test_saturating(void)
+{
+  const amb_saturating_law iron = {AMB_C(3.64158026e-6), AMB_C(0.78e-3),       AMB_C(2.5),
+                                   AMB_C(5e-5),          AMB_C(8.16816340e-5), true,
+                                   AMB_C(1.6667),        AMB_C(0.39e-3)};
+  const amb_stiffness k = amb_saturating_magnet.tangent(&iron, 0, 0);
+  CHECK((k.k_i > AMB_C(49.659)) && (k.k_i < AMB_C(49.661)));
+  CHECK((k.k_s > AMB_C(146760.0)) && (k.k_s < AMB_C(146768.0)));
+  const amb_real f = amb_saturating_magnet.force(&iron, AMB_C(2.5), 0);
+  CHECK((f > AMB_C(119.215)) && (f < AMB_C(119.217)));
+  CHECK(same(amb_saturating_magnet.force(&iron, 0, 0), 0));
+  CHECK(isnan(amb_saturating_magnet.force(&iron, 0, NOT_A_NUMBER)));
+  const amb_saturating_law ideal = {iron.k, iron.s0, iron.i0, 0, 0, true, 1, AMB_C(1e-3)};
+  const amb_law law = {iron.k, iron.s0, iron.i0, true, 1, AMB_C(1e-3)};
+  const amb_stiffness here = amb_saturating_magnet.through_origin(&ideal, AMB_C(0.7), AMB_C(1e-4));
+  const amb_stiffness there = amb_law_magnet.through_origin(&law, AMB_C(0.7), AMB_C(1e-4));
+  CHECK_NEAR(here.k_i, there.k_i);
+  CHECK_NEAR(here.k_s, there.k_s);
+}
+
+static void test_surface(void)
+{
+  /* F = 2 iu + 3 x + iu x over iu from -1 to 1, x from -1 to 1, the origin in the middle. */
+  amb_force_node nodes[9];
+  for (int r = 0; r < 3; r++) {
+    for (int c = 0; c < 3; c++) {
+      const amb_real iu = (amb_real)(c - 1), x = (amb_real)(r - 1);
+      const amb_force_node node = {2 * iu + 3 * x + iu * x, 2 + x, 3 + iu, 1};
+      nodes[3 * r + c] = node;
+    }
+  }
+  const amb_surface surface = {3, 3, 2, 2, -1, 1, 1, -1, 1, 1, 1, 1, nodes};
+  const amb_real places[][2] = {
+      {AMB_C(0.3), AMB_C(-0.6)}, {1, 1}, {-1, 1}, {3, -4}, {-2, AMB_C(0.5)}};
+  for (size_t i = 0; i < sizeof places / sizeof *places; i++) {
+    const amb_real iu = places[i][0], x = places[i][1];
+    CHECK_NEAR(amb_surface_magnet.force(&surface, iu, x) + 30, 2 * iu + 3 * x + iu * x + 30);
+    const amb_stiffness k = amb_surface_magnet.tangent(&surface, iu, x);
+    CHECK_NEAR(k.k_i + 30, 2 + x + 30);
+    CHECK_NEAR(k.k_s + 30, 3 + iu + 30);
+  }
+  CHECK(same(amb_surface_magnet.force(&surface, 0, 0), 0));
+  CHECK(isnan(amb_surface_magnet.force(&surface, NOT_A_NUMBER, 0)));
+  CHECK(isnan(amb_surface_magnet.through_origin(&surface, 0, NOT_A_NUMBER).k_s));
+}
+
 static void test_table(void)
 {
   /* k_i = 1 + r, k_s = 10 + c at node (r, c); x from -1 to 1 by 1, iu from 0 to 2 by 2. */
@@ -107,6 +156,8 @@ int main(void)
   test_law(&two_sided);
   test_law(&one_sided);
   test_law_at_its_limits();
+  test_saturating();
+  test_surface();
   test_table();
   return failures;
 }

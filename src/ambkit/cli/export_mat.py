@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from ambkit.base.errors import AmbkitError
 from ambkit.cli.family import exported
 from ambkit.cli.options import BearingName, Json, file_option, find_bearing
 
@@ -38,7 +39,12 @@ def export_mat(
 
     model = find_bearing(bearing)
     chosen = None if estimator is None else exported(estimator, model, ("adaptive",)).source
-    expert = chosen if isinstance(chosen, Expert) else None  # that is what adaptive asks
+    if chosen is not None and not isinstance(chosen, Expert):
+        raise AmbkitError(
+            "--estimator: a MAT-file holds an expert; a force map goes into the bearing, as its "
+            "force_map, and its tables along"
+        )
+    expert = chosen
     written = mat.export_mat(model, expert, out)
     output.deliver({"path": str(out), "variables": list(written)}, [], as_json=json)
     output.note(f"wrote {out}, {len(written)} variables")

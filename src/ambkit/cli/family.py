@@ -16,6 +16,7 @@ from ambkit.cli import output
 if TYPE_CHECKING:
     from ambkit.fuzzy.expert import Expert
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.forces.surface import ForceSurface
     from ambkit.machine.magnets import StiffnessSource
     from ambkit.simulation.scenario import Scenario
     from ambkit.workflow.estimators import Factory
@@ -33,7 +34,8 @@ def estimator_option(choice: Iterable[str]) -> Any:
     return typer.Option(
         "--estimator",
         metavar="FILE",
-        help="Expert of the adaptive filter, from 'ambkit train'; or a name: "
+        help="Expert of the adaptive filter, from 'ambkit train', or a force map (.csv); or a "
+        "name: "
         f"{', '.join(choice)}. The linear filter without it.",
     )
 
@@ -134,8 +136,10 @@ def _learned(name: str, bearing: Bearing) -> StiffnessSource | None:
         return learned_source(name, bearing)
 
 
-def read_expert(path: Path, bearing: Bearing) -> Expert:
+def read_expert(path: Path, bearing: Bearing) -> Expert | ForceSurface:
     """Return the expert in a file, and note if it was trained for another bearing.
+
+    Of a table of points of the force it is the surface through them.
 
     Raises
     ------
@@ -144,10 +148,31 @@ def read_expert(path: Path, bearing: Bearing) -> Expert:
     """
     from ambkit.fuzzy.expert import Expert
 
+    if path.suffix.lower() in (".csv", ".parquet"):
+        return surface_in(path, bearing)
     trained = Expert.load(path)
     if not trained.source.startswith(bearing.name):
         output.note(f"{path}: was trained for {trained.source}, not for {bearing.name}")
     return trained
+
+
+def surface_in(path: Path, bearing: Bearing) -> ForceSurface:
+    """Return the surface through the points of a force map.
+
+    Raises
+    ------
+    AmbkitError
+        It cannot be read, or is no force map of this bearing.
+    """
+    from ambkit.machine.forces.file import load_force_points
+    from ambkit.machine.forces.surface import ForceSurface
+
+    points = load_force_points(path)
+    try:
+        with output.progress("finding the force"):
+            return ForceSurface(bearing, points)
+    except AmbkitError as error:
+        raise AmbkitError(f"{path}: {error}") from None
 
 
 def scenario_of(

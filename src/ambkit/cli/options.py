@@ -116,7 +116,8 @@ ExpertFile = Annotated[
     typer.Option(
         "--expert",
         metavar="FILE",
-        help="Expert of the adaptive filter, from 'ambkit train'; trained anew without it.",
+        help="Expert of the adaptive filter, from 'ambkit train', or a force map, points of iu, x "
+        "and f_mag (.csv); trained anew without it.",
     ),
 ]
 

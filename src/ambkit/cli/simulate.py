@@ -44,6 +44,14 @@ def simulate(
         ),
     ] = "linear",
     expert: ExpertFile = None,
+    magnet: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.csv",
+            help="Force map of the true magnet, points of iu, x and f_mag, which the estimators do "
+            "not know: they know the bearing's.",
+        ),
+    ] = None,
     duration: Annotated[
         float | None, typer.Option(parser=quantity("s"), metavar="TIME", help='Such as "0.5 s".')
     ] = None,
@@ -84,7 +92,7 @@ def simulate(
     """
     from ambkit.base.errors import AmbkitError
     from ambkit.cli import output
-    from ambkit.cli.family import factories, scenario_of
+    from ambkit.cli.family import factories, scenario_of, surface_in
     from ambkit.show import plots
     from ambkit.simulation.run import simulate_run
     from ambkit.workflow.simulating import RunSummary
@@ -108,8 +116,9 @@ def simulate(
         )
     built = factories([estimator] if with_one else [], plant, expert)
     kalman = built[estimator]() if with_one else None
+    true = None if magnet is None else surface_in(magnet, plant)
     with output.progress("simulating"):
-        run = simulate_run(plant, happening, estimator=kalman)
+        run = simulate_run(plant, happening, estimator=kalman, magnet=true)
     summary = RunSummary(plant, run)
     data = summary.to_dict()
     output.deliver(

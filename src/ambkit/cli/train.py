@@ -55,6 +55,14 @@ def train(
             show_default="found from the points",
         ),
     ] = None,
+    channels: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.toml",
+            help="With --map, what its columns mean, where they have other names: [signals.iu], "
+            "[signals.x] and [signals.f_mag], each with column and unit.",
+        ),
+    ] = None,
     rules: Annotated[
         str,
         typer.Option(
@@ -81,7 +89,15 @@ def train(
         Scaling,
         typer.Option(help="grid: a step of the grid weighs alike; unit: 1 A weighs as 1 mm."),
     ] = Scaling.grid,
-    out: Annotated[Path | None, file_option("Write the expert.", (".json",), "--out")] = None,
+    out: Annotated[
+        Path | None,
+        file_option(
+            "Write the expert (.json); with --map, its points as a force map (.csv, .parquet), or "
+            "the bearing with its law refitted to them (.toml).",
+            (".json", ".csv", ".parquet", ".toml"),
+            "--out",
+        ),
+    ] = None,
     plot: Plot = None,
     json: Json = False,
 ) -> None:
@@ -99,7 +115,11 @@ def train(
     from ambkit.show import plots
 
     shape = _shape(rules)
-    for option, asked in (("--rules auto", shape is None), ("--law-error", law_error is not None)):
+    for option, asked in (
+        ("--rules auto", shape is None),
+        ("--law-error", law_error is not None),
+        ("--channels", channels is not None),
+    ):
         if asked and force is None:
             raise typer.BadParameter(
                 f"{option} needs points that were measured: --map FORCE.csv",
@@ -108,6 +128,10 @@ def train(
     if law_error is not None and not law_error > 0:
         raise typer.BadParameter(
             f"must be greater than 0 N, is {law_error:g} N", param_hint="--law-error"
+        )
+    if force is None and out is not None and out.suffix.lower() != ".json":
+        raise typer.BadParameter(
+            "without --map there is an expert only: FILE.json", param_hint="--out"
         )
     model = find_bearing(bearing)
     options: dict[str, Any] = {
@@ -122,16 +146,19 @@ def train(
             assert shape is not None  # as auto needs --map
             stiff = _map(model, shape)
         else:
-            measured = Measured.load(force, model, law_error)
+            measured = Measured.load(force, model, law_error, channels)
             if shape is None:
                 shape = measured.choose_shape(options, done)
                 done("training")
             stiff = measured.map(shape)
         expert = training.train(stiff, **options)
+        if measured is not None and shape is not None:
+            measured.choose_model(shape, options, done)
     data = _summary(expert, stiff, model)
     tables = [_table(data)]
     if measured is not None:
-        tables = [*measured.choice_table(), *tables, measured.table(data, expert, stiff)]
+        told = measured.table(data, expert, stiff)
+        tables = [*measured.choice_table(), *tables, told, *measured.models_table(data)]
     data["wrong_sign"] = _wrong_sign(expert, model)
     for name, wrong in data["wrong_sign"].items():
         output.note(_of_wrong_sign(name, wrong, measured is not None))
@@ -140,10 +167,16 @@ def train(
         figure = plots.training_figure(expert, stiff)
         plots.save_figure(figure if measured is None else measured.figure(figure, stiff), path)
 
+    def save(path: Path) -> None:
+        if measured is None:
+            expert.save(path)
+        else:
+            measured.save(path, expert)
+
     output.deliver(
         data,
         tables,
-        [(out, expert.save), (plot, draw)],
+        [(out, save), (plot, draw)],
         as_json=json,
     )
 
@@ -221,13 +254,13 @@ def _wrong_sign(expert: Expert, bearing: Bearing) -> dict[str, dict[str, float]]
     """
     import numpy as np
 
-    from ambkit.machine.magnets import ClosedLaw, evaluate_stiffness
+    from ambkit.machine.magnets import evaluate_stiffness, magnet_of
 
     box = np.meshgrid(
         np.linspace(*expert.current_range, 41), np.linspace(*expert.displacement_range, 41)
     )
     found = {}
-    known = evaluate_stiffness(ClosedLaw(bearing), *box)
+    known = evaluate_stiffness(magnet_of(bearing), *box)
     for name, values, law in zip(("k_i", "k_s"), expert.stiffness(*box), known, strict=True):
         wrong = (values <= 0) & (law > CLEAR * law.max())
         if wrong.any():

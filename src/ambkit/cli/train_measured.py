@@ -14,6 +14,7 @@ from ambkit.cli.output import value
 if TYPE_CHECKING:
     from ambkit.fuzzy.choice import RuleChoice, Shape
     from ambkit.fuzzy.expert import Expert
+    from ambkit.fuzzy.left_out import ModelChoice
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.forces.surface import ForceSurface
     from ambkit.machine.stiffness import StiffnessMap
@@ -32,15 +33,18 @@ class Measured:
     surface: ForceSurface
     given_law_error: float | None
     choice: RuleChoice | None = None
+    models: ModelChoice | None = None
 
     @classmethod
-    def load(cls, path: Path, bearing: Bearing, law_error: float | None) -> Measured:
+    def load(
+        cls, path: Path, bearing: Bearing, law_error: float | None, channels: Path | None = None
+    ) -> Measured:
         """Read the points, and find the force."""
         from ambkit.base.units import engineering
         from ambkit.machine.forces.file import load_force_points
         from ambkit.machine.forces.surface import ForceSurface
 
-        points = load_force_points(path)
+        points = load_force_points(path, channels)
         gap, farthest = bearing.magnet.air_gap, max(points.displacement.tolist(), key=abs)
         if abs(farthest) >= gap:
             raise AmbkitError(
@@ -68,6 +72,59 @@ class Measured:
         except AmbkitError as error:
             raise AmbkitError(f"{self.path}: {error}") from None
         return self.choice.chosen.shape
+
+    def choose_model(
+        self, shape: Shape, options: dict[str, Any], note: Callable[[str], None]
+    ) -> None:
+        """Find by points left out whether law, surface or network is to be believed."""
+        from ambkit.fuzzy.left_out import choose_model
+
+        self.models = choose_model(self.bearing, self.surface, shape, note, **options)
+
+    def save(self, path: Path, expert: Expert) -> None:
+        """Write the network, the points, or the bearing with the law refitted, by the ending."""
+        from ambkit.fuzzy.left_out import refitted
+
+        match path.suffix.lower():
+            case ".csv" | ".parquet":
+                self.surface.points.save(path)
+            case ".toml":
+                refitted(self.bearing, self.surface.points).save(path)
+            case _:
+                expert.save(path)
+
+    def models_table(self, data: dict[str, Any]) -> list[Any]:
+        """Say how the models do at points left out; warn of a network that is worse than a law."""
+        from ambkit.fuzzy.left_out import LAW, NETWORK, SURFACE
+
+        if self.models is None:
+            return []
+        models, chosen = self.models.models, self.models.chosen
+        data["models"] = {"chosen": chosen.name} | {
+            m.name: {"random": m.random, "blocks": m.blocks} for m in models
+        }
+        network, law = self.models[NETWORK], self.models[LAW]
+        if network.worse > law.worse:
+            output.note(
+                f"at points left out the trained expert is off by {value(network.worse, 'N', 3)} "
+                f"rms, the law that it started from by {value(law.worse, 'N', 3)}: leave it; "
+                f"{chosen.name} has {value(chosen.worse, 'N', 3)}"
+            )
+        elif chosen.name != NETWORK:
+            what = "write it" if chosen.name == SURFACE else "write the bearing with it"
+            ending = {SURFACE: "--out map.csv"}.get(chosen.name, "--out bearing.toml")
+            how = "" if chosen.name == LAW else f"; {what} with {ending}"
+            output.note(
+                f"at points left out {chosen.name} is off by {value(chosen.worse, 'N', 3)} rms, "
+                f"the trained expert by {value(network.worse, 'N', 3)}{how}"
+            )
+        rows = [
+            [m.name, value(m.random, "N", 3), value(m.blocks, "N", 3),
+             "best" if m == chosen else ""]
+            for m in models
+        ]  # fmt: skip
+        title = "Error at points left out, rms: here and there, and whole blocks of them"
+        return [output.table(title, ["", "points", "blocks", ""], rows)]
 
     def map(self, shape: Shape) -> StiffnessMap:
         """Return the stiffnesses of the measured force, a node for each rule."""
@@ -105,14 +162,14 @@ class Measured:
         import numpy as np
 
         from ambkit.fuzzy.lesson import rms
-        from ambkit.machine.magnets import ClosedLaw
+        from ambkit.machine.magnets import magnet_of
 
         points, surface = self.surface.points, self.surface
         inside = points.where(points.within(expert.current_range, expert.displacement_range))
         at = inside.current, inside.displacement
         off = {
             name: model(*at) - inside.force
-            for name, model in (("law", ClosedLaw(self.bearing).force), ("trained", expert.force))
+            for name, model in (("law", magnet_of(self.bearing).force), ("trained", expert.force))
         }
         noise = surface.noise(inside)
         box = np.meshgrid(

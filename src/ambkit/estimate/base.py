@@ -18,10 +18,10 @@ from ambkit.estimate.model import LinearModel
 from ambkit.estimate.noise import FilterNoise, completed
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.magnets import (
-    ClosedLaw,
     ConstantStiffness,
     Precision,
     StiffnessSource,
+    bias_force_of,
     own_time,
 )
 
@@ -108,7 +108,7 @@ class Estimator(Copyable):
             "k_ui": [bearing.amplifier.gain],
             "iu_min": [bearing.current_min],
             "iu_max": [bearing.current_max],
-            "f_0": [known + ClosedLaw(bearing).bias_force],
+            "f_0": [known + bias_force_of(self.source, bearing)],
             "x_max": [travel],
             "cap": caps(bearing, self.states),
             "var_u": [self.variances.control],

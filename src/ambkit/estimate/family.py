@@ -18,7 +18,7 @@ from ambkit.estimate.low_pass import LowPass
 from ambkit.estimate.magnet_scale import FiveStateKalmanFilter, MultipleModelFilter
 from ambkit.estimate.observer import ExtendedStateObserver, SteadyStateKalmanFilter, unstable_pole
 from ambkit.estimate.unscented import UnscentedKalmanFilter
-from ambkit.machine.magnets import ClosedLaw, StiffnessSource
+from ambkit.machine.magnets import StiffnessSource, magnet_of
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
@@ -144,18 +144,18 @@ KINDS = {
         Kind("steady-state", "steady-state Kalman filter", SteadyStateKalmanFilter, _constant),
         Kind("table", "Kalman filter, stiffness table", AdaptiveKalmanFilter, None),
         Kind("adaptive", "adaptive Kalman filter, fuzzy expert", AdaptiveKalmanFilter, None),
-        Kind("closed-law", "Kalman filter, closed law", AdaptiveKalmanFilter, ClosedLaw),
-        Kind("extended", "extended Kalman filter", ExtendedKalmanFilter, ClosedLaw),
-        Kind("square-root", "square-root Kalman filter", SquareRootKalmanFilter, ClosedLaw),
+        Kind("closed-law", "Kalman filter, closed law", AdaptiveKalmanFilter, magnet_of),
+        Kind("extended", "extended Kalman filter", ExtendedKalmanFilter, magnet_of),
+        Kind("square-root", "square-root Kalman filter", SquareRootKalmanFilter, magnet_of),
         Kind(
-            "extended-k", "extended Kalman filter with k", FiveStateKalmanFilter, ClosedLaw,
+            "extended-k", "extended Kalman filter with k", FiveStateKalmanFilter, magnet_of,
             (*NOISE, Tunable("wander", "1/s", lambda _: 0.01)),
         ),
         Kind(
-            "multiple-model", "interacting multiple models", MultipleModelFilter, ClosedLaw,
+            "multiple-model", "interacting multiple models", MultipleModelFilter, magnet_of,
             (*NOISE, Tunable("sojourn", "s", lambda _: 1.0, decades=1.0)),
         ),
-        Kind("unscented", "unscented Kalman filter", UnscentedKalmanFilter, ClosedLaw),
+        Kind("unscented", "unscented Kalman filter", UnscentedKalmanFilter, magnet_of),
         Kind(
             "linear-adaptive-noise", "linear Kalman filter, R found online",
             _finding_noise(KalmanFilter, method="sage-husa", adapts="measurement"), _constant,
@@ -163,7 +163,7 @@ KINDS = {
         ),
         Kind(
             "extended-adaptive-noise", "extended Kalman filter, R and Q found online",
-            _finding_noise(ExtendedKalmanFilter, method="innovation", adapts="both"), ClosedLaw,
+            _finding_noise(ExtendedKalmanFilter, method="innovation", adapts="both"), magnet_of,
             (*NOISE, MEMORY),
         ),
     )
@@ -179,7 +179,7 @@ def learned_source(name: str, bearing: Bearing) -> StiffnessSource | None:
     name : str
         Of the kind.
     bearing : Bearing
-        Its closed law is what is learned.
+        Its magnet is what is learned.
 
     Returns
     -------

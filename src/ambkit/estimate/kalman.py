@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.engine import Engine
-from ambkit.machine.magnets import ClosedLaw, StiffnessSource
+from ambkit.machine.magnets import StiffnessSource, magnet_of
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
@@ -66,7 +66,7 @@ class ExtendedKalmanFilter(Estimator):
     bearing : Bearing
         What is filtered.
     source : optional
-        What the filter knows of its magnet; by default the closed law.
+        What the filter knows of its magnet; by default the bearing's own law.
     **options
         As for :class:`KalmanFilter`.
 
@@ -81,7 +81,7 @@ class ExtendedKalmanFilter(Estimator):
     def __init__(
         self, bearing: Bearing, source: StiffnessSource | None = None, **options: Any
     ) -> None:
-        super().__init__(bearing, source or ClosedLaw(bearing), **options)
+        super().__init__(bearing, source or magnet_of(bearing), **options)
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         return engine.core.Extended(magnet, engine.model_of_core, **settings)
@@ -98,7 +98,7 @@ class SquareRootKalmanFilter(ExtendedKalmanFilter):
     bearing : Bearing
         What is filtered.
     source : optional
-        What the filter knows of its magnet; by default the closed law.
+        What the filter knows of its magnet; by default the bearing's own law.
     **options
         As for :class:`KalmanFilter`.
 

@@ -11,7 +11,7 @@ import numpy as np
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.engine import Engine
 from ambkit.estimate.observer import unstable_pole
-from ambkit.machine.magnets import ClosedLaw, StiffnessSource
+from ambkit.machine.magnets import StiffnessSource, bias_force_of, magnet_of
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
@@ -32,7 +32,7 @@ class FiveStateKalmanFilter(Estimator):
     bearing : Bearing
         What is filtered.
     source : optional
-        What the filter knows of its magnet; by default the closed law.
+        What the filter knows of its magnet; by default the bearing's own law.
     scale_std : float, optional
         Standard deviation of the scale at the start, and the most that it grows to [1].
     wander : float, optional
@@ -77,15 +77,16 @@ class FiveStateKalmanFilter(Estimator):
             raise ValueError(f"wander must be 0 1/s or more, got {wander!r}")
         if not (0 < least <= 1 <= most < math.inf):
             raise ValueError(f"limits must be 0 < least <= 1 <= most, got {least!r}, {most!r}")
+        source = source or magnet_of(bearing)
         self._own: dict[str, Any] = {
-            "bias": [ClosedLaw(bearing).bias_force],
+            "bias": [bias_force_of(source, bearing)],
             "std": scale_std,
             "var_k": wander * bearing.sampling_time,
             "min": least,
             "max": most,
             **_learning(bearing, excitation),
         }
-        super().__init__(bearing, source or ClosedLaw(bearing), **options)
+        super().__init__(bearing, source, **options)
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         own = self._own | {"bias": np.array(self._own["bias"], self.precision)}
@@ -104,7 +105,7 @@ class MultipleModelFilter(Estimator):
     bearing : Bearing
         What is filtered.
     source : optional
-        What the filters know of their magnet; by default the closed law.
+        What the filters know of their magnet; by default the bearing's own law.
     scales : sequence of float, optional
         Magnet constants over the known one, 2 to 5 [1].
     sojourn : float, optional
@@ -142,12 +143,13 @@ class MultipleModelFilter(Estimator):
         if not (math.isfinite(sojourn) and sojourn >= 2 * bearing.sampling_time):
             raise ValueError(f"sojourn must be two samples or more [s], got {sojourn!r}")
         self.scales = tuple(float(s) for s in scales)
+        source = source or magnet_of(bearing)
         self._own: dict[str, Any] = {
             "leave": bearing.sampling_time / sojourn,
-            "bias": [ClosedLaw(bearing).bias_force],
+            "bias": [bias_force_of(source, bearing)],
             **_learning(bearing, excitation),
         }
-        super().__init__(bearing, source or ClosedLaw(bearing), **options)
+        super().__init__(bearing, source, **options)
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         scales = np.array(self.scales, self.precision)

@@ -23,12 +23,17 @@ FAST_SENSOR = 0.05
 """Of a sensor's last value, what is left after a sample, below which it is one without lag."""
 
 
+LED = ("position", "velocity", "disturbance force", "sensor")
+"""Roles of the states whose poles are placed. Currents follow from the controls; noise on the sensor
+has poles of its own, and no observer without a model of the noise can tell it."""
+
+
 class _Observer(Estimator):
     """Constant gain; the kinds differ in where it comes from."""
 
     gain: Array  # (n,), for the update
 
-    def _gain(self, model: LinearModel) -> Array:
+    def _gain(self, model: LinearModel, engine: Engine) -> Array:
         raise NotImplementedError
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
@@ -37,7 +42,7 @@ class _Observer(Estimator):
         # between newtons and micrometres.
         units = np.array(self.default_std())
         small = self.linear_model(k.k_i, k.k_s).scaled(units)
-        L = self._gain(small)
+        L = self._gain(small, engine)
         P, S = _steady(small, L)
         self.gain = L * units
         upper = (P * np.outer(units, units))[np.triu_indices(len(units))]
@@ -100,9 +105,13 @@ class ExtendedStateObserver(_Observer):
         self.bandwidth = bandwidth
         super().__init__(bearing, source, **options)
 
-    def _gain(self, model: LinearModel) -> Array:
+    def _gain(self, model: LinearModel, engine: Engine) -> Array:
         pole = math.exp(-self.bandwidth * self.bearing.sampling_time)
-        return placed(model, pole)
+        led = [i for i, state in enumerate(engine.states) if state.role in LED]
+        A, H = model.A[np.ix_(led, led)], model.H[:, led]
+        gain = np.zeros(len(engine.states))
+        gain[led] = placed(model._replace(A=A, H=H), pole)
+        return gain
 
 
 class SteadyStateKalmanFilter(_Observer):
@@ -121,7 +130,7 @@ class SteadyStateKalmanFilter(_Observer):
 
     name = "steady-state Kalman filter"
 
-    def _gain(self, model: LinearModel) -> Array:
+    def _gain(self, model: LinearModel, engine: Engine) -> Array:
         from scipy.linalg import solve_discrete_are
 
         predicted = solve_discrete_are(model.A.T, model.H.T, model.Q, np.array([[model.R]]))
@@ -137,7 +146,7 @@ def unstable_pole(bearing: Bearing) -> float:
 def placed(model: LinearModel, pole: float) -> Array:
     """Return the update's gain (4,) that puts all poles of ``(I - L H) A`` at one place.
 
-    By Ackermann's formula (Ackermann 1972) for the pair A, H A. The lagged position of a sensor
+    Of the states x, v, f_d, x_m. By Ackermann's formula (Ackermann 1972) for the pair A, H A. The lagged position of a sensor
     that lags by less than a third of a sample is taken to be its last measurement: its pole is
     zero, and the other three are placed. To slow it down as well would take gains that let the
     error of a start grow three thousandfold before it decays.
@@ -157,12 +166,13 @@ def placed(model: LinearModel, pole: float) -> Array:
 
 
 def _grown(model: LinearModel, L: Array, start: Array) -> Array:
-    """Return the most (4,) that an error within plus or minus ``2 start`` (4,) can grow to.
+    """Return the most (n,) that an error within plus or minus ``2 start`` (n,) can grow to.
 
     That is the error of a start between the caps, and of a mean that was held to them.
     """
-    step = (np.eye(4) - np.outer(L, model.H)) @ model.A
-    now, most = np.eye(4), 2 * start
+    n = len(L)
+    step = (np.eye(n) - np.outer(L, model.H)) @ model.A
+    now, most = np.eye(n), 2 * start
     for _ in range(10_000):
         now = step @ now
         error = np.abs(now) @ (2 * start)
@@ -173,10 +183,10 @@ def _grown(model: LinearModel, L: Array, start: Array) -> Array:
 
 
 def _steady(model: LinearModel, L: Array) -> tuple[Array, float]:
-    """Return the covariance (4, 4) that a constant gain settles to, and the innovation's."""
+    """Return the covariance (n, n) that a constant gain settles to, and the innovation's."""
     from scipy.linalg import solve_discrete_lyapunov
 
-    left = np.eye(4) - np.outer(L, model.H)
+    left = np.eye(len(L)) - np.outer(L, model.H)
     noise = left @ model.Q @ left.T + model.R * np.outer(L, L)
     P = solve_discrete_lyapunov(left @ model.A, noise)
     predicted = model.A @ P @ model.A.T + model.Q

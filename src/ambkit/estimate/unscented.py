@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.engine import Engine
-from ambkit.machine.magnets import ClosedLaw, StiffnessSource
+from ambkit.machine.magnets import StiffnessSource, magnet_of
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
@@ -57,7 +57,7 @@ class UnscentedKalmanFilter(Estimator):
         **options: Any,
     ) -> None:
         self._spread: dict[str, Any] = {"alpha": alpha, "beta": beta, "kappa": kappa}
-        super().__init__(bearing, source or ClosedLaw(bearing), **options)
+        super().__init__(bearing, source or magnet_of(bearing), **options)
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         n, alpha, beta = len(engine.states), self._spread["alpha"], self._spread["beta"]

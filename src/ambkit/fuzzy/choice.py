@@ -165,9 +165,9 @@ def choose_rules(
         raise AmbkitError(f"threads must be 1 or more, is {threads}")
     if training.get("method", "least-squares") == "least-squares":
         training = {"epochs": EPOCHS} | training
-    box = _box(bearing, points)
+    box = box_of(bearing, points)
     inside = points.within(*box)
-    block = _blocks(points, box)
+    block = numbered(points, box)
     fold = np.where(inside, (block % BLOCKS + 2 * (block // BLOCKS)) % FOLDS, -1)
     folds = [fold == k for k in range(FOLDS) if np.any(fold == k)]
     count = int(np.count_nonzero(inside))
@@ -209,7 +209,7 @@ def choose_rules(
             note(f"trying {shape[0]}x{shape[1]} rules")
 
             def trained(k: int, shape: Shape = shape) -> ForceFunction:
-                return train(_map(bearing, surfaces[k], box, shape), **training).force
+                return train(map_of(bearing, surfaces[k], box, shape), **training).force
 
             done.append(Candidate(shape, *judge(trained)))
             since = 0 if done[-1].error < least else since + 1
@@ -240,10 +240,11 @@ def measured_map(
         The points are beside the box, or fewer than two nodes a side are asked for.
     """
     surface = ForceSurface(bearing, points) if isinstance(points, ForcePoints) else points
-    return _map(bearing, surface, _box(bearing, surface.points), shape)
+    return map_of(bearing, surface, box_of(bearing, surface.points), shape)
 
 
-def _map(bearing: Bearing, surface: ForceSurface, box: Box, shape: Shape) -> StiffnessMap:
+def map_of(bearing: Bearing, surface: ForceSurface, box: Box, shape: Shape) -> StiffnessMap:
+    """Return the stiffnesses of a surface over a box, at so many nodes a side."""
     return stiffness_map(
         bearing,
         currents=np.linspace(*box[0], shape[0]),
@@ -252,7 +253,7 @@ def _map(bearing: Bearing, surface: ForceSurface, box: Box, shape: Shape) -> Sti
     )
 
 
-def _box(bearing: Bearing, points: ForcePoints) -> Box:
+def box_of(bearing: Bearing, points: ForcePoints) -> Box:
     """Lowest and highest current [A] and displacement [m] of points and bearing together."""
     travel = bearing.rotor.travel_limit
     box = []
@@ -276,7 +277,7 @@ def _doubt(surface: ForceSurface, left_out: ForcePoints) -> Array:
     return np.asarray(np.hypot(surface.noise(left_out), of_surface))
 
 
-def _blocks(points: ForcePoints, box: Box) -> NDArray[np.int64]:
+def numbered(points: ForcePoints, box: Box) -> NDArray[np.int64]:
     """Number of the block in which each point lies, row by row."""
     (first, last), (left, right) = box
     # A grid's lines are to lie inside blocks, not on their borders.

@@ -140,7 +140,7 @@ def _gravity(record: Record, bearing: Bearing) -> Iterator[str]:
     On the mean of a record the magnet's force, the weight and the load are in balance. Mirrored,
     the force that holds the weight adds to it, and a load of twice the weight is left.
     """
-    from ambkit.machine.magnets import ClosedLaw
+    from ambkit.machine.magnets import magnet_of
 
     weight = bearing.weight
     if weight == 0.0 or "y" not in record or "u" not in record:
@@ -152,7 +152,7 @@ def _gravity(record: Record, bearing: Bearing) -> Iterator[str]:
     if np.count_nonzero(sound) < 20:
         return
     iu = np.clip(iu[sound], bearing.current_min, bearing.current_max)
-    force = float(ClosedLaw(bearing).force(iu, x[sound]).mean())
+    force = float(magnet_of(bearing).force(iu, x[sound]).mean())
     load = -(force + weight)
     if abs(load / (-2 * weight) - 1) < _TWICE:
         pull, held = (engineering(abs(each), "N", digits=3) for each in (force, load))

@@ -2,9 +2,12 @@
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal, Self
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Annotated, Any, Literal, Self, cast
 
 from pydantic import (
+    AfterValidator,
     ConfigDict,
     Field,
     SerializerFunctionWrapHandler,
@@ -16,18 +19,17 @@ from pydantic import (
 from ambkit.base.config import Document, Part, Read, read_unchecked, reader
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.texts import Description, Name
+from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
+from ambkit.machine.magnets import MU_0, magnet_of
 from ambkit.machine.parts import ColouredNoise, Hum, Runout, Stop, parts_contradictions
-
-MU_0 = 1.25663706127e-6
-"""Vacuum magnetic permeability [N/A^2] (CODATA 2022)."""
 
 GRAVITY = 9.81
 """Acceleration of free fall [m/s^2], as both rigs of the presets were calculated with."""
 
 
-def magnet_constant(turns: float, pole_area: float) -> float:
-    """Return k = mu0 A N^2 / 4 [N m^2/A^2] (paper, below eq. 1).
+def magnet_constant(turns: float, pole_area: float, pole_angle: float = 0.0) -> float:
+    """Return k = mu0 A N^2 cos(angle) / 4 [N m^2/A^2] (paper, below eq. 1).
 
     Parameters
     ----------
@@ -35,8 +37,10 @@ def magnet_constant(turns: float, pole_area: float) -> float:
         Turns N of one magnet's coil.
     pole_area : float
         Cross section A of one air gap [m^2].
+    pole_angle : float
+        Between the pull of a pole and the axis [rad].
     """
-    return MU_0 * pole_area * turns**2 / 4
+    return MU_0 * pole_area * turns**2 / 4 * math.cos(pole_angle)
 
 
 def _constant_or_coil(schema: dict[str, Any]) -> None:
@@ -44,6 +48,19 @@ def _constant_or_coil(schema: dict[str, Any]) -> None:
     schema["required"].remove("magnet_constant")
     alternatives = (["magnet_constant"], ["turns", "pole_area"])
     schema["oneOf"] = [{"required": keys} for keys in alternatives]
+    schema["dependentRequired"] = {"pole_angle": ["turns"]} | {
+        key: ["turns", *(other for other in IRON if other != key)] for key in IRON
+    }
+
+
+def _resolved(value: str, info: ValidationInfo) -> str:
+    """Take a relative file name from where the bearing's file lies."""
+    folder = (info.context or {}).get("folder")
+    return value if folder is None else str(Path(folder, value).absolute())
+
+
+IRON = ("iron_length", "relative_permeability", "saturation")
+"""What describes iron that saturates; all of it or none."""
 
 
 class Magnet(Part):
@@ -52,7 +69,8 @@ class Magnet(Part):
     With the magnet constant k, the bias current i0, the gap s0, the control current iu and the
     displacement x, a two-sided magnet pulls with
     ``F = k [((i0 + iu)/(s0 - x))^2 - ((i0 - iu)/(s0 + x))^2]`` (paper, eq. 1, without its second
-    equality, a slip), a one-sided one with its first half alone: x is positive towards it.
+    equality, a slip), a one-sided one with its first half alone: x is positive towards it. Iron
+    that saturates takes from that (`ambkit.SaturatingLaw`).
     """
 
     model_config = ConfigDict(json_schema_extra=_constant_or_coil)
@@ -63,8 +81,24 @@ class Magnet(Part):
     """Turns N of one coil; with pole_area instead of magnet_constant."""
     pole_area: Annotated[float, Quantity("m^2", "400 mm^2", above=0)] | None = None
     """Cross section A of one air gap [m^2]; with turns instead of magnet_constant."""
+    pole_angle: Annotated[float, Quantity("rad", "22.5 deg", at_least=0)] | None = None
+    """Angle between the pull of a pole and the axis [rad], by whose cosine turns and pole_area give
+    less; without it 0."""
+    iron_length: Annotated[float, Quantity("m", "0.2 m", above=0)] | None = None
+    """Mean length of the flux in the iron of one magnet [m]; with it saturation and the next."""
+    relative_permeability: Annotated[float, Quantity("1", "2000", above=0)] | None = None
+    """Relative permeability mu_r of that iron, far from saturation [1]."""
+    saturation: Annotated[float, Quantity("T", "1.6 T", above=0)] | None = None
+    """Flux density Bs at which that iron is saturated [T]."""
+    force_map: Annotated[str, AfterValidator(_resolved)] | None = None
+    """A file with the measured or computed force, points of iu, x and f_mag: the surface through
+    them is the magnet, and the law only what goes on where there are none."""
+    force_channels: Annotated[str, AfterValidator(_resolved)] | None = None
+    """A TOML file that says which columns of the force map mean what, where it has other names."""
+    force_scale: Annotated[float, Quantity("1", "1", above=0)] | None = None
+    """By how much the force is larger than the force map's [1]; without it 1."""
     magnet_constant: Annotated[float, Quantity("N m^2/A^2", "6.7 N mm^2/A^2", above=0)]
-    """Magnet constant k [N m^2/A^2], or else turns and pole_area."""
+    """Magnet constant k [N m^2/A^2] as of ideal iron, or else turns and pole_area."""
     air_gap: Annotated[float, Quantity("m", "2 mm", above=0)]
     """Nominal air gap s0 [m], at x = 0."""
     bias_current: Annotated[float, Quantity("A", "1.5 A", above=0)]
@@ -89,6 +123,26 @@ class Magnet(Part):
             del data["magnet_constant"]
         return data
 
+    def with_constant(self, constant: float) -> dict[str, float | None]:
+        """Return what :meth:`Bearing.replace` is to change for another magnet constant.
+
+        A coil would contradict it, and is left out; where the iron saturates and so needs its
+        turns, the pole area is what changes. A force map is scaled as much.
+
+        Parameters
+        ----------
+        constant : float
+            The other one, k [N m^2/A^2].
+        """
+        ratio = constant / self.magnet_constant
+        changes: dict[str, float | None] = {}
+        if self.force_map is not None:
+            changes["magnet__force_scale"] = ratio * (self.force_scale or 1.0)
+        if self.saturation is not None and self.pole_area is not None:
+            return changes | {"magnet__pole_area": self.pole_area * ratio}
+        coil = dict.fromkeys(("magnet__turns", "magnet__pole_area", "magnet__pole_angle"))
+        return changes | coil | {"magnet__magnet_constant": constant}
+
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
         turns, area, constant = read("turns"), read("pole_area"), read("magnet_constant")
@@ -96,6 +150,32 @@ class Magnet(Part):
             yield "turns", "missing: pole_area alone does not give the magnet constant"
         if area is None and turns is not None:
             yield "pole_area", "missing: turns alone do not give the magnet constant"
+        angle = read("pole_angle")
+        if angle is not None and angle >= math.pi / 2:
+            shown = engineering(math.degrees(angle), "deg")
+            yield "pole_angle", f"must be less than 90 deg, is {shown}"
+        if angle is not None and turns is None and area is None:
+            yield (
+                "pole_angle",
+                "goes with turns and pole_area; a magnet_constant has it in it already",
+            )
+        iron = [key for key in IRON if read(key) is not None]
+        for key in IRON:
+            if iron and key not in iron:
+                yield key, f"missing: iron is described by {', '.join(IRON[:2])} and {IRON[2]}"
+        if iron and turns is None and area is None:
+            yield iron[0], "needs turns and pole_area in the place of magnet_constant"
+        path, channels = read("force_map"), read("force_channels")
+        for key in ("force_channels", "force_scale"):
+            if read(key) is not None and path is None:
+                yield key, "is of a force_map, and there is none"
+        if isinstance(path, str) and (channels is None or isinstance(channels, str)):
+            from ambkit.machine.forces.map_of import points_of
+
+            try:
+                points_of(path, channels)
+            except AmbkitError as error:
+                yield "force_map", str(error)
         coil = _coil_constant(read)
         if abs(coil - constant) > 1e-9 * constant:
             shown = engineering(coil, "N m^2/A^2")
@@ -103,8 +183,10 @@ class Magnet(Part):
 
 
 def _coil_constant(read: Read) -> float:
-    turns, area = read("turns"), read("pole_area")
-    return math.nan if turns is None or area is None else magnet_constant(turns, area)
+    turns, area, angle = read("turns"), read("pole_area"), read("pole_angle")
+    if turns is None or area is None:
+        return math.nan
+    return magnet_constant(turns, area, 0.0 if angle is None else angle)
 
 
 class Rotor(Part):
@@ -243,9 +325,7 @@ class Bearing(Document):
     @property
     def current_min(self) -> float:
         """Least control current iu [A]; a one-sided coil's current i0 + iu stays positive."""
-        if self.magnet.type == "one-sided":
-            return -min(self.amplifier.current_limit, self.magnet.bias_current)
-        return -self.amplifier.current_limit
+        return _current_limits(self.amplifier.current_limit, self.magnet)[0]
 
     @property
     def current_max(self) -> float:
@@ -256,8 +336,8 @@ class Bearing(Document):
     def hover_current(self) -> float:
         """Control current iu [A] that carries the rotor at rest at x = 0.
 
-        It solves ``F(iu, 0) + weight = 0``; two-sided: ``iu = -weight s0^2 / (4 k i0)``, one-sided:
-        ``iu = s0 sqrt(-weight/k) - i0``.
+        It solves ``F(iu, 0) + weight = 0``; ideal iron, two-sided:
+        ``iu = -weight s0^2 / (4 k i0)``, one-sided: ``iu = s0 sqrt(-weight/k) - i0``.
         """
         return _hover_current(reader(self))
 
@@ -282,10 +362,12 @@ class Bearing(Document):
             )
         hover = abs(_hover_current(read))
         if hover > current:
-            limit = f"{engineering(hover, 'A')}, which carries the rotor at x = 0"
+            limit = f"at least {engineering(hover, 'A')}, which carries the rotor at x = 0"
+            if math.isinf(hover):
+                limit = "such that it carries the rotor at x = 0, which no current does"
             yield (
                 "amplifier.current_limit",
-                f"must be at least {limit}; is {engineering(current, 'A')}",
+                f"must be {limit}; is {engineering(current, 'A')}",
             )
         yield from parts_contradictions(read)
 
@@ -294,12 +376,24 @@ _WEIGHT_SIGN = {"-x": -1.0, "+x": 1.0, "none": 0.0}
 
 
 def _hover_current(read: Read) -> float:
-    constant, gap = read("magnet.magnet_constant"), read("magnet.air_gap")
-    bias, kind = read("magnet.bias_current"), read("magnet.type")
     weight = _WEIGHT_SIGN.get(read("rotor.gravity"), math.nan) * read("rotor.mass") * GRAVITY
-    if kind == "two-sided":
-        # In this order, not by powers: an absurd value gives infinity, not an arithmetic error.
-        return float(-weight / constant * gap / bias * gap / 4)
-    if kind == "one-sided" and weight < 0:
-        return float(gap * math.sqrt(-weight / constant) - bias)
-    return math.nan
+    magnet = SimpleNamespace(**{key: read(f"magnet.{key}") for key in Magnet.model_fields})
+    wrong = any(isinstance(value, float) and math.isnan(value) for value in vars(magnet).values())
+    if wrong or math.isnan(weight) or (magnet.type == "one-sided" and not weight < 0):
+        return math.nan
+    bearing = SimpleNamespace(magnet=magnet)
+    if magnet.force_map is not None:
+        bearing.rotor = SimpleNamespace(travel_limit=read("rotor.travel_limit"))
+        limit = read("amplifier.current_limit")
+        bearing.current_min, bearing.current_max = _current_limits(limit, magnet)
+        if not 0 < bearing.rotor.travel_limit < magnet.air_gap or not limit > 0:
+            return math.nan
+    try:
+        return magnet_of(cast("Bearing", bearing)).current_for(-weight)
+    except AmbkitError:  # which is told of the force map
+        return math.nan
+
+
+def _current_limits(limit: float, magnet: Any) -> tuple[float, float]:
+    """Least and greatest control current [A]; a one-sided coil's current i0 + iu stays positive."""
+    return -min(limit, magnet.bias_current) if magnet.type == "one-sided" else -limit, limit

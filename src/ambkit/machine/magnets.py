@@ -1,72 +1,38 @@
-"""What an estimator can know of its magnet: constant stiffness, or the closed force law.
+"""What a magnet pulls with: constant stiffness, the closed law, or the law of saturating iron.
 
-Each source of stiffness (these two, :class:`ambkit.StiffnessMap`, :class:`ambkit.Expert`) has the
-method ``magnet(core)`` that builds the C implementation of ``ambkit/magnet.h`` from it.
+`magnet_of` gives the one that a bearing describes; who wants to know anything of a bearing's magnet
+asks that. Each source of stiffness (these, :class:`ambkit.StiffnessMap`, :class:`ambkit.Expert`)
+has the method ``magnet(core)`` that builds the C implementation of ``ambkit/magnet.h`` from it.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from importlib import import_module
 from types import ModuleType
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-from ambkit.base.arrays import real
+from ambkit.machine.forces.map_of import surface_of
+from ambkit.machine.laws import MU_0 as MU_0
+from ambkit.machine.laws import Bearing as Bearing
+from ambkit.machine.laws import ClosedLaw as ClosedLaw
+from ambkit.machine.laws import Law as Law
+from ambkit.machine.laws import Precision as Precision
+from ambkit.machine.laws import SaturatingLaw as SaturatingLaw
+from ambkit.machine.laws import StiffnessSource as StiffnessSource
+from ambkit.machine.laws import core_module as core_module
+from ambkit.machine.laws import equally_far as equally_far
+from ambkit.machine.laws import evaluate_force as evaluate_force
+from ambkit.machine.laws import evaluate_stiffness as evaluate_stiffness
+from ambkit.machine.laws import law_of as law_of
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
-    from ambkit.machine.bearing import Bearing
-
-Precision = Literal["float64", "float32"]
-
-_BUILDS = {"float64": "ambkit._core", "float32": "ambkit._core_f32"}
-_ANY_MODEL = {"float64": "ambkit._any", "float32": "ambkit._any_f32"}
-
-
-def equally_far(bearing: Bearing) -> tuple[float, float]:
-    """Current [A] and displacement [m] that count as equally far from the origin.
-
-    The paper's least squares steps 0.01 A and 0.01 mm (eq. 27): on its rig, with 1.5 A and 2 mm,
-    one ampere weighs as one millimetre. Another bearing keeps the ratio to its bias current and
-    air gap, so that its stiffnesses divide the force between them as the paper's do.
-    """
-    return bearing.magnet.bias_current / 1.5, bearing.magnet.air_gap / 2
 
 
 def own_time(bearing: Bearing) -> float:
     """Return ``sqrt(m/k_s)``, in which the uncontrolled rotor falls away by e [s]."""
     return math.sqrt(bearing.rotor.mass / abs(ConstantStiffness.of(bearing).k_s))
-
-
-class StiffnessSource(Protocol):
-    """Anything that an adaptive filter can ask for k_i and k_s."""
-
-    def magnet(self, core: ModuleType) -> Magnet:
-        """Build the C implementation in the given build of the core."""
-
-
-def core_module(precision: Precision = "float64", *, any_model: bool = False) -> ModuleType:
-    """Return a build of the C core.
-
-    Parameters
-    ----------
-    precision : {"float64", "float32"}
-        What it computes in.
-    any_model : bool
-        The build with loops over any model, instead of that with the paper's axis built in.
-
-    Raises
-    ------
-    ValueError
-        There is no such precision.
-    """
-    if precision not in _BUILDS:
-        raise ValueError(f"precision must be 'float64' or 'float32', got {precision!r}")
-    return import_module((_ANY_MODEL if any_model else _BUILDS)[precision])
 
 
 @dataclass(frozen=True)
@@ -96,17 +62,17 @@ class ConstantStiffness:
 
     @classmethod
     def of(cls, bearing: Bearing) -> ConstantStiffness:
-        """Linearise the bearing's closed law at iu = 0, x = 0 (paper, eq. 3-5, corrected).
+        """Linearise the bearing's magnet at iu = 0, x = 0 (paper, eq. 3-5, corrected).
 
-        Two-sided: ``k_i = 4 k i0 / s0^2``, ``k_s = 4 k i0^2 / s0^3``; the paper prints a factor 2
-        and a minus sign, which its own Tables 4 and 5 contradict.
+        Ideal iron, two-sided: ``k_i = 4 k i0 / s0^2``, ``k_s = 4 k i0^2 / s0^3``; the paper prints
+        a factor 2 and a minus sign, which its own Tables 4 and 5 contradict.
 
         Parameters
         ----------
         bearing : Bearing
-            Gives magnet constant, air gap and bias current.
+            Whose magnet.
         """
-        k_i, k_s = ClosedLaw(bearing).tangent(0.0, 0.0)
+        k_i, k_s = magnet_of(bearing).tangent(0.0, 0.0)
         return cls(float(k_i), float(k_s))
 
     def magnet(self, core: ModuleType) -> Magnet:
@@ -120,96 +86,24 @@ class ConstantStiffness:
         return core.Constant(self.k_i, self.k_s)  # type: ignore[no-any-return]
 
 
-@dataclass(frozen=True)
-class ClosedLaw:
-    """The bearing's force law itself (paper, eq. 1, first equality), two-sided or one-sided.
+def magnet_of(bearing: Bearing) -> Law:
+    """Return the magnet that a bearing describes: its force map, or else its law.
 
     Parameters
     ----------
     bearing : Bearing
-        Gives magnet constant, air gap and bias current.
+        Whose ``[magnet]``.
+
+    Raises
+    ------
+    AmbkitError
+        The force map cannot be read.
     """
-
-    bearing: Bearing
-
-    def magnet(self, core: ModuleType) -> Magnet:
-        """Build the C implementation.
-
-        Parameters
-        ----------
-        core : module
-            The build of the core that computes, see `core_module`.
-        """
-        m = self.bearing.magnet
-        ampere, metre = equally_far(self.bearing)
-        return core.Law(  # type: ignore[no-any-return]
-            m.magnet_constant, m.air_gap, m.bias_current, m.type == "two-sided", ampere, metre
-        )
-
-    @property
-    def bias_force(self) -> float:
-        """Force at iu = 0, x = 0 [N]: zero for a two-sided magnet."""
-        m = self.bearing.magnet
-        if m.type == "two-sided":
-            return 0.0
-        return float(m.magnet_constant * (m.bias_current / m.air_gap) ** 2)
-
-    def force(self, iu: ArrayLike, x: ArrayLike) -> NDArray[np.float64]:
-        """Whole force of the magnet.
-
-        Parameters
-        ----------
-        iu, x : array_like
-            Control current [A] and displacement [m], of shapes that broadcast.
-
-        Returns
-        -------
-        ndarray
-            Force [N], broadcast shape; bias force included.
-        """
-        (f,) = _evaluate(self, "force", iu, x)
-        return f + self.bias_force
-
-    def stiffness(self, iu: ArrayLike, x: ArrayLike) -> tuple[NDArray[np.float64], ...]:
-        """k_i [N/A] and k_s [N/m] with ``F - F(0, 0) = k_i iu + k_s x`` (paper, eq. 26).
-
-        The limit of the paper's least squares (eq. 28-31) for small steps.
-
-        Parameters
-        ----------
-        iu, x : array_like
-            Control current [A] and displacement [m], of shapes that broadcast.
-        """
-        return _evaluate(self, "through_origin", iu, x)
-
-    def tangent(self, iu: ArrayLike, x: ArrayLike) -> tuple[NDArray[np.float64], ...]:
-        """``dF/diu`` [N/A] and ``dF/dx`` [N/m].
-
-        Parameters
-        ----------
-        iu, x : array_like
-            Control current [A] and displacement [m], of shapes that broadcast.
-        """
-        return _evaluate(self, "tangent", iu, x)
+    if bearing.magnet.force_map is None:
+        return law_of(bearing)
+    return surface_of(bearing)
 
 
-def _evaluate(
-    source: StiffnessSource, method: str, iu: ArrayLike, x: ArrayLike
-) -> tuple[NDArray[np.float64], ...]:
-    """Call a method of the C magnet with arrays that broadcast; always a tuple of arrays."""
-    i, d = np.broadcast_arrays(real("iu", iu), real("x", x))
-    result = getattr(source.magnet(core_module()), method)(i.ravel(), d.ravel())
-    parts = result if isinstance(result, tuple) else (result,)
-    return tuple(np.asarray(part).reshape(i.shape) for part in parts)
-
-
-def evaluate_stiffness(
-    source: StiffnessSource, iu: ArrayLike, x: ArrayLike
-) -> tuple[NDArray[np.float64], ...]:
-    """Return k_i [N/A], k_s [N/m] of any source, through-origin form, at (iu [A], x [m])."""
-    return _evaluate(source, "through_origin", iu, x)
-
-
-def evaluate_force(source: StiffnessSource, iu: ArrayLike, x: ArrayLike) -> NDArray[np.float64]:
-    """Force relative to the bias force [N] of any source at (iu [A], x [m])."""
-    return _evaluate(source, "force", iu, x)[0]
+def bias_force_of(source: StiffnessSource, bearing: Bearing) -> float:
+    """Force at iu = 0, x = 0 [N] of what an estimator knows, or else of the bearing's magnet."""
+    return (source if isinstance(source, Law) else magnet_of(bearing)).bias_force

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from ambkit.base.arrays import real
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.forces.table import check_nodes
-from ambkit.machine.magnets import ClosedLaw, equally_far
+from ambkit.machine.magnets import equally_far, magnet_of
 
 if TYPE_CHECKING:
     from ambkit._core import Table
@@ -191,7 +191,7 @@ def stiffness_map(
         ``ambkit.machine.magnets.equally_far``, on the paper's rig its 0.01 A and 0.01 mm.
     force : callable, optional
         ``force(iu [A], x [m]) -> [N]`` on arrays of one shape, bias force included: another law, a
-        :class:`ForceTable`. Default: the bearing's closed law (eq. 1).
+        :class:`ForceTable`. Default: the bearing's magnet.
 
     Returns
     -------
@@ -225,7 +225,7 @@ def stiffness_map(
                 f"displacements must stay within the air gap, {gap:g} m; the nine points of the "
                 f"outermost node reach {reach:g} m"
             )
-        force = ClosedLaw(bearing).force
+        force = magnet_of(bearing).force
     else:
         name = f"{name}, with its own force function"
     iu, x = np.meshgrid(current, displacement)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.base.units import engineering
-from ambkit.machine.magnets import ClosedLaw, core_module
+from ambkit.machine.magnets import ClosedLaw, core_module, magnet_of
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
@@ -90,10 +90,15 @@ def in_words(bearing: Bearing) -> list[str]:
 
 
 def coil_fields(bearing: Bearing) -> dict[str, Any] | None:
-    """Return the law of one coil of a pair whose currents can differ, by its fields, or None."""
-    if bearing.amplifier.voltage_limit is None or bearing.magnet.type != "two-sided":
+    """Return the law of one coil of a pair whose currents can differ, by its fields, or None.
+
+    Only the ideal law is known coil by coil; another magnet pulls by the mean of both currents.
+    """
+    law = magnet_of(bearing)
+    pair = bearing.amplifier.voltage_limit is not None and bearing.magnet.type == "two-sided"
+    if not (pair and isinstance(law, ClosedLaw)):
         return None
-    fields: dict[str, Any] = ClosedLaw(bearing).magnet(core_module()).parameters
+    fields: dict[str, Any] = law.magnet(core_module()).parameters
     return fields | {"two_sided": False}
 
 

@@ -19,7 +19,7 @@ from ambkit.data.record import Record
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.machine.magnets import ClosedLaw, StiffnessSource, core_module, evaluate_force
+from ambkit.machine.magnets import Law, StiffnessSource, core_module, evaluate_force, magnet_of
 from ambkit.simulation import noise, parts
 
 if TYPE_CHECKING:
@@ -275,7 +275,7 @@ class Loop:
         self._series = {"r": reference, "f_d": disturbance, "noise_u": noise_u, "noise_y": noise_y}
         self._state, self._at = None, 0
         self._faults, self._place = faults, place
-        self._law = ClosedLaw(bearing)
+        self._law = magnet if isinstance(magnet, Law) else magnet_of(bearing)
         self._plant = magnet if magnet is not None else self._law
         self._coil = parts.coil_fields(bearing) if magnet is None else None
         hover = scenario.start == "hover"

@@ -324,6 +324,8 @@ def identify_by_lift_off(
         return LiftedOff(bearing, fit, None)
     gap, bias = fit.working_point(working_point)
     found = bearing.replace(
-        magnet__magnet_constant=fit.magnet_constant, magnet__air_gap=gap, magnet__bias_current=bias
+        **bearing.magnet.with_constant(fit.magnet_constant),
+        magnet__air_gap=gap,
+        magnet__bias_current=bias,
     )
     return LiftedOff(found, fit, working_point)

@@ -30,7 +30,11 @@ class Kind(NamedTuple):
 MAGNETS = {
     "Constant": Kind("amb_stiffness", "amb_constant_magnet", "magnet", "constant stiffnesses"),
     "Law": Kind("amb_law", "amb_law_magnet", "magnet", "the closed force law"),
+    "Saturating": Kind(
+        "amb_saturating_law", "amb_saturating_magnet", "saturating", "iron that saturates"
+    ),
     "Table": Kind("amb_table", "amb_table_magnet", "table", "bilinear stiffness tables"),
+    "Surface": Kind("amb_surface", "amb_surface_magnet", "surface", "a smooth force map"),
     "Fuzzy": Kind("amb_fuzzy", "amb_fuzzy_magnet", "fuzzy", "the fuzzy expert"),
 }
 """The core's magnets by the names of their bindings."""
@@ -111,7 +115,7 @@ def number(value: float, precision: CPrecision) -> str:
 
 
 def array(values: NDArray[Any], precision: CPrecision, indent: str = "  ") -> str:
-    """Write an array as an initialiser, rows of pairs as pairs, lines of at most 100 columns."""
+    """Write an array as an initialiser, rows as structs, lines of at most 100 columns."""
     if values.ndim == 2:
         items = ["{" + ", ".join(number(v, precision) for v in row) + "}" for row in values]
     elif values.dtype.kind == "u":
@@ -125,6 +129,12 @@ def array(values: NDArray[Any], precision: CPrecision, indent: str = "  ") -> st
             line = indent
         line += f"{item}, "
     return "\n".join([*lines, line.rstrip(", ")])
+
+
+def type_of(values: NDArray[Any]) -> str:
+    """Return the C type of an array's elements, by its columns."""
+    columns = values.shape[1] if values.ndim == 2 else 1
+    return {1: "amb_real", 2: "amb_stiffness", 4: "amb_force_node"}[columns]
 
 
 def struct(

@@ -144,7 +144,7 @@ def _data_context(
         "arrays": [
             {
                 "name": names[path],
-                "type": "amb_stiffness" if values.ndim == 2 else "amb_real",
+                "type": data.type_of(values),
                 "length": len(values),
                 "text": data.array(values, precision),
             }

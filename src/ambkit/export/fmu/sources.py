@@ -17,7 +17,7 @@ from ambkit.export.c import data
 from ambkit.export.c.data import MAGNETS
 from ambkit.export.fmu.variables import Kind
 from ambkit.export.fmu.xml import Fmi, Model
-from ambkit.machine.magnets import ClosedLaw, core_module
+from ambkit.machine.magnets import StiffnessSource, core_module, magnet_of
 from ambkit.simulation import parts
 from ambkit.simulation.scenario import PID, Scenario
 
@@ -105,8 +105,8 @@ def data_files(kind: Kind, **context: Any) -> dict[str, str]:
     """Return the files that define what the headers of this kind of model declare as data."""
     given: dict[str, Any] = {"filter": None, "rig": None, "pid": None} | context
     headers = [f"{_MODELS[kind][0]}.h"]
-    if given["filter"]:
-        headers.append(given["filter"]["magnet_header"])
+    magnets = [given[part]["magnet_header"] for part in ("filter", "rig") if given[part]]
+    headers += dict.fromkeys(magnets)
     known = {"version": version("ambkit"), "headers": headers}
     files = {"data.c": rendered("data.c.j2", known | given)}
     if given["filter"]:
@@ -133,16 +133,23 @@ def filter_data(estimator: Estimator) -> dict[str, Any]:
     """Return what the data file says of an estimator."""
     if estimator.precision != "float64":
         raise AmbkitError(f'an FMU computes in "float64", the estimator in {estimator.precision!r}')
-    magnet = estimator.source.magnet(core_module())
-    kind, fields = MAGNETS[type(magnet).__name__], magnet.parameters
     family = data.FAMILY.get(type(estimator.core).__name__, data.PAPER)
-    arrays = data.arrays_of(fields)
-    names = {path: path.replace(".", "_") for path in arrays}
-    return {
+    return magnet_data(estimator.source, "magnet") | {
         "settings": data.struct(estimator.core.parameters["set"], "double", {}),
         "family": family,
         "own": data.own(estimator, "double"),
         "std": data.array(np.asarray(estimator.default_std()), "double"),
+    }
+
+
+def magnet_data(source: StiffnessSource, name: str) -> dict[str, Any]:
+    """Return what the data file says of a magnet, which it calls `name`."""
+    magnet = source.magnet(core_module())
+    kind, fields = MAGNETS[type(magnet).__name__], magnet.parameters
+    arrays = data.arrays_of(fields)
+    names = {path: f"{name}_{path.replace('.', '_')}" for path in arrays}
+    return {
+        "magnet_name": name,
         "magnet": data.struct(fields, "double", names),
         "magnet_type": kind.type,
         "magnet_methods": kind.methods,
@@ -150,7 +157,7 @@ def filter_data(estimator: Estimator) -> dict[str, Any]:
         "arrays": [
             {
                 "name": names[path],
-                "type": "amb_stiffness" if values.ndim == 2 else "amb_real",
+                "type": data.type_of(values),
                 "length": len(values),
                 "text": data.array(values, "double"),
             }
@@ -159,14 +166,16 @@ def filter_data(estimator: Estimator) -> dict[str, Any]:
     }
 
 
-def rig_data(bearing: Bearing) -> str:
-    """Return magnet, rotor, amplifier, sensor and stops of a bearing as an initialiser.
+def rig_data(bearing: Bearing) -> dict[str, Any]:
+    """Return what the data file says of magnet, rotor, amplifier and sensor of a bearing.
 
     Steps and parts are those of :func:`ambkit.simulate`.
     """
-    law, with_parts = ClosedLaw(bearing), parts.parts_of(bearing)
+    law, with_parts = magnet_of(bearing), parts.parts_of(bearing)
     fields: dict[str, Any] = {
-        "law": law.magnet(core_module()).parameters,
+        "magnet": data.Name("&rig_magnet"),
+        "k": bearing.magnet.magnet_constant,
+        "scale": 1.0,
         "T": bearing.sampling_time,
         "m": bearing.rotor.mass,
         "weight": bearing.weight,
@@ -183,7 +192,7 @@ def rig_data(bearing: Bearing) -> str:
         fields |= {"with_parts": True, "parts": with_parts}
         if (coil := parts.coil_fields(bearing)) is not None:
             fields["coil"] = coil
-    return data.struct_with_arrays(fields, "double")
+    return magnet_data(law, "rig") | {"text": data.struct_with_arrays(fields, "double")}
 
 
 def pid_data(bearing: Bearing, controller: PID) -> str:

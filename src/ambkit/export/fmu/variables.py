@@ -212,10 +212,10 @@ def _rig(bearing: Bearing) -> list[Variable]:
 
 
 def _controller(bearing: Bearing, controller: PID) -> list[Variable]:
-    from ambkit.machine.magnets import ClosedLaw
+    from ambkit.machine.magnets import magnet_of
     from ambkit.simulation.run import hover_current
 
-    law = ClosedLaw(bearing)
+    law = magnet_of(bearing)
     current = hover_current(bearing, law, 0.0, bearing.weight + law.bias_force)
     return [
         Variable("start_current", "fixed", "A", "of the controller's integral", current),

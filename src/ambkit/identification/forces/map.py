@@ -23,7 +23,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.machine.forces.points import ForcePoints
 from ambkit.machine.forces.surface import REACH, smooth
 from ambkit.machine.forces.table import check_nodes
-from ambkit.machine.magnets import ClosedLaw, equally_far
+from ambkit.machine.magnets import equally_far, magnet_of
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
@@ -163,7 +163,7 @@ def force_map(
     current = _nodes("currents", currents, visited[0], across, "A")
     displacement = _nodes("displacements", displacements, visited[1], along, "m")
     grid = np.meshgrid(current, displacement)
-    law = ClosedLaw(b).force(*grid)
+    law = magnet_of(b).force(*grid)
     assumed = share * float(np.ptp(law))
 
     def innovations(correction: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
@@ -245,7 +245,7 @@ class _Corrected:
         ampere, metre = equally_far(b)
         size = (iu / ampere) ** 2 + (x / metre) ** 2
         part = np.divide(more, size, out=np.zeros_like(more), where=size > 0)
-        k_i, k_s = ClosedLaw(b).stiffness(iu, x)
+        k_i, k_s = magnet_of(b).stiffness(iu, x)
         return core.Table(  # type: ignore[no-any-return]
             x_min=displacement[0],
             dx=displacement[1] - displacement[0],

@@ -170,13 +170,13 @@ class MaximumLikelihood:
             For ``k_i`` and ``k_s`` the values and their errors, (nx, ni). Where the records have
             not been, they are those of the law.
         """
-        from ambkit.machine.magnets import ClosedLaw
+        from ambkit.machine.magnets import magnet_of
 
         coordinates = Coordinates(self.model, self.parameters)
         iu, x = np.meshgrid(currents, displacements)
 
         def at(z: Array) -> Array:
-            return np.array(ClosedLaw(coordinates.model_at(z).bearing).tangent(iu, x))
+            return np.array(magnet_of(coordinates.model_at(z).bearing).tangent(iu, x))
 
         steps = 1e-5 * np.eye(len(self.parameters))
         slopes = np.array([(at(step) - at(-step)) / 2e-5 for step in steps])

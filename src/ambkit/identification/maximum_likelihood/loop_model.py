@@ -18,7 +18,7 @@ from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.noise import FilterNoise
 from ambkit.identification.maximum_likelihood.gaps import filled, run_with_gaps
 from ambkit.machine.bearing import GRAVITY
-from ambkit.machine.magnets import ClosedLaw, StiffnessSource
+from ambkit.machine.magnets import StiffnessSource, magnet_of
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
@@ -53,7 +53,7 @@ class LoopModel:
         How well the load at the start is known to be zero, standard deviation [N]; NaN: no better
         than the weight.
     source : StiffnessSource, optional
-        The magnet, where it is not the bearing's closed law.
+        The magnet, where it is not the bearing's own.
     substeps : int
         Steps of the filter in a sample. The paper's discretisation holds the magnet's force over
         a step, though the rotor moves: with one step a sample the estimates would be off by part
@@ -85,7 +85,7 @@ class LoopModel:
         )
         return ExtendedKalmanFilter(
             finer,
-            self.source or ClosedLaw(b),
+            self.source or magnet_of(b),
             noise=FilterNoise(disturbance=self.load_growth),
             outlier_limit=0,  # left out, what a wrong model cannot explain would speak for it
         )
@@ -100,7 +100,7 @@ class LoopModel:
         of k_s for a noise of 4 % of the bias current, but many records tell.
         """
         b, i0 = self.bearing, self.bearing.magnet.bias_current
-        if self.source is not None or not i0 > 0:
+        if self.source is not None or b.magnet.force_map is not None or not i0 > 0:
             return b
         raised = math.hypot(i0, b.amplifier.gain * math.sqrt(b.amplifier.noise_variance))
         return b.replace(
@@ -246,8 +246,8 @@ class LoopModel:
         if not of_bearing:
             return model
         if "magnet__magnet_constant" in of_bearing:
-            # A constant from turns and pole area would contradict the one that was found.
-            of_bearing |= {"magnet__turns": None, "magnet__pole_area": None}
+            constant = float(of_bearing.pop("magnet__magnet_constant"))  # type: ignore[arg-type]
+            of_bearing |= self.bearing.magnet.with_constant(constant)
         return replace(model, bearing=self.bearing.replace(**of_bearing))
 
 

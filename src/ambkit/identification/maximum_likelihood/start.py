@@ -88,8 +88,8 @@ def _by_least_squares(
 ) -> list[LoopModel]:
     """Take k and s0 from ``m a = k_i iu + k_s x + c``, a line through smoothed accelerations.
 
-    Noise in position and closed loop bias it; as a start it will do. ``s0 = i0 k_i/k_s`` holds for
-    magnets of both types, at the centre.
+    Noise in position and closed loop bias it; as a start it will do. The gap goes with k_i/k_s: at
+    the centre that is s0/i0 for ideal iron, of one side or two, and nearly so for other magnets.
     """
     from scipy.signal import savgol_filter
 
@@ -124,19 +124,18 @@ def _by_least_squares(
     if best is None:
         return []
     k_i, k_s, _ = best[1].tolist()
-    i0, s0 = b.magnet.bias_current, b.magnet.air_gap
-    gap = i0 * k_i / k_s if "air_gap" in free and k_s > 0 else s0
-    sides = 4 if b.magnet.type == "two-sided" else 2
-    changes = {}
-    if "magnet_constant" in free:
-        changes["magnet__magnet_constant"] = k_i * gap**2 / (sides * i0)
-    if "air_gap" in free:
-        changes["magnet__air_gap"] = gap
+    law, gap = ConstantStiffness.of(b), b.magnet.air_gap
+    if "air_gap" in free and k_s > 0:
+        gap *= (k_i / law.k_i) / (k_s / law.k_s)
     found = []
-    for some in (changes, {k: v for k, v in changes.items() if k == "magnet__magnet_constant"}):
+    for there in dict.fromkeys((gap, b.magnet.air_gap)):
         try:
-            if some:
-                found.append(given.replace(**some))
+            moved = given.replace(magnet__air_gap=there)
+            if "magnet_constant" in free:
+                k = b.magnet.magnet_constant * k_i / ConstantStiffness.of(moved.bearing).k_i
+                moved = moved.replace(magnet__magnet_constant=k)
+            if moved != given:
+                found.append(moved)
         except AmbkitError:
             continue
     return found

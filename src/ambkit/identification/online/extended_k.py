@@ -83,10 +83,7 @@ class ExtendedKIdentifier:
             start = bearing.magnet.magnet_constant
         if not 0 < start < math.inf:
             raise ValueError(f"start must be greater than 0 N m^2/A^2 and finite, got {start!r}")
-        # A constant from turns and pole area would contradict the start.
-        self.bearing = bearing.replace(
-            magnet__magnet_constant=start, magnet__turns=None, magnet__pole_area=None
-        )
+        self.bearing = bearing.replace(**bearing.magnet.with_constant(start))
         self.kalman = FiveStateKalmanFilter(self.bearing, **options)
 
     def run(self, record: Record, *, disturbance: ArrayLike | None = None) -> ExtendedKResult:

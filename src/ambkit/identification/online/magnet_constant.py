@@ -122,6 +122,5 @@ def identified(bearing: Bearing, history: OnlineResult) -> Identification:
             f"the identified magnet constant is {k:.3g} N m^2/A^2, which no magnet has: is the "
             "sign of y or u turned round, or a large disturbance force left out?"
         )
-    # A constant from turns and pole area would contradict the one that was found.
-    found = bearing.replace(magnet__magnet_constant=k, magnet__turns=None, magnet__pole_area=None)
+    found = bearing.replace(**bearing.magnet.with_constant(k))
     return Identification(found, k, history.spread, history)

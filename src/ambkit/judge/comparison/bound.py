@@ -134,11 +134,11 @@ def _along(bearing: Bearing, record: Record, variances: Variances) -> tuple[Arra
     """F (samples - 1, 4, 4) and G (samples - 1, 4, 5) of one run, exact for held tangents."""
     from scipy.linalg import expm
 
-    from ambkit.machine.magnets import ClosedLaw
+    from ambkit.machine.magnets import magnet_of
 
     T, m = bearing.sampling_time, bearing.rotor.mass
     lag = max(bearing.sensor.lag, 1e-3 * T)
-    k_i, k_s = ClosedLaw(bearing).tangent(record["iu"][:-1], record["x"][:-1])
+    k_i, k_s = magnet_of(bearing).tangent(record["iu"][:-1], record["x"][:-1])
     A = np.zeros((len(record) - 1, 5, 5))  # x, v, f_d, x_m, and the current, which is held
     A[:, 0, 1] = 1.0
     A[:, 1, 0], A[:, 1, 2], A[:, 1, 4] = k_s / m, 1 / m, k_i / m

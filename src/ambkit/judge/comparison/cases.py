@@ -150,7 +150,7 @@ def trials(case: Case, bearing: Bearing, runs: int, seed: int) -> list[Trial]:
         plant = factors.plant(bearing)
         if case.magnet_constant != 1.0:
             constant = case.magnet_constant * plant.magnet.magnet_constant
-            plant = plant.replace(magnet__magnet_constant=constant)
+            plant = plant.replace(**plant.magnet.with_constant(constant))
         scenario = case.scenario(bearing, LOAD * factors.load)
         scenario = scenario.model_copy(update={"seed": 1000 * seed + run})
         imposed, walk = _imposed(case, bearing, plant, scenario)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.estimate.innovations import whiteness
-from ambkit.machine.magnets import ClosedLaw, evaluate_force
+from ambkit.machine.magnets import evaluate_force, magnet_of
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -149,7 +149,7 @@ def magnet_force(estimator: Any, estimate: Estimate, record: Record) -> Array:
     bearing = estimator.bearing
     current = bearing.amplifier.gain * record["u"]
     iu = np.clip(current, bearing.current_min, bearing.current_max)
-    force = evaluate_force(source, iu, estimate.x) + ClosedLaw(bearing).bias_force
+    force = evaluate_force(source, iu, estimate.x) + magnet_of(bearing).bias_force
     return force if estimate.scale is None else estimate.scale * force
 
 

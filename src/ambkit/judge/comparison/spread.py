@@ -78,9 +78,7 @@ class Spread:
         magnet, sensor = nominal.magnet, nominal.sensor
         gap = magnet.air_gap * self.air_gap
         return nominal.replace(
-            magnet__turns=None,
-            magnet__pole_area=None,
-            magnet__magnet_constant=magnet.magnet_constant * self.magnet_constant,
+            **magnet.with_constant(magnet.magnet_constant * self.magnet_constant),
             magnet__air_gap=gap,
             rotor__mass=nominal.rotor.mass * self.mass,
             # A narrower gap may leave less room than the stops did.

@@ -3,15 +3,73 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator, Mapping
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.config import Document, Read
 from ambkit.base.errors import AmbkitError, RecordError
+from ambkit.data.channelmap import Channel, ChannelMap
+from ambkit.data.files.formats import read_log
 from ambkit.data.files.tables import read_table
 from ambkit.machine.forces.points import ForcePoints
 
 COLUMNS = ("iu", "x", "f_mag")
 
 
-def load_force_points(path: str | os.PathLike[str]) -> ForcePoints:
+class ForceChannels(Document):
+    """What the columns of a force map mean, as in a channel map of a log, without times.
+
+    ::
+
+        [signals.iu]
+        column = "Strom"
+        unit = "A"
+
+        [signals.x]
+        column = "Luftspalt"
+        unit = "mm"
+        sign = -1
+        offset = "0.78 mm"
+
+        [signals.f_mag]
+        column = "Kraft"
+        unit = "N"
+    """
+
+    signals: dict[str, Channel]
+    """iu, x and f_mag, and f_std where the force's standard error is known."""
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        signals = read("signals")
+        if isinstance(signals, dict):
+            for name in COLUMNS:
+                if name not in signals:
+                    yield "signals", f"{name} is missing; a force map has {', '.join(COLUMNS)}"
+            units = {"iu": "A", "x": "m", "f_mag": "N", "f_std": "N"}
+            for name, channel in signals.items():
+                if isinstance(channel, Channel) and channel.si_unit != units.get(name):
+                    known = (
+                        f"must be a quantity in {units[name]}" if name in units else "is unknown"
+                    )
+                    yield f"signals.{name}", f"{known}; known are {', '.join(units)}"
+
+    def columns(self, path: str | os.PathLike[str]) -> Mapping[str, NDArray[np.float64]]:
+        """Return the columns of a file in SI, by the names of the signals.
+
+        Raises
+        ------
+        AmbkitError
+            The file cannot be read, or lacks a column.
+        """
+        return ChannelMap(signals=self.signals, sampling_time=1.0).apply(read_log(path)).signals
+
+
+def load_force_points(
+    path: str | os.PathLike[str], channels: str | os.PathLike[str] | None = None
+) -> ForcePoints:
     """Read measured points of the force: a row each, anywhere and in any order.
 
     ::
@@ -25,6 +83,9 @@ def load_force_points(path: str | os.PathLike[str]) -> ForcePoints:
     path : path
         A ``.csv`` or ``.parquet`` with control current ``iu``, displacement ``x`` and whole magnet
         force ``f_mag``, with units; and, if it is known, the force's standard error ``f_std``.
+    channels : path, optional
+        A TOML file that says which columns these are, where they have other names or no units
+        (`ForceChannels`).
 
     Raises
     ------
@@ -33,7 +94,10 @@ def load_force_points(path: str | os.PathLike[str]) -> ForcePoints:
     AmbkitError
         The file cannot be read, or a value is not finite; the message names the point.
     """
-    columns = read_table(path).columns
+    if channels is not None:
+        columns = ForceChannels.load(channels).columns(path)
+    else:
+        columns = read_table(path).columns
     for name in COLUMNS:
         if name not in columns:
             raise RecordError(f"{path}: has no column {name}; it has {', '.join(columns)}")

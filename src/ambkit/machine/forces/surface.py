@@ -7,6 +7,9 @@ has earned. So what was hardly measured pulls nothing, and where nothing was mea
 
 from __future__ import annotations
 
+import copy
+from functools import cached_property
+from types import ModuleType
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -14,11 +17,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.arrays import real
 from ambkit.base.errors import AmbkitError
+from ambkit.machine.forces.patches import Patches, patches
 from ambkit.machine.forces.points import ForcePoints
-from ambkit.machine.magnets import ClosedLaw
+from ambkit.machine.laws import Law, equally_far, law_of
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
+    from ambkit._core import Magnet
+    from ambkit.machine.laws import Bearing
 
 Array = NDArray[np.float64]
 
@@ -46,8 +51,12 @@ JUDGES = 200
 """Of so many points the law's error and its reach are found."""
 
 
-class ForceSurface:
-    """Force function from measured points, to be given to :func:`ambkit.stiffness_map`.
+class ForceSurface(Law):
+    """Force from measured points: a magnet, as plant and as what an estimator knows.
+
+    As a function it is the force itself, and can be given to :func:`ambkit.stiffness_map`; the C
+    core has it as smooth patches over the bearing's currents and travel, which are as near to it
+    as `ambkit.machine.forces.patches.ACCURACY` says.
 
     How wrong the law is, how far its errors reach, and the scatter of points whose standard errors
     are not known, are found from the points: the values of the largest posterior density, known
@@ -62,6 +71,8 @@ class ForceSurface:
         What was measured.
     law_error : float, optional
         By how much the law is wrong, standard deviation [N]. Default: found.
+    like : ForceSurface, optional
+        Takes the law's errors, their reach and the scatter from another surface.
 
     Attributes
     ----------
@@ -82,34 +93,96 @@ class ForceSurface:
     """
 
     def __init__(
-        self, bearing: Bearing, points: ForcePoints, law_error: float | None = None
+        self,
+        bearing: Bearing,
+        points: ForcePoints,
+        law_error: float | None = None,
+        *,
+        like: ForceSurface | None = None,
     ) -> None:
         if law_error is not None and not (np.isfinite(law_error) and law_error > 0):
             raise AmbkitError(f"law_error must be greater than 0 N, is {law_error!r}")
         at = np.stack([points.current, points.displacement])
         self._origin, self._extent = at.min(axis=1, keepdims=True), np.ptp(at, axis=1)[:, None]
+        if like is not None:
+            self._origin, self._extent = like._origin, like._extent
         if not np.all(self._extent > 0):
             name = ("current", "displacement")[int(np.argmin(self._extent > 0))]
             raise AmbkitError(f"the points must differ in {name}, have all the same")
-        self.points, self._law = points, ClosedLaw(bearing).force
-        off = points.force - self._law(*at)
+        self.bearing, self.points, self._law, self._scale = bearing, points, law_of(bearing), 1.0
+        off = points.force - self._law.force(*at)
         known = points.standard_error is not None
         error = np.ones_like(off) if points.standard_error is None else points.standard_error
         self._at, off, error = _averaged((at - self._origin) / self._extent, off, error)
+        if like is None:
+            found = self._learned(off, error, known, law_error)
+        else:
+            found = _Found(like.law_error, like._reach, 1.0 if known else float(like.scatter or 1))
+        self.law_error: float = found.law_error
+        self._reach: Array = found.reach
+        self.reach = tuple((self._reach * self._extent).ravel().tolist())
+        self.scatter: float | None = None if known else found.scatter
+        self._factor, self._pull = _solved(self._at, off, error, found)
+
+    def _learned(self, off: Array, error: Array, known: bool, law_error: float | None) -> _Found:
+        """Find how wrong the law is, from some of the points."""
         few = np.random.default_rng(0).permutation(off.size)[:JUDGES]
         share = np.linspace(0, 1, 41)
         box = np.meshgrid(*(self._origin + share * self._extent))
-        spread = float(np.std(self._law(*box)))
-        found = _found(self._at[:, few], off[few], error[few], known, spread, law_error)
-        self.law_error, self._reach = found.law_error, found.reach
-        self.reach = tuple((self._reach * self._extent).ravel().tolist())
-        self.scatter = None if known else found.scatter
-        self._factor, self._pull = _solved(self._at, off, error, found)
+        spread = float(np.std(self._law.force(*box)))
+        return _found(self._at[:, few], off[few], error[few], known, spread, law_error)
 
     def __call__(self, iu: ArrayLike, x: ArrayLike) -> Array:
         """Force [N] at places (iu [A], x [m]), of shapes that broadcast."""
         iu, x = np.broadcast_arrays(real("iu", iu), real("x", x))
-        return np.asarray(self._law(iu, x)) + self.correction(iu, x)
+        return self._scale * np.asarray(self._law.force(iu, x)) + self.correction(iu, x)
+
+    def scaled(self, factor: float) -> ForceSurface:
+        """Return the surface of a force so many times as large, with its doubts.
+
+        Parameters
+        ----------
+        factor : float
+            By which the force is larger [1].
+        """
+        other = copy.copy(self)
+        other._scale = factor * self._scale
+        p = self.patches
+        other.patches = Patches(
+            p.current, p.displacement, factor * p.force, factor * p.by_current,
+            factor * p.by_displacement, factor * p.by_both, factor * p.error,
+        )  # fmt: skip
+        return other
+
+    @cached_property
+    def patches(self) -> Patches:
+        """What the C core has of it, over the bearing's currents and its travel."""
+        b, travel = self.bearing, self.bearing.rotor.travel_limit
+        return patches(self, (b.current_min, b.current_max), (-travel, travel))
+
+    def magnet(self, core: ModuleType) -> Magnet:
+        """Build the C implementation.
+
+        Parameters
+        ----------
+        core : module
+            The build of the core that computes, see :func:`ambkit.machine.laws.core_module`.
+        """
+        p = self.patches
+        nodes = (p.force, p.by_current, p.by_displacement, p.by_both)
+        return core.Surface(  # type: ignore[no-any-return]
+            p.displacement[0],
+            p.displacement[1] - p.displacement[0],
+            p.current[0],
+            p.current[1] - p.current[0],
+            *(np.ascontiguousarray(values) for values in nodes),
+            *equally_far(self.bearing),
+        )
+
+    @property
+    def bias_force(self) -> float:
+        """Force at iu = 0, x = 0 [N], with all that the points have in common."""
+        return float(self(0.0, 0.0))
 
     def correction(self, iu: ArrayLike, x: ArrayLike) -> Array:
         """By how much the force is larger than the law's [N] at places (iu [A], x [m])."""
@@ -117,13 +190,14 @@ class ForceSurface:
         places = self._places(iu, x)
         parts = np.array_split(places, 1 + places.shape[1] * self._pull.size // 2_000_000, axis=1)
         found = np.concatenate([self._pull @ _alike(self._at, p, self._reach) for p in parts])
-        return np.asarray(self.law_error**2 * found.reshape(iu.shape))
+        return np.asarray(self._scale * self.law_error**2 * found.reshape(iu.shape))
 
     def noise(self, points: ForcePoints) -> Array:
         """Return the standard deviations of points (n,) [N]: their own, or else the scatter."""
         if points.standard_error is not None:
             return points.standard_error
-        return np.full(len(points), self.scatter)
+        assert self.scatter is not None
+        return np.full(len(points), self._scale * self.scatter)
 
     def standard_error(self, iu: ArrayLike, x: ArrayLike) -> Array:
         """Return the standard error of the force [N] at places (iu [A], x [m])."""
@@ -134,7 +208,7 @@ class ForceSurface:
         told = np.sum(solve_triangular(self._factor, shared, lower=True) ** 2, axis=0)
         # Before: the law's error and the offset's.
         left = np.maximum(2 * self.law_error**2 - told, 0)
-        return np.asarray(np.sqrt(left).reshape(iu.shape))
+        return np.asarray(self._scale * np.sqrt(left).reshape(iu.shape))
 
     def _places(self, iu: Array, x: Array) -> Array:
         return np.asarray((np.stack([iu.ravel(), x.ravel()]) - self._origin) / self._extent)

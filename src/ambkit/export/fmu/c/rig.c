@@ -1,13 +1,42 @@
 #include "rig.h"
 
+/* The magnet of a rig, by its scale: any magnet's force goes with its constant. */
+static amb_real scaled_force(const void *self, amb_real iu, amb_real x)
+{
+  const amb_rig *rig = (const amb_rig *)self;
+  return rig->scale * rig->magnet->methods->force(rig->magnet->self, iu, x);
+}
+
+static amb_stiffness scaled(const amb_rig *rig, amb_stiffness k)
+{
+  k.k_i *= rig->scale;
+  k.k_s *= rig->scale;
+  return k;
+}
+
+static amb_stiffness scaled_through_origin(const void *self, amb_real iu, amb_real x)
+{
+  const amb_rig *rig = (const amb_rig *)self;
+  return scaled(rig, rig->magnet->methods->through_origin(rig->magnet->self, iu, x));
+}
+
+static amb_stiffness scaled_tangent(const void *self, amb_real iu, amb_real x)
+{
+  const amb_rig *rig = (const amb_rig *)self;
+  return scaled(rig, rig->magnet->methods->tangent(rig->magnet->self, iu, x));
+}
+
+static const amb_magnet_methods scaled_magnet = {scaled_force, scaled_through_origin,
+                                                 scaled_tangent};
+
 /* By ratios: those of the exported values are 1, and these stay what they are to the last bit. */
 void amb_rig_tune(amb_rig *rig, amb_real mass, amb_real magnet_constant)
 {
   *rig = amb_data_rig;
   rig->weight = amb_data_rig.weight * (mass / amb_data_rig.m);
-  rig->bias_force = amb_data_rig.bias_force * (magnet_constant / amb_data_rig.law.k);
+  rig->scale = magnet_constant / amb_data_rig.k;
+  rig->bias_force = amb_data_rig.bias_force * rig->scale;
   rig->m = mass;
-  rig->law.k = magnet_constant;
   rig->coil.k = magnet_constant;
   rig->parts.k = magnet_constant;
 }
@@ -15,7 +44,7 @@ void amb_rig_tune(amb_rig *rig, amb_real mass, amb_real magnet_constant)
 amb_plant amb_rig_plant(const amb_rig *rig)
 {
   const amb_plant plant = {
-      .magnet = {&amb_law_magnet, &rig->law},
+      .magnet = {&scaled_magnet, rig},
       .m = rig->m,
       .f_0 = rig->weight + rig->bias_force,
       .K_sen = rig->K_sen,
@@ -36,7 +65,7 @@ amb_real amb_rig_current(const amb_rig *rig, amb_real u)
 amb_real amb_rig_force(const amb_rig *rig, const amb_plant_state *state, amb_real iu)
 {
   if (!rig->with_parts)
-    return amb_law_magnet.force(&rig->law, iu, state->x) + rig->bias_force;
+    return scaled_force(rig, iu, state->x) + rig->bias_force;
   const amb_plant plant = amb_rig_plant(rig);
   return amb_plant_until_now(&plant, state, iu).force - rig->weight;
 }

@@ -1,0 +1,106 @@
+"""Iron of finite permeability that saturates (Froehlich 1881), in closed form.
+
+The iron asks for ``H = a B / (1 - B/Bs)`` with ``a = 1/(mu0 mu_r)``, and the magnetomotive force
+goes round gaps and iron: ``N i = 2 s B/mu0 + l H``. With ``p = 2 s/mu0``, ``q = l a`` and
+``n = N i`` the flux density is
+``B = 2 n / ((p + q + n/Bs) + sqrt((p + q + n/Bs)^2 - 4 p n/Bs))``, and each side pulls with
+``B^2 A cos(angle) / mu0``.
+
+Divided by 2/mu0 that is ``k (i/h)^2`` with the magnet constant of ideal iron and an effective gap
+``h = (g + e + c i + r)/2``, ``r^2 = (g + e - c i)^2 + 4 e c i``: e is the iron as so much more gap,
+``l/(2 mu_r)``, and c i the gap at which ideal iron would just reach Bs, ``c = mu0 N/(2 Bs)``. The
+tangents are short, because h solves ``h^2 - (g + e + c i) h + g c i = 0``.
+"""
+
+import sympy as sp
+
+from derivation.laws.law import Function, Law, i0, iu, k, relative, s0, there, two_sides, x
+
+gap, current = sp.symbols("gap current")
+iron, knee = sp.symbols("iron knee")
+"""e [m] and c [m/A]."""
+
+mu0, N, A, length, mu_r, Bs = sp.symbols("mu0 N A length mu_r Bs", positive=True)
+p, q, n = 2 * gap / mu0, length / (mu0 * mu_r), N * current
+total = p + q + n / Bs
+flux_density = 2 * n / (total + sp.sqrt(total**2 - 4 * p * n / Bs))
+one_side = (flux_density**2 * A / mu0).subs(
+    # What the core is given in their place; A holds the cosine of the pole angle.
+    {length: 2 * mu_r * iron, Bs: mu0 * N / (2 * knee), A: 4 * k / (mu0 * N**2)}
+)
+reduced = {mu0: 1, N: 1, mu_r: 1}  # they cancel
+whole = two_sides(one_side, gap, current).subs(reduced)
+force = relative(whole)
+
+
+def side(j: int, gap: str, current: str) -> tuple[tuple[str, str], ...]:
+    """Return the steps to the effective gap h of a side."""
+    return (
+        (f"g{j}", gap),
+        (f"i{j}", current),
+        (f"w{j}", f"knee * i{j}"),
+        (f"m{j}", f"g{j} + iron - w{j}"),
+        (f"r{j}", f"sqrt(m{j} * m{j} + 4 * iron * w{j})"),
+        (f"h{j}", f"(g{j} + iron + w{j} + r{j}) / 2"),
+    )
+
+
+def product(gap: str, current: str, by_gap: str, by_current: str) -> Function:
+    """Return F - F(0, 0) as ``k (a + b)(a - b)`` with a = i/h of one place and b of another.
+
+    The differences of gap and current are given, so that nothing cancels.
+    """
+    two = by_current == "2 * iu"
+    steps = (
+        *side(1, "s0 - x", "i0 + iu"),
+        *side(2, gap, current),
+        ("dg", by_gap),
+        ("di", by_current),
+        ("dw", "knee * di"),
+        ("dm", "(dg - dw) * (m1 + m2) + 4 * iron * dw"),
+        ("dh", "(dg + dw + dm / (r1 + r2)) / 2"),
+        ("a", "i1 / h1"),
+        ("b", "i2 / h2"),
+    )
+    sides = "two sides" if two else "one side"
+    return Function(
+        "amb_saturating_force" + ("" if two else "_one_sided"),
+        f"F - F(0, 0) of {sides}, as a product, a^2 - b^2 = (a + b)(a - b).",
+        steps,
+        {
+            "return": (
+                "k * (a + b) * (di * h2 - i2 * dh) / (h1 * h2)",
+                force.subs(there, int(two)),
+            )
+        },
+    )
+
+
+saturating = Law(
+    name="saturating_law",
+    about="The force law of iron that saturates (Froehlich 1881)",
+    struct="amb_saturating_law",
+    include="ambkit/saturating.h",
+    parameters=(k, s0, i0, iron, knee),
+    functions=(
+        product("s0 + x", "i0 - iu", "-2 * x", "2 * iu"),
+        product("s0", "i0", "-x", "iu"),
+        Function(
+            "amb_saturating_tangent",
+            "dF/diu and dF/dx; `there` is 1, or 0 where there is no magnet on the other side.",
+            (
+                *side(1, "s0 - x", "i0 + iu"),
+                *side(2, "s0 + x", "i0 - iu"),
+                ("a", "i1 / h1"),
+                ("b", "i2 / h2"),
+                ("own", "a * (h1 - w1) / (h1 * r1)"),
+                ("other", "b * (h2 - w2) / (h2 * r2)"),
+            ),
+            {
+                "k_i": ("2 * k * (own + there * other)", sp.diff(force, iu)),
+                "k_s": ("2 * k * (a * own + there * b * other)", sp.diff(force, x)),
+            },
+            (there,),
+        ),
+    ),
+)

@@ -1,0 +1,86 @@
+"""The force map that a bearing names, as a surface; found once for each file and law."""
+
+from __future__ import annotations
+
+import os
+from functools import lru_cache
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, cast
+
+from ambkit.machine.forces.file import load_force_points
+from ambkit.machine.forces.surface import ForceSurface
+
+if TYPE_CHECKING:
+    from ambkit.machine.forces.points import ForcePoints
+    from ambkit.machine.laws import Bearing
+
+
+def surface_of(bearing: Bearing) -> ForceSurface:
+    """Return the surface through the force map of a bearing.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        Whose ``[magnet]`` has ``force_map``.
+
+    Raises
+    ------
+    AmbkitError
+        The file cannot be read, or is no force map.
+    """
+    m = bearing.magnet
+    scale = 1.0 if m.force_scale is None else m.force_scale
+    # Of the law that the map was measured beside: a scale moves both, and finds the same surface.
+    law = tuple((key, getattr(m, key)) for key in LAW)
+    box = bearing.current_min, bearing.current_max, bearing.rotor.travel_limit
+    constant = float(f"{m.magnet_constant / scale:.12g}")
+    found = _found(*_files(m.force_map, m.force_channels), constant, law, box)
+    return found if scale == 1.0 else found.scaled(scale)
+
+
+def points_of(path: str, channels: str | None) -> ForcePoints:
+    """Return the points of a force map, read once for each state of its files.
+
+    Raises
+    ------
+    AmbkitError
+        A file cannot be read, or is no force map.
+    """
+    return _read(*_files(path, channels))
+
+
+LAW = (
+    "type", "air_gap", "bias_current", "turns", "iron_length", "relative_permeability",
+    "saturation", "force_map",
+)  # fmt: skip
+"""What a law has besides its constant."""
+
+
+def _files(path: str | None, channels: str | None) -> tuple[Any, ...]:
+    """Return names and times of change: a file that was written anew is read anew."""
+    named = [name for name in (path, channels) if name is not None and os.path.exists(name)]
+    return path, channels, tuple(os.stat(name).st_mtime_ns for name in named)
+
+
+@lru_cache(maxsize=16)
+def _read(path: str, channels: str | None, _changed: tuple[int, ...]) -> ForcePoints:
+    return load_force_points(path, channels)
+
+
+@lru_cache(maxsize=16)
+def _found(
+    path: str,
+    channels: str | None,
+    changed: tuple[int, ...],
+    constant: float,
+    law: tuple[tuple[str, Any], ...],
+    box: tuple[float, float, float],
+) -> ForceSurface:
+    low, high, travel = box
+    bearing = SimpleNamespace(
+        magnet=SimpleNamespace(magnet_constant=constant, **dict(law)),
+        rotor=SimpleNamespace(travel_limit=travel),
+        current_min=low,
+        current_max=high,
+    )
+    return ForceSurface(cast("Bearing", bearing), _read(path, channels, changed))

@@ -1,0 +1,105 @@
+"""A force function as smooth patches over a regular grid, fine enough for a stated accuracy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import AmbkitError
+
+Array = NDArray[np.float64]
+
+ACCURACY = 1e-4
+"""How far the patches may be from the force, in parts of its root mean square."""
+
+FIRST, FINEST = 8, 64
+"""Cells from the origin to the farther end of an axis: at first, and at most."""
+
+
+class Patches(NamedTuple):
+    """Force less that at the origin, and its derivatives, at the nodes of a grid."""
+
+    current: Array
+    """Nodes of the control current (columns,) [A], evenly spaced, one of them 0."""
+    displacement: Array
+    """Nodes of the displacement (rows,) [m], evenly spaced, one of them 0."""
+    force: Array
+    """(rows, columns) [N]."""
+    by_current: Array
+    """dF/diu (rows, columns) [N/A]."""
+    by_displacement: Array
+    """dF/dx (rows, columns) [N/m]."""
+    by_both: Array
+    """Mixed derivative (rows, columns) [N/(A m)]."""
+    error: float
+    """The largest distance from the force that was found [N], in the middles between nodes."""
+
+
+def patches(
+    force: Callable[[Array, Array], Array],
+    currents: tuple[float, float],
+    displacements: tuple[float, float],
+    accuracy: float = ACCURACY,
+) -> Patches:
+    """Sample a force, each time twice as finely, until the middles between the nodes are right.
+
+    The derivatives at the nodes are those of the bicubic spline through them, which the patches
+    then are.
+
+    Parameters
+    ----------
+    force : callable
+        ``force(iu [A], x [m]) -> [N]`` on arrays of one shape.
+    currents, displacements : tuple of 2 floats
+        Lowest, below 0, and highest, above 0 [A], [m].
+    accuracy : float
+        In parts of the force's root mean square.
+
+    Raises
+    ------
+    AmbkitError
+        The finest grid is not good enough; or the force is not finite.
+    """
+    from scipy.interpolate import RectBivariateSpline
+
+    cells = FIRST
+    while True:
+        current, displacement = _nodes(*currents, cells), _nodes(*displacements, cells)
+        values = _asked(force, current, displacement)
+        values -= values[np.searchsorted(displacement, 0.0), np.searchsorted(current, 0.0)]
+        spline = RectBivariateSpline(displacement, current, values)
+        between = [0.5 * (nodes[1:] + nodes[:-1]) for nodes in (current, displacement)]
+        origin = float(_asked(force, np.zeros(1), np.zeros(1))[0, 0])
+        off = spline(between[1], between[0]) - (_asked(force, *between) - origin)
+        error, size = float(np.abs(off).max()), float(np.sqrt(np.mean(values**2)))
+        if error <= accuracy * size:
+            break
+        if cells >= FINEST:
+            raise AmbkitError(
+                f"the force is not smooth enough: at {values.shape[1]} x {values.shape[0]} nodes "
+                f"it is still {error:.3g} N off between them, and {accuracy * size:.3g} N is asked"
+            )
+        cells *= 2
+    across, along, both = (
+        np.asarray(spline(displacement, current, dx=dx, dy=dy))
+        for dx, dy in ((0, 1), (1, 0), (1, 1))
+    )
+    return Patches(current, displacement, values, across, along, both, error)
+
+
+def _nodes(low: float, high: float, cells: int) -> Array:
+    step = max(-low, high) / cells
+    first, last = (round(np.ceil(end / step - 1e-9)) for end in (-low, high))
+    return step * np.arange(-first, last + 1)
+
+
+def _asked(force: Callable[[Array, Array], Array], current: Array, displacement: Array) -> Array:
+    iu, x = np.meshgrid(current, displacement)
+    values = np.array(force(iu, x), dtype=float)
+    if not np.isfinite(values).all():
+        at = np.unravel_index(np.argmin(np.isfinite(values)), values.shape)
+        raise AmbkitError(f"force must be finite, is {values[at]} at {iu[at]:g} A, {x[at]:g} m")
+    return values

@@ -1,0 +1,281 @@
+"""Force laws of a magnet: that of ideal iron, and that of iron that saturates.
+
+Each source of stiffness (these, :class:`ambkit.StiffnessMap`, :class:`ambkit.Expert`) has the
+method ``magnet(core)`` that builds the C implementation of ``ambkit/magnet.h`` from it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ambkit.base.arrays import real
+
+if TYPE_CHECKING:
+    from ambkit._core import Magnet
+
+Precision = Literal["float64", "float32"]
+
+_BUILDS = {"float64": "ambkit._core", "float32": "ambkit._core_f32"}
+_ANY_MODEL = {"float64": "ambkit._any", "float32": "ambkit._any_f32"}
+
+MU_0 = 1.25663706127e-6
+"""Vacuum magnetic permeability [N/A^2] (CODATA 2022)."""
+
+
+class Bearing(Protocol):
+    """What is asked of a :class:`ambkit.Bearing` here."""
+
+    @property
+    def magnet(self) -> Any:
+        """Its ``[magnet]``."""
+
+    @property
+    def rotor(self) -> Any:
+        """Its ``[rotor]``."""
+
+    @property
+    def current_min(self) -> float:
+        """Least control current [A]."""
+
+    @property
+    def current_max(self) -> float:
+        """Greatest control current [A]."""
+
+
+def equally_far(bearing: Bearing) -> tuple[float, float]:
+    """Current [A] and displacement [m] that count as equally far from the origin.
+
+    The paper's least squares steps 0.01 A and 0.01 mm (eq. 27): on its rig, with 1.5 A and 2 mm,
+    one ampere weighs as one millimetre. Another bearing keeps the ratio to its bias current and
+    air gap, so that its stiffnesses divide the force between them as the paper's do.
+    """
+    return bearing.magnet.bias_current / 1.5, bearing.magnet.air_gap / 2
+
+
+class StiffnessSource(Protocol):
+    """Anything that an adaptive filter can ask for k_i and k_s."""
+
+    def magnet(self, core: ModuleType) -> Magnet:
+        """Build the C implementation in the given build of the core."""
+
+
+def core_module(precision: Precision = "float64", *, any_model: bool = False) -> ModuleType:
+    """Return a build of the C core.
+
+    Parameters
+    ----------
+    precision : {"float64", "float32"}
+        What it computes in.
+    any_model : bool
+        The build with loops over any model, instead of that with the paper's axis built in.
+
+    Raises
+    ------
+    ValueError
+        There is no such precision.
+    """
+    if precision not in _BUILDS:
+        raise ValueError(f"precision must be 'float64' or 'float32', got {precision!r}")
+    return import_module((_ANY_MODEL if any_model else _BUILDS)[precision])
+
+
+class Law:
+    """The force of a bearing's magnet, as the C core computes it."""
+
+    bearing: Bearing
+
+    def magnet(self, core: ModuleType) -> Magnet:
+        """Build the C implementation.
+
+        Parameters
+        ----------
+        core : module
+            The build of the core that computes, see `core_module`.
+        """
+        raise NotImplementedError
+
+    @property
+    def bias_force(self) -> float:
+        """Force at iu = 0, x = 0 [N]: zero for a two-sided magnet."""
+        m = self.bearing.magnet
+        # Forces are relative to it, and without any current there is no force.
+        if m.type == "two-sided":
+            return 0.0
+        return -float(_evaluate(self, "force", -m.bias_current, 0.0)[0])
+
+    def current_for(self, force: float) -> float:
+        """Return the control current iu [A] with which the magnet pulls so much at x = 0.
+
+        Parameters
+        ----------
+        force : float
+            Whole force of the magnet [N].
+
+        Returns
+        -------
+        float
+            Infinite where no current does.
+        """
+        magnet, middle = self.magnet(core_module()), np.zeros(1)
+        wanted = force - self.bias_force
+
+        def short(iu: float) -> bool:
+            """Whether the magnet pulls less than is wanted, in the direction of that."""
+            f = float(magnet.force(np.array([iu]), middle)[0])
+            return not (f >= wanted if wanted > 0 else f <= wanted)
+
+        if wanted == 0:
+            return 0.0
+        low, high = 0.0, math.copysign(self.bearing.magnet.bias_current, wanted)
+        while short(high):
+            low, high = high, 2 * high
+            if not math.isfinite(high):
+                return high
+        while low < (half := 0.5 * (low + high)) < high or high < half < low:
+            low, high = (half, high) if short(half) else (low, half)
+        return high
+
+    def force(self, iu: ArrayLike, x: ArrayLike) -> NDArray[np.float64]:
+        """Whole force of the magnet.
+
+        Parameters
+        ----------
+        iu, x : array_like
+            Control current [A] and displacement [m], of shapes that broadcast.
+
+        Returns
+        -------
+        ndarray
+            Force [N], broadcast shape; bias force included.
+        """
+        (f,) = _evaluate(self, "force", iu, x)
+        return f + self.bias_force
+
+    def stiffness(self, iu: ArrayLike, x: ArrayLike) -> tuple[NDArray[np.float64], ...]:
+        """k_i [N/A] and k_s [N/m] with ``F - F(0, 0) = k_i iu + k_s x`` (paper, eq. 26).
+
+        The limit of the paper's least squares (eq. 28-31) for small steps.
+
+        Parameters
+        ----------
+        iu, x : array_like
+            Control current [A] and displacement [m], of shapes that broadcast.
+        """
+        return _evaluate(self, "through_origin", iu, x)
+
+    def tangent(self, iu: ArrayLike, x: ArrayLike) -> tuple[NDArray[np.float64], ...]:
+        """``dF/diu`` [N/A] and ``dF/dx`` [N/m].
+
+        Parameters
+        ----------
+        iu, x : array_like
+            Control current [A] and displacement [m], of shapes that broadcast.
+        """
+        return _evaluate(self, "tangent", iu, x)
+
+
+@dataclass(frozen=True)
+class ClosedLaw(Law):
+    """The force law of ideal iron (paper, eq. 1, first equality), two-sided or one-sided.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        Gives magnet constant, air gap and bias current.
+    """
+
+    bearing: Bearing
+
+    def magnet(self, core: ModuleType) -> Magnet:
+        """Build the C implementation.
+
+        Parameters
+        ----------
+        core : module
+            The build of the core that computes, see `core_module`.
+        """
+        m = self.bearing.magnet
+        ampere, metre = equally_far(self.bearing)
+        return core.Law(  # type: ignore[no-any-return]
+            m.magnet_constant, m.air_gap, m.bias_current, m.type == "two-sided", ampere, metre
+        )
+
+
+@dataclass(frozen=True)
+class SaturatingLaw(Law):
+    """The force law of iron of finite permeability that saturates, two-sided or one-sided.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        Whose ``[magnet]`` has ``iron_length``, ``relative_permeability`` and ``saturation``;
+        without them it is the ideal law.
+
+    References
+    ----------
+    Froehlich, Investigations of dynamoelectric machines and electric power transmission, 1881.
+    """
+
+    bearing: Bearing
+
+    def magnet(self, core: ModuleType) -> Magnet:
+        """Build the C implementation.
+
+        Parameters
+        ----------
+        core : module
+            The build of the core that computes, see `core_module`.
+        """
+        m = self.bearing.magnet
+        # Ideal iron, where nothing is said of it.
+        iron = (m.iron_length or 0.0) / (2 * (m.relative_permeability or math.inf))
+        knee = MU_0 * (m.turns or 0) / (2 * (m.saturation or math.inf))
+        return core.Saturating(  # type: ignore[no-any-return]
+            m.magnet_constant,
+            m.air_gap,
+            m.bias_current,
+            iron,
+            knee,
+            m.type == "two-sided",
+            *equally_far(self.bearing),
+        )
+
+
+def law_of(bearing: Bearing) -> Law:
+    """Return the law that a bearing describes, without what a force map says of its magnet.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        Whose ``[magnet]``.
+    """
+    return ClosedLaw(bearing) if bearing.magnet.saturation is None else SaturatingLaw(bearing)
+
+
+def _evaluate(
+    source: StiffnessSource, method: str, iu: ArrayLike, x: ArrayLike
+) -> tuple[NDArray[np.float64], ...]:
+    """Call a method of the C magnet with arrays that broadcast; always a tuple of arrays."""
+    i, d = np.broadcast_arrays(real("iu", iu), real("x", x))
+    result = getattr(source.magnet(core_module()), method)(i.ravel(), d.ravel())
+    parts = result if isinstance(result, tuple) else (result,)
+    return tuple(np.asarray(part).reshape(i.shape) for part in parts)
+
+
+def evaluate_stiffness(
+    source: StiffnessSource, iu: ArrayLike, x: ArrayLike
+) -> tuple[NDArray[np.float64], ...]:
+    """Return k_i [N/A], k_s [N/m] of any source, through-origin form, at (iu [A], x [m])."""
+    return _evaluate(source, "through_origin", iu, x)
+
+
+def evaluate_force(source: StiffnessSource, iu: ArrayLike, x: ArrayLike) -> NDArray[np.float64]:
+    """Force relative to the bias force [N] of any source at (iu [A], x [m])."""
+    return _evaluate(source, "force", iu, x)[0]

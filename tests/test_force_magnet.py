@@ -1,0 +1,336 @@
+"""A force map as a magnet: the smooth surface in C, as plant, and as what estimators know."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import fe_map
+import numpy as np
+import pytest
+from export_cases import INCLUDES, SAME_BITS, STRICT
+from hypothesis import given
+from hypothesis import strategies as st
+from magnet_at import differences, force, tangent, through_origin
+
+import ambkit
+from ambkit import Bearing, ClosedLaw, Scenario, magnet_of, train
+from ambkit.base.errors import AmbkitError, ConfigError
+from ambkit.estimate.family import KINDS
+from ambkit.export.c import export_c
+from ambkit.fuzzy.choice import measured_map
+from ambkit.fuzzy.left_out import LAW, NETWORK, REFITTED, SURFACE, choose_model, refitted
+from ambkit.machine.forces.patches import ACCURACY, patches
+from ambkit.machine.forces.points import ForcePoints
+from ambkit.machine.forces.surface import ForceSurface
+from ambkit.machine.magnets import core_module
+from ambkit.simulation.run import simulate_run
+from ambkit.simulation.scenario import PID
+
+CORE = core_module()
+IU, X = fe_map.grid()
+FINE = np.meshgrid(np.linspace(-2.5, 2.5, 83), np.linspace(-0.25e-3, 0.25e-3, 61))
+share = st.floats(-1, 1)
+
+
+def rms(values: Any) -> float:
+    return float(np.sqrt(np.mean(np.asarray(values) ** 2)))
+
+
+@pytest.fixture(scope="module")
+def surface() -> ForceSurface:
+    return ForceSurface(fe_map.BEARING, ForcePoints(IU, X, fe_map.fe_force(IU, X)))
+
+
+@pytest.fixture(scope="module")
+def bearing(tmp_path_factory: pytest.TempPathFactory) -> Bearing:
+    return Bearing.load(fe_map.written(tmp_path_factory.mktemp("fe")))
+
+
+# ---- the patches in C ----
+
+
+def cubic(iu: Any, x: Any) -> Any:
+    """A force that patches hold exactly, if their derivatives are right."""
+    i, d = iu / 2, x / 1e-4
+    return 3 + 5 * i - 2 * d + i**3 * d**2 - 0.5 * i * d**3 + i**2 - i**3 * d**3
+
+
+def magnet(core: Any = CORE) -> Any:
+    made = patches(cubic, (-1.0, 2.0), (-1e-4, 1e-4))
+    return core.Surface(
+        made.displacement[0], made.displacement[1] - made.displacement[0],
+        made.current[0], made.current[1] - made.current[0],
+        made.force, made.by_current, made.by_displacement, made.by_both, 1.0, 1e-3,
+    )  # fmt: skip
+
+
+@given(st.floats(-1, 2), share)
+def test_a_cubic_comes_back(iu: float, d: float) -> None:
+    x = 1e-4 * d
+    found = magnet()
+    assert force(found, iu, x) == pytest.approx(cubic(iu, x) - cubic(0, 0), rel=1e-9, abs=1e-9)
+    i, e = iu / 2, d
+    by_i = (5 + 3 * i**2 * e**2 - 0.5 * e**3 + 2 * i - 3 * i**2 * e**3) / 2
+    by_x = (-2 + 2 * i**3 * e - 1.5 * i * e**2 - 3 * i**3 * e**2) / 1e-4
+    assert tangent(found, iu, x) == pytest.approx((by_i, by_x), rel=1e-8, abs=1e-7)
+
+
+@given(st.floats(-4, 6), st.floats(-4, 4))
+def test_outside_it_goes_on_linearly_and_smoothly(iu: float, d: float) -> None:
+    x, found = 1e-4 * d, magnet()
+    room = 1e-5 * (1 + abs(iu)) * (1 + abs(d))
+    d_i, d_x = differences(found, iu, x, 1e-6, 1e-10)
+    k_i, k_s = tangent(found, iu, x)
+    assert k_i == pytest.approx(d_i, rel=1e-4, abs=10 * room)
+    assert k_s == pytest.approx(d_x, rel=1e-4, abs=1e5 * room)
+    k_i, k_s = through_origin(found, iu, x)
+    near = 1e-12 * (abs(k_i * iu) + abs(k_s * x))
+    assert k_i * iu + k_s * x == pytest.approx(force(found, iu, x), rel=1e-11, abs=near + 1e-300)
+    if iu > 2.1 and abs(d) < 1:  # along a line the force is a straight one
+        beyond = [force(found, iu + step, x) for step in (0.0, 1.0, 2.0)]
+        assert beyond[2] - beyond[1] == pytest.approx(beyond[1] - beyond[0], rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+def test_both_forms_meet_at_the_origin(precision: Any) -> None:
+    """The difference of two forces has no digits left there; the form goes over to the tangent."""
+    found = magnet(core_module(precision))
+    at_origin = np.array(through_origin(found, 0.0, 0.0))
+    np.testing.assert_allclose(at_origin, tangent(found, 0.0, 0.0))
+    room = {"float64": 1e-8, "float32": 3e-3}[precision]
+    for far in 10.0 ** np.arange(-14.0, -1):
+        for a, b in ((1, 0), (0, 1), (1, 1), (-1, 2), (3, -1)):
+            k = np.array(through_origin(found, far * a, far * 1e-3 * b))
+            np.testing.assert_allclose(k, at_origin, rtol=room + 60 * far)
+
+
+def test_asked_at_no_number_it_answers_with_none() -> None:
+    found = magnet()
+    for place in ((np.nan, 0.0), (0.0, np.nan)):
+        assert np.isnan(force(found, *place))
+        assert np.isnan(tangent(found, *place)).any()
+    with pytest.raises(ValueError, match="at least 2 x 2"):
+        CORE.Surface(0, 1, 0, 1, *4 * [np.ones((1, 3))], 1, 1)
+    with pytest.raises(ValueError, match="differ in shape"):
+        CORE.Surface(0, 1, 0, 1, *3 * [np.ones((2, 3))], np.ones((3, 2)), 1, 1)
+
+
+def test_a_force_with_a_corner_is_refused() -> None:
+    with pytest.raises(AmbkitError, match=r"not smooth enough: at .* nodes it is still .* N off"):
+        patches(lambda iu, x: 10 * np.abs(iu - 0.3), (-1, 1), (-1e-3, 1e-3))
+
+
+# ---- the map of finite elements ----
+
+
+def test_the_surface_is_right_where_a_network_and_a_refitted_law_are_not(
+    surface: ForceSurface,
+) -> None:
+    """Of 603 N rms to 0.2 N, as the issue asks; what the core computes is the surface."""
+    truth = fe_map.fe_force(*FINE)
+    size = rms(truth)
+    assert rms(surface(*FINE) - truth) < 0.2 / 603 * size
+    assert rms(surface.force(*FINE) - truth) < 0.2 / 603 * size
+    assert np.abs(surface.force(*FINE) - surface(*FINE)).max() < ACCURACY * size
+    network = train(measured_map(fe_map.BEARING, surface), weights=True)
+    assert rms(network.force(*FINE) - truth) > 1 / 603 * size
+    law = magnet_of(refitted(fe_map.BEARING, surface.points))
+    assert rms(law.force(*FINE) - truth) > 17 / 603 * size
+
+
+def test_tangents_are_slopes(surface: ForceSurface) -> None:
+    found = surface.magnet(CORE)
+    for iu, x in ((0.4, 1e-5), (-2.2, 1.7e-4), (1.1, -2.2e-4)):
+        assert tangent(found, iu, x) == pytest.approx(
+            differences(found, iu, x, 1e-5, 1e-9), rel=1e-6
+        )
+
+
+def test_points_left_out_choose_the_surface(surface: ForceSurface) -> None:
+    choice = choose_model(fe_map.BEARING, surface, weights=True)
+    assert choice is not None
+    assert choice.chosen.name in (SURFACE, NETWORK)
+    assert choice[SURFACE].worse < 0.1 * choice[REFITTED].worse < 0.1 * choice[LAW].worse
+    assert choice[SURFACE].worse <= choice[NETWORK].worse
+
+
+def test_a_law_that_is_right_is_chosen() -> None:
+    b = fe_map.BEARING
+    noise = np.random.default_rng(0).normal(size=IU.size)
+    through = ForceSurface(b, ForcePoints(IU, X, ClosedLaw(b).force(IU, X) + noise))
+    choice = choose_model(b, through, weights=True)
+    assert choice is not None
+    assert choice.chosen.name == LAW
+    few = np.arange(IU.size) % 25 == 0
+    assert choose_model(b, ForceSurface(b, through.points.where(few))) is None
+
+
+def test_a_refitted_law_is_found() -> None:
+    b = fe_map.BEARING
+    true = b.replace(**b.magnet.with_constant(0.9 * b.magnet.magnet_constant),
+                     magnet__air_gap=0.8e-3)  # fmt: skip
+    points = ForcePoints(IU, X, ClosedLaw(true).force(IU, X) + 7.0)
+    found = refitted(b, points).magnet
+    assert found.magnet_constant == pytest.approx(true.magnet.magnet_constant, rel=1e-6)
+    assert found.air_gap == pytest.approx(0.8e-3, rel=1e-6)
+
+
+# ---- as a bearing's magnet ----
+
+
+def test_any_column_names_do(bearing: Bearing, surface: ForceSurface) -> None:
+    found = magnet_of(bearing)
+    np.testing.assert_allclose(found.force(*FINE), surface.force(*FINE), rtol=1e-6, atol=0.01)
+    assert Bearing.from_toml(bearing.to_toml()) == bearing
+    left = float(found.force(bearing.hover_current, 0.0)) + bearing.weight
+    assert abs(left) < 1e-9
+
+
+def test_its_constant_is_a_scale_of_it(bearing: Bearing) -> None:
+    m = bearing.magnet
+    more = bearing.replace(**m.with_constant(1.2 * m.magnet_constant))
+    np.testing.assert_allclose(
+        magnet_of(more).force(*FINE), 1.2 * magnet_of(bearing).force(*FINE), rtol=1e-12, atol=1e-9
+    )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('"fe.csv"', '"none.csv"', "fe.toml:7: magnet.force_map: "),
+        ('"channels.toml"', '"wrong.toml"', "fe.toml:7: magnet.force_map: "),
+        ('force_map = "fe.csv"\n', "", "fe.toml:7: magnet.force_channels: is of a force_map"),
+    ],
+)
+def test_what_is_wrong_with_a_map_is_told_with_its_line(
+    tmp_path: Path, old: str, new: str, told: str
+) -> None:
+    path = fe_map.written(tmp_path)
+    channels = (tmp_path / "channels.toml").read_text()
+    (tmp_path / "wrong.toml").write_text(channels.replace("f_mag", "F"))
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    with pytest.raises(ConfigError) as refused:
+        Bearing.load(path)
+    assert told in str(refused.value)
+    assert "Traceback" not in str(refused.value)
+
+
+def shaken(b: Bearing) -> Scenario:
+    return Scenario.model_validate(
+        {
+            "duration": 0.4,
+            "reference": {"type": "sine", "amplitude": 0.08e-3, "frequency": 5.0},
+            "controller": PID.for_bearing(b).model_dump(),
+        }
+    )
+
+
+@pytest.mark.parametrize("kind", ["extended", "closed-law", "unscented", "linear"])
+def test_as_plant_and_in_estimators(bearing: Bearing, kind: str) -> None:
+    record = ambkit.simulate(bearing, shaken(bearing))
+    assert not record.meta["stop_touched"]
+    np.testing.assert_allclose(
+        record["f_mag"], magnet_of(bearing).force(record["iu"], record["x"]), rtol=1e-9, atol=1e-6
+    )
+    told, ideal = (KINDS[kind].make(b).run(record) for b in (bearing, fe_map.BEARING))
+    late = record.t > 0.1
+    assert rms(told.f_d[late]) < 0.6 * rms(ideal.f_d[late])
+
+
+def test_given_as_a_source_it_is_that_of_the_bearing(bearing: Bearing) -> None:
+    """And as the plant of a bearing that knows the law alone."""
+    surface = magnet_of(bearing)
+    here = simulate_run(bearing, shaken(bearing)).record
+    there = simulate_run(fe_map.BEARING, shaken(bearing), magnet=surface).record
+    np.testing.assert_allclose(there["x"], here["x"], atol=1e-5)
+    filters = KINDS["extended"].make(bearing), KINDS["extended"].make(fe_map.BEARING, surface)
+    mine, other = (one.run(here).mean for one in filters)
+    assert rms(mine[:, 0] - other[:, 0]) < 0.2 * rms(mine[:, 0] - here["x"])
+
+
+@pytest.mark.parametrize("precision", ["float", "double"])
+def test_its_exported_c_passes_its_selftest(
+    bearing: Bearing, tmp_path: Path, precision: Any
+) -> None:
+    made = export_c(bearing, None, tmp_path / "out", kind="extended", precision=precision)
+    selftests = [str(f.relative_to(made.folder)) for f in (made.folder / "selftest").glob("*.c")]
+    subprocess.run(
+        ["cc", "-std=c99", *STRICT, *SAME_BITS, *INCLUDES, *made.sources, *selftests, "-o", "test"],
+        cwd=made.folder, check=True,
+    )  # fmt: skip
+    ran = subprocess.run([made.folder / "test"], capture_output=True, text=True, check=True)
+    assert "PASS" in ran.stdout.upper()
+
+
+# ---- from the shell ----
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with the map in its own names, as columns with units, and the bearing's law."""
+    text = fe_map.written(tmp_path).read_text()
+    (tmp_path / "law.toml").write_text(
+        "".join(line for line in text.splitlines(True) if not line.startswith("force_"))
+    )
+    ForcePoints(IU, X, fe_map.fe_force(IU, X)).save(tmp_path / "map.csv")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def said(capsys: pytest.CaptureFixture[str], *words: str, fails: int = 0) -> tuple[str, str]:
+    from ambkit.cli.main import main
+
+    try:
+        code = main(list(words))
+    except SystemExit as ended:
+        code = int(ended.code or 0)
+    captured = capsys.readouterr()
+    assert (code or 0) == fails, captured.err
+    return captured.out, captured.err
+
+
+def test_train_shows_what_is_best_at_points_left_out(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["train", "law.toml", "--map", "fe.csv", "--channels", "channels.toml"]
+    shown, told = said(capsys, *words, "--rules", "4x4", "--out", "refitted.toml")
+    for name in (LAW, REFITTED, SURFACE, NETWORK):
+        assert f" {name} " in shown
+    assert "the surface is off by" in told
+    assert "write it with --out map.csv" in told
+    assert Bearing.load("refitted.toml").magnet.air_gap > 0.9e-3
+    _, told = said(capsys, "train", "law.toml", "--out", "law.csv", fails=2)
+    assert "without --map there is an expert only" in told
+
+
+def test_train_warns_of_an_expert_worse_than_its_law(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    right = ClosedLaw(fe_map.BEARING).force(IU, X)
+    ForcePoints(IU, X, np.asarray(right)).save("right.csv")
+    _, told = said(capsys, *["train", "law.toml", "--map", "right.csv", "--rules", "3x3"])
+    assert "leave it; the law has" in told
+
+
+def test_commands_take_a_map_for_an_expert_or_the_true_magnet(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = ("simulate", "law.toml", "--step", "0.05 mm", "--duration", "0.1 s")
+    said(capsys, *run, "--magnet", "map.csv", "--out", "run.csv")
+    record = ambkit.Record.load("run.csv")
+    at = record["iu"], record["x"]
+    assert rms(record["f_mag"] - ClosedLaw(fe_map.BEARING).force(*at)) > 5
+    assert rms(record["f_mag"] - fe_map.fe_force(*at)) < 0.5
+    filtering = ("filter", "run.csv", "--bearing", "law.toml", "--estimator", "adaptive")
+    shown, _ = said(capsys, *filtering, "--expert", "map.csv", "--json")
+    assert "adaptive" in shown
+    export = ("export", "c", "law.toml", "--estimator", "map.csv", "--out", "out")
+    said(capsys, *export)
+    assert (folder / "out" / "core" / "src" / "surface.c").is_file()
+    mat = ("export", "mat", "law.toml", "--estimator", "map.csv", "--out", "out.mat")
+    _, told = said(capsys, *mat, fails=2)
+    assert "a MAT-file holds an expert" in told

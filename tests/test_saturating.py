@@ -1,0 +1,311 @@
+"""Iron that saturates: the law against Froehlich's equation, and everywhere as a magnet."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import mpmath as mp
+import numpy as np
+import pytest
+from export_cases import INCLUDES, SAME_BITS, STRICT
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from iron import IDEAL, ONE_SIDED, TOML, TWO_SIDED
+from magnet_at import differences, force, tangent, through_origin
+
+import ambkit
+import ambkit.simulation.scenario
+from ambkit import Bearing, ClosedLaw, ConstantStiffness, SaturatingLaw, Scenario, magnet_of
+from ambkit.base.errors import ConfigError
+from ambkit.estimate.family import KINDS
+from ambkit.export.c import export_c
+from ambkit.identification.maximum_likelihood import maximum_likelihood
+from ambkit.machine.bearing import MU_0
+from ambkit.machine.magnets import core_module
+from ambkit.simulation.run import simulate_run
+from derivation.laws.law import Function, check
+from derivation.laws.saturating import saturating
+
+BEARINGS = pytest.mark.parametrize("b", [TWO_SIDED, ONE_SIDED], ids=lambda b: b.magnet.type)
+CORE = core_module()
+share = st.floats(-1, 1)
+
+
+def pull(b: Bearing, i: Any, s: Any) -> Any:
+    """Force of one side, the flux density found from the magnetomotive forces around the loop."""
+    m = b.magnet
+    mu0, Bs, N = mp.mpf(MU_0), mp.mpf(m.saturation), m.turns
+
+    def left(B: Any) -> Any:
+        H = B / (mu0 * m.relative_permeability) / (1 - B / Bs)
+        return 2 * s * B / mu0 + m.iron_length * H - N * i
+
+    B = mp.findroot(left, (mp.mpf(0), Bs * (1 - mp.mpf(10) ** -12)), solver="anderson")
+    return B**2 * m.pole_area * mp.cos(m.pole_angle) / mu0
+
+
+def oracle(b: Bearing, iu: Any, x: Any) -> Any:
+    i0, s0 = mp.mpf(b.magnet.bias_current), mp.mpf(b.magnet.air_gap)
+    own = pull(b, i0 + iu, s0 - x)
+    return own if b.magnet.type == "one-sided" else own - pull(b, i0 - iu, s0 + x)
+
+
+def test_the_figures_of_the_design() -> None:
+    law = magnet_of(TWO_SIDED)
+    assert isinstance(law, SaturatingLaw)
+    assert tangent(law.magnet(CORE), 0, 0) == pytest.approx((49.660, 146_764), rel=1e-5)
+    assert float(law.force(2.5, 0)) == pytest.approx(119.216, rel=2e-6)
+    assert tangent(law.magnet(CORE), 2.5, 0)[0] == pytest.approx(43.579, rel=2e-6)
+
+
+@BEARINGS
+@settings(max_examples=30, deadline=None)
+@given(a=share, d=share)
+def test_the_law_is_froehlichs(b: Bearing, a: float, d: float) -> None:
+    iu, x = 2.4 * a, 0.25e-3 * d
+    law = magnet_of(b)
+    with mp.workdps(40):
+        bias = oracle(b, 0, 0)
+        expected = oracle(b, mp.mpf(iu), mp.mpf(x))
+        h = mp.mpf(10) ** -12
+        slopes = (
+            (oracle(b, iu + h, mp.mpf(x)) - oracle(b, iu - h, mp.mpf(x))) / (2 * h),
+            (oracle(b, mp.mpf(iu), x + h) - oracle(b, mp.mpf(iu), x - h)) / (2 * h),
+        )
+    assert float(law.force(iu, x)) == pytest.approx(float(expected), rel=1e-13, abs=1e-12)
+    assert law.bias_force == pytest.approx(float(bias), rel=1e-14)
+    assert tangent(law.magnet(CORE), iu, x) == pytest.approx(tuple(map(float, slopes)), rel=1e-12)
+
+
+@BEARINGS
+@given(a=share, d=share)
+def test_tangents_are_slopes_and_the_other_form_gives_the_force(
+    b: Bearing, a: float, d: float
+) -> None:
+    iu, x, magnet = 2.4 * a, 0.25e-3 * d, magnet_of(b).magnet(CORE)
+    assert tangent(magnet, iu, x) == pytest.approx(differences(magnet, iu, x, 1e-5, 1e-9), rel=1e-6)
+    k_i, k_s = through_origin(magnet, iu, x)
+    room = 1e-13 * (abs(k_i * iu) + abs(k_s * x)) + 1e-300
+    assert k_i * iu + k_s * x == pytest.approx(force(magnet, iu, x), rel=1e-12, abs=room)
+
+
+@BEARINGS
+def test_nothing_cancels_near_the_origin(b: Bearing) -> None:
+    magnet = magnet_of(b).magnet(CORE)
+    k_i, k_s = tangent(magnet, 0, 0)
+    for small in (1e-8, 1e-12, 1e-16):
+        assert force(magnet, small, 0) == pytest.approx(k_i * small, rel=10 * small + 1e-14)
+        assert force(magnet, 0, 1e-3 * small) == pytest.approx(
+            k_s * 1e-3 * small, rel=10 * small + 1e-14
+        )
+
+
+@BEARINGS
+@given(
+    a=share, d=share, more=st.floats(1e3, 1e9)
+)  # times the permeability and the saturation of the bearing
+def test_its_limit_is_the_ideal_law(b: Bearing, a: float, d: float, more: float) -> None:
+    ideal = b.replace(magnet__saturation=1.6 * more, magnet__relative_permeability=2000 * more)
+    iu, x = 2.5 * a, 0.25e-3 * d
+    magnet, closed = magnet_of(ideal).magnet(CORE), ClosedLaw(b).magnet(CORE)
+    scale = force(closed, 2.5, 0)
+    # The iron's share of the gap is 6 %, the flux reaches 1.6 T: both fall with `more`.
+    near = 2 / more + 1e-13
+    assert abs(force(magnet, iu, x) - force(closed, iu, x)) < near * 5 * scale
+    for one, other in zip(tangent(magnet, iu, x), tangent(closed, iu, x), strict=True):
+        assert one == pytest.approx(other, rel=5 * near)
+
+
+def test_without_iron_it_is_the_ideal_law() -> None:
+    assert isinstance(magnet_of(IDEAL), ClosedLaw)
+    grid = np.meshgrid(np.linspace(-2.5, 2.5, 11), np.linspace(-2.5e-4, 2.5e-4, 11))
+    here, there = SaturatingLaw(IDEAL), ClosedLaw(IDEAL)
+    np.testing.assert_allclose(here.force(*grid), there.force(*grid), rtol=1e-12, atol=1e-11)
+
+
+def test_in_single_precision_it_is_the_same_to_its_digits() -> None:
+    rng = np.random.default_rng(2)
+    iu, x = rng.uniform(-2.5, 2.5, 1000), rng.uniform(-2.5e-4, 2.5e-4, 1000)
+    single = magnet_of(TWO_SIDED).magnet(core_module("float32"))
+    double = magnet_of(TWO_SIDED).magnet(CORE)
+    iu, x = iu.astype(np.float32), x.astype(np.float32)
+    for method in ("force", "tangent", "through_origin"):
+        found = getattr(single, method)(iu, x)
+        known = getattr(double, method)(iu.astype(float), x.astype(float))
+        for a, b in zip(np.atleast_2d(found), np.atleast_2d(known), strict=True):
+            np.testing.assert_allclose(a, b, rtol=3e-6, atol=3e-6 * np.abs(b).max())
+
+
+@pytest.mark.parametrize("change", [("r1", "m1", "g1"), ("k_s", "b * other", "a * other")])
+def test_steps_that_are_not_the_law_are_refused(change: tuple[str, str, str]) -> None:
+    where, old, new = change
+    good = saturating.functions[2]
+    steps = tuple((n, t.replace(old, new) if n == where else t) for n, t in good.steps)
+    results = {
+        n: (t.replace(old, new) if n == where else t, s) for n, (t, s) in good.results.items()
+    }
+    check(saturating, good)
+    with pytest.raises(ValueError, match="is not that of the law"):
+        check(saturating, Function(good.name, good.about, steps, results, good.more))
+
+
+# ---- the bearing ----
+
+
+@BEARINGS
+def test_the_hover_current_carries_the_rotor(b: Bearing) -> None:
+    left = magnet_of(b).force(b.hover_current, 0.0) + b.weight
+    assert abs(float(left)) < 1e-12 * b.rotor.mass * 9.81
+
+
+def test_an_angle_takes_its_cosine() -> None:
+    straight = TWO_SIDED.replace(magnet__pole_angle=None)
+    ratio = TWO_SIDED.magnet.magnet_constant / straight.magnet.magnet_constant
+    assert ratio == pytest.approx(np.cos(np.deg2rad(22.5)), rel=1e-14)
+    assert Bearing.from_toml(TWO_SIDED.to_toml()) == TWO_SIDED
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        (
+            'saturation = "1.6 T"\n',
+            "",
+            "iron.toml:4: magnet.saturation: missing: iron is described",
+        ),
+        (
+            "relative_permeability = 2000\n",
+            "",
+            "iron.toml:4: magnet.relative_permeability: missing",
+        ),
+        ('"22.5 deg"', '"90 deg"', "iron.toml:8: magnet.pole_angle: must be less than 90 deg"),
+        ('"22.5 deg"', '"-1 deg"', "iron.toml:8: magnet.pole_angle: must be at least 0 rad"),
+        (
+            'turns = 208\npole_area = "290 mm^2"\npole_angle = "22.5 deg"\n',
+            'magnet_constant = "3.6 N mm^2/A^2"\n',
+            "iron.toml:9: magnet.iron_length: needs turns and pole_area in the place of",
+        ),
+        (
+            'turns = 208\npole_area = "290 mm^2"\n',
+            'magnet_constant = "3.6 N mm^2/A^2"\n',
+            "iron.toml:7: magnet.pole_angle: goes with turns and pole_area",
+        ),
+        ('"5 kg"', '"40 kg"', "carries the rotor at x = 0, which no current does"),
+    ],
+)
+def test_what_does_not_go_together_is_told_with_its_line(old: str, new: str, told: str) -> None:
+    assert old in TOML
+    with pytest.raises(ConfigError) as refused:
+        Bearing.from_toml(TOML.replace(old, new), name="iron.toml")
+    assert told in str(refused.value)
+
+
+def test_another_constant_keeps_the_iron() -> None:
+    found = TWO_SIDED.replace(**TWO_SIDED.magnet.with_constant(4e-6))
+    assert found.magnet.magnet_constant == pytest.approx(4e-6, rel=1e-14)
+    assert found.magnet.turns == 208
+    here, there = (SaturatingLaw(b).magnet(CORE).parameters for b in (found, TWO_SIDED))
+    assert {k: v for k, v in here.items() if k != "k"} == {
+        k: v for k, v in there.items() if k != "k"
+    }
+
+
+# ---- as plant, and as what estimators know ----
+
+SHAKEN = Scenario.model_validate(
+    {
+        "duration": 0.5,
+        "seed": 4,
+        "reference": {"type": "sine", "amplitude": 0.1e-3, "frequency": 5.0},
+        "controller": ambkit.simulation.scenario.PID.for_bearing(TWO_SIDED).model_dump(),
+    }
+)
+
+
+REFERENCE = ambkit.simulation.scenario.Scenario.model_validate(
+    {
+        "reference": {
+            "type": "sum",
+            "parts": [
+                {"type": "sine", "amplitude": 0.04e-3, "frequency": 40.0},
+                {"type": "sine", "amplitude": 0.06e-3, "frequency": 7.0},
+            ],
+        }
+    }
+).reference
+
+
+def test_the_plant_is_the_bearings_magnet() -> None:
+    record = ambkit.simulate(TWO_SIDED, SHAKEN)
+    assert not record.meta["stop_touched"]
+    at = record["iu"], record["x"]
+    np.testing.assert_allclose(record["f_mag"], magnet_of(TWO_SIDED).force(*at), rtol=1e-12,
+                               atol=1e-9)  # fmt: skip
+    assert np.abs(record["f_mag"] - ClosedLaw(TWO_SIDED).force(*at)).max() > 3
+
+
+@pytest.mark.parametrize("kind", ["extended", "unscented", "closed-law", "square-root"])
+def test_estimators_know_it(kind: str) -> None:
+    """With the iron the disturbance force is found; without it, it takes what the iron lacks."""
+    record = ambkit.simulate(TWO_SIDED, SHAKEN)
+    noise = ambkit.FilterNoise(disturbance=100.0)
+    told = KINDS[kind].make(TWO_SIDED, noise=noise)
+    ideal = KINDS[kind].make(TWO_SIDED, ClosedLaw(TWO_SIDED), noise=noise)
+    late = record.t > 0.1
+    off = [np.sqrt(np.mean(one.run(record).f_d[late] ** 2)) for one in (told, ideal)]
+    assert off[0] < 0.4 * off[1]
+
+
+def test_the_linear_filter_takes_its_tangent() -> None:
+    linear = KINDS["linear"].make(TWO_SIDED)
+    assert linear.source == ConstantStiffness.of(TWO_SIDED)
+    k_i, k_s = magnet_of(TWO_SIDED).tangent(0.0, 0.0)
+    assert linear.source == ConstantStiffness(float(k_i), float(k_s))
+
+
+def test_many_runs_side_by_side_are_those_one_by_one() -> None:
+    records = [
+        ambkit.simulate(TWO_SIDED, SHAKEN.model_copy(update={"seed": seed})) for seed in range(9)
+    ]
+    filter_ = KINDS["extended"].make(TWO_SIDED)
+    together = ambkit.run_many(filter_, [r["y"] for r in records], [r["u"] for r in records])
+    for mean, record in zip(together.mean, records, strict=True):
+        np.testing.assert_array_equal(mean, filter_.run(record).mean)
+
+
+def test_its_constant_is_identified() -> None:
+    """A scale of the law: the turns and the iron stay, and the pole area is what is found."""
+    k = 1.1 * TWO_SIDED.magnet.magnet_constant
+    truth = TWO_SIDED.replace(**TWO_SIDED.magnet.with_constant(k))
+    shaken = SHAKEN.model_copy(update={"duration": 1.0, "reference": REFERENCE})
+    record = simulate_run(truth, shaken).record
+    assert not record.meta["stop_touched"]
+    free = ["magnet_constant", "air_gap", "load_growth"]
+    found = maximum_likelihood(record, TWO_SIDED, free=free)
+    assert found.bearing.magnet.saturation == 1.6
+    assert found.bearing.magnet.turns == 208
+    for name, known in (("magnet_constant", k), ("air_gap", 0.78e-3)):
+        low, high = found.interval(name)
+        assert found[name] == pytest.approx(known, rel=5e-3)
+        assert low < known < high
+    ideal = maximum_likelihood(record, IDEAL, free=free)
+    assert ideal["air_gap"] > 1.05 * 0.78e-3  # which then stands for the iron
+
+
+@pytest.mark.parametrize("precision", ["float", "double"])
+def test_its_exported_c_passes_its_selftest(tmp_path: Path, precision: Any) -> None:
+    made = export_c(TWO_SIDED, None, tmp_path / "out", kind="extended", precision=precision)
+    assert "core/src/saturating.c" in made.sources
+    selftests = [str(f.relative_to(made.folder)) for f in (made.folder / "selftest").glob("*.c")]
+    subprocess.run(
+        ["cc", "-std=c99", *STRICT, *SAME_BITS, *INCLUDES, *made.sources, *selftests, "-o", "test"],
+        cwd=made.folder, check=True,
+    )  # fmt: skip
+    assert (
+        "PASS"
+        in subprocess.run(
+            [made.folder / "test"], capture_output=True, text=True, check=True
+        ).stdout.upper()
+    )
