@@ -139,10 +139,11 @@ def _of_the_stop(summary: RunSummary) -> str:
     from ambkit.cli.output import value
 
     at = summary.first_at_the_stop
+    first = "" if at is None else f", first at {value(at, 's')}"
     return (
         f"the rotor touched the stop at {value(summary.bearing.rotor.travel_limit, 'm')} in "
         f"{summary.samples_at_the_stop} of {len(summary.run.record)} samples"
-        f"{'' if at is None else f', first at {value(at, 's')}'}: does the controller suit the "
+        f"{first}: does the controller suit the "
         "bearing ([controller] in the file of --scenario)? Or take a smaller step or load"
     )
 
