@@ -51,7 +51,7 @@ def how_to_train(
     weights : bool, optional
         Whether the rules' conclusions are trained as well; by default with least squares.
     normalised : bool
-        Not eq. 33 as printed.
+        False is eq. 33 as printed.
     scaling : {"grid", "unit"}
         How an ampere and a millimetre compare.
     """
