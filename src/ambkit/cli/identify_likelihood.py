@@ -127,7 +127,8 @@ def by_likelihood(asked: Asked, known: Bearing) -> None:
         ],
         as_json=asked.json,
     )  # fmt: skip
-    if asked.out is not None and any("[signals." in line for line in carried_over(found.model)):
+    carried = carried_over(found.model, delay=not found.delay_counts)
+    if asked.out is not None and any("[signals." in line for line in carried):
         output.note(
             f"{asked.out} says what to put into the channel map before filtering such a log"
         )
