@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.util
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -226,6 +226,10 @@ def _of_user(name: str, make: Callable[..., Any], bearing: Bearing) -> Contender
     return Contender(name, name, build, in_loop=False)
 
 
+STATES = 4
+"""What an estimator of the user returns, the first states of every bearing: x, v, f_d, x_m."""
+
+
 @dataclass
 class PythonEstimator:
     """An object with ``step(y, u)``, run along a record sample by sample.
@@ -250,7 +254,6 @@ class PythonEstimator:
     wrapped: Any
     bearing: Bearing
     name: str
-    _columns: int = field(default=4, init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not callable(getattr(self.wrapped, "step", None)):
@@ -272,12 +275,12 @@ class PythonEstimator:
             ``step`` fails, or does not return four numbers.
         """
         y, u = record["y"].tolist(), record["u"].tolist()
+        other = KalmanFilter(self.bearing)
         if callable(getattr(self.wrapped, "reset", None)):
-            other = KalmanFilter(self.bearing)
             first = record["y"][0]
-            start = [first / self.bearing.sensor.gain, 0.0, 0.0, first]
-            self.wrapped.reset(np.array(start), np.array(other.default_std()))
-        mean = np.empty((len(y), self._columns))
+            start = other.at_rest(first / self.bearing.sensor.gain, first)
+            self.wrapped.reset(start[:STATES], np.array(other.default_std()[:STATES]))
+        mean = np.empty((len(y), STATES))
         acted = [u[0], *u[:-1]]
         for k in range(len(y)):
             try:
@@ -291,5 +294,6 @@ class PythonEstimator:
         unknown: NDArray[np.float64] = np.full(len(y), np.nan)
         status = np.full(len(y), Status.OK, dtype=np.uint16)
         return Estimate(
-            record.t, mean, unknown, unknown, unknown, unknown, status, None, self.name
+            record.t, mean, unknown, unknown, unknown, unknown, status, None, self.name,
+            other.states[:STATES],
         )  # fmt: skip
