@@ -112,6 +112,7 @@ static void noise_of_controls(const amb_model *model, const amb_stiffness k[],
   const int p = model->forces;
   const int controls = model->controls;
   noise->gain[0][0] = AMB_C(0.0); /* compilers do not know that there is one */
+  noise->variance[0][0] = AMB_C(0.0);
   for (int f = 0; f < p; f++) {
     for (int c = 0; c < controls; c++) {
       noise->gain[f][c] = AMB_C(0.0);

@@ -109,9 +109,8 @@ def by_likelihood(asked: Asked, known: Bearing) -> None:
         ],
         as_json=asked.json,
     )  # fmt: skip
-    if asked.out is not None and any(
-        "[signals." in line for line in carried_over(likelihood.model)
-    ):
+    carried = carried_over(likelihood.model, delay=not likelihood.delay_counts)
+    if asked.out is not None and any("[signals." in line for line in carried):
         output.note(
             f"{asked.out} says what to put into the channel map before filtering such a log"
         )

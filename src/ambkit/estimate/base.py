@@ -111,7 +111,7 @@ class Estimator(Copyable):
             "x_max": [travel],
             "cap": caps(bearing, self.states),
             "var_u": [self.variances.control],
-            "var_d": self._growth(),
+            "var_d": self.variances.growth(bearing.sampling_time, self.engine.noises),
             "var_y": [self.variances.measurement],
             "gate": gate,
             "frozen_limit": frozen_limit,
@@ -141,12 +141,6 @@ class Estimator(Copyable):
             Stiffnesses at the working point [N/A], [N/m].
         """
         return _linear(self.model, k_i, k_s, self._settings)
-
-    def _growth(self) -> list[float]:
-        """Variances of the model's noises: the load's in a sample [N^2], the others' own."""
-        T = self.bearing.sampling_time
-        _, *others = self.engine.noises
-        return [T * self.variances.disturbance, *(noise.size**2 for noise in others)]
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         """Return the core's estimator of this kind."""
@@ -179,7 +173,7 @@ class Estimator(Copyable):
             A mean is not finite, or a standard deviation not finite and positive.
         """
         if isinstance(std, str) and std != "diffuse":
-            raise ValueError(f"std must be four numbers or 'diffuse', got {std!r}")
+            raise ValueError(f"std must be {len(self.states)} numbers or 'diffuse', got {std!r}")
         given = self.default_std() if std is None else std
         start = np.zeros(len(self.states)) if mean is None else mean
         self.core.reset(

@@ -36,6 +36,11 @@ class Status(IntFlag):
     RESTARTED = 2048  #: started afresh: from this measurement, or with nothing known
 
 
+def packed(i: int, j: int, n: int) -> int:
+    """Return where entry (i, j), i <= j, stands in an upper triangle of n rows, row by row."""
+    return i * n - i * (i + 1) // 2 + j
+
+
 @dataclass(frozen=True, eq=False)
 class Estimate:
     """Estimates of one estimator along one record, n samples.
@@ -175,9 +180,9 @@ class Estimate:
         """
         if self.covariance is None:
             raise ValueError("run(record, covariance=True) keeps the covariances that std needs")
-        i, n = self.names.index(name), len(self.states)
-        entry = i * n - i * (i - 1) // 2
-        return np.asarray(np.sqrt(self.covariance[:, entry]), dtype=float)
+        i = self.names.index(name)
+        variance = self.covariance[:, packed(i, i, len(self.states))]
+        return np.asarray(np.sqrt(variance), dtype=float)
 
     def to_record(self) -> Record:
         """Return the estimates as a :class:`Record`, ready to be saved or plotted."""

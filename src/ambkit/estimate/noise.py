@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -10,6 +11,7 @@ from ambkit.machine.bearing import GRAVITY
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
+    from ambkit.models.model import Descriptor
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,19 @@ class Variances(NamedTuple):
     measurement: float
     control: float
     disturbance: float
+
+    def growth(self, T: float, noises: Sequence[Descriptor]) -> list[float]:
+        """Return the variances of a model's noises: the load's in a sample [N^2], the others' own.
+
+        Parameters
+        ----------
+        T : float
+            Sampling time [s].
+        noises : sequence of Descriptor
+            Of the model, the load's first.
+        """
+        _, *others = noises
+        return [T * self.disturbance, *(noise.size**2 for noise in others)]
 
 
 def completed(bearing: Bearing, noise: FilterNoise) -> Variances:

@@ -1,1 +1,1 @@
-"""What the commands decide, as Python: who is asked, tuned, judged on what; the paper reproduced."""
+"""What the commands decide, as Python: who is asked, tuned, judged on what."""

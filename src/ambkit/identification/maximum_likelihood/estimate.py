@@ -101,8 +101,15 @@ class MaximumLikelihood:
 
     @property
     def bearing(self) -> Bearing:
-        """The bearing that was found."""
-        return self.model.bearing
+        """The bearing found, with its delay where `delay_counts`, and its current's lag."""
+        return self.model.late_bearing(delay=self.delay_counts)
+
+    @property
+    def delay_counts(self) -> bool:
+        """Whether the delay is the bearing's: it was given, or found and surely not zero."""
+        if self.start.bearing.delay is not None or all(p.name != "delay" for p in self.parameters):
+            return self.start.delay > 0
+        return self.interval("delay")[0] > 0
 
     def __getitem__(self, name: str) -> float:
         """Return the value of a parameter, found or held [SI]."""
@@ -268,7 +275,7 @@ def maximum_likelihood(
     if settling is None:
         settling = settling_time(given.bearing)
     _check_records(several, given, settling)
-    given = _movable(given, parameters)
+    asked, given = given, _movable(given, parameters)
     begin, begun_from = given, "the bearing given"
     if improve_start:
         note("looking for a start")
@@ -291,7 +298,7 @@ def maximum_likelihood(
         parameter, why = worst
         parameters = [p for p in parameters if p is not parameter]
         from_start = begin if ALIKE in why or WALL in why else None
-        begin, at = hold(several, found, parameter, parameters, given, settling, from_start)
+        begin, at = hold(several, found, parameter, parameters, asked, settling, from_start)
         held[parameter.name] = f"{why}; held at {at}"
         if not parameters:
             raise AmbkitError(

@@ -100,20 +100,26 @@ def run_with_gaps(
         if steps <= own:
             # What is typical, or what it came to: a signal that jumps may be lost where it does.
             change = max(typical(-(-steps // per_sample)), float(abs(u[after] - u[first])))
-            kalman.core.widen(_pushed(bearing, law, change, steps * h))
+            kalman.core.widen(_pushed(kalman, law, change, steps * h))
         else:
             known = y[after:][np.isfinite(y[after:])]
             start = float(known[0]) if known.size else 0.0
-            kalman.reset([start / bearing.sensor.gain, 0.0, 0.0, start])
+            kalman.reset(kalman.at_rest(start / bearing.sensor.gain, start))
             skip = own
     run_to(u.size)
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-def _pushed(bearing: Bearing, law: ConstantStiffness, change: float, duration: float) -> Array:
-    """How far a control signal that is off by `change` [V] takes the states (4,) in a while [s]."""
+def _pushed(kalman: Estimator, law: ConstantStiffness, change: float, duration: float) -> Array:
+    """How far a control signal that is off by `change` [V] takes the states (n,) in a while [s]."""
+    bearing = kalman.bearing
     m = bearing.rotor.mass
     rate = math.sqrt(law.k_s / m)
     push = law.k_i * bearing.amplifier.gain * change / m
     x = push / rate**2 * (math.cosh(rate * duration) - 1)
-    return np.array([x, push / rate * math.sinh(rate * duration), 0.0, bearing.sensor.gain * x])
+    far = {
+        "position": x,
+        "velocity": push / rate * math.sinh(rate * duration),
+        "sensor": bearing.sensor.gain * x,
+    }
+    return np.array([far.get(state.role, 0.0) for state in kalman.states])

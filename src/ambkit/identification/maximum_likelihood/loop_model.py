@@ -19,11 +19,16 @@ from ambkit.estimate.noise import FilterNoise
 from ambkit.identification.maximum_likelihood.gaps import filled, run_with_gaps
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.magnets import StiffnessSource, magnet_of
+from ambkit.machine.parts import LONGEST_DELAY
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
 
 Array = NDArray[np.float64]
+
+
+NO_LAG = 1e-3
+"""In samples: a lag of the current that is shorter counts as none."""
 
 
 @dataclass(frozen=True)
@@ -35,14 +40,15 @@ class LoopModel:
     bearing : Bearing
         Magnet, rotor, amplifier and sensor.
     delay : float
-        Time from a logged control signal to the force, to the logged position [s]: that of the
-        whole loop, for the part before the magnet and the part after it look alike. Whole steps
-        shift the signal; a fraction f of a step gives each step the mean of what acts in it,
+        Time from a logged control signal to the force, to the logged position [s]; NaN: the
+        bearing's own. That of the whole loop, for the part before the magnet and the part after it
+        look alike. Whole steps shift the signal; a fraction f of a step gives each step the mean of
+        what acts in it,
         ``(1 - f) u[k] + f u[k - 1]``. That is exact for the momentum; the position misses
         ``f (1 - f)/2 h^2`` times the step of the acceleration, nanometres.
     current_lag : float
         Time constant with which the current that pulls follows the logged control signal [s]:
-        amplifier, coil and eddy currents; 0: at once.
+        amplifier, coil and eddy currents; 0: at once; NaN: that of the amplifier's bandwidth.
     position_offset : float
         Measured position of a rotor at x = 0 [m].
     current_offset : float
@@ -61,8 +67,8 @@ class LoopModel:
     """
 
     bearing: Bearing
-    delay: float = 0.0
-    current_lag: float = 0.0
+    delay: float = math.nan
+    current_lag: float = math.nan
     position_offset: float = 0.0
     current_offset: float = 0.0
     load_growth: float = math.nan
@@ -71,13 +77,38 @@ class LoopModel:
     substeps: int = 4
 
     def __post_init__(self) -> None:
-        weight = self.bearing.rotor.mass * GRAVITY
-        if math.isnan(self.load_growth):
-            object.__setattr__(self, "load_growth", (2 * weight) ** 2)
+        b, weight = self.bearing, self.bearing.rotor.mass * GRAVITY
+        bandwidth = b.amplifier.bandwidth
+        own = {
+            "delay": b.delay or 0.0,
+            "current_lag": 0.0 if bandwidth is None else 1 / (2 * math.pi * bandwidth),
+            "load_growth": (2 * weight) ** 2,
+        }
+        for name, value in own.items():
+            if math.isnan(getattr(self, name)):
+                object.__setattr__(self, name, value)
+
+    @property
+    def prompt_bearing(self) -> Bearing:
+        """The bearing as if the current followed at once, for signals that are late already."""
+        return _late(self.bearing, 0.0, 0.0)
+
+    def late_bearing(self, *, delay: bool = True) -> Bearing:
+        """Return the bearing with the model's delay and lag of the current as its own.
+
+        Parameters
+        ----------
+        delay : bool
+            Without: only with the lag. Nor has it a delay that no bearing can have: one below zero,
+            or a very long one.
+        """
+        longest = LONGEST_DELAY * self.bearing.sampling_time
+        known = delay and 0 < self.delay <= longest
+        return _late(self.bearing, self.delay if known else 0.0, self.current_lag)
 
     def kalman(self) -> Estimator:
         """Return the filter whose innovations judge this model, in the C core, with its steps."""
-        b = self.with_mean_force
+        b = _late(self.with_mean_force, 0.0, 0.0)
         finer = b.replace(
             sampling_time=b.sampling_time / self.substeps,
             # Drawn anew in each step, and as much in the sum.
@@ -174,7 +205,7 @@ class LoopModel:
         """
         out, u, kalman = self._run(record)
         steps = ahead * self.substeps
-        fine = kalman.core.forecast(np.ascontiguousarray(out["mean"]), u, steps)
+        fine = kalman.core.forecast(np.ascontiguousarray(out["mean"]), u, steps)[:, 0]
         n = len(record) - ahead
         return np.asarray(fine[:: self.substeps][:n]) + self.position_offset
 
@@ -191,8 +222,8 @@ class LoopModel:
         first = float(known[0]) if known.size else 0.0
         std = list(kalman.default_std())
         if not math.isnan(self.load_std):
-            std[2] = self.load_std
-        kalman.reset([first / self.bearing.sensor.gain, 0.0, 0.0, first], std)
+            std[[state.name for state in kalman.states].index("f_d")] = self.load_std
+        kalman.reset(kalman.at_rest(first / self.bearing.sensor.gain, first), std)
         missing = ~np.isfinite(record["u"])
         if not missing.any():
             return kalman.core.run(y, u), u, kalman
@@ -249,6 +280,21 @@ class LoopModel:
             constant = float(of_bearing.pop("magnet__magnet_constant"))  # type: ignore[arg-type]
             of_bearing |= self.bearing.magnet.with_constant(constant)
         return replace(model, bearing=self.bearing.replace(**of_bearing))
+
+
+def _late(bearing: Bearing, delay: float, current_lag: float) -> Bearing:
+    """Return a bearing with another delay [s] and lag of the current [s]; 0: none."""
+    amplifier, bandwidth = bearing.amplifier, None
+    if current_lag > NO_LAG * bearing.sampling_time:
+        bandwidth = 1 / (2 * math.pi * current_lag)
+        if amplifier.bandwidth and math.isclose(bandwidth, amplifier.bandwidth):
+            bandwidth = amplifier.bandwidth  # to the last bit, as it was given
+    if (delay or None, bandwidth) == (bearing.delay, amplifier.bandwidth):
+        return bearing
+    changes: dict[str, float | None] = {"delay": delay or None, "amplifier__bandwidth": bandwidth}
+    if bandwidth is None:  # a limit of the voltage limits what the current follows with
+        changes |= {"amplifier__voltage_limit": None, "amplifier__resistance": None}
+    return bearing.replace(**changes)
 
 
 NOT_USED = int(Status.MISSING | Status.FROZEN | Status.BAD_VARIANCE | Status.OUTLIER)
@@ -321,7 +367,7 @@ def lagged(u: Array, T: float, lag: float) -> Array:
     lag : float
         Time constant [s]; 0: none.
     """
-    if lag < 1e-3 * T:
+    if lag < NO_LAG * T:
         return u
     from scipy.signal import lfilter
 

@@ -107,10 +107,11 @@ def usual(model: LoopModel) -> tuple[str, ...]:
     """Return what to look for in a model where the user does not say.
 
     A one-sided magnet knows no middle: where x = 0 is, is a choice, and an offset of the position
-    is nothing but another air gap.
+    is nothing but another air gap. A lag of the current is looked for where the amplifier has one.
     """
     one_sided = model.bearing.magnet.type == "one-sided"
-    return tuple(name for name in USUAL if not (one_sided and name == "position_offset"))
+    names = (*USUAL, "current_lag") if model.current_lag > 0 else USUAL
+    return tuple(name for name in names if not (one_sided and name == "position_offset"))
 
 
 def named(names: Sequence[str]) -> list[Parameter]:

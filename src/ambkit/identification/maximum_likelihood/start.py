@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood
-from ambkit.identification.maximum_likelihood.loop_model import LoopModel, delayed
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel, delayed, lagged
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, Parameter
 from ambkit.identification.online.adaline import Adaline
 from ambkit.machine.magnets import ConstantStiffness
@@ -98,10 +98,10 @@ def _by_least_squares(
     half = max(2, round(0.5 * math.sqrt(m / ConstantStiffness.of(b).k_s) / T))
     width = 2 * half + 1
     best: tuple[float, Array] | None = None
-    for delay in range(LONGEST_DELAY + 1) if "delay" in free else (0,):
+    for delay in range(LONGEST_DELAY + 1) if "delay" in free else (given.delay / T,):
         rows, targets = [], []
         for record in records:
-            y, u = record["y"], delayed(record["u"], delay)
+            y, u = record["y"], delayed(lagged(record["u"], T, given.current_lag), delay)
             if y.size < 4 * width or not (np.isfinite(y).all() and np.isfinite(u).all()):
                 continue
             # The same window for all three: what it does to one it does to the others.

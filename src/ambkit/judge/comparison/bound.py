@@ -2,7 +2,7 @@
 
 Tichavsky, Muravchik and Nehorai (1998) bound the error at each sample by a recursion on the
 information. Theirs needs the inverse of the process noise Q, which does not exist here: noise
-enters the four states through two doors only, control signal and disturbance. So the density is
+enters the states through few doors only, control signal and disturbance. So the density is
 written in what is independent and regular: the state at the start, and the unit noises w_0, w_1
 and so on. From these the state at sample k follows, and the inequality of van Trees (1968) says of
 any estimate of x_k that sees y_0 ... y_k::
@@ -24,12 +24,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ambkit.estimate.engine import PAPER
+from ambkit.machine.magnets import magnet_of
+from ambkit.models import axis_model
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ambkit.data.record import Record
     from ambkit.estimate.noise import Variances
     from ambkit.machine.bearing import Bearing
+    from ambkit.models.model import Model
 
 Array = NDArray[np.float64]
 
@@ -93,8 +98,9 @@ def bearing_bound(
 ) -> Array:
     """Bound for a bearing whose truth follows the filters' model.
 
-    That is: the closed force law, white noise on control signal and measurement, and a disturbance
-    force that is a random walk, all with the variances given.
+    That is: the bearing's force law, white noise on control signal and measurement, and a
+    disturbance force that is a random walk, all with the variances given; and what else the bearing
+    has that its model knows, such as coloured noise, as the bearing says.
 
     Parameters
     ----------
@@ -104,13 +110,14 @@ def bearing_bound(
         Simulated runs of the same scenario, with truth, alike in length.
     variances : Variances
         Of measurement, control signal, and growth of the disturbance.
-    std : sequence of 4 floats
-        Standard deviations of x [m], v [m/s], f_d [N], x_m [m] at the start.
+    std : sequence of n floats
+        Standard deviations at the start: x [m], v [m/s], f_d [N], x_m [m], and of what other states
+        the bearing's model has.
 
     Returns
     -------
-    ndarray (samples, 4)
-        Least standard deviation of the error: x [m], v [m/s], f_d [N], x_m [m].
+    ndarray (samples, n)
+        Least standard deviation of the error: x [m], v [m/s], f_d [N], x_m [m], and the others.
     """
     from threadpoolctl import threadpool_limits
 
@@ -121,20 +128,54 @@ def bearing_bound(
 def _bearing_bound(
     bearing: Bearing, records: Sequence[Record], variances: Variances, unit: Array
 ) -> Array:
-    F, G = zip(*(_along(bearing, record, variances) for record in records), strict=True)
+    model = axis_model(bearing)
+    plain = tuple(state.name for state in model.states) == PAPER
+
+    def along(record: Record) -> tuple[Array, Array]:
+        if plain:
+            return _held(bearing, record, variances)
+        return _along(model, bearing, record, variances)
+
+    F, G = zip(
+        *(along(record) for record in records),
+        strict=True,
+    )
     # In units of their own, so that no entry is 1e12 times another.
     scaled_F = np.asarray(F) * (unit / unit[:, None])
     scaled_G = np.asarray(G) / unit[:, None]
-    scaled_R = variances.measurement / unit[3] ** 2
-    found = posterior_bound(scaled_F, scaled_G, [0, 0, 0, 1], scaled_R, np.eye(4))
+    shown = model.c[0] * unit
+    size = np.abs(shown).max()
+    scaled_R = variances.measurement / size**2
+    found = posterior_bound(scaled_F, scaled_G, shown / size, scaled_R, np.eye(unit.size))
     return np.asarray(np.sqrt(np.einsum("kii->ki", found)) * unit)
 
 
-def _along(bearing: Bearing, record: Record, variances: Variances) -> tuple[Array, Array]:
-    """F (samples - 1, 4, 4) and G (samples - 1, 4, 5) of one run, exact for held tangents."""
-    from scipy.linalg import expm
+def _along(
+    model: Model, bearing: Bearing, record: Record, variances: Variances
+) -> tuple[Array, Array]:
+    """F (samples - 1, n, n) and G (samples - 1, n, n + 1) of one run, forces held in a sample."""
+    k_i, k_s = (k[:, None] for k in magnet_of(bearing).tangent(record["iu"][:-1], record["x"][:-1]))
+    rows = k_s * model.h[0] + k_i * model.e[0] + model.r[0]
+    F = model.L + model.b[:, 0][:, None] * rows[:, None, :]
+    control = model.B_u[:, 0] + k_i * model.d[0, 0] * model.b[:, 0]
+    scale = bearing.amplifier.gain * np.sqrt(variances.control)
+    growth = variances.growth(bearing.sampling_time, model.noises)
+    walked = _root(np.tensordot(growth, model.N, 1))
+    G = np.concatenate([scale * control[:, :, None], np.tile(walked, (len(F), 1, 1))], axis=2)
+    return F, G
 
-    from ambkit.machine.magnets import magnet_of
+
+def _root(Q: Array) -> Array:
+    """A factor of a covariance that may be singular (n, n), Q = R R'."""
+    std = np.sqrt(np.diag(Q))
+    unit = np.where(std > 0, std, 1.0)
+    values, vectors = np.linalg.eigh(Q / np.outer(unit, unit))
+    return np.asarray(unit[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def _held(bearing: Bearing, record: Record, variances: Variances) -> tuple[Array, Array]:
+    """F (samples - 1, 4, 4), G (samples - 1, 4, 5) of the paper's axis, exact for held tangents."""
+    from scipy.linalg import expm
 
     T, m = bearing.sampling_time, bearing.rotor.mass
     lag = max(bearing.sensor.lag, 1e-3 * T)

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
-from ambkit.estimate.engine import PAPER
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.family import KINDS, Tunable
 from ambkit.estimate.kalman import KalmanFilter
@@ -227,6 +226,10 @@ def _of_user(name: str, make: Callable[..., Any], bearing: Bearing) -> Contender
     return Contender(name, name, build, in_loop=False)
 
 
+STATES = 4
+"""What an estimator of the user returns, the first states of every bearing: x, v, f_d, x_m."""
+
+
 @dataclass
 class PythonEstimator:
     """An object with ``step(y, u)``, run along a record sample by sample.
@@ -273,13 +276,11 @@ class PythonEstimator:
         """
         y, u = record["y"].tolist(), record["u"].tolist()
         other = KalmanFilter(self.bearing)
-        named = {state.name: i for i, state in enumerate(other.states)}
-        columns = [named[name] for name in PAPER]
         if callable(getattr(self.wrapped, "reset", None)):
             first = record["y"][0]
             start = other.at_rest(first / self.bearing.sensor.gain, first)
-            self.wrapped.reset(start[columns], np.array(other.default_std())[columns])
-        mean = np.empty((len(y), len(columns)))
+            self.wrapped.reset(start[:STATES], np.array(other.default_std()[:STATES]))
+        mean = np.empty((len(y), STATES))
         acted = [u[0], *u[:-1]]
         for k in range(len(y)):
             try:
@@ -292,7 +293,7 @@ class PythonEstimator:
                 ) from error
         unknown: NDArray[np.float64] = np.full(len(y), np.nan)
         status = np.full(len(y), Status.OK, dtype=np.uint16)
-        states = tuple(other.states[i] for i in columns)
         return Estimate(
-            record.t, mean, unknown, unknown, unknown, unknown, status, None, self.name, states
-        )
+            record.t, mean, unknown, unknown, unknown, unknown, status, None, self.name,
+            other.states[:STATES],
+        )  # fmt: skip

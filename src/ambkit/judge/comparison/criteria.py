@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.estimate.estimate import packed
 from ambkit.estimate.innovations import whiteness
 from ambkit.machine.magnets import evaluate_force, magnet_of
 
@@ -24,6 +26,9 @@ SETTLING = 2.0
 
 LAGS = 50
 """Lags of the whiteness test."""
+
+JUDGED = ("x", "v", "f_d")
+"""States whose errors are judged together."""
 
 
 @dataclass(frozen=True)
@@ -147,10 +152,23 @@ def magnet_force(estimator: Any, estimate: Estimate, record: Record) -> Array:
     if source is None:
         return np.full(len(record), np.nan)
     bearing = estimator.bearing
-    current = bearing.amplifier.gain * record["u"]
-    iu = np.clip(current, bearing.current_min, bearing.current_max)
-    force = evaluate_force(source, iu, estimate.x) + magnet_of(bearing).bias_force
+    force = evaluate_force(source, _current(bearing, estimate, record), estimate.x)
+    force = force + magnet_of(bearing).bias_force
     return force if estimate.scale is None else estimate.scale * force
+
+
+def _current(bearing: Bearing, estimate: Estimate, record: Record) -> Array:
+    """Control current just after each sample as an estimator sees it [A].
+
+    A state where the amplifier lags; of a loop with a delay the oldest that still acts; else, and
+    by an estimator that does not follow it, as a low-pass, the one asked for.
+    """
+    for role in ("current", "past control"):
+        late = [at for at, state in enumerate(estimate.states) if state.role == role]
+        if late and estimate.mean[:, late[-1]].any():
+            return np.asarray(estimate.mean[:, late[-1]])
+    asked = bearing.amplifier.gain * record["u"]
+    return np.asarray(np.clip(asked, bearing.current_min, bearing.current_max))
 
 
 def normalised_errors(estimate: Estimate, record: Record) -> Array:
@@ -162,24 +180,22 @@ def normalised_errors(estimate: Estimate, record: Record) -> Array:
     if estimate.covariance is None:
         return np.full(len(record), np.nan)
     upper = np.asarray(estimate.covariance, dtype=float)
+    places = [estimate.names.index(name) for name in JUDGED]
     P = np.empty((len(record), 3, 3))
-    for i, j, place in _ENTRIES:
-        P[:, i, j] = P[:, j, i] = upper[:, place]
+    for i, j in combinations_with_replacement(range(3), 2):
+        low, high = sorted((places[i], places[j]))
+        P[:, i, j] = P[:, j, i] = upper[:, packed(low, high, len(estimate.states))]
     with np.errstate(invalid="ignore", divide="ignore"):
         std = np.sqrt(np.einsum("kii->ki", P))
         # In standard deviations, so that what is inverted is a correlation matrix.
         C = P / (std[:, :, None] * std[:, None, :])
-        e = np.column_stack([estimate[name] - record[name] for name in ("x", "v", "f_d")]) / std
+        e = np.column_stack([estimate[name] - record[name] for name in JUDGED]) / std
     found = np.full(len(record), np.nan)
     valid = np.isfinite(C).all(axis=(1, 2)) & np.isfinite(e).all(axis=1)
     valid[valid] = np.linalg.det(C[valid]) > 0
     solved = np.linalg.solve(C[valid], e[valid][..., None])[..., 0]
     found[valid] = np.einsum("ki,ki->k", e[valid], solved)
     return found
-
-
-_ENTRIES = [(0, 0, 0), (0, 1, 1), (0, 2, 2), (1, 1, 4), (1, 2, 5), (2, 2, 7)]
-"""Row and column of x, v, f_d, and place in the upper triangle of all four, row by row."""
 
 
 def nees(estimate: Estimate, record: Record, first: int) -> float:

@@ -87,16 +87,20 @@ def identification_report(
 def annotated_toml(found: MaximumLikelihood) -> str:
     """Return the bearing as TOML, each value that was found with its standard error beside it.
 
-    What is of the log and not of the bearing (delay, offsets, load) stands above in comments, with
-    the lines of a channel map that take it out.
+    What is of the log and not of the bearing (offsets, load, a delay that cannot be told from none)
+    stands above in comments, with the lines of a channel map that take it out.
     """
-    places = {tuple(p.place.split("__")): p for p in found.parameters if "__" in p.place}
+    in_bearing = {"current_lag": ("amplifier", "bandwidth")}
+    if found.delay_counts:
+        in_bearing["delay"] = ("", "delay")
+    places = {in_bearing.get(p.name, tuple(p.place.split("__"))): p for p in found.parameters}
     lines = [f"# Identified by maximum likelihood from {found.samples} measurements."]
     for p in found.parameters:
-        if "__" not in p.place:
+        if "__" not in p.place and p.name not in in_bearing:
             lines.append(f"# Of the log: {p.name} = {_with_error(found, p.name)}.")
     lines += [f"# Not found: {name}: {why}." for name, why in found.held.items()]
-    lines += [f"# {line}".rstrip() for line in carried_over(found.model)]
+    carried = carried_over(found.model, delay=not found.delay_counts)
+    lines += [f"# {line}".rstrip() for line in carried]
     table = ""
     for line in found.bearing.to_toml().splitlines():
         if line.startswith("["):
@@ -106,14 +110,24 @@ def annotated_toml(found: MaximumLikelihood) -> str:
             p = places[place]
             error = engineering(found.standard_error(p.name), p.unit, 2, like=found[p.name])
             line += f"  # found, standard error {error}"
+            if p.name == "current_lag":
+                line += f" of its lag, {engineering(found[p.name], p.unit, 4)}"
         lines.append(line)
     return "\n".join(lines) + "\n"
 
 
-def carried_over(model: LoopModel) -> list[str]:
+def carried_over(model: LoopModel, *, delay: bool = True) -> list[str]:
     """Say how what is of the log gets into a channel map, and into ``ambkit filter``.
 
-    With these lines a record is read as `LoopModel.corrected` gives it.
+    With these lines a record is read as `LoopModel.corrected` gives it, but for the lag of the
+    current, which is the bearing's.
+
+    Parameters
+    ----------
+    model : LoopModel
+        What was identified.
+    delay : bool
+        Without: the delay is the bearing's, too.
     """
     volts = model.current_offset / model.bearing.amplifier.gain
     of_y = [f'offset = "{engineering(-model.position_offset, "m", 6)}"']
@@ -122,7 +136,7 @@ def carried_over(model: LoopModel) -> list[str]:
         of_y = []
     if not volts:
         of_u = []
-    if model.delay:
+    if model.delay and delay:
         # Of u and not of y: what is held is averaged over the sample, y would be interpolated.
         of_u.append(f'delay = "{engineering(-model.delay, "s", 6)}"  # it acts later than logged')
     lines = []
@@ -135,9 +149,18 @@ def carried_over(model: LoopModel) -> list[str]:
             "add):",
             *(f"  {line}" for line in lines),
         ]
-    if model.current_lag:
-        lag = engineering(model.current_lag, "s", 4)
-        lines.append(f"The lag of the current, {lag}, has no place in a map: no filter knows it.")
+    late = model.late_bearing(delay=not delay)
+    known = [
+        f"{what} of {engineering(value, unit, 4)}"
+        for what, value, unit in (
+            ("a delay", late.delay, "s"),
+            ("a bandwidth of the amplifier", late.amplifier.bandwidth, "Hz"),
+        )
+        if value is not None
+    ]
+    if known:
+        said = " and ".join(known)
+        lines.append(f"The bearing has {said}, and filters of it know that: none into a map.")
     growth = f"{model.load_growth:.4g} N^2/s"
     return [*lines, f'The load, as it wandered: ambkit filter ... --disturbance-noise "{growth}"']
 
