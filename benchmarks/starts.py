@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 import ambkit
 from ambkit import Bearing, Record, Status
 from ambkit.estimate.base import Estimator
-from ambkit.estimate.estimate import STATES
 from ambkit.estimate.family import KINDS
 from ambkit.machine.magnets import Precision, own_time
 
@@ -62,7 +61,7 @@ def course(sensor: str, kind: str, seed: int = 1) -> Course:
             disturbance=ambkit.Sine(amplitude=0.5, frequency=2.0),
         ),
     )
-    truth = np.column_stack([record[name] for name in STATES])
+    truth = np.column_stack([record[name] for name in ("x", "v", "f_d", "x_m")])
     return Course(bearing, record["y"], record["u"], truth)
 
 

@@ -9,7 +9,6 @@ import pytest
 
 import ambkit
 from ambkit import Bearing, Estimate, KalmanFilter, Record, Scenario, Status
-from ambkit.estimate.estimate import STATES
 
 BEARING = Bearing.preset("zittau_axial")
 RECORD = ambkit.simulate(BEARING, Scenario(duration=0.5, seed=1))
@@ -24,7 +23,8 @@ def estimate() -> Estimate:
 
 
 def test_states_have_names(estimate: Estimate) -> None:
-    for column, name in enumerate(STATES):
+    assert estimate.names == ("x", "v", "f_d", "x_m")
+    for column, name in enumerate(estimate.names):
         assert (estimate[name] == estimate.mean[:, column]).all()
         assert (getattr(estimate, name) == estimate[name]).all()
     assert (estimate["k_s"] == 7537.5).all()
@@ -40,7 +40,7 @@ def test_standard_deviations_are_those_of_the_errors(estimate: Estimate) -> None
     walk = ambkit.Recorded(times=t, values=np.cumsum(steps) - steps[0])
     record = ambkit.simulate(BEARING, Scenario(duration=2.0, disturbance=walk))
     own = KalmanFilter(BEARING, noise=noise).run(record, covariance=True)
-    for name in STATES:
+    for name in own.names:
         error = (own[name] - record[name])[1000:]
         assert np.sqrt(np.mean(error**2)) == pytest.approx(own.std(name)[-1], rel=0.12)
     without = KalmanFilter(BEARING).run(RECORD)
@@ -62,7 +62,7 @@ def test_saved_estimates_come_back(estimate: Estimate, tmp_path: Path, ending: s
     path = tmp_path / f"estimate{ending}"
     estimate.save(path)
     back = Record.load(path)
-    for name in (*STATES, "k_i", "k_s", "innovation", "innovation_variance"):
+    for name in (*estimate.names, "k_i", "k_s", "innovation", "innovation_variance"):
         assert (back[name] == estimate[name]).all()
     assert (back["status"] == estimate.status).all()
     assert back.units["innovation_variance"] == "m^2"

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import oracles
 import pytest
+from filter_cases import made, with_core_s_numbers
 from filterpy.kalman import ExtendedKalmanFilter as Textbook
 from magnet_scale_cases import BEARING, LOAD_AT, jump, quieter, rms, run
 
 import ambkit
 from ambkit import Bearing, ClosedLaw, ExtendedKalmanFilter, FiveStateKalmanFilter, Record, Status
-from ambkit.estimate.model import LinearModel
 from ambkit.machine.magnets import core_module
 
 
@@ -36,7 +36,8 @@ def test_it_is_the_extended_filter_of_five_states(bearing: str, wander: float) -
     estimate = mine.run(record, covariance=True)
     assert not (estimate.status & Status.UNEXCITED).any()
 
-    s, law = mine.core.parameters["set"], ClosedLaw(b)
+    mine.engine.model = with_core_s_numbers(mine.model, mine.core.parameters)
+    s, law = oracles.settings_of(b), ClosedLaw(b)
     magnet, bias = law.magnet(core_module()), law.bias_force
     D = np.array([*mine.default_std(), 0.2])
     ekf = Textbook(5, 1)
@@ -49,8 +50,8 @@ def test_it_is_the_extended_filter_of_five_states(bearing: str, wander: float) -
             at = np.array([iu]), X[:1] + X[1:2] * s["T"] / 2
             known = float(magnet.force(*at)[0]) + bias
             k_i, k_s = (X[4] * float(a[0]) for a in magnet.tangent(*at))
-            model = LinearModel.of(mine.core.parameters, k_i, k_s)
-            free = LinearModel.of(mine.core.parameters, 0.0, 0.0)
+            model = mine.linear_model(k_i, k_s)
+            free = mine.linear_model(0.0, 0.0)
             A, Q = np.eye(5), np.zeros((5, 5))
             A[:4, :4], A[:4, 4:], Q[:4, :4] = model.A, model.E * known, model.Q
             Q[4, 4] = wander * s["T"] if ekf.P[4, 4] < 1.0 else 0.0
@@ -148,17 +149,18 @@ def test_single_precision_finds_the_same() -> None:
 def test_metres_and_micrometres_give_one_answer() -> None:
     """Of all filters with forces from the law: nothing in them is absolute."""
     core, record, magnet = core_module(), run(3e-4), BEARING.magnet
-    own: dict[str, tuple[Any, ...]] = {
-        "Unscented": (3**0.5, 2.0),
-        "ExtendedK": (0.0, 0.2, 1e-6, 0.2, 5.0, 0.012, 0.108),
-        "MultipleModel": (np.array([0.7, 0.85, 1.0, 1.15, 1.3]), 1e-4, 0.0, 0.012, 0.108),
+    learn = {"bias": np.zeros(1), "fresh": 0.012, "least": 0.108}
+    own: dict[str, dict[str, Any]] = {
+        "Unscented": {"reach": 3**0.5, "curvature": 2.0},
+        "Augmented": {"std": 0.2, "var_k": 1e-6, "min": 0.2, "max": 5.0, **learn},
+        "MultipleModel": {"theta": np.array([0.7, 0.85, 1.0, 1.15, 1.3]), "leave": 1e-4, **learn},
     }
 
     def means(name: str, um: float) -> Any:
         s, k = oracles.settings_of(BEARING), magnet.magnet_constant
         s |= {"m": s["m"] / um, "var_y": s["var_y"] * um**2, "x_max": s["x_max"] * um}
         law = core.Law(k * um**2, magnet.air_gap * um, magnet.bias_current, True, 1.0, 1e-3 * um)
-        estimator = getattr(core, name)(law, *own[name], **s)
+        estimator = made(core, name, law, s, **own[name])
         length = np.array([um, um, 1.0, um])
         estimator.reset(np.zeros(4), length * np.array([3e-5, 1e-2, 5.0, 3e-5]))
         return estimator.run(record["y"] * um, record["u"])["mean"] / length

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import oracles
 import pytest
-from filter_cases import core_filter
+from filter_cases import core_model, core_settings, made
 
 import ambkit
 from ambkit import Bearing, ClosedLaw, KalmanFilter, Record, Scenario, Status
@@ -148,11 +148,11 @@ def test_the_extended_filter_is_the_textbook_s() -> None:
     s = oracles.settings_of(BEARING)
     core = core_module()
     mean, std = np.array([2e-5, 0.01, -1.0, 1e-5]), np.array([3e-5, 0.012, 5.0, 3e-5])
-    ekf = core.Extended(law.magnet(core), **s)
+    ekf = made(core, "Extended", law.magnet(core), s)
     ekf.reset(mean, std)
     out = ekf.run(RECORD["y"], RECORD["u"], covariance=True)
     x, P = mean.copy(), np.diag(std**2)
-    held = ekf.parameters
+    known = KINDS["extended"].make(BEARING)
     magnet = law.magnet(core)
     for k in range(len(RECORD)):
         if k:
@@ -160,8 +160,8 @@ def test_the_extended_filter_is_the_textbook_s() -> None:
             at = np.array([iu]), np.array([x[0] + x[1] * s["T"] / 2])
             force = float(magnet.force(*at)[0])
             k_i, k_s = (float(a[0]) for a in magnet.tangent(*at))
-            model = LinearModel.of(held, k_i, k_s)
-            free = LinearModel.of(held, 0.0, 0.0)
+            model = known.linear_model(k_i, k_s)
+            free = known.linear_model(0.0, 0.0)
             x = free.A @ x + free.E.ravel() * (force + s["f_0"])
             P = model.A @ P @ model.A.T + model.Q
         H = np.array([0, 0, 0, 1.0])
@@ -187,8 +187,7 @@ def test_with_constant_stiffness_the_extended_filter_is_the_linear_one() -> None
 
 def linear_model() -> LinearModel:
     k = ConstantStiffness.of(BEARING)
-    core = core_filter(oracles.settings_of(BEARING))
-    return LinearModel.of(core.parameters, k.k_i, k.k_s)
+    return KalmanFilter(BEARING).linear_model(k.k_i, k.k_s)
 
 
 @pytest.mark.parametrize("lag", [2e-4, 1e-9])
@@ -196,7 +195,7 @@ def test_all_poles_of_the_observer_are_where_they_were_put(lag: float) -> None:
     bearing = BEARING.replace(sensor__lag=lag)
     observer = ExtendedStateObserver(bearing, bandwidth=800.0)
     k = ConstantStiffness.of(bearing)
-    m = LinearModel.of(observer.core.parameters, k.k_i, k.k_s)
+    m = observer.linear_model(k.k_i, k.k_s)
     units = np.array(observer.default_std())
     small = m.scaled(units)
     error = (np.eye(4) - np.outer(observer.gain / units, small.H)) @ small.A
@@ -267,10 +266,15 @@ def test_a_parameter_out_of_range_is_told(name: str, options: dict[str, Any], to
 def test_settings_are_complete_and_known() -> None:
     core = core_module()
     s = oracles.settings_of(BEARING)
+    model, given = core_model(core, s), core_settings(s)
     with pytest.raises(ValueError, match="the setting var_y is missing"):
-        core.Kalman(core.Constant(1, 1), **{k: v for k, v in s.items() if k != "var_y"})
+        core.Kalman(core.Constant(1, 1), model, **{k: v for k, v in given.items() if k != "var_y"})
     with pytest.raises(ValueError, match="a setting that no estimator has"):
-        core.Kalman(core.Constant(1, 1), **s, colour=1.0)
+        core.Kalman(core.Constant(1, 1), model, **given, colour=1.0)
+    with pytest.raises(ValueError, match="var_y has 2 samples, expected 1"):
+        core.Kalman(core.Constant(1, 1), model, **given | {"var_y": [1e-10, 1e-10]})
+    with pytest.raises(ValueError, match="2 magnets for 1 forces"):
+        core.Kalman([core.Constant(1, 1)] * 2, model, **given)
 
 
 def test_a_record_is_a_record_for_all() -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import ambkit
 from ambkit import Bearing, ClosedLaw, KalmanFilter, Record, Scenario, Status
-from ambkit.estimate.estimate import STATES, Estimate
+from ambkit.estimate.estimate import Estimate
 
 BEARING = Bearing.preset("zittau_axial")
 RECORD = ambkit.simulate(
@@ -59,7 +59,7 @@ def samples_to_recover(estimate: Estimate, end: int) -> int:
     """
     calm = KalmanFilter(BEARING, ClosedLaw(BEARING)).run(RECORD, covariance=True)
     late = 0
-    for name in STATES:
+    for name in calm.names:
         room = 6 * calm.std(name)[-1] + (1.5 if name == "f_d" else 0.0)
         out = np.nonzero(np.abs(estimate[name] - RECORD[name])[end:] > room)[0]
         late = max(late, int(out[-1]) + 1 if out.size else 0)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import oracles
 import pytest
+from filter_cases import made
 
 import ambkit
 from ambkit import Bearing, FilterNoise, KalmanFilter, Record, Scenario
@@ -60,8 +61,9 @@ def test_an_option_out_of_range_is_told(options: dict[str, Any], told: str) -> N
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
 def test_the_core_refuses_settings_that_make_no_filter(name: str, value: float) -> None:
     settings_ = oracles.settings_of(BEARING) | {name: value}
-    with pytest.raises(ValueError, match="outside its range"):
-        core_module().Kalman(core_module().Constant(10.0, 7e3), **settings_)
+    told = "T, m and T_sen must be" if name in ("T", "m", "T_sen") else "outside its range"
+    with pytest.raises(ValueError, match=told):
+        made(core_module(), "Kalman", core_module().Constant(10.0, 7e3), settings_)
 
 
 @pytest.mark.parametrize(
@@ -81,7 +83,7 @@ def test_a_start_that_makes_no_sense_is_refused_and_leaves_the_state(mean: Any, 
 def test_stiffnesses_that_are_no_numbers_are_not_predicted_with() -> None:
     n = 200
     core = core_module()
-    kf = core.Kalman(core.Constant(10.0, 7e3), **oracles.settings_of(BEARING))
+    kf = made(core, "Kalman", core.Constant(10.0, 7e3), oracles.settings_of(BEARING))
     kf.reset(np.zeros(4), np.array([1e-5, 1e-2, 5.0, 1e-5]))
     k_i, k_s = np.full(n, 10.05), np.full(n, 7537.5)
     k_i[100], k_s[120], k_s[140] = np.nan, np.inf, -np.inf

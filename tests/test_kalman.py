@@ -142,14 +142,14 @@ def test_a_forecast_goes_on_without_measurements() -> None:
     mean = kf.run(y, u)["mean"]
     ahead = 10
     forecast = kf.forecast(mean, u, ahead)
-    assert forecast.shape == (len(y) - ahead,)
+    assert forecast.shape == (len(y) - ahead, 1)
     naive = oracles.Kalman(SETTINGS, START, STD)
     for k in (0, 17, len(y) - ahead - 1):
         naive.X = mean[k].copy()
         for j in range(ahead):
             naive.predict(10.05, 7537.5, u[k + j])
-        assert forecast[k] == pytest.approx(naive.X[3], rel=1e-12)
-    assert kf.forecast(mean, u, len(y) + 5).shape == (0,)
+        assert forecast[k, 0] == pytest.approx(naive.X[3], rel=1e-12)
+    assert kf.forecast(mean, u, len(y) + 5).shape == (0, 1)
 
 
 def test_the_filters_of_the_package_are_set_up_from_the_bearing() -> None:

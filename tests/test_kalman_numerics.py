@@ -15,6 +15,7 @@ from filter_cases import (
     core_filter,
     full,
     least_correlation_eigenvalue,
+    made,
     moving_record,
     off,
 )
@@ -47,8 +48,8 @@ def test_metres_and_micrometres_give_one_answer(adaptive: bool) -> None:
         given_m = {"k_i": r["k_i"], "k_s": r["k_s"]}
         given_um = {"k_i": r["k_i"], "k_s": r["k_s"] / um}
     lengths = np.array([um, um, 1, um])
-    small = core.Kalman(in_m, **SETTINGS)
-    large = core.Kalman(in_um, **in_micrometres(SETTINGS))
+    small = made(core, "Kalman", in_m, SETTINGS)
+    large = made(core, "Kalman", in_um, in_micrometres(SETTINGS))
     small.reset(START, STD)
     large.reset(START * lengths, STD * lengths)
     a = small.run(r["y"], r["u"], **given_m)
@@ -123,7 +124,7 @@ def test_the_covariance_stays_positive_definite(
     k_s = s["m"] * (stiffness / s["T"]) ** 2 * rng.uniform(0.3, 1, n)
     k_i = k_s * s["x_max"]
     y = s["K_sen"] * s["x_max"] * rng.uniform(-0.1, 0.1, n)
-    kf = core_module().Kalman(core_module().Constant(1, 1), **s)
+    kf = made(core_module(), "Kalman", core_module().Constant(1, 1), s)
     speed = s["x_max"] * stiffness / s["T"]
     std = [0.1 * s["x_max"], speed, 10 * s["m"], 0.1 * s["x_max"] * s["K_sen"]]
     kf.reset(np.zeros(4), np.array(std))
@@ -156,7 +157,7 @@ def test_the_estimate_is_linear_in_what_it_is_given(a: float, b: float, seed: in
     y, u = rng.normal(0, 1e-5, (2, n)), rng.normal(0, 0.01, (2, n))
 
     def mean(y: Array, u: Array) -> Array:
-        kf = core_module().Kalman(core_module().Constant(1, 1), **s)
+        kf = made(core_module(), "Kalman", core_module().Constant(1, 1), s)
         kf.reset(np.zeros(4), STD)
         return np.asarray(kf.run(y, u, *k)["mean"])
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from filter_cases import BEARING, SETTINGS
+from filter_cases import BEARING, SETTINGS, STD, made, step_matrices
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from model_cases import Axis, machine
@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from ambkit.estimators.model import LinearModel
-from ambkit.magnets import core_module
+from ambkit.machine.magnets import core_module
 from ambkit.models import ZERO, axis, axis_model, compose
 from ambkit.models.parts import (
     Amplifier,
@@ -122,7 +121,7 @@ def test_the_paper_s_axis_has_the_core_s_numbers(
     """T_sen/T from 1/1000 to 1000: to 1e-12, what the sensor makes of noise to 1e-3."""
     s = {"T": 10**T, "m": 10**m, "T_sen": 10**T * 10**lag, "K_sen": 10**gain}
     core = core_module()
-    known = core.Kalman(core.Constant(1.0, 1.0), **(SETTINGS | s)).parameters["model"]
+    known = made(core, "Kalman", core.Constant(1.0, 1.0), SETTINGS | s).parameters["model"]
     parts = [
         Rotor(s["m"], 1e-3, 0.1), MagnetPlace(10.0), Disturbance(10.0, 0.01),
         Sensor(s["K_sen"], s["T_sen"], 1e-3), Amplifier(1.0),
@@ -134,21 +133,23 @@ def test_the_paper_s_axis_has_the_core_s_numbers(
         # The core's exponential ends at 1e-307, and its noise of the sensor is by four points.
         room = 1e-3 if N and j == 3 else 1e-12
         assert value == pytest.approx(known[name], rel=room, abs=1e-300), name
-    assert set(known) == set(axis.PAPER_CONSTANTS.values())
+    assert known["K_sen"] == s["K_sen"]  # of a machine at rest
+    assert set(known) == {*axis.PAPER_CONSTANTS.values(), "K_sen"}
 
 
 @pytest.mark.parametrize("as_printed", [False, True])
 def test_its_matrices_are_those_of_the_estimators(as_printed: bool) -> None:
     core = core_module()
-    kf = core.Kalman(core.Constant(10.05, 7537.5), **SETTINGS | {"as_printed": as_printed})
-    known = LinearModel.of(kf.parameters, 10.05, 7537.5)
+    s = SETTINGS | {"as_printed": as_printed, "f_0": 0.0}
+    A, B, Q_stepped = step_matrices(made(core, "Kalman", core.Constant(10.05, 7537.5), s), s)
     model = axis_model(BEARING, as_printed=as_printed)
-    np.testing.assert_allclose(model.jacobian(10.05, 7537.5), known.A, rtol=1e-12)
-    np.testing.assert_allclose(model.input_matrix(10.05) * SETTINGS["k_ui"], known.B, rtol=1e-12)
+    np.testing.assert_allclose(model.jacobian(10.05, 7537.5), A, rtol=1e-12)
+    np.testing.assert_allclose(model.input_matrix(10.05)[:, 0] * SETTINGS["k_ui"], B, rtol=1e-12)
     var_u = SETTINGS["var_u"] * SETTINGS["k_ui"] ** 2
     Q = model.process_noise(10.05, var_u, SETTINGS["var_d"])
-    np.testing.assert_allclose(Q, known.Q, rtol=1e-3)
-    np.testing.assert_array_equal(model.c, known.H)
+    rounding = 1e-30 * np.outer(STD, STD)
+    assert (np.abs(Q - Q_stepped) <= 1e-3 * np.abs(Q_stepped) + rounding).all()
+    np.testing.assert_array_equal(model.c, [[0, 0, 0, 1]])
 
 
 def test_as_printed_is_the_paper_s_axis_only() -> None:

@@ -6,13 +6,13 @@ import math
 from typing import Any
 
 import numpy as np
+import oracles
 import pytest
 from filterpy.kalman import IMMEstimator
 from filterpy.kalman import KalmanFilter as Textbook
 from magnet_scale_cases import BEARING, LOAD_AT, jump, quieter, rms, run
 
 from ambkit import ExtendedKalmanFilter, MultipleModelFilter, Record, Status
-from ambkit.estimate.model import LinearModel
 from ambkit.machine.magnets import ConstantStiffness
 
 
@@ -26,10 +26,10 @@ def test_with_a_linear_force_it_is_filterpy_s(scales: tuple[float, ...], sojourn
     D = np.array(mine.default_std())
     estimate = mine.run(record, covariance=True)
 
-    s, first = mine.core.parameters["set"], float(record["y"][0])
+    s, first = oracles.settings_of(BEARING), float(record["y"][0])
     filters = []
     for theta in scales:
-        m = LinearModel.of(mine.core.parameters, theta * linear.k_i, theta * linear.k_s).scaled(D)
+        m = mine.linear_model(theta * linear.k_i, theta * linear.k_s).scaled(D)
         kf = Textbook(4, 1, 2)
         kf.x, kf.P = np.array([first, 0, 0, first]) / D, np.eye(4)
         kf.F, kf.B, kf.H, kf.Q = m.A, np.hstack([m.B / s["k_ui"], m.E]), m.H / D[3], m.Q

@@ -9,14 +9,13 @@ import mpmath as mp
 import numpy as np
 import oracles
 import pytest
-from filter_cases import BEARING, PRECISIONS, SETTINGS, Array
+from filter_cases import BEARING, PRECISIONS, SETTINGS, STD, Array, made, step_matrices
 from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import ambkit
 from ambkit import ClosedLaw, FilterNoise
-from ambkit.estimate.model import LinearModel
 from ambkit.machine.magnets import core_module
 
 # ---- the functions phi ----
@@ -55,8 +54,12 @@ def test_the_functions_phi_keep_their_digits(precision: Any) -> None:
 def constants(precision: Any, s: oracles.Settings) -> tuple[Any, oracles.Settings]:
     """What the core made of the settings, and the settings as it holds them."""
     core = core_module(precision)
-    held = core.Kalman(core.Constant(1.0, 1.0), **s).parameters
-    return held["model"], SETTINGS | held["set"]
+    held = made(core, "Kalman", core.Constant(1.0, 1.0), s).parameters
+    own = held["set"]
+    return held["model"], s | {
+        "T": own["T"], "K_sen": float(own["K_sen"][0]), "T_sen": float(own["lag"][0]),
+        "m": float(np.dtype(precision).type(s["m"])),
+    }  # fmt: skip
 
 
 def symmetric(c: dict[str, float]) -> Array:
@@ -141,15 +144,15 @@ def orders(lag: float, as_printed: bool, filter_of: Callable[..., Any]) -> Array
 
 
 def extended(magnet: Any, s: oracles.Settings) -> Any:
-    return core_module().Extended(magnet, **s)
+    return made(core_module(), "Extended", magnet, s)
 
 
 def unscented(magnet: Any, s: oracles.Settings) -> Any:
-    return core_module().Unscented(magnet, 3**0.5, 2.0, **s)
+    return made(core_module(), "Unscented", magnet, s, reach=3**0.5, curvature=2.0)
 
 
 def adaptive(magnet: Any, s: oracles.Settings) -> Any:
-    return core_module().Kalman(magnet, **s)
+    return made(core_module(), "Kalman", magnet, s)
 
 
 @pytest.mark.parametrize("filter_of", [adaptive, extended, unscented])
@@ -172,17 +175,22 @@ def test_the_matrices_are_those_of_the_core_s_step() -> None:
     for as_printed in (False, True):
         s = SETTINGS | {"as_printed": as_printed, "f_0": 0.0}
         core = core_module()
-        kf = core.Kalman(core.Constant(10.05, 7537.5), **s)
-        model = LinearModel.of(kf.parameters, 10.05, 7537.5)
+        kf = made(core, "Kalman", core.Constant(10.05, 7537.5), s)
+        model = ambkit.KalmanFilter(BEARING, as_printed=as_printed).linear_model(10.05, 7537.5)
         A, B, H = oracles.system_matrices(s, 10.05, 7537.5)
         _, b, N = oracles.held_force(s)
         Q = s["var_u"] * np.outer(B, B) + s["var_d"] * N
+        stepped = step_matrices(kf, s)
+        np.testing.assert_allclose(model.A, stepped[0], rtol=1e-13)
+        np.testing.assert_allclose(model.B[:, 0], stepped[1], rtol=1e-13)
         np.testing.assert_allclose(model.A, A, rtol=1e-13)
         np.testing.assert_allclose(model.B[:, 0], B, rtol=1e-13)
         np.testing.assert_allclose(model.E[:, 0], b, rtol=1e-13)
         np.testing.assert_allclose(model.H[0], H)
         scale = np.sqrt(np.outer(np.diag(Q), np.diag(Q)))
         assert (np.abs(model.Q - Q) <= 1e-5 * scale).all()
+        rounding = 1e-30 * np.outer(STD, STD)
+        assert (np.abs(stepped[2] - Q) <= 1e-5 * scale + rounding).all()
 
 
 # ---- against truth, over a run ----
@@ -201,7 +209,7 @@ def test_at_constant_speed_the_printed_model_is_ahead_and_the_exact_one_is_not(
     for as_printed in (False, True):
         s = SETTINGS | {"T_sen": lag, "as_printed": as_printed, "f_0": 0.0}
         core = core_module(precision)
-        kf = core.Kalman(core.Constant(0.0, 0.0), **s)
+        kf = made(core, "Kalman", core.Constant(0.0, 0.0), s)
         kf.reset(np.array([x[0], speed, 0.0, y[0]]), np.array([1e-5, 1e-3, 1.0, 1e-5]))
         mean = kf.run(y, np.zeros(n))["mean"]
         ahead[as_printed] = (mean[-1, 0] - x[-1]) / speed

@@ -30,10 +30,8 @@ smoothed = pytest.mark.parametrize("name", SMOOTHED)
 
 def models_of(estimator: Estimator, estimate: Estimate) -> list[LinearModel]:
     """The model with which each sample was predicted."""
-    held = estimator.core.parameters
-    return [
-        LinearModel.of(held, k_i, k_s) for k_i, k_s in zip(estimate.k_i, estimate.k_s, strict=True)
-    ]
+    each = zip(estimate.k_i, estimate.k_s, strict=True)
+    return [estimator.linear_model(k_i, k_s) for k_i, k_s in each]
 
 
 def sigmas(estimate: Estimate) -> np.ndarray:

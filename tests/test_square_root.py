@@ -7,7 +7,15 @@ from functools import cache
 import numpy as np
 import oracles
 import pytest
-from filter_cases import SETTINGS, START, STD, full, least_correlation_eigenvalue, moving_record
+from filter_cases import (
+    SETTINGS,
+    START,
+    STD,
+    full,
+    least_correlation_eigenvalue,
+    made,
+    moving_record,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -34,7 +42,7 @@ def textbook_udu(P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def test_its_factor_is_that_of_the_textbook_s_covariance() -> None:
     k_i, k_s = 10.05, 7537.5
     core = core_module()
-    kf = core.SquareRoot(core.Constant(k_i, k_s), **SETTINGS)
+    kf = made(core, "UD", core.Constant(k_i, k_s), SETTINGS)
     kf.reset(START, STD)
     naive = oracles.Kalman(SETTINGS, START, STD)
     record = moving_record(0.1)
@@ -135,7 +143,7 @@ def test_it_is_positive_definite_whatever_the_noise(
 ) -> None:
     core = core_module("float32")
     s = oracles.settings_of(BEARING, var_y=10 ** (2 * log_noise), var_d=10**log_growth)
-    kf = core.SquareRoot(core.Constant(10.05, 7537.5), **s)
+    kf = made(core, "UD", core.Constant(10.05, 7537.5), s)
     kf.reset(START, STD)
     for sample in y:
         kf.step(sample, 0.3)

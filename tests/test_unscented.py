@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import oracles
 import pytest
+from filter_cases import made
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 import ambkit
 from ambkit import Bearing, ClosedLaw
-from ambkit.estimate.model import LinearModel
 from ambkit.machine.magnets import core_module
 
 BEARING = Bearing.preset("zittau_axial")
@@ -39,8 +39,8 @@ def test_it_is_filterpy_s(alpha: float, beta: float, kappa: float, blunt: float)
     record, law, core = swinging(), ClosedLaw(BEARING), core_module()
     s = oracles.settings_of(BEARING)
     s["var_y"] *= blunt
-    mine = core.Unscented(law.magnet(core), alpha * np.sqrt(4 + kappa),
-                          alpha**2 * (4 + kappa) + beta - alpha**2, **s)  # fmt: skip
+    mine = made(core, "Unscented", law.magnet(core), s, reach=alpha * np.sqrt(4 + kappa),
+                curvature=alpha**2 * (4 + kappa) + beta - alpha**2)  # fmt: skip
     mine.reset(MEAN, STD)
     out = mine.run(record["y"], record["u"], covariance=True)
 
@@ -50,7 +50,7 @@ def test_it_is_filterpy_s(alpha: float, beta: float, kappa: float, blunt: float)
     D = np.diag(STD)
     D[0, 1] = -s["T"] / 2 * STD[1]
     back = np.linalg.inv(D)
-    free = LinearModel.of(mine.parameters, 0.0, 0.0)
+    L, b, N = oracles.held_force(s)
     magnet = law.magnet(core)
 
     def force(iu: float, x: float) -> float:
@@ -59,7 +59,7 @@ def test_it_is_filterpy_s(alpha: float, beta: float, kappa: float, blunt: float)
     def transition(z: Any, _dt: float, iu: float) -> Any:
         X = D @ z
         at = X[0] + X[1] * s["T"] / 2
-        return back @ (free.A @ X + free.E.ravel() * (force(iu, at) + s["f_0"]))
+        return back @ (L @ X + b * (force(iu, at) + X[2] + s["f_0"]))
 
     points = MerweScaledSigmaPoints(4, alpha, beta, kappa)
     ukf = UnscentedKalmanFilter(4, 1, s["T"], lambda z: z[3:] * STD[3], transition, points)
@@ -71,7 +71,8 @@ def test_it_is_filterpy_s(alpha: float, beta: float, kappa: float, blunt: float)
             iu = float(np.clip(s["k_ui"] * record["u"][k - 1], s["iu_min"], s["iu_max"]))
             at = np.array([STD[0] * ukf.x[0]])
             k_i = float(magnet.tangent(np.array([iu]), at)[0][0])
-            ukf.Q = back @ LinearModel.of(mine.parameters, k_i, 0.0).Q @ back.T
+            B = b * k_i * s["k_ui"]
+            ukf.Q = back @ (s["var_u"] * np.outer(B, B) + s["var_d"] * N) @ back.T
             ukf.predict(iu=iu)
         ukf.update(record["y"][k : k + 1])
         sigma = np.sqrt(np.diag(D @ ukf.P @ D.T))
@@ -89,8 +90,11 @@ def test_the_mean_force_is_the_integral_where_the_tangent_is_not() -> None:
     mean, std = np.array([3e-4, 0, 0, 3e-4]), np.array([2.5e-4, 1e-3, 1e-3, 1e-5])
     iu = 0.4
     speed = {}
-    for name, args in (("Extended", ()), ("Unscented", (np.sqrt(3), 2.0))):
-        e = getattr(core, name)(law.magnet(core), *args, **s)
+    kinds: dict[str, dict[str, float]] = {
+        "Extended": {}, "Unscented": {"reach": np.sqrt(3), "curvature": 2.0},
+    }  # fmt: skip
+    for name, own in kinds.items():
+        e = made(core, name, law.magnet(core), s, **own)
         e.reset(mean, std)
         e.predict(iu)
         speed[name] = e.mean[1] * s["m"] / s["T"], e.covariance[1, 1] * (s["m"] / s["T"]) ** 2

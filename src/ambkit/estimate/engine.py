@@ -87,17 +87,16 @@ class Sizes(NamedTuple):
 
 def caps(bearing: Bearing, states: Sequence[Descriptor]) -> list[float]:
     """Return the most that each state can be (``ambkit/envelope.h``)."""
-    most = Sizes.of(bearing)
+    most, current = Sizes.of(bearing), 10 * bearing.amplifier.current_limit
     by_role = {
-        "position": lambda _: most.position,
-        "velocity": lambda _: most.velocity,
-        "disturbance force": lambda _: most.force,
-        "sensor": lambda _: 3 * abs(bearing.sensor.gain) * most.position,
-        "noise": lambda size: 30 * size,
-        "current": lambda _: 10 * bearing.amplifier.current_limit,
-        "past control": lambda _: 10 * bearing.amplifier.current_limit,
+        "position": most.position,
+        "velocity": most.velocity,
+        "disturbance force": most.force,
+        "sensor": 3 * abs(bearing.sensor.gain) * most.position,
+        "current": current,
+        "past control": current,
     }
-    return [by_role[state.role](state.size) for state in states]
+    return [by_role.get(state.role, 30 * state.size) for state in states]
 
 
 def arrays(model: Model) -> dict[str, Any]:

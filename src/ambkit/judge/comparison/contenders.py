@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.util
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
+from ambkit.estimate.engine import PAPER
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.family import KINDS, Tunable
 from ambkit.estimate.kalman import KalmanFilter
@@ -250,7 +251,6 @@ class PythonEstimator:
     wrapped: Any
     bearing: Bearing
     name: str
-    _columns: int = field(default=4, init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not callable(getattr(self.wrapped, "step", None)):
@@ -272,12 +272,14 @@ class PythonEstimator:
             ``step`` fails, or does not return four numbers.
         """
         y, u = record["y"].tolist(), record["u"].tolist()
+        other = KalmanFilter(self.bearing)
+        named = {state.name: i for i, state in enumerate(other.states)}
+        columns = [named[name] for name in PAPER]
         if callable(getattr(self.wrapped, "reset", None)):
-            other = KalmanFilter(self.bearing)
             first = record["y"][0]
-            start = [first / self.bearing.sensor.gain, 0.0, 0.0, first]
-            self.wrapped.reset(np.array(start), np.array(other.default_std()))
-        mean = np.empty((len(y), self._columns))
+            start = other.at_rest(first / self.bearing.sensor.gain, first)
+            self.wrapped.reset(start[columns], np.array(other.default_std())[columns])
+        mean = np.empty((len(y), len(columns)))
         acted = [u[0], *u[:-1]]
         for k in range(len(y)):
             try:
@@ -290,6 +292,7 @@ class PythonEstimator:
                 ) from error
         unknown: NDArray[np.float64] = np.full(len(y), np.nan)
         status = np.full(len(y), Status.OK, dtype=np.uint16)
+        states = tuple(other.states[i] for i in columns)
         return Estimate(
-            record.t, mean, unknown, unknown, unknown, unknown, status, None, self.name
-        )  # fmt: skip
+            record.t, mean, unknown, unknown, unknown, unknown, status, None, self.name, states
+        )

@@ -191,7 +191,7 @@ def _figure_close(study: Study, runs: dict[str, Run]) -> Figure:
             run.record.between(*window),
             Estimate(
                 e.t[kept], e.mean[kept], e.innovation[kept], e.innovation_variance[kept],
-                e.k_i[kept], e.k_s[kept], e.status[kept], None, e.estimator,
+                e.k_i[kept], e.k_s[kept], e.status[kept], None, e.estimator, e.states,
             ),
         )  # fmt: skip
 
