@@ -17,12 +17,6 @@
 #define AMB_FIRST_VELOCITY 1
 #define AMB_FIRST_LOAD 2
 
-#define amb_states(model) ((void)(model), AMB_STATES)
-#define amb_forces(model) ((void)(model), AMB_FORCES)
-#define amb_controls(model) ((void)(model), AMB_CONTROLS)
-#define amb_sensors(model) ((void)(model), AMB_SENSORS)
-#define amb_noises(model) ((void)(model), AMB_NOISES)
-
 /* What the equations ask of the physical parameters, computed once. */
 typedef struct amb_model {
   amb_real T;
@@ -46,6 +40,37 @@ typedef struct amb_model {
 } amb_model;
 
 #ifndef AMB_SIDE_BY_SIDE /* vectors of filters take theirs from the scalars' */
+/* How many there are. */
+AMB_INLINE int amb_states(const amb_model *model)
+{
+  (void)model;
+  return AMB_STATES;
+}
+
+AMB_INLINE int amb_forces(const amb_model *model)
+{
+  (void)model;
+  return AMB_FORCES;
+}
+
+AMB_INLINE int amb_controls(const amb_model *model)
+{
+  (void)model;
+  return AMB_CONTROLS;
+}
+
+AMB_INLINE int amb_sensors(const amb_model *model)
+{
+  (void)model;
+  return AMB_SENSORS;
+}
+
+AMB_INLINE int amb_noises(const amb_model *model)
+{
+  (void)model;
+  return AMB_NOISES;
+}
+
 /* Constants from the physical parameters, SI. */
 AMB_INLINE void amb_model_init(amb_model *model, amb_real T, amb_real m, amb_real K_sen,
                                amb_real T_sen)

@@ -34,7 +34,7 @@ AMB_INLINE amb_status amb_step_currents(const amb_kalman *kf, amb_kalman_state *
                                         const amb_real u[AMB_CONTROLS], amb_real iu[AMB_CONTROLS])
 {
   amb_status status = AMB_OK;
-  AMB_EACH_CONTROL(c, &kf->model)
+  AMB_EACH_CONTROL(&kf->model)
   {
     iu[c] = amb_step_current(kf, state, c, u[c], &status);
   }
@@ -55,7 +55,7 @@ AMB_INLINE void amb_step_ask_all(const amb_kalman *kf, const amb_magnet magnet[A
                                  const amb_real iu[AMB_CONTROLS], const amb_real mean[AMB_STATES],
                                  amb_stiffness k[AMB_FORCES])
 {
-  AMB_EACH_FORCE(f, &kf->model)
+  AMB_EACH_FORCE(&kf->model)
   {
     const amb_real s = amb_model_displacement(&kf->model, f, mean);
     k[f] = amb_step_ask(kf, magnet, f, amb_model_current(&kf->model, f, mean, iu), s);
@@ -78,7 +78,7 @@ AMB_INLINE void amb_step_forces(const amb_kalman *kf, const amb_magnet magnet[AM
                                 const amb_real iu[AMB_CONTROLS], const amb_real mean[AMB_STATES],
                                 amb_real F[AMB_FORCES], amb_stiffness k[AMB_FORCES])
 {
-  AMB_EACH_FORCE(f, &kf->model)
+  AMB_EACH_FORCE(&kf->model)
   {
     const amb_real i = amb_model_current(&kf->model, f, mean, iu);
     F[f] = amb_step_force(kf, magnet, f, i, amb_model_displacement(&kf->model, f, mean), &k[f]);
@@ -94,7 +94,7 @@ AMB_INLINE amb_status amb_step_predict_with(const amb_kalman *kf, amb_kalman_sta
                                             const amb_real iu[AMB_CONTROLS])
 {
   const amb_kalman_settings *s = &kf->set;
-  AMB_EACH_FORCE(f, &kf->model)
+  AMB_EACH_FORCE(&kf->model)
   {
     if (!((F[f] * F[f]) <= AMB_REAL_MAX)) { /* not finite, or as good as that */
       return AMB_BAD_PARAMETER;
@@ -102,7 +102,7 @@ AMB_INLINE amb_status amb_step_predict_with(const amb_kalman *kf, amb_kalman_sta
   }
   amb_model_predict_mean(&kf->model, F, iu, state->mean);
   amb_model_predict_covariance(&kf->model, k, s->k_ui, s->var_u, kf->growth, state->cov,
-                               state->work);
+                               amb_kalman_room(state));
   return AMB_OK;
 }
 
@@ -122,7 +122,7 @@ AMB_INLINE amb_status amb_step_predict(const amb_kalman *kf, amb_kalman_state *s
                                        const amb_real iu[AMB_CONTROLS])
 {
   amb_real F[AMB_FORCES];
-  AMB_EACH_FORCE(f, &kf->model)
+  AMB_EACH_FORCE(&kf->model)
   {
     F[f] = amb_step_linear(kf, k[f], f, iu, state->mean);
   }
@@ -135,7 +135,7 @@ AMB_INLINE void amb_step_advance(const amb_kalman *kf, const amb_magnet magnet[A
                                  amb_real mean[AMB_STATES])
 {
   amb_real F[AMB_FORCES];
-  AMB_EACH_FORCE(f, &kf->model)
+  AMB_EACH_FORCE(&kf->model)
   {
     const amb_real i = amb_model_current(&kf->model, f, mean, iu);
     const amb_real s = amb_model_displacement(&kf->model, f, mean);
@@ -285,7 +285,7 @@ AMB_INLINE amb_status amb_step_update_all(const amb_kalman *kf, amb_kalman_state
                                           const amb_real y[AMB_SENSORS], amb_kalman_result *result)
 {
   amb_status all = AMB_OK;
-  AMB_EACH_SENSOR(r, &kf->model)
+  AMB_EACH_SENSOR(&kf->model)
   {
     amb_step_surprise e;
     const amb_status status = amb_step_update(kf, state, r, y[r], &e);
@@ -305,7 +305,7 @@ AMB_INLINE amb_status amb_step_with(const amb_kalman *kf, const amb_stiffness k[
                                     const amb_real y[AMB_SENSORS], amb_status status,
                                     amb_kalman_result *result)
 {
-  AMB_EACH_FORCE(f, &kf->model)
+  AMB_EACH_FORCE(&kf->model)
   {
     result->stiffness[f] = k[f];
   }
@@ -342,14 +342,14 @@ AMB_INLINE void amb_step_trusted(const amb_kalman *kf, const amb_stiffness k[AMB
   amb_real F[AMB_FORCES];
   amb_real innovation;
   amb_real variance;
-  AMB_EACH_FORCE(f, &kf->model)
+  AMB_EACH_FORCE(&kf->model)
   {
     F[f] = amb_step_linear(kf, k[f], f, iu, state->mean);
   }
   amb_model_predict_mean(&kf->model, F, iu, state->mean);
   amb_model_predict_covariance(&kf->model, k, set->k_ui, set->var_u, kf->growth, state->cov,
-                               state->work);
-  AMB_EACH_SENSOR(r, &kf->model)
+                               amb_kalman_room(state));
+  AMB_EACH_SENSOR(&kf->model)
   {
     amb_model_update(&kf->model, r, y[r], set->var_y[r], state->mean, state->cov, &innovation,
                      &variance);

@@ -77,8 +77,22 @@ typedef struct amb_kalman_state {
   amb_real cov[AMB_TRIANGLE];
   amb_real last_u[AMB_CONTROLS]; /* last finite control signal [V] */
   amb_sensor_state sensor[AMB_SENSORS];
+#if defined(AMB_MODEL_LOOPS)
   amb_real work[AMB_WORK]; /* room for a prediction; means nothing between two steps */
+#endif
 } amb_kalman_state;
+
+/* Room for a prediction. Straight-line models need none, and what they do not have cannot keep the
+ * state from living in registers. */
+AMB_INLINE amb_real *amb_kalman_room(amb_kalman_state *state)
+{
+#if defined(AMB_MODEL_LOOPS)
+  return state->work;
+#else
+  (void)state;
+  return NULL;
+#endif
+}
 
 /* What one step leaves behind besides the state. */
 typedef struct amb_kalman_result {

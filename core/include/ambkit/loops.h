@@ -5,6 +5,7 @@
 #define AMBKIT_LOOPS_H
 
 #include "ambkit/magnet.h"
+#include "ambkit/role.h"
 
 /* The most that a state has room for. An export has its own, just enough. */
 #ifndef AMB_STATES
@@ -44,11 +45,30 @@ typedef struct amb_model {
   const unsigned char *role; /* [states], amb_role */
 } amb_model;
 
-#define amb_states(model) ((model)->states)
-#define amb_forces(model) ((model)->forces)
-#define amb_controls(model) ((model)->controls)
-#define amb_sensors(model) ((model)->sensors)
-#define amb_noises(model) ((model)->noises)
+static inline int amb_states(const amb_model *model)
+{
+  return model->states;
+}
+
+static inline int amb_forces(const amb_model *model)
+{
+  return model->forces;
+}
+
+static inline int amb_controls(const amb_model *model)
+{
+  return model->controls;
+}
+
+static inline int amb_sensors(const amb_model *model)
+{
+  return model->sensors;
+}
+
+static inline int amb_noises(const amb_model *model)
+{
+  return model->noises;
+}
 
 /* A row times a vector, from its first entry on. */
 static inline amb_real amb_sparse_times(const amb_sparse *A, const amb_real *value, int row,

@@ -27,15 +27,7 @@
 #define AMBKIT_MODEL_H
 
 #include "ambkit/magnet.h"
-
-/* What a state is, to whoever must find a lost rotor again (ambkit/envelope.h). */
-typedef enum amb_role {
-  AMB_POSITION, /* of the rotor */
-  AMB_VELOCITY,
-  AMB_SHOWN, /* follows from the positions when all is at rest: what a sensor shows */
-  AMB_LOAD,  /* acts from outside, unknown: disturbance forces, noise with a memory */
-  AMB_KNOWN  /* follows from the controls, whatever happens to the rotor: currents */
-} amb_role;
+#include "ambkit/role.h"
 
 #if defined(AMB_MODEL_LOOPS)
 #include "ambkit/loops.h"
@@ -43,22 +35,22 @@ typedef enum amb_role {
 #include "generated/model.h"
 #endif
 
-/* One after the other. Where there is only one, there is no loop: compilers would keep what it
- * touches in memory, and a filter is to live in registers. */
+/* Force f, control c and sensor r, one after the other. Where there is only one, there is no loop:
+ * compilers would keep what it touches in memory, and a filter is to live in registers. */
 #if !defined(AMB_MODEL_LOOPS) && (AMB_FORCES == 1)
-#define AMB_EACH_FORCE(f, model) const int f = 0;
+#define AMB_EACH_FORCE(model) const int f = 0;
 #else
-#define AMB_EACH_FORCE(f, model) for (int f = 0; f < amb_forces(model); f++)
+#define AMB_EACH_FORCE(model) for (int f = 0; f < amb_forces(model); f++)
 #endif
 #if !defined(AMB_MODEL_LOOPS) && (AMB_CONTROLS == 1)
-#define AMB_EACH_CONTROL(c, model) const int c = 0;
+#define AMB_EACH_CONTROL(model) const int c = 0;
 #else
-#define AMB_EACH_CONTROL(c, model) for (int c = 0; c < amb_controls(model); c++)
+#define AMB_EACH_CONTROL(model) for (int c = 0; c < amb_controls(model); c++)
 #endif
 #if !defined(AMB_MODEL_LOOPS) && (AMB_SENSORS == 1)
-#define AMB_EACH_SENSOR(r, model) const int r = 0;
+#define AMB_EACH_SENSOR(model) const int r = 0;
 #else
-#define AMB_EACH_SENSOR(r, model) for (int r = 0; r < amb_sensors(model); r++)
+#define AMB_EACH_SENSOR(model) for (int r = 0; r < amb_sensors(model); r++)
 #endif
 
 /* Entry (i, j), i <= j, of the upper triangle of n rows. */

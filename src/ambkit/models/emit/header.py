@@ -100,10 +100,10 @@ def header(
         "#define AMB_WORK 1 /* nothing is needed */\n",
         *firsts(names),
         "",
-        *(f"#define amb_{what.lower()}(model) ((void)(model), AMB_{what})" for what in counts),
-        "",
         struct(names),
         "#ifndef AMB_SIDE_BY_SIDE /* vectors of filters take theirs from the scalars' */",
+        "/* How many there are. */",
+        *(_count(what) for what in counts),
         *([more] if more else []),
         growth(names),
         pushed(names),
@@ -124,6 +124,14 @@ def header(
         "#endif\n",
     ])  # fmt: skip
     return "\n".join(line for long in text.split("\n") for line in _wrapped(long))
+
+
+def _count(what: str) -> str:
+    """Return the function that says how many of something a model has."""
+    return (
+        f"AMB_INLINE int amb_{what.lower()}(const amb_model *model)\n"
+        f"{{\n  (void)model;\n  return AMB_{what};\n}}\n"
+    )
 
 
 def fields(names: Names, *, stem: str, by: str) -> str:
