@@ -54,7 +54,10 @@ def test_a_log_becomes_a_bearing_with_errors_and_a_report(call, made, tmp_path):
     found = ambkit.Bearing.load("found.toml")
     text = (tmp_path / "found.toml").read_text()
     assert re.search(r'magnet_constant = ".*"  # found, standard error 0\.\d+ N mm\^2/A\^2', text)
-    assert "# Of the log: delay = " in text
+    delay = TRUTH.delay / TRUTH.bearing.sampling_time
+    assert found.delay == pytest.approx(TRUTH.delay, rel=0.3), delay
+    assert re.search(r'^delay = ".* ms"  # found, standard error', text, re.M)
+    assert "The bearing has a delay of 0.2" in text
     k = TRUTH.bearing.magnet.magnet_constant
     assert abs(found.magnet.magnet_constant / k - 1) < 0.15
     page = (tmp_path / "found.html").read_text()
@@ -248,7 +251,7 @@ def test_prediction_is_that_of_the_plain_filter_with_single_steps(record):
     kalman = ambkit.ExtendedKalmanFilter(
         b, noise=ambkit.FilterNoise(disturbance=model.load_growth), outlier_limit=0
     )
-    from ambkit.identification.maximum_likelihood.loop_model import delayed
+    from ambkit.identification.late import delayed
 
     u = delayed(record["u"], 1.0)
     shifted = ambkit.Record(record.t, {"y": record["y"], "u": u})
