@@ -102,7 +102,7 @@ def test_what_was_found_is_in_the_bearing_that_is_written() -> None:
     assert written.delay == found["delay"]
     assert written.amplifier.bandwidth == pytest.approx(1 / (2 * np.pi * found["current_lag"]))
     assert 'bandwidth = "' in text
-    assert "Hz\"  # found, standard error" in text
+    assert 'Hz"  # found, standard error' in text
     assert not any("[signals" in line for line in carried_over(found.model, delay=False))
     nis = {
         bearing: ambkit.ExtendedKalmanFilter(bearing).run(record).nis[100:].mean()
@@ -153,7 +153,9 @@ def test_learning_online_takes_the_signal_as_it_acts() -> None:
 
 def test_of_a_force_map_the_scale_is_found(tmp_path) -> None:
     """Of the magnet that is the map, and the law beside it goes along."""
-    iu, x = (a.ravel() for a in np.meshgrid(np.linspace(-1.5, 1.5, 13), np.linspace(-1e-3, 1e-3, 9)))
+    iu, x = (
+        a.ravel() for a in np.meshgrid(np.linspace(-1.5, 1.5, 13), np.linspace(-1e-3, 1e-3, 9))
+    )
     force = ambkit.ClosedLaw(BEARING).force(iu, x) * (1 - 0.05 * (x / 1e-3) ** 2)
     ForcePoints(iu, x, force, None).save(tmp_path / "map.csv")
     known = BEARING.replace(magnet__force_map=str(tmp_path / "map.csv"))

@@ -24,7 +24,6 @@ from ambkit.machine.magnets import (
     bias_force_of,
     own_time,
 )
-
 from ambkit.models.model import Descriptor, Model
 
 if TYPE_CHECKING:

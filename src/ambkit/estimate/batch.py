@@ -93,8 +93,8 @@ def run_many(
         Of an earlier call with the same shapes and `history`: its arrays are written again, which
         spares the system fetching new memory.
     start : (mean, std), optional
-        State estimates and standard deviations at the start, (runs, states) or (states,) each. Default: as
-        `Estimator.run`, at rest at the record's first measurement within the travel.
+        State estimates and standard deviations at the start, (runs, states) or (states,) each.
+        Default: as `Estimator.run`, at rest at the record's first measurement within the travel.
     threads : int, optional
         Default: as many as the process may use.
     instructions : str, optional
@@ -208,12 +208,12 @@ def _kept(
     if unknown := set(history) - set(shapes):
         raise ValueError(f"history knows {', '.join(shapes)}; got {', '.join(sorted(unknown))}")
     kept: dict[str, Array | None] = {}
-    for name, (shape, kind) in shapes.items():
+    for name, (size, kind) in shapes.items():
         old = getattr(out, name, None)
         if name not in history:
             kept[name] = None
-        elif old is not None and old.shape == shape and old.dtype == kind:
+        elif old is not None and old.shape == size and old.dtype == kind:
             kept[name] = old
         else:
-            kept[name] = np.empty(shape, dtype=kind)
+            kept[name] = np.empty(size, dtype=kind)
     return kept

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -93,7 +93,7 @@ class Sizes(NamedTuple):
 def caps(bearing: Bearing, states: Sequence[Descriptor]) -> list[float]:
     """Return the most that each state can be (``ambkit/envelope.h``)."""
     most = Sizes.of(bearing)
-    by_role = {
+    by_role: dict[str, Callable[[float], float]] = {
         "position": lambda _: most.position,
         "velocity": lambda _: most.velocity,
         "disturbance force": lambda _: most.force,

@@ -132,7 +132,9 @@ def _bearing_bound(
     plain = tuple(state.name for state in model.states) == PAPER
     F, G = zip(
         *(
-            _held(bearing, record, variances) if plain else _along(model, bearing, record, variances)
+            _held(bearing, record, variances)
+            if plain
+            else _along(model, bearing, record, variances)
             for record in records
         ),
         strict=True,
@@ -171,7 +173,7 @@ def _root(Q: Array) -> Array:
 
 
 def _held(bearing: Bearing, record: Record, variances: Variances) -> tuple[Array, Array]:
-    """F (samples - 1, 4, 4) and G (samples - 1, 4, 5) of the paper's axis, exact for held tangents."""
+    """F (samples - 1, 4, 4) and G (samples - 1, 4, 5) of the paper's axis, the tangents held."""
     from scipy.linalg import expm
 
     T, m = bearing.sampling_time, bearing.rotor.mass
