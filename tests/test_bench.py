@@ -144,13 +144,25 @@ def test_nees_by_hand() -> None:
     truth = ambkit.Record(t, {"x": zero, "v": zero, "f_d": zero}, {})
     upper = np.tile([4.0, 1.0, 0, 0, 9.0, 0, 0, 25.0, 0, 1.0], (2, 1))
     mean = np.array([[2.0, 3.0, 5.0, 0.0], [0.0, 0.0, 10.0, 7.0]])
+    states = ambkit.KalmanFilter(BEARING).states
     estimate = ambkit.Estimate(
+<<<<<<< HEAD
         t, mean, zero, zero, zero, zero, np.zeros(2, dtype=np.uint16), upper, "",
         ambkit.KalmanFilter(BEARING).states,
     )  # fmt: skip
+=======
+        t, mean, zero, zero, zero, zero, np.zeros(2, dtype=np.uint16), upper, "", states
+    )
+>>>>>>> h8
     P = np.array([[4.0, 1.0, 0.0], [1.0, 9.0, 0.0], [0.0, 0.0, 25.0]])
     expected = [e @ np.linalg.inv(P) @ e for e in mean[:, :3]]
     assert criteria.normalised_errors(estimate, truth) == pytest.approx(expected)
+    # Other states beside change nothing: here one more, which goes with x.
+    wide = np.tile([4.0, 1.0, 0, 0, 3.0, 9.0, 0, 0, 0, 25.0, 0, 0, 1.0, 0, 7.0], (2, 1))
+    more = ambkit.KalmanFilter(BEARING.replace(amplifier__bandwidth="1 kHz")).states
+    five = replace(estimate, states=more, mean=np.c_[mean, zero], covariance=wide)
+    assert criteria.normalised_errors(five, truth) == pytest.approx(expected)
+    assert five.std("f_d") == pytest.approx([5.0, 5.0])
     # An estimator that knows no covariance writes zeros: then there is no NEES.
     blind = replace(estimate, covariance=0 * upper)
     assert np.isnan(criteria.normalised_errors(blind, truth)).all()

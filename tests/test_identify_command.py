@@ -9,6 +9,7 @@ import pytest
 
 import ambkit
 from ambkit.cli.main import main
+from ambkit.identification.late import acting, delayed
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import named
@@ -54,7 +55,8 @@ def test_a_log_becomes_a_bearing_with_errors_and_a_report(call, made, tmp_path):
     found = ambkit.Bearing.load("found.toml")
     text = (tmp_path / "found.toml").read_text()
     assert re.search(r'magnet_constant = ".*"  # found, standard error 0\.\d+ N mm\^2/A\^2', text)
-    assert "# Of the log: delay = " in text
+    assert "# Of the log: delay = " in text  # which beside a sensor's lag is not told from none
+    assert found.delay is None
     k = TRUTH.bearing.magnet.magnet_constant
     assert abs(found.magnet.magnet_constant / k - 1) < 0.15
     page = (tmp_path / "found.html").read_text()
@@ -64,7 +66,9 @@ def test_a_log_becomes_a_bearing_with_errors_and_a_report(call, made, tmp_path):
     assert (tmp_path / "found.png").stat().st_size > 20_000
 
 
-def test_what_is_of_the_log_goes_into_its_channel_map(call, made, tmp_path):
+def test_what_is_of_the_log_goes_into_its_channel_map_and_its_delay_into_the_bearing(
+    call, made, tmp_path
+):
     run = ambkit.Record.load(made / "a.csv")  # with what TRUTH has of the log; here comes more
     late = {"y": run["y"] - TRUTH.position_offset, "u": np.roll(run["u"], -3) + 0.1}
     ambkit.Record(run.t, late).save("log.csv")
@@ -77,7 +81,8 @@ def test_what_is_of_the_log_goes_into_its_channel_map(call, made, tmp_path):
     assert "found.toml says what to put into the channel map" in err
     text = (tmp_path / "found.toml").read_text()
     lines = [line.removeprefix("#   ") for line in text.splitlines() if line.startswith("#   ")]
-    assert any(re.match(r'delay = "-0\.5\d* ms"', line) for line in lines)
+    assert re.search(r'^delay = "0\.5\d* ms"  # found, standard error ', text, re.M)
+    assert re.search(r"# The bearing has a delay of 0\.5\d* ms, which its filters know", text)
     channels = {"t": "s", "y": "m", "u": "V"}
     parts = []
     for column, unit in channels.items():
@@ -89,7 +94,8 @@ def test_what_is_of_the_log_goes_into_its_channel_map(call, made, tmp_path):
     read = ambkit.load("log.csv", "map.toml")
     right = TRUTH.corrected(run)
     inner = slice(10, -10)
-    off, before = (u[inner] - right["u"][inner] for u in (read["u"], late["u"]))
+    acts = acting(ambkit.Bearing.load("found.toml"), read["u"])
+    off, before = (u[inner] - right["u"][inner] for u in (acts, late["u"]))
     assert abs(off.mean()) < 0.01
     assert off.std() < 0.1 * before.std()
     np.testing.assert_allclose(read["y"], right["y"], atol=1e-12)
@@ -248,8 +254,6 @@ def test_prediction_is_that_of_the_plain_filter_with_single_steps(record):
     kalman = ambkit.ExtendedKalmanFilter(
         b, noise=ambkit.FilterNoise(disturbance=model.load_growth), outlier_limit=0
     )
-    from ambkit.identification.maximum_likelihood.loop_model import delayed
-
     u = delayed(record["u"], 1.0)
     shifted = ambkit.Record(record.t, {"y": record["y"], "u": u})
     expected = kalman.forecast(kalman.run(shifted), shifted, 10)

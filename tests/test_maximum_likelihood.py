@@ -16,10 +16,11 @@ from scipy.optimize import minimize_scalar
 from ambkit import PID, AmbkitError, Bearing, Record, Scenario, Sine, simulate
 from ambkit.base.units import engineering
 from ambkit.data import recordings
+from ambkit.identification.late import delayed, lagged
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.maximum_likelihood.gaps import filled, run_with_gaps
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood
-from ambkit.identification.maximum_likelihood.loop_model import LoopModel, delayed, lagged, limited
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel, limited
 from ambkit.identification.maximum_likelihood.parameters import (
     PARAMETERS,
     USUAL,

@@ -101,15 +101,21 @@ class MaximumLikelihood:
 
     @property
     def bearing(self) -> Bearing:
+<<<<<<< HEAD
         """The bearing found, with its delay where `delay_counts`, and its current's lag."""
+=======
+        """The bearing that was found: with its delay where `delay_counts`, and its current lag."""
+>>>>>>> h8
         return self.model.late_bearing(delay=self.delay_counts)
 
     @property
     def delay_counts(self) -> bool:
         """Whether the delay is the bearing's: it was given, or found and surely not zero."""
-        if self.start.bearing.delay is not None or all(p.name != "delay" for p in self.parameters):
-            return self.start.delay > 0
-        return self.interval("delay")[0] > 0
+        if self.model.late_bearing().delay is None:
+            return False  # below zero, or longer than any bearing's
+        free = any(p.name == "delay" for p in self.parameters)
+        given = self.start.bearing.delay is not None or not free
+        return given or self.interval("delay")[0] > 0
 
     def __getitem__(self, name: str) -> float:
         """Return the value of a parameter, found or held [SI]."""

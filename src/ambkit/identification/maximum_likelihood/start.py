@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
+from ambkit.identification.late import delayed, lagged
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood
-from ambkit.identification.maximum_likelihood.loop_model import LoopModel, delayed, lagged
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import Coordinates, Parameter
 from ambkit.identification.online.adaline import Adaline
 from ambkit.machine.magnets import ConstantStiffness
@@ -77,7 +78,7 @@ def best_start(
 def _by_adaline(records: Sequence[Record], given: LoopModel) -> list[LoopModel]:
     """Take the magnet constant that ADALINE learns along the first record (paper, eq. 22-25)."""
     try:
-        k = Adaline(given.bearing).run(given.corrected(records[0])).magnet_constant
+        k = Adaline(given.prompt_bearing).run(given.corrected(records[0])).magnet_constant
         return [given.replace(magnet__magnet_constant=k)]
     except (AmbkitError, ValueError):
         return []

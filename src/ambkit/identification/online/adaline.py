@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.arrays import real
 from ambkit.base.copying import Copyable
+from ambkit.identification.late import acting
 from ambkit.identification.online.result import OnlineResult, last_quarter, mean_error
 from ambkit.machine.magnets import core_module
 
@@ -53,9 +54,14 @@ class AdalineResult(OnlineResult):
 
 
 class OnlineIdentifier(Copyable):
-    """Learns the magnet constant sample by sample, in the C core."""
+    """Learns the magnet constant sample by sample, in the C core.
+
+    The C knows no delay and no lag of the current: along a record they are taken into account
+    before, see `ambkit.identification.late`; who calls `step` gives what acts.
+    """
 
     core: Any
+    bearing: Bearing
 
     def step(self, y: float, u: float, f_d: float = 0.0) -> float:
         """Learn from one sample.
@@ -82,7 +88,7 @@ class OnlineIdentifier(Copyable):
         y = record["y"]
         known = real("disturbance", 0.0 if disturbance is None else disturbance)
         f_d = np.ascontiguousarray(np.broadcast_to(known, y.shape))
-        out = self.core.run(y, record["u"], f_d)
+        out = self.core.run(y, acting(self.bearing, record["u"]), f_d)
         return dict(out)
 
 

@@ -137,7 +137,16 @@ def _bearing_bound(
         return _along(model, bearing, record, variances)
 
     F, G = zip(
+<<<<<<< HEAD
         *(along(record) for record in records),
+=======
+        *(
+            _held(bearing, record, variances)
+            if plain
+            else _along(model, bearing, record, variances)
+            for record in records
+        ),
+>>>>>>> h8
         strict=True,
     )
     # In units of their own, so that no entry is 1e12 times another.
@@ -174,7 +183,11 @@ def _root(Q: Array) -> Array:
 
 
 def _held(bearing: Bearing, record: Record, variances: Variances) -> tuple[Array, Array]:
+<<<<<<< HEAD
     """F (samples - 1, 4, 4), G (samples - 1, 4, 5) of the paper's axis, exact for held tangents."""
+=======
+    """F (samples - 1, 4, 4) and G (samples - 1, 4, 5) of the paper's axis, the tangents held."""
+>>>>>>> h8
     from scipy.linalg import expm
 
     T, m = bearing.sampling_time, bearing.rotor.mass

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from ambkit.identification.maximum_likelihood.estimate import MaximumLikelihood
     from ambkit.identification.maximum_likelihood.loop_model import LoopModel
     from ambkit.identification.maximum_likelihood.validation import Validation
+    from ambkit.machine.bearing import Bearing
 
 
 def write_identification(
@@ -149,20 +150,24 @@ def carried_over(model: LoopModel, *, delay: bool = True) -> list[str]:
             "add):",
             *(f"  {line}" for line in lines),
         ]
-    late = model.late_bearing(delay=not delay)
+    known = _known_to_filters(model.late_bearing(delay=not delay))
+    if known:
+        lines.append(f"{known} A map needs none.")
+    growth = f"{model.load_growth:.4g} N^2/s"
+    return [*lines, f'The load, as it wandered: ambkit filter ... --disturbance-noise "{growth}"']
+
+
+def _known_to_filters(bearing: Bearing) -> str:
+    """Say what of the loop is the bearing's, in a sentence; nothing where there is none."""
     known = [
         f"{what} of {engineering(value, unit, 4)}"
         for what, value, unit in (
-            ("a delay", late.delay, "s"),
-            ("a bandwidth of the amplifier", late.amplifier.bandwidth, "Hz"),
+            ("a delay", bearing.delay, "s"),
+            ("an amplifier", bearing.amplifier.bandwidth, "Hz"),
         )
         if value is not None
     ]
-    if known:
-        said = " and ".join(known)
-        lines.append(f"The bearing has {said}, and filters of it know that: none into a map.")
-    growth = f"{model.load_growth:.4g} N^2/s"
-    return [*lines, f'The load, as it wandered: ambkit filter ... --disturbance-noise "{growth}"']
+    return f"The bearing has {' and '.join(known)}, which its filters know." if known else ""
 
 
 def _with_error(found: MaximumLikelihood, name: str) -> str:
@@ -199,6 +204,9 @@ def _found(found: MaximumLikelihood) -> list[Block]:
     if found.held:
         said = "\n".join(f"- **{name}**: {why}." for name, why in found.held.items())
         blocks.append(Remark("Not found", said))
+    known = _known_to_filters(found.bearing)
+    if known:
+        blocks.append(Remark("In the bearing", known))
     how = "ended at a maximum" if found.converged else "did not end at a maximum"
     blocks.append(
         Text(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ambkit.base.escaping import markdown
 from ambkit.estimate.estimate import Status
-from ambkit.show.plots.looks import DISTURBANCE, POSITION, TIME, VELOCITY, looks
+from ambkit.show.plots.looks import CURRENT, DISTURBANCE, POSITION, TIME, VELOCITY, looks
 from ambkit.show.report.figure import Figure, Panel
 from ambkit.show.report.items import Axis, Item, Line, Note, Points
 from ambkit.show.report.style import style_of
@@ -58,6 +58,7 @@ def filter_figure(
         filtered = [
             Line(t, judgement.estimate[signal], signal=style, label=label)
             for (style, label), judgement in zip(looks(judged), judged.values(), strict=True)
+            if signal in judgement.estimate.names
         ]
         return [*filtered, *after(signal)]
 
@@ -68,6 +69,7 @@ def filter_figure(
             for style, name, estimate in zip(
                 cycle(_SMOOTHED), names, smoothed.values(), strict=False
             )
+            if signal in estimate.names
         ]
 
     absent = _absent(record)
@@ -77,6 +79,8 @@ def filter_figure(
     position = [*known("y", "measured"), *known("r", "reference"), *true("x"), *told("x")]
     velocity = [*known("v_logged", "logged"), *true("v"), *told("v")]
     disturbance = [*true("f_d"), *told("f_d")]
+    follows = told("i")  # of an amplifier that lags
+    currents = [Panel(time, CURRENT, [*true("iu"), *follows, *absent])] if follows else []
     settled = _settled(t, [judgement.estimate for judgement in judged.values()])
     return Figure(
         id="filter",
@@ -87,6 +91,7 @@ def filter_figure(
             Panel(time, POSITION, [*position, *known("x_logged", "logged"), *absent]),
             Panel(time, _limited(VELOCITY, velocity, settled), [*velocity, *absent]),
             Panel(time, _limited(DISTURBANCE, disturbance, settled), [*disturbance, *absent]),
+            *currents,
             *innovations,
         ],
     )

@@ -1,0 +1,223 @@
+"""What estimators gain by knowing a part of the bearing, and what judges them with it."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import ambkit
+from ambkit import Bearing, Record, Scenario, Sine, Step
+from ambkit.estimate.family import KINDS
+from ambkit.judge.comparison import criteria
+from ambkit.judge.comparison.bench import bench
+from ambkit.judge.comparison.bound import bearing_bound
+from ambkit.judge.comparison.cases import CASES
+from ambkit.judge.comparison.contenders import contenders
+from ambkit.judge.faults.campaign import torture
+from ambkit.models import axis_model
+from ambkit.workflow.tuning import default_disturbance, tune_disturbance
+
+BEARING = Bearing.preset("zittau_axial")
+PARTS = {
+    "amplifier": {"amplifier__bandwidth": "200 Hz"},
+    "delay": {"delay": "0.15 ms"},
+    "coloured noise": {"sensor__coloured_noise": {"variance": "400 um^2", "bandwidth": "100 Hz"}},
+    "hum": {"sensor__hum": [{"frequency": "50 Hz", "amplitude": "30 um", "bandwidth": "0.5 Hz"}]},
+}
+MADE = [name for name in KINDS if KINDS[name].source is not None]
+"""Those that need no training."""
+
+GAINED = {"amplifier": (0.7, 0.25), "delay": (1.0, 0.85), "coloured noise": (0.95, 0.4),
+          "hum": (0.55, 0.5)}  # fmt: skip
+"""Most that is left of the errors of x and f_d for who knows. Seen, in the mean over the seeds:
+0.61 and 0.19; 0.98 and 0.77; 0.83 and 0.28; 0.38 and 0.33."""
+
+
+SHAKEN = Scenario(
+    duration=0.5, reference=Sine(amplitude=200e-6, frequency=40.0),
+    disturbance=Step(amplitude=2.0, time=0.3),
+)  # fmt: skip
+"""The control works at 40 Hz: what is late matters where something moves."""
+
+
+def with_part(name: str) -> Bearing:
+    return BEARING.replace(**PARTS[name])
+
+
+def flown(bearing: Bearing, seed: int, duration: float = 0.5) -> Record:
+    """A step, then a load; the loop is fed by the linear filter that knows."""
+    scenario = Scenario(
+        duration=duration, seed=seed,
+        reference=Step(amplitude=3e-4, time=0.1), disturbance=Step(amplitude=2.0, time=0.3),
+    )  # fmt: skip
+    record = ambkit.simulate(bearing, scenario)
+    assert not record.meta["stop_touched"]
+    return record
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_who_knows_the_part_is_better(name: str) -> None:
+    bearing = with_part(name)
+    left: dict[str, list[float]] = {"x": [], "f_d": []}
+    for seed in range(5):
+        record = ambkit.simulate(bearing, SHAKEN.model_copy(update={"seed": seed}))
+        assert not record.meta["stop_touched"]
+        knows, plain = (ambkit.ExtendedKalmanFilter(b).run(record) for b in (bearing, BEARING))
+        for signal, shares in left.items():
+            error = [criteria.rms((e[signal] - record[signal])[300:]) for e in (knows, plain)]
+            shares.append(error[0] / error[1])
+        assert 0.9 < np.mean(knows.nis[300:]) < 1.1
+    for most, shares in zip(GAINED[name], left.values(), strict=True):
+        assert max(shares) < most, (name, left)
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_the_comparison_judges_all_and_nobody_is_below_the_limit(name: str) -> None:
+    bearing = with_part(name)
+
+    class Raw:
+        """The sensor itself."""
+
+        def step(self, y: float, _u: float) -> tuple[float, float, float, float]:
+            return y, np.nan, np.nan, y
+
+    field = contenders(MADE, bearing, own={"raw": lambda _bearing: Raw()})
+    made = bench(bearing, CASES["model"], field, runs=6)
+    assert made.stopped == 0
+    right = made.best["extended"]
+    assert right.mean("nees") == pytest.approx(0.95, abs=0.02)
+    assert right.mean("nis") == pytest.approx(1.0, abs=0.05)
+    assert right.mean("white") > 0.9
+    assert right.mean("force") < 0.5 * made.best["linear"].mean("force")
+    for kind, standing in made.best.items():
+        assert standing.mean("lost") == 0, kind
+        for signal in ("x", "v", "f_d"):
+            if not np.isnan(standing.mean(signal)):
+                # Six runs: their pooled error is known to 3 %, of a load that wanders to less.
+                assert made.efficiency(kind, signal) < 1.1, (kind, signal)
+    for signal in ("x", "v", "f_d"):
+        assert made.efficiency("extended", signal) > 0.9, signal
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_the_limit_of_a_linear_machine_is_the_covariance_of_its_filter(name: str) -> None:
+    """Held at one place the tangents hardly move, and the limit is the Riccati equation's."""
+    bearing = with_part(name)
+    record = ambkit.simulate(bearing, Scenario(duration=0.1, noise=False))
+    kalman = ambkit.ExtendedKalmanFilter(bearing)
+    bound = bearing_bound(bearing, [record], kalman.variances, kalman.default_std())
+    assert bound.shape == (len(record), len(kalman.states))
+    found = kalman.run(record, covariance=True)
+    for place, state in enumerate(kalman.states):
+        std = found.std(state.name)[300:]
+        np.testing.assert_allclose(bound[300:, place], std, rtol=5e-3, atol=1e-9 * state.size)
+
+
+def test_the_general_limit_is_that_of_the_papers_axis() -> None:
+    """By the composed model, and by the closed form that the paper's axis has."""
+    from ambkit.judge.comparison import bound
+
+    record = flown(BEARING, 0, 0.2)
+    variances = ambkit.KalmanFilter(BEARING).variances
+    held, exact = (
+        bound._along(axis_model(BEARING), BEARING, record, variances),
+        bound._held(BEARING, record, variances),
+    )
+    unit = np.array(ambkit.KalmanFilter(BEARING).default_std())
+    for F in (held[0], exact[0]):
+        F *= unit / unit[:, None]
+    np.testing.assert_allclose(held[0], exact[0], atol=2e-5)
+    grown = [np.einsum("kiq,kjq->kij", G, G) / np.outer(unit, unit) for _, G in (held, exact)]
+    size = np.sqrt(np.einsum("kii->ki", grown[1]))
+    np.testing.assert_allclose(
+        grown[0] / (size[:, :, None] * size[:, None, :]),
+        grown[1] / (size[:, :, None] * size[:, None, :]),
+        atol=2e-2,
+    )
+
+
+@pytest.mark.parametrize("kind", ["linear", "extended", "square-root"])
+@pytest.mark.parametrize("name", PARTS)
+def test_smoothing_is_that_of_the_textbook(name: str, kind: str) -> None:
+    """Rauch, Tung and Striebel (1965) on the filter's own linear models, in units of their own."""
+    bearing = with_part(name)
+    record = ambkit.simulate(
+        bearing, Scenario(duration=0.05, seed=1, reference=Step(amplitude=2e-4, time=0.02))
+    )
+    kalman = KINDS[kind].make(bearing)
+    filtered = kalman.run(record, covariance=True)
+    smoothed = kalman.smooth(record)
+    n, unit = len(kalman.states), np.array(kalman.default_std())
+    upper = np.triu_indices(n)
+    P = np.zeros((len(record), n, n))
+    P[:, upper[0], upper[1]] = P[:, upper[1], upper[0]] = filtered.covariance
+    P /= np.outer(unit, unit)
+    mean, cov = filtered.mean / unit, P.copy()
+    for k, after in reversed(list(pairwise(range(len(record))))):
+        model = kalman.linear_model(filtered.k_i[after], filtered.k_s[after]).scaled(unit)
+        ahead = model.A @ P[k] @ model.A.T + model.Q
+        gain = (ahead @ model.H.T)[:, 0] / filtered.innovation_variance[after]
+        predicted = filtered.mean[after] / unit - gain * filtered.innovation[after]
+        size = np.sqrt(np.diag(ahead))
+        inverse = np.linalg.pinv(ahead / np.outer(size, size), rcond=1e-13, hermitian=True)
+        back = P[k] @ model.A.T @ (inverse / np.outer(size, size))
+        mean[k] += back @ (mean[after] - predicted)
+        cov[k] += back @ (cov[after] - ahead) @ back.T
+    std = np.sqrt(np.einsum("kii->ki", cov))
+    assert np.max(np.abs(smoothed.mean / unit - mean) / std) < 1e-3
+    for place, state in enumerate(kalman.states):
+        np.testing.assert_allclose(smoothed.std(state.name) / unit[place], std[:, place], rtol=1e-3)
+    for signal in ("x", "f_d"):
+        errors = [criteria.rms((e[signal] - record[signal])[200:]) for e in (smoothed, filtered)]
+        assert errors[0] < errors[1]
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_many_at_once_and_one_by_one_are_the_same(name: str) -> None:
+    bearing = with_part(name)
+    records = [flown(bearing, seed, 0.1) for seed in (1, 2)]
+    y, u = (np.array([record[signal] for record in records]) for signal in ("y", "u"))
+    for kind in MADE:
+        estimator = KINDS[kind].make(bearing)
+        together = ambkit.run_many([estimator, KINDS[kind].make(bearing)], y, u)
+        for mean, record in zip(together.mean, records, strict=True):
+            np.testing.assert_array_equal(mean, estimator.run(record).mean, err_msg=kind)
+
+
+def test_a_filter_takes_over_from_one_of_the_same_states_alone() -> None:
+    bearing = with_part("hum")
+    record = flown(bearing, 0, 0.1)
+    old, new = ambkit.KalmanFilter(bearing), ambkit.ExtendedKalmanFilter(bearing)
+    old.run(record)
+    new.take_over(old)
+    np.testing.assert_array_equal(new.mean, old.mean)
+    np.testing.assert_array_equal(new.covariance, old.covariance)
+    with pytest.raises((ValueError, TypeError)):
+        ambkit.ExtendedKalmanFilter(BEARING).take_over(old)
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_after_faults_all_come_back(name: str) -> None:
+    found = torture(
+        with_part(name), ["linear", "extended", "observer"], steps=0,
+        faults=["knock", "outage-10ms", "spikes", "stuck", "nan-u"],
+    )  # fmt: skip
+    assert not found.failures, found.failures
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_tuning_finds_how_the_load_wanders(name: str) -> None:
+    """A tenth of what is assumed untuned: from the record alone, to a third of a decade."""
+    bearing = with_part(name)
+    growth = 0.1 * default_disturbance(bearing)
+    n = 5001
+    steps = np.random.default_rng(3).normal(0, np.sqrt(growth * bearing.sampling_time), n)
+    times = bearing.sampling_time * np.arange(n)
+    load = ambkit.Recorded(times=times, values=np.cumsum(steps) - steps[0])
+    record = ambkit.simulate(bearing, Scenario(duration=float(times[-1]), seed=4, disturbance=load))
+    found = tune_disturbance(
+        bearing,
+        record,
+        lambda d: ambkit.ExtendedKalmanFilter(bearing, noise=ambkit.FilterNoise(disturbance=d)),
+    )
+    assert abs(np.log10(found.growth / growth)) < 0.35, found
