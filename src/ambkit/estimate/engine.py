@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -87,7 +87,6 @@ class Sizes(NamedTuple):
 
 def caps(bearing: Bearing, states: Sequence[Descriptor]) -> list[float]:
     """Return the most that each state can be (``ambkit/envelope.h``)."""
-<<<<<<< HEAD
     most, current = Sizes.of(bearing), 10 * bearing.amplifier.current_limit
     by_role = {
         "position": most.position,
@@ -96,17 +95,6 @@ def caps(bearing: Bearing, states: Sequence[Descriptor]) -> list[float]:
         "sensor": 3 * abs(bearing.sensor.gain) * most.position,
         "current": current,
         "past control": current,
-=======
-    most = Sizes.of(bearing)
-    by_role: dict[str, Callable[[float], float]] = {
-        "position": lambda _: most.position,
-        "velocity": lambda _: most.velocity,
-        "disturbance force": lambda _: most.force,
-        "sensor": lambda _: 3 * abs(bearing.sensor.gain) * most.position,
-        "noise": lambda size: 30 * size,
-        "current": lambda _: 10 * bearing.amplifier.current_limit,
-        "past control": lambda _: 10 * bearing.amplifier.current_limit,
->>>>>>> h8
     }
     return [by_role.get(state.role, 30 * state.size) for state in states]
 

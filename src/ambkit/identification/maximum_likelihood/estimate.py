@@ -101,11 +101,7 @@ class MaximumLikelihood:
 
     @property
     def bearing(self) -> Bearing:
-<<<<<<< HEAD
-        """The bearing found, with its delay where `delay_counts`, and its current's lag."""
-=======
         """The bearing that was found: with its delay where `delay_counts`, and its current lag."""
->>>>>>> h8
         return self.model.late_bearing(delay=self.delay_counts)
 
     @property
