@@ -303,9 +303,9 @@ nb::object stiffness(const Estimator &self, amb_real amb_stiffness::*which)
   return told(all.data(), n);
 }
 
-nb::list health(const Estimator &self)
+nb::typed<nb::list, int> health(const Estimator &self)
 {
-  nb::list all;
+  nb::typed<nb::list, int> all;
   for (size_t r = 0; r < self.sizes().sensors; r++)
     all.append(self.result.health[r]);
   return all;

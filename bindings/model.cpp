@@ -1,6 +1,8 @@
 // The model of a machine: the built-in one from its parameters, or any from its arrays.
 #include "estimator.h"
 
+#include <nanobind/stl/vector.h>
+
 #if defined(AMB_MODEL_LOOPS)
 
 amb_sparse Model::sparse(const nb::dict &arrays, const char *name, size_t rows, size_t columns)

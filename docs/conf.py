@@ -12,7 +12,7 @@ HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "extensions"))
 # The commands of this Python, for the pages that run `ambkit`.
 os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-# The derivation is no part of the package; one page shows it.
+# models/ is no part of the package; one page shows it.
 os.environ["PYTHONPATH"] = str(HERE.parent)
 
 # Kernels with settings of their own, whoever builds: no history, no advice about transports.

@@ -96,7 +96,7 @@ def random_model(seed: int, n: int, p: int, m: int, *, controlled: bool | None =
         "states": "X", "forces": "f", "controls": "u", "measurements": "y", "noises": "w",
     }  # fmt: skip
     descriptors: dict[str, Any] = {
-        of: tuple(Descriptor(f"{names[of]}{i}", "1", 1.0, "random") for i in range(count))
+        of: tuple(Descriptor(f"{names[of]}{i}", "1", 1.0, "noise") for i in range(count))
         for of, count in sizes.items()
     }
     pattern = {name: kind.astype(np.int8) for name, kind in kinds.items()}

@@ -308,6 +308,8 @@ def test_a_closed_loop_with_parts_in_fmpy_equals_the_library(
         np.testing.assert_array_equal(found[name][1:], record[name], name)
     assert run.estimate is not None
     check_estimate(found, run.estimate, "estimate.")
+
+
 def test_a_force_map_is_plant_and_what_the_filter_knows(tmp_path: Path) -> None:
     bearing = Bearing.load(fe_map.written(tmp_path))
     scenario = disturbed(bearing)

@@ -268,9 +268,7 @@ def test_settings_are_complete_and_known() -> None:
     s = oracles.settings_of(BEARING)
     model, given = core_model(core, s), core_settings(s)
     with pytest.raises(ValueError, match="the setting var_y is missing"):
-        core.Kalman(
-            core.Constant(1, 1), model, **{k: v for k, v in given.items() if k != "var_y"}
-        )
+        core.Kalman(core.Constant(1, 1), model, **{k: v for k, v in given.items() if k != "var_y"})
     with pytest.raises(ValueError, match="a setting that no estimator has"):
         core.Kalman(core.Constant(1, 1), model, **given, colour=1.0)
     with pytest.raises(ValueError, match="var_y has 2 samples, expected 1"):

@@ -13,9 +13,17 @@ from typing import Any
 import numpy as np
 import pytest
 from filter_cases import BEARING
-from model_oracles import Array, Loops, Settings, random_model, random_settings, random_state
+from model_oracles import (
+    Array,
+    Loops,
+    Settings,
+    added,
+    random_model,
+    random_settings,
+    random_state,
+)
 
-from ambkit.models import NUMBER, ZERO, Model, axis_model, compose, emit
+from ambkit.models import Model, axis_model, compose, emit
 from ambkit.models.axis import PAPER_CONSTANTS
 from ambkit.models.parts import (
     Amplifier,
@@ -27,6 +35,7 @@ from ambkit.models.parts import (
     Rotor,
     Sensor,
 )
+from ambkit.models.roles import ENUMERATORS, ROLES
 
 ROOT = Path(__file__).resolve().parent.parent
 COMPILER = shutil.which("gcc") or shutil.which("clang") or shutil.which("cc")
@@ -41,62 +50,60 @@ class Compiled:
     def __init__(self, model: Model, folder: Path, naming: emit.Naming | None = None) -> None:
         names = emit.Names(model, naming)
         self.names, self.n, self.size = names, names.n, len(names.pairs)
-        (folder / "model.h").write_text(emit.header(names, "A model of a test"))
+        (folder / "generated").mkdir()
+        header = emit.header(names, "A model of a test")
+        assert max(map(len, header.splitlines())) <= 100
+        (folder / "generated" / "model.h").write_text(header)
         (folder / "model.c").write_text(self.source(model))
         library = folder / "model.so"
         optimised = "-O1" if self.n < 16 else "-O0"  # at 40 states it takes a minute
         command = [
             str(COMPILER), "-std=c99", optimised, "-ffp-contract=off", "-shared", "-fPIC", "-Wall",
-            "-Wextra", "-Werror", f"-I{ROOT / 'core' / 'include'}", "-o", str(library),
-            str(folder / "model.c"),
+            "-Wextra", "-Wconversion", "-Werror", f"-I{folder}", f"-I{ROOT / 'core' / 'include'}",
+            "-o", str(library), str(folder / "model.c"),
         ]  # fmt: skip
         subprocess.run(command, check=True, cwd=folder)
         self.library = ctypes.CDLL(str(library))
 
     def source(self, model: Model) -> str:
-        """Functions with a symbol of their own, all of whose arguments are arrays."""
-        names, kind = self.names, self.names.kind
-        p, c = ("" if count == 1 else "*" for count in (names.p, names.c))
-
-        def given(name: str, star: str) -> str:
-            return name if star else f"{name}[0]"
-
-        controlled = ", " + given("u", c) if (model.pattern["B_u"] != ZERO).any() else ""
-        numbers = "&model, " if (model.pattern["c"] == NUMBER).any() else ""
-        noise = "var_noise" if names.k > 1 else "var_noise[0]"
+        """Functions with a symbol of their own, and those of one force for all of them."""
+        p, m = self.names.p, self.names.m
         call = {
-            "growth(const double *var_noise, double *growth)":
-                f"{kind}_growth(&model, {noise}, growth)",
-            "mean(const double *f, const double *u, double *mean)":
-                f"(void)u; {kind}_predict_mean(&model, {given('f', p)}{controlled}, mean)",
+            "growth(const double *var, double *growth)": "amb_model_growth(&model, var, growth)",
+            "mean(const double *F, const double *iu, double *mean)":
+                "amb_model_predict_mean(&model, F, iu, mean)",
             "covariance(const double *k_i, const double *k_s, const double *k_ui, "
             "const double *var_u, const double *growth, double *cov)":
-                f"{kind}_predict_covariance(&model, {given('k_i', p)}, {given('k_s', p)}, "
-                f"{given('k_ui', c)}, {given('var_u', c)}, growth, cov)",
+                f"amb_stiffness k[{p}]; double work[AMB_WORK];"
+                f"for (int f = 0; f < {p}; f++) {{ k[f].k_i = k_i[f]; k[f].k_s = k_s[f]; }}"
+                "amb_model_predict_covariance(&model, k, k_ui, var_u, growth, cov, work)",
+            "displacement(const double *mean, double *s)":
+                f"for (int f = 0; f < {p}; f++) s[f] = amb_model_displacement(&model, f, mean)",
+            "current(const double *mean, const double *iu, double *i)":
+                f"for (int f = 0; f < {p}; f++) i[f] = amb_model_current(&model, f, mean, iu)",
+            "pushed(double *moved)":
+                f"for (int f = 0; f < {p}; f++) "
+                "amb_model_pushed(&model, f, &moved[f * AMB_STATES])",
+            "shown(const double *mean, double *shown)":
+                f"for (int r = 0; r < {m}; r++) shown[r] = amb_model_shown(&model, r, mean)",
+            "shown_variance(const double *cov, double *shown)":
+                f"for (int r = 0; r < {m}; r++) "
+                "shown[r] = amb_model_shown_variance(&model, r, cov)",
+            "shown_with(const double *cov, double *with)":
+                f"for (int r = 0; r < {m}; r++) "
+                "amb_model_shown_with(&model, r, cov, &with[r * AMB_STATES])",
+            "at_rest(double *mean)": "amb_model_at_rest(&model, mean)",
+            "roles(double *role)":
+                "for (int i = 0; i < amb_states(&model); i++) role[i] = amb_model_role(&model, i)",
         }  # fmt: skip
-        if names.p == 1:
-            call["displacement(const double *mean, double *s)"] = (
-                f"s[0] = {kind}_displacement(&model, mean)"
-            )
-            call["current(const double *mean, const double *u, double *i)"] = (
-                f"i[0] = {kind}_current(&model, mean, {given('u', c)})"
-            )
-        else:
-            call["displacement(const double *mean, double *s)"] = (
-                f"{kind}_displacement(&model, mean, s)"
-            )
-            call["current(const double *mean, const double *u, double *i)"] = (
-                f"{kind}_current(&model, mean, {given('u', c)}, i)"
-            )
-        for r in range(names.m):
-            name = f"{kind}_update" + ("" if names.m == 1 else f"_{r}")
+        for r in range(m):
             call[f"update_{r}(double y, double var_y, double *mean, double *cov, double *out)"] = (
-                f"{name}({numbers}y, var_y, mean, cov, &out[0], &out[1])"
+                f"amb_model_update(&model, {r}, y, var_y, mean, cov, &out[0], &out[1])"
             )
         functions = "".join(f"void {head};\nvoid {head}\n{{ {body}; }}\n"
                             for head, body in call.items())  # fmt: skip
-        filled = f"static const {kind}_model model = {emit.initialiser(self.names, model)};\n"
-        return f'#include "model.h"\n{filled}{functions}'
+        filled = f"static const amb_model model = {emit.initialiser(self.names, model)};\n"
+        return f'#include "ambkit/model.h"\n{filled}{functions}'
 
     def call(self, function: str, *arguments: Any) -> None:
         """Arrays are given as they are, and changed in place."""
@@ -138,6 +145,7 @@ def same_bits(model: Model, s: Settings, folder: Path, naming: emit.Naming | Non
         code.call("covariance", s.k_i, s.k_s, s.k_ui, s.var_u, growth, cov)
         P = loops.predict_covariance(P, s, G)
         np.testing.assert_array_equal(code.square(cov), P)
+        _same_shown(code, loops, X, P)
         for r, var in enumerate(s.var_y.tolist()):
             y, out = float(rng.uniform(-1, 1)) * model.measurements[r].size, np.zeros(2)
             code.call(f"update_{r}", y, var, mean, cov, out)
@@ -145,8 +153,36 @@ def same_bits(model: Model, s: Settings, folder: Path, naming: emit.Naming | Non
             np.testing.assert_array_equal(mean, X)
             np.testing.assert_array_equal(code.square(cov), P)
             np.testing.assert_array_equal(out, [e, S])
+    _same_structure(code, model, X)
     assert (X != 0).any()
     assert np.linalg.eigvalsh(P / np.outer(size, size)).min() > 0
+
+
+def _same_shown(code: Compiled, loops: Loops, X: Array, P: Array) -> None:
+    """What all sensors show of a state, its variance, and its covariance with the states."""
+    m = len(loops.rows["c"])
+    shown, variance, with_y = np.zeros(m), np.zeros(m), np.zeros((m, code.n))
+    code.call("shown", X, shown)
+    code.call("shown_variance", code.triangle(P), variance)
+    code.call("shown_with", code.triangle(P), with_y)
+    for r, row in enumerate(loops.rows["c"]):
+        PH = [added(c * float(P[i, j]) for j, c in row) for i in range(code.n)]
+        np.testing.assert_array_equal(with_y[r], PH)
+        assert variance[r] == added(c * PH[j] for j, c in row)
+        assert shown[r] == added(c * float(X[j]) for j, c in row)
+
+
+def _same_structure(code: Compiled, model: Model, X: Array) -> None:
+    """What forces move, what each state is, and what sensors show at rest."""
+    moved, roles, rest = np.zeros((len(model.forces), code.n)), np.zeros(code.n), X.copy()
+    code.call("pushed", moved)
+    np.testing.assert_array_equal(moved, model.b.T)
+    code.call("roles", roles)
+    assert [ROLES[at.role] for at in model.states] == [ENUMERATORS[int(at)] for at in roles]
+    code.call("at_rest", rest)
+    shows = np.array([at.role == "sensor" for at in model.states])
+    np.testing.assert_allclose(rest[shows], (model.rest @ X)[shows], rtol=1e-15)
+    np.testing.assert_array_equal(rest[~shows], X[~shows])
 
 
 @compiled
@@ -205,7 +241,7 @@ def test_the_loops_are_the_textbook_s_filter(n: int, p: int, m: int) -> None:
 
 FUNCTIONS: list[Callable[[emit.Names], str]] = [
     emit.displacement, emit.predict_mean, emit.predict_covariance,
-    lambda names: emit.update(names, 0),
+    emit.update,
 ]  # fmt: skip
 
 

@@ -25,8 +25,8 @@ from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.machine.bearing import MU_0
 from ambkit.machine.magnets import core_module
 from ambkit.simulation.run import simulate_run
-from derivation.laws.law import Function, check
-from derivation.laws.saturating import saturating
+from models.laws.law import Function, check
+from models.laws.saturating import saturating
 
 BEARINGS = pytest.mark.parametrize("b", [TWO_SIDED, ONE_SIDED], ids=lambda b: b.magnet.type)
 CORE = core_module()

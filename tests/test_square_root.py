@@ -7,7 +7,15 @@ from functools import cache
 import numpy as np
 import oracles
 import pytest
-from filter_cases import SETTINGS, START, STD, full, least_correlation_eigenvalue, made, moving_record
+from filter_cases import (
+    SETTINGS,
+    START,
+    STD,
+    full,
+    least_correlation_eigenvalue,
+    made,
+    moving_record,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -1,5 +1,4 @@
-/* One axial bearing, four states (paper, eq. 15-21). Written by `python -m derivation`; do not
- * edit. */
+/* One axial bearing, four states (paper, eq. 15-21). Written by `python -m models`; do not edit. */
 #ifndef AMBKIT_GENERATED_AXIAL_H
 #define AMBKIT_GENERATED_AXIAL_H
 
@@ -7,12 +6,12 @@
 #include "ambkit/phi.h"
 
 #define AMB_STATES 4
-#define AMB_TRIANGLE 10
 #define AMB_FORCES 1
 #define AMB_CONTROLS 1
 #define AMB_SENSORS 1
 #define AMB_NOISES 1
-#define AMB_WORK 1
+#define AMB_TRIANGLE 10
+#define AMB_WORK 1 /* nothing is needed */
 
 #define AMB_FIRST_POSITION 0
 #define AMB_FIRST_VELOCITY 1
@@ -27,7 +26,6 @@
 /* What the equations ask of the physical parameters, computed once. */
 typedef struct amb_model {
   amb_real T;
-  amb_real K_sen;
   amb_real T_2;
   amb_real T_m;
   amb_real T2_2m;
@@ -35,6 +33,7 @@ typedef struct amb_model {
   amb_real b_sen;
   amb_real c_sen;
   amb_real d_sen;
+  amb_real K_sen;
   amb_real N00;
   amb_real N01;
   amb_real N02;
@@ -105,7 +104,7 @@ AMB_INLINE void amb_model_as_printed(amb_model *model)
   model->N33 = AMB_C(0.0);
 }
 
-/* Covariance that a growth of f_d of variance var[0] leaves in a sample. */
+/* Covariance that growths of these variances leave in a sample: f_d. */
 AMB_INLINE void amb_model_growth(const amb_model *model, const amb_real var[AMB_NOISES],
                                  amb_real growth[AMB_TRIANGLE])
 {
@@ -134,8 +133,8 @@ AMB_INLINE void amb_model_pushed(const amb_model *model, int f, amb_real moved[A
 /* What each state is. */
 AMB_INLINE amb_role amb_model_role(const amb_model *model, int i)
 {
-  static const amb_role role[AMB_STATES] = {AMB_POSITION, AMB_VELOCITY, AMB_LOAD, AMB_SHOWN};
   (void)model;
+  static const amb_role role[AMB_STATES] = {AMB_POSITION, AMB_VELOCITY, AMB_LOAD, AMB_SHOWN};
   return role[i];
 }
 
@@ -147,7 +146,7 @@ AMB_INLINE bool amb_model_sound(const amb_model *model, const amb_real cov[AMB_T
          (cov[9] >= AMB_C(0.0));
 }
 
-/* Whether the position is known better than this. */
+/* Whether all positions are known better than this. */
 AMB_INLINE bool amb_model_known(const amb_model *model, const amb_real cov[AMB_TRIANGLE],
                                 const amb_real widest[AMB_STATES])
 {
@@ -181,7 +180,7 @@ AMB_INLINE amb_real amb_model_displacement(const amb_model *model, int f,
   return mean[0] + mean[1] * model->T_2;
 }
 
-/* Its current [A]. */
+/* Its current, the mean over the sample [A]. */
 AMB_INLINE amb_real amb_model_current(const amb_model *model, int f,
                                       const amb_real mean[AMB_STATES],
                                       const amb_real iu[AMB_CONTROLS])
@@ -269,8 +268,6 @@ AMB_INLINE void amb_model_predict_covariance(const amb_model *model,
                                              amb_real cov[AMB_TRIANGLE], amb_real work[AMB_WORK])
 {
   (void)work;
-  const amb_real k_i = k[0].k_i;
-  const amb_real k_s = k[0].k_s;
   const amb_real T = model->T;
   const amb_real T_2 = model->T_2;
   const amb_real T_m = model->T_m;
@@ -299,6 +296,8 @@ AMB_INLINE void amb_model_predict_covariance(const amb_model *model,
   const amb_real P22 = cov[7];
   const amb_real P23 = cov[8];
   const amb_real P33 = cov[9];
+  const amb_real k_i = k[0].k_i;
+  const amb_real k_s = k[0].k_s;
   const amb_real h1 = T_2 * k_s;
   const amb_real g0 = k_i * k_ui[0];
   const amb_real q0 = (g0 * g0) * var_u[0];

@@ -1,11 +1,9 @@
-/* Each constant of the model, for whoever asks for all. Written by `python -m derivation`; do not
- * edit. */
+/* Each constant, for whoever asks for all. Written by `python -m models`; do not edit. */
 #ifndef AMBKIT_GENERATED_AXIAL_FIELDS_H
 #define AMBKIT_GENERATED_AXIAL_FIELDS_H
 
 #define AMB_MODEL_FIELDS(FIELD)                                                                    \
   FIELD(T);                                                                                        \
-  FIELD(K_sen);                                                                                    \
   FIELD(T_2);                                                                                      \
   FIELD(T_m);                                                                                      \
   FIELD(T2_2m);                                                                                    \
@@ -13,6 +11,7 @@
   FIELD(b_sen);                                                                                    \
   FIELD(c_sen);                                                                                    \
   FIELD(d_sen);                                                                                    \
+  FIELD(K_sen);                                                                                    \
   FIELD(N00);                                                                                      \
   FIELD(N01);                                                                                      \
   FIELD(N02);                                                                                      \

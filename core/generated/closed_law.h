@@ -1,5 +1,5 @@
 /* The closed force law (paper, eq. 1), without a branch: sim/lanes.h compiles it once more, with
- * vectors. Written by `python -m derivation`; do not edit. */
+ * vectors. Written by `python -m models`; do not edit. */
 #ifndef AMBKIT_GENERATED_CLOSED_LAW_H
 #define AMBKIT_GENERATED_CLOSED_LAW_H
 

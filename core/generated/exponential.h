@@ -1,4 +1,4 @@
-/* exp(r) for |r| <= ln 2 / 2. Written by `python -m derivation`; do not edit. */
+/* exp(r) for |r| <= ln 2 / 2. Written by `python -m models`; do not edit. */
 #ifndef AMBKIT_GENERATED_EXPONENTIAL_H
 #define AMBKIT_GENERATED_EXPONENTIAL_H
 

@@ -1,4 +1,4 @@
-/* The force law of iron that saturates (Froehlich 1881). Written by `python -m derivation`; do not
+/* The force law of iron that saturates (Froehlich 1881). Written by `python -m models`; do not
  * edit. */
 #ifndef AMBKIT_GENERATED_SATURATING_LAW_H
 #define AMBKIT_GENERATED_SATURATING_LAW_H

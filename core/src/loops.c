@@ -2,36 +2,73 @@
 
 #if defined(AMB_MODEL_LOOPS)
 
-/* to = a x, or to += a x. */
-static void set_scaled(int n, amb_real a, const amb_real *x, amb_real *to)
+/* Rows that are to be added up, each times a number: what a row of a product is made of. */
+typedef struct sum_of_rows {
+  int count;
+  amb_real value[AMB_STATES + AMB_FORCES + AMB_CONTROLS + 1];
+  const amb_real *row[AMB_STATES + AMB_FORCES + AMB_CONTROLS + 1];
+} sum_of_rows;
+
+static void add_row(sum_of_rows *sum, amb_real value, const amb_real *row)
 {
-  for (int j = 0; j < n; j++) {
-    to[j] = a * x[j];
-  }
+  sum->value[sum->count] = value;
+  sum->row[sum->count] = row;
+  sum->count++;
 }
 
-static void add_scaled(int n, amb_real a, const amb_real *x, amb_real *to)
+/* Four of them, from number k on, to what is there already; or with `fresh` to nothing. */
+static void add_four(const sum_of_rows *sum, int k, int n, bool fresh, amb_real *to)
 {
-  for (int j = 0; j < n; j++) {
-    to[j] += a * x[j];
-  }
-}
-
-/* to = sum of value[k] times row column[k] of the n x n matrix X, entries `from` to `end`. */
-static void combine_rows(const amb_sparse *A, int row, int n, const amb_real *X, amb_real *to)
-{
-  const int from = A->start[row];
-  const int end = A->start[row + 1];
-  if (from == end) {
-    set_scaled(n, AMB_C(0.0), X, to);
-  }
-  for (int k = from; k < end; k++) {
-    const amb_real *x = &X[A->column[k] * n];
-    if (k == from) {
-      set_scaled(n, A->value[k], x, to);
-    } else {
-      add_scaled(n, A->value[k], x, to);
+  const amb_real a = sum->value[k];
+  const amb_real b = sum->value[k + 1];
+  const amb_real c = sum->value[k + 2];
+  const amb_real d = sum->value[k + 3];
+  const amb_real *restrict p = sum->row[k];
+  const amb_real *restrict q = sum->row[k + 1];
+  const amb_real *restrict r = sum->row[k + 2];
+  const amb_real *restrict s = sum->row[k + 3];
+  if (fresh) {
+    for (int j = 0; j < n; j++) {
+      to[j] = ((a * p[j] + b * q[j]) + c * r[j]) + d * s[j];
     }
+  } else {
+    for (int j = 0; j < n; j++) {
+      to[j] = (((to[j] + a * p[j]) + b * q[j]) + c * r[j]) + d * s[j];
+    }
+  }
+}
+
+/* `n` columns of the sum, one row after the other in each; four at a time, as then the sum is
+ * fetched and stored less often. */
+static void add_up(const sum_of_rows *sum, int n, amb_real *to)
+{
+  int k = 0;
+  if (sum->count >= 4) {
+    add_four(sum, 0, n, true, to);
+    k = 4;
+  } else {
+    for (int j = 0; j < n; j++) {
+      to[j] = (sum->count > 0) ? (sum->value[0] * sum->row[0][j]) : AMB_C(0.0);
+    }
+    k = 1;
+  }
+  for (; (k + 4) <= sum->count; k += 4) {
+    add_four(sum, k, n, false, to);
+  }
+  for (; k < sum->count; k++) {
+    const amb_real a = sum->value[k];
+    const amb_real *restrict p = sum->row[k];
+    for (int j = 0; j < n; j++) {
+      to[j] += a * p[j];
+    }
+  }
+}
+
+/* The rows of X, n wide, that row i of A asks for. */
+static void add_rows_of(const amb_sparse *A, int i, const amb_real *X, int n, sum_of_rows *sum)
+{
+  for (int k = A->start[i]; k < A->start[i + 1]; k++) {
+    add_row(sum, A->value[k], &X[A->column[k] * n]);
   }
 }
 
@@ -41,8 +78,12 @@ void amb_model_predict_mean(const amb_model *model, const amb_real F[], const am
   const int n = model->states;
   amb_real all[AMB_FORCES];
   amb_real before[AMB_STATES];
+  all[0] = AMB_C(0.0); /* compilers do not know that there is one */
   for (int f = 0; f < model->forces; f++) {
-    all[f] = F[f] + amb_sparse_times(&model->h, model->r, f, mean);
+    all[f] = F[f];
+    for (int k = model->h.start[f]; k < model->h.start[f + 1]; k++) {
+      all[f] += model->r[k] * mean[model->h.column[k]];
+    }
   }
   for (int i = 0; i < n; i++) {
     before[i] = mean[i];
@@ -70,6 +111,8 @@ static void noise_of_controls(const amb_model *model, const amb_stiffness k[],
 {
   const int p = model->forces;
   const int controls = model->controls;
+  noise->gain[0][0] = AMB_C(0.0); /* compilers do not know that there is one */
+  noise->variance[0][0] = AMB_C(0.0);
   for (int f = 0; f < p; f++) {
     for (int c = 0; c < controls; c++) {
       noise->gain[f][c] = AMB_C(0.0);
@@ -90,18 +133,29 @@ static void noise_of_controls(const amb_model *model, const amb_stiffness k[],
   }
 }
 
-void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[],
-                                  const amb_real k_ui[], const amb_real var_u[],
-                                  const amb_real growth[], amb_real cov[], amb_real work[])
+/* Where the parts of the room for a prediction begin. */
+typedef struct rooms {
+  amb_real *P; /* n x n, unfolded; later the transpose of M */
+  amb_real *M; /* n x n, of the next state with the state */
+  amb_real *w; /* p x n, of the forces with the state */
+  amb_real *z; /* p x n, of the forces with the next state */
+  amb_real *v; /* controls x n, of the controls' noise with the next state */
+} rooms;
+
+static rooms laid_out(const amb_model *model, amb_real work[])
 {
   const int n = model->states;
-  const int p = model->forces;
-  const amb_sparse *h = &model->h;
-  amb_real *P = work;      /* n x n, unfolded */
-  amb_real *w = &P[n * n]; /* p x n */
-  amb_real *M = &w[p * n]; /* a row */
-  control_noise noise;
-  noise_of_controls(model, k, k_ui, var_u, &noise);
+  rooms room;
+  room.P = work;
+  room.M = &room.P[n * n];
+  room.w = &room.M[n * n];
+  room.z = &room.w[model->forces * n];
+  room.v = &room.z[model->forces * n];
+  return room;
+}
+
+static void unfold(int n, const amb_real cov[], amb_real *P)
+{
   int entry = 0;
   for (int i = 0; i < n; i++) {
     for (int j = i; j < n; j++) {
@@ -110,76 +164,133 @@ void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[
       entry++;
     }
   }
-  amb_real row[AMB_FORCES * AMB_STATES]; /* of each entry of h */
-  for (int f = 0; f < p; f++) {
-    const int last = h->start[f + 1] - 1;
-    if (last < (int)h->start[f]) { /* a force that nothing moves */
-      set_scaled(n, AMB_C(0.0), P, &w[f * n]);
-    }
-    for (int a = last; a >= (int)h->start[f]; a--) {
-      const amb_real *x = &P[h->column[a] * n];
+}
+
+/* w = row_f P, and the coefficients `row` of each entry of h; from last to first. */
+static void of_forces(const amb_model *model, const amb_stiffness k[], const rooms *room,
+                      amb_real row[])
+{
+  const int n = model->states;
+  const amb_sparse *h = &model->h;
+  for (int f = 0; f < model->forces; f++) {
+    sum_of_rows sum;
+    sum.count = 0;
+    for (int a = (int)h->start[f + 1] - 1; a >= (int)h->start[f]; a--) {
       row[a] = k[f].k_s * h->value[a] + k[f].k_i * model->e[a] + model->r[a];
-      if (a == last) {
-        set_scaled(n, row[a], x, &w[f * n]);
-      } else {
-        add_scaled(n, row[a], x, &w[f * n]);
-      }
+      add_row(&sum, row[a], &room->P[h->column[a] * n]);
+    }
+    add_up(&sum, n, &room->w[f * n]);
+  }
+}
+
+static void transpose(int n, const amb_real *from, amb_real *to)
+{
+  for (int i = 0; i < n; i++) {
+    for (int j = 0; j < n; j++) {
+      to[j * n + i] = from[i * n + j];
     }
   }
-  entry = 0;
+}
+
+/* z, of which P is the transpose of M now: the noise of the controls in force f, then row_f M. */
+static void with_next_state(const amb_model *model, int f, const amb_real k_ui[],
+                            const amb_real var_u[], const control_noise *noise,
+                            const amb_real row[], const rooms *room)
+{
+  const int n = model->states;
+  const amb_sparse *h = &model->h;
+  amb_real of_noise[AMB_STATES];
+  sum_of_rows sum;
   for (int i = 0; i < n; i++) {
-    amb_real z[AMB_FORCES];
-    amb_real moved[AMB_CONTROLS]; /* how the noise of each control moves state i, times var_u */
-    const int first_b = model->b.start[i];
-    const int end_b = model->b.start[i + 1];
-    const int first_u = model->B_u.start[i];
-    const int end_u = model->B_u.start[i + 1];
-    combine_rows(&model->L, i, n, P, M);
-    for (int a = first_b; a < end_b; a++) {
-      add_scaled(n, model->b.value[a], &w[model->b.column[a] * n], M);
+    of_noise[i] = AMB_C(0.0);
+    for (int a = model->b.start[i]; a < model->b.start[i + 1]; a++) {
+      of_noise[i] += model->b.value[a] * noise->variance[model->b.column[a]][f];
     }
-    for (int c = 0; c < model->controls; c++) {
-      moved[c] = AMB_C(0.0);
-    }
-    for (int a = first_u; a < end_u; a++) {
+    for (int a = model->B_u.start[i]; a < model->B_u.start[i + 1]; a++) {
       const int c = model->B_u.column[a];
-      moved[c] = model->B_u.value[a] * k_ui[c];
+      of_noise[i] += ((model->B_u.value[a] * k_ui[c]) * var_u[c]) * noise->gain[f][c];
     }
-    for (int f = 0; f < p; f++) {
-      amb_real sum = AMB_C(0.0);
-      for (int a = first_b; a < end_b; a++) {
-        sum += model->b.value[a] * noise.variance[model->b.column[a]][f];
+  }
+  sum.count = 0;
+  add_row(&sum, AMB_C(1.0), of_noise);
+  for (int a = (int)h->start[f + 1] - 1; a >= (int)h->start[f]; a--) {
+    add_row(&sum, row[a], &room->P[h->column[a] * n]);
+  }
+  add_up(&sum, n, &room->z[f * n]);
+}
+
+/* v: what of the next state the noise of control c is. */
+static void with_control(const amb_model *model, int c, const amb_real k_ui[],
+                         const amb_real var_u[], const control_noise *noise, const rooms *room)
+{
+  amb_real *v = &room->v[c * model->states];
+  for (int i = 0; i < model->states; i++) {
+    v[i] = AMB_C(0.0);
+    for (int a = model->B_u.start[i]; a < model->B_u.start[i + 1]; a++) {
+      if ((int)model->B_u.column[a] == c) {
+        v[i] = model->B_u.value[a] * k_ui[c];
       }
-      for (int a = first_u; a < end_u; a++) {
-        const int c = model->B_u.column[a];
-        sum += (moved[c] * var_u[c]) * noise.gain[f][c];
-      }
-      for (int a = (int)h->start[f + 1] - 1; a >= (int)h->start[f]; a--) {
-        sum += M[h->column[a]] * row[a];
-      }
-      z[f] = sum;
     }
+    for (int a = model->b.start[i]; a < model->b.start[i + 1]; a++) {
+      v[i] += model->b.value[a] * noise->gain[model->b.column[a]][c];
+    }
+    v[i] *= var_u[c];
+  }
+}
+
+/* Column j of the covariance one sample on, down to its diagonal; `grown`: of the growth. */
+static void next_column(const amb_model *model, int j, const amb_real k_ui[],
+                        const amb_real grown[], const rooms *room, amb_real column[])
+{
+  const int n = model->states;
+  sum_of_rows sum;
+  sum.count = 0;
+  add_rows_of(&model->L, j, room->P, n, &sum);
+  add_row(&sum, AMB_C(1.0), grown);
+  for (int a = model->B_u.start[j]; a < model->B_u.start[j + 1]; a++) {
+    const int c = model->B_u.column[a];
+    add_row(&sum, model->B_u.value[a] * k_ui[c], &room->v[c * n]);
+  }
+  add_rows_of(&model->b, j, room->z, n, &sum);
+  add_up(&sum, j + 1, column);
+}
+
+void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[],
+                                  const amb_real k_ui[], const amb_real var_u[],
+                                  const amb_real growth[], amb_real cov[], amb_real work[])
+{
+  const int n = model->states;
+  const rooms room = laid_out(model, work);
+  control_noise noise;
+  amb_real row[AMB_FORCES * AMB_STATES];
+  noise_of_controls(model, k, k_ui, var_u, &noise);
+  unfold(n, cov, room.P);
+  of_forces(model, k, &room, row);
+  for (int i = 0; i < n; i++) {
+    sum_of_rows sum;
+    sum.count = 0;
+    add_rows_of(&model->L, i, room.P, n, &sum);
+    add_rows_of(&model->b, i, room.w, n, &sum);
+    add_up(&sum, n, &room.M[i * n]);
+  }
+  transpose(n, room.M, room.P);
+  for (int f = 0; f < model->forces; f++) {
+    with_next_state(model, f, k_ui, var_u, &noise, row, &room);
+  }
+  if (model->B_u.start[n] > 0U) { /* else it moves nothing past the forces */
     for (int c = 0; c < model->controls; c++) {
-      for (int a = first_b; a < end_b; a++) {
-        moved[c] += model->b.value[a] * noise.gain[model->b.column[a]][c];
-      }
-      moved[c] *= var_u[c];
+      with_control(model, c, k_ui, var_u, &noise, &room);
     }
-    for (int j = i; j < n; j++) {
-      amb_real sum = AMB_C(0.0);
-      for (int a = model->L.start[j]; a < model->L.start[j + 1]; a++) {
-        sum += M[model->L.column[a]] * model->L.value[a];
-      }
-      sum += growth[entry];
-      for (int a = model->B_u.start[j]; a < model->B_u.start[j + 1]; a++) {
-        const int c = model->B_u.column[a];
-        sum += (model->B_u.value[a] * k_ui[c]) * moved[c];
-      }
-      for (int a = model->b.start[j]; a < model->b.start[j + 1]; a++) {
-        sum += model->b.value[a] * z[model->b.column[a]];
-      }
-      cov[entry] = sum;
-      entry++;
+  }
+  for (int j = 0; j < n; j++) {
+    amb_real grown[AMB_STATES];
+    amb_real column[AMB_STATES];
+    for (int i = 0; i <= j; i++) {
+      grown[i] = growth[amb_entry(n, i, j)];
+    }
+    next_column(model, j, k_ui, grown, &room, column);
+    for (int i = 0; i <= j; i++) {
+      cov[amb_entry(n, i, j)] = column[i];
     }
   }
 }
@@ -264,18 +375,22 @@ void amb_model_update(const amb_model *model, int r, amb_real y, amb_real var_y,
   const int n = model->states;
   amb_real with_y[AMB_STATES];
   amb_model_shown_with(model, r, cov, with_y);
-  *variance = amb_model_shown_variance(model, r, cov) + var_y;
-  *innovation = y - amb_model_shown(model, r, mean);
-  const amb_real inverse = AMB_C(1.0) / (*variance);
-  int entry = 0;
+  const amb_real S = amb_model_shown_variance(model, r, cov) + var_y;
+  const amb_real e = y - amb_model_shown(model, r, mean);
+  const amb_real inverse = AMB_C(1.0) / S;
+  amb_real *row = cov; /* from its diagonal on */
   for (int i = 0; i < n; i++) {
     const amb_real K = with_y[i] * inverse;
-    mean[i] += K * (*innovation);
-    for (int j = i; j < n; j++) {
-      cov[entry] -= K * with_y[j];
-      entry++;
+    const amb_real *restrict after = &with_y[i];
+    const int count = n - i;
+    mean[i] += K * e;
+    for (int j = 0; j < count; j++) {
+      row[j] -= K * after[j];
     }
+    row = &row[count];
   }
+  *innovation = e;
+  *variance = S;
 }
 
 void amb_model_pushed(const amb_model *model, int f, amb_real moved[])

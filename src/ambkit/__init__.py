@@ -59,6 +59,8 @@ if TYPE_CHECKING:
     from ambkit.simulation.waveforms import Sequence as Sequence
     from ambkit.simulation.waveforms import Sine as Sine
     from ambkit.simulation.waveforms import Step as Step
+    from ambkit.workflow.filtering import filter_record as filter_record
+    from ambkit.workflow.simulating import scenario_for as scenario_for
 
 _HOME = {
     "base.errors": ["AmbkitError", "ConfigError", "RecordError"],
@@ -92,6 +94,8 @@ _HOME = {
     "simulation.run": ["simulate", "simulate_run"],
     "simulation.scenario": ["PID", "Scenario"],
     "simulation.waveforms": ["Constant", "Impulse", "Ramp", "Recorded", "Sequence", "Sine", "Step"],
+    "workflow.filtering": ["filter_record"],
+    "workflow.simulating": ["scenario_for"],
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 

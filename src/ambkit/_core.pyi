@@ -1,7 +1,7 @@
 """The C core of ambkit."""
 
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, overload
 
 import numpy
 from numpy.typing import NDArray
@@ -68,6 +68,11 @@ def phi(z: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', devi
     phi_1, phi_2, phi_3 (n, 3) at z >= 0 as the core computes them, (n,): the sums over n of (-z)^n / (n+k)!.
     """
 
+class Model:
+    """The paper's axis, four states (core/generated/axial.h)."""
+
+    def __init__(self, T: float, m: float, K_sen: float, T_sen: float, as_printed: bool) -> None: ...
+
 OK: int = 0
 
 MISSING: int = 1
@@ -105,29 +110,44 @@ class Estimator:
     def take_over(self, other: Estimator) -> None:
         """Go on where another is: its mean, covariance and counts."""
 
+    @overload
     def predict(self, u: float) -> int:
         """One sample on; returns the status."""
 
+    @overload
+    def predict(self, u: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)]) -> int:
+        """The same with u (controls,)."""
+
+    @overload
     def update(self, y: float) -> int:
         """Take in y; returns the status."""
 
+    @overload
+    def update(self, y: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)]) -> int:
+        """The same with y (sensors,)."""
+
+    @overload
     def step(self, y: float, u: float) -> int:
         """Predict with u, update with y."""
 
-    def run(self, y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], *, covariance: bool = False) -> dict[str, Any]:
+    @overload
+    def step(self, y: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)]) -> int:
+        """The same with arrays."""
+
+    def run(self, y: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], *, covariance: bool = False) -> dict[str, Any]:
         """A whole record; u[k] acts from sample k to k + 1."""
 
-    def smooth(self, y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> dict[str, Any]:
+    def smooth(self, y: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)]) -> dict[str, Any]:
         """A whole record, mean and covariance by all of it (ambkit/smoother.h)."""
 
-    def forecast(self, mean: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], ahead: int, scale: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None) -> NDArray[numpy.float64]:
+    def forecast(self, mean: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], ahead: int, scale: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None) -> NDArray[numpy.float64]:
         """
-        Measurement `ahead` samples after each of mean (n, 4), u (n,): (n - ahead,) [m].
+        Measurements `ahead` samples after each of mean (n, states): (n - ahead, sensors) [m].
         """
 
     @property
     def mean(self) -> NDArray[numpy.float64]:
-        """State estimate (4,): x [m], v [m/s], f_d [N], x_m [m]."""
+        """State estimate (states,)."""
 
     @property
     def live_mean(self) -> Annotated[NDArray[numpy.float64], dict(writable=False)]:
@@ -135,7 +155,7 @@ class Estimator:
 
     @property
     def covariance(self) -> NDArray[numpy.float64]:
-        """Its covariance (4, 4)."""
+        """Its covariance (states, states)."""
 
     @property
     def scale(self) -> object:
@@ -166,48 +186,52 @@ class Estimator:
     def status(self) -> int: ...
 
     @property
-    def innovation(self) -> float: ...
+    def health(self) -> list[int]:
+        """What there is to say of each sensor."""
 
     @property
-    def variance(self) -> float: ...
+    def innovation(self) -> object: ...
 
     @property
-    def k_i(self) -> float: ...
+    def variance(self) -> object: ...
 
     @property
-    def k_s(self) -> float: ...
+    def k_i(self) -> object: ...
+
+    @property
+    def k_s(self) -> object: ...
 
 class Kalman(Estimator):
     """Kalman filter (paper, eq. 7-21, Fig. 8)."""
 
-    def __init__(self, magnet: Magnet, **settings: float) -> None: ...
+    def __init__(self, magnet: Magnet | list[Magnet], model: Model, **settings: Any) -> None: ...
 
-    def run(self, y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], k_i: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, k_s: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, *, covariance: bool = False) -> dict[str, Any]:
+    def run(self, y: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], k_i: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)] | None = None, k_s: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)] | None = None, *, covariance: bool = False) -> dict[str, Any]:
         """A whole record, with given stiffnesses (n,) or the magnet's."""
 
 class Extended(Estimator):
     """Extended Kalman filter."""
 
-    def __init__(self, magnet: Magnet, **settings: float) -> None: ...
+    def __init__(self, magnet: Magnet | list[Magnet], model: Model, **settings: Any) -> None: ...
 
     def widen(self, std: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> None:
         """
-        Know the state less surely: by standard deviations (4,) more, uncorrelated.
+        Know the state less surely: by standard deviations (states,) more, uncorrelated.
         """
 
-class SquareRoot(Estimator):
-    """Extended filter (ambkit/square_root.h)."""
+class UD(Estimator):
+    """Extended filter on a factor (ambkit/ud.h)."""
 
-    def __init__(self, magnet: Magnet, **settings: float) -> None: ...
+    def __init__(self, magnet: Magnet | list[Magnet], model: Model, **settings: Any) -> None: ...
 
     @property
     def factor(self) -> object:
-        """U (4, 4) and D (4,) of the covariance U D U'."""
+        """U (states, states) and D (states,) of the covariance U D U'."""
 
 class Unscented(Estimator):
     """Unscented filter (ambkit/unscented.h)."""
 
-    def __init__(self, magnet: Magnet, reach: float, curvature: float, **settings: float) -> None: ...
+    def __init__(self, magnet: Magnet | list[Magnet], model: Model, reach: float, curvature: float, **settings: Any) -> None: ...
 
 class AdaptiveNoise(Estimator):
     """Noise found online (ambkit/adaptive_noise.h)."""
@@ -221,22 +245,22 @@ class AdaptiveNoise(Estimator):
 class Observer(Estimator):
     """Constant gain (ambkit/observer.h)."""
 
-    def __init__(self, magnet: Magnet, gain: NDArray[Any], cov: NDArray[Any], variance: float, far: NDArray[Any], **settings: float) -> None: ...
+    def __init__(self, magnet: Magnet | list[Magnet], model: Model, gain: NDArray[Any], cov: NDArray[Any], variance: NDArray[Any], far: NDArray[Any], **settings: Any) -> None: ...
 
 class LowPass(Estimator):
     """Low-pass filters (ambkit/low_pass.h)."""
 
-    def __init__(self, magnet: Magnet, position: float, velocity: float, force: float, **settings: float) -> None: ...
+    def __init__(self, magnet: Magnet | list[Magnet], model: Model, m: float, position: float, velocity: float, force: float, **settings: Any) -> None: ...
 
-class ExtendedK(Estimator):
-    """Five states (ambkit/extended_k.h)."""
+class Augmented(Estimator):
+    """State augmented by the magnet's scale (ambkit/augmented.h)."""
 
-    def __init__(self, magnet: Magnet, bias: float, std: float, var_k: float, min: float, max: float, fresh: float, least: float, **settings: float) -> None: ...
+    def __init__(self, magnet: Magnet | list[Magnet], model: Model, bias: NDArray[Any], std: float, var_k: float, min: float, max: float, fresh: float, least: float, **settings: Any) -> None: ...
 
 class MultipleModel(Estimator):
     """Interacting models (ambkit/multiple_model.h)."""
 
-    def __init__(self, magnet: Magnet, theta: NDArray[Any], leave: float, bias: float, fresh: float, least: float, **settings: float) -> None: ...
+    def __init__(self, magnet: Magnet | list[Magnet], model: Model, theta: NDArray[Any], leave: float, bias: NDArray[Any], fresh: float, least: float, **settings: Any) -> None: ...
 
     @property
     def weights(self) -> NDArray[numpy.float64]:

@@ -3,7 +3,7 @@
  *
  * t = n ln 2 - r with |r| <= ln 2 / 2; adding 1.5 * 2^(mantissa bits) rounds t / ln 2 to n and
  * leaves n in the low bits, from where it is moved into the exponent of 2^-n. exp(r) is a
- * polynomial (derivation/exponential.py). Relative error below 2 machine epsilons
+ * polynomial (models/exponential.py). Relative error below 2 machine epsilons
  * (tests/test_exponential.py); t is held to the range whose result is a normal number, so e^-t
  * never falls below about 2e-308 (1e-38 in float). NaN gives that smallest value. IEEE 754
  * arithmetic, round to nearest.

@@ -15,7 +15,7 @@
 #define AMB_NOISES 32
 #endif
 #define AMB_TRIANGLE ((AMB_STATES * (AMB_STATES + 1)) / 2)
-#define AMB_WORK (AMB_STATES * (AMB_STATES + AMB_FORCES + 1))
+#define AMB_WORK (AMB_STATES * ((2 * AMB_STATES) + (2 * AMB_FORCES) + AMB_CONTROLS))
 
 /* The entries of a matrix, row by row, columns ascending: those of row i are start[i] to
  * start[i + 1]. */
@@ -69,8 +69,11 @@ static inline amb_real amb_model_displacement(const amb_model *model, int f, con
 static inline amb_real amb_model_current(const amb_model *model, int f, const amb_real mean[],
                                          const amb_real iu[])
 {
-  return amb_sparse_times(&model->d, model->d.value, f, iu) +
-         amb_sparse_times(&model->h, model->e, f, mean);
+  amb_real sum = amb_sparse_times(&model->h, model->e, f, mean);
+  for (int k = model->d.start[f]; k < model->d.start[f + 1]; k++) {
+    sum += model->d.value[k] * iu[model->d.column[k]];
+  }
+  return sum;
 }
 
 static inline amb_role amb_model_role(const amb_model *model, int i)

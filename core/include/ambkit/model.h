@@ -11,7 +11,7 @@
  * have a pattern, which depends on the kind of machine only, and numbers.
  *
  * Two builds of one text: a machine's own model as straight-line C, written by
- * `python -m derivation` or by an export (for the paper's axis generated/axial.h), and loops over
+ * `python -m models` or by an export (for the paper's axis generated/axial.h), and loops over
  * the entries of any model (ambkit/loops.h). Both add up in the same order, and give the same bits:
  *
  *   row_f = k_s h_f + k_i e_f + r_f        w_f = row_f P         entries from last to first

@@ -2,7 +2,7 @@
  *
  * Each side pulls with k (i/h)^2, with the effective gap h = (g + e + c i + r)/2 of its air gap g
  * and its current i, r^2 = (g + e - c i)^2 + 4 e c i. With e = c = 0 it is the closed law. Derived
- * in derivation/laws/saturating.py; the square root is all of libm that it needs.
+ * in models/laws/saturating.py; the square root is all of libm that it needs.
  */
 #ifndef AMBKIT_SATURATING_H
 #define AMBKIT_SATURATING_H

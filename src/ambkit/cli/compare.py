@@ -26,6 +26,7 @@ from ambkit.cli.options import (
 if TYPE_CHECKING:
     from ambkit.judge.comparison import Score
     from ambkit.machine.bearing import Bearing
+    from ambkit.workflow.comparing import LoopScores
 
 CASES = (
     "paper", "uncertain", "wrong-k", "saturating", "coloured-noise", "step", "unbalance", "model",
@@ -184,55 +185,34 @@ def _in_own_loops(
 ) -> None:
     """Each closes its own loop, against the same noise, with the same Q and R."""
     from ambkit.cli import output
-    from ambkit.cli.family import factories, scenario_of
-    from ambkit.judge import comparison
+    from ambkit.cli.family import factories
     from ambkit.show import plots
+    from ambkit.simulation.scenario import Scenario
+    from ambkit.workflow.comparing import compare_in_loops, happenings
 
-    heights: list[float | None] = [None]
-    if steps is not None:
-        heights = list(read_quantities(steps, "m", "--steps"))
-    elif scenario_file is None:
-        heights = [share * plant.rotor.travel_limit for share in (0.1, 0.3, 0.5)]
-    happening = {
-        output.value(height, "m") if height is not None else str(scenario_file): scenario_of(
-            plant, scenario_file, duration=duration, step=height, load=load, seed=None
-        )
-        for height in heights
-    }
+    what = happenings(
+        plant,
+        None if scenario_file is None else Scenario.load(scenario_file),
+        steps=None if steps is None else read_quantities(steps, "m", "--steps"),
+        load=load,
+        duration=duration,
+        name=str(scenario_file),
+    )
     built = factories(chosen, plant, expert)
-    runs = len(happening) * len(built) * seeds
-    with output.progress("comparing", runs) as done:
-        scores = {
-            case: comparison.compare(plant, each, built, range(seed, seed + seeds), done=done)
-            for case, each in happening.items()
-        }
-    what = "scenario" if heights == [None] else "step"
-    data = {
-        "bearing": plant.name,
-        "seeds": [seed, seed + seeds - 1],
-        "load": load,
-        "cases": {case: {n: _figures(s) for n, s in of.items()} for case, of in scores.items()},
-    }
+    with output.progress("comparing", len(what) * len(built) * seeds) as done:
+        found = compare_in_loops(plant, what, built, runs=seeds, seed=seed, done=done)
+    by = "scenario" if found.steps is None else "step"
     figure = plots.comparison_figure
     out, plot = files
     output.deliver(
-        data,
-        [_table(scores, what, f"{plant.name}, {seeds} seeds"), *_stops(scores, seeds)],
+        found.to_dict(),
+        [_table(found.scores, by, f"{plant.name}, {seeds} seeds"), *_stops(found.scores, seeds)],
         [
-            (out, lambda path: _save(path, scores, heights, seed)),
-            (plot, lambda path: plots.save_figure(figure(scores, what), path)),
+            (out, lambda path: _save(path, found)),
+            (plot, lambda path: plots.save_figure(figure(found.scores, by), path)),
         ],
         as_json=as_json,
     )
-
-
-def _figures(score: Score) -> dict[str, Any]:
-    return {
-        "rmse": {name: score.mean(name) for name in score.rmse},
-        "spread": {name: score.spread(name) for name in score.rmse},
-        "nis": score.nis.mean(),
-        "runs_at_the_stop": score.touched,
-    }
 
 
 def _stops(scores: Mapping[str, Mapping[str, Score]], seeds: int) -> list[str]:
@@ -269,25 +249,20 @@ def _table(scores: Mapping[str, Mapping[str, Score]], what: str, title: str) -> 
     return table(f"{title}: root mean square errors", headers, rows)
 
 
-def _save(
-    path: Path,
-    scores: Mapping[str, Mapping[str, Score]],
-    heights: list[float | None],
-    first: int,
-) -> None:
+def _save(path: Path, found: LoopScores) -> None:
     """Write the error of each run: a row for each case and seed."""
     import numpy as np
 
     from ambkit.data.files.tables import Table, write_table
     from ambkit.judge.comparison import JUDGED
 
+    scores, count = found.scores, len(found.seeds)
     columns: dict[str, Any] = {}
     units = {"case": "1", "step": "m", "seed": "1"}
-    count = len(next(iter(next(iter(scores.values())).values())).nis)
     columns["case"] = np.repeat(np.arange(len(scores), dtype=float), count)
-    if None not in heights:
-        columns["step"] = np.repeat(np.array(heights, dtype=float), count)
-    columns["seed"] = np.tile(np.arange(first, first + count, dtype=float), len(scores))
+    if found.steps is not None:
+        columns["step"] = np.repeat(np.array(found.steps, dtype=float), count)
+    columns["seed"] = np.tile(np.array(found.seeds, dtype=float), len(scores))
     for name in next(iter(scores.values())):
         for signal, unit in JUDGED.items():
             key = f"{name}_{signal}"

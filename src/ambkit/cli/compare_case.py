@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ambkit.base.errors import AmbkitError
+from ambkit.cli.options import arguments_of_the_user
 
 if TYPE_CHECKING:
     from ambkit.judge.comparison.bench import Bench, Standing
-    from ambkit.judge.comparison.cases import Case
     from ambkit.judge.comparison.study import Study
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.magnets import StiffnessSource
@@ -38,37 +37,28 @@ def in_case(bearing: Bearing, case_name: str, chosen: str, wanted: Wanted) -> No
     """Compare in a case, or in all of them, and deliver; see ``ambkit compare --help``."""
     from ambkit.cli import output
     from ambkit.judge.comparison.contenders import expand
-    from ambkit.judge.comparison.study import across, pieces_of, study
+    from ambkit.judge.comparison.study import pieces_of
+    from ambkit.workflow.comparing import cases_called, compare_in_all, compare_in_case
 
     names = expand(chosen)
-    cases = _cases(case_name, wanted.spread)
+    with arguments_of_the_user("--"):
+        cases = cases_called(case_name, wanted.spread)
     options: dict[str, Any] = {
         "runs": wanted.runs,
         "budget": wanted.budget,
         "seed": wanted.seed,
+        "spread": wanted.spread,
         "sources": _sources(bearing, names, wanted.expert),
     }
     if len(cases) > 1:
         work = len(cases) * pieces_of(len(names), wanted.budget, whole=False)
         with output.progress("learning", work) as done:
-            _deliver_all(bearing, across(bearing, cases, names, **options, done=done), wanted)
+            _deliver_all(bearing, compare_in_all(bearing, names, **options, done=done), wanted)
         return
     whole = wanted.report is not None
     with output.progress("learning", pieces_of(len(names), wanted.budget, whole)) as done:
-        found = study(bearing, cases[case_name], names, **options, whole=whole, done=done)
+        found = compare_in_case(bearing, case_name, names, **options, whole=whole, done=done)
     _deliver(found, wanted)
-
-
-def _cases(name: str, spread: float | None) -> dict[str, Case]:
-    from ambkit.judge.comparison.cases import CASES
-    from ambkit.judge.comparison.spread import Spread
-
-    cases = dict(CASES) if name == "all" else {name: CASES[name]}
-    if spread is None:
-        return cases
-    if not 0 <= spread < 1:
-        raise AmbkitError(f"--spread must be from 0 to below 100 %, is {100 * spread:g} %")
-    return {name: replace(case, spread=Spread.all(spread)) for name, case in cases.items()}
 
 
 def _sources(
@@ -94,7 +84,7 @@ def _deliver(found: Study, wanted: Wanted) -> None:
     if bench.tuned:
         tables.insert(0, _table(bench, bench.default, "defaults"))
     output.deliver(
-        _data(bench),
+        bench.to_dict(),
         [*tables, *_notes(bench)],
         [
             (wanted.out, lambda path: _save(path, {bench.case.name: bench})),
@@ -119,7 +109,7 @@ def _deliver_all(bearing: Bearing, benches: Mapping[str, Bench], wanted: Wanted)
     how = "tuned alike" if first.tuned else "defaults"
     title = f"{bearing.name}: error of F_St [N], {first.runs} runs in each case, {how}"
     output.deliver(
-        {"bearing": bearing.name, "cases": {name: _data(b) for name, b in benches.items()}},
+        {"bearing": bearing.name, "cases": {name: b.to_dict() for name, b in benches.items()}},
         [output.table(title, ["", *benches], rows)],
         [
             (wanted.out, lambda path: _save(path, benches)),
@@ -165,40 +155,6 @@ def _notes(bench: Bench) -> list[str]:
         )
         notes.append(f"no estimator can have smaller errors than: x {x}, v {v}, F_St {f_d}")
     return notes
-
-
-def _data(bench: Bench) -> dict[str, Any]:
-    def figures(standing: Standing) -> dict[str, Any]:
-        data: dict[str, Any] = {
-            name: {"mean": standing.mean(name), "half_width": standing.half_width(name)}
-            for name in standing.figures
-        }
-        data["values"] = dict(standing.values)
-        if standing.tuning is not None:
-            data["objective"] = {
-                "default": standing.tuning.default,
-                "tuned": standing.tuning.objective,
-                "evaluations": standing.tuning.evaluations,
-            }
-        return data
-
-    return {
-        "bearing": bench.bearing.name,
-        "case": bench.case.name,
-        "runs": bench.runs,
-        "stopped": bench.stopped,
-        "seed": bench.seed,
-        "budget": bench.budget,
-        "limit": dict(bench.limit),
-        "estimators": {
-            name: {
-                "label": standing.label,
-                "default": figures(standing),
-                "tuned": figures(bench.tuned[name]) if bench.tuned else None,
-            }
-            for name, standing in bench.default.items()
-        },
-    }
 
 
 SI = {"x": "m", "v": "m/s", "f_d": "N", "force": "N", "delay": "s", "tracking": "m", "effort": "A",

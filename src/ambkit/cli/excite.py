@@ -21,9 +21,6 @@ from ambkit.cli.options import (
 if TYPE_CHECKING:
     from ambkit.identification.excitation import Design
 
-OWN_PERIODS = 40
-"""Length of an experiment, in periods of the plant's own frequency, where it is not given."""
-
 CERTAIN = 0.95
 """Correlation from which on two parameters are said to hang together."""
 
@@ -98,20 +95,17 @@ def excite(
       ambkit excite my.toml --duration "1 s" --out excitation.csv --plot excitation.png
       ambkit simulate my.toml --reference excitation.csv --out run.csv
     """
-    import math
-
     from ambkit.cli import output
     from ambkit.cli.family import scenario_of
     from ambkit.identification.excitation import Limits, design
     from ambkit.identification.maximum_likelihood.parameters import USUAL
-    from ambkit.machine.magnets import ConstantStiffness
     from ambkit.show.plots import save_figure
     from ambkit.show.plots.excitation import excitation_figure
+    from ambkit.workflow.simulating import experiment_duration
 
     plant = find_bearing(bearing)
     if duration is None and scenario is None:
-        own = math.sqrt(ConstantStiffness.of(plant).k_s / plant.rotor.mass) / (2 * math.pi)
-        duration = float(f"{OWN_PERIODS / own:.2g}")
+        duration = experiment_duration(plant)
     happening = scenario_of(plant, scenario, duration=duration, step=None, load=None, seed=seed)
     ends = None
     if band is not None:

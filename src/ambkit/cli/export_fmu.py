@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.family import NAMES, estimator_option, exported, tuned
+from ambkit.cli.family import NAMES, estimator_option, exported
 from ambkit.cli.options import BearingName, Json, file_option, find_bearing
 
 if TYPE_CHECKING:
@@ -61,13 +61,16 @@ def export_fmu(
     from ambkit.cli import output
     from ambkit.export import fmu
     from ambkit.simulation.scenario import Scenario
+    from ambkit.workflow.simulating import tuned_controller
 
     if kind is Kind.plant and estimator is not None:
         raise AmbkitError("--estimator is for --kind estimator and closed-loop: a plant has none")
     if kind is not Kind.closed_loop and scenario is not None:
         raise AmbkitError("--scenario is for --kind closed-loop: only that has a controller")
     model = find_bearing(bearing)
-    controller = None if scenario is None else tuned(Scenario.load(scenario).controller, model)
+    controller = None
+    if scenario is not None:
+        controller = tuned_controller(Scenario.load(scenario).controller, model)
     chosen = exported(estimator, model)
     written = fmu.export_fmu(
         model,

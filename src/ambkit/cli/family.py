@@ -6,7 +6,7 @@ import difflib
 import os
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import typer
 
@@ -14,13 +14,12 @@ from ambkit.base.errors import AmbkitError
 from ambkit.cli import output
 
 if TYPE_CHECKING:
-    from ambkit.estimate.base import Estimator
-    from ambkit.estimate.noise import FilterNoise
     from ambkit.fuzzy.expert import Expert
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.forces.surface import ForceSurface
-    from ambkit.machine.magnets import Precision, StiffnessSource
-    from ambkit.simulation.scenario import PID, Scenario
+    from ambkit.machine.magnets import StiffnessSource
+    from ambkit.simulation.scenario import Scenario
+    from ambkit.workflow.estimators import Factory
 
 NAMES = (
     "low-pass", "observer", "linear", "steady-state", "table", "adaptive", "closed-law", "extended",
@@ -39,15 +38,6 @@ def estimator_option(choice: Iterable[str]) -> Any:
         "name: "
         f"{', '.join(choice)}. The linear filter without it.",
     )
-
-
-class Factory(Protocol):
-    """What builds an estimator."""
-
-    def __call__(
-        self, noise: FilterNoise | None = None, *, precision: Precision = "float64"
-    ) -> Estimator:
-        """Build a fresh one; by default it assumes the bearing's own noise."""
 
 
 def names(text: str) -> list[str]:
@@ -88,19 +78,16 @@ def factories(
     AmbkitError
         The expert cannot be read, or none of the chosen ones asks it.
     """
-    from ambkit.estimate.family import KINDS
+    from ambkit.workflow.estimators import factories as built
 
     chosen = list(chosen)
     if expert is not None and "adaptive" not in chosen:
         raise AmbkitError("--expert is for --estimator adaptive, which is not among those chosen")
-
-    def factory(name: str) -> Factory:
-        source = _source(name, bearing, expert)
-        return lambda noise=None, **options: KINDS[name].make(
-            bearing, source, noise=noise, **options
-        )
-
-    return {name: factory(name) for name in chosen}
+    sources = {"adaptive": read_expert(expert, bearing)} if expert is not None else {}
+    if "adaptive" not in chosen or sources:
+        return built(chosen, bearing, sources)
+    with output.progress("training the expert"):
+        return built(chosen, bearing)
 
 
 class Chosen(NamedTuple):
@@ -128,7 +115,7 @@ def exported(text: str | None, bearing: Bearing, choice: Iterable[str] = NAMES) 
         It is neither, or the file cannot be read.
     """
     if text is None or text in choice:
-        return Chosen(text or "linear", _source(text or "linear", bearing, None))
+        return Chosen(text or "linear", _learned(text or "linear", bearing))
     if text in NAMES:
         raise AmbkitError(f"--estimator: {text} cannot be exported yet; {', '.join(choice)} can")
     path = Path(text)
@@ -139,16 +126,14 @@ def exported(text: str | None, bearing: Bearing, choice: Iterable[str] = NAMES) 
     return Chosen("adaptive", read_expert(path, bearing))
 
 
-def _source(name: str, bearing: Bearing, expert: Path | None) -> StiffnessSource | None:
-    """Return what must be given to a kind; None where it knows by itself."""
+def _learned(name: str, bearing: Bearing) -> StiffnessSource | None:
+    """Return what is learned for a kind; None where it knows by itself."""
     from ambkit.estimate.family import learned_source
 
-    if name == "adaptive" and expert is not None:
-        return read_expert(expert, bearing)
-    if name == "adaptive":
-        with output.progress("training the expert"):
-            return learned_source(name, bearing)
-    return learned_source(name, bearing)
+    if name != "adaptive":
+        return learned_source(name, bearing)
+    with output.progress("training the expert"):
+        return learned_source(name, bearing)
 
 
 def read_expert(path: Path, bearing: Bearing) -> Expert | ForceSurface:
@@ -219,45 +204,18 @@ def scenario_of(
         Whether the estimate is fed back, or the measurement, where no file says it.
     """
     from ambkit.simulation.scenario import Scenario
-    from ambkit.simulation.waveforms import Step
+    from ambkit.workflow.simulating import scenario_for
 
-    scenario = Scenario() if path is None else Scenario.load(path)
-    controller = tuned(scenario.controller, bearing)
-    if not from_estimate and "feedback" not in scenario.controller.model_fields_set:
-        controller = controller.model_copy(update={"feedback": "measurement"})
-    scenario = scenario.replace(controller=controller)
-    if duration is not None:
-        scenario = scenario.replace(duration=duration)
-    if reference is not None:
-        if step is not None:
-            raise AmbkitError("give either --step or --reference")
-        scenario = _along(reference, scenario, duration)
-    if step is not None:
-        stepping = Step(amplitude=step, time=0.1 * scenario.duration)
-        scenario = scenario.replace(reference=stepping)
-    if load is not None:
-        disturbance = Step(amplitude=load, time=0.5 * scenario.duration)
-        scenario = scenario.replace(disturbance=disturbance)
-    return scenario if seed is None else scenario.replace(seed=seed)
-
-
-def tuned(given: PID, bearing: Bearing) -> PID:
-    """Return a controller with what was not given tuned to the bearing.
-
-    The defaults of :class:`PID` are the paper's, and hold hardly another bearing.
-    """
-    from ambkit.simulation.scenario import PID
-
-    said = {name: getattr(given, name) for name in given.model_fields_set}
-    return PID.for_bearing(bearing).model_copy(update=said)
-
-
-def _along(path: Path, scenario: Scenario, duration: float | None) -> Scenario:
-    """Return a scenario whose reference is the signal r of a record."""
-    from ambkit.data.record import Record
-    from ambkit.simulation.waveforms import Recorded
-
-    if duration is None:
-        t = Record.load(path).t
-        scenario = scenario.replace(duration=float(t[-1]))
-    return scenario.replace(reference=Recorded(file=str(path), signal="r"))
+    given = None if path is None else Scenario.load(path)
+    if reference is not None and step is not None:
+        raise AmbkitError("give either --step or --reference")
+    return scenario_for(
+        bearing,
+        given,
+        duration=duration,
+        step=step,
+        load=load,
+        seed=seed,
+        reference=reference,
+        from_estimate=from_estimate,
+    )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -23,17 +22,9 @@ from ambkit.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from ambkit.cli.family import Factory
     from ambkit.data.record import Record
-    from ambkit.estimate.base import Estimator
-    from ambkit.estimate.estimate import Estimate
-    from ambkit.estimate.noise import FilterNoise
     from ambkit.judge.judgement import Judgement
-
-HORIZONS = (1, 10)
-ABSURD_NIS = 25.0
-OUTSIDE = 0.01
-"""An expert that is asked outside of its box in more than this part of the samples is noted."""
+    from ambkit.workflow.filtering import Filtered, Filtering, OutsideOfBox, Stretch
 
 
 def filter_record(
@@ -120,16 +111,14 @@ def filter_record(
     For example:
       ambkit filter run.csv --bearing zittau_axial --out estimates.csv --plot estimates.html
     """
-    from dataclasses import replace
-
     from ambkit.cli import output
-    from ambkit.cli.belonging import check_belongs
+    from ambkit.cli.belonging import say_what_is_odd
     from ambkit.cli.family import factories
     from ambkit.data.reading import load
     from ambkit.estimate.noise import FilterNoise
-    from ambkit.judge.judgement import judge
     from ambkit.show import plots
-    from ambkit.workflow.tuning import default_disturbance
+    from ambkit.workflow.filtering import filter_record as filtered
+    from ambkit.workflow.filtering import stretch_to_tune_on
 
     if tune is not None and noise_d is not None:
         raise AmbkitError("--tune finds what --disturbance-noise gives: use one of them")
@@ -140,208 +129,116 @@ def filter_record(
     log = load(record, channel_map)
     if begin is not None or end is not None:
         log = log.between(begin, end)
-    check_belongs(record, log, model)
-    span = float(log.t[-1] - log.t[0])
-    if tune is not None and not tune < span:
-        raise AmbkitError(
-            f"--tune must be shorter than the record, {span:.4g} s, and leave time to judge by; "
-            f"is {tune:g} s"
-        )
-    tune_from, by_itself = 0.0, False
-    if tune is None and noise_d is None and not log.has_truth:
-        tune = span / 2
-        tune_from, by_itself = tune / 2, True
-        first = log.t[0]
-        output.note(
-            f"tuned from {first + tune_from:.3g} to {first + tune:.3g} s, judged on the rest"
-        )
-    noise = FilterNoise(measurement=noise_y, disturbance=noise_d)
-    late = max(settling or 0.0, tune or 0.0)
+    say_what_is_odd(record, log, model)
+    if noise_d is None:
+        with arguments_of_the_user("--"):
+            _say_what_is_tuned_on(stretch_to_tune_on(log, tune), log)
     built = factories(chosen, model, expert)
-    assumed, judged, smoothed = {}, {}, {}
     with arguments_of_the_user(), output.progress("filtering", len(built)) as done:
-        for name, build in built.items():
-            assumed[name] = noise
-            if tune is not None:
-                assumed[name] = _tuned(name, build, noise, log, tune_from, tune)
-            judged[name] = judge(build(assumed[name]), log, horizons=HORIZONS, settling=late)
-            if tune is not None:
-                plain = replace(noise, disturbance=default_disturbance(model))
-                untuned = judge(build(plain), log, horizons=HORIZONS, settling=late)
-                if _worse(judged[name], untuned):
-                    output.note(_of_tuning(name, assumed[name], plain, by_itself))
-                    if by_itself:
-                        assumed[name], judged[name] = plain, untuned
-            if smooth:
-                smoothed[name] = build(assumed[name]).smooth(log)
+
+        def tell(one: Filtered) -> None:
+            _say_how_it_was_tuned(one)
             done()
-    _warn(judged)
-    _warn_of_lost_control(log)
-    if "adaptive" in judged:
-        _warn_of_the_box(judged["adaptive"], built["adaptive"](), log)
+
+        found = filtered(
+            model,
+            log,
+            built,
+            noise=FilterNoise(measurement=noise_y, disturbance=noise_d),
+            tune=tune,
+            settling=settling or 0.0,
+            smooth=smooth,
+            done=tell,
+        )
+    _warn(found)
     figure = plots.filter_figure
-    after = {name: _after(estimate, log, late) for name, estimate in smoothed.items()}
-    data = {
-        "record": str(record),
-        "bearing": model.name,
-        "estimators": {
-            name: judgement.to_dict()
-            | {"disturbance_noise": assumed[name].disturbance}
-            | ({"smoothed": after[name]} if smooth else {})
-            for name, judgement in judged.items()
-        },
-    }
     output.deliver(
-        data,
-        _tables(judged, assumed, after, f"{record.name}, {len(log)} samples, {model.name}"),
+        {"record": str(record)} | found.to_dict(),
+        _tables(found, f"{record.name}, {len(log)} samples, {model.name}"),
         [
-            (out, lambda path: _estimates(judged, smoothed).save(path)),
-            (plot, lambda path: plots.save_figure(figure(log, judged, smoothed), path)),
+            (out, lambda path: found.to_record().save(path)),
+            (plot, lambda path: plots.save_figure(figure(log, found.judged, found.smoothed), path)),
         ],
         as_json=json,
     )
 
 
-def _worse(tuned: Judgement, untuned: Judgement) -> bool:
-    """Whether what a filter was not tuned on is less likely to it than to the untuned one."""
-    from ambkit.workflow.tuning import log_likelihood
+def _say_what_is_tuned_on(stretch: Stretch | None, log: Record) -> None:
+    """Say it where nobody asked for it."""
+    from ambkit.cli import output
 
-    first = len(tuned.estimate.t) - tuned.samples
-    return log_likelihood(tuned.estimate, first) < log_likelihood(untuned.estimate, first)
+    if stretch is not None and stretch.by_itself:
+        start, stop = (log.t[0] + end for end in (stretch.start, stretch.stop))
+        output.note(f"tuned from {start:.3g} to {stop:.3g} s, judged on the rest")
 
 
-def _of_tuning(name: str, tuned: FilterNoise, untuned: FilterNoise, by_itself: bool) -> str:
-    then = (
-        "so the untuned one is used, chosen by what it is judged on"
-        if by_itself
-        else "so the tuning is the first suspect"
+def _say_how_it_was_tuned(one: Filtered) -> None:
+    """Say what the stretch does not tell, and whether the rest of the record speaks against it."""
+    from ambkit.cli import output
+
+    tuning = one.tuning
+    if tuning is None:
+        return
+    if tuning.why:
+        output.note(f"{one.name}: {tuning.why}")
+    if tuning.worse:
+        then = (
+            "so the tuning is the first suspect"
+            if tuning.kept
+            else "so the untuned one is used, chosen by what it is judged on"
+        )
+        output.note(
+            f"{one.name}: tuned load noise, {tuning.found.disturbance:.3g} N^2/s, fits the rest of "
+            f"the record worse than the untuned, {tuning.untuned.disturbance:.3g} N^2/s (the load "
+            f"moved otherwise there), {then}; --disturbance-noise sets it, --tune another stretch"
+        )
+
+
+def _warn(found: Filtering) -> None:
+    """Say so where filter and record do not belong together, or what was asked is not known."""
+    from ambkit.cli import output
+    from ambkit.workflow.filtering import lost_control
+
+    for name, one in found.estimators.items():
+        if one.absurd:
+            output.note(
+                f"{name}: innovations are {one.judgement.nis**0.5:.0f} times what the filter "
+                "expects; are the units, the signs and the bearing those of this record?"
+            )
+    lost, in_a_row = lost_control(found.record)
+    if lost:
+        output.note(
+            f"the control signal is missing in {lost} of {len(found.record)} samples, at most "
+            f"{in_a_row} in a row: the filters hold the last one, and are less sure for a while "
+            "than they say"
+        )
+    for name, one in found.estimators.items():
+        if one.outside is not None:
+            output.note(_of_the_box(name, one.outside))
+
+
+def _of_the_box(name: str, outside: OutsideOfBox) -> str:
+    """Say that the expert was asked beyond the box that it was trained for."""
+    from ambkit.cli.output import value
+
+    current, displacement = (
+        f"{value(low, unit, 3)} to {value(high, unit, 3)} ({100 * share:.2g} %)"
+        for (low, high, share), unit in ((outside.current, "A"), (outside.displacement, "m"))
     )
     return (
-        f"{name}: tuned load noise, {tuned.disturbance:.3g} N^2/s, fits the rest of the record "
-        f"worse than the untuned, {untuned.disturbance:.3g} N^2/s (the load moved otherwise "
-        f"there), {then}; --disturbance-noise sets it, --tune another stretch"
+        f"{name}: {100 * outside.share:.2g} % of the samples lie outside of the expert's box, "
+        f"current {current}, displacement {displacement}; there it answers as at the edge: "
+        "train it on a larger one"
     )
 
 
-def _warn(judged: Mapping[str, Judgement]) -> None:
-    """Say so where a filter and the record have nothing to do with each other."""
-    from ambkit.cli import output
-
-    for name, judgement in judged.items():
-        if judgement.nis > ABSURD_NIS:
-            output.note(
-                f"{name}: innovations are {judgement.nis**0.5:.0f} times what the filter expects; "
-                "are the units, the signs and the bearing those of this record?"
-            )
-
-
-def _warn_of_lost_control(log: Record) -> None:
-    """Say so where nobody knows what acted on the rotor: the filters do not know that."""
-    import numpy as np
-
-    from ambkit.cli import output
-
-    lost = ~np.isfinite(log["u"])
-    if lost.any():
-        edges = np.flatnonzero(np.diff(np.r_[False, lost, False])).reshape(-1, 2)
-        output.note(
-            f"the control signal is missing in {lost.sum()} of {lost.size} samples, at most "
-            f"{np.ptp(edges, axis=1).max()} in a row: the filters hold the last one, and are less "
-            "sure for a while than they say"
-        )
-
-
-def _warn_of_the_box(judgement: Judgement, adaptive: Estimator, log: Record) -> None:
-    """Say so where the expert was asked beyond the box that it was trained for."""
-    import numpy as np
-
-    from ambkit.cli import output
-    from ambkit.cli.output import value
-    from ambkit.fuzzy.expert import Expert
-
-    expert, b = adaptive.source, adaptive.bearing
-    if not isinstance(expert, Expert):  # a force map goes on as the law does
-        return
-    box = expert.current_range, expert.displacement_range
-    asked = np.clip(b.amplifier.gain * log["u"], b.current_min, b.current_max), judgement.estimate.x
-    # The ends may be off by a rounding; what is missing is not outside.
-    slack = [1e-9 * (high - low) for low, high in box]
-    outside = [
-        (at < low - s) | (at > high + s)
-        for at, (low, high), s in zip(asked, box, slack, strict=True)
-    ]
-    share = float(np.mean(outside[0] | outside[1]))
-    if share > OUTSIDE:
-        within = [
-            f"{value(low, unit, 3)} to {value(high, unit, 3)} ({100 * np.mean(out):.2g} %)"
-            for out, (low, high), unit in zip(outside, box, "Am", strict=True)
-        ]
-        output.note(
-            f"adaptive: {100 * share:.2g} % of the samples lie outside of the expert's box, "
-            f"current {within[0]}, displacement {within[1]}; there it answers as at the edge: "
-            "train it on a larger one"
-        )
-
-
-def _tuned(
-    name: str, build: Factory, noise: FilterNoise, log: Record, start: float, stop: float
-) -> FilterNoise:
-    """Return the noise under which a stretch of a record [s] is most likely."""
-    from dataclasses import replace
-
-    from ambkit.cli import output
-    from ambkit.workflow.tuning import tune_disturbance
-
-    stretch = log.between(log.t[0] + start, log.t[0] + stop)
-    tuned = tune_disturbance(
-        build().bearing, stretch, lambda growth: build(replace(noise, disturbance=growth))
-    )
-    if tuned.why:
-        output.note(f"{name}: {tuned.why}")
-    return replace(noise, disturbance=tuned.growth)
-
-
-def _after(estimate: Estimate, log: Record, settling: float) -> dict[str, Any]:
-    """Return what is told of a smoothed estimate: its load, and its errors where truth is known."""
-    import numpy as np
-
-    from ambkit.judge.comparison import JUDGED
-
-    late = log.t - log.t[0] >= settling
-    return {
-        "rmse": {
-            name: float(np.sqrt(np.mean((estimate[name] - log[name])[late] ** 2)))
-            for name in JUDGED
-            if name in log.truth
-        },
-        "disturbance_mean": float(estimate.f_d[late].mean()),
-        "disturbance_std": float(estimate.f_d[late].std()),
-    }
-
-
-def _estimates(judged: Mapping[str, Judgement], smoothed: Mapping[str, Estimate]) -> Record:
-    """Return the estimates as one record; of several estimators, each signal carries the name."""
-    from ambkit.data.record import Record
-
-    records = {name: judgement.estimate.to_record() for name, judgement in judged.items()}
-    records |= {f"{name}_smoothed": estimate.to_record() for name, estimate in smoothed.items()}
-    if len(records) == 1:
-        return next(iter(records.values()))
-    signals = {f"{n}_{s}": r[s] for n, r in records.items() for s in r}
-    units = {f"{n}_{s}": r.units[s] for n, r in records.items() for s in r}
-    t = next(iter(records.values())).t
-    return Record(t, signals, units, {"estimators": list(records)})
-
-
-def _tables(
-    judged: Mapping[str, Judgement],
-    assumed: Mapping[str, FilterNoise],
-    after: Mapping[str, Any],
-    title: str,
-) -> list[Any]:
+def _tables(found: Filtering, title: str) -> list[Any]:
     from ambkit.cli.output import table, value
     from ambkit.judge.comparison import JUDGED
+    from ambkit.workflow.filtering import HORIZONS
 
+    judged = found.judged
+    after = {name: found.after(name) for name in found.smoothed}
     judgements = list(judged.values())
 
     def row(what: str, entry: Any) -> list[str]:
@@ -372,7 +269,8 @@ def _tables(
             + [value(s["rmse"][name], JUDGED[name]) for s in after.values()]
             for name in one.rmse
         ]
-    growths = [noise.disturbance for noise in assumed.values() if noise.disturbance is not None]
+    growths = [each.noise.disturbance for each in found.estimators.values()]
+    growths = [growth for growth in growths if growth is not None]
     if growths:
         rows.append(["load, noise assumed", *(f"{growth:.3g} N^2/s" for growth in growths)])
     headers = ["", *(f"{ahead} step{'s' * (ahead > 1)} ahead" for ahead in HORIZONS)]

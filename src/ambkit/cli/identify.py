@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.options import CONSTANT, Json, MapFile, Plot, file_option, find_bearing, quantity
-
-if TYPE_CHECKING:
-    pass
 
 
 class Method(StrEnum):
@@ -168,7 +165,7 @@ def identify(
       ambkit identify run.csv --bearing my.toml --method online --plot online.png
       ambkit identify --lift-off points.csv --bearing inteco_ml --working-point "10 mm"
     """
-    from ambkit.cli.belonging import check_belongs
+    from ambkit.cli.belonging import say_what_is_odd
     from ambkit.cli.identify_lift_off import by_lift_off
     from ambkit.cli.identify_likelihood import Asked, by_likelihood
     from ambkit.cli.identify_online import learn_online
@@ -228,7 +225,7 @@ def identify(
     log = load(record[0], channel_map)
     if begin is not None or end is not None:
         log = log.between(begin, end)
-    check_belongs(record[0], log, known)
+    say_what_is_odd(record[0], log, known)
     learn_online(log, known, method, start, disturbance, out, plot, json)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.options import CONSTANT, read_quantities
@@ -26,21 +26,16 @@ def by_lift_off(
     json: bool,
 ) -> None:
     """Fit the law to points of a table, or to those found in recordings, one each."""
-    import numpy as np
-
     from ambkit.cli import output
     from ambkit.cli.output import value
     from ambkit.data.reading import load
     from ambkit.identification.forces.lift_off import find_lift_off, load_points
-    from ambkit.identification.forces.lift_off_fit import fit_lift_off
     from ambkit.show import plots
+    from ambkit.workflow.identifying import check_lifts_off, identify_by_lift_off
 
     if out is not None and working_point is None:
         raise AmbkitError("--out needs --working-point: which distance is x = 0?")
-    if known.magnet.type != "one-sided":
-        raise AmbkitError(
-            f"lift-off points tell of a one-sided magnet; that of {known.name} is two-sided"
-        )
+    check_lifts_off(known)
     low, high = read_quantities(gap_range or "0 m,1 m", "m", "--gap-range", count=2)
     if recorded:
         with output.progress("reading", len(paths)) as done:
@@ -50,21 +45,14 @@ def by_lift_off(
                 done()
     else:
         points = load_points(paths[0])
-    fit = fit_lift_off(
+    found = identify_by_lift_off(
+        known,
         points,
-        known.rotor.mass,
         gap_range=(low, high if gap_range else math.inf),
+        working_point=working_point,
     )
+    fit, magnet = found.fit, found.bearing.magnet
     errors = fit.standard_errors
-    rms = np.sqrt(np.mean(fit.residuals**2))
-    data: dict[str, Any] = {
-        "magnet_constant": fit.magnet_constant,
-        "gap_offset": fit.gap_offset,
-        "standard_errors": dict(errors),
-        "residual_rms": rms,
-        "points": len(fit.points),
-        "left_out": dict(fit.left_out),
-    }
     rows = [
         ["magnet constant k", value(fit.magnet_constant, CONSTANT)],
         [
@@ -73,21 +61,13 @@ def by_lift_off(
         ],
         ["gap offset z_off", value(fit.gap_offset, "m")],
         ["  standard error", value(errors["gap_offset"], "m", 2, like=fit.gap_offset)],
-        ["current left unexplained", f"{value(rms, 'A')} rms"],
+        ["current left unexplained", f"{value(fit.residual_rms, 'A')} rms"],
         ["points", f"{len(fit.points)} used, {len(fit.left_out)} left out"],
     ]
-    found = known
     if working_point is not None:
-        gap, bias = fit.working_point(working_point)
-        found = known.replace(
-            **known.magnet.with_constant(fit.magnet_constant),
-            magnet__air_gap=gap,
-            magnet__bias_current=bias,
-        )
-        data |= {"air_gap": gap, "bias_current": bias}
         rows += [
-            [f"air gap at {value(working_point, 'm')}", value(gap, "m")],
-            ["bias current there", value(bias, "A")],
+            [f"air gap at {value(working_point, 'm')}", value(magnet.air_gap, "m")],
+            ["bias current there", value(magnet.bias_current, "A")],
         ]
     left = [
         [paths[run - 1].name if recorded else f"run {run}", why]
@@ -97,10 +77,10 @@ def by_lift_off(
     if left:
         shown.append(output.table("Points left out", ["", ""], left, wide=True))
     output.deliver(
-        data,
+        found.to_dict(),
         shown,
         [
-            (out, found.save),
+            (out, found.bearing.save),
             (plot, lambda path: plots.save_figure(plots.lift_off_figure(fit), path)),
         ],
         as_json=json,

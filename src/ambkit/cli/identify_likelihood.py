@@ -10,16 +10,15 @@ from typing import TYPE_CHECKING, Any
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import interval
 from ambkit.cli import output
-from ambkit.cli.belonging import check_belongs
+from ambkit.cli.belonging import say_what_is_odd
 from ambkit.cli.options import arguments_of_the_user
 from ambkit.cli.output import value
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.identification.forces.map import ForceMap
-    from ambkit.identification.maximum_likelihood.estimate import MaximumLikelihood
-    from ambkit.identification.maximum_likelihood.validation import Validation
     from ambkit.machine.bearing import Bearing
+    from ambkit.workflow.identifying import Identified
 
 
 @dataclass(frozen=True)
@@ -45,27 +44,28 @@ class Asked:
 
 def by_likelihood(asked: Asked, known: Bearing) -> None:
     """Identify, validate, and deliver."""
-    import math
     import os
 
-    from ambkit.identification.forces.map import force_map
-    from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
-    from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-    from ambkit.identification.maximum_likelihood.parameters import named, usual
-    from ambkit.identification.maximum_likelihood.validation import validate
+    from ambkit.base import files
+    from ambkit.data.reading import load
+    from ambkit.show import plots
     from ambkit.show.pages.maximum_likelihood import (
         annotated_toml,
         carried_over,
         write_identification,
     )
     from ambkit.show.plots.maximum_likelihood import identified_figure
+    from ambkit.workflow.identifying import (
+        identify_by_likelihood,
+        noise_at_rest,
+        parameters_to_find,
+        starting_model,
+    )
 
-    rest = {} if asked.rest is None else _at_rest(asked.rest, asked.rest_map)
-    if "variance" in rest.get("y", {}):
-        known = known.replace(sensor__noise_variance=rest["y"]["variance"])
-    start = LoopModel(known, load_std=math.nan if asked.load_std is None else asked.load_std)
-    free = usual(start) if asked.free is None else tuple(asked.free.replace(" ", "").split(","))
-    named(free)
+    rest = {} if asked.rest is None else noise_at_rest(load(asked.rest, asked.rest_map))
+    start = starting_model(known, rest=rest, load_std=asked.load_std)
+    given = None if asked.free is None else asked.free.replace(" ", "").split(",")
+    free = parameters_to_find(start, given)
     # Not Path.resolve, which raises where links go in a loop; reading the record says so.
     read = {os.path.realpath(path) for path in asked.records}
     same = read & {os.path.realpath(path) for path in asked.validate}
@@ -77,62 +77,44 @@ def by_likelihood(asked: Asked, known: Bearing) -> None:
     records = [_load(path, asked) for path in asked.records]
     others = [_load(path, asked) for path in asked.validate]
     for path, record in zip([*asked.records, *asked.validate], records + others, strict=True):
-        check_belongs(path, record, known)
+        say_what_is_odd(path, record, start.bearing)
     with arguments_of_the_user(), output.progress("identifying") as done:
-        found = maximum_likelihood(records, start, free, note=done)
-        checks = [
-            validate(
-                found.model, record, start=found.start, settling=found.settling, name=path.name
-            )
-            for record, path in zip(others or records, asked.validate or asked.records, strict=True)
-        ]
-        mapped = None
-        if asked.force_map is not None:
-            mapped = force_map(
-                found.model,
-                records,
-                nodes=asked.force_map_nodes,
-                settling=found.settling,
-                note=done,
-            )
-    data = found.to_dict() | {
-        "bearing": known.name,
-        "magnet_constant": found["magnet_constant"],
-        "stiffness": _stiffness(found, records),
-        "work_points": _work_points(found),
-        "rest": rest,
-        "validated_on_other_records": bool(others),
-        "validation": [check.to_dict() for check in checks],
-    }
-    from ambkit.base import files
-    from ambkit.show import plots
-
-    shown = [*_rest_table(rest), *_tables(found, data["stiffness"], checks, bool(others))]
-    if mapped is not None:
-        data["force_map"] = {
-            "nodes": mapped.force.shape[::-1],
-            "written": int(mapped.told.sum()),
-            "assumed": mapped.assumed,
-        }
-        shown.append(_map_said(mapped))
+        found = identify_by_likelihood(
+            known,
+            records,
+            others=others,
+            names=[path.name for path in asked.validate or asked.records],
+            rest=rest,
+            free=free,
+            load_std=asked.load_std,
+            map_forces=asked.force_map is not None,
+            nodes=asked.force_map_nodes,
+            note=done,
+        )
+    likelihood, checks, forces = found.likelihood, found.validation, found.forces
+    data = found.to_dict()
+    shown = [*_rest_table(data["rest"]), *_tables(found)]
+    if forces is not None:
+        shown.append(_map_said(forces))
     output.deliver(
         data,
         shown,
         [
-            (asked.out, lambda path: files.write_text(path, annotated_toml(found))),
-            (asked.force_map, lambda path: None if mapped is None else mapped.save(path)),
-            (asked.report, lambda path: write_identification(path, found, checks,
+            (asked.out, lambda path: files.write_text(path, annotated_toml(likelihood))),
+            (asked.force_map, lambda path: None if forces is None else forces.save(path)),
+            (asked.report, lambda path: write_identification(path, likelihood, checks,
                                                              (others or records)[0])),
-            (asked.plot, lambda path: plots.save_figure(identified_figure(found, checks), path)),
+            (asked.plot, lambda path: plots.save_figure(identified_figure(likelihood, checks),
+                                                        path)),
         ],
         as_json=asked.json,
     )  # fmt: skip
-    carried = carried_over(found.model, delay=not found.delay_counts)
+    carried = carried_over(likelihood.model, delay=not likelihood.delay_counts)
     if asked.out is not None and any("[signals." in line for line in carried):
         output.note(
             f"{asked.out} says what to put into the channel map before filtering such a log"
         )
-    if not found.converged:
+    if not likelihood.converged:
         output.note("the search did not end at a maximum: take a closer start, or free less")
     if not others:
         output.note("judged on what it was identified from: --validate OTHER.csv would tell more")
@@ -145,31 +127,6 @@ def _map_said(mapped: ForceMap) -> str:
         f"are written: there the force is known to less than half of the "
         f"{value(mapped.assumed, 'N', 3)} by which the law may be wrong."
     )
-
-
-def _at_rest(path: Path, channel_map: Path | None) -> dict[str, dict[str, Any]]:
-    """Noise of each signal of a record at rest, or why it cannot be seen."""
-    from ambkit.base.errors import RecordError
-    from ambkit.data.reading import load
-    from ambkit.identification.noise import measurement_noise
-
-    record = load(path, channel_map)
-    found: dict[str, dict[str, Any]] = {}
-    for name in record:
-        try:
-            noise = measurement_noise(record, name)
-        except RecordError as error:
-            found[name] = {"problem": str(error)}
-            continue
-        found[name] = {
-            "variance": noise.variance,
-            "standard_deviation": noise.standard_deviation,
-            "unit": noise.unit,
-            "samples": noise.samples,
-            "colour": noise.colour,
-            "correlation": list(noise.correlation),
-        }
-    return found
 
 
 def _rest_table(rest: dict[str, dict[str, Any]]) -> list[Any]:
@@ -191,32 +148,8 @@ def _load(path: Path, asked: Asked) -> Record:
     return record.between(asked.begin, asked.end)
 
 
-def _stiffness(found: MaximumLikelihood, records: Sequence[Record]) -> dict[str, Any]:
-    """Stiffnesses about the mean of the records, where they tell most."""
-    iu, x = found.model.mean_point(records)
-    at = found.stiffness(iu, x)
-    return {"current": iu, "displacement": x} | {
-        name: {"value": v, "standard_error": e} for name, (v, e) in at.items()
-    }
-
-
-def _work_points(found: MaximumLikelihood) -> dict[str, Any]:
-    """Stiffnesses at the paper's 25 work points, rows over the displacement."""
-    from ambkit.machine.stiffness import work_points
-
-    current, displacement = work_points(found.bearing)
-    return {"current": current.tolist(), "displacement": displacement.tolist()} | {
-        name: {"value": values.tolist(), "standard_error": errors.tolist()}
-        for name, (values, errors) in found.stiffness_map(current, displacement).items()
-    }
-
-
-def _tables(
-    found: MaximumLikelihood,
-    stiffness: dict[str, Any],
-    checks: Sequence[Validation],
-    others: bool,
-) -> list[Any]:
+def _tables(identified: Identified) -> list[Any]:
+    found, stiffness = identified.likelihood, identified.stiffness
     rows = []
     for p in found.parameters:
         at = found[p.name]
@@ -256,5 +189,5 @@ def _tables(
     ]
     if close:
         shown.append(output.table("Known together", ["", ""], close, wide=True))
-    where = "" if others else ", which it was identified from"
-    return [*shown, *(f"{check.name}{where}: {check.verdict}" for check in checks)]
+    where = "" if identified.on_others else ", which it was identified from"
+    return [*shown, *(f"{c.name}{where}: {c.verdict}" for c in identified.validation)]

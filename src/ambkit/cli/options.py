@@ -143,8 +143,13 @@ def find_bearing(text: str) -> Bearing:
 
 
 @contextmanager
-def arguments_of_the_user() -> Iterator[None]:
+def arguments_of_the_user(prefix: str = "") -> Iterator[None]:
     """Around library calls whose arguments the user gave: their ValueErrors are the user's.
+
+    Parameters
+    ----------
+    prefix : str
+        Put before the text; ``"--"`` where it begins with an argument that is named as an option.
 
     Raises
     ------
@@ -154,4 +159,4 @@ def arguments_of_the_user() -> Iterator[None]:
     try:
         yield
     except ValueError as error:
-        raise AmbkitError(str(error)) from error
+        raise AmbkitError(f"{prefix}{error}") from error

@@ -21,7 +21,7 @@ from ambkit.cli.options import (
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
-    from ambkit.simulation.run import Run
+    from ambkit.workflow.simulating import RunSummary
 
 
 def simulate(
@@ -95,6 +95,7 @@ def simulate(
     from ambkit.cli.family import factories, scenario_of, surface_in
     from ambkit.show import plots
     from ambkit.simulation.run import simulate_run
+    from ambkit.workflow.simulating import RunSummary
 
     with_one = estimator != "none"
     plant = find_bearing(bearing)
@@ -118,7 +119,8 @@ def simulate(
     true = None if magnet is None else surface_in(magnet, plant)
     with output.progress("simulating"):
         run = simulate_run(plant, happening, estimator=kalman, magnet=true)
-    data = _summary(run, plant)
+    summary = RunSummary(plant, run)
+    data = summary.to_dict()
     output.deliver(
         data,
         [_table(data, plant)],
@@ -128,50 +130,22 @@ def simulate(
         ],
         as_json=json,
     )
-    if data["samples_at_the_stop"]:
-        output.note(_of_the_stop(run, plant))
+    if summary.samples_at_the_stop:
+        output.note(_of_the_stop(summary))
 
 
-def _of_the_stop(run: Run, bearing: Bearing) -> str:
+def _of_the_stop(summary: RunSummary) -> str:
     """Say when the rotor touched a stop, and what may help."""
-    import numpy as np
-
     from ambkit.cli.output import value
 
-    record, travel = run.record, bearing.rotor.travel_limit
-    touched = record.meta["stop_touched"]
-    there = np.abs(record["x"]) >= travel  # not those at which it left before the sample's end
-    first = f", first at {value(record.t[int(np.argmax(there))], 's')}" if there.any() else ""
+    at = summary.first_at_the_stop
+    first = "" if at is None else f", first at {value(at, 's')}"
     return (
-        f"the rotor touched the stop at {value(travel, 'm')} in {touched} of {len(record)} "
-        f"samples{first}: does the controller suit the bearing ([controller] in the file of "
-        "--scenario)? Or take a smaller step or load"
+        f"the rotor touched the stop at {value(summary.bearing.rotor.travel_limit, 'm')} in "
+        f"{summary.samples_at_the_stop} of {len(summary.run.record)} samples"
+        f"{first}: does the controller suit the "
+        "bearing ([controller] in the file of --scenario)? Or take a smaller step or load"
     )
-
-
-def _summary(run: Run, bearing: Bearing) -> dict[str, Any]:
-    import numpy as np
-
-    from ambkit.judge.comparison import JUDGED, rmse
-
-    record, estimate = run.record, run.estimate
-    found: dict[str, Any] = {
-        "bearing": bearing.name,
-        "samples": len(record),
-        "duration": record.t[-1],
-        "seed": record.meta["seed"],
-        "greatest_displacement": np.max(np.abs(record["x"])),
-        "greatest_current": np.max(np.abs(record["iu"])),
-        "samples_at_the_current_limit": int(
-            np.sum((record["iu"] >= bearing.current_max) | (record["iu"] <= bearing.current_min))
-        ),
-        "samples_at_the_stop": record.meta["stop_touched"],
-    }
-    if estimate is not None:
-        found["estimator"] = estimate.estimator
-        found["rmse"] = {name: rmse(estimate, record, name) for name in JUDGED}
-        found["nis"] = np.mean(estimate.nis[1:])
-    return found
 
 
 def _table(data: dict[str, Any], bearing: Bearing) -> Any:

@@ -8,16 +8,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ambkit.cli.options import BearingName, Json, Plot, file_option, find_bearing, quantity
+from ambkit.base.errors import AmbkitError
+from ambkit.cli.options import (
+    BearingName,
+    Json,
+    Plot,
+    arguments_of_the_user,
+    file_option,
+    find_bearing,
+    quantity,
+)
 
 if TYPE_CHECKING:
     from ambkit.fuzzy.choice import Shape
-    from ambkit.fuzzy.expert import Expert
-    from ambkit.machine.bearing import Bearing
-    from ambkit.machine.stiffness import StiffnessMap
-
-CLEAR = 0.2
-"""The law's k_i or k_s is clearly positive from this part of its largest on."""
+    from ambkit.workflow.training import WrongSign
 
 
 class Method(StrEnum):
@@ -109,10 +113,11 @@ def train(
       ambkit train zittau_axial --out expert.json --plot expert.png
       ambkit train found.toml --map force.csv --rules auto --out expert.json
     """
-    from ambkit.cli import output
-    from ambkit.cli.train_measured import Measured
-    from ambkit.fuzzy import training
+    from ambkit.cli import output, train_measured
+    from ambkit.machine.forces.file import load_force_points
     from ambkit.show import plots
+    from ambkit.workflow.training import RULES, check_within_gap, how_to_train, measured_force
+    from ambkit.workflow.training import train_expert as trained
 
     shape = _shape(rules)
     for option, asked in (
@@ -134,49 +139,35 @@ def train(
             "without --map there is an expert only: FILE.json", param_hint="--out"
         )
     model = find_bearing(bearing)
-    options: dict[str, Any] = {
-        "method": method.value,
-        "weights": method is Method.least_squares if weights is None else weights,
-        "normalised": not plain,
-        "scaling": scaling.value,
-    }
+    options = how_to_train(method.value, weights, normalised=not plain, scaling=scaling.value)
     measured = None
     with output.progress("training") as done:
-        if force is None:
-            assert shape is not None  # as auto needs --map
-            stiff = _map(model, shape)
-        else:
-            measured = Measured.load(force, model, law_error, channels)
-            if shape is None:
-                shape = measured.choose_shape(options, done)
-                done("training")
-            stiff = measured.map(shape)
-        expert = training.train(stiff, **options)
-        if measured is not None and shape is not None:
-            measured.choose_model(shape, options, done)
-    data = _summary(expert, stiff, model)
+        if force is not None:
+            points = load_force_points(force, channels)
+            with arguments_of_the_user("--map: "):
+                check_within_gap(model, points)
+            try:
+                measured = measured_force(
+                    model, points, shape, law_error=law_error, note=done, **options
+                )
+            except AmbkitError as error:
+                raise AmbkitError(f"{force}: {error}") from None
+        found = trained(model, shape or RULES, measured=measured, note=done, **options)
+    data = found.to_dict()
     tables = [_table(data)]
-    if measured is not None:
-        told = measured.table(data, expert, stiff)
-        tables = [*measured.choice_table(), *tables, told, *measured.models_table(data)]
-    data["wrong_sign"] = _wrong_sign(expert, model)
-    for name, wrong in data["wrong_sign"].items():
+    if force is not None:
+        tables = train_measured.tables(force, found, data, tables)
+    for name, wrong in found.wrong_signs.items():
         output.note(_of_wrong_sign(name, wrong, measured is not None))
 
     def draw(path: Path) -> None:
-        figure = plots.training_figure(expert, stiff)
-        plots.save_figure(figure if measured is None else measured.figure(figure, stiff), path)
-
-    def save(path: Path) -> None:
-        if measured is None:
-            expert.save(path)
-        else:
-            measured.save(path, expert)
+        figure = plots.training_figure(found.expert, found.stiffness)
+        plots.save_figure(train_measured.with_points(figure, found), path)
 
     output.deliver(
         data,
         tables,
-        [(out, save), (plot, draw)],
+        [(out, lambda path: train_measured.save(path, found)), (plot, draw)],
         as_json=json,
     )
 
@@ -202,86 +193,16 @@ def _shape(text: str) -> Shape | None:
     return across, along
 
 
-def _map(bearing: Bearing, shape: Shape) -> StiffnessMap:
-    """Return the stiffnesses of the law, a node for each rule."""
-    import numpy as np
-
-    from ambkit.machine.stiffness import stiffness_map
-
-    half = bearing.rotor.travel_limit / 2
-    return stiffness_map(
-        bearing,
-        currents=np.linspace(bearing.current_min, bearing.current_max, shape[0]),
-        displacements=np.linspace(-half, half, shape[1]),
-    )
-
-
-def _summary(expert: Expert, stiff: StiffnessMap, bearing: Bearing) -> dict[str, Any]:
-    from ambkit.fuzzy.expert import Expert
-    from ambkit.machine.magnets import ConstantStiffness
-
-    constant = ConstantStiffness.of(bearing)
-    training = expert.training
-    assert training is not None  # it was just trained
-    models = {
-        "constant": lambda iu, x: constant.k_i * iu + constant.k_s * x + stiff.force_bias,
-        "untrained": Expert.from_map(
-            stiff,
-            normalised=expert.normalised,
-            scaling=(expert.per_ampere, expert.per_metre),
-        ).force,
-        "trained": expert.force,
-    }
-    return {
-        "source": expert.source,
-        "rules": len(expert.rules),
-        "method": training.method,
-        "weights": training.weights,
-        "normalised": expert.normalised,
-        "steps": len(training.force_rms) - 1,
-        "current_range": expert.current_range,
-        "displacement_range": expert.displacement_range,
-        "force_rms": stiff.force_rms(),
-        "force_error_rms": {name: stiff.force_rms(model) for name, model in models.items()},
-    }
-
-
-def _wrong_sign(expert: Expert, bearing: Bearing) -> dict[str, dict[str, float]]:
-    """Where k_i or k_s is not positive though the bearing's law is clearly so, the worst place.
-
-    Towards the ends of a one-sided magnet's box the law's own k_i and k_s, which share the force
-    between them, go through zero; there a sign tells nothing.
-    """
-    import numpy as np
-
-    from ambkit.machine.magnets import evaluate_stiffness, magnet_of
-
-    box = np.meshgrid(
-        np.linspace(*expert.current_range, 41), np.linspace(*expert.displacement_range, 41)
-    )
-    found = {}
-    known = evaluate_stiffness(magnet_of(bearing), *box)
-    for name, values, law in zip(("k_i", "k_s"), expert.stiffness(*box), known, strict=True):
-        wrong = (values <= 0) & (law > CLEAR * law.max())
-        if wrong.any():
-            worst = np.unravel_index(np.argmin(np.where(wrong, values, np.inf)), values.shape)
-            at = {"current": box[0], "displacement": box[1], "least": values, "law": law}
-            found[name] = {"share": float(wrong.mean())} | {
-                k: float(v[worst]) for k, v in at.items()
-            }
-    return found
-
-
-def _of_wrong_sign(name: str, wrong: dict[str, float], measured: bool) -> str:
+def _of_wrong_sign(name: str, wrong: WrongSign, measured: bool) -> str:
     from ambkit.cli.output import value
 
     unit = "N/A" if name == "k_i" else "N/m"
     hint = "more points there, a smaller --law-error" if measured else "other --rules, --weights"
     return (
-        f"the trained {name} is not positive in {100 * wrong['share']:.2g} % of the box, down to "
-        f"{value(wrong['least'], unit, 3)} at {value(wrong['current'], 'A', 3)}, "
-        f"{value(wrong['displacement'], 'm', 3)}, where the bearing's law has "
-        f"{value(wrong['law'], unit, 3)}: no magnet is so; {hint} or fewer rules may help"
+        f"the trained {name} is not positive in {100 * wrong.share:.2g} % of the box, down to "
+        f"{value(wrong.least, unit, 3)} at {value(wrong.current, 'A', 3)}, "
+        f"{value(wrong.displacement, 'm', 3)}, where the bearing's law has "
+        f"{value(wrong.law, unit, 3)}: no magnet is so; {hint} or fewer rules may help"
     )
 
 

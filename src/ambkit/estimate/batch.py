@@ -208,12 +208,12 @@ def _kept(
     if unknown := set(history) - set(shapes):
         raise ValueError(f"history knows {', '.join(shapes)}; got {', '.join(sorted(unknown))}")
     kept: dict[str, Array | None] = {}
-    for name, (size, kind) in shapes.items():
+    for name, (wanted, kind) in shapes.items():
         old = getattr(out, name, None)
         if name not in history:
             kept[name] = None
-        elif old is not None and old.shape == size and old.dtype == kind:
+        elif old is not None and old.shape == wanted and old.dtype == kind:
             kept[name] = old
         else:
-            kept[name] = np.empty(size, dtype=kind)
+            kept[name] = np.empty(wanted, dtype=kind)
     return kept

@@ -14,6 +14,7 @@ from ambkit.machine.magnets import Precision, core_module
 from ambkit.models import axis_model, axis_parts
 from ambkit.models.model import Descriptor, Model
 from ambkit.models.plan import Plan
+from ambkit.models.roles import ENUMERATORS, ROLES
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
@@ -22,12 +23,6 @@ Array = NDArray[np.float64]
 
 PAPER = ("x", "v", "f_d", "x_m")
 """The states of the paper's axis, which is built into the core as straight-line C."""
-
-ROLES = {
-    "position": 0, "velocity": 1, "sensor": 2, "disturbance force": 3, "noise": 3,
-    "current": 4, "past control": 4,
-}  # fmt: skip
-"""What the core calls the roles of the states: ``amb_role`` of ``ambkit/model.h``."""
 
 
 class Engine:
@@ -92,17 +87,16 @@ class Sizes(NamedTuple):
 
 def caps(bearing: Bearing, states: Sequence[Descriptor]) -> list[float]:
     """Return the most that each state can be (``ambkit/envelope.h``)."""
-    most = Sizes.of(bearing)
-    by_role: dict[str, Callable[[float], float]] = {
-        "position": lambda _: most.position,
-        "velocity": lambda _: most.velocity,
-        "disturbance force": lambda _: most.force,
-        "sensor": lambda _: 3 * abs(bearing.sensor.gain) * most.position,
-        "noise": lambda size: 30 * size,
-        "current": lambda _: 10 * bearing.amplifier.current_limit,
-        "past control": lambda _: 10 * bearing.amplifier.current_limit,
+    most, current = Sizes.of(bearing), 10 * bearing.amplifier.current_limit
+    by_role = {
+        "position": most.position,
+        "velocity": most.velocity,
+        "disturbance force": most.force,
+        "sensor": 3 * abs(bearing.sensor.gain) * most.position,
+        "current": current,
+        "past control": current,
     }
-    return [by_role[state.role](state.size) for state in states]
+    return [by_role.get(state.role, 30 * state.size) for state in states]
 
 
 def arrays(model: Model) -> dict[str, Any]:
@@ -134,7 +128,7 @@ def arrays(model: Model) -> dict[str, Any]:
         "r": model.r[on].tolist(),
         "N": sparse(model.N[:, *upper], (model.pattern["N"] > 0)[:, *upper]),
         "rest": sparse(model.rest, (model.pattern["rest"] > 0) & shown[:, None]),
-        "role": [float(ROLES[state.role]) for state in model.states],
+        "role": [float(ENUMERATORS.index(ROLES[state.role])) for state in model.states],
     }
 
 

@@ -24,8 +24,8 @@ FAST_SENSOR = 0.05
 
 
 LED = ("position", "velocity", "disturbance force", "sensor")
-"""Roles of the states whose poles are placed. Currents follow from the controls; noise on the sensor
-has poles of its own, and no observer without a model of the noise can tell it."""
+"""Roles of the states whose poles are placed. Currents follow from the controls; noise on the
+sensor has poles of its own, and no observer without a model of the noise can tell it."""
 
 
 class _Observer(Estimator):
@@ -146,10 +146,10 @@ def unstable_pole(bearing: Bearing) -> float:
 def placed(model: LinearModel, pole: float) -> Array:
     """Return the update's gain (4,) that puts all poles of ``(I - L H) A`` at one place.
 
-    Of the states x, v, f_d, x_m. By Ackermann's formula (Ackermann 1972) for the pair A, H A. The lagged position of a sensor
-    that lags by less than a third of a sample is taken to be its last measurement: its pole is
-    zero, and the other three are placed. To slow it down as well would take gains that let the
-    error of a start grow three thousandfold before it decays.
+    Of the states x, v, f_d, x_m. By Ackermann's formula (Ackermann 1972) for the pair A, H A. The
+    lagged position of a sensor that lags by less than a third of a sample is taken to be its last
+    measurement: its pole is zero, and the other three are placed. To slow it down as well would
+    take gains that let the error of a start grow three thousandfold before it decays.
     """
     A, H = model.A, model.H @ model.A
     n = 4

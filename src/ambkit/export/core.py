@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from ambkit.base.errors import AmbkitError
@@ -30,27 +30,34 @@ def folder() -> Path:
     raise AmbkitError(f"the C sources that come with ambkit are not there: {_FOLDERS[0]}")
 
 
-def closure(sources: Iterable[str]) -> dict[str, str]:
+def closure(
+    sources: Iterable[str], *, instead: Mapping[str, str | None] | None = None
+) -> dict[str, str]:
     """Return C sources and all headers that they include, one through the other.
 
     Parameters
     ----------
     sources : iterable of str
         Files of the core, such as ``"src/kalman.c"``.
+    instead : mapping, optional
+        Texts in the place of some files' own; None for a file that is left out.
 
     Returns
     -------
     dict
         Text of each file by its name, relative to the core, in alphabetical order.
     """
-    root = folder()
+    root, given = folder(), instead or {}
     found: dict[str, str] = {}
     waiting = list(sources)
     while waiting:
         name = waiting.pop()
         if name in found:
             continue
-        found[name] = (root / name).read_text(encoding="utf-8")
+        text = given[name] if name in given else (root / name).read_text(encoding="utf-8")
+        if text is None:
+            continue
+        found[name] = text
         waiting += [_place(root, name, included) for included in _INCLUDE.findall(found[name])]
     return dict(sorted(found.items()))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -70,10 +71,10 @@ def variables(bearing: Bearing, expert: Expert | None) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``A`` (4, 4), ``B`` (4, 1), ``C`` (1, 4), ``D``, ``E`` (4, 1): the discrete model that the
+        ``A`` (n, n), ``B`` (n, 1), ``C`` (1, n), ``D``, ``E`` (n, 1): the discrete model that the
         linear filter predicts with, ``X(k+1) = A X(k) + B u(k) + E f_0`` and
         ``y(k) = C X(k) + D u(k)`` (paper, eq. 15-21, with the force held over the sample and the
-        sensor's lag exact). ``Q`` (4, 4), ``R``: its noise; ``P0`` (4, 4): the covariance at the
+        sensor's lag exact). ``Q`` (n, n), ``R``: its noise; ``P0`` (n, n): the covariance at the
         start. ``T`` [s], ``f_0`` [N], ``states``. ``tables``: stiffnesses and force, rows of
         ``displacement``; a filter asks them at the mean over the sample, ``x + v T/2``.
         ``bearing``: all that describes it. ``about``: where it comes from.
@@ -91,7 +92,8 @@ def variables(bearing: Bearing, expert: Expert | None) -> dict[str, Any]:
 def _model(estimator: KalmanFilter) -> dict[str, Any]:
     """Matrices of the model that the filter predicts with."""
     k = ConstantStiffness.of(estimator.bearing)
-    held = estimator.core.parameters["set"]
+    parameters = estimator.core.parameters
+    held = parameters["set"]
     model = estimator.linear_model(k.k_i, k.k_s)
     return {
         "A": model.A,
@@ -99,12 +101,20 @@ def _model(estimator: KalmanFilter) -> dict[str, Any]:
         "C": model.H,
         "D": 0.0,
         "E": model.E,
-        "Q": model.Q,
+        "Q": held["var_u"][0] * model.B @ model.B.T + _symmetric(parameters["growth"]),
         "R": model.R,
         "P0": np.diag(np.square(estimator.default_std())),
         "T": held["T"],
         "f_0": float(held["f_0"][0]),
     }
+
+
+def _symmetric(triangle: Array) -> Array:
+    """Return the matrix of an upper triangle, row by row."""
+    n = math.isqrt(2 * len(triangle))
+    matrix = np.zeros((n, n))
+    matrix[np.triu_indices(n)] = triangle
+    return matrix + np.triu(matrix, 1).T
 
 
 def _tables(bearing: Bearing, expert: Expert | None) -> dict[str, Any]:

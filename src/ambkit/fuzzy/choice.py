@@ -120,6 +120,25 @@ class RuleChoice:
         enough = [c for c in self.candidates if c.error <= self.limit]
         return min(enough, key=lambda c: (c.rules, c.error))
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as plain data."""
+        return {
+            "chosen": self.chosen.name,
+            "best": self.best.name,
+            "limit": self.limit,
+            "surface_error": self.surface_error,
+            "folds": self.folds,
+            "candidates": [
+                {
+                    "shape": c.name,
+                    "rules": c.rules,
+                    "error": c.error,
+                    "standard_error": c.standard_error,
+                }
+                for c in self.candidates
+            ],
+        }
+
 
 def choose_rules(
     bearing: Bearing,

@@ -21,6 +21,7 @@ PAPER_CONSTANTS: Mapping[tuple[str, int, int], str] = {
     ("L", 3, 0): "b_sen",
     ("L", 3, 1): "c_sen",
     ("b", 3, 0): "d_sen",
+    ("rest", 3, 0): "K_sen",
 } | {("N0", i, j): f"N{i}{j}" for i in range(4) for j in range(i, 4) if (i, j) != (2, 2)}
 """What the constants of the paper's axis (eq. 15-21) are called in C, in their order there."""
 

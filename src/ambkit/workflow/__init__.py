@@ -1,1 +1,1 @@
-"""What takes more than one room: tuning, the check of any file, the paper reproduced."""
+"""What the commands decide, as Python: who is asked, tuned, judged on what."""

@@ -74,6 +74,8 @@ def of(estimator: Estimator) -> Cost | None:
         What is exported. The arrays of its magnet add to the constants, its rules to the
         instructions.
     """
+    if not estimator.engine.built_in:
+        return None
     stored = _stored()
     figures = stored["estimators"].get(made_of(estimator))
     if figures is None:

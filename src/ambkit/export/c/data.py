@@ -66,21 +66,19 @@ PAPER = Family("amb_kalman_methods", "estimator", "amb_kalman_state", "", ())
 
 FAMILY = {
     "Extended": Family("amb_extended_methods", "estimator", "amb_kalman_state", "", ()),
-    "SquareRoot": Family(
-        "amb_square_root_methods", "square_root", "amb_square_root_state", "", ("square_root",)
-    ),
+    "UD": Family("amb_ud_methods", "ud", "amb_ud_state", "", ("ud",)),
     "Unscented": Family(
         "amb_unscented_methods", "unscented", "amb_kalman_state", "amb_unscented", ("unscented",)
     ),
     "Observer": Family(
         "amb_observer_methods", "observer", "amb_kalman_state", "amb_observer", ("observer",)
     ),
-    "ExtendedK": Family(
-        "amb_extended_k_methods",
-        "extended_k",
-        "amb_extended_k_state",
-        "amb_extended_k",
-        ("extended_k",),
+    "Augmented": Family(
+        "amb_augmented_methods",
+        "augmented",
+        "amb_augmented_state",
+        "amb_augmented",
+        ("augmented",),
         ("excitation",),
     ),
     "MultipleModel": Family(
@@ -133,6 +131,8 @@ def array(values: NDArray[Any], precision: CPrecision, indent: str = "  ") -> st
 
 def type_of(values: NDArray[Any]) -> str:
     """Return the C type of an array's elements, by its columns."""
+    if values.dtype.kind == "u":
+        return {1: "unsigned char", 2: "unsigned short"}[values.dtype.itemsize]
     columns = values.shape[1] if values.ndim == 2 else 1
     return {1: "amb_real", 2: "amb_stiffness", 4: "amb_force_node"}[columns]
 
@@ -192,6 +192,19 @@ def struct_with_arrays(fields: Mapping[str, Any], precision: CPrecision) -> str:
         for path, values in arrays_of(fields).items()
     }
     return struct(fields, precision, arrays)
+
+
+def declared(arrays: Mapping[str, NDArray[Any]], precision: CPrecision) -> list[dict[str, Any]]:
+    """Return what a data file says of arrays: name, type, length and text of each."""
+    return [
+        {
+            "name": name,
+            "type": type_of(values),
+            "length": len(values),
+            "text": array(values, precision),
+        }
+        for name, values in arrays.items()
+    ]
 
 
 def arrays_of(fields: Mapping[str, Any], path: str = "") -> dict[str, NDArray[Any]]:

@@ -82,6 +82,7 @@ def export_c(
     prefix: str | None = None,
     expert_form: Literal["exact", "tabulated"] = "exact",
     force_bound: float | None = None,
+    loops: bool | None = None,
     **options: Any,
 ) -> CExport:
     """Write a folder of C99 that compiles alone.
@@ -106,6 +107,9 @@ def export_c(
         The expert as it is, or as a table, bilinear between its nodes.
     force_bound : float, optional
         How far the table's force may be from the expert's [N]; by default 0.1 % of its largest.
+    loops : bool, optional
+        Whether the model is computed by loops over its arrays and not by straight-line code; by
+        default from more than a dozen states on. The paper's axis has none.
     **options
         Of the kind; of :class:`ambkit.KalmanFilter` noise, gravity, frozen_limit, gate,
         outlier_limit, as_printed.
@@ -137,7 +141,7 @@ def export_c(
     _check_nodes(estimator)
     spent = cost.of(estimator) if precision == "float" else None
     facts = _facts(source, precision) | _cost_facts(spent)
-    content = render.render(estimator, name, precision, facts)
+    content = render.render(estimator, name, precision, facts, loops=loops)
     written = folder.write(Path(out), content.files)
     return CExport(
         written,

@@ -12,7 +12,7 @@ import numpy as np
 from ambkit.base import escaping
 from ambkit.base.units import engineering
 from ambkit.export import core
-from ambkit.export.c import data, vectors
+from ambkit.export.c import data, model, vectors
 from ambkit.export.c.data import FAMILY, MAGNETS, PAPER, CPrecision, Family, Kind
 from ambkit.machine.magnets import core_module, own_time
 
@@ -32,7 +32,12 @@ class Content(NamedTuple):
 
 
 def render(
-    estimator: Estimator, name: str, precision: CPrecision, facts: dict[str, str]
+    estimator: Estimator,
+    name: str,
+    precision: CPrecision,
+    facts: dict[str, str],
+    *,
+    loops: bool | None = None,
 ) -> Content:
     """Write all texts.
 
@@ -46,6 +51,8 @@ def render(
         Of its numbers.
     facts : dict
         What the README says of it besides, line by line.
+    loops : bool, optional
+        Whether the model is computed by loops over its arrays; by default where it is large.
     """
     magnet: Magnet = estimator.source.magnet(core_module(estimator.precision))
     kind = MAGNETS[type(magnet).__name__]
@@ -58,12 +65,15 @@ def render(
         inner = getattr(estimator, "inner", None)
         if inner is not None:
             needed += [f"src/{FAMILY.get(type(inner.core).__name__, PAPER).source}.c"]
-    core_files = {f"core/{file}": text for file, text in core.closure(needed).items()}
+    of_model = model.in_c(estimator, loops=loops)
+    needed += of_model.sources
+    found = core.closure(needed, instead=of_model.instead)
+    core_files = {f"core/{file}": text for file, text in found.items()}
     c_files = tuple(file for file in core_files if file.endswith(".c"))
     sources = (f"{name}.c", f"{name}_data.c", *c_files)
     selftest = tuple(f"selftest/{file}" for file in (f"{name}_selftest.c", f"{name}_vectors.c"))
     tested = vectors.make(estimator)
-    bearing = estimator.bearing
+    bearing, n = estimator.bearing, len(estimator.states)
     context: dict[str, Any] = {
         "name": name,
         "guard": name.upper(),
@@ -87,7 +97,10 @@ def render(
         "magnet_about": kind.about,
         "sampled": _sampled(estimator),
         "facts": {"magnet": kind.about, "between samples": _sampled(estimator), **facts},
-        **_data_context(estimator, magnet, kind, precision),
+        "room": of_model.room,
+        "states": model.states(estimator.states),
+        "diagonal": [at * (2 * n + 1 - at) // 2 for at in range(n)],
+        **_data_context(estimator, magnet, kind, precision, of_model),
         "own": "" if family is None else data.own(estimator, precision),
         "settling": _settling(estimator),
         "bound_of_output": f"{_bound_of_output(estimator):.1f}",
@@ -123,33 +136,27 @@ def _sampled(estimator: Estimator) -> str:
     """Say which model of a sample it predicts with."""
     if type(estimator.core).__name__ == "LowPass":
         return "no model: exponential averages"
-    if estimator.core.parameters["set"]["as_printed"]:
+    if estimator.engine.as_printed:
         return "position held (eq. 19 as the paper prints it): estimates are ahead of the rotor"
     return "force held, all else exact"
 
 
 def _data_context(
-    estimator: Estimator, magnet: Magnet, kind: Kind, precision: CPrecision
+    estimator: Estimator, magnet: Magnet, kind: Kind, precision: CPrecision, of_model: model.InC
 ) -> dict[str, Any]:
     """Return what the data file says: the structs that the core holds, as initialisers."""
     fields = magnet.parameters
     arrays = data.arrays_of(fields)
     names = {path: path.replace(".", "_") for path in arrays}
+    named = of_model.arrays | {names[path]: values for path, values in arrays.items()}
+    kalman = estimator.core.parameters | {"model": of_model.numbers}
     return {
-        "kalman": data.struct_with_arrays(estimator.core.parameters, precision),
+        "kalman": data.struct_with_arrays(kalman, precision),
         "std": data.array(np.asarray(estimator.default_std()), precision),
         "magnet": data.struct(fields, precision, names),
         "magnet_type": kind.type,
         "magnet_methods": kind.methods,
-        "arrays": [
-            {
-                "name": names[path],
-                "type": data.type_of(values),
-                "length": len(values),
-                "text": data.array(values, precision),
-            }
-            for path, values in arrays.items()
-        ],
+        "arrays": data.declared(named, precision),
     }
 
 
@@ -162,7 +169,9 @@ def _settling(estimator: Estimator) -> int:
 def _bound_of_output(estimator: Estimator) -> float:
     """Return how many caps a mean may be away: ten, or what an observer's transients reach."""
     far = estimator.core.own.get("far")
-    return 10.0 if far is None else max(10.0, float((far / estimator.core.parameters["cap"]).max()))
+    if far is None:
+        return 10.0
+    return max(10.0, float((far / estimator.core.parameters["set"]["cap"]).max()))
 
 
 def _casts(kind: Kind, family: Family | None, given: bool) -> tuple[str, ...]:

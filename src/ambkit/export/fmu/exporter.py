@@ -116,6 +116,7 @@ class _Parts(NamedTuple):
     about: str
     variables: tuple[Variable, ...]
     data: dict[str, str]  # the data files
+    estimator: Estimator | None
 
 
 def _estimator(estimator: Estimator) -> _Parts:
@@ -123,6 +124,7 @@ def _estimator(estimator: Estimator) -> _Parts:
         f"The {estimator.name} of bearing {estimator.bearing.name}",
         variables.of_estimator(estimator),
         sources.data_files("estimator", filter=sources.filter_data(estimator)),
+        estimator,
     )
 
 
@@ -131,6 +133,7 @@ def _plant(bearing: Bearing) -> _Parts:
         f"Bearing {bearing.name}: amplifier, magnet, rotor and sensor",
         variables.of_plant(bearing),
         sources.data_files("plant", rig=sources.rig_data(bearing)),
+        None,
     )
 
 
@@ -147,6 +150,7 @@ def _loop(estimator: Estimator, controller: PID) -> _Parts:
             pid=sources.pid_data(bearing, controller),
             feedback_estimate=controller.feedback == "estimate",
         ),
+        estimator,
     )
 
 
@@ -159,7 +163,7 @@ class _Content(NamedTuple):
 def _content(bearing: Bearing, kind: Kind, fmi: Fmi, parts: _Parts, token: str) -> _Content:
     """Return all texts of the FMU, with the token in them."""
     fixed = sources.model_files(kind, fmi) | parts.data
-    fixed |= sources.library_files(fixed)
+    fixed |= sources.library_files(fixed, parts.estimator)
     compiled = sources.compiled_files([*fixed, "description.c"])
     model = Model(
         identifier=_identifier(bearing, kind),

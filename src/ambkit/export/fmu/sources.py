@@ -15,6 +15,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.export import core
 from ambkit.export.c import data
 from ambkit.export.c.data import MAGNETS
+from ambkit.export.c.model import LOOPS, InC, in_c
 from ambkit.export.fmu.variables import Kind
 from ambkit.export.fmu.xml import Fmi, Model
 from ambkit.machine.magnets import StiffnessSource, core_module, magnet_of
@@ -37,7 +38,12 @@ _STANDARD: dict[Fmi, tuple[str, ...]] = {
 }
 
 
-def library_files(texts: dict[str, str]) -> dict[str, str]:
+def straight_line(estimator: Estimator) -> InC:
+    """Return the model in C: without arrays, so that an instance can be copied with its bytes."""
+    return in_c(estimator, loops=False)
+
+
+def library_files(texts: dict[str, str], estimator: Estimator | None) -> dict[str, str]:
     """Return the library's own C, core and simulation, that C files include.
 
     With each header goes the C file of the same name. All lies in ``sources/`` such that this is
@@ -47,7 +53,10 @@ def library_files(texts: dict[str, str]) -> dict[str, str]:
     ----------
     texts : dict
         The C files by their names.
+    estimator : Estimator or None
+        Whose model is computed, if any.
     """
+    instead = {LOOPS: None} if estimator is None else straight_line(estimator).instead
     simulation, sim = core.folder().parent / "sim", {}
     stems = _included("sim", texts)
     while more := _beside(simulation, stems) - stems:
@@ -57,9 +66,9 @@ def library_files(texts: dict[str, str]) -> dict[str, str]:
             if (simulation / name).is_file():
                 sim[f"sim/{name}"] = (simulation / name).read_text(encoding="utf-8")
     wanted = {f"include/ambkit/{stem}.h" for stem in _included("ambkit", texts | sim)}
-    found = core.closure(wanted)
+    found = core.closure(wanted, instead=instead)
     while more := _sources_of(found) - found.keys():
-        found = core.closure(wanted := wanted | more)
+        found = core.closure(wanted := wanted | more, instead=instead)
     laid = {name.removeprefix("include/").replace("src/", "core/"): t for name, t in found.items()}
     return laid | sim
 
@@ -135,7 +144,8 @@ def filter_data(estimator: Estimator) -> dict[str, Any]:
         raise AmbkitError(f'an FMU computes in "float64", the estimator in {estimator.precision!r}')
     family = data.FAMILY.get(type(estimator.core).__name__, data.PAPER)
     return magnet_data(estimator.source, "magnet") | {
-        "settings": data.struct(estimator.core.parameters["set"], "double", {}),
+        "settings": data.struct_with_arrays(estimator.core.parameters["set"], "double"),
+        "model": data.struct(straight_line(estimator).numbers, "double", {}),
         "family": family,
         "own": data.own(estimator, "double"),
         "std": data.array(np.asarray(estimator.default_std()), "double"),

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from ambkit.export.c.model import states
+
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.machine.bearing import Bearing
@@ -88,17 +90,18 @@ def of_estimator(estimator: Estimator) -> tuple[Variable, ...]:
         TIME,
         Variable("y", "input", "m", "measured position"),
         Variable("u", "input", "V", "control signal"),
-        *_estimates(""),
+        *_estimates("", estimator),
         *_variances(estimator),
     )
 
 
-def _estimates(prefix: str) -> list[Variable]:
+def _estimates(prefix: str, estimator: Estimator) -> list[Variable]:
+    known = {"x": "displacement", "x_m": "position as the sensor shows it"}
     texts = (
-        ("x", "m", "estimated displacement"),
-        ("v", "m/s", "estimated velocity"),
-        ("f_d", "N", "estimated disturbance force"),
-        ("x_m", "m", "estimated position as the sensor shows it"),
+        *(
+            (state.field, described.unit, f"estimated {known.get(state.field, described.role)}")
+            for state, described in zip(states(estimator.states), estimator.states, strict=True)
+        ),
         ("k_i", "N/A", "current stiffness that the prediction used"),
         ("k_s", "N/m", "position stiffness that the prediction used"),
         ("innovation", "m", "measurement less its prediction, 0 where it was not used"),
@@ -165,7 +168,7 @@ def of_loop(estimator: Estimator, controller: PID) -> tuple[Variable, ...]:
         Variable("y", "output", "m", "measured position", held=True),
         Variable("u", "output", "V", "control signal", held=True),
         *_forced(),
-        *_estimates("estimate."),
+        *_estimates("estimate.", estimator),
         *_rig(estimator.bearing),
         *_variances(estimator),
         *_controller(estimator.bearing, controller),

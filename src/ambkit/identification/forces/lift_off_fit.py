@@ -56,6 +56,11 @@ class LiftOffFit:
     left_out: Mapping[int, str]
     mass: float
 
+    @property
+    def residual_rms(self) -> float:
+        """Current that the law leaves unexplained, root mean square [A]."""
+        return float(np.sqrt(np.mean(self.residuals**2)))
+
     def current(self, gap: Array | float, acceleration: Array | float = 0.0) -> Array:
         """Return the current [A] that carries the rotor at the distances `gap` [m]."""
         force = self.mass * (GRAVITY - np.asarray(acceleration))

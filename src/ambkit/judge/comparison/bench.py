@@ -71,6 +71,21 @@ class Standing:
             return float("nan")
         return float(t.ppf(0.975, known.size - 1) * known.std(ddof=1) / np.sqrt(known.size))
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as plain data, in SI."""
+        data: dict[str, Any] = {
+            name: {"mean": self.mean(name), "half_width": self.half_width(name)}
+            for name in self.figures
+        }
+        data["values"] = dict(self.values)
+        if self.tuning is not None:
+            data["objective"] = {
+                "default": self.tuning.default,
+                "tuned": self.tuning.objective,
+                "evaluations": self.tuning.evaluations,
+            }
+        return data
+
     def _known(self, criterion: str) -> Array:
         values = np.asarray(self.figures[criterion])
         return np.asarray(values[np.isfinite(values)])
@@ -114,6 +129,26 @@ class Bench:
     def best(self) -> Mapping[str, Standing]:
         """The tuned standings, or the default ones where nothing was tuned."""
         return self.tuned or self.default
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as plain data, in SI."""
+        return {
+            "bearing": self.bearing.name,
+            "case": self.case.name,
+            "runs": self.runs,
+            "stopped": self.stopped,
+            "seed": self.seed,
+            "budget": self.budget,
+            "limit": dict(self.limit),
+            "estimators": {
+                name: {
+                    "label": standing.label,
+                    "default": standing.to_dict(),
+                    "tuned": self.tuned[name].to_dict() if self.tuned else None,
+                }
+                for name, standing in self.default.items()
+            },
+        }
 
     def efficiency(self, name: str, signal: str) -> float:
         """Limit over root mean square error of a state; 1 is what nobody exceeds."""

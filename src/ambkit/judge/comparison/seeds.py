@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,15 @@ class Score:
     def spread(self, signal: str) -> float:
         """Standard deviation of the RMSE over the seeds."""
         return float(self.rmse[signal].std(ddof=1)) if len(self.rmse[signal]) > 1 else 0.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as plain data, in SI."""
+        return {
+            "rmse": {name: self.mean(name) for name in self.rmse},
+            "spread": {name: self.spread(name) for name in self.rmse},
+            "nis": self.nis.mean(),
+            "runs_at_the_stop": self.touched,
+        }
 
 
 def rmse(estimate: Estimate, record: Record, signal: str) -> float:

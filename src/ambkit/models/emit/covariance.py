@@ -10,7 +10,7 @@ last is added last.
 
 from __future__ import annotations
 
-from ambkit.models.emit.names import Names
+from ambkit.models.emit.names import COV, GROWTH, Names
 from ambkit.models.emit.terms import Factor, Stages, Sum, Term, product, products, total
 from ambkit.models.model import ZERO
 
@@ -40,7 +40,7 @@ def predict_covariance(names: Names) -> str:
     for i in n:
         z.append([])
         V = {
-            at: stages.add(names.of_control("V", i, at), [product(B, names.of_c("var_u", at))])
+            at: stages.add(names.of_control("V", i, at), [product(B, f"var_u[{at}]")])
             for at, B in direct[i].items()
         }
         for f in p:
@@ -63,11 +63,11 @@ def predict_covariance(names: Names) -> str:
         "Eq. 10, A P A' + Q on the upper triangle, row by row.",
         "predict_covariance",
         [
-            names.given,
-            *(at for name in ("k_i", "k_s") for at in names.argument(name, names.p)),
-            *(at for name in ("k_ui", "var_u") for at in names.argument(name, names.c)),
-            f"const {names.growth}",
-            names.cov,
+            "const amb_stiffness k[AMB_FORCES]",
+            *(f"const amb_real {name}[AMB_CONTROLS]" for name in ("k_ui", "var_u")),
+            f"const {GROWTH}",
+            COV,
+            "amb_real work[AMB_WORK]",
         ],
         names.loads(symbols) + lines + stored,
     )
@@ -97,7 +97,7 @@ def _gains(names: Names, stages: Stages) -> Symbols:
         for at, d in names.entries("d", f):
             current = [product(d, names.of_p("k_i", f))]
             stiffness = stages.add(names.of_control("a", f, at), current)
-            gain = [product(stiffness, names.of_c("k_ui", at))]
+            gain = [product(stiffness, f"k_ui[{at}]")]
             gains[f][at] = stages.add(names.of_control("g", f, at), gain)
     return gains
 
@@ -110,7 +110,7 @@ def _force_noise(names: Names, g: Symbols, stages: Stages) -> Symbols:
             terms = [
                 Term(f"({a} * {b}) * {var}", frozenset({a, b, var}))
                 for at, (a, b) in enumerate(zip(g[i], g[j], strict=True))
-                for var in [names.of_c("var_u", at)]
+                for var in [f"var_u[{at}]"]
                 if a is not None and b is not None
             ]
             q[i][j] = stages.add(names.of_force("q", i, j), terms)
@@ -120,7 +120,7 @@ def _force_noise(names: Names, g: Symbols, stages: Stages) -> Symbols:
 def _direct(names: Names, i: int, stages: Stages) -> dict[int, Factor]:
     """Return what a control signal of 1 leaves in a state, past the forces: B_u k_ui."""
     return {
-        at: stages.add(names.of_control("B", i, at), [product(B, names.of_c("k_ui", at))])
+        at: stages.add(names.of_control("B", i, at), [product(B, f"k_ui[{at}]")])
         for at, B in names.entries("B_u", i)
     }
 
@@ -133,6 +133,6 @@ def _with_noise(
     for at in range(names.c):
         terms = [product(direct[at])] if at in direct else []
         terms += products((a, g[f][at]) for f, a in names.entries("b", i))
-        name, var = names.of_control("U", i, at), names.of_c("var_u", at)
+        name, var = names.of_control("U", i, at), f"var_u[{at}]"
         found.append(stages.add(name, terms, times=var))
     return found

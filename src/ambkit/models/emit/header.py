@@ -1,12 +1,29 @@
-"""The header of one kind of machine: its constants and its steps."""
+"""The header of one kind of machine: its constants and its steps, as ``ambkit/model.h`` asks."""
 
 from __future__ import annotations
 
+import re
+import textwrap
+from collections.abc import Sequence
+
 from ambkit.models.emit.covariance import predict_covariance
 from ambkit.models.emit.names import Names
-from ambkit.models.emit.steps import current, displacement, predict_mean, update
-from ambkit.models.emit.terms import product, total
-from ambkit.models.model import MATRICES, ONE, ZERO, Model
+from ambkit.models.emit.scalars import (
+    at_rest,
+    firsts,
+    growth,
+    known,
+    pushed,
+    role,
+    sound,
+    uncorrelated,
+    variances,
+)
+from ambkit.models.emit.sensors import shown, shown_variance, shown_with, update
+from ambkit.models.emit.steps import current, displacement, predict_mean
+from ambkit.models.model import MATRICES, Model
+
+WIDTH = 100
 
 
 def struct(names: Names) -> str:
@@ -14,7 +31,7 @@ def struct(names: Names) -> str:
     fields = "".join(f"  amb_real {name};\n" for name in names.constants.values())
     return (
         "/* What the equations ask of the physical parameters, computed once. */\n"
-        f"typedef struct {names.kind}_model {{\n{fields}}} {names.kind}_model;\n"
+        f"typedef struct amb_model {{\n{fields}}} amb_model;\n"
     )
 
 
@@ -42,26 +59,16 @@ def initialiser(names: Names, model: Model) -> str:
     return "{" + ", ".join(f"AMB_C({value!r})" for value in values) + "}"
 
 
-def growth(names: Names) -> str:
-    """Return the function of the covariance that the sources of noise leave in a sample."""
-    pattern, body = names.model.pattern["N"], []
-    for at, (i, j) in enumerate(names.pairs):
-        terms = []
-        for k in range(names.k):
-            if (kind := pattern[k, i, j]) != ZERO:
-                N = None if kind == ONE else f"model->{names.constants[f'N{k}', i, j]}"
-                terms.append(product(N, names.of("var_noise", k, names.k)))
-        body.append(f"growth[{at}] = {total(terms)};")
-    return names.function(
-        "Covariance that the sources of noise, of these variances, leave in a sample.",
-        "growth",
-        [names.given, *names.argument("var_noise", names.k), names.growth],
-        body,
-    )
-
-
-def header(names: Names, about: str) -> str:
-    """Return the header's text, not yet formatted.
+def header(
+    names: Names,
+    about: str,
+    *,
+    stem: str = "model",
+    by: str = "ambkit",
+    includes: Sequence[str] = (),
+    more: str = "",
+) -> str:
+    """Return the header's text, not yet formatted but for the length of its lines.
 
     Parameters
     ----------
@@ -69,22 +76,75 @@ def header(names: Names, about: str) -> str:
         Of the model.
     about : str
         What machine it is, for the first line.
+    stem : str, optional
+        Of the file's name, for its guard.
+    by : str, optional
+        Who writes it.
+    includes : sequence of str, optional
+        Headers that `more` needs.
+    more : str, optional
+        Further functions, for one filter at a time.
     """
-    upper = names.model.name.upper()
-    guard = f"AMBKIT_GENERATED_{upper}_H"
-    return "\n".join([
-        f"/* {about}. Written by ambkit.models.emit; do not edit. */",
+    guard = f"AMBKIT_GENERATED_{stem.upper()}_H"
+    counts = {
+        "STATES": names.n, "FORCES": names.p, "CONTROLS": names.c, "SENSORS": names.m,
+        "NOISES": names.k,
+    }  # fmt: skip
+    text = "\n".join([
+        f"/* {about}. Written by {by}; do not edit. */",
         f"#ifndef {guard}\n#define {guard}\n",
-        '#include "ambkit/real.h"\n',
-        f"#define AMB_{upper}_STATES {names.n}",
-        f"#define AMB_{upper}_TRIANGLE {len(names.pairs)}\n",
+        *(f'#include "ambkit/{name}.h"' for name in ("magnet", *includes)),
+        "",
+        *(f"#define AMB_{what} {count}" for what, count in counts.items()),
+        f"#define AMB_TRIANGLE {len(names.pairs)}",
+        "#define AMB_WORK 1 /* nothing is needed */\n",
+        *firsts(names),
+        "",
+        *(f"#define amb_{what.lower()}(model) ((void)(model), AMB_{what})" for what in counts),
+        "",
         struct(names),
         "#ifndef AMB_SIDE_BY_SIDE /* vectors of filters take theirs from the scalars' */",
-        f"{growth(names)}#endif\n",
+        *([more] if more else []),
+        growth(names),
+        pushed(names),
+        role(names),
+        sound(names),
+        known(names),
+        f"{uncorrelated(names)}#endif\n",
         displacement(names),
         current(names),
+        shown(names),
+        shown_variance(names),
+        variances(names),
+        shown_with(names),
+        at_rest(names),
         predict_mean(names),
         predict_covariance(names),
-        *(update(names, r) for r in range(names.m)),
+        update(names),
         "#endif\n",
     ])  # fmt: skip
+    return "\n".join(line for long in text.split("\n") for line in _wrapped(long))
+
+
+def fields(names: Names, *, stem: str, by: str) -> str:
+    """Return a header with a macro that names each constant, for whoever asks for all."""
+    guard = f"AMBKIT_GENERATED_{stem.upper()}_FIELDS_H"
+    listed = "; \\\n  ".join(f"FIELD({name})" for name in names.constants.values())
+    return "\n".join([
+        f"/* Each constant, for whoever asks for all. Written by {by}; do not edit. */",
+        f"#ifndef {guard}\n#define {guard}\n",
+        f"#define AMB_MODEL_FIELDS(FIELD) \\\n  {listed}\n",
+        "#endif\n",
+    ])  # fmt: skip
+
+
+def _wrapped(line: str) -> list[str]:
+    """Break a long line of a comment or of code at its blanks."""
+    if len(line) <= WIDTH or line.startswith("#"):
+        return [line]
+    indent = re.match(" *", line)[0]  # type: ignore[index]
+    further = indent + (" * " if line.lstrip().startswith("/*") else "    ")
+    return textwrap.wrap(
+        line.strip(), WIDTH, initial_indent=indent, subsequent_indent=further,
+        break_long_words=False, break_on_hyphens=False,
+    )  # fmt: skip

@@ -7,6 +7,22 @@ from collections.abc import Mapping
 
 from ambkit.models.emit.terms import Factor
 from ambkit.models.model import MATRICES, NUMBER, ONE, ZERO, Model
+from ambkit.models.roles import ROLES, SHOWN
+
+GIVEN = "const amb_model *model"
+MEAN = "amb_real mean[AMB_STATES]"
+COV = "amb_real cov[AMB_TRIANGLE]"
+GROWTH = "amb_real growth[AMB_TRIANGLE]"
+CURRENTS = "const amb_real iu[AMB_CONTROLS]"
+
+KEYWORDS = frozenset((
+    "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else",
+    "enum", "extern", "float", "for", "goto", "if", "inline", "int", "long", "register",
+    "restrict", "return", "short", "signed", "sizeof", "static", "struct", "switch", "typedef",
+    "union", "unsigned", "void", "volatile", "while", "bool", "true", "false", "amb_real",
+    "amb_model",
+))  # fmt: skip
+"""What a name in C cannot be, there or in a header that goes along."""
 
 Naming = Mapping[tuple[str, int, int], str]
 """What constants are called: by matrix (the k-th source's N is ``Nk``), row and column."""
@@ -30,20 +46,15 @@ class Names:
 
     def __init__(self, model: Model, naming: Naming | None = None) -> None:
         self.model = model
-        self.kind = f"amb_{model.name}"
         self.n, self.p, self.c = len(model.states), len(model.forces), len(model.controls)
         self.m, self.k = len(model.measurements), len(model.noises)
         self.pairs = [(i, j) for i in range(self.n) for j in range(i, self.n)]
         self.where = {pair: at for at, pair in enumerate(self.pairs)}
         self.constants = self._constants(naming or {})
         self.between = "_" if self.n > 10 else ""
-        reserved = {"f", "u", "mean", "model", *(self.whole_force(f) for f in range(self.p))}
-        reserved |= set(self.constants.values())
+        reserved = {"F", "iu", "mean", "model", *(self.whole_force(f) for f in range(self.p))}
+        reserved |= KEYWORDS | set(self.constants.values())
         self.state = [at.name + "_" * (at.name in reserved) for at in model.states]
-        self.given = f"const {self.kind}_model *model"
-        self.cov = f"amb_real cov[{len(self.pairs)}]"
-        self.growth = f"amb_real growth[{len(self.pairs)}]"
-        self.mean = f"amb_real mean[{self.n}]"
 
     def _constants(self, naming: Naming) -> dict[tuple[str, int, int], str]:
         """Return the name of each number, in the struct's order."""
@@ -53,9 +64,10 @@ class Names:
             if name == "N":
                 numbers = [(k, i, j) for k in range(self.k) for i, j in self.pairs]
                 listed += [(f"N{k}", i, j) for k, i, j in numbers if pattern[k, i, j] == NUMBER]
-            elif name != "rest":
+            else:
                 rows, columns = (pattern == NUMBER).nonzero()
-                listed += [(name, int(i), int(j)) for i, j in zip(rows, columns, strict=True)]
+                found = [(name, int(i), int(j)) for i, j in zip(rows, columns, strict=True)]
+                listed += [at for at in found if name != "rest" or self.shown(at[1])]
         if unknown := [key for key in naming if key not in listed]:
             raise ValueError(f"the pattern has no number at {unknown}")
         return {**naming} | {
@@ -90,29 +102,21 @@ class Names:
         """Return the name of all force at a magnet's place."""
         return "f_all" if self.p == 1 else f"f_all{f}"
 
-    def argument(self, name: str, count: int) -> list[str]:
-        """Return an argument's declaration: a number, or an array of several, or none at all."""
-        if count == 0:
-            return []
-        return [f"amb_real {name}" if count == 1 else f"const amb_real {name}[{count}]"]
-
-    def of(self, name: str, at: int, count: int) -> str:
-        """Return one entry of an argument."""
-        return name if count == 1 else f"{name}[{at}]"
-
     def of_p(self, name: str, f: int) -> str:
-        """Return a force's entry of an argument."""
-        return self.of(name, f, self.p)
+        """Return the name of a force's stiffness."""
+        return name if self.p == 1 else f"{name}{f}"
 
-    def of_c(self, name: str, at: int) -> str:
-        """Return a control's entry of an argument."""
-        return self.of(name, at, self.c)
+    def shown(self, i: int) -> bool:
+        """Whether a state follows from the positions when all is at rest."""
+        return ROLES.get(self.model.states[i].role) == SHOWN
 
     def loads(self, symbols: set[str]) -> list[str]:
         """Return the lines that load what other lines ask for."""
         stored = {name: f"model->{name}" for name in self.constants.values()}
         for letter, array in (("G", "growth"), ("P", "cov")):
             stored |= {self.pair(letter, *ij): f"{array}[{at}]" for ij, at in self.where.items()}
+        for f in range(self.p):
+            stored |= {self.of_p(name, f): f"k[{f}].{name}" for name in ("k_i", "k_s")}
         stored |= {name: f"mean[{i}]" for i, name in enumerate(self.state)}
         return [f"const amb_real {s} = {at};" for s, at in stored.items() if s in symbols]
 
@@ -120,9 +124,35 @@ class Names:
         self, doc: str, name: str, arguments: list[str], body: list[str], returns: str = "void"
     ) -> str:
         """Return a function that becomes part of its caller; the pattern may need no argument."""
+        arguments = [GIVEN, *arguments]
         text = "\n".join(body)
         given = [re.sub(r"\[.*", "", at).replace("*", " ").split()[-1] for at in arguments]
         body = [f"(void){at};" for at in given if not re.search(rf"\b{at}\b", text)] + body
         inside = "\n".join("  " + line for line in body)
-        head = f"AMB_INLINE {returns} {self.kind}_{name}({', '.join(arguments)})"
+        head = f"AMB_INLINE {returns} amb_model_{name}({', '.join(arguments)})"
         return f"/* {doc} */\n{head}\n{{\n{inside}\n}}\n"
+
+    def form(self, doc: str, name: str, arguments: list[str], cases: list[list[str]]) -> str:
+        """Return a function that returns a number; the last line of each case is its expression.
+
+        Of which force or sensor, by its first argument; several are told apart by a switch.
+        """
+        if len(cases) == 1:
+            (lines,) = cases
+            body = [*lines[:-1], f"return {lines[-1]};"]
+        else:
+            body = ["amb_real found;"]
+            body += switched(arguments[0], [[*at[:-1], f"found = {at[-1]};"] for at in cases])
+            body += ["return found;"]
+        return self.function(doc, name, arguments, body, "amb_real")
+
+
+def switched(argument: str, cases: list[list[str]]) -> list[str]:
+    """Return lines that do one of some cases, by an argument that counts from 0."""
+    if len(cases) == 1:
+        return cases[0]
+    lines = [f"switch ({argument.split()[-1]}) {{"]
+    for at, case in enumerate(cases):
+        label = f"case {at}" if at < len(cases) - 1 else "default"
+        lines += [f"{label}: {{", *(f"  {line}" for line in case), "  break;", "}"]
+    return [*lines, "}"]

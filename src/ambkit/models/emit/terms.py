@@ -27,6 +27,11 @@ def product(*factors: Factor) -> Term:
     return Term(" * ".join(symbols) or "AMB_C(1.0)", frozenset(symbols))
 
 
+def in_place(constant: Factor) -> Factor:
+    """Return a constant where it is stored."""
+    return None if constant is None else f"model->{constant}"
+
+
 def products(pairs: Iterable[tuple[Factor, str | None]]) -> Sum:
     """Return the products of factors with symbols; a symbol None stands for zero."""
     return [product(factor, symbol) for factor, symbol in pairs if symbol is not None]

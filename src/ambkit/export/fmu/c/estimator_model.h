@@ -4,12 +4,12 @@
 
 #include "filter.h"
 
-typedef struct amb_model {
+typedef struct amb_unit {
   amb_kalman filter;
   amb_data_state state;
   amb_kalman_result result;
   amb_real last_u; /* control signal that has acted since the last sample [V] */
   bool sampled;    /* whether there was one */
-} amb_model;
+} amb_unit;
 
 #endif

@@ -53,7 +53,7 @@ static amb_answer wrong_mode(const amb_instance *self, const char *what)
 
 static amb_answer start(amb_instance *self)
 {
-  if (amb_model_start(&self->now.model, self->now.value) != AMB_OK)
+  if (amb_unit_start(&self->now.model, self->now.value) != AMB_OK)
     return amb_refuse(self, AMB_ERROR, "the parameters are not usable together");
   return AMB_DONE;
 }
@@ -110,7 +110,7 @@ static amb_answer show(amb_instance *self)
     return AMB_DONE;
   const amb_answer answer = self->now.mode == AMB_INITIALIZING ? start(self) : AMB_DONE;
   if (answer == AMB_DONE)
-    amb_model_show(&self->now.model, self->now.value);
+    amb_unit_show(&self->now.model, self->now.value);
   self->now.value[VR_time] = amb_time(self);
   return answer;
 }
@@ -135,7 +135,7 @@ amb_answer amb_get_integers(amb_instance *self, const uint32_t *vr, size_t n, in
   return answer;
 }
 
-static bool settable(amb_role role, amb_mode mode)
+static bool settable(amb_causality role, amb_mode mode)
 {
   if (mode == AMB_TERMINATED)
     return false;
@@ -174,7 +174,7 @@ amb_answer amb_set_reals(amb_instance *self, const uint32_t *vr, size_t n, const
     tuned |= amb_variables[vr[i]].role == AMB_TUNABLE;
   }
   if (tuned && (self->now.mode == AMB_STEPPING) &&
-      (amb_model_tune(&self->now.model, changed) != AMB_OK))
+      (amb_unit_tune(&self->now.model, changed) != AMB_OK))
     return amb_refuse(self, AMB_DISCARD, "the parameters are not usable together");
   memcpy(self->now.value, changed, sizeof changed);
   return AMB_DONE;
@@ -205,7 +205,7 @@ amb_answer amb_do_step(amb_instance *self, double time, double step)
                       "%.12g s, is %.12g s",
                       T, step);
   for (double i = 0; i < samples; i++)
-    amb_model_sample(&self->now.model, self->now.value);
+    amb_unit_sample(&self->now.model, self->now.value);
   self->now.samples += samples;
   return AMB_DONE;
 }

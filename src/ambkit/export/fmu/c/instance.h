@@ -21,7 +21,7 @@ typedef struct amb_point {
   double start;   /* [s] */
   double samples; /* a whole number */
   amb_real value[AMB_VARIABLES];
-  amb_model model;
+  amb_unit model;
 } amb_point;
 
 typedef struct amb_instance amb_instance;

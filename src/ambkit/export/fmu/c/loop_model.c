@@ -2,7 +2,7 @@
 #include "model.h"
 #include <string.h>
 
-amb_status amb_model_tune(amb_model *model, const amb_real value[AMB_VARIABLES])
+amb_status amb_unit_tune(amb_unit *model, const amb_real value[AMB_VARIABLES])
 {
   if (amb_filter_tune(&model->filter, value[VR_measurement_variance], value[VR_control_variance],
                       value[VR_disturbance_growth]) != AMB_OK)
@@ -15,7 +15,7 @@ amb_status amb_model_tune(amb_model *model, const amb_real value[AMB_VARIABLES])
   return AMB_OK;
 }
 
-static amb_loop loop_of(const amb_model *model, const amb_estimator *estimator)
+static amb_loop loop_of(const amb_unit *model, const amb_estimator *estimator)
 {
   const amb_rig *rig = &model->rig;
   const amb_loop loop = {
@@ -32,9 +32,9 @@ static amb_loop loop_of(const amb_model *model, const amb_estimator *estimator)
 }
 
 /* At rest where the parameters say, and the estimator knows it. */
-amb_status amb_model_start(amb_model *model, const amb_real value[AMB_VARIABLES])
+amb_status amb_unit_start(amb_unit *model, const amb_real value[AMB_VARIABLES])
 {
-  const amb_status status = amb_model_tune(model, value);
+  const amb_status status = amb_unit_tune(model, value);
   if (status != AMB_OK)
     return status;
   const amb_rig *rig = &model->rig;
@@ -52,7 +52,7 @@ amb_status amb_model_start(amb_model *model, const amb_real value[AMB_VARIABLES]
   return AMB_OK;
 }
 
-void amb_model_sample(amb_model *model, const amb_real value[AMB_VARIABLES])
+void amb_unit_sample(amb_unit *model, const amb_real value[AMB_VARIABLES])
 {
   const amb_estimator estimator = amb_filter_estimator(&model->filter);
   const amb_loop loop = loop_of(model, &estimator);
@@ -60,7 +60,7 @@ void amb_model_sample(amb_model *model, const amb_real value[AMB_VARIABLES])
   (void)amb_loop_step(&loop, &model->state, &model->estimate, &sample);
 }
 
-void amb_model_show(const amb_model *model, amb_real value[AMB_VARIABLES])
+void amb_unit_show(const amb_unit *model, amb_real value[AMB_VARIABLES])
 {
   const amb_loop_state *s = &model->state;
   value[VR_x] = s->plant.x;
@@ -71,13 +71,11 @@ void amb_model_show(const amb_model *model, amb_real value[AMB_VARIABLES])
   value[VR_iu] = s->acting.iu;
   value[VR_f_mag] = amb_rig_force(&model->rig, &s->plant, s->demanded);
   const amb_real *mean = ((const amb_kalman_state *)&model->estimate)->mean;
-  value[VR_estimate_x] = mean[0];
-  value[VR_estimate_v] = mean[1];
-  value[VR_estimate_f_d] = mean[2];
-  value[VR_estimate_x_m] = mean[3];
-  value[VR_estimate_k_i] = s->result.stiffness.k_i;
-  value[VR_estimate_k_s] = s->result.stiffness.k_s;
-  value[VR_estimate_innovation] = s->result.innovation;
-  value[VR_estimate_variance] = s->result.variance;
+  for (int i = 0; i < AMB_STATES; i++) /* they stand together, in their order */
+    value[VR_estimate_x + i] = mean[i];
+  value[VR_estimate_k_i] = s->result.stiffness[0].k_i;
+  value[VR_estimate_k_s] = s->result.stiffness[0].k_s;
+  value[VR_estimate_innovation] = s->result.innovation[0];
+  value[VR_estimate_variance] = s->result.variance[0];
   value[VR_estimate_status] = (amb_real)s->result.status;
 }

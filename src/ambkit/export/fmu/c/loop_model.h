@@ -6,13 +6,13 @@
 #include "rig.h"
 #include "sim/loop.h"
 
-typedef struct amb_model {
+typedef struct amb_unit {
   amb_rig rig;
   amb_pid pid;
   amb_kalman filter;
   amb_data_state estimate;
   amb_loop_state state;
-} amb_model;
+} amb_unit;
 
 /* Written by the export. */
 extern const amb_pid amb_data_pid;

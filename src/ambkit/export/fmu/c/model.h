@@ -1,9 +1,9 @@
 /* What the FMI layers know of a model: its variables, and five functions.
  *
- * A model is plain data. All that changes in it is in an amb_model, without pointers, so that a
+ * A model is plain data. All that changes in it is in an amb_unit, without pointers, so that a
  * copy of the bytes is a copy of the model. `description.h` is written by the export: it names the
  * variables (VR_y, ...), in the order of their value references, and includes the header of the
- * kind of model that this is, which defines amb_model.
+ * kind of model that this is, which defines amb_unit.
  */
 #ifndef AMBKIT_FMU_MODEL_H
 #define AMBKIT_FMU_MODEL_H
@@ -11,14 +11,20 @@
 #include "ambkit/status.h"
 #include "description.h"
 
-typedef enum amb_role { AMB_TIME, AMB_FIXED, AMB_TUNABLE, AMB_INPUT, AMB_OUTPUT } amb_role;
+typedef enum amb_causality {
+  AMB_TIME,
+  AMB_FIXED,
+  AMB_TUNABLE,
+  AMB_INPUT,
+  AMB_OUTPUT
+} amb_causality;
 
 typedef enum amb_limit { AMB_ANY, AMB_NOT_NEGATIVE, AMB_POSITIVE } amb_limit;
 
 typedef struct amb_variable {
   const char *name;
   const char *unit;
-  amb_role role;
+  amb_causality role;
   amb_limit limit; /* of a value that is set */
   bool integer;
   amb_real start;
@@ -30,15 +36,15 @@ extern const char amb_token[];           /* hash of all that the model was made 
 
 /* Take over the parameters among the values: finite, and within their limits. Returns AMB_OK, or
  * AMB_BAD_PARAMETER where they are not usable together; then the model stays as it was. */
-amb_status amb_model_tune(amb_model *model, const amb_real value[AMB_VARIABLES]);
+amb_status amb_unit_tune(amb_unit *model, const amb_real value[AMB_VARIABLES]);
 
-/* Start from the parameters and the inputs among the values. Returns as amb_model_tune does. */
-amb_status amb_model_start(amb_model *model, const amb_real value[AMB_VARIABLES]);
+/* Start from the parameters and the inputs among the values. Returns as amb_unit_tune does. */
+amb_status amb_unit_start(amb_unit *model, const amb_real value[AMB_VARIABLES]);
 
 /* On by one sampling time, with the inputs among the values held. */
-void amb_model_sample(amb_model *model, const amb_real value[AMB_VARIABLES]);
+void amb_unit_sample(amb_unit *model, const amb_real value[AMB_VARIABLES]);
 
 /* Write the outputs among the values. */
-void amb_model_show(const amb_model *model, amb_real value[AMB_VARIABLES]);
+void amb_unit_show(const amb_unit *model, amb_real value[AMB_VARIABLES]);
 
 #endif

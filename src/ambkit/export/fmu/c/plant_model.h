@@ -4,10 +4,10 @@
 
 #include "rig.h"
 
-typedef struct amb_model {
+typedef struct amb_unit {
   amb_rig rig;
   amb_plant_state state;
   amb_real demanded; /* control current of the sample before [A] */
-} amb_model;
+} amb_unit;
 
 #endif

@@ -7,7 +7,7 @@ density is ``B = mu0 N i / (2 s)`` and each side pulls with ``B^2 A cos(angle) /
 
 import sympy as sp
 
-from derivation.laws.law import Function, Law, i0, iu, k, relative, s0, there, two_sides, x
+from models.laws.law import Function, Law, i0, iu, k, relative, s0, there, two_sides, x
 
 gap, current = sp.symbols("gap current")
 one_side = k * (current / gap) ** 2

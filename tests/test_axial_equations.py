@@ -1,7 +1,8 @@
-"""The generated C is what the derivation writes, and the derivation is the paper's eq. 15-21."""
+"""The generated C is what the models say, and its constants and sums are the paper's eq. 15-21."""
 
 import os
 import random
+import re
 import shutil
 import subprocess
 import sys
@@ -11,16 +12,18 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from derivation import axial as ax
-from derivation.exponential import coefficients
+from ambkit.models.axis import PAPER_CONSTANTS
+from models import axial as ax
+from models.exponential import coefficients
 
 ROOT = Path(__file__).resolve().parent.parent
 MODEL = ax.axial
+HEADER = (ROOT / "core" / "generated" / "axial.h").read_text(encoding="utf-8")
 
 
-def test_the_committed_headers_are_what_the_derivation_writes() -> None:
+def test_the_committed_headers_are_what_the_models_say() -> None:
     check = subprocess.run(
-        [sys.executable, "-m", "derivation", "--check"],
+        [sys.executable, "-m", "models", "--check"],
         cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True, text=True,
     )  # fmt: skip
     assert check.returncode == 0, check.stderr
@@ -29,7 +32,7 @@ def test_the_committed_headers_are_what_the_derivation_writes() -> None:
 def test_one_changed_sign_is_noticed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from derivation import __main__ as writer
+    from models import __main__ as writer
 
     shutil.copytree(writer.GENERATED, tmp_path / "generated")
     shutil.copy(ROOT / ".clang-format", tmp_path)
@@ -37,10 +40,10 @@ def test_one_changed_sign_is_noticed(
     header.write_text(header.read_text().replace("cov[7] = P22 + G22", "cov[7] = P22 - G22"))
     monkeypatch.setattr(writer, "GENERATED", tmp_path / "generated")
     monkeypatch.setattr(writer, "ROOT", tmp_path)
-    monkeypatch.setattr(sys, "argv", ["derivation", "--check"])
+    monkeypatch.setattr(sys, "argv", ["models", "--check"])
     assert writer.main() == 1
     told = capsys.readouterr().err.splitlines()
-    assert told == ["generated/axial.h is not what the derivation writes"]
+    assert told == ["generated/axial.h is not what the models say"]
 
 
 def physical(matrix: sp.Matrix) -> sp.Matrix:
@@ -132,15 +135,58 @@ def test_the_covariance_step_is_eq_10() -> None:
     assert same(MODEL.predicted_covariance(), MODEL.predicted_covariance().T)
 
 
-def test_the_stages_of_the_covariance_step_put_together_are_eq_10() -> None:
-    stages, triangle = MODEL.covariance_stages()
-    P = MODEL.predicted_covariance()
-    for terms, (i, j) in zip(triangle, MODEL.triangle(), strict=True):
-        entry = sum(terms)
-        for symbol, stage in reversed(stages):
-            entry = entry.subs(symbol, sum(stage))
-        entry = entry.subs(MODEL.growth_in_sample)
-        assert sp.expand(entry - P[i, j]) == 0
+def computed(function: str, given: dict[str, sp.Expr]) -> dict[str, sp.Expr]:
+    """Run a function of the header on symbols; return the entries that it stores.
+
+    given: what stands in its arguments, by the text that reads it.
+    """
+    body = re.search(rf"amb_model_{function}\(.*?\n{{\n(.*?)\n}}\n", HEADER, re.DOTALL)
+    assert body is not None
+    known, stored = dict(given), {}
+    place = re.compile(r"\w+(?:->\w+|\[\d\](?:\.\w+)?)?")
+    for statement in re.sub(r"\s+", " ", body[1]).split(";")[:-1]:
+        target, _, expression = statement.strip().partition(" = ")
+        if not expression:
+            continue  # (void)work
+        read = place.sub(lambda match: f"known[{match[0]!r}]", expression)
+        found = sp.expand(eval(read, {"known": known}))
+        if target.startswith("const amb_real "):
+            known[target.removeprefix("const amb_real ")] = found
+        else:
+            stored[target] = found
+    return stored
+
+
+CONSTANTS = {f"model->{name}": sp.Symbol(name) for name in PAPER_CONSTANTS.values()} | {
+    f"model->{p}": p for p in MODEL.parameters
+}
+
+
+def test_the_covariance_step_of_the_header_is_eq_10() -> None:
+    given = CONSTANTS | {
+        "k[0].k_i": ax.k_i, "k[0].k_s": ax.k_s, "k_ui[0]": ax.k_ui, "var_u[0]": ax.var_u,
+    }  # fmt: skip
+    P = MODEL.covariance()
+    for at, (i, j) in enumerate(MODEL.triangle()):
+        given |= {f"cov[{at}]": P[i, j], f"growth[{at}]": sp.Symbol(f"G{i}{j}")}
+    stored = computed("predict_covariance", given)
+    expected = MODEL.predicted_covariance()
+    assert len(stored) == 10
+    for at, (i, j) in enumerate(MODEL.triangle()):
+        entry = stored[f"cov[{at}]"].subs(MODEL.growth_in_sample)
+        assert sp.expand(entry - expected[i, j]) == 0
+
+
+def test_the_mean_step_of_the_header_is_eq_9() -> None:
+    given = CONSTANTS | {f"mean[{i}]": state for i, state in enumerate(MODEL.state)}
+    stored = computed("predict_mean", given | {"F[0]": ax.f})
+    for i, after in enumerate(MODEL.forced):
+        assert sp.expand(stored.get(f"mean[{i}]", MODEL.state[i]) - after) == 0
+
+
+def test_each_constant_has_its_closed_form() -> None:
+    known = {str(s) for s in (*MODEL.kept, *MODEL.constants, *MODEL.growth_constants)}
+    assert known == set(PAPER_CONSTANTS.values())
 
 
 @pytest.mark.parametrize("seed", range(5))

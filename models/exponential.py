@@ -46,7 +46,7 @@ def exponential_header() -> str:
     """Return the text of ``core/generated/exponential.h``."""
     single, double = (body(*PRECISIONS[key]) for key in ("AMB_FLOAT", ""))
     return (
-        "/* exp(r) for |r| <= ln 2 / 2. Written by `python -m derivation`; do not edit. */\n"
+        "/* exp(r) for |r| <= ln 2 / 2. Written by `python -m models`; do not edit. */\n"
         "#ifndef AMBKIT_GENERATED_EXPONENTIAL_H\n#define AMBKIT_GENERATED_EXPONENTIAL_H\n\n"
         '#include "ambkit/real.h"\n\n'
         "static inline amb_real amb_exp_polynomial(amb_real r1)\n{\n"

@@ -1,8 +1,8 @@
 """The paper's four-state model of one axial bearing (eq. 15-21), stated once.
 
 State ``X = [x, v, f_d, x_m]``: displacement, velocity, disturbance force F_St, lagged (measured)
-position. Everything else about the model, its constants, its Jacobian, the covariance step and
-the measurement update, follows from the equations below.
+position. The core's constants follow from the equations below, in closed form; its steps are those
+of the model that ``ambkit.models`` composes of an axis' parts, and the tests hold both together.
 
 With the force held over the sample they are exact, whatever the sensor: the lag follows the
 parabola on which the rotor moves. Eq. 19 as printed holds the *position* over the sample instead,
@@ -12,7 +12,7 @@ model with three constants at zero, and there to reproduce the paper.
 
 import sympy as sp
 
-from derivation.model import Model
+from models.model import Model
 
 # Physical parameters.
 T, m, K_sen, T_sen, k_ui = sp.symbols("T m K_sen T_sen k_ui", positive=True)
@@ -87,7 +87,5 @@ axial = Model(
     growth_variance=var_d,
     pushed=pushed,
     measurement_variance=var_y,
-    roles=["AMB_POSITION", "AMB_VELOCITY", "AMB_LOAD", "AMB_SHOWN"],
-    at_rest={x_m: K_sen * x},
     printed=[T_2, c_sen, d_sen],
 )

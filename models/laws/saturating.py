@@ -14,7 +14,7 @@ tangents are short, because h solves ``h^2 - (g + e + c i) h + g c i = 0``.
 
 import sympy as sp
 
-from derivation.laws.law import Function, Law, i0, iu, k, relative, s0, there, two_sides, x
+from models.laws.law import Function, Law, i0, iu, k, relative, s0, there, two_sides, x
 
 gap, current = sp.symbols("gap current")
 iron, knee = sp.symbols("iron knee")

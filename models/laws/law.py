@@ -75,7 +75,7 @@ def header(law: Law) -> str:
     """Return the text of ``core/generated/<name>.h``."""
     guard = f"AMBKIT_GENERATED_{law.name.upper()}_H"
     return "\n".join([
-        f"/* {law.about}. Written by `python -m derivation`; do not edit. */",
+        f"/* {law.about}. Written by `python -m models`; do not edit. */",
         f"#ifndef {guard}\n#define {guard}\n",
         f'#include "{law.include}"\n',
         *(_function(law, one) for one in law.functions),

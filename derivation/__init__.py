@@ -1,1 +1,0 @@
-"""Models stated once, symbolically; ``python -m derivation`` writes them as C."""

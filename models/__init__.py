@@ -1,0 +1,1 @@
+"""Models stated once, symbolically; ``python -m models`` writes them as C."""

@@ -1,0 +1,120 @@
+"""The model of an estimator in C: built in, its own straight-line header, or loops over arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import AmbkitError
+from ambkit.estimate.engine import arrays
+from ambkit.export.c.data import Name
+from ambkit.models import emit
+from ambkit.models.model import Descriptor, Model
+
+if TYPE_CHECKING:
+    from ambkit.estimate.base import Estimator
+
+MOST_UNROLLED = 12
+"""States up to which straight-line code is smaller and faster than loops, or nearly so."""
+
+BUILT_IN = "generated/model.h"
+LOOPS = "include/ambkit/loops.h"
+
+
+class InC(NamedTuple):
+    """A model as an export has it."""
+
+    instead: dict[str, str | None]  # files of the core with another text, or left out
+    sources: tuple[str, ...]  # further files of the core
+    numbers: dict[str, Any]  # fields of the struct amb_model
+    arrays: dict[str, NDArray[Any]]  # that these point to, by their names
+    room: dict[str, int]  # the counts that loops have room for
+
+
+def in_c(estimator: Estimator, *, loops: bool | None = None) -> InC:
+    """Return an estimator's model in C.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        Whose model.
+    loops : bool, optional
+        Loops over the model's arrays, or straight-line code; by default by the number of states.
+
+    Raises
+    ------
+    AmbkitError
+        Loops are asked of the paper's axis, whose code is built in.
+    """
+    engine = estimator.engine
+    if engine.built_in:
+        if loops:
+            raise AmbkitError("the paper's axis has straight-line code; loops are for other models")
+        return InC({LOOPS: None}, (), estimator.core.parameters["model"], {}, {})
+    model = engine.model
+    if loops if loops is not None else len(model.states) > MOST_UNROLLED:
+        return _by_loops(model)
+    names = emit.Names(model)
+    about = f"One axis: {', '.join(state.name for state in model.states)}"
+    header = emit.header(names, about, by=f"ambkit {version('ambkit')}")
+    return InC({LOOPS: None, BUILT_IN: header}, (), emit.constants(names, model), {}, {})
+
+
+def _by_loops(model: Model) -> InC:
+    """Return a model as ``ambkit/loops.h`` has it."""
+    fields: dict[str, Any] = {}
+    held: dict[str, NDArray[Any]] = {}
+    for name, value in arrays(model).items():
+        if isinstance(value, int):
+            fields[name] = value
+        elif isinstance(value, tuple):
+            parts = dict(zip(("start", "column", "value"), value, strict=True))
+            held |= {f"model_{name}_{part}": _array(at, part) for part, at in parts.items()}
+            fields[name] = Name("{" + ", ".join(f"model_{name}_{part}" for part in parts) + "}")
+        else:
+            held[f"model_{name}"] = _array(value, name)
+            fields[name] = Name(f"model_{name}")
+    counts = ("states", "forces", "controls", "sensors", "noises")
+    room = {name.upper(): fields[name] for name in counts}
+    return InC({BUILT_IN: None}, ("src/loops.c",), fields, held, room)
+
+
+def _array(values: Sequence[float], what: str) -> NDArray[Any]:
+    """Return an array of the type that it has in C, and of one zero where there is nothing."""
+    of = {"start": np.uint16, "column": np.uint16, "role": np.uint8}.get(what, np.float64)
+    return np.array(values or [0], dtype=of)
+
+
+class State(NamedTuple):
+    """A state among the estimates."""
+
+    field: str
+    about: str
+    at_rest: str
+
+
+OF_PAPER = {
+    "x": "displacement of the rotor [m]",
+    "v": "its velocity [m/s]",
+    "f_d": "disturbance force [N]",
+    "x_m": "what the sensor shows without its noise [m]",
+}
+OTHERS = ("k_i", "k_s", "innovation", "variance", "feed_back")
+"""What else the estimates have."""
+
+
+def states(described: Sequence[Descriptor]) -> list[State]:
+    """Return the states as the estimates' struct has them."""
+    at_rest = {"position": "x", "sensor": "x_m"}
+    return [
+        State(
+            state.name + "_" * (state.name in emit.KEYWORDS or state.name in OTHERS),
+            OF_PAPER.get(state.name, f"{state.role} [{state.unit}]"),
+            at_rest.get(state.role, "AMB_C(0.0)"),
+        )
+        for state in described
+    ]

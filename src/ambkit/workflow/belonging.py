@@ -1,0 +1,49 @@
+"""Whether a record can be of the bearing that is named with it, asked before work begins."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ambkit.base.errors import RecordError
+from ambkit.judge.belongs import judge_record, off_rate
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+    from ambkit.machine.bearing import Bearing
+
+MOST = 0.5
+"""Share of the measurements beyond the air gap, where no rotor can be, with which nothing works."""
+
+
+def check_belongs(record: Record, bearing: Bearing) -> list[str]:
+    """Return what is odd about a record of a bearing, or refuse it.
+
+    Parameters
+    ----------
+    record : Record
+        With y [m] and u [V], as far as it has them.
+    bearing : Bearing
+        The bearing.
+
+    Returns
+    -------
+    list of str
+        What is wrong, and of the remarks those that ask whether a unit is. Nothing where the rate
+        is another, which every estimator refuses.
+
+    Raises
+    ------
+    RecordError
+        Most of the measurements are beyond the air gap.
+    """
+    if off_rate(record, bearing):
+        return []
+    verdict = judge_record(record, bearing)
+    if "y" in record:
+        y = record["y"][np.isfinite(record["y"])] / bearing.sensor.gain
+        beyond = float(np.mean(np.abs(y) > bearing.magnet.air_gap)) if y.size else 0.0
+        if beyond > MOST:
+            raise RecordError(verdict.problems)
+    return [*verdict.problems, *(each for each in verdict.remarks if each.endswith("?"))]

@@ -1,0 +1,265 @@
+"""Estimators compared: in which cases, at which steps, and who takes part where nobody says it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from ambkit.base.errors import AmbkitError
+from ambkit.base.units import engineering
+from ambkit.estimate.family import KINDS
+from ambkit.judge.comparison.cases import CASES, Case
+from ambkit.judge.comparison.seeds import Score, compare
+from ambkit.judge.comparison.spread import Spread
+from ambkit.judge.comparison.study import Study, across, study
+from ambkit.workflow.estimators import USUAL, Factory, factories
+from ambkit.workflow.simulating import scenario_for
+
+if TYPE_CHECKING:
+    from ambkit.judge.comparison.bench import Bench
+    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.magnets import StiffnessSource
+    from ambkit.simulation.scenario import Scenario
+
+RUNS = 20
+"""Runs of a comparison where nobody says it: fewer make no distribution."""
+
+HEIGHTS = (0.1, 0.3, 0.5)
+"""Steps of the reference in travels, of loops where nobody says what happens."""
+
+
+def cases_called(name: str = "paper", spread: float | None = None) -> dict[str, Case]:
+    """Return a case, or all of them.
+
+    Parameters
+    ----------
+    name : str
+        Of :data:`ambkit.judge.comparison.cases.CASES`, or ``all``.
+    spread : float, optional
+        How far the plant is off at most, from 0 to below 1: magnet constant, mass, air gap, sensor
+        and load. By default what the case says.
+
+    Raises
+    ------
+    AmbkitError
+        There is no such case.
+    ValueError
+        `spread` is out of its range.
+    """
+    if name != "all" and name not in CASES:
+        raise AmbkitError(f'there is no case "{name}"; known: {", ".join(CASES)}, all')
+    cases = dict(CASES) if name == "all" else {name: CASES[name]}
+    if spread is None:
+        return cases
+    if not 0 <= spread < 1:
+        raise ValueError(f"spread must be from 0 to below 100 %, is {100 * spread:g} %")
+    return {name: replace(case, spread=Spread.all(spread)) for name, case in cases.items()}
+
+
+def compare_in_case(
+    bearing: Bearing,
+    case: str | Case = "paper",
+    estimators: Sequence[str] | None = None,
+    *,
+    runs: int = RUNS,
+    budget: int = 0,
+    seed: int = 0,
+    spread: float | None = None,
+    sources: Mapping[str, StiffnessSource] | None = None,
+    whole: bool = False,
+    done: Callable[[str], None] = lambda _text: None,
+) -> Study:
+    """Compare estimators along the same records, and each in the loop, by all that counts.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What the estimators know.
+    case : str or Case
+        What happens, see `cases_called`.
+    estimators : sequence of str, optional
+        Kinds, or ``file.py:Class``; by default the whole family.
+    runs, budget, seed : int
+        How many runs, evaluations to tune each with (0: defaults), and the first seed.
+    spread : float, optional
+        See `cases_called`; of a case by name.
+    sources : mapping of str to StiffnessSource, optional
+        What kinds know of the magnet, in place of what would be learned.
+    whole : bool
+        Whether the errors by step, wrong k and the limit are wanted, for a report.
+    done : callable
+        Called after each piece of work with what is next.
+
+    Raises
+    ------
+    AmbkitError
+        There is no such case or estimator.
+    ValueError
+        `spread` is out of its range.
+    """
+    chosen = cases_called(case, spread)[case] if isinstance(case, str) else case
+    return study(
+        bearing, chosen, list(KINDS) if estimators is None else estimators, runs=runs,
+        budget=budget, seed=seed, sources=sources, whole=whole, done=done,
+    )  # fmt: skip
+
+
+def compare_in_all(
+    bearing: Bearing,
+    estimators: Sequence[str] | None = None,
+    *,
+    runs: int = RUNS,
+    budget: int = 0,
+    seed: int = 0,
+    spread: float | None = None,
+    sources: Mapping[str, StiffnessSource] | None = None,
+    done: Callable[[str], None] = lambda _text: None,
+) -> dict[str, Bench]:
+    """Compare estimators in all cases, tuned anew in each.
+
+    Parameters
+    ----------
+    bearing, estimators, runs, budget, seed, spread, sources, done
+        See `compare_in_case`.
+    """
+    return across(
+        bearing, cases_called("all", spread), list(KINDS) if estimators is None else estimators,
+        runs=runs, budget=budget, seed=seed, sources=sources, done=done,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Happening:
+    """What happens to the loops that are compared.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        The run; its seed is replaced.
+    step : float or None
+        Step of the reference [m]; None where it is the user's own scenario, without one.
+    load : float or None
+        Load after half of the run [N], if one was put in.
+    """
+
+    scenario: Scenario
+    step: float | None = None
+    load: float | None = None
+
+
+def happenings(
+    bearing: Bearing,
+    scenario: Scenario | None = None,
+    *,
+    steps: Iterable[float] | None = None,
+    load: float | None = None,
+    duration: float | None = None,
+    name: str = "scenario",
+) -> dict[str, Happening]:
+    """Return what happens, by name: the user's own scenario, or a step of each height.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        The controller is tuned to it, see :func:`ambkit.workflow.simulating.scenario_for`.
+    scenario : Scenario, optional
+        The user's own.
+    steps : iterable of float, optional
+        Heights [m]; without a scenario by default `HEIGHTS` of the travel.
+    load : float, optional
+        Load after half of the run [N].
+    duration : float, optional
+        Length of the run [s].
+    name : str
+        Of the user's own scenario.
+    """
+    heights: list[float | None] = [None]
+    if steps is not None:
+        heights = list(steps)
+    elif scenario is None:
+        heights = [share * bearing.rotor.travel_limit for share in HEIGHTS]
+    return {
+        name if height is None else engineering(height, "m", digits=4): Happening(
+            scenario_for(bearing, scenario, duration=duration, step=height, load=load), height, load
+        )
+        for height in heights
+    }
+
+
+@dataclass(frozen=True)
+class LoopScores:
+    """Estimators, each in its own loop, over the same seeds.
+
+    Attributes
+    ----------
+    bearing : Bearing
+        The plant, and what the estimators know.
+    happenings : mapping of str to Happening
+        What happened, by name.
+    scores : mapping of str to (mapping of str to Score)
+        By the same names, and by estimator.
+    seeds : range
+        Of the runs.
+    """
+
+    bearing: Bearing
+    happenings: Mapping[str, Happening]
+    scores: Mapping[str, Mapping[str, Score]]
+    seeds: range
+
+    @property
+    def steps(self) -> list[float] | None:
+        """Height of the step of each [m]; None of the user's own scenario."""
+        heights = [each.step for each in self.happenings.values() if each.step is not None]
+        return heights if len(heights) == len(self.happenings) else None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as plain data, in SI."""
+        return {
+            "bearing": self.bearing.name,
+            "seeds": [self.seeds[0], self.seeds[-1]],
+            "load": next(iter(self.happenings.values())).load,
+            "cases": {
+                case: {name: score.to_dict() for name, score in of_case.items()}
+                for case, of_case in self.scores.items()
+            },
+        }
+
+
+def compare_in_loops(
+    bearing: Bearing,
+    what: Mapping[str, Happening],
+    estimators: Iterable[str] | Mapping[str, Factory] = USUAL,
+    *,
+    runs: int = RUNS,
+    seed: int = 0,
+    sources: Mapping[str, StiffnessSource] | None = None,
+    done: Callable[[], None] = lambda: None,
+) -> LoopScores:
+    """Compare estimators, each in its own loop, against the same noise, with the same Q and R.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        The plant, and what the estimators know.
+    what : mapping of str to Happening
+        From `happenings`.
+    estimators : iterable of str, or mapping of str to Factory
+        Some of :data:`ambkit.estimate.family.KINDS`, or what builds them.
+    runs, seed : int
+        How many runs, and the first seed.
+    sources : mapping of str to StiffnessSource, optional
+        What kinds know of the magnet, in place of what would be learned.
+    done : callable
+        Called after each run.
+    """
+    built = (
+        estimators if isinstance(estimators, Mapping) else factories(estimators, bearing, sources)
+    )
+    seeds = range(seed, seed + runs)
+    scores = {
+        name: compare(bearing, each.scenario, built, seeds, done=done)
+        for name, each in what.items()
+    }
+    return LoopScores(bearing, what, scores, seeds)

@@ -1,0 +1,408 @@
+"""Estimators along a record: what they are tuned on, what they are judged by, what is odd."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ambkit.estimate.noise import FilterNoise
+from ambkit.fuzzy.expert import Expert
+from ambkit.judge.comparison import JUDGED
+from ambkit.judge.judgement import Judgement, judge
+from ambkit.workflow.estimators import USUAL, Factory, factories
+from ambkit.workflow.tuning import default_disturbance, log_likelihood, tune_disturbance
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+    from ambkit.estimate.base import Estimator
+    from ambkit.estimate.estimate import Estimate
+    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.magnets import StiffnessSource
+
+HORIZONS = (1, 10)
+"""Steps ahead that are predicted."""
+
+ABSURD_NIS = 25.0
+"""Mean NIS from which on filter and record have nothing to do with each other."""
+
+OUTSIDE = 0.01
+"""An expert that is asked outside of its box in more than this part of the samples is noted."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """The stretch of a record that filters are tuned on; they are judged on what comes after.
+
+    Attributes
+    ----------
+    start, stop : float
+        From the record's first sample on [s].
+    by_itself : bool
+        Nobody asked for it: the tuning is kept only if it fits the rest better than the untuned.
+    """
+
+    start: float
+    stop: float
+    by_itself: bool
+
+
+def stretch_to_tune_on(record: Record, tune: float | None = None) -> Stretch | None:
+    """Return what to tune on: what was asked for, or the second quarter of a measured record.
+
+    The first quarter is often a start. Where the truth is known, nothing is tuned unasked.
+
+    Parameters
+    ----------
+    record : Record
+        What is to be filtered.
+    tune : float, optional
+        Time at the start to tune on [s].
+
+    Raises
+    ------
+    ValueError
+        `tune` is not above 0, or leaves no time to judge by.
+    """
+    span = float(record.t[-1] - record.t[0])
+    if tune is not None:
+        if not 0 < tune < span:
+            raise ValueError(
+                f"tune must be greater than 0 s, is {tune:g} s"
+                if not tune > 0
+                else f"tune must be shorter than the record, {span:.4g} s, and leave time to judge "
+                f"by; is {tune:g} s"
+            )
+        return Stretch(0.0, tune, by_itself=False)
+    return None if record.has_truth else Stretch(span / 4, span / 2, by_itself=True)
+
+
+@dataclass(frozen=True)
+class TunedNoise:
+    """What tuning gave, and what speaks for it.
+
+    Attributes
+    ----------
+    found, untuned : FilterNoise
+        As the stretch makes it most likely, and with :func:`default_disturbance`.
+    why : str
+        Why it is that, where the stretch does not single one out; else empty.
+    worse : bool
+        Whether the rest of the record is less likely with it than untuned.
+    kept : bool
+        Whether the filter took it nevertheless: it was asked for.
+    """
+
+    found: FilterNoise
+    untuned: FilterNoise
+    why: str
+    worse: bool
+    kept: bool
+
+
+@dataclass(frozen=True)
+class OutsideOfBox:
+    """How often an expert was asked beyond the box that it was trained for.
+
+    Attributes
+    ----------
+    share : float
+        Of the samples.
+    current, displacement : tuple of float
+        Of each direction: the ends of the box [A] or [m], and the share beyond them.
+    """
+
+    share: float
+    current: tuple[float, float, float]
+    displacement: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Filtered:
+    """One estimator along a record.
+
+    Attributes
+    ----------
+    name : str
+        Of the estimator.
+    noise : FilterNoise
+        What it assumes in the end.
+    judgement : Judgement
+        How well the two fit, with its estimate.
+    tuning : TunedNoise or None
+        None where nothing was tuned.
+    smoothed : Estimate or None
+        Each sample estimated from the whole record, if asked for.
+    outside : OutsideOfBox or None
+        None where no expert is asked beyond its box in more than `OUTSIDE` of the samples.
+    """
+
+    name: str
+    noise: FilterNoise
+    judgement: Judgement
+    tuning: TunedNoise | None = None
+    smoothed: Estimate | None = None
+    outside: OutsideOfBox | None = None
+
+    @property
+    def absurd(self) -> bool:
+        """Whether filter and record have nothing to do with each other."""
+        return self.judgement.nis > ABSURD_NIS
+
+
+@dataclass(frozen=True, eq=False)
+class Filtering:
+    """Estimators along a record.
+
+    Attributes
+    ----------
+    bearing : Bearing
+        What they assume.
+    record : Record
+        What they filtered.
+    stretch : Stretch or None
+        What they were tuned on.
+    settling : float
+        Time at the start that does not count [s].
+    estimators : mapping of str to Filtered
+        By name.
+    """
+
+    bearing: Bearing
+    record: Record
+    stretch: Stretch | None
+    settling: float
+    estimators: Mapping[str, Filtered]
+
+    def __getitem__(self, name: str) -> Filtered:
+        """Return what became of one of the estimators."""
+        return self.estimators[name]
+
+    @property
+    def judged(self) -> dict[str, Judgement]:
+        """The judgements, by estimator."""
+        return {name: each.judgement for name, each in self.estimators.items()}
+
+    @property
+    def smoothed(self) -> dict[str, Estimate]:
+        """The smoothed estimates, by estimator; empty where they were not asked for."""
+        return {n: e.smoothed for n, e in self.estimators.items() if e.smoothed is not None}
+
+    def after(self, name: str) -> dict[str, Any]:
+        """Return what is told of a smoothed estimate: its load, and its errors against the truth.
+
+        Parameters
+        ----------
+        name : str
+            Of the estimator.
+        """
+        estimate, log = self.smoothed[name], self.record
+        late = log.t - log.t[0] >= self.settling
+        return {
+            "rmse": {
+                signal: float(np.sqrt(np.mean((estimate[signal] - log[signal])[late] ** 2)))
+                for signal in JUDGED
+                if signal in log.truth
+            },
+            "disturbance_mean": float(estimate.f_d[late].mean()),
+            "disturbance_std": float(estimate.f_d[late].std()),
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as plain data, in SI."""
+        return {
+            "bearing": self.bearing.name,
+            "estimators": {
+                name: each.judgement.to_dict()
+                | {"disturbance_noise": each.noise.disturbance}
+                | ({"smoothed": self.after(name)} if each.smoothed is not None else {})
+                for name, each in self.estimators.items()
+            },
+        }
+
+    def to_record(self) -> Record:
+        """Return the estimates; of several estimators, each signal carries the name."""
+        from ambkit.data.record import Record
+
+        records = {name: each.estimate.to_record() for name, each in self.judged.items()}
+        records |= {f"{n}_smoothed": e.to_record() for n, e in self.smoothed.items()}
+        if len(records) == 1:
+            return next(iter(records.values()))
+        signals = {f"{n}_{s}": r[s] for n, r in records.items() for s in r}
+        units = {f"{n}_{s}": r.units[s] for n, r in records.items() for s in r}
+        t = next(iter(records.values())).t
+        return Record(t, signals, units, {"estimators": list(records)})
+
+
+def filter_record(
+    bearing: Bearing,
+    record: Record,
+    estimators: Iterable[str] | Mapping[str, Factory] = USUAL,
+    *,
+    sources: Mapping[str, StiffnessSource] | None = None,
+    noise: FilterNoise | None = None,
+    tune: float | None = None,
+    settling: float = 0.0,
+    smooth: bool = False,
+    done: Callable[[Filtered], None] = lambda _one: None,
+) -> Filtering:
+    """Run estimators along a record, and judge them.
+
+    How fast the load wanders is tuned, by the likelihood of a stretch, if asked for; and with a
+    measured record where neither `tune` nor ``noise.disturbance`` is given: then on its second
+    quarter, judged on the second half, and kept only if it fits that better than the untuned.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What the estimators assume.
+    record : Record
+        With ``y`` [m] and ``u`` [V]; with truth where simulated.
+    estimators : iterable of str, or mapping of str to Factory
+        Some of :data:`ambkit.estimate.family.KINDS`, or what builds them.
+    sources : mapping of str to StiffnessSource, optional
+        What kinds ask for k_i and k_s, see :func:`ambkit.workflow.estimators.factories`.
+    noise : FilterNoise, optional
+        What is known of the noise.
+    tune : float, optional
+        Time at the start to tune on [s]; it does not count for the judgement.
+    settling : float
+        Time at the start that does not count [s].
+    smooth : bool
+        Whether each sample is also estimated from the whole record.
+    done : callable
+        Called with each estimator that is done.
+
+    Returns
+    -------
+    Filtering
+        What became of each.
+
+    Raises
+    ------
+    AmbkitError
+        There is no such estimator.
+    RecordError
+        See :func:`ambkit.judge.judgement.judge`.
+    ValueError
+        `tune` or `settling` is out of its range, `tune` beside ``noise.disturbance``, or the
+        record's sampling time is not the bearing's.
+
+    Examples
+    --------
+    >>> from ambkit import Bearing, Scenario, filter_record, simulate
+    >>> bearing = Bearing.preset("zittau_axial")
+    >>> filtering = filter_record(bearing, simulate(bearing, Scenario()), ["closed-law"])
+    >>> 0.9 < filtering["closed-law"].judgement.nis < 1.1
+    True
+    """
+    noise = noise or FilterNoise()
+    if tune is not None and noise.disturbance is not None:
+        raise ValueError("tune finds what noise.disturbance gives: use one of them")
+    stretch = stretch_to_tune_on(record, tune) if noise.disturbance is None else None
+    late = max(settling, stretch.stop if stretch else 0.0)
+    built = (
+        estimators if isinstance(estimators, Mapping) else factories(estimators, bearing, sources)
+    )
+    found = {}
+    for name, build in built.items():
+        one = _filtered(name, build, record, noise, stretch, late)
+        if smooth:
+            one = replace(one, smoothed=build(one.noise).smooth(record))
+        found[name] = one
+        done(one)
+    return Filtering(bearing, record, stretch, late, found)
+
+
+def _filtered(
+    name: str,
+    build: Factory,
+    record: Record,
+    noise: FilterNoise,
+    stretch: Stretch | None,
+    settling: float,
+) -> Filtered:
+    def judged(assumed: FilterNoise) -> Judgement:
+        return judge(build(assumed), record, horizons=HORIZONS, settling=settling)
+
+    def outside(judgement: Judgement) -> OutsideOfBox | None:
+        return outside_of_box(build(), judgement.estimate, record)
+
+    if stretch is None:
+        judgement = judged(noise)
+        return Filtered(name, noise, judgement, outside=outside(judgement))
+    found, why = _tuned(build, noise, record, stretch)
+    untuned = replace(noise, disturbance=default_disturbance(build().bearing))
+    with_found, without = judged(found), judged(untuned)
+    worse = _likelihood(with_found) < _likelihood(without)
+    kept = not (worse and stretch.by_itself)
+    tuning = TunedNoise(found, untuned, why, worse, kept)
+    assumed, judgement = (found, with_found) if kept else (untuned, without)
+    return Filtered(name, assumed, judgement, tuning, outside=outside(judgement))
+
+
+def _tuned(
+    build: Factory, noise: FilterNoise, record: Record, stretch: Stretch
+) -> tuple[FilterNoise, str]:
+    """Return the noise under which a stretch of a record is most likely, and why that."""
+    part = record.between(record.t[0] + stretch.start, record.t[0] + stretch.stop)
+    tuned = tune_disturbance(
+        build().bearing, part, lambda growth: build(replace(noise, disturbance=growth))
+    )
+    return replace(noise, disturbance=tuned.growth), tuned.why
+
+
+def _likelihood(judgement: Judgement) -> float:
+    """Log likelihood of the samples that count."""
+    first = len(judgement.estimate.t) - judgement.samples
+    return log_likelihood(judgement.estimate, first)
+
+
+def lost_control(record: Record) -> tuple[int, int]:
+    """Return how many samples lack the control signal, and how many in a row at most.
+
+    Nobody knows what acted on the rotor then: filters hold the last value, and are less sure for a
+    while than they say.
+
+    Parameters
+    ----------
+    record : Record
+        With ``u`` [V].
+    """
+    lost = ~np.isfinite(record["u"])
+    if not lost.any():
+        return 0, 0
+    edges = np.flatnonzero(np.diff(np.r_[False, lost, False])).reshape(-1, 2)
+    return int(lost.sum()), int(np.ptp(edges, axis=1).max())
+
+
+def outside_of_box(estimator: Estimator, estimate: Estimate, record: Record) -> OutsideOfBox | None:
+    """Return how often an expert was asked beyond its box, if that is worth a word.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        Nothing is said of one that asks no expert.
+    estimate : Estimate
+        What it estimated.
+    record : Record
+        With ``u`` [V].
+    """
+    expert, b = getattr(estimator, "source", None), estimator.bearing
+    if not isinstance(expert, Expert):
+        return None
+    current = np.clip(b.amplifier.gain * record["u"], b.current_min, b.current_max)
+    box = expert.current_range, expert.displacement_range
+    # The ends may be off by a rounding; what is missing is not outside.
+    slack = [1e-9 * (high - low) for low, high in box]
+    beyond = [
+        (at < low - s) | (at > high + s)
+        for at, (low, high), s in zip((current, estimate.x), box, slack, strict=True)
+    ]
+    share = float(np.mean(beyond[0] | beyond[1]))
+    if share <= OUTSIDE:
+        return None
+    ends = [(low, high, float(np.mean(b))) for (low, high), b in zip(box, beyond, strict=True)]
+    return OutsideOfBox(share, ends[0], ends[1])

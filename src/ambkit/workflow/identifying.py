@@ -1,0 +1,331 @@
+"""A bearing from records: what is looked for, what it starts from, what it is judged on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ambkit.base.errors import AmbkitError, RecordError
+from ambkit.identification.forces.lift_off_fit import LiftOffFit, fit_lift_off
+from ambkit.identification.forces.map import ForceMap, force_map
+from ambkit.identification.maximum_likelihood.estimate import MaximumLikelihood, maximum_likelihood
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+from ambkit.identification.maximum_likelihood.parameters import named, usual
+from ambkit.identification.maximum_likelihood.validation import Validation, validate
+from ambkit.identification.noise import Noise, measurement_noise
+from ambkit.machine.stiffness import work_points
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+    from ambkit.identification.forces.lift_off import LiftOff
+    from ambkit.machine.bearing import Bearing
+
+
+AtRest = Mapping[str, Noise | str]
+"""Noise of each signal of a record at rest, or why it cannot be seen."""
+
+
+def noise_at_rest(record: Record) -> dict[str, Noise | str]:
+    """Return the noise of each signal of a record at rest, or why it cannot be seen.
+
+    Parameters
+    ----------
+    record : Record
+        Of a rotor that does not move.
+    """
+    found: dict[str, Noise | str] = {}
+    for name in record:
+        try:
+            found[name] = measurement_noise(record, name)
+        except RecordError as error:
+            found[name] = str(error)
+    return found
+
+
+def _noise_as_data(noise: Noise | str) -> dict[str, Any]:
+    if isinstance(noise, str):
+        return {"problem": noise}
+    return {
+        "variance": noise.variance,
+        "standard_deviation": noise.standard_deviation,
+        "unit": noise.unit,
+        "samples": noise.samples,
+        "colour": noise.colour,
+        "correlation": list(noise.correlation),
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """A bearing from records of the loop, with its uncertainty, and how it did on others.
+
+    Attributes
+    ----------
+    given : Bearing
+        What was known before, without what `rest` says.
+    records : list of Record
+        What it was identified from.
+    likelihood : MaximumLikelihood
+        What was found.
+    validation : list of Validation
+        How it did on each of the other records; without others, on `records`.
+    on_others : bool
+        Whether these are others.
+    rest : mapping of str to (Noise or str)
+        Noise at rest by signal, or why it cannot be seen; empty without such a record.
+    forces : ForceMap or None
+        Force at the nodes of a grid, if asked for.
+    """
+
+    given: Bearing
+    records: Sequence[Record]
+    likelihood: MaximumLikelihood
+    validation: Sequence[Validation]
+    on_others: bool
+    rest: AtRest
+    forces: ForceMap | None = None
+
+    @property
+    def bearing(self) -> Bearing:
+        """The bearing that was found."""
+        return self.likelihood.bearing
+
+    @property
+    def stiffness(self) -> dict[str, Any]:
+        """Stiffnesses about the mean of the records, where they tell most."""
+        iu, x = self.likelihood.model.mean_point(self.records)
+        at = self.likelihood.stiffness(iu, x)
+        return {"current": iu, "displacement": x} | {
+            name: {"value": v, "standard_error": e} for name, (v, e) in at.items()
+        }
+
+    @property
+    def work_points(self) -> dict[str, Any]:
+        """Stiffnesses at the paper's 25 work points, rows over the displacement."""
+        current, displacement = work_points(self.bearing)
+        return {"current": current.tolist(), "displacement": displacement.tolist()} | {
+            name: {"value": values.tolist(), "standard_error": errors.tolist()}
+            for name, (values, errors) in self.likelihood.stiffness_map(
+                current, displacement
+            ).items()
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as plain data, in SI."""
+        found = self.likelihood
+        data = found.to_dict() | {
+            "bearing": self.given.name,
+            "magnet_constant": found["magnet_constant"],
+            "stiffness": self.stiffness,
+            "work_points": self.work_points,
+            "rest": {name: _noise_as_data(noise) for name, noise in self.rest.items()},
+            "validated_on_other_records": self.on_others,
+            "validation": [check.to_dict() for check in self.validation],
+        }
+        if self.forces is not None:
+            data["force_map"] = {
+                "nodes": self.forces.force.shape[::-1],
+                "written": int(self.forces.told.sum()),
+                "assumed": self.forces.assumed,
+            }
+        return data
+
+
+def starting_model(
+    bearing: Bearing, *, rest: AtRest | None = None, load_std: float | None = None
+) -> LoopModel:
+    """Return the model that identification starts from.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What is known already.
+    rest : mapping of str to (Noise or str), optional
+        From `noise_at_rest`: the noise of ``y`` is the sensor's.
+    load_std : float, optional
+        How far from zero the load may be at the start of a record [N]; by default the weight.
+    """
+    seen = (rest or {}).get("y")
+    if isinstance(seen, Noise):
+        bearing = bearing.replace(sensor__noise_variance=seen.variance)
+    return LoopModel(bearing, load_std=math.nan if load_std is None else load_std)
+
+
+def parameters_to_find(start: LoopModel, free: Iterable[str] | None = None) -> tuple[str, ...]:
+    """Return what is looked for: what is asked for, or what a record usually tells.
+
+    Parameters
+    ----------
+    start : LoopModel
+        What is known already.
+    free : iterable of str, optional
+        Names of parameters.
+
+    Raises
+    ------
+    AmbkitError
+        There is no such parameter.
+    """
+    names = usual(start) if free is None else tuple(free)
+    named(names)
+    return tuple(names)
+
+
+def identify_by_likelihood(
+    bearing: Bearing,
+    records: Sequence[Record],
+    *,
+    others: Sequence[Record] = (),
+    names: Sequence[str] | None = None,
+    rest: AtRest | None = None,
+    free: Iterable[str] | None = None,
+    load_std: float | None = None,
+    map_forces: bool = False,
+    nodes: tuple[int, int] | None = None,
+    note: Callable[[str], None] = lambda _text: None,
+) -> Identified:
+    """Identify a bearing from records of the loop, and validate what was found.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What is known already.
+    records : sequence of Record
+        Runs in closed loop.
+    others : sequence of Record
+        Judge the result on these; without them it is judged on what it was identified from.
+    names : sequence of str, optional
+        Of the records that it is judged on, for the verdicts; by default they are numbered.
+    rest : mapping of str to (Noise or str), optional
+        From `noise_at_rest`: the noise of ``y`` is where the sensor's starts from.
+    free : iterable of str, optional
+        What is looked for; by default what a record usually tells.
+    load_std : float, optional
+        How far from zero the load may be at the start of a record [N]; by default the weight.
+    map_forces : bool
+        Whether the force at the nodes of a grid is wanted.
+    nodes : tuple of 2 int, optional
+        Nodes of it along current and displacement; by default as the records fill them.
+    note : callable
+        Told what is done next.
+
+    Returns
+    -------
+    Identified
+        Bearing, errors, validation.
+
+    Raises
+    ------
+    AmbkitError
+        There is no such parameter, a record is both identified from and validated on, or the
+        search cannot begin.
+    ValueError
+        `load_std` or `nodes` is out of its range, or a record's rate is not the bearing's.
+    """
+    start = starting_model(bearing, rest=rest, load_std=load_std)
+    looked_for = parameters_to_find(start, free)
+    if any(record is seen for record in others for seen in records):
+        raise AmbkitError(
+            "a record is to be identified from and validated on: a model is judged on a record "
+            "that it has not seen"
+        )
+    found = maximum_likelihood(records, start, looked_for, note=note)
+    judged_on = others or records
+    names = names or [f"record {number}" for number in range(1, len(judged_on) + 1)]
+    checks = [
+        validate(found.model, record, start=found.start, settling=found.settling, name=name)
+        for name, record in zip(names, judged_on, strict=True)
+    ]
+    forces = None
+    if map_forces:
+        forces = force_map(found.model, records, nodes=nodes, settling=found.settling, note=note)
+    return Identified(bearing, records, found, checks, bool(others), rest or {}, forces)
+
+
+@dataclass(frozen=True, eq=False)
+class LiftedOff:
+    """A bearing from the points at which its rotor lifts off.
+
+    Attributes
+    ----------
+    bearing : Bearing
+        With the constant that was found, and the air gap and bias current of the working point;
+        as it was given without one.
+    fit : LiftOffFit
+        The law through the points.
+    working_point : float or None
+        Distance at x = 0 [m].
+    """
+
+    bearing: Bearing
+    fit: LiftOffFit
+    working_point: float | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as plain data, in SI."""
+        fit, magnet = self.fit, self.bearing.magnet
+        data: dict[str, Any] = {
+            "magnet_constant": fit.magnet_constant,
+            "gap_offset": fit.gap_offset,
+            "standard_errors": dict(fit.standard_errors),
+            "residual_rms": fit.residual_rms,
+            "points": len(fit.points),
+            "left_out": dict(fit.left_out),
+        }
+        if self.working_point is not None:
+            data |= {"air_gap": magnet.air_gap, "bias_current": magnet.bias_current}
+        return data
+
+
+def check_lifts_off(bearing: Bearing) -> None:
+    """Refuse a bearing that lift-off points tell nothing of.
+
+    Raises
+    ------
+    AmbkitError
+        Its magnet is two-sided.
+    """
+    if bearing.magnet.type != "one-sided":
+        raise AmbkitError(
+            f"lift-off points tell of a one-sided magnet; that of {bearing.name} is two-sided"
+        )
+
+
+def identify_by_lift_off(
+    bearing: Bearing,
+    points: Iterable[LiftOff],
+    *,
+    gap_range: tuple[float, float] = (0.0, math.inf),
+    working_point: float | None = None,
+) -> LiftedOff:
+    """Fit the law of a one-sided magnet to the points at which its rotor lifts off.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What is known already.
+    points : iterable of LiftOff
+        From :func:`ambkit.identification.forces.lift_off.load_points` or ``find_lift_off``.
+    gap_range : (float, float)
+        Distances z [m] between which the law is to hold.
+    working_point : float, optional
+        Distance z at x = 0 [m]: gives air gap and bias current.
+
+    Raises
+    ------
+    AmbkitError
+        The magnet is two-sided, or too few points are left.
+    """
+    check_lifts_off(bearing)
+    fit = fit_lift_off(points, bearing.rotor.mass, gap_range=gap_range)
+    if working_point is None:
+        return LiftedOff(bearing, fit, None)
+    gap, bias = fit.working_point(working_point)
+    found = bearing.replace(
+        **bearing.magnet.with_constant(fit.magnet_constant),
+        magnet__air_gap=gap,
+        magnet__bias_current=bias,
+    )
+    return LiftedOff(found, fit, working_point)

@@ -1,0 +1,170 @@
+"""What happens in a run where nobody says it all: controller, length, step, load; and the run."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ambkit.base.errors import AmbkitError
+from ambkit.judge.comparison import JUDGED, rmse
+from ambkit.machine.magnets import ConstantStiffness
+from ambkit.simulation.scenario import PID, Scenario
+from ambkit.simulation.waveforms import Recorded, Step
+
+if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
+    from ambkit.simulation.run import Run
+
+STEP_AT, LOAD_AT = 0.1, 0.5
+"""When the step of the reference and that of the load come, in lengths of the run."""
+
+OWN_PERIODS = 40
+"""Length of an experiment, in periods of the plant's own frequency, where it is not given."""
+
+
+def tuned_controller(given: PID, bearing: Bearing) -> PID:
+    """Return a controller with what was not given tuned to the bearing.
+
+    The defaults of :class:`ambkit.PID` are the paper's, and hold hardly another bearing.
+
+    Parameters
+    ----------
+    given : PID
+        The fields that were set stay.
+    bearing : Bearing
+        What it is tuned to, see :meth:`ambkit.PID.for_bearing`.
+    """
+    said = {name: getattr(given, name) for name in given.model_fields_set}
+    return PID.for_bearing(bearing).model_copy(update=said)
+
+
+def scenario_for(
+    bearing: Bearing,
+    scenario: Scenario | None = None,
+    *,
+    duration: float | None = None,
+    step: float | None = None,
+    load: float | None = None,
+    seed: int | None = None,
+    reference: str | Path | None = None,
+    from_estimate: bool = True,
+) -> Scenario:
+    """Return a scenario for a bearing, with its controller tuned, and a step or a load put in.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        The controller is tuned to it, as far as `scenario` does not say otherwise.
+    scenario : Scenario, optional
+        What is said already.
+    duration : float, optional
+        Length of the run [s].
+    step : float, optional
+        Step of the reference [m], after a tenth of the run.
+    load : float, optional
+        Load on the rotor [N], after half of the run.
+    seed : int, optional
+        Seed of the noise.
+    reference : path, optional
+        A record whose ``r`` is the reference; without `duration` the run is as long as it.
+    from_estimate : bool
+        Whether the estimate is fed back, or the measurement, where `scenario` does not say it.
+
+    Raises
+    ------
+    AmbkitError
+        The record cannot be read; both a step and a record are given for the reference.
+    """
+    happening = Scenario() if scenario is None else scenario
+    controller = tuned_controller(happening.controller, bearing)
+    if not from_estimate and "feedback" not in happening.controller.model_fields_set:
+        controller = controller.model_copy(update={"feedback": "measurement"})
+    happening = happening.replace(controller=controller)
+    if duration is not None:
+        happening = happening.replace(duration=duration)
+    if reference is not None:
+        if step is not None:
+            raise AmbkitError("the reference is either a step or a record's: give one of them")
+        happening = _along(Path(reference), happening, duration)
+    if step is not None:
+        stepping = Step(amplitude=step, time=STEP_AT * happening.duration)
+        happening = happening.replace(reference=stepping)
+    if load is not None:
+        disturbance = Step(amplitude=load, time=LOAD_AT * happening.duration)
+        happening = happening.replace(disturbance=disturbance)
+    return happening if seed is None else happening.replace(seed=seed)
+
+
+def _along(path: Path, scenario: Scenario, duration: float | None) -> Scenario:
+    """Return a scenario whose reference is the signal r of a record."""
+    from ambkit.data.record import Record
+
+    if duration is None:
+        t = Record.load(path).t
+        scenario = scenario.replace(duration=float(t[-1]))
+    return scenario.replace(reference=Recorded(file=str(path), signal="r"))
+
+
+def experiment_duration(bearing: Bearing) -> float:
+    """Return how long an experiment lasts where nobody says it [s].
+
+    Parameters
+    ----------
+    bearing : Bearing
+        `OWN_PERIODS` of its own frequency ``sqrt(k_s/m)``, to two digits.
+    """
+    own = math.sqrt(ConstantStiffness.of(bearing).k_s / bearing.rotor.mass) / (2 * math.pi)
+    return float(f"{OWN_PERIODS / own:.2g}")
+
+
+@dataclass(frozen=True)
+class RunSummary:
+    """What a run came to.
+
+    Attributes
+    ----------
+    bearing : Bearing
+        What was simulated.
+    run : Run
+        Record, and estimate if there was an estimator.
+    """
+
+    bearing: Bearing
+    run: Run
+
+    @property
+    def samples_at_the_stop(self) -> int:
+        """Samples in which the rotor touched a stop."""
+        return int(self.run.record.meta["stop_touched"])
+
+    @property
+    def first_at_the_stop(self) -> float | None:
+        """When a sample first found the rotor at a stop [s]; None where it left before its end."""
+        record = self.run.record
+        there = np.abs(record["x"]) >= self.bearing.rotor.travel_limit
+        return float(record.t[int(np.argmax(there))]) if there.any() else None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as plain data, in SI."""
+        record, estimate, b = self.run.record, self.run.estimate, self.bearing
+        found: dict[str, Any] = {
+            "bearing": b.name,
+            "samples": len(record),
+            "duration": record.t[-1],
+            "seed": record.meta["seed"],
+            "greatest_displacement": np.max(np.abs(record["x"])),
+            "greatest_current": np.max(np.abs(record["iu"])),
+            "samples_at_the_current_limit": int(
+                np.sum((record["iu"] >= b.current_max) | (record["iu"] <= b.current_min))
+            ),
+            "samples_at_the_stop": record.meta["stop_touched"],
+        }
+        if estimate is not None:
+            found["estimator"] = estimate.estimator
+            found["rmse"] = {name: rmse(estimate, record, name) for name in JUDGED}
+            found["nis"] = np.mean(estimate.nis[1:])
+        return found
