@@ -93,6 +93,7 @@ def render(
         "misra_defines": "-DFLT_MANT_DIG=24" if precision == "float" else "-DDBL_MANT_DIG=53",
         "given": given,
         "family": family,
+        "built_in": estimator.engine.built_in,
         "magnet_header": f"{kind.source}.h",
         "magnet_about": kind.about,
         "sampled": _sampled(estimator),
