@@ -162,7 +162,7 @@ def happenings(
     Parameters
     ----------
     bearing : Bearing
-        The controller is tuned to it, see :func:`ambkit.workflow.simulating.scenario_for`.
+        The controller is tuned to it, see `ambkit.scenario_for`.
     scenario : Scenario, optional
         The user's own.
     steps : iterable of float, optional

@@ -86,7 +86,7 @@ class TunedNoise:
     Attributes
     ----------
     found, untuned : FilterNoise
-        As the stretch makes it most likely, and with :func:`default_disturbance`.
+        As the stretch makes it most likely, and with `default_disturbance`.
     why : str
         Why it is that, where the stretch does not single one out; else empty.
     worse : bool

@@ -172,7 +172,7 @@ class ForceSurface(Law):
         Parameters
         ----------
         core : module
-            The build of the core that computes, see :func:`ambkit.machine.laws.core_module`.
+            The build of the core that computes, see `core_module`.
         """
         p = self.patches
         nodes = (p.force, p.by_current, p.by_displacement, p.by_both)
