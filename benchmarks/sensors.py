@@ -37,7 +37,7 @@ SENSORS = (
 """Lag [s] and standard deviation of the noise [m]."""
 
 KALMAN = (
-    "linear", "steady-state", "closed-law", "extended", "square-root", "extended-k",
+    "linear", "steady-state", "closed-law", "extended", "ud", "augmented",
     "multiple-model", "unscented", "linear-adaptive-noise", "extended-adaptive-noise",
 )  # fmt: skip
 """All of the family but the expert's, whose law is the closed one here, and what is no Kalman

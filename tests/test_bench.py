@@ -269,7 +269,7 @@ def test_who_estimates_k_gets_back_what_a_wrong_one_costs(drift: float) -> None:
     """Steps have told the constant before the load comes; judged from the load on."""
     wrong = replace(CASES["wrong-k"], drift=drift)
     right = replace(wrong, magnet_constant=1.0, drift=0.0)
-    field = contenders(["extended", "extended-k", "multiple-model"], BEARING)
+    field = contenders(["extended", "augmented", "multiple-model"], BEARING)
     load = round(42 * own_time(BEARING) / BEARING.sampling_time)
 
     def error(case: cases.Case, name: str) -> float:
@@ -277,7 +277,7 @@ def test_who_estimates_k_gets_back_what_a_wrong_one_costs(drift: float) -> None:
         return float(errors(field[name].build, made, load)[:, 2].mean())
 
     blind, known = error(wrong, "extended"), error(right, "extended")
-    for name in ("extended-k", "multiple-model"):
+    for name in ("augmented", "multiple-model"):
         assert (blind - error(wrong, name)) / (blind - known) > 0.8
         assert error(right, name) < 1.05 * known
 

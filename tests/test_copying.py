@@ -89,7 +89,7 @@ def test_the_state_of_another_version_is_refused(bearing, monkeypatch):
 
 
 def test_the_state_of_another_kind_is_refused(bearing):
-    linear, k = ambkit.KalmanFilter(bearing), ambkit.FiveStateKalmanFilter(bearing)
+    linear, k = ambkit.KalmanFilter(bearing), ambkit.AugmentedKalmanFilter(bearing)
     with pytest.raises(ValueError, match=r"a state has .* bytes, expected"):
         linear.core.state = k.core.state
 

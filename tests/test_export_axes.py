@@ -44,7 +44,7 @@ AXES: dict[str, Any] = {
 }
 # One of each C file; those that have a constant gain or no model are further below.
 ESTIMATORS = (
-    "linear", "closed-law", "extended", "square-root", "extended-k", "multiple-model", "unscented",
+    "linear", "closed-law", "extended", "ud", "augmented", "multiple-model", "unscented",
     "observer", "steady-state", "extended-adaptive-noise", "linear-adaptive-noise",
 )  # fmt: skip
 

@@ -213,9 +213,9 @@ def test_adaptive_filter_in_fmpy_equals_the_library(source: Any, tmp_path: Path)
         "low-pass",
         "observer",
         "extended",
-        "square-root",
+        "ud",
         "unscented",
-        "extended-k",
+        "augmented",
         "multiple-model",
     ],
 )

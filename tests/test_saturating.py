@@ -246,7 +246,7 @@ def test_the_plant_is_the_bearings_magnet() -> None:
     assert np.abs(record["f_mag"] - ClosedLaw(TWO_SIDED).force(*at)).max() > 3
 
 
-@pytest.mark.parametrize("kind", ["extended", "unscented", "closed-law", "square-root"])
+@pytest.mark.parametrize("kind", ["extended", "unscented", "closed-law", "ud"])
 def test_estimators_know_it(kind: str) -> None:
     """With the iron the disturbance force is found; without it, it takes what the iron lacks."""
     record = ambkit.simulate(TWO_SIDED, SHAKEN)

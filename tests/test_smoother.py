@@ -24,7 +24,7 @@ RECORD = ambkit.simulate(
         disturbance=ambkit.Sine(amplitude=3.0, frequency=3.0),
     ),
 )
-SMOOTHED = ("linear", "closed-law", "extended", "square-root")
+SMOOTHED = ("linear", "closed-law", "extended", "ud")
 smoothed = pytest.mark.parametrize("name", SMOOTHED)
 
 

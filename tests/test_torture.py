@@ -237,7 +237,7 @@ def test_every_estimator_comes_back_from_every_fault(
 # ---- a long saturation, and then rest ----
 
 
-@pytest.mark.parametrize("kind", ["extended-k", "multiple-model"])
+@pytest.mark.parametrize("kind", ["augmented", "multiple-model"])
 @pytest.mark.parametrize(("times", "plus"), [(20.0, 0.0), (1.0, 3.0), (1.0, -3.0)])
 def test_a_long_saturation_does_not_pass_for_a_weak_magnet(
     kind: str, times: float, plus: float

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 NAMES = (
     "low-pass", "observer", "linear", "steady-state", "table", "adaptive", "closed-law", "extended",
-    "square-root", "extended-k", "multiple-model", "unscented", "linear-adaptive-noise",
+    "ud", "augmented", "multiple-model", "unscented", "linear-adaptive-noise",
     "extended-adaptive-noise",
 )  # fmt: skip
 """Those of :data:`ambkit.estimate.family.KINDS`, which takes longer to import."""

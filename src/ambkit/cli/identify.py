@@ -18,7 +18,7 @@ class Method(StrEnum):
     likelihood = "likelihood"
     adaline = "adaline"
     rls = "rls"
-    extended_k = "extended-k"
+    augmented = "augmented"
     online = "online"
 
 

@@ -203,7 +203,7 @@ class Estimator(Copyable):
         ----------
         other : Estimator
             Any of the linear, adaptive, extended and unscented Kalman filters where this is one of
-            them; for the square-root filter another of its kind. Sampling time and sensor should be
+            them; for the UD filter another of its kind. Sampling time and sensor should be
             the same.
 
         Raises
@@ -340,7 +340,7 @@ class Estimator(Copyable):
         """
         if not self.smooths:
             raise ValueError(
-                f"{self.name}: cannot be smoothed; the linear, adaptive, extended and square-root "
+                f"{self.name}: cannot be smoothed; the linear, adaptive, extended and UD "
                 "Kalman filters can"
             )
         y, u = self._start(record)

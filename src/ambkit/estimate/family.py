@@ -12,10 +12,10 @@ from ambkit.estimate.kalman import (
     AdaptiveKalmanFilter,
     ExtendedKalmanFilter,
     KalmanFilter,
-    SquareRootKalmanFilter,
+    UDKalmanFilter,
 )
 from ambkit.estimate.low_pass import LowPass
-from ambkit.estimate.magnet_scale import FiveStateKalmanFilter, MultipleModelFilter
+from ambkit.estimate.magnet_scale import AugmentedKalmanFilter, MultipleModelFilter
 from ambkit.estimate.observer import ExtendedStateObserver, SteadyStateKalmanFilter, unstable_pole
 from ambkit.estimate.unscented import UnscentedKalmanFilter
 from ambkit.machine.magnets import StiffnessSource, magnet_of
@@ -146,9 +146,9 @@ KINDS = {
         Kind("adaptive", "adaptive Kalman filter, fuzzy expert", AdaptiveKalmanFilter, None),
         Kind("closed-law", "Kalman filter, closed law", AdaptiveKalmanFilter, magnet_of),
         Kind("extended", "extended Kalman filter", ExtendedKalmanFilter, magnet_of),
-        Kind("square-root", "square-root Kalman filter", SquareRootKalmanFilter, magnet_of),
+        Kind("ud", "UD-factorised Kalman filter", UDKalmanFilter, magnet_of),
         Kind(
-            "extended-k", "extended Kalman filter with k", FiveStateKalmanFilter, magnet_of,
+            "augmented", "augmented-state extended Kalman filter", AugmentedKalmanFilter, magnet_of,
             (*NOISE, Tunable("wander", "1/s", lambda _: 0.01)),
         ),
         Kind(

@@ -87,7 +87,7 @@ class ExtendedKalmanFilter(Estimator):
         return engine.core.Extended(magnet, engine.model_of_core, **settings)
 
 
-class SquareRootKalmanFilter(ExtendedKalmanFilter):
+class UDKalmanFilter(ExtendedKalmanFilter):
     """Extended Kalman filter on the factor U D U' of its covariance, for single precision.
 
     In exact arithmetic it is the extended filter; with constant stiffnesses, the linear one. In
@@ -108,7 +108,7 @@ class SquareRootKalmanFilter(ExtendedKalmanFilter):
     Factorization Methods for Discrete Sequential Estimation, 1977.
     """
 
-    name = "square-root Kalman filter"
+    name = "UD-factorised Kalman filter"
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         return engine.core.UD(magnet, engine.model_of_core, **settings)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
 
 
-class FiveStateKalmanFilter(Estimator):
+class AugmentedKalmanFilter(Estimator):
     """Extended Kalman filter whose fifth state is the magnet constant, over the known one.
 
     At rest the magnet constant and a constant load cannot be told apart. The filter holds the
@@ -57,7 +57,7 @@ class FiveStateKalmanFilter(Estimator):
     extended Kalman filter as a parameter estimator for linear systems, 1979.
     """
 
-    name = "extended Kalman filter with k"
+    name = "augmented-state extended Kalman filter"
 
     def __init__(
         self,
@@ -98,7 +98,7 @@ class MultipleModelFilter(Estimator):
 
     They are weighed by how well they foretell the measurement; a magnet constant that jumps is
     found within milliseconds of motion. At rest nothing is weighed, for the reason and with the
-    flag of :class:`FiveStateKalmanFilter`.
+    flag of :class:`AugmentedKalmanFilter`.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ class MultipleModelFilter(Estimator):
     sojourn : float, optional
         Mean time for which the constant keeps one of them, while there is motion [s].
     excitation : float, optional
-        As for :class:`FiveStateKalmanFilter` [1].
+        As for :class:`AugmentedKalmanFilter` [1].
     **options
         As for :class:`KalmanFilter`.
 
