@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import ambkit
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from benchmarks.closed_loop import ClosedLoop
 from benchmarks.hand import HandLoop, Outputs
 from benchmarks.work import NOISE, Work

@@ -25,7 +25,7 @@ import numpy as np
 
 import ambkit
 from ambkit.cli.output import progress
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 
 PERIOD, CALL, GAP = 100_000, 10_000, 1_500  # samples; the gap is on either side of the seam
 SENSOR = 1e-7  # m

@@ -21,7 +21,7 @@ from scipy.optimize import minimize_scalar
 
 from ambkit import Bearing, FilterNoise, Record
 from ambkit.base.errors import AmbkitError
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.bench import bench
 from ambkit.judge.comparison.cases import CASES, trials
 from ambkit.judge.comparison.constant_velocity import tuned as constant_velocity

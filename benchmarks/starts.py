@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 import ambkit
 from ambkit import Bearing, Record, Status
 from ambkit.estimate.base import Estimator
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.machine.magnets import Precision, own_time
 
 Array = NDArray[np.float64]

@@ -22,8 +22,8 @@ from scipy.stats import chi2, ttest_rel
 
 import ambkit
 from ambkit.estimate.base import Estimator
-from ambkit.estimate.family import KINDS
 from ambkit.estimate.kalman import ExtendedKalmanFilter
+from ambkit.estimate.registry import KINDS
 from ambkit.identification.excitation import design
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.judge.comparison import criteria

@@ -10,7 +10,7 @@ import numpy as np
 
 from ambkit import Bearing, Record, stiffness_map
 from ambkit.estimate.base import Estimator
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.export.c import cost, export_c
 from ambkit.export.tabulate import tabulate
 from ambkit.fuzzy.expert import Expert

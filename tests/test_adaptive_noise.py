@@ -12,7 +12,7 @@ from filter_cases import SETTINGS, START, STD, made, moving_record
 
 import ambkit
 from ambkit import AdaptiveNoise, Bearing, Estimate, FilterNoise, Record, Scenario, Status
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.machine.magnets import core_module
 
 BEARING = Bearing.preset("zittau_axial")

@@ -18,8 +18,8 @@ from ambkit import ClosedLaw, Scenario, Status
 from ambkit.estimate import base
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.engine import Engine, arrays
-from ambkit.estimate.family import KINDS
 from ambkit.estimate.model import LinearModel
+from ambkit.estimate.registry import KINDS
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.magnets import ConstantStiffness, StiffnessSource, core_module
 from ambkit.machine.parts import ColouredNoise, Hum

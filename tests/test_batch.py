@@ -15,7 +15,7 @@ import ambkit
 from ambkit import Bearing, ClosedLaw, FilterNoise, KalmanFilter, Status
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.batch import Batch, instruction_sets, run_many
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.machine.magnets import StiffnessSource, core_module
 
 Array = NDArray[Any]

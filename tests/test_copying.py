@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 
 COPIES = {
     "copy": copy.copy,

@@ -14,7 +14,7 @@ from bearing_double import having
 from export_cases import BEARING, program
 
 from ambkit.base.errors import AmbkitError
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.export.c import CExport, export_c
 from ambkit.export.c.model import MOST_UNROLLED, states
 from ambkit.models.model import Descriptor

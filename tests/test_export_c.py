@@ -25,9 +25,9 @@ from export_cases import (
 import ambkit
 from ambkit import ClosedLaw, FilterNoise
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.family import NAMES
+from ambkit.cli.kinds import NAMES
 from ambkit.cli.main import main
-from ambkit.estimate.family import KINDS as FAMILY
+from ambkit.estimate.registry import KINDS as REGISTRY
 from ambkit.export.c import CExport, export_c
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -122,7 +122,7 @@ def test_the_command_takes_names_and_files(
 
 
 def test_what_is_exported_are_kinds_of_the_family() -> None:
-    assert set(NAMES) <= set(FAMILY)
+    assert set(NAMES) <= set(REGISTRY)
 
 
 @pytest.mark.parametrize(

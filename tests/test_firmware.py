@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from ambkit import Bearing
-from ambkit.cli.family import NAMES
+from ambkit.cli.kinds import NAMES
 from ambkit.cli.main import main
 from ambkit.estimate.estimate import Estimate
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.export.c import CYCLES_PER_INSTRUCTION, Cost, cost, export_c
 from ambkit.machine.magnets import StiffnessSource
 from firmware import harness, measure

@@ -17,7 +17,7 @@ from magnet_at import differences, force, tangent, through_origin
 import ambkit
 from ambkit import Bearing, ClosedLaw, Scenario, magnet_of, train
 from ambkit.base.errors import AmbkitError, ConfigError
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.export.c import export_c
 from ambkit.fuzzy.choice import measured_map
 from ambkit.fuzzy.left_out import LAW, NETWORK, REFITTED, SURFACE, choose_model, refitted

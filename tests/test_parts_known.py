@@ -7,7 +7,7 @@ import pytest
 
 import ambkit
 from ambkit import Bearing, Record, Scenario, Sine, Step
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison import criteria
 from ambkit.judge.comparison.bench import bench
 from ambkit.judge.comparison.bound import bearing_bound

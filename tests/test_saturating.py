@@ -19,7 +19,7 @@ import ambkit
 import ambkit.simulation.scenario
 from ambkit import Bearing, ClosedLaw, ConstantStiffness, SaturatingLaw, Scenario, magnet_of
 from ambkit.base.errors import ConfigError
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.export.c import export_c
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.machine.bearing import MU_0

@@ -9,7 +9,7 @@ import pytest
 
 import ambkit
 from ambkit import Bearing, Record, Scenario, Status
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from benchmarks import starts
 
 BEARING = Bearing.preset("zittau_axial")

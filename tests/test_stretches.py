@@ -7,7 +7,7 @@ import pytest
 
 import ambkit
 from ambkit import Bearing
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.simulation.run import Imposed, Loop, samples, simulate_run
 
 BEARING = Bearing.preset("zittau_axial")

@@ -11,7 +11,7 @@ import pytest
 
 import ambkit
 from ambkit import AmbkitError, Bearing, Scenario, Sine, Status
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.judge.faults import FAULTS, Torture, torture
 from ambkit.judge.faults.campaign import BASELINE, recovery_text
 from ambkit.judge.faults.declared import CLEAN, Channel

@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 
 import ambkit
 from ambkit import Bearing, ClosedLaw, Estimate, Record, Scenario, Status, UDKalmanFilter
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.machine.magnets import ConstantStiffness, core_module
 from benchmarks import long_run
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit.cli.family import NAMES
+from ambkit.cli.kinds import NAMES
 from ambkit.cli.main import main
 from ambkit.cli.output import plain
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.fuzzy.training import train
 from ambkit.judge.comparison.study import study
 from ambkit.machine.forces.file import load_force_points

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.family import known, names
+from ambkit.cli.kinds import known, names
 from ambkit.cli.options import (
     RECORDS,
     BearingName,
@@ -185,7 +185,7 @@ def _in_own_loops(
 ) -> None:
     """Each closes its own loop, against the same noise, with the same Q and R."""
     from ambkit.cli import output
-    from ambkit.cli.family import factories
+    from ambkit.cli.kinds import factories
     from ambkit.show import plots
     from ambkit.simulation.scenario import Scenario
     from ambkit.workflow.comparing import compare_in_loops, happenings

@@ -64,7 +64,7 @@ def in_case(bearing: Bearing, case_name: str, chosen: str, wanted: Wanted) -> No
 def _sources(
     bearing: Bearing, names: Sequence[str], expert: Path | None
 ) -> dict[str, StiffnessSource]:
-    from ambkit.cli.family import read_expert
+    from ambkit.cli.kinds import read_expert
 
     if expert is None:
         return {}

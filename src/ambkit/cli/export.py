@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.family import NAMES, estimator_option, exported
+from ambkit.cli.kinds import NAMES, estimator_option, exported
 from ambkit.cli.options import BearingName, Json, find_bearing, quantity
 
 if TYPE_CHECKING:

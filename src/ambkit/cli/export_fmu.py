@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.family import NAMES, estimator_option, exported
+from ambkit.cli.kinds import NAMES, estimator_option, exported
 from ambkit.cli.options import BearingName, Json, file_option, find_bearing
 
 if TYPE_CHECKING:

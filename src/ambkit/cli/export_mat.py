@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.family import exported
+from ambkit.cli.kinds import exported
 from ambkit.cli.options import BearingName, Json, file_option, find_bearing
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.family import NAMES, known, names
+from ambkit.cli.kinds import NAMES, known, names
 from ambkit.cli.options import (
     RECORDS,
     ExpertFile,
@@ -113,7 +113,7 @@ def filter_record(
     """
     from ambkit.cli import output
     from ambkit.cli.belonging import say_what_is_odd
-    from ambkit.cli.family import factories
+    from ambkit.cli.kinds import factories
     from ambkit.data.reading import load
     from ambkit.estimate.noise import FilterNoise
     from ambkit.show import plots

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.cases import CASES, Case
 from ambkit.judge.comparison.seeds import Score, compare
 from ambkit.judge.comparison.spread import Spread
@@ -246,7 +246,7 @@ def compare_in_loops(
     what : mapping of str to Happening
         From `happenings`.
     estimators : iterable of str, or mapping of str to Factory
-        Some of :data:`ambkit.estimate.family.KINDS`, or what builds them.
+        Some of :data:`ambkit.estimate.registry.KINDS`, or what builds them.
     runs, seed : int
         How many runs, and the first seed.
     sources : mapping of str to StiffnessSource, optional

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Protocol
 
 from ambkit.base.errors import AmbkitError
-from ambkit.estimate.family import KINDS, learned_source
+from ambkit.estimate.registry import KINDS, learned_source
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -37,7 +37,7 @@ def factories(
     Parameters
     ----------
     names : iterable of str
-        Some of :data:`ambkit.estimate.family.KINDS`; each counts once.
+        Some of :data:`ambkit.estimate.registry.KINDS`; each counts once.
     bearing : Bearing
         What is filtered.
     sources : mapping of str to StiffnessSource, optional

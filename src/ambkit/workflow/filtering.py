@@ -261,7 +261,7 @@ def filter_record(
     record : Record
         With ``y`` [m] and ``u`` [V]; with truth where simulated.
     estimators : iterable of str, or mapping of str to Factory
-        Some of :data:`ambkit.estimate.family.KINDS`, or what builds them.
+        Some of :data:`ambkit.estimate.registry.KINDS`, or what builds them.
     sources : mapping of str to StiffnessSource, optional
         What kinds ask for k_i and k_s, see :func:`ambkit.workflow.estimators.factories`.
     noise : FilterNoise, optional

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.export.c import cost, folder, render
 from ambkit.export.c.cost import Cost
-from ambkit.export.c.data import FAMILY, CPrecision
+from ambkit.export.c.data import CPrecision, called
 from ambkit.export.tabulate import MOST_NODES, TabulatedExpert, tabulate
 from ambkit.fuzzy.expert import Expert
 from ambkit.machine.magnets import Precision, core_module
@@ -97,7 +97,7 @@ def export_c(
         The folder: new, empty, or with an older export, which is replaced; what else lies beside
         that is not touched.
     kind : str, optional
-        Of estimator, by its name in ``ambkit.estimate.family.KINDS``, such as ``"extended"``;
+        Of estimator, by its name in ``ambkit.estimate.registry.KINDS``, such as ``"extended"``;
         by default the paper's filter, linear or adaptive by its source.
     precision : {"float", "double"}
         Of the exported numbers.
@@ -163,8 +163,7 @@ def _made(
     if kind not in KINDS:
         raise AmbkitError(f'there is no kind of estimator "{kind}"; known: {", ".join(KINDS)}')
     estimator = KINDS[kind].make(bearing, source, **options)
-    if type(estimator.core).__name__ not in ("Kalman", *FAMILY):
-        raise AmbkitError(f"the {estimator.name} cannot be exported yet")
+    called(estimator)
     return estimator
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from ambkit.estimate.base import Estimator
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.export.fmu import archive, compiler, sources, variables, xml
 from ambkit.export.fmu.variables import Kind, Variable
 from ambkit.export.fmu.xml import Fmi, Model
@@ -82,7 +82,7 @@ def export_fmu(
     controller : PID, optional
         Of the closed loop; by default tuned to the bearing, and fed by the estimator.
     estimator : str, optional
-        Kind of the estimator, by its name in :data:`ambkit.estimate.family.KINDS`; by default the
+        Kind of the estimator, by its name in :data:`ambkit.estimate.registry.KINDS`; by default the
         paper's filter, linear or adaptive by its source. The variances that the FMU lets change
         have no effect on a kind with a constant gain.
 

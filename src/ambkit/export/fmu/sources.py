@@ -119,7 +119,7 @@ def data_files(kind: Kind, **context: Any) -> dict[str, str]:
     known = {"version": version("ambkit"), "headers": headers}
     files = {"data.c": rendered("data.c.j2", known | given)}
     if given["filter"]:
-        files["data.h"] = rendered("data.h.j2", known | {"family": given["filter"]["family"]})
+        files["data.h"] = rendered("data.h.j2", known | {"in_core": given["filter"]["in_core"]})
     return files
 
 
@@ -142,11 +142,11 @@ def filter_data(estimator: Estimator) -> dict[str, Any]:
     """Return what the data file says of an estimator."""
     if estimator.precision != "float64":
         raise AmbkitError(f'an FMU computes in "float64", the estimator in {estimator.precision!r}')
-    family = data.FAMILY.get(type(estimator.core).__name__, data.PAPER)
+    in_core = data.called(estimator)
     return magnet_data(estimator.source, "magnet") | {
         "settings": data.struct_with_arrays(estimator.core.parameters["set"], "double"),
         "model": data.struct(straight_line(estimator).numbers, "double", {}),
-        "family": family,
+        "in_core": in_core,
         "own": data.own(estimator, "double"),
         "std": data.array(np.asarray(estimator.default_std()), "double"),
     }

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.estimate import Estimate, Status
-from ambkit.estimate.family import KINDS, Tunable
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.noise import FilterNoise
+from ambkit.estimate.registry import KINDS, Tunable
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -86,7 +86,7 @@ def contenders(
     Parameters
     ----------
     names : sequence of str
-        Kinds of :data:`ambkit.estimate.family.KINDS`, or ``file.py:Class``.
+        Kinds of :data:`ambkit.estimate.registry.KINDS`, or ``file.py:Class``.
     bearing : Bearing
         What all of them assume.
     sources : mapping, optional

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.bench import Bench, Sweep, bench, pieces, sweep
 from ambkit.judge.comparison.cases import (
     CASES,

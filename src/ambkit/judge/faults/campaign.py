@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
-from ambkit.estimate.family import KINDS, learned_source
+from ambkit.estimate.registry import KINDS, learned_source
 from ambkit.judge.faults.declared import CLEAN, FAULTS
 from ambkit.judge.faults.flight import Flight, Outcome
 from ambkit.simulation.scenario import PID
@@ -183,7 +183,7 @@ def torture(
     bearing : Bearing
         The plant, and what the estimators know.
     estimators : sequence of str, or mapping of name to factory, optional
-        Kinds of :data:`ambkit.estimate.family.KINDS`, all of them by default; or what makes
+        Kinds of :data:`ambkit.estimate.registry.KINDS`, all of them by default; or what makes
         fresh ones, called with ``precision=...``.
     faults : iterable of str, optional
         Some of ``ambkit.judge.faults.FAULTS``; by default all.

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.escaping import label
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.bench import Bench, Standing, Sweep
 from ambkit.judge.comparison.contenders import Contender
 from ambkit.judge.comparison.criteria import CRITERIA, Criterion

@@ -1,8 +1,10 @@
-"""Every kind of the family: the same interface, the same care of bad input, and each one's own."""
+"""Every kind of estimator: the same interface, the same care of bad input, and each one's own."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,9 +14,9 @@ from filter_cases import core_model, core_settings, made
 
 import ambkit
 from ambkit import Bearing, ClosedLaw, KalmanFilter, Record, Scenario, Status
-from ambkit.estimate.family import KINDS, Kind
 from ambkit.estimate.model import LinearModel
 from ambkit.estimate.observer import ExtendedStateObserver, SteadyStateKalmanFilter
+from ambkit.estimate.registry import KINDS, Kind, in_core_of
 from ambkit.machine.magnets import ConstantStiffness, core_module
 from ambkit.simulation.run import Imposed, simulate_run
 
@@ -284,8 +286,14 @@ def test_a_record_is_a_record_for_all() -> None:
             assert len(kind.make(BEARING).run(empty).x) == 3
 
 
-def test_the_commands_know_every_kind() -> None:
-    """They keep the names themselves, because the family takes long to import."""
-    from ambkit.cli.family import NAMES
-
-    assert set(NAMES) == set(KINDS)
+@kinds
+def test_the_core_calls_it_as_the_registry_says(kind: Kind) -> None:
+    core = Path(__file__).parents[1] / "core"
+    estimator = kind.make(BEARING)
+    assert in_core_of(estimator) is kind.core
+    declared = "".join(file.read_text() for file in core.glob("include/ambkit/*.h"))
+    for name in filter(None, (kind.core.methods, kind.core.state, kind.core.own)):
+        assert re.search(rf"\b{name}\b", declared)
+    for stem in (kind.core.source, *kind.core.calls):
+        assert (core / "src" / f"{stem}.c").is_file()
+    assert (kind.core.own != "") == bool(estimator.core.own)

@@ -12,6 +12,7 @@ import typer
 
 from ambkit.base.errors import AmbkitError
 from ambkit.cli import output
+from ambkit.estimate.registry import KINDS, learned_source
 
 if TYPE_CHECKING:
     from ambkit.fuzzy.expert import Expert
@@ -21,12 +22,7 @@ if TYPE_CHECKING:
     from ambkit.simulation.scenario import Scenario
     from ambkit.workflow.estimators import Factory
 
-NAMES = (
-    "low-pass", "observer", "linear", "steady-state", "table", "adaptive", "closed-law", "extended",
-    "ud", "augmented", "multiple-model", "unscented", "linear-adaptive-noise",
-    "extended-adaptive-noise",
-)  # fmt: skip
-"""Those of :data:`ambkit.estimate.family.KINDS`, which takes longer to import."""
+NAMES = tuple(KINDS)
 
 
 def estimator_option(choice: Iterable[str]) -> Any:
@@ -128,8 +124,6 @@ def exported(text: str | None, bearing: Bearing, choice: Iterable[str] = NAMES) 
 
 def _learned(name: str, bearing: Bearing) -> StiffnessSource | None:
     """Return what is learned for a kind; None where it knows by itself."""
-    from ambkit.estimate.family import learned_source
-
     if name != "adaptive":
         return learned_source(name, bearing)
     with output.progress("training the expert"):
