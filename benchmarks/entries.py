@@ -125,7 +125,7 @@ def nonlinear(work: Work) -> list[Entry]:
 
 
 def adaptive(work: Work, expert: ambkit.Expert) -> list[Entry]:
-    """The public adaptive filter with each source of stiffness."""
+    """The public adaptive filter with each model of the magnet."""
 
     def entry(name: str, kf: ambkit.KalmanFilter) -> Entry:
         return Entry(name, work.y.size, lambda: kf.run(work.record).mean)

@@ -33,7 +33,7 @@ NEAR = 4.0
 
 def kinds() -> list[str]:
     """Return the kinds with a covariance that need nothing but a bearing."""
-    return [k for k, kind in KINDS.items() if k not in WITHOUT and kind.source is not None]
+    return [k for k, kind in KINDS.items() if k not in WITHOUT and kind.magnet is not None]
 
 
 class Course(NamedTuple):

@@ -29,21 +29,21 @@ INCLUDES = ("-I.", "-Icore/include", "-Icore", "-Iselftest")
 
 @functools.cache
 def chosen(kind: str) -> kinds.Chosen:
-    """Kind and source as ``ambkit export --estimator`` takes them."""
+    """Kind and magnet as ``ambkit export --estimator`` takes them."""
     return kinds.exported("adaptive" if kind == "tabulated" else kind, BEARING)
 
 
 def export(kind: str, out: Path, **options: Any) -> CExport:
     form: Any = "tabulated" if kind == "tabulated" else "exact"
     what = chosen(kind)
-    return export_c(BEARING, what.source, out, kind=what.kind, expert_form=form, **options)
+    return export_c(BEARING, what.magnet, out, kind=what.kind, expert_form=form, **options)
 
 
 def estimator(kind: str, made: CExport) -> Estimator:
     """What was exported, in Python."""
     what = chosen(kind)
-    source: Any = made.table or what.source
-    return REGISTRY[what.kind].make(BEARING, source, precision=CORE_PRECISION[made.precision])
+    magnet: Any = made.table or what.magnet
+    return REGISTRY[what.kind].make(BEARING, magnet, precision=CORE_PRECISION[made.precision])
 
 
 def flight_files(made: CExport) -> list[str]:

@@ -80,7 +80,9 @@ def with_core_s_numbers(model: Model, parameters: dict[str, Any]) -> Model:
     They differ by rounding, and where the sensor's lag meets the growth of the load by 1e-4: there
     the core has four points of a quadrature, the model the exact integral.
     """
-    arrays: dict[str, Any] = {name: np.array(getattr(model, name)) for name in ("L", "b", "h", "N")}
+    arrays: dict[str, Any] = {
+        name: np.array(getattr(model, name)) for name in ("L", "b", "h", "N", "rest")
+    }
     for (matrix, i, j), name in PAPER_CONSTANTS.items():
         value = parameters["model"][name]
         if matrix == "N0":

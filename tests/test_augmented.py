@@ -38,7 +38,7 @@ def test_it_is_the_extended_filter_of_the_augmented_state(bearing: str, wander: 
 
     mine.engine.model = with_core_s_numbers(mine.model, mine.core.parameters)
     s, law = oracles.settings_of(b), ClosedLaw(b)
-    magnet, bias = law.magnet(core_module()), law.bias_force
+    magnet, bias = law.in_core(core_module()), law.bias_force
     D = np.array([*mine.default_std(), 0.2])
     ekf = Textbook(5, 1)
     ekf.x, ekf.P, ekf.R = np.array([*estimate_start(b, record), 1.0]) / D, np.eye(5), s["var_y"]

@@ -16,7 +16,7 @@ from ambkit import Bearing, ClosedLaw, FilterNoise, KalmanFilter, Status
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.batch import Batch, instruction_sets, run_many
 from ambkit.estimate.registry import KINDS
-from ambkit.machine.magnets import StiffnessSource, core_module
+from ambkit.machine.magnets import MagnetModel, core_module
 
 Array = NDArray[Any]
 
@@ -63,11 +63,11 @@ def faulty(y: Array, u: Array) -> tuple[Array, Array]:
     return y, u
 
 
-def table() -> StiffnessSource:
+def table() -> MagnetModel:
     return ambkit.stiffness_map(TWO_SIDED)
 
 
-def expert() -> StiffnessSource:
+def expert() -> MagnetModel:
     return ambkit.Expert.from_map(ambkit.stiffness_map(TWO_SIDED))
 
 
@@ -90,14 +90,14 @@ CASES: dict[str, tuple[str, Any, Bearing]] = {
 
 def family(case: str, precision: Any, runs: int = RUNS) -> list[Estimator]:
     """Estimators of one kind, each with its own noise and bearing."""
-    name, source, bearing = CASES[case]
-    if callable(source) and not isinstance(source, ClosedLaw):
-        source = source()
+    name, magnet, bearing = CASES[case]
+    if callable(magnet) and not isinstance(magnet, ClosedLaw):
+        magnet = magnet()
     made = []
     for i in range(runs):
         one = bearing.replace(rotor__mass=bearing.rotor.mass * (1 + 0.02 * i))
         noise = FilterNoise(disturbance=10.0 ** (i % 5))
-        made.append(KINDS[name].make(one, source, noise=noise, precision=precision))
+        made.append(KINDS[name].make(one, magnet, noise=noise, precision=precision))
     return made
 
 
@@ -184,7 +184,7 @@ def test_any_number_of_runs_and_samples(
 def test_kinds_may_be_mixed_and_threads_do_not_matter(precision: Any) -> None:
     y, u = faulty(*records())
     u[np.isinf(u)] = np.nan  # which a record has not
-    kinds = [k for k in KINDS.values() if k.source]
+    kinds = [k for k in KINDS.values() if k.magnet]
     estimators = [kinds[i % len(kinds)].make(TWO_SIDED, precision=precision) for i in range(RUNS)]
     one = run_many(estimators, y, u, history=HISTORY, threads=1)
     many = run_many(estimators, y, u, history=HISTORY, threads=5)

@@ -40,8 +40,8 @@ def stepped(estimator, record, samples):
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_copy_goes_on_as_the_original_would(bearing, record, stiffness, kind, precision):
-    source = stiffness if KINDS[kind].source is None else None
-    original = KINDS[kind].make(bearing, source, precision=precision)
+    magnet = stiffness if KINDS[kind].magnet is None else None
+    original = KINDS[kind].make(bearing, magnet, precision=precision)
     stepped(original, record, range(200))
     copies = {how: made(original) for how, made in COPIES.items()}
     for other in copies.values():

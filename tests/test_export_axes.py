@@ -50,8 +50,8 @@ ESTIMATORS = (
 
 
 def made(axis: Any, kind: str, out: Path, **options: Any) -> CExport:
-    source = None if kind == "linear" else KINDS[kind].source(axis)  # type: ignore[misc]
-    return export_c(axis, source, out, kind=kind, prefix="f", **options)
+    magnet = None if kind == "linear" else KINDS[kind].magnet(axis)  # type: ignore[misc]
+    return export_c(axis, magnet, out, kind=kind, prefix="f", **options)
 
 
 def printed_by(folder: Path) -> str:

@@ -113,7 +113,7 @@ def command(
 def test_the_command_takes_names_and_files(
     command: Callable[[str], Called], exported: Exported, kind: str
 ) -> None:
-    chosen("adaptive").source.save("expert.json")
+    chosen("adaptive").magnet.save("expert.json")
     named = "expert.json --expert tabulated" if kind == "tabulated" else kind
     done = command(f"zittau_axial --estimator {named} --out out")
     assert (done.code, done.out) == (0, "")

@@ -198,9 +198,9 @@ def expert(bearing: Bearing) -> Any:
     return ambkit.train(bearing)
 
 
-@pytest.mark.parametrize("source", [ClosedLaw, stiffness_map, expert], ids=lambda s: s.__name__)
-def test_adaptive_filter_in_fmpy_equals_the_library(source: Any, tmp_path: Path) -> None:
-    record, knows = spoilt(BEARING), source(BEARING)
+@pytest.mark.parametrize("magnet", [ClosedLaw, stiffness_map, expert], ids=lambda s: s.__name__)
+def test_adaptive_filter_in_fmpy_equals_the_library(magnet: Any, tmp_path: Path) -> None:
+    record, knows = spoilt(BEARING), magnet(BEARING)
     path = export_fmu(BEARING, knows, tmp_path / "adaptive.fmu").path
     found = simulated(path, BEARING.sampling_time, {}, y=record["y"], u=record["u"])
     check_estimate(found, AdaptiveKalmanFilter(BEARING, knows).run(record))

@@ -31,7 +31,7 @@ RECORD = ambkit.simulate(
     ),
 )
 kinds = pytest.mark.parametrize(
-    "kind", [k for k in KINDS.values() if k.source], ids=lambda k: k.name
+    "kind", [k for k in KINDS.values() if k.magnet], ids=lambda k: k.name
 )
 
 
@@ -150,12 +150,12 @@ def test_the_extended_filter_is_the_textbook_s() -> None:
     s = oracles.settings_of(BEARING)
     core = core_module()
     mean, std = np.array([2e-5, 0.01, -1.0, 1e-5]), np.array([3e-5, 0.012, 5.0, 3e-5])
-    ekf = made(core, "Extended", law.magnet(core), s)
+    ekf = made(core, "Extended", law.in_core(core), s)
     ekf.reset(mean, std)
     out = ekf.run(RECORD["y"], RECORD["u"], covariance=True)
     x, P = mean.copy(), np.diag(std**2)
     known = KINDS["extended"].make(BEARING)
-    magnet = law.magnet(core)
+    magnet = law.in_core(core)
     for k in range(len(RECORD)):
         if k:
             iu = float(np.clip(s["k_ui"] * RECORD["u"][k - 1], s["iu_min"], s["iu_max"]))
@@ -282,7 +282,7 @@ def test_settings_are_complete_and_known() -> None:
 def test_a_record_is_a_record_for_all() -> None:
     empty = Record(RECORD.t[:3], {"y": RECORD["y"][:3], "u": RECORD["u"][:3]})
     for kind in KINDS.values():
-        if kind.source:
+        if kind.magnet:
             assert len(kind.make(BEARING).run(empty).x) == 3
 
 

@@ -31,7 +31,7 @@ def flown(loop: Loop, change: bool = False) -> tuple[np.ndarray, np.ndarray]:
     for until in CUTS:
         runs.append(loop.run(until))
         if change:
-            new = type(loop.estimator)(BEARING, loop.estimator.source)
+            new = type(loop.estimator)(BEARING, loop.estimator.magnet)
             new.take_over(loop.estimator)
             loop.estimator = new
     rows = [np.column_stack([r.record[s] for s in ("x", "v", "y", "u", "f_mag")]) for r in runs]

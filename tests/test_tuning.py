@@ -24,7 +24,7 @@ def wandering(bearing, growth, n=20_000, seed=3):
     kf = KalmanFilter(bearing, noise=FilterNoise(disturbance=growth))
     T, m = bearing.sampling_time, bearing.rotor.mass
     keep = np.exp(-T / bearing.sensor.lag)
-    k_i, k_s = kf.source.k_i, kf.source.k_s
+    k_i, k_s = kf.magnet.k_i, kf.magnet.k_s
     x = v = f_d = x_m = 0.0
     y, u = np.empty(n), np.empty(n)
     for k in range(n):

@@ -137,8 +137,8 @@ def test_filter_record_refuses_what_contradicts_itself(made):
         filter_record(BEARING, log, ["linear"], tune=0.1, noise=ambkit.FilterNoise(disturbance=1.0))
     with pytest.raises(ambkit.AmbkitError, match='no estimator "kalman"; known: low-pass'):
         filter_record(BEARING, log, ["kalman"])
-    with pytest.raises(ambkit.AmbkitError, match="a source is given for adaptive"):
-        filter_record(BEARING, log, ["linear"], sources={"adaptive": ambkit.ClosedLaw(BEARING)})
+    with pytest.raises(ambkit.AmbkitError, match="a magnet is given for adaptive"):
+        filter_record(BEARING, log, ["linear"], magnets={"adaptive": ambkit.ClosedLaw(BEARING)})
 
 
 def test_lost_control_counts_stretches(made):
@@ -156,7 +156,7 @@ def test_an_expert_beyond_its_box_is_noticed():
     small = train(
         ambkit.stiffness_map(BEARING, currents=[-1.5, 0, 1.5], displacements=[*narrow / 4])
     )
-    found = filter_record(BEARING, run, ["adaptive", "linear"], sources={"adaptive": small})
+    found = filter_record(BEARING, run, ["adaptive", "linear"], magnets={"adaptive": small})
     outside = found["adaptive"].outside
     low, high = small.displacement_range
     x = found["adaptive"].judgement.estimate.x

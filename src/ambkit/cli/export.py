@@ -104,7 +104,7 @@ def export_c(
     chosen = exported(estimator, model)
     written = c.export_c(
         model,
-        chosen.source,
+        chosen.magnet,
         out,
         kind=chosen.kind,
         precision=precision.value,

@@ -74,7 +74,7 @@ def export_fmu(
     chosen = exported(estimator, model)
     written = fmu.export_fmu(
         model,
-        chosen.source,
+        chosen.magnet,
         out,
         kind=kind.value,
         fmi=_VERSIONS[fmi],

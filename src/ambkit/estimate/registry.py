@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.machine.bearing import Bearing
-    from ambkit.machine.laws import StiffnessSource
+    from ambkit.machine.laws import MagnetModel
 
 
 @dataclass(frozen=True)
@@ -134,9 +134,9 @@ class Kind:
         Its class, by module and name in ``ambkit.estimate``.
     core : InCore
         How the core calls it.
-    source : callable or None
-        What it asks of the magnet for a bearing; None where the caller gives the source, as a
-        trained expert or a table.
+    magnet : callable or None
+        What it knows of a bearing's magnet; None where the caller gives that, as a trained expert
+        or a table.
     tunable : tuple of Tunable
         What tuning may change.
     finds_noise : dict, optional
@@ -147,12 +147,12 @@ class Kind:
     label: str
     of: str
     core: InCore
-    source: Callable[[Bearing], StiffnessSource] | None
+    magnet: Callable[[Bearing], MagnetModel] | None
     tunable: tuple[Tunable, ...] = NOISE
     finds_noise: Mapping[str, Any] | None = None
 
     def make(
-        self, bearing: Bearing, source: StiffnessSource | None = None, **options: Any
+        self, bearing: Bearing, magnet: MagnetModel | None = None, **options: Any
     ) -> Estimator:
         """Build one.
 
@@ -160,21 +160,21 @@ class Kind:
         ----------
         bearing : Bearing
             What is filtered.
-        source : optional
-            What it asks; by default the kind's own.
+        magnet : optional
+            What it knows of its magnet; by default what its kind does.
         **options
             Of the kind: what is tunable, and those of :class:`ambkit.KalmanFilter`.
         """
-        if source is None and self.source is not None:
-            source = self.source(bearing)
+        if magnet is None and self.magnet is not None:
+            magnet = self.magnet(bearing)
         module, called = self.of.split(".")
         of = getattr(import_module(f"ambkit.estimate.{module}"), called)
         if self.finds_noise is None:
-            return of(bearing, source, **options)  # type: ignore[no-any-return]
+            return of(bearing, magnet, **options)  # type: ignore[no-any-return]
         from ambkit.estimate.adaptive_noise import AdaptiveNoise
 
         outer = {name: options.pop(name) for name in _OUTER if name in options}
-        return AdaptiveNoise(of(bearing, source, **options), **self.finds_noise, **outer)
+        return AdaptiveNoise(of(bearing, magnet, **options), **self.finds_noise, **outer)
 
 
 _OUTER = ("memory", "window", "most")  # options of AdaptiveNoise, not of the filter inside
@@ -182,13 +182,13 @@ _OUTER = ("memory", "window", "most")  # options of AdaptiveNoise, not of the fi
 MEMORY = Tunable("memory", "s", lambda _bearing: 0.5, decades=1.0)
 
 
-def _constant(bearing: Bearing) -> StiffnessSource:
+def _constant(bearing: Bearing) -> MagnetModel:
     from ambkit.machine.magnets import ConstantStiffness
 
     return ConstantStiffness.of(bearing)
 
 
-def _law(bearing: Bearing) -> StiffnessSource:
+def _law(bearing: Bearing) -> MagnetModel:
     from ambkit.machine.magnets import magnet_of
 
     return magnet_of(bearing)
@@ -284,8 +284,8 @@ def in_core_of(estimator: Estimator) -> InCore | None:
     return _OF_BINDING.get(type(estimator.core).__name__)
 
 
-def learned_source(name: str, bearing: Bearing) -> StiffnessSource | None:
-    """Return what a kind that must be given its source asks where nobody says otherwise.
+def learned_magnet(name: str, bearing: Bearing) -> MagnetModel | None:
+    """Return what a kind that must be given its magnet knows of it where nobody says otherwise.
 
     Parameters
     ----------
@@ -296,10 +296,10 @@ def learned_source(name: str, bearing: Bearing) -> StiffnessSource | None:
 
     Returns
     -------
-    StiffnessSource or None
-        A table of nodes, or a trained expert; None for a kind that has a source of its own.
+    MagnetModel or None
+        A table of nodes, or a trained expert; None for a kind that needs neither.
     """
-    if KINDS[name].source is not None:
+    if KINDS[name].magnet is not None:
         return None
     if name == "table":
         from ambkit.machine.stiffness import stiffness_map

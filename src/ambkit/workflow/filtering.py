@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.estimate.estimate import Estimate
     from ambkit.machine.bearing import Bearing
-    from ambkit.machine.magnets import StiffnessSource
+    from ambkit.machine.magnets import MagnetModel
 
 HORIZONS = (1, 10)
 """Steps ahead that are predicted."""
@@ -241,7 +241,7 @@ def filter_record(
     record: Record,
     estimators: Iterable[str] | Mapping[str, Factory] = USUAL,
     *,
-    sources: Mapping[str, StiffnessSource] | None = None,
+    magnets: Mapping[str, MagnetModel] | None = None,
     noise: FilterNoise | None = None,
     tune: float | None = None,
     settling: float = 0.0,
@@ -262,7 +262,7 @@ def filter_record(
         With ``y`` [m] and ``u`` [V]; with truth where simulated.
     estimators : iterable of str, or mapping of str to Factory
         Some of :data:`ambkit.estimate.registry.KINDS`, or what builds them.
-    sources : mapping of str to StiffnessSource, optional
+    magnets : mapping of str to MagnetModel, optional
         What kinds ask for k_i and k_s, see :func:`ambkit.workflow.estimators.factories`.
     noise : FilterNoise, optional
         What is known of the noise.
@@ -304,7 +304,7 @@ def filter_record(
     stretch = stretch_to_tune_on(record, tune) if noise.disturbance is None else None
     late = max(settling, stretch.stop if stretch else 0.0)
     built = (
-        estimators if isinstance(estimators, Mapping) else factories(estimators, bearing, sources)
+        estimators if isinstance(estimators, Mapping) else factories(estimators, bearing, magnets)
     )
     found = {}
     for name, build in built.items():
@@ -390,7 +390,7 @@ def outside_of_box(estimator: Estimator, estimate: Estimate, record: Record) -> 
     record : Record
         With ``u`` [V].
     """
-    expert, b = getattr(estimator, "source", None), estimator.bearing
+    expert, b = getattr(estimator, "magnet", None), estimator.bearing
     if not isinstance(expert, Expert):
         return None
     current = np.clip(b.amplifier.gain * record["u"], b.current_min, b.current_max)

@@ -55,7 +55,7 @@ def render(
     loops : bool, optional
         Whether the model is computed by loops over its arrays; by default where it is large.
     """
-    magnet: Magnet = estimator.source.magnet(core_module(estimator.precision))
+    magnet: Magnet = estimator.magnet.in_core(core_module(estimator.precision))
     kind = MAGNETS[type(magnet).__name__]
     called = data.called(estimator)
     in_core = None if called is PAPER else called  # whose step goes through the interface

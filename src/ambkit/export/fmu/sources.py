@@ -18,7 +18,7 @@ from ambkit.export.c.data import MAGNETS
 from ambkit.export.c.model import LOOPS, InC, in_c
 from ambkit.export.fmu.variables import Kind
 from ambkit.export.fmu.xml import Fmi, Model
-from ambkit.machine.magnets import StiffnessSource, core_module, magnet_of
+from ambkit.machine.magnets import MagnetModel, core_module, magnet_of
 from ambkit.simulation import parts
 from ambkit.simulation.scenario import PID, Scenario
 
@@ -143,7 +143,7 @@ def filter_data(estimator: Estimator) -> dict[str, Any]:
     if estimator.precision != "float64":
         raise AmbkitError(f'an FMU computes in "float64", the estimator in {estimator.precision!r}')
     in_core = data.called(estimator)
-    return magnet_data(estimator.source, "magnet") | {
+    return magnet_data(estimator.magnet, "magnet") | {
         "settings": data.struct_with_arrays(estimator.core.parameters["set"], "double"),
         "model": data.struct(straight_line(estimator).numbers, "double", {}),
         "in_core": in_core,
@@ -152,10 +152,10 @@ def filter_data(estimator: Estimator) -> dict[str, Any]:
     }
 
 
-def magnet_data(source: StiffnessSource, name: str) -> dict[str, Any]:
+def magnet_data(magnet: MagnetModel, name: str) -> dict[str, Any]:
     """Return what the data file says of a magnet, which it calls `name`."""
-    magnet = source.magnet(core_module())
-    kind, fields = MAGNETS[type(magnet).__name__], magnet.parameters
+    held = magnet.in_core(core_module())
+    kind, fields = MAGNETS[type(held).__name__], held.parameters
     arrays = data.arrays_of(fields)
     names = {path: f"{name}_{path.replace('.', '_')}" for path in arrays}
     return {

@@ -167,8 +167,8 @@ def force_map(
     assumed = share * float(np.ptp(law))
 
     def innovations(correction: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-        source = _Corrected(b, current, displacement, correction.reshape(law.shape), ranges)
-        corrected = replace(model, source=source)
+        magnet = _Corrected(b, current, displacement, correction.reshape(law.shape), ranges)
+        corrected = replace(model, magnet=magnet)
         parts = []
         for record in several:
             e, S, used = corrected.innovations(record)
@@ -230,7 +230,7 @@ class _Corrected:
     ) -> None:
         self.bearing, self.nodes, self.w, self.ranges = bearing, (displacement, current), w, ranges
 
-    def magnet(self, core: ModuleType) -> Magnet:
+    def in_core(self, core: ModuleType) -> Magnet:
         """Build the C implementation."""
         from scipy.interpolate import RegularGridInterpolator
 

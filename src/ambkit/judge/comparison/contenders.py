@@ -21,7 +21,7 @@ from ambkit.estimate.registry import KINDS, Tunable
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.machine.bearing import Bearing
-    from ambkit.machine.magnets import StiffnessSource
+    from ambkit.machine.magnets import MagnetModel
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Contender:
 def contenders(
     names: Sequence[str],
     bearing: Bearing,
-    sources: Mapping[str, StiffnessSource] | None = None,
+    magnets: Mapping[str, MagnetModel] | None = None,
     own: Mapping[str, Callable[..., Any]] | None = None,
 ) -> dict[str, Contender]:
     """Return who takes part, by name.
@@ -89,7 +89,7 @@ def contenders(
         Kinds of :data:`ambkit.estimate.registry.KINDS`, or ``file.py:Class``.
     bearing : Bearing
         What all of them assume.
-    sources : mapping, optional
+    magnets : mapping, optional
         What kinds of estimator know of the magnet, where it is not their default.
     own : mapping, optional
         Estimators of the user by name: classes or functions that give an object with
@@ -103,7 +103,7 @@ def contenders(
     found = {}
     for name in names:
         if name in KINDS:
-            found[name] = _of_family(name, bearing, (sources or {}).get(name))
+            found[name] = _of_family(name, bearing, (magnets or {}).get(name))
         elif ".py:" in name:
             own_name, make = load_class(name)
             found[own_name] = _of_user(own_name, make, bearing)
@@ -147,13 +147,13 @@ def _unknown(name: str) -> AmbkitError:
     )
 
 
-def _of_family(name: str, bearing: Bearing, source: StiffnessSource | None) -> Contender:
+def _of_family(name: str, bearing: Bearing, magnet: MagnetModel | None) -> Contender:
     kind = KINDS[name]
 
     def build(**values: float) -> Any:
         noise = {key.removeprefix("noise."): v for key, v in values.items() if "noise." in key}
         rest = {key: value for key, value in values.items() if "noise." not in key}
-        return kind.make(bearing, source, noise=FilterNoise(**noise), **rest)
+        return kind.make(bearing, magnet, noise=FilterNoise(**noise), **rest)
 
     # Gains depend on the ratios of the variances alone: one of them is left as it is.
     free = {t.name: t for t in kind.tunable}

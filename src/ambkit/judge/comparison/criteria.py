@@ -148,11 +148,11 @@ def rms(error: Array) -> float:
 
 def magnet_force(estimator: Any, estimate: Estimate, record: Record) -> Array:
     """Magnet force as an estimator sees it [N]; NaN where it knows no force law."""
-    source = getattr(estimator, "source", None)
-    if source is None:
+    magnet = getattr(estimator, "magnet", None)
+    if magnet is None:
         return np.full(len(record), np.nan)
     bearing = estimator.bearing
-    force = evaluate_force(source, _current(bearing, estimate, record), estimate.x)
+    force = evaluate_force(magnet, _current(bearing, estimate, record), estimate.x)
     force = force + magnet_of(bearing).bias_force
     return force if estimate.scale is None else estimate.scale * force
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
-from ambkit.estimate.registry import KINDS, learned_source
+from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.judge.faults.declared import CLEAN, FAULTS
 from ambkit.judge.faults.flight import Flight, Outcome
 from ambkit.simulation.scenario import PID
@@ -280,8 +280,8 @@ def _factories(
         raise AmbkitError(f'there is no estimator "{unknown[0]}"; known: {", ".join(KINDS)}')
 
     def factory(name: str) -> Factory:
-        source = learned_source(name, bearing)
-        return lambda **options: KINDS[name].make(bearing, source, **options)
+        magnet = learned_magnet(name, bearing)
+        return lambda **options: KINDS[name].make(bearing, magnet, **options)
 
     return {name: factory(name) for name in estimators}
 

@@ -21,7 +21,7 @@ from ambkit.judge.comparison import ConstantVelocityFilter
 from ambkit.judge.comparison.constant_velocity import tuned
 from ambkit.judge.judgement import LAGS, Judgement, judge
 from ambkit.machine.bearing import GRAVITY, Bearing
-from ambkit.machine.magnets import ClosedLaw, ConstantStiffness, StiffnessSource
+from ambkit.machine.magnets import ClosedLaw, ConstantStiffness, MagnetModel
 from ambkit.machine.stiffness import stiffness_map
 from ambkit.show.report.blocks import Chapter, FigureBlock, Remark, TableBlock, Text
 from ambkit.show.report.figure import Figure, Panel
@@ -86,14 +86,14 @@ class Rig:
 
     def maker(self, name: str) -> Callable[[float], KalmanFilter]:
         """Return what builds a filter from the growth of its disturbance force [N^2/s]."""
-        sources: dict[str, StiffnessSource] = {
+        magnets: dict[str, MagnetModel] = {
             "estimate linear": ConstantStiffness.of(self.bearing),
             "estimate adaptive": self.expert,
             "estimate closed law": ClosedLaw(self.bearing),
         }
         return lambda growth: KalmanFilter(
             self.bearing,
-            sources[name],
+            magnets[name],
             noise=FilterNoise(measurement=self.measurement, disturbance=growth),
         )
 
