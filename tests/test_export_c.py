@@ -121,7 +121,7 @@ def test_the_command_takes_names_and_files(
     assert texts(Path("out")) == texts(exported(kind).folder)
 
 
-def test_what_is_exported_are_kinds_of_the_family() -> None:
+def test_what_is_exported_are_kinds_of_the_registry() -> None:
     assert set(NAMES) <= set(REGISTRY)
 
 

@@ -124,7 +124,7 @@ def test_colour_is_told_and_white_noise_is_not() -> None:
     assert abs(bias["rls"]) < 0.02
 
 
-def test_the_filter_is_that_of_the_family() -> None:
+def test_the_filter_is_that_of_the_registry() -> None:
     record = moved(1)
     result = AugmentedIdentifier(BEARING, start=START).run(record, disturbance=1.0)
     plain = ambkit.AugmentedKalmanFilter(BEARING.replace(magnet__magnet_constant=START)).run(record)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ambkit import PID, Bearing, FilterNoise, KalmanFilter, LowPass, Record, Scenario, simulate
-from ambkit.judge.judgement import judge
+from ambkit.judge.evaluation import evaluate
 from ambkit.workflow.tuning import (
     DECADES,
     TunedDisturbance,
@@ -125,6 +125,6 @@ def test_a_low_pass_has_nothing_to_be_tuned_and_is_not_consistent_with_anything(
     record = hovering(stretch=0.02)
     found = tune_disturbance(SPINDLE, record, lambda _: LowPass(SPINDLE))
     assert found == TunedDisturbance(default_disturbance(SPINDLE))
-    judgement = judge(LowPass(SPINDLE), record)
-    assert np.isnan(judgement.nis)
-    assert judgement.prediction[1] > 0
+    evaluation = evaluate(LowPass(SPINDLE), record)
+    assert np.isnan(evaluation.nis)
+    assert evaluation.prediction[1] > 0

@@ -159,7 +159,7 @@ def test_an_expert_beyond_its_box_is_noticed():
     found = filter_record(BEARING, run, ["adaptive", "linear"], magnets={"adaptive": small})
     outside = found["adaptive"].outside
     low, high = small.displacement_range
-    x = found["adaptive"].judgement.estimate.x
+    x = found["adaptive"].evaluation.estimate.x
     beyond = np.mean((x < low) | (x > high))
     assert beyond > 0.5
     assert outside.displacement == (low, high, beyond)

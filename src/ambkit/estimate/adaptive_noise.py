@@ -1,4 +1,4 @@
-"""Noise found online, around any filter of the family that has a covariance."""
+"""Noise found online, around any filter that has a covariance."""
 
 from __future__ import annotations
 

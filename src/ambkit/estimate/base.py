@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 class Estimator(Copyable):
-    """An estimator of the family: the same inputs, the same outputs, one interface in C.
+    """An estimator of any kind: the same inputs, the same outputs, one interface in C.
 
     Each kind says in `_build` which of the core's it is (``core/include/ambkit/estimator.h``).
 

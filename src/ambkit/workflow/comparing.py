@@ -79,7 +79,7 @@ def compare_in_case(
     case : str or Case
         What happens, see `cases_called`.
     estimators : sequence of str, optional
-        Kinds, or ``file.py:Class``; by default the whole family.
+        Kinds, or ``file.py:Class``; by default all kinds.
     runs, budget, seed : int
         How many runs, evaluations to tune each with (0: defaults), and the first seed.
     spread : float, optional

@@ -1,4 +1,4 @@
-"""Who takes part: the family's estimators, and the user's own from a Python file."""
+"""Who takes part: the registry's kinds, and the user's own from a Python file."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Range:
     Attributes
     ----------
     name : str
-        As the family calls it: ``noise.disturbance``, ``bandwidth``.
+        As its kind calls it: ``noise.disturbance``, ``bandwidth``.
     unit : str
         SI.
     default, low, high : float
@@ -103,7 +103,7 @@ def contenders(
     found = {}
     for name in names:
         if name in KINDS:
-            found[name] = _of_family(name, bearing, (magnets or {}).get(name))
+            found[name] = _of_kind(name, bearing, (magnets or {}).get(name))
         elif ".py:" in name:
             own_name, make = load_class(name)
             found[own_name] = _of_user(own_name, make, bearing)
@@ -115,7 +115,7 @@ def contenders(
 
 
 def expand(text: str) -> list[str]:
-    """Split a list of names, such as ``linear,my.py:MyFilter``; ``all`` is the whole family.
+    """Split a list of names, such as ``linear,my.py:MyFilter``; ``all`` is every kind.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def _unknown(name: str) -> AmbkitError:
     )
 
 
-def _of_family(name: str, bearing: Bearing, magnet: MagnetModel | None) -> Contender:
+def _of_kind(name: str, bearing: Bearing, magnet: MagnetModel | None) -> Contender:
     kind = KINDS[name]
 
     def build(**values: float) -> Any:

@@ -254,18 +254,18 @@ def _campaign(
     clean = work.run(channel)
     band = flight.band(clean)
     done(CLEAN.name)
-    yield flight.judge(clean, windows, band, fault=CLEAN.name, estimator=work.name)
+    yield flight.evaluate(clean, windows, band, fault=CLEAN.name, estimator=work.name)
     for name in named:
         if flight.in_loop and not FAULTS[name].in_loop:
             continue
         channel, windows = flight.through(FAULTS[name])
-        yield flight.judge(work.run(channel), windows, band, fault=name, estimator=work.name)
+        yield flight.evaluate(work.run(channel), windows, band, fault=name, estimator=work.name)
         done(name)
     if steps:
         channel, windows = flight.mixed(steps)
         if not windows:
             raise AmbkitError(f"{steps} steps have no room for a fault and its aftermath")
-        yield flight.judge(work.run(channel), windows, band, fault=MIXTURE, estimator=work.name)
+        yield flight.evaluate(work.run(channel), windows, band, fault=MIXTURE, estimator=work.name)
         done(MIXTURE)
 
 
