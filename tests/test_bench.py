@@ -18,7 +18,7 @@ from ambkit.judge.comparison.cases import CASES, trials, walk_case
 from ambkit.judge.comparison.contenders import PythonEstimator, contenders, expand
 from ambkit.judge.comparison.spread import CERTAIN, Spread
 from ambkit.judge.comparison.study import learned, pieces_of, study
-from ambkit.judge.comparison.tune import errors, tune
+from ambkit.judge.comparison.tuning import errors, tune
 from ambkit.machine.magnets import own_time
 from ambkit.show.pages.study import report_of
 from ambkit.show.plots.study import cases_figure, matrix_figure, sweep_figure
@@ -220,7 +220,7 @@ def test_what_is_lost_counts_as_much_as_it_may() -> None:
             return [np.nan, 0.0, 0.0, 0.0]
 
     training = trials(SHORT, BEARING, 1, 5)
-    own = contenders([], BEARING, own={"lost": Lost})["lost"]
+    own = contenders([], BEARING, custom={"lost": Lost})["lost"]
     assert tune(own, training, np.ones(3), 4, 170).objective == 10.0
 
 
@@ -295,7 +295,7 @@ def test_lost_runs_are_counted_and_leave_the_means_alone() -> None:
         def step(self, y: float, _u: float) -> tuple[float, float, float, float]:
             return (1.0 if self.wrong else y, 0.0, 0.0, y)
 
-    own = contenders([], BEARING, own={"drifting": Drifting})
+    own = contenders([], BEARING, custom={"drifting": Drifting})
     standing = bench(BEARING, SHORT, own, runs=4, threads=1).default["drifting"]
     assert standing.mean("lost") == 0.5
     assert standing.mean("x") < 2e-5
@@ -313,7 +313,7 @@ def test_a_sweep_and_the_limit_near_the_centre_and_far_out() -> None:
 def test_the_report_of_a_whole_study() -> None:
     steps = []
     found = study(
-        BEARING, SHORT, ["linear"], own={"mine": OwnLinear}, runs=2, budget=3, done=steps.append
+        BEARING, SHORT, ["linear"], custom={"mine": OwnLinear}, runs=2, budget=3, done=steps.append
     )
     assert len(steps) == pieces_of(2, 3, whole=True)
     report = report_of(found)

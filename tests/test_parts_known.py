@@ -81,7 +81,7 @@ def test_the_comparison_judges_all_and_nobody_is_below_the_limit(name: str) -> N
         def step(self, y: float, _u: float) -> tuple[float, float, float, float]:
             return y, np.nan, np.nan, y
 
-    field = contenders(MADE, bearing, own={"raw": lambda _bearing: Raw()})
+    field = contenders(MADE, bearing, custom={"raw": lambda _bearing: Raw()})
     made = bench(bearing, CASES["model"], field, runs=6)
     assert made.stopped == 0
     right = made.best["extended"]

@@ -17,7 +17,7 @@ from ambkit.judge.comparison.bound import bearing_bound
 from ambkit.judge.comparison.cases import Case, Trial, trials
 from ambkit.judge.comparison.contenders import Contender
 from ambkit.judge.comparison.criteria import CRITERIA, SETTLING, evaluate_run
-from ambkit.judge.comparison.tune import SIGNALS, Tuning, errors, tune
+from ambkit.judge.comparison.tuning import SIGNALS, Tuning, errors, tune
 from ambkit.machine.magnets import own_time
 
 if TYPE_CHECKING:

@@ -79,7 +79,7 @@ def contenders(
     names: Sequence[str],
     bearing: Bearing,
     magnets: Mapping[str, MagnetModel] | None = None,
-    own: Mapping[str, Callable[..., Any]] | None = None,
+    custom: Mapping[str, Callable[..., Any]] | None = None,
 ) -> dict[str, Contender]:
     """Return who takes part, by name.
 
@@ -91,7 +91,7 @@ def contenders(
         What all of them assume.
     magnets : mapping, optional
         What kinds of estimator know of the magnet, where it is not their default.
-    own : mapping, optional
+    custom : mapping, optional
         Estimators of the user by name: classes or functions that give an object with
         ``step(y, u)``, called with the bearing, or without it.
 
@@ -109,7 +109,7 @@ def contenders(
             found[own_name] = _of_user(own_name, make, bearing)
         else:
             raise _unknown(name)
-    for own_name, make in (own or {}).items():
+    for own_name, make in (custom or {}).items():
         found[own_name] = _of_user(own_name, make, bearing)
     return found
 

@@ -109,7 +109,7 @@ def study(
     case: Case | str,
     names: Sequence[str],
     *,
-    own: Mapping[str, Callable[..., Any]] | None = None,
+    custom: Mapping[str, Callable[..., Any]] | None = None,
     runs: int = 16,
     budget: int = 0,
     seed: int = 0,
@@ -128,7 +128,7 @@ def study(
         What happens; one of `CASES`.
     names : sequence of str
         Kinds of estimators, or ``file.py:Class``.
-    own : mapping, optional
+    custom : mapping, optional
         The user's own, see :func:`ambkit.judge.comparison.contenders.contenders`.
     runs, budget, seed : int
         See :func:`ambkit.judge.comparison.bench.bench`.
@@ -145,7 +145,7 @@ def study(
     threads = threads or os.cpu_count() or 1
     given = dict(magnets or {})
     known = learned(case, bearing, [name for name in names if name not in given]) | given
-    field = contenders(names, bearing, known, own)
+    field = contenders(names, bearing, known, custom)
     done("judging")
     main = bench(
         bearing, case, field, runs=runs, budget=budget, seed=seed, threads=threads,
@@ -156,9 +156,11 @@ def study(
         return Study(main, field, first)
     tuned = {name: s.tuning for name, s in main.tuned.items() if s.tuning is not None}
 
-    def row(what: str, cases: dict[float, Case], count: int = SWEEP_RUNS, *, own: bool) -> Sweep:
+    def row(
+        what: str, cases: dict[float, Case], count: int = SWEEP_RUNS, *, as_tuned: bool
+    ) -> Sweep:
         return sweep(
-            bearing, cases, field, tuned=tuned if own else None, runs=count, seed=seed,
+            bearing, cases, field, tuned=tuned if as_tuned else None, runs=count, seed=seed,
             threads=threads, done=lambda: done(what),
         )  # fmt: skip
 
@@ -173,10 +175,10 @@ def study(
         main,
         field,
         first,
-        steps=row("errors by step", steps, own=True),
-        wrong_k=row("errors by k", wrong, own=True),
+        steps=row("errors by step", steps, as_tuned=True),
+        wrong_k=row("errors by k", wrong, as_tuned=True),
         # There the defaults are the truth.
-        limit=row("the limit", walks, 2 * SWEEP_RUNS, own=False),
+        limit=row("the limit", walks, 2 * SWEEP_RUNS, as_tuned=False),
         model=bench(
             bearing, CASES["model"], field, runs=max(runs, 32), seed=seed, threads=threads,
             done=lambda: done("the limit"),

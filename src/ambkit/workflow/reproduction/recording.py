@@ -18,7 +18,7 @@ from ambkit.fuzzy.training import train
 from ambkit.identification.forces.lift_off import LiftOff, load_points
 from ambkit.identification.forces.lift_off_fit import LiftOffFit, fit_lift_off
 from ambkit.judge.comparison import ConstantVelocityFilter
-from ambkit.judge.comparison.constant_velocity import tuned
+from ambkit.judge.comparison.constant_velocity import tune
 from ambkit.judge.evaluation import LAGS, Evaluation, evaluate
 from ambkit.machine.bearing import GRAVITY, Bearing
 from ambkit.machine.magnets import ClosedLaw, ConstantStiffness, MagnetModel
@@ -107,7 +107,7 @@ class Rig:
     def naive(self, record: Record) -> Naive:
         """Tune the filter that knows no magnet on the same beginning, judge it on the same rest."""
         beginning = record.between(None, record.t[0] + TUNED_ON)["y"]
-        kf = tuned(beginning, record.sampling_time, R=self.measurement)
+        kf = tune(beginning, record.sampling_time, R=self.measurement)
         first = round(TUNED_ON / record.sampling_time)
         y = record["y"]
         errors = {
