@@ -1,7 +1,6 @@
 // What every estimator of the family can do, whichever it is.
 #include "estimator.h"
 
-
 extern "C" {
 #include "ambkit/smoother.h"
 #include "ambkit/ud.h"

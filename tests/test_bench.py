@@ -144,10 +144,10 @@ def test_nees_by_hand() -> None:
     truth = ambkit.Record(t, {"x": zero, "v": zero, "f_d": zero}, {})
     upper = np.tile([4.0, 1.0, 0, 0, 9.0, 0, 0, 25.0, 0, 1.0], (2, 1))
     mean = np.array([[2.0, 3.0, 5.0, 0.0], [0.0, 0.0, 10.0, 7.0]])
-    states = ambkit.KalmanFilter(BEARING).states
     estimate = ambkit.Estimate(
-        t, mean, zero, zero, zero, zero, np.zeros(2, dtype=np.uint16), upper, "", states
-    )
+        t, mean, zero, zero, zero, zero, np.zeros(2, dtype=np.uint16), upper, "",
+        ambkit.KalmanFilter(BEARING).states,
+    )  # fmt: skip
     P = np.array([[4.0, 1.0, 0.0], [1.0, 9.0, 0.0], [0.0, 0.0, 25.0]])
     expected = [e @ np.linalg.inv(P) @ e for e in mean[:, :3]]
     assert criteria.normalised_errors(estimate, truth) == pytest.approx(expected)

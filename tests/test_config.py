@@ -1,6 +1,7 @@
 """Descriptions in TOML: each mistake is told with its place, and all of them at once."""
 
 import json
+import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -8,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ambkit.base import escaping
 from ambkit.base.config import Document, Part, toml_text
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.errors import AmbkitError, ConfigError
@@ -198,17 +200,25 @@ values = st.recursive(
 
 @given(st.dictionaries(names, values, max_size=4))
 def test_any_nested_data_is_written_as_toml_that_reads_back(data: dict[str, Any]) -> None:
-    toml = toml_text.parse(toml_text.dumps(data))
+    toml = toml_text.parse(escaping.toml_text(data))
     assert toml.problems == []
-    assert repr(toml.data) == repr(_tables_last(data))
+    assert repr(_plain_first(toml.data)) == repr(_plain_first(data))
 
 
-def _tables_last(data: Any) -> Any:
-    """Order mappings as they are written: plain keys before tables."""
+def _plain_first(data: Any) -> Any:
+    """Order mappings by what TOML leaves open: whether a table stands before a list of tables."""
     if isinstance(data, list):
+        return [_plain_first(each) for each in data]
+    if not isinstance(data, dict):
         return data
-    plain = {k: v for k, v in data.items() if not isinstance(v, dict)}
-    return plain | {k: _tables_last(v) for k, v in data.items() if isinstance(v, dict)}
+    plain = {k: v for k, v in data.items() if not isinstance(v, dict | list)}
+    return plain | {k: _plain_first(data[k]) for k in sorted(data.keys() - plain.keys())}
+
+
+def test_what_is_written_as_toml_keeps_its_order() -> None:
+    table = {"d": [1.5, 2.5], "c": "x", "b": {"f": True, "e": 1e-9}, "a": {"h": [], "g": -0.0}}
+    found = tomllib.loads(escaping.toml_text(table | {"list": [table, {"long": "x" * 200}]}))
+    assert repr(found) == repr(table | {"list": [table, {"long": "x" * 200}]})
 
 
 @given(st.text(max_size=60))

@@ -22,7 +22,6 @@ from jinja2 import Environment
 import ambkit
 from ambkit import Bearing
 from ambkit.base import escaping
-from ambkit.base.config import toml_text
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.cli import output
 from ambkit.cli.main import main
@@ -310,9 +309,10 @@ def test_half_a_character_in_an_expert_is_told(tmp_path: Path) -> None:
 
 
 def test_what_is_written_as_toml_is_printable() -> None:
-    text = toml_text.dumps({"a": "x\x1b\u202e\U000e0001", "\x1b": 1})
+    data = {"a": "x\x1b\u202e\U000e0001", "\x1b": 1, "t": {"b\t": ["\t\n\x85", {"\u2028": 0.1}]}}
+    text = escaping.toml_text(data)
     assert all(map(str.isprintable, text.split("\n")))
-    assert tomllib.loads(text) == {"a": "x\x1b\u202e\U000e0001", "\x1b": 1}
+    assert tomllib.loads(text) == data
 
 
 @pytest.mark.parametrize("prefix", ["test", "selftest", "math", "STDIO", "clean"])

@@ -218,7 +218,8 @@ class Loops:
     def predict(self, at: Point) -> tuple[Array, Array]:
         """Mean, and covariance as its upper triangle."""
         mean, cov = at.mean.copy(), at.cov[np.triu_indices(self.n)]
-        growth, work = np.zeros(len(cov)), np.full(self.n * (self.n + self.p + 1), np.nan)
+        room = self.n * (2 * self.n + 2 * self.p + len(at.iu))  # AMB_WORK, with these sizes
+        growth, work = np.zeros(len(cov)), np.full(room, np.nan)
         k = np.ascontiguousarray(np.stack([at.k_i, at.k_s], axis=1))
         self.call("growth", pointer(at.var_d), pointer(growth))
         self.call("predict_mean", pointer(at.F), pointer(at.iu), pointer(mean))
@@ -317,7 +318,8 @@ def total(terms: list[float]) -> float:
 def mean_in_order(model: Model, at: Point) -> list[float]:
     X, iu = at.mean.tolist(), at.iu.tolist()
     F = [
-        f + total([r * X[j] for j, r in model.r.row(at_f)]) for at_f, f in enumerate(at.F.tolist())
+        total([f] + [r * X[j] for j, r in model.r.row(at_f)])
+        for at_f, f in enumerate(at.F.tolist())
     ]
     return [
         total([value * X[j] for j, value in model.L.row(i)]

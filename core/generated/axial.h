@@ -163,12 +163,11 @@ AMB_INLINE amb_role amb_model_role(const amb_model *model, int i)
   return role[i];
 }
 
-/* Whether they are such. */
+/* Whether they are such; what a sensor shows is looked after by who takes it in. */
 AMB_INLINE bool amb_model_sound(const amb_model *model, const amb_real cov[AMB_TRIANGLE])
 {
   (void)model;
-  return (cov[0] >= AMB_C(0.0)) && (cov[4] >= AMB_C(0.0)) && (cov[7] >= AMB_C(0.0)) &&
-         (cov[9] >= AMB_C(0.0));
+  return (cov[0] >= AMB_C(0.0)) && (cov[4] >= AMB_C(0.0)) && (cov[7] >= AMB_C(0.0));
 }
 
 /* Whether all positions are known better than this. */

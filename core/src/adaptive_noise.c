@@ -151,17 +151,24 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
   const amb_kalman_state *base = &s->inner.base;
   const amb_estimator inner = inner_with(self, &s->kf);
   const int load = amb_first(model, AMB_LOAD);
+#if AMB_SENSORS > 1
   const int variance = amb_entry(amb_states(model), load, load);
+#endif
   const amb_real f_d = base->mean[load];
+#if AMB_SENSORS > 1
   const amb_real before = base->cov[variance];
+#endif
   amb_real with_y[AMB_STATES];
   amb_model_shown_with(model, 0, base->cov, with_y);
   amb_status status = inner.methods->update(&inner, &s->inner, y, result);
   if (learns(self, s, status, result)) {
     /* K S K', for several sensors what they have taken off the variance together. */
-    const amb_real expected = (amb_sensors(model) > 1)
-                                  ? (before - base->cov[variance])
-                                  : (with_y[load] * (with_y[load] / result->variance[0]));
+    amb_real expected = with_y[load] * (with_y[load] / result->variance[0]);
+#if AMB_SENSORS > 1
+    if (amb_sensors(model) > 1) {
+      expected = before - base->cov[variance];
+    }
+#endif
     status |= adapt(self, s, result, base->mean[load] - f_d, expected);
   }
   result->status = status;

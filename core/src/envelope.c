@@ -190,6 +190,7 @@ static void restart_there(const amb_kalman *kf, amb_kalman_state *state, int r, 
   state->sensor[r].residual = AMB_C(0.0);
 }
 
+#if AMB_SENSORS > 1
 /* One of several: all is less sure, and then it is believed. */
 static void restart_towards(const amb_kalman *kf, amb_kalman_state *state, int r, amb_real y)
 {
@@ -212,12 +213,15 @@ static void restart_towards(const amb_kalman *kf, amb_kalman_state *state, int r
   (void)amb_envelope_clamp(kf, state->mean); /* no variance here could lead it back from beyond */
   state->sensor[r].residual = AMB_C(0.0);
 }
+#endif
 
 void amb_envelope_restart(const amb_kalman *kf, amb_kalman_state *state, int r, amb_real y)
 {
+#if AMB_SENSORS > 1
   if (amb_sensors(&kf->model) > 1) {
     restart_towards(kf, state, r, y);
-  } else {
-    restart_there(kf, state, r, y);
+    return;
   }
+#endif
+  restart_there(kf, state, r, y);
 }

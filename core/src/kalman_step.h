@@ -7,6 +7,14 @@
 
 #include "ambkit/envelope.h"
 
+/* Room for a prediction. Straight-line models need none, and what a state does not have cannot keep
+ * it from living in registers. */
+#if defined(AMB_MODEL_LOOPS)
+#define AMB_ROOM(state) ((state)->work)
+#else
+#define AMB_ROOM(state) NULL
+#endif
+
 /* Control current of amplifier c [A]; adds what happened to `status`. */
 AMB_INLINE amb_real amb_step_current(const amb_kalman *kf, amb_kalman_state *state, int c,
                                      amb_real u, amb_status *status)
@@ -102,7 +110,7 @@ AMB_INLINE amb_status amb_step_predict_with(const amb_kalman *kf, amb_kalman_sta
   }
   amb_model_predict_mean(&kf->model, F, iu, state->mean);
   amb_model_predict_covariance(&kf->model, k, s->k_ui, s->var_u, kf->growth, state->cov,
-                               amb_kalman_room(state));
+                               AMB_ROOM(state));
   return AMB_OK;
 }
 
@@ -348,7 +356,7 @@ AMB_INLINE void amb_step_trusted(const amb_kalman *kf, const amb_stiffness k[AMB
   }
   amb_model_predict_mean(&kf->model, F, iu, state->mean);
   amb_model_predict_covariance(&kf->model, k, set->k_ui, set->var_u, kf->growth, state->cov,
-                               amb_kalman_room(state));
+                               AMB_ROOM(state));
   AMB_EACH_SENSOR(&kf->model)
   {
     amb_model_update(&kf->model, r, y[r], set->var_y[r], state->mean, state->cov, &innovation,

@@ -343,7 +343,9 @@ bool amb_model_sound(const amb_model *model, const amb_real cov[])
 {
   bool sound = true;
   for (int i = 0; i < model->states; i++) {
-    sound = sound && (cov[amb_entry(model->states, i, i)] >= AMB_C(0.0));
+    if (amb_model_role(model, i) != AMB_SHOWN) {
+      sound = sound && (cov[amb_entry(model->states, i, i)] >= AMB_C(0.0));
+    }
   }
   return sound;
 }

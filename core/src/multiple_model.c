@@ -150,7 +150,7 @@ static void predict_one(const amb_estimator *self, amb_multiple_model_state *s, 
   }
   amb_model_predict_mean(&kf->model, F, iu, m->mean);
   amb_model_predict_covariance(&kf->model, k, kf->set.k_ui, kf->set.var_u, kf->growth, m->cov,
-                               amb_kalman_room(&s->base));
+                               AMB_ROOM(&s->base));
 }
 
 static amb_status predict(const amb_estimator *self, void *state, const amb_real u[AMB_CONTROLS],

@@ -67,7 +67,8 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   amb_kalman_state *s = (amb_kalman_state *)state;
   amb_real iu[AMB_CONTROLS];
   amb_real F[AMB_FORCES];
-  amb_real d[AMB_FORCES] = {AMB_C(0.0)};
+  amb_real d[AMB_FORCES];
+  d[0] = AMB_C(0.0); /* compilers do not know that there is one */
   amb_status status = amb_step_currents(kf, s, u, iu);
   amb_step_forces(kf, self->magnet, iu, s->mean, F, result->stiffness);
   for (int f = 0; f < amb_forces(&kf->model); f++) {

@@ -82,18 +82,6 @@ typedef struct amb_kalman_state {
 #endif
 } amb_kalman_state;
 
-/* Room for a prediction. Straight-line models need none, and what they do not have cannot keep the
- * state from living in registers. */
-AMB_INLINE amb_real *amb_kalman_room(amb_kalman_state *state)
-{
-#if defined(AMB_MODEL_LOOPS)
-  return state->work;
-#else
-  (void)state;
-  return NULL;
-#endif
-}
-
 /* What one step leaves behind besides the state. */
 typedef struct amb_kalman_result {
   amb_real innovation[AMB_SENSORS];    /* y - H X [m] as each sensor was taken in; 0 where the

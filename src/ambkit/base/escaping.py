@@ -8,8 +8,10 @@ them. Each function here makes such a text harmless in one language; templates h
 import json
 import re
 import unicodedata
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
+
+import tomli_w
 
 _TOUCHING = re.compile(r"(?<=/)(?=[*/])|(?<=\*)(?=/)|(?<=\?)(?=\?)")
 _MARKDOWN = re.compile(r"[\\`*_{}\[\]<>&|~$#!:@]|^(?:[-+=]|\d+(?=[.)](?:\s|$)))")
@@ -75,10 +77,19 @@ def json_text(data: Any, **options: Any) -> str:
     )
 
 
+def toml_text(data: Mapping[str, Any]) -> str:
+    r"""Write TOML that a terminal shows and does nothing else: what is not printable is ``\U``."""
+    written = tomli_w.dumps(data).replace("\t", "\\t")  # TOML lets a tab stand as it is
+    return "\n".join(_escaped(line, _in_toml) for line in written.split("\n"))
+
+
 def toml_string(text: str) -> str:
     r"""Write a string of TOML in one printable line; its escapes are JSON's, and ``\U``."""
-    written = json.dumps(text, ensure_ascii=False)
-    return _escaped(written, lambda char: f"\\U{ord(char):08X}")
+    return _escaped(json.dumps(text, ensure_ascii=False), _in_toml)
+
+
+def _in_toml(char: str) -> str:
+    return f"\\U{ord(char):08X}"
 
 
 FILTERS = {"one_line": one_line, "c_comment": c_comment, "markdown": markdown}

@@ -24,7 +24,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
-from ambkit.base import files
+from ambkit.base import escaping, files
 from ambkit.base.config import toml_text
 from ambkit.base.config.problems import Problem, dotted, in_words, quantity_of, without_tags
 from ambkit.base.errors import ConfigError, shortened
@@ -154,7 +154,7 @@ class Document(Part):
 
     def to_toml(self) -> str:
         """Return the description as TOML with units; `from_toml` gives back an equal one."""
-        return toml_text.dumps(self.model_dump(exclude_none=True, context={}))
+        return escaping.toml_text(self.model_dump(exclude_none=True, context={}))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write `to_toml` to a file (through a temporary one).

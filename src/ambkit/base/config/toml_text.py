@@ -1,13 +1,11 @@
-"""TOML as text: its values, the line on which each key stands, and writing it back."""
+"""TOML as text: its values, and the line on which each key stands."""
 
 import re
 import sys
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
-
-from ambkit.base import escaping
 
 if TYPE_CHECKING:
     from tree_sitter import Node
@@ -226,35 +224,3 @@ def _key(node: "Node") -> tuple[str, ...]:
         name, level = next(iter(level.items()))
         names.append(name)
     return tuple(names)
-
-
-def dumps(data: Mapping[str, Any]) -> str:
-    """Write nested mappings as TOML: plain keys first, then a ``[table]`` for each mapping."""
-    return "\n".join(_table_lines(data, "")).lstrip("\n") + "\n"
-
-
-def _table_lines(data: Mapping[str, Any], name: str) -> Iterator[str]:
-    for key, value in data.items():
-        if not isinstance(value, Mapping):
-            yield f"{_key_text(key)} = {_value_text(value)}"
-    for key, value in data.items():
-        if isinstance(value, Mapping):
-            table = f"{name}{_key_text(key)}"
-            yield from ("", f"[{table}]", *_table_lines(value, f"{table}."))
-
-
-def _key_text(key: str) -> str:
-    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _value_text(key)
-
-
-def _value_text(value: Any) -> str:
-    if isinstance(value, str):
-        return escaping.toml_string(value)
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, Mapping):
-        pairs = (f"{_key_text(k)} = {_value_text(v)}" for k, v in value.items())
-        return f"{{ {', '.join(pairs)} }}"
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_value_text, value))}]"
-    return repr(value)

@@ -3,6 +3,11 @@
 Loggers disagree on all of these. Of every separator and decimal sign that are possible, that pair
 is taken under which most cells of the first lines are numbers; where the numbers begin, the header
 ends.
+
+Not by clevercsv (tried: 0.8.5): it finds the separator alone, which it did as well as this module
+in 17 of 18 kinds of file; decimal sign, units, names in a comment and stamps of time would be
+looked for as here, so that hardly a line would go. Two hundred lines of 500 columns took it 3.5 s,
+here 0.27 s.
 """
 
 import csv

@@ -95,6 +95,7 @@ def render(
         "misra_defines": "-DFLT_MANT_DIG=24" if precision == "float" else "-DDBL_MANT_DIG=53",
         "given": given,
         "in_core": in_core,
+        "built_in": estimator.engine.built_in,
         "magnet_header": f"{kind.source}.h",
         "magnet_about": kind.about,
         "sampled": _sampled(estimator),

@@ -101,7 +101,7 @@ class MaximumLikelihood:
 
     @property
     def bearing(self) -> Bearing:
-        """The bearing that was found: with its delay where `delay_counts`, and its current lag."""
+        """The bearing found, with its delay where `delay_counts`, and its current's lag."""
         return self.model.late_bearing(delay=self.delay_counts)
 
     @property

@@ -131,13 +131,13 @@ def _bearing_bound(
     model = axis_model(bearing)
     plain = tuple(state.name for state in model.states) == PAPER
 
+    def along(record: Record) -> tuple[Array, Array]:
+        if plain:
+            return _held(bearing, record, variances)
+        return _along(model, bearing, record, variances)
+
     F, G = zip(
-        *(
-            _held(bearing, record, variances)
-            if plain
-            else _along(model, bearing, record, variances)
-            for record in records
-        ),
+        *(along(record) for record in records),
         strict=True,
     )
     # In units of their own, so that no entry is 1e12 times another.
@@ -174,7 +174,7 @@ def _root(Q: Array) -> Array:
 
 
 def _held(bearing: Bearing, record: Record, variances: Variances) -> tuple[Array, Array]:
-    """F (samples - 1, 4, 4) and G (samples - 1, 4, 5) of the paper's axis, the tangents held."""
+    """F (samples - 1, 4, 4), G (samples - 1, 4, 5) of the paper's axis, exact for held tangents."""
     from scipy.linalg import expm
 
     T, m = bearing.sampling_time, bearing.rotor.mass

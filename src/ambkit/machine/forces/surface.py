@@ -3,6 +3,12 @@
 The correction is a Gaussian process (kriging; Rasmussen and Williams 2006, chapter 2): near points
 it is known as surely as they are, and far from all of them it is zero, with the doubt that the law
 has earned. So what was hardly measured pulls nothing, and where nothing was measured the law stays.
+
+Not by scikit-learn (tried: 1.9): its surfaces through the same points are as near to the truth (9x9
+points of 0.3 N: 0.109 N, here 0.111 N), but what is known before of the law's error, its reach and
+the scatter can only be given as bounds, the scatter that it finds counts as doubt of the surface,
+and its search takes all points: 1000 of them 31 s (on one thread 7 s), here 0.3 s. It would be 37
+MB more to install, for the few lines of `smooth`, `_solved` and their use.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ambkit.models.emit.names import COV, GROWTH, MEAN, Names, switched
 from ambkit.models.emit.terms import in_place, product, total
 from ambkit.models.model import ONE, ZERO
-from ambkit.models.roles import LOAD, POSITION, ROLES, VELOCITY
+from ambkit.models.roles import LOAD, POSITION, ROLES, SHOWN, VELOCITY
 
 
 def growth(names: Names) -> str:
@@ -81,8 +81,12 @@ def firsts(names: Names) -> list[str]:
 
 def sound(names: Names) -> str:
     """Return the function that says whether variances are such."""
-    body = " && ".join(f"({at} >= AMB_C(0.0))" for at in _diagonal(names))
-    doc = "Whether they are such."
+    body = " && ".join(
+        f"({at} >= AMB_C(0.0))"
+        for i, at in enumerate(_diagonal(names))
+        if ROLES[names.model.states[i].role] != SHOWN
+    )
+    doc = "Whether they are such; what a sensor shows is looked after by who takes it in."
     return names.function(doc, "sound", [f"const {COV}"], [f"return {body};"], "bool")
 
 

@@ -3,6 +3,12 @@ r"""Formulas without the net: a small part of LaTeX to MathML, and to plain HTML
 MathML is drawn by every browser of today (MathML Core). Understood are letters, numbers, Greek,
 scripts, ``\frac \sqrt \mathrm \text \hat \dot``, ``\left( \right)`` and matrices. Anything else is
 refused by name, so that no formula is silently wrong.
+
+Not by latex2mathml (tried: 3.81): what it does not know it writes as it is (``\foo``, ``x}``),
+leaves ``\frac{1}`` with one child and an unclosed brace unsaid; a single upright letter comes out
+slanted; and what stands in ``\text`` is not escaped, nor ``\href`` refused, so that a formula could
+bring a script into the page. With checks around it for all of these, and a tree for the labels, as
+much code would stay.
 """
 
 import re

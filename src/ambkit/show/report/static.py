@@ -2,6 +2,12 @@
 
 Only the object interface is used, no global state is touched. The layout is laid out by hand in
 inches: constrained layout would draw every figure twice.
+
+There are two back ends, this and `ambkit.show.report.interactive`, for no library makes one of the
+other without loss. Of matplotlib, ``plotly.tools.mpl_to_plotly`` refused two of the tests' six
+figures and drew coloured cells and maps as plain lines and points; mpld3 0.5 shows no formulas and
+no legends, a map with its colours in the wrong places, and rules on logarithmic axes beside the
+axes. Of plotly, kaleido makes pictures, with a Chrome that each user would have to install.
 """
 
 import re
