@@ -54,7 +54,7 @@ class ClosedLoop:
         b, pid = self.bearing, self.scenario.controller
         self.filter.reset()
         result: dict[str, Any] = _core.simulate(
-            ambkit.ClosedLaw(b).magnet(_core),
+            ambkit.ClosedLaw(b).in_core(_core),
             T=b.sampling_time,
             m=b.rotor.mass,
             f_0=b.weight,

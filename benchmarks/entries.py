@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import ambkit
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from benchmarks.closed_loop import ClosedLoop
 from benchmarks.hand import HandLoop, Outputs
 from benchmarks.work import NOISE, Work
@@ -125,7 +125,7 @@ def nonlinear(work: Work) -> list[Entry]:
 
 
 def adaptive(work: Work, expert: ambkit.Expert) -> list[Entry]:
-    """The public adaptive filter with each source of stiffness."""
+    """The public adaptive filter with each model of the magnet."""
 
     def entry(name: str, kf: ambkit.KalmanFilter) -> Entry:
         return Entry(name, work.y.size, lambda: kf.run(work.record).mean)

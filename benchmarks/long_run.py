@@ -25,7 +25,7 @@ import numpy as np
 
 import ambkit
 from ambkit.cli.output import progress
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 
 PERIOD, CALL, GAP = 100_000, 10_000, 1_500  # samples; the gap is on either side of the seam
 SENSOR = 1e-7  # m
@@ -59,7 +59,7 @@ class Seen:
     off: float = np.nan
 
 
-def run(steps: int, kind: str = "square-root", *, show: bool = True) -> Seen:
+def run(steps: int, kind: str = "ud", *, show: bool = True) -> Seen:
     """Run `steps` steps, in whole periods of `PERIOD`; an interruption ends it early."""
     bearing, y, u = _record()
     double = KINDS[kind].make(bearing).core
@@ -130,9 +130,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--steps", type=float, default=1e9, help="how many; default 1e9")
-    parser.add_argument(
-        "--kind", choices=("square-root", "extended"), default="square-root", help="which filter"
-    )
+    parser.add_argument("--kind", choices=("ud", "extended"), default="ud", help="which filter")
     options = parser.parse_args(arguments)
     if not 1 <= options.steps <= 1e12:
         parser.error(f"--steps must be from 1 to 1e12, is {options.steps:g}")

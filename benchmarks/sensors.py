@@ -2,7 +2,7 @@
 
 ``python -m benchmarks.sensors bound`` judges the extended filter by the Cramer-Rao bound on the
 paper's bearing with six sensors. ``python -m benchmarks.sensors random [bearings] [first]`` draws
-sensible bearings at random, and compares the position of each Kalman filter of the family with the
+sensible bearings at random, and compares the position of each kind of Kalman filter with the
 raw sensor and with a constant-velocity Kalman filter that knows no magnet. What each assumes of its
 process noise is tuned alike: one figure, against the true position, on runs of their own.
 """
@@ -21,10 +21,10 @@ from scipy.optimize import minimize_scalar
 
 from ambkit import Bearing, FilterNoise, Record
 from ambkit.base.errors import AmbkitError
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.bench import bench
 from ambkit.judge.comparison.cases import CASES, trials
-from ambkit.judge.comparison.constant_velocity import tuned as constant_velocity
+from ambkit.judge.comparison.constant_velocity import tune as constant_velocity
 from ambkit.judge.comparison.contenders import contenders
 from ambkit.machine.magnets import own_time
 
@@ -37,10 +37,10 @@ SENSORS = (
 """Lag [s] and standard deviation of the noise [m]."""
 
 KALMAN = (
-    "linear", "steady-state", "closed-law", "extended", "square-root", "extended-k",
+    "linear", "steady-state", "closed-law", "extended", "ud", "augmented",
     "multiple-model", "unscented", "linear-adaptive-noise", "extended-adaptive-noise",
 )  # fmt: skip
-"""All of the family but the expert's, whose law is the closed one here, and what is no Kalman
+"""All kinds but the expert's, whose law is the closed one here, and what is no Kalman
 filter."""
 
 RAW, NAIVE = "raw sensor", "constant velocity"

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 import ambkit
 from ambkit import Bearing, Record, Status
 from ambkit.estimate.base import Estimator
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.machine.magnets import Precision, own_time
 
 Array = NDArray[np.float64]
@@ -33,7 +33,7 @@ NEAR = 4.0
 
 def kinds() -> list[str]:
     """Return the kinds with a covariance that need nothing but a bearing."""
-    return [k for k, kind in KINDS.items() if k not in WITHOUT and kind.source is not None]
+    return [k for k, kind in KINDS.items() if k not in WITHOUT and kind.magnet is not None]
 
 
 class Course(NamedTuple):

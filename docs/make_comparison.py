@@ -9,7 +9,7 @@ import json
 from make_images import FOLDER, small
 
 import ambkit
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.cases import CASES
 from ambkit.judge.comparison.study import across, study
 from ambkit.show.pages.study import limit_steps, steps, wrong_k

@@ -22,8 +22,8 @@ from scipy.stats import chi2, ttest_rel
 
 import ambkit
 from ambkit.estimate.base import Estimator
-from ambkit.estimate.family import KINDS
 from ambkit.estimate.kalman import ExtendedKalmanFilter
+from ambkit.estimate.registry import KINDS
 from ambkit.identification.excitation import design
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.judge.comparison import criteria
@@ -95,7 +95,7 @@ def experiments(count: int = 100) -> None:
 
 def uncertain(count: int = 64) -> None:
     """Print whether the closed law helps where the plant is not the nominal one, untuned."""
-    field = contenders(["linear", "closed-law", "extended-k"], BEARING)
+    field = contenders(["linear", "closed-law", "augmented"], BEARING)
     standing = bench(BEARING, CASES["uncertain"], field, runs=count).default
     force = {name: each.figures["f_d"] for name, each in standing.items()}
     for name, errors in force.items():
@@ -123,7 +123,7 @@ def wrong_k(count: int = 32) -> None:
     ways: dict[str, Callable[[Trial], Estimator]] = {
         "given, wrong": lambda _: ExtendedKalmanFilter(BEARING),
         "given, right": lambda trial: ExtendedKalmanFilter(trial.plant),
-        "fifth state": lambda _: KINDS["extended-k"].make(BEARING, None),
+        "fifth state": lambda _: KINDS["augmented"].make(BEARING, None),
         "interacting models": lambda _: KINDS["multiple-model"].make(BEARING, None),
     }
     for title, case in cases.items():

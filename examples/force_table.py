@@ -63,10 +63,10 @@ scenario = ambkit.Scenario(
     reference=ambkit.Step(amplitude=0.5e-3, time=0.05),
     disturbance=ambkit.Step(amplitude=3.0, time=0.25),
 )
-for name, source in {"linear": None, "closed law": law, "expert": expert}.items():
+for name, magnet in {"linear": None, "closed law": law, "expert": expert}.items():
     errors = []
     for seed in range(20):
-        kalman = ambkit.KalmanFilter(bearing, source)
+        kalman = ambkit.KalmanFilter(bearing, magnet)
         run = ambkit.simulate_run(
             bearing, scenario.replace(seed=seed), estimator=kalman, magnet=plant
         )

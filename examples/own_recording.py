@@ -6,7 +6,7 @@ Writes recording.png into the folder in which it is started.
 from pathlib import Path
 
 import ambkit
-from ambkit.judge.judgement import judge
+from ambkit.judge.evaluation import evaluate
 from ambkit.show import plots
 from ambkit.workflow.tuning import most_likely_disturbance
 
@@ -28,7 +28,7 @@ def make(growth: float) -> ambkit.KalmanFilter:
 
 # The growth of the disturbance force is the one figure that nothing measures.
 growth = most_likely_disturbance(bearing, record.between(None, record.t[0] + TUNED_ON), make)
-found = judge(make(growth), record, settling=TUNED_ON)
+found = evaluate(make(growth), record, settling=TUNED_ON)
 for ahead, error in found.prediction.items():
     print(
         f"{ahead:2} samples ahead: {1e6 * error:.2f} µm rms; "

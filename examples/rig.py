@@ -22,7 +22,7 @@ from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel, delayed
 from ambkit.identification.maximum_likelihood.validation import validate
 from ambkit.identification.noise import measurement_noise
-from ambkit.judge.comparison.constant_velocity import tuned
+from ambkit.judge.comparison.constant_velocity import tune
 from ambkit.show import plots
 from ambkit.show.plots import maximum_likelihood as figures
 from ambkit.show.report.figure import Figure, Panel
@@ -96,7 +96,7 @@ for name, record in logs.items():
     print(f"{name}: {said}; at x = 0 {at_origin}")
 
 # The filter that knows no magnet, tuned on the same log: what does the model buy?
-naive = tuned(logs[USED]["y"], preset.sampling_time)
+naive = tune(logs[USED]["y"], preset.sampling_time)
 checks = {}
 for name, record in logs.items():
     y, first = record["y"], round(0.2 / preset.sampling_time)

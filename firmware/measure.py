@@ -10,11 +10,11 @@ import numpy as np
 
 from ambkit import Bearing, Record, stiffness_map
 from ambkit.estimate.base import Estimator
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.export.c import cost, export_c
 from ambkit.export.tabulate import tabulate
 from ambkit.fuzzy.expert import Expert
-from ambkit.machine.magnets import StiffnessSource
+from ambkit.machine.magnets import MagnetModel
 from ambkit.simulation.run import simulate
 from ambkit.simulation.scenario import PID, Scenario
 from ambkit.simulation.waveforms import Step
@@ -60,18 +60,16 @@ class Case(NamedTuple):
 
 
 @cache
-def sources() -> dict[str, StiffnessSource | None]:
-    """Return what each kind of the family asks of its magnet, by its name; None: its own source."""
+def magnets() -> dict[str, MagnetModel | None]:
+    """Return what each kind is given of its magnet, by its name; None: what it takes itself."""
     given = {"table": tabulate(expert(), BEARING, precision="float32"), "adaptive": expert()}
     return {name: given.get(name) for name in KINDS}
 
 
-def case(
-    kind: str, source: StiffnessSource | None, folder: Path, bearing: Bearing = BEARING
-) -> Case:
+def case(kind: str, magnet: MagnetModel | None, folder: Path, bearing: Bearing = BEARING) -> Case:
     """Export, build and run one filter; `folder` takes what is made."""
-    export = export_c(bearing, source, folder / "export", kind=kind, prefix="filter").folder
-    estimator = KINDS[kind].make(bearing, source, precision="float32")
+    export = export_c(bearing, magnet, folder / "export", kind=kind, prefix="filter").folder
+    estimator = KINDS[kind].make(bearing, magnet, precision="float32")
     firmware = harness.build(export, folder / "build")
     recorded = record()
     there = harness.run(firmware, recorded["y"], recorded["u"])
@@ -95,8 +93,8 @@ def figures(measured: Case) -> dict[str, Any]:
 def measure(folder: Path) -> dict[str, Any]:
     """Return all that ``cost.json`` holds; `folder` takes what is exported and built."""
     found: dict[str, dict[str, Any]] = {}
-    for kind, source in sources().items():
-        measured = case(kind, source, folder / kind)
+    for kind, magnet in magnets().items():
+        measured = case(kind, magnet, folder / kind)
         found[cost.made_of(measured.estimator)] = figures(measured)
     fuzzy, whole = found["Kalman, Fuzzy"], expert()
     few = figures(case("adaptive", fewer_rules(FEW), folder / "few"))

@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import Any
 
 from ambkit import Bearing
-from ambkit.cli import family
+from ambkit.cli import kinds
 from ambkit.estimate.base import Estimator
-from ambkit.estimate.family import KINDS as FAMILY
+from ambkit.estimate.registry import KINDS as REGISTRY
 from ambkit.export.c import CExport, export_c
 
 BEARING = Bearing.preset("zittau_axial")
 # "tabulated" is the expert of "adaptive" as a table, in the same C as the map of "table"; what is
 # steady-state is an observer.
-KINDS = (*(n for n in family.NAMES if n not in ("table", "steady-state")), "tabulated")
+KINDS = (*(n for n in kinds.NAMES if n not in ("table", "steady-state")), "tabulated")
 PRECISIONS = ("float", "double")
 # Every kind in float; double differs in the core's real.h and exponential.h, which all have.
 CASES = (*((kind, "float") for kind in KINDS), ("adaptive", "double"))
@@ -28,22 +28,22 @@ INCLUDES = ("-I.", "-Icore/include", "-Icore", "-Iselftest")
 
 
 @functools.cache
-def chosen(kind: str) -> family.Chosen:
-    """Kind and source as ``ambkit export --estimator`` takes them."""
-    return family.exported("adaptive" if kind == "tabulated" else kind, BEARING)
+def chosen(kind: str) -> kinds.Chosen:
+    """Kind and magnet as ``ambkit export --estimator`` takes them."""
+    return kinds.exported("adaptive" if kind == "tabulated" else kind, BEARING)
 
 
 def export(kind: str, out: Path, **options: Any) -> CExport:
     form: Any = "tabulated" if kind == "tabulated" else "exact"
     what = chosen(kind)
-    return export_c(BEARING, what.source, out, kind=what.kind, expert_form=form, **options)
+    return export_c(BEARING, what.magnet, out, kind=what.kind, expert_form=form, **options)
 
 
 def estimator(kind: str, made: CExport) -> Estimator:
     """What was exported, in Python."""
     what = chosen(kind)
-    source: Any = made.table or what.source
-    return FAMILY[what.kind].make(BEARING, source, precision=CORE_PRECISION[made.precision])
+    magnet: Any = made.table or what.magnet
+    return REGISTRY[what.kind].make(BEARING, magnet, precision=CORE_PRECISION[made.precision])
 
 
 def flight_files(made: CExport) -> list[str]:

@@ -12,7 +12,7 @@ from filter_cases import SETTINGS, START, STD, made, moving_record
 
 import ambkit
 from ambkit import AdaptiveNoise, Bearing, Estimate, FilterNoise, Record, Scenario, Status
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.machine.magnets import core_module
 
 BEARING = Bearing.preset("zittau_axial")
@@ -67,7 +67,7 @@ def found(
 
 
 COVARIANCE_KINDS = (
-    "linear", "closed-law", "extended", "square-root", "unscented", "extended-k", "multiple-model",
+    "linear", "closed-law", "extended", "ud", "unscented", "augmented", "multiple-model",
 )  # fmt: skip
 
 
@@ -266,7 +266,7 @@ def test_an_option_out_of_range_is_told(options: dict[str, Any], told: str) -> N
 
 def test_a_scale_of_the_magnet_is_still_told() -> None:
     record = wandering(6.0)
-    inner = KINDS["extended-k"].make(BEARING, noise=FilterNoise(disturbance=GROWTH))
+    inner = KINDS["augmented"].make(BEARING, noise=FilterNoise(disturbance=GROWTH))
     plain, around = inner.run(record), AdaptiveNoise(inner).run(record)
     assert plain.scale is not None
     assert around.scale is not None

@@ -15,8 +15,8 @@ import ambkit
 from ambkit import Bearing, ClosedLaw, FilterNoise, KalmanFilter, Status
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.batch import Batch, instruction_sets, run_many
-from ambkit.estimate.family import KINDS
-from ambkit.machine.magnets import StiffnessSource, core_module
+from ambkit.estimate.registry import KINDS
+from ambkit.machine.magnets import MagnetModel, core_module
 
 Array = NDArray[Any]
 
@@ -63,11 +63,11 @@ def faulty(y: Array, u: Array) -> tuple[Array, Array]:
     return y, u
 
 
-def table() -> StiffnessSource:
+def table() -> MagnetModel:
     return ambkit.stiffness_map(TWO_SIDED)
 
 
-def expert() -> StiffnessSource:
+def expert() -> MagnetModel:
     return ambkit.Expert.from_map(ambkit.stiffness_map(TWO_SIDED))
 
 
@@ -88,16 +88,16 @@ CASES: dict[str, tuple[str, Any, Bearing]] = {
 }
 
 
-def family(case: str, precision: Any, runs: int = RUNS) -> list[Estimator]:
+def estimators_of(case: str, precision: Any, runs: int = RUNS) -> list[Estimator]:
     """Estimators of one kind, each with its own noise and bearing."""
-    name, source, bearing = CASES[case]
-    if callable(source) and not isinstance(source, ClosedLaw):
-        source = source()
+    name, magnet, bearing = CASES[case]
+    if callable(magnet) and not isinstance(magnet, ClosedLaw):
+        magnet = magnet()
     made = []
     for i in range(runs):
         one = bearing.replace(rotor__mass=bearing.rotor.mass * (1 + 0.02 * i))
         noise = FilterNoise(disturbance=10.0 ** (i % 5))
-        made.append(KINDS[name].make(one, source, noise=noise, precision=precision))
+        made.append(KINDS[name].make(one, magnet, noise=noise, precision=precision))
     return made
 
 
@@ -122,7 +122,7 @@ def assert_same(batch: Batch, run: int, expected: dict[str, Array]) -> None:
 @pytest.mark.parametrize("case", CASES)
 def test_lanes_are_the_runs_one_by_one_faults_and_all(case: str, precision: str) -> None:
     y, u = faulty(*records())
-    estimators = family(case, precision)
+    estimators = estimators_of(case, precision)
     start = np.tile(START, (RUNS, 1)), np.array([e.default_std() for e in estimators])
     expected = [alone(e, y[i], u[i], (start[0][i], start[1][i])) for i, e in enumerate(estimators)]
     told = np.bitwise_or.reduce([np.bitwise_or.reduce(one["status"]) for one in expected])
@@ -139,7 +139,7 @@ def test_lanes_are_the_runs_one_by_one_faults_and_all(case: str, precision: str)
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_outliers_and_surprises_are_told_in_lanes(precision: str) -> None:
     y, u = faulty(*records())
-    batch = run_many(family("linear", precision), y, u, history=HISTORY)
+    batch = run_many(estimators_of("linear", precision), y, u, history=HISTORY)
     told = Status(int(np.bitwise_or.reduce(batch.flags)))
     assert told & Status.OUTLIER
     assert told & Status.SURPRISED
@@ -184,7 +184,7 @@ def test_any_number_of_runs_and_samples(
 def test_kinds_may_be_mixed_and_threads_do_not_matter(precision: Any) -> None:
     y, u = faulty(*records())
     u[np.isinf(u)] = np.nan  # which a record has not
-    kinds = [k for k in KINDS.values() if k.source]
+    kinds = [k for k in KINDS.values() if k.magnet]
     estimators = [kinds[i % len(kinds)].make(TWO_SIDED, precision=precision) for i in range(RUNS)]
     one = run_many(estimators, y, u, history=HISTORY, threads=1)
     many = run_many(estimators, y, u, history=HISTORY, threads=5)
@@ -200,7 +200,7 @@ def test_kinds_may_be_mixed_and_threads_do_not_matter(precision: Any) -> None:
 def test_errors_are_those_of_the_history(precision: Any, skip: int) -> None:
     y, u = records()
     truth = np.random.default_rng(1).normal(scale=[1e-4, 0.1, 1.0], size=(RUNS, N, 3))
-    estimators = family("linear", precision)
+    estimators = estimators_of("linear", precision)
     rmse = []
     for instructions in SETS:
         batch = run_many(estimators, y, u, truth=truth, skip=skip, instructions=instructions)
@@ -219,7 +219,7 @@ def test_errors_are_those_of_the_history(precision: Any, skip: int) -> None:
 
 def test_one_record_serves_all_estimators_and_one_estimator_all_records() -> None:
     y, u = records()
-    estimators = family("linear", "float64")
+    estimators = estimators_of("linear", "float64")
     batch = run_many(estimators, y[3], u[3])
     whole = run_many(estimators, np.tile(y[3], (RUNS, 1)), np.tile(u[3], (RUNS, 1)))
     np.testing.assert_array_equal(batch.mean, whole.mean)

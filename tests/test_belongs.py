@@ -9,7 +9,7 @@ import pytest
 import ambkit
 from ambkit.data import recordings
 from ambkit.data.record import Record
-from ambkit.judge.belongs import SURE, judge_record, mirror_correlation
+from ambkit.judge.belongs import SURE, evaluate_record, mirror_correlation
 from ambkit.workflow.inspection import inspect
 
 RIG = Path(__file__).parents[2] / "shared" / "data" / "inteco" / "closed_loop"
@@ -36,26 +36,26 @@ def changed(record, **factors):
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_a_record_belongs_to_its_bearing_and_not_with_a_sign_swapped(name, seed):
     record = run(name, seed)
-    assert judge_record(record, BEARING) == ((), ())
+    assert evaluate_record(record, BEARING) == ((), ())
     assert mirror_correlation(record, BEARING) < -SURE
     for swapped in (changed(record, y=-1.0), changed(record, u=-1.0)):
-        (problem,) = judge_record(swapped, BEARING).problems
+        (problem,) = evaluate_record(swapped, BEARING).problems
         assert "the sign of y or of u is swapped" in problem
-    assert judge_record(changed(record, y=-1.0, u=-1.0), BEARING).problems == ()
+    assert evaluate_record(changed(record, y=-1.0, u=-1.0), BEARING).problems == ()
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_a_mirrored_record_pulls_with_gravity(name):
     upright = BEARING.replace(rotor__gravity="-x")
     record = ambkit.simulate(upright, ambkit.Scenario(seed=1, **SCENARIOS[name]))
-    assert judge_record(record, upright) == ((), ())
+    assert evaluate_record(record, upright) == ((), ())
     mirrored = changed(record, y=-1.0, u=-1.0)
-    problems, (remark,) = judge_record(mirrored, upright)
+    problems, (remark,) = evaluate_record(mirrored, upright)
     assert problems == ()
     assert "the magnet pulls with gravity" in remark
     assert "signs of y and of u both swapped" in remark
-    assert judge_record(changed(record, u=-1.0), upright).remarks == ()  # told as a problem
-    (_, found) = judge_record(mirrored, upright.replace(rotor__gravity="none"))
+    assert evaluate_record(changed(record, u=-1.0), upright).remarks == ()  # told as a problem
+    (_, found) = evaluate_record(mirrored, upright.replace(rotor__gravity="none"))
     assert found == ()
 
 
@@ -64,8 +64,8 @@ def test_the_signs_of_the_rig_are_told():
     bearing = ambkit.Bearing.preset("inteco_ml")
     for log in sorted(RIG.glob("*.mat")):
         record = ambkit.load(log, recordings.folder() / "closed_loop.toml")
-        assert judge_record(record, bearing).problems == (), log.name
-        (problem,) = judge_record(changed(record, y=-1.0), bearing).problems
+        assert evaluate_record(record, bearing).problems == (), log.name
+        (problem,) = evaluate_record(changed(record, y=-1.0), bearing).problems
         assert "swapped" in problem
 
 
@@ -77,7 +77,7 @@ def test_where_signs_cannot_be_told_nothing_is_said():
     still = Record(t, {"y": np.zeros(5000), "u": np.zeros(5000)})
     assert mirror_correlation(still, BEARING) == 0.0
     gone = Record(t, {"y": np.full(5000, np.nan), "u": np.zeros(5000)})
-    assert judge_record(gone, BEARING).problems == ()
+    assert evaluate_record(gone, BEARING).problems == ()
 
 
 @pytest.mark.parametrize(
@@ -91,7 +91,7 @@ def test_where_signs_cannot_be_told_nothing_is_said():
     ],
 )
 def test_wrong_units_are_told(factors, problem, remark):
-    verdict = judge_record(changed(run(), **factors), BEARING)
+    verdict = evaluate_record(changed(run(), **factors), BEARING)
     for expected, found in ((problem, verdict.problems), (remark, verdict.remarks)):
         if expected is not None:
             assert any(re.search(expected, each) for each in found), found

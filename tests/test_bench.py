@@ -18,7 +18,7 @@ from ambkit.judge.comparison.cases import CASES, trials, walk_case
 from ambkit.judge.comparison.contenders import PythonEstimator, contenders, expand
 from ambkit.judge.comparison.spread import CERTAIN, Spread
 from ambkit.judge.comparison.study import learned, pieces_of, study
-from ambkit.judge.comparison.tune import errors, tune
+from ambkit.judge.comparison.tuning import errors, tune
 from ambkit.machine.magnets import own_time
 from ambkit.show.pages.study import report_of
 from ambkit.show.plots.study import cases_figure, matrix_figure, sweep_figure
@@ -32,7 +32,7 @@ SHORT = replace(
         cases.step_case(0.5).scenario(bearing, load).replace(duration=0.3)
     ),
 )  # 0.3 s: the step, and the load at 0.25 s
-FAMILY = contenders(["linear", "closed-law"], BEARING)
+FIELD = contenders(["linear", "closed-law"], BEARING)
 
 
 # ---- what is uncertain ----
@@ -118,7 +118,7 @@ def true_model() -> dict[str, np.ndarray]:
                 for t in made
             ]
         )
-        for name, each in FAMILY.items()
+        for name, each in FIELD.items()
     }  # fmt: skip
 
 
@@ -201,7 +201,7 @@ def test_overshoot_and_settling_of_a_step() -> None:
 
 def test_tuning_spends_its_budget_and_is_never_worse_than_the_defaults() -> None:
     training = trials(SHORT, BEARING, 2, 5)
-    linear = FAMILY["linear"]
+    linear = FIELD["linear"]
     reference = errors(linear.build, training, 170).mean(axis=0)
     for budget in (1, 2, 9, 20):
         found = tune(linear, training, reference, budget, 170)
@@ -220,7 +220,7 @@ def test_what_is_lost_counts_as_much_as_it_may() -> None:
             return [np.nan, 0.0, 0.0, 0.0]
 
     training = trials(SHORT, BEARING, 1, 5)
-    own = contenders([], BEARING, own={"lost": Lost})["lost"]
+    own = contenders([], BEARING, custom={"lost": Lost})["lost"]
     assert tune(own, training, np.ones(3), 4, 170).objective == 10.0
 
 
@@ -229,7 +229,7 @@ def test_what_is_lost_counts_as_much_as_it_may() -> None:
 
 def test_no_figure_depends_on_the_threads() -> None:
     one, many = (
-        bench(BEARING, replace(SHORT, spread=Spread.all(0.1)), FAMILY, runs=3, budget=6, threads=n)
+        bench(BEARING, replace(SHORT, spread=Spread.all(0.1)), FIELD, runs=3, budget=6, threads=n)
         for n in (1, 4)
     )
     for which in ("default", "tuned"):
@@ -242,7 +242,7 @@ def test_no_figure_depends_on_the_threads() -> None:
 
 
 def test_a_figure_is_that_of_the_single_run() -> None:
-    found = bench(BEARING, SHORT, FAMILY, runs=2, seed=4)
+    found = bench(BEARING, SHORT, FIELD, runs=2, seed=4)
     trial = trials(SHORT, BEARING, 2, 4)[1]
     estimate = ambkit.KalmanFilter(BEARING).run(trial.record)
     first = round(2 * own_time(BEARING) / BEARING.sampling_time)
@@ -269,7 +269,7 @@ def test_who_estimates_k_gets_back_what_a_wrong_one_costs(drift: float) -> None:
     """Steps have told the constant before the load comes; judged from the load on."""
     wrong = replace(CASES["wrong-k"], drift=drift)
     right = replace(wrong, magnet_constant=1.0, drift=0.0)
-    field = contenders(["extended", "extended-k", "multiple-model"], BEARING)
+    field = contenders(["extended", "augmented", "multiple-model"], BEARING)
     load = round(42 * own_time(BEARING) / BEARING.sampling_time)
 
     def error(case: cases.Case, name: str) -> float:
@@ -277,7 +277,7 @@ def test_who_estimates_k_gets_back_what_a_wrong_one_costs(drift: float) -> None:
         return float(errors(field[name].build, made, load)[:, 2].mean())
 
     blind, known = error(wrong, "extended"), error(right, "extended")
-    for name in ("extended-k", "multiple-model"):
+    for name in ("augmented", "multiple-model"):
         assert (blind - error(wrong, name)) / (blind - known) > 0.8
         assert error(right, name) < 1.05 * known
 
@@ -295,7 +295,7 @@ def test_lost_runs_are_counted_and_leave_the_means_alone() -> None:
         def step(self, y: float, _u: float) -> tuple[float, float, float, float]:
             return (1.0 if self.wrong else y, 0.0, 0.0, y)
 
-    own = contenders([], BEARING, own={"drifting": Drifting})
+    own = contenders([], BEARING, custom={"drifting": Drifting})
     standing = bench(BEARING, SHORT, own, runs=4, threads=1).default["drifting"]
     assert standing.mean("lost") == 0.5
     assert standing.mean("x") < 2e-5
@@ -304,7 +304,7 @@ def test_lost_runs_are_counted_and_leave_the_means_alone() -> None:
 
 
 def test_a_sweep_and_the_limit_near_the_centre_and_far_out() -> None:
-    found = sweep(BEARING, {0.02: walk_case(0.02), 0.5: walk_case(0.5)}, FAMILY, runs=6)
+    found = sweep(BEARING, {0.02: walk_case(0.02), 0.5: walk_case(0.5)}, FIELD, runs=6)
     linear, law = found.errors["linear"]["f_d"], found.errors["closed-law"]["f_d"]
     assert linear[1] > 1.4 * law[1]
     assert law / found.limit["f_d"] == pytest.approx([1, 1], abs=0.12)
@@ -313,7 +313,7 @@ def test_a_sweep_and_the_limit_near_the_centre_and_far_out() -> None:
 def test_the_report_of_a_whole_study() -> None:
     steps = []
     found = study(
-        BEARING, SHORT, ["linear"], own={"mine": OwnLinear}, runs=2, budget=3, done=steps.append
+        BEARING, SHORT, ["linear"], custom={"mine": OwnLinear}, runs=2, budget=3, done=steps.append
     )
     assert len(steps) == pieces_of(2, 3, whole=True)
     report = report_of(found)
@@ -328,7 +328,7 @@ def test_the_report_of_a_whole_study() -> None:
 
 
 def test_a_picture_that_stands_alone_says_what_it_shows() -> None:
-    found = bench(BEARING, SHORT, FAMILY, runs=2)
+    found = bench(BEARING, SHORT, FIELD, runs=2)
     matrix = matrix_figure(found, alone=True).panels[0]
     assert matrix.title.startswith(f"zittau_axial, {SHORT.name}: {SHORT.title}; 2 runs, ")
     assert "darkest" in matrix.x.title
@@ -375,7 +375,7 @@ class OwnLinear:
         return self.kalman.update(y)
 
 
-def test_own_code_sees_what_the_family_sees() -> None:
+def test_own_code_sees_what_the_kinds_see() -> None:
     record = trials(SHORT, BEARING, 1, 0)[0].record
     own = PythonEstimator(OwnLinear(BEARING), BEARING, "own").run(record)
     np.testing.assert_array_equal(own.mean, ambkit.KalmanFilter(BEARING).run(record).mean)

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 import ambkit
-from ambkit.machine.magnets import StiffnessSource
+from ambkit.machine.magnets import MagnetModel
 from benchmarks import batch, entries, report
 from benchmarks.batch import Many
 from benchmarks.closed_loop import ClosedLoop
@@ -118,9 +118,9 @@ def test_adaptive_filters_do_the_work_of_the_hand_loop(
 ) -> None:
     *double, single = entries.adaptive(work, expert)
     law, table = ambkit.ClosedLaw(work.bearing), ambkit.stiffness_map(work.bearing)
-    sources: tuple[StiffnessSource, ...] = (law, table, expert)
-    for entry, source in zip(double, sources, strict=True):
-        kf = ambkit.AdaptiveKalmanFilter(work.bearing, source, noise=NOISE)
+    magnets: tuple[MagnetModel, ...] = (law, table, expert)
+    for entry, magnet in zip(double, magnets, strict=True):
+        kf = ambkit.AdaptiveKalmanFilter(work.bearing, magnet, noise=NOISE)
         expected = by_hand(hand, work, kf)
         assert_same(entry, expected)
     assert_nearly_same(single, expected, kf)

@@ -15,7 +15,7 @@ from ambkit.judge.comparison import rmse
 from ambkit.simulation.run import simulate_run
 
 BEARING = Bearing.preset("zittau_axial")
-FAMILY: dict[str, Any] = {
+FIELD: dict[str, Any] = {
     "linear": partial(KalmanFilter, BEARING),
     "closed law": partial(AdaptiveKalmanFilter, BEARING, ClosedLaw(BEARING)),
 }
@@ -33,7 +33,7 @@ def loaded(amplitude: float, **changes: Any) -> Scenario:
 
 def test_what_the_right_stiffness_buys() -> None:
     """First calculated apart from this code: 0.58 N linear, 0.33 N adaptive, position alike."""
-    scores = compare(BEARING, loaded(5e-4), FAMILY, range(6))
+    scores = compare(BEARING, loaded(5e-4), FIELD, range(6))
     linear, law = scores["linear"], scores["closed law"]
     assert linear.mean("f_d") == pytest.approx(0.58, abs=0.08)
     assert law.mean("f_d") == pytest.approx(0.33, abs=0.05)
@@ -43,13 +43,13 @@ def test_what_the_right_stiffness_buys() -> None:
 
 
 def test_near_the_centre_there_is_nothing_to_gain() -> None:
-    scores = compare(BEARING, loaded(2e-5), FAMILY, range(4))
+    scores = compare(BEARING, loaded(2e-5), FIELD, range(4))
     assert scores["closed law"].mean("f_d") == pytest.approx(scores["linear"].mean("f_d"), rel=0.03)
 
 
 def test_the_scores_do_not_depend_on_the_threads() -> None:
-    one, many = (compare(BEARING, loaded(3e-4), FAMILY, range(5), threads=n) for n in (1, 4))
-    for name in FAMILY:
+    one, many = (compare(BEARING, loaded(3e-4), FIELD, range(5), threads=n) for n in (1, 4))
+    for name in FIELD:
         assert (one[name].nis == many[name].nis).all()
         for signal in ("x", "v", "f_d"):
             assert (one[name].rmse[signal] == many[name].rmse[signal]).all()
@@ -58,7 +58,7 @@ def test_the_scores_do_not_depend_on_the_threads() -> None:
 def test_a_score_is_that_of_the_single_runs() -> None:
     done = []
     scenario = loaded(3e-4)
-    score = compare(BEARING, scenario, FAMILY, [7, 8], done=lambda: done.append(1))["linear"]
+    score = compare(BEARING, scenario, FIELD, [7, 8], done=lambda: done.append(1))["linear"]
     assert len(done) == 4
     singles = []
     for seed in (7, 8):
@@ -70,7 +70,7 @@ def test_a_score_is_that_of_the_single_runs() -> None:
     assert (score.rmse["f_d"] == singles).all()
     assert score.mean("f_d") == pytest.approx(np.mean(singles))
     assert score.spread("f_d") == pytest.approx(abs(singles[0] - singles[1]) / np.sqrt(2))
-    assert compare(BEARING, scenario, FAMILY, [7])["linear"].spread("f_d") == 0
+    assert compare(BEARING, scenario, FIELD, [7])["linear"].spread("f_d") == 0
 
 
 # ---- whiteness ----
@@ -109,7 +109,7 @@ def test_the_right_model_predicts_better_and_errors_grow_with_the_distance() -> 
     scenario = Scenario(duration=0.5, reference=ambkit.Sine(amplitude=4e-4, frequency=10.0))
     record = ambkit.simulate(BEARING, scenario)
     errors = {}
-    for name, make in FAMILY.items():
+    for name, make in FIELD.items():
         kf = make()
         estimate = kf.run(record)
         for ahead in (1, 10, 50):
@@ -117,6 +117,6 @@ def test_the_right_model_predicts_better_and_errors_grow_with_the_distance() -> 
             errors[name, ahead] = prediction_error(predicted, record, ahead, skip=500)
     noise = np.sqrt(BEARING.sensor.noise_variance)
     assert errors["closed law", 1] == pytest.approx(noise, rel=0.25)
-    for name in FAMILY:
+    for name in FIELD:
         assert errors[name, 1] < errors[name, 10] < errors[name, 50]
     assert errors["closed law", 50] < errors["linear", 50]

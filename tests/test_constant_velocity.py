@@ -9,7 +9,7 @@ import ambkit
 from ambkit.data.recordings import folder
 from ambkit.estimate.innovations import prediction_error
 from ambkit.judge.comparison import ConstantVelocityFilter
-from ambkit.judge.comparison.constant_velocity import tuned
+from ambkit.judge.comparison.constant_velocity import tune
 
 T = 1e-4
 
@@ -68,10 +68,10 @@ def test_innovations_are_as_large_as_expected_and_units_do_not_matter():
 def test_both_ways_of_tuning_find_what_the_record_was_made_with():
     made = [walk(20_000, 3.0, 1e-12, seed) for seed in range(3)]
     ys, xs = [m[2] for m in made], [m[0] for m in made]
-    for kf in (tuned(ys, T), tuned(ys, T, R=1e-12), tuned(ys, T, truth=xs, first=100)):
+    for kf in (tune(ys, T), tune(ys, T, R=1e-12), tune(ys, T, truth=xs, first=100)):
         assert kf.q == pytest.approx(3.0, rel=0.35)
         assert np.sqrt(kf.R) == pytest.approx(1e-6, rel=0.015)
-    best = tuned(ys[0], T, truth=xs[0])
+    best = tune(ys[0], T, truth=xs[0])
     rms = [np.std(ConstantVelocityFilter(T, q, best.R).run(ys[0])[0] - xs[0])
            for q in (best.q, 0.5 * best.q, 2 * best.q)]  # fmt: skip
     assert rms[0] == min(rms)
@@ -89,7 +89,7 @@ def test_long_records_are_quick():
 def test_what_an_outside_check_saw_on_the_real_rig():
     record = ambkit.Record.load(folder() / "sinus_kalman.csv")
     first = round(1.5 / record.sampling_time)
-    kf = tuned(record["y"][:first], record.sampling_time, R=(16.8e-6) ** 2)
+    kf = tune(record["y"][:first], record.sampling_time, R=(16.8e-6) ** 2)
     errors = [prediction_error(kf.predict(record["y"], a), record, a, first) for a in (1, 10)]
     assert [round(1e6 * error, 1) for error in errors] == [15.8, 20.4]
 
@@ -100,7 +100,7 @@ def test_refusals_name_parameter_limit_and_value():
     with pytest.raises(ValueError, match="ahead must be 1 sample or more, is 0"):
         ConstantVelocityFilter(T, 1.0, 1.0).predict(np.zeros(9), 0)
     with pytest.raises(ValueError, match="three measurements or more"):
-        tuned(np.zeros(9), T)
+        tune(np.zeros(9), T)
     with pytest.raises(ValueError, match="truth must have the shape of y"):
-        tuned(np.arange(9.0), T, truth=np.zeros(8))
+        tune(np.arange(9.0), T, truth=np.zeros(8))
     assert all(np.isnan(a).all() for a in ConstantVelocityFilter(T, 1.0, 1.0).run([np.nan] * 3))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 
 COPIES = {
     "copy": copy.copy,
@@ -40,8 +40,8 @@ def stepped(estimator, record, samples):
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_copy_goes_on_as_the_original_would(bearing, record, stiffness, kind, precision):
-    source = stiffness if KINDS[kind].source is None else None
-    original = KINDS[kind].make(bearing, source, precision=precision)
+    magnet = stiffness if KINDS[kind].magnet is None else None
+    original = KINDS[kind].make(bearing, magnet, precision=precision)
     stepped(original, record, range(200))
     copies = {how: made(original) for how, made in COPIES.items()}
     for other in copies.values():
@@ -89,7 +89,7 @@ def test_the_state_of_another_version_is_refused(bearing, monkeypatch):
 
 
 def test_the_state_of_another_kind_is_refused(bearing):
-    linear, k = ambkit.KalmanFilter(bearing), ambkit.FiveStateKalmanFilter(bearing)
+    linear, k = ambkit.KalmanFilter(bearing), ambkit.AugmentedKalmanFilter(bearing)
     with pytest.raises(ValueError, match=r"a state has .* bytes, expected"):
         linear.core.state = k.core.state
 

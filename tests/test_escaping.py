@@ -130,8 +130,8 @@ def expert(text: str) -> Expert:
 
 def export(out: Path, kind: str, text: str) -> None:
     """Write a folder of C for a bearing and an expert that are called by a text."""
-    source = expert(text) if kind == "adaptive" else None
-    export_c(called(BEARING, text), source, out, kind=kind, prefix="flt")
+    magnet = expert(text) if kind == "adaptive" else None
+    export_c(called(BEARING, text), magnet, out, kind=kind, prefix="flt")
 
 
 def wave(text: str) -> Figure:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit.judge.judgement import judge
+from ambkit.judge.evaluation import evaluate
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
@@ -68,7 +68,7 @@ def test_a_log_means_the_same_around_another_point():
         kalman = ambkit.AdaptiveKalmanFilter(
             bearing, ambkit.ClosedLaw(bearing), noise=ambkit.FilterNoise(disturbance=1e-4)
         )
-        found = judge(kalman, ambkit.load(log, channel_map), settling=1.5)
+        found = evaluate(kalman, ambkit.load(log, channel_map), settling=1.5)
         errors.append([found.prediction[1], found.prediction[10], found.nis])
     np.testing.assert_allclose(errors[0], errors[1], rtol=2e-3)
 

@@ -14,7 +14,7 @@ from bearing_double import having
 from export_cases import BEARING, program
 
 from ambkit.base.errors import AmbkitError
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.export.c import CExport, export_c
 from ambkit.export.c.model import MOST_UNROLLED, states
 from ambkit.models.model import Descriptor
@@ -44,14 +44,14 @@ AXES: dict[str, Any] = {
 }
 # One of each C file; those that have a constant gain or no model are further below.
 ESTIMATORS = (
-    "linear", "closed-law", "extended", "square-root", "extended-k", "multiple-model", "unscented",
+    "linear", "closed-law", "extended", "ud", "augmented", "multiple-model", "unscented",
     "observer", "steady-state", "extended-adaptive-noise", "linear-adaptive-noise",
 )  # fmt: skip
 
 
 def made(axis: Any, kind: str, out: Path, **options: Any) -> CExport:
-    source = None if kind == "linear" else KINDS[kind].source(axis)  # type: ignore[misc]
-    return export_c(axis, source, out, kind=kind, prefix="f", **options)
+    magnet = None if kind == "linear" else KINDS[kind].magnet(axis)  # type: ignore[misc]
+    return export_c(axis, magnet, out, kind=kind, prefix="f", **options)
 
 
 def printed_by(folder: Path) -> str:

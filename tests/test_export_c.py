@@ -25,9 +25,9 @@ from export_cases import (
 import ambkit
 from ambkit import ClosedLaw, FilterNoise
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.family import NAMES
+from ambkit.cli.kinds import NAMES
 from ambkit.cli.main import main
-from ambkit.estimate.family import KINDS as FAMILY
+from ambkit.estimate.registry import KINDS as REGISTRY
 from ambkit.export.c import CExport, export_c
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -113,7 +113,7 @@ def command(
 def test_the_command_takes_names_and_files(
     command: Callable[[str], Called], exported: Exported, kind: str
 ) -> None:
-    chosen("adaptive").source.save("expert.json")
+    chosen("adaptive").magnet.save("expert.json")
     named = "expert.json --expert tabulated" if kind == "tabulated" else kind
     done = command(f"zittau_axial --estimator {named} --out out")
     assert (done.code, done.out) == (0, "")
@@ -121,8 +121,8 @@ def test_the_command_takes_names_and_files(
     assert texts(Path("out")) == texts(exported(kind).folder)
 
 
-def test_what_is_exported_are_kinds_of_the_family() -> None:
-    assert set(NAMES) <= set(FAMILY)
+def test_what_is_exported_are_kinds_of_the_registry() -> None:
+    assert set(NAMES) <= set(REGISTRY)
 
 
 @pytest.mark.parametrize(

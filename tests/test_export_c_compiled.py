@@ -286,7 +286,7 @@ class Supervised(ctypes.Structure):
 
 
 @needs_gcc
-@pytest.mark.parametrize("kind", ["linear", "extended", "observer", "extended-k", "low-pass"])
+@pytest.mark.parametrize("kind", ["linear", "extended", "observer", "augmented", "low-pass"])
 def test_init_is_all_there_is_to_do_at_power_on(
     exported: Exported, tmp_path: Path, kind: str
 ) -> None:

@@ -18,8 +18,8 @@ import ambkit
 from ambkit import Bearing, ClosedLaw, FilterNoise, KalmanFilter, magnet_of
 from ambkit.base.errors import AmbkitError
 from ambkit.data.record import Record
-from ambkit.estimate.family import KINDS as FAMILY
 from ambkit.estimate.kalman import AdaptiveKalmanFilter
+from ambkit.estimate.registry import KINDS as REGISTRY
 from ambkit.export.fmu import export_fmu
 from ambkit.machine.stiffness import stiffness_map
 from ambkit.simulation.noise import drawn
@@ -198,9 +198,9 @@ def expert(bearing: Bearing) -> Any:
     return ambkit.train(bearing)
 
 
-@pytest.mark.parametrize("source", [ClosedLaw, stiffness_map, expert], ids=lambda s: s.__name__)
-def test_adaptive_filter_in_fmpy_equals_the_library(source: Any, tmp_path: Path) -> None:
-    record, knows = spoilt(BEARING), source(BEARING)
+@pytest.mark.parametrize("magnet", [ClosedLaw, stiffness_map, expert], ids=lambda s: s.__name__)
+def test_adaptive_filter_in_fmpy_equals_the_library(magnet: Any, tmp_path: Path) -> None:
+    record, knows = spoilt(BEARING), magnet(BEARING)
     path = export_fmu(BEARING, knows, tmp_path / "adaptive.fmu").path
     found = simulated(path, BEARING.sampling_time, {}, y=record["y"], u=record["u"])
     check_estimate(found, AdaptiveKalmanFilter(BEARING, knows).run(record))
@@ -213,9 +213,9 @@ def test_adaptive_filter_in_fmpy_equals_the_library(source: Any, tmp_path: Path)
         "low-pass",
         "observer",
         "extended",
-        "square-root",
+        "ud",
         "unscented",
-        "extended-k",
+        "augmented",
         "multiple-model",
     ],
 )
@@ -225,7 +225,7 @@ def test_every_kind_in_fmpy_equals_the_library(name: str, tmp_path: Path) -> Non
     path = export_fmu(BEARING, None, tmp_path / "kind.fmu", estimator=name).path
     assert validate_fmu(str(path)) == []
     found = simulated(path, BEARING.sampling_time, {}, y=record["y"], u=record["u"])
-    check_estimate(found, FAMILY[name].make(BEARING).run(record))
+    check_estimate(found, REGISTRY[name].make(BEARING).run(record))
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
@@ -313,7 +313,7 @@ def test_a_closed_loop_with_parts_in_fmpy_equals_the_library(
 def test_a_force_map_is_plant_and_what_the_filter_knows(tmp_path: Path) -> None:
     bearing = Bearing.load(fe_map.written(tmp_path))
     scenario = disturbed(bearing)
-    run = simulate_run(bearing, scenario, estimator=FAMILY["extended"].make(bearing))
+    run = simulate_run(bearing, scenario, estimator=REGISTRY["extended"].make(bearing))
     record = run.record
     noise_u, noise_y = drawn(bearing, scenario, len(record.t))
     inputs = {"r": record["r"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": noise_y}

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from ambkit import Bearing
-from ambkit.cli.family import NAMES
+from ambkit.cli.kinds import NAMES
 from ambkit.cli.main import main
 from ambkit.estimate.estimate import Estimate
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.export.c import CYCLES_PER_INSTRUCTION, Cost, cost, export_c
-from ambkit.machine.magnets import StiffnessSource
+from ambkit.machine.magnets import MagnetModel
 from firmware import harness, measure
 
 MISSING = harness.missing_tools()
@@ -41,7 +41,7 @@ def kind(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture(scope="module")
 def case(kind: str, tmp_path_factory: pytest.TempPathFactory) -> measure.Case:
-    return measure.case(kind, measure.sources()[kind], tmp_path_factory.mktemp(kind))
+    return measure.case(kind, measure.magnets()[kind], tmp_path_factory.mktemp(kind))
 
 
 @pytest.fixture(scope="module")
@@ -139,8 +139,8 @@ def test_the_cost_for_another_bearing(kind: str, tmp_path: Path) -> None:
 
 @cache
 def stored(name: str) -> Cost | None:
-    source = measure.sources()[name]
-    return cost.of(KINDS[name].make(measure.BEARING, source, precision="float32"))
+    magnet = measure.magnets()[name]
+    return cost.of(KINDS[name].make(measure.BEARING, magnet, precision="float32"))
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -153,14 +153,14 @@ def test_every_name_has_a_cost(name: str) -> None:
 @pytest.mark.parametrize(
     "unmeasured",
     [("multiple-model", None, {"scales": (0.8, 1.2)}), ("extended", "table", {})],
-    ids=["fewer models", "another source"],
+    ids=["fewer models", "another magnet"],
 )
 def test_what_was_not_measured_has_no_cost(
     unmeasured: tuple[str, str | None, dict[str, Any]], tmp_path: Path
 ) -> None:
     kind, of, options = unmeasured
-    source: StiffnessSource | None = measure.sources()[of] if of else None
-    made = export_c(measure.BEARING, source, tmp_path, kind=kind, **options)
+    magnet: MagnetModel | None = measure.magnets()[of] if of else None
+    made = export_c(measure.BEARING, magnet, tmp_path, kind=kind, **options)
     assert made.cost is None
     assert "instructions a step" not in (made.folder / "README.md").read_text()
 

@@ -17,7 +17,7 @@ from magnet_at import differences, force, tangent, through_origin
 import ambkit
 from ambkit import Bearing, ClosedLaw, Scenario, magnet_of, train
 from ambkit.base.errors import AmbkitError, ConfigError
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.export.c import export_c
 from ambkit.fuzzy.choice import measured_map
 from ambkit.fuzzy.left_out import LAW, NETWORK, REFITTED, SURFACE, choose_model, refitted
@@ -141,7 +141,7 @@ def test_the_surface_is_right_where_a_network_and_a_refitted_law_are_not(
 
 
 def test_tangents_are_slopes(surface: ForceSurface) -> None:
-    found = surface.magnet(CORE)
+    found = surface.in_core(CORE)
     for iu, x in ((0.4, 1e-5), (-2.2, 1.7e-4), (1.1, -2.2e-4)):
         assert tangent(found, iu, x) == pytest.approx(
             differences(found, iu, x, 1e-5, 1e-9), rel=1e-6

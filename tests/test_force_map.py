@@ -71,7 +71,7 @@ def test_where_the_rotor_never_was_the_law_and_its_doubt_are_kept(found):
 def test_map_goes_through_a_file_into_the_training(found, tmp_path):
     found.save(tmp_path / "force.csv")
     points = load_force_points(tmp_path / "force.csv")
-    told = found.told
+    told = found.observed
     assert 0.4 < told.mean() < 0.95  # what the records do not tell is no measurement of the law
     np.testing.assert_allclose(points.force, found.force[told], rtol=1e-12)
     np.testing.assert_allclose(points.standard_error, found.standard_error[told], rtol=1e-12)

@@ -152,8 +152,8 @@ def test_another_magnet_constant_multiplies_what_the_rules_conclude(
 def test_float32_answers_alike(normalised: bool) -> None:
     expert = Expert.from_map(MAP, normalised=normalised)
     iu, x = (g.ravel() for g in np.meshgrid(np.linspace(-2, 2, 21), np.linspace(-1e-3, 1e-3, 21)))
-    double = expert.magnet(_core).through_origin(iu, x)
-    single = expert.magnet(_core_f32).through_origin(iu.astype("f4"), x.astype("f4"))
+    double = expert.in_core(_core).through_origin(iu, x)
+    single = expert.in_core(_core_f32).through_origin(iu.astype("f4"), x.astype("f4"))
     np.testing.assert_allclose(single, double, rtol=2e-5)
 
 

@@ -53,8 +53,8 @@ def test_filterpy_and_scipy_find_the_same_noises():
     filterpy = pytest.importorskip("filterpy.kalman")
     bearing = TRUTH.bearing
     truth = LoopModel(bearing, load_growth=TRUTH.load_growth, load_std=0.05, substeps=1,
-                      source=ConstantStiffness.of(bearing))  # fmt: skip
-    record = closed_loops(replace(truth, source=None), 1, 0.15, first=400)[0]
+                      magnet=ConstantStiffness.of(bearing))  # fmt: skip
+    record = closed_loops(replace(truth, magnet=None), 1, 0.15, first=400)[0]
     assert truth.nearest_limit(record) > 5.5  # so that the limit takes nothing from the control
     begin, settled = 0.02, 200
     first = record["y"][0]
@@ -65,7 +65,7 @@ def test_filterpy_and_scipy_find_the_same_noises():
         """Log likelihood by filterpy at ln of measurement noise and load growth."""
         measurement, growth = np.exp(noises)
         s = oracles.settings_of(bearing)
-        F, b, H = oracles.system_matrices(s, truth.source.k_i, truth.source.k_s)
+        F, b, H = oracles.system_matrices(s, truth.magnet.k_i, truth.magnet.k_s)
         _, pushed, grown = oracles.held_force(s)
         kf = filterpy.KalmanFilter(dim_x=4, dim_z=1, dim_u=2)
         kf.x = np.array([[first], [0.0], [0.0], [first]])

@@ -81,7 +81,7 @@ def test_the_adaptive_filter_asks_the_law_at_its_estimate() -> None:
             naive.predict(*k[i], u[i - 1])
         naive.update(y[i])
         mean[i] = naive.X
-    law = ClosedLaw(BEARING).magnet(core_module())
+    law = ClosedLaw(BEARING).in_core(core_module())
     ours = core_filter(SETTINGS, magnet=law).run(y, u)
     assert off(ours["mean"], mean).max() < 1e-6
     np.testing.assert_allclose(ours["k_s"][1:], k[1:, 1], rtol=1e-5)
@@ -115,7 +115,7 @@ def test_the_gain_settles_where_python_control_says(k_i: float, k_s: float) -> N
 def test_a_run_is_its_steps_and_a_step_is_predict_and_update() -> None:
     r = moving_record(0.05)
     y, u = r["y"], r["u"]
-    law = ClosedLaw(BEARING).magnet(core_module())
+    law = ClosedLaw(BEARING).in_core(core_module())
     whole, steps, halves = (core_filter(SETTINGS, magnet=law) for _ in range(3))
     mean = whole.run(y, u)["mean"]
     steps.update(y[0])

@@ -67,7 +67,7 @@ def test_single_precision_stays_within_a_thousandth_of_the_standard_deviation(
     given_k = {} if adaptive else {"k_i": r["k_i"], "k_s": r["k_s"]}
     runs = {}
     for precision in PRECISIONS:
-        magnet = ClosedLaw(BEARING).magnet(core_module(precision))
+        magnet = ClosedLaw(BEARING).in_core(core_module(precision))
         kf = core_filter(SETTINGS, precision, magnet)
         runs[precision] = kf.run(r["y"], r["u"], **given_k, covariance=True)
     assert runs["float32"]["mean"].dtype == np.float32

@@ -43,14 +43,14 @@ def test_the_law_is_eq_1(place: tuple[Bearing, float, float]) -> None:
     plain = magnet_force(b, iu, x) - magnet_force(b, 0, 0)
     scale = b.magnet.magnet_constant * (2 * b.magnet.bias_current / b.magnet.air_gap) ** 2
     room = {"rel": 1e-13, "abs": 1e-14 * scale}
-    assert force(ClosedLaw(b).magnet(CORE), iu, x) == pytest.approx(plain, **room)
+    assert force(ClosedLaw(b).in_core(CORE), iu, x) == pytest.approx(plain, **room)
     assert ClosedLaw(b).force(iu, x) == pytest.approx(magnet_force(b, iu, x), **room)
 
 
 @bearings
 def test_the_law_does_not_cancel_near_the_origin(bearing: Bearing) -> None:
     """Where eq. 1 as printed subtracts equal squares, the force still has all its digits."""
-    magnet = ClosedLaw(bearing).magnet(CORE)
+    magnet = ClosedLaw(bearing).in_core(CORE)
     k_i, k_s = tangent(magnet, 0.0, 0.0)
     for small in (1e-9, 1e-12, 1e-15):
         assert force(magnet, small, 0.0) == pytest.approx(k_i * small, rel=10 * small + 1e-15)
@@ -62,7 +62,7 @@ def test_the_law_does_not_cancel_near_the_origin(bearing: Bearing) -> None:
 @given(places())
 def test_the_tangent_is_the_slope_of_the_force(place: tuple[Bearing, float, float]) -> None:
     b, iu, x = place
-    magnet = ClosedLaw(b).magnet(CORE)
+    magnet = ClosedLaw(b).in_core(CORE)
     k_i, k_s = tangent(magnet, iu, x)
     d_i, d_s = differences(magnet, iu, x, 1e-5 * b.magnet.bias_current, 1e-6 * b.magnet.air_gap)
     scale_i, scale_s = tangent(magnet, 0, 0)
@@ -72,7 +72,7 @@ def test_the_tangent_is_the_slope_of_the_force(place: tuple[Bearing, float, floa
 
 def test_at_the_origin_both_forms_are_the_corrected_eq_4_and_5() -> None:
     k, i0, s0 = 6.7e-6, 1.5, 2e-3
-    magnet = ClosedLaw(TWO_SIDED).magnet(CORE)
+    magnet = ClosedLaw(TWO_SIDED).in_core(CORE)
     expected = pytest.approx((4 * k * i0 / s0**2, 4 * k * i0**2 / s0**3), rel=1e-14)
     assert tangent(magnet, 0, 0) == expected
     assert through_origin(magnet, 0, 0) == expected
@@ -84,7 +84,7 @@ def test_at_the_origin_both_forms_are_the_corrected_eq_4_and_5() -> None:
 @given(places())
 def test_through_the_origin_gives_the_force_exactly(place: tuple[Bearing, float, float]) -> None:
     b, iu, x = place
-    magnet = ClosedLaw(b).magnet(CORE)
+    magnet = ClosedLaw(b).in_core(CORE)
     k_i, k_s = through_origin(magnet, iu, x)
     room = 1e-14 * (abs(k_i * iu) + abs(k_s * x))
     assert k_i * iu + k_s * x == pytest.approx(force(magnet, iu, x), rel=1e-13, abs=room + 1e-300)
@@ -99,7 +99,7 @@ def test_through_the_origin_is_the_limit_of_the_papers_least_squares(
 ) -> None:
     """The nine points of eq. 27 shrink; what is left falls with the square of their distance."""
     iu, x = a * bearing.current_max * 0.5, b * 0.5 * bearing.rotor.travel_limit
-    limit = np.array(through_origin(ClosedLaw(bearing).magnet(CORE), iu, x))
+    limit = np.array(through_origin(ClosedLaw(bearing).in_core(CORE), iu, x))
 
     ampere, metre = equally_far(bearing)
 
@@ -116,7 +116,7 @@ def test_through_the_origin_is_the_limit_of_the_papers_least_squares(
 
 
 def test_turning_everything_round_turns_the_force_round() -> None:
-    magnet = ClosedLaw(TWO_SIDED).magnet(CORE)
+    magnet = ClosedLaw(TWO_SIDED).in_core(CORE)
     rng = np.random.default_rng(1)
     iu, x = rng.uniform(-1.5, 1.5, 500), rng.uniform(-1e-3, 1e-3, 500)
     assert (magnet.force(-iu, -x) == -magnet.force(iu, x)).all()
@@ -126,7 +126,7 @@ def test_turning_everything_round_turns_the_force_round() -> None:
 
 
 def test_constant_stiffness_is_a_straight_force() -> None:
-    magnet = ConstantStiffness(10.0, 7e3).magnet(CORE)
+    magnet = ConstantStiffness(10.0, 7e3).in_core(CORE)
     assert force(magnet, 0.5, -1e-4) == pytest.approx(10 * 0.5 - 7e3 * 1e-4, rel=1e-15)
     assert through_origin(magnet, 0.5, 1e-4) == tangent(magnet, -1.0, 0) == (10.0, 7e3)
 
@@ -206,7 +206,7 @@ def test_in_single_precision_the_law_is_the_same_to_its_digits(bearing: Bearing)
     iu = rng.uniform(bearing.current_min, bearing.current_max, 1000).astype(np.float32)
     x = (0.5 * bearing.rotor.travel_limit * rng.uniform(-1, 1, 1000)).astype(np.float32)
     law = ClosedLaw(bearing)
-    single, double = law.magnet(core_module("float32")), law.magnet(CORE)
+    single, double = law.in_core(core_module("float32")), law.in_core(CORE)
     wide = iu.astype(float), x.astype(float)
     scale = float(np.abs(double.force(*wide)).max())
     np.testing.assert_allclose(
@@ -223,6 +223,6 @@ def test_both_builds_live_side_by_side() -> None:
     """Each has types of its own, and none takes the other's."""
     single, double = core_module("float32"), core_module()
     assert single.Kalman is not double.Kalman
-    assert ConstantStiffness(1, 2).magnet(single).force(np.ones(1), np.ones(1)).dtype == np.float32
+    assert ConstantStiffness(1, 2).in_core(single).force(np.ones(1), np.ones(1)).dtype == np.float32
     with pytest.raises(ValueError, match="'float64' or 'float32', got 'float16'"):
         core_module("float16")  # type: ignore[arg-type]

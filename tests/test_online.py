@@ -16,7 +16,7 @@ import ambkit
 from ambkit import Bearing, Constant, Record, Scenario, Sine, Step
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
-from ambkit.identification.online.extended_k import ExtendedKIdentifier, ExtendedKResult
+from ambkit.identification.online.augmented import AugmentedIdentifier, AugmentedResult
 from ambkit.identification.online.result import OnlineResult, mean_error
 from ambkit.identification.online.side_by_side import SideBySide, learn_online
 from ambkit.show.plots.online import online_figure
@@ -62,7 +62,7 @@ def test_all_find_k_where_the_rotor_moves() -> None:
     assert np.abs(found["adaline"][:, 0]).max() < 0.005
     assert np.abs(found["rls"][:, 0]).max() < 0.01
     assert abs(found["rls"][:, 0].mean()) < 0.005
-    filtered = found["extended-k"]
+    filtered = found["augmented"]
     assert np.abs(filtered[:, 0]).max() < 0.06
     assert (np.abs(filtered[:, 0]) < 1.96 * filtered[:, 1]).mean() >= 7 / 8
     assert filtered[:, 1].max() < 0.06  # from 0.2: that is learned, not only wide
@@ -73,7 +73,7 @@ def test_at_rest_who_needs_motion_says_so_and_does_not_drift(load: float) -> Non
     """ADALINE learns from the weight instead, and takes a load for the magnet."""
     still = Scenario(duration=0.5, disturbance=Constant(value=load))
     learned = learn_online(ambkit.simulate(BEARING, still), BEARING, start=START)
-    for name in ("rls", "extended-k"):
+    for name in ("rls", "augmented"):
         result = learned.results[name]
         assert result.held.all()
         assert np.abs(result.k / START - 1).max() < 1e-12
@@ -93,17 +93,17 @@ def test_without_a_weight_nobody_learns_at_rest() -> None:
     assert all(math.isnan(result.standard_error) for result in learned.results.values())
     assert learned.agreement.startswith("Nobody learned: too little excitation")
     with pytest.raises(AmbkitError, match="nowhere be told from a load: let the rotor move"):
-        ambkit.identify(ambkit.simulate(level, Scenario(duration=0.3)), level, method="extended-k")
+        ambkit.identify(ambkit.simulate(level, Scenario(duration=0.3)), level, method="augmented")
 
 
 def test_a_load_that_is_not_told_leads_only_adaline_astray() -> None:
     learned = learn_online(moved(load=3.0), BEARING, start=START)
-    assert learned.agree("rls", "extended-k")
+    assert learned.agree("rls", "augmented")
     assert "the k of ADALINE is" in learned.agreement
     assert any("one of 3 N: a known load belongs to --disturbance" in n for n in learned.notes)
     told = learn_online(moved(load=3.0), BEARING, start=START, disturbance=3.0)
     assert told.agreement == "All three agree within their errors."
-    for name in ("rls", "extended-k"):
+    for name in ("rls", "augmented"):
         assert abs(told.to_dict()["learners"][name]["load"]) < 0.2
 
 
@@ -119,21 +119,21 @@ def test_colour_is_told_and_white_noise_is_not() -> None:
         name: np.mean([one.results[name].magnet_constant / K - 1 for one in coloured])
         for name in coloured[0].results
     }
-    assert bias["extended-k"] > 0.05
+    assert bias["augmented"] > 0.05
     assert abs(bias["adaline"]) < 0.005
     assert abs(bias["rls"]) < 0.02
 
 
-def test_the_filter_is_that_of_the_family() -> None:
+def test_the_filter_is_that_of_the_registry() -> None:
     record = moved(1)
-    result = ExtendedKIdentifier(BEARING, start=START).run(record, disturbance=1.0)
-    plain = ambkit.FiveStateKalmanFilter(BEARING.replace(magnet__magnet_constant=START)).run(record)
+    result = AugmentedIdentifier(BEARING, start=START).run(record, disturbance=1.0)
+    plain = ambkit.AugmentedKalmanFilter(BEARING.replace(magnet__magnet_constant=START)).run(record)
     assert plain.scale is not None
     assert (result.k == START * plain.scale).all()
     assert (result.load == plain.f_d - 1.0).all()
     told = (plain.status & np.uint16(ambkit.Status.UNEXCITED)) != 0
     assert (result.held == told).all()
-    found = ambkit.identify(record, BEARING, method="extended-k", start=START)
+    found = ambkit.identify(record, BEARING, method="augmented", start=START)
     assert found.bearing.magnet.magnet_constant == result.k[-1]
 
 
@@ -176,7 +176,7 @@ class Said(OnlineResult):
 )  # fmt: skip
 def test_who_agrees_with_whom_is_one_sentence(k: tuple[float, ...], sentence: str) -> None:
     results = dict(
-        zip(("adaline", "rls", "extended-k"), (Said(one, 0.02) for one in k), strict=True)
+        zip(("adaline", "rls", "augmented"), (Said(one, 0.02) for one in k), strict=True)
     )
     assert SideBySide(BEARING, 1.0, None, results).agreement == sentence
     # The same constants, nearly: discretisation alone moves them by more than their errors.
@@ -188,8 +188,8 @@ def test_the_picture_shows_truth_bands_and_what_was_held() -> None:
     learned = learn_online(moved(), BEARING, start=START)
     constants, *monitors = online_figure(learned).panels
     assert len(monitors) == 3
-    filtered = learned.results["extended-k"]
-    assert isinstance(filtered, ExtendedKResult)
+    filtered = learned.results["augmented"]
+    assert isinstance(filtered, AugmentedResult)
     (band,) = (item for item in constants.items if isinstance(item, Band))
     first = int(np.argmin(filtered.held))
     assert np.isnan(band.low[:first]).all()
@@ -233,19 +233,19 @@ def test_the_command_shows_all_three(call: Any) -> None:
     code, out, _ = call("--method", "online", "--json")
     told = json.loads(out)
     assert code == 0
-    assert set(told["learners"]) == {"adaline", "rls", "extended-k"}
+    assert set(told["learners"]) == {"adaline", "rls", "augmented"}
     assert told["truth"] == pytest.approx(K)
     assert told["agreement"].endswith(".")
     assert "magnet_constant" not in told
-    code, out, _ = call("--method", "extended-k", "--json", "--out", "found.toml")
+    code, out, _ = call("--method", "augmented", "--json", "--out", "found.toml")
     k = json.loads(out)["magnet_constant"]
-    assert k == json.loads(out)["learners"]["extended-k"]["magnet_constant"]
+    assert k == json.loads(out)["learners"]["augmented"]["magnet_constant"]
     assert Bearing.load("found.toml").magnet.magnet_constant == pytest.approx(k)
 
 
 def test_without_a_preferred_method_there_is_no_bearing_to_write(call: Any) -> None:
     code, out, err = call("--method", "online", "--out", "found.toml")
     assert code == 2
-    assert "--out writes what one method found: --method adaline, rls, extended-k" in err
+    assert "--out writes what one method found: --method adaline, rls, augmented" in err
     assert out == ""
     assert not Path("found.toml").exists()

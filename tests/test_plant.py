@@ -24,7 +24,7 @@ M, S0, I0, K = 0.518, 2e-3, 1.5, 6.7e-6
 def released(n: int, T: float, **changes: Any) -> dict[str, Any]:
     """Release the rotor at x_start; n samples of T [s] under a constant current and force."""
     current, f_d = changes.pop("current", 0.0), changes.pop("f_d", 0.0)
-    magnet = changes.pop("magnet", None) or ClosedLaw(BEARING).magnet(core_module())
+    magnet = changes.pop("magnet", None) or ClosedLaw(BEARING).in_core(core_module())
     zero = np.zeros(n)
     loop = {
         "T": T, "m": M, "f_0": 0.0, "K_sen": 1.0, "T_sen": 2e-3, "travel": 1e-3, "substeps": 4,

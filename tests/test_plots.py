@@ -10,7 +10,7 @@ from ambkit.data import recordings
 from ambkit.identification.forces.lift_off import load_points
 from ambkit.identification.forces.lift_off_fit import fit_lift_off
 from ambkit.judge.comparison import compare
-from ambkit.judge.judgement import judge
+from ambkit.judge.evaluation import evaluate
 from ambkit.show import plots
 from ambkit.show.report import style
 from ambkit.show.report.items import Bars, Heatmap, Line, Note, Points
@@ -59,27 +59,27 @@ def test_current_limits_are_shown_where_they_matter(run, bearing):
 
 def test_filters_are_shown_by_their_own_styles_with_their_innovations(run, bearing):
     law = ambkit.ClosedLaw(bearing)
-    judged = {
-        "linear": judge(ambkit.KalmanFilter(bearing), run.record),
-        "closed-law": judge(ambkit.AdaptiveKalmanFilter(bearing, law), run.record),
-        "mine": judge(ambkit.KalmanFilter(bearing, gravity="disturbance"), run.record),
+    evaluated = {
+        "linear": evaluate(ambkit.KalmanFilter(bearing), run.record),
+        "closed-law": evaluate(ambkit.AdaptiveKalmanFilter(bearing, law), run.record),
+        "mine": evaluate(ambkit.KalmanFilter(bearing, gravity="disturbance"), run.record),
     }
-    figure = plots.filter_figure(run.record, judged)
-    assert len(figure.panels) == 3 + len(judged)
+    figure = plots.filter_figure(run.record, evaluated)
+    assert len(figure.panels) == 3 + len(evaluated)
     shown = lines(figure.panels[2])
     assert {"linear Kalman filter", "closed law", "mine", "truth"} == set(shown)
     assert len({SIGNALS[line.signal].colour for line in shown.values()}) == len(shown)
     bounds = lines(figure.panels[3])["±2√S"].y
-    expected = 2 * np.sqrt(judged["linear"].estimate.innovation_variance)
+    expected = 2 * np.sqrt(evaluated["linear"].estimate.innovation_variance)
     assert bounds[-1] == expected[-1]
     assert np.isnan(bounds[0])  # the start, when the filter knew nothing
 
 
 def test_what_is_smoothed_lies_on_what_is_filtered(run, bearing):
     kalman = ambkit.KalmanFilter(bearing)
-    judged = {"linear": judge(kalman, run.record), "mine": judge(kalman, run.record)}
-    smoothed = {name: kalman.smooth(run.record) for name in judged}
-    panel = plots.filter_figure(run.record, judged, smoothed).panels[2]
+    evaluated = {"linear": evaluate(kalman, run.record), "mine": evaluate(kalman, run.record)}
+    smoothed = {name: kalman.smooth(run.record) for name in evaluated}
+    panel = plots.filter_figure(run.record, evaluated, smoothed).panels[2]
     shown = lines(panel)
     after = [shown["linear Kalman filter, smoothed"], shown["mine, smoothed"]]
     np.testing.assert_array_equal(after[0].y, smoothed["linear"].f_d)
@@ -90,10 +90,10 @@ def test_what_is_smoothed_lies_on_what_is_filtered(run, bearing):
 
 
 def test_a_filters_first_guesses_do_not_flatten_the_rest(run, bearing):
-    judged = {"linear": judge(ambkit.KalmanFilter(bearing), run.record)}
-    panel = plots.filter_figure(run.record, judged).panels[2]
+    evaluated = {"linear": evaluate(ambkit.KalmanFilter(bearing), run.record)}
+    panel = plots.filter_figure(run.record, evaluated).panels[2]
     low, high = panel.y.limits
-    f_d = judged["linear"].estimate.f_d
+    f_d = evaluated["linear"].estimate.f_d
     assert f_d.min() < low < f_d[1000:].min()
     assert high > f_d[1000:].max()
 
@@ -103,9 +103,9 @@ def test_a_gap_flattens_nothing(run, bearing):
     y = run.record["y"].copy()
     y[700:1300] = np.nan
     gap = ambkit.Record(run.record.t, {"y": y, "u": run.record["u"]})
-    judgement = judge(ambkit.KalmanFilter(bearing), gap)
-    *_, shown = plots.filter_figure(gap, {"linear": judgement}).panels
-    e = judgement.estimate.innovation
+    evaluation = evaluate(ambkit.KalmanFilter(bearing), gap)
+    *_, shown = plots.filter_figure(gap, {"linear": evaluation}).panels
+    e = evaluation.estimate.innovation
     largest = int(np.argmax(np.abs(e)))
     assert 1300 <= largest < 1310
     low, high = shown.y.limits
@@ -119,7 +119,7 @@ def test_a_gap_flattens_nothing(run, bearing):
     assert np.isnan(lines(shown)["innovation"].y[700:1300]).all()
 
     filters = {"linear": ambkit.KalmanFilter(bearing), "low-pass": ambkit.LowPass(bearing)}
-    whole = {name: judge(one, run.record) for name, one in filters.items()}
+    whole = {name: evaluate(one, run.record) for name, one in filters.items()}
     calm, unbound = plots.filter_figure(run.record, whole).panels[3:]
     assert np.isnan(lines(unbound)["±2√S"].y).all()  # a low-pass expects nothing
     assert calm.y.limits is None
@@ -128,8 +128,10 @@ def test_a_gap_flattens_nothing(run, bearing):
 
 def test_what_the_rig_logged_is_shown():
     record = ambkit.Record.load(recordings.folder() / "sinus_kalman.csv")
-    judged = {"linear": judge(ambkit.KalmanFilter(ambkit.Bearing.preset("inteco_ml")), record)}
-    position, velocity, *_ = plots.filter_figure(record, judged).panels
+    evaluated = {
+        "linear": evaluate(ambkit.KalmanFilter(ambkit.Bearing.preset("inteco_ml")), record)
+    }
+    position, velocity, *_ = plots.filter_figure(record, evaluated).panels
     assert "logged by the rig" in lines(position)
     np.testing.assert_array_equal(lines(velocity)["logged by the rig"].y, record["v_logged"])
 

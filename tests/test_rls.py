@@ -225,7 +225,7 @@ def test_identify_takes_either_learner() -> None:
     found = ambkit.identify(record, BEARING, method="rls", start=1.5 * K)
     assert found.magnet_constant == found.bearing.magnet.magnet_constant
     assert found.magnet_constant == pytest.approx(K, rel=0.02)
-    with pytest.raises(AmbkitError, match='no method "lms"; known: adaline, rls, extended-k'):
+    with pytest.raises(AmbkitError, match='no method "lms"; known: adaline, rls, augmented'):
         ambkit.identify(record, BEARING, method="lms")
     still = ambkit.simulate(BEARING, Scenario(duration=0.1))
     with pytest.raises(AmbkitError, match="let the rotor move"):

@@ -136,7 +136,7 @@ def orders(lag: float, as_printed: bool, filter_of: Callable[..., Any]) -> Array
     off = []
     for T in 4e-4 / 2.0 ** np.arange(4):
         s = SETTINGS | {"T": T, "T_sen": lag, "as_printed": as_printed, "K_sen": 0.8}
-        kf = filter_of(law.magnet(core_module()), s)
+        kf = filter_of(law.in_core(core_module()), s)
         kf.reset(start, np.array([1e-9, 1e-9, 1e-9, 1e-9]))
         kf.predict(iu / s["k_ui"])
         off.append(np.abs(kf.mean - after_a_sample(s, iu, start, law))[[0, 1, 3]])

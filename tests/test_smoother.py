@@ -11,8 +11,8 @@ from filter_cases import full
 import ambkit
 from ambkit import Bearing, Estimate, Record, Scenario, Status
 from ambkit.estimate.base import Estimator
-from ambkit.estimate.family import KINDS
 from ambkit.estimate.model import LinearModel
+from ambkit.estimate.registry import KINDS
 
 BEARING = Bearing.preset("zittau_axial")
 RECORD = ambkit.simulate(
@@ -24,7 +24,7 @@ RECORD = ambkit.simulate(
         disturbance=ambkit.Sine(amplitude=3.0, frequency=3.0),
     ),
 )
-SMOOTHED = ("linear", "closed-law", "extended", "square-root")
+SMOOTHED = ("linear", "closed-law", "extended", "ud")
 smoothed = pytest.mark.parametrize("name", SMOOTHED)
 
 

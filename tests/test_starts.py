@@ -9,7 +9,7 @@ import pytest
 
 import ambkit
 from ambkit import Bearing, Record, Scenario, Status
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from benchmarks import starts
 
 BEARING = Bearing.preset("zittau_axial")
@@ -45,8 +45,8 @@ def test_the_start_that_stood_still_for_ever(kind: str, precision: Any) -> None:
 def test_after_an_outage_with_spikes_and_gaps_it_is_back(
     kind: str, precision: Any, first: int
 ) -> None:
-    if KINDS[kind].source is None:
-        pytest.skip("its source is made elsewhere; it is the closed law's filter otherwise")
+    if KINDS[kind].magnet is None:
+        pytest.skip("its magnet is made elsewhere; it is the closed law's filter otherwise")
     y = RECORD["y"].copy()
     end = 5000 + first
     y[5000:end] = np.nan

@@ -125,7 +125,7 @@ def test_the_c_table_gives_the_nodes_back(core: Any) -> None:
     stiff = stiffness_map(ZITTAU)
     dtype = np.float64 if core is _core else np.float32
     iu, x = (grid.ravel().astype(dtype) for grid in np.meshgrid(stiff.current, stiff.displacement))
-    k_i, k_s = stiff.magnet(core).through_origin(iu, x)
+    k_i, k_s = stiff.in_core(core).through_origin(iu, x)
     tolerance = 1e-12 if core is _core else 1e-5
     np.testing.assert_allclose(k_i, stiff.k_i.ravel(), rtol=tolerance)
     np.testing.assert_allclose(k_s, stiff.k_s.ravel(), rtol=tolerance)
@@ -134,7 +134,7 @@ def test_the_c_table_gives_the_nodes_back(core: Any) -> None:
 def test_the_c_table_refuses_uneven_nodes() -> None:
     stiff = stiffness_map(ZITTAU, currents=[-1.5, 0.0, 0.5, 1.5])
     with pytest.raises(AmbkitError, match=r"nodes of current are 0\.5 to 1\.5 apart"):
-        stiff.magnet(_core)
+        stiff.in_core(_core)
 
 
 def test_the_fingerprint_changes_with_the_bearing_only() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 import ambkit
 from ambkit import Bearing
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.simulation.run import Imposed, Loop, samples, simulate_run
 
 BEARING = Bearing.preset("zittau_axial")
@@ -31,14 +31,14 @@ def flown(loop: Loop, change: bool = False) -> tuple[np.ndarray, np.ndarray]:
     for until in CUTS:
         runs.append(loop.run(until))
         if change:
-            new = type(loop.estimator)(BEARING, loop.estimator.source)
+            new = type(loop.estimator)(BEARING, loop.estimator.magnet)
             new.take_over(loop.estimator)
             loop.estimator = new
     rows = [np.column_stack([r.record[s] for s in ("x", "v", "y", "u", "f_mag")]) for r in runs]
     return np.concatenate(rows), np.concatenate([r.estimate.mean for r in runs])
 
 
-@pytest.mark.parametrize("kind", ["linear", "square-root", "multiple-model"])
+@pytest.mark.parametrize("kind", ["linear", "ud", "multiple-model"])
 def test_a_run_in_stretches_is_the_run_in_one_go(kind):
     drift = Imposed(magnet_scale=np.linspace(1, 0.9, samples(BEARING, STEP)))
     whole = simulate_run(BEARING, STEP, estimator=make(kind), imposed=drift)
@@ -48,7 +48,7 @@ def test_a_run_in_stretches_is_the_run_in_one_go(kind):
     assert np.array_equal(mean, whole.estimate.mean)
 
 
-@pytest.mark.parametrize("kind", [*PLAIN, "square-root"])
+@pytest.mark.parametrize("kind", [*PLAIN, "ud"])
 def test_a_twin_that_takes_over_changes_no_bit(kind):
     twin = flown(Loop(BEARING, STEP, estimator=make(kind)), change=True)
     one = flown(Loop(BEARING, STEP, estimator=make(kind)))
@@ -71,7 +71,7 @@ def test_mean_covariance_and_counts_carry_over_between_kinds():
 
 
 @pytest.mark.parametrize(
-    ("old", "new"), [("linear", "square-root"), ("observer", "observer"), ("linear", "extended-k")]
+    ("old", "new"), [("linear", "ud"), ("observer", "observer"), ("linear", "augmented")]
 )
 def test_who_keeps_something_else_does_not_take_over(old, new):
     with pytest.raises(ValueError, match="can take over from each other"):

@@ -25,7 +25,7 @@ def deviation(table: Any, expert: Any, bearing: Bearing, precision: str, points:
     stop = bearing.rotor.travel_limit
     iu = bearing.current_min + points[:, 0] * (bearing.current_max - bearing.current_min)
     x = stop * (2 * points[:, 1] - 1)
-    magnet = table.magnet(core_module(CORE_PRECISION[precision]))
+    magnet = table.in_core(core_module(CORE_PRECISION[precision]))
     return np.abs(magnet.force(iu, x) - evaluate_force(expert, iu, x))
 
 
@@ -34,7 +34,7 @@ def deviation(table: Any, expert: Any, bearing: Bearing, precision: str, points:
 def test_a_table_keeps_its_bound_wherever_the_filter_can_ask(
     bound: float | None, precision: str
 ) -> None:
-    expert = chosen("adaptive").source
+    expert = chosen("adaptive").magnet
     table = tabulate(expert, BEARING, bound=bound, precision=CORE_PRECISION[precision])
     iu, x = np.meshgrid(np.linspace(-1.5, 1.5, 51), np.linspace(-1e-3, 1e-3, 51))
     largest = np.abs(evaluate_force(expert, iu, x)).max()

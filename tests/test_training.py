@@ -7,8 +7,8 @@ import pytest
 
 from ambkit.base.errors import AmbkitError
 from ambkit.fuzzy.expert import Expert
-from ambkit.fuzzy.lesson import Lesson
 from ambkit.fuzzy.training import LeastSquares, train
+from ambkit.fuzzy.training_set import TrainingSet
 from ambkit.machine import paper
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.forces.table import ForceTable
@@ -86,7 +86,7 @@ def test_the_jacobian_is_that_of_differences(
 ) -> None:
     stiff = stiffness_map(bearing)
     start = Expert.from_map(stiff, normalised=normalised)
-    problem = LeastSquares(Lesson(stiff, start, samples=6), weights)
+    problem = LeastSquares(TrainingSet(stiff, start, samples=6), weights)
     at = 0.3 * np.random.default_rng(1).standard_normal(problem.start().size)
     h = 1e-5
     differences = np.column_stack(

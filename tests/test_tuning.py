@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ambkit import PID, Bearing, FilterNoise, KalmanFilter, LowPass, Record, Scenario, simulate
-from ambkit.judge.judgement import judge
+from ambkit.judge.evaluation import evaluate
 from ambkit.workflow.tuning import (
     DECADES,
     TunedDisturbance,
@@ -24,7 +24,7 @@ def wandering(bearing, growth, n=20_000, seed=3):
     kf = KalmanFilter(bearing, noise=FilterNoise(disturbance=growth))
     T, m = bearing.sampling_time, bearing.rotor.mass
     keep = np.exp(-T / bearing.sensor.lag)
-    k_i, k_s = kf.source.k_i, kf.source.k_s
+    k_i, k_s = kf.magnet.k_i, kf.magnet.k_s
     x = v = f_d = x_m = 0.0
     y, u = np.empty(n), np.empty(n)
     for k in range(n):
@@ -125,6 +125,6 @@ def test_a_low_pass_has_nothing_to_be_tuned_and_is_not_consistent_with_anything(
     record = hovering(stretch=0.02)
     found = tune_disturbance(SPINDLE, record, lambda _: LowPass(SPINDLE))
     assert found == TunedDisturbance(default_disturbance(SPINDLE))
-    judgement = judge(LowPass(SPINDLE), record)
-    assert np.isnan(judgement.nis)
-    assert judgement.prediction[1] > 0
+    evaluation = evaluate(LowPass(SPINDLE), record)
+    assert np.isnan(evaluation.nis)
+    assert evaluation.prediction[1] > 0

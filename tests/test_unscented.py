@@ -39,7 +39,7 @@ def test_it_is_filterpy_s(alpha: float, beta: float, kappa: float, blunt: float)
     record, law, core = swinging(), ClosedLaw(BEARING), core_module()
     s = oracles.settings_of(BEARING)
     s["var_y"] *= blunt
-    mine = made(core, "Unscented", law.magnet(core), s, reach=alpha * np.sqrt(4 + kappa),
+    mine = made(core, "Unscented", law.in_core(core), s, reach=alpha * np.sqrt(4 + kappa),
                 curvature=alpha**2 * (4 + kappa) + beta - alpha**2)  # fmt: skip
     mine.reset(MEAN, STD)
     out = mine.run(record["y"], record["u"], covariance=True)
@@ -51,7 +51,7 @@ def test_it_is_filterpy_s(alpha: float, beta: float, kappa: float, blunt: float)
     D[0, 1] = -s["T"] / 2 * STD[1]
     back = np.linalg.inv(D)
     L, b, N = oracles.held_force(s)
-    magnet = law.magnet(core)
+    magnet = law.in_core(core)
 
     def force(iu: float, x: float) -> float:
         return float(magnet.force(np.array([iu]), np.array([x]))[0])
@@ -94,7 +94,7 @@ def test_the_mean_force_is_the_integral_where_the_tangent_is_not() -> None:
         "Extended": {}, "Unscented": {"reach": np.sqrt(3), "curvature": 2.0},
     }  # fmt: skip
     for name, own in kinds.items():
-        e = made(core, name, law.magnet(core), s, **own)
+        e = made(core, name, law.in_core(core), s, **own)
         e.reset(mean, std)
         e.predict(iu)
         speed[name] = e.mean[1] * s["m"] / s["T"], e.covariance[1, 1] * (s["m"] / s["T"]) ** 2

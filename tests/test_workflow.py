@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit.cli.family import NAMES
+from ambkit.cli.kinds import NAMES
 from ambkit.cli.main import main
 from ambkit.cli.output import plain
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.fuzzy.training import train
 from ambkit.judge.comparison.study import study
 from ambkit.machine.forces.file import load_force_points
@@ -137,8 +137,8 @@ def test_filter_record_refuses_what_contradicts_itself(made):
         filter_record(BEARING, log, ["linear"], tune=0.1, noise=ambkit.FilterNoise(disturbance=1.0))
     with pytest.raises(ambkit.AmbkitError, match='no estimator "kalman"; known: low-pass'):
         filter_record(BEARING, log, ["kalman"])
-    with pytest.raises(ambkit.AmbkitError, match="a source is given for adaptive"):
-        filter_record(BEARING, log, ["linear"], sources={"adaptive": ambkit.ClosedLaw(BEARING)})
+    with pytest.raises(ambkit.AmbkitError, match="a magnet is given for adaptive"):
+        filter_record(BEARING, log, ["linear"], magnets={"adaptive": ambkit.ClosedLaw(BEARING)})
 
 
 def test_lost_control_counts_stretches(made):
@@ -156,10 +156,10 @@ def test_an_expert_beyond_its_box_is_noticed():
     small = train(
         ambkit.stiffness_map(BEARING, currents=[-1.5, 0, 1.5], displacements=[*narrow / 4])
     )
-    found = filter_record(BEARING, run, ["adaptive", "linear"], sources={"adaptive": small})
+    found = filter_record(BEARING, run, ["adaptive", "linear"], magnets={"adaptive": small})
     outside = found["adaptive"].outside
     low, high = small.displacement_range
-    x = found["adaptive"].judgement.estimate.x
+    x = found["adaptive"].evaluation.estimate.x
     beyond = np.mean((x < low) | (x > high))
     assert beyond > 0.5
     assert outside.displacement == (low, high, beyond)

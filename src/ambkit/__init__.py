@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from ambkit.estimate.kalman import AdaptiveKalmanFilter as AdaptiveKalmanFilter
     from ambkit.estimate.kalman import ExtendedKalmanFilter as ExtendedKalmanFilter
     from ambkit.estimate.kalman import KalmanFilter as KalmanFilter
-    from ambkit.estimate.kalman import SquareRootKalmanFilter as SquareRootKalmanFilter
+    from ambkit.estimate.kalman import UDKalmanFilter as UDKalmanFilter
     from ambkit.estimate.low_pass import LowPass as LowPass
-    from ambkit.estimate.magnet_scale import FiveStateKalmanFilter as FiveStateKalmanFilter
+    from ambkit.estimate.magnet_scale import AugmentedKalmanFilter as AugmentedKalmanFilter
     from ambkit.estimate.magnet_scale import MultipleModelFilter as MultipleModelFilter
     from ambkit.estimate.noise import FilterNoise as FilterNoise
     from ambkit.estimate.observer import ExtendedStateObserver as ExtendedStateObserver
@@ -73,10 +73,10 @@ _HOME = {
         "AdaptiveKalmanFilter",
         "ExtendedKalmanFilter",
         "KalmanFilter",
-        "SquareRootKalmanFilter",
+        "UDKalmanFilter",
     ],
     "estimate.low_pass": ["LowPass"],
-    "estimate.magnet_scale": ["FiveStateKalmanFilter", "MultipleModelFilter"],
+    "estimate.magnet_scale": ["AugmentedKalmanFilter", "MultipleModelFilter"],
     "estimate.noise": ["FilterNoise"],
     "estimate.observer": ["ExtendedStateObserver", "SteadyStateKalmanFilter"],
     "estimate.unscented": ["UnscentedKalmanFilter"],

@@ -41,10 +41,10 @@ def write(name: str, table: Table) -> None:
     (HERE / f"{name}.csv").write_text("\n".join(lines) + "\n")
 
 
-def filtered(source: Any, precision: Any, *, as_printed: bool = False) -> Table:
+def filtered(magnet: Any, precision: Any, *, as_printed: bool = False) -> Table:
     """Run a filter of the core along the input; every fourth sample."""
     given = read("input")
-    kf = ambkit.KalmanFilter(BEARING, source, precision=precision, as_printed=as_printed)
+    kf = ambkit.KalmanFilter(BEARING, magnet, precision=precision, as_printed=as_printed)
     kf.core.reset(np.zeros(4), np.array([3e-5, 1e-2, 5.0, 3e-5]))
     out = kf.core.run(given["y"], given["u"], covariance=True)
     columns = {name: out["mean"][:, i] for i, name in enumerate(("x", "v", "f_d", "x_m"))}

@@ -10,7 +10,7 @@ class Copyable:
     """Copied and pickled with its live state: the copy goes on alone from where the original is.
 
     It is made anew from the arguments of its constructor, and given the state. `copy.copy` shares
-    bearing, source and the like with the original, which no step changes; the state never.
+    bearing, magnet and the like with the original, which no step changes; the state never.
 
     Raises
     ------

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.family import known, names
+from ambkit.cli.kinds import known, names
 from ambkit.cli.options import (
     RECORDS,
     BearingName,
@@ -66,7 +66,7 @@ def compare(
             "--estimators",
             "--estimator",
             metavar="NAMES",
-            help="Who takes part: all, or some of the family (those of 'ambkit filter' and more); "
+            help="Who takes part: all, or some kinds (those of 'ambkit filter' and more); "
             "your own as my.py:MyFilter, a class with step(y, u).",
         ),
     ] = None,
@@ -185,7 +185,7 @@ def _in_own_loops(
 ) -> None:
     """Each closes its own loop, against the same noise, with the same Q and R."""
     from ambkit.cli import output
-    from ambkit.cli.family import factories
+    from ambkit.cli.kinds import factories
     from ambkit.show import plots
     from ambkit.simulation.scenario import Scenario
     from ambkit.workflow.comparing import compare_in_loops, happenings
@@ -228,21 +228,25 @@ def _stops(scores: Mapping[str, Mapping[str, Score]], seeds: int) -> list[str]:
 def _table(scores: Mapping[str, Mapping[str, Score]], what: str, title: str) -> Any:
     from ambkit.base.units import factor
     from ambkit.cli.output import table, value
-    from ambkit.judge.comparison import JUDGED
+    from ambkit.judge.comparison import EVALUATED
 
     def shown_in(signal: str) -> str:
         means = [score.mean(signal) for of_case in scores.values() for score in of_case.values()]
         finite = [mean for mean in means if math.isfinite(mean)]
-        return value(max(finite, default=1.0), JUDGED[signal]).split(" ", 1)[-1]
+        return value(max(finite, default=1.0), EVALUATED[signal]).split(" ", 1)[-1]
 
     def entry(score: Score, signal: str) -> str:
-        scale = factor(JUDGED[signal], units[signal])
+        scale = factor(EVALUATED[signal], units[signal])
         return f"{scale * score.mean(signal):.3f} ± {scale * score.spread(signal):.3f}"
 
-    units = {signal: shown_in(signal) for signal in JUDGED}
+    units = {signal: shown_in(signal) for signal in EVALUATED}
     headers = [what, *(f"{LABELS[signal]} [{unit}]" for signal, unit in units.items()), "mean NIS"]
     rows = [
-        [f"{case}, {name}", *(entry(score, signal) for signal in JUDGED), f"{score.nis.mean():.3f}"]
+        [
+            f"{case}, {name}",
+            *(entry(score, signal) for signal in EVALUATED),
+            f"{score.nis.mean():.3f}",
+        ]
         for case, of_case in scores.items()
         for name, score in of_case.items()
     ]
@@ -254,7 +258,7 @@ def _save(path: Path, found: LoopScores) -> None:
     import numpy as np
 
     from ambkit.data.files.tables import Table, write_table
-    from ambkit.judge.comparison import JUDGED
+    from ambkit.judge.comparison import EVALUATED
 
     scores, count = found.scores, len(found.seeds)
     columns: dict[str, Any] = {}
@@ -264,7 +268,7 @@ def _save(path: Path, found: LoopScores) -> None:
         columns["step"] = np.repeat(np.array(found.steps, dtype=float), count)
     columns["seed"] = np.tile(np.array(found.seeds, dtype=float), len(scores))
     for name in next(iter(scores.values())):
-        for signal, unit in JUDGED.items():
+        for signal, unit in EVALUATED.items():
             key = f"{name}_{signal}"
             units[key] = unit
             columns[key] = np.concatenate([case[name].rmse[signal] for case in scores.values()])

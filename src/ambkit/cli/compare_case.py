@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from ambkit.judge.comparison.bench import Bench, Standing
     from ambkit.judge.comparison.study import Study
     from ambkit.machine.bearing import Bearing
-    from ambkit.machine.magnets import StiffnessSource
+    from ambkit.machine.magnets import MagnetModel
     from ambkit.show.report.blocks import Report
 
 SHOWN = ("x", "v", "f_d", "nees", "nis", "delay", "tracking", "effort", "lost", "cost")
@@ -48,7 +48,7 @@ def in_case(bearing: Bearing, case_name: str, chosen: str, wanted: Wanted) -> No
         "budget": wanted.budget,
         "seed": wanted.seed,
         "spread": wanted.spread,
-        "sources": _sources(bearing, names, wanted.expert),
+        "magnets": _magnets(bearing, names, wanted.expert),
     }
     if len(cases) > 1:
         work = len(cases) * pieces_of(len(names), wanted.budget, whole=False)
@@ -61,10 +61,8 @@ def in_case(bearing: Bearing, case_name: str, chosen: str, wanted: Wanted) -> No
     _deliver(found, wanted)
 
 
-def _sources(
-    bearing: Bearing, names: Sequence[str], expert: Path | None
-) -> dict[str, StiffnessSource]:
-    from ambkit.cli.family import read_expert
+def _magnets(bearing: Bearing, names: Sequence[str], expert: Path | None) -> dict[str, MagnetModel]:
+    from ambkit.cli.kinds import read_expert
 
     if expert is None:
         return {}

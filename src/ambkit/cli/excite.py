@@ -96,7 +96,7 @@ def excite(
       ambkit simulate my.toml --reference excitation.csv --out run.csv
     """
     from ambkit.cli import output
-    from ambkit.cli.family import scenario_of
+    from ambkit.cli.kinds import scenario_of
     from ambkit.identification.excitation import Limits, design
     from ambkit.identification.maximum_likelihood.parameters import USUAL
     from ambkit.show.plots import save_figure

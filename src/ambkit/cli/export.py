@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.family import NAMES, estimator_option, exported
+from ambkit.cli.kinds import NAMES, estimator_option, exported
 from ambkit.cli.options import BearingName, Json, find_bearing, quantity
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ def export_c(
     chosen = exported(estimator, model)
     written = c.export_c(
         model,
-        chosen.source,
+        chosen.magnet,
         out,
         kind=chosen.kind,
         precision=precision.value,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.family import NAMES, estimator_option, exported
+from ambkit.cli.kinds import NAMES, estimator_option, exported
 from ambkit.cli.options import BearingName, Json, file_option, find_bearing
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def export_fmu(
     chosen = exported(estimator, model)
     written = fmu.export_fmu(
         model,
-        chosen.source,
+        chosen.magnet,
         out,
         kind=kind.value,
         fmi=_VERSIONS[fmi],

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.family import exported
+from ambkit.cli.kinds import exported
 from ambkit.cli.options import BearingName, Json, file_option, find_bearing
 
 
@@ -38,7 +38,7 @@ def export_mat(
     from ambkit.fuzzy.expert import Expert
 
     model = find_bearing(bearing)
-    chosen = None if estimator is None else exported(estimator, model, ("adaptive",)).source
+    chosen = None if estimator is None else exported(estimator, model, ("adaptive",)).magnet
     if chosen is not None and not isinstance(chosen, Expert):
         raise AmbkitError(
             "--estimator: a MAT-file holds an expert; a force map goes into the bearing, as its "

@@ -1,4 +1,4 @@
-"""``ambkit filter``: estimators along a record, judged."""
+"""``ambkit filter``: estimators along a record, evaluated."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.family import NAMES, known, names
+from ambkit.cli.kinds import NAMES, known, names
 from ambkit.cli.options import (
     RECORDS,
     ExpertFile,
@@ -23,7 +23,7 @@ from ambkit.cli.options import (
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
-    from ambkit.judge.judgement import Judgement
+    from ambkit.judge.evaluation import Evaluation
     from ambkit.workflow.filtering import Filtered, Filtering, OutsideOfBox, Stretch
 
 
@@ -113,7 +113,7 @@ def filter_record(
     """
     from ambkit.cli import output
     from ambkit.cli.belonging import say_what_is_odd
-    from ambkit.cli.family import factories
+    from ambkit.cli.kinds import factories
     from ambkit.data.reading import load
     from ambkit.estimate.noise import FilterNoise
     from ambkit.show import plots
@@ -151,13 +151,16 @@ def filter_record(
             done=tell,
         )
     _warn(found)
-    figure = plots.filter_figure
+
+    def drawn() -> Any:
+        return plots.filter_figure(log, found.evaluations, found.smoothed)
+
     output.deliver(
         {"record": str(record)} | found.to_dict(),
         _tables(found, f"{record.name}, {len(log)} samples, {model.name}"),
         [
             (out, lambda path: found.to_record().save(path)),
-            (plot, lambda path: plots.save_figure(figure(log, found.judged, found.smoothed), path)),
+            (plot, lambda path: plots.save_figure(drawn(), path)),
         ],
         as_json=json,
     )
@@ -202,7 +205,7 @@ def _warn(found: Filtering) -> None:
     for name, one in found.estimators.items():
         if one.absurd:
             output.note(
-                f"{name}: innovations are {one.judgement.nis**0.5:.0f} times what the filter "
+                f"{name}: innovations are {one.evaluation.nis**0.5:.0f} times what the filter "
                 "expects; are the units, the signs and the bearing those of this record?"
             )
     lost, in_a_row = lost_control(found.record)
@@ -234,18 +237,18 @@ def _of_the_box(name: str, outside: OutsideOfBox) -> str:
 
 def _tables(found: Filtering, title: str) -> list[Any]:
     from ambkit.cli.output import table, value
-    from ambkit.judge.comparison import JUDGED
+    from ambkit.judge.comparison import EVALUATED
     from ambkit.workflow.filtering import HORIZONS
 
-    judged = found.judged
+    evaluated = found.evaluations
     after = {name: found.after(name) for name in found.smoothed}
-    judgements = list(judged.values())
+    evaluations = list(evaluated.values())
 
     def row(what: str, entry: Any) -> list[str]:
-        return [what, *(entry(judgement) for judgement in judgements)]
+        return [what, *(entry(evaluation) for evaluation in evaluations)]
 
-    one = judgements[0]
-    flags = list(dict.fromkeys(flag for j in judgements for flag in j.status))
+    one = evaluations[0]
+    flags = list(dict.fromkeys(flag for j in evaluations for flag in j.status))
     rows = [
         row("measurements used", lambda j: f"{j.used} of {j.samples}"),
         *(row(f"  status: {flag}", lambda j, f=flag: str(j.status.get(f, 0))) for flag in flags),
@@ -258,7 +261,7 @@ def _tables(found: Filtering, title: str) -> list[Any]:
         row("load, std", lambda j: value(j.disturbance_std, "N")),
     ]
     rows += [
-        row(f"error of {name}, rms", lambda j, n=name: value(j.rmse[n], JUDGED[n]))
+        row(f"error of {name}, rms", lambda j, n=name: value(j.rmse[n], EVALUATED[n]))
         for name in one.rmse
     ]
     if after:
@@ -266,7 +269,7 @@ def _tables(found: Filtering, title: str) -> list[Any]:
         rows.append(["load, std, smoothed", *spreads])
         rows += [
             [f"error of {name}, rms, smoothed"]
-            + [value(s["rmse"][name], JUDGED[name]) for s in after.values()]
+            + [value(s["rmse"][name], EVALUATED[name]) for s in after.values()]
             for name in one.rmse
         ]
     growths = [each.noise.disturbance for each in found.estimators.values()]
@@ -274,15 +277,15 @@ def _tables(found: Filtering, title: str) -> list[Any]:
     if growths:
         rows.append(["load, noise assumed", *(f"{growth:.3g} N^2/s" for growth in growths)])
     headers = ["", *(f"{ahead} step{'s' * (ahead > 1)} ahead" for ahead in HORIZONS)]
-    ways = {name: judgement.prediction for name, judgement in judged.items()}
+    ways = {name: evaluation.prediction for name, evaluation in evaluated.items()}
     ways |= {"last measurement held": one.held, **one.logged}
     errors = [[name, *(value(way[ahead], "m") for ahead in HORIZONS)] for name, way in ways.items()]
     return [
-        table(title, ["", *judged], rows),
+        table(title, ["", *evaluated], rows),
         table("Error of the predicted measurement, rms", headers, errors),
     ]
 
 
-def _white(judgement: Judgement) -> str:
-    white = judgement.whiteness
+def _white(evaluation: Evaluation) -> str:
+    white = evaluation.whiteness
     return f"{100 * white.share_within:.0f} %" if white else "too few"

@@ -18,7 +18,7 @@ class Method(StrEnum):
     likelihood = "likelihood"
     adaline = "adaline"
     rls = "rls"
-    extended_k = "extended-k"
+    augmented = "augmented"
     online = "online"
 
 
@@ -167,7 +167,7 @@ def identify(
     """
     from ambkit.cli.belonging import say_what_is_odd
     from ambkit.cli.identify_lift_off import by_lift_off
-    from ambkit.cli.identify_likelihood import Asked, by_likelihood
+    from ambkit.cli.identify_likelihood import Options, by_likelihood
     from ambkit.cli.identify_online import learn_online
     from ambkit.data.reading import load
 
@@ -182,7 +182,7 @@ def identify(
         "--report": report, "--force-map": force_map,
         "--force-map-nodes": force_map_nodes,
     }  # fmt: skip
-    asked = method
+    chosen = method
     if method is None:
         online_only = record and any(given is not None for given in online.values())
         method = Method.adaline if online_only else Method.likelihood
@@ -199,7 +199,7 @@ def identify(
     if start is not None and not start > 0:
         raise AmbkitError(f"--start must be greater than 0, is {start:g} {CONSTANT}")
     for_points = {"--gap-range": gap_range, "--working-point": working_point}
-    for_a_record = {"--from": begin, "--to": end, "--method": asked} | online | for_likelihood
+    for_a_record = {"--from": begin, "--to": end, "--method": chosen} | online | for_likelihood
     for_a_log = {} if lifting_off else {"--map": channel_map}
     of_the_loop = record and not lifting_off
     for option, given in (for_points if of_the_loop else for_a_record | for_a_log).items():
@@ -215,7 +215,7 @@ def identify(
     assert record
     if method is Method.likelihood:
         by_likelihood(
-            Asked(record, validate or [], rest, rest_map or channel_map, channel_map, begin, end,
+            Options(record, validate or [], rest, rest_map or channel_map, channel_map, begin, end,
                   free, load_std, out, force_map, _nodes(force_map_nodes), report, plot, json),
             known,
         )  # fmt: skip

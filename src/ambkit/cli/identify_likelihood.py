@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Asked:
+class Options:
     """What the user asked for."""
 
     records: Sequence[Path]
@@ -42,7 +42,7 @@ class Asked:
     json: bool
 
 
-def by_likelihood(asked: Asked, known: Bearing) -> None:
+def by_likelihood(options: Options, known: Bearing) -> None:
     """Identify, validate, and deliver."""
     import os
 
@@ -62,33 +62,33 @@ def by_likelihood(asked: Asked, known: Bearing) -> None:
         starting_model,
     )
 
-    rest = {} if asked.rest is None else noise_at_rest(load(asked.rest, asked.rest_map))
-    start = starting_model(known, rest=rest, load_std=asked.load_std)
-    given = None if asked.free is None else asked.free.replace(" ", "").split(",")
+    rest = {} if options.rest is None else noise_at_rest(load(options.rest, options.rest_map))
+    start = starting_model(known, rest=rest, load_std=options.load_std)
+    given = None if options.free is None else options.free.replace(" ", "").split(",")
     free = parameters_to_find(start, given)
     # Not Path.resolve, which raises where links go in a loop; reading the record says so.
-    read = {os.path.realpath(path) for path in asked.records}
-    same = read & {os.path.realpath(path) for path in asked.validate}
+    read = {os.path.realpath(path) for path in options.records}
+    same = read & {os.path.realpath(path) for path in options.validate}
     if same:
         raise AmbkitError(
             f"{Path(next(iter(same))).name} is to be identified from and validated on: a model is "
             "judged on a record that it has not seen"
         )
-    records = [_load(path, asked) for path in asked.records]
-    others = [_load(path, asked) for path in asked.validate]
-    for path, record in zip([*asked.records, *asked.validate], records + others, strict=True):
+    records = [_load(path, options) for path in options.records]
+    others = [_load(path, options) for path in options.validate]
+    for path, record in zip([*options.records, *options.validate], records + others, strict=True):
         say_what_is_odd(path, record, start.bearing)
     with arguments_of_the_user(), output.progress("identifying") as done:
         found = identify_by_likelihood(
             known,
             records,
             others=others,
-            names=[path.name for path in asked.validate or asked.records],
+            names=[path.name for path in options.validate or options.records],
             rest=rest,
             free=free,
-            load_std=asked.load_std,
-            map_forces=asked.force_map is not None,
-            nodes=asked.force_map_nodes,
+            load_std=options.load_std,
+            map_forces=options.force_map is not None,
+            nodes=options.force_map_nodes,
             note=done,
         )
     likelihood, checks, forces = found.likelihood, found.validation, found.forces
@@ -100,19 +100,19 @@ def by_likelihood(asked: Asked, known: Bearing) -> None:
         data,
         shown,
         [
-            (asked.out, lambda path: files.write_text(path, annotated_toml(likelihood))),
-            (asked.force_map, lambda path: None if forces is None else forces.save(path)),
-            (asked.report, lambda path: write_identification(path, likelihood, checks,
+            (options.out, lambda path: files.write_text(path, annotated_toml(likelihood))),
+            (options.force_map, lambda path: None if forces is None else forces.save(path)),
+            (options.report, lambda path: write_identification(path, likelihood, checks,
                                                              (others or records)[0])),
-            (asked.plot, lambda path: plots.save_figure(identified_figure(likelihood, checks),
+            (options.plot, lambda path: plots.save_figure(identified_figure(likelihood, checks),
                                                         path)),
         ],
-        as_json=asked.json,
+        as_json=options.json,
     )  # fmt: skip
     carried = carried_over(likelihood.model, delay=not likelihood.delay_counts)
-    if asked.out is not None and any("[signals." in line for line in carried):
+    if options.out is not None and any("[signals." in line for line in carried):
         output.note(
-            f"{asked.out} says what to put into the channel map before filtering such a log"
+            f"{options.out} says what to put into the channel map before filtering such a log"
         )
     if not likelihood.converged:
         output.note("the search did not end at a maximum: take a closer start, or free less")
@@ -123,8 +123,8 @@ def by_likelihood(asked: Asked, known: Bearing) -> None:
 def _map_said(mapped: ForceMap) -> str:
     along, across = mapped.force.shape
     return (
-        f"Force map: {across}x{along} nodes; the records tell of {int(mapped.told.sum())}, which "
-        f"are written: there the force is known to less than half of the "
+        f"Force map: {across}x{along} nodes; the records tell of {int(mapped.observed.sum())}, "
+        f"which are written: there the force is known to less than half of the "
         f"{value(mapped.assumed, 'N', 3)} by which the law may be wrong."
     )
 
@@ -139,13 +139,13 @@ def _rest_table(rest: dict[str, dict[str, Any]]) -> list[Any]:
     return [output.table("At rest", ["", "noise", "colour"], rows, wide=True)] if rows else []
 
 
-def _load(path: Path, asked: Asked) -> Record:
+def _load(path: Path, options: Options) -> Record:
     from ambkit.data.reading import load
 
-    record = load(path, asked.channel_map)
-    if asked.begin is None and asked.end is None:
+    record = load(path, options.channel_map)
+    if options.begin is None and options.end is None:
         return record
-    return record.between(asked.begin, asked.end)
+    return record.between(options.begin, options.end)
 
 
 def _tables(identified: Identified) -> list[Any]:

@@ -94,7 +94,7 @@ def read(
                 sampling_time=sampling_time,
                 segment=segment,
                 missing=kinds,
-                told=done,
+                progress=done,
             )
     except Refused as error:
         if plot is None:
@@ -132,7 +132,7 @@ def _print_guess(file: Path, *, as_json: bool) -> None:
     from ambkit.data.reading.guess import guess
 
     with output.progress(f"reading {file.name}") as done:
-        found = guess(file, told=done)
+        found = guess(file, progress=done)
     if as_json:
         output.deliver({"map": found}, [], as_json=True)
     else:

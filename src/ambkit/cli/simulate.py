@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ambkit.cli.family import NAMES, known
+from ambkit.cli.kinds import NAMES, known
 from ambkit.cli.options import (
     RECORDS,
     BearingName,
@@ -92,7 +92,7 @@ def simulate(
     """
     from ambkit.base.errors import AmbkitError
     from ambkit.cli import output
-    from ambkit.cli.family import factories, scenario_of, surface_in
+    from ambkit.cli.kinds import factories, scenario_of, surface_in
     from ambkit.show import plots
     from ambkit.simulation.run import simulate_run
     from ambkit.workflow.simulating import RunSummary

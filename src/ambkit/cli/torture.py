@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ambkit.cli.family import NAMES, known, names
+from ambkit.cli.kinds import NAMES, known, names
 from ambkit.cli.options import (
     RECORDS,
     BearingName,
@@ -87,7 +87,7 @@ def torture(
       ambkit torture zittau_axial --estimator linear --estimator extended --plot faults.png
     """
     from ambkit.cli import output
-    from ambkit.cli.family import factories
+    from ambkit.cli.kinds import factories
     from ambkit.judge.faults.campaign import chosen_faults, flights_of
     from ambkit.judge.faults.campaign import torture as through
     from ambkit.show import plots

@@ -1,4 +1,4 @@
-"""Noise found online, around any filter of the family that has a covariance."""
+"""Noise found online, around any filter that has a covariance."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ class AdaptiveNoise(Estimator):
             raise ValueError(f"{inner.name}: its noise cannot be found, as it has a constant gain")
         self.inner = inner
         self.smooths = inner.smooths
-        self.bearing, self.source = inner.bearing, inner.source
+        self.bearing, self.magnet = inner.bearing, inner.magnet
         self.variances, self.precision = inner.variances, inner.precision
         self.name = f"{inner.name}, adaptive noise"
         share = T / memory

@@ -19,8 +19,8 @@ from ambkit.estimate.noise import FilterNoise, completed
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.magnets import (
     ConstantStiffness,
+    MagnetModel,
     Precision,
-    StiffnessSource,
     bias_force_of,
     own_time,
 )
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 class Estimator(Copyable):
-    """An estimator of the family: the same inputs, the same outputs, one interface in C.
+    """An estimator of any kind: the same inputs, the same outputs, one interface in C.
 
     Each kind says in `_build` which of the core's it is (``core/include/ambkit/estimator.h``).
 
@@ -41,7 +41,7 @@ class Estimator(Copyable):
     ----------
     bearing : Bearing
         What is filtered.
-    source : optional
+    magnet : optional
         What the filter knows of its magnet; by default the constant stiffnesses of the origin.
     noise : FilterNoise, optional
         Variances; by default those of the bearing.
@@ -75,7 +75,7 @@ class Estimator(Copyable):
     def __init__(
         self,
         bearing: Bearing,
-        source: StiffnessSource | None = None,
+        magnet: MagnetModel | None = None,
         *,
         noise: FilterNoise | None = None,
         gravity: Literal["known", "disturbance"] = "known",
@@ -93,7 +93,7 @@ class Estimator(Copyable):
         if not (math.isfinite(gate) and gate > 0):
             raise ValueError(f"gate must be greater than 0 standard deviations, got {gate!r}")
         self.bearing = bearing
-        self.source = source if source is not None else ConstantStiffness.of(bearing)
+        self.magnet = magnet if magnet is not None else ConstantStiffness.of(bearing)
         self.variances = completed(bearing, noise or FilterNoise())
         self.precision = precision
         known = bearing.weight if gravity == "known" else 0.0
@@ -107,7 +107,7 @@ class Estimator(Copyable):
             "k_ui": [bearing.amplifier.gain],
             "iu_min": [bearing.current_min],
             "iu_max": [bearing.current_max],
-            "f_0": [known + bias_force_of(self.source, bearing)],
+            "f_0": [known + bias_force_of(self.magnet, bearing)],
             "x_max": [travel],
             "cap": caps(bearing, self.states),
             "var_u": [self.variances.control],
@@ -118,8 +118,8 @@ class Estimator(Copyable):
             "outlier_limit": outlier_limit,
         }
         self._settings = settings
-        magnet = self.source.magnet(self.engine.core)
-        self.core: Any = self._build(self.engine, magnet, settings)
+        held = self.magnet.in_core(self.engine.core)
+        self.core: Any = self._build(self.engine, held, settings)
         self.reset()
 
     @property
@@ -203,7 +203,7 @@ class Estimator(Copyable):
         ----------
         other : Estimator
             Any of the linear, adaptive, extended and unscented Kalman filters where this is one of
-            them; for the square-root filter another of its kind. Sampling time and sensor should be
+            them; for the UD filter another of its kind. Sampling time and sensor should be
             the same.
 
         Raises
@@ -340,7 +340,7 @@ class Estimator(Copyable):
         """
         if not self.smooths:
             raise ValueError(
-                f"{self.name}: cannot be smoothed; the linear, adaptive, extended and square-root "
+                f"{self.name}: cannot be smoothed; the linear, adaptive, extended and UD "
                 "Kalman filters can"
             )
         y, u = self._start(record)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.engine import Engine
-from ambkit.machine.magnets import StiffnessSource, magnet_of
+from ambkit.machine.magnets import MagnetModel, magnet_of
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
@@ -23,7 +23,7 @@ class KalmanFilter(Estimator):
     ----------
     bearing : Bearing
         What is filtered.
-    source : optional
+    magnet : optional
         What the filter knows of its magnet; by default the constant stiffnesses of the origin.
     **options
         Of :class:`ambkit.estimate.base.Estimator`: noise, gravity, precision, frozen_limit, gate,
@@ -46,7 +46,7 @@ class AdaptiveKalmanFilter(KalmanFilter):
     ----------
     bearing : Bearing
         What is filtered.
-    source : Expert, StiffnessMap, ClosedLaw or ConstantStiffness
+    magnet : Expert, StiffnessMap, ClosedLaw or ConstantStiffness
         What is asked: the trained expert, its table, or the force law itself.
     **options
         As for :class:`KalmanFilter`.
@@ -54,8 +54,8 @@ class AdaptiveKalmanFilter(KalmanFilter):
 
     name = "adaptive Kalman filter"
 
-    def __init__(self, bearing: Bearing, source: StiffnessSource, **options: Any) -> None:
-        super().__init__(bearing, source, **options)
+    def __init__(self, bearing: Bearing, magnet: MagnetModel, **options: Any) -> None:
+        super().__init__(bearing, magnet, **options)
 
 
 class ExtendedKalmanFilter(Estimator):
@@ -65,7 +65,7 @@ class ExtendedKalmanFilter(Estimator):
     ----------
     bearing : Bearing
         What is filtered.
-    source : optional
+    magnet : optional
         What the filter knows of its magnet; by default the bearing's own law.
     **options
         As for :class:`KalmanFilter`.
@@ -78,16 +78,14 @@ class ExtendedKalmanFilter(Estimator):
     name = "extended Kalman filter"
     smooths = True
 
-    def __init__(
-        self, bearing: Bearing, source: StiffnessSource | None = None, **options: Any
-    ) -> None:
-        super().__init__(bearing, source or magnet_of(bearing), **options)
+    def __init__(self, bearing: Bearing, magnet: MagnetModel | None = None, **options: Any) -> None:
+        super().__init__(bearing, magnet or magnet_of(bearing), **options)
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         return engine.core.Extended(magnet, engine.model_of_core, **settings)
 
 
-class SquareRootKalmanFilter(ExtendedKalmanFilter):
+class UDKalmanFilter(ExtendedKalmanFilter):
     """Extended Kalman filter on the factor U D U' of its covariance, for single precision.
 
     In exact arithmetic it is the extended filter; with constant stiffnesses, the linear one. In
@@ -97,7 +95,7 @@ class SquareRootKalmanFilter(ExtendedKalmanFilter):
     ----------
     bearing : Bearing
         What is filtered.
-    source : optional
+    magnet : optional
         What the filter knows of its magnet; by default the bearing's own law.
     **options
         As for :class:`KalmanFilter`.
@@ -108,7 +106,7 @@ class SquareRootKalmanFilter(ExtendedKalmanFilter):
     Factorization Methods for Discrete Sequential Estimation, 1977.
     """
 
-    name = "square-root Kalman filter"
+    name = "UD-factorised Kalman filter"
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         return engine.core.UD(magnet, engine.model_of_core, **settings)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.engine import Engine
 from ambkit.estimate.observer import unstable_pole
-from ambkit.machine.magnets import StiffnessSource
+from ambkit.machine.magnets import MagnetModel
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
@@ -25,7 +25,7 @@ class LowPass(Estimator):
     ----------
     bearing : Bearing
         What is filtered.
-    source : optional
+    magnet : optional
         What is known of the magnet; by default the constant stiffnesses of the origin.
     position, velocity, force : float, optional
         Corner frequencies [rad/s]. Defaults: 20, 10 and 2 times the plant's unstable pole.
@@ -43,7 +43,7 @@ class LowPass(Estimator):
     def __init__(
         self,
         bearing: Bearing,
-        source: StiffnessSource | None = None,
+        magnet: MagnetModel | None = None,
         *,
         position: float | None = None,
         velocity: float | None = None,
@@ -59,7 +59,7 @@ class LowPass(Estimator):
         for name, corner in self.corners.items():
             if not (math.isfinite(corner) and corner > 0):
                 raise ValueError(f"{name} must be greater than 0 rad/s, got {corner!r}")
-        super().__init__(bearing, source, **options)
+        super().__init__(bearing, magnet, **options)
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         T = self.bearing.sampling_time

@@ -11,14 +11,14 @@ import numpy as np
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.engine import Engine
 from ambkit.estimate.observer import unstable_pole
-from ambkit.machine.magnets import StiffnessSource, bias_force_of, magnet_of
+from ambkit.machine.magnets import MagnetModel, bias_force_of, magnet_of
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
     from ambkit.machine.bearing import Bearing
 
 
-class FiveStateKalmanFilter(Estimator):
+class AugmentedKalmanFilter(Estimator):
     """Extended Kalman filter whose fifth state is the magnet constant, over the known one.
 
     At rest the magnet constant and a constant load cannot be told apart. The filter holds the
@@ -31,7 +31,7 @@ class FiveStateKalmanFilter(Estimator):
     ----------
     bearing : Bearing
         What is filtered.
-    source : optional
+    magnet : optional
         What the filter knows of its magnet; by default the bearing's own law.
     scale_std : float, optional
         Standard deviation of the scale at the start, and the most that it grows to [1].
@@ -57,12 +57,12 @@ class FiveStateKalmanFilter(Estimator):
     extended Kalman filter as a parameter estimator for linear systems, 1979.
     """
 
-    name = "extended Kalman filter with k"
+    name = "augmented-state extended Kalman filter"
 
     def __init__(
         self,
         bearing: Bearing,
-        source: StiffnessSource | None = None,
+        magnet: MagnetModel | None = None,
         *,
         scale_std: float = 0.2,
         wander: float = 0.01,
@@ -77,16 +77,16 @@ class FiveStateKalmanFilter(Estimator):
             raise ValueError(f"wander must be 0 1/s or more, got {wander!r}")
         if not (0 < least <= 1 <= most < math.inf):
             raise ValueError(f"limits must be 0 < least <= 1 <= most, got {least!r}, {most!r}")
-        source = source or magnet_of(bearing)
+        magnet = magnet or magnet_of(bearing)
         self._own: dict[str, Any] = {
-            "bias": [bias_force_of(source, bearing)],
+            "bias": [bias_force_of(magnet, bearing)],
             "std": scale_std,
             "var_k": wander * bearing.sampling_time,
             "min": least,
             "max": most,
             **_learning(bearing, excitation),
         }
-        super().__init__(bearing, source, **options)
+        super().__init__(bearing, magnet, **options)
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         own = self._own | {"bias": np.array(self._own["bias"], self.precision)}
@@ -98,20 +98,20 @@ class MultipleModelFilter(Estimator):
 
     They are weighed by how well they foretell the measurement; a magnet constant that jumps is
     found within milliseconds of motion. At rest nothing is weighed, for the reason and with the
-    flag of :class:`FiveStateKalmanFilter`.
+    flag of :class:`AugmentedKalmanFilter`.
 
     Parameters
     ----------
     bearing : Bearing
         What is filtered.
-    source : optional
+    magnet : optional
         What the filters know of their magnet; by default the bearing's own law.
     scales : sequence of float, optional
         Magnet constants over the known one, 2 to 5 [1].
     sojourn : float, optional
         Mean time for which the constant keeps one of them, while there is motion [s].
     excitation : float, optional
-        As for :class:`FiveStateKalmanFilter` [1].
+        As for :class:`AugmentedKalmanFilter` [1].
     **options
         As for :class:`KalmanFilter`.
 
@@ -131,7 +131,7 @@ class MultipleModelFilter(Estimator):
     def __init__(
         self,
         bearing: Bearing,
-        source: StiffnessSource | None = None,
+        magnet: MagnetModel | None = None,
         *,
         scales: Sequence[float] = (0.7, 0.85, 1.0, 1.15, 1.3),
         sojourn: float = 1.0,
@@ -143,13 +143,13 @@ class MultipleModelFilter(Estimator):
         if not (math.isfinite(sojourn) and sojourn >= 2 * bearing.sampling_time):
             raise ValueError(f"sojourn must be two samples or more [s], got {sojourn!r}")
         self.scales = tuple(float(s) for s in scales)
-        source = source or magnet_of(bearing)
+        magnet = magnet or magnet_of(bearing)
         self._own: dict[str, Any] = {
             "leave": bearing.sampling_time / sojourn,
-            "bias": [bias_force_of(source, bearing)],
+            "bias": [bias_force_of(magnet, bearing)],
             **_learning(bearing, excitation),
         }
-        super().__init__(bearing, source, **options)
+        super().__init__(bearing, magnet, **options)
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         scales = np.array(self.scales, self.precision)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.engine import Engine
 from ambkit.estimate.model import LinearModel
-from ambkit.machine.magnets import ConstantStiffness, StiffnessSource
+from ambkit.machine.magnets import ConstantStiffness, MagnetModel
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
@@ -69,9 +69,9 @@ class ExtendedStateObserver(_Observer):
     ----------
     bearing : Bearing
         What is observed.
-    source : optional
+    magnet : optional
         What the observer knows of its magnet; by default the constant stiffnesses of the origin,
-        for which the gain is computed whatever the source.
+        for which the gain is computed whatever the magnet.
     bandwidth : float, optional
         Of the estimation error [rad/s]. Default: eight times the plant's unstable pole.
     **options
@@ -93,7 +93,7 @@ class ExtendedStateObserver(_Observer):
     def __init__(
         self,
         bearing: Bearing,
-        source: StiffnessSource | None = None,
+        magnet: MagnetModel | None = None,
         *,
         bandwidth: float | None = None,
         **options: Any,
@@ -103,7 +103,7 @@ class ExtendedStateObserver(_Observer):
         if not (math.isfinite(bandwidth) and bandwidth > 0):
             raise ValueError(f"bandwidth must be greater than 0 rad/s, got {bandwidth!r}")
         self.bandwidth = bandwidth
-        super().__init__(bearing, source, **options)
+        super().__init__(bearing, magnet, **options)
 
     def _gain(self, model: LinearModel, engine: Engine) -> Array:
         pole = math.exp(-self.bandwidth * self.bearing.sampling_time)
@@ -121,9 +121,9 @@ class SteadyStateKalmanFilter(_Observer):
     ----------
     bearing : Bearing
         What is filtered.
-    source : optional
+    magnet : optional
         What the filter knows of its magnet; by default the constant stiffnesses of the origin,
-        for which the gain is computed whatever the source.
+        for which the gain is computed whatever the magnet.
     **options
         As for :class:`KalmanFilter`.
     """

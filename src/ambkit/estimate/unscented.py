@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.engine import Engine
-from ambkit.machine.magnets import StiffnessSource, magnet_of
+from ambkit.machine.magnets import MagnetModel, magnet_of
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
@@ -24,7 +24,7 @@ class UnscentedKalmanFilter(Estimator):
     ----------
     bearing : Bearing
         What is filtered.
-    source : optional
+    magnet : optional
         What the filter knows of its magnet; by default the closed law.
     alpha, beta, kappa : float
         Spread of the points [1]: they lie ``alpha sqrt(n + kappa)`` standard deviations from the
@@ -49,7 +49,7 @@ class UnscentedKalmanFilter(Estimator):
     def __init__(
         self,
         bearing: Bearing,
-        source: StiffnessSource | None = None,
+        magnet: MagnetModel | None = None,
         *,
         alpha: float = 1.0,
         beta: float = 0.0,
@@ -57,7 +57,7 @@ class UnscentedKalmanFilter(Estimator):
         **options: Any,
     ) -> None:
         self._spread: dict[str, Any] = {"alpha": alpha, "beta": beta, "kappa": kappa}
-        super().__init__(bearing, source or magnet_of(bearing), **options)
+        super().__init__(bearing, magnet or magnet_of(bearing), **options)
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         n, alpha, beta = len(engine.states), self._spread["alpha"], self._spread["beta"]

@@ -148,7 +148,7 @@ def _fields(described: Any) -> dict[str, Any]:
 
 def _expert(expert: Expert) -> dict[str, Any]:
     """Rules of the network (paper, eq. 32, 33): in scaled units what is called so."""
-    held = expert.magnet(core_module()).parameters
+    held = expert.in_core(core_module()).parameters
     return {
         "centre_current": held["centre_iu"] / held["per_ampere"],
         "centre_displacement": held["centre_x"] / held["per_metre"],

@@ -1,4 +1,4 @@
-"""Any source of stiffnesses as a table, just fine enough for a bound on the force error."""
+"""The stiffnesses of any magnet as a table, just fine enough for a bound on the force error."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class TabulatedExpert:
     bound: float
     error: float
 
-    def magnet(self, core: ModuleType) -> Table:
+    def in_core(self, core: ModuleType) -> Table:
         """Build the C implementation: bilinear between the nodes, held at the edge outside."""
         return _table(core, self.current, self.displacement, self.k_i, self.k_s)
 

@@ -213,7 +213,7 @@ def choose_rules(
     least, since = np.inf, 0
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
 
-        def judge(force: Callable[[int], ForceFunction]) -> tuple[float, float]:
+        def evaluate(force: Callable[[int], ForceFunction]) -> tuple[float, float]:
             """Error, and its standard error, of the force that is found without each fold."""
 
             def squares(k: int) -> Array:
@@ -230,12 +230,12 @@ def choose_rules(
             def trained(k: int, shape: Shape = shape) -> ForceFunction:
                 return train(map_of(bearing, surfaces[k], box, shape), **training).force
 
-            done.append(Candidate(shape, *judge(trained)))
+            done.append(Candidate(shape, *evaluate(trained)))
             since = 0 if done[-1].error < least else since + 1
             least = min(least, done[-1].error)
             if since == PATIENCE and candidates is None:
                 break
-        limit, _ = judge(lambda k: surfaces[k])
+        limit, _ = evaluate(lambda k: surfaces[k])
     return RuleChoice(tuple(done), limit, len(folds))
 
 

@@ -330,7 +330,7 @@ class Expert(Part):
         """Force RMS over the training samples [N], from the untrained network on (Fig. 10)."""
         return np.array(self.training.force_rms if self.training else ())
 
-    def magnet(self, core: ModuleType) -> Fuzzy:
+    def in_core(self, core: ModuleType) -> Fuzzy:
         """Build the C implementation.
 
         Parameters

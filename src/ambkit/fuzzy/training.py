@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.fuzzy.expert import Expert, Method, Training
-from ambkit.fuzzy.lesson import Lesson, Outputs, rms
 from ambkit.fuzzy.network import Scaling
+from ambkit.fuzzy.training_set import Outputs, TrainingSet, rms
 from ambkit.machine.stiffness import StiffnessMap, stiffness_map
 
 if TYPE_CHECKING:
@@ -101,11 +101,11 @@ def train(
         raise AmbkitError(f"learning_rate must be greater than 0, is {learning_rate!r}")
     stiff = source if isinstance(source, StiffnessMap) else stiffness_map(source)
     start = Expert.from_map(stiff, widths=widths, normalised=normalised, scaling=scaling)
-    lesson = Lesson(stiff, start, samples)
+    data = TrainingSet(stiff, start, samples)
     if method == "least-squares":
-        found = _least_squares(lesson, weights, epochs)
+        found = _least_squares(data, weights, epochs)
     else:
-        found = _steepest_gradient(lesson, epochs, learning_rate)
+        found = _steepest_gradient(data, epochs, learning_rate)
     force_rms, k_i_rms, k_s_rms = np.array(found.curve).T.tolist()
     return Expert.from_map(
         stiff,
@@ -136,23 +136,23 @@ class LeastSquares:
 
     Parameters
     ----------
-    lesson : Lesson
+    data : TrainingSet
         Samples, and the network to start from.
     weights : bool
         Train the weights, too.
     """
 
-    def __init__(self, lesson: Lesson, weights: bool) -> None:
-        self.lesson = lesson
-        self.log_widths, self.weights = np.log(lesson.start.widths), lesson.start.weights
+    def __init__(self, data: TrainingSet, weights: bool) -> None:
+        self.data = data
+        self.log_widths, self.weights = np.log(data.start.widths), data.start.weights
         self.curve: list[tuple[float, float, float]] = []
         largest = np.max(np.abs(self.weights), axis=1, keepdims=True)
         self._weight_unit = np.where(largest > 0, largest, 1.0)
         costs = (WIDTH_COST, WEIGHT_COST) if weights else (WIDTH_COST,)
         self._cost = np.repeat(costs, self.weights.size)
-        self._per_newton = 1 / (rms(lesson.force) * np.sqrt(lesson.force.size))
+        self._per_newton = 1 / (rms(data.force) * np.sqrt(data.force.size))
         # An error of k_i or k_s in newtons: times the RMS current or displacement.
-        self._own = STIFFNESS_SHARE * np.sqrt(np.mean(lesson.inputs**2, axis=1))
+        self._own = STIFFNESS_SHARE * np.sqrt(np.mean(data.inputs**2, axis=1))
         self._latest: tuple[bytes, Outputs] | None = None
 
     def start(self) -> Array:
@@ -166,15 +166,15 @@ class LeastSquares:
 
     def residuals(self, change: Array) -> Array:
         """Errors of force, k_i and k_s at the n samples, and the cost of change: (3 n + size,)."""
-        lesson, value = self.lesson, self._outputs(change).value
-        force = np.sum(value * lesson.inputs, axis=0) - lesson.force
-        own = self._own[:, np.newaxis] * (value - lesson.stiffness)
+        data, value = self.data, self._outputs(change).value
+        force = np.sum(value * data.inputs, axis=0) - data.force
+        own = self._own[:, np.newaxis] * (value - data.stiffness)
         return np.concatenate([self._per_newton * np.r_[force, own.ravel()], self._cost * change])
 
     def jacobian(self, change: Array) -> Array:
         """Derivatives of the residuals (3 n + size, size); notes the errors for the curve."""
-        outputs, inputs = self._outputs(change), self.lesson.inputs
-        self.curve.append(self.lesson.errors(outputs.value))
+        outputs, inputs = self._outputs(change), self.data.inputs
+        self.curve.append(self.data.errors(outputs.value))
         # Axes: kind of parameter, output o, sample n, rule r.
         slopes = np.stack(
             [outputs.by_log_width, outputs.by_weight * self._weight_unit[:, np.newaxis]]
@@ -188,15 +188,15 @@ class LeastSquares:
         """Evaluate the network; residuals and Jacobian at one point share the work."""
         key = change.tobytes()
         if self._latest is None or self._latest[0] != key:
-            self._latest = key, self.lesson.outputs(*self.parameters(change))
+            self._latest = key, self.data.outputs(*self.parameters(change))
         return self._latest[1]
 
 
-def _least_squares(lesson: Lesson, weights: bool, epochs: int) -> _Trained:
+def _least_squares(data: TrainingSet, weights: bool, epochs: int) -> _Trained:
     """Levenberg and Marquardt's method (Moré 1978), from the start until it converges."""
     from scipy.optimize import least_squares
 
-    problem = LeastSquares(lesson, weights)
+    problem = LeastSquares(data, weights)
     # MINPACK's own QR: for 100 parameters the threads of a BLAS cost more than they bring.
     solution = least_squares(
         problem.residuals,
@@ -208,22 +208,22 @@ def _least_squares(lesson: Lesson, weights: bool, epochs: int) -> _Trained:
         xtol=1e-8,
     )
     found = problem.parameters(solution.x)
-    return _Trained(*found, [*problem.curve, lesson.errors(lesson.outputs(*found).value)])
+    return _Trained(*found, [*problem.curve, data.errors(data.outputs(*found).value)])
 
 
-def _steepest_gradient(lesson: Lesson, epochs: int, learning_rate: float) -> _Trained:
+def _steepest_gradient(data: TrainingSet, epochs: int, learning_rate: float) -> _Trained:
     """Widths down the gradient of each output's mean square error (paper, after eq. 33)."""
-    log_widths, weights = np.log(lesson.start.widths), lesson.start.weights
-    mean_square = np.mean(lesson.stiffness**2, axis=1)
-    value = lesson.outputs(log_widths, weights).value
+    log_widths, weights = np.log(data.start.widths), data.start.weights
+    mean_square = np.mean(data.stiffness**2, axis=1)
+    value = data.outputs(log_widths, weights).value
     rate = np.full(2, learning_rate)
     least = np.full(2, np.inf)
     descent = np.zeros_like(log_widths)
     curve = []
     for _ in range(epochs + 1):
         trial = log_widths + rate[:, np.newaxis] * descent
-        outputs = lesson.outputs(trial, weights)
-        error = outputs.value - lesson.stiffness
+        outputs = data.outputs(trial, weights)
+        error = outputs.value - data.stiffness
         square = np.mean(error**2, axis=1) / mean_square
         gradient = 2 * np.einsum("on,onr->or", error, outputs.by_log_width) / error.shape[1]
         # The outputs learn side by side, each at its own pace.
@@ -232,5 +232,5 @@ def _steepest_gradient(lesson: Lesson, epochs: int, learning_rate: float) -> _Tr
         descent[helped] = -(gradient / mean_square[:, np.newaxis])[helped]
         rate *= np.where(helped, 1.05, 0.5)
         value[helped] = outputs.value[helped]
-        curve.append(lesson.errors(value))
+        curve.append(data.errors(value))
     return _Trained(log_widths, weights, curve)

@@ -35,7 +35,7 @@ class Verdict(NamedTuple):
     """What is odd."""
 
 
-def judge_record(record: Record, bearing: Bearing) -> Verdict:
+def evaluate_record(record: Record, bearing: Bearing) -> Verdict:
     """Compare a record with the bearing that it is said to be of.
 
     Parameters

@@ -1,7 +1,7 @@
 """Force laws of a magnet: that of ideal iron, and that of iron that saturates.
 
-Each source of stiffness (these, :class:`ambkit.StiffnessMap`, :class:`ambkit.Expert`) has the
-method ``magnet(core)`` that builds the C implementation of ``ambkit/magnet.h`` from it.
+Each model of a magnet (these, :class:`ambkit.StiffnessMap`, :class:`ambkit.Expert`) has the
+method ``in_core(core)`` that builds the C implementation of ``ambkit/magnet.h`` from it.
 """
 
 from __future__ import annotations
@@ -59,10 +59,10 @@ def equally_far(bearing: Bearing) -> tuple[float, float]:
     return bearing.magnet.bias_current / 1.5, bearing.magnet.air_gap / 2
 
 
-class StiffnessSource(Protocol):
-    """Anything that an adaptive filter can ask for k_i and k_s."""
+class MagnetModel(Protocol):
+    """What an estimator knows of its magnet: anything that can be asked for force, k_i and k_s."""
 
-    def magnet(self, core: ModuleType) -> Magnet:
+    def in_core(self, core: ModuleType) -> Magnet:
         """Build the C implementation in the given build of the core."""
 
 
@@ -91,7 +91,7 @@ class Law:
 
     bearing: Bearing
 
-    def magnet(self, core: ModuleType) -> Magnet:
+    def in_core(self, core: ModuleType) -> Magnet:
         """Build the C implementation.
 
         Parameters
@@ -123,7 +123,7 @@ class Law:
         float
             Infinite where no current does.
         """
-        magnet, middle = self.magnet(core_module()), np.zeros(1)
+        magnet, middle = self.in_core(core_module()), np.zeros(1)
         wanted = force - self.bias_force
 
         def short(iu: float) -> bool:
@@ -193,7 +193,7 @@ class ClosedLaw(Law):
 
     bearing: Bearing
 
-    def magnet(self, core: ModuleType) -> Magnet:
+    def in_core(self, core: ModuleType) -> Magnet:
         """Build the C implementation.
 
         Parameters
@@ -225,7 +225,7 @@ class SaturatingLaw(Law):
 
     bearing: Bearing
 
-    def magnet(self, core: ModuleType) -> Magnet:
+    def in_core(self, core: ModuleType) -> Magnet:
         """Build the C implementation.
 
         Parameters
@@ -260,22 +260,22 @@ def law_of(bearing: Bearing) -> Law:
 
 
 def _evaluate(
-    source: StiffnessSource, method: str, iu: ArrayLike, x: ArrayLike
+    magnet: MagnetModel, method: str, iu: ArrayLike, x: ArrayLike
 ) -> tuple[NDArray[np.float64], ...]:
     """Call a method of the C magnet with arrays that broadcast; always a tuple of arrays."""
     i, d = np.broadcast_arrays(real("iu", iu), real("x", x))
-    result = getattr(source.magnet(core_module()), method)(i.ravel(), d.ravel())
+    result = getattr(magnet.in_core(core_module()), method)(i.ravel(), d.ravel())
     parts = result if isinstance(result, tuple) else (result,)
     return tuple(np.asarray(part).reshape(i.shape) for part in parts)
 
 
 def evaluate_stiffness(
-    source: StiffnessSource, iu: ArrayLike, x: ArrayLike
+    magnet: MagnetModel, iu: ArrayLike, x: ArrayLike
 ) -> tuple[NDArray[np.float64], ...]:
-    """Return k_i [N/A], k_s [N/m] of any source, through-origin form, at (iu [A], x [m])."""
-    return _evaluate(source, "through_origin", iu, x)
+    """Return k_i [N/A], k_s [N/m] of any magnet, through-origin form, at (iu [A], x [m])."""
+    return _evaluate(magnet, "through_origin", iu, x)
 
 
-def evaluate_force(source: StiffnessSource, iu: ArrayLike, x: ArrayLike) -> NDArray[np.float64]:
-    """Force relative to the bias force [N] of any source at (iu [A], x [m])."""
-    return _evaluate(source, "force", iu, x)[0]
+def evaluate_force(magnet: MagnetModel, iu: ArrayLike, x: ArrayLike) -> NDArray[np.float64]:
+    """Force relative to the bias force [N] of any magnet at (iu [A], x [m])."""
+    return _evaluate(magnet, "force", iu, x)[0]

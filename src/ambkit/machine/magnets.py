@@ -1,8 +1,8 @@
 """What a magnet pulls with: constant stiffness, the closed law, or the law of saturating iron.
 
 `magnet_of` gives the one that a bearing describes; who wants to know anything of a bearing's magnet
-asks that. Each source of stiffness (these, :class:`ambkit.StiffnessMap`, :class:`ambkit.Expert`)
-has the method ``magnet(core)`` that builds the C implementation of ``ambkit/magnet.h`` from it.
+asks that. Each model of a magnet (these, :class:`ambkit.StiffnessMap`, :class:`ambkit.Expert`)
+has the method ``in_core(core)`` that builds the C implementation of ``ambkit/magnet.h`` from it.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from ambkit.machine.laws import MU_0 as MU_0
 from ambkit.machine.laws import Bearing as Bearing
 from ambkit.machine.laws import ClosedLaw as ClosedLaw
 from ambkit.machine.laws import Law as Law
+from ambkit.machine.laws import MagnetModel as MagnetModel
 from ambkit.machine.laws import Precision as Precision
 from ambkit.machine.laws import SaturatingLaw as SaturatingLaw
-from ambkit.machine.laws import StiffnessSource as StiffnessSource
 from ambkit.machine.laws import core_module as core_module
 from ambkit.machine.laws import equally_far as equally_far
 from ambkit.machine.laws import evaluate_force as evaluate_force
@@ -75,7 +75,7 @@ class ConstantStiffness:
         k_i, k_s = magnet_of(bearing).tangent(0.0, 0.0)
         return cls(float(k_i), float(k_s))
 
-    def magnet(self, core: ModuleType) -> Magnet:
+    def in_core(self, core: ModuleType) -> Magnet:
         """Build the C implementation.
 
         Parameters
@@ -104,6 +104,6 @@ def magnet_of(bearing: Bearing) -> Law:
     return surface_of(bearing)
 
 
-def bias_force_of(source: StiffnessSource, bearing: Bearing) -> float:
+def bias_force_of(magnet: MagnetModel, bearing: Bearing) -> float:
     """Force at iu = 0, x = 0 [N] of what an estimator knows, or else of the bearing's magnet."""
-    return (source if isinstance(source, Law) else magnet_of(bearing)).bias_force
+    return (magnet if isinstance(magnet, Law) else magnet_of(bearing)).bias_force

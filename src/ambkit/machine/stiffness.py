@@ -113,7 +113,7 @@ class StiffnessMap:
         other = self.force_bias if model is None else np.asarray(model(iu, x), dtype=float)
         return float(np.sqrt(np.mean((_asked(self.force, iu, x) - other) ** 2)))
 
-    def magnet(self, core: ModuleType) -> Table:
+    def in_core(self, core: ModuleType) -> Table:
         """Build the C implementation: bilinear between the nodes, held at the edge outside.
 
         Parameters

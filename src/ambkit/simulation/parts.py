@@ -98,7 +98,7 @@ def coil_fields(bearing: Bearing) -> dict[str, Any] | None:
     pair = bearing.amplifier.voltage_limit is not None and bearing.magnet.type == "two-sided"
     if not (pair and isinstance(law, ClosedLaw)):
         return None
-    fields: dict[str, Any] = law.magnet(core_module()).parameters
+    fields: dict[str, Any] = law.in_core(core_module()).parameters
     return fields | {"two_sided": False}
 
 

@@ -19,7 +19,7 @@ from ambkit.data.record import Record
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.machine.magnets import Law, StiffnessSource, core_module, evaluate_force, magnet_of
+from ambkit.machine.magnets import Law, MagnetModel, core_module, evaluate_force, magnet_of
 from ambkit.simulation import noise, parts
 
 if TYPE_CHECKING:
@@ -146,7 +146,7 @@ def simulate(
     scenario: Scenario,
     *,
     estimator: Estimator | None = None,
-    magnet: StiffnessSource | None = None,
+    magnet: MagnetModel | None = None,
     imposed: Imposed | None = None,
 ) -> Record:
     """Simulate the closed loop; see :func:`simulate_run`, which also returns the estimate.
@@ -176,7 +176,7 @@ def simulate_run(
     scenario: Scenario,
     *,
     estimator: Estimator | None = None,
-    magnet: StiffnessSource | None = None,
+    magnet: MagnetModel | None = None,
     imposed: Imposed | None = None,
 ) -> Run:
     """Simulate plant, amplifier, sensor, controller and estimator in closed loop.
@@ -251,7 +251,7 @@ class Loop:
         scenario: Scenario,
         *,
         estimator: Estimator | None = None,
-        magnet: StiffnessSource | None = None,
+        magnet: MagnetModel | None = None,
         imposed: Imposed | None = None,
     ) -> None:
         T, n = bearing.sampling_time, samples(bearing, scenario)
@@ -332,7 +332,7 @@ class Loop:
 
         faults = self._faults
         out = core.simulate(
-            self._plant.magnet(core),
+            self._plant.in_core(core),
             T=T,
             m=bearing.rotor.mass,
             f_0=bearing.weight + self._law.bias_force,
@@ -395,7 +395,7 @@ def _series(imposed: Imposed) -> Iterator[tuple[str, NDArray[np.float64]]]:
         yield from ((f"fault {name}", values) for name, values in imposed.faults.series.items())
 
 
-def hover_current(bearing: Bearing, plant: StiffnessSource, x: float, balance: float) -> float:
+def hover_current(bearing: Bearing, plant: MagnetModel, x: float, balance: float) -> float:
     """Control current [A] that holds the rotor at x [m] against ``balance`` [N], within limits."""
     from scipy.optimize import brentq
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ambkit.base.errors import RecordError
-from ambkit.judge.belongs import judge_record, off_rate
+from ambkit.judge.belongs import evaluate_record, off_rate
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -40,7 +40,7 @@ def check_belongs(record: Record, bearing: Bearing) -> list[str]:
     """
     if off_rate(record, bearing):
         return []
-    verdict = judge_record(record, bearing)
+    verdict = evaluate_record(record, bearing)
     if "y" in record:
         y = record["y"][np.isfinite(record["y"])] / bearing.sensor.gain
         beyond = float(np.mean(np.abs(y) > bearing.magnet.air_gap)) if y.size else 0.0

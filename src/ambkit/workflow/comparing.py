@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.cases import CASES, Case
 from ambkit.judge.comparison.seeds import Score, compare
 from ambkit.judge.comparison.spread import Spread
@@ -19,7 +19,7 @@ from ambkit.workflow.simulating import scenario_for
 if TYPE_CHECKING:
     from ambkit.judge.comparison.bench import Bench
     from ambkit.machine.bearing import Bearing
-    from ambkit.machine.magnets import StiffnessSource
+    from ambkit.machine.magnets import MagnetModel
     from ambkit.simulation.scenario import Scenario
 
 RUNS = 20
@@ -66,7 +66,7 @@ def compare_in_case(
     budget: int = 0,
     seed: int = 0,
     spread: float | None = None,
-    sources: Mapping[str, StiffnessSource] | None = None,
+    magnets: Mapping[str, MagnetModel] | None = None,
     whole: bool = False,
     done: Callable[[str], None] = lambda _text: None,
 ) -> Study:
@@ -79,12 +79,12 @@ def compare_in_case(
     case : str or Case
         What happens, see `cases_called`.
     estimators : sequence of str, optional
-        Kinds, or ``file.py:Class``; by default the whole family.
+        Kinds, or ``file.py:Class``; by default all kinds.
     runs, budget, seed : int
         How many runs, evaluations to tune each with (0: defaults), and the first seed.
     spread : float, optional
         See `cases_called`; of a case by name.
-    sources : mapping of str to StiffnessSource, optional
+    magnets : mapping of str to MagnetModel, optional
         What kinds know of the magnet, in place of what would be learned.
     whole : bool
         Whether the errors by step, wrong k and the limit are wanted, for a report.
@@ -101,7 +101,7 @@ def compare_in_case(
     chosen = cases_called(case, spread)[case] if isinstance(case, str) else case
     return study(
         bearing, chosen, list(KINDS) if estimators is None else estimators, runs=runs,
-        budget=budget, seed=seed, sources=sources, whole=whole, done=done,
+        budget=budget, seed=seed, magnets=magnets, whole=whole, done=done,
     )  # fmt: skip
 
 
@@ -113,19 +113,19 @@ def compare_in_all(
     budget: int = 0,
     seed: int = 0,
     spread: float | None = None,
-    sources: Mapping[str, StiffnessSource] | None = None,
+    magnets: Mapping[str, MagnetModel] | None = None,
     done: Callable[[str], None] = lambda _text: None,
 ) -> dict[str, Bench]:
     """Compare estimators in all cases, tuned anew in each.
 
     Parameters
     ----------
-    bearing, estimators, runs, budget, seed, spread, sources, done
+    bearing, estimators, runs, budget, seed, spread, magnets, done
         See `compare_in_case`.
     """
     return across(
         bearing, cases_called("all", spread), list(KINDS) if estimators is None else estimators,
-        runs=runs, budget=budget, seed=seed, sources=sources, done=done,
+        runs=runs, budget=budget, seed=seed, magnets=magnets, done=done,
     )  # fmt: skip
 
 
@@ -234,7 +234,7 @@ def compare_in_loops(
     *,
     runs: int = RUNS,
     seed: int = 0,
-    sources: Mapping[str, StiffnessSource] | None = None,
+    magnets: Mapping[str, MagnetModel] | None = None,
     done: Callable[[], None] = lambda: None,
 ) -> LoopScores:
     """Compare estimators, each in its own loop, against the same noise, with the same Q and R.
@@ -246,16 +246,16 @@ def compare_in_loops(
     what : mapping of str to Happening
         From `happenings`.
     estimators : iterable of str, or mapping of str to Factory
-        Some of :data:`ambkit.estimate.family.KINDS`, or what builds them.
+        Some of :data:`ambkit.estimate.registry.KINDS`, or what builds them.
     runs, seed : int
         How many runs, and the first seed.
-    sources : mapping of str to StiffnessSource, optional
+    magnets : mapping of str to MagnetModel, optional
         What kinds know of the magnet, in place of what would be learned.
     done : callable
         Called after each run.
     """
     built = (
-        estimators if isinstance(estimators, Mapping) else factories(estimators, bearing, sources)
+        estimators if isinstance(estimators, Mapping) else factories(estimators, bearing, magnets)
     )
     seeds = range(seed, seed + runs)
     scores = {

@@ -6,13 +6,13 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Protocol
 
 from ambkit.base.errors import AmbkitError
-from ambkit.estimate.family import KINDS, learned_source
+from ambkit.estimate.registry import KINDS, learned_magnet
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.estimate.noise import FilterNoise
     from ambkit.machine.bearing import Bearing
-    from ambkit.machine.magnets import Precision, StiffnessSource
+    from ambkit.machine.magnets import MagnetModel, Precision
 
 USUAL = ("linear", "adaptive", "closed-law")
 """Who is compared where nobody says it: without, with a learned and with the exact stiffness."""
@@ -30,37 +30,37 @@ class Factory(Protocol):
 def factories(
     names: Iterable[str],
     bearing: Bearing,
-    sources: Mapping[str, StiffnessSource] | None = None,
+    magnets: Mapping[str, MagnetModel] | None = None,
 ) -> dict[str, Factory]:
     """Return what builds each of the chosen estimators, as often as asked.
 
     Parameters
     ----------
     names : iterable of str
-        Some of :data:`ambkit.estimate.family.KINDS`; each counts once.
+        Some of :data:`ambkit.estimate.registry.KINDS`; each counts once.
     bearing : Bearing
         What is filtered.
-    sources : mapping of str to StiffnessSource, optional
+    magnets : mapping of str to MagnetModel, optional
         What kinds ask for k_i and k_s, such as ``{"adaptive": Expert.load("expert.json")}``. Who
         is not there asks what is learned from the bearing's own law, or knows by itself.
 
     Raises
     ------
     AmbkitError
-        There is no such estimator, or a source is for one that is not among them.
+        There is no such estimator, or a magnet is for one that is not among them.
     """
-    chosen, given = list(dict.fromkeys(names)), dict(sources or {})
+    chosen, given = list(dict.fromkeys(names)), dict(magnets or {})
     for name in chosen:
         if name not in KINDS:
             raise AmbkitError(f'there is no estimator "{name}"; known: {", ".join(KINDS)}')
     for name in given:
         if name not in chosen:
-            raise AmbkitError(f"a source is given for {name}, which is not among those chosen")
+            raise AmbkitError(f"a magnet is given for {name}, which is not among those chosen")
 
     def factory(name: str) -> Factory:
-        source = given[name] if name in given else learned_source(name, bearing)
+        magnet = given[name] if name in given else learned_magnet(name, bearing)
         return lambda noise=None, **options: KINDS[name].make(
-            bearing, source, noise=noise, **options
+            bearing, magnet, noise=noise, **options
         )
 
     return {name: factory(name) for name in chosen}

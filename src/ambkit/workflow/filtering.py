@@ -10,8 +10,8 @@ import numpy as np
 
 from ambkit.estimate.noise import FilterNoise
 from ambkit.fuzzy.expert import Expert
-from ambkit.judge.comparison import JUDGED
-from ambkit.judge.judgement import Judgement, judge
+from ambkit.judge.comparison import EVALUATED
+from ambkit.judge.evaluation import Evaluation, evaluate
 from ambkit.workflow.estimators import USUAL, Factory, factories
 from ambkit.workflow.tuning import default_disturbance, log_likelihood, tune_disturbance
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.estimate.estimate import Estimate
     from ambkit.machine.bearing import Bearing
-    from ambkit.machine.magnets import StiffnessSource
+    from ambkit.machine.magnets import MagnetModel
 
 HORIZONS = (1, 10)
 """Steps ahead that are predicted."""
@@ -129,7 +129,7 @@ class Filtered:
         Of the estimator.
     noise : FilterNoise
         What it assumes in the end.
-    judgement : Judgement
+    evaluation : Evaluation
         How well the two fit, with its estimate.
     tuning : TunedNoise or None
         None where nothing was tuned.
@@ -141,7 +141,7 @@ class Filtered:
 
     name: str
     noise: FilterNoise
-    judgement: Judgement
+    evaluation: Evaluation
     tuning: TunedNoise | None = None
     smoothed: Estimate | None = None
     outside: OutsideOfBox | None = None
@@ -149,7 +149,7 @@ class Filtered:
     @property
     def absurd(self) -> bool:
         """Whether filter and record have nothing to do with each other."""
-        return self.judgement.nis > ABSURD_NIS
+        return self.evaluation.nis > ABSURD_NIS
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,9 +181,9 @@ class Filtering:
         return self.estimators[name]
 
     @property
-    def judged(self) -> dict[str, Judgement]:
-        """The judgements, by estimator."""
-        return {name: each.judgement for name, each in self.estimators.items()}
+    def evaluations(self) -> dict[str, Evaluation]:
+        """The evaluations, by estimator."""
+        return {name: each.evaluation for name, each in self.estimators.items()}
 
     @property
     def smoothed(self) -> dict[str, Estimate]:
@@ -203,7 +203,7 @@ class Filtering:
         return {
             "rmse": {
                 signal: float(np.sqrt(np.mean((estimate[signal] - log[signal])[late] ** 2)))
-                for signal in JUDGED
+                for signal in EVALUATED
                 if signal in log.truth
             },
             "disturbance_mean": float(estimate.f_d[late].mean()),
@@ -215,7 +215,7 @@ class Filtering:
         return {
             "bearing": self.bearing.name,
             "estimators": {
-                name: each.judgement.to_dict()
+                name: each.evaluation.to_dict()
                 | {"disturbance_noise": each.noise.disturbance}
                 | ({"smoothed": self.after(name)} if each.smoothed is not None else {})
                 for name, each in self.estimators.items()
@@ -226,7 +226,7 @@ class Filtering:
         """Return the estimates; of several estimators, each signal carries the name."""
         from ambkit.data.record import Record
 
-        records = {name: each.estimate.to_record() for name, each in self.judged.items()}
+        records = {name: each.estimate.to_record() for name, each in self.evaluations.items()}
         records |= {f"{n}_smoothed": e.to_record() for n, e in self.smoothed.items()}
         if len(records) == 1:
             return next(iter(records.values()))
@@ -241,7 +241,7 @@ def filter_record(
     record: Record,
     estimators: Iterable[str] | Mapping[str, Factory] = USUAL,
     *,
-    sources: Mapping[str, StiffnessSource] | None = None,
+    magnets: Mapping[str, MagnetModel] | None = None,
     noise: FilterNoise | None = None,
     tune: float | None = None,
     settling: float = 0.0,
@@ -261,13 +261,13 @@ def filter_record(
     record : Record
         With ``y`` [m] and ``u`` [V]; with truth where simulated.
     estimators : iterable of str, or mapping of str to Factory
-        Some of :data:`ambkit.estimate.family.KINDS`, or what builds them.
-    sources : mapping of str to StiffnessSource, optional
+        Some of :data:`ambkit.estimate.registry.KINDS`, or what builds them.
+    magnets : mapping of str to MagnetModel, optional
         What kinds ask for k_i and k_s, see :func:`ambkit.workflow.estimators.factories`.
     noise : FilterNoise, optional
         What is known of the noise.
     tune : float, optional
-        Time at the start to tune on [s]; it does not count for the judgement.
+        Time at the start to tune on [s]; it does not count for the evaluation.
     settling : float
         Time at the start that does not count [s].
     smooth : bool
@@ -285,7 +285,7 @@ def filter_record(
     AmbkitError
         There is no such estimator.
     RecordError
-        See :func:`ambkit.judge.judgement.judge`.
+        See :func:`ambkit.judge.evaluation.evaluate`.
     ValueError
         `tune` or `settling` is out of its range, `tune` beside ``noise.disturbance``, or the
         record's sampling time is not the bearing's.
@@ -295,7 +295,7 @@ def filter_record(
     >>> from ambkit import Bearing, Scenario, filter_record, simulate
     >>> bearing = Bearing.preset("zittau_axial")
     >>> filtering = filter_record(bearing, simulate(bearing, Scenario()), ["closed-law"])
-    >>> 0.9 < filtering["closed-law"].judgement.nis < 1.1
+    >>> 0.9 < filtering["closed-law"].evaluation.nis < 1.1
     True
     """
     noise = noise or FilterNoise()
@@ -304,7 +304,7 @@ def filter_record(
     stretch = stretch_to_tune_on(record, tune) if noise.disturbance is None else None
     late = max(settling, stretch.stop if stretch else 0.0)
     built = (
-        estimators if isinstance(estimators, Mapping) else factories(estimators, bearing, sources)
+        estimators if isinstance(estimators, Mapping) else factories(estimators, bearing, magnets)
     )
     found = {}
     for name, build in built.items():
@@ -324,23 +324,23 @@ def _filtered(
     stretch: Stretch | None,
     settling: float,
 ) -> Filtered:
-    def judged(assumed: FilterNoise) -> Judgement:
-        return judge(build(assumed), record, horizons=HORIZONS, settling=settling)
+    def evaluated(assumed: FilterNoise) -> Evaluation:
+        return evaluate(build(assumed), record, horizons=HORIZONS, settling=settling)
 
-    def outside(judgement: Judgement) -> OutsideOfBox | None:
-        return outside_of_box(build(), judgement.estimate, record)
+    def outside(evaluation: Evaluation) -> OutsideOfBox | None:
+        return outside_of_box(build(), evaluation.estimate, record)
 
     if stretch is None:
-        judgement = judged(noise)
-        return Filtered(name, noise, judgement, outside=outside(judgement))
+        evaluation = evaluated(noise)
+        return Filtered(name, noise, evaluation, outside=outside(evaluation))
     found, why = _tuned(build, noise, record, stretch)
     untuned = replace(noise, disturbance=default_disturbance(build().bearing))
-    with_found, without = judged(found), judged(untuned)
+    with_found, without = evaluated(found), evaluated(untuned)
     worse = _likelihood(with_found) < _likelihood(without)
     kept = not (worse and stretch.by_itself)
     tuning = TunedNoise(found, untuned, why, worse, kept)
-    assumed, judgement = (found, with_found) if kept else (untuned, without)
-    return Filtered(name, assumed, judgement, tuning, outside=outside(judgement))
+    assumed, evaluation = (found, with_found) if kept else (untuned, without)
+    return Filtered(name, assumed, evaluation, tuning, outside=outside(evaluation))
 
 
 def _tuned(
@@ -354,10 +354,10 @@ def _tuned(
     return replace(noise, disturbance=tuned.growth), tuned.why
 
 
-def _likelihood(judgement: Judgement) -> float:
+def _likelihood(evaluation: Evaluation) -> float:
     """Log likelihood of the samples that count."""
-    first = len(judgement.estimate.t) - judgement.samples
-    return log_likelihood(judgement.estimate, first)
+    first = len(evaluation.estimate.t) - evaluation.samples
+    return log_likelihood(evaluation.estimate, first)
 
 
 def lost_control(record: Record) -> tuple[int, int]:
@@ -390,7 +390,7 @@ def outside_of_box(estimator: Estimator, estimate: Estimate, record: Record) -> 
     record : Record
         With ``u`` [V].
     """
-    expert, b = getattr(estimator, "source", None), estimator.bearing
+    expert, b = getattr(estimator, "magnet", None), estimator.bearing
     if not isinstance(expert, Expert):
         return None
     current = np.clip(b.amplifier.gain * record["u"], b.current_min, b.current_max)

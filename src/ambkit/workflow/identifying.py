@@ -127,7 +127,7 @@ class Identified:
         if self.forces is not None:
             data["force_map"] = {
                 "nodes": self.forces.force.shape[::-1],
-                "written": int(self.forces.told.sum()),
+                "written": int(self.forces.observed.sum()),
                 "assumed": self.forces.assumed,
             }
         return data

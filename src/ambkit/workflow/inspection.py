@@ -220,7 +220,7 @@ def _describe_record(
     from ambkit.base.units import engineering
     from ambkit.data.reading import load
     from ambkit.data.reading.faults import account, find
-    from ambkit.judge.belongs import judge_record
+    from ambkit.judge.belongs import evaluate_record
 
     record = load(path, channel_map)
     lacking = [name for name in ("y", "u") if name not in record]
@@ -240,7 +240,7 @@ def _describe_record(
     remarks = account(faults, record.sampling_time)
     if bearing is None:
         return _Described(about, (), tuple(remarks))
-    verdict = judge_record(record, bearing)
+    verdict = evaluate_record(record, bearing)
     return _Described(
         about, tuple(f"{path}: {p}" for p in verdict.problems), (*remarks, *verdict.remarks)
     )

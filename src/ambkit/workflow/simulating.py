@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
-from ambkit.judge.comparison import JUDGED, rmse
+from ambkit.judge.comparison import EVALUATED, rmse
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.simulation.scenario import PID, Scenario
 from ambkit.simulation.waveforms import Recorded, Step
@@ -165,6 +165,6 @@ class RunSummary:
         }
         if estimate is not None:
             found["estimator"] = estimate.estimator
-            found["rmse"] = {name: rmse(estimate, record, name) for name in JUDGED}
+            found["rmse"] = {name: rmse(estimate, record, name) for name in EVALUATED}
             found["nis"] = np.mean(estimate.nis[1:])
         return found

@@ -13,8 +13,8 @@ from ambkit.base.units import engineering
 from ambkit.fuzzy.choice import RuleChoice, Shape, choose_rules, measured_map
 from ambkit.fuzzy.expert import Expert
 from ambkit.fuzzy.left_out import ModelChoice, choose_model
-from ambkit.fuzzy.lesson import rms
 from ambkit.fuzzy.training import train
+from ambkit.fuzzy.training_set import rms
 from ambkit.machine.forces.surface import ForceSurface
 from ambkit.machine.magnets import ConstantStiffness, evaluate_stiffness, magnet_of
 from ambkit.machine.stiffness import StiffnessMap, stiffness_map

@@ -77,7 +77,7 @@ def _cell(value: float) -> str:
 def read(
     path: str | os.PathLike[str],
     wanted: Collection[str | int] | None = None,
-    told: Callable[[str], object] = lambda _: None,
+    progress: Callable[[str], object] = lambda _: None,
     lenient: bool = False,
     texts: Collection[str | int] = (),
 ) -> Log:

@@ -29,7 +29,7 @@ ENDINGS = tuple(_READERS)
 def read_log(
     path: str | os.PathLike[str],
     wanted: Collection[str | int] | None = None,
-    told: Callable[[str], object] = lambda _: None,
+    progress: Callable[[str], object] = lambda _: None,
     *,
     lenient: bool = False,
     texts: Collection[str | int] = (),
@@ -44,7 +44,7 @@ def read_log(
     wanted : collection of str or int, optional
         Read these alone; in a text file or a Parquet the others may then hold anything, and a
         number is the place of a column.
-    told : callable
+    progress : callable
         Called with what is being done, where that takes long.
     lenient : bool
         Leave out what holds no numbers, and say so, where it would be refused.
@@ -65,6 +65,6 @@ def read_log(
         known = f"{', '.join(ENDINGS[:-1])} or {ENDINGS[-1]}"
         raise RecordError(f"{path}: cannot read {ending or 'a file without ending'}, use {known}")
     reader = import_module(f"ambkit.data.files.{_READERS[ending]}")
-    told(f"reading {Path(path).name}")
-    log: Log = reader.read(path, wanted, told, lenient, texts)
+    progress(f"reading {Path(path).name}")
+    log: Log = reader.read(path, wanted, progress, lenient, texts)
     return log

@@ -22,7 +22,7 @@ _UNIT_NAMES = ("unit", "units", "Unit", "Units", "unit_string")
 def read(
     path: str | os.PathLike[str],
     wanted: Collection[str | int] | None = None,
-    told: Callable[[str], object] = lambda _: None,
+    progress: Callable[[str], object] = lambda _: None,
     lenient: bool = False,
     texts: Collection[str | int] = (),
 ) -> Log:
@@ -49,7 +49,7 @@ def read(
             chosen = {k: v for k, v in found.items() if not known or k in (wanted or ())}
             budget.check(path, sum(memory_of(*each) for each in chosen.values()), _LESS)
             for name, (data, part) in chosen.items():
-                told(f"reading {name}")
+                progress(f"reading {name}")
                 values = data[()] if part is None else data[part]
                 if values.dtype.kind not in "fiub":
                     cells = pa.array(map(_plain, values.tolist()), pa.string())
@@ -115,8 +115,8 @@ def check_within(path: str | os.PathLike[str], file: Any) -> None:
     file.visititems(see)
     if problems:
         advice = "nothing outside of the file is read: copy the numbers into it"
-        told = shortened([f"{path}: {one_line(problem)}; {advice}" for problem in problems])
-        raise RecordError(told, os.fspath(path))
+        problem = shortened([f"{path}: {one_line(problem)}; {advice}" for problem in problems])
+        raise RecordError(problem, os.fspath(path))
 
 
 def memory_of(data: Any, part: str | None = None) -> int:

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 def read(
     path: str | os.PathLike[str],
     wanted: Collection[str | int] | None = None,
-    told: Callable[[str], object] = lambda _: None,
+    progress: Callable[[str], object] = lambda _: None,
     lenient: bool = False,
     texts: Collection[str | int] = (),
 ) -> Log:
@@ -37,7 +37,7 @@ def read(
         raise ExtraMissing(f"{path}: an MDF file", "asammdf", "mdf") from None
     try:
         with Path(path).open("rb") as stream, MDF(stream) as file:
-            return _read(file, os.fspath(path), wanted, told)
+            return _read(file, os.fspath(path), wanted, progress)
     except AmbkitError:
         raise
     except Exception as error:  # asammdf passes on whatever a damaged file makes it stumble over
@@ -57,7 +57,7 @@ def _let_go(error: Exception) -> None:
 
 
 def _read(
-    file: Any, name: str, wanted: Collection[str | int] | None, told: Callable[[str], object]
+    file: Any, name: str, wanted: Collection[str | int] | None, progress: Callable[[str], object]
 ) -> Log:
     masters = dict(file.masters_db)
     groups = [g for g, group in enumerate(file.groups) if group.channel_group.cycles_nr]
@@ -84,7 +84,7 @@ def _read(
     budget.check(name, _memory_of(file, chosen), " a channel map that names fewer takes less;")
     for (g, c), label in chosen.items():
         clock = times[g]
-        told(f"reading {label}")
+        progress(f"reading {label}")
         file.groups[g].channels[c].attachment = None  # it may be any file, and is read with it
         signal = file.get(group=g, index=c)
         arrays.setdefault(clock, np.asarray(signal.timestamps, dtype=np.float64))

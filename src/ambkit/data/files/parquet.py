@@ -44,7 +44,7 @@ def write(
 def read(
     path: str | os.PathLike[str],
     wanted: Collection[str | int] | None = None,
-    told: Callable[[str], object] = lambda _: None,
+    progress: Callable[[str], object] = lambda _: None,
     lenient: bool = False,
     texts: Collection[str | int] = (),
 ) -> Log:
@@ -71,7 +71,7 @@ def read(
             read = {schema.names[places[name].column] for name in chosen}
             budget.check(path, _memory_of(file.metadata, read), _LESS)
             for name in chosen:
-                told(f"reading column {name}")
+                progress(f"reading column {name}")
                 column = _column(file, path, places[name])
                 if _is_text(column.type) and (name in asked or layouts_of(column)):
                     stamped[name] = column

@@ -39,14 +39,14 @@ _OF_Y = {
 _NAMES = {"i": "current", "v": "velocity"}  # not v: that is the truth of a simulation
 
 
-def guess(path: str | os.PathLike[str], told: Callable[[str], object] = lambda _: None) -> str:
+def guess(path: str | os.PathLike[str], progress: Callable[[str], object] = lambda _: None) -> str:
     """Propose a channel map for a log.
 
     Parameters
     ----------
     path : path
         The log, of any format.
-    told : callable
+    progress : callable
         Called with what is being done.
 
     Returns
@@ -61,8 +61,8 @@ def guess(path: str | os.PathLike[str], told: Callable[[str], object] = lambda _
     AmbkitError
         The file cannot be read.
     """
-    log = read_log(path, None, told, lenient=True)
-    told("comparing the channels")
+    log = read_log(path, None, progress, lenient=True)
+    progress("comparing the channels")
     array, found = candidates(log)
     if not found:
         most = max((array.size for array in log.arrays.values()), default=0)

@@ -98,7 +98,7 @@ def read(
     sampling_time: float | None = None,
     segment: int | None = None,
     missing: Collection[str] = (),
-    told: Callable[[str], object] = lambda _: None,
+    progress: Callable[[str], object] = lambda _: None,
 ) -> Reading:
     """Read a log into a record, and say what is wrong with it.
 
@@ -120,7 +120,7 @@ def read(
         Which part between jumps of the clock to read, from 1.
     missing : collection of {"saturated", "frozen", "spike"}
         Take such samples as missing.
-    told : callable
+    progress : callable
         Called with what is being done.
 
     Returns
@@ -146,9 +146,9 @@ def read(
         *some, last = channel_faults.MASKABLE
         known = f"{', '.join(some)} and {last}"
         raise RecordError(f"only {known} can be taken as missing, not {min(wrong)}")
-    log, mapped = _mapped(path, map, told)
+    log, mapped = _mapped(path, map, progress)
     try:
-        return _placed(log, mapped, resample, sampling_time, segment, missing, told)
+        return _placed(log, mapped, resample, sampling_time, segment, missing, progress)
     except RecordError as error:
         raise Refused(error, log.name, mapped) from None
 
@@ -160,7 +160,7 @@ def _placed(
     sampling_time: float | None,
     segment: int | None,
     missing: Collection[str],
-    told: Callable[[str], object],
+    progress: Callable[[str], object],
 ) -> Reading:
     """Put the signals of a log on one grid, and say what was wrong; see `read`."""
     remarks = [*log.remarks, *mapped.remarks]
@@ -181,7 +181,7 @@ def _placed(
     channels: list[Channel] = []
     for name in signals:
         clock = clocks[mapped.clock_of[name]]
-        told(f"looking at {name}")
+        progress(f"looking at {name}")
         logged, unit = signals[name], mapped.units[name]
         signals[name] = np.where(np.isinf(logged), np.nan, logged)
         channels.append(channel_faults.describe(name, unit, signals[name], clock.name))
@@ -192,7 +192,7 @@ def _placed(
                 fault = replace(fault, action="taken as missing")
             delay = mapped.delays.get(name, 0.0)  # faults are told where the record has them
             faults.append(replace(fault, start=fault.start - delay, stop=fault.stop - delay))
-    told("placing the samples")
+    progress("placing the samples")
     if resample:
         times, on_grid, said = _resampled(log, signals, mapped.clock_of, clocks, sampling_time)
         faults = [_action_of_grid(fault, "resampled") for fault in faults]
@@ -271,7 +271,7 @@ def load(
 def _mapped(
     path: str | os.PathLike[str],
     channel_map: ChannelMap | str | os.PathLike[str] | None,
-    told: Callable[[str], object],
+    progress: Callable[[str], object],
 ) -> tuple[Log, Mapped]:
     """Read a log, and pick its signals out of it; a table with names and units needs no map."""
     from ambkit.data.channelmap import ChannelMap, Mapped
@@ -280,13 +280,13 @@ def _mapped(
     if channel_map is not None:
         if not isinstance(channel_map, ChannelMap):
             channel_map = ChannelMap.load(channel_map)
-        log, error, damaged = _logged(path, channel_map, told)
+        log, error, damaged = _logged(path, channel_map, progress)
         mapped, problems = channel_map.pick(log)
         error = error or (RecordError(problems, log.name) if problems else None)
         if error:
             raise Refused(error, log.name, mapped, damaged)
         return log, mapped
-    log, error, damaged = _logged(path, None, told)
+    log, error, damaged = _logged(path, None, progress)
     try:
         table = to_table(log)
     except RecordError as other:
@@ -303,12 +303,12 @@ def _mapped(
 
 
 def _logged(
-    path: str | os.PathLike[str], channel_map: ChannelMap | None, told: Callable[[str], object]
+    path: str | os.PathLike[str], channel_map: ChannelMap | None, progress: Callable[[str], object]
 ) -> tuple[Log, RecordError | None, tuple[int, ...]]:
     """Read a log; of a damaged one what can be read, what is wrong, and where."""
     wanted, texts = (channel_map.wanted, channel_map.texts) if channel_map else (None, ())
     try:
-        return read_log(path, wanted, told, texts=texts), None, ()
+        return read_log(path, wanted, progress, texts=texts), None, ()
     except DamagedLog as error:
         return error.log, error, error.samples
 

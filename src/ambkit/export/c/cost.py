@@ -124,7 +124,7 @@ def bytes_of_arrays(estimator: Estimator) -> int:
 
 def _held(estimator: Estimator) -> Any:
     """Return the core's magnet that an estimator asks."""
-    return estimator.source.magnet(core_module(estimator.precision))
+    return estimator.magnet.in_core(core_module(estimator.precision))
 
 
 @cache

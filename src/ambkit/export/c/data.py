@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
+from ambkit.estimate.registry import InCore, in_core_of
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -42,66 +43,6 @@ MAGNETS = {
 
 class Name(str):
     """A value that is C already."""
-
-
-class Family(NamedTuple):
-    """How an estimator of the core's family is called in C (``ambkit/estimator.h``)."""
-
-    methods: str
-    source: str
-    state: str
-    own: str  # type of what only this kind has; empty where it has nothing
-    casts: tuple[str, ...]  # files that cast the state or what is its own back from `void *`
-    more: tuple[str, ...] = ()  # files that it calls besides
-
-    @property
-    def base(self) -> str:
-        """Where in the state the members of ``amb_kalman_state`` are."""
-        places = {"amb_kalman_state": "", "amb_adaptive_noise_state": "inner.base."}
-        return places.get(self.state, "base.")
-
-
-PAPER = Family("amb_kalman_methods", "estimator", "amb_kalman_state", "", ())
-"""The paper's filter, linear or adaptive by its magnet."""
-
-FAMILY = {
-    "Extended": Family("amb_extended_methods", "estimator", "amb_kalman_state", "", ()),
-    "UD": Family("amb_ud_methods", "ud", "amb_ud_state", "", ("ud",)),
-    "Unscented": Family(
-        "amb_unscented_methods", "unscented", "amb_kalman_state", "amb_unscented", ("unscented",)
-    ),
-    "Observer": Family(
-        "amb_observer_methods", "observer", "amb_kalman_state", "amb_observer", ("observer",)
-    ),
-    "Augmented": Family(
-        "amb_augmented_methods",
-        "augmented",
-        "amb_augmented_state",
-        "amb_augmented",
-        ("augmented",),
-        ("excitation",),
-    ),
-    "MultipleModel": Family(
-        "amb_multiple_model_methods",
-        "multiple_model",
-        "amb_multiple_model_state",
-        "amb_multiple_model",
-        ("multiple_model",),
-        ("excitation",),
-    ),
-    "AdaptiveNoise": Family(
-        "amb_adaptive_noise_methods",
-        "adaptive_noise",
-        "amb_adaptive_noise_state",
-        "amb_adaptive_noise",
-        ("adaptive_noise",),
-    ),
-    "LowPass": Family(
-        "amb_low_pass_methods", "low_pass", "amb_low_pass_state", "amb_low_pass", ("low_pass",)
-    ),
-}
-"""Kinds by the names of their bindings; the paper's filter, ``Kalman``, has a step of its own,
-which is faster."""
 
 
 def number(value: float, precision: CPrecision) -> str:
@@ -173,6 +114,20 @@ def struct(
     return "{\n" + "".join(lines) + "  " * level + "}"
 
 
+def called(estimator: Estimator) -> InCore:
+    """Return how the core calls an estimator.
+
+    Raises
+    ------
+    AmbkitError
+        It is of no kind that the core has an interface for.
+    """
+    found = in_core_of(estimator)
+    if found is None:
+        raise AmbkitError(f"the {estimator.name} cannot be exported yet")
+    return found
+
+
 def own(estimator: Estimator, precision: CPrecision) -> str:
     """Write what only this kind of estimator has, its arrays in it; empty where it has nothing."""
     fields = estimator.core.own
@@ -180,8 +135,7 @@ def own(estimator: Estimator, precision: CPrecision) -> str:
     if inner is not None:
         if inner.core.own:
             raise AmbkitError(f"{estimator.name}: around this filter it cannot be exported")
-        methods = FAMILY.get(type(inner.core).__name__, PAPER).methods
-        fields = {"inner": Name(f"{{&{methods}, NULL, NULL, NULL}}")} | fields
+        fields = {"inner": Name(f"{{&{called(inner).methods}, NULL, NULL, NULL}}")} | fields
     return struct_with_arrays(fields, precision) if fields else ""
 
 

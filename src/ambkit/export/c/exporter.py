@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.export.c import cost, folder, render
 from ambkit.export.c.cost import Cost
-from ambkit.export.c.data import FAMILY, CPrecision
+from ambkit.export.c.data import CPrecision, called
 from ambkit.export.tabulate import MOST_NODES, TabulatedExpert, tabulate
 from ambkit.fuzzy.expert import Expert
 from ambkit.machine.magnets import Precision, core_module
@@ -20,7 +20,7 @@ from ambkit.machine.magnets import Precision, core_module
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.machine.bearing import Bearing
-    from ambkit.machine.magnets import StiffnessSource
+    from ambkit.machine.magnets import MagnetModel
 
 LONGEST_PREFIX = 16
 """Within 31 characters, which C99 promises to tell apart, every exported name stays distinct."""
@@ -59,7 +59,7 @@ class CExport:
         The table, where the expert is tabulated: its nodes, bound and error.
     cost : Cost or None
         What it costs on a Cortex-M4F, which computes in float and not in double; None also where
-        that was not measured: a kind with another source than its own.
+        that was not measured: a kind with another magnet than its own.
     """
 
     folder: Path
@@ -74,7 +74,7 @@ class CExport:
 
 def export_c(
     bearing: Bearing,
-    source: StiffnessSource | None,
+    magnet: MagnetModel | None,
     out: str | Path,
     *,
     kind: str | None = None,
@@ -91,14 +91,14 @@ def export_c(
     ----------
     bearing : Bearing
         What is filtered.
-    source : Expert, StiffnessMap, ClosedLaw, ConstantStiffness or None
+    magnet : Expert, StiffnessMap, ClosedLaw, ConstantStiffness or None
         What the filter asks for k_i and k_s; None exports the linear filter.
     out : path
         The folder: new, empty, or with an older export, which is replaced; what else lies beside
         that is not touched.
     kind : str, optional
-        Of estimator, by its name in ``ambkit.estimate.family.KINDS``, such as ``"extended"``;
-        by default the paper's filter, linear or adaptive by its source.
+        Of estimator, by its name in ``ambkit.estimate.registry.KINDS``, such as ``"extended"``;
+        by default the paper's filter, linear or adaptive by its magnet.
     precision : {"float", "double"}
         Of the exported numbers.
     prefix : str, optional
@@ -131,16 +131,16 @@ def export_c(
     options["precision"] = _CORE_PRECISION[precision]
     table = None
     if expert_form == "tabulated":
-        if not isinstance(source, Expert):
+        if not isinstance(magnet, Expert):
             raise AmbkitError("only an expert can be tabulated; give one, or export the exact form")
-        table = tabulate(source, bearing, bound=force_bound, precision=options["precision"])
-        source = table
+        table = tabulate(magnet, bearing, bound=force_bound, precision=options["precision"])
+        magnet = table
     elif force_bound is not None:
         raise AmbkitError("force_bound is for an expert in tabulated form")
-    estimator = _made(kind, bearing, source, options)
+    estimator = _made(kind, bearing, magnet, options)
     _check_nodes(estimator)
     spent = cost.of(estimator) if precision == "float" else None
-    facts = _facts(source, precision) | _cost_facts(spent)
+    facts = _facts(magnet, precision) | _cost_facts(spent)
     content = render.render(estimator, name, precision, facts, loops=loops)
     written = folder.write(Path(out), content.files)
     return CExport(
@@ -156,36 +156,35 @@ def export_c(
 
 
 def _made(
-    kind: str | None, bearing: Bearing, source: StiffnessSource | None, options: dict[str, Any]
+    kind: str | None, bearing: Bearing, magnet: MagnetModel | None, options: dict[str, Any]
 ) -> Estimator:
     if kind is None:
-        kind = "linear" if source is None else "adaptive"
+        kind = "linear" if magnet is None else "adaptive"
     if kind not in KINDS:
         raise AmbkitError(f'there is no kind of estimator "{kind}"; known: {", ".join(KINDS)}')
-    estimator = KINDS[kind].make(bearing, source, **options)
-    if type(estimator.core).__name__ not in ("Kalman", *FAMILY):
-        raise AmbkitError(f"the {estimator.name} cannot be exported yet")
+    estimator = KINDS[kind].make(bearing, magnet, **options)
+    called(estimator)
     return estimator
 
 
-def _facts(source: StiffnessSource | None, precision: CPrecision) -> dict[str, str]:
+def _facts(magnet: MagnetModel | None, precision: CPrecision) -> dict[str, str]:
     """Return what the README says of the filter, line by line."""
     facts: dict[str, str] = {"numbers": precision}
-    if isinstance(source, Expert):
-        facts["expert"] = f"{len(source.rules)} rules, from {source.source}"
-    elif isinstance(source, TabulatedExpert):
-        rows, columns = source.k_i.shape
+    if isinstance(magnet, Expert):
+        facts["expert"] = f"{len(magnet.rules)} rules, from {magnet.source}"
+    elif isinstance(magnet, TabulatedExpert):
+        rows, columns = magnet.k_i.shape
         facts |= {
             "table": f"{rows} x {columns} nodes, displacement x current",
-            "bound on its force error": engineering(source.bound, "N"),
-            "largest error found": engineering(source.error, "N", digits=3),
+            "bound on its force error": engineering(magnet.bound, "N"),
+            "largest error found": engineering(magnet.error, "N", digits=3),
         }
     return facts
 
 
 def _check_nodes(estimator: Estimator) -> None:
     """Refuse a table whose nodes an int of 16 bits cannot count."""
-    held = estimator.source.magnet(core_module(estimator.precision)).parameters
+    held = estimator.magnet.in_core(core_module(estimator.precision)).parameters
     rows, columns = held.get("rows", 0), held.get("columns", 0)
     if rows * columns > MOST_NODES:
         raise AmbkitError(

@@ -11,9 +11,10 @@ import numpy as np
 
 from ambkit.base import escaping
 from ambkit.base.units import engineering
+from ambkit.estimate.registry import PAPER, InCore
 from ambkit.export import core
 from ambkit.export.c import data, model, vectors
-from ambkit.export.c.data import FAMILY, MAGNETS, PAPER, CPrecision, Family, Kind
+from ambkit.export.c.data import MAGNETS, CPrecision, Kind
 from ambkit.machine.magnets import core_module, own_time
 
 if TYPE_CHECKING:
@@ -54,17 +55,18 @@ def render(
     loops : bool, optional
         Whether the model is computed by loops over its arrays; by default where it is large.
     """
-    magnet: Magnet = estimator.source.magnet(core_module(estimator.precision))
+    magnet: Magnet = estimator.magnet.in_core(core_module(estimator.precision))
     kind = MAGNETS[type(magnet).__name__]
-    family = FAMILY.get(type(estimator.core).__name__)
+    called = data.called(estimator)
+    in_core = None if called is PAPER else called  # whose step goes through the interface
     # The paper's filter is given its constants, and asks no magnet.
-    given = family is None and kind is MAGNETS["Constant"]
+    given = in_core is None and kind is MAGNETS["Constant"]
     needed = ["src/kalman.c", "src/envelope.c", *([] if given else [f"src/{kind.source}.c"])]
-    if family is not None:
-        needed += [f"src/{stem}.c" for stem in ("estimator", family.source, *family.more)]
+    if in_core is not None:
+        needed += [f"src/{stem}.c" for stem in ("estimator", in_core.source, *in_core.calls)]
         inner = getattr(estimator, "inner", None)
         if inner is not None:
-            needed += [f"src/{FAMILY.get(type(inner.core).__name__, PAPER).source}.c"]
+            needed += [f"src/{data.called(inner).source}.c"]
     of_model = model.in_c(estimator, loops=loops)
     needed += of_model.sources
     found = core.closure(needed, instead=of_model.instead)
@@ -86,13 +88,13 @@ def render(
         "bit_headers": [
             f for f in core_files if f.endswith(("/exponential.h", "/root.h")) and "/include/" in f
         ],
-        "cast_sources": _casts(kind, family, given),
+        "cast_sources": _casts(kind, in_core, given),
         "selftest_sources": ("selftest/main.c", *selftest),
         "bound": _BOUNDS[precision],
         "steps": vectors.STEPS,
         "misra_defines": "-DFLT_MANT_DIG=24" if precision == "float" else "-DDBL_MANT_DIG=53",
         "given": given,
-        "family": family,
+        "in_core": in_core,
         "built_in": estimator.engine.built_in,
         "magnet_header": f"{kind.source}.h",
         "magnet_about": kind.about,
@@ -102,7 +104,7 @@ def render(
         "states": model.states(estimator.states),
         "diagonal": [at * (2 * n + 1 - at) // 2 for at in range(n)],
         **_data_context(estimator, magnet, kind, precision, of_model),
-        "own": "" if family is None else data.own(estimator, precision),
+        "own": "" if in_core is None else data.own(estimator, precision),
         "settling": _settling(estimator),
         "bound_of_output": f"{_bound_of_output(estimator):.1f}",
         "y": data.array(tested.y, precision),
@@ -113,7 +115,7 @@ def render(
     context["configuration"] = _configuration(estimator, context, core_files)
     made = {
         f"{name}.h": "filter.h",
-        f"{name}.c": "filter.c" if family is None else "family.c",
+        f"{name}.c": "filter.c" if in_core is None else "estimator.c",
         f"{name}_data.h": "data.h",
         f"{name}_data.c": "data.c",
         f"selftest/{name}_selftest.h": "selftest.h",
@@ -175,11 +177,11 @@ def _bound_of_output(estimator: Estimator) -> float:
     return max(10.0, float((far / estimator.core.parameters["set"]["cap"]).max()))
 
 
-def _casts(kind: Kind, family: Family | None, given: bool) -> tuple[str, ...]:
+def _casts(kind: Kind, in_core: InCore | None, given: bool) -> tuple[str, ...]:
     """Return the files that cast from ``void *``, which MISRA C advises against."""
     stems = [] if given else [kind.source]
-    if family is not None:
-        stems += ["estimator", *family.casts]
+    if in_core is not None:
+        stems += ["estimator", *in_core.casts]
     return tuple(f"core/src/{stem}.c" for stem in sorted(stems))
 
 

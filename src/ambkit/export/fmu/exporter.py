@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from ambkit.estimate.base import Estimator
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.export.fmu import archive, compiler, sources, variables, xml
 from ambkit.export.fmu.variables import Kind, Variable
 from ambkit.export.fmu.xml import Fmi, Model
@@ -19,7 +19,7 @@ from ambkit.simulation.scenario import PID
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
-    from ambkit.machine.magnets import StiffnessSource
+    from ambkit.machine.magnets import MagnetModel
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class FmuExport:
 
 def export_fmu(
     bearing: Bearing,
-    source: StiffnessSource | None,
+    magnet: MagnetModel | None,
     out: str | Path,
     *,
     kind: Kind = "estimator",
@@ -71,7 +71,7 @@ def export_fmu(
     ----------
     bearing : Bearing
         What is modelled.
-    source : Expert, StiffnessMap, ClosedLaw, ConstantStiffness or None
+    magnet : Expert, StiffnessMap, ClosedLaw, ConstantStiffness or None
         What the filter asks of its magnet; None for what its kind asks by itself.
     out : path
         The file, ``.fmu``.
@@ -82,8 +82,8 @@ def export_fmu(
     controller : PID, optional
         Of the closed loop; by default tuned to the bearing, and fed by the estimator.
     estimator : str, optional
-        Kind of the estimator, by its name in :data:`ambkit.estimate.family.KINDS`; by default the
-        paper's filter, linear or adaptive by its source. The variances that the FMU lets change
+        Kind of the estimator, by its name in :data:`ambkit.estimate.registry.KINDS`; by default the
+        paper's filter, linear or adaptive by its magnet. The variances that the FMU lets change
         have no effect on a kind with a constant gain.
 
     Raises
@@ -91,7 +91,7 @@ def export_fmu(
     AmbkitError
         There is no C compiler, or the file cannot be written.
     """
-    filter_ = KINDS[estimator or ("linear" if source is None else "adaptive")].make(bearing, source)
+    filter_ = KINDS[estimator or ("linear" if magnet is None else "adaptive")].make(bearing, magnet)
     match kind:
         case "estimator":
             parts = _estimator(filter_)

@@ -18,7 +18,7 @@ from ambkit.export.c.data import MAGNETS
 from ambkit.export.c.model import LOOPS, InC, in_c
 from ambkit.export.fmu.variables import Kind
 from ambkit.export.fmu.xml import Fmi, Model
-from ambkit.machine.magnets import StiffnessSource, core_module, magnet_of
+from ambkit.machine.magnets import MagnetModel, core_module, magnet_of
 from ambkit.simulation import parts
 from ambkit.simulation.scenario import PID, Scenario
 
@@ -119,7 +119,7 @@ def data_files(kind: Kind, **context: Any) -> dict[str, str]:
     known = {"version": version("ambkit"), "headers": headers}
     files = {"data.c": rendered("data.c.j2", known | given)}
     if given["filter"]:
-        files["data.h"] = rendered("data.h.j2", known | {"family": given["filter"]["family"]})
+        files["data.h"] = rendered("data.h.j2", known | {"in_core": given["filter"]["in_core"]})
     return files
 
 
@@ -142,20 +142,20 @@ def filter_data(estimator: Estimator) -> dict[str, Any]:
     """Return what the data file says of an estimator."""
     if estimator.precision != "float64":
         raise AmbkitError(f'an FMU computes in "float64", the estimator in {estimator.precision!r}')
-    family = data.FAMILY.get(type(estimator.core).__name__, data.PAPER)
-    return magnet_data(estimator.source, "magnet") | {
+    in_core = data.called(estimator)
+    return magnet_data(estimator.magnet, "magnet") | {
         "settings": data.struct_with_arrays(estimator.core.parameters["set"], "double"),
         "model": data.struct(straight_line(estimator).numbers, "double", {}),
-        "family": family,
+        "in_core": in_core,
         "own": data.own(estimator, "double"),
         "std": data.array(np.asarray(estimator.default_std()), "double"),
     }
 
 
-def magnet_data(source: StiffnessSource, name: str) -> dict[str, Any]:
+def magnet_data(magnet: MagnetModel, name: str) -> dict[str, Any]:
     """Return what the data file says of a magnet, which it calls `name`."""
-    magnet = source.magnet(core_module())
-    kind, fields = MAGNETS[type(magnet).__name__], magnet.parameters
+    held = magnet.in_core(core_module())
+    kind, fields = MAGNETS[type(held).__name__], held.parameters
     arrays = data.arrays_of(fields)
     names = {path: f"{name}_{path.replace('.', '_')}" for path in arrays}
     return {

@@ -85,26 +85,26 @@ class ForceMap:
         return np.asarray(self.standard_error < 0.1 * self.assumed)
 
     @property
-    def told(self) -> NDArray[np.bool_]:
+    def observed(self) -> NDArray[np.bool_]:
         """Where the records tell more than half: an error of less than half of the assumed."""
         return np.asarray(self.standard_error < 0.5 * self.assumed)
 
     def points(self) -> ForcePoints:
         """Return the nodes as points that an expert can be trained on.
 
-        Only those that the records tell of (`told`): what stands at the others is the law, and it
-        would be taken for a measurement that finds the law right.
+        Only those that the records tell of (`observed`): what stands at the others is the law,
+        and it would be taken for a measurement that finds the law right.
 
         Raises
         ------
         AmbkitError
             There are none.
         """
-        if not self.told.any():
+        if not self.observed.any():
             raise AmbkitError("the records tell nothing of the force: let the rotor move more")
         iu, x = np.meshgrid(self.current, self.displacement)
-        told = self.told
-        return ForcePoints(iu[told], x[told], self.force[told], self.standard_error[told])
+        at = self.observed
+        return ForcePoints(iu[at], x[at], self.force[at], self.standard_error[at])
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write `points` as ``.csv`` or ``.parquet``, as ``ambkit train --map`` reads them.
@@ -167,8 +167,8 @@ def force_map(
     assumed = share * float(np.ptp(law))
 
     def innovations(correction: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-        source = _Corrected(b, current, displacement, correction.reshape(law.shape), ranges)
-        corrected = replace(model, source=source)
+        magnet = _Corrected(b, current, displacement, correction.reshape(law.shape), ranges)
+        corrected = replace(model, magnet=magnet)
         parts = []
         for record in several:
             e, S, used = corrected.innovations(record)
@@ -230,7 +230,7 @@ class _Corrected:
     ) -> None:
         self.bearing, self.nodes, self.w, self.ranges = bearing, (displacement, current), w, ranges
 
-    def magnet(self, core: ModuleType) -> Magnet:
+    def in_core(self, core: ModuleType) -> Magnet:
         """Build the C implementation."""
         from scipy.interpolate import RegularGridInterpolator
 

@@ -18,7 +18,7 @@ from ambkit.estimate.noise import FilterNoise
 from ambkit.identification.late import NO_LAG, delayed, lag_of, lagged
 from ambkit.identification.maximum_likelihood.gaps import filled, run_with_gaps
 from ambkit.machine.bearing import GRAVITY
-from ambkit.machine.magnets import StiffnessSource, magnet_of
+from ambkit.machine.magnets import MagnetModel, magnet_of
 from ambkit.machine.parts import LONGEST_DELAY
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ class LoopModel:
     load_std : float
         How well the load at the start is known to be zero, standard deviation [N]; NaN: no better
         than the weight.
-    source : StiffnessSource, optional
+    magnet : MagnetModel, optional
         The magnet, where it is not the bearing's own.
     substeps : int
         Steps of the filter in a sample. The paper's discretisation holds the magnet's force over
@@ -69,7 +69,7 @@ class LoopModel:
     current_offset: float = 0.0
     load_growth: float = math.nan
     load_std: float = math.nan
-    source: StiffnessSource | None = None
+    magnet: MagnetModel | None = None
     substeps: int = 4
 
     def __post_init__(self) -> None:
@@ -111,7 +111,7 @@ class LoopModel:
         )
         return ExtendedKalmanFilter(
             finer,
-            self.source or magnet_of(b),
+            self.magnet or magnet_of(b),
             noise=FilterNoise(disturbance=self.load_growth),
             outlier_limit=0,  # left out, what a wrong model cannot explain would speak for it
         )
@@ -126,7 +126,7 @@ class LoopModel:
         of k_s for a noise of 4 % of the bias current, but many records tell.
         """
         b, i0 = self.bearing, self.bearing.magnet.bias_current
-        if self.source is not None or b.magnet.force_map is not None or not i0 > 0:
+        if self.magnet is not None or b.magnet.force_map is not None or not i0 > 0:
             return b
         raised = math.hypot(i0, b.amplifier.gain * math.sqrt(b.amplifier.noise_variance))
         return b.replace(

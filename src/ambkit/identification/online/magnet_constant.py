@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ambkit.base.errors import AmbkitError
 from ambkit.identification.online.adaline import Adaline, AdalineResult
-from ambkit.identification.online.extended_k import ExtendedKIdentifier
+from ambkit.identification.online.augmented import AugmentedIdentifier
 from ambkit.identification.online.result import OnlineResult
 from ambkit.identification.online.rls import RecursiveLeastSquares
 
@@ -29,11 +29,11 @@ class Identification:
         The one that was given, with the identified magnet constant.
     magnet_constant, spread : float
         Mean and standard deviation of k over the last quarter of the record [N m^2/A^2]; of
-        ``extended-k`` the k at its end.
+        ``augmented`` the k at its end.
     history : OnlineResult
         How k was learned: an :class:`~ambkit.identification.online.adaline.AdalineResult`, a
         :class:`~ambkit.identification.online.rls.LeastSquaresResult`, or an
-        :class:`~ambkit.identification.online.extended_k.ExtendedKResult`.
+        :class:`~ambkit.identification.online.augmented.AugmentedResult`.
     """
 
     bearing: Bearing
@@ -42,12 +42,12 @@ class Identification:
     history: OnlineResult
 
 
-Learner = type[Adaline] | type[RecursiveLeastSquares] | type[ExtendedKIdentifier]
+Learner = type[Adaline] | type[RecursiveLeastSquares] | type[AugmentedIdentifier]
 
 ONLINE: Mapping[str, Learner] = {
     "adaline": Adaline,
     "rls": RecursiveLeastSquares,
-    "extended-k": ExtendedKIdentifier,
+    "augmented": AugmentedIdentifier,
 }
 """What learns a magnet constant sample by sample, by the names that users call it."""
 
@@ -73,13 +73,13 @@ def identify(
         With ``y`` [m] and ``u`` [V].
     bearing : Bearing
         Mass, gap, bias current, sensor and amplifier; its magnet constant is the start.
-    method : {"adaline", "rls", "extended-k"}
+    method : {"adaline", "rls", "augmented"}
         Who learns: ADALINE, recursive least squares, or the extended Kalman filter with k.
     disturbance : array_like (n,), optional
         Disturbance force as far as it is known [N].
     **options
         As for :class:`ambkit.Adaline`, :class:`ambkit.RecursiveLeastSquares` or
-        :class:`ambkit.FiveStateKalmanFilter`: start, bandwidth, learning rates, forgetting, noise.
+        :class:`ambkit.AugmentedKalmanFilter`: start, bandwidth, learning rates, forgetting, noise.
 
     Raises
     ------

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ambkit.identification.online.adaline import AdalineResult
-from ambkit.identification.online.extended_k import ExtendedKResult
+from ambkit.identification.online.augmented import AugmentedResult
 from ambkit.identification.online.magnet_constant import ONLINE
 from ambkit.identification.online.result import CONFIDENCE, OnlineResult, last_quarter
 from ambkit.identification.online.rls import LeastSquaresResult
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 NAMES = {
     "adaline": "ADALINE",
     "rls": "least squares",
-    "extended-k": "Kalman filter with k",
+    "augmented": "Kalman filter with k",
 }
 """Who learns, in words."""
 
-_THE = NAMES | {"extended-k": "the Kalman filter with k"}
+_THE = NAMES | {"augmented": "the Kalman filter with k"}
 
 NEAR = 0.01
 """Part of itself by which two constants may differ, whatever their errors: what discretisation and
@@ -68,8 +68,8 @@ class SideBySide:
 
         Of the second half of the record, where k has settled. NaN where there are too few.
         """
-        filtered = self.results["extended-k"]
-        assert isinstance(filtered, ExtendedKResult)
+        filtered = self.results["augmented"]
+        assert isinstance(filtered, AugmentedResult)
         estimate = filtered.estimate
         late = slice(len(estimate.t) // 2, None)
         e = np.where(estimate.used, estimate.innovation, np.nan)[late]
@@ -242,7 +242,7 @@ def true_constant(record: Record) -> float | None:
 
 def unknown_load(result: OnlineResult) -> float | None:
     """Mean load over the last quarter beyond what was told [N]; None where it is not asked for."""
-    if not isinstance(result, LeastSquaresResult | ExtendedKResult):
+    if not isinstance(result, LeastSquaresResult | AugmentedResult):
         return None
     return float(result.load[last_quarter(result.k)].mean())
 

@@ -1,10 +1,10 @@
 """Estimators compared: over seeds in their own loops, and along the same records."""
 
 from ambkit.judge.comparison.constant_velocity import ConstantVelocityFilter
-from ambkit.judge.comparison.seeds import JUDGED, Score, compare, rmse
+from ambkit.judge.comparison.seeds import EVALUATED, Score, compare, rmse
 
 __all__ = [
-    "JUDGED",
+    "EVALUATED",
     "ConstantVelocityFilter",
     "Score",
     "compare",

@@ -16,8 +16,8 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.comparison.bound import bearing_bound
 from ambkit.judge.comparison.cases import Case, Trial, trials
 from ambkit.judge.comparison.contenders import Contender
-from ambkit.judge.comparison.criteria import CRITERIA, SETTLING, judge_run
-from ambkit.judge.comparison.tune import SIGNALS, Tuning, errors, tune
+from ambkit.judge.comparison.criteria import CRITERIA, SETTLING, evaluate_run
+from ambkit.judge.comparison.tuning import SIGNALS, Tuning, errors, tune
 from ambkit.machine.magnets import own_time
 
 if TYPE_CHECKING:
@@ -224,11 +224,11 @@ def bench(
 
             tuned = dict(zip(field, pool.map(search, field.values()), strict=True))
 
-        def judged(contender: Contender, tuning: Tuning | None) -> Standing:
+        def evaluated(contender: Contender, tuning: Tuning | None) -> Standing:
             values = dict(tuning.values) if tuning else contender.defaults
 
             def one(trial: Trial) -> dict[str, float]:
-                return judge_run(
+                return evaluate_run(
                     contender.build(**values),
                     trial,
                     bearing,
@@ -244,9 +244,9 @@ def bench(
             return Standing(contender.name, contender.label, values, figures, tuning)
 
         wanted = ("default", "tuned") if only is None else only
-        default = {n: judged(c, None) for n, c in field.items()} if "default" in wanted else {}
+        default = {n: evaluated(c, None) for n, c in field.items()} if "default" in wanted else {}
         better = (
-            {n: judged(c, tuned[n]) for n, c in field.items()}
+            {n: evaluated(c, tuned[n]) for n, c in field.items()}
             if tuned and "tuned" in wanted
             else {}
         )

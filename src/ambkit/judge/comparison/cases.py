@@ -27,7 +27,7 @@ from ambkit.simulation.waveforms import Constant, Sequence, Sine, Step
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
-    from ambkit.machine.magnets import StiffnessSource
+    from ambkit.machine.magnets import MagnetModel
     from ambkit.simulation.waveforms import Signal
 
 Array = NDArray[np.float64]
@@ -95,7 +95,7 @@ class Trial:
         With its seed.
     imposed : Imposed
         Series of noise and load.
-    magnet : StiffnessSource or None
+    magnet : MagnetModel or None
         The plant's magnet where it is no closed law.
     record : Record
         The run that the nominal linear filter closed the loop of.
@@ -104,7 +104,7 @@ class Trial:
     plant: Bearing
     scenario: Scenario
     imposed: Imposed
-    magnet: StiffnessSource | None
+    magnet: MagnetModel | None
     record: Record
 
     def with_estimator(self, estimator: Estimator) -> Run:
@@ -227,7 +227,7 @@ def saturating(bearing: Bearing) -> Force:
     return force
 
 
-def _magnet(case: Case, plant: Bearing) -> StiffnessSource | None:
+def _magnet(case: Case, plant: Bearing) -> MagnetModel | None:
     """Return the plant's own magnet: a map so fine that its corners do not matter."""
     if not case.saturates:
         return None

@@ -49,7 +49,7 @@ class ConstantVelocityFilter:
     Examples
     --------
     >>> record = ambkit.simulate(bearing, ambkit.Scenario(duration=0.1))
-    >>> naive = tuned(record["y"], record.sampling_time)
+    >>> naive = tune(record["y"], record.sampling_time)
     >>> x, v = naive.run(record["y"])
     """
 
@@ -206,7 +206,7 @@ def _settled(
         out[:], _ = lfilter(above, below, y, zi=rest)
 
 
-def tuned(
+def tune(
     y: ArrayLike | Sequence[ArrayLike],
     T: float,
     *,

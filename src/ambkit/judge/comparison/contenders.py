@@ -1,4 +1,4 @@
-"""Who takes part: the family's estimators, and the user's own from a Python file."""
+"""Who takes part: the registry's kinds, and the user's own from a Python file."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.estimate import Estimate, Status
-from ambkit.estimate.family import KINDS, Tunable
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.noise import FilterNoise
+from ambkit.estimate.registry import KINDS, Tunable
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.machine.bearing import Bearing
-    from ambkit.machine.magnets import StiffnessSource
+    from ambkit.machine.magnets import MagnetModel
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Range:
     Attributes
     ----------
     name : str
-        As the family calls it: ``noise.disturbance``, ``bandwidth``.
+        As its kind calls it: ``noise.disturbance``, ``bandwidth``.
     unit : str
         SI.
     default, low, high : float
@@ -78,20 +78,20 @@ class Contender:
 def contenders(
     names: Sequence[str],
     bearing: Bearing,
-    sources: Mapping[str, StiffnessSource] | None = None,
-    own: Mapping[str, Callable[..., Any]] | None = None,
+    magnets: Mapping[str, MagnetModel] | None = None,
+    custom: Mapping[str, Callable[..., Any]] | None = None,
 ) -> dict[str, Contender]:
     """Return who takes part, by name.
 
     Parameters
     ----------
     names : sequence of str
-        Kinds of :data:`ambkit.estimate.family.KINDS`, or ``file.py:Class``.
+        Kinds of :data:`ambkit.estimate.registry.KINDS`, or ``file.py:Class``.
     bearing : Bearing
         What all of them assume.
-    sources : mapping, optional
+    magnets : mapping, optional
         What kinds of estimator know of the magnet, where it is not their default.
-    own : mapping, optional
+    custom : mapping, optional
         Estimators of the user by name: classes or functions that give an object with
         ``step(y, u)``, called with the bearing, or without it.
 
@@ -103,19 +103,19 @@ def contenders(
     found = {}
     for name in names:
         if name in KINDS:
-            found[name] = _of_family(name, bearing, (sources or {}).get(name))
+            found[name] = _of_kind(name, bearing, (magnets or {}).get(name))
         elif ".py:" in name:
             own_name, make = load_class(name)
             found[own_name] = _of_user(own_name, make, bearing)
         else:
             raise _unknown(name)
-    for own_name, make in (own or {}).items():
+    for own_name, make in (custom or {}).items():
         found[own_name] = _of_user(own_name, make, bearing)
     return found
 
 
 def expand(text: str) -> list[str]:
-    """Split a list of names, such as ``linear,my.py:MyFilter``; ``all`` is the whole family.
+    """Split a list of names, such as ``linear,my.py:MyFilter``; ``all`` is every kind.
 
     Parameters
     ----------
@@ -147,13 +147,13 @@ def _unknown(name: str) -> AmbkitError:
     )
 
 
-def _of_family(name: str, bearing: Bearing, source: StiffnessSource | None) -> Contender:
+def _of_kind(name: str, bearing: Bearing, magnet: MagnetModel | None) -> Contender:
     kind = KINDS[name]
 
     def build(**values: float) -> Any:
         noise = {key.removeprefix("noise."): v for key, v in values.items() if "noise." in key}
         rest = {key: value for key, value in values.items() if "noise." not in key}
-        return kind.make(bearing, source, noise=FilterNoise(**noise), **rest)
+        return kind.make(bearing, magnet, noise=FilterNoise(**noise), **rest)
 
     # Gains depend on the ratios of the variances alone: one of them is left as it is.
     free = {t.name: t for t in kind.tunable}

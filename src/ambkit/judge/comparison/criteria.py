@@ -27,13 +27,13 @@ SETTLING = 2.0
 LAGS = 50
 """Lags of the whiteness test."""
 
-JUDGED = ("x", "v", "f_d")
+EVALUATED = ("x", "v", "f_d")
 """States whose errors are judged together."""
 
 
 @dataclass(frozen=True)
 class Criterion:
-    """One column of the judgement.
+    """One column of the evaluation.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ CRITERIA = {
 """All criteria by name."""
 
 
-def judge_run(
+def evaluate_run(
     estimator: Any, trial: Trial, bearing: Bearing, settling: float, *, in_loop: bool
 ) -> dict[str, float]:
     """Run an estimator along a trial's record, and in its loop, and judge both.
@@ -148,11 +148,11 @@ def rms(error: Array) -> float:
 
 def magnet_force(estimator: Any, estimate: Estimate, record: Record) -> Array:
     """Magnet force as an estimator sees it [N]; NaN where it knows no force law."""
-    source = getattr(estimator, "source", None)
-    if source is None:
+    magnet = getattr(estimator, "magnet", None)
+    if magnet is None:
         return np.full(len(record), np.nan)
     bearing = estimator.bearing
-    force = evaluate_force(source, _current(bearing, estimate, record), estimate.x)
+    force = evaluate_force(magnet, _current(bearing, estimate, record), estimate.x)
     force = force + magnet_of(bearing).bias_force
     return force if estimate.scale is None else estimate.scale * force
 
@@ -180,7 +180,7 @@ def normalised_errors(estimate: Estimate, record: Record) -> Array:
     if estimate.covariance is None:
         return np.full(len(record), np.nan)
     upper = np.asarray(estimate.covariance, dtype=float)
-    places = [estimate.names.index(name) for name in JUDGED]
+    places = [estimate.names.index(name) for name in EVALUATED]
     P = np.empty((len(record), 3, 3))
     for i, j in combinations_with_replacement(range(3), 2):
         low, high = sorted((places[i], places[j]))
@@ -189,7 +189,7 @@ def normalised_errors(estimate: Estimate, record: Record) -> Array:
         std = np.sqrt(np.einsum("kii->ki", P))
         # In standard deviations, so that what is inverted is a correlation matrix.
         C = P / (std[:, :, None] * std[:, None, :])
-        e = np.column_stack([estimate[name] - record[name] for name in JUDGED]) / std
+        e = np.column_stack([estimate[name] - record[name] for name in EVALUATED]) / std
     found = np.full(len(record), np.nan)
     valid = np.isfinite(C).all(axis=(1, 2)) & np.isfinite(e).all(axis=1)
     valid[valid] = np.linalg.det(C[valid]) > 0

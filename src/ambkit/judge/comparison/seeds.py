@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-JUDGED = {"x": "m", "v": "m/s", "f_d": "N"}
+EVALUATED = {"x": "m", "v": "m/s", "f_d": "N"}
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def compare(
             bearing, scenario.model_copy(update={"seed": seed}), estimator=estimators[name]()
         )
         assert run.estimate is not None  # an estimator was given
-        errors = [rmse(run.estimate, run.record, signal) for signal in JUDGED]
+        errors = [rmse(run.estimate, run.record, signal) for signal in EVALUATED]
         done()
         touched = run.record.meta["stop_touched"] > 0
         return errors, float(run.estimate.nis[1:].mean()), touched
@@ -113,7 +113,7 @@ def compare(
             results = [future.result() for future in waiting]
             errors = np.array([r[0] for r in results])
             scores[name] = Score(
-                dict(zip(JUDGED, errors.T, strict=True)),
+                dict(zip(EVALUATED, errors.T, strict=True)),
                 np.array([r[1] for r in results]),
                 sum(r[2] for r in results),
             )

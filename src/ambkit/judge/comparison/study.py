@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.bench import Bench, Sweep, bench, pieces, sweep
 from ambkit.judge.comparison.cases import (
     CASES,
@@ -26,7 +26,7 @@ from ambkit.judge.comparison.contenders import Contender, contenders
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
-    from ambkit.machine.magnets import StiffnessSource
+    from ambkit.machine.magnets import MagnetModel
     from ambkit.machine.stiffness import StiffnessMap
 
 HEIGHTS = (0.02, 0.1, 0.2, 0.3, 0.4, 0.5)
@@ -70,7 +70,7 @@ class Study:
     model: Bench | None = None
 
 
-def learned(case: Case, bearing: Bearing, names: Sequence[str]) -> dict[str, StiffnessSource]:
+def learned(case: Case, bearing: Bearing, names: Sequence[str]) -> dict[str, MagnetModel]:
     """Learn the maps that some kinds ask, over all that a step reaches.
 
     The expert has the paper's 25 rules. A table costs no more with more nodes, and has them.
@@ -84,7 +84,7 @@ def learned(case: Case, bearing: Bearing, names: Sequence[str]) -> dict[str, Sti
     names : sequence of str
         Of those who take part; nothing is learned for others.
     """
-    asking = [name for name in names if name in KINDS and KINDS[name].source is None]
+    asking = [name for name in names if name in KINDS and KINDS[name].magnet is None]
     if not asking:
         return {}
     from ambkit.fuzzy.training import train
@@ -98,7 +98,7 @@ def learned(case: Case, bearing: Bearing, names: Sequence[str]) -> dict[str, Sti
         displacements = np.linspace(-reach, reach, nodes)
         return stiffness_map(bearing, currents=currents, displacements=displacements, force=force)
 
-    found: dict[str, StiffnessSource] = {}
+    found: dict[str, MagnetModel] = {}
     if set(asking) - {"table"}:
         found = dict.fromkeys(asking, train(work(RULES), weights=True))
     return found | ({"table": work(NODES)} if "table" in asking else {})
@@ -109,12 +109,12 @@ def study(
     case: Case | str,
     names: Sequence[str],
     *,
-    own: Mapping[str, Callable[..., Any]] | None = None,
+    custom: Mapping[str, Callable[..., Any]] | None = None,
     runs: int = 16,
     budget: int = 0,
     seed: int = 0,
     threads: int | None = None,
-    sources: Mapping[str, StiffnessSource] | None = None,
+    magnets: Mapping[str, MagnetModel] | None = None,
     whole: bool = True,
     done: Callable[[str], None] = lambda _text: None,
 ) -> Study:
@@ -128,13 +128,13 @@ def study(
         What happens; one of `CASES`.
     names : sequence of str
         Kinds of estimators, or ``file.py:Class``.
-    own : mapping, optional
+    custom : mapping, optional
         The user's own, see :func:`ambkit.judge.comparison.contenders.contenders`.
     runs, budget, seed : int
         See :func:`ambkit.judge.comparison.bench.bench`.
     threads : int, optional
         As many as there are processors without it; no figure but the cost depends on it.
-    sources : mapping, optional
+    magnets : mapping, optional
         What kinds of estimator know of the magnet, in place of what would be learned.
     whole : bool
         Whether the errors by step, wrong k and the limit are wanted, for a report.
@@ -143,9 +143,9 @@ def study(
     """
     case = CASES[case] if isinstance(case, str) else case
     threads = threads or os.cpu_count() or 1
-    given = dict(sources or {})
+    given = dict(magnets or {})
     known = learned(case, bearing, [name for name in names if name not in given]) | given
-    field = contenders(names, bearing, known, own)
+    field = contenders(names, bearing, known, custom)
     done("judging")
     main = bench(
         bearing, case, field, runs=runs, budget=budget, seed=seed, threads=threads,
@@ -156,9 +156,11 @@ def study(
         return Study(main, field, first)
     tuned = {name: s.tuning for name, s in main.tuned.items() if s.tuning is not None}
 
-    def row(what: str, cases: dict[float, Case], count: int = SWEEP_RUNS, *, own: bool) -> Sweep:
+    def row(
+        what: str, cases: dict[float, Case], count: int = SWEEP_RUNS, *, as_tuned: bool
+    ) -> Sweep:
         return sweep(
-            bearing, cases, field, tuned=tuned if own else None, runs=count, seed=seed,
+            bearing, cases, field, tuned=tuned if as_tuned else None, runs=count, seed=seed,
             threads=threads, done=lambda: done(what),
         )  # fmt: skip
 
@@ -173,10 +175,10 @@ def study(
         main,
         field,
         first,
-        steps=row("errors by step", steps, own=True),
-        wrong_k=row("errors by k", wrong, own=True),
+        steps=row("errors by step", steps, as_tuned=True),
+        wrong_k=row("errors by k", wrong, as_tuned=True),
         # There the defaults are the truth.
-        limit=row("the limit", walks, 2 * SWEEP_RUNS, own=False),
+        limit=row("the limit", walks, 2 * SWEEP_RUNS, as_tuned=False),
         model=bench(
             bearing, CASES["model"], field, runs=max(runs, 32), seed=seed, threads=threads,
             done=lambda: done("the limit"),
@@ -193,7 +195,7 @@ def across(
     budget: int = 0,
     seed: int = 0,
     threads: int | None = None,
-    sources: Mapping[str, StiffnessSource] | None = None,
+    magnets: Mapping[str, MagnetModel] | None = None,
     done: Callable[[str], None] = lambda _text: None,
 ) -> dict[str, Bench]:
     """Compare estimators in several cases, tuned anew in each.
@@ -202,13 +204,13 @@ def across(
     ----------
     cases : mapping of str to Case
         What happens, by name.
-    bearing, names, runs, budget, seed, threads, sources, done
+    bearing, names, runs, budget, seed, threads, magnets, done
         See `study`.
     """
     return {
         name: study(
             bearing, case, names, runs=runs, budget=budget, seed=seed, threads=threads,
-            sources=sources, whole=False, done=done,
+            magnets=magnets, whole=False, done=done,
         ).bench
         for name, case in cases.items()
     }  # fmt: skip

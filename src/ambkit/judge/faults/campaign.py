@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
-from ambkit.estimate.family import KINDS, learned_source
+from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.judge.faults.declared import CLEAN, FAULTS
 from ambkit.judge.faults.flight import Flight, Outcome
 from ambkit.simulation.scenario import PID
@@ -183,7 +183,7 @@ def torture(
     bearing : Bearing
         The plant, and what the estimators know.
     estimators : sequence of str, or mapping of name to factory, optional
-        Kinds of :data:`ambkit.estimate.family.KINDS`, all of them by default; or what makes
+        Kinds of :data:`ambkit.estimate.registry.KINDS`, all of them by default; or what makes
         fresh ones, called with ``precision=...``.
     faults : iterable of str, optional
         Some of ``ambkit.judge.faults.FAULTS``; by default all.
@@ -254,18 +254,18 @@ def _campaign(
     clean = work.run(channel)
     band = flight.band(clean)
     done(CLEAN.name)
-    yield flight.judge(clean, windows, band, fault=CLEAN.name, estimator=work.name)
+    yield flight.evaluate(clean, windows, band, fault=CLEAN.name, estimator=work.name)
     for name in named:
         if flight.in_loop and not FAULTS[name].in_loop:
             continue
         channel, windows = flight.through(FAULTS[name])
-        yield flight.judge(work.run(channel), windows, band, fault=name, estimator=work.name)
+        yield flight.evaluate(work.run(channel), windows, band, fault=name, estimator=work.name)
         done(name)
     if steps:
         channel, windows = flight.mixed(steps)
         if not windows:
             raise AmbkitError(f"{steps} steps have no room for a fault and its aftermath")
-        yield flight.judge(work.run(channel), windows, band, fault=MIXTURE, estimator=work.name)
+        yield flight.evaluate(work.run(channel), windows, band, fault=MIXTURE, estimator=work.name)
         done(MIXTURE)
 
 
@@ -280,8 +280,8 @@ def _factories(
         raise AmbkitError(f'there is no estimator "{unknown[0]}"; known: {", ".join(KINDS)}')
 
     def factory(name: str) -> Factory:
-        source = learned_source(name, bearing)
-        return lambda **options: KINDS[name].make(bearing, source, **options)
+        magnet = learned_magnet(name, bearing)
+        return lambda **options: KINDS[name].make(bearing, magnet, **options)
 
     return {name: factory(name) for name in estimators}
 

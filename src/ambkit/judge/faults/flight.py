@@ -196,7 +196,7 @@ class Flight:
             float(np.quantile(control, 0.99)),
         )
 
-    def judge(
+    def evaluate(
         self, run: Run, windows: Sequence[slice], band: Band, *, fault: str, estimator: str
     ) -> Outcome:
         """Say what became of a run.

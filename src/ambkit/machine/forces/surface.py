@@ -166,7 +166,7 @@ class ForceSurface(Law):
         b, travel = self.bearing, self.bearing.rotor.travel_limit
         return patches(self, (b.current_min, b.current_max), (-travel, travel))
 
-    def magnet(self, core: ModuleType) -> Magnet:
+    def in_core(self, core: ModuleType) -> Magnet:
         """Build the C implementation.
 
         Parameters

@@ -20,7 +20,7 @@ from ambkit.show.report.style import style_of
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.estimate.estimate import Estimate
-    from ambkit.judge.judgement import Judgement
+    from ambkit.judge.evaluation import Evaluation
 
 _SMOOTHED = ("smoothed", "smoothed 2", "smoothed 3")
 
@@ -30,7 +30,7 @@ BEYOND = 1.5
 
 def filter_figure(
     record: Record,
-    judged: Mapping[str, Judgement],
+    evaluated: Mapping[str, Evaluation],
     smoothed: Mapping[str, Estimate] | None = None,
 ) -> Figure:
     """Show what filters estimate along a record, and how their innovations fare.
@@ -39,7 +39,7 @@ def filter_figure(
     ----------
     record : Record
         What they ran along; reference, truth and logged estimates are shown where it has them.
-    judged : mapping of str to Judgement
+    evaluated : mapping of str to Evaluation
         The filters by their short names (``"linear"``, ``"adaptive"``, ``"closed-law"``).
     smoothed : mapping of str to Estimate, optional
         What their smoothers say, by the same names.
@@ -56,9 +56,9 @@ def filter_figure(
 
     def told(signal: str) -> list[Item]:
         filtered = [
-            Line(t, judgement.estimate[signal], signal=style, label=label)
-            for (style, label), judgement in zip(looks(judged), judged.values(), strict=True)
-            if signal in judgement.estimate.names
+            Line(t, evaluation.estimate[signal], signal=style, label=label)
+            for (style, label), evaluation in zip(looks(evaluated), evaluated.values(), strict=True)
+            if signal in evaluation.estimate.names
         ]
         return [*filtered, *after(signal)]
 
@@ -74,14 +74,15 @@ def filter_figure(
 
     absent = _absent(record)
     innovations = [
-        _innovations(name, judgement.estimate, time, absent) for name, judgement in judged.items()
+        _innovations(name, evaluation.estimate, time, absent)
+        for name, evaluation in evaluated.items()
     ]
     position = [*known("y", "measured"), *known("r", "reference"), *true("x"), *told("x")]
     velocity = [*known("v_logged", "logged"), *true("v"), *told("v")]
     disturbance = [*true("f_d"), *told("f_d")]
     follows = told("i")  # of an amplifier that lags
     currents = [Panel(time, CURRENT, [*true("iu"), *follows, *absent])] if follows else []
-    settled = _settled(t, [judgement.estimate for judgement in judged.values()])
+    settled = _settled(t, [evaluation.estimate for evaluation in evaluated.values()])
     return Figure(
         id="filter",
         title=f"Estimates along {markdown(record.meta.get('source') or 'the record')}",

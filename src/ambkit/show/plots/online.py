@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ambkit.base.escaping import markdown
 from ambkit.identification.online.adaline import AdalineResult
-from ambkit.identification.online.extended_k import ExtendedKResult
+from ambkit.identification.online.augmented import AugmentedResult
 from ambkit.identification.online.result import CONFIDENCE, OnlineResult
 from ambkit.identification.online.side_by_side import NAMES, SideBySide
 from ambkit.show.report.figure import Figure, Panel
@@ -15,7 +15,7 @@ from ambkit.show.report.items import Axis, Band, Item, Line, Points, Rule, Span
 
 Array = NDArray[np.float64]
 
-STYLES = {"adaline": "series 2", "rls": "series 3", "extended-k": "series 1"}
+STYLES = {"adaline": "series 2", "rls": "series 3", "augmented": "series 1"}
 TIME = Axis("time", "s")
 LEAST = 0.02
 """Default of the excitation below which ADALINE and least squares hold k [1]."""
@@ -59,7 +59,7 @@ def _constants(learned: SideBySide) -> list[Item]:
     for (name, one), place in zip(learned.results.items(), ENDS, strict=True):
         style = STYLES[name]
         learned_some = not one.held.all()
-        if isinstance(one, ExtendedKResult) and learned_some:
+        if isinstance(one, AugmentedResult) and learned_some:
             half = CONFIDENCE * one.error
             half[: int(np.argmin(one.held))] = np.nan  # what it began with is no finding
             items.append(Band(one.t, one.k - half, one.k + half, signal=style, label=""))
@@ -90,7 +90,7 @@ def _monitor(name: str, one: OnlineResult, time: Axis) -> Panel:
         for a, b in _stretches(one.t, one.held)
     ]
     style = STYLES[name]
-    if isinstance(one, ExtendedKResult):
+    if isinstance(one, AugmentedResult):
         # Where it learns its error falls, where it does not it grows with the wander of k.
         error = Line(one.t, one.error / one.k, signal=style, label="")
         return Panel(time, Axis("error of $k$, filter", "%", 100.0), [*held, error])

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.escaping import label
-from ambkit.estimate.family import KINDS
+from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.bench import Bench, Standing, Sweep
 from ambkit.judge.comparison.contenders import Contender
 from ambkit.judge.comparison.criteria import CRITERIA, Criterion
 from ambkit.show.report.figure import Figure, Panel
 from ambkit.show.report.items import Axis, Bars, Cells, Item, Line, Points, Rule
 from ambkit.show.report.markup import symbols
-from ambkit.show.report.style import FAMILY
+from ambkit.show.report.style import OF_KINDS
 
 if TYPE_CHECKING:
     from ambkit.judge.comparison.cases import Trial
@@ -37,7 +37,7 @@ def look(name: str, others: Sequence[str] = ()) -> str:
     """Return the style of an estimator, the same in all pictures."""
     known = list(KINDS)
     place = known.index(name) if name in known else len(known) + list(others).index(name)
-    return f"family {place % len(FAMILY)}"
+    return f"kind {place % len(OF_KINDS)}"
 
 
 def _looks(names: Sequence[str]) -> Iterator[tuple[str, str]]:

@@ -107,7 +107,7 @@ for _place, (_colour, _marker) in enumerate(_RECORDS):
     }
 """Colour and marker tell the record, the dash what is shown of it; blue is what was found."""
 
-FAMILY = (
+OF_KINDS = (
     Style("", GREY, DOT, 1.4, "circle", hollow=True, layer=3),
     Style("", TAN, DASH_DOT, 1.4, "triangle", hollow=True, layer=3),
     Style("", VERMILION, DASH, 1.4, "square", layer=4),
@@ -123,9 +123,9 @@ FAMILY = (
     Style("", GREEN, DOT, 1.4, "triangle", hollow=True, layer=4),
     Style("", GREY, DASH, 1.2, "cross", layer=3),
 )
-"""Looks of a family of estimators, in its order."""
+"""Looks of the kinds of estimators, in their order."""
 
-SIGNALS |= {f"family {number}": look for number, look in enumerate(FAMILY)}
+SIGNALS |= {f"kind {number}": look for number, look in enumerate(OF_KINDS)}
 """Each signal's look, by name."""
 
 

@@ -18,10 +18,10 @@ from ambkit.fuzzy.training import train
 from ambkit.identification.forces.lift_off import LiftOff, load_points
 from ambkit.identification.forces.lift_off_fit import LiftOffFit, fit_lift_off
 from ambkit.judge.comparison import ConstantVelocityFilter
-from ambkit.judge.comparison.constant_velocity import tuned
-from ambkit.judge.judgement import LAGS, Judgement, judge
+from ambkit.judge.comparison.constant_velocity import tune
+from ambkit.judge.evaluation import LAGS, Evaluation, evaluate
 from ambkit.machine.bearing import GRAVITY, Bearing
-from ambkit.machine.magnets import ClosedLaw, ConstantStiffness, StiffnessSource
+from ambkit.machine.magnets import ClosedLaw, ConstantStiffness, MagnetModel
 from ambkit.machine.stiffness import stiffness_map
 from ambkit.show.report.blocks import Chapter, FigureBlock, Remark, TableBlock, Text
 from ambkit.show.report.figure import Figure, Panel
@@ -86,28 +86,28 @@ class Rig:
 
     def maker(self, name: str) -> Callable[[float], KalmanFilter]:
         """Return what builds a filter from the growth of its disturbance force [N^2/s]."""
-        sources: dict[str, StiffnessSource] = {
+        magnets: dict[str, MagnetModel] = {
             "estimate linear": ConstantStiffness.of(self.bearing),
             "estimate adaptive": self.expert,
             "estimate closed law": ClosedLaw(self.bearing),
         }
         return lambda growth: KalmanFilter(
             self.bearing,
-            sources[name],
+            magnets[name],
             noise=FilterNoise(measurement=self.measurement, disturbance=growth),
         )
 
-    def judged(self, record: Record, name: str) -> tuple[float, Judgement]:
+    def evaluated(self, record: Record, name: str) -> tuple[float, Evaluation]:
         """Tune on the beginning of the record, judge on the rest; also the growth found."""
         make = self.maker(name)
         beginning = record.between(None, record.t[0] + TUNED_ON)
         growth = most_likely_disturbance(self.bearing, beginning, make)
-        return growth, judge(make(growth), record, settling=TUNED_ON)
+        return growth, evaluate(make(growth), record, settling=TUNED_ON)
 
     def naive(self, record: Record) -> Naive:
         """Tune the filter that knows no magnet on the same beginning, judge it on the same rest."""
         beginning = record.between(None, record.t[0] + TUNED_ON)["y"]
-        kf = tuned(beginning, record.sampling_time, R=self.measurement)
+        kf = tune(beginning, record.sampling_time, R=self.measurement)
         first = round(TUNED_ON / record.sampling_time)
         y = record["y"]
         errors = {
@@ -133,13 +133,14 @@ def recording(study: Study) -> Part:
     del study  # another rig
     rig = Rig()
     records = {log: Record.load(folder() / f"{log}.csv") for log in LOGS}
-    judged = {
-        log: {name: rig.judged(record, name) for name in FILTERS} for log, record in records.items()
+    evaluated = {
+        log: {name: rig.evaluated(record, name) for name in FILTERS}
+        for log, record in records.items()
     }
     naive = {log: rig.naive(record) for log, record in records.items()}
-    best = judged["sinus_kalman"]["estimate linear"][1]
+    best = evaluated["sinus_kalman"]["estimate linear"][1]
     other = naive["sinus_kalman"].prediction
-    adaptive = judged["sinus_kalman"]["estimate adaptive"][1]
+    adaptive = evaluated["sinus_kalman"]["estimate adaptive"][1]
     fit = rig.fit
     k_error, gap_error = fit.standard_errors["magnet_constant"], fit.standard_errors["gap_offset"]
     return Part(
@@ -167,13 +168,13 @@ def recording(study: Study) -> Part:
                      "its velocity but for white acceleration. It has the same noise of the "
                      "sensor, and its one free figure is the most likely one on the same stretch "
                      "of the log."),
-                _table(judged, naive),
-                FigureBlock(_figure_run(records["sinus_kalman"], judged["sinus_kalman"])),
-                FigureBlock(_figure_white(judged["sinus_kalman"])),
+                _table(evaluated, naive),
+                FigureBlock(_figure_run(records["sinus_kalman"], evaluated["sinus_kalman"])),
+                FigureBlock(_figure_white(evaluated["sinus_kalman"])),
                 Remark("What we see",
                        "All three filters predict better than holding the last measurement, and "
-                       "the rig's own filter carries a bias of some 30 µm. " + _bought(rig, judged,
-                                                                                       naive) +
+                       "the rig's own filter carries a bias of some 30 µm. "
+                       + _bought(rig, evaluated, naive) +
                        " Among the three there "
                        "is next to nothing: the ball moves ±2 mm slowly, and the disturbance "
                        "state makes up for the stiffness. The linear filter is, if anything, "
@@ -201,12 +202,12 @@ def recording(study: Study) -> Part:
 
 
 def _bought(
-    rig: Rig, judged: dict[str, dict[str, tuple[float, Judgement]]], naive: dict[str, Naive]
+    rig: Rig, evaluated: dict[str, dict[str, tuple[float, Evaluation]]], naive: dict[str, Naive]
 ) -> str:
     """Say what the model buys over the filter that knows no magnet."""
 
     def of_log(log: str, ahead: int) -> tuple[float, float]:
-        model = judged[log]["estimate linear"][1].prediction[ahead]
+        model = evaluated[log]["estimate linear"][1].prediction[ahead]
         return 1e6 * model, 1e6 * naive[log].prediction[ahead]
 
     def less_noise(error: float) -> float:
@@ -238,10 +239,10 @@ def _verdict(error: float, other: float) -> str:
 
 
 def _table(
-    judged: dict[str, dict[str, tuple[float, Judgement]]], naive: dict[str, Naive]
+    evaluated: dict[str, dict[str, tuple[float, Evaluation]]], naive: dict[str, Naive]
 ) -> TableBlock:
     rows: list[list[str | float | None]] = []
-    for log, by_filter in judged.items():
+    for log, by_filter in evaluated.items():
         for name, (growth, j) in by_filter.items():
             rows.append([
                 LOGS[log], style_of(name).label, 1e6 * j.prediction[1], 1e6 * j.prediction[10],
@@ -313,9 +314,9 @@ def _figure_law(rig: Rig) -> Figure:
     )  # fmt: skip
 
 
-def _figure_run(record: Record, judged: dict[str, tuple[float, Judgement]]) -> Figure:
+def _figure_run(record: Record, evaluated: dict[str, tuple[float, Evaluation]]) -> Figure:
     t = record.t
-    estimates = {name: j.estimate for name, (_, j) in judged.items()}
+    estimates = {name: j.estimate for name, (_, j) in evaluated.items()}
     some = estimates["estimate adaptive"]
     late = t >= t[0] + TUNED_ON
     return Figure(
@@ -347,9 +348,9 @@ def _figure_run(record: Record, judged: dict[str, tuple[float, Judgement]]) -> F
     )  # fmt: skip
 
 
-def _figure_white(judged: dict[str, tuple[float, Judgement]]) -> Figure:
+def _figure_white(evaluated: dict[str, tuple[float, Evaluation]]) -> Figure:
     lags = Axis("lag", "ms", 1e3)
-    white = {name: j.whiteness for name, (_, j) in judged.items() if j.whiteness is not None}
+    white = {name: j.whiteness for name, (_, j) in evaluated.items() if j.whiteness is not None}
     bound = next(iter(white.values())).bound
     return Figure(
         id="recording_white",

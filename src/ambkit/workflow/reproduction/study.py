@@ -15,7 +15,7 @@ from ambkit.estimate.noise import FilterNoise
 from ambkit.fuzzy.expert import Expert
 from ambkit.fuzzy.training import train
 from ambkit.machine.bearing import Bearing
-from ambkit.machine.magnets import ClosedLaw, ConstantStiffness, StiffnessSource
+from ambkit.machine.magnets import ClosedLaw, ConstantStiffness, MagnetModel
 from ambkit.machine.paper import INITIAL_WIDTH
 from ambkit.machine.stiffness import StiffnessMap, stiffness_map
 from ambkit.show.report.blocks import Chapter
@@ -116,17 +116,17 @@ class Study:
         self, bearing: Bearing, *, as_printed: bool
     ) -> dict[str, Callable[[], KalmanFilter]]:
         """Return the same filters for a bearing with another sensor, or by the exact model."""
-        knows: dict[str, Callable[[], StiffnessSource]] = {
+        knows: dict[str, Callable[[], MagnetModel]] = {
             "estimate linear": lambda: self.constant,
             "estimate adaptive": lambda: self.expert,
             "estimate wide box": lambda: self.wide_expert,
             "estimate closed law": lambda: self.law,
         }
 
-        def made(source: Callable[[], StiffnessSource]) -> Callable[[], KalmanFilter]:
-            return lambda: KalmanFilter(bearing, source(), noise=self.noise, as_printed=as_printed)
+        def made(magnet: Callable[[], MagnetModel]) -> Callable[[], KalmanFilter]:
+            return lambda: KalmanFilter(bearing, magnet(), noise=self.noise, as_printed=as_printed)
 
-        return {name: made(source) for name, source in knows.items()}
+        return {name: made(magnet) for name, magnet in knows.items()}
 
     def scenario(
         self, step: float, load: float = 0.0, *, noise: bool = True, seed: int | None = None

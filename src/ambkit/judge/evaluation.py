@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ambkit.base.errors import RecordError
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.innovations import Whiteness, whiteness
-from ambkit.judge.comparison import JUDGED
+from ambkit.judge.comparison import EVALUATED
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -26,7 +26,7 @@ LAGS = 50
 
 
 @dataclass(frozen=True, eq=False)
-class Judgement:
+class Evaluation:
     """What a record says about a filter that ran along it.
 
     Attributes
@@ -103,13 +103,13 @@ class Judgement:
         }
 
 
-def judge(
+def evaluate(
     kalman: Estimator,
     record: Record,
     *,
     horizons: Sequence[int] = (1, 10),
     settling: float = 0.0,
-) -> Judgement:
+) -> Evaluation:
     """Run a filter along a record and say how well the two fit.
 
     Parameters
@@ -152,7 +152,7 @@ def judge(
     variance = estimate.innovation_variance[first:][taken]
     f_d = estimate.f_d[first:]
     last = _last_measured(record["y"])
-    return Judgement(
+    return Evaluation(
         estimate=estimate,
         settling=settling,
         samples=taken.size,
@@ -171,7 +171,7 @@ def judge(
         logged=logged_predictions(record, horizons, first=first),
         rmse={
             name: _rms(estimate[name][first:] - record[name][first:])
-            for name in JUDGED
+            for name in EVALUATED
             if name in record.truth
         },
         disturbance_mean=float(f_d.mean()),

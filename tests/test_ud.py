@@ -20,8 +20,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import ambkit
-from ambkit import Bearing, ClosedLaw, Estimate, Record, Scenario, SquareRootKalmanFilter, Status
-from ambkit.estimate.family import KINDS
+from ambkit import Bearing, ClosedLaw, Estimate, Record, Scenario, Status, UDKalmanFilter
+from ambkit.estimate.registry import KINDS
 from ambkit.machine.magnets import ConstantStiffness, core_module
 from benchmarks import long_run
 
@@ -72,7 +72,7 @@ def test_in_double_it_is_the_extended_filter() -> None:
     )
     record = ambkit.simulate(BEARING, scenario)
     plain = KINDS["extended"].make(BEARING).run(record, covariance=True)
-    factored = KINDS["square-root"].make(BEARING).run(record, covariance=True)
+    factored = KINDS["ud"].make(BEARING).run(record, covariance=True)
     assert plain.covariance is not None
     assert factored.covariance is not None
     sigma = np.sqrt(plain.covariance[:, [0, 4, 7, 9]])
@@ -86,7 +86,7 @@ def test_with_constant_stiffness_it_is_the_linear_filter() -> None:
     constant = ConstantStiffness.of(BEARING)
     record = ambkit.simulate(BEARING, Scenario(duration=0.2))
     linear = ambkit.KalmanFilter(BEARING, constant).run(record)
-    factored = SquareRootKalmanFilter(BEARING, constant).run(record)
+    factored = UDKalmanFilter(BEARING, constant).run(record)
     np.testing.assert_allclose(factored.mean, linear.mean, rtol=1e-9, atol=1e-15)
 
 
@@ -104,10 +104,8 @@ def after_an_outage(noise: float) -> dict[str, Estimate]:
     broken = Record(record.t, {"y": y, "u": record["u"]})
     law = ClosedLaw(sharp)
     return {
-        "exact": SquareRootKalmanFilter(sharp, law).run(broken, covariance=True),
-        "factored": SquareRootKalmanFilter(sharp, law, precision="float32").run(
-            broken, covariance=True
-        ),
+        "exact": UDKalmanFilter(sharp, law).run(broken, covariance=True),
+        "factored": UDKalmanFilter(sharp, law, precision="float32").run(broken, covariance=True),
         "plain": ambkit.ExtendedKalmanFilter(sharp, law, precision="float32").run(
             broken, covariance=True
         ),

@@ -12,21 +12,17 @@ import typer
 
 from ambkit.base.errors import AmbkitError
 from ambkit.cli import output
+from ambkit.estimate.registry import KINDS, learned_magnet
 
 if TYPE_CHECKING:
     from ambkit.fuzzy.expert import Expert
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.forces.surface import ForceSurface
-    from ambkit.machine.magnets import StiffnessSource
+    from ambkit.machine.magnets import MagnetModel
     from ambkit.simulation.scenario import Scenario
     from ambkit.workflow.estimators import Factory
 
-NAMES = (
-    "low-pass", "observer", "linear", "steady-state", "table", "adaptive", "closed-law", "extended",
-    "square-root", "extended-k", "multiple-model", "unscented", "linear-adaptive-noise",
-    "extended-adaptive-noise",
-)  # fmt: skip
-"""Those of :data:`ambkit.estimate.family.KINDS`, which takes longer to import."""
+NAMES = tuple(KINDS)
 
 
 def estimator_option(choice: Iterable[str]) -> Any:
@@ -83,9 +79,9 @@ def factories(
     chosen = list(chosen)
     if expert is not None and "adaptive" not in chosen:
         raise AmbkitError("--expert is for --estimator adaptive, which is not among those chosen")
-    sources = {"adaptive": read_expert(expert, bearing)} if expert is not None else {}
-    if "adaptive" not in chosen or sources:
-        return built(chosen, bearing, sources)
+    magnets = {"adaptive": read_expert(expert, bearing)} if expert is not None else {}
+    if "adaptive" not in chosen or magnets:
+        return built(chosen, bearing, magnets)
     with output.progress("training the expert"):
         return built(chosen, bearing)
 
@@ -94,7 +90,7 @@ class Chosen(NamedTuple):
     """A kind of estimator to export, and what it asks for k_i and k_s; None for the kind's own."""
 
     kind: str
-    source: StiffnessSource | None
+    magnet: MagnetModel | None
 
 
 def exported(text: str | None, bearing: Bearing, choice: Iterable[str] = NAMES) -> Chosen:
@@ -126,14 +122,12 @@ def exported(text: str | None, bearing: Bearing, choice: Iterable[str] = NAMES) 
     return Chosen("adaptive", read_expert(path, bearing))
 
 
-def _learned(name: str, bearing: Bearing) -> StiffnessSource | None:
+def _learned(name: str, bearing: Bearing) -> MagnetModel | None:
     """Return what is learned for a kind; None where it knows by itself."""
-    from ambkit.estimate.family import learned_source
-
     if name != "adaptive":
-        return learned_source(name, bearing)
+        return learned_magnet(name, bearing)
     with output.progress("training the expert"):
-        return learned_source(name, bearing)
+        return learned_magnet(name, bearing)
 
 
 def read_expert(path: Path, bearing: Bearing) -> Expert | ForceSurface:

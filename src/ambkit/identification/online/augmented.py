@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.estimate.estimate import Estimate, Status
-from ambkit.estimate.magnet_scale import FiveStateKalmanFilter
+from ambkit.estimate.magnet_scale import AugmentedKalmanFilter
 from ambkit.identification.online.result import CONFIDENCE, OnlineResult
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class ExtendedKResult(OnlineResult):
+class AugmentedResult(OnlineResult):
     """What the filter learned along a record, n samples; the rest as :class:`OnlineResult`.
 
     Attributes
@@ -57,8 +57,8 @@ class ExtendedKResult(OnlineResult):
         return math.nan if self.held.all() else float(self.error[-1])
 
 
-class ExtendedKIdentifier:
-    """Magnet constant by :class:`ambkit.FiveStateKalmanFilter`, beside its four other states.
+class AugmentedIdentifier:
+    """Magnet constant by :class:`ambkit.AugmentedKalmanFilter`, beside its four other states.
 
     It takes the load for one that wanders, and needs no word of it; so a load that is known is only
     taken off what it found.
@@ -70,7 +70,7 @@ class ExtendedKIdentifier:
     start : float, optional
         Another start for the magnet constant [N m^2/A^2].
     **options
-        As for :class:`ambkit.FiveStateKalmanFilter`.
+        As for :class:`ambkit.AugmentedKalmanFilter`.
 
     Raises
     ------
@@ -84,9 +84,9 @@ class ExtendedKIdentifier:
         if not 0 < start < math.inf:
             raise ValueError(f"start must be greater than 0 N m^2/A^2 and finite, got {start!r}")
         self.bearing = bearing.replace(**bearing.magnet.with_constant(start))
-        self.kalman = FiveStateKalmanFilter(self.bearing, **options)
+        self.kalman = AugmentedKalmanFilter(self.bearing, **options)
 
-    def run(self, record: Record, *, disturbance: ArrayLike | None = None) -> ExtendedKResult:
+    def run(self, record: Record, *, disturbance: ArrayLike | None = None) -> AugmentedResult:
         """Learn along a record.
 
         Parameters
@@ -101,7 +101,7 @@ class ExtendedKIdentifier:
         assert estimate.scale is not None
         assert estimate.scale_variance is not None
         unlearned = Status.UNEXCITED | Status.MISSING | Status.FROZEN | Status.OUTLIER
-        return ExtendedKResult(
+        return AugmentedResult(
             t=record.t,
             k=start * estimate.scale,
             held=(estimate.status & np.uint16(unlearned | Status.BAD_VARIANCE)) != 0,

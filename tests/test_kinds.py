@@ -1,8 +1,10 @@
-"""Every kind of the family: the same interface, the same care of bad input, and each one's own."""
+"""Every kind of estimator: the same interface, the same care of bad input, and each one's own."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,9 +14,9 @@ from filter_cases import core_model, core_settings, made
 
 import ambkit
 from ambkit import Bearing, ClosedLaw, KalmanFilter, Record, Scenario, Status
-from ambkit.estimate.family import KINDS, Kind
 from ambkit.estimate.model import LinearModel
 from ambkit.estimate.observer import ExtendedStateObserver, SteadyStateKalmanFilter
+from ambkit.estimate.registry import KINDS, Kind, in_core_of
 from ambkit.machine.magnets import ConstantStiffness, core_module
 from ambkit.simulation.run import Imposed, simulate_run
 
@@ -29,7 +31,7 @@ RECORD = ambkit.simulate(
     ),
 )
 kinds = pytest.mark.parametrize(
-    "kind", [k for k in KINDS.values() if k.source], ids=lambda k: k.name
+    "kind", [k for k in KINDS.values() if k.magnet], ids=lambda k: k.name
 )
 
 
@@ -148,12 +150,12 @@ def test_the_extended_filter_is_the_textbook_s() -> None:
     s = oracles.settings_of(BEARING)
     core = core_module()
     mean, std = np.array([2e-5, 0.01, -1.0, 1e-5]), np.array([3e-5, 0.012, 5.0, 3e-5])
-    ekf = made(core, "Extended", law.magnet(core), s)
+    ekf = made(core, "Extended", law.in_core(core), s)
     ekf.reset(mean, std)
     out = ekf.run(RECORD["y"], RECORD["u"], covariance=True)
     x, P = mean.copy(), np.diag(std**2)
     known = KINDS["extended"].make(BEARING)
-    magnet = law.magnet(core)
+    magnet = law.in_core(core)
     for k in range(len(RECORD)):
         if k:
             iu = float(np.clip(s["k_ui"] * RECORD["u"][k - 1], s["iu_min"], s["iu_max"]))
@@ -280,12 +282,18 @@ def test_settings_are_complete_and_known() -> None:
 def test_a_record_is_a_record_for_all() -> None:
     empty = Record(RECORD.t[:3], {"y": RECORD["y"][:3], "u": RECORD["u"][:3]})
     for kind in KINDS.values():
-        if kind.source:
+        if kind.magnet:
             assert len(kind.make(BEARING).run(empty).x) == 3
 
 
-def test_the_commands_know_every_kind() -> None:
-    """They keep the names themselves, because the family takes long to import."""
-    from ambkit.cli.family import NAMES
-
-    assert set(NAMES) == set(KINDS)
+@kinds
+def test_the_core_calls_it_as_the_registry_says(kind: Kind) -> None:
+    core = Path(__file__).parents[1] / "core"
+    estimator = kind.make(BEARING)
+    assert in_core_of(estimator) is kind.core
+    declared = "".join(file.read_text() for file in core.glob("include/ambkit/*.h"))
+    for name in filter(None, (kind.core.methods, kind.core.state, kind.core.own)):
+        assert re.search(rf"\b{name}\b", declared)
+    for stem in (kind.core.source, *kind.core.calls):
+        assert (core / "src" / f"{stem}.c").is_file()
+    assert (kind.core.own != "") == bool(estimator.core.own)

@@ -69,7 +69,7 @@ class Network:
         return Outputs(value, u * squares * (weights[:, np.newaxis, :] - mean), u)
 
 
-class Lesson:
+class TrainingSet:
     """Samples all over the box of a stiffness map, edges included.
 
     Parameters

@@ -13,7 +13,7 @@ from filterpy.kalman import ExtendedKalmanFilter as Textbook
 from magnet_scale_cases import BEARING, LOAD_AT, jump, quieter, rms, run
 
 import ambkit
-from ambkit import Bearing, ClosedLaw, ExtendedKalmanFilter, FiveStateKalmanFilter, Record, Status
+from ambkit import AugmentedKalmanFilter, Bearing, ClosedLaw, ExtendedKalmanFilter, Record, Status
 from ambkit.machine.magnets import core_module
 
 
@@ -28,17 +28,17 @@ def one_sided() -> tuple[Bearing, Record]:
 
 @pytest.mark.parametrize("wander", [0.0, 0.1])
 @pytest.mark.parametrize("bearing", ["two-sided", "one-sided"])
-def test_it_is_the_extended_filter_of_five_states(bearing: str, wander: float) -> None:
+def test_it_is_the_extended_filter_of_the_augmented_state(bearing: str, wander: float) -> None:
     """filterpy's, in units of the standard deviations, with full 5 x 5 matrices."""
     b, record = one_sided() if bearing == "one-sided" else (BEARING, run(3e-4))
     record = Record(record.t[:900], {s: record[s][:900] for s in ("y", "u")})
-    mine = FiveStateKalmanFilter(b, excitation=math.inf, wander=wander, scale_std=0.2)
+    mine = AugmentedKalmanFilter(b, excitation=math.inf, wander=wander, scale_std=0.2)
     estimate = mine.run(record, covariance=True)
     assert not (estimate.status & Status.UNEXCITED).any()
 
     mine.engine.model = with_core_s_numbers(mine.model, mine.core.parameters)
     s, law = oracles.settings_of(b), ClosedLaw(b)
-    magnet, bias = law.magnet(core_module()), law.bias_force
+    magnet, bias = law.in_core(core_module()), law.bias_force
     D = np.array([*mine.default_std(), 0.2])
     ekf = Textbook(5, 1)
     ekf.x, ekf.P, ekf.R = np.array([*estimate_start(b, record), 1.0]) / D, np.eye(5), s["var_y"]
@@ -87,7 +87,7 @@ def test_most_of_the_lost_accuracy_comes_back(wrong: float, seed: int) -> None:
         for e in (
             ExtendedKalmanFilter(BEARING),
             ExtendedKalmanFilter(mistaken),
-            FiveStateKalmanFilter(mistaken),
+            AugmentedKalmanFilter(mistaken),
         )
     )
     assert lost > 1.4 * right
@@ -101,7 +101,7 @@ def test_at_rest_it_says_so_and_does_no_harm(wrong: float, load: float, noise: f
     """A bearing that hangs, and a load on it: not to be told from another k, and left alone."""
     record, mistaken = run(0.0, load=load, noise=noise), quieter(noise, wrong)
     plain = ExtendedKalmanFilter(mistaken).run(record)
-    careful = FiveStateKalmanFilter(mistaken).run(record)
+    careful = AugmentedKalmanFilter(mistaken).run(record)
     assert (careful.status & Status.UNEXCITED).all()
     assert (careful.mean == plain.mean).all()
     assert (careful.scale == 1.0).all()
@@ -109,7 +109,7 @@ def test_at_rest_it_says_so_and_does_no_harm(wrong: float, load: float, noise: f
 
 def test_without_its_care_it_would_drift() -> None:
     record = run(0.0, load=0.0)
-    eager = FiveStateKalmanFilter(BEARING, excitation=math.inf).run(record)
+    eager = AugmentedKalmanFilter(BEARING, excitation=math.inf).run(record)
     assert eager.scale is not None
     assert eager.scale[-1] > 1.5
     assert rms(eager, record) > 3 * rms(ExtendedKalmanFilter(BEARING).run(record), record)
@@ -118,7 +118,7 @@ def test_without_its_care_it_would_drift() -> None:
 def test_a_right_k_stays_right() -> None:
     record = run(3e-4, 1)
     known = rms(ExtendedKalmanFilter(BEARING).run(record), record, since=LOAD_AT)
-    estimate = FiveStateKalmanFilter(BEARING).run(record)
+    estimate = AugmentedKalmanFilter(BEARING).run(record)
     assert rms(estimate, record, since=LOAD_AT) < 1.1 * known
     assert estimate.scale is not None
     assert abs(estimate.scale[-1] - 1) < 0.05
@@ -128,7 +128,7 @@ def test_a_right_k_stays_right() -> None:
 def test_a_jump_of_k_in_flight_is_found(factor: float, within: float) -> None:
     """To 15 %, while the rotor goes to and fro by 0.1 mm; the load then is the rotor's own."""
     record = jump(factor)
-    estimate = FiveStateKalmanFilter(BEARING).run(record)
+    estimate = AugmentedKalmanFilter(BEARING).run(record)
     assert estimate.scale is not None
     after = record.t >= 1.0 + within
     assert np.abs(estimate.scale[after] / factor - 1).max() < 0.15
@@ -139,7 +139,7 @@ def test_a_jump_of_k_in_flight_is_found(factor: float, within: float) -> None:
 def test_single_precision_finds_the_same() -> None:
     record = run(3e-4, 2)
     double, single = (
-        FiveStateKalmanFilter(BEARING, precision=p).run(record) for p in ("float64", "float32")
+        AugmentedKalmanFilter(BEARING, precision=p).run(record) for p in ("float64", "float32")
     )
     assert double.scale is not None
     assert single.scale is not None
@@ -182,4 +182,4 @@ def test_metres_and_micrometres_give_one_answer() -> None:
 )
 def test_a_parameter_out_of_range_is_told(options: dict[str, Any], told: str) -> None:
     with pytest.raises(ValueError, match=told):
-        FiveStateKalmanFilter(BEARING, **options)
+        AugmentedKalmanFilter(BEARING, **options)

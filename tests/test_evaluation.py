@@ -7,7 +7,7 @@ import pytest
 
 import ambkit
 from ambkit.judge.comparison import rmse
-from ambkit.judge.judgement import judge, logged_predictions
+from ambkit.judge.evaluation import evaluate, logged_predictions
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def test_right_model_and_noise_give_white_innovations_and_predict_better_than_ho
         duration=1.0, disturbance=ambkit.Recorded(times=t, values=walk - walk[0]), seed=3
     )
     record = ambkit.simulate(bearing, scenario)
-    found = judge(ambkit.KalmanFilter(bearing, noise=noise), record)
+    found = evaluate(ambkit.KalmanFilter(bearing, noise=noise), record)
     assert found.samples == found.used == len(record) - 1
     assert found.nis == pytest.approx(1.0, abs=0.05)
     assert found.whiteness is not None
@@ -51,27 +51,27 @@ def test_right_model_and_noise_give_white_innovations_and_predict_better_than_ho
 
 def test_a_filter_that_expects_too_much_noise_shows_in_the_nis(bearing, record):
     noise = ambkit.FilterNoise(measurement=4 * bearing.sensor.noise_variance)
-    assert judge(ambkit.KalmanFilter(bearing, noise=noise), record).nis < 0.5
+    assert evaluate(ambkit.KalmanFilter(bearing, noise=noise), record).nis < 0.5
 
 
 def test_truth_is_judged_as_compare_judges_it(bearing, record):
-    found = judge(ambkit.KalmanFilter(bearing), record)
+    found = evaluate(ambkit.KalmanFilter(bearing), record)
     for name in ("x", "v", "f_d"):
         assert found.rmse[name] == pytest.approx(rmse(found.estimate, record, name), rel=1e-2)
-    assert judge(ambkit.KalmanFilter(bearing), record.select("y", "u")).rmse == {}
+    assert evaluate(ambkit.KalmanFilter(bearing), record.select("y", "u")).rmse == {}
 
 
 def test_settling_leaves_out_the_start(bearing, record):
-    late = judge(ambkit.KalmanFilter(bearing), record, settling=0.5)
+    late = evaluate(ambkit.KalmanFilter(bearing), record, settling=0.5)
     assert late.samples == len(record) - 5000
     assert late.disturbance_mean == pytest.approx(-3.0, abs=0.2)
-    assert late.disturbance_std < judge(ambkit.KalmanFilter(bearing), record).disturbance_std
+    assert late.disturbance_std < evaluate(ambkit.KalmanFilter(bearing), record).disturbance_std
 
 
 def test_missing_samples_are_counted_and_the_last_one_held(bearing, record):
     y = record["y"].copy()
     y[1000:1010] = np.nan
-    found = judge(ambkit.KalmanFilter(bearing), changed(record, y=y))
+    found = evaluate(ambkit.KalmanFilter(bearing), changed(record, y=y))
     assert found.status["missing"] == 10
     assert found.used == found.samples - 10
     assert np.isfinite([*found.prediction.values(), *found.held.values()]).all()
@@ -80,7 +80,7 @@ def test_missing_samples_are_counted_and_the_last_one_held(bearing, record):
 def test_a_sensor_that_hangs_is_judged_by_what_came_before(bearing, record):
     y = record["y"].copy()
     y[100:] = y[100]
-    found = judge(ambkit.KalmanFilter(bearing), changed(record, y=y))
+    found = evaluate(ambkit.KalmanFilter(bearing), changed(record, y=y))
     assert found.status["frozen"] > 9000
     assert found.whiteness is None
 
@@ -96,7 +96,7 @@ def test_logged_estimates_are_judged_held_and_with_their_velocity(record):
 
 
 def test_the_figures_go_into_json(bearing, record):
-    found = judge(ambkit.KalmanFilter(bearing), record).to_dict()
+    found = evaluate(ambkit.KalmanFilter(bearing), record).to_dict()
     assert json.loads(json.dumps(found))["prediction"].keys() == {"1", "10"}
 
 
@@ -109,12 +109,12 @@ def test_the_figures_go_into_json(bearing, record):
 )
 def test_arguments_out_of_range_are_refused(bearing, record, options, message):
     with pytest.raises(ValueError, match=message):
-        judge(ambkit.KalmanFilter(bearing), record, **options)
+        evaluate(ambkit.KalmanFilter(bearing), record, **options)
 
 
 def test_a_record_too_short_or_without_measurements_is_refused(bearing, record):
     with pytest.raises(ambkit.RecordError, match="10001 samples, 10011 are needed"):
-        judge(ambkit.KalmanFilter(bearing), record, settling=1.0)
+        evaluate(ambkit.KalmanFilter(bearing), record, settling=1.0)
     nothing = changed(record, y=np.full(len(record), np.nan))
     with pytest.raises(ambkit.RecordError, match="of 10000 samples 10000 missing"):
-        judge(ambkit.KalmanFilter(bearing), nothing)
+        evaluate(ambkit.KalmanFilter(bearing), nothing)

@@ -1,0 +1,310 @@
+"""The kinds of estimators by name: how each is made, called in C, and what can be tuned in it.
+
+A new kind is a C file with its binding, a Python file, and a line of `KINDS`; commands, exports and
+comparisons take theirs from here. Classes stand as names: the commands show the kinds in their help
+and must not wait for numpy.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ambkit.estimate.base import Estimator
+    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.laws import MagnetModel
+
+
+@dataclass(frozen=True)
+class InCore:
+    """How a kind is called in the core (``ambkit/estimator.h``).
+
+    Attributes
+    ----------
+    binding : str
+        Class of ``ambkit._core``; in C the same with underscores.
+    has_own : bool
+        Whether it has numbers that only this kind has, and so a file of its own.
+    has_state : bool
+        Whether its state is more than an ``amb_kalman_state``; it has a file of its own then, too.
+    base : str
+        Where in such a state the members of ``amb_kalman_state`` are.
+    calls : tuple of str
+        Files that it calls besides.
+    """
+
+    binding: str
+    has_own: bool = True
+    has_state: bool = False
+    base: str = ""
+    calls: tuple[str, ...] = ()
+
+    @property
+    def methods(self) -> str:
+        """The name of its ``amb_estimator_methods``."""
+        return f"amb_{self._stem}_methods"
+
+    @property
+    def source(self) -> str:
+        """The C file that it is in, without suffix."""
+        return self.casts[0] if self.casts else "estimator"
+
+    @property
+    def casts(self) -> tuple[str, ...]:
+        """The files that cast its state or what is its own back from ``void *``."""
+        return (self._stem,) if self.has_own or self.has_state else ()
+
+    @property
+    def state(self) -> str:
+        """The C type of its state."""
+        return f"amb_{self._stem}_state" if self.has_state else "amb_kalman_state"
+
+    @property
+    def own(self) -> str:
+        """The C type of what only this kind has; empty where it has nothing."""
+        return f"amb_{self._stem}" if self.has_own else ""
+
+    @property
+    def _stem(self) -> str:
+        return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", self.binding).lower()
+
+
+PAPER = InCore("Kalman", has_own=False)
+"""The paper's filter, linear or adaptive by its magnet; its own step is faster."""
+
+_OBSERVER = InCore("Observer")
+_EXTENDED = InCore("Extended", has_own=False)
+_ADAPTIVE_NOISE = InCore("AdaptiveNoise", has_state=True, base="inner.base.")
+
+
+@dataclass(frozen=True)
+class Tunable:
+    """A positive parameter that tuning may change by some decades.
+
+    Attributes
+    ----------
+    name : str
+        Of the argument of :meth:`Kind.make`, or ``noise.measurement``, ``noise.control``,
+        ``noise.disturbance`` for the variances of :class:`ambkit.FilterNoise`.
+    unit : str
+        Of the argument.
+    default : callable
+        Its value for a bearing.
+    decades : float
+        How far from the default the search goes, to either side.
+    """
+
+    name: str
+    unit: str
+    default: Callable[[Bearing], float]
+    decades: float = 2.0
+
+
+def _noise(name: str) -> Callable[[Bearing], float]:
+    def value(bearing: Bearing) -> float:
+        from ambkit.estimate.kalman import KalmanFilter
+
+        return float(getattr(KalmanFilter(bearing).variances, name))
+
+    return value
+
+
+NOISE = (
+    Tunable("noise.measurement", "m^2", _noise("measurement")),
+    Tunable("noise.control", "V^2", _noise("control")),
+    Tunable("noise.disturbance", "N^2/s", _noise("disturbance"), decades=3.0),
+)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of estimator.
+
+    Attributes
+    ----------
+    name : str
+        As the commands know it.
+    label : str
+        In words, for reports.
+    of : str
+        Its class, by module and name in ``ambkit.estimate``.
+    core : InCore
+        How the core calls it.
+    magnet : callable or None
+        What it knows of a bearing's magnet; None where the caller gives that, as a trained expert
+        or a table.
+    tunable : tuple of Tunable
+        What tuning may change.
+    finds_noise : dict, optional
+        Around the class comes an :class:`ambkit.AdaptiveNoise` with these options.
+    """
+
+    name: str
+    label: str
+    of: str
+    core: InCore
+    magnet: Callable[[Bearing], MagnetModel] | None
+    tunable: tuple[Tunable, ...] = NOISE
+    finds_noise: Mapping[str, Any] | None = None
+
+    def make(
+        self, bearing: Bearing, magnet: MagnetModel | None = None, **options: Any
+    ) -> Estimator:
+        """Build one.
+
+        Parameters
+        ----------
+        bearing : Bearing
+            What is filtered.
+        magnet : optional
+            What it knows of its magnet; by default what its kind does.
+        **options
+            Of the kind: what is tunable, and those of :class:`ambkit.KalmanFilter`.
+        """
+        if magnet is None and self.magnet is not None:
+            magnet = self.magnet(bearing)
+        module, called = self.of.split(".")
+        of = getattr(import_module(f"ambkit.estimate.{module}"), called)
+        if self.finds_noise is None:
+            return of(bearing, magnet, **options)  # type: ignore[no-any-return]
+        from ambkit.estimate.adaptive_noise import AdaptiveNoise
+
+        outer = {name: options.pop(name) for name in _OUTER if name in options}
+        return AdaptiveNoise(of(bearing, magnet, **options), **self.finds_noise, **outer)
+
+
+_OUTER = ("memory", "window", "most")  # options of AdaptiveNoise, not of the filter inside
+
+MEMORY = Tunable("memory", "s", lambda _bearing: 0.5, decades=1.0)
+
+
+def _constant(bearing: Bearing) -> MagnetModel:
+    from ambkit.machine.magnets import ConstantStiffness
+
+    return ConstantStiffness.of(bearing)
+
+
+def _law(bearing: Bearing) -> MagnetModel:
+    from ambkit.machine.magnets import magnet_of
+
+    return magnet_of(bearing)
+
+
+def _poles(factor: float) -> Callable[[Bearing], float]:
+    def value(bearing: Bearing) -> float:
+        from ambkit.estimate.observer import unstable_pole
+
+        return factor * unstable_pole(bearing)
+
+    return value
+
+
+KINDS = {
+    kind.name: kind
+    for kind in (
+        Kind(
+            "low-pass", "low-pass and derivative",
+            "low_pass.LowPass", InCore("LowPass", has_state=True, base="base."), _constant,
+            (
+                Tunable("position", "rad/s", _poles(20)),
+                Tunable("velocity", "rad/s", _poles(10)),
+                Tunable("force", "rad/s", _poles(2)),
+            ),
+        ),
+        Kind(
+            "observer", "extended state observer",
+            "observer.ExtendedStateObserver", _OBSERVER, _constant,
+            (Tunable("bandwidth", "rad/s", _poles(8), decades=1.0),),
+        ),
+        Kind("linear", "linear Kalman filter", "kalman.KalmanFilter", PAPER, _constant),
+        Kind(
+            "steady-state", "steady-state Kalman filter",
+            "observer.SteadyStateKalmanFilter", _OBSERVER, _constant,
+        ),
+        Kind(
+            "table", "Kalman filter, stiffness table",
+            "kalman.AdaptiveKalmanFilter", PAPER, None,
+        ),
+        Kind(
+            "adaptive", "adaptive Kalman filter, fuzzy expert",
+            "kalman.AdaptiveKalmanFilter", PAPER, None,
+        ),
+        Kind(
+            "closed-law", "Kalman filter, closed law",
+            "kalman.AdaptiveKalmanFilter", PAPER, _law,
+        ),
+        Kind(
+            "extended", "extended Kalman filter",
+            "kalman.ExtendedKalmanFilter", _EXTENDED, _law,
+        ),
+        Kind(
+            "ud", "UD-factorised Kalman filter",
+            "kalman.UDKalmanFilter",
+            InCore("UD", has_own=False, has_state=True, base="base."), _law,
+        ),
+        Kind(
+            "augmented", "augmented-state extended Kalman filter",
+            "magnet_scale.AugmentedKalmanFilter",
+            InCore("Augmented", has_state=True, base="base.", calls=("excitation",)), _law,
+            (*NOISE, Tunable("wander", "1/s", lambda _: 0.01)),
+        ),
+        Kind(
+            "multiple-model", "interacting multiple models",
+            "magnet_scale.MultipleModelFilter",
+            InCore("MultipleModel", has_state=True, base="base.", calls=("excitation",)), _law,
+            (*NOISE, Tunable("sojourn", "s", lambda _: 1.0, decades=1.0)),
+        ),
+        Kind(
+            "unscented", "unscented Kalman filter",
+            "unscented.UnscentedKalmanFilter", InCore("Unscented"), _law,
+        ),
+        Kind(
+            "linear-adaptive-noise", "linear Kalman filter, R found online",
+            "kalman.KalmanFilter", _ADAPTIVE_NOISE, _constant, (*NOISE, MEMORY),
+            {"method": "sage-husa", "adapts": "measurement"},
+        ),
+        Kind(
+            "extended-adaptive-noise", "extended Kalman filter, R and Q found online",
+            "kalman.ExtendedKalmanFilter", _ADAPTIVE_NOISE, _law, (*NOISE, MEMORY),
+            {"method": "innovation", "adapts": "both"},
+        ),
+    )
+}  # fmt: skip
+"""All kinds, from the simplest on."""
+
+_OF_BINDING = {kind.core.binding: kind.core for kind in KINDS.values()}
+
+
+def in_core_of(estimator: Estimator) -> InCore | None:
+    """Return how the core calls an estimator's kind; None for one that is of no kind here."""
+    return _OF_BINDING.get(type(estimator.core).__name__)
+
+
+def learned_magnet(name: str, bearing: Bearing) -> MagnetModel | None:
+    """Return what a kind that must be given its magnet knows of it where nobody says otherwise.
+
+    Parameters
+    ----------
+    name : str
+        Of the kind.
+    bearing : Bearing
+        Its magnet is what is learned.
+
+    Returns
+    -------
+    MagnetModel or None
+        A table of nodes, or a trained expert; None for a kind that needs neither.
+    """
+    if KINDS[name].magnet is not None:
+        return None
+    if name == "table":
+        from ambkit.machine.stiffness import stiffness_map
+
+        return stiffness_map(bearing)
+    from ambkit.fuzzy.training import train
+
+    return train(bearing, weights=True)
