@@ -793,12 +793,16 @@ def test_ctrl_c_leaves_the_old_file_and_says_so(tmp_path):
     old.write_text("old")
     command = ["compare", "zittau_axial", "--estimator", "linear", "--steps", "0.1 mm", "--seeds",
                "40000", "--out", "scores.csv"]  # fmt: skip
+    # Until Python has started, Ctrl-C is the interpreter's alone: the command says when that is over.
+    started = "from ambkit.cli.main import main; print('started', flush=True); main()"
     # A test that runs in the background inherits that SIGINT is ignored.
     with subprocess.Popen(
-        [sys.executable, "-m", "ambkit", *command],
+        [sys.executable, "-c", started, *command],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     ) as process:  # fmt: skip
+        assert process.stdout is not None
+        assert process.stdout.readline() == "started\n"
         time.sleep(2)
         process.send_signal(signal.SIGINT)
         try:
