@@ -793,7 +793,7 @@ def test_ctrl_c_leaves_the_old_file_and_says_so(tmp_path):
     old.write_text("old")
     command = ["compare", "zittau_axial", "--estimator", "linear", "--steps", "0.1 mm", "--seeds",
                "40000", "--out", "scores.csv"]  # fmt: skip
-    # Until Python has started, Ctrl-C is the interpreter's alone: the command says when that is over.
+    # Until Python has started, Ctrl-C is the interpreter's alone: the command says when it is not.
     started = "from ambkit.cli.main import main; print('started', flush=True); main()"
     # A test that runs in the background inherits that SIGINT is ignored.
     with subprocess.Popen(
