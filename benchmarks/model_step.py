@@ -23,7 +23,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.estimate.engine import arrays
+from ambkit.export.c import data
+from ambkit.export.c.model import by_loops
 from ambkit.models import Model, axis_model, compose, emit
 from ambkit.models.parts import Amplifier, Delay, Disturbance, MagnetPlace, Rotor, Sensor
 from ambkit.models.plan import Part
@@ -200,22 +201,13 @@ def _matrix(values: Array) -> str:
 
 def _loops(model: Model) -> str:
     """The model as constants for ambkit/loops.h."""
-    held, text, fields = arrays(model), [], []
-    for name, value in held.items():
-        if isinstance(value, int):
-            fields.append(f".{name} = {value}")
-        elif isinstance(value, tuple):
-            kinds = ("unsigned short", "unsigned short", "double")
-            for part, kind, of in zip(("start", "column", "value"), kinds, value, strict=True):
-                listed = ", ".join(map(repr, of)) or "0"
-                text.append(f"static const {kind} {name}_{part}[] = {{{listed}}};")
-            fields.append(f".{name} = {{{name}_start, {name}_column, {name}_value}}")
-        else:
-            kind = "unsigned char" if name == "role" else "double"
-            listed = ", ".join(repr(int(v) if name == "role" else v) for v in value)
-            text.append(f"static const {kind} {name}_[] = {{{listed}}};")
-            fields.append(f".{name} = {name}_")
-    return "\n".join([*text, f"static const amb_model model = {{{', '.join(fields)}}};"])
+    held = by_loops(model)
+    listed = (
+        f"static const {one['type']} {one['name']}[] = {{{one['text']}}};"
+        for one in data.declared(held.arrays, "double")
+    )
+    numbers = data.struct(held.numbers, "double", {})
+    return "\n".join([*listed, f"static const amb_model model = {numbers};"])
 
 
 class Built:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.models import MATRICES, NUMBER, ONE, ZERO, Descriptor, Model
+from ambkit.models.model import compressed_rows
 
 Array = NDArray[np.float64]
 
@@ -147,9 +148,11 @@ class Loops:
 
     def entries(self, name: str) -> list[list[tuple[int, float]]]:
         """Column and value of each row's entries, columns ascending."""
-        start, column, value = self.model.sparse(name)
+        start, column, value = compressed_rows(
+            getattr(self.model, name), self.model.pattern[name] != ZERO
+        )
         return [
-            [(int(column[at]), float(value[at])) for at in range(start[i], start[i + 1])]
+            [(column[at], value[at]) for at in range(start[i], start[i + 1])]
             for i in range(len(start) - 1)
         ]
 

@@ -16,8 +16,7 @@
  *
  *   row_f = k_s h_f + k_i e_f + r_f        w_f = row_f P         entries from last to first
  *   M_i   = L_i P + b_i w                  z_i = b_i q + row M_i     and again last to first
- *   P+_ij = L_j M_i + growth + b_j z_i     i <= j; q: variance of the force from that of the
- * control
+ *   P+_ij = L_j M_i + growth + b_j z_i     i <= j; q: variance of the force, by the control's
  *
  * AMB_STATES, AMB_FORCES, AMB_CONTROLS, AMB_SENSORS, AMB_NOISES: how many there are, or can be;
  * AMB_TRIANGLE: entries of a covariance's upper triangle, row by row. How many of them a model has
@@ -63,7 +62,6 @@ AMB_INLINE int amb_entry(int n, int i, int j)
 AMB_INLINE int amb_first(const amb_model *model, amb_role role)
 {
   int first = 0;
-  (void)model;
   for (int i = amb_states(model) - 1; i >= 0; i--) {
     first = (amb_model_role(model, i) == role) ? i : first;
   }

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.arrays import real
 from ambkit.base.copying import Copyable
-from ambkit.estimate.engine import Engine, caps, lag
+from ambkit.estimate.engine import Engine, caps
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.model import LinearModel
 from ambkit.estimate.noise import FilterNoise, completed
@@ -102,7 +102,7 @@ class Estimator(Copyable):
         settings = {
             "T": bearing.sampling_time,
             "K_sen": [bearing.sensor.gain],
-            "lag": [lag(bearing)],
+            "lag": [bearing.sensor_lag],
             "travel": [travel],
             "k_ui": [bearing.amplifier.gain],
             "iu_min": [bearing.current_min],

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from ambkit.machine.magnets import Precision, core_module
 from ambkit.models import axis_model, axis_parts
-from ambkit.models.model import Descriptor, Model
+from ambkit.models.axis import PAPER_STATES
+from ambkit.models.model import Descriptor, Model, compressed_rows
 from ambkit.models.plan import Plan
 from ambkit.models.roles import ENUMERATORS, ROLES
 
@@ -20,9 +21,6 @@ if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
 
 Array = NDArray[np.float64]
-
-PAPER = ("x", "v", "f_d", "x_m")
-"""The states of the paper's axis, which is built into the core as straight-line C."""
 
 
 class Engine:
@@ -49,12 +47,12 @@ class Engine:
         for part in axis_parts(bearing):
             plan.add(part)
         self.states, self.noises = tuple(plan.states), tuple(plan.noises)
-        self.built_in = tuple(state.name for state in plan.states) == PAPER
+        self.built_in = tuple(state.name for state in plan.states) == PAPER_STATES
         self.core: ModuleType = core_module(precision, any_model=not self.built_in)
         if self.built_in:
             self.model_of_core: Any = self.core.Model(
-                bearing.sampling_time, bearing.rotor.mass, bearing.sensor.gain, lag(bearing),
-                as_printed,
+                bearing.sampling_time, bearing.rotor.mass, bearing.sensor.gain,
+                bearing.sensor_lag, as_printed,
             )  # fmt: skip
         else:
             self.model_of_core = self.core.Model(arrays(self.model))
@@ -63,11 +61,6 @@ class Engine:
     def model(self) -> Model:
         """The model as data, sampled when it is first asked for."""
         return axis_model(self.bearing, as_printed=self.as_printed)
-
-
-def lag(bearing: Bearing) -> float:
-    """Return the sensor's lag [s]; one faster than a thousandth of a sample is as good as none."""
-    return max(bearing.sensor.lag, 1e-3 * bearing.sampling_time)
 
 
 class Sizes(NamedTuple):
@@ -120,20 +113,13 @@ def arrays(model: Model) -> dict[str, Any]:
         "sensors": len(model.measurements),
         "noises": len(model.noises),
         **{
-            name: sparse(getattr(model, name), model.pattern[name] > 0)
+            name: compressed_rows(getattr(model, name), model.pattern[name] > 0)
             for name in ("L", "b", "B_u", "d", "c")
         },
-        "h": sparse(model.h, on),
+        "h": compressed_rows(model.h, on),
         "e": model.e[on].tolist(),
         "r": model.r[on].tolist(),
-        "N": sparse(model.N[:, *upper], (model.pattern["N"] > 0)[:, *upper]),
-        "rest": sparse(model.rest, (model.pattern["rest"] > 0) & shown[:, None]),
+        "N": compressed_rows(model.N[:, *upper], (model.pattern["N"] > 0)[:, *upper]),
+        "rest": compressed_rows(model.rest, (model.pattern["rest"] > 0) & shown[:, None]),
         "role": [float(ENUMERATORS.index(ROLES[state.role])) for state in model.states],
     }
-
-
-def sparse(values: Array, there: NDArray[np.bool_]) -> tuple[list[int], list[int], list[float]]:
-    """Return where rows start, columns and values of the entries that are there."""
-    row, column = np.nonzero(there)
-    start = np.searchsorted(row, np.arange(len(values) + 1))
-    return start.tolist(), column.tolist(), values[row, column].tolist()

@@ -61,7 +61,7 @@ def plant(bearing: Bearing) -> control.StateSpace:
         Where python-control is not installed.
     """
     k, m = ConstantStiffness.of(bearing), bearing.rotor.mass
-    lag = max(bearing.sensor.lag, 1e-3 * bearing.sampling_time)
+    lag = bearing.sensor_lag
     A = [[0, 1, 0], [k.k_s / m, 0, 0], [bearing.sensor.gain / lag, 0, -1 / lag]]
     B = [[0, 0], [k.k_i * bearing.amplifier.gain / m, 1 / m], [0, 0]]
     C = [[1, 0, 0], [0, 0, 1]]

@@ -9,14 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
+from ambkit.machine.parts import SHORTEST_LAG
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
 
 Array = NDArray[np.float64]
-
-NO_LAG = 1e-3
-"""In samples: a lag of the current that is shorter counts as none."""
 
 
 def lag_of(bearing: Bearing) -> float:
@@ -72,7 +70,7 @@ def lagged(u: Array, T: float, lag: float) -> Array:
     lag : float
         Time constant [s]; 0: none.
     """
-    if lag < NO_LAG * T:
+    if lag < SHORTEST_LAG * T:
         return u
     from scipy.signal import lfilter
 

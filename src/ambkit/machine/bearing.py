@@ -22,7 +22,14 @@ from ambkit.base.config.texts import Description, Name
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.machine.magnets import MU_0, magnet_of
-from ambkit.machine.parts import ColouredNoise, Hum, Runout, Stop, parts_contradictions
+from ambkit.machine.parts import (
+    SHORTEST_LAG,
+    ColouredNoise,
+    Hum,
+    Runout,
+    Stop,
+    parts_contradictions,
+)
 
 GRAVITY = 9.81
 """Acceleration of free fall [m/s^2], as both rigs of the presets were calculated with."""
@@ -321,6 +328,11 @@ class Bearing(Document):
     def weight(self) -> float:
         """Force of gravity along +x [N], negative where gravity pulls towards -x."""
         return _WEIGHT_SIGN[self.rotor.gravity] * self.rotor.mass * GRAVITY
+
+    @property
+    def sensor_lag(self) -> float:
+        """Lag of the sensor in models and plants [s]: one too short to tell is 0.001 samples."""
+        return max(self.sensor.lag, SHORTEST_LAG * self.sampling_time)
 
     @property
     def current_min(self) -> float:

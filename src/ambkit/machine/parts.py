@@ -13,6 +13,9 @@ from ambkit.base.units import engineering
 LONGEST_DELAY = 16
 """Samples of the longest delay of the loop (sim/parts.h)."""
 
+SHORTEST_LAG = 1e-3
+"""Samples of the shortest lag: nobody can tell a shorter one from none."""
+
 
 class ColouredNoise(Part):
     """Noise of first order on the measured position, beside the white one."""

@@ -12,6 +12,9 @@ from ambkit.models.parts import PARTS
 from ambkit.models.parts.typical import Typical
 from ambkit.models.plan import Part
 
+PAPER_STATES = ("x", "v", "f_d", "x_m")
+"""The states of the paper's axis (eq. 15-21), which is built into the core as straight-line C."""
+
 PAPER_CONSTANTS: Mapping[tuple[str, int, int], str] = {
     ("L", 0, 1): "T",
     ("h", 0, 1): "T_2",
@@ -62,9 +65,9 @@ def axis_model(bearing: Any, *, T: float | None = None, as_printed: bool = False
 
 def printed(model: Model) -> Model:
     """Return the paper's axis as eq. 15-21 print it: what acts within the sample is zero."""
-    names = [state.name for state in model.states]
-    if names != ["x", "v", "f_d", "x_m"]:
-        raise ValueError(f"as printed there are the states x, v, f_d and x_m, not {names}")
+    names = tuple(state.name for state in model.states)
+    if names != PAPER_STATES:
+        raise ValueError(f"as printed there are the states x, v, f_d and x_m, not {list(names)}")
     h, L, b = model.h.copy(), model.L.copy(), model.b.copy()
     h[0, 1] = L[3, 1] = b[3, 0] = 0.0
     return replace(model, h=h, L=L, b=b, N=(model.pattern["N"] == ONE).astype(float))

@@ -129,32 +129,6 @@ class Model:
             raise KeyError(f"no state {state}; there are {', '.join(names)}")
         return names.index(state)
 
-    def sparse(self, name: str, k: int = 0) -> tuple[NDArray[np.uint16], NDArray[np.uint16], Array]:
-        """Return a matrix as compressed rows: all its structural entries, columns ascending.
-
-        Parameters
-        ----------
-        name : str
-            One of `MATRICES`.
-        k : int, optional
-            Which source, for ``N``; both triangles are listed.
-
-        Returns
-        -------
-        start : ndarray of uint16, shape (rows + 1,)
-            Row i has the entries start[i] to start[i + 1] - 1.
-        column : ndarray of uint16
-            Column of each entry.
-        value : ndarray of float64
-            Its number; a structural one is 1.0, a number that happens to be 0 is listed.
-        """
-        values, pattern = getattr(self, name), self.pattern[name]
-        if name == "N":
-            values, pattern = values[k], pattern[k]
-        row, column = np.nonzero(pattern)
-        start = np.searchsorted(row, np.arange(len(pattern) + 1))
-        return start.astype(np.uint16), column.astype(np.uint16), values[row, column]
-
     def pattern_key(self) -> str:
         """Return a hash (hex) of the sizes and patterns: equal for machines of one kind."""
         text = hashlib.sha256()
@@ -201,3 +175,29 @@ class Model:
 
     def _per_force(self, values: ArrayLike) -> Array:
         return np.broadcast_to(np.asarray(values, float), len(self.forces))
+
+
+def compressed_rows(
+    values: Array, there: NDArray[np.bool_]
+) -> tuple[list[int], list[int], list[float]]:
+    """Return the entries of a matrix that are there, row by row.
+
+    Parameters
+    ----------
+    values : ndarray (rows, columns)
+        The matrix.
+    there : ndarray of bool (rows, columns)
+        Which of its entries are structural; a number that happens to be 0 is.
+
+    Returns
+    -------
+    start : list of int
+        Row i has the entries start[i] to start[i + 1] - 1.
+    column : list of int
+        Column of each entry; they ascend in a row.
+    value : list of float
+        Its number.
+    """
+    row, column = np.nonzero(there)
+    start = np.searchsorted(row, np.arange(len(values) + 1))
+    return start.tolist(), column.tolist(), values[row, column].tolist()

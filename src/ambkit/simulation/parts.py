@@ -10,17 +10,10 @@ import numpy as np
 
 from ambkit.base.units import engineering
 from ambkit.machine.magnets import ClosedLaw, core_module, magnet_of
+from ambkit.machine.parts import SHORTEST_LAG
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
-
-FAST = 1e-3
-"""Time constants of less than so many samples count as this one: nobody can tell them from none."""
-
-
-def sensor_lag(bearing: Bearing) -> float:
-    """Lag of the sensor that is simulated [s]."""
-    return max(bearing.sensor.lag, FAST * bearing.sampling_time)
 
 
 def substeps(bearing: Bearing, least: int) -> int:
@@ -38,13 +31,13 @@ def substeps(bearing: Bearing, least: int) -> int:
     """
     T = bearing.sampling_time
     fastest = max((line.order for line in bearing.sensor.runout), default=0) * (bearing.speed or 0)
-    needed = (2 * T / sensor_lag(bearing), 4 * T * _corner(bearing), 4 * T * fastest)
+    needed = (2 * T / bearing.sensor_lag, 4 * T * _corner(bearing), 4 * T * fastest)
     return max(least, *(math.ceil(each) for each in needed))
 
 
 def _corner(bearing: Bearing) -> float:
     """Corner of the amplifier [rad/s]; 0 where the current follows at once."""
-    bandwidth, most = bearing.amplifier.bandwidth, 1 / (FAST * bearing.sampling_time)
+    bandwidth, most = bearing.amplifier.bandwidth, 1 / (SHORTEST_LAG * bearing.sampling_time)
     return 0.0 if bandwidth is None else min(2 * math.pi * bandwidth, most)
 
 

@@ -337,7 +337,7 @@ class Loop:
             m=bearing.rotor.mass,
             f_0=bearing.weight + self._law.bias_force,
             K_sen=bearing.sensor.gain,
-            T_sen=parts.sensor_lag(bearing),
+            T_sen=bearing.sensor_lag,
             travel=bearing.rotor.travel_limit,
             substeps=parts.substeps(bearing, self.scenario.substeps),
             k_ui=bearing.amplifier.gain,

@@ -57,15 +57,15 @@ def in_c(estimator: Estimator, *, loops: bool | None = None) -> InC:
         return InC({LOOPS: None}, (), estimator.core.parameters["model"], {}, {})
     model = engine.model
     if loops if loops is not None else len(model.states) > MOST_UNROLLED:
-        return _by_loops(model)
+        return by_loops(model)
     names = emit.Names(model)
     about = f"One axis: {', '.join(state.name for state in model.states)}"
     header = emit.header(names, about, by=f"ambkit {version('ambkit')}")
     return InC({LOOPS: None, BUILT_IN: header}, (), emit.constants(names, model), {}, {})
 
 
-def _by_loops(model: Model) -> InC:
-    """Return a model as ``ambkit/loops.h`` has it."""
+def by_loops(model: Model) -> InC:
+    """Return a model as ``ambkit/loops.h`` has it, whatever its size."""
     fields: dict[str, Any] = {}
     held: dict[str, NDArray[Any]] = {}
     for name, value in arrays(model).items():

@@ -191,7 +191,7 @@ def rig_data(bearing: Bearing) -> dict[str, Any]:
         "weight": bearing.weight,
         "bias_force": law.bias_force,
         "K_sen": bearing.sensor.gain,
-        "T_sen": parts.sensor_lag(bearing),
+        "T_sen": bearing.sensor_lag,
         "travel": bearing.rotor.travel_limit,
         "substeps": parts.substeps(bearing, Scenario().substeps),
         "k_ui": bearing.amplifier.gain,

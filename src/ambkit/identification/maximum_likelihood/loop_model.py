@@ -15,11 +15,11 @@ from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Status
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.noise import FilterNoise
-from ambkit.identification.late import NO_LAG, delayed, lag_of, lagged
+from ambkit.identification.late import delayed, lag_of, lagged
 from ambkit.identification.maximum_likelihood.gaps import filled, run_with_gaps
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.magnets import MagnetModel, magnet_of
-from ambkit.machine.parts import LONGEST_DELAY
+from ambkit.machine.parts import LONGEST_DELAY, SHORTEST_LAG
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
@@ -280,7 +280,7 @@ class LoopModel:
 def _late(bearing: Bearing, delay: float, current_lag: float) -> Bearing:
     """Return a bearing with another delay [s] and lag of the current [s]; 0: none."""
     amplifier, bandwidth = bearing.amplifier, None
-    if current_lag > NO_LAG * bearing.sampling_time:
+    if current_lag > SHORTEST_LAG * bearing.sampling_time:
         bandwidth = 1 / (2 * math.pi * current_lag)
         if amplifier.bandwidth and math.isclose(bandwidth, amplifier.bandwidth):
             bandwidth = amplifier.bandwidth  # to the last bit, as it was given

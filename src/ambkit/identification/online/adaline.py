@@ -205,7 +205,7 @@ def first_element(
         "T": T,
         "m": bearing.rotor.mass,
         "K_sen": bearing.sensor.gain,
-        "a_sen": math.exp(-T / max(bearing.sensor.lag, 1e-3 * T)),
+        "a_sen": math.exp(-T / bearing.sensor_lag),
         "k_ui": bearing.amplifier.gain,
         "iu_min": bearing.current_min,
         "iu_max": bearing.current_max,

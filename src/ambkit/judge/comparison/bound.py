@@ -24,9 +24,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ambkit.estimate.engine import PAPER
 from ambkit.machine.magnets import magnet_of
 from ambkit.models import axis_model
+from ambkit.models.axis import PAPER_STATES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -129,7 +129,7 @@ def _bearing_bound(
     bearing: Bearing, records: Sequence[Record], variances: Variances, unit: Array
 ) -> Array:
     model = axis_model(bearing)
-    plain = tuple(state.name for state in model.states) == PAPER
+    plain = tuple(state.name for state in model.states) == PAPER_STATES
 
     def along(record: Record) -> tuple[Array, Array]:
         if plain:
@@ -178,7 +178,7 @@ def _held(bearing: Bearing, record: Record, variances: Variances) -> tuple[Array
     from scipy.linalg import expm
 
     T, m = bearing.sampling_time, bearing.rotor.mass
-    lag = max(bearing.sensor.lag, 1e-3 * T)
+    lag = bearing.sensor_lag
     k_i, k_s = magnet_of(bearing).tangent(record["iu"][:-1], record["x"][:-1])
     A = np.zeros((len(record) - 1, 5, 5))  # x, v, f_d, x_m, and the current, which is held
     A[:, 0, 1] = 1.0
