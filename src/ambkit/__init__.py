@@ -19,9 +19,11 @@ if TYPE_CHECKING:
     from ambkit.data.reading.reader import read as read
     from ambkit.data.record import Record as Record
     from ambkit.estimate.adaptive_noise import AdaptiveNoise as AdaptiveNoise
+    from ambkit.estimate.base import Estimator as Estimator
     from ambkit.estimate.batch import run_many as run_many
     from ambkit.estimate.estimate import Estimate as Estimate
     from ambkit.estimate.estimate import Status as Status
+    from ambkit.estimate.filter_file import FilterFile as FilterFile
     from ambkit.estimate.kalman import AdaptiveKalmanFilter as AdaptiveKalmanFilter
     from ambkit.estimate.kalman import ExtendedKalmanFilter as ExtendedKalmanFilter
     from ambkit.estimate.kalman import KalmanFilter as KalmanFilter
@@ -67,8 +69,10 @@ _HOME = {
     "data.reading.reader": ["load", "read"],
     "data.record": ["Record"],
     "estimate.adaptive_noise": ["AdaptiveNoise"],
+    "estimate.base": ["Estimator"],
     "estimate.batch": ["run_many"],
     "estimate.estimate": ["Estimate", "Status"],
+    "estimate.filter_file": ["FilterFile"],
     "estimate.kalman": [
         "AdaptiveKalmanFilter",
         "ExtendedKalmanFilter",

@@ -27,7 +27,6 @@ A channel that the logger wrote too late has a ``delay``, and is shifted by it. 
 clock of its own names that with ``time``; a log without times has ``sampling_time``.
 """
 
-import re
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, NamedTuple
 
@@ -35,20 +34,18 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from ambkit.base import units
-from ambkit.base.config import Document, Part, Read
+from ambkit.base.config import Document, Read
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.texts import Description, Line, Name
 from ambkit.base.errors import RecordError
 from ambkit.data.files import timestamps
 from ambkit.data.files.log import Log
 from ambkit.data.files.time_layouts import pattern
-from ambkit.data.signals import UNITS, si_unit
+from ambkit.data.rig_units import Reading
+from ambkit.data.signals import UNITS
 
 Array = NDArray[np.float64]
 Index = Annotated[int, Field(ge=0, strict=True)]
-
-_SCALE = re.compile(r"\s*(\S+)\s+(\S.*?)\s*")
 
 
 class Mapped(NamedTuple):
@@ -70,7 +67,7 @@ class Mapped(NamedTuple):
     """How times were read that are text."""
 
 
-class Channel(Part):
+class Channel(Reading):
     """One signal: where it stands in the log, and what its numbers mean."""
 
     row: Index | None = None
@@ -79,14 +76,6 @@ class Channel(Part):
     """Column of the array, from 0, where each sample is a row; of a table its name or place."""
     array: Line | None = None
     """The array in the file, where it is not the map's own; alone, it must be a vector."""
-    unit: Line
-    """Unit of the numbers in the log, such as "mm"."""
-    scale: float | Line = 1.0
-    """Factor; with a unit where it makes one quantity of another, such as "2 A/V"."""
-    sign: Annotated[int, Field(strict=True)] = 1
-    """1, or -1 where the log counts the other way."""
-    offset: Line = ""
-    """Added in the end, with its unit, such as "10 mm"."""
     delay: Annotated[float, Quantity("s", "0.25 ms")] = 0.0
     """How much later than it was the logger wrote it [s]; the signal is shifted back by that."""
     format: Line = ""
@@ -94,23 +83,11 @@ class Channel(Part):
     time: Name | None = None
     """The signal of this map that has the times of its samples, where that is not ``t``."""
 
-    @property
-    def si_unit(self) -> str:
-        """SI unit of the signal."""
-        return si_unit(_scaled_unit(self.unit, self.scale))
-
-    def value(self, numbers: Array) -> Array:
-        """Turn the log's numbers into the signal, in SI."""
-        gain = self.sign * _factor(self.unit, self.scale, self.si_unit)
-        offset = units.parse(self.offset, self.si_unit) if self.offset else 0.0
-        return gain * numbers + offset if offset or gain != 1.0 else numbers
-
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
         if isinstance(read("row"), int) and isinstance(read("column"), int | str):
             yield "column", "give either row or column"
-        if read("sign") not in (1, -1) and isinstance(read("sign"), int):
-            yield "sign", f"must be 1 or -1, is {read('sign')}"
+        yield from super()._contradictions(read)
         layout = read("format")
         if isinstance(layout, str) and layout:
             if read("unit") != "s":
@@ -119,20 +96,6 @@ class Channel(Part):
                 pattern(layout)
             except ValueError as error:
                 yield "format", str(error)
-        unit, scale, offset = read("unit"), read("scale"), read("offset")
-        if scale == 0.0:
-            yield "scale", "must not be 0"
-        key = "unit"
-        try:
-            si_unit(unit if isinstance(unit, str) else "1")
-            if isinstance(unit, str) and isinstance(scale, str | float):
-                key = "scale"
-                si = si_unit(_scaled_unit(unit, scale))
-                _factor(unit, scale, si)
-                key = "offset"
-                units.parse(offset, si) if offset and isinstance(offset, str) else 0.0
-        except ValueError as error:
-            yield key, str(error)
 
 
 class ChannelMap(Document):
@@ -319,15 +282,3 @@ def _pick(array: Array, axis: int, index: int, complaint: str) -> Array:
     if array.ndim != 2 or index >= array.shape[axis]:
         raise RecordError(f"{complaint} {index}, its shape is {array.shape} (counted from 0)")
     return array[index] if axis == 0 else array[:, index]
-
-
-def _scaled_unit(unit: str, scale: float | str) -> str:
-    """Return the unit of number times scale."""
-    match = _SCALE.fullmatch(scale) if isinstance(scale, str) else None
-    return f"({unit}) * ({match[2]})" if match else unit
-
-
-def _factor(unit: str, scale: float | str, to: str) -> float:
-    if isinstance(scale, str):
-        return units.parse(scale, "1" if unit == to else f"({to}) / ({unit})")
-    return scale * units.factor(unit, to)

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+import os
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from importlib import import_module
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.arrays import real
 from ambkit.base.copying import Copyable
+from ambkit.data.rig_units import Inputs
 from ambkit.estimate.engine import Engine, caps
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.model import LinearModel
@@ -69,8 +73,26 @@ class Estimator(Copyable):
     """
 
     name = "estimator"
+    description = ""
+    """What it is for, as its file says."""
+    options: Mapping[str, Any]
+    """What it was made with beside bearing, magnet, noise and precision."""
+    inputs: Inputs
+    """What the controller reads; the exported C takes its inputs so."""
+    start_std: Mapping[str, float] = MappingProxyType({})
+    """Standard deviations at the start that are not the usual ones, by the names of states."""
+    origin: Mapping[str, str] = MappingProxyType({})
+    """Where a number came from, by its key in a filter's file."""
     _of_core: tuple[str, ...] = ("core", "engine", "_core_step", "_live_mean")
     smooths = False  # whether mean and covariance follow the model that the smoother goes back by
+
+    def __new__(cls, *_: Any, **options: Any) -> Self:
+        """Keep what it is made with: a file of it says the same."""
+        made = super().__new__(cls)
+        apart = ("bearing", "magnet", "noise", "precision")
+        made.inputs = Inputs()
+        made.options = {key: value for key, value in options.items() if key not in apart}
+        return made
 
     def __init__(
         self,
@@ -121,6 +143,52 @@ class Estimator(Copyable):
         held = self.magnet.in_core(self.engine.core)
         self.core: Any = self._build(self.engine, held, settings)
         self.reset()
+
+    @staticmethod
+    def load(path: str | os.PathLike[str], *, precision: Precision = "float64") -> Estimator:
+        """Return the estimator in a file, of whatever kind it is.
+
+        Parameters
+        ----------
+        path : path
+            Written by `save`, ``ambkit tune`` and others; see `ambkit.FilterFile`.
+        precision : {"float64", "float32"}
+            What it computes in.
+
+        Raises
+        ------
+        ConfigError
+            With all that is wrong in it; also where a file that it names has changed since.
+        AmbkitError
+            The file cannot be read, or what it says cannot be built.
+        """
+        made: Estimator = _files().FilterFile.load(path).make(precision=precision)
+        return made
+
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        bearing: str | os.PathLike[str] | None = None,
+        magnet: str | os.PathLike[str] | None = None,
+    ) -> None:
+        """Write all that makes it what it is as TOML, through a temporary file.
+
+        Parameters
+        ----------
+        path : path
+            The file.
+        bearing, magnet : path, optional
+            The files of its bearing (or a preset's name) and of the expert or force map that it
+            asks. Where they are not given and needed, they are written beside `path`, as
+            ``NAME.bearing.toml`` and ``NAME.expert.json``.
+
+        Raises
+        ------
+        AmbkitError
+            A file cannot be written; or it knows its magnet by what has no file.
+        """
+        _files().save(self, path, bearing, magnet)
 
     @property
     def states(self) -> tuple[Descriptor, ...]:
@@ -230,7 +298,8 @@ class Estimator(Copyable):
             "current": b.amplifier.current_limit,
             "past control": b.amplifier.current_limit,
         }
-        return tuple(by_role.get(state.role, state.size) for state in self.states)
+        usual = {state.name: by_role.get(state.role, state.size) for state in self.states}
+        return tuple((usual | dict(self.start_std)).values())
 
     def at_rest(self, x: float, shown: float | None = None) -> NDArray[np.float64]:
         """Return the states (n,) of a rotor at rest.
@@ -295,6 +364,22 @@ class Estimator(Copyable):
         """
         self._core_step(y, u)
         return self._live_mean.copy()
+
+    def in_si(self, y: ArrayLike, u: ArrayLike) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Turn what the controller reads into SI, as the exported C does, to the last bit.
+
+        Parameters
+        ----------
+        y, u : array_like (n,)
+            Position and control signal as `inputs` says they come.
+
+        Returns
+        -------
+        tuple of ndarray (n,)
+            Position [m] and control signal [V], in the precision of the estimator.
+        """
+        number = np.float32 if self.precision == "float32" else np.float64
+        return self.inputs.y.value(y, number), self.inputs.u.value(u, number)
 
     def run(self, record: Record, *, covariance: bool = False) -> Estimate:
         """Run along a whole record, from a fresh start at its first measurement within the travel.
@@ -424,6 +509,11 @@ class Estimator(Copyable):
     def status(self) -> Status:
         """What the last step had to say."""
         return Status(self.core.status)
+
+
+def _files() -> Any:
+    """Return the module of filters' files, which knows all kinds and so stands above this one."""
+    return import_module("ambkit.estimate.filter_file")
 
 
 def check_sampling(bearing: Bearing, record: Record) -> None:

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from ambkit.base.errors import AmbkitError
+
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.machine.bearing import Bearing
@@ -141,6 +143,8 @@ class Kind:
         What tuning may change.
     finds_noise : dict, optional
         Around the class comes an :class:`ambkit.AdaptiveNoise` with these options.
+    ratios : tuple of str
+        Options that are numbers without a unit, and not tuned.
     """
 
     name: str
@@ -150,6 +154,7 @@ class Kind:
     magnet: Callable[[Bearing], MagnetModel] | None
     tunable: tuple[Tunable, ...] = NOISE
     finds_noise: Mapping[str, Any] | None = None
+    ratios: tuple[str, ...] = ()
 
     def make(
         self, bearing: Bearing, magnet: MagnetModel | None = None, **options: Any
@@ -175,6 +180,13 @@ class Kind:
 
         outer = {name: options.pop(name) for name in _OUTER if name in options}
         return AdaptiveNoise(of(bearing, magnet, **options), **self.finds_noise, **outer)
+
+    @property
+    def option_units(self) -> dict[str, str]:
+        """SI unit of each option that a file may have, by name; empty of a word."""
+        known = {each.name: each.unit for each in self.tunable if "noise." not in each.name}
+        outer = {} if self.finds_noise is None else {"window": "s", "most": "1"}
+        return known | dict.fromkeys(self.ratios, "1") | outer
 
 
 _OUTER = ("memory", "window", "most")  # options of AdaptiveNoise, not of the filter inside
@@ -251,16 +263,19 @@ KINDS = {
             "magnet_scale.AugmentedKalmanFilter",
             InCore("Augmented", has_state=True, base="base.", calls=("excitation",)), _law,
             (*NOISE, Tunable("wander", "1/s", lambda _: 0.01)),
+            ratios=("scale_std", "excitation", "least", "most"),
         ),
         Kind(
             "multiple-model", "interacting multiple models",
             "magnet_scale.MultipleModelFilter",
             InCore("MultipleModel", has_state=True, base="base.", calls=("excitation",)), _law,
             (*NOISE, Tunable("sojourn", "s", lambda _: 1.0, decades=1.0)),
+            ratios=("scales", "excitation"),
         ),
         Kind(
             "unscented", "unscented Kalman filter",
             "unscented.UnscentedKalmanFilter", InCore("Unscented"), _law,
+            ratios=("alpha", "beta", "kappa"),
         ),
         Kind(
             "linear-adaptive-noise", "linear Kalman filter, R found online",
@@ -282,6 +297,33 @@ _OF_BINDING = {kind.core.binding: kind.core for kind in KINDS.values()}
 def in_core_of(estimator: Estimator) -> InCore | None:
     """Return how the core calls an estimator's kind; None for one that is of no kind here."""
     return _OF_BINDING.get(type(estimator.core).__name__)
+
+
+def kind_of(estimator: Estimator) -> str:
+    """Return the name of an estimator's kind.
+
+    Of the kinds that share a class, what the estimator knows of its magnet tells which it is.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        Of a class of `KINDS`.
+
+    Raises
+    ------
+    AmbkitError
+        It is of none.
+    """
+    inner = getattr(estimator, "inner", estimator)
+    of = f"{type(inner).__module__.rpartition('.')[2]}.{type(inner).__name__}"
+    around = inner is not estimator
+    found = [k.name for k in KINDS.values() if k.of == of and (k.finds_noise is not None) == around]
+    asked = {"Expert": "adaptive", "StiffnessMap": "table"}.get(type(estimator.magnet).__name__)
+    if asked in found:
+        return str(asked)
+    if not found:
+        raise AmbkitError(f"the {estimator.name} is of no kind that a file can name")
+    return found[-1]
 
 
 def learned_magnet(name: str, bearing: Bearing) -> MagnetModel | None:

@@ -2,12 +2,10 @@
 
 import math
 from collections.abc import Iterator
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Annotated, Any, Literal, Self, cast
 
 from pydantic import (
-    AfterValidator,
     ConfigDict,
     Field,
     SerializerFunctionWrapHandler,
@@ -17,6 +15,7 @@ from pydantic import (
 )
 
 from ambkit.base.config import Document, Part, Read, read_unchecked, reader
+from ambkit.base.config.paths import FilePath
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.texts import Description, Name
 from ambkit.base.errors import AmbkitError
@@ -60,12 +59,6 @@ def _constant_or_coil(schema: dict[str, Any]) -> None:
     }
 
 
-def _resolved(value: str, info: ValidationInfo) -> str:
-    """Take a relative file name from where the bearing's file lies."""
-    folder = (info.context or {}).get("folder")
-    return value if folder is None else str(Path(folder, value).absolute())
-
-
 IRON = ("iron_length", "relative_permeability", "saturation")
 """What describes iron that saturates; all of it or none."""
 
@@ -97,10 +90,10 @@ class Magnet(Part):
     """Relative permeability mu_r of that iron, far from saturation [1]."""
     saturation: Annotated[float, Quantity("T", "1.6 T", above=0)] | None = None
     """Flux density Bs at which that iron is saturated [T]."""
-    force_map: Annotated[str, AfterValidator(_resolved)] | None = None
+    force_map: FilePath | None = None
     """A file with the measured or computed force, points of iu, x and f_mag: the surface through
     them is the magnet, and the law only what goes on where there are none."""
-    force_channels: Annotated[str, AfterValidator(_resolved)] | None = None
+    force_channels: FilePath | None = None
     """A TOML file that says which columns of the force map mean what, where it has other names."""
     force_scale: Annotated[float, Quantity("1", "1", above=0)] | None = None
     """By how much the force is larger than the force map's [1]; without it 1."""

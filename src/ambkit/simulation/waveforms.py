@@ -5,19 +5,18 @@ disturbance in N). Times are seconds from the start of the run.
 """
 
 import math
-import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from itertools import pairwise
-from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BeforeValidator, Field, ValidationInfo
+from pydantic import BeforeValidator, Field
 
 from ambkit.base.arrays import real
 from ambkit.base.config import Part, Read
+from ambkit.base.config.paths import FilePath
 from ambkit.base.config.quantities import Quantity, place_of_signal
 from ambkit.base.errors import AmbkitError
 
@@ -33,13 +32,6 @@ def _plain_list(value: Any) -> Any:
 
 Values = Annotated[tuple[Value, ...], BeforeValidator(_plain_list)]
 Times = Annotated[tuple[Time, ...], BeforeValidator(_plain_list)]
-
-
-def _resolved(value: Any, info: ValidationInfo) -> Any:
-    """Take a relative file name from where the scenario's file lies."""
-    if info.context and isinstance(value, str):
-        return str(Path(info.context.get("folder", ""), value).absolute())
-    return os.fspath(value) if isinstance(value, os.PathLike) else value
 
 
 class Waveform(Part, ABC):
@@ -178,7 +170,7 @@ class Recorded(Waveform):
     """
 
     type: Literal["recorded"] = "recorded"
-    file: Annotated[str, BeforeValidator(_resolved)] | None = None
+    file: FilePath | None = None
     """A recording (see `Record`), from where the scenario's file lies."""
     signal: str | None = None
     """Name of the signal in the recording."""

@@ -152,9 +152,16 @@ class Document(Part):
             raise ConfigError(shortened(problems, TOLD), name)
         return model
 
-    def to_toml(self) -> str:
-        """Return the description as TOML with units; `from_toml` gives back an equal one."""
-        return escaping.toml_text(self.model_dump(exclude_none=True, context={}))
+    def to_toml(self, folder: str | os.PathLike[str] | None = None) -> str:
+        """Return the description as TOML with units; `from_toml` gives back an equal one.
+
+        Parameters
+        ----------
+        folder : path, optional
+            Where it will lie: names of files in it are written as seen from there.
+        """
+        context = {} if folder is None else {"folder": folder}
+        return escaping.toml_text(self.model_dump(exclude_none=True, context=context))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write `to_toml` to a file (through a temporary one).
@@ -169,7 +176,7 @@ class Document(Part):
         AmbkitError
             The file cannot be written; an older one is left as it was.
         """
-        files.write_text(path, self.to_toml())
+        files.write_text(path, self.to_toml(Path(path).parent))
 
     def replace(self, **changes: Any) -> Self:
         """Return a copy with some values changed, checked like a new one.

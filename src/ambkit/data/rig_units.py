@@ -1,0 +1,107 @@
+"""What the numbers of a rig mean: unit, scale, sign and offset of one signal."""
+
+import re
+from collections.abc import Iterator
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
+
+from ambkit.base import units
+from ambkit.base.config import Part, Read
+from ambkit.base.config.texts import Line
+from ambkit.data.signals import si_unit
+
+_SCALE = re.compile(r"\s*(\S+)\s+(\S.*?)\s*")
+
+
+class Reading(Part):
+    """A signal as a rig has it: ``value = sign * scale * number * unit + offset``, in SI."""
+
+    unit: Line
+    """Unit of the numbers such as "mm"."""
+    scale: float | Line = 1.0
+    """Factor; with a unit where it makes one quantity of another, such as "2 A/V"."""
+    sign: Annotated[int, Field(strict=True)] = 1
+    """1, or -1 where the rig counts the other way."""
+    offset: Line = ""
+    """Added in the end, with its unit, such as "10 mm"."""
+
+    @property
+    def si_unit(self) -> str:
+        """SI unit of the signal."""
+        return si_unit(_scaled_unit(self.unit, self.scale))
+
+    @property
+    def gain(self) -> float:
+        """What a number is multiplied with, to be in SI."""
+        return self.sign * _factor(self.unit, self.scale, self.si_unit)
+
+    @property
+    def zero(self) -> float:
+        """What is added then, in SI."""
+        return units.parse(self.offset, self.si_unit) if self.offset else 0.0
+
+    def value(self, numbers: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
+        """Turn a rig's numbers into the signal, in SI.
+
+        Parameters
+        ----------
+        numbers : array_like
+            As the rig has them.
+        dtype : dtype
+            What it is computed in.
+        """
+        raw = np.asarray(numbers, dtype)
+        if self.gain == 1.0 and not self.zero:
+            return raw
+        return np.asarray(dtype(self.gain) * raw + dtype(self.zero))
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        if read("sign") not in (1, -1) and isinstance(read("sign"), int):
+            yield "sign", f"must be 1 or -1, is {read('sign')}"
+        unit, scale, offset = read("unit"), read("scale"), read("offset")
+        if scale == 0.0:
+            yield "scale", "must not be 0"
+        key = "unit"
+        try:
+            si_unit(unit if isinstance(unit, str) else "1")
+            if isinstance(unit, str) and isinstance(scale, str | float):
+                key = "scale"
+                si = si_unit(_scaled_unit(unit, scale))
+                _factor(unit, scale, si)
+                key = "offset"
+                units.parse(offset, si) if offset and isinstance(offset, str) else 0.0
+        except ValueError as error:
+            yield key, str(error)
+
+
+class Inputs(Part):
+    """What the controller reads, and what it means; without it metres and volts."""
+
+    y: Reading = Field(default_factory=lambda: Reading(unit="m"))
+    """The position sensor."""
+    u: Reading = Field(default_factory=lambda: Reading(unit="V"))
+    """The control signal that acts until the next sample."""
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        for name, unit in (("y", "m"), ("u", "V")):
+            given = read(name)
+            if isinstance(given, Reading) and given.si_unit != unit:
+                what = f"makes {name} a quantity in {given.si_unit}, it is one in {unit}"
+                yield f"{name}.unit", what
+
+
+def _scaled_unit(unit: str, scale: float | str) -> str:
+    """Return the unit of number times scale."""
+    match = _SCALE.fullmatch(scale) if isinstance(scale, str) else None
+    return f"({unit}) * ({match[2]})" if match else unit
+
+
+def _factor(unit: str, scale: float | str, to: str) -> float:
+    if isinstance(scale, str):
+        return units.parse(scale, "1" if unit == to else f"({to}) / ({unit})")
+    return scale * units.factor(unit, to)
