@@ -18,6 +18,7 @@ class Schema(StrEnum):
     bearing = "bearing"
     scenario = "scenario"
     map = "map"
+    filter = "filter"
 
 
 def check(
@@ -25,7 +26,7 @@ def check(
         list[Path] | None,
         typer.Argument(
             metavar="FILE",
-            help="Bearings, scenarios, channel maps, experts, records, measured forces.",
+            help="Bearings, scenarios, channel maps, filters, experts, records, measured forces.",
         ),
     ] = None,
     schema: Annotated[

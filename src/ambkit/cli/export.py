@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.kinds import NAMES, estimator_option, exported
-from ambkit.cli.options import BearingName, Json, find_bearing, quantity
+from ambkit.cli.kinds import NAMES, estimator_option, to_export
+from ambkit.cli.options import BearingOrFilter, Json, quantity
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -47,7 +47,7 @@ def export(context: typer.Context) -> None:
 
 
 def export_c(
-    bearing: BearingName,
+    bearing: BearingOrFilter,
     out: Annotated[
         Path,
         typer.Option(
@@ -91,7 +91,7 @@ def export_c(
     For example:
       ambkit train zittau_axial --out expert.json
       ambkit export c zittau_axial --estimator expert.json --out out/
-      ambkit export c zittau_axial --estimator closed-law --precision double --out law/
+      ambkit export c filter.toml --precision double --out out/
     """
     from ambkit.cli import output
     from ambkit.export import c
@@ -100,13 +100,13 @@ def export_c(
         raise AmbkitError("--cost is for --precision float: a Cortex-M4F has no double in hardware")
     if clock is not None and not clock > 0:
         raise AmbkitError(f"--clock must be greater than 0 Hz, is {clock:g} Hz")
-    model = find_bearing(bearing)
-    chosen = exported(estimator, model)
+    model, chosen = to_export(bearing, estimator)
     written = c.export_c(
         model,
         chosen.magnet,
         out,
         kind=chosen.kind,
+        filter_file=chosen.file,
         precision=precision.value,
         prefix=prefix,
         expert_form=expert.value,

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.kinds import NAMES, estimator_option, exported
-from ambkit.cli.options import BearingName, Json, file_option, find_bearing
+from ambkit.cli.kinds import NAMES, estimator_option, to_export
+from ambkit.cli.options import BearingOrFilter, Json, file_option
 
 if TYPE_CHECKING:
     from ambkit.export.fmu.xml import Fmi
@@ -35,7 +35,7 @@ _VERSIONS: dict[Version, Fmi] = {Version.two: 2, Version.three: 3}
 
 
 def export_fmu(
-    bearing: BearingName,
+    bearing: BearingOrFilter,
     out: Annotated[Path, file_option("The FMU to write.", (".fmu",), "--out")],
     estimator: Annotated[str | None, estimator_option(NAMES)] = None,
     kind: Annotated[Kind, typer.Option(help="What it models.")] = Kind.estimator,
@@ -67,11 +67,10 @@ def export_fmu(
         raise AmbkitError("--estimator is for --kind estimator and closed-loop: a plant has none")
     if kind is not Kind.closed_loop and scenario is not None:
         raise AmbkitError("--scenario is for --kind closed-loop: only that has a controller")
-    model = find_bearing(bearing)
+    model, chosen = to_export(bearing, estimator)
     controller = None
     if scenario is not None:
         controller = tuned_controller(Scenario.load(scenario).controller, model)
-    chosen = exported(estimator, model)
     written = fmu.export_fmu(
         model,
         chosen.magnet,
@@ -80,6 +79,7 @@ def export_fmu(
         fmi=_VERSIONS[fmi],
         controller=controller,
         estimator=chosen.kind,
+        filter_file=chosen.file,
     )
     data = {
         "path": str(written.path),

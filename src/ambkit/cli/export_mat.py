@@ -8,20 +8,20 @@ from typing import Annotated
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.kinds import exported
-from ambkit.cli.options import BearingName, Json, file_option, find_bearing
+from ambkit.cli.kinds import to_export
+from ambkit.cli.options import BearingOrFilter, Json, file_option
 
 
 def export_mat(
-    bearing: BearingName,
+    bearing: BearingOrFilter,
     out: Annotated[Path, file_option("The MAT-file to write.", (".mat",), "--out")],
     estimator: Annotated[
         str | None,
         typer.Option(
             "--estimator",
             metavar="FILE",
-            help="Expert from 'ambkit train', or adaptive, which trains one: its rules, and its "
-            "tables, go along.",
+            help="A linear or adaptive filter's file (.toml), expert from 'ambkit train', or "
+            "adaptive, which trains one: its rules, and its tables, go along.",
         ),
     ] = None,
     json: Json = False,
@@ -37,14 +37,14 @@ def export_mat(
     from ambkit.export import mat
     from ambkit.fuzzy.expert import Expert
 
-    model = find_bearing(bearing)
-    chosen = None if estimator is None else exported(estimator, model, ("adaptive",)).magnet
+    model, found = to_export(bearing, estimator, ("linear", "adaptive"))
+    chosen = found.magnet if found.kind == "adaptive" else None
     if chosen is not None and not isinstance(chosen, Expert):
         raise AmbkitError(
             "--estimator: a MAT-file holds an expert; a force map goes into the bearing, as its "
             "force_map, and its tables along"
         )
     expert = chosen
-    written = mat.export_mat(model, expert, out)
+    written = mat.export_mat(model, expert, out, filter_file=found.file)
     output.deliver({"path": str(out), "variables": list(written)}, [], as_json=json)
     output.note(f"wrote {out}, {len(written)} variables")

@@ -12,9 +12,11 @@ import typer
 
 from ambkit.base.errors import AmbkitError
 from ambkit.cli import output
+from ambkit.cli.options import find_bearing
 from ambkit.estimate.registry import KINDS, learned_magnet
 
 if TYPE_CHECKING:
+    from ambkit.estimate.filter_file import FilterFile
     from ambkit.fuzzy.expert import Expert
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.forces.surface import ForceSurface
@@ -30,8 +32,8 @@ def estimator_option(choice: Iterable[str]) -> Any:
     return typer.Option(
         "--estimator",
         metavar="FILE",
-        help="Expert of the adaptive filter, from 'ambkit train', or a force map (.csv); or a "
-        "name: "
+        help="A filter's file (.toml), from 'ambkit tune'; or an expert for the adaptive filter, "
+        "from 'ambkit train', or a force map (.csv); or a name: "
         f"{', '.join(choice)}. The linear filter without it.",
     )
 
@@ -50,8 +52,9 @@ def known(text: str) -> str:
         One is not in `NAMES`.
     """
     for name in names(text):
-        if name not in NAMES:
-            raise typer.BadParameter(f'there is no estimator "{name}"; known: {", ".join(NAMES)}')
+        if name not in NAMES and name != "all" and not name.endswith(".toml"):
+            known = f"known: {', '.join(NAMES)}, all, or the file of a filter (.toml)"
+            raise typer.BadParameter(f'there is no estimator "{name}"; {known}')
     return text
 
 
@@ -63,7 +66,7 @@ def factories(
     Parameters
     ----------
     chosen : iterable of str
-        Some of `NAMES`.
+        Some of `NAMES`, ``"all"`` of them, or files of filters.
     bearing : Bearing
         What is filtered.
     expert : Path, optional
@@ -74,9 +77,10 @@ def factories(
     AmbkitError
         The expert cannot be read, or none of the chosen ones asks it.
     """
+    from ambkit.workflow.estimators import expanded
     from ambkit.workflow.estimators import factories as built
 
-    chosen = list(chosen)
+    chosen = expanded(chosen)
     if expert is not None and "adaptive" not in chosen:
         raise AmbkitError("--expert is for --estimator adaptive, which is not among those chosen")
     magnets = {"adaptive": read_expert(expert, bearing)} if expert is not None else {}
@@ -91,6 +95,8 @@ class Chosen(NamedTuple):
 
     kind: str
     magnet: MagnetModel | None
+    file: FilterFile | None = None
+    """The filter whose kind and magnet these are, where it is in a file."""
 
 
 def exported(text: str | None, bearing: Bearing, choice: Iterable[str] = NAMES) -> Chosen:
@@ -99,7 +105,8 @@ def exported(text: str | None, bearing: Bearing, choice: Iterable[str] = NAMES) 
     Parameters
     ----------
     text : str, optional
-        One of `choice`, or a file from ``ambkit train``; the linear filter without it.
+        One of `choice`, a file from ``ambkit train``, or that of a filter; the linear filter
+        without it.
     bearing : Bearing
         What is filtered.
     choice : iterable of str
@@ -115,11 +122,64 @@ def exported(text: str | None, bearing: Bearing, choice: Iterable[str] = NAMES) 
     if text in NAMES:
         raise AmbkitError(f"--estimator: {text} cannot be exported yet; {', '.join(choice)} can")
     path = Path(text)
+    if path.suffix == ".toml":
+        from ambkit.estimate.filter_file import FilterFile
+
+        found = FilterFile.load(path)
+        if found.kind not in choice:
+            raise AmbkitError(
+                f"{path}: {found.kind} cannot be exported so; {', '.join(choice)} can"
+            )
+        return Chosen(found.kind, found.asked(), found)
     if not (path.suffix or path.exists() or os.sep in text):
         near = difflib.get_close_matches(text, choice, 1)
         hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(choice)}"
         raise AmbkitError(f'--estimator: there is no estimator and no file "{text}"; {hint}')
     return Chosen("adaptive", read_expert(path, bearing))
+
+
+def to_export(
+    target: str, estimator: str | None, choice: Iterable[str] = NAMES
+) -> tuple[Bearing, Chosen]:
+    """Return the bearing and the estimator that a user wants to export.
+
+    Parameters
+    ----------
+    target : str
+        A preset or a bearing's file, or that of a filter, which names its bearing itself.
+    estimator : str, optional
+        See `exported`; with a filter's file there is none.
+    choice : iterable of str
+        Some of `NAMES`.
+
+    Raises
+    ------
+    AmbkitError
+        Both name a filter; or see `exported`.
+    """
+    if is_filter(target):
+        if estimator is not None:
+            raise AmbkitError(f"{target} is a filter already: leave out --estimator")
+        estimator = target
+    elif estimator is None or not is_filter(estimator):
+        bearing = find_bearing(target)
+        return bearing, exported(estimator, bearing, choice)
+    else:
+        find_bearing(target)
+    from ambkit.estimate.filter_file import FilterFile
+
+    bearing = FilterFile.load(estimator).bearing.bearing
+    return bearing, exported(estimator, bearing, choice)
+
+
+def is_filter(text: str) -> bool:
+    """Whether a TOML file is a filter's: only these have a ``kind``."""
+    import tomllib
+
+    try:
+        return Path(text).suffix == ".toml" and "kind" in tomllib.loads(Path(text).read_text())
+    except (OSError, ValueError):  # which is told by who reads it
+        return False
 
 
 def _learned(name: str, bearing: Bearing) -> MagnetModel | None:
@@ -158,15 +218,10 @@ def surface_in(path: Path, bearing: Bearing) -> ForceSurface:
     AmbkitError
         It cannot be read, or is no force map of this bearing.
     """
-    from ambkit.machine.forces.file import load_force_points
-    from ambkit.machine.forces.surface import ForceSurface
+    from ambkit.machine.forces.map_of import surface_in as found_in
 
-    points = load_force_points(path)
-    try:
-        with output.progress("finding the force"):
-            return ForceSurface(bearing, points)
-    except AmbkitError as error:
-        raise AmbkitError(f"{path}: {error}") from None
+    with output.progress("finding the force"):
+        return found_in(path, bearing)
 
 
 def scenario_of(

@@ -99,6 +99,12 @@ def keep_inputs(context: typer.Context) -> None:
 BearingName = Annotated[
     str, typer.Argument(metavar="BEARING", help="A preset's name, or a TOML file.")
 ]
+BearingOrFilter = Annotated[
+    str,
+    typer.Argument(
+        metavar="BEARING", help="A preset's name, or a TOML file: of a bearing, or of a filter."
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, in SI units, for machines.")]
 Plot = Annotated[
     Path | None, file_option("Draw a picture: .png, .svg or .html.", PICTURES, "--plot")

@@ -58,6 +58,19 @@ class Reading(Part):
             return raw
         return np.asarray(dtype(self.gain) * raw + dtype(self.zero))
 
+    def numbers(self, values: ArrayLike) -> NDArray[np.float64]:
+        """Turn a signal in SI into a rig's numbers.
+
+        Parameters
+        ----------
+        values : array_like
+            In SI.
+        """
+        given = np.asarray(values, float)
+        if self.gain == 1.0 and not self.zero:
+            return given
+        return np.asarray((given - self.zero) / self.gain)
+
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
         if read("sign") not in (1, -1) and isinstance(read("sign"), int):

@@ -49,6 +49,7 @@ from ambkit.data.rig_units import Inputs
 from ambkit.estimate.noise import FilterNoise
 from ambkit.estimate.registry import KINDS, kind_of, learned_magnet
 from ambkit.machine.bearing import Bearing
+from ambkit.machine.forces.map_of import surface_in
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -193,13 +194,29 @@ class FilterFile(Document):
                 shown = [units.engineering(each, "s") for each in (own, T)]
                 yield "sampling_time", f"must be the bearing's, {shown[0]}, is {shown[1]}"
 
-    def make(self, *, precision: Precision = "float64") -> Estimator:
+    def asked(self) -> MagnetModel | None:
+        """Return what it asks for k_i and k_s; None where its kind knows by itself.
+
+        Raises
+        ------
+        AmbkitError
+            What the magnet's file holds is no expert and no force map.
+        """
+        if self.magnet is None:
+            return learned_magnet(self.kind, self.bearing.bearing)
+        return magnet_in(self.magnet.file, self.bearing.bearing)
+
+    def make(
+        self, *, precision: Precision = "float64", magnet: MagnetModel | None = None
+    ) -> Estimator:
         """Return the estimator.
 
         Parameters
         ----------
         precision : {"float64", "float32"}
             What it computes in.
+        magnet : optional
+            What it asks in the place of `asked`, such as the table of its expert.
 
         Raises
         ------
@@ -208,10 +225,8 @@ class FilterFile(Document):
             out of its range.
         """
         kind, bearing = KINDS[self.kind], self.bearing.bearing
-        if self.magnet is None:
-            magnet = learned_magnet(self.kind, bearing)
-        else:
-            magnet = magnet_in(self.magnet.file, bearing)
+        if magnet is None:
+            magnet = self.asked()
         limits = ("gravity", "gate", "frozen_limit", "outlier_limit", "as_printed")
         options = {name: _option(v, kind.option_units[name]) for name, v in self.options.items()}
         try:
@@ -283,14 +298,7 @@ def magnet_in(path: str | os.PathLike[str], bearing: Bearing) -> MagnetModel:
         from ambkit.fuzzy.expert import Expert
 
         return Expert.load(path)
-    from ambkit.machine.forces.file import load_force_points
-    from ambkit.machine.forces.surface import ForceSurface
-
-    points = load_force_points(path)
-    try:
-        return ForceSurface(bearing, points)
-    except AmbkitError as error:
-        raise AmbkitError(f"{path}: {error}") from None
+    return surface_in(path, bearing)
 
 
 def _hash(path: str | os.PathLike[str]) -> str:

@@ -17,6 +17,8 @@ from ambkit.machine.magnets import ConstantStiffness, core_module
 from ambkit.machine.stiffness import stiffness_map
 
 if TYPE_CHECKING:
+    from ambkit.estimate.base import Estimator
+    from ambkit.estimate.filter_file import FilterFile
     from ambkit.fuzzy.expert import Expert
     from ambkit.machine.bearing import Bearing
 
@@ -25,7 +27,13 @@ Array = NDArray[np.float64]
 _HEADER = 116  # bytes of text that a MAT-file begins with, where SciPy writes the date
 
 
-def export_mat(bearing: Bearing, expert: Expert | None, out: str | Path) -> dict[str, Any]:
+def export_mat(
+    bearing: Bearing,
+    expert: Expert | None,
+    out: str | Path,
+    *,
+    filter_file: FilterFile | None = None,
+) -> dict[str, Any]:
     """Write a MAT-file (version 5) whose bytes depend on its content alone.
 
     Parameters
@@ -36,6 +44,9 @@ def export_mat(bearing: Bearing, expert: Expert | None, out: str | Path) -> dict
         Goes along with its rules, and as a table.
     out : path
         The file, ``.mat``.
+    filter_file : FilterFile, optional
+        The linear or adaptive filter whose noise and start are written; by default with those of
+        `bearing`.
 
     Returns
     -------
@@ -49,7 +60,7 @@ def export_mat(bearing: Bearing, expert: Expert | None, out: str | Path) -> dict
     """
     from scipy.io import savemat
 
-    content = variables(bearing, expert)
+    content = variables(bearing, expert, filter_file)
     text = f"MATLAB 5.0 MAT-file, written by ambkit {version('ambkit')}"
     with files.replacing(out) as temporary:
         savemat(temporary, content, appendmat=False, oned_as="row")
@@ -58,7 +69,9 @@ def export_mat(bearing: Bearing, expert: Expert | None, out: str | Path) -> dict
     return content
 
 
-def variables(bearing: Bearing, expert: Expert | None) -> dict[str, Any]:
+def variables(
+    bearing: Bearing, expert: Expert | None, filter_file: FilterFile | None = None
+) -> dict[str, Any]:
     """Return what the file holds, by the names in MATLAB; all in SI.
 
     Parameters
@@ -67,6 +80,8 @@ def variables(bearing: Bearing, expert: Expert | None) -> dict[str, Any]:
         What is modelled.
     expert : Expert, optional
         Adds ``expert``, and the tables are its own.
+    filter_file : FilterFile, optional
+        See :func:`export_mat`; adds ``inputs``, gain and zero of what its controller reads.
 
     Returns
     -------
@@ -79,17 +94,29 @@ def variables(bearing: Bearing, expert: Expert | None) -> dict[str, Any]:
         ``displacement``; a filter asks them at the mean over the sample, ``x + v T/2``.
         ``bearing``: all that describes it. ``about``: where it comes from.
     """
-    estimator = KalmanFilter(bearing) if expert is None else AdaptiveKalmanFilter(bearing, expert)
+    estimator: Estimator
+    if filter_file is not None:
+        estimator = filter_file.make(magnet=expert)
+    else:
+        estimator = (
+            KalmanFilter(bearing) if expert is None else AdaptiveKalmanFilter(bearing, expert)
+        )
     content: dict[str, Any] = _model(estimator) | {
         "states": np.array([state.name for state in estimator.states], dtype=object),
         "tables": _tables(bearing, expert),
         "bearing": _fields(bearing),
         "about": f"{bearing.name}, written by ambkit {version('ambkit')}; SI units",
     }
+    if filter_file is not None:
+        read = {"y": estimator.inputs.y, "u": estimator.inputs.u}
+        content["inputs"] = {
+            name: {"gain": each.gain, "zero": each.zero, "unit": each.unit}
+            for name, each in read.items()
+        }
     return content if expert is None else content | {"expert": _expert(expert)}
 
 
-def _model(estimator: KalmanFilter) -> dict[str, Any]:
+def _model(estimator: Estimator) -> dict[str, Any]:
     """Matrices of the model that the filter predicts with."""
     k = ConstantStiffness.of(estimator.bearing)
     parameters = estimator.core.parameters

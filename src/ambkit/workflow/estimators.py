@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from ambkit.base.errors import AmbkitError
+from ambkit.base.units import engineering
+from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.registry import KINDS, learned_magnet
 
 if TYPE_CHECKING:
@@ -18,6 +21,10 @@ USUAL = ("linear", "adaptive", "closed-law")
 """Who is compared where nobody says it: without, with a learned and with the exact stiffness."""
 
 
+SUFFIX = ".toml"
+"""Of a filter's file, which stands wherever the name of an estimator does."""
+
+
 class Factory(Protocol):
     """What builds an estimator."""
 
@@ -25,6 +32,19 @@ class Factory(Protocol):
         self, noise: FilterNoise | None = None, *, precision: Precision = "float64"
     ) -> Estimator:
         """Build a fresh one; by default it assumes the bearing's own noise."""
+
+
+@dataclass(frozen=True)
+class FromFile:
+    """What builds the filter in a file: it assumes what the file says, and nothing else."""
+
+    file: FilterFile
+
+    def __call__(
+        self, noise: FilterNoise | None = None, *, precision: Precision = "float64"
+    ) -> Estimator:
+        """Build a fresh one; `noise` is that of others, and left alone."""
+        return self.file.make(precision=precision)
 
 
 def factories(
@@ -37,9 +57,10 @@ def factories(
     Parameters
     ----------
     names : iterable of str
-        Some of :data:`ambkit.estimate.registry.KINDS`; each counts once.
+        Some of :data:`ambkit.estimate.registry.KINDS`, ``"all"`` of them, or files of filters;
+        each counts once.
     bearing : Bearing
-        What is filtered.
+        What is filtered; a filter from a file assumes its own.
     magnets : mapping of str to MagnetModel, optional
         What kinds ask for k_i and k_s, such as ``{"adaptive": Expert.load("expert.json")}``. Who
         is not there asks what is learned from the bearing's own law, or knows by itself.
@@ -49,18 +70,45 @@ def factories(
     AmbkitError
         There is no such estimator, or a magnet is for one that is not among them.
     """
-    chosen, given = list(dict.fromkeys(names)), dict(magnets or {})
-    for name in chosen:
-        if name not in KINDS:
-            raise AmbkitError(f'there is no estimator "{name}"; known: {", ".join(KINDS)}')
+    chosen, given = expanded(names), dict(magnets or {})
     for name in given:
         if name not in chosen:
             raise AmbkitError(f"a magnet is given for {name}, which is not among those chosen")
 
     def factory(name: str) -> Factory:
+        if name.endswith(SUFFIX):
+            return FromFile(_of_rate(FilterFile.load(name), name, bearing))
         magnet = given[name] if name in given else learned_magnet(name, bearing)
         return lambda noise=None, **options: KINDS[name].make(
             bearing, magnet, noise=noise, **options
         )
 
     return {name: factory(name) for name in chosen}
+
+
+def expanded(names: Iterable[str]) -> list[str]:
+    """Return names of estimators, each once, with all kinds for ``"all"``.
+
+    Raises
+    ------
+    AmbkitError
+        One is neither a kind nor a filter's file.
+    """
+    found: dict[str, None] = {}
+    for name in names:
+        if name not in KINDS and name != "all" and not name.endswith(SUFFIX):
+            known = f"known: {', '.join(KINDS)}, all, or the file of a filter (.toml)"
+            raise AmbkitError(f'there is no estimator "{name}"; {known}')
+        found |= dict.fromkeys(KINDS if name == "all" else [name])
+    return list(found)
+
+
+def _of_rate(file: FilterFile, name: str, bearing: Bearing) -> FilterFile:
+    """Refuse a filter that steps at another rate than the bearing is sampled."""
+    T, own = bearing.sampling_time, file.sampling_time
+    if abs(own - T) > 1e-9 * T:
+        raise AmbkitError(
+            f"{name}: this filter steps every {engineering(own, 's')}, and bearing {bearing.name} "
+            f"is sampled every {engineering(T, 's')}"
+        )
+    return file

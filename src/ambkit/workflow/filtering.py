@@ -12,7 +12,7 @@ from ambkit.estimate.noise import FilterNoise
 from ambkit.fuzzy.expert import Expert
 from ambkit.judge.comparison import EVALUATED
 from ambkit.judge.evaluation import Evaluation, evaluate
-from ambkit.workflow.estimators import USUAL, Factory, factories
+from ambkit.workflow.estimators import USUAL, Factory, FromFile, factories
 from ambkit.workflow.tuning import default_disturbance, log_likelihood, tune_disturbance
 
 if TYPE_CHECKING:
@@ -308,7 +308,9 @@ def filter_record(
     )
     found = {}
     for name, build in built.items():
-        one = _filtered(name, build, record, noise, stretch, late)
+        # A filter from a file assumes what the file says.
+        to_tune = None if isinstance(build, FromFile) else stretch
+        one = _filtered(name, build, record, noise, to_tune, late)
         if smooth:
             one = replace(one, smoothed=build(one.noise).smooth(record))
         found[name] = one

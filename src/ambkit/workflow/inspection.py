@@ -25,8 +25,8 @@ class Finding:
     path : Path
         The file.
     kind : str
-        ``"bearing"``, ``"scenario"``, ``"channel map"``, ``"expert"``, ``"record"``, ``"lift-off
-        points"``, ``"measured force"``; ``"file"`` where that cannot be told.
+        ``"bearing"``, ``"scenario"``, ``"filter"``, ``"channel map"``, ``"expert"``, ``"record"``,
+        ``"lift-off points"``, ``"measured force"``; ``"file"`` where that cannot be told.
     about : str
         What it holds, in a few words; empty where it is not valid.
     problems : tuple of str
@@ -48,7 +48,7 @@ class Finding:
 
 
 def schema_of(kind: str) -> dict[str, Any]:
-    """Return the JSON schema of a TOML file: of a ``bearing``, a ``scenario`` or a ``map``."""
+    """Return the JSON schema of a ``bearing``, ``scenario``, ``filter`` or ``map`` in TOML."""
     model = _documents()["channel map" if kind == "map" else kind]
     return dict(model.json_schema())
 
@@ -116,10 +116,13 @@ def _unknown(path: Path) -> _Described:
 
 def _documents() -> dict[str, Any]:
     from ambkit.data.channelmap import ChannelMap
+    from ambkit.estimate.filter_file import FilterFile
     from ambkit.machine.bearing import Bearing
     from ambkit.simulation.scenario import Scenario
 
-    return {"bearing": Bearing, "scenario": Scenario, "channel map": ChannelMap}
+    return {
+        "bearing": Bearing, "scenario": Scenario, "channel map": ChannelMap, "filter": FilterFile,
+    }  # fmt: skip
 
 
 def _kind_of_toml(path: Path) -> str:
@@ -139,8 +142,8 @@ def _kind_of_toml(path: Path) -> str:
     best = max(shared, key=lambda kind: shared[kind])
     if shared[best] == 0:
         raise AmbkitError(
-            f"{path}: is neither a bearing, nor a scenario, nor a channel map: none of its keys "
-            f"is known in those ({', '.join(toml.data) or 'it is empty'})"
+            f"{path}: is neither a bearing, nor a scenario, nor a channel map, nor a filter: none "
+            f"of its keys is known in those ({', '.join(toml.data) or 'it is empty'})"
         )
     return best
 
@@ -152,6 +155,9 @@ def _describe_document(kind: str, path: Path) -> _Described:
     found = _documents()[kind].load(path)
     if kind == "channel map":
         return _Described(f"signals {', '.join(found.signals)}")
+    if kind == "filter":
+        found.make()  # what only the whole tells: starts, options, the magnet's file
+        return _Described(f"{found.kind}, for {found.bearing.bearing.name}")
     if kind == "scenario":
         return _Described(
             f"{engineering(found.duration, 's')}, reference {found.reference.type}, "

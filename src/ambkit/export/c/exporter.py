@@ -19,6 +19,7 @@ from ambkit.machine.magnets import Precision, core_module
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
+    from ambkit.estimate.filter_file import FilterFile
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.magnets import MagnetModel
 
@@ -83,6 +84,7 @@ def export_c(
     expert_form: Literal["exact", "tabulated"] = "exact",
     force_bound: float | None = None,
     loops: bool | None = None,
+    filter_file: FilterFile | None = None,
     **options: Any,
 ) -> CExport:
     """Write a folder of C99 that compiles alone.
@@ -110,6 +112,9 @@ def export_c(
     loops : bool, optional
         Whether the model is computed by loops over its arrays and not by straight-line code; by
         default from more than a dozen states on. The paper's axis has none.
+    filter_file : FilterFile, optional
+        The filter, in the place of `kind` and `options`; `bearing` and `magnet` are what it says.
+        Its inputs are then the rig's own numbers.
     **options
         Of the kind; of :class:`ambkit.KalmanFilter` noise, gravity, frozen_limit, gate,
         outlier_limit, as_printed.
@@ -137,10 +142,16 @@ def export_c(
         magnet = table
     elif force_bound is not None:
         raise AmbkitError("force_bound is for an expert in tabulated form")
-    estimator = _made(kind, bearing, magnet, options)
+    if filter_file is None:
+        estimator = _made(kind, bearing, magnet, options)
+    else:
+        estimator = filter_file.make(precision=options["precision"], magnet=magnet)
+        called(estimator)
     _check_nodes(estimator)
     spent = cost.of(estimator) if precision == "float" else None
     facts = _facts(magnet, precision) | _cost_facts(spent)
+    if estimator.description:
+        facts = {"for": estimator.description} | facts
     content = render.render(estimator, name, precision, facts, loops=loops)
     written = folder.write(Path(out), content.files)
     return CExport(

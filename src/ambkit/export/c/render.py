@@ -19,6 +19,7 @@ from ambkit.machine.magnets import core_module, own_time
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
+    from ambkit.data.rig_units import Reading
     from ambkit.estimate.base import Estimator
 
 _BOUNDS: dict[CPrecision, str] = {"float": "1e-3", "double": "1e-9"}
@@ -99,7 +100,23 @@ def render(
         "magnet_header": f"{kind.source}.h",
         "magnet_about": kind.about,
         "sampled": _sampled(estimator),
-        "facts": {"magnet": kind.about, "between samples": _sampled(estimator), **facts},
+        "assumed": _assumed(estimator),
+        "inputs": {
+            name: {
+                "gain": data.number(reading.gain, precision),
+                "zero": data.number(reading.zero, precision),
+                "unit": reading.unit,
+                "said": _said(name, reading),
+            }
+            for name, reading in (("y", estimator.inputs.y), ("u", estimator.inputs.u))
+            if reading.gain != 1.0 or reading.zero
+        },
+        "facts": {
+            **_assumed(estimator),
+            "magnet": kind.about,
+            "between samples": _sampled(estimator),
+            **facts,
+        },
         "room": of_model.room,
         "states": model.states(estimator.states),
         "diagonal": [at * (2 * n + 1 - at) // 2 for at in range(n)],
@@ -112,6 +129,7 @@ def render(
         "mean": data.array(tested.estimate.mean, precision),
         "status": data.array(tested.estimate.status, precision),
     }
+    context["inputs_text"] = repr(context["inputs"])
     context["configuration"] = _configuration(estimator, context, core_files)
     made = {
         f"{name}.h": "filter.h",
@@ -142,6 +160,29 @@ def _sampled(estimator: Estimator) -> str:
     if estimator.engine.as_printed:
         return "position held (eq. 19 as the paper prints it): estimates are ahead of the rotor"
     return "force held, all else exact"
+
+
+def _assumed(estimator: Estimator) -> dict[str, str]:
+    """Say what it assumes of the noise, and where each number came from."""
+    shown = {
+        "measurement": ("noise of the measurement, R", "m^2"),
+        "control": ("noise of the control signal", "V^2"),
+        "disturbance": ("growth of the disturbance force's variance, Q", "N^2/s"),
+    }
+    said = {}
+    for name, value in estimator.variances._asdict().items():
+        what, unit = shown[name]
+        origin = estimator.origin.get(f"noise.{name}")
+        said[what] = f"{value:.6g} {unit}" + (f" ({origin})" if origin else "")
+    return said
+
+
+def _said(name: str, reading: Reading) -> str:
+    """Say what a raw input means."""
+    zero = f" {'-' if reading.zero < 0 else '+'} {abs(reading.zero):.9g}" if reading.zero else ""
+    return (
+        f"{name} [{reading.si_unit}] = {reading.gain:.9g} * number{zero}, number in {reading.unit}"
+    )
 
 
 def _data_context(
@@ -190,7 +231,17 @@ def _configuration(
 ) -> str:
     """Return 16 hexadecimal digits that change with all that the estimator was made from."""
     digest = hashlib.sha256()
-    numbers = ("version", "precision", "kalman", "std", "magnet_type", "magnet", "own", "title")
+    numbers = (
+        "version",
+        "precision",
+        "inputs_text",
+        "kalman",
+        "std",
+        "magnet_type",
+        "magnet",
+        "own",
+        "title",
+    )
     parts = [estimator.bearing.to_toml(), *(context[key] for key in numbers)]
     parts += [array["text"] for array in context["arrays"]]
     for part in (*parts, *core_files.values()):

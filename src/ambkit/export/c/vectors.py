@@ -18,7 +18,7 @@ STEPS = 200
 
 
 class Vectors(NamedTuple):
-    """Measurements (n,) [m], control signals (n,) [V], and the estimate along them."""
+    """Measurements (n,) and control signals (n,) as the rig has them, and the estimate of them."""
 
     y: NDArray[np.float64]
     u: NDArray[np.float64]
@@ -46,7 +46,10 @@ def make(estimator: Estimator) -> Vectors:
     )
     record = simulate(bearing, scenario)
     y, u = _spoilt(bearing, record["y"], record["u"])
-    return Vectors(y, u, estimator.run(Record(record.t, {"y": y, "u": u}, {"y": "m", "u": "V"})))
+    of = estimator.inputs
+    y, u = of.y.numbers(y), of.u.numbers(u)
+    known = dict(zip(("y", "u"), estimator.in_si(y, u), strict=True))
+    return Vectors(y, u, estimator.run(Record(record.t, known, {"y": "m", "u": "V"})))
 
 
 def _spoilt(

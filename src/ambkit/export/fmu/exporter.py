@@ -18,6 +18,7 @@ from ambkit.export.fmu.xml import Fmi, Model
 from ambkit.simulation.scenario import PID
 
 if TYPE_CHECKING:
+    from ambkit.estimate.filter_file import FilterFile
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.magnets import MagnetModel
 
@@ -59,6 +60,7 @@ def export_fmu(
     fmi: Fmi = 3,
     controller: PID | None = None,
     estimator: str | None = None,
+    filter_file: FilterFile | None = None,
 ) -> FmuExport:
     """Write a co-simulation FMU around the C of the library: binary and sources, no Python.
 
@@ -85,13 +87,20 @@ def export_fmu(
         Kind of the estimator, by its name in :data:`ambkit.estimate.registry.KINDS`; by default the
         paper's filter, linear or adaptive by its magnet. The variances that the FMU lets change
         have no effect on a kind with a constant gain.
+    filter_file : FilterFile, optional
+        The filter, in the place of `estimator`; `bearing` and `magnet` are what it says. The FMU's
+        inputs are in metres and volts all the same.
 
     Raises
     ------
     AmbkitError
         There is no C compiler, or the file cannot be written.
     """
-    filter_ = KINDS[estimator or ("linear" if magnet is None else "adaptive")].make(bearing, magnet)
+    if filter_file is not None:
+        filter_ = filter_file.make(magnet=magnet)
+    else:
+        kind_of_filter = estimator or ("linear" if magnet is None else "adaptive")
+        filter_ = KINDS[kind_of_filter].make(bearing, magnet)
     match kind:
         case "estimator":
             parts = _estimator(filter_)

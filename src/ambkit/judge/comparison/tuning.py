@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.judge.comparison.contenders import Contender
+from ambkit.judge.comparison.contenders import Contender, Range
 from ambkit.judge.comparison.criteria import rms
 
 if TYPE_CHECKING:
@@ -83,47 +83,92 @@ def tune(
     seed : int
         Of the points.
     """
-    tunable = contender.tunable
-    done: list[tuple[float, Array]] = []
 
-    def values(point: Array) -> dict[str, float]:
-        shares = np.clip(point, 0, 1).tolist()
-        return {
-            each.name: each.low * (each.high / each.low) ** share
-            for each, share in zip(tunable, shares, strict=True)
-        }
-
-    def cost(point: Array) -> float:
-        chosen = values(point) if done else contender.defaults
-        found = errors(lambda: contender.build(**chosen), training, first) / reference
+    def cost(values: Mapping[str, float]) -> float:
+        found = errors(lambda: contender.build(**values), training, first) / reference
         with np.errstate(invalid="ignore"):
             # A signal that it does not estimate at all is not in its mean.
             kept = [float(np.minimum(c, WORST).mean()) for c in found.T if not np.isnan(c).any()]
-        result = float(np.mean(kept)) if kept else WORST
-        done.append((result, np.array(point)))
-        return result
+        return float(np.mean(kept)) if kept else WORST
 
-    start = np.array([math.log(t.default / t.low) / math.log(t.high / t.low) for t in tunable])
-    default = cost(start)
-    if tunable and budget > 1:
-        from scipy.optimize import minimize
-        from scipy.stats import qmc
+    done = search(contender.tunable, cost, budget, seed)
+    best = done.best
+    return Tuning(best.values, best.cost, done.tried[0].cost, len(done.tried))
 
-        count = max(1, budget // 2 - 1)
-        sobol = qmc.Sobol(len(tunable), scramble=True, rng=np.random.default_rng([seed, 4]))
-        for point in sobol.random_base2(math.ceil(math.log2(count)))[:count]:
-            if len(done) < budget:
-                cost(point)
-        best = min(done, key=lambda pair: pair[0])[1]
-        corners = np.vstack([best, *(best + _towards_middle(best, n) for n in range(best.size))])
-        if budget > len(done):
-            minimize(cost, best, method="Nelder-Mead", bounds=[(0.0, 1.0)] * best.size,
-                     options={"maxfev": budget - len(done), "initial_simplex": corners,
-                              "xatol": 1e-4, "fatol": 1e-6})  # fmt: skip
-    # The first of equals is the default.
-    place = int(np.argmin([each[0] for each in done]))
-    chosen = contender.defaults if place == 0 else values(done[place][1])
-    return Tuning(chosen, done[place][0], default, len(done))
+
+class Tried(NamedTuple):
+    """Values of the tunables, and what they cost."""
+
+    values: Mapping[str, float]
+    cost: float
+
+
+class Search(NamedTuple):
+    """All that was tried, in its order; the defaults first."""
+
+    tried: Sequence[Tried]
+
+    @property
+    def best(self) -> Tried:
+        """What costs least; the first of equals, and so the defaults where nothing is better."""
+        return min(self.tried, key=lambda each: each.cost)
+
+
+def search(
+    tunable: Sequence[Range],
+    cost: Callable[[Mapping[str, float]], float],
+    budget: int,
+    seed: int = 0,
+    done: Callable[[], None] = lambda: None,
+) -> Search:
+    """Look for the values that cost least, by a fixed number of evaluations.
+
+    See `tune`, which says how.
+
+    Parameters
+    ----------
+    tunable : sequence of Range
+        What may change, and how far.
+    cost : callable
+        Of values by the names of the tunables.
+    budget : int
+        Number of evaluations.
+    seed : int
+        Of the points.
+    done : callable
+        Called after each evaluation.
+    """
+    tried: list[Tried] = []
+
+    def at(point: Array) -> float:
+        values = {
+            each.name: each.low * (each.high / each.low) ** share if tried else each.default
+            for each, share in zip(tunable, np.clip(point, 0, 1).tolist(), strict=True)
+        }
+        tried.append(Tried(values, cost(values)))
+        done()
+        return tried[-1].cost
+
+    points = [np.array([math.log(t.default / t.low) / math.log(t.high / t.low) for t in tunable])]
+    at(points[0])
+    if not tunable or budget <= 1:
+        return Search(tried)
+    from scipy.optimize import minimize
+    from scipy.stats import qmc
+
+    count = max(1, budget // 2 - 1)
+    sobol = qmc.Sobol(len(tunable), scramble=True, rng=np.random.default_rng([seed, 4]))
+    for point in sobol.random_base2(math.ceil(math.log2(count)))[:count]:
+        if len(tried) < budget:
+            points.append(point)
+            at(point)
+    best = points[int(np.argmin([each.cost for each in tried]))]
+    corners = np.vstack([best, *(best + _towards_middle(best, n) for n in range(best.size))])
+    if budget > len(tried):
+        minimize(at, best, method="Nelder-Mead", bounds=[(0.0, 1.0)] * best.size,
+                 options={"maxfev": budget - len(tried), "initial_simplex": corners,
+                          "xatol": 1e-4, "fatol": 1e-6})  # fmt: skip
+    return Search(tried)
 
 
 def _towards_middle(point: Array, axis: int) -> Array:

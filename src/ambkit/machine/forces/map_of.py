@@ -7,6 +7,7 @@ from functools import lru_cache
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, cast
 
+from ambkit.base.errors import AmbkitError
 from ambkit.machine.forces.file import load_force_points
 from ambkit.machine.forces.surface import ForceSurface
 
@@ -36,6 +37,28 @@ def surface_of(bearing: Bearing) -> ForceSurface:
     constant = float(f"{m.magnet_constant / scale:.12g}")
     found = _found(*_files(m.force_map, m.force_channels), constant, law, box)
     return found if scale == 1.0 else found.scaled(scale)
+
+
+def surface_in(path: str | os.PathLike[str], bearing: Bearing) -> ForceSurface:
+    """Return the surface through the points of a force map of its own, with the usual columns.
+
+    Parameters
+    ----------
+    path : path
+        With iu, x and f_mag: .csv or .parquet.
+    bearing : Bearing
+        Whose magnet that is.
+
+    Raises
+    ------
+    AmbkitError
+        It cannot be read, or is no force map of this bearing.
+    """
+    points = load_force_points(path)
+    try:
+        return ForceSurface(bearing, points)
+    except AmbkitError as error:
+        raise AmbkitError(f"{path}: {error}") from None
 
 
 def points_of(path: str, channels: str | None) -> ForcePoints:
