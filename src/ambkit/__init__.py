@@ -63,6 +63,7 @@ if TYPE_CHECKING:
     from ambkit.simulation.waveforms import Step as Step
     from ambkit.workflow.filtering import filter_record as filter_record
     from ambkit.workflow.simulating import scenario_for as scenario_for
+    from ambkit.workflow.tuned_filter import tune as tune
 
 _HOME = {
     "base.errors": ["AmbkitError", "ConfigError", "RecordError"],
@@ -100,6 +101,7 @@ _HOME = {
     "simulation.waveforms": ["Constant", "Impulse", "Ramp", "Recorded", "Sequence", "Sine", "Step"],
     "workflow.filtering": ["filter_record"],
     "workflow.simulating": ["scenario_for"],
+    "workflow.tuned_filter": ["tune"],
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 

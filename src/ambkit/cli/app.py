@@ -24,6 +24,7 @@ from ambkit.cli.reproduce import reproduce
 from ambkit.cli.simulate import simulate
 from ambkit.cli.torture import torture
 from ambkit.cli.train import train
+from ambkit.cli.tune import tune
 
 # Plain help: typer's help in colour takes longer to import than all else here together.
 app = typer.Typer(
@@ -40,6 +41,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "read": read,
     "identify": identify,
     "train": train,
+    "tune": tune,
     "filter": filter_record,
     "compare": compare,
     "torture": torture,

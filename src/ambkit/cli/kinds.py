@@ -58,6 +58,19 @@ def known(text: str) -> str:
     return text
 
 
+def is_a_name(name: str) -> str:
+    """Check the name of one kind, as the callback of an option.
+
+    Raises
+    ------
+    BadParameter
+        It is not in `NAMES`.
+    """
+    if name not in NAMES:
+        raise typer.BadParameter(f'there is no estimator "{name}"; known: {", ".join(NAMES)}')
+    return name
+
+
 def factories(
     chosen: Iterable[str], bearing: Bearing, expert: Path | None = None
 ) -> dict[str, Factory]:

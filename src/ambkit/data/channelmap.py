@@ -41,7 +41,7 @@ from ambkit.base.errors import RecordError
 from ambkit.data.files import timestamps
 from ambkit.data.files.log import Log
 from ambkit.data.files.time_layouts import pattern
-from ambkit.data.rig_units import Reading
+from ambkit.data.rig_units import Inputs, Reading
 from ambkit.data.signals import UNITS
 
 Array = NDArray[np.float64]
@@ -274,6 +274,22 @@ class ChannelMap(Document):
         if array.size != max(array.shape):
             raise RecordError(f"{name} has shape {array.shape}: which row or column is it?")
         return array.ravel()
+
+
+def inputs_of(channels: ChannelMap) -> Inputs:
+    """Return what a controller reads that has the same numbers as a log.
+
+    Parameters
+    ----------
+    channels : ChannelMap
+        What y and u are in the log.
+    """
+    keys = tuple(Reading.model_fields)
+    return Inputs(**{
+        name: Reading(**{key: getattr(channels.signals[name], key) for key in keys})
+        for name in ("y", "u")
+        if name in channels.signals
+    })  # fmt: skip
 
 
 def _pick(array: Array, axis: int, index: int, complaint: str) -> Array:

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from ambkit.base import units
 from ambkit.base.config import Part, Read
@@ -27,6 +27,12 @@ class Reading(Part):
     """1, or -1 where the rig counts the other way."""
     offset: Line = ""
     """Added in the end, with its unit, such as "10 mm"."""
+
+    @model_serializer(mode="wrap")
+    def _without_usual(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = handler(self)
+        usual = {"scale": 1.0, "sign": 1, "offset": ""}
+        return {key: each for key, each in data.items() if usual.get(key, key) != each}
 
     @property
     def si_unit(self) -> str:

@@ -37,7 +37,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from ambkit.base import budget, units
 from ambkit.base.config import Document, Part, Read
@@ -54,6 +54,9 @@ from ambkit.machine.forces.map_of import surface_in
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.machine.magnets import MagnetModel, Precision
+
+SUFFIX = ".toml"
+"""Of a filter's file, which may stand wherever an estimator is named."""
 
 Limit = Annotated[int, Field(ge=0, strict=True)]
 
@@ -193,6 +196,44 @@ class FilterFile(Document):
             if abs(T - own) > 1e-9 * own:
                 shown = [units.engineering(each, "s") for each in (own, T)]
                 yield "sampling_time", f"must be the bearing's, {shown[0]}, is {shown[1]}"
+
+    @model_serializer(mode="wrap")
+    def _without_empty(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave out what says nothing."""
+
+        def said(value: Any) -> Any:
+            if not isinstance(value, dict):
+                return value
+            kept = {key: said(each) for key, each in value.items()}
+            return {key: each for key, each in kept.items() if each not in ("", {}, None)}
+
+        data: dict[str, Any] = said(handler(self))
+        return data
+
+    @classmethod
+    def load_for(cls, path: str | os.PathLike[str], bearing: Bearing) -> Self:
+        """Read a filter that is to run beside others on a bearing.
+
+        Parameters
+        ----------
+        path : path
+            The file.
+        bearing : Bearing
+            What it is to filter; it assumes its own.
+
+        Raises
+        ------
+        AmbkitError
+            As `load`; or it steps at another rate than the bearing is sampled.
+        """
+        found, T = cls.load(path), bearing.sampling_time
+        if abs(found.sampling_time - T) > 1e-9 * T:
+            steps, is_sampled = (units.engineering(t, "s") for t in (found.sampling_time, T))
+            raise AmbkitError(
+                f"{os.fspath(path)}: this filter steps every {steps}, and bearing {bearing.name} "
+                f"is sampled every {is_sampled}"
+            )
+        return found
 
     def asked(self) -> MagnetModel | None:
         """Return what it asks for k_i and k_s; None where its kind knows by itself.

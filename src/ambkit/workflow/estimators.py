@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from ambkit.base.errors import AmbkitError
-from ambkit.base.units import engineering
-from ambkit.estimate.filter_file import FilterFile
+from ambkit.estimate.filter_file import SUFFIX, FilterFile
 from ambkit.estimate.registry import KINDS, learned_magnet
 
 if TYPE_CHECKING:
@@ -19,10 +18,6 @@ if TYPE_CHECKING:
 
 USUAL = ("linear", "adaptive", "closed-law")
 """Who is compared where nobody says it: without, with a learned and with the exact stiffness."""
-
-
-SUFFIX = ".toml"
-"""Of a filter's file, which stands wherever the name of an estimator does."""
 
 
 class Factory(Protocol):
@@ -77,7 +72,7 @@ def factories(
 
     def factory(name: str) -> Factory:
         if name.endswith(SUFFIX):
-            return FromFile(_of_rate(FilterFile.load(name), name, bearing))
+            return FromFile(FilterFile.load_for(name, bearing))
         magnet = given[name] if name in given else learned_magnet(name, bearing)
         return lambda noise=None, **options: KINDS[name].make(
             bearing, magnet, noise=noise, **options
@@ -101,14 +96,3 @@ def expanded(names: Iterable[str]) -> list[str]:
             raise AmbkitError(f'there is no estimator "{name}"; {known}')
         found |= dict.fromkeys(KINDS if name == "all" else [name])
     return list(found)
-
-
-def _of_rate(file: FilterFile, name: str, bearing: Bearing) -> FilterFile:
-    """Refuse a filter that steps at another rate than the bearing is sampled."""
-    T, own = bearing.sampling_time, file.sampling_time
-    if abs(own - T) > 1e-9 * T:
-        raise AmbkitError(
-            f"{name}: this filter steps every {engineering(own, 's')}, and bearing {bearing.name} "
-            f"is sampled every {engineering(T, 's')}"
-        )
-    return file

@@ -102,14 +102,8 @@ def render(
         "sampled": _sampled(estimator),
         "assumed": _assumed(estimator),
         "inputs": {
-            name: {
-                "gain": data.number(reading.gain, precision),
-                "zero": data.number(reading.zero, precision),
-                "unit": reading.unit,
-                "said": _said(name, reading),
-            }
-            for name, reading in (("y", estimator.inputs.y), ("u", estimator.inputs.u))
-            if reading.gain != 1.0 or reading.zero
+            "y": _raw("y", estimator.inputs.y, precision),
+            "u": _raw("u", estimator.inputs.u, precision),
         },
         "facts": {
             **_assumed(estimator),
@@ -177,12 +171,19 @@ def _assumed(estimator: Estimator) -> dict[str, str]:
     return said
 
 
-def _said(name: str, reading: Reading) -> str:
-    """Say what a raw input means."""
-    zero = f" {'-' if reading.zero < 0 else '+'} {abs(reading.zero):.9g}" if reading.zero else ""
-    return (
-        f"{name} [{reading.si_unit}] = {reading.gain:.9g} * number{zero}, number in {reading.unit}"
-    )
+def _raw(name: str, reading: Reading, precision: CPrecision) -> dict[str, str] | None:
+    """Return what is done with a raw input; None where it comes in SI."""
+    if reading.gain == 1.0 and not reading.zero:
+        return None
+    sign = "-" if reading.zero < 0 else "+"
+    zero = f" {sign} {abs(reading.zero):.9g}" if reading.zero else ""
+    value = f"{reading.gain:.9g} * number{zero}"
+    return {
+        "gain": data.number(reading.gain, precision),
+        "zero": data.number(reading.zero, precision),
+        "unit": reading.unit,
+        "said": f"{name} [{reading.si_unit}] = {value}, number in {reading.unit}",
+    }
 
 
 def _data_context(

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.estimate import Estimate, Status
+from ambkit.estimate.filter_file import SUFFIX, FilterFile
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.noise import FilterNoise
 from ambkit.estimate.registry import KINDS, Tunable
@@ -86,7 +87,7 @@ def contenders(
     Parameters
     ----------
     names : sequence of str
-        Kinds of :data:`ambkit.estimate.registry.KINDS`, or ``file.py:Class``.
+        Kinds of :data:`ambkit.estimate.registry.KINDS`, filters' files, or ``file.py:Class``.
     bearing : Bearing
         What all of them assume.
     magnets : mapping, optional
@@ -103,7 +104,11 @@ def contenders(
     found = {}
     for name in names:
         if name in KINDS:
-            found[name] = _of_kind(name, bearing, (magnets or {}).get(name))
+            found[name] = contender_of_kind(name, bearing, (magnets or {}).get(name))
+        elif name.endswith(SUFFIX):
+            file = FilterFile.load_for(name, bearing)
+            label = f"{KINDS[file.kind].label} ({Path(name).stem})"
+            found[name] = Contender(name, label, file.make)
         elif ".py:" in name:
             own_name, make = load_class(name)
             found[own_name] = _of_user(own_name, make, bearing)
@@ -131,7 +136,7 @@ def expand(text: str) -> list[str]:
     for name in filter(None, map(str.strip, text.split(","))):
         if name == "all":
             found |= dict.fromkeys(KINDS)
-        elif name in KINDS or ".py:" in name:
+        elif name in KINDS or ".py:" in name or name.endswith(SUFFIX):
             found[name] = None
         else:
             raise _unknown(name)
@@ -142,12 +147,28 @@ def expand(text: str) -> list[str]:
 
 def _unknown(name: str) -> AmbkitError:
     return AmbkitError(
-        f'there is no estimator "{name}"; known: all, {", ".join(KINDS)}, or one of your own as '
-        "file.py:Class"
+        f'there is no estimator "{name}"; known: all, {", ".join(KINDS)}, a filter from its '
+        "file (.toml), or one of your own as file.py:Class"
     )
 
 
-def _of_kind(name: str, bearing: Bearing, magnet: MagnetModel | None) -> Contender:
+def contender_of_kind(
+    name: str, bearing: Bearing, magnet: MagnetModel | None = None, *, whole: bool = False
+) -> Contender:
+    """Return a kind of estimator as one who takes part.
+
+    Parameters
+    ----------
+    name : str
+        Of :data:`ambkit.estimate.registry.KINDS`.
+    bearing : Bearing
+        What it assumes.
+    magnet : optional
+        What it knows of its magnet.
+    whole : bool
+        Whether all of its tunables are told, or one of the variances is left out: gains depend on
+        their ratios alone.
+    """
     kind = KINDS[name]
 
     def build(**values: float) -> Any:
@@ -155,9 +176,8 @@ def _of_kind(name: str, bearing: Bearing, magnet: MagnetModel | None) -> Contend
         rest = {key: value for key, value in values.items() if "noise." not in key}
         return kind.make(bearing, magnet, noise=FilterNoise(**noise), **rest)
 
-    # Gains depend on the ratios of the variances alone: one of them is left as it is.
     free = {t.name: t for t in kind.tunable}
-    if {"noise.control", "noise.disturbance"} <= free.keys():
+    if not whole and {"noise.control", "noise.disturbance"} <= free.keys():
         free.pop("noise.measurement", None)
     return Contender(name, kind.label, build, tuple(_range(t, bearing) for t in free.values()))
 

@@ -1,0 +1,187 @@
+"""``ambkit tune``: a filter tuned on records, or on simulated runs of a bearing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ambkit.base.errors import AmbkitError
+from ambkit.cli.kinds import NAMES, is_a_name
+from ambkit.cli.options import Json, MapFile, Plot, file_option, find_bearing, quantity
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+    from ambkit.data.rig_units import Inputs
+    from ambkit.workflow.tuned_filter import Tuned
+
+
+def tune(
+    target: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="LOG|BEARING",
+            help="Records of the loop, with --bearing; or a bearing, to be simulated.",
+        ),
+    ],
+    bearing: Annotated[
+        str | None,
+        typer.Option(
+            "--bearing", metavar="BEARING", help="Of the records: a preset's name, or a TOML file."
+        ),
+    ] = None,
+    channel_map: MapFile = None,
+    estimator: Annotated[
+        str, typer.Option(callback=is_a_name, metavar="NAME", help=f"One of {', '.join(NAMES)}.")
+    ] = "extended",
+    expert: Annotated[
+        Path | None,
+        typer.Option(
+            "--expert",
+            metavar="FILE",
+            help="What the filter asks of its magnet: an expert from 'ambkit train', or a force "
+            "map (.csv). Without it, what its kind does.",
+        ),
+    ] = None,
+    free: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAMES",
+            help="What may change: noise.measurement, noise.control, noise.disturbance, and what "
+            "only this kind has.",
+            show_default="what records tell; with simulated runs all",
+        ),
+    ] = None,
+    validate: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="LOG",
+            help="Judge by this record; again for more. Without it, by the second half of each.",
+        ),
+    ] = None,
+    begin: Annotated[
+        float | None,
+        typer.Option("--from", parser=quantity("s"), metavar="TIME", help="Where to begin."),
+    ] = None,
+    end: Annotated[
+        float | None, typer.Option("--to", parser=quantity("s"), metavar="TIME", help="And to end.")
+    ] = None,
+    evaluations: Annotated[
+        int, typer.Option("--evaluations", min=1, metavar="N", help="How many are made.")
+    ] = 60,
+    runs: Annotated[
+        int, typer.Option(min=1, metavar="N", help="Simulated runs to tune on, and to judge by.")
+    ] = 8,
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Of all that is drawn.")] = 0,
+    out: Annotated[Path | None, file_option("Write the filter.", (".toml",), "--out")] = None,
+    plot: Plot = None,
+    json: Json = False,
+) -> None:
+    """Tune a filter, and say what that gained on data that it did not see.
+
+    By the likelihood of records; or, of a bearing without records, by the errors against simulated
+    truth. The filter's file goes into filter, simulate, compare, torture and export.
+
+    For example:
+      ambkit tune zittau_axial --estimator linear --out filter.toml
+      ambkit tune run.csv --bearing my.toml --validate other.csv --out filter.toml --plot tune.png
+      ambkit export c filter.toml --out out/
+    """
+    from ambkit.cli import output
+    from ambkit.cli.kinds import read_expert
+    from ambkit.cli.options import arguments_of_the_user
+    from ambkit.show import plots
+    from ambkit.workflow.tuned_filter import tune as tuned
+
+    simulated = bearing is None
+    if simulated and any(Path(name).suffix not in ("", ".toml") for name in target):
+        raise AmbkitError(f"{target[0]} is a record: --bearing says what it is of")
+    if simulated and len(target) > 1:
+        raise AmbkitError(f"one bearing is tuned for, {len(target)} are given")
+    for_records = {
+        "--map": channel_map,
+        "--validate": validate or None,
+        "--from": begin,
+        "--to": end,
+    }
+    for option, given in for_records.items():
+        if simulated and given is not None:
+            raise AmbkitError(f"{option} is for records, and there is none")
+    name = target[0] if bearing is None else bearing
+    known = find_bearing(name)
+    magnet = None if expert is None else read_expert(expert, known)
+    records = [] if simulated else [_load(Path(p), channel_map, known, begin, end) for p in target]
+    others = [_load(path, channel_map, known, None, None) for path in validate or ()]
+    inputs = None if channel_map is None else _inputs(channel_map)
+    span = "" if begin is None and end is None else f", {_shown(begin)} to {_shown(end)}"
+    with arguments_of_the_user(), output.progress("tuning", evaluations) as done:
+        found = tuned(
+            known, records, estimator, validate=others,
+            free=None if free is None else free.replace(" ", "").split(","),
+            magnet=magnet, inputs=inputs,
+            source="" if simulated else ", ".join(Path(p).name for p in target) + span,
+            runs=runs, budget=evaluations, seed=seed, done=done,
+        )  # fmt: skip
+    output.deliver(
+        found.to_dict(),
+        _tables(found),
+        [
+            (out, lambda path: found.save(path, bearing=name, magnet=expert)),
+            (plot, lambda path: plots.save_figure(found.figure(), path)),
+        ],
+        as_json=json,
+    )
+    for warning in found.warnings:
+        output.note(f"note: {warning}")
+
+
+def _load(
+    path: Path, channel_map: Path | None, bearing: Any, begin: float | None, end: float | None
+) -> Record:
+    from ambkit.cli.belonging import say_what_is_odd
+    from ambkit.data.reading import load
+
+    record = load(path, channel_map)
+    if begin is not None or end is not None:
+        record = record.between(begin, end)
+    say_what_is_odd(path, record, bearing)
+    return record
+
+
+def _inputs(channel_map: Path) -> Inputs:
+    """Return what the controller reads: the same numbers as the log has."""
+    from ambkit.data.channelmap import ChannelMap, inputs_of
+
+    return inputs_of(ChannelMap.load(channel_map))
+
+
+def _shown(time: float | None) -> str:
+    from ambkit.base.units import engineering
+
+    return "its end" if time is None else engineering(time, "s")
+
+
+def _tables(found: Tuned) -> list[Any]:
+    from ambkit.base.units import engineering
+    from ambkit.cli import output
+
+    def number(value: float, unit: str) -> str:
+        return engineering(value, unit, digits=4)
+
+    rows = [
+        [r.name, number(r.default, r.unit), number(found.values[r.name], r.unit),
+         f"{number(r.low, r.unit)} to {number(r.high, r.unit)}"]
+        for r in found.free
+    ]  # fmt: skip
+    name, bearing = found.estimator.name, found.estimator.bearing.name
+    how = f"{len(found.trace)} evaluations, by {found.by}"
+    return [
+        output.table(f"{name} for {bearing}: {how}", ["", "untuned", "tuned", "bounds"], rows),
+        output.table(
+            "On data that it was not tuned on",
+            ["", "untuned", "tuned"],
+            [[what, f"{a:.4g}", f"{b:.4g}"] for what, (a, b) in found.unseen.items()],
+        ),
+        found.outcome,
+    ]
