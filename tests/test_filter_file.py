@@ -10,7 +10,7 @@ import pytest
 import ambkit
 from ambkit import Bearing, Estimator, FilterNoise, Record
 from ambkit.base.errors import AmbkitError, ConfigError
-from ambkit.data.rig_units import Inputs, Reading
+from ambkit.data.rig_units import Inputs, Scaling
 from ambkit.estimate.registry import KINDS, kind_of, learned_magnet
 from ambkit.machine.forces.points import ForcePoints
 from ambkit.machine.forces.surface import ForceSurface
@@ -104,8 +104,8 @@ def test_a_start_of_its_own(tmp_path: Path, record: Record) -> None:
 def test_raw_inputs_are_scaled_in_the_filter_s_precision(precision: ambkit.Precision) -> None:
     kf = ambkit.KalmanFilter(BEARING, precision=precision)
     kf.inputs = Inputs(
-        y=Reading(unit="mm", sign=-1, offset="10 mm"),
-        u=Reading(unit="A", scale="0.5 V/A", offset="-0.94 V"),
+        y=Scaling(unit="mm", sign=-1, offset="10 mm"),
+        u=Scaling(unit="A", scale="0.5 V/A", offset="-0.94 V"),
     )
     raw_y, raw_u = np.array([9.7, 10.3, 11.1]), np.array([1.9, 2.0, 2.1])
     y, u = kf.in_si(raw_y, raw_u)

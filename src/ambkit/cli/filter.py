@@ -22,8 +22,10 @@ from ambkit.cli.options import (
 )
 
 if TYPE_CHECKING:
+    from ambkit.data.channelmap import ChannelMap
     from ambkit.data.record import Record
     from ambkit.judge.evaluation import Evaluation
+    from ambkit.machine.bearing import Bearing
     from ambkit.workflow.filtering import Filtered, Filtering, OutsideOfBox, Stretch
 
 
@@ -32,14 +34,24 @@ def filter_record(
         Path, typer.Argument(metavar="RECORD", help="The recording: a record, or with --map a log.")
     ],
     bearing: Annotated[
-        str,
-        typer.Option("--bearing", metavar="BEARING", help="A preset's name, or a TOML file."),
-    ],
+        str | None,
+        typer.Option(
+            "--bearing",
+            metavar="BEARING",
+            help="A preset's name, or a TOML file.",
+            show_default="that of the first filter's file",
+        ),
+    ] = None,
     channel_map: MapFile = None,
     estimator: Annotated[
         str,
         typer.Option(
-            callback=known, metavar="NAMES", help=f"One or several of {', '.join(NAMES)}."
+            "--estimator",
+            "--filter",
+            callback=known,
+            metavar="NAMES",
+            help=f"One or several of {', '.join(NAMES)}; all; or filters' files (.toml), whose "
+            "inputs say what y and u of the log are.",
         ),
     ] = "linear,adaptive,closed-law",
     expert: ExpertFile = None,
@@ -125,8 +137,8 @@ def filter_record(
     if tune is not None and not tune > 0:
         raise AmbkitError(f"--tune must be greater than 0 s, is {tune:g} s")
     chosen = names(estimator)
-    model = find_bearing(bearing)
-    log = load(record, channel_map)
+    model = find_bearing(bearing) if bearing is not None else _bearing_of(chosen)
+    log = load(record, _channels(chosen, channel_map))
     if begin is not None or end is not None:
         log = log.between(begin, end)
     say_what_is_odd(record, log, model)
@@ -164,6 +176,36 @@ def filter_record(
         ],
         as_json=json,
     )
+
+
+def _bearing_of(chosen: list[str]) -> Bearing:
+    """Return the bearing of the first filter that is a file."""
+    from ambkit.estimate.filter_file import SUFFIX, FilterFile
+
+    files = [name for name in chosen if name.endswith(SUFFIX)]
+    if not files:
+        raise AmbkitError("--bearing is missing: a preset's name, or a TOML file")
+    return FilterFile.load(files[0]).bearing.bearing
+
+
+def _channels(chosen: list[str], channel_map: Path | None) -> ChannelMap | None:
+    """Return the map of the log, with y and u as the filters' files have them."""
+    from ambkit.data.channelmap import ChannelMap
+    from ambkit.data.rig_units import Inputs
+    from ambkit.estimate.filter_file import SUFFIX, FilterFile
+
+    if channel_map is None:
+        return None
+    channels = ChannelMap.load(channel_map)
+    said = {name: FilterFile.load(name).inputs for name in chosen if name.endswith(SUFFIX)}
+    said = {name: inputs for name, inputs in said.items() if inputs != Inputs()}
+    if not said:
+        return channels
+    first, *others = said
+    for name in others:
+        if said[name] != said[first]:
+            raise AmbkitError(f"{first} and {name} read other inputs: filter by one at a time")
+    return channels.with_inputs(said[first])
 
 
 def _say_what_is_tuned_on(stretch: Stretch | None, log: Record) -> None:

@@ -132,6 +132,15 @@ def identify(
     out: Annotated[
         Path | None, file_option("Write the bearing that was found.", (".toml",), "--out")
     ] = None,
+    filter_file: Annotated[
+        Path | None,
+        file_option(
+            "Write the extended filter of what was found, with the log's offsets, for filter, "
+            "simulate, compare and export.",
+            (".toml",),
+            "--save-filter",
+        ),
+    ] = None,
     force_map: Annotated[
         Path | None,
         file_option(
@@ -161,7 +170,7 @@ def identify(
     cannot tell is named, and stays as it was.
 
     For example:
-      ambkit identify run.csv --bearing my.toml --out found.toml --report found.html
+      ambkit identify run.csv --bearing my.toml --out found.toml --save-filter filter.toml
       ambkit identify run.csv --bearing my.toml --method online --plot online.png
       ambkit identify --lift-off points.csv --bearing inteco_ml --working-point "10 mm"
     """
@@ -178,7 +187,7 @@ def identify(
     online = {"--start": start, "--disturbance": disturbance}
     for_likelihood = {
         "--free": free, "--load-at-start": load_std, "--validate": validate or None,
-        "--rest": rest, "--rest-map": rest_map,
+        "--save-filter": filter_file, "--rest": rest, "--rest-map": rest_map,
         "--report": report, "--force-map": force_map,
         "--force-map-nodes": force_map_nodes,
     }  # fmt: skip
@@ -216,7 +225,8 @@ def identify(
     if method is Method.likelihood:
         by_likelihood(
             Options(record, validate or [], rest, rest_map or channel_map, channel_map, begin, end,
-                  free, load_std, out, force_map, _nodes(force_map_nodes), report, plot, json),
+                  free, load_std, out, filter_file, force_map, _nodes(force_map_nodes), report,
+                  plot, json),
             known,
         )  # fmt: skip
         return

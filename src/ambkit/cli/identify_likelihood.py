@@ -35,6 +35,7 @@ class Options:
     free: str | None
     load_std: float | None
     out: Path | None
+    filter: Path | None
     force_map: Path | None
     force_map_nodes: tuple[int, int] | None
     report: Path | None
@@ -101,6 +102,7 @@ def by_likelihood(options: Options, known: Bearing) -> None:
         shown,
         [
             (options.out, lambda path: files.write_text(path, annotated_toml(likelihood))),
+            (options.filter, lambda path: _save_filter(path, found, options)),
             (options.force_map, lambda path: None if forces is None else forces.save(path)),
             (options.report, lambda path: write_identification(path, likelihood, checks,
                                                              (others or records)[0])),
@@ -118,6 +120,17 @@ def by_likelihood(options: Options, known: Bearing) -> None:
         output.note("the search did not end at a maximum: take a closer start, or free less")
     if not others:
         output.note("judged on what it was identified from: --validate OTHER.csv would tell more")
+
+
+def _save_filter(path: Path, found: Identified, options: Options) -> None:
+    """Write the filter of what was found, and beside it the bearing if that has no file."""
+    from ambkit.data.channelmap import ChannelMap, inputs_of
+    from ambkit.workflow.identifying import identified_filter
+
+    channels = options.channel_map
+    inputs = None if channels is None else inputs_of(ChannelMap.load(channels))
+    source = ", ".join(record.name for record in options.records)
+    identified_filter(found, inputs, source).save(path, bearing=options.out)
 
 
 def _map_said(mapped: ForceMap) -> str:

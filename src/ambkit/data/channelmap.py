@@ -41,7 +41,7 @@ from ambkit.base.errors import RecordError
 from ambkit.data.files import timestamps
 from ambkit.data.files.log import Log
 from ambkit.data.files.time_layouts import pattern
-from ambkit.data.rig_units import Inputs, Reading
+from ambkit.data.rig_units import Inputs, Scaling
 from ambkit.data.signals import UNITS
 
 Array = NDArray[np.float64]
@@ -67,7 +67,7 @@ class Mapped(NamedTuple):
     """How times were read that are text."""
 
 
-class Channel(Reading):
+class Channel(Scaling):
     """One signal: where it stands in the log, and what its numbers mean."""
 
     row: Index | None = None
@@ -136,6 +136,22 @@ class ChannelMap(Document):
                 yield f"{place}.time", f"{channel.time} is a quantity in {clock.si_unit}, not in s"
             elif channel.time and even:
                 yield f"{place}.time", "with sampling_time there is no other clock"
+
+    def with_inputs(self, inputs: Inputs) -> "ChannelMap":
+        """Return the map by which a log's y and u are what a filter reads.
+
+        Parameters
+        ----------
+        inputs : Inputs
+            Unit, scale, sign and offset of both, in the place of the map's own.
+        """
+        signals = dict(self.signals)
+        for name in ("y", "u"):
+            if name in signals:
+                scaling = getattr(inputs, name)
+                update = {key: getattr(scaling, key) for key in Scaling.model_fields}
+                signals[name] = signals[name].model_copy(update=update)
+        return self.model_copy(update={"signals": signals})
 
     @property
     def texts(self) -> tuple[str | int, ...]:
@@ -284,9 +300,9 @@ def inputs_of(channels: ChannelMap) -> Inputs:
     channels : ChannelMap
         What y and u are in the log.
     """
-    keys = tuple(Reading.model_fields)
+    keys = tuple(Scaling.model_fields)
     return Inputs(**{
-        name: Reading(**{key: getattr(channels.signals[name], key) for key in keys})
+        name: Scaling(**{key: getattr(channels.signals[name], key) for key in keys})
         for name in ("y", "u")
         if name in channels.signals
     })  # fmt: skip

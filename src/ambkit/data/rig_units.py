@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,12 +11,13 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 from ambkit.base import units
 from ambkit.base.config import Part, Read
 from ambkit.base.config.texts import Line
+from ambkit.base.units import engineering
 from ambkit.data.signals import si_unit
 
 _SCALE = re.compile(r"\s*(\S+)\s+(\S.*?)\s*")
 
 
-class Reading(Part):
+class Scaling(Part):
     """A signal as a rig has it: ``value = sign * scale * number * unit + offset``, in SI."""
 
     unit: Line
@@ -64,6 +65,13 @@ class Reading(Part):
             return raw
         return np.asarray(dtype(self.gain) * raw + dtype(self.zero))
 
+    def shifted(self, by: float) -> Self:
+        """Return a scaling whose values are larger by so much [SI]."""
+        if not by:
+            return self
+        offset = engineering(self.zero + by, self.si_unit, digits=None)
+        return self.model_copy(update={"offset": offset})
+
     def numbers(self, values: ArrayLike) -> NDArray[np.float64]:
         """Turn a signal in SI into a rig's numbers.
 
@@ -100,16 +108,16 @@ class Reading(Part):
 class Inputs(Part):
     """What the controller reads, and what it means; without it metres and volts."""
 
-    y: Reading = Field(default_factory=lambda: Reading(unit="m"))
+    y: Scaling = Field(default_factory=lambda: Scaling(unit="m"))
     """The position sensor."""
-    u: Reading = Field(default_factory=lambda: Reading(unit="V"))
+    u: Scaling = Field(default_factory=lambda: Scaling(unit="V"))
     """The control signal that acts until the next sample."""
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
         for name, unit in (("y", "m"), ("u", "V")):
             given = read(name)
-            if isinstance(given, Reading) and given.si_unit != unit:
+            if isinstance(given, Scaling) and given.si_unit != unit:
                 what = f"makes {name} a quantity in {given.si_unit}, it is one in {unit}"
                 yield f"{name}.unit", what
 

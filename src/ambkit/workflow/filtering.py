@@ -309,8 +309,11 @@ def filter_record(
     found = {}
     for name, build in built.items():
         # A filter from a file assumes what the file says.
-        to_tune = None if isinstance(build, FromFile) else stretch
-        one = _filtered(name, build, record, noise, to_tune, late)
+        if isinstance(build, FromFile):
+            own = FilterNoise(*build().variances)
+            one = _filtered(name, build, record, own, None, late)
+        else:
+            one = _filtered(name, build, record, noise, stretch, late)
         if smooth:
             one = replace(one, smoothed=build(one.noise).smooth(record))
         found[name] = one

@@ -8,6 +8,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base.errors import AmbkitError, RecordError
+from ambkit.data.rig_units import Inputs
+from ambkit.estimate.kalman import ExtendedKalmanFilter
+from ambkit.estimate.noise import FilterNoise
 from ambkit.identification.forces.lift_off_fit import LiftOffFit, fit_lift_off
 from ambkit.identification.forces.map import ForceMap, force_map
 from ambkit.identification.maximum_likelihood.estimate import MaximumLikelihood, maximum_likelihood
@@ -19,6 +22,7 @@ from ambkit.machine.stiffness import work_points
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
+    from ambkit.estimate.base import Estimator
     from ambkit.identification.forces.lift_off import LiftOff
     from ambkit.machine.bearing import Bearing
 
@@ -131,6 +135,37 @@ class Identified:
                 "assumed": self.forces.assumed,
             }
         return data
+
+
+def identified_filter(
+    found: Identified, inputs: Inputs | None = None, source: str = ""
+) -> Estimator:
+    """Return the extended filter of what was found: its noise, its delay, the log's offsets.
+
+    Parameters
+    ----------
+    found : Identified
+        From `identify_by_likelihood`.
+    inputs : Inputs, optional
+        What the log's y and u are; the offsets that were found are added.
+    source : str
+        What the records are called, for the filter's file.
+    """
+    from importlib.metadata import version
+
+    model, of_log = found.likelihood.model, inputs or Inputs()
+    made = ExtendedKalmanFilter(found.bearing, noise=FilterNoise(disturbance=model.load_growth))
+    volts = model.current_offset / found.bearing.amplifier.gain
+    made.inputs = Inputs(y=of_log.y.shifted(-model.position_offset), u=of_log.u.shifted(volts))
+    said = f"likelihood of {source or 'records'}; ambkit identify {version('ambkit')}"
+    free = {p.name for p in found.likelihood.parameters}
+    keys = {
+        "measurement_noise": "noise.measurement", "control_noise": "noise.control",
+        "load_growth": "noise.disturbance", "position_offset": "inputs.y.offset",
+        "current_offset": "inputs.u.offset",
+    }  # fmt: skip
+    made.origin = {key: said for name, key in keys.items() if name in free}
+    return made
 
 
 def starting_model(

@@ -19,7 +19,7 @@ from ambkit.machine.magnets import core_module, own_time
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
-    from ambkit.data.rig_units import Reading
+    from ambkit.data.rig_units import Scaling
     from ambkit.estimate.base import Estimator
 
 _BOUNDS: dict[CPrecision, str] = {"float": "1e-3", "double": "1e-9"}
@@ -171,7 +171,7 @@ def _assumed(estimator: Estimator) -> dict[str, str]:
     return said
 
 
-def _raw(name: str, reading: Reading, precision: CPrecision) -> dict[str, str] | None:
+def _raw(name: str, reading: Scaling, precision: CPrecision) -> dict[str, str] | None:
     """Return what is done with a raw input; None where it comes in SI."""
     if reading.gain == 1.0 and not reading.zero:
         return None

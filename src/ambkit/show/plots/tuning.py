@@ -52,11 +52,12 @@ def tuning_figure(
 
     def panel(of: Range) -> Panel:
         tried = np.array([each.values[of.name] for each in trace])
+        others = shown & (np.arange(len(trace)) > 0)
         return Panel(
             Axis(of.name, of.unit, scale="log", limits=(of.low, of.high)),
             Axis(cost, limits=limits),
             [
-                Points(tried[shown], costs[shown], signal="constant", label="tried"),
+                Points(tried[others], costs[others], signal="constant", label="tried"),
                 Points(tried[:1], costs[:1], signal="measurement", label="untuned"),
                 Rule(taken[of.name], axis="x", signal="estimate", label="taken"),
             ],
