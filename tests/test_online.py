@@ -93,7 +93,9 @@ def test_without_a_weight_nobody_learns_at_rest() -> None:
     assert all(math.isnan(result.standard_error) for result in learned.results.values())
     assert learned.agreement.startswith("Nobody learned: too little excitation")
     with pytest.raises(AmbkitError, match="nowhere be told from a load: let the rotor move"):
-        ambkit.identify(ambkit.simulate(level, Scenario(duration=0.3)), level, method="augmented")
+        ambkit.identify_online(
+            ambkit.simulate(level, Scenario(duration=0.3)), level, method="augmented"
+        )
 
 
 def test_a_load_that_is_not_told_leads_only_adaline_astray() -> None:
@@ -133,7 +135,7 @@ def test_the_filter_is_that_of_the_registry() -> None:
     assert (result.load == plain.f_d - 1.0).all()
     told = (plain.status & np.uint16(ambkit.Status.UNEXCITED)) != 0
     assert (result.held == told).all()
-    found = ambkit.identify(record, BEARING, method="augmented", start=START)
+    found = ambkit.identify_online(record, BEARING, method="augmented", start=START)
     assert found.bearing.magnet.magnet_constant == result.k[-1]
 
 

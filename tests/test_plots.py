@@ -137,7 +137,7 @@ def test_what_the_rig_logged_is_shown():
 
 
 def test_an_identification_shows_how_it_learned(run, bearing):
-    found = ambkit.identify(run.record, bearing, start=3e-6)
+    found = ambkit.identify_online(run.record, bearing, start=3e-6)
     panel = plots.identification_figure(found, 3e-6).panels[0]
     np.testing.assert_array_equal(lines(panel)["identified"].y, found.history.k)
     assert panel.y.shown(np.array([6.7e-6])) == pytest.approx([6.7])

@@ -222,14 +222,14 @@ def test_a_small_controller_can_run_it() -> None:
 def test_identify_takes_either_learner() -> None:
     scenario = SWING.replace(disturbance=ambkit.Constant(value=1.0))
     record = ambkit.simulate(BEARING, scenario)
-    found = ambkit.identify(record, BEARING, method="rls", start=1.5 * K)
+    found = ambkit.identify_online(record, BEARING, method="rls", start=1.5 * K)
     assert found.magnet_constant == found.bearing.magnet.magnet_constant
     assert found.magnet_constant == pytest.approx(K, rel=0.02)
     with pytest.raises(AmbkitError, match='no method "lms"; known: adaline, rls, augmented'):
-        ambkit.identify(record, BEARING, method="lms")
+        ambkit.identify_online(record, BEARING, method="lms")
     still = ambkit.simulate(BEARING, Scenario(duration=0.1))
     with pytest.raises(AmbkitError, match="let the rotor move"):
-        ambkit.identify(still, BEARING, method="rls")
+        ambkit.identify_online(still, BEARING, method="rls")
 
 
 def test_the_command_shows_the_learners_beside_each_other(

@@ -15,8 +15,9 @@ from ambkit.judge.comparison.study import study
 from ambkit.machine.forces.file import load_force_points
 from ambkit.workflow import comparing, training
 from ambkit.workflow.estimators import USUAL, factories
-from ambkit.workflow.filtering import filter_record, lost_control, stretch_to_tune_on
-from ambkit.workflow.identifying import identify_by_lift_off, identify_by_likelihood, noise_at_rest
+from ambkit.workflow.filtering import filter as filter_record
+from ambkit.workflow.filtering import lost_control, stretch_to_tune_on
+from ambkit.workflow.identifying import identify, identify_by_lift_off, noise_at_rest
 from ambkit.workflow.simulating import RunSummary, experiment_duration, scenario_for
 from ambkit.workflow.tuning import default_disturbance, most_likely_disturbance
 
@@ -176,7 +177,7 @@ def test_identify_is_identify_by_likelihood(command, made):
         "--free", "magnet_constant,measurement_noise", "--out", "found.toml",
         "--force-map", "map.csv",
     )  # fmt: skip
-    found = identify_by_likelihood(
+    found = identify(
         BEARING,
         [ambkit.load(made / "log.csv")],
         others=[ambkit.load(made / "other.csv")],
@@ -203,7 +204,7 @@ def test_noise_at_rest_is_where_the_search_starts(command, made):
     rest = noise_at_rest(ambkit.load("rest.csv"))
     assert rest["y"].standard_deviation == pytest.approx(3e-6, rel=0.05)
     assert isinstance(rest["u"], str)  # why nothing can be said of it
-    found = identify_by_likelihood(
+    found = identify(
         BEARING, [ambkit.load(made / "log.csv")], names=["log.csv"], rest=rest,
         free=["magnet_constant"],
     )  # fmt: skip
@@ -214,7 +215,7 @@ def test_noise_at_rest_is_where_the_search_starts(command, made):
 def test_a_record_is_not_both_identified_from_and_validated_on(made):
     log = ambkit.load(made / "log.csv")
     with pytest.raises(ambkit.AmbkitError, match="that it has not seen"):
-        identify_by_likelihood(BEARING, [log], others=[log])
+        identify(BEARING, [log], others=[log])
 
 
 def test_lift_off_tells_nothing_of_a_two_sided_magnet():

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from ambkit.fuzzy.expert import Expert as Expert
     from ambkit.fuzzy.training import train as train
     from ambkit.identification.online.adaline import Adaline as Adaline
-    from ambkit.identification.online.magnet_constant import identify as identify
+    from ambkit.identification.online.magnet_constant import identify_online as identify_online
     from ambkit.identification.online.rls import RecursiveLeastSquares as RecursiveLeastSquares
     from ambkit.judge.comparison import compare as compare
     from ambkit.judge.faults import torture as torture
@@ -61,7 +61,8 @@ if TYPE_CHECKING:
     from ambkit.simulation.waveforms import Sequence as Sequence
     from ambkit.simulation.waveforms import Sine as Sine
     from ambkit.simulation.waveforms import Step as Step
-    from ambkit.workflow.filtering import filter_record as filter_record
+    from ambkit.workflow.filtering import filter as filter
+    from ambkit.workflow.identifying import identify as identify
     from ambkit.workflow.simulating import scenario_for as scenario_for
     from ambkit.workflow.tuned_filter import tune as tune
 
@@ -89,7 +90,7 @@ _HOME = {
     "fuzzy.expert": ["Expert"],
     "fuzzy.training": ["train"],
     "identification.online.adaline": ["Adaline"],
-    "identification.online.magnet_constant": ["identify"],
+    "identification.online.magnet_constant": ["identify_online"],
     "identification.online.rls": ["RecursiveLeastSquares"],
     "judge.comparison": ["compare"],
     "judge.faults": ["torture"],
@@ -99,7 +100,8 @@ _HOME = {
     "simulation.run": ["simulate", "simulate_run"],
     "simulation.scenario": ["PID", "Scenario"],
     "simulation.waveforms": ["Constant", "Impulse", "Ramp", "Recorded", "Sequence", "Sine", "Step"],
-    "workflow.filtering": ["filter_record"],
+    "workflow.filtering": ["filter"],
+    "workflow.identifying": ["identify"],
     "workflow.simulating": ["scenario_for"],
     "workflow.tuned_filter": ["tune"],
 }

@@ -61,7 +61,6 @@ def export_fmu(
     from ambkit.cli import output
     from ambkit.export import fmu
     from ambkit.simulation.scenario import Scenario
-    from ambkit.workflow.simulating import tuned_controller
 
     if kind is Kind.plant and estimator is not None:
         raise AmbkitError("--estimator is for --kind estimator and closed-loop: a plant has none")
@@ -70,7 +69,7 @@ def export_fmu(
     model, chosen = to_export(bearing, estimator)
     controller = None
     if scenario is not None:
-        controller = tuned_controller(Scenario.load(scenario).controller, model)
+        controller = Scenario.load(scenario).controller.completed(model)
     written = fmu.export_fmu(
         model,
         chosen.magnet,

@@ -129,7 +129,7 @@ def filter_record(
     from ambkit.data.reading import load
     from ambkit.estimate.noise import FilterNoise
     from ambkit.show import plots
-    from ambkit.workflow.filtering import filter_record as filtered
+    from ambkit.workflow.filtering import filter as filtered
     from ambkit.workflow.filtering import stretch_to_tune_on
 
     if tune is not None and noise_d is not None:

@@ -57,7 +57,7 @@ def by_likelihood(options: Options, known: Bearing) -> None:
     )
     from ambkit.show.plots.maximum_likelihood import identified_figure
     from ambkit.workflow.identifying import (
-        identify_by_likelihood,
+        identify,
         noise_at_rest,
         parameters_to_find,
         starting_model,
@@ -80,7 +80,7 @@ def by_likelihood(options: Options, known: Bearing) -> None:
     for path, record in zip([*options.records, *options.validate], records + others, strict=True):
         say_what_is_odd(path, record, start.bearing)
     with arguments_of_the_user(), output.progress("identifying") as done:
-        found = identify_by_likelihood(
+        found = identify(
             known,
             records,
             others=others,

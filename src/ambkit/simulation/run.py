@@ -254,6 +254,9 @@ class Loop:
         magnet: MagnetModel | None = None,
         imposed: Imposed | None = None,
     ) -> None:
+        scenario = scenario.model_copy(
+            update={"controller": scenario.controller.completed(bearing)}
+        )
         T, n = bearing.sampling_time, samples(bearing, scenario)
         t: NDArray[np.float64] = T * np.arange(n, dtype=float)
         reference, disturbance = scenario.reference.sample(t), scenario.disturbance.sample(t)

@@ -42,7 +42,8 @@ class PID(Part):
     """The position controller: its output is the control current that it demands.
 
     ``iu = kp e + ki integral(e) + kd de/dt`` with the control error e = r - position. The defaults
-    hold the `zittau_axial` bearing, whose gains the paper does not give.
+    hold the `zittau_axial` bearing, whose gains the paper does not give; a simulation tunes
+    what was not given to its bearing.
     """
 
     kp: Annotated[float, Quantity("A/m", "3000 A/m", at_least=0)] = 3000.0
@@ -81,8 +82,19 @@ class PID(Part):
             ki=_two_digits(kp * w / 31),
             kd=_two_digits(2 * 0.56 * mass * w / linear.k_i),
             derivative_filter=_two_digits(1 / (24 * w)),
-            anti_windup=_two_digits(5 / w),
+            anti_windup=_two_digits(5.1 / w),
         )
+
+    def completed(self, bearing: "Bearing") -> Self:
+        """Return the controller with what was not given tuned to a bearing, see `for_bearing`.
+
+        Parameters
+        ----------
+        bearing : Bearing
+            What it is to hold.
+        """
+        said = {name: getattr(self, name) for name in self.model_fields_set}
+        return type(self).for_bearing(bearing).model_copy(update=said)
 
 
 def _two_digits(value: float) -> float:
@@ -120,4 +132,4 @@ class Scenario(Document):
     disturbance: Annotated[Signal, SignalIn("N", "3 N")] = Constant(value=0.0)
     """Force on the rotor besides magnet and weight [N]."""
     controller: PID = PID()
-    """The position controller. The commands tune to the bearing what a file does not say of it."""
+    """The position controller. What is not said of it is tuned to the bearing."""

@@ -236,7 +236,7 @@ class Filtering:
         return Record(t, signals, units, {"estimators": list(records)})
 
 
-def filter_record(
+def filter(
     bearing: Bearing,
     record: Record,
     estimators: Iterable[str] | Mapping[str, Factory] = USUAL,
@@ -292,9 +292,9 @@ def filter_record(
 
     Examples
     --------
-    >>> from ambkit import Bearing, Scenario, filter_record, simulate
+    >>> from ambkit import Bearing, Scenario, filter, simulate
     >>> bearing = Bearing.preset("zittau_axial")
-    >>> filtering = filter_record(bearing, simulate(bearing, Scenario()), ["closed-law"])
+    >>> filtering = filter(bearing, simulate(bearing, Scenario()), ["closed-law"])
     >>> 0.9 < filtering["closed-law"].evaluation.nis < 1.1
     True
     """

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base.errors import AmbkitError, RecordError
+from ambkit.data.record import Record
 from ambkit.data.rig_units import Inputs
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.noise import FilterNoise
@@ -21,7 +22,6 @@ from ambkit.identification.noise import Noise, measurement_noise
 from ambkit.machine.stiffness import work_points
 
 if TYPE_CHECKING:
-    from ambkit.data.record import Record
     from ambkit.estimate.base import Estimator
     from ambkit.identification.forces.lift_off import LiftOff
     from ambkit.machine.bearing import Bearing
@@ -145,7 +145,7 @@ def identified_filter(
     Parameters
     ----------
     found : Identified
-        From `identify_by_likelihood`.
+        From `identify`.
     inputs : Inputs, optional
         What the log's y and u are; the offsets that were found are added.
     source : str
@@ -208,9 +208,9 @@ def parameters_to_find(start: LoopModel, free: Iterable[str] | None = None) -> t
     return tuple(names)
 
 
-def identify_by_likelihood(
+def identify(
     bearing: Bearing,
-    records: Sequence[Record],
+    records: Record | Sequence[Record],
     *,
     others: Sequence[Record] = (),
     names: Sequence[str] | None = None,
@@ -227,7 +227,7 @@ def identify_by_likelihood(
     ----------
     bearing : Bearing
         What is known already.
-    records : sequence of Record
+    records : Record or sequence of Record
         Runs in closed loop.
     others : sequence of Record
         Judge the result on these; without them it is judged on what it was identified from.
@@ -259,6 +259,7 @@ def identify_by_likelihood(
     ValueError
         `load_std` or `nodes` is out of its range, or a record's rate is not the bearing's.
     """
+    records = [records] if isinstance(records, Record) else records
     start = starting_model(bearing, rest=rest, load_std=load_std)
     looked_for = parameters_to_find(start, free)
     if any(record is seen for record in others for seen in records):

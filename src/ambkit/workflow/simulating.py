@@ -12,7 +12,7 @@ import numpy as np
 from ambkit.base.errors import AmbkitError
 from ambkit.judge.comparison import EVALUATED, rmse
 from ambkit.machine.magnets import ConstantStiffness
-from ambkit.simulation.scenario import PID, Scenario
+from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.waveforms import Recorded, Step
 
 if TYPE_CHECKING:
@@ -24,22 +24,6 @@ STEP_AT, LOAD_AT = 0.1, 0.5
 
 OWN_PERIODS = 40
 """Length of an experiment, in periods of the plant's own frequency, where it is not given."""
-
-
-def tuned_controller(given: PID, bearing: Bearing) -> PID:
-    """Return a controller with what was not given tuned to the bearing.
-
-    The defaults of :class:`ambkit.PID` are the paper's, and hold hardly another bearing.
-
-    Parameters
-    ----------
-    given : PID
-        The fields that were set stay.
-    bearing : Bearing
-        What it is tuned to, see :meth:`ambkit.PID.for_bearing`.
-    """
-    said = {name: getattr(given, name) for name in given.model_fields_set}
-    return PID.for_bearing(bearing).model_copy(update=said)
 
 
 def scenario_for(
@@ -80,7 +64,7 @@ def scenario_for(
         The record cannot be read; both a step and a record are given for the reference.
     """
     happening = Scenario() if scenario is None else scenario
-    controller = tuned_controller(happening.controller, bearing)
+    controller = happening.controller.completed(bearing)
     if not from_estimate and "feedback" not in happening.controller.model_fields_set:
         controller = controller.model_copy(update={"feedback": "measurement"})
     happening = happening.replace(controller=controller)

@@ -52,7 +52,7 @@ ONLINE: Mapping[str, Learner] = {
 """What learns a magnet constant sample by sample, by the names that users call it."""
 
 
-def identify(
+def identify_online(
     record: Record,
     bearing: Bearing,
     *,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ambkit.estimate.kalman import AdaptiveKalmanFilter
 from ambkit.fuzzy.training import train
-from ambkit.identification.online.magnet_constant import identify
+from ambkit.identification.online.magnet_constant import identify_online
 from ambkit.machine.stiffness import stiffness_map
 from ambkit.show.report.blocks import Chapter, FigureBlock, Remark, TableBlock, Text
 from ambkit.show.report.figure import Figure, Panel
@@ -193,7 +193,10 @@ def _fly(study: Study, way: str, seed: int) -> Flight:
         elif way == "told":
             now = float(imposed.magnet_scale[round(end / bearing.sampling_time)])
         else:
-            now = identify(runs[-1].record, bearing, start=k[-1] * known).magnet_constant / known
+            now = (
+                identify_online(runs[-1].record, bearing, start=k[-1] * known).magnet_constant
+                / known
+            )
         new = _filter(study, now)
         if way == "afresh":
             y = runs[-1].record["y"][-1]
