@@ -213,13 +213,13 @@ def tune(
     magnet = learned_magnet(kind, bearing) if magnet is None else magnet
     contender = contender_of_kind(kind, bearing, magnet, whole=True)
     task = _OfRecords(bearing, given, validate) if given else _OfTruth(bearing, runs, seed)
-    chosen = _chosen(contender, task.usual(contender) if free is None else tuple(free))
 
     def build(values: Mapping[str, float]) -> Estimator:
         made: Estimator = contender.build(**values)
         return made
 
     task.check(build({}), kind)
+    chosen = _chosen(contender, task.usual(contender) if free is None else tuple(free))
 
     def cost(values: Mapping[str, float]) -> float:
         return task.cost(lambda: build(values))
