@@ -11,6 +11,7 @@ from typer.core import TyperCommand
 
 from ambkit.cli.check import check
 from ambkit.cli.compare import compare
+from ambkit.cli.design import design
 from ambkit.cli.excite import excite
 from ambkit.cli.export import export, export_c
 from ambkit.cli.export_fmu import export_fmu
@@ -44,6 +45,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "tune": tune,
     "filter": filter_record,
     "compare": compare,
+    "design": design,
     "torture": torture,
     "presets": presets,
     "check": check,

@@ -294,11 +294,13 @@ def _cost(estimator: Any, trial: Trial) -> float:
 
 
 def _limit(bearing: Bearing, case: Case, valid: Sequence[Trial], first: int) -> dict[str, float]:
-    if case.walks != 1.0:
+    if not case.walks:
         return {}
     model = KalmanFilter(bearing)
+    growth = case.walks * model.variances.disturbance
+    variances = model.variances._replace(disturbance=growth)
     records = [trial.record for trial in valid[:BOUND_RUNS]]
-    bound = bearing_bound(bearing, records, model.variances, model.default_std())
+    bound = bearing_bound(bearing, records, variances, model.default_std())
     names = (*SIGNALS, "x_m")
     assert set(SIGNALS) <= set(CRITERIA)
     return {

@@ -1,0 +1,91 @@
+"""The report on a design: which filter to fly, and what speaks for it, on one page."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+
+from ambkit.base.escaping import markdown
+from ambkit.show.report.blocks import Block, Chapter, FigureBlock, Remark, Report, TableBlock
+from ambkit.show.report.figure import Figure
+
+
+def write_design(
+    path: str | os.PathLike[str],
+    bearing: str,
+    why: str,
+    objections: Sequence[str],
+    rows: Mapping[str, Sequence[float]],
+    headers: Sequence[str],
+    along: Figure,
+    made: Mapping[str, str],
+) -> None:
+    """Write the page.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    bearing : str
+        Its name.
+    why : str
+        Which filter to fly and why.
+    objections : sequence of str
+        What speaks against it.
+    rows : mapping of str to sequence of float
+        By the candidates' labels, their figures.
+    headers : sequence of str
+        What these are, with units.
+    along : Figure
+        The filter along a record.
+    made : mapping of str to str
+        The files that were made, and what they are.
+
+    Raises
+    ------
+    AmbkitError
+        The file cannot be written; an older one is left as it was.
+    """
+    from ambkit.base import files
+    from ambkit.show.report import static
+    from ambkit.show.report.page import render_page
+
+    verdict: list[Block] = [Remark("Which filter", markdown(why))]
+    verdict += [Remark("Objection", markdown(text)) for text in objections]
+    verdict.append(
+        TableBlock(
+            id="candidates",
+            title="Who was tried",
+            headers=["", *headers],
+            rows=[[label, *values] for label, values in rows.items()],
+            caption="Log likelihood and predictions on records that it was not tuned on; errors in "
+            "simulated runs of the bearing that was found, with the noise and the load that the "
+            "filter assumes.",
+        )
+    )
+    report = Report(
+        title=f"A filter for {bearing}",
+        subtitle=f"{len(rows)} candidates",
+        lead="Identified from the records, tuned on their likelihood, judged on what was not seen "
+        "and against simulated truth.",
+        version=version("ambkit"),
+        chapters=[
+            Chapter("verdict", "Which filter to fly", verdict),
+            Chapter("along", "Along the record", [FigureBlock(along)]),
+            Chapter(
+                "made",
+                "What was made",
+                [
+                    TableBlock(
+                        id="files",
+                        title="Files",
+                        headers=["file", "what"],
+                        rows=[[markdown(name), text] for name, text in made.items()],
+                    )
+                ],
+            ),
+        ],
+    )
+    pictures = {figure.id: static.render(figure) for figure in report.figures}
+    files.write_text(path, render_page(report, pictures))

@@ -1,0 +1,463 @@
+"""From logs to the filter to fly: identified, trained, tuned, judged, exported; resumable."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ambkit.base import escaping, files
+from ambkit.base.errors import AmbkitError
+from ambkit.base.units import engineering
+from ambkit.data.channelmap import ChannelMap, inputs_of
+from ambkit.data.reading import load
+from ambkit.data.rig_units import Inputs
+from ambkit.estimate.base import Estimator
+from ambkit.estimate.filter_file import FilterFile
+from ambkit.estimate.registry import KINDS
+from ambkit.fuzzy.expert import Expert
+from ambkit.fuzzy.training import train
+from ambkit.judge.comparison.bench import bench
+from ambkit.judge.comparison.cases import CASES
+from ambkit.judge.comparison.contenders import Contender
+from ambkit.judge.evaluation import evaluate
+from ambkit.machine.bearing import Bearing
+from ambkit.show.pages.design import write_design
+from ambkit.show.pages.maximum_likelihood import annotated_toml
+from ambkit.show.plots.filters import filter_figure
+from ambkit.workflow.identifying import identified_filter, identify
+from ambkit.workflow.tuned_filter import Tuned, tune
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+    from ambkit.export.c import CExport
+
+KINDS_TRIED = ("linear", "extended", "adaptive")
+"""Who is tried where nobody says it: without, with the exact, and with a learned stiffness."""
+
+STATE = "design.json"
+"""What was made from what, in the folder of a design."""
+
+RUNS = 20
+"""Simulated runs that a filter is judged in."""
+
+FAR_FROM_BOUND = 0.8
+"""A filter whose position is this far from the bound is not exported unasked."""
+
+AS_LIKELY = 3e-3
+"""Difference of log likelihood a sample within which the records do not tell two filters apart."""
+
+AS_GOOD = 0.02
+"""Relative difference of errors within which the simpler of two kinds is taken."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A tuned filter, and how it did.
+
+    Attributes
+    ----------
+    kind : str
+        Of the filter.
+    file : Path
+        The filter.
+    kept : bool
+        Whether tuning was of use.
+    unseen : mapping of str to float
+        Figures on records that it was not tuned on, see `Tuned`.
+    errors : mapping of str to float
+        Root mean square errors of ``x`` [m], ``v`` [m/s], ``f_d`` [N] in simulated runs of the
+        bearing that was found, with the noise that this filter assumes.
+    efficiency : float
+        Bound of the position's error over that error; 1 is what nobody exceeds.
+    """
+
+    kind: str
+    file: Path
+    kept: bool
+    unseen: Mapping[str, float]
+    errors: Mapping[str, float]
+    efficiency: float
+
+
+@dataclass(frozen=True)
+class Design:
+    """A filter to fly, and why.
+
+    Attributes
+    ----------
+    folder : Path
+        Where all of it lies.
+    candidates : tuple of Candidate
+        Who was tried.
+    chosen : Candidate
+        Who is to fly.
+    raw : float
+        What the sensor errs by in the same simulated runs [m].
+    why : str
+        Which filter to fly and why, in a sentence.
+    objections : tuple of str
+        What speaks against flying it; empty if nothing does.
+    exported : CExport or None
+        The C; None where objections kept it from being written.
+    made : mapping of str to str
+        Its files in the folder, and what they are.
+    """
+
+    folder: Path
+    candidates: tuple[Candidate, ...]
+    chosen: Candidate
+    raw: float
+    why: str
+    objections: tuple[str, ...]
+    exported: CExport | None
+    made: Mapping[str, str]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as plain data, in SI."""
+        return {
+            "folder": str(self.folder),
+            "chosen": self.chosen.kind,
+            "why": self.why,
+            "objections": list(self.objections),
+            "raw_sensor": self.raw,
+            "exported": self.exported is not None,
+            "files": list(self.made),
+            "candidates": [
+                {"kind": c.kind, "file": str(c.file), "kept": c.kept, "unseen": dict(c.unseen),
+                 "errors": dict(c.errors), "efficiency": c.efficiency}
+                for c in self.candidates
+            ],
+        }  # fmt: skip
+
+
+def design(
+    bearing: Bearing,
+    logs: Sequence[str | os.PathLike[str]],
+    folder: str | os.PathLike[str],
+    *,
+    channels: str | os.PathLike[str] | None = None,
+    validate: Sequence[str | os.PathLike[str]] = (),
+    kinds: Sequence[str] = KINDS_TRIED,
+    free: Sequence[str] | None = None,
+    precision: str = "float",
+    prefix: str | None = None,
+    anyway: bool = False,
+    seed: int = 0,
+    note: Callable[[str], None] = lambda _text: None,
+) -> Design:
+    """Go from logs and a bearing to the filter to fly, as C.
+
+    Each stage writes its files into the folder and is not repeated while what it was made from
+    stays as it was: ``found.toml`` and ``identified.toml``, ``expert.json``, a filter of each kind,
+    ``filter.toml``, ``c/``, ``design.html``.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        What is known already.
+    logs : sequence of path
+        Records of the loop.
+    folder : path
+        Where all of it goes.
+    channels : path, optional
+        Channel map of the logs; the exported C takes the log's own numbers.
+    validate : sequence of path, optional
+        Logs to judge by; without them the second half of each log.
+    kinds : sequence of str
+        Estimators that are tried.
+    free : sequence of str, optional
+        What is identified; by default what a record usually tells.
+    precision, prefix : str
+        Of the exported C.
+    anyway : bool
+        Export also what is worse than the raw sensor, or far from the bound.
+    seed : int
+        Of all that is drawn.
+    note : callable
+        Told what is done next.
+
+    Returns
+    -------
+    Design
+        What was chosen, and why.
+
+    Raises
+    ------
+    AmbkitError
+        A log cannot be read, a kind is unknown, or the folder cannot be written.
+    """
+    for kind in kinds:
+        if kind not in KINDS:
+            raise AmbkitError(f'there is no estimator "{kind}"; known: {", ".join(KINDS)}')
+    place = files.make_folder(folder)
+    stages = _Stages(place)
+    read = [*map(Path, logs), *map(Path, validate)]
+    sources = [_content(path) for path in read] + ([_content(channels)] if channels else [])
+    note("identifying")
+    stages.make(
+        "identify",
+        [bearing.to_toml(), sorted(free or []), [p.name for p in read], *sources],
+        ("found.toml", "identified.toml"),
+        lambda: _identified(bearing, logs, channels, free, place),
+    )
+    identified = Estimator.load(place / "identified.toml")
+    found, inputs = identified.bearing, identified.inputs
+    if "adaptive" in kinds:
+        note("training the expert")
+        stages.make(
+            "train", [found.to_toml()], ("expert.json",),
+            lambda: train(found, weights=True).save(place / "expert.json"),
+        )  # fmt: skip
+    by_inputs = None if channels is None else ChannelMap.load(channels).with_inputs(inputs)
+    records: list[Record] = []
+    others: list[Record] = []
+    candidates = []
+    for kind in kinds:
+        note(f"tuning the {kind} filter")
+        name = f"candidates/{kind}.toml"
+
+        def make(kind: str = kind, name: str = name) -> None:
+            if not records:
+                records.extend(load(path, by_inputs) for path in logs)
+                others.extend(load(path, by_inputs) for path in validate)
+            expert = place / "expert.json" if kind == "adaptive" else None
+            tuned = tune(
+                found, records, kind, validate=others, inputs=inputs, seed=seed,
+                magnet=None if expert is None else Expert.load(expert),
+                source=", ".join(Path(path).name for path in logs),
+            )  # fmt: skip
+            files.make_folder(place / "candidates")
+            tuned.save(place / name, bearing=place / "found.toml", magnet=expert)
+            _write_json(place / f"candidates/{kind}.json", _of_tuning(tuned))
+
+        made_from = [found.to_toml(), kind, seed, _content(place / "identified.toml"), *sources]
+        if kind == "adaptive":
+            made_from.append(_content(place / "expert.json"))
+        stages.make(f"tune {kind}", made_from, (name, f"candidates/{kind}.json"), make)
+        note(f"judging the {kind} filter")
+        judged = f"candidates/{kind}.judged.json"
+        stages.make(
+            f"judge {kind}", [_content(place / name), seed], (judged,),
+            lambda name=name, judged=judged: _write_json(  # type: ignore[misc]
+                place / judged, _judged(place / name, seed)
+            ),
+        )  # fmt: skip
+        candidates.append(_candidate(place, kind))
+    chosen = _best(candidates)
+    raw = _read_json(place / f"candidates/{chosen.kind}.judged.json")["raw"]
+    objections = tuple(_objections(chosen, raw))
+    why = _why(chosen, candidates, raw)
+    Estimator.load(chosen.file).save(
+        place / "filter.toml",
+        bearing=place / "found.toml",
+        magnet=place / "expert.json" if chosen.kind == "adaptive" else None,
+    )
+    exported = None
+    if anyway or not objections:
+        note("exporting")
+        from ambkit.export.c import export_c
+
+        file = FilterFile.load(place / "filter.toml")
+        exported = export_c(
+            found, file.asked(), place / "c", filter_file=file, prefix=prefix,
+            precision="double" if precision == "double" else "float",
+        )  # fmt: skip
+    made = {name: what for name, what in FILES.items() if (place / name).exists()}
+    note("drawing")
+    record = records[-1] if records else load(logs[-1], by_inputs)
+    _report(place, found.name, why, objections, candidates, record, made)
+    made["design.html"] = FILES["design.html"]
+    return Design(place, tuple(candidates), chosen, raw, why, objections, exported, made)
+
+
+FILES = {
+    "found.toml": "the bearing, as the records tell it, with standard errors",
+    "identified.toml": "the filter of what was identified, with the offsets of the log",
+    "expert.json": "the fuzzy expert, trained from the bearing that was found",
+    "candidates": "the filters that were tried, tuned, and their figures",
+    "filter.toml": "the filter to fly",
+    "c": "the same as C, for the controller",
+    "design.html": "the report",
+}
+
+
+def _report(
+    place: Path,
+    name: str,
+    why: str,
+    objections: Sequence[str],
+    candidates: Sequence[Candidate],
+    record: Record,
+    made: Mapping[str, str],
+) -> None:
+    headers = [
+        "log likelihood a sample",
+        "mean NIS",
+        "1 step ahead [µm]",
+        "10 steps [µm]",
+        "error of $x$ [µm]",
+        "of $v$ [mm/s]",
+        "of $F_{St}$ [N]",
+        "bound over error of $x$",
+    ]
+    rows = {
+        KINDS[c.kind].label: [
+            -c.unseen["minus log likelihood a sample"], c.unseen["nis"],
+            1e6 * c.unseen["error 1 step ahead [m]"], 1e6 * c.unseen["error 10 steps ahead [m]"],
+            1e6 * c.errors["x"], 1e3 * c.errors["v"], c.errors["f_d"], c.efficiency,
+        ]
+        for c in candidates
+    }  # fmt: skip
+    evaluated = {KINDS[c.kind].name: evaluate(Estimator.load(c.file), record) for c in candidates}
+    write_design(
+        place / "design.html", name, why, objections, rows, headers,
+        filter_figure(record, evaluated), {**made, "design.html": FILES["design.html"]},
+    )  # fmt: skip
+
+
+def _identified(
+    bearing: Bearing,
+    logs: Sequence[str | os.PathLike[str]],
+    channels: str | os.PathLike[str] | None,
+    free: Sequence[str] | None,
+    place: Path,
+) -> None:
+    records = [load(path, channels) for path in logs]
+    found = identify(bearing, records, free=free)
+    inputs = Inputs() if channels is None else inputs_of(ChannelMap.load(channels))
+    files.write_text(place / "found.toml", annotated_toml(found.likelihood))
+    source = ", ".join(Path(path).name for path in logs)
+    identified_filter(found, inputs, source).save(
+        place / "identified.toml", bearing=place / "found.toml"
+    )
+
+
+def _of_tuning(tuned: Tuned) -> dict[str, Any]:
+    taken = 1 if tuned.kept else 0
+    unseen = {name: pair[taken] for name, pair in tuned.unseen.items()}
+    return {"kept": tuned.kept, "unseen": unseen, "warnings": list(tuned.warnings)}
+
+
+def _judged(path: Path, seed: int) -> dict[str, Any]:
+    """Judge a filter in runs of its own bearing, noise and load as it assumes them."""
+    file = FilterFile.load(path)
+    made = file.make()
+    usual = made.variances
+    plant = made.bearing.replace(
+        sensor__noise_variance=usual.measurement, amplifier__noise_variance=usual.control
+    )
+    own = KINDS["linear"].make(plant).variances.disturbance
+    case = replace(CASES["model"], walks=usual.disturbance / own)
+    field = {file.kind: Contender(file.kind, file.kind, file.make)}
+    found = bench(plant, case, field, runs=RUNS, seed=seed)
+    figures = found.default[file.kind]
+    gain = plant.sensor.gain
+    return {
+        "errors": {name: figures.mean(name) for name in ("x", "v", "f_d")},
+        "efficiency": found.efficiency(file.kind, "x"),
+        "raw": math.sqrt(usual.measurement) / abs(gain),
+    }
+
+
+def _candidate(place: Path, kind: str) -> Candidate:
+    tuning = _read_json(place / f"candidates/{kind}.json")
+    judged = _read_json(place / f"candidates/{kind}.judged.json")
+    return Candidate(
+        kind, place / f"candidates/{kind}.toml", tuning["kept"], tuning["unseen"],
+        judged["errors"], judged["efficiency"],
+    )  # fmt: skip
+
+
+def _best(candidates: Sequence[Candidate]) -> Candidate:
+    """Return who errs least among those that unseen records like best; of equals the simplest.
+
+    Where a rotor hardly moves, its records do not tell the kinds apart; simulated truth does.
+    """
+    order = list(KINDS)
+    unlikely = {c.kind: c.unseen["minus log likelihood a sample"] for c in candidates}
+    least = min(unlikely.values())
+    likely = [c for c in candidates if unlikely[c.kind] <= least + AS_LIKELY]
+    smallest = min(c.errors["x"] for c in likely)
+    equal = [c for c in likely if c.errors["x"] <= (1 + AS_GOOD) * smallest]
+    return min(equal, key=lambda c: order.index(c.kind))
+
+
+def _objections(chosen: Candidate, raw: float) -> list[str]:
+    said = []
+    if not chosen.errors["x"] < raw:
+        error, sensor = (engineering(v, "m", digits=3) for v in (chosen.errors["x"], raw))
+        said.append(f"its position errs by {error}, and that of the raw sensor by {sensor}")
+    if chosen.efficiency < FAR_FROM_BOUND:
+        said.append(
+            f"its position reaches {100 * chosen.efficiency:.0f} % of the bound, less than "
+            f"{100 * FAR_FROM_BOUND:.0f} %"
+        )
+    return said
+
+
+def _why(chosen: Candidate, candidates: Sequence[Candidate], raw: float) -> str:
+    x, f_d = chosen.errors["x"], chosen.errors["f_d"]
+    others = [c for c in candidates if c is not chosen]
+    ahead = "error 10 steps ahead [m]"
+    beside = "".join(
+        f", the {KINDS[c.kind].label} {engineering(c.unseen[ahead], 'm', digits=3)}" for c in others
+    )
+    return (
+        f"Fly the {KINDS[chosen.kind].label}: on records that it was not tuned on it foretells "
+        f"the position 10 samples ahead to {engineering(chosen.unseen[ahead], 'm', digits=3)} rms"
+        f"{beside}; in simulated runs of this bearing it errs by {engineering(x, 'm', digits=3)} "
+        f"in position, {100 * chosen.efficiency:.0f} % of what is possible, and "
+        f"{engineering(f_d, 'N', digits=3)} in the disturbance force, where the raw sensor errs by "
+        f"{engineering(raw, 'm', digits=3)}."
+    )
+
+
+class _Stages:
+    """What was made from what, so that nothing is made twice."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        path = folder / STATE
+        self.known: dict[str, Any] = _read_json(path) if path.exists() else {}
+
+    def make(
+        self, name: str, made_from: Sequence[Any], written: Sequence[str], make: Callable[[], None]
+    ) -> None:
+        """Run a stage, unless its files are there and are what they were made into."""
+        text = escaping.json_text([version("ambkit"), *made_from])
+        key = hashlib.sha256(text.encode()).hexdigest()
+        before = self.known.get(name, {})
+        if before.get("from") == key and all(
+            (self.folder / file).exists() and _content(self.folder / file) == hashed
+            for file, hashed in before.get("files", {}).items()
+        ):
+            return
+        make()
+        made = {file: _content(self.folder / file) for file in written}
+        self.known[name] = {"from": key, "files": made}
+        _write_json(self.folder / STATE, self.known)
+
+
+def _content(path: str | os.PathLike[str]) -> str:
+    try:
+        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    except OSError as error:
+        raise AmbkitError(f"{path}: cannot be read: {error.strerror or error}") from None
+
+
+def _write_json(path: Path, data: Any) -> None:
+    files.write_text(path, escaping.json_text(data, indent=1) + "\n")
+
+
+def _read_json(path: Path) -> Any:
+    try:
+        return json.loads(files.read_text(path))
+    except json.JSONDecodeError as error:
+        raise AmbkitError(f"{path}:{error.lineno}: is not what ambkit wrote; remove it") from None
