@@ -1,0 +1,183 @@
+"""The thread: from a rig's log, German, turned, late and off, to C that takes its raw signal."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ambkit
+from ambkit import Bearing, Estimator, Record
+from ambkit.cli.app import app
+from ambkit.workflow.designing import Design, design
+
+KNOWN = Bearing.preset("zittau_axial").replace(name="my rig")
+TRUE = KNOWN.replace(delay="0.15 ms", magnet__magnet_constant="6.2 N mm^2/A^2")
+FREE = ["magnet_constant", "delay", "load_growth"]
+MAP = """
+[signals.t]
+column = "Zeit"
+unit = "s"
+[signals.y]
+column = "Abstand"
+unit = "mm"
+sign = -1
+offset = "10 mm"
+[signals.u]
+column = "Strom"
+unit = "A"
+scale = "1 V/A"
+offset = "-0.94 V"
+"""
+
+
+def flown(seed: int) -> Record:
+    places = (3e-4, -3e-4, 2e-4, -2e-4, 3e-4, -2e-4, 2e-4, -3e-4, 1e-4, 0.0)
+    times = tuple(0.05 + 0.12 * k for k in range(len(places)))
+    reference = ambkit.Sequence(times=times, values=places)
+    load = ambkit.Sequence(times=(0.0, 0.6), values=(0.0, 1.0))
+    scenario = ambkit.Scenario(duration=1.3, reference=reference, disturbance=load, seed=seed)
+    return ambkit.simulate(TRUE, scenario)
+
+
+def logged(record: Record, path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Write a log as the rig has it; return its numbers."""
+    y = np.array([f"{v:.7g}" for v in 10.0 - 1e3 * record["y"]])
+    u = np.array([f"{v:.7g}" for v in record["u"] + 0.94])
+    rows = (f"{t:.7g};{a};{b}".replace(".", ",") for t, a, b in zip(record.t, y, u, strict=True))
+    path.write_text("\n".join(["Zeit;Abstand;Strom", *rows]) + "\n")
+    return y.astype(float), u.astype(float)
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Design]:
+    folder = tmp_path_factory.mktemp("rig")
+    for seed in (1, 2):
+        logged(flown(seed), folder / f"log{seed}.csv")
+    (folder / "map.toml").write_text(MAP)
+    return folder, made(folder)
+
+
+def made(folder: Path, **options: Any) -> Design:
+    return design(
+        KNOWN, [folder / "log1.csv"], folder / "out", channels=folder / "map.toml", free=FREE,
+        validate=[folder / "log2.csv"], kinds=["linear", "extended"], prefix="rig",
+        precision="double", **options,
+    )  # fmt: skip
+
+
+def test_the_filter_is_nearly_as_good_as_one_that_was_told_everything(rig: Any) -> None:
+    folder, found = rig
+    made = Estimator.load(folder / "out" / "filter.toml")
+    told = ambkit.ExtendedKalmanFilter(TRUE, noise=ambkit.FilterNoise(*made.variances))
+    ours, best, raw = [], [], []
+    for seed in range(20, 30):
+        record = flown(seed)
+        y, u = made.in_si(10 - 1e3 * record["y"], record["u"] + 0.94)
+        late = slice(500, None)
+        a = made.run(Record(record.t, {"y": y, "u": u}, {"y": "m", "u": "V"}))
+        b = told.run(record)
+        ours.append([np.mean((a[s] - record[s])[late] ** 2) for s in ("x", "f_d")])
+        best.append([np.mean((b[s] - record[s])[late] ** 2) for s in ("x", "f_d")])
+        raw.append(np.mean((record["y"] - record["x"])[late] ** 2))
+    ratio = np.sqrt(np.mean(ours, axis=0) / np.mean(best, axis=0))
+    assert (ratio < 1.1).all(), ratio
+    assert np.sqrt(np.mean(ours, axis=0)[0]) < 0.7 * np.sqrt(np.mean(raw))
+    assert found.chosen.kind == "extended"
+
+
+def test_it_says_which_filter_to_fly_and_why(rig: Any) -> None:
+    folder, found = rig
+    assert found.why.startswith("Fly the extended Kalman filter: on records that it was not tuned")
+    assert found.objections == ()
+    page = (folder / "out" / "design.html").read_text()
+    assert "Fly the extended Kalman filter" in page
+    assert set(found.made) >= {"found.toml", "filter.toml", "c", "design.html", "candidates"}
+
+
+def test_the_c_gives_python_s_bits_on_the_rig_s_own_numbers(rig: Any, tmp_path: Path) -> None:
+    compiler = shutil.which("gcc") or shutil.which("clang")
+    if compiler is None:
+        pytest.skip("no C compiler (gcc or clang) here")
+    folder, _ = rig
+    y, u = logged(flown(7), tmp_path / "log.csv")
+    numbers = "\n".join(f"{a!r} {b!r}" for a, b in zip(y.tolist(), u.tolist(), strict=True))
+    (tmp_path / "run.c").write_text("""
+#include <stdio.h>
+#include "rig.h"
+int main(void)
+{
+  static rig_state state;
+  rig_estimates now;
+  double y, u, before = 0.0;
+  rig_init(&state);
+  while (scanf("%lf %lf", &y, &u) == 2) {
+    (void)rig_step(&state, y, before, &now);
+    before = u;
+    printf("%.17g %.17g %.17g\\n", now.x, now.v, now.f_d);
+  }
+  return 0;
+}
+""")
+    c = folder / "out" / "c"
+    sources = [p for p in c.rglob("*.c") if "selftest" not in p.parts]
+    flags = ["-std=c99", "-O1", "-ffp-contract=off", "-DAMB_NO_CONTRACTION"]
+    includes = [f"-I{c}", f"-I{c / 'core/include'}", f"-I{c / 'core'}"]
+    subprocess.run([compiler, *flags, *includes, tmp_path / "run.c", *sources, "-o",
+                    tmp_path / "run"], check=True)  # fmt: skip
+    out = subprocess.run([tmp_path / "run"], input=numbers, capture_output=True, text=True).stdout
+    got = np.array([line.split() for line in out.splitlines()], dtype=float)
+    kf = Estimator.load(folder / "out" / "filter.toml")
+    si = dict(zip(("y", "u"), kf.in_si(y, u), strict=True))
+    estimate = kf.run(Record(1e-4 * np.arange(y.size), si, {"y": "m", "u": "V"}))
+    np.testing.assert_array_equal(got, estimate.mean[:, :3])
+
+
+def test_a_second_call_makes_nothing_anew(rig: Any) -> None:
+    folder, found = rig
+    files = {p: p.stat().st_mtime_ns for p in (folder / "out").rglob("*.toml")}
+    said: list[str] = []
+    again = made(folder, note=said.append)
+    assert again.why == found.why
+    unchanged = [p for p in files if p.parent.name != "out" or p.name != "filter.toml"]
+    assert all(p.stat().st_mtime_ns == files[p] for p in unchanged)
+
+
+def test_what_was_lost_is_made_again_and_alike(rig: Any) -> None:
+    folder, found = rig
+    lost = folder / "out" / "candidates" / "linear.toml"
+    before = lost.read_text()
+    lost.unlink()
+    assert made(folder).why == found.why
+    assert lost.read_text() == before
+
+
+def test_a_bad_filter_is_not_exported_unasked(rig: Any, monkeypatch: Any) -> None:
+    from ambkit.workflow import designing
+
+    folder, _ = rig
+    monkeypatch.setattr(designing, "FAR_FROM_BOUND", 1.5)
+    shutil.rmtree(folder / "out" / "c")
+    refused = made(folder)
+    assert refused.exported is None
+    assert not (folder / "out" / "c").exists()
+    assert "of the bound, less than 150 %" in refused.objections[0]
+    assert made(folder, anyway=True).exported is not None
+
+
+def test_the_command_is_the_function(rig: Any, monkeypatch: Any) -> None:
+    from typer.testing import CliRunner
+
+    folder, found = rig
+    KNOWN.save(folder / "known.toml")
+    monkeypatch.chdir(folder)
+    arguments = ["design", "log1.csv", "--map", "map.toml", "--bearing", "known.toml", "--validate",
+                 "log2.csv", "--free", ",".join(FREE), "--estimator", "linear,extended", "--prefix",
+                 "rig", "--precision", "double", "--out", "out"]  # fmt: skip
+    done = CliRunner().invoke(app, arguments)
+    assert done.exit_code == 0, done.output
+    assert " ".join(found.why.split()[:6]) in " ".join(done.output.split())
