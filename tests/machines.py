@@ -110,7 +110,13 @@ def magnets(model: Model) -> list[Any]:
 
 
 def motion(
-    model: Model, n: int, seed: int, *, scale: float = 1.0, swing: Array | None = None,
+    model: Model,
+    n: int,
+    seed: int,
+    *,
+    scale: float = 1.0,
+    swing: Array | None = None,
+    rate: float = 8.0,
     load: Array | None = None,
 ) -> tuple[Array, Array, Array]:
     """States (n, states), y (n, axes) and u (n, axes) of axes that a PD controller holds.
@@ -120,14 +126,21 @@ def motion(
     scale : float
         Of the magnets' force.
     swing : ndarray (axes,)
-        Amplitudes of the reference, 8 Hz [m].
+        Amplitudes of the reference [m].
+    rate : float
+        Its frequency [Hz].
     load : ndarray (axes,)
         Amplitudes of the loads, 3 Hz [N].
     """
     rng, p, s = np.random.default_rng(seed), len(model.forces), axes_settings(model)
     at = {role: [i for i, x in enumerate(model.states) if x.role == role]
           for role in ("position", "velocity", "disturbance force")}  # fmt: skip
-    k, law, wanted, mass = ConstantStiffness.of(BEARING), ClosedLaw(BEARING), 200.0, BEARING.rotor.mass
+    k, law, wanted, mass = (
+        ConstantStiffness.of(BEARING),
+        ClosedLaw(BEARING),
+        200.0,
+        BEARING.rotor.mass,
+    )
     kp, kd = (k.k_s + mass * wanted**2) / k.k_i, 1.4 * wanted * mass / k.k_i
     swing = np.zeros(p) if swing is None else swing
     load = np.zeros(p) if load is None else load
@@ -138,7 +151,7 @@ def motion(
         X[at["disturbance force"]] = load * np.sin(2 * np.pi * 3.0 * j * T)
         all_X[j] = X
         all_y[j] = model.c @ X + rng.normal(0, np.sqrt(s["var_y"]))
-        r = swing * np.sin(2 * np.pi * 8.0 * j * T)
+        r = swing * np.sin(2 * np.pi * rate * j * T)
         x, v = X[at["position"]], X[at["velocity"]]
         iu = kp * (r - x) - kd * v - (k.k_s * r + KNOWN + X[at["disturbance force"]]) / k.k_i
         all_u[j] = iu / s["k_ui"]

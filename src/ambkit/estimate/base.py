@@ -17,6 +17,7 @@ from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.model import LinearModel
 from ambkit.estimate.noise import FilterNoise, completed
 from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.hovering import hover_current
 from ambkit.machine.magnets import (
     ConstantStiffness,
     MagnetModel,
@@ -160,7 +161,8 @@ class Estimator(Copyable):
         ----------
         mean : array_like (n,), optional
             The states: displacement [m], velocity [m/s], disturbance force [N], lagged position
-            [m], and what else the model has; finite. Default: at rest in the middle.
+            [m], and what else the model has; finite. Default: at rest in the middle, with the
+            current that holds the rotor there.
         std : sequence of n floats, or "diffuse", optional
             Their standard deviations, finite and positive. Default: three times the measurement
             noise, a tenth of the travel in the plant's own time, the weight, three times the
@@ -175,7 +177,7 @@ class Estimator(Copyable):
         if isinstance(std, str) and std != "diffuse":
             raise ValueError(f"std must be {len(self.states)} numbers or 'diffuse', got {std!r}")
         given = self.default_std() if std is None else std
-        start = np.zeros(len(self.states)) if mean is None else mean
+        start = self.at_rest(0.0) if mean is None else mean
         self.core.reset(
             self._representable(real("mean", start)),
             None
@@ -232,7 +234,9 @@ class Estimator(Copyable):
         }
         return tuple(by_role.get(state.role, state.size) for state in self.states)
 
-    def at_rest(self, x: float, shown: float | None = None) -> NDArray[np.float64]:
+    def at_rest(
+        self, x: float, shown: float | None = None, current: float | None = None
+    ) -> NDArray[np.float64]:
         """Return the states (n,) of a rotor at rest.
 
         Parameters
@@ -241,10 +245,41 @@ class Estimator(Copyable):
             Displacement [m].
         shown : float, optional
             What the sensor shows [m]; by default what it shows of x.
+        current : float, optional
+            The magnet's, and what was demanded in the samples before [A]; by default what holds the
+            rotor there, see :attr:`hover`.
         """
         shown = self.bearing.sensor.gain * x if shown is None else shown
-        by_role = {"position": x, "sensor": shown}
+        if current is None:
+            # In its own precision, as an exported filter has it.
+            at_centre, per_metre = np.array(self.hover, self.precision)
+            current = float(at_centre + per_metre * at_centre.dtype.type(x))
+        by_role = {"position": x, "sensor": shown, "current": current, "past control": current}
         return np.array([by_role.get(state.role, 0.0) for state in self.states])
+
+    def at_first(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the states (n,) at rest at the first of measurements y (N,) within the travel."""
+        gain, travel = self._settings["K_sen"][0], self._settings["travel"][0]
+        limit = gain * travel  # the whole record is searched only where it must be
+        near = y if y.size and abs(y[0]) <= limit else y[np.abs(y) <= limit]
+        first = float(near[0]) if near.size else 0.0
+        return self.at_rest(first / gain, first)
+
+    @cached_property
+    def hover(self) -> tuple[float, float]:
+        """Current that holds the rotor in the middle [A], and by how much more away from it [A/m].
+
+        By what the filter knows of its magnet. The weight is there, whether a filter knows it or
+        takes it for a disturbance. Without a current among the states nobody asks: 0.
+        """
+        if not {"current", "past control"} & {state.role for state in self.states}:
+            return 0.0, 0.0
+        balance = self.bearing.weight + bias_force_of(self.magnet, self.bearing)
+        step = 0.1 * self.bearing.rotor.travel_limit
+        less, middle, more = (
+            hover_current(self.bearing, self.magnet, x, balance) for x in (-step, 0.0, step)
+        )
+        return middle, (more - less) / (2 * step)
 
     def predict(self, u: float) -> NDArray[np.float64]:
         """Go one sample on (eq. 9, 10).
@@ -354,9 +389,7 @@ class Estimator(Copyable):
         """Reset to the first measurement of a record within the travel; return its y and u."""
         check_sampling(self.bearing, record)
         y, u = record["y"], record["u"]
-        near = y[np.abs(y) <= self.bearing.sensor.gain * self.bearing.rotor.travel_limit]
-        first = float(near[0]) if near.size else 0.0
-        self.reset(self.at_rest(first / self.bearing.sensor.gain, first))
+        self.reset(self.at_first(y))
         return y, u
 
     def forecast(self, estimate: Estimate, record: Record, ahead: int) -> NDArray[np.float64]:

@@ -101,7 +101,7 @@ def render(
         "sampled": _sampled(estimator),
         "facts": {"magnet": kind.about, "between samples": _sampled(estimator), **facts},
         "room": of_model.room,
-        "states": model.states(estimator.states),
+        "states": model.states(estimator.states, _hover(estimator, precision)),
         "diagonal": [at * (2 * n + 1 - at) // 2 for at in range(n)],
         **_data_context(estimator, magnet, kind, precision, of_model),
         "own": "" if in_core is None else data.own(estimator, precision),
@@ -161,6 +161,12 @@ def _data_context(
         "magnet_methods": kind.methods,
         "arrays": data.declared(named, precision),
     }
+
+
+def _hover(estimator: Estimator, precision: CPrecision) -> str:
+    """Return the current that holds the rotor at x, as `Estimator.at_rest` has it."""
+    middle, per_metre = (data.number(value, precision) for value in estimator.hover)
+    return f"{middle} + {per_metre} * x"
 
 
 def _settling(estimator: Estimator) -> int:
