@@ -15,8 +15,9 @@ from ambkit.judge.comparison.study import study
 from ambkit.machine.forces.file import load_force_points
 from ambkit.workflow import comparing, training
 from ambkit.workflow.estimators import USUAL, factories
-from ambkit.workflow.filtering import filter_record, lost_control, stretch_to_tune_on
+from ambkit.workflow.filtering import filter_record, stretch_to_tune_on
 from ambkit.workflow.identifying import identify_by_lift_off, identify_by_likelihood, noise_at_rest
+from ambkit.workflow.oddities import lost_control
 from ambkit.workflow.simulating import RunSummary, experiment_duration, scenario_for
 from ambkit.workflow.tuning import default_disturbance, most_likely_disturbance
 

@@ -1,4 +1,5 @@
 #include "ambkit/envelope.h"
+#include "at_rest.h"
 
 /* Of a standard deviation, at each start from a measurement. */
 #define LESS_SURE AMB_C(10.0)
@@ -21,105 +22,12 @@ bool amb_envelope_clamp(const amb_kalman *kf, amb_real mean[AMB_STATES])
   return !within;
 }
 
-/* State i at 1, the others at 0. */
-static void only(const amb_model *model, int i, amb_real states[AMB_STATES])
-{
-  for (int j = 0; j < amb_states(model); j++) {
-    states[j] = (i == j) ? AMB_C(1.0) : AMB_C(0.0);
-  }
-}
-
-/* All states of a rotor at rest that is off by 1 m in position i, or what else state i is. */
-static void off_by_one(const amb_model *model, int i, amb_real states[AMB_STATES])
-{
-  only(model, i, states);
-  if (amb_model_role(model, i) == AMB_POSITION) {
-    amb_model_at_rest(model, states);
-  }
-}
-
-/* All states of a rotor at rest where sensor r shows 1 m. */
-static void where_shown(const amb_model *model, int r, amb_real states[AMB_STATES])
-{
-  const int n = amb_states(model);
-  amb_real sum = AMB_C(0.0);
-  amb_real one[AMB_STATES];
-  for (int j = 0; j < n; j++) {
-    states[j] = AMB_C(0.0);
-  }
-  for (int i = 0; i < n; i++) {
-    if (amb_model_role(model, i) == AMB_POSITION) {
-      off_by_one(model, i, one);
-      const amb_real shown = amb_model_shown(model, r, one);
-      sum += shown * shown;
-      for (int j = 0; j < n; j++) {
-        states[j] += shown * one[j];
-      }
-    }
-  }
-  for (int j = 0; j < n; j++) {
-    states[j] = (sum > AMB_C(0.0)) ? (states[j] / sum) : AMB_C(0.0);
-  }
-}
-
-/* Whether sensor r shows something of these states. */
-static bool sees(const amb_model *model, int r, const bool these[AMB_STATES])
-{
-  amb_real one[AMB_STATES];
-  bool seen = false;
-  for (int i = 0; i < amb_states(model); i++) {
-    only(model, i, one);
-    seen = seen || (these[i] && (amb_magnitude(amb_model_shown(model, r, one)) > AMB_C(0.0)));
-  }
-  return seen;
-}
-
-/* The position that velocity j moves most within a sample, or else the first one. */
-static int moved_by(const amb_model *model, int j)
-{
-  const amb_real iu[AMB_CONTROLS] = {AMB_C(0.0)};
-  const amb_real F[AMB_FORCES] = {AMB_C(0.0)};
-  amb_real states[AMB_STATES];
-  int most = -1;
-  only(model, j, states);
-  amb_model_predict_mean(model, F, iu, states);
-  for (int i = 0; i < amb_states(model); i++) {
-    if ((amb_model_role(model, i) == AMB_POSITION) &&
-        ((most < 0) || (amb_magnitude(states[i]) > amb_magnitude(states[most])))) {
-      most = i;
-    }
-  }
-  return most;
-}
-
-/* Add the velocities that move these positions, and what sensors show of them. */
-static void add_what_follows(const amb_model *model, bool these[AMB_STATES])
-{
-  const int n = amb_states(model);
-  amb_real one[AMB_STATES];
-  for (int i = 0; i < n; i++) {
-    if (amb_model_role(model, i) == AMB_VELOCITY) {
-      const int position = moved_by(model, i);
-      these[i] = these[i] || ((position >= 0) && these[position]);
-    }
-  }
-  for (int i = 0; i < n; i++) {
-    if (these[i] && (amb_model_role(model, i) == AMB_POSITION)) {
-      off_by_one(model, i, one);
-      for (int j = 0; j < n; j++) {
-        these[j] = these[j] || ((amb_model_role(model, j) == AMB_SHOWN) &&
-                                (amb_magnitude(one[j]) > AMB_C(0.0)));
-      }
-    }
-  }
-}
-
 /* The only sensor: the rotor is at rest where it shows it. */
 static void place_there(const amb_kalman *kf, int r, amb_real y, amb_real mean[AMB_STATES])
 {
   const amb_model *model = &kf->model;
   amb_real shown[AMB_STATES];
-  where_shown(model, r, shown);
+  amb_rest_where_shown(model, r, shown);
   for (int i = 0; i < amb_states(model); i++) {
     const amb_role role = amb_model_role(model, i);
     if (role != AMB_KNOWN) {
@@ -141,13 +49,13 @@ static void place_towards(const amb_kalman *kf, int r, amb_real y, amb_real mean
   amb_real shown[AMB_STATES];
   amb_real rest[AMB_STATES];
   (void)amb_envelope_clamp(kf, mean);
-  where_shown(model, r, shown);
+  amb_rest_where_shown(model, r, shown);
   for (int i = 0; i < n; i++) {
     const bool position = amb_model_role(model, i) == AMB_POSITION;
     seen[i] = position && (amb_magnitude(shown[i]) > AMB_C(0.0));
     rest[i] = position ? mean[i] : AMB_C(0.0);
   }
-  add_what_follows(model, seen);
+  amb_rest_add_followers(model, seen);
   amb_model_at_rest(model, rest);
   const amb_real off = y - amb_model_shown(model, r, rest);
   for (int i = 0; i < n; i++) {
@@ -211,7 +119,7 @@ static void show(const amb_model *model, int s, amb_real P[AMB_TRIANGLE])
   amb_real variance = AMB_C(0.0);
   for (int i = 0; i < n; i++) {
     if (amb_model_role(model, i) == AMB_POSITION) {
-      off_by_one(model, i, one);
+      amb_rest_off_by_one(model, i, one);
       for (int j = 0; j < n; j++) {
         if (j != s) {
           P[place_of(n, s, j)] += one[s] * P[place_of(n, i, j)];
@@ -221,7 +129,7 @@ static void show(const amb_model *model, int s, amb_real P[AMB_TRIANGLE])
   }
   for (int i = 0; i < n; i++) {
     if (amb_model_role(model, i) == AMB_POSITION) {
-      off_by_one(model, i, one);
+      amb_rest_off_by_one(model, i, one);
       variance += one[s] * P[place_of(n, s, i)];
     }
   }
@@ -268,7 +176,7 @@ bool amb_envelope_lost(const amb_kalman *kf, const amb_real P[AMB_TRIANGLE], boo
     lost[i] = !(P[amb_entry(n, i, i)] <= kf->widest[i]);
     some = some || ((amb_model_role(model, i) == AMB_POSITION) && !lost[i]);
   }
-  add_what_follows(model, lost);
+  amb_rest_add_followers(model, lost);
   return some;
 }
 
@@ -315,7 +223,7 @@ amb_status amb_envelope_hold(const amb_kalman *kf, amb_kalman_state *state)
     variance[i] = at_most(variance[i], kf->widest[i]);
   }
   for (int r = 0; r < amb_sensors(model); r++) {
-    if (sees(model, r, lost)) {
+    if (amb_rest_sees(model, r, lost)) {
       state->sensor[r].residual = AMB_C(0.0);
     }
   }
@@ -350,7 +258,7 @@ static void restart_there(const amb_kalman *kf, amb_kalman_state *state, int r, 
       fastest = variance[i];
     }
   }
-  where_shown(model, r, shown);
+  amb_rest_where_shown(model, r, shown);
   clear(n, state->cov);
   for (int i = 0; i < n; i++) {
     const amb_role role = amb_model_role(model, i);

@@ -12,18 +12,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.arrays import real
 from ambkit.base.copying import Copyable
-from ambkit.estimate.engine import Engine, caps
+from ambkit.estimate.engine import Engine, core_settings
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.model import LinearModel
 from ambkit.estimate.noise import FilterNoise, completed
-from ambkit.machine.bearing import GRAVITY
-from ambkit.machine.hovering import hover_current
+from ambkit.estimate.starting import hovering, start_std
 from ambkit.machine.magnets import (
     ConstantStiffness,
     MagnetModel,
     Precision,
     bias_force_of,
-    own_time,
 )
 from ambkit.models.model import Descriptor, Model
 
@@ -99,21 +97,8 @@ class Estimator(Copyable):
         self.precision = precision
         known = bearing.weight if gravity == "known" else 0.0
         self.engine = Engine(bearing, precision, as_printed=as_printed)
-        travel = bearing.rotor.travel_limit
-        settings = {
-            "T": bearing.sampling_time,
-            "K_sen": [bearing.sensor.gain],
-            "lag": [bearing.sensor_lag],
-            "travel": [travel],
-            "k_ui": [bearing.amplifier.gain],
-            "iu_min": [bearing.current_min],
-            "iu_max": [bearing.current_max],
+        settings = core_settings(self.engine, self.variances) | {
             "f_0": [known + bias_force_of(self.magnet, bearing)],
-            "x_max": [travel],
-            "cap": caps(bearing, self.states),
-            "var_u": [self.variances.control],
-            "var_d": self.variances.growth(bearing.sampling_time, self.engine.noises),
-            "var_y": [self.variances.measurement],
             "gate": gate,
             "frozen_limit": frozen_limit,
             "outlier_limit": outlier_limit,
@@ -141,7 +126,7 @@ class Estimator(Copyable):
         k_i, k_s : float
             Stiffnesses at the working point [N/A], [N/m].
         """
-        return _linear(self.model, k_i, k_s, self._settings)
+        return LinearModel.of(self.model, k_i, k_s, self._settings)
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         """Return the core's estimator of this kind."""
@@ -222,17 +207,7 @@ class Estimator(Copyable):
 
     def default_std(self) -> tuple[float, ...]:
         """Return the standard deviations with which a filter starts; see :meth:`reset`."""
-        b = self.bearing
-        sigma = 3 * math.sqrt(self.variances.measurement)
-        by_role = {
-            "position": sigma / abs(b.sensor.gain),
-            "velocity": 0.1 * b.rotor.travel_limit / own_time(b),
-            "disturbance force": b.rotor.mass * GRAVITY,
-            "sensor": sigma,
-            "current": b.amplifier.current_limit,
-            "past control": b.amplifier.current_limit,
-        }
-        return tuple(by_role.get(state.role, state.size) for state in self.states)
+        return start_std(self.bearing, self.variances, self.states)
 
     def at_rest(
         self, x: float, shown: float | None = None, current: float | None = None
@@ -269,17 +244,9 @@ class Estimator(Copyable):
     def hover(self) -> tuple[float, float]:
         """Current that holds the rotor in the middle [A], and by how much more away from it [A/m].
 
-        By what the filter knows of its magnet. The weight is there, whether a filter knows it or
-        takes it for a disturbance. Without a current among the states nobody asks: 0.
+        By what the filter knows of its magnet; 0 without a current among the states.
         """
-        if not {"current", "past control"} & {state.role for state in self.states}:
-            return 0.0, 0.0
-        balance = self.bearing.weight + bias_force_of(self.magnet, self.bearing)
-        step = 0.1 * self.bearing.rotor.travel_limit
-        less, middle, more = (
-            hover_current(self.bearing, self.magnet, x, balance) for x in (-step, 0.0, step)
-        )
-        return middle, (more - less) / (2 * step)
+        return hovering(self.bearing, self.magnet, self.states)
 
     def predict(self, u: float) -> NDArray[np.float64]:
         """Go one sample on (eq. 9, 10).
@@ -469,16 +436,3 @@ def check_sampling(bearing: Bearing, record: Record) -> None:
             f"the record is sampled every {T:.6g} s, but bearing {bearing.name!r} has "
             f"sampling_time = {bearing.sampling_time:.6g} s"
         )
-
-
-def _linear(model: Model, k_i: float, k_s: float, settings: dict[str, Any]) -> LinearModel:
-    """Return a model with the noise of some settings, at a working point."""
-    gain = settings["k_ui"][0]
-    return LinearModel(
-        A=model.jacobian(k_i, k_s),
-        B=model.input_matrix(k_i) * gain,
-        E=model.b.copy(),
-        H=model.c.copy(),
-        Q=model.process_noise(k_i, gain**2 * settings["var_u"][0], settings["var_d"]),
-        R=settings["var_y"][0],
-    )

@@ -61,7 +61,8 @@ def render(
     in_core = None if called is PAPER else called  # whose step goes through the interface
     # The paper's filter is given its constants, and asks no magnet.
     given = in_core is None and kind is MAGNETS["Constant"]
-    needed = ["src/kalman.c", "src/envelope.c", *([] if given else [f"src/{kind.source}.c"])]
+    needed = ["src/kalman.c", "src/envelope.c", "src/at_rest.c"]
+    needed += [] if given else [f"src/{kind.source}.c"]
     if in_core is not None:
         needed += [f"src/{stem}.c" for stem in ("estimator", in_core.source, *in_core.calls)]
         inner = getattr(estimator, "inner", None)
