@@ -92,6 +92,34 @@ Estimator::Estimator(const amb_estimator_methods &methods, nb::object around)
   estimator = {&methods, &kf, magnets.data(), nullptr};
 }
 
+void Estimator::must_have(std::initializer_list<amb_role> roles, const char *who) const
+{
+  const auto called = [](amb_role role) {
+    switch (role) {
+    case AMB_POSITION:
+      return "position of the rotor";
+    case AMB_VELOCITY:
+      return "velocity of the rotor";
+    default:
+      return "disturbance force";
+    }
+  };
+  for (const amb_role role : roles)
+    if (amb_first(&kf.model, role) < 0)
+      throw std::invalid_argument(std::string(who) + " needs a " + called(role) +
+                                  " among the states of the model, which has none");
+}
+
+void Estimator::must_be_single(const char *who) const
+{
+  const Sizes of = sizes();
+  if (of.sensors != 1 || of.controls != 1)
+    throw std::invalid_argument(std::string(who) +
+                                " takes one sensor and one control; the model "
+                                "has " +
+                                std::to_string(of.sensors) + " and " + std::to_string(of.controls));
+}
+
 Named run_input(Estimator &self, const amb_kalman_input &input, bool covariance)
 {
   History history(input.n, self.sizes(), covariance, self.scales());
@@ -156,8 +184,7 @@ amb_status step(Estimator &self, const Samples &y, const Samples &u)
 // The same of one sensor and one control, without an array.
 void only_one(const Estimator &self)
 {
-  if (self.sizes().sensors != 1 || self.sizes().controls != 1)
-    throw std::invalid_argument("this model has several sensors or controls: arrays are needed");
+  self.must_be_single("a step with numbers instead of arrays");
 }
 
 amb_status predict_one(Estimator &self, amb_real u)
@@ -245,10 +272,8 @@ Out<amb_real> covariance(const Estimator &self)
 {
   const size_t n = self.sizes().states;
   Fresh<amb_real> P({n, n});
-  const amb_real *entry = self.base().cov;
-  for (size_t i = 0; i < n; i++)
-    for (size_t j = i; j < n; j++)
-      P.data[i * n + j] = P.data[j * n + i] = *entry++;
+  const int rows = static_cast<int>(n);
+  amb_unfold(rows, self.base().cov, rows, P.data);
   return P.array;
 }
 

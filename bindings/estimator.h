@@ -4,6 +4,7 @@
 #include "magnets.h"
 
 #include <cstddef>
+#include <initializer_list>
 
 extern "C" {
 #include "ambkit/estimator_run.h"
@@ -136,6 +137,11 @@ struct Estimator {
   {
     return {};
   }
+
+  // That a kind, or what is done with it, finds the states that it works with.
+  void must_have(std::initializer_list<amb_role> roles, const char *who) const;
+  // That there is one sensor and one control.
+  void must_be_single(const char *who) const;
 
 private:
   nb::object keeps, keeps_too; // the magnets' owners and the model's, or the estimator inside

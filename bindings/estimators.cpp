@@ -88,6 +88,11 @@ struct LowPass : Estimator {
           amb_real force, nb::kwargs settings)
       : Estimator(amb_low_pass_methods, asked, model, settings), own{m, position, velocity, force}
   {
+    must_be_single("a low-pass filter");
+    must_have({AMB_POSITION, AMB_VELOCITY, AMB_LOAD}, "a low-pass filter");
+    if (sizes().forces != 1)
+      throw std::invalid_argument("a low-pass filter takes one magnet force; the model has " +
+                                  std::to_string(sizes().forces));
     estimator.own = &own;
   }
   nb::dict more() const override
@@ -135,6 +140,8 @@ struct AdaptiveNoise : Estimator {
   {
     if (amb_adaptive_noise_check(&own) != AMB_OK)
       throw std::invalid_argument("a parameter of the adaptation is outside its range");
+    if (disturbance)
+      must_have({AMB_LOAD}, "finding the growth of the disturbance");
     estimator.own = &own;
   }
   nb::dict more() const override

@@ -107,6 +107,10 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
     same_length(n, scale->size(), "scale");
   if (feedback_estimate && estimator == nullptr)
     throw std::invalid_argument("feedback from the estimate needs an estimator");
+  if (estimator != nullptr)
+    estimator->must_be_single("the simulated loop");
+  if (feedback_estimate)
+    estimator->must_have({AMB_POSITION, AMB_VELOCITY}, "feedback from the estimate");
   const amb_parts with = parts ? parts_of(*parts) : amb_parts{};
   const amb_loop loop{{magnet.magnet, m, f_0, K_sen, T_sen, travel, substeps,
                        parts ? &with : nullptr, coil ? coil->magnet : amb_magnet{}},

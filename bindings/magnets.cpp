@@ -24,6 +24,19 @@ struct Constant : Magnet {
   }
 };
 
+// What all force laws have in common, by the names of the fields.
+template <typename Of> nb::dict shown_law(const Of &law)
+{
+  nb::dict d;
+  d["k"] = law.k;
+  d["s0"] = law.s0;
+  d["i0"] = law.i0;
+  d["two_sided"] = law.two_sided;
+  d["ampere"] = law.ampere;
+  d["metre"] = law.metre;
+  return d;
+}
+
 struct Law : Magnet {
   amb_law law;
   Law(amb_real k, amb_real s0, amb_real i0, bool two_sided, amb_real ampere, amb_real metre)
@@ -33,14 +46,7 @@ struct Law : Magnet {
   }
   Named parameters() const override
   {
-    nb::dict d;
-    d["k"] = law.k;
-    d["s0"] = law.s0;
-    d["i0"] = law.i0;
-    d["two_sided"] = law.two_sided;
-    d["ampere"] = law.ampere;
-    d["metre"] = law.metre;
-    return d;
+    return shown_law(law);
   }
 };
 
@@ -54,15 +60,9 @@ struct Saturating : Magnet {
   }
   Named parameters() const override
   {
-    nb::dict d;
-    d["k"] = law.k;
-    d["s0"] = law.s0;
-    d["i0"] = law.i0;
+    nb::dict d = shown_law(law);
     d["iron"] = law.iron;
     d["knee"] = law.knee;
-    d["two_sided"] = law.two_sided;
-    d["ampere"] = law.ampere;
-    d["metre"] = law.metre;
     return d;
   }
 };

@@ -30,6 +30,7 @@ struct Augmented : Estimator {
             amb_real min, amb_real max, amb_real fresh, amb_real least, nb::kwargs settings)
       : Estimator(amb_augmented_methods, asked, model, settings)
   {
+    must_have({AMB_LOAD}, "estimating the magnets' scale");
     if (!(std > 0 && var_k >= 0 && min > 0 && min <= 1 && max >= 1))
       throw std::invalid_argument("std must be above 0, var_k 0 or more, 0 < min <= 1 <= max");
     fill(own.bias, bias, sizes().forces, "bias");
@@ -59,6 +60,7 @@ struct MultipleModel : Estimator {
                 const Vector &bias, amb_real fresh, amb_real least, nb::kwargs settings)
       : Estimator(amb_multiple_model_methods, asked, model, settings)
   {
+    must_have({AMB_LOAD}, "estimating the magnets' scale");
     const size_t n = theta.size();
     if (n < 2 || n > AMB_MODELS)
       throw std::invalid_argument("there must be 2 to 5 models");

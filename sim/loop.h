@@ -12,8 +12,9 @@ typedef struct amb_loop {
   amb_real T;                     /* sampling time [s] */
   amb_real k_ui;                  /* amplifier gain [A/V] */
   amb_real iu_min, iu_max;        /* its limits [A] */
-  const amb_estimator *estimator; /* or NULL */
-  bool feedback_estimate;         /* controller fed by the estimate; else by the measurement */
+  const amb_estimator *estimator; /* or NULL; of one sensor and one control */
+  bool feedback_estimate; /* controller fed by the estimated position and velocity, which its
+                           * model must have; else by the measurement */
 } amb_loop;
 
 /* What changes in the loop from sample to sample. Start with `sampled` false. */

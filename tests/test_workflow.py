@@ -16,8 +16,9 @@ from ambkit.machine.forces.file import load_force_points
 from ambkit.workflow import comparing, training
 from ambkit.workflow.estimators import USUAL, factories
 from ambkit.workflow.filtering import filter as filter_record
-from ambkit.workflow.filtering import lost_control, stretch_to_tune_on
+from ambkit.workflow.filtering import stretch_to_tune_on
 from ambkit.workflow.identifying import identify, identify_by_lift_off, noise_at_rest
+from ambkit.workflow.oddities import lost_control
 from ambkit.workflow.simulating import RunSummary, experiment_duration, scenario_for
 from ambkit.workflow.tuning import default_disturbance, most_likely_disturbance
 

@@ -145,6 +145,14 @@ AMB_INLINE void amb_model_growth(const amb_model *model, const amb_real var[AMB_
   growth[9] = model->N33 * var[0];
 }
 
+/* Whether noise k drives state i within a sample. */
+AMB_INLINE bool amb_model_drives(const amb_model *model, int k, int i)
+{
+  (void)model;
+  static const bool drives[AMB_NOISES][AMB_STATES] = {{true, true, true, true}};
+  return drives[k][i];
+}
+
 /* How a force of 1 N moves the states within a sample. */
 AMB_INLINE void amb_model_pushed(const amb_model *model, int f, amb_real moved[AMB_STATES])
 {

@@ -1,4 +1,5 @@
 #include "ambkit/adaptive_noise.h"
+#include "kalman_step.h"
 
 static const amb_adaptive_noise *own(const amb_estimator *self)
 {
@@ -24,8 +25,10 @@ amb_status amb_adaptive_noise_check(const amb_adaptive_noise *a)
 
 static void open_window(amb_adaptive_noise_state *s)
 {
-  s->correction = AMB_C(0.0);
-  s->expected = AMB_C(0.0);
+  for (int i = 0; i < AMB_STATES; i++) {
+    s->correction[i] = AMB_C(0.0);
+    s->expected[i] = AMB_C(0.0);
+  }
   s->samples = 0U;
 }
 
@@ -74,20 +77,33 @@ static amb_status follow(amb_real share, amb_real square, amb_real variance, amb
   return ((next < low) || (next > high)) ? AMB_NOISE_LIMIT : AMB_OK;
 }
 
-/* The growth of all noises by what is seen of the first load; `share`: of a sample. */
+/* The growth by each noise, by what is seen of the loads that it drives. */
 static amb_status adapt_growth(const amb_adaptive_noise *a, const amb_kalman_settings *nominal,
                                amb_adaptive_noise_state *s)
 {
+  const amb_model *model = &s->kf.model;
+  amb_status status = AMB_OK;
   /* A window tells once what its samples would have told one by one. */
   const amb_real share = amb_clamp(s->share * (amb_real)a->window, AMB_C(0.0), AMB_C(0.5));
-  const amb_status status = follow(share, s->correction * s->correction, s->expected,
-                                   nominal->var_d[0], a->most, &s->kf.set.var_d[0]);
-  amb_model_growth(&s->kf.model, s->kf.set.var_d, s->kf.growth);
+  for (int k = 0; k < amb_noises(model); k++) {
+    amb_real square = AMB_C(0.0);
+    amb_real expected = AMB_C(0.0);
+    for (int i = 0; i < amb_states(model); i++) {
+      if ((amb_model_role(model, i) == AMB_LOAD) && amb_model_drives(model, k, i)) {
+        square += s->correction[i] * s->correction[i];
+        expected += s->expected[i];
+      }
+    }
+    if (expected > AMB_C(0.0)) {
+      status |= follow(share, square, expected, nominal->var_d[k], a->most, &s->kf.set.var_d[k]);
+    }
+  }
+  amb_model_growth(model, s->kf.set.var_d, s->kf.growth);
   return status;
 }
 
 static amb_status adapt(const amb_estimator *self, amb_adaptive_noise_state *s,
-                        const amb_kalman_result *result, amb_real correction, amb_real expected)
+                        const amb_kalman_result *result)
 {
   const amb_adaptive_noise *a = own(self);
   const amb_kalman_settings *nominal = &self->kf->set;
@@ -99,11 +115,9 @@ static amb_status adapt(const amb_estimator *self, amb_adaptive_noise_state *s,
                        &s->kf.set.var_y[r]);
     }
   }
-  s->correction += correction;
-  s->expected += expected;
   s->samples++;
   if (s->samples >= a->window) {
-    if (a->disturbance && (s->expected > AMB_C(0.0))) {
+    if (a->disturbance) {
       status |= adapt_growth(a, nominal, s);
     }
     open_window(s);
@@ -127,7 +141,7 @@ static bool is_amiss(const amb_estimator *self, const amb_adaptive_noise_state *
   return amiss;
 }
 
-/* Whether a measurement tells of the noise, and not of the start or of a fault. */
+/* Whether measurements tell of the noise, and not of the start or of a fault. */
 static bool learns(const amb_estimator *self, amb_adaptive_noise_state *s, amb_status status,
                    const amb_kalman_result *result)
 {
@@ -140,7 +154,29 @@ static bool learns(const amb_estimator *self, amb_adaptive_noise_state *s, amb_s
       return false;
     }
   }
-  return (status & AMB_UNTOLD) == AMB_OK;
+  return amb_step_tells(&self->kf->model, result);
+}
+
+/* What the sensors have corrected of each load, and what of it was expected: K S K', of several
+ * sensors what they have taken off its variance together. */
+static void add_corrections(const amb_model *model, const amb_real before[AMB_STATES],
+                            const amb_real variances[AMB_STATES], const amb_real with_y[AMB_STATES],
+                            amb_real S, amb_adaptive_noise_state *s)
+{
+  const amb_kalman_state *base = &s->inner.base;
+  (void)variances;
+  for (int i = 0; i < amb_states(model); i++) {
+    if (amb_model_role(model, i) == AMB_LOAD) {
+      amb_real expected = with_y[i] * (with_y[i] / S);
+#if AMB_SENSORS > 1
+      if (amb_sensors(model) > 1) {
+        expected = variances[i] - base->cov[amb_entry(amb_states(model), i, i)];
+      }
+#endif
+      s->correction[i] += base->mean[i] - before[i];
+      s->expected[i] += expected;
+    }
+  }
 }
 
 static amb_status update(const amb_estimator *self, void *state, const amb_real y[AMB_SENSORS],
@@ -150,26 +186,18 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
   amb_adaptive_noise_state *s = (amb_adaptive_noise_state *)state;
   const amb_kalman_state *base = &s->inner.base;
   const amb_estimator inner = inner_with(self, &s->kf);
-  const int load = amb_first(model, AMB_LOAD);
-#if AMB_SENSORS > 1
-  const int variance = amb_entry(amb_states(model), load, load);
-#endif
-  const amb_real f_d = base->mean[load];
-#if AMB_SENSORS > 1
-  const amb_real before = base->cov[variance];
-#endif
+  amb_real before[AMB_STATES];
+  amb_real variances[AMB_STATES];
   amb_real with_y[AMB_STATES];
+  for (int i = 0; i < amb_states(model); i++) {
+    before[i] = base->mean[i];
+  }
+  amb_model_variances(model, base->cov, variances);
   amb_model_shown_with(model, 0, base->cov, with_y);
   amb_status status = inner.methods->update(&inner, &s->inner, y, result);
   if (learns(self, s, status, result)) {
-    /* K S K', for several sensors what they have taken off the variance together. */
-    amb_real expected = with_y[load] * (with_y[load] / result->variance[0]);
-#if AMB_SENSORS > 1
-    if (amb_sensors(model) > 1) {
-      expected = before - base->cov[variance];
-    }
-#endif
-    status |= adapt(self, s, result, base->mean[load] - f_d, expected);
+    add_corrections(model, before, variances, with_y, result->variance[0], s);
+    status |= adapt(self, s, result);
   }
   result->status = status;
   return status;

@@ -38,26 +38,49 @@ static amb_status reset(const amb_estimator *self, void *state, const amb_real m
     s->theta = AMB_C(1.0);
     s->trusted = AMB_C(1.0);
     s->var = own_of(self)->std * own_of(self)->std;
-    amb_excitation_reset(&s->excitation, s->base.mean[amb_first(model, AMB_LOAD)]);
+    amb_excitation_reset(&s->excitation, s->base.mean);
   }
   return status;
 }
 
-/* The plant's states start afresh, whatever theta is. */
-static void part_from_theta(int n, amb_augmented_state *s)
+/* States that were started afresh have nothing to do with theta any more: of several sensors those
+ * that one of them saw, of which with_y is not 0. */
+static void part_from_theta(const amb_model *model, amb_augmented_state *s,
+                            const amb_real with_y[AMB_STATES])
 {
-  copy(n, s->base.cov, s->cov);
-  for (int i = 0; i < n; i++) {
+  (void)with_y;
+  for (int i = 0; i < amb_states(model); i++) {
+#if AMB_SENSORS > 1
+    if ((amb_sensors(model) > 1) && !(amb_magnitude(with_y[i]) > AMB_C(0.0))) {
+      continue;
+    }
+#endif
     s->excitation.slope[i] = AMB_C(0.0);
   }
 }
 
-/* As amb_step_contain. */
+/* As amb_step_contain. As long as a position is known, what is known of other states than the held
+ * ones stays, and what of it is theta's. */
 static amb_status contain(const amb_kalman *kf, amb_augmented_state *s)
 {
+  const int n = amb_states(&kf->model);
+  bool held[AMB_STATES];
+  if (!amb_step_is_lost(kf, &s->base)) {
+    return AMB_OK;
+  }
+  const bool nowhere = !amb_envelope_lost(kf, s->base.cov, held);
   const amb_status status = amb_step_contain(kf, &s->base);
-  if (status != AMB_OK) {
-    part_from_theta(amb_states(&kf->model), s);
+  int entry = 0;
+  for (int i = 0; i < n; i++) {
+    for (int j = i; j < n; j++) {
+      if (nowhere || held[i] || held[j]) {
+        s->cov[entry] = s->base.cov[entry];
+      }
+      entry++;
+    }
+    if (nowhere || held[i]) {
+      s->excitation.slope[i] = AMB_C(0.0);
+    }
   }
   return status;
 }
@@ -125,54 +148,80 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   return result->status;
 }
 
-/* Take in the measurement y [m] of sensor r. */
-static amb_status update_one(const amb_kalman *kf, const amb_augmented *own, amb_augmented_state *s,
-                             int r, amb_real y, amb_step_surprise *told)
+/* A sample, and what each of its sensors said with theta as it was. */
+typedef struct hearing {
+  amb_augmented_state *s;
+  amb_real on_y[AMB_SENSORS]; /* slope of what it shows */
+  amb_real S[AMB_SENSORS];    /* variance of its innovation, were theta known [m^2] */
+} hearing;
+
+static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r, amb_real y,
+                          amb_step_surprise *told)
 {
   const int n = amb_states(&kf->model);
+  hearing *h = (hearing *)of;
+  amb_augmented_state *s = h->s;
   amb_real with_y[AMB_STATES];
+  (void)own;
   amb_model_shown_with(&kf->model, r, s->cov, with_y);
-  const amb_real on_y = amb_model_shown(&kf->model, r, s->excitation.slope);
+  h->on_y[r] = amb_model_shown(&kf->model, r, s->excitation.slope);
   copy(n, s->cov, s->base.cov);
-  amb_status status = amb_step_update(kf, &s->base, r, y, told);
+  const amb_status status = amb_step_update(kf, &s->base, r, y, told);
   copy(n, s->base.cov, s->cov);
-  const amb_real S = told->variance;
-  const amb_real total = S + on_y * s->var * on_y;
+  h->S[r] = told->variance;
+  told->variance += h->on_y[r] * s->var * h->on_y[r];
   if ((status & AMB_RESTARTED) != 0U) {
-    part_from_theta(n, s);
+    part_from_theta(&kf->model, s, with_y);
   }
   if ((status & AMB_UNTOLD) == 0U) {
-    if (amb_excitation_update(&s->excitation, &own->learn, kf, r, with_y, S, s->base.mean)) {
-      const amb_real gain = (s->var * on_y) / total;
-      move(n, s, amb_clamp(s->theta + gain * told->innovation, own->min, own->max));
-      s->var *= S / total;
-      if (!(s->excitation.doubt > AMB_C(0.0))) {
-        s->trusted = s->theta;
-      }
-    } else {
-      status |= AMB_UNEXCITED;
-    }
-  } else {
-    amb_excitation_miss(&s->excitation);
+    amb_excitation_update(&s->excitation, &kf->model, r, with_y, h->S[r]);
   }
-  widen(n, s->cov, s->excitation.slope, s->var, s->base.cov);
-  told->variance = total;
   return status;
+}
+
+/* Correct theta by what the sensors said, one after the other; each innovation is less what those
+ * before have made theta of. */
+static void learn(const amb_model *model, const amb_augmented *own, const hearing *h,
+                  amb_kalman_result *result)
+{
+  amb_augmented_state *s = h->s;
+  amb_real theta = s->theta;
+  for (int r = 0; r < amb_sensors(model); r++) {
+    if ((result->health[r] & AMB_UNTOLD) == 0U) {
+      const amb_real e = result->innovation[r] - h->on_y[r] * (theta - s->theta);
+      const amb_real total = h->S[r] + h->on_y[r] * s->var * h->on_y[r];
+      const amb_real gain = (s->var * h->on_y[r]) / total;
+      theta = amb_clamp(theta + gain * e, own->min, own->max);
+      s->var *= h->S[r] / total;
+      result->innovation[r] = e;
+      result->variance[r] = total;
+    }
+  }
+  move(amb_states(model), s, theta);
+  if (!(s->excitation.doubt > AMB_C(0.0))) {
+    s->trusted = s->theta;
+  }
 }
 
 static amb_status update(const amb_estimator *self, void *state, const amb_real y[AMB_SENSORS],
                          amb_kalman_result *result)
 {
-  result->status = AMB_OK;
-  for (int r = 0; r < amb_sensors(&self->kf->model); r++) {
-    amb_step_surprise e;
-    result->health[r] =
-        update_one(self->kf, own_of(self), (amb_augmented_state *)state, r, y[r], &e);
-    result->innovation[r] = e.innovation;
-    result->variance[r] = e.variance;
-    result->status |= result->health[r];
+  const amb_kalman *kf = self->kf;
+  const amb_augmented *own = own_of(self);
+  hearing h;
+  h.s = (amb_augmented_state *)state;
+  amb_augmented_state *s = h.s;
+  amb_status status = amb_step_each(take_in, kf, own, &h, y, result);
+  if (!amb_step_tells(&kf->model, result)) {
+    amb_excitation_miss(&s->excitation);
+  } else if (amb_excitation_learns(&s->excitation, &own->learn, kf, s->base.mean)) {
+    learn(&kf->model, own, &h, result);
+  } else {
+    status |= AMB_UNEXCITED;
   }
-  return result->status;
+  widen(amb_states(&kf->model), s->cov, s->excitation.slope, s->var, s->base.cov);
+  result->status = status;
+  return status;
 }
 
 static void advance(const amb_estimator *self, amb_real scale, const amb_real iu[AMB_CONTROLS],

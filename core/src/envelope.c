@@ -1,4 +1,5 @@
 #include "ambkit/envelope.h"
+#include "at_rest.h"
 
 /* Of a standard deviation, at each start from a measurement. */
 #define LESS_SURE AMB_C(10.0)
@@ -21,46 +22,12 @@ bool amb_envelope_clamp(const amb_kalman *kf, amb_real mean[AMB_STATES])
   return !within;
 }
 
-/* All states of a rotor at rest that is off by 1 m in position i, or what else state i is. */
-static void off_by_one(const amb_model *model, int i, amb_real states[AMB_STATES])
-{
-  for (int j = 0; j < amb_states(model); j++) {
-    states[j] = (i == j) ? AMB_C(1.0) : AMB_C(0.0);
-  }
-  if (amb_model_role(model, i) == AMB_POSITION) {
-    amb_model_at_rest(model, states);
-  }
-}
-
-/* All states of a rotor at rest where sensor r shows 1 m. */
-static void where_shown(const amb_model *model, int r, amb_real states[AMB_STATES])
-{
-  const int n = amb_states(model);
-  amb_real sum = AMB_C(0.0);
-  amb_real one[AMB_STATES];
-  for (int j = 0; j < n; j++) {
-    states[j] = AMB_C(0.0);
-  }
-  for (int i = 0; i < n; i++) {
-    if (amb_model_role(model, i) == AMB_POSITION) {
-      off_by_one(model, i, one);
-      const amb_real shown = amb_model_shown(model, r, one);
-      sum += shown * shown;
-      for (int j = 0; j < n; j++) {
-        states[j] += shown * one[j];
-      }
-    }
-  }
-  for (int j = 0; j < n; j++) {
-    states[j] = (sum > AMB_C(0.0)) ? (states[j] / sum) : AMB_C(0.0);
-  }
-}
-
-void amb_envelope_place(const amb_kalman *kf, int r, amb_real y, amb_real mean[AMB_STATES])
+/* The only sensor: the rotor is at rest where it shows it. */
+static void place_there(const amb_kalman *kf, int r, amb_real y, amb_real mean[AMB_STATES])
 {
   const amb_model *model = &kf->model;
   amb_real shown[AMB_STATES];
-  where_shown(model, r, shown);
+  amb_rest_where_shown(model, r, shown);
   for (int i = 0; i < amb_states(model); i++) {
     const amb_role role = amb_model_role(model, i);
     if (role != AMB_KNOWN) {
@@ -70,6 +37,43 @@ void amb_envelope_place(const amb_kalman *kf, int r, amb_real y, amb_real mean[A
       mean[i] = amb_clamp(mean[i], -kf->set.cap[i], kf->set.cap[i]);
     }
   }
+}
+
+#if AMB_SENSORS > 1
+/* One of several: what it sees of the rotor is at rest, the least way from where it was. */
+static void place_towards(const amb_kalman *kf, int r, amb_real y, amb_real mean[AMB_STATES])
+{
+  const amb_model *model = &kf->model;
+  const int n = amb_states(model);
+  bool seen[AMB_STATES];
+  amb_real shown[AMB_STATES];
+  amb_real rest[AMB_STATES];
+  (void)amb_envelope_clamp(kf, mean);
+  amb_rest_where_shown(model, r, shown);
+  for (int i = 0; i < n; i++) {
+    const bool position = amb_model_role(model, i) == AMB_POSITION;
+    seen[i] = position && (amb_magnitude(shown[i]) > AMB_C(0.0));
+    rest[i] = position ? mean[i] : AMB_C(0.0);
+  }
+  amb_rest_add_followers(model, seen);
+  amb_model_at_rest(model, rest);
+  const amb_real off = y - amb_model_shown(model, r, rest);
+  for (int i = 0; i < n; i++) {
+    const amb_real at = rest[i] + shown[i] * off;
+    mean[i] = seen[i] ? amb_clamp(at, -kf->set.cap[i], kf->set.cap[i]) : mean[i];
+  }
+}
+#endif
+
+void amb_envelope_place(const amb_kalman *kf, int r, amb_real y, amb_real mean[AMB_STATES])
+{
+#if AMB_SENSORS > 1
+  if (amb_sensors(&kf->model) > 1) {
+    place_towards(kf, r, y, mean);
+    return;
+  }
+#endif
+  place_there(kf, r, y, mean);
 }
 
 static amb_real at_most(amb_real variance, amb_real most)
@@ -95,32 +99,104 @@ static void clear(int n, amb_real P[AMB_TRIANGLE])
   }
 }
 
-/* Of these variances, positions anywhere between the stops, and sensors that show them to a tenth.
- */
-static void fill_anywhere(const amb_kalman *kf, const amb_real variance[AMB_STATES],
-                          amb_real P[AMB_TRIANGLE])
+/* Entry (i, j) of an upper triangle, whichever comes first. */
+static int place_of(int n, int i, int j)
 {
-  const amb_model *model = &kf->model;
+  return (i <= j) ? amb_entry(n, i, j) : amb_entry(n, j, i);
+}
+
+/* What state `s` shows of the rotor at rest: its row of P from those of the positions, to a tenth.
+ */
+static void show(const amb_model *model, int s, amb_real P[AMB_TRIANGLE])
+{
   const int n = amb_states(model);
   amb_real one[AMB_STATES];
-  clear(n, P);
+  for (int j = 0; j < n; j++) {
+    if (j != s) {
+      P[place_of(n, s, j)] = AMB_C(0.0);
+    }
+  }
+  amb_real variance = AMB_C(0.0);
   for (int i = 0; i < n; i++) {
-    const amb_role role = amb_model_role(model, i);
-    off_by_one(model, i, one);
-    if (role != AMB_SHOWN) {
-      add_square(n, (role == AMB_POSITION) ? kf->widest[i] : variance[i], one, P);
+    if (amb_model_role(model, i) == AMB_POSITION) {
+      amb_rest_off_by_one(model, i, one);
+      for (int j = 0; j < n; j++) {
+        if (j != s) {
+          P[place_of(n, s, j)] += one[s] * P[place_of(n, i, j)];
+        }
+      }
     }
   }
   for (int i = 0; i < n; i++) {
-    if (amb_model_role(model, i) == AMB_SHOWN) {
-      P[amb_entry(n, i, i)] *= AMB_C(1.01);
+    if (amb_model_role(model, i) == AMB_POSITION) {
+      amb_rest_off_by_one(model, i, one);
+      variance += one[s] * P[place_of(n, s, i)];
+    }
+  }
+  P[amb_entry(n, s, s)] = variance * AMB_C(1.01);
+}
+
+/* Forget the lost ones: of these variances, positions anywhere between the stops, and sensors that
+ * show the rotor to a tenth. What is known of the others stays. */
+static void forget(const amb_kalman *kf, const bool lost[AMB_STATES],
+                   const amb_real variance[AMB_STATES], amb_real P[AMB_TRIANGLE])
+{
+  const amb_model *model = &kf->model;
+  const int n = amb_states(model);
+  for (int i = 0; i < n; i++) {
+    const amb_real most = (amb_model_role(model, i) == AMB_POSITION) ? kf->widest[i] : variance[i];
+    for (int j = i; j < n; j++) {
+      if (lost[i] || lost[j]) {
+        P[amb_entry(n, i, j)] = (i == j) ? most : AMB_C(0.0);
+      }
+    }
+  }
+  for (int i = 0; i < n; i++) {
+    if (lost[i] && (amb_model_role(model, i) == AMB_SHOWN)) {
+      show(model, i, P);
     }
   }
 }
 
 void amb_envelope_open(const amb_kalman *kf, amb_real P[AMB_TRIANGLE])
 {
-  fill_anywhere(kf, kf->widest, P);
+  bool each[AMB_STATES];
+  for (int i = 0; i < amb_states(&kf->model); i++) {
+    each[i] = true;
+  }
+  forget(kf, each, kf->widest, P);
+}
+
+bool amb_envelope_lost(const amb_kalman *kf, const amb_real P[AMB_TRIANGLE], bool lost[AMB_STATES])
+{
+  const amb_model *model = &kf->model;
+  const int n = amb_states(model);
+  bool some = false;
+  for (int i = 0; i < n; i++) {
+    lost[i] = !(P[amb_entry(n, i, i)] <= kf->widest[i]);
+    some = some || ((amb_model_role(model, i) == AMB_POSITION) && !lost[i]);
+  }
+  amb_rest_add_followers(model, lost);
+  return some;
+}
+
+/* Means of what was lost: of a rotor at rest in the middle, as far as it is not known. */
+static void rest_in_the_middle(const amb_kalman *kf, const bool lost[AMB_STATES],
+                               amb_real mean[AMB_STATES])
+{
+  const amb_model *model = &kf->model;
+  amb_real rest[AMB_STATES];
+  for (int i = 0; i < amb_states(model); i++) {
+    const amb_role role = amb_model_role(model, i);
+    const bool moves = (role == AMB_POSITION) || (role == AMB_VELOCITY);
+    mean[i] = (moves && lost[i]) ? AMB_C(0.0) : amb_clamp(mean[i], -kf->set.cap[i], kf->set.cap[i]);
+    rest[i] = mean[i];
+  }
+  amb_model_at_rest(model, rest);
+  for (int i = 0; i < amb_states(model); i++) {
+    const bool shows = lost[i] && (amb_model_role(model, i) == AMB_SHOWN);
+    mean[i] = shows ? rest[i] : mean[i];
+  }
 }
 
 amb_status amb_envelope_hold(const amb_kalman *kf, amb_kalman_state *state)
@@ -128,8 +204,10 @@ amb_status amb_envelope_hold(const amb_kalman *kf, amb_kalman_state *state)
   const amb_model *model = &kf->model;
   const int n = amb_states(model);
   bool sound = amb_envelope_within(kf, AMB_ASTRAY, state->mean);
+  bool lost[AMB_STATES];
   amb_real share = AMB_C(1.0); /* of the variances, with which positions are between the stops */
   amb_real variance[AMB_STATES];
+  (void)amb_envelope_lost(kf, state->cov, lost);
   for (int i = 0; i < n; i++) {
     const amb_role role = amb_model_role(model, i);
     variance[i] = state->cov[amb_entry(n, i, i)];
@@ -139,19 +217,25 @@ amb_status amb_envelope_hold(const amb_kalman *kf, amb_kalman_state *state)
     }
   }
   for (int i = 0; i < n; i++) {
-    const amb_role role = amb_model_role(model, i);
-    const bool goes_on = sound && ((role == AMB_LOAD) || (role == AMB_KNOWN));
-    const amb_real cap = kf->set.cap[i];
-    state->mean[i] = goes_on ? amb_clamp(state->mean[i], -cap, cap) : AMB_C(0.0);
-    if (role == AMB_VELOCITY) {
+    if (amb_model_role(model, i) == AMB_VELOCITY) {
       variance[i] *= share;
     }
     variance[i] = at_most(variance[i], kf->widest[i]);
   }
   for (int r = 0; r < amb_sensors(model); r++) {
-    state->sensor[r].residual = AMB_C(0.0);
+    if (amb_rest_sees(model, r, lost)) {
+      state->sensor[r].residual = AMB_C(0.0);
+    }
   }
-  fill_anywhere(kf, sound ? variance : kf->widest, state->cov);
+  if (sound) {
+    rest_in_the_middle(kf, lost, state->mean);
+    forget(kf, lost, variance, state->cov);
+  } else {
+    for (int i = 0; i < n; i++) {
+      state->mean[i] = AMB_C(0.0);
+    }
+    amb_envelope_open(kf, state->cov);
+  }
   return sound ? AMB_HELD : (AMB_HELD | AMB_RESTARTED);
 }
 
@@ -174,7 +258,7 @@ static void restart_there(const amb_kalman *kf, amb_kalman_state *state, int r, 
       fastest = variance[i];
     }
   }
-  where_shown(model, r, shown);
+  amb_rest_where_shown(model, r, shown);
   clear(n, state->cov);
   for (int i = 0; i < n; i++) {
     const amb_role role = amb_model_role(model, i);
@@ -191,25 +275,58 @@ static void restart_there(const amb_kalman *kf, amb_kalman_state *state, int r, 
 }
 
 #if AMB_SENSORS > 1
-/* One of several: all is less sure, and then it is believed. */
-static void restart_towards(const amb_kalman *kf, amb_kalman_state *state, int r, amb_real y)
+/* Take in y of sensor r, of this variance at least; half the digits of its own must be left, as in
+ * amb_step_update. */
+static void believe(const amb_kalman *kf, amb_kalman_state *state, int r, amb_real y,
+                    amb_real variance)
 {
-  const int n = amb_states(&kf->model);
-  amb_real less[AMB_STATES];
   amb_real e;
   amb_real S;
+  const amb_real least = AMB_ROOT_EPSILON * amb_model_shown_variance(&kf->model, r, state->cov);
+  const amb_real most = (variance > kf->set.var_y[r]) ? variance : kf->set.var_y[r];
+  amb_model_update(&kf->model, r, y, (least > most) ? least : most, state->mean, state->cov, &e,
+                   &S);
+}
+
+/* What the estimate says that sensor r shows, once more, until it is as sure as it `was`. */
+static void tell_again(const amb_kalman *kf, amb_kalman_state *state, int r, amb_real was)
+{
+  const amb_real now = amb_model_shown_variance(&kf->model, r, state->cov);
+  if (now > was) {
+    const amb_real y = amb_model_shown(&kf->model, r, state->mean);
+    believe(kf, state, r, y, now * (was / (now - was)));
+  }
+}
+
+/* One of several: what has to do with it is less sure, but as far as the others have told it; then
+ * it is believed. */
+static void restart_towards(const amb_kalman *kf, amb_kalman_state *state, int r, amb_real y)
+{
+  const amb_model *model = &kf->model;
+  const int n = amb_states(model);
+  amb_real less[AMB_STATES];
+  amb_real with_y[AMB_STATES];
+  amb_real was[AMB_SENSORS];
+  amb_model_shown_with(model, r, state->cov, with_y);
+  for (int other = 0; other < amb_sensors(model); other++) {
+    was[other] = amb_model_shown_variance(model, other, state->cov);
+  }
   for (int i = 0; i < n; i++) {
     const amb_real variance = (LESS_SURE * LESS_SURE) * state->cov[amb_entry(n, i, i)];
-    less[i] = (variance <= kf->widest[i]) ? LESS_SURE : AMB_C(1.0);
+    const bool room = (variance <= kf->widest[i]) && (amb_magnitude(with_y[i]) > AMB_C(0.0));
+    less[i] = room ? LESS_SURE : AMB_C(1.0);
   }
   for (int i = 0; i < n; i++) {
     for (int j = i; j < n; j++) {
       state->cov[amb_entry(n, i, j)] *= less[i] * less[j];
     }
   }
-  const amb_real least = AMB_ROOT_EPSILON * amb_model_shown_variance(&kf->model, r, state->cov);
-  const amb_real var_y = (least > kf->set.var_y[r]) ? least : kf->set.var_y[r];
-  amb_model_update(&kf->model, r, y, var_y, state->mean, state->cov, &e, &S);
+  for (int other = 0; other < amb_sensors(model); other++) {
+    if ((other != r) && (state->sensor[other].outliers == 0U)) {
+      tell_again(kf, state, other, was[other]);
+    }
+  }
+  believe(kf, state, r, y, kf->set.var_y[r]);
   (void)amb_envelope_clamp(kf, state->mean); /* no variance here could lead it back from beyond */
   state->sensor[r].residual = AMB_C(0.0);
 }

@@ -1,21 +1,23 @@
 #include "ambkit/excitation.h"
 
-void amb_excitation_reset(amb_excitation *e, amb_real f_d)
+void amb_excitation_reset(amb_excitation *e, const amb_real mean[AMB_STATES])
 {
   const amb_recent none = {AMB_C(0.0), AMB_C(0.0)};
   for (int i = 0; i < AMB_STATES; i++) {
     e->slope[i] = AMB_C(0.0);
+    e->load[i] = none;
+    e->load[i].mean = mean[i];
+    e->answer[i] = none;
   }
+  e->told = AMB_C(0.0);
   e->information = AMB_C(0.0);
-  e->load = none;
-  e->load.mean = f_d;
-  e->answer = none;
   e->age = AMB_C(0.0);
   e->doubt = AMB_C(0.0);
 }
 
 void amb_excitation_miss(amb_excitation *e)
 {
+  e->told = AMB_C(0.0);
   e->information = AMB_C(0.0);
   e->age = (e->age > AMB_C(1.0)) ? (e->age - AMB_C(1.0)) : AMB_C(0.0);
 }
@@ -60,23 +62,43 @@ static bool near_a_stop(const amb_kalman *kf, const amb_real mean[AMB_STATES])
   return near;
 }
 
-bool amb_excitation_update(amb_excitation *e, const amb_excitation_settings *settings,
-                           const amb_kalman *kf, int r, const amb_real with_y[AMB_STATES],
-                           amb_real S, const amb_real mean[AMB_STATES])
+void amb_excitation_update(amb_excitation *e, const amb_model *model, int r,
+                           const amb_real with_y[AMB_STATES], amb_real S)
 {
-  const int load = amb_first(&kf->model, AMB_LOAD);
-  const amb_real on_y = amb_model_shown(&kf->model, r, e->slope);
+  const amb_real on_y = amb_model_shown(model, r, e->slope);
   const amb_real per = on_y / S;
-  for (int i = 0; i < amb_states(&kf->model); i++) {
+  for (int i = 0; i < amb_states(model); i++) {
     e->slope[i] -= with_y[i] * per;
   }
-  e->information += settings->fresh * (on_y * per - e->information);
+  e->told += on_y * per;
+}
+
+/* Whether the magnets move more than the loads, of which the sample is told first. */
+static bool moves_more(amb_excitation *e, const amb_model *model, amb_real slowly,
+                       const amb_real mean[AMB_STATES])
+{
+  amb_real load = AMB_C(0.0);
+  amb_real answer = AMB_C(0.0);
+  for (int i = 0; i < amb_states(model); i++) {
+    if (amb_model_role(model, i) == AMB_LOAD) {
+      follow(&e->load[i], mean[i], slowly);
+      follow(&e->answer[i], e->slope[i], slowly);
+      load += e->load[i].var;
+      answer += e->answer[i].var;
+    }
+  }
+  return load < (AMB_LOAD_SHARE * answer);
+}
+
+bool amb_excitation_learns(amb_excitation *e, const amb_excitation_settings *settings,
+                           const amb_kalman *kf, const amb_real mean[AMB_STATES])
+{
+  e->information += settings->fresh * (e->told - e->information);
+  e->told = AMB_C(0.0);
   if (near_a_stop(kf, mean)) {
     e->information = AMB_C(0.0);
   }
-  const amb_real slowly = settings->fresh / AMB_LOAD_WINDOWS;
-  follow(&e->load, mean[load], slowly);
-  follow(&e->answer, e->slope[load], slowly);
+  const bool moved = moves_more(e, &kf->model, settings->fresh / AMB_LOAD_WINDOWS, mean);
   const bool settled = e->age >= AMB_SETTLED_WINDOWS;
   if (!settled) {
     e->age += settings->fresh;
@@ -85,6 +107,5 @@ bool amb_excitation_update(amb_excitation *e, const amb_excitation_settings *set
   const amb_real less = e->doubt - settings->fresh;
   e->doubt = (less > AMB_C(0.0)) ? less : AMB_C(0.0);
   const bool always = !(settings->least > AMB_C(0.0));
-  return always || (settled && !doubtful && (e->information >= settings->least) &&
-                    (e->load.var < (AMB_LOAD_SHARE * e->answer.var)));
+  return always || (settled && !doubtful && (e->information >= settings->least) && moved);
 }

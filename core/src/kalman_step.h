@@ -288,21 +288,55 @@ AMB_INLINE amb_status amb_step_update(const amb_kalman *kf, amb_kalman_state *st
   return AMB_BAD_VARIANCE;
 }
 
-/* The same of all sensors, one after the other. */
-AMB_INLINE amb_status amb_step_update_all(const amb_kalman *kf, amb_kalman_state *state,
-                                          const amb_real y[AMB_SENSORS], amb_kalman_result *result)
+/* How a kind takes in the measurement y [m] of sensor r; own: what only this kind has; of: its
+ * state, and whatever else it is to leave its mark on. */
+typedef amb_status (*amb_step_one)(const amb_kalman *kf, const void *own, void *of, int r,
+                                   amb_real y, amb_step_surprise *e);
+
+/* The measurements of all sensors, one after the other. Writes all of the result but its
+ * stiffnesses and its status, which it returns. */
+AMB_INLINE amb_status amb_step_each(amb_step_one take_in, const amb_kalman *kf, const void *own,
+                                    void *of, const amb_real y[AMB_SENSORS],
+                                    amb_kalman_result *result)
 {
   amb_status all = AMB_OK;
   AMB_EACH_SENSOR(&kf->model)
   {
     amb_step_surprise e;
-    const amb_status status = amb_step_update(kf, state, r, y[r], &e);
+    const amb_status status = take_in(kf, own, of, r, y[r], &e);
     result->innovation[r] = e.innovation;
     result->variance[r] = e.variance;
     result->health[r] = status;
     all |= status;
   }
   return all;
+}
+
+/* What the filters do whose state is an amb_kalman_state. */
+AMB_INLINE amb_status amb_step_plain(const amb_kalman *kf, const void *own, void *of, int r,
+                                     amb_real y, amb_step_surprise *e)
+{
+  (void)own;
+  return amb_step_update(kf, (amb_kalman_state *)of, r, y, e);
+}
+
+AMB_INLINE amb_status amb_step_update_all(const amb_kalman *kf, amb_kalman_state *state,
+                                          const amb_real y[AMB_SENSORS], amb_kalman_result *result)
+{
+  return amb_step_each(amb_step_plain, kf, NULL, state, y, result);
+}
+
+/* Whether parameters can be learned from what the sensors said of a sample: some were taken in, and
+ * nothing began afresh. */
+AMB_INLINE bool amb_step_tells(const amb_model *model, const amb_kalman_result *result)
+{
+  bool told = false;
+  amb_status all = AMB_OK;
+  for (int r = 0; r < amb_sensors(model); r++) {
+    told = told || ((result->health[r] & AMB_UNTOLD) == AMB_OK);
+    all |= result->health[r];
+  }
+  return told && ((all & (AMB_RESTARTED | AMB_BAD_VARIANCE)) == AMB_OK);
 }
 
 /* Prediction with the control currents iu [A] that acted, then measurements y [m]; adds to

@@ -154,18 +154,6 @@ static rooms laid_out(const amb_model *model, amb_real work[])
   return room;
 }
 
-static void unfold(int n, const amb_real cov[], amb_real *P)
-{
-  int entry = 0;
-  for (int i = 0; i < n; i++) {
-    for (int j = i; j < n; j++) {
-      P[i * n + j] = cov[entry];
-      P[j * n + i] = cov[entry];
-      entry++;
-    }
-  }
-}
-
 /* w = row_f P, and the coefficients `row` of each entry of h; from last to first. */
 static void of_forces(const amb_model *model, const amb_stiffness k[], const rooms *room,
                       amb_real row[])
@@ -264,7 +252,7 @@ void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[
   control_noise noise;
   amb_real row[AMB_FORCES * AMB_STATES];
   noise_of_controls(model, k, k_ui, var_u, &noise);
-  unfold(n, cov, room.P);
+  amb_unfold(n, cov, n, room.P);
   of_forces(model, k, &room, row);
   for (int i = 0; i < n; i++) {
     sum_of_rows sum;
@@ -418,6 +406,16 @@ void amb_model_growth(const amb_model *model, const amb_real var[], amb_real gro
       growth[model->N.column[a]] += model->N.value[a] * var[k];
     }
   }
+}
+
+bool amb_model_drives(const amb_model *model, int k, int i)
+{
+  const int diagonal = amb_entry(model->states, i, i);
+  bool driven = false;
+  for (int a = model->N.start[k]; a < model->N.start[k + 1]; a++) {
+    driven = driven || ((int)model->N.column[a] == diagonal);
+  }
+  return driven;
 }
 
 void amb_model_at_rest(const amb_model *model, amb_real mean[])

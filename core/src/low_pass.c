@@ -4,7 +4,12 @@
 static amb_status reset(const amb_estimator *self, void *state, const amb_real mean[AMB_STATES],
                         const amb_real std[AMB_STATES])
 {
+  const amb_model *model = &self->kf->model;
   amb_low_pass_state *s = (amb_low_pass_state *)state;
+  if ((amb_first(model, AMB_POSITION) < 0) || (amb_first(model, AMB_VELOCITY) < 0) ||
+      (amb_first(model, AMB_LOAD) < 0)) {
+    return AMB_BAD_PARAMETER;
+  }
   const amb_status status = amb_kalman_reset(self->kf, &s->base, mean, std);
   if (status == AMB_OK) {
     for (int i = 0; i < AMB_TRIANGLE; i++) {

@@ -85,7 +85,7 @@ static amb_status reset(const amb_estimator *self, void *state, const amb_real m
       s->model[j].weight = AMB_C(1.0) / (amb_real)n;
       s->trusted[j] = s->model[j].weight;
     }
-    amb_excitation_reset(&s->excitation, s->base.mean[amb_first(model, AMB_LOAD)]);
+    amb_excitation_reset(&s->excitation, s->base.mean);
     s->excited = false;
   }
   return status;
@@ -198,44 +198,96 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   return status;
 }
 
-/* Take y of sensor r in by all models. Where they are to be told apart by it, weigh them by the
- * likelihoods of it, of which the largest exponent is made 0: what is least likely may vanish, not
- * all. */
-static amb_status weigh(const amb_kalman *kf, const amb_multiple_model *own,
-                        amb_multiple_model_state *s, int r, amb_real y, amb_real var_y)
+/* A sample, and how well each model foretold it. */
+typedef struct hearing {
+  amb_multiple_model_state *s;
+  bool taken[AMB_SENSORS];
+  amb_real square[AMB_MODELS];         /* sum of e^2 / S over the sensors */
+  amb_real S[AMB_SENSORS][AMB_MODELS]; /* [m^2] */
+} hearing;
+
+/* Take y of sensor r in by all models. */
+static amb_status take_in_by_all(const amb_kalman *kf, const amb_multiple_model *own, hearing *h,
+                                 int r, amb_real y, amb_real var_y)
 {
   const amb_model *model = &kf->model;
+  amb_multiple_model_state *s = h->s;
   amb_status status = AMB_OK;
-  amb_real square[AMB_MODELS]; /* e^2 / S */
-  amb_real S[AMB_MODELS];
   amb_real with_y[AMB_STATES];
-  int best = 0;
   const int near = nearest(own, s);
   amb_model_shown_with(model, r, s->model[near].cov, with_y);
   for (int j = 0; j < own->n; j++) {
     amb_one_model *m = &s->model[j];
     amb_real before[AMB_STATES];
     amb_real e;
+    amb_real *S = &h->S[r][j];
     amb_model_variances(model, m->cov, before);
-    amb_model_update(model, r, y, var_y, m->mean, m->cov, &e, &S[j]);
-    square[j] = (e / S[j]) * e;
-    if (square[j] < square[best]) {
-      best = j;
-    }
+    amb_model_update(model, r, y, var_y, m->mean, m->cov, &e, S);
+    h->square[j] += (e / *S) * e;
     if (!amb_model_sound(model, m->cov)) {
       amb_model_uncorrelated(model, before, m->cov);
       status = AMB_BAD_VARIANCE;
     }
   }
-  s->excited = amb_excitation_update(&s->excitation, &own->learn, kf, r, with_y, S[near],
-                                     s->model[near].mean);
-  if (!s->excited) {
-    return status | AMB_UNEXCITED;
+  amb_excitation_update(&s->excitation, model, r, with_y, h->S[r][near]);
+  h->taken[r] = true;
+  return status;
+}
+
+static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r, amb_real y,
+                          amb_step_surprise *told)
+{
+  const amb_model *model = &kf->model;
+  const amb_multiple_model *models = (const amb_multiple_model *)own;
+  hearing *h = (hearing *)of;
+  amb_multiple_model_state *s = h->s;
+  amb_sensor_state *sensor = &s->base.sensor[r];
+  /* Half the digits of a variance must be left, as in amb_step_update. */
+  const amb_real shown = amb_model_shown_variance(model, r, s->base.cov);
+  const amb_real least = AMB_ROOT_EPSILON * shown;
+  const amb_real var_y = (least > kf->set.var_y[r]) ? least : kf->set.var_y[r];
+  told->innovation = AMB_C(0.0);
+  told->variance = shown + var_y;
+  h->taken[r] = false;
+  amb_status status = amb_step_useless(kf, &s->base, r, y);
+  if (status == AMB_OK) {
+    told->innovation = y - amb_model_shown(model, r, s->base.mean);
+    status = amb_step_surprised(sensor, told->innovation, told->variance);
+    const amb_status outlier = amb_step_outlier(kf, sensor, r, told->innovation, told->variance);
+    status |= outlier;
+    if (outlier == AMB_RESTARTED) {
+      amb_envelope_restart(kf, &s->base, r, y);
+      agree(amb_states(model), models->n, s);
+    } else if (outlier == AMB_OK) {
+      status |= take_in_by_all(kf, models, h, r, y, var_y);
+      if ((r + 1) < amb_sensors(model)) { /* for the next sensor, before any is weighed */
+        combine(amb_states(model), models->n, s);
+      }
+    } else { /* left out */
+    }
   }
+  return status;
+}
+
+/* Weigh the models by the likelihoods of the sample, of which the largest exponent is made 0: what
+ * is least likely may vanish, not all. */
+static void weigh(const amb_model *model, const amb_multiple_model *own, const hearing *h)
+{
+  amb_multiple_model_state *s = h->s;
+  int best = 0;
   amb_real sum = AMB_C(0.0);
+  for (int j = 1; j < own->n; j++) {
+    best = (h->square[j] < h->square[best]) ? j : best;
+  }
   for (int j = 0; j < own->n; j++) {
-    const amb_real less = AMB_C(0.5) * (square[j] - square[best]);
-    s->model[j].weight *= amb_exp_negative(less) * amb_root(S[best] / S[j]);
+    amb_real ratio = AMB_C(1.0);
+    for (int r = 0; r < amb_sensors(model); r++) {
+      if (h->taken[r]) {
+        ratio *= h->S[r][best] / h->S[r][j];
+      }
+    }
+    const amb_real less = AMB_C(0.5) * (h->square[j] - h->square[best]);
+    s->model[j].weight *= amb_exp_negative(less) * amb_root(ratio);
     sum += s->model[j].weight;
   }
   for (int j = 0; j < own->n; j++) {
@@ -246,58 +298,46 @@ static amb_status weigh(const amb_kalman *kf, const amb_multiple_model *own,
       s->trusted[j] = s->model[j].weight;
     }
   }
-  return status;
-}
-
-static amb_status update_one(const amb_estimator *self, amb_multiple_model_state *s, int r,
-                             amb_real y, amb_step_surprise *told)
-{
-  const amb_kalman *kf = self->kf;
-  const amb_model *model = &kf->model;
-  const int n = amb_states(model);
-  const int models = own_of(self)->n;
-  amb_sensor_state *sensor = &s->base.sensor[r];
-  /* Half the digits of a variance must be left, as in amb_step_update. */
-  const amb_real shown = amb_model_shown_variance(model, r, s->base.cov);
-  const amb_real least = AMB_ROOT_EPSILON * shown;
-  const amb_real var_y = (least > kf->set.var_y[r]) ? least : kf->set.var_y[r];
-  told->innovation = AMB_C(0.0);
-  told->variance = shown + var_y;
-  amb_status status = amb_step_useless(kf, &s->base, r, y);
-  if (status == AMB_OK) {
-    told->innovation = y - amb_model_shown(model, r, s->base.mean);
-    status = amb_step_surprised(sensor, told->innovation, told->variance);
-    const amb_status outlier = amb_step_outlier(kf, sensor, r, told->innovation, told->variance);
-    status |= outlier;
-    if (outlier == AMB_RESTARTED) {
-      amb_envelope_restart(kf, &s->base, r, y);
-      agree(n, models, s);
-    } else if (outlier == AMB_OK) {
-      status |= weigh(kf, own_of(self), s, r, y, var_y);
-      combine(n, models, s);
-      sensor->residual = y - amb_model_shown(model, r, s->base.mean);
-    } else { /* left out */
-    }
-  }
-  if ((status & AMB_UNTOLD) != 0U) {
-    amb_excitation_miss(&s->excitation);
-    s->excited = false;
-  }
-  return status;
 }
 
 static amb_status update(const amb_estimator *self, void *state, const amb_real y[AMB_SENSORS],
                          amb_kalman_result *result)
 {
-  result->status = AMB_OK;
-  for (int r = 0; r < amb_sensors(&self->kf->model); r++) {
-    amb_step_surprise e;
-    result->health[r] = update_one(self, (amb_multiple_model_state *)state, r, y[r], &e);
-    result->innovation[r] = e.innovation;
-    result->variance[r] = e.variance;
-    result->status |= result->health[r];
+  const amb_kalman *kf = self->kf;
+  const amb_model *model = &kf->model;
+  const amb_multiple_model *own = own_of(self);
+  amb_multiple_model_state *s = (amb_multiple_model_state *)state;
+  hearing h;
+  h.s = s;
+  for (int j = 0; j < own->n; j++) {
+    h.square[j] = AMB_C(0.0);
   }
-  return result->status;
+  amb_status status = amb_step_each(take_in, kf, own, &h, y, result);
+  bool taken = false;
+  for (int r = 0; r < amb_sensors(model); r++) {
+    taken = taken || h.taken[r];
+  }
+  if (taken) {
+    s->excited =
+        amb_excitation_learns(&s->excitation, &own->learn, kf, s->model[nearest(own, s)].mean);
+    if (s->excited) {
+      weigh(model, own, &h);
+    } else {
+      status |= AMB_UNEXCITED;
+    }
+    combine(amb_states(model), own->n, s);
+    for (int r = 0; r < amb_sensors(model); r++) {
+      if (h.taken[r]) {
+        s->base.sensor[r].residual = y[r] - amb_model_shown(model, r, s->base.mean);
+      }
+    }
+  }
+  if (!amb_step_tells(model, result)) {
+    amb_excitation_miss(&s->excitation);
+    s->excited = false;
+  }
+  result->status = status;
+  return status;
 }
 
 static void advance(const amb_estimator *self, amb_real scale, const amb_real iu[AMB_CONTROLS],

@@ -49,27 +49,28 @@ static bool is_far(const amb_kalman *kf, const amb_observer *observer,
   return !within; /* or not a number */
 }
 
-/* Take in the measurement y [m] of sensor r. */
-static amb_status update_one(const amb_estimator *self, amb_kalman_state *s, int r, amb_real y,
-                             amb_real *innovation)
+static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r, amb_real y,
+                          amb_step_surprise *told)
 {
-  const amb_kalman *kf = self->kf;
-  const amb_real S = own(self)->variance[r];
+  const amb_observer *observer = (const amb_observer *)own;
+  amb_kalman_state *s = (amb_kalman_state *)of;
+  const amb_real S = observer->variance[r];
   amb_status status = amb_step_useless(kf, s, r, y);
-  *innovation = AMB_C(0.0);
+  told->innovation = AMB_C(0.0);
+  told->variance = S;
   if (status == AMB_OK) {
     const amb_real e = y - amb_model_shown(&kf->model, r, s->mean);
-    *innovation = e;
+    told->innovation = e;
     status = amb_step_surprised(&s->sensor[r], e, S);
     /* After too many outliers it is the estimate that is wrong: a constant gain leads it back. */
     if (amb_step_outlier(kf, &s->sensor[r], r, e, S) == AMB_OUTLIER) {
       status |= AMB_OUTLIER;
     } else {
       for (int i = 0; i < amb_states(&kf->model); i++) {
-        s->mean[i] += own(self)->gain[r][i] * e;
+        s->mean[i] += observer->gain[r][i] * e;
       }
       s->sensor[r].residual = y - amb_model_shown(&kf->model, r, s->mean);
-      if (is_far(kf, own(self), s->mean)) {
+      if (is_far(kf, observer, s->mean)) {
         amb_envelope_place(kf, r, y, s->mean);
         status |= AMB_RESTARTED;
       }
@@ -84,13 +85,7 @@ static amb_status update_one(const amb_estimator *self, amb_kalman_state *s, int
 static amb_status update(const amb_estimator *self, void *state, const amb_real y[AMB_SENSORS],
                          amb_kalman_result *result)
 {
-  result->status = AMB_OK;
-  for (int r = 0; r < amb_sensors(&self->kf->model); r++) {
-    result->variance[r] = own(self)->variance[r];
-    result->health[r] =
-        update_one(self, (amb_kalman_state *)state, r, y[r], &result->innovation[r]);
-    result->status |= result->health[r];
-  }
+  result->status = amb_step_each(take_in, self->kf, self->own, state, y, result);
   return result->status;
 }
 

@@ -24,17 +24,6 @@ static void forget(adjoint *a)
   memset(a->Lambda, 0, sizeof a->Lambda);
 }
 
-static void unfold(int n, const amb_real triangle[AMB_TRIANGLE], amb_real P[N][N])
-{
-  int entry = 0;
-  for (int i = 0; i < n; i++) {
-    for (int j = i; j < n; j++) {
-      P[i][j] = P[j][i] = triangle[entry];
-      entry++;
-    }
-  }
-}
-
 /* C = A B, or with `transposed` A' B. */
 static void multiply(int n, amb_real A[N][N], amb_real B[N][N], bool transposed, amb_real C[N][N])
 {
@@ -76,14 +65,14 @@ static void predict(adjoint *a, const amb_kalman *kf, const amb_kalman_history *
 }
 
 /* With which the filter took in sample k from its only sensor: the prediction's covariance with
- * what that shows, over S. The growth has a small part in it; how large that was, beside the
- * settings', the filter's variances of the load before and after tell, P+ = P + growth - K S K, and
- * a filter that adapts it shows the same. `after`: the filter's P+ of the load. */
-static void gain_of_one(const adjoint *a, const amb_kalman *kf, amb_real S, amb_real after,
-                        amb_real K[N])
+ * what that shows, over S. `load`: the first load. The growth has a small part in it; how large
+ * that was, beside the settings', the filter's variances of the load before and after tell, P+ = P
+ * + growth - K S K, and a filter that adapts it shows the same. `after`: the filter's P+ of the
+ * load. */
+static void gain_of_one(const adjoint *a, const amb_kalman *kf, int load, amb_real S,
+                        amb_real after, amb_real K[N])
 {
   const amb_model *model = &kf->model;
-  const int load = amb_first(model, AMB_LOAD);
   const int entry = amb_entry(a->n, load, load);
   const amb_real before = a->triangle[entry], growth = kf->growth[entry];
   amb_real known[N], grown[N], share = 0;
@@ -96,7 +85,8 @@ static void gain_of_one(const adjoint *a, const amb_kalman *kf, amb_real S, amb_
   }
 }
 
-/* The gains of several sensors, one after the other; the growth is the settings'. */
+/* The gains of several sensors, one after the other, or where there is no load; the growth is the
+ * settings'. */
 static void gains_of_all(adjoint *a, const amb_kalman *kf, const amb_real S[AMB_SENSORS])
 {
   const int n = a->n;
@@ -161,7 +151,7 @@ static void over_prediction(adjoint *a)
 
 static void smooth_sample(adjoint *a, amb_real mean[N], amb_real cov[AMB_TRIANGLE])
 {
-  unfold(a->n, cov, a->P);
+  amb_unfold(a->n, cov, N, (amb_real *)a->P);
   multiply(a->n, a->P, a->Lambda, false, a->B);
   int entry = 0;
   for (int i = 0; i < a->n; i++) {
@@ -176,9 +166,9 @@ static void smooth_sample(adjoint *a, amb_real mean[N], amb_real cov[AMB_TRIANGL
   }
 }
 
-/* Back over sample k; `after`: the filter's variance of the load, before it was smoothed. */
+/* Back over sample k; `after`: the filter's variance of the first load, before it was smoothed. */
 static void over_sample(adjoint *a, const amb_kalman *kf, const amb_kalman_history *h, size_t k,
-                        amb_real after)
+                        int load, amb_real after)
 {
   const amb_model *model = &kf->model;
   const size_t p = (size_t)amb_forces(model), m = (size_t)amb_sensors(model);
@@ -196,8 +186,8 @@ static void over_sample(adjoint *a, const amb_kalman *kf, const amb_kalman_histo
   transition(kf, stiffness, a->A);
   if (any) {
     predict(a, kf, h, k, stiffness);
-    if (m == 1)
-      gain_of_one(a, kf, S[0], after, a->K[0]);
+    if ((m == 1) && (load >= 0))
+      gain_of_one(a, kf, load, S[0], after, a->K[0]);
     else
       gains_of_all(a, kf, S);
     for (int r = (int)m - 1; r >= 0; r--)
@@ -217,11 +207,12 @@ void amb_smooth(const amb_kalman *kf, size_t n, const amb_kalman_history *h)
   forget(&a);
   for (size_t k = n; k-- > 0;) {
     amb_real *cov = h->cov + k * entries;
-    const amb_real after = cov[amb_entry(states, load, load)]; /* before it is smoothed */
+    /* Before it is smoothed. */
+    const amb_real after = (load >= 0) ? cov[amb_entry(states, load, load)] : AMB_C(0.0);
     smooth_sample(&a, h->mean + k * (size_t)states, cov);
     if ((k == 0) || ((h->status[k] & BROKEN) != 0U))
       forget(&a);
     else
-      over_sample(&a, kf, h, k, after);
+      over_sample(&a, kf, h, k, load, after);
   }
 }

@@ -191,11 +191,13 @@ static void correct(const amb_kalman *kf, amb_ud_state *s, int r, amb_real e)
   }
 }
 
-static amb_status update_one(const amb_kalman *kf, amb_ud_state *s, int r, amb_real y,
-                             amb_step_surprise *told)
+static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r, amb_real y,
+                          amb_step_surprise *told)
 {
+  amb_ud_state *s = (amb_ud_state *)of;
   const amb_model *model = &kf->model;
   const amb_real S = amb_model_shown_variance(model, r, s->base.cov) + kf->set.var_y[r];
+  (void)own;
   told->innovation = AMB_C(0.0);
   told->variance = S;
   amb_status status = amb_step_useless(kf, &s->base, r, y);
@@ -221,14 +223,7 @@ static amb_status update_one(const amb_kalman *kf, amb_ud_state *s, int r, amb_r
 static amb_status update(const amb_estimator *self, void *state, const amb_real y[AMB_SENSORS],
                          amb_kalman_result *result)
 {
-  result->status = AMB_OK;
-  for (int r = 0; r < amb_sensors(&self->kf->model); r++) {
-    amb_step_surprise e;
-    result->health[r] = update_one(self->kf, (amb_ud_state *)state, r, y[r], &e);
-    result->innovation[r] = e.innovation;
-    result->variance[r] = e.variance;
-    result->status |= result->health[r];
-  }
+  result->status = amb_step_each(take_in, self->kf, NULL, state, y, result);
   return result->status;
 }
 

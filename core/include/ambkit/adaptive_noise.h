@@ -5,12 +5,14 @@
  * average; where it has not, R <- R + d (e^2 - S), which is R <- (1 - d) R + d (e^2 - H P H') (Sage
  * and Husa 1969; over a window: Mehra 1972, Mohamed and Schwarz 1999).
  *
- * Growth Q of the disturbance force. Each measurement corrects f_d by K e, which should have the
- * variance P - P+, its own part of K S K'. Over a window of N samples the corrections add to a sum
- * c of variance V, the sum of these: Q <- Q + d (c^2 - V) / N. With N = 1 that is the rule of Sage
- * and Husa, Q <- (1 - d) Q + d (K e e' K' + P+ - A P+ A'). A window longer than the memory of the
- * filter sees more: corrections that go the same way again and again are what a Q too small shows
- * most, and any one alone hardly shows it.
+ * Growth Q of each disturbance force, by the noise that drives it. Each measurement corrects f_d by
+ * K e, which should have the variance P - P+, its own part of K S K'. Over a window of N samples
+ * the corrections add to a sum c of variance V, the sum of these: Q <- Q + d (c^2 - V) / N. With N
+ * = 1 that is the rule of Sage and Husa, Q <- (1 - d) Q + d (K e e' K' + P+ - A P+ A'). A window
+ * longer than the memory of the filter sees more: corrections that go the same way again and again
+ * are what a Q too small shows most, and any one alone hardly shows it. Where one noise drives
+ * several loads, c^2 and V are the sums over these; other noises, a sensor's with a memory, stay
+ * what they are.
  *
  * Both steps are taken relative to what the sample can tell: times R / S, and times N Q / V. In the
  * steady state that is about one, or one; after a start or an outage, when an innovation is mostly
@@ -55,17 +57,18 @@ typedef union amb_adaptive_noise_inner {
 
 typedef struct amb_adaptive_noise_state {
   amb_adaptive_noise_inner inner;
-  amb_kalman kf;        /* with the noise found so far */
-  amb_real share;       /* d now */
-  amb_real correction;  /* c, sum of the corrections of f_d in this window [N] */
-  amb_real expected;    /* V, its variance as the filter expects it [N^2] */
-  unsigned int samples; /* of this window */
-  unsigned int young;   /* samples until the start is no excuse for large innovations */
-  bool amiss;           /* whether there were such since the start */
+  amb_kalman kf;                   /* with the noise found so far */
+  amb_real share;                  /* d now */
+  amb_real correction[AMB_STATES]; /* c of each load, sum of its corrections in this window [N] */
+  amb_real expected[AMB_STATES];   /* V, its variance as the filter expects it [N^2] */
+  unsigned int samples;            /* of this window */
+  unsigned int young;              /* samples until the start is no excuse for large innovations */
+  bool amiss;                      /* whether there were such since the start */
 } amb_adaptive_noise_state;
 
 /* Check the parameters. Returns AMB_OK or AMB_BAD_PARAMETER: a number is out of its range, neither
- * R nor Q is to be found, or the state of the inner filter has no room in the one above. */
+ * R nor Q is to be found, or the state of the inner filter has no room in the one above. To find Q,
+ * the model must have a disturbance force. */
 amb_status amb_adaptive_noise_check(const amb_adaptive_noise *own);
 
 /* Adds AMB_NOISE_LIMIT to the status where the noise found is at the end of its range. */

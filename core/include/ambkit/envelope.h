@@ -8,12 +8,15 @@
  * - Held. Without measurements the unstable plant runs away, until nothing is known but that the
  *   rotor is between the stops. From then on just that is said, sample by sample: positions
  *   anywhere, velocities open as far as they had become with them, sensors at the rotor to a tenth,
- *   loads as they were, and nothing else correlated, as the stops have bent whatever path was
- *   predicted. The sensors are, so the first measurement tells the position.
+ *   and none of it correlated with anything else, as the stops have bent whatever path was
+ *   predicted. The sensors are, so the first measurement tells the position. Of several positions
+ *   those are held that are not known any more, with the velocities that move them and what sensors
+ *   show of them; the others, and loads and currents, are as they were.
  * - Started afresh, from a measurement: so many outliers in a row that it is the estimate which is
- *   wrong. All is known ten times worse than was believed, so what was far too sure is believed
+ *   wrong. It is known ten times worse than was believed, so what was far too sure is believed
  *   less and less at each attempt. With one sensor the rotor is then where that shows it, at rest
- *   and without a load; with several, what the others say is not thrown away.
+ *   and without a load. With several that concerns what is correlated with what the sensor shows,
+ *   and is told first once more by those others that go along with the estimate.
  * - Opened: a mean beyond AMB_ASTRAY caps, or a variance that is not finite. All that is left is
  *   what the caps and the sensors say.
  */
@@ -32,11 +35,15 @@ bool amb_envelope_within(const amb_kalman *kf, amb_real caps, const amb_real mea
 bool amb_envelope_clamp(const amb_kalman *kf, amb_real mean[AMB_STATES]);
 
 /* The mean of a rotor at rest, between the stops, where sensor r shows y [m]. What follows from the
- * controls stays. */
+ * controls stays; with several sensors all that this one does not see, too, within the caps. */
 void amb_envelope_place(const amb_kalman *kf, int r, amb_real y, amb_real mean[AMB_STATES]);
 
 /* The open covariance. */
 void amb_envelope_open(const amb_kalman *kf, amb_real P[AMB_TRIANGLE]);
+
+/* What would be held of a state of covariance P. Returns whether there are positions that would not
+ * be. */
+bool amb_envelope_lost(const amb_kalman *kf, const amb_real P[AMB_TRIANGLE], bool lost[AMB_STATES]);
 
 /* Hold a state, or open it. Returns AMB_HELD, with AMB_RESTARTED where it was opened. */
 amb_status amb_envelope_hold(const amb_kalman *kf, amb_kalman_state *state);

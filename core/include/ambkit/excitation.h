@@ -5,12 +5,14 @@
  * drifts there: what its noise model does not know colours the innovations, and theta is bent
  * until they are whiter (Ljung 1979). So theta is only to be learned where all of this holds:
  *
- * - Measurements tell much about it: s_y^2 / S, averaged over a window, is `least` or more.
- * - The magnet moves more than the load: the variance of f_d over five windows is below a quarter
- *   of that of its slope, which is what theta wrong by half makes of it. A controller answers a
- *   load with as much force, and that would pass for a change of k.
- * - The rotor is away from the stops, which push too; there the window begins anew.
- * - All has settled, since the start, and since measurements were missing: each costs a window.
+ * - Measurements tell much about it: the sum of s_y^2 / S over the sensors of a sample, averaged
+ *   over a window, is `least` or more.
+ * - The magnets move more than the loads: the variances of all disturbance forces over five windows
+ *   together are below a quarter of those of their slopes, which is what theta wrong by half makes
+ *   of them. A controller answers a load with as much force, and that would pass for a change of k.
+ * - The rotor is away from all stops, which push too; there the window begins anew.
+ * - All has settled, since the start, and since no sensor said anything or one began afresh: each
+ *   such sample costs a window.
  * - The control signal has not been beyond its limit for long. What the amplifier then gives is a
  *   guess, and a magnet that does not answer passes for a weak one; at rest nothing would correct
  *   that later. A window of such samples beyond the good ones is let pass, for a step of the
@@ -18,6 +20,10 @@
  *
  * The slope s is that of the estimate of the states with theta: how they would be off, were
  * theta off by one. It moves as the states do and is corrected as they are.
+ *
+ * Theta is one scale for all magnets: a wrong turns count, gap or temperature of one kind of
+ * magnet. A model without a disturbance force has nothing that k could be taken for, and no use for
+ * this.
  */
 #ifndef AMBKIT_EXCITATION_H
 #define AMBKIT_EXCITATION_H
@@ -47,18 +53,19 @@ typedef struct amb_recent {
 } amb_recent;
 
 typedef struct amb_excitation {
-  amb_real slope[AMB_STATES]; /* s, of all states */
-  amb_real information;       /* of a sample about theta, averaged over the window [1] */
-  amb_recent load;            /* f_d, the first one [N] */
-  amb_recent answer;          /* slope of f_d [N] */
+  amb_real slope[AMB_STATES];    /* s, of all states */
+  amb_real told;                 /* of theta by the sensors of this sample so far [1] */
+  amb_real information;          /* of a sample about theta, averaged over the window [1] */
+  amb_recent load[AMB_STATES];   /* of the states that are loads: f_d [N] */
+  amb_recent answer[AMB_STATES]; /* slope of f_d [N] */
   amb_real age;   /* since the start, less what was missing [windows], until all has settled */
   amb_real doubt; /* samples beyond the limit, less the others since, at least 0 [windows] */
 } amb_excitation;
 
-/* Start, at a disturbance force f_d [N]. */
-void amb_excitation_reset(amb_excitation *e, amb_real f_d);
+/* Start, at a mean of the states. */
+void amb_excitation_reset(amb_excitation *e, const amb_real mean[AMB_STATES]);
 
-/* A measurement or a control signal is missing: what is learned next would be of that. */
+/* Measurements or a control signal are missing: what is learned next would be of that. */
 void amb_excitation_miss(amb_excitation *e);
 
 /* A control signal beyond its limit. True where that has just become long: what was learned since
@@ -69,10 +76,14 @@ bool amb_excitation_doubt(amb_excitation *e, const amb_excitation_settings *sett
 void amb_excitation_predict(amb_excitation *e, const amb_model *model,
                             const amb_stiffness k[AMB_FORCES], const amb_real known[AMB_FORCES]);
 
-/* After a measurement of sensor r, which corrected the states by with_y / S times the innovation;
- * mean: what they are now. True where theta can be learned from it. */
-bool amb_excitation_update(amb_excitation *e, const amb_excitation_settings *settings,
-                           const amb_kalman *kf, int r, const amb_real with_y[AMB_STATES],
-                           amb_real S, const amb_real mean[AMB_STATES]);
+/* After a measurement of sensor r, which corrected the states by with_y / S times the innovation.
+ */
+void amb_excitation_update(amb_excitation *e, const amb_model *model, int r,
+                           const amb_real with_y[AMB_STATES], amb_real S);
+
+/* After all measurements of a sample; mean: what the states are now. True where theta can be
+ * learned from them. */
+bool amb_excitation_learns(amb_excitation *e, const amb_excitation_settings *settings,
+                           const amb_kalman *kf, const amb_real mean[AMB_STATES]);
 
 #endif

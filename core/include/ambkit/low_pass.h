@@ -11,7 +11,8 @@
 
 #include "ambkit/estimator.h"
 
-/* For one force and one sensor. */
+/* For one force, one control and one sensor. A reset refuses a model without position, velocity or
+ * load, AMB_BAD_PARAMETER. */
 typedef struct amb_low_pass {
   amb_real m; /* mass of the rotor [kg], > 0 */
   /* 1 - exp(-2 pi corner T) each, in (0, 1]: how much of the new value is taken. */

@@ -58,10 +58,23 @@ AMB_INLINE int amb_entry(int n, int i, int j)
   return i * n - (i * (i + 1)) / 2 + j;
 }
 
-/* The first state of a role; 0 where there is none. */
+/* A whole symmetric matrix from its upper triangle; its rows are `stride` apart. */
+AMB_INLINE void amb_unfold(int n, const amb_real triangle[], int stride, amb_real *P)
+{
+  int entry = 0;
+  for (int i = 0; i < n; i++) {
+    for (int j = i; j < n; j++) {
+      P[i * stride + j] = triangle[entry];
+      P[j * stride + i] = triangle[entry];
+      entry++;
+    }
+  }
+}
+
+/* The first state of a role; -1 where there is none. */
 AMB_INLINE int amb_first(const amb_model *model, amb_role role)
 {
-  int first = 0;
+  int first = -1;
   for (int i = amb_states(model) - 1; i >= 0; i--) {
     first = (amb_model_role(model, i) == role) ? i : first;
   }
@@ -101,6 +114,8 @@ AMB_INLINE int amb_first(const amb_model *model, amb_role role)
  *   void amb_model_pushed(const amb_model *model, int f, amb_real moved[]);
  * Covariance that noises of these variances leave in a sample, upper triangle:
  *   void amb_model_growth(const amb_model *model, const amb_real var[], amb_real growth[]);
+ * Whether noise k drives state i within a sample:
+ *   bool amb_model_drives(const amb_model *model, int k, int i);
  * What each state is, and AMB_SHOWN ones set to what they are at rest:
  *   amb_role amb_model_role(const amb_model *model, int i);
  *   void amb_model_at_rest(const amb_model *model, amb_real mean[]);

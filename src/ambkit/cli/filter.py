@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.judge.evaluation import Evaluation
     from ambkit.machine.bearing import Bearing
-    from ambkit.workflow.filtering import Filtered, Filtering, OutsideOfBox, Stretch
+    from ambkit.workflow.filtering import Filtered, Filtering, Stretch
+    from ambkit.workflow.oddities import OutsideOfBox
 
 
 def filter_record(
@@ -242,7 +243,7 @@ def _say_how_it_was_tuned(one: Filtered) -> None:
 def _warn(found: Filtering) -> None:
     """Say so where filter and record do not belong together, or what was asked is not known."""
     from ambkit.cli import output
-    from ambkit.workflow.filtering import lost_control
+    from ambkit.workflow.oddities import lost_control
 
     for name, one in found.estimators.items():
         if one.absurd:

@@ -16,17 +16,16 @@ from numpy.typing import ArrayLike, NDArray
 from ambkit.base.arrays import real
 from ambkit.base.copying import Copyable
 from ambkit.data.rig_units import Inputs
-from ambkit.estimate.engine import Engine, caps
+from ambkit.estimate.engine import Engine, core_settings
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.model import LinearModel
 from ambkit.estimate.noise import FilterNoise, completed
-from ambkit.machine.bearing import GRAVITY
+from ambkit.estimate.starting import hovering, start_std
 from ambkit.machine.magnets import (
     ConstantStiffness,
     MagnetModel,
     Precision,
     bias_force_of,
-    own_time,
 )
 from ambkit.models.model import Descriptor, Model
 
@@ -120,21 +119,8 @@ class Estimator(Copyable):
         self.precision = precision
         known = bearing.weight if gravity == "known" else 0.0
         self.engine = Engine(bearing, precision, as_printed=as_printed)
-        travel = bearing.rotor.travel_limit
-        settings = {
-            "T": bearing.sampling_time,
-            "K_sen": [bearing.sensor.gain],
-            "lag": [bearing.sensor_lag],
-            "travel": [travel],
-            "k_ui": [bearing.amplifier.gain],
-            "iu_min": [bearing.current_min],
-            "iu_max": [bearing.current_max],
+        settings = core_settings(self.engine, self.variances) | {
             "f_0": [known + bias_force_of(self.magnet, bearing)],
-            "x_max": [travel],
-            "cap": caps(bearing, self.states),
-            "var_u": [self.variances.control],
-            "var_d": self.variances.growth(bearing.sampling_time, self.engine.noises),
-            "var_y": [self.variances.measurement],
             "gate": gate,
             "frozen_limit": frozen_limit,
             "outlier_limit": outlier_limit,
@@ -208,7 +194,7 @@ class Estimator(Copyable):
         k_i, k_s : float
             Stiffnesses at the working point [N/A], [N/m].
         """
-        return _linear(self.model, k_i, k_s, self._settings)
+        return LinearModel.of(self.model, k_i, k_s, self._settings)
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         """Return the core's estimator of this kind."""
@@ -228,7 +214,8 @@ class Estimator(Copyable):
         ----------
         mean : array_like (n,), optional
             The states: displacement [m], velocity [m/s], disturbance force [N], lagged position
-            [m], and what else the model has; finite. Default: at rest in the middle.
+            [m], and what else the model has; finite. Default: at rest in the middle, with the
+            current that holds the rotor there.
         std : sequence of n floats, or "diffuse", optional
             Their standard deviations, finite and positive. Default: three times the measurement
             noise, a tenth of the travel in the plant's own time, the weight, three times the
@@ -243,7 +230,7 @@ class Estimator(Copyable):
         if isinstance(std, str) and std != "diffuse":
             raise ValueError(f"std must be {len(self.states)} numbers or 'diffuse', got {std!r}")
         given = self.default_std() if std is None else std
-        start = np.zeros(len(self.states)) if mean is None else mean
+        start = self.at_rest(0.0) if mean is None else mean
         self.core.reset(
             self._representable(real("mean", start)),
             None
@@ -288,20 +275,13 @@ class Estimator(Copyable):
 
     def default_std(self) -> tuple[float, ...]:
         """Return the standard deviations with which a filter starts; see :meth:`reset`."""
-        b = self.bearing
-        sigma = 3 * math.sqrt(self.variances.measurement)
-        by_role = {
-            "position": sigma / abs(b.sensor.gain),
-            "velocity": 0.1 * b.rotor.travel_limit / own_time(b),
-            "disturbance force": b.rotor.mass * GRAVITY,
-            "sensor": sigma,
-            "current": b.amplifier.current_limit,
-            "past control": b.amplifier.current_limit,
-        }
-        usual = {state.name: by_role.get(state.role, state.size) for state in self.states}
-        return tuple((usual | dict(self.start_std)).values())
+        usual = start_std(self.bearing, self.variances, self.states)
+        names = [state.name for state in self.states]
+        return tuple((dict(zip(names, usual, strict=True)) | dict(self.start_std)).values())
 
-    def at_rest(self, x: float, shown: float | None = None) -> NDArray[np.float64]:
+    def at_rest(
+        self, x: float, shown: float | None = None, current: float | None = None
+    ) -> NDArray[np.float64]:
         """Return the states (n,) of a rotor at rest.
 
         Parameters
@@ -310,10 +290,33 @@ class Estimator(Copyable):
             Displacement [m].
         shown : float, optional
             What the sensor shows [m]; by default what it shows of x.
+        current : float, optional
+            The magnet's, and what was demanded in the samples before [A]; by default what holds the
+            rotor there, see :attr:`hover`.
         """
         shown = self.bearing.sensor.gain * x if shown is None else shown
-        by_role = {"position": x, "sensor": shown}
+        if current is None:
+            # In its own precision, as an exported filter has it.
+            at_centre, per_metre = np.array(self.hover, self.precision)
+            current = float(at_centre + per_metre * at_centre.dtype.type(x))
+        by_role = {"position": x, "sensor": shown, "current": current, "past control": current}
         return np.array([by_role.get(state.role, 0.0) for state in self.states])
+
+    def at_first(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the states (n,) at rest at the first of measurements y (N,) within the travel."""
+        gain, travel = self._settings["K_sen"][0], self._settings["travel"][0]
+        limit = gain * travel  # the whole record is searched only where it must be
+        near = y if y.size and abs(y[0]) <= limit else y[np.abs(y) <= limit]
+        first = float(near[0]) if near.size else 0.0
+        return self.at_rest(first / gain, first)
+
+    @cached_property
+    def hover(self) -> tuple[float, float]:
+        """Current that holds the rotor in the middle [A], and by how much more away from it [A/m].
+
+        By what the filter knows of its magnet; 0 without a current among the states.
+        """
+        return hovering(self.bearing, self.magnet, self.states)
 
     def predict(self, u: float) -> NDArray[np.float64]:
         """Go one sample on (eq. 9, 10).
@@ -439,9 +442,7 @@ class Estimator(Copyable):
         """Reset to the first measurement of a record within the travel; return its y and u."""
         check_sampling(self.bearing, record)
         y, u = record["y"], record["u"]
-        near = y[np.abs(y) <= self.bearing.sensor.gain * self.bearing.rotor.travel_limit]
-        first = float(near[0]) if near.size else 0.0
-        self.reset(self.at_rest(first / self.bearing.sensor.gain, first))
+        self.reset(self.at_first(y))
         return y, u
 
     def forecast(self, estimate: Estimate, record: Record, ahead: int) -> NDArray[np.float64]:
@@ -526,16 +527,3 @@ def check_sampling(bearing: Bearing, record: Record) -> None:
             f"the record is sampled every {T:.6g} s, but bearing {bearing.name!r} has "
             f"sampling_time = {bearing.sampling_time:.6g} s"
         )
-
-
-def _linear(model: Model, k_i: float, k_s: float, settings: dict[str, Any]) -> LinearModel:
-    """Return a model with the noise of some settings, at a working point."""
-    gain = settings["k_ui"][0]
-    return LinearModel(
-        A=model.jacobian(k_i, k_s),
-        B=model.input_matrix(k_i) * gain,
-        E=model.b.copy(),
-        H=model.c.copy(),
-        Q=model.process_noise(k_i, gain**2 * settings["var_u"][0], settings["var_d"]),
-        R=settings["var_y"][0],
-    )

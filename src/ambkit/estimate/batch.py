@@ -181,17 +181,11 @@ def _of_runs(name: str, a: ArrayLike, runs: int, states: int, precision: Precisi
 
 def _starts(each: list[Estimator], Y: Array, runs: int) -> tuple[Array, Array]:
     """Return where `Estimator.run` would start each, (runs, states) twice."""
-    known = {e: (e.default_std(), e.bearing.sensor.gain, e.bearing.rotor.travel_limit)
-             for e in set(each)}  # fmt: skip
+    known = {e: e.default_std() for e in set(each)}
     mean, std = np.zeros((2, runs, len(each[0].states)))
     for i in range(runs):
         one = each[i if len(each) > 1 else 0]
-        std[i], gain, travel = known[one]
-        y = Y[i if len(Y) > 1 else 0]
-        limit = gain * travel  # the whole record is searched only where it must be
-        near = y if y.size and abs(y[0]) <= limit else y[np.abs(y) <= limit]
-        first = float(near[0]) if near.size else 0.0
-        mean[i] = one.at_rest(first / gain, first)
+        std[i], mean[i] = known[one], one.at_first(Y[i if len(Y) > 1 else 0])
     return mean, std
 
 

@@ -18,6 +18,7 @@ from ambkit.models.plan import Plan
 from ambkit.models.roles import ENUMERATORS, ROLES
 
 if TYPE_CHECKING:
+    from ambkit.estimate.noise import Variances
     from ambkit.machine.bearing import Bearing
 
 Array = NDArray[np.float64]
@@ -90,6 +91,26 @@ def caps(bearing: Bearing, states: Sequence[Descriptor]) -> list[float]:
         "past control": current,
     }
     return [by_role.get(state.role, 30 * state.size) for state in states]
+
+
+def core_settings(engine: Engine, variances: Variances) -> dict[str, Any]:
+    """Return what the core is told of a bearing, but for known forces and limits of judgement."""
+    bearing = engine.bearing
+    T, travel = bearing.sampling_time, bearing.rotor.travel_limit
+    return {
+        "T": T,
+        "K_sen": [bearing.sensor.gain],
+        "lag": [bearing.sensor_lag],
+        "travel": [travel],
+        "k_ui": [bearing.amplifier.gain],
+        "iu_min": [bearing.current_min],
+        "iu_max": [bearing.current_max],
+        "x_max": [travel],
+        "cap": caps(bearing, engine.states),
+        "var_u": [variances.control],
+        "var_d": variances.growth(T, engine.noises),
+        "var_y": [variances.measurement],
+    }
 
 
 def arrays(model: Model) -> dict[str, Any]:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ambkit.models.model import Model
 
 Array = NDArray[np.float64]
 
@@ -22,6 +25,19 @@ class LinearModel(NamedTuple):
     H: Array  # (1, n)
     Q: Array  # (n, n)
     R: float
+
+    @classmethod
+    def of(cls, model: Model, k_i: float, k_s: float, settings: Mapping[str, Any]) -> LinearModel:
+        """Return a model with the noise of some settings of the core, at a working point."""
+        gain = settings["k_ui"][0]
+        return cls(
+            A=model.jacobian(k_i, k_s),
+            B=model.input_matrix(k_i) * gain,
+            E=model.b.copy(),
+            H=model.c.copy(),
+            Q=model.process_noise(k_i, gain**2 * settings["var_u"][0], settings["var_d"]),
+            R=settings["var_y"][0],
+        )
 
     def scaled(self, units: Array) -> LinearModel:
         """Return the model for states counted in these units (n,), for the numerics' sake."""

@@ -1,12 +1,12 @@
 """What states are to the core, which must find a lost rotor again (``ambkit/envelope.h``)."""
 
-POSITION, VELOCITY, SHOWN, LOAD, KNOWN = ENUMERATORS = (
-    "AMB_POSITION", "AMB_VELOCITY", "AMB_SHOWN", "AMB_LOAD", "AMB_KNOWN",
+POSITION, VELOCITY, SHOWN, LOAD, KNOWN, NOISE = ENUMERATORS = (
+    "AMB_POSITION", "AMB_VELOCITY", "AMB_SHOWN", "AMB_LOAD", "AMB_KNOWN", "AMB_NOISE",
 )  # fmt: skip
-"""The enumerators of ``amb_role`` (``ambkit/model.h``), in their order there."""
+"""The enumerators of ``amb_role`` (``ambkit/role.h``), in their order there."""
 
 ROLES = {
     "position": POSITION, "velocity": VELOCITY, "sensor": SHOWN, "disturbance force": LOAD,
-    "noise": LOAD, "current": KNOWN, "past control": KNOWN,
+    "noise": NOISE, "current": KNOWN, "past control": KNOWN,
 }  # fmt: skip
 """What the core calls the roles of a model's states."""

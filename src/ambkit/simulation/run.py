@@ -19,7 +19,8 @@ from ambkit.data.record import Record
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.machine.magnets import Law, MagnetModel, core_module, evaluate_force, magnet_of
+from ambkit.machine.hovering import hover_current
+from ambkit.machine.magnets import Law, MagnetModel, core_module, magnet_of
 from ambkit.simulation import noise, parts
 
 if TYPE_CHECKING:
@@ -325,8 +326,9 @@ class Loop:
             raise ValueError(f"a loop with faults runs in one go; until must be None, is {until!r}")
         here = slice(self._at, end)
         if self._at == 0 and estimator is not None:
-            x = self._start
-            estimator.reset(estimator.at_rest(x))
+            # What was demanded before the start is the controller's own, and known.
+            current = min(max(self._integral, bearing.current_min), bearing.current_max)
+            estimator.reset(estimator.at_rest(self._start, current=current))
         core = core_module(precision) if estimator is None else estimator.engine.core
         self._state = self._state or core.LoopState()
 
@@ -396,17 +398,3 @@ def _series(imposed: Imposed) -> Iterator[tuple[str, NDArray[np.float64]]]:
             yield name, getattr(imposed, name)
     if imposed.faults is not None:
         yield from ((f"fault {name}", values) for name, values in imposed.faults.series.items())
-
-
-def hover_current(bearing: Bearing, plant: MagnetModel, x: float, balance: float) -> float:
-    """Control current [A] that holds the rotor at x [m] against ``balance`` [N], within limits."""
-    from scipy.optimize import brentq
-
-    def force(iu: float) -> float:
-        return float(evaluate_force(plant, iu, x)) + balance
-
-    low, high = bearing.current_min, bearing.current_max
-    if force(low) * force(high) > 0:
-        # No current can hold it there: start from the end that comes closest.
-        return low if abs(force(low)) < abs(force(high)) else high
-    return float(brentq(force, low, high, xtol=1e-15 * (high - low)))

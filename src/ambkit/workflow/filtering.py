@@ -1,4 +1,4 @@
-"""Estimators along a record: what they are tuned on, what they are judged by, what is odd."""
+"""Estimators along a record: what they are tuned on, and what they are judged by."""
 
 from __future__ import annotations
 
@@ -9,15 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.estimate.noise import FilterNoise
-from ambkit.fuzzy.expert import Expert
 from ambkit.judge.comparison import EVALUATED
 from ambkit.judge.evaluation import Evaluation, evaluate
 from ambkit.workflow.estimators import USUAL, Factory, FromFile, factories
+from ambkit.workflow.oddities import OutsideOfBox, outside_of_box
 from ambkit.workflow.tuning import default_disturbance, log_likelihood, tune_disturbance
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
-    from ambkit.estimate.base import Estimator
     from ambkit.estimate.estimate import Estimate
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.magnets import MagnetModel
@@ -27,9 +26,6 @@ HORIZONS = (1, 10)
 
 ABSURD_NIS = 25.0
 """Mean NIS from which on filter and record have nothing to do with each other."""
-
-OUTSIDE = 0.01
-"""An expert that is asked outside of its box in more than this part of the samples is noted."""
 
 
 @dataclass(frozen=True)
@@ -102,23 +98,6 @@ class TunedNoise:
     kept: bool
 
 
-@dataclass(frozen=True)
-class OutsideOfBox:
-    """How often an expert was asked beyond the box that it was trained for.
-
-    Attributes
-    ----------
-    share : float
-        Of the samples.
-    current, displacement : tuple of float
-        Of each direction: the ends of the box [A] or [m], and the share beyond them.
-    """
-
-    share: float
-    current: tuple[float, float, float]
-    displacement: tuple[float, float, float]
-
-
 @dataclass(frozen=True, eq=False)
 class Filtered:
     """One estimator along a record.
@@ -136,7 +115,7 @@ class Filtered:
     smoothed : Estimate or None
         Each sample estimated from the whole record, if asked for.
     outside : OutsideOfBox or None
-        None where no expert is asked beyond its box in more than `OUTSIDE` of the samples.
+        None where no expert is asked beyond its box in more than a hundredth of the samples.
     """
 
     name: str
@@ -363,51 +342,3 @@ def _likelihood(evaluation: Evaluation) -> float:
     """Log likelihood of the samples that count."""
     first = len(evaluation.estimate.t) - evaluation.samples
     return log_likelihood(evaluation.estimate, first)
-
-
-def lost_control(record: Record) -> tuple[int, int]:
-    """Return how many samples lack the control signal, and how many in a row at most.
-
-    Nobody knows what acted on the rotor then: filters hold the last value, and are less sure for a
-    while than they say.
-
-    Parameters
-    ----------
-    record : Record
-        With ``u`` [V].
-    """
-    lost = ~np.isfinite(record["u"])
-    if not lost.any():
-        return 0, 0
-    edges = np.flatnonzero(np.diff(np.r_[False, lost, False])).reshape(-1, 2)
-    return int(lost.sum()), int(np.ptp(edges, axis=1).max())
-
-
-def outside_of_box(estimator: Estimator, estimate: Estimate, record: Record) -> OutsideOfBox | None:
-    """Return how often an expert was asked beyond its box, if that is worth a word.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        Nothing is said of one that asks no expert.
-    estimate : Estimate
-        What it estimated.
-    record : Record
-        With ``u`` [V].
-    """
-    expert, b = getattr(estimator, "magnet", None), estimator.bearing
-    if not isinstance(expert, Expert):
-        return None
-    current = np.clip(b.amplifier.gain * record["u"], b.current_min, b.current_max)
-    box = expert.current_range, expert.displacement_range
-    # The ends may be off by a rounding; what is missing is not outside.
-    slack = [1e-9 * (high - low) for low, high in box]
-    beyond = [
-        (at < low - s) | (at > high + s)
-        for at, (low, high), s in zip((current, estimate.x), box, slack, strict=True)
-    ]
-    share = float(np.mean(beyond[0] | beyond[1]))
-    if share <= OUTSIDE:
-        return None
-    ends = [(low, high, float(np.mean(b))) for (low, high), b in zip(box, beyond, strict=True)]
-    return OutsideOfBox(share, ends[0], ends[1])

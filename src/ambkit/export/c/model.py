@@ -107,9 +107,17 @@ OTHERS = ("k_i", "k_s", "innovation", "variance", "feed_back")
 """What else the estimates have."""
 
 
-def states(described: Sequence[Descriptor]) -> list[State]:
-    """Return the states as the estimates' struct has them."""
-    at_rest = {"position": "x", "sensor": "x_m"}
+def states(described: Sequence[Descriptor], current: str = "AMB_C(0.0)") -> list[State]:
+    """Return the states as the estimates' struct has them.
+
+    Parameters
+    ----------
+    described : sequence of Descriptor
+        Of the model.
+    current : str, optional
+        What holds the rotor where it is, in C [A].
+    """
+    at_rest = {"position": "x", "sensor": "x_m", "current": current, "past control": current}
     return [
         State(
             state.name + "_" * (state.name in emit.KEYWORDS or state.name in OTHERS),

@@ -62,7 +62,8 @@ def render(
     in_core = None if called is PAPER else called  # whose step goes through the interface
     # The paper's filter is given its constants, and asks no magnet.
     given = in_core is None and kind is MAGNETS["Constant"]
-    needed = ["src/kalman.c", "src/envelope.c", *([] if given else [f"src/{kind.source}.c"])]
+    needed = ["src/kalman.c", "src/envelope.c", "src/at_rest.c"]
+    needed += [] if given else [f"src/{kind.source}.c"]
     if in_core is not None:
         needed += [f"src/{stem}.c" for stem in ("estimator", in_core.source, *in_core.calls)]
         inner = getattr(estimator, "inner", None)
@@ -112,7 +113,7 @@ def render(
             **facts,
         },
         "room": of_model.room,
-        "states": model.states(estimator.states),
+        "states": model.states(estimator.states, _hover(estimator, precision)),
         "diagonal": [at * (2 * n + 1 - at) // 2 for at in range(n)],
         **_data_context(estimator, magnet, kind, precision, of_model),
         "own": "" if in_core is None else data.own(estimator, precision),
@@ -203,6 +204,12 @@ def _data_context(
         "magnet_methods": kind.methods,
         "arrays": data.declared(named, precision),
     }
+
+
+def _hover(estimator: Estimator, precision: CPrecision) -> str:
+    """Return the current that holds the rotor at x, as `Estimator.at_rest` has it."""
+    middle, per_metre = (data.number(value, precision) for value in estimator.hover)
+    return f"{middle} + {per_metre} * x"
 
 
 def _settling(estimator: Estimator) -> int:

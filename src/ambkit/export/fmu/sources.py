@@ -149,6 +149,7 @@ def filter_data(estimator: Estimator) -> dict[str, Any]:
         "in_core": in_core,
         "own": data.own(estimator, "double"),
         "std": data.array(np.asarray(estimator.default_std()), "double"),
+        "hover": data.array(np.asarray(estimator.hover), "double"),
     }
 
 

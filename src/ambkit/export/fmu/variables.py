@@ -215,8 +215,8 @@ def _rig(bearing: Bearing) -> list[Variable]:
 
 
 def _controller(bearing: Bearing, controller: PID) -> list[Variable]:
+    from ambkit.machine.hovering import hover_current
     from ambkit.machine.magnets import magnet_of
-    from ambkit.simulation.run import hover_current
 
     law = magnet_of(bearing)
     current = hover_current(bearing, law, 0.0, bearing.weight + law.bias_force)

@@ -10,6 +10,7 @@ from ambkit.models.emit.covariance import predict_covariance
 from ambkit.models.emit.names import Names
 from ambkit.models.emit.scalars import (
     at_rest,
+    drives,
     firsts,
     growth,
     known,
@@ -106,6 +107,7 @@ def header(
         *(_count(what) for what in counts),
         *([more] if more else []),
         growth(names),
+        drives(names),
         pushed(names),
         role(names),
         sound(names),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ambkit.models.emit.names import COV, GROWTH, MEAN, Names, switched
 from ambkit.models.emit.terms import in_place, product, total
 from ambkit.models.model import ONE, ZERO
@@ -25,6 +27,20 @@ def growth(names: Names) -> str:
         ["const amb_real var[AMB_NOISES]", GROWTH],
         body,
     )
+
+
+def drives(names: Names) -> str:
+    """Return the function of which noise drives which state."""
+    flags = np.diagonal(names.model.pattern["N"], axis1=1, axis2=2) != ZERO
+    rows = ", ".join(
+        "{" + ", ".join("true" if on else "false" for on in row) + "}" for row in flags
+    )
+    body = [
+        f"static const bool drives[AMB_NOISES][AMB_STATES] = {{{rows}}};",
+        "return drives[k][i];",
+    ]
+    doc = "Whether noise k drives state i within a sample."
+    return names.function(doc, "drives", ["int k", "int i"], body, "bool")
 
 
 def pushed(names: Names) -> str:
@@ -71,11 +87,12 @@ def at_rest(names: Names) -> str:
 
 
 def firsts(names: Names) -> list[str]:
-    """Return the macros of the first state of some roles; 0 where there is none."""
+    """Return the macros of the first state of some roles, of those that there are."""
     roles = [ROLES[state.role] for state in names.model.states]
     return [
-        f"#define {role.replace('AMB_', 'AMB_FIRST_')} {roles.index(role) if role in roles else 0}"
+        f"#define {role.replace('AMB_', 'AMB_FIRST_')} {roles.index(role)}"
         for role in (POSITION, VELOCITY, LOAD)
+        if role in roles
     ]
 
 

@@ -16,7 +16,9 @@ amb_status amb_unit_start(amb_unit *model, const amb_real value[AMB_VARIABLES])
     return status;
   const amb_real reach = set->K_sen[0] * set->travel[0], y = value[VR_y];
   const amb_real first = ((y >= -reach) && (y <= reach)) ? y : AMB_C(0.0);
-  amb_filter_start(&model->filter, &model->state, &model->result, first / set->K_sen[0], first);
+  const amb_real x = first / set->K_sen[0];
+  amb_filter_start(&model->filter, &model->state, &model->result, x, first,
+                   amb_data_hover[0] + amb_data_hover[1] * x);
   model->last_u = 0;
   model->sampled = false;
   return AMB_OK;

@@ -17,13 +17,14 @@ amb_estimator amb_filter_estimator(const amb_kalman *filter)
 }
 
 void amb_filter_start(const amb_kalman *filter, amb_data_state *state, amb_kalman_result *result,
-                      amb_real x, amb_real x_m)
+                      amb_real x, amb_real x_m, amb_real current)
 {
   const amb_real none[AMB_CONTROLS] = {0};
   amb_real mean[AMB_STATES];
   for (int i = 0; i < amb_states(&filter->model); i++) {
     const amb_role role = amb_model_role(&filter->model, i);
-    mean[i] = (role == AMB_POSITION) ? x : ((role == AMB_SHOWN) ? x_m : AMB_C(0.0));
+    const amb_real other = (role == AMB_KNOWN) ? current : AMB_C(0.0);
+    mean[i] = (role == AMB_POSITION) ? x : ((role == AMB_SHOWN) ? x_m : other);
   }
   const amb_estimator estimator = amb_filter_estimator(filter);
   const amb_kalman_state *base = (const amb_kalman_state *)state;
