@@ -70,6 +70,7 @@ class Estimator(Copyable):
 
     name = "estimator"
     _of_core: tuple[str, ...] = ("core", "engine", "_core_step", "_live_mean")
+    estimates_noise = True  # whether sensor noise with a memory is among its states
     smooths = False  # whether mean and covariance follow the model that the smoother goes back by
 
     def __init__(
@@ -97,7 +98,7 @@ class Estimator(Copyable):
         self.variances = completed(bearing, noise or FilterNoise())
         self.precision = precision
         known = bearing.weight if gravity == "known" else 0.0
-        self.engine = Engine(bearing, precision, as_printed=as_printed)
+        self.engine = Engine(bearing, precision, as_printed=as_printed, noise=self.estimates_noise)
         travel = bearing.rotor.travel_limit
         settings = {
             "T": bearing.sampling_time,
@@ -140,7 +141,7 @@ class Estimator(Copyable):
         k_i, k_s : float
             Stiffnesses at the working point [N/A], [N/m].
         """
-        return _linear(self.model, k_i, k_s, self._settings)
+        return linear(self.model, k_i, k_s, self._settings)
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         """Return the core's estimator of this kind."""
@@ -220,6 +221,10 @@ class Estimator(Copyable):
 
     def default_std(self) -> tuple[float, ...]:
         """Return the standard deviations with which a filter starts; see :meth:`reset`."""
+        return self.start_std(self.states)
+
+    def start_std(self, states: Sequence[Descriptor]) -> tuple[float, ...]:
+        """Return what is not known of some states at the start, standard deviations."""
         b = self.bearing
         sigma = 3 * math.sqrt(self.variances.measurement)
         by_role = {
@@ -230,7 +235,7 @@ class Estimator(Copyable):
             "current": b.amplifier.current_limit,
             "past control": b.amplifier.current_limit,
         }
-        return tuple(by_role.get(state.role, state.size) for state in self.states)
+        return tuple(by_role.get(state.role, state.size) for state in states)
 
     def at_rest(self, x: float, shown: float | None = None) -> NDArray[np.float64]:
         """Return the states (n,) of a rotor at rest.
@@ -438,7 +443,7 @@ def check_sampling(bearing: Bearing, record: Record) -> None:
         )
 
 
-def _linear(model: Model, k_i: float, k_s: float, settings: dict[str, Any]) -> LinearModel:
+def linear(model: Model, k_i: float, k_s: float, settings: dict[str, Any]) -> LinearModel:
     """Return a model with the noise of some settings, at a working point."""
     gain = settings["k_ui"][0]
     return LinearModel(

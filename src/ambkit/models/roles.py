@@ -7,6 +7,6 @@ POSITION, VELOCITY, SHOWN, LOAD, KNOWN = ENUMERATORS = (
 
 ROLES = {
     "position": POSITION, "velocity": VELOCITY, "sensor": SHOWN, "disturbance force": LOAD,
-    "noise": LOAD, "current": KNOWN, "past control": KNOWN,
+    "noise": LOAD, "noise in quadrature": LOAD, "current": KNOWN, "past control": KNOWN,
 }  # fmt: skip
 """What the core calls the roles of a model's states."""
