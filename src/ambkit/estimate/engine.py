@@ -71,14 +71,6 @@ class Engine:
         """The model as data, sampled when it is first asked for."""
         return axis_model(self.bearing, as_printed=self.as_printed, noise=self.noise)
 
-    @cached_property
-    def whole_model(self) -> Model:
-        """The same with all sensor noise."""
-        sensor = self.bearing.sensor
-        if self.noise or not (sensor.coloured_noise or sensor.hum):
-            return self.model
-        return axis_model(self.bearing)
-
 
 class Sizes(NamedTuple):
     """The most that a rotor between its stops can do, for the states' caps."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +14,9 @@ from ambkit.estimate.base import Estimator, linear
 from ambkit.estimate.engine import Engine, caps
 from ambkit.estimate.model import LinearModel
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel
-from ambkit.models.model import Descriptor
+from ambkit.models import axis_parts, compose
+from ambkit.models.model import Descriptor, Model
+from ambkit.models.parts import Hum
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
@@ -24,6 +27,10 @@ Array = NDArray[np.float64]
 FAST_SENSOR = 0.05
 """Of a sensor's last value, what is left after a sample, below which it is one without lag."""
 
+
+WANDER = 0.01
+"""Of its frequency, how fast a line of hum is taken to wander that is said to stand still: a gain
+that is constant could not find such a line."""
 
 LED = ("position", "velocity", "disturbance force", "sensor")
 """Roles of the states whose poles are placed; currents follow from the controls."""
@@ -46,7 +53,7 @@ class _Observer(Estimator):
         k = ConstantStiffness.of(self.bearing)
         # The states are counted in their own units, or the equations below lose their digits
         # between newtons and micrometres.
-        whole = engine.whole_model
+        whole = _whole(engine)
         units = np.array(self.start_std(whole.states))
         growth = self.variances.growth(self.bearing.sampling_time, whole.noises)
         model = linear(whole, k.k_i, k.k_s, settings | {"var_d": growth})
@@ -149,6 +156,20 @@ class SteadyStateKalmanFilter(_Observer):
         predicted = solve_discrete_are(model.A.T, model.H.T, model.Q, np.array([[model.R]]))
         PH = predicted @ model.H.T
         return np.asarray((PH / (model.H @ PH + model.R)).ravel())
+
+
+def _whole(engine: Engine) -> Model:
+    """Return the model of the machine with all sensor noise."""
+    sensor = engine.bearing.sensor
+    if not sensor.hum and (engine.noise or not sensor.coloured_noise):
+        return engine.model
+    parts = [
+        replace(part, bandwidth=part.bandwidth or WANDER * part.frequency)
+        if isinstance(part, Hum)
+        else part
+        for part in axis_parts(engine.bearing)
+    ]
+    return compose(parts, engine.bearing.sampling_time, name="axial")
 
 
 def unstable_pole(bearing: Bearing) -> float:

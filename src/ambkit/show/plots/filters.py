@@ -111,7 +111,7 @@ def whole_noise(record: Record) -> list[Item]:
     """Show all of the sensor's noise, where the truth is known."""
     if "x_m" not in record.truth:
         return []
-    return [Line(record.t, record["y"] - record["x_m"], signal="measured", label="all of it")]
+    return [Line(record.t, record["y"] - record["x_m"], signal="measured")]
 
 
 def _absent(record: Record) -> list[Item]:
