@@ -52,7 +52,7 @@ amb_plant amb_rig_plant(const amb_rig *rig)
       .travel = rig->travel,
       .substeps = rig->substeps,
       .parts = rig->with_parts ? &rig->parts : NULL,
-      .coil = {rig->with_parts && (rig->parts.voltage > 0) ? &amb_law_magnet : NULL, &rig->coil},
+      .coil = {rig->coil.s0 > 0 ? &amb_law_magnet : NULL, &rig->coil},
   };
   return plant;
 }

@@ -17,9 +17,9 @@ typedef struct amb_rig {
   amb_real k_ui;         /* amplifier gain [A/V] */
   amb_real iu_min;       /* limits of the control current [A] */
   amb_real iu_max;
-  bool with_parts; /* else the next two are idle */
+  bool with_parts; /* else the next is idle */
   amb_parts parts;
-  amb_law coil; /* one coil of a pair */
+  amb_law coil; /* one coil of a pair that each pull by their own current; else all is 0 */
 } amb_rig;
 
 /* Written by the export: the rig, and its magnet. */
