@@ -336,7 +336,17 @@ def test_an_estimator_with_more_states_in_fmpy_equals_the_library(
 
 
 @pytest.mark.parametrize(
-    "changes", [STATES, PARTS | STATES | {"rotor__travel_limit": "0.1 mm"}], ids=["soft", "stops"]
+    "changes",
+    [
+        STATES,
+        PARTS
+        | STATES
+        | {
+            "rotor__travel_limit": "0.1 mm",
+            "sensor__runout": [{"order": 2, "amplitude": "3 um"}],
+        },
+    ],
+    ids=["soft", "stops"],
 )
 def test_a_closed_loop_with_more_states_in_fmpy_equals_the_library(
     changes: dict[str, Any], tmp_path: Path
