@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -86,7 +87,11 @@ class OnlineIdentifier(Copyable):
 
     def _ideal(self, y: Any, u: Any) -> Any:
         """Return the control signal as the core, which knows ideal iron, is to be told it."""
-        return u if is_ideal(self.bearing) else as_ideal(self.bearing, y, u)
+        return u if self._of_ideal_iron else as_ideal(self.bearing, y, u)
+
+    @cached_property
+    def _of_ideal_iron(self) -> bool:
+        return is_ideal(self.bearing)  # asked at every sample
 
     def _learned(self, record: Record, disturbance: ArrayLike | None) -> dict[str, Any]:
         """Run the core along a record; return its arrays by name, n samples each."""
