@@ -221,9 +221,9 @@ class Estimator(Copyable):
 
     def default_std(self) -> tuple[float, ...]:
         """Return the standard deviations with which a filter starts; see :meth:`reset`."""
-        return self.start_std(self.states)
+        return self._start_std(self.states)
 
-    def start_std(self, states: Sequence[Descriptor]) -> tuple[float, ...]:
+    def _start_std(self, states: Sequence[Descriptor]) -> tuple[float, ...]:
         """Return what is not known of some states at the start, standard deviations."""
         b = self.bearing
         sigma = 3 * math.sqrt(self.variances.measurement)

@@ -150,7 +150,13 @@ class Estimate:
         return self["x_m"]
 
     def of_role(self, role: str) -> tuple[str, ...]:
-        """Return the names of the states of a role, such as ``"current"`` or ``"noise"``."""
+        """Return the names of the states of a role.
+
+        Parameters
+        ----------
+        role : str
+            Such as ``"current"`` or ``"noise"``, see `Descriptor`.
+        """
         return tuple(state.name for state in self.states if state.role == role)
 
     @property

@@ -54,7 +54,7 @@ class _Observer(Estimator):
         # The states are counted in their own units, or the equations below lose their digits
         # between newtons and micrometres.
         whole = _whole(engine)
-        units = np.array(self.start_std(whole.states))
+        units = np.array(self._start_std(whole.states))
         growth = self.variances.growth(self.bearing.sampling_time, whole.noises)
         model = linear(whole, k.k_i, k.k_s, settings | {"var_d": growth})
         small = model.scaled(units)
