@@ -30,8 +30,10 @@ from ambkit.machine.parts import ColouredNoise, Hum
 class BuiltIn(Engine):
     """The paper's axis as ever; gains are computed from the numbers of the built-in model."""
 
-    def __init__(self, bearing: Bearing, precision: Any, *, as_printed: bool = False) -> None:
-        super().__init__(bearing, precision, as_printed=as_printed)
+    def __init__(
+        self, bearing: Bearing, precision: Any, *, as_printed: bool = False, noise: bool = True
+    ) -> None:
+        super().__init__(bearing, precision, as_printed=as_printed, noise=noise)
         core = core_module(precision)
         s = settings_of(bearing) | {"as_printed": as_printed}
         known = made(core, "Kalman", core.Constant(1.0, 1.0), s)
@@ -41,8 +43,10 @@ class BuiltIn(Engine):
 class ByLoops(BuiltIn):
     """The same numbers as arrays."""
 
-    def __init__(self, bearing: Bearing, precision: Any, *, as_printed: bool = False) -> None:
-        super().__init__(bearing, precision, as_printed=as_printed)
+    def __init__(
+        self, bearing: Bearing, precision: Any, *, as_printed: bool = False, noise: bool = True
+    ) -> None:
+        super().__init__(bearing, precision, as_printed=as_printed, noise=noise)
         self.built_in, self.core = False, core_module(precision, any_model=True)
         self.model_of_core = self.core.Model(arrays(self.model))
 

@@ -70,7 +70,11 @@ def test_a_good_file_is_read_in_si() -> None:
         ('"mine"', '"mine"\ndrag = nan', "2: drag: must be finite, is nan"),
         ('"mine"', '"mine"\ncolour="grene"', 'must be "red" or "green", is "grene"; did you mean'),
         ('radius = "30 cm"', "", "2: wheel.radius: missing: radius of the wheel [m], such as "),
-        ('[wheel]\nradius = "30 cm"', "", "1: wheel: missing: a table with radius, spokes"),
+        (
+            '[wheel]\nradius = "30 cm"',
+            "",
+            "1: wheel: missing: a table with radius; optional spokes",
+        ),
         ('[wheel]\nradius = "30 cm"', "wheel = 3", "2: wheel: must be a table, is 3"),
     ],
 )

@@ -205,6 +205,17 @@ def test_excite_then_simulate(
     assert np.max(np.abs(record["x"])) < 2.05e-4
 
 
+def test_the_current_s_lag_is_foretold_where_the_amplifier_has_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    BEARING.replace(amplifier__bandwidth="200 Hz").save(tmp_path / "late.toml")
+    words = ("--duration", "0.3 s", "--band", "15 Hz,150 Hz", "--json")
+    for bearing, looked_for in ((str(tmp_path / "late.toml"), True), ("zittau_axial", False)):
+        run("excite", bearing, *words)
+        expected = json.loads(capsys.readouterr().out)["expected"]
+        assert ("current_lag" in expected["parameters"] | expected["held"]) == looked_for
+
+
 def test_step_and_reference_exclude_each_other(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as left:
         main(["simulate", "zittau_axial", "--step", "0.1 mm", "--reference", "r.csv"])

@@ -122,7 +122,7 @@ def spoilt(bearing: Bearing) -> Record:
 
 def check_estimate(result: Any, estimate: ambkit.Estimate, prefix: str = "") -> None:
     names = {"variance": "innovation_variance"}
-    for name in ESTIMATES:
+    for name in dict.fromkeys((*ESTIMATES, *estimate.names)):
         expected = estimate.status if name == "status" else estimate[names.get(name, name)]
         np.testing.assert_array_equal(result[prefix + name][1:], expected, name)
 
@@ -308,6 +308,66 @@ def test_a_closed_loop_with_parts_in_fmpy_equals_the_library(
         np.testing.assert_array_equal(found[name][1:], record[name], name)
     assert run.estimate is not None
     check_estimate(found, run.estimate, "estimate.")
+
+
+# All that adds a state, and iron that saturates.
+STATES: dict[str, Any] = {
+    "amplifier__bandwidth": "500 Hz",
+    "delay": "0.15 ms",
+    "sensor__coloured_noise": {"variance": "4 um^2", "bandwidth": "200 Hz"},
+    "sensor__hum": [{"frequency": "50 Hz", "amplitude": "10 um", "bandwidth": "0.5 Hz"}],
+}
+WHOLE = IRON.replace(name="whole", **STATES)
+
+
+@pytest.mark.parametrize("kind", ["linear", "augmented", "observer", "low-pass"])
+def test_an_estimator_with_more_states_in_fmpy_equals_the_library(
+    kind: str, tmp_path: Path
+) -> None:
+    """The paper's own step, a kind with more than the model, one gain, and none."""
+    record, estimator = spoilt(WHOLE), REGISTRY[kind].make(WHOLE)
+    path = export_fmu(WHOLE, None, tmp_path / "whole.fmu", estimator=kind).path
+    assert validate_fmu(str(path)) == []
+    estimate = estimator.run(record)
+    assert {"i", "u_1", "u_2"} < set(estimate.names)
+    assert ("n_y" in estimate.names) == estimator.estimates_noise
+    found = simulated(path, WHOLE.sampling_time, {}, y=record["y"], u=record["u"])
+    check_estimate(found, estimate)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        STATES,
+        PARTS
+        | STATES
+        | {
+            "rotor__travel_limit": "0.1 mm",
+            "sensor__runout": [{"order": 2, "amplitude": "3 um"}],
+        },
+    ],
+    ids=["soft", "stops"],
+)
+def test_a_closed_loop_with_more_states_in_fmpy_equals_the_library(
+    changes: dict[str, Any], tmp_path: Path
+) -> None:
+    bearing = IRON.replace(**changes)
+    scenario = disturbed(bearing).replace(reference=ambkit.Step(amplitude=5e-5, time=2e-3))
+    run = simulate_run(bearing, scenario, estimator=REGISTRY["extended"].make(bearing))
+    record = run.record
+    noise_u, noise_y = drawn(bearing, scenario, len(record.t))
+    inputs = {"r": record["r"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": noise_y}
+    made = export_fmu(
+        bearing, None, tmp_path / "loop.fmu", kind="closed-loop", fmi=2, estimator="extended",
+        controller=scenario.controller,
+    )  # fmt: skip
+    assert validate_fmu(str(made.path)) == []
+    found = simulated(made.path, bearing.sampling_time, {}, **inputs)
+    for name in ("x", "v", "x_m"):
+        np.testing.assert_array_equal(found[name][:-1], record[name], name)
+    assert run.estimate is not None
+    check_estimate(found, run.estimate, "estimate.")
+    assert np.ptp(record["x"]) > 1e-5
 
 
 def test_a_force_map_is_plant_and_what_the_filter_knows(tmp_path: Path) -> None:

@@ -7,6 +7,8 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
+import fe_map
+import iron
 import numpy as np
 import oracles
 import pytest
@@ -15,11 +17,19 @@ from scipy.io import loadmat
 import ambkit
 from ambkit import Bearing, KalmanFilter
 from ambkit.export.mat import export_mat
+from ambkit.machine.bearing import FILES
 from ambkit.machine.magnets import evaluate_force, evaluate_stiffness
 from ambkit.machine.stiffness import stiffness_map
 
 BEARINGS = [Bearing.preset("zittau_axial"), Bearing.preset("inteco_ml")]
 both = pytest.mark.parametrize("bearing", BEARINGS, ids=lambda b: b.name)
+LATE = iron.TWO_SIDED.replace(
+    name="late",
+    delay="0.15 ms",
+    amplifier__bandwidth="500 Hz",
+    sensor__coloured_noise={"variance": "4 um^2", "bandwidth": "200 Hz"},
+    sensor__hum=[{"frequency": f, "amplitude": "10 um"} for f in ("50 Hz", "150 Hz")],
+)
 
 
 def read_back(bearing: Bearing, expert: Any, folder: Path) -> Any:
@@ -28,11 +38,13 @@ def read_back(bearing: Bearing, expert: Any, folder: Path) -> Any:
     return loadmat(path, simplify_cells=True)
 
 
-@both
+@pytest.mark.parametrize("bearing", [*BEARINGS, iron.TWO_SIDED, LATE], ids=lambda b: b.name)
 def test_the_model_predicts_as_the_core_does(bearing: Bearing, tmp_path: Path) -> None:
     m = read_back(bearing, None, tmp_path)
-    state, u = np.array([1e-5, 2e-3, 0.3, 1.1e-5]), 0.2
     kf = KalmanFilter(bearing)
+    assert list(m["states"]) == [state.name for state in kf.states]
+    others = [0.1 * state.size for state in kf.states[4:]]
+    state, u = np.array([1e-5, 2e-3, 0.3, 1.1e-5, *others]), 0.2
     kf.reset(state, np.sqrt(np.diag(m["P0"])))
     predicted = m["A"] @ state + m["B"] * u + m["E"] * m["f_0"]
     np.testing.assert_allclose(kf.predict(u), predicted, rtol=1e-12)
@@ -73,6 +85,37 @@ def test_tables_and_bearing_come_back(bearing: Bearing, tmp_path: Path) -> None:
     assert m["bearing"]["rotor"]["gravity"] == "-x"
     assert m["T"] == bearing.sampling_time
     assert list(m["states"]) == ["x", "v", "f_d", "x_m"]
+
+
+def test_iron_that_saturates_is_in_the_tables_and_in_the_model(tmp_path: Path) -> None:
+    """The figures of the issue, by Froehlich in closed form."""
+    m = read_back(iron.TWO_SIDED, None, tmp_path)
+    T, mass = m["T"], 5.0
+    assert m["B"][1] == pytest.approx(49.660 * T / mass, rel=1e-5)
+    assert m["A"][1, 0] == pytest.approx(146764 * T / mass, rel=1e-5)
+    at = list(m["tables"]["displacement"]).index(0.0)
+    assert m["tables"]["current"][-1] == 2.5
+    assert m["tables"]["force"][at, -1] == pytest.approx(119.216, rel=1e-4)
+    assert m["tables"]["k_i"][at, at] == pytest.approx(49.660, rel=1e-4)
+    assert m["bearing"]["magnet"]["saturation"] == 1.6
+
+
+def test_a_force_map_is_in_the_tables_and_its_file_is_named(tmp_path: Path) -> None:
+    bearing = Bearing.load(fe_map.written(tmp_path))
+    m = read_back(bearing, None, tmp_path)
+    tables = m["tables"]
+    iu, x = np.meshgrid(tables["current"], tables["displacement"])
+    known = fe_map.fe_force(iu, x)
+    # The fit goes through nine points around each: to what the force bends between them.
+    np.testing.assert_allclose(tables["force"], known, atol=2e-3 * np.abs(known).max())
+    assert [m["bearing"]["magnet"][key] for key in FILES] == ["fe.csv", "channels.toml"]
+
+
+def test_what_there_are_several_of_is_an_array_of_structs(tmp_path: Path) -> None:
+    sensor = read_back(LATE, None, tmp_path)["bearing"]["sensor"]
+    assert [line["frequency"] for line in sensor["hum"]] == [50.0, 150.0]
+    assert sensor["coloured_noise"]["bandwidth"] == 200.0
+    assert "runout" not in sensor
 
 
 @both

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import fe_map
+import iron
 import numpy as np
 import pytest
 from export_cases import INCLUDES, SAME_BITS, STRICT
@@ -21,6 +22,12 @@ from ambkit.estimate.registry import KINDS
 from ambkit.export.c import export_c
 from ambkit.fuzzy.choice import measured_map
 from ambkit.fuzzy.left_out import LAW, NETWORK, REFITTED, SURFACE, choose_model, refitted
+from ambkit.identification.maximum_likelihood.information import expect
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+from ambkit.identification.maximum_likelihood.parameters import usual
+from ambkit.judge.comparison.bench import bench
+from ambkit.judge.comparison.cases import CASES, saturating
+from ambkit.judge.comparison.contenders import contenders
 from ambkit.machine.forces.patches import ACCURACY, patches
 from ambkit.machine.forces.points import ForcePoints
 from ambkit.machine.forces.surface import ForceSurface
@@ -334,3 +341,44 @@ def test_commands_take_a_map_for_an_expert_or_the_true_magnet(
     mat = ("export", "mat", "law.toml", "--estimator", "map.csv", "--out", "out.mat")
     _, told = said(capsys, *mat, fails=2)
     assert "a MAT-file holds an expert" in told
+
+
+def test_identification_leaves_its_air_gap_alone(bearing: Bearing) -> None:
+    """The map has the gap in it; a law beneath with another one would be another surface."""
+    model = LoopModel(bearing)
+    assert "air_gap" not in usual(model)
+    record = ambkit.simulate(bearing, shaken(bearing))
+    told = expect(record, model, ["magnet_constant", "air_gap"])
+    assert [p.name for p in told.parameters] == ["magnet_constant"]
+    assert told.held == {"air_gap": "the force map has it in it"}
+
+
+def test_in_the_comparison_who_knows_it_is_at_the_limit(bearing: Bearing) -> None:
+    made = bench(bearing, CASES["model"], contenders(["linear", "extended"], bearing), runs=4)
+    extended, linear = made.best["extended"], made.best["linear"]
+    assert extended.mean("nis") == pytest.approx(1.0, abs=0.06)
+    assert extended.mean("force") < 0.5 * linear.mean("force")
+    for signal in ("x", "v", "f_d"):
+        assert 0.85 < made.efficiency("extended", signal) < 1.15, signal
+
+
+@pytest.mark.parametrize("of", ["law", "iron", "map"])
+def test_the_case_of_iron_that_saturates_further(of: str, bearing: Bearing) -> None:
+    """By the textbook: both fluxes bend off, and the own force falls by the ideal one's share."""
+    b = {"law": fe_map.BEARING, "iron": iron.TWO_SIDED, "map": bearing}[of]
+    m, iu, x = b.magnet, np.array([1.2, -0.4, 2.0]), np.array([1e-4, 5e-5, -2e-4])
+    one, other = (m.bias_current + iu) / (m.air_gap - x), (m.bias_current - iu) / (m.air_gap + x)
+    full = 2 * m.bias_current / m.air_gap
+    bent = [(flux / (1 + (flux / full) ** 4) ** 0.25) ** 2 for flux in (one, other)]
+    share = (bent[0] - bent[1]) / (one**2 - other**2)
+    force = saturating(b)
+    np.testing.assert_allclose(force(iu, x), share * magnet_of(b).force(iu, x), rtol=1e-9)
+    at_rest = saturating(b)(np.zeros(1), np.zeros(1))
+    np.testing.assert_allclose(at_rest, 0, atol=1e-2 * np.abs(force(iu, x)).max())
+
+
+def test_an_export_is_the_same_wherever_the_map_lies(bearing: Bearing, tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    other = Bearing.load(fe_map.written(tmp_path / "elsewhere"))
+    made = [export_c(b, None, tmp_path / f"out{k}") for k, b in enumerate((bearing, other))]
+    assert made[0].configuration == made[1].configuration

@@ -221,3 +221,50 @@ def test_tuning_finds_how_the_load_wanders(name: str) -> None:
         lambda d: ambkit.ExtendedKalmanFilter(bearing, noise=ambkit.FilterNoise(disturbance=d)),
     )
     assert abs(np.log10(found.growth / growth)) < 0.35, found
+
+
+@pytest.mark.parametrize("kind", ["low-pass", "observer"])
+def test_who_predicts_little_follows_the_controls_all_the_same(kind: str) -> None:
+    """The demanded currents of the samples before, and behind them a lag of first order."""
+    bearing = BEARING.replace(delay="0.15 ms", amplifier__bandwidth="200 Hz")
+    record = flown(bearing, 0, 0.1)
+    estimate = KINDS[kind].make(bearing).run(record)
+    T, iu = bearing.sampling_time, bearing.amplifier.gain * record["u"]
+    np.testing.assert_allclose(estimate["u_1"][1:], iu[:-1], rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(estimate["u_2"][2:], iu[:-2], rtol=1e-12, atol=1e-15)
+    half = np.exp(-2 * np.pi * 200 * T / 2)  # of a sample, in which the older of two acts
+    i = np.zeros(len(iu))
+    for k in range(2, len(iu)):
+        older = half * i[k - 1] + (1 - half) * (iu[k - 3] if k > 2 else 0.0)
+        i[k] = half * older + (1 - half) * iu[k - 2]
+    np.testing.assert_allclose(estimate["i"], i, rtol=1e-9, atol=1e-12)
+    late, true = record.t > 0.02, record["iu"]  # the truth has the control's noise, too
+    assert criteria.rms((estimate["i"] - true)[late]) < 0.02 * np.ptp(true[late])
+
+
+@pytest.mark.parametrize("kind", ["observer", "steady-state"])
+def test_a_constant_gain_finds_a_line_that_stands_still(kind: str) -> None:
+    still = BEARING.replace(sensor__hum=[{"frequency": "50 Hz", "amplitude": "30 um"}])
+    estimator = KINDS[kind].make(still)
+    assert np.isfinite(estimator.covariance).all()
+    record = flown(still, 0)
+    estimate = estimator.run(record)
+    assert 0.8 < np.mean(estimate.nis[1000:]) < 1.2
+    if kind == "steady-state":
+        noise = record["y"] - record["x_m"]
+        left = criteria.rms((noise - estimate["hum_c"])[2000:])
+        assert left < 0.6 * criteria.rms(noise[2000:])
+
+
+@pytest.mark.parametrize("kind", ["low-pass", "observer"])
+def test_who_knows_no_noise_says_nothing_of_it(kind: str) -> None:
+    noisy = BEARING.replace(**PARTS["coloured noise"], **PARTS["hum"])
+    record = flown(noisy, 0)
+    estimator = KINDS[kind].make(noisy)
+    estimate = estimator.run(record, covariance=True)
+    assert estimate.names == ("x", "v", "f_d", "x_m")
+    assert estimate.sensor_noise is None
+    np.testing.assert_array_equal(estimate.mean, KINDS[kind].make(BEARING).run(record).mean)
+    if kind == "observer":  # what it expects is that of the whole machine
+        assert 0.85 < np.mean(estimate.nis[300:]) < 1.15
+        assert 0.5 < criteria.rms(estimate.x - record["x"]) / np.mean(estimate.std("x")) < 2.0

@@ -57,6 +57,32 @@ def test_current_limits_are_shown_where_they_matter(run, bearing):
     assert "limit" not in {text for text, _ in plots.simulation_figure(still, bearing).legend()}
 
 
+def test_currents_and_noise_among_the_states_have_panels(scenario):
+    bearing = ambkit.Bearing.preset("zittau_axial").replace(
+        amplifier__bandwidth="500 Hz",
+        sensor__coloured_noise={"variance": "100 um^2", "bandwidth": "200 Hz"},
+        sensor__hum=[{"frequency": "50 Hz", "amplitude": "20 um"}],
+    )
+    kalman, observer = ambkit.KalmanFilter(bearing), ambkit.ExtendedStateObserver(bearing)
+    run = ambkit.simulate_run(bearing, scenario, estimator=kalman)
+    estimate, record = run.estimate, run.record
+    seen = estimate["n_y"] + estimate["hum_c"]
+
+    *_, current, _, noise = plots.simulation_figure(run, bearing).panels
+    np.testing.assert_array_equal(lines(current)["estimate"].y, estimate["i"])
+    np.testing.assert_array_equal(lines(noise)["estimate"].y, seen)
+    np.testing.assert_array_equal(lines(noise)["measured"].y, record["y"] - record["x_m"])
+
+    evaluated = {"linear": evaluate(kalman, record), "mine": evaluate(observer, record)}
+    current, noise = plots.filter_figure(record, evaluated).panels[3:5]
+    assert set(lines(current)) == {"truth", "linear Kalman filter", "mine"}
+    assert set(lines(noise)) == {"measured", "linear Kalman filter"}  # an observer knows none
+    np.testing.assert_array_equal(lines(current)["truth"].y, record["iu"])
+    late = record.t > 0.05
+    whole = lines(noise)["measured"].y[late]
+    assert np.std(whole - lines(noise)["linear Kalman filter"].y[late]) < 0.8 * np.std(whole)
+
+
 def test_filters_are_shown_by_their_own_styles_with_their_innovations(run, bearing):
     law = ambkit.ClosedLaw(bearing)
     evaluated = {

@@ -22,7 +22,9 @@ from ambkit.base.errors import ConfigError
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import export_c
 from ambkit.identification.maximum_likelihood import maximum_likelihood
-from ambkit.machine.bearing import MU_0
+from ambkit.identification.online.ideal import as_ideal, is_ideal
+from ambkit.identification.online.magnet_constant import identify
+from ambkit.machine.bearing import IRON, MU_0
 from ambkit.machine.magnets import core_module
 from ambkit.simulation.run import simulate_run
 from models.laws.law import Function, check
@@ -309,3 +311,26 @@ def test_its_exported_c_passes_its_selftest(tmp_path: Path, precision: Any) -> N
             [made.folder / "test"], capture_output=True, text=True, check=True
         ).stdout.upper()
     )
+
+
+@pytest.mark.parametrize("bearing", [TWO_SIDED, ONE_SIDED], ids=["two-sided", "one-sided"])
+def test_ideal_iron_with_the_other_control_signal_pulls_the_same(bearing: Bearing) -> None:
+    iu, y = np.meshgrid(np.linspace(-2.4, 2.5, 15), np.linspace(-0.24e-3, 0.24e-3, 11))
+    u = as_ideal(bearing, y, iu / bearing.amplifier.gain)
+    assert not is_ideal(bearing)
+    ideal = bearing.replace(**dict.fromkeys(f"magnet__{key}" for key in IRON))
+    assert is_ideal(ideal)
+    pulled, wanted = (magnet_of(b).force(i, y) for b, i in ((ideal, u), (bearing, iu)))
+    np.testing.assert_allclose(pulled, wanted, rtol=1e-9, atol=1e-9)
+    assert np.abs(u - iu).max() > 0.05
+
+
+@pytest.mark.parametrize("method", ["adaline", "rls"])
+def test_who_learns_the_constant_online_knows_the_iron(method: str) -> None:
+    stronger = TWO_SIDED.replace(
+        **TWO_SIDED.magnet.with_constant(1.1 * TWO_SIDED.magnet.magnet_constant)
+    )
+    shaken = SHAKEN.model_copy(update={"duration": 1.0, "reference": REFERENCE})
+    record = simulate_run(stronger, shaken).record
+    found = identify(record, TWO_SIDED, method=method, start=TWO_SIDED.magnet.magnet_constant)
+    assert found.magnet_constant == pytest.approx(stronger.magnet.magnet_constant, rel=0.01)

@@ -20,16 +20,35 @@ static amb_status reset(const amb_estimator *self, void *state, const amb_real m
   return status;
 }
 
-/* Nothing is predicted; the force that acts is kept for the next measurement. */
+/* What follows from the controls goes one sample on, as the model says; nothing else does. */
+static void follow(const amb_model *model, const amb_real iu[AMB_CONTROLS],
+                   amb_real mean[AMB_STATES])
+{
+  const amb_real none[AMB_FORCES] = {AMB_C(0.0)};
+  amb_real next[AMB_STATES];
+  const int n = amb_states(model);
+  for (int i = 0; i < n; i++) {
+    next[i] = mean[i];
+  }
+  amb_model_predict_mean(model, none, iu, next);
+  for (int i = 0; i < n; i++) {
+    mean[i] = (amb_model_role(model, i) == AMB_KNOWN) ? next[i] : mean[i];
+  }
+}
+
+/* The force that acts, at the current of the sample's mean, is kept for the next measurement. */
 static amb_status predict(const amb_estimator *self, void *state, const amb_real u[AMB_CONTROLS],
                           amb_kalman_result *result)
 {
   amb_low_pass_state *s = (amb_low_pass_state *)state;
   amb_status status = AMB_OK;
-  const amb_real iu = amb_step_current(self->kf, &s->base, 0, u[0], &status);
-  const amb_real x = s->base.mean[amb_first(&self->kf->model, AMB_POSITION)];
-  const amb_stiffness k = amb_step_ask(self->kf, self->magnet, 0, iu, x);
-  s->force = k.k_i * iu + k.k_s * x + self->kf->set.f_0[0];
+  const amb_model *model = &self->kf->model;
+  const amb_real iu[AMB_CONTROLS] = {amb_step_current(self->kf, &s->base, 0, u[0], &status)};
+  const amb_real x = s->base.mean[amb_first(model, AMB_POSITION)];
+  const amb_real i = amb_model_current(model, 0, s->base.mean, iu);
+  const amb_stiffness k = amb_step_ask(self->kf, self->magnet, 0, i, x);
+  s->force = k.k_i * i + k.k_s * x + self->kf->set.f_0[0];
+  follow(model, iu, s->base.mean);
   result->stiffness[0] = k;
   result->status = status;
   return status;
@@ -70,7 +89,7 @@ static void advance(const amb_estimator *self, amb_real scale, const amb_real iu
 {
   const amb_model *model = &self->kf->model;
   (void)scale;
-  (void)iu;
+  follow(model, iu, mean);
   mean[amb_first(model, AMB_POSITION)] += self->kf->set.T * mean[amb_first(model, AMB_VELOCITY)];
   amb_model_at_rest(model, mean);
 }

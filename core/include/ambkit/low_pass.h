@@ -3,8 +3,8 @@
  *
  * Position: first-order low-pass of the measurement. Velocity: its difference quotient, low-passed
  * again. Disturbance force: what accelerates the rotor beyond the known forces, m dv/dt less the
- * magnet's force, low-passed a third time. No covariance, no variance of the innovation: both are
- * 0.
+ * magnet's force, low-passed a third time. Currents that follow the controls late are what the
+ * model says of them. No covariance, no variance of the innovation: both are 0.
  */
 #ifndef AMBKIT_LOW_PASS_H
 #define AMBKIT_LOW_PASS_H

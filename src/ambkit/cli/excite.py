@@ -98,7 +98,6 @@ def excite(
     from ambkit.cli import output
     from ambkit.cli.kinds import scenario_of
     from ambkit.identification.excitation import Limits, design
-    from ambkit.identification.maximum_likelihood.parameters import USUAL
     from ambkit.show.plots import save_figure
     from ambkit.show.plots.excitation import excitation_figure
     from ambkit.workflow.simulating import experiment_duration
@@ -111,7 +110,7 @@ def excite(
     if band is not None:
         low, high = read_quantities(band, "Hz", "--band", count=2)
         ends = low, high
-    free = [part.strip() for part in parameters.split(",")] if parameters else list(USUAL)
+    free = [part.strip() for part in parameters.split(",")] if parameters else None
     with output.progress("comparing bands") as step:
         found = design(
             plant,

@@ -83,6 +83,7 @@ class Estimator(Copyable):
     origin: Mapping[str, str] = MappingProxyType({})
     """Where a number came from, by its key in a filter's file."""
     _of_core: tuple[str, ...] = ("core", "engine", "_core_step", "_live_mean")
+    estimates_noise = True  # whether sensor noise with a memory is among its states
     smooths = False  # whether mean and covariance follow the model that the smoother goes back by
 
     def __new__(cls, *_: Any, **options: Any) -> Self:
@@ -118,7 +119,7 @@ class Estimator(Copyable):
         self.variances = completed(bearing, noise or FilterNoise())
         self.precision = precision
         known = bearing.weight if gravity == "known" else 0.0
-        self.engine = Engine(bearing, precision, as_printed=as_printed)
+        self.engine = Engine(bearing, precision, as_printed=as_printed, noise=self.estimates_noise)
         settings = core_settings(self.engine, self.variances) | {
             "f_0": [known + bias_force_of(self.magnet, bearing)],
             "gate": gate,

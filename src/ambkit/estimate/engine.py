@@ -35,6 +35,8 @@ class Engine:
         What it computes in.
     as_printed : bool
         Eq. 19 as the paper prints it.
+    noise : bool
+        Whether sensor noise with a memory is among the states.
 
     Raises
     ------
@@ -42,10 +44,17 @@ class Engine:
         As printed, with parts that the paper does not have.
     """
 
-    def __init__(self, bearing: Bearing, precision: Precision, *, as_printed: bool = False) -> None:
-        self.bearing, self.as_printed = bearing, as_printed
+    def __init__(
+        self,
+        bearing: Bearing,
+        precision: Precision,
+        *,
+        as_printed: bool = False,
+        noise: bool = True,
+    ) -> None:
+        self.bearing, self.as_printed, self.noise = bearing, as_printed, noise
         plan = Plan(bearing.sampling_time)
-        for part in axis_parts(bearing):
+        for part in axis_parts(bearing, noise=noise):
             plan.add(part)
         self.states, self.noises = tuple(plan.states), tuple(plan.noises)
         self.built_in = tuple(state.name for state in plan.states) == PAPER_STATES
@@ -61,7 +70,7 @@ class Engine:
     @cached_property
     def model(self) -> Model:
         """The model as data, sampled when it is first asked for."""
-        return axis_model(self.bearing, as_printed=self.as_printed)
+        return axis_model(self.bearing, as_printed=self.as_printed, noise=self.noise)
 
 
 class Sizes(NamedTuple):

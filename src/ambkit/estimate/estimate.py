@@ -149,6 +149,25 @@ class Estimate:
         """Lagged position [m], (n,)."""
         return self["x_m"]
 
+    def of_role(self, role: str) -> tuple[str, ...]:
+        """Return the names of the states of a role.
+
+        Parameters
+        ----------
+        role : str
+            Such as ``"current"`` or ``"noise"``, see `Descriptor`.
+        """
+        return tuple(state.name for state in self.states if state.role == role)
+
+    @property
+    def sensor_noise(self) -> Array | None:
+        """What it takes for coloured noise and hum in the measurement [m], (n,).
+
+        None where they are none of its states.
+        """
+        names = self.of_role("noise")
+        return np.asarray(sum(self[name] for name in names)) if names else None
+
     @property
     def nis(self) -> Array:
         """Normalised innovation squared, (n,); its mean is 1 where model and noise are right.

@@ -18,8 +18,10 @@ if TYPE_CHECKING:
 class LowPass(Estimator):
     """First-order low-pass of the measurement, its difference quotient, and of the force.
 
-    The disturbance force is what accelerates the rotor beyond the known forces. The sensor's lag is
-    not made up for, and no covariance is known: it is zero.
+    The disturbance force is what accelerates the rotor beyond the known forces, those of a current
+    that, where amplifier or loop are late, follows from the controls. The sensor's lag is
+    not made up for, its coloured noise and hum are not told from the position, and no covariance is
+    known: it is zero.
 
     Parameters
     ----------
@@ -39,6 +41,7 @@ class LowPass(Estimator):
     """
 
     name = "low-pass and derivative"
+    estimates_noise = False
 
     def __init__(
         self,

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.estimate.base import Estimator
-from ambkit.estimate.engine import Engine
+from ambkit.estimate.engine import Engine, caps
 from ambkit.estimate.model import LinearModel
+from ambkit.estimate.starting import start_std
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel
+from ambkit.models import axis_parts, compose
+from ambkit.models.model import Descriptor, Model
+from ambkit.models.parts import Hum
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
@@ -23,31 +29,43 @@ FAST_SENSOR = 0.05
 """Of a sensor's last value, what is left after a sample, below which it is one without lag."""
 
 
+WANDER = 0.01
+"""Of its frequency, how fast a line of hum is taken to wander that is said to stand still: a gain
+that is constant could not find such a line."""
+
 LED = ("position", "velocity", "disturbance force", "sensor")
-"""Roles of the states whose poles are placed. Currents follow from the controls; noise on the
-sensor has poles of its own, and no observer without a model of the noise can tell it."""
+"""Roles of the states whose poles are placed; currents follow from the controls."""
 
 
 class _Observer(Estimator):
-    """Constant gain; the kinds differ in where it comes from."""
+    """Constant gain; the kinds differ in where it comes from.
+
+    What it says of its covariance, and expects of an innovation, is that of the whole machine, with
+    sensor noise that the observer itself has no states for.
+    """
 
     gain: Array  # (n,), for the update
 
-    def _gain(self, model: LinearModel, engine: Engine) -> Array:
+    def _gain(self, model: LinearModel, states: Sequence[Descriptor]) -> Array:
+        """Return the gain (n,) of all states of the machine; zero for those that it has not."""
         raise NotImplementedError
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         k = ConstantStiffness.of(self.bearing)
         # The states are counted in their own units, or the equations below lose their digits
         # between newtons and micrometres.
-        units = np.array(self.default_std())
-        small = self.linear_model(k.k_i, k.k_s).scaled(units)
-        L = self._gain(small, engine)
+        whole = _whole(engine)
+        units = np.array(start_std(self.bearing, self.variances, whole.states))
+        growth = self.variances.growth(self.bearing.sampling_time, whole.noises)
+        model = LinearModel.of(whole, k.k_i, k.k_s, settings | {"var_d": growth})
+        small = model.scaled(units)
+        L = self._gain(small, whole.states)
         P, S = _steady(small, L)
-        self.gain = L * units
-        upper = (P * np.outer(units, units))[np.triu_indices(len(units))]
-        caps = np.asarray(settings["cap"])
-        far = np.minimum(2 * _grown(small, L, caps / units) * units, np.finfo(np.float32).max)
+        most = np.array(caps(self.bearing, whole.states)) / units
+        reach = np.minimum(2 * _grown(small, L, most) * units, np.finfo(np.float32).max)
+        own = [whole.index(state.name) for state in engine.states]
+        self.gain, far = (L * units)[own], reach[own]
+        upper = (P * np.outer(units, units))[np.ix_(own, own)][np.triu_indices(len(own))]
         return engine.core.Observer(
             magnet,
             engine.model_of_core,
@@ -63,7 +81,9 @@ class ExtendedStateObserver(_Observer):
     """Luenberger observer whose states include the disturbance: an extended state observer.
 
     All poles of the estimation error lie at ``exp(-bandwidth T)``, but for the sensor's own where
-    that is faster than a third of a sample.
+    that is faster than a third of a sample. The currents of a late amplifier or loop follow from
+    the controls. Coloured noise and hum of the sensor are no states of it: without a model of them
+    nobody can tell them, and only its covariance counts with them.
 
     Parameters
     ----------
@@ -89,6 +109,7 @@ class ExtendedStateObserver(_Observer):
     """
 
     name = "extended state observer"
+    estimates_noise = False
 
     def __init__(
         self,
@@ -105,11 +126,11 @@ class ExtendedStateObserver(_Observer):
         self.bandwidth = bandwidth
         super().__init__(bearing, magnet, **options)
 
-    def _gain(self, model: LinearModel, engine: Engine) -> Array:
+    def _gain(self, model: LinearModel, states: Sequence[Descriptor]) -> Array:
         pole = math.exp(-self.bandwidth * self.bearing.sampling_time)
-        led = [i for i, state in enumerate(engine.states) if state.role in LED]
+        led = [i for i, state in enumerate(states) if state.role in LED]
         A, H = model.A[np.ix_(led, led)], model.H[:, led]
-        gain = np.zeros(len(engine.states))
+        gain = np.zeros(len(states))
         gain[led] = placed(model._replace(A=A, H=H), pole)
         return gain
 
@@ -130,12 +151,26 @@ class SteadyStateKalmanFilter(_Observer):
 
     name = "steady-state Kalman filter"
 
-    def _gain(self, model: LinearModel, engine: Engine) -> Array:
+    def _gain(self, model: LinearModel, states: Sequence[Descriptor]) -> Array:
         from scipy.linalg import solve_discrete_are
 
         predicted = solve_discrete_are(model.A.T, model.H.T, model.Q, np.array([[model.R]]))
         PH = predicted @ model.H.T
         return np.asarray((PH / (model.H @ PH + model.R)).ravel())
+
+
+def _whole(engine: Engine) -> Model:
+    """Return the model of the machine with all sensor noise."""
+    sensor = engine.bearing.sensor
+    if not sensor.hum and (engine.noise or not sensor.coloured_noise):
+        return engine.model
+    parts = [
+        replace(part, bandwidth=part.bandwidth or WANDER * part.frequency)
+        if isinstance(part, Hum)
+        else part
+        for part in axis_parts(engine.bearing)
+    ]
+    return compose(parts, engine.bearing.sampling_time, name="axial")
 
 
 def unstable_pole(bearing: Bearing) -> float:

@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base import files
+from ambkit.base.config import Part
 from ambkit.estimate.kalman import AdaptiveKalmanFilter, KalmanFilter
 from ambkit.export.tabulate import tabulate
+from ambkit.machine.bearing import FILES
 from ambkit.machine.magnets import ConstantStiffness, core_module
 from ambkit.machine.stiffness import stiffness_map
 
@@ -163,14 +165,24 @@ def _tables(bearing: Bearing, expert: Expert | None) -> dict[str, Any]:
     } | bound
 
 
-def _fields(described: Any) -> dict[str, Any]:
-    """All values of a description, and of the descriptions in it."""
+def _fields(described: Part) -> dict[str, Any]:
+    """All values of a description, and of the descriptions in it; files without their folders."""
     values = {name: getattr(described, name) for name in type(described).model_fields}
+    given = {name: value for name, value in values.items() if value not in (None, ())}
     return {
-        name: _fields(value) if hasattr(type(value), "model_fields") else value
-        for name, value in values.items()
-        if value is not None
+        name: Path(value).name if name in FILES else _in_matlab(value)
+        for name, value in given.items()
     }
+
+
+def _in_matlab(value: Any) -> Any:
+    """A description as a struct, several as an array of structs, all else as it is."""
+    if isinstance(value, Part):
+        return _fields(value)
+    if not isinstance(value, tuple):
+        return value
+    rows = [_fields(each) for each in value]
+    return np.array([tuple(row.values()) for row in rows], [(name, object) for name in rows[0]])
 
 
 def _expert(expert: Expert) -> dict[str, Any]:

@@ -63,6 +63,10 @@ IRON = ("iron_length", "relative_permeability", "saturation")
 """What describes iron that saturates; all of it or none."""
 
 
+FILES = ("force_map", "force_channels")
+"""What names a file."""
+
+
 class Magnet(Part):
     """The electromagnets of one axis, and the law of their force.
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from ambkit.models.compose import compose
 from ambkit.models.model import ONE, Model
-from ambkit.models.parts import PARTS
+from ambkit.models.parts import PARTS, SENSOR_NOISE
 from ambkit.models.parts.typical import Typical
 from ambkit.models.plan import Part
 
@@ -29,7 +29,7 @@ PAPER_CONSTANTS: Mapping[tuple[str, int, int], str] = {
 """What the constants of the paper's axis (eq. 15-21) are called in C, in their order there."""
 
 
-def axis_parts(bearing: Any) -> list[Part]:
+def axis_parts(bearing: Any, *, noise: bool = True) -> list[Part]:
     """Return the parts of a bearing of one axis, as its keys give them.
 
     Parameters
@@ -37,17 +37,22 @@ def axis_parts(bearing: Any) -> list[Part]:
     bearing : Bearing
         Keys that it does not have (``delay``, ``amplifier.bandwidth``, ``sensor.coloured_noise``,
         ``sensor.hum``) count as not given.
+    noise : bool, optional
+        Without: sensor noise that has states of its own is left out.
     """
     typical = Typical.of(bearing)
-    return [part for kind in PARTS for part in kind.of_axis(bearing, typical)]
+    kinds = [kind for kind in PARTS if noise or kind not in SENSOR_NOISE]
+    return [part for kind in kinds for part in kind.of_axis(bearing, typical)]
 
 
-def axis_model(bearing: Any, *, T: float | None = None, as_printed: bool = False) -> Model:
+def axis_model(
+    bearing: Any, *, T: float | None = None, as_printed: bool = False, noise: bool = True
+) -> Model:
     """Return the sampled model of one axis.
 
     Parameters
     ----------
-    bearing : Bearing
+    bearing, noise
         See `axis_parts`.
     T : float, optional
         Sampling time [s]; the bearing's own by default.
@@ -59,7 +64,8 @@ def axis_model(bearing: Any, *, T: float | None = None, as_printed: bool = False
     ValueError
         As printed, with parts that the paper does not have.
     """
-    model = compose(axis_parts(bearing), bearing.sampling_time if T is None else T, name="axial")
+    parts = axis_parts(bearing, noise=noise)
+    model = compose(parts, bearing.sampling_time if T is None else T, name="axial")
     return printed(model) if as_printed else model
 
 

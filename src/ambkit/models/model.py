@@ -28,7 +28,8 @@ class Descriptor:
     size: float
     """Typical size in that unit; of a noise, its standard deviation where the machine gives it."""
     role: str
-    """What it is: position, velocity, disturbance force, sensor, current, past control, noise."""
+    """What it is: position, velocity, disturbance force, sensor, current, past control, noise (in
+    the reading as it is) or noise in quadrature (behind that of a line by a quarter turn)."""
 
     def __post_init__(self) -> None:
         if not (self.name.isidentifier() and self.name.isascii()):

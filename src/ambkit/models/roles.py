@@ -7,6 +7,6 @@ POSITION, VELOCITY, SHOWN, LOAD, KNOWN, NOISE = ENUMERATORS = (
 
 ROLES = {
     "position": POSITION, "velocity": VELOCITY, "sensor": SHOWN, "disturbance force": LOAD,
-    "noise": NOISE, "current": KNOWN, "past control": KNOWN,
+    "noise": NOISE, "noise in quadrature": NOISE, "current": KNOWN, "past control": KNOWN,
 }  # fmt: skip
 """What the core calls the roles of a model's states."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -57,8 +58,13 @@ def parts_of(bearing: Bearing, dtype: str = "float64") -> dict[str, Any] | None:
 
 def in_words(bearing: Bearing) -> list[str]:
     """Name each part with its values, for people."""
-    amplifier, sensor, stop = bearing.amplifier, bearing.sensor, bearing.stop
+    magnet, amplifier = bearing.magnet, bearing.amplifier
+    sensor, stop = bearing.sensor, bearing.stop
     told = []
+    if magnet.saturation is not None:
+        told.append(f"iron that saturates at {engineering(magnet.saturation, 'T')}")
+    if magnet.force_map is not None:
+        told.append(f"the force of {Path(magnet.force_map).name}")
     if amplifier.bandwidth is not None:
         volts = amplifier.voltage_limit
         within = "" if volts is None else f" within {engineering(volts, 'V')}"

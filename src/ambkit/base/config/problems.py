@@ -64,6 +64,9 @@ def in_words(model: type[BaseModel], error: Mapping[str, Any]) -> Problem:
             return problem._replace(text=_choice(value, context["expected"]))
         case "model_type" | "model_attributes_type":
             return problem._replace(text=f"must be a table, is {_shown(value)}")
+        case "tuple_type" | "list_type" if isinstance(value, dict):
+            text = "must be a list of tables, each written in double brackets: [[...]]"
+            return problem._replace(text=text)
     text = re.sub(r"^\w+ should", "must", problem.text)
     return problem._replace(text=f"{text}, is {_shown(value)}")
 
@@ -106,10 +109,20 @@ def _tables(model: type[BaseModel]) -> Iterator[tuple[str, list[str]]]:
             yield name, list(field.annotation.model_fields)
 
 
+def _table(model: type[BaseModel]) -> str:
+    """Say what keys a table has, those that must be there first."""
+    fields = model.model_fields.items()
+    required, optional = (
+        ", ".join(name for name, field in fields if field.is_required() == wanted)
+        for wanted in (True, False)
+    )
+    return "a table with " + "; optional ".join(filter(None, (required, optional)))
+
+
 def _purpose(field: FieldInfo) -> str:
     """Say what a key is for, and give an example."""
     if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
-        return f": a table with {', '.join(field.annotation.model_fields)}"
+        return f": {_table(field.annotation)}"
     about = " ".join((field.description or "").split()).rstrip(".")
     about = f": {about[:1].lower()}{about[1:]}" if about else ""
     quantity = quantity_of(field)

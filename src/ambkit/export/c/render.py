@@ -15,12 +15,14 @@ from ambkit.estimate.registry import PAPER, InCore
 from ambkit.export import core
 from ambkit.export.c import data, model, vectors
 from ambkit.export.c.data import MAGNETS, CPrecision, Kind
+from ambkit.machine.bearing import FILES
 from ambkit.machine.magnets import core_module, own_time
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
     from ambkit.data.rig_units import Scaling
     from ambkit.estimate.base import Estimator
+    from ambkit.machine.bearing import Bearing
 
 _BOUNDS: dict[CPrecision, str] = {"float": "1e-3", "double": "1e-9"}
 
@@ -240,21 +242,22 @@ def _configuration(
     """Return 16 hexadecimal digits that change with all that the estimator was made from."""
     digest = hashlib.sha256()
     numbers = (
-        "version",
-        "precision",
-        "inputs_text",
-        "kalman",
-        "std",
-        "magnet_type",
-        "magnet",
-        "own",
+        "version", "precision", "inputs_text", "kalman", "std", "magnet_type", "magnet", "own",
         "title",
-    )
-    parts = [estimator.bearing.to_toml(), *(context[key] for key in numbers)]
+    )  # fmt: skip
+    parts = [_described(estimator.bearing), *(context[key] for key in numbers)]
     parts += [array["text"] for array in context["arrays"]]
     for part in (*parts, *core_files.values()):
         digest.update(part.encode() + b"\0")
     return digest.hexdigest()[:16]
+
+
+def _described(bearing: Bearing) -> str:
+    """Return the description of a bearing without the folders of its files."""
+    text = bearing.to_toml()
+    for path in filter(None, (getattr(bearing.magnet, key) for key in FILES)):
+        text = text.replace(path, Path(path).name)
+    return text
 
 
 def _templates() -> Any:

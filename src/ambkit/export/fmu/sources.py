@@ -184,7 +184,6 @@ def rig_data(bearing: Bearing) -> dict[str, Any]:
     """
     law, with_parts = magnet_of(bearing), parts.parts_of(bearing)
     fields: dict[str, Any] = {
-        "magnet": data.Name("&rig_magnet"),
         "k": bearing.magnet.magnet_constant,
         "scale": 1.0,
         "T": bearing.sampling_time,

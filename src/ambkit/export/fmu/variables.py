@@ -149,7 +149,7 @@ def of_plant(bearing: Bearing) -> tuple[Variable, ...]:
         TIME,
         Variable("u", "input", "V", "control signal"),
         Variable("f_d", "input", "N", "disturbance force"),
-        *_noises(),
+        *_noises(bearing),
         *_truth(),
         Variable("y", "output", "m", "measured position: x_m and noise_y", follows=("noise_y",)),
         *_forced(),
@@ -163,7 +163,7 @@ def of_loop(estimator: Estimator, controller: PID) -> tuple[Variable, ...]:
         TIME,
         Variable("r", "input", "m", "position that is demanded"),
         Variable("f_d", "input", "N", "disturbance force"),
-        *_noises(),
+        *_noises(estimator.bearing),
         *_truth(),
         Variable("y", "output", "m", "measured position", held=True),
         Variable("u", "output", "V", "control signal", held=True),
@@ -175,10 +175,13 @@ def of_loop(estimator: Estimator, controller: PID) -> tuple[Variable, ...]:
     )
 
 
-def _noises() -> list[Variable]:
+def _noises(bearing: Bearing) -> list[Variable]:
+    sensor = bearing.sensor
+    parts = {"coloured noise": sensor.coloured_noise, "hum": sensor.hum}
+    named = "".join(f", {name} too" for name, part in parts.items() if part)
     return [
         Variable("noise_u", "input", "V", "noise on the control signal"),
-        Variable("noise_y", "input", "m", "noise on the measurement"),
+        Variable("noise_y", "input", "m", f"noise on the measurement{named}"),
     ]
 
 

@@ -22,7 +22,7 @@ from ambkit.data.record import Record
 from ambkit.identification.excitation.signals import KINDS, Band, Excitation
 from ambkit.identification.maximum_likelihood.information import Expectation, expect
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-from ambkit.identification.maximum_likelihood.parameters import USUAL
+from ambkit.identification.maximum_likelihood.parameters import usual
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.simulation.run import samples, simulate
@@ -166,7 +166,7 @@ def design(
     scenario: Scenario,
     *,
     kind: str = "multisine",
-    free: Sequence[str] = USUAL,
+    free: Sequence[str] | None = None,
     limits: Limits | None = None,
     band: Band | None = None,
     load: float | None = None,
@@ -186,8 +186,9 @@ def design(
         Duration, controller and seed of the noise; its reference is replaced.
     kind : {"multisine", "prbs", "stepped-sine"}
         The signal.
-    free : sequence of str
-        Names of `ambkit.identification.maximum_likelihood.parameters.PARAMETERS`.
+    free : sequence of str, optional
+        Names of `ambkit.identification.maximum_likelihood.parameters.PARAMETERS`; by default what
+        identification looks for in such a bearing.
     limits : Limits, optional
         By default `Limits.of` the bearing.
     band : tuple of float, optional
@@ -214,6 +215,7 @@ def design(
     loop = _Loop(bearing, scenario, limits, load)
     bands = _bands(bearing, loop.duration) if band is None else [_checked(bearing, loop, band)]
     model = LoopModel(bearing, load_growth=load**2)
+    free = usual(model) if free is None else free
     best: tuple[Band, Excitation, Array] | None = None
     tried: list[tuple[Band, float]] = []
     for one in bands:

@@ -27,7 +27,7 @@ from ambkit.identification.maximum_likelihood.parameters import (
     Coordinates,
     Parameter,
     named,
-    without_mass,
+    searchable,
 )
 from ambkit.identification.maximum_likelihood.restricted import restricted
 from ambkit.identification.maximum_likelihood.search import WALL, climb, hold, not_needed, ran_away
@@ -271,7 +271,7 @@ def maximum_likelihood(
     """
     several = [records] if not isinstance(records, Sequence) else list(records)
     given = start if isinstance(start, LoopModel) else LoopModel(start)
-    parameters, alike = without_mass(named(free))
+    parameters, alike = searchable(named(free), given)
     if not parameters:
         raise AmbkitError("no parameter is free")
     if settling is None:

@@ -23,7 +23,7 @@ from ambkit.identification.maximum_likelihood.parameters import (
     Coordinates,
     Parameter,
     named,
-    without_mass,
+    searchable,
 )
 
 Array = NDArray[np.float64]
@@ -113,7 +113,7 @@ def expect(
     AmbkitError
         An unknown parameter; no measurement could be taken in.
     """
-    parameters, held = without_mass(named(free))
+    parameters, held = searchable(named(free), model)
     if settling is None:
         settling = settling_time(model.bearing)
     coordinates = Coordinates(model, parameters)

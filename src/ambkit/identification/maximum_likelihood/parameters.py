@@ -107,11 +107,16 @@ def usual(model: LoopModel) -> tuple[str, ...]:
     """Return what to look for in a model where the user does not say.
 
     A one-sided magnet knows no middle: where x = 0 is, is a choice, and an offset of the position
-    is nothing but another air gap. A lag of the current is looked for where the amplifier has one.
+    is nothing but another air gap. A lag of the current is looked for where the amplifier has one,
+    and the air gap not where a force map says what it does.
     """
-    one_sided = model.bearing.magnet.type == "one-sided"
+    magnet = model.bearing.magnet
     names = (*USUAL, "current_lag") if model.current_lag > 0 else USUAL
-    return tuple(name for name in names if not (one_sided and name == "position_offset"))
+    idle = {
+        "position_offset": magnet.type == "one-sided",
+        "air_gap": magnet.force_map is not None,
+    }
+    return tuple(name for name in names if not idle.get(name, False))
 
 
 def named(names: Sequence[str]) -> list[Parameter]:
@@ -138,16 +143,22 @@ ALIKE = "cannot be told apart"
 """In the reason why a parameter is held: it looks like another that is looked for."""
 
 
-def without_mass(parameters: Sequence[Parameter]) -> tuple[list[Parameter], dict[str, str]]:
-    """Return what is left to be found, and why the mass is not where k is looked for, too.
+def searchable(
+    parameters: Sequence[Parameter], model: LoopModel
+) -> tuple[list[Parameter], dict[str, str]]:
+    """Return what is left to be found, and why the others are not looked for.
 
-    From one loop comes the ratio k/m. What seems to part the two is how much load is expected, and
-    that is a guess: a search would make a mass of it, with an error that looks honest.
+    The mass is not where k is looked for, too. From one loop comes the ratio k/m. What seems to
+    part the two is how much load is expected, and that is a guess: a search would make a mass of
+    it, with an error that looks honest. Nor is the air gap of a force map, which was measured with
+    the gap that there is: only the law beneath it would move.
     """
-    if not {"magnet_constant", "mass"} <= {p.name for p in parameters}:
-        return list(parameters), {}
-    rest = [p for p in parameters if p.name != "mass"]
-    return rest, {"mass": f"magnet_constant and mass {ALIKE}, a loop tells their ratio"}
+    held = {}
+    if {"magnet_constant", "mass"} <= {p.name for p in parameters}:
+        held["mass"] = f"magnet_constant and mass {ALIKE}, a loop tells their ratio"
+    if model.bearing.magnet.force_map is not None and "air_gap" in {p.name for p in parameters}:
+        held["air_gap"] = "the force map has it in it"
+    return [p for p in parameters if p.name not in held], held
 
 
 @dataclass(frozen=True)

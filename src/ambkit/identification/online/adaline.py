@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ambkit.base.arrays import real
 from ambkit.base.copying import Copyable
 from ambkit.identification.late import acting
+from ambkit.identification.online.ideal import as_ideal, is_ideal
 from ambkit.identification.online.result import OnlineResult, last_quarter, mean_error
 from ambkit.machine.magnets import core_module
 
@@ -80,15 +82,23 @@ class OnlineIdentifier(Copyable):
         float
             Magnet constant so far [N m^2/A^2].
         """
-        self.core.step(y, u, f_d)
+        self.core.step(y, float(self._ideal(y, u)), f_d)
         return float(self.core.k)
+
+    def _ideal(self, y: Any, u: Any) -> Any:
+        """Return the control signal as the core, which knows ideal iron, is to be told it."""
+        return u if self._of_ideal_iron else as_ideal(self.bearing, y, u)
+
+    @cached_property
+    def _of_ideal_iron(self) -> bool:
+        return is_ideal(self.bearing)  # asked at every sample
 
     def _learned(self, record: Record, disturbance: ArrayLike | None) -> dict[str, Any]:
         """Run the core along a record; return its arrays by name, n samples each."""
         y = record["y"]
         known = real("disturbance", 0.0 if disturbance is None else disturbance)
         f_d = np.ascontiguousarray(np.broadcast_to(known, y.shape))
-        out = self.core.run(y, acting(self.bearing, record["u"]), f_d)
+        out = self.core.run(y, self._ideal(y, acting(self.bearing, record["u"])), f_d)
         return dict(out)
 
 
@@ -198,6 +208,8 @@ def first_element(
             f"{0.5 / bearing.sampling_time:g} Hz, got {bandwidth!r}"
         )
     magnet, T = bearing.magnet, bearing.sampling_time
+    # What ideal iron would need to pull as a stronger magnet does may be beyond the limits.
+    room = 1.0 if is_ideal(bearing) else 1e3
     return {
         "s0": magnet.air_gap,
         "i0": magnet.bias_current,
@@ -207,8 +219,8 @@ def first_element(
         "K_sen": bearing.sensor.gain,
         "a_sen": math.exp(-T / bearing.sensor_lag),
         "k_ui": bearing.amplifier.gain,
-        "iu_min": bearing.current_min,
-        "iu_max": bearing.current_max,
+        "iu_min": room * bearing.current_min,
+        "iu_max": room * bearing.current_max,
         "f_0": bearing.weight,
         "bandwidth": 2 * math.pi * bandwidth,
         "rate_force": rate_force,

@@ -20,7 +20,7 @@ from ambkit.estimate.base import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.comparison.spread import CERTAIN, Spread
 from ambkit.machine.bearing import GRAVITY
-from ambkit.machine.magnets import own_time
+from ambkit.machine.magnets import magnet_of, own_time
 from ambkit.simulation.run import Imposed, Run, samples, simulate_run
 from ambkit.simulation.scenario import PID, Scenario
 from ambkit.simulation.waveforms import Constant, Sequence, Sine, Step
@@ -64,7 +64,7 @@ class Case:
     drift : float
         How much of that constant it gains by the end of the run, evenly.
     saturates : bool
-        Whether the plant's iron saturates, which only the learned maps know.
+        Whether the plant's iron saturates more than described, which only the learned maps know.
     correlation : float
         Samples over which the sensor's noise is correlated; 0: white.
     walks : float
@@ -204,27 +204,35 @@ def _with_walk(record: Record, walk: Array | None) -> Record:
 def saturating(bearing: Bearing) -> Force:
     """Return the force of magnets whose iron saturates at twice the flux of the bias current.
 
-    The flux, proportional to i/s, bends off as ``phi/(1 + (phi/phi_s)^4)^(1/4)``.
+    The flux, proportional to i/s, bends off as ``phi/(1 + (phi/phi_s)^4)^(1/4)``. The bearing's own
+    force, by its law or force map, falls by the same share as an ideal magnet's does.
 
     Parameters
     ----------
     bearing : Bearing
         Whose magnets they are.
     """
-    m = bearing.magnet
+    m, own = bearing.magnet, magnet_of(bearing)
     limit = 2 * m.bias_current / m.air_gap
+    if m.type == "one-sided":
 
-    def flux(current: Array, gap: Array) -> Array:
-        ideal = current / gap
-        return np.asarray(ideal / (1 + (ideal / limit) ** 4) ** 0.25)
+        def share(iu: Array, x: Array) -> Array:
+            return 1 / _bend((m.bias_current + iu) / (m.air_gap - x) / limit)
 
-    def force(iu: Array, x: Array) -> Array:
-        pull = flux(m.bias_current + iu, m.air_gap - x) ** 2
-        if m.type == "two-sided":
-            pull = pull - flux(m.bias_current - iu, m.air_gap + x) ** 2
-        return m.magnet_constant * pull
+    else:
+        # (h(a) - h(b)) / (a^2 - b^2) with h = a^2 / bend(a), written such that nothing cancels.
+        def share(iu: Array, x: Array) -> Array:
+            a = (m.bias_current + iu) / (m.air_gap - x) / limit
+            b = (m.bias_current - iu) / (m.air_gap + x) / limit
+            p, q = _bend(a), _bend(b)
+            return np.asarray((a**2 + b**2) / (p * q * (a**2 * q + b**2 * p)))
 
-    return force
+    return lambda iu, x: np.asarray(share(iu, x) * own.force(iu, x))
+
+
+def _bend(flux: Array) -> Array:
+    """Return by how much the square of a flux falls, with 1 as the flux at which iron is full."""
+    return np.asarray(np.sqrt(1 + flux**4))
 
 
 def _magnet(case: Case, plant: Bearing) -> MagnetModel | None:

@@ -160,12 +160,12 @@ def magnet_force(estimator: Any, estimate: Estimate, record: Record) -> Array:
 def _current(bearing: Bearing, estimate: Estimate, record: Record) -> Array:
     """Control current just after each sample as an estimator sees it [A].
 
-    A state where the amplifier lags; of a loop with a delay the oldest that still acts; else, and
-    by an estimator that does not follow it, as a low-pass, the one asked for.
+    A state where the amplifier lags; of a loop with a delay the oldest that still acts; else the
+    one asked for.
     """
     for role in ("current", "past control"):
         late = [at for at, state in enumerate(estimate.states) if state.role == role]
-        if late and estimate.mean[:, late[-1]].any():
+        if late:
             return np.asarray(estimate.mean[:, late[-1]])
     asked = bearing.amplifier.gain * record["u"]
     return np.asarray(np.clip(asked, bearing.current_min, bearing.current_max))

@@ -20,7 +20,7 @@ class Spread:
     Parameters
     ----------
     magnet_constant, mass, air_gap : float
-        Of the plant.
+        Of the plant. A force map has its gap in it: only its constant varies.
     noise, lag : float
         Of the sensor: standard deviation of its noise, time constant.
     load : float

@@ -12,8 +12,12 @@ from ambkit.models.parts.sensor import Sensor
 PARTS = (Rotor, MagnetPlace, Disturbance, Sensor, Amplifier, Delay, ColouredNoise, Hum)
 """In the order of their states; each takes what concerns it from a bearing (``of_axis``)."""
 
+SENSOR_NOISE = (ColouredNoise, Hum)
+"""Those that are noise of the sensor with a memory."""
+
 __all__ = [
     "PARTS",
+    "SENSOR_NOISE",
     "Amplifier",
     "ColouredNoise",
     "Delay",

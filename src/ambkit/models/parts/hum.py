@@ -41,8 +41,8 @@ class Hum:
         """Add both states, their noise, and their share of the reading."""
         turn, decay = 2 * math.pi * self.frequency, 2 * math.pi * self.bandwidth
         cosine, sine, size = f"{self.name}_c", f"{self.name}_s", self.amplitude / math.sqrt(2)
-        for name in (cosine, sine):
-            plan.state(name, "m", size, "noise")
+        for name, role in ((cosine, "noise"), (sine, "noise in quadrature")):
+            plan.state(name, "m", size, role)
             plan.rate(name, name, -decay)
         plan.rate(cosine, sine, -turn)
         plan.rate(sine, cosine, turn)

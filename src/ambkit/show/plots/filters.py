@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import cycle
 from typing import TYPE_CHECKING
@@ -12,7 +12,15 @@ from numpy.typing import NDArray
 
 from ambkit.base.escaping import markdown
 from ambkit.estimate.estimate import Status
-from ambkit.show.plots.looks import CURRENT, DISTURBANCE, POSITION, TIME, VELOCITY, looks
+from ambkit.show.plots.looks import (
+    CURRENT,
+    DISTURBANCE,
+    NOISE,
+    POSITION,
+    TIME,
+    VELOCITY,
+    looks,
+)
 from ambkit.show.report.figure import Figure, Panel
 from ambkit.show.report.items import Axis, Item, Line, Note, Points
 from ambkit.show.report.style import style_of
@@ -21,6 +29,8 @@ if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.estimate.estimate import Estimate
     from ambkit.judge.evaluation import Evaluation
+
+Array = NDArray[np.float64]
 
 _SMOOTHED = ("smoothed", "smoothed 2", "smoothed 3")
 
@@ -55,21 +65,16 @@ def filter_figure(
         return known(signal, "truth") if signal in truth else []
 
     def told(signal: str) -> list[Item]:
-        filtered = [
-            Line(t, evaluation.estimate[signal], signal=style, label=label)
-            for (style, label), evaluation in zip(looks(evaluated), evaluated.values(), strict=True)
-            if signal in evaluation.estimate.names
-        ]
-        return [*filtered, *after(signal)]
+        return drawn(lambda estimate: estimate[signal] if signal in estimate.names else None)
 
-    def after(signal: str) -> list[Item]:
+    def drawn(read: Callable[[Estimate], Array | None]) -> list[Item]:
         names = (label or style_of(style).label for style, label in looks(smoothed))
+        after = ((style, f"{name}, smoothed") for style, name in zip(cycle(_SMOOTHED), names))
+        estimates = [*(each.estimate for each in evaluated.values()), *smoothed.values()]
         return [
-            Line(t, estimate[signal], signal=style, label=f"{name}, smoothed")
-            for style, name, estimate in zip(
-                cycle(_SMOOTHED), names, smoothed.values(), strict=False
-            )
-            if signal in estimate.names
+            Line(t, values, signal=style, label=label)
+            for (style, label), estimate in zip([*looks(evaluated), *after], estimates, strict=True)
+            if (values := read(estimate)) is not None
         ]
 
     absent = _absent(record)
@@ -80,8 +85,11 @@ def filter_figure(
     position = [*known("y", "measured"), *known("r", "reference"), *true("x"), *told("x")]
     velocity = [*known("v_logged", "logged"), *true("v"), *told("v")]
     disturbance = [*true("f_d"), *told("f_d")]
-    follows = told("i")  # of an amplifier that lags
+    late = {n: None for each in evaluated.values() for n in each.estimate.of_role("current")}
+    follows = [line for name in late for line in told(name)]
     currents = [Panel(time, CURRENT, [*true("iu"), *follows, *absent])] if follows else []
+    coloured = drawn(lambda estimate: estimate.sensor_noise)
+    noises = [Panel(time, NOISE, [*whole_noise(record), *coloured, *absent])] if coloured else []
     settled = _settled(t, [evaluation.estimate for evaluation in evaluated.values()])
     return Figure(
         id="filter",
@@ -93,9 +101,17 @@ def filter_figure(
             Panel(time, _limited(VELOCITY, velocity, settled), [*velocity, *absent]),
             Panel(time, _limited(DISTURBANCE, disturbance, settled), [*disturbance, *absent]),
             *currents,
+            *noises,
             *innovations,
         ],
     )
+
+
+def whole_noise(record: Record) -> list[Item]:
+    """Show all of the sensor's noise, where the truth is known."""
+    if "x_m" not in record.truth:
+        return []
+    return [Line(record.t, record["y"] - record["x_m"], signal="measured")]
 
 
 def _absent(record: Record) -> list[Item]:

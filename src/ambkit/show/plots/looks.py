@@ -11,6 +11,7 @@ TIME = Axis("time", "s")
 POSITION = Axis("position", "mm", 1e3)
 VELOCITY = Axis("velocity", "mm/s", 1e3)
 CURRENT = Axis("current", "A")
+NOISE = Axis("sensor noise", "µm", 1e6)
 DISTURBANCE = Axis("disturbance force", "N")
 
 _SIGNALS = {

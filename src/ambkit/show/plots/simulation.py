@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ambkit.base.escaping import markdown
-from ambkit.show.plots.looks import CURRENT, DISTURBANCE, POSITION, TIME, VELOCITY
+from ambkit.show.plots.filters import whole_noise
+from ambkit.show.plots.looks import CURRENT, DISTURBANCE, NOISE, POSITION, TIME, VELOCITY
 from ambkit.show.report.figure import Figure, Panel
 from ambkit.show.report.items import Item, Line, Rule
 
@@ -36,6 +37,14 @@ def simulation_figure(run: Run, bearing: Bearing) -> Figure:
         *told("x"),
     ]
     control = Line(t, record["iu"], signal="control", label="control current")
+    follows = (
+        [] if estimate is None else [each for n in estimate.of_role("current") for each in told(n)]
+    )
+    coloured = None if estimate is None else estimate.sensor_noise
+    noises = (
+        [] if coloured is None
+        else [Panel(TIME, NOISE, [*whole_noise(record), Line(t, coloured, signal=name)])]
+    )  # fmt: skip
     return Figure(
         id="simulation",
         title=f"Simulated run of {markdown(bearing.name)}",
@@ -43,7 +52,8 @@ def simulation_figure(run: Run, bearing: Bearing) -> Figure:
         panels=[
             Panel(TIME, POSITION, position),
             Panel(TIME, VELOCITY, [Line(t, record["v"], signal="truth"), *told("v")]),
-            Panel(TIME, CURRENT, [control, *limits]),
+            Panel(TIME, CURRENT, [control, *follows, *limits]),
             Panel(TIME, DISTURBANCE, [Line(t, record["f_d"], signal="truth"), *told("f_d")]),
+            *noises,
         ],
     )

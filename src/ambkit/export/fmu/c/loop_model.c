@@ -45,8 +45,9 @@ amb_status amb_unit_start(amb_unit *model, const amb_real value[AMB_VARIABLES])
   amb_plant_settle(&plant, &s->plant,
                    amb_clamp(value[VR_start_position], -rig->travel, rig->travel), s->demanded);
   amb_pid_reset(&s->pid, value[VR_start_current]);
-  amb_filter_start(&model->filter, &model->estimate, &s->result, s->plant.x, s->plant.x_m,
-                   s->demanded);
+  /* Nobody tells it the runout. */
+  const amb_real x = s->plant.x;
+  amb_filter_start(&model->filter, &model->estimate, &s->result, x, rig->K_sen * x, s->demanded);
   s->y = amb_plant_measure(&plant, s->plant.x_m, value[VR_noise_y]);
   s->acting = amb_plant_from_now(&plant, &s->plant, s->demanded);
   s->u = s->demanded / rig->k_ui;

@@ -4,7 +4,7 @@
 static amb_real scaled_force(const void *self, amb_real iu, amb_real x)
 {
   const amb_rig *rig = (const amb_rig *)self;
-  return rig->scale * amb_data_rig.magnet->methods->force(amb_data_rig.magnet->self, iu, x);
+  return rig->scale * amb_data_rig_magnet.methods->force(amb_data_rig_magnet.self, iu, x);
 }
 
 static amb_stiffness scaled(const amb_rig *rig, amb_stiffness k)
@@ -17,14 +17,13 @@ static amb_stiffness scaled(const amb_rig *rig, amb_stiffness k)
 static amb_stiffness scaled_through_origin(const void *self, amb_real iu, amb_real x)
 {
   const amb_rig *rig = (const amb_rig *)self;
-  return scaled(rig,
-                amb_data_rig.magnet->methods->through_origin(amb_data_rig.magnet->self, iu, x));
+  return scaled(rig, amb_data_rig_magnet.methods->through_origin(amb_data_rig_magnet.self, iu, x));
 }
 
 static amb_stiffness scaled_tangent(const void *self, amb_real iu, amb_real x)
 {
   const amb_rig *rig = (const amb_rig *)self;
-  return scaled(rig, amb_data_rig.magnet->methods->tangent(amb_data_rig.magnet->self, iu, x));
+  return scaled(rig, amb_data_rig_magnet.methods->tangent(amb_data_rig_magnet.self, iu, x));
 }
 
 static const amb_magnet_methods scaled_magnet = {scaled_force, scaled_through_origin,
@@ -53,7 +52,7 @@ amb_plant amb_rig_plant(const amb_rig *rig)
       .travel = rig->travel,
       .substeps = rig->substeps,
       .parts = rig->with_parts ? &rig->parts : NULL,
-      .coil = {rig->with_parts && (rig->parts.voltage > 0) ? &amb_law_magnet : NULL, &rig->coil},
+      .coil = {rig->coil.s0 > 0 ? &amb_law_magnet : NULL, &rig->coil},
   };
   return plant;
 }

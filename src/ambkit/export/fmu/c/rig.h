@@ -5,26 +5,26 @@
 #include "sim/plant.h"
 
 typedef struct amb_rig {
-  const amb_magnet *magnet; /* as it was exported */
-  amb_real k;               /* its constant [N m^2/A^2] */
-  amb_real scale;           /* of its force: the constant over that of the export [1] */
-  amb_real T;               /* sampling time [s] */
-  amb_real m;               /* mass of the rotor [kg] */
-  amb_real weight;          /* [N] */
-  amb_real bias_force;      /* of the magnet at rest in the centre [N] */
-  amb_real K_sen, T_sen;    /* sensor gain [1] and lag [s] */
-  amb_real travel;          /* mechanical stop at +-travel [m] */
-  int substeps;             /* Runge-Kutta steps in a sample */
-  amb_real k_ui;            /* amplifier gain [A/V] */
-  amb_real iu_min;          /* limits of the control current [A] */
+  amb_real k;            /* constant of the magnet [N m^2/A^2] */
+  amb_real scale;        /* of its force: the constant over that of the export [1] */
+  amb_real T;            /* sampling time [s] */
+  amb_real m;            /* mass of the rotor [kg] */
+  amb_real weight;       /* [N] */
+  amb_real bias_force;   /* of the magnet at rest in the centre [N] */
+  amb_real K_sen, T_sen; /* sensor gain [1] and lag [s] */
+  amb_real travel;       /* mechanical stop at +-travel [m] */
+  int substeps;          /* Runge-Kutta steps in a sample */
+  amb_real k_ui;         /* amplifier gain [A/V] */
+  amb_real iu_min;       /* limits of the control current [A] */
   amb_real iu_max;
-  bool with_parts; /* else the next two are idle */
+  bool with_parts; /* else the next is idle */
   amb_parts parts;
-  amb_law coil; /* one coil of a pair */
+  amb_law coil; /* one coil of a pair that each pull by their own current; else all is 0 */
 } amb_rig;
 
-/* Written by the export. */
+/* Written by the export: the rig, and its magnet. */
 extern const amb_rig amb_data_rig;
+extern const amb_magnet amb_data_rig_magnet;
 
 /* Another mass [kg], and with it another weight; another magnet constant [N m^2/A^2], and with it
  * another bias force. */
