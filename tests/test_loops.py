@@ -218,7 +218,7 @@ class Loops:
     def predict(self, at: Point) -> tuple[Array, Array]:
         """Mean, and covariance as its upper triangle."""
         mean, cov = at.mean.copy(), at.cov[np.triu_indices(self.n)]
-        room = self.n * (2 * self.n + 2 * self.p + len(at.iu))  # AMB_WORK, with these sizes
+        room = self.n * (2 * self.n + 2 * self.p + 2 * len(at.iu))  # AMB_WORK, with these sizes
         growth, work = np.zeros(len(cov)), np.full(room, np.nan)
         k = np.ascontiguousarray(np.stack([at.k_i, at.k_s], axis=1))
         self.call("growth", pointer(at.var_d), pointer(growth))

@@ -16,50 +16,66 @@ static void add_row(sum_of_rows *sum, amb_real value, const amb_real *row)
   sum->count++;
 }
 
-/* Four of them, from number k on, to what is there already; or with `fresh` to nothing. */
-static void add_four(const sum_of_rows *sum, int k, int n, bool fresh, amb_real *to)
+/* Columns that are added up side by side: their sums stay in registers. */
+#define BLOCK 8
+
+/* BLOCK columns of the sum, from `at` on, one row after the other in each. Written out, for
+ * compilers make vectors across the columns of this, but along the rows of a loop. */
+static void add_block(const sum_of_rows *sum, int at, amb_real *restrict to)
 {
-  const amb_real a = sum->value[k];
-  const amb_real b = sum->value[k + 1];
-  const amb_real c = sum->value[k + 2];
-  const amb_real d = sum->value[k + 3];
-  const amb_real *restrict p = sum->row[k];
-  const amb_real *restrict q = sum->row[k + 1];
-  const amb_real *restrict r = sum->row[k + 2];
-  const amb_real *restrict s = sum->row[k + 3];
-  if (fresh) {
-    for (int j = 0; j < n; j++) {
-      to[j] = ((a * p[j] + b * q[j]) + c * r[j]) + d * s[j];
-    }
-  } else {
-    for (int j = 0; j < n; j++) {
-      to[j] = (((to[j] + a * p[j]) + b * q[j]) + c * r[j]) + d * s[j];
-    }
+  amb_real a = sum->value[0];
+  const amb_real *p = &sum->row[0][at];
+  amb_real s0 = a * p[0];
+  amb_real s1 = a * p[1];
+  amb_real s2 = a * p[2];
+  amb_real s3 = a * p[3];
+  amb_real s4 = a * p[4];
+  amb_real s5 = a * p[5];
+  amb_real s6 = a * p[6];
+  amb_real s7 = a * p[7];
+  for (int k = 1; k < sum->count; k++) {
+    a = sum->value[k];
+    p = &sum->row[k][at];
+    s0 += a * p[0];
+    s1 += a * p[1];
+    s2 += a * p[2];
+    s3 += a * p[3];
+    s4 += a * p[4];
+    s5 += a * p[5];
+    s6 += a * p[6];
+    s7 += a * p[7];
   }
+  to[0] = s0;
+  to[1] = s1;
+  to[2] = s2;
+  to[3] = s3;
+  to[4] = s4;
+  to[5] = s5;
+  to[6] = s6;
+  to[7] = s7;
 }
 
-/* `n` columns of the sum, one row after the other in each; four at a time, as then the sum is
- * fetched and stored less often. */
-static void add_up(const sum_of_rows *sum, int n, amb_real *to)
+/* The first `wanted` of n columns of the sum. The last block is moved back such that it ends with
+ * the rows: what it shares with the one before is added up twice, to the same. Columns past
+ * `wanted` may be written too. */
+static void add_up(const sum_of_rows *sum, int n, int wanted, amb_real *restrict to)
 {
-  int k = 0;
-  if (sum->count >= 4) {
-    add_four(sum, 0, n, true, to);
-    k = 4;
-  } else {
-    for (int j = 0; j < n; j++) {
-      to[j] = (sum->count > 0) ? (sum->value[0] * sum->row[0][j]) : AMB_C(0.0);
+  if (sum->count == 0) {
+    for (int j = 0; j < wanted; j++) {
+      to[j] = AMB_C(0.0);
     }
-    k = 1;
-  }
-  for (; (k + 4) <= sum->count; k += 4) {
-    add_four(sum, k, n, false, to);
-  }
-  for (; k < sum->count; k++) {
-    const amb_real a = sum->value[k];
-    const amb_real *restrict p = sum->row[k];
-    for (int j = 0; j < n; j++) {
-      to[j] += a * p[j];
+  } else if (n >= BLOCK) {
+    for (int at = 0; at < wanted; at += BLOCK) {
+      const int from = (at + BLOCK <= n) ? at : (n - BLOCK);
+      add_block(sum, from, &to[from]);
+    }
+  } else {
+    for (int j = 0; j < wanted; j++) {
+      amb_real total = sum->value[0] * sum->row[0][j];
+      for (int k = 1; k < sum->count; k++) {
+        total += sum->value[k] * sum->row[k][j];
+      }
+      to[j] = total;
     }
   }
 }
@@ -136,10 +152,11 @@ static void noise_of_controls(const amb_model *model, const amb_stiffness k[],
 /* Where the parts of the room for a prediction begin. */
 typedef struct rooms {
   amb_real *P; /* n x n, unfolded; later the transpose of M */
-  amb_real *M; /* n x n, of the next state with the state */
-  amb_real *w; /* p x n, of the forces with the state */
+  amb_real *M; /* n x n, of the next state with the state; later the growth */
+  amb_real *w; /* p x n, of the forces with the state; later what they push */
   amb_real *z; /* p x n, of the forces with the next state */
   amb_real *v; /* controls x n, of the controls' noise with the next state */
+  amb_real *u; /* controls x n, what they push past the forces */
 } rooms;
 
 static rooms laid_out(const amb_model *model, amb_real work[])
@@ -151,7 +168,89 @@ static rooms laid_out(const amb_model *model, amb_real work[])
   room.w = &room.M[n * n];
   room.z = &room.w[model->forces * n];
   room.v = &room.z[model->forces * n];
+  room.u = &room.v[model->controls * n];
   return room;
+}
+
+/* Up to four rows, from entry `first` to before `end`, as columns side by side: entry j of row r is
+ * number r of a line j. Lines are `step` apart, and each `less` nearer to the next than the last.
+ */
+static void turn(int rows, const amb_real *const row[], int first, int end, int step, int less,
+                 amb_real *to)
+{
+  amb_real *line = to;
+  int apart = step;
+  if (rows == 4) { /* without a loop, for it is what costs */
+    const amb_real *p = row[0];
+    const amb_real *q = row[1];
+    const amb_real *r = row[2];
+    const amb_real *s = row[3];
+    for (int j = first; j < end; j++) {
+      const amb_real a = p[j];
+      const amb_real b = q[j];
+      const amb_real c = r[j];
+      const amb_real d = s[j];
+      line[0] = a;
+      line[1] = b;
+      line[2] = c;
+      line[3] = d;
+      line = &line[apart];
+      apart -= less;
+    }
+  } else {
+    for (int j = first; j < end; j++) {
+      for (int r = 0; r < rows; r++) {
+        line[r] = row[r][j];
+      }
+      line = &line[apart];
+      apart -= less;
+    }
+  }
+}
+
+static int at_most(int a, int b)
+{
+  return (a < b) ? a : b;
+}
+
+/* The upper triangle `cov`, mirrored: as the lower triangle of the matrix P. */
+static void mirror(int n, const amb_real cov[], amb_real *P)
+{
+  for (int i = 0; i < n; i += 4) {
+    const int end = at_most(i + 4, n);
+    const amb_real *row[4];
+    for (int r = i; r < end; r++) {
+      row[r - i] = &cov[amb_entry(n, r, 0)];
+      for (int j = r; j < end; j++) {
+        P[j * n + r] = row[r - i][j];
+      }
+    }
+    turn(end - i, row, end, n, n, 0, &P[end * n + i]);
+  }
+}
+
+/* ... and as the whole of it. */
+static void unfold(int n, const amb_real cov[], amb_real *P)
+{
+  mirror(n, cov, P);
+  for (int i = 0; i < n; i++) {
+    const amb_real *row = &cov[amb_entry(n, i, 0)];
+    for (int j = i; j < n; j++) {
+      P[i * n + j] = row[j];
+    }
+  }
+}
+
+static void transpose(int n, const amb_real *from, amb_real *to)
+{
+  for (int i = 0; i < n; i += 4) {
+    const int end = at_most(i + 4, n);
+    const amb_real *row[4];
+    for (int r = i; r < end; r++) {
+      row[r - i] = &from[r * n];
+    }
+    turn(end - i, row, 0, n, n, 0, &to[i]);
+  }
 }
 
 /* w = row_f P, and the coefficients `row` of each entry of h; from last to first. */
@@ -167,80 +266,87 @@ static void of_forces(const amb_model *model, const amb_stiffness k[], const roo
       row[a] = k[f].k_s * h->value[a] + k[f].k_i * model->e[a] + model->r[a];
       add_row(&sum, row[a], &room->P[h->column[a] * n]);
     }
-    add_up(&sum, n, &room->w[f * n]);
+    add_up(&sum, n, n, &room->w[f * n]);
   }
 }
 
-static void transpose(int n, const amb_real *from, amb_real *to)
+/* What forces and controls push, a row for each: b, and B_u k_ui of so many controls. */
+static void pushes(const amb_model *model, const amb_real k_ui[], int direct, const rooms *room)
 {
+  const int n = model->states;
+  for (int j = 0; j < model->forces * n; j++) {
+    room->w[j] = AMB_C(0.0);
+  }
+  for (int j = 0; j < direct * n; j++) {
+    room->u[j] = AMB_C(0.0);
+  }
   for (int i = 0; i < n; i++) {
-    for (int j = 0; j < n; j++) {
-      to[j * n + i] = from[i * n + j];
+    for (int a = model->b.start[i]; a < model->b.start[i + 1]; a++) {
+      room->w[model->b.column[a] * n + i] = model->b.value[a];
     }
+    for (int a = model->B_u.start[i]; a < model->B_u.start[i + 1]; a++) {
+      const int c = model->B_u.column[a];
+      room->u[c * n + i] = model->B_u.value[a] * k_ui[c];
+    }
+  }
+}
+
+/* v: what of the next state the noise of control c is; and u, times the variance from here on. */
+static void with_control(const amb_model *model, int c, amb_real var_u, const control_noise *noise,
+                         const rooms *room)
+{
+  const int n = model->states;
+  amb_real *v = &room->v[c * n];
+  amb_real *u = &room->u[c * n];
+  sum_of_rows sum;
+  sum.count = 0;
+  add_row(&sum, AMB_C(1.0), u);
+  for (int f = 0; f < model->forces; f++) {
+    add_row(&sum, noise->gain[f][c], &room->w[f * n]);
+  }
+  add_up(&sum, n, n, v);
+  for (int i = 0; i < n; i++) {
+    v[i] *= var_u;
+    u[i] *= var_u;
   }
 }
 
 /* z, of which P is the transpose of M now: the noise of the controls in force f, then row_f M. */
-static void with_next_state(const amb_model *model, int f, const amb_real k_ui[],
-                            const amb_real var_u[], const control_noise *noise,
-                            const amb_real row[], const rooms *room)
+static void with_next_state(const amb_model *model, int f, const control_noise *noise,
+                            const amb_real row[], int direct, const rooms *room)
 {
   const int n = model->states;
   const amb_sparse *h = &model->h;
-  amb_real of_noise[AMB_STATES];
   sum_of_rows sum;
-  for (int i = 0; i < n; i++) {
-    of_noise[i] = AMB_C(0.0);
-    for (int a = model->b.start[i]; a < model->b.start[i + 1]; a++) {
-      of_noise[i] += model->b.value[a] * noise->variance[model->b.column[a]][f];
-    }
-    for (int a = model->B_u.start[i]; a < model->B_u.start[i + 1]; a++) {
-      const int c = model->B_u.column[a];
-      of_noise[i] += ((model->B_u.value[a] * k_ui[c]) * var_u[c]) * noise->gain[f][c];
-    }
-  }
   sum.count = 0;
-  add_row(&sum, AMB_C(1.0), of_noise);
+  for (int g = 0; g < model->forces; g++) {
+    add_row(&sum, noise->variance[g][f], &room->w[g * n]);
+  }
+  for (int a = model->d.start[f]; (direct > 0) && (a < model->d.start[f + 1]); a++) {
+    const int c = model->d.column[a];
+    add_row(&sum, noise->gain[f][c], &room->u[c * n]);
+  }
   for (int a = (int)h->start[f + 1] - 1; a >= (int)h->start[f]; a--) {
     add_row(&sum, row[a], &room->P[h->column[a] * n]);
   }
-  add_up(&sum, n, &room->z[f * n]);
+  add_up(&sum, n, n, &room->z[f * n]);
 }
 
-/* v: what of the next state the noise of control c is. */
-static void with_control(const amb_model *model, int c, const amb_real k_ui[],
-                         const amb_real var_u[], const control_noise *noise, const rooms *room)
-{
-  amb_real *v = &room->v[c * model->states];
-  for (int i = 0; i < model->states; i++) {
-    v[i] = AMB_C(0.0);
-    for (int a = model->B_u.start[i]; a < model->B_u.start[i + 1]; a++) {
-      if ((int)model->B_u.column[a] == c) {
-        v[i] = model->B_u.value[a] * k_ui[c];
-      }
-    }
-    for (int a = model->b.start[i]; a < model->b.start[i + 1]; a++) {
-      v[i] += model->b.value[a] * noise->gain[model->b.column[a]][c];
-    }
-    v[i] *= var_u[c];
-  }
-}
-
-/* Column j of the covariance one sample on, down to its diagonal; `grown`: of the growth. */
-static void next_column(const amb_model *model, int j, const amb_real k_ui[],
-                        const amb_real grown[], const rooms *room, amb_real column[])
+/* Column j of the covariance one sample on, down to its diagonal. */
+static void next_column(const amb_model *model, int j, const amb_real k_ui[], const rooms *room,
+                        amb_real column[])
 {
   const int n = model->states;
   sum_of_rows sum;
   sum.count = 0;
   add_rows_of(&model->L, j, room->P, n, &sum);
-  add_row(&sum, AMB_C(1.0), grown);
+  add_row(&sum, AMB_C(1.0), &room->M[j * n]);
   for (int a = model->B_u.start[j]; a < model->B_u.start[j + 1]; a++) {
     const int c = model->B_u.column[a];
     add_row(&sum, model->B_u.value[a] * k_ui[c], &room->v[c * n]);
   }
   add_rows_of(&model->b, j, room->z, n, &sum);
-  add_up(&sum, j + 1, column);
+  add_up(&sum, n, j + 1, column);
 }
 
 void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[],
@@ -252,34 +358,36 @@ void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[
   control_noise noise;
   amb_real row[AMB_FORCES * AMB_STATES];
   noise_of_controls(model, k, k_ui, var_u, &noise);
-  amb_unfold(n, cov, n, room.P);
+  unfold(n, cov, room.P);
   of_forces(model, k, &room, row);
   for (int i = 0; i < n; i++) {
     sum_of_rows sum;
     sum.count = 0;
     add_rows_of(&model->L, i, room.P, n, &sum);
     add_rows_of(&model->b, i, room.w, n, &sum);
-    add_up(&sum, n, &room.M[i * n]);
+    add_up(&sum, n, n, &room.M[i * n]);
   }
   transpose(n, room.M, room.P);
+  const int direct = (model->B_u.start[n] > 0U) ? model->controls : 0; /* that push past forces */
+  pushes(model, k_ui, direct, &room);
+  for (int c = 0; c < direct; c++) {
+    with_control(model, c, var_u[c], &noise, &room);
+  }
   for (int f = 0; f < model->forces; f++) {
-    with_next_state(model, f, k_ui, var_u, &noise, row, &room);
+    with_next_state(model, f, &noise, row, direct, &room);
   }
-  if (model->B_u.start[n] > 0U) { /* else it moves nothing past the forces */
-    for (int c = 0; c < model->controls; c++) {
-      with_control(model, c, k_ui, var_u, &noise, &room);
+  mirror(n, growth, room.M);
+  for (int j = 0; j < n; j += 4) {
+    const int end = at_most(j + 4, n);
+    amb_real column[4][AMB_STATES];
+    const amb_real *const columns[] = {column[0], column[1], column[2], column[3]};
+    for (int c = j; c < end; c++) {
+      next_column(model, c, k_ui, &room, column[c - j]);
+      for (int i = j; i <= c; i++) {
+        cov[amb_entry(n, i, c)] = column[c - j][i];
+      }
     }
-  }
-  for (int j = 0; j < n; j++) {
-    amb_real grown[AMB_STATES];
-    amb_real column[AMB_STATES];
-    for (int i = 0; i <= j; i++) {
-      grown[i] = growth[amb_entry(n, i, j)];
-    }
-    next_column(model, j, k_ui, grown, &room, column);
-    for (int i = 0; i <= j; i++) {
-      cov[amb_entry(n, i, j)] = column[i];
-    }
+    turn(end - j, columns, 0, j, n - 1, 1, &cov[j]);
   }
 }
 
@@ -294,15 +402,28 @@ static int place(int n, int i, int j)
   return (i <= j) ? amb_entry(n, i, j) : amb_entry(n, j, i);
 }
 
+/* to += value times row k of the symmetric matrix of which `cov` is the upper triangle. */
+static void add_row_of(int n, int k, const amb_real cov[], amb_real value, amb_real *restrict to)
+{
+  const amb_real *row = &cov[amb_entry(n, k, k)];
+  int entry = k; /* down the column the rows get shorter */
+  for (int j = 0; j < k; j++) {
+    to[j] += cov[entry] * value;
+    entry += n - j - 1;
+  }
+  for (int j = k; j < n; j++) {
+    to[j] += row[j - k] * value;
+  }
+}
+
 void amb_model_shown_with(const amb_model *model, int r, const amb_real cov[], amb_real with_y[])
 {
   const int n = model->states;
   for (int j = 0; j < n; j++) {
-    amb_real sum = AMB_C(0.0);
-    for (int a = model->c.start[r]; a < model->c.start[r + 1]; a++) {
-      sum += cov[place(n, model->c.column[a], j)] * model->c.value[a];
-    }
-    with_y[j] = sum;
+    with_y[j] = AMB_C(0.0);
+  }
+  for (int a = model->c.start[r]; a < model->c.start[r + 1]; a++) {
+    add_row_of(n, model->c.column[a], cov, model->c.value[a], with_y);
   }
 }
 
@@ -359,25 +480,37 @@ void amb_model_uncorrelated(const amb_model *model, const amb_real variances[], 
   }
 }
 
+/* Two rows of the covariance, of which the first has one entry more, at the front. */
+static void take_two(int count, const amb_real K[2], const amb_real *restrict with_y,
+                     amb_real *restrict row, amb_real *restrict next)
+{
+  row[0] -= K[0] * with_y[0];
+  row = &row[1];
+  with_y = &with_y[1];
+  for (int j = 0; j < count; j++) {
+    row[j] -= K[0] * with_y[j];
+    next[j] -= K[1] * with_y[j];
+  }
+}
+
 void amb_model_update(const amb_model *model, int r, amb_real y, amb_real var_y, amb_real mean[],
                       amb_real cov[], amb_real *innovation, amb_real *variance)
 {
   const int n = model->states;
   amb_real with_y[AMB_STATES];
   amb_model_shown_with(model, r, cov, with_y);
-  const amb_real S = amb_model_shown_variance(model, r, cov) + var_y;
+  const amb_real S = amb_sparse_times(&model->c, model->c.value, r, with_y) + var_y;
   const amb_real e = y - amb_model_shown(model, r, mean);
   const amb_real inverse = AMB_C(1.0) / S;
-  amb_real *row = cov; /* from its diagonal on */
   for (int i = 0; i < n; i++) {
-    const amb_real K = with_y[i] * inverse;
-    const amb_real *restrict after = &with_y[i];
-    const int count = n - i;
-    mean[i] += K * e;
-    for (int j = 0; j < count; j++) {
-      row[j] -= K * after[j];
-    }
-    row = &row[count];
+    mean[i] += (with_y[i] * inverse) * e;
+  }
+  for (int i = 0; (i + 1) < n; i += 2) {
+    const amb_real K[2] = {with_y[i] * inverse, with_y[i + 1] * inverse};
+    take_two(n - i - 1, K, &with_y[i], &cov[amb_entry(n, i, i)], &cov[amb_entry(n, i + 1, i + 1)]);
+  }
+  if ((n % 2) != 0) {
+    cov[amb_entry(n, n - 1, n - 1)] -= (with_y[n - 1] * inverse) * with_y[n - 1];
   }
   *innovation = e;
   *variance = S;

@@ -16,7 +16,7 @@
 #define AMB_NOISES 32
 #endif
 #define AMB_TRIANGLE ((AMB_STATES * (AMB_STATES + 1)) / 2)
-#define AMB_WORK (AMB_STATES * ((2 * AMB_STATES) + (2 * AMB_FORCES) + AMB_CONTROLS))
+#define AMB_WORK (AMB_STATES * ((2 * AMB_STATES) + (2 * AMB_FORCES) + (2 * AMB_CONTROLS)))
 
 /* The entries of a matrix, row by row, columns ascending: those of row i are start[i] to
  * start[i + 1]. */
