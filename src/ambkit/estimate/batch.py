@@ -50,7 +50,8 @@ def instruction_sets() -> list[str]:
     """Return what this processor can compute lanes with, the fastest last.
 
     ``"scalar"`` is one run after the other; ``"baseline"`` has 2 lanes in double precision,
-    ``"avx2"`` 4, ``"avx512"`` 8; twice as many in single.
+    ``"avx2"`` 4, ``"avx512"`` 8; twice as many in single. A compiler without GCC's vectors has
+    built ``"scalar"`` alone.
     """
     return list(core_module().instruction_sets())
 
