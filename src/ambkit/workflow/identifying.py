@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base.errors import AmbkitError, RecordError
+from ambkit.base.progress import shown_in_notebooks
 from ambkit.identification.forces.lift_off_fit import LiftOffFit, fit_lift_off
 from ambkit.identification.forces.map import ForceMap, force_map
 from ambkit.identification.maximum_likelihood.estimate import MaximumLikelihood, maximum_likelihood
@@ -173,6 +174,7 @@ def parameters_to_find(start: LoopModel, free: Iterable[str] | None = None) -> t
     return tuple(names)
 
 
+@shown_in_notebooks("identifying", by="note")
 def identify_by_likelihood(
     bearing: Bearing,
     records: Sequence[Record],
