@@ -94,7 +94,8 @@ def run_many(
         Of an earlier call with the same shapes and `history`: its arrays are written again, which
         spares the system fetching new memory.
     start : (mean, std), optional
-        State estimates and standard deviations at the start, (runs, states) or (states,) each.
+        State estimates and standard deviations at the start, (runs, states) or (states,) each
+        [unit of each state].
         Default: as `Estimator.run`, at rest at the record's first measurement within the travel.
     threads : int, optional
         Default: as many as the process may use.

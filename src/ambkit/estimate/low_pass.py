@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 class LowPass(Estimator):
     """First-order low-pass of the measurement, its difference quotient, and of the force.
 
-    The disturbance force is what accelerates the rotor beyond the known forces. The sensor's lag is
-    not made up for, and no covariance is known: it is zero.
+    The disturbance force is what accelerates the rotor beyond the known forces (paper, eq. 16,
+    solved for it). The sensor's lag is not made up for, and no covariance is known: it is zero.
 
     Parameters
     ----------
