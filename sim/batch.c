@@ -6,17 +6,17 @@
 
 bool amb_batch_has(amb_instructions instructions)
 {
-#if defined(AMB_LANES_X86) && !defined(AMB_MODEL_LOOPS)
+#if defined(AMB_LANES_X86) && defined(AMB_HAS_LANES)
   if (instructions == AMB_AVX512)
     return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
            __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw");
   if (instructions == AMB_AVX2)
     return __builtin_cpu_supports("avx2") != 0;
 #endif
-#if defined(AMB_MODEL_LOOPS)
-  return instructions == AMB_SCALAR;
-#else
+#if defined(AMB_HAS_LANES)
   return (instructions == AMB_SCALAR) || (instructions == AMB_BASELINE);
+#else
+  return instructions == AMB_SCALAR;
 #endif
 }
 
@@ -26,13 +26,7 @@ size_t amb_batch_lanes(amb_instructions instructions)
   return bytes[instructions] / sizeof(amb_real);
 }
 
-#if defined(AMB_MODEL_LOOPS) /* any model: each run by itself */
-unsigned int amb_batch_group(const amb_estimator *e)
-{
-  (void)e;
-  return 0U;
-}
-#else
+#if defined(AMB_HAS_LANES)
 unsigned int amb_batch_group(const amb_estimator *e)
 {
   static const amb_estimator_methods *const kinds[] = {
@@ -45,6 +39,12 @@ unsigned int amb_batch_group(const amb_estimator *e)
   for (unsigned int kind = 0; kind < sizeof kinds / sizeof kinds[0]; kind++)
     if (e->methods == kinds[kind])
       return 1U + 3U * kind + magnet;
+  return 0U;
+}
+#else /* each run by itself */
+unsigned int amb_batch_group(const amb_estimator *e)
+{
+  (void)e;
   return 0U;
 }
 #endif
@@ -98,7 +98,7 @@ void amb_batch_advance(amb_instructions instructions, amb_batch_run *const runs[
     return;
   const bool together = amb_batch_group(runs[0]->estimator) != 0U;
   (void)together, (void)instructions;
-#if defined(AMB_LANES_X86) && !defined(AMB_MODEL_LOOPS)
+#if defined(AMB_LANES_X86) && defined(AMB_HAS_LANES)
   if (together && (instructions == AMB_AVX512)) {
     amb_lanes_run_avx512(runs, count, n, skip);
     return;
@@ -108,7 +108,7 @@ void amb_batch_advance(amb_instructions instructions, amb_batch_run *const runs[
     return;
   }
 #endif
-#if !defined(AMB_MODEL_LOOPS)
+#if defined(AMB_HAS_LANES)
   if (together && (instructions != AMB_SCALAR)) {
     amb_lanes_run_baseline(runs, count, n, skip);
     return;

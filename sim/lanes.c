@@ -5,9 +5,9 @@
  * their step again from where they stood, by the core's own function. So what is rare costs nothing
  * where it does not happen, and each lane is its own run to the last bit.
  */
-#include "ambkit/fuzzy.h"
+#include "lanes_run.h"
 
-#if !defined(AMB_MODEL_LOOPS) /* which has no text for vectors */
+#if defined(AMB_HAS_LANES)
 #include "ambkit/low_pass.h"
 #include "ambkit/observer.h"
 #include "generated/axial_fields.h"

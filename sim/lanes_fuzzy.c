@@ -1,7 +1,7 @@
 /* The core's fuzzy network, compiled once more for each set of instructions. */
 #include "lanes_run.h"
 
-#if AMB_LANES_BYTES > 16
+#if defined(AMB_HAS_LANES) && (AMB_LANES_BYTES > 16)
 #define amb_fuzzy_magnet AMB_LANES_NAME(amb_fuzzy_magnet)
 #define amb_fuzzy_basis AMB_LANES_NAME(amb_fuzzy_basis)
 #include "src/fuzzy.c"

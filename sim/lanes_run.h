@@ -5,6 +5,12 @@
 #include "ambkit/fuzzy.h"
 #include "batch.h"
 
+/* The vectors are GCC's and clang's, and the loops over any model have no text for them. Other
+ * compilers, and those that are told to do without, run one after the other: the same bits. */
+#if defined(__GNUC__) && !defined(AMB_NO_VECTORS) && !defined(AMB_MODEL_LOOPS)
+#define AMB_HAS_LANES
+#endif
+
 /* One build for each set of instructions: bytes of a vector, and the ending of its names. */
 #if !defined(AMB_LANES_BYTES)
 #define AMB_LANES_BYTES 16

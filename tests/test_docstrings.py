@@ -1,7 +1,10 @@
-"""Every parameter of a public name is documented, as python-control's own tests demand."""
+"""Every public name is documented: parameters, shapes and units of arrays, errors, sources."""
 
+import ast
 import inspect
 import re
+import sys
+import textwrap
 from collections.abc import Callable, Iterator
 from typing import Any, get_args
 
@@ -40,6 +43,76 @@ def public() -> Iterator[tuple[str, Any]]:
                 yield f"{name}.{key}", function
 
 
+def raised(function: Callable[..., Any]) -> set[type]:
+    """Return the exceptions that a function itself raises, by the names in its text."""
+    tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
+    found = set[type]()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Raise) and node.exc is not None:
+            name = ast.unparse(node.exc.func if isinstance(node.exc, ast.Call) else node.exc)
+            known = vars(sys.modules[function.__module__]) | vars(sys.modules["builtins"])
+            if isinstance(known.get(name), type):
+                found.add(known[name])
+    return found
+
+
+def section(doc: str | None, wanted: str) -> str:
+    """Return the text of a section of a docstring; empty where it has none."""
+    lines = inspect.cleandoc(doc or "").splitlines()
+    inside, text = False, []
+    for line, below in zip(lines, [*lines[1:], ""], strict=True):
+        if below and set(below) == {"-"}:
+            inside = line == wanted
+        elif inside and set(line) != {"-"}:
+            text.append(line)
+    return "\n".join(text)
+
+
+def entry(doc: str | None, name: str) -> str:
+    """Return what a docstring says of a parameter or attribute, first line and description."""
+    lines = inspect.cleandoc(doc or "").splitlines()
+    for place, line in enumerate(lines):
+        head = re.match(r"(\*{0,2}\w+(?:, \*{0,2}\w+)*)(?: :|$)", line)
+        if head and name in head[1].split(", "):
+            below = [each.startswith(" ") or not each for each in lines[place + 1 :]] + [False]
+            return " ".join(lines[place : place + 1 + below.index(False)])
+    return ""
+
+
+SHAPE = re.compile(r"\((?:n|\w+,[\w ,()/+-]*|[\w +-]+,)\)|shapes? that|broadcast shape")
+UNIT = re.compile(r"\[[^\]]+\]|flags of|SI unit|scaled", re.IGNORECASE)
+AN_ARRAY = re.compile(r"\b(?:Array|ArrayLike|NDArray|ndarray)\b(?!\[np.bool_)")
+
+
+def own_function(thing: Any) -> Callable[..., Any] | None:
+    """Return what is called, if it is written down: no __init__ of a dataclass or of a parent."""
+    function = vars(thing).get("__init__") if inspect.isclass(thing) else thing
+    written = inspect.isfunction(function) and function.__code__.co_filename.endswith(".py")
+    return function if written and function.__module__.startswith("ambkit") else None
+
+
+def arrays() -> Iterator[tuple[str, str, str]]:
+    """Yield each array of a public name: its name, the array's, and what is said of it."""
+    for name, thing in public():
+        function = own_function(thing)
+        for key, annotation in (function.__annotations__ if function else {}).items():
+            if AN_ARRAY.search(str(annotation)):
+                first = inspect.cleandoc(thing.__doc__).split("\n\nParameters\n")[0]
+                told = section(thing.__doc__, "Returns") or first
+                yield name, key, told if key == "return" else entry(thing.__doc__, key)
+        if not inspect.isclass(thing):
+            continue
+        if not issubclass(thing, BaseModel):
+            for key, annotation in getattr(thing, "__dataclass_fields__", {}).items():
+                if AN_ARRAY.search(str(annotation.type)) and "Mapping" not in str(annotation.type):
+                    yield name, key, entry(thing.__doc__, key)
+        for key, member in inspect.getmembers_static(thing):
+            if isinstance(member, property) and not key.startswith("_"):
+                annotation = str(inspect.signature(member.fget).return_annotation)
+                if AN_ARRAY.search(annotation) and "dict" not in annotation:
+                    yield name, key, member.__doc__ or ""
+
+
 def parameters(thing: Callable[..., Any]) -> set[str]:
     """Return the parameters that need words: not self, and no tag that can only be one thing."""
     if inspect.isclass(thing) and issubclass(thing, BaseModel):
@@ -62,6 +135,34 @@ def test_every_parameter_is_documented(name):
     thing = PUBLIC[name]
     assert inspect.cleandoc(thing.__doc__ or ""), f"{name} has no docstring"
     assert parameters(thing) - documented(thing) == set()
+
+
+ARRAYS = {f"{name}: {key}": told for name, key, told in arrays()}
+
+
+@pytest.mark.parametrize("array", ARRAYS)
+def test_every_array_has_shape_and_unit(array):
+    told = ARRAYS[array]
+    assert SHAPE.search(told), f"no shape in: {told}"
+    assert UNIT.search(told), f"no unit in: {told}"
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_every_error_is_documented(name):
+    thing = PUBLIC[name]
+    function = own_function(thing)
+    told = section(thing.__doc__, "Raises")
+    for error in raised(function) if function else ():
+        known = {each.__name__ for each in error.__mro__} - {"Exception", "BaseException", "object"}
+        assert known & set(re.findall(r"^\w+", told, re.MULTILINE)), f"{error.__name__}: {told}"
+
+
+@pytest.mark.parametrize("name", [n for n, t in PUBLIC.items() if hasattr(t, "run")])
+def test_every_algorithm_has_its_source(name):
+    """An equation of the paper, or author and year, in the class or at the head of its module."""
+    thing = PUBLIC[name]
+    told = f"{thing.__doc__} {sys.modules[thing.__module__].__doc__}"
+    assert re.search(r"eq\. ?\d+|\b(?:19|20)\d\d\b", told)
 
 
 def test_what_is_missing_is_noticed():

@@ -1,6 +1,7 @@
 """The figure and report toolkit on synthetic data: both renderings, the page, the terminal."""
 
 import base64
+import gzip
 import io
 import itertools
 import json
@@ -609,6 +610,17 @@ def test_page_refers_to_nothing_outside_itself(page):
     assert "url(" not in page[: page.index("<body>")]
     assert len(outline.images) == len(ALL)
     assert all(len(image["alt"]) > 20 for image in outline.images)
+
+
+def test_page_is_small_and_has_plotly_with_its_licence(page):
+    """Scatter, bars, contours and heat maps: the cartesian bundle, packed."""
+    assert len(page.encode()) < 2.5e6
+    packed = re.search(r'id="plotly.js">([^<]+)<', page)[1]
+    script = gzip.decompress(base64.b64decode(packed)).decode()
+    assert "plotly.js (cartesian" in script[:200]
+    assert "Licensed under the MIT license" in script[:300]
+    licence = Path(interactive.__file__).parent / "plotly" / "LICENSE"
+    assert "MIT" in licence.read_text(encoding="utf-8")
 
 
 def test_page_numbers_links_and_escapes(page):

@@ -10,8 +10,6 @@ from importlib import import_module
 
 TYPE_CHECKING = False  # as type checkers know it, without importing typing before a command starts
 if TYPE_CHECKING:
-    from typing import Any
-
     from ambkit.base.errors import AmbkitError as AmbkitError
     from ambkit.base.errors import ConfigError as ConfigError
     from ambkit.base.errors import RecordError as RecordError
@@ -67,6 +65,8 @@ if TYPE_CHECKING:
     from ambkit.workflow.simulating import scenario_for as scenario_for
     from ambkit.workflow.tuned_filter import tune as tune
 
+    __version__: str
+
 _HOME = {
     "base.errors": ["AmbkitError", "ConfigError", "RecordError"],
     "data.reading.reader": ["load", "read"],
@@ -112,14 +112,16 @@ _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 __all__ = ["__version__", *sorted(_MODULE_OF)]
 
 
-def __getattr__(name: str) -> Any:
-    if name == "__version__":
-        from importlib.metadata import version
+if not TYPE_CHECKING:  # for which any name would do
 
-        return version("ambkit")
-    if name not in _MODULE_OF:
-        raise AttributeError(f"module 'ambkit' has no attribute {name!r}")
-    return getattr(import_module(f"ambkit.{_MODULE_OF[name]}"), name)
+    def __getattr__(name):
+        if name == "__version__":
+            from importlib.metadata import version
+
+            return version("ambkit")
+        if name not in _MODULE_OF:
+            raise AttributeError(f"module 'ambkit' has no attribute {name!r}")
+        return getattr(import_module(f"ambkit.{_MODULE_OF[name]}"), name)
 
 
 def __dir__() -> list[str]:

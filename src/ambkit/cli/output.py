@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base import escaping
+from ambkit.base.progress import progress as progress
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -126,30 +127,6 @@ def value(number: float | None, unit: str, digits: int = 4, like: float | None =
     if number is None or not math.isfinite(number):
         return "–"
     return engineering(number, unit, digits=digits, like=like)
-
-
-@contextmanager
-def progress(what: str, total: int | None = None) -> Iterator[Callable[..., None]]:
-    """Show on stderr how far the work is, where a human looks at it.
-
-    Yields
-    ------
-    callable
-        To be called after each of the `total` steps, with a text that says what is done next.
-    """
-    if not sys.stderr.isatty():
-        yield lambda _text="": None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    text = TextColumn("{task.description}", markup=False)
-    columns = [SpinnerColumn(), text, BarColumn(), TimeElapsedColumn()]
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(escaping.one_line(what), total=total)
-        yield lambda text="": bar.update(
-            task, advance=1, description=escaping.one_line(text or what)
-        )
 
 
 def plain(data: Any) -> Any:

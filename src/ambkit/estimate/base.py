@@ -226,12 +226,19 @@ class Estimator(Copyable):
         Raises
         ------
         ValueError
-            A mean is not finite, or a standard deviation not finite and positive.
+            There are not as many numbers as states, a mean is not finite, or a standard deviation
+            not finite and positive.
         """
         if isinstance(std, str) and std != "diffuse":
             raise ValueError(f"std must be {len(self.states)} numbers or 'diffuse', got {std!r}")
         given = self.default_std() if std is None else std
         start = self.at_rest(0.0) if mean is None else mean
+        for name, each in (("mean", start), ("std", given)):
+            if not isinstance(each, str) and np.ndim(each) != 1:
+                raise ValueError(
+                    f"{name} must be {len(self.states)} numbers, one for each state, has shape "
+                    f"{np.shape(each)}"
+                )
         self.core.reset(
             self._representable(real("mean", start)),
             None
@@ -283,7 +290,7 @@ class Estimator(Copyable):
     def at_rest(
         self, x: float, shown: float | None = None, current: float | None = None
     ) -> NDArray[np.float64]:
-        """Return the states (n,) of a rotor at rest.
+        """Return the states (n,), each in its unit [m, m/s, N ...], of a rotor at rest.
 
         Parameters
         ----------
@@ -483,7 +490,7 @@ class Estimator(Copyable):
 
     @property
     def covariance(self) -> NDArray[np.float64]:
-        """Covariance of the state estimate (n, n)."""
+        """Covariance of the state estimate (n, n) [products of the states' units]."""
         return np.asarray(self.core.covariance)
 
     @property

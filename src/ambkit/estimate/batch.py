@@ -50,7 +50,8 @@ def instruction_sets() -> list[str]:
     """Return what this processor can compute lanes with, the fastest last.
 
     ``"scalar"`` is one run after the other; ``"baseline"`` has 2 lanes in double precision,
-    ``"avx2"`` 4, ``"avx512"`` 8; twice as many in single.
+    ``"avx2"`` 4, ``"avx512"`` 8; twice as many in single. A compiler without GCC's vectors has
+    built ``"scalar"`` alone.
     """
     return list(core_module().instruction_sets())
 
@@ -93,7 +94,8 @@ def run_many(
         Of an earlier call with the same shapes and `history`: its arrays are written again, which
         spares the system fetching new memory.
     start : (mean, std), optional
-        State estimates and standard deviations at the start, (runs, states) or (states,) each.
+        State estimates and standard deviations at the start, (runs, states) or (states,) each
+        [unit of each state].
         Default: as `Estimator.run`, at rest at the record's first measurement within the travel.
     threads : int, optional
         Default: as many as the process may use.

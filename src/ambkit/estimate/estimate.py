@@ -61,13 +61,13 @@ class Estimate:
     status : ndarray of uint16 (n,)
         Flags of :class:`Status`.
     covariance : ndarray (n, states (states + 1) / 2) or None
-        Upper triangle of the covariance, row by row.
+        Upper triangle of the covariance, row by row [products of the states' units].
     estimator : str
         Name of the estimator.
     states : tuple of Descriptor
         What the columns of the mean are: name, unit, typical size, role.
     scale, scale_variance : ndarray (n,) or None
-        Estimated magnet constant over the known one, and its variance, from estimators that
+        Estimated magnet constant over the known one, and its variance [1], from estimators that
         estimate it.
     """
 
@@ -170,7 +170,7 @@ class Estimate:
 
     @property
     def nis(self) -> Array:
-        """Normalised innovation squared, (n,); its mean is 1 where model and noise are right.
+        """Normalised innovation squared, (n,) [1]; its mean is 1 where model and noise are right.
 
         NaN where the estimator has no idea of the variance.
         """
@@ -185,7 +185,7 @@ class Estimate:
         return np.asarray((self.status & np.uint16(unused)) == 0)
 
     def std(self, name: str) -> Array:
-        """Standard deviation of a state as the filter believes it, (n,).
+        """Standard deviation of a state as the filter believes it, (n,) [unit of the state].
 
         Parameters
         ----------

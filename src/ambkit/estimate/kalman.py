@@ -28,6 +28,12 @@ class KalmanFilter(Estimator):
     **options
         Of :class:`ambkit.estimate.base.Estimator`: noise, gravity, precision, frozen_limit, gate,
         outlier_limit, as_printed.
+
+    Raises
+    ------
+    ValueError
+        `gravity` or `precision` is not one of its words, a limit is negative, or `gate` is not
+        greater than 0.
     """
 
     name = "linear Kalman filter"

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 class LowPass(Estimator):
     """First-order low-pass of the measurement, its difference quotient, and of the force.
 
-    The disturbance force is what accelerates the rotor beyond the known forces, those of a current
-    that, where amplifier or loop are late, follows from the controls. The sensor's lag is
-    not made up for, its coloured noise and hum are not told from the position, and no covariance is
-    known: it is zero.
+    The disturbance force is what accelerates the rotor beyond the known forces (paper, eq. 16,
+    solved for it), those of a current that, where amplifier or loop are late, follows from the
+    controls. The sensor's lag is not made up for, its coloured noise and hum are not told from the
+    position, and no covariance is known: it is zero.
 
     Parameters
     ----------

@@ -138,6 +138,8 @@ class ExtendedStateObserver(_Observer):
 class SteadyStateKalmanFilter(_Observer):
     """Kalman filter with the gain that it settles to: the algebraic Riccati equation's.
 
+    Its stationary solution (Kalman, 1960; as Simon, 2006, section 7.3, has it for sampled models).
+
     Parameters
     ----------
     bearing : Bearing

@@ -327,7 +327,7 @@ class Expert(Part):
 
     @property
     def learning_curve(self) -> Array:
-        """Force RMS over the training samples [N], from the untrained network on (Fig. 10)."""
+        """Force RMS over the training samples (steps + 1,) [N], untrained first (Fig. 10)."""
         return np.array(self.training.force_rms if self.training else ())
 
     def in_core(self, core: ModuleType) -> Fuzzy:

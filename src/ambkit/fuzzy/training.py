@@ -66,8 +66,8 @@ def train(
     scaling : {"grid", "unit"} or tuple of 2 floats
         How the inputs compare, see :meth:`ambkit.Expert.from_map`; the paper's is ``"unit"``.
     widths : array_like, optional
-        Widths to start from, scaled, of a shape that broadcasts to (2, rules). Default: half the
-        larger node step. The paper starts from 0.4.
+        Widths to start from, scaled [1], of a shape that broadcasts to (2, rules). Default: half
+        the larger node step. The paper starts from 0.4.
     epochs : int, optional
         Most steps to take: by default 200 of least squares, which ends by itself when it has
         converged, or 1000 of steepest gradient.

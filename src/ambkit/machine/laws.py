@@ -171,7 +171,7 @@ class Law:
         return _evaluate(self, "through_origin", iu, x)
 
     def tangent(self, iu: ArrayLike, x: ArrayLike) -> tuple[NDArray[np.float64], ...]:
-        """``dF/diu`` [N/A] and ``dF/dx`` [N/m].
+        """``dF/diu`` [N/A] and ``dF/dx`` [N/m], of the shape that `iu` and `x` broadcast to.
 
         Parameters
         ----------

@@ -73,6 +73,8 @@ class StiffnessMap:
     def stiffness_at(self, iu: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
         """k_i [N/A] and k_s [N/m] by the LSM at any work points, on nodes or between them.
 
+        Both have the shape that `iu` and `x` broadcast to.
+
         Parameters
         ----------
         iu, x : array_like
@@ -99,6 +101,11 @@ class StiffnessMap:
             The box is cut into ``samples x samples`` cells and each asked at its centre (midpoint
             rule); the paper's Table 6 has rules far narrower than a cell, which so count for no
             more than their area.
+
+        Raises
+        ------
+        AmbkitError
+            There is less than one cell.
         """
         if samples < 1:
             raise AmbkitError(f"samples must be 1 or more, is {samples}")

@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base.errors import AmbkitError
+from ambkit.base.progress import reporting
 from ambkit.base.units import engineering
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.cases import CASES, Case
 from ambkit.judge.comparison.seeds import Score, compare
 from ambkit.judge.comparison.spread import Spread
-from ambkit.judge.comparison.study import Study, across, study
+from ambkit.judge.comparison.study import Study, across, pieces_of, study
 from ambkit.workflow.estimators import USUAL, Factory, factories
 from ambkit.workflow.simulating import scenario_for
 
@@ -68,7 +69,7 @@ def compare_in_case(
     spread: float | None = None,
     magnets: Mapping[str, MagnetModel] | None = None,
     whole: bool = False,
-    done: Callable[[str], None] = lambda _text: None,
+    done: Callable[[str], None] | None = None,
 ) -> Study:
     """Compare estimators along the same records, and each in the loop, by all that counts.
 
@@ -88,8 +89,8 @@ def compare_in_case(
         What kinds know of the magnet, in place of what would be learned.
     whole : bool
         Whether the errors by step, wrong k and the limit are wanted, for a report.
-    done : callable
-        Called after each piece of work with what is next.
+    done : callable, optional
+        Called after each piece of work with what is next; a notebook shows a bar without it.
 
     Raises
     ------
@@ -99,10 +100,12 @@ def compare_in_case(
         `spread` is out of its range.
     """
     chosen = cases_called(case, spread)[case] if isinstance(case, str) else case
-    return study(
-        bearing, chosen, list(KINDS) if estimators is None else estimators, runs=runs,
-        budget=budget, seed=seed, magnets=magnets, whole=whole, done=done,
-    )  # fmt: skip
+    kinds = list(KINDS) if estimators is None else estimators
+    with reporting(done, "comparing", pieces_of(len(kinds), budget, whole)) as tell:
+        return study(
+            bearing, chosen, kinds, runs=runs, budget=budget, seed=seed, magnets=magnets,
+            whole=whole, done=tell,
+        )  # fmt: skip
 
 
 def compare_in_all(
@@ -114,7 +117,7 @@ def compare_in_all(
     seed: int = 0,
     spread: float | None = None,
     magnets: Mapping[str, MagnetModel] | None = None,
-    done: Callable[[str], None] = lambda _text: None,
+    done: Callable[[str], None] | None = None,
 ) -> dict[str, Bench]:
     """Compare estimators in all cases, tuned anew in each.
 
@@ -123,10 +126,12 @@ def compare_in_all(
     bearing, estimators, runs, budget, seed, spread, magnets, done
         See `compare_in_case`.
     """
-    return across(
-        bearing, cases_called("all", spread), list(KINDS) if estimators is None else estimators,
-        runs=runs, budget=budget, seed=seed, magnets=magnets, done=done,
-    )  # fmt: skip
+    cases = cases_called("all", spread)
+    kinds = list(KINDS) if estimators is None else estimators
+    with reporting(done, "comparing", len(cases) * pieces_of(len(kinds), budget, False)) as tell:
+        return across(
+            bearing, cases, kinds, runs=runs, budget=budget, seed=seed, magnets=magnets, done=tell
+        )
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base.errors import AmbkitError, RecordError
+from ambkit.base.progress import shown_in_notebooks
 from ambkit.data.record import Record
 from ambkit.data.rig_units import Inputs
 from ambkit.estimate.kalman import ExtendedKalmanFilter
@@ -208,6 +209,7 @@ def parameters_to_find(start: LoopModel, free: Iterable[str] | None = None) -> t
     return tuple(names)
 
 
+@shown_in_notebooks("identifying", by="note")
 def identify(
     bearing: Bearing,
     records: Record | Sequence[Record],

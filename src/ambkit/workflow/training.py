@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ambkit.base.progress import shown_in_notebooks
 from ambkit.base.units import engineering
 from ambkit.fuzzy.choice import RuleChoice, Shape, choose_rules, measured_map
 from ambkit.fuzzy.expert import Expert
@@ -119,6 +120,7 @@ class MeasuredForce:
     law_error_given: bool
 
 
+@shown_in_notebooks("finding the force", by="note")
 def measured_force(
     bearing: Bearing,
     points: ForcePoints,
@@ -337,6 +339,7 @@ class TrainedExpert:
         }
 
 
+@shown_in_notebooks("training the expert", by="note")
 def train_expert(
     bearing: Bearing,
     shape: Shape = RULES,

@@ -186,6 +186,11 @@ class Document(Part):
         **changes
             Values by dotted key, with two underscores for the dot where Python wants a name:
             ``replace(magnet__air_gap="2.2 mm")`` or ``replace(**{"magnet.air_gap": 2.2e-3})``.
+
+        Raises
+        ------
+        ConfigError
+            There is no such key, or it may not have this value.
         """
         data = self.model_dump()
         for key, value in changes.items():

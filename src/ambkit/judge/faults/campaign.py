@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
+from ambkit.base.progress import reporting
 from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.judge.faults.declared import CLEAN, FAULTS
 from ambkit.judge.faults.flight import Flight, Outcome
@@ -168,7 +169,7 @@ def torture(
     precisions: Sequence[Precision] = ("float64",),
     controller: PID | None = None,
     threads: int = 2,
-    done: Callable[[str], None] = lambda _text: None,
+    done: Callable[[str], None] | None = None,
 ) -> Torture:
     """Fly each estimator through faults of sensor, control signal, amplifier and load.
 
@@ -197,8 +198,8 @@ def torture(
         Its gains; by default those of :meth:`PID.for_bearing`.
     threads : int
         Flights side by side; the result does not depend on it.
-    done : callable
-        Called after each flight with the name of its fault.
+    done : callable, optional
+        Called after each flight with the name of its fault; a notebook shows a bar without it.
 
     Returns
     -------
@@ -214,9 +215,6 @@ def torture(
     built = _factories(bearing, KINDS if estimators is None else estimators)
     pid = controller or PID.for_bearing(bearing)
 
-    def fly(work: _Work) -> list[Outcome]:
-        return list(_campaign(work, named, steps, done))
-
     works = [
         _Work(Flight(bearing, pid, in_loop, seed, precision), name, build)
         for precision in precisions
@@ -224,11 +222,17 @@ def torture(
         for in_loop in (False, True)
         for name, build in [*built.items(), *([(BASELINE, None)] if in_loop else [])]
     ]
+    flights = len(precisions) * flights_of(len(built), named, len(seeds), steps=steps)
     pool = ThreadPoolExecutor(threads)
-    try:
-        outcomes = [each for found in pool.map(fly, works) for each in found]
-    finally:
-        pool.shutdown(cancel_futures=True)  # after Ctrl-C, what still waits is not flown first
+    with reporting(done, "flying", flights) as tell:
+
+        def fly(work: _Work) -> list[Outcome]:
+            return list(_campaign(work, named, steps, tell))
+
+        try:
+            outcomes = [each for found in pool.map(fly, works) for each in found]
+        finally:
+            pool.shutdown(cancel_futures=True)  # after Ctrl-C, what still waits is not flown first
     return Torture(bearing, tuple(outcomes))
 
 

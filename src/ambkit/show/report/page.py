@@ -202,7 +202,7 @@ def _figure(figure: Figure, names: Mapping[str, str], picture: Picture) -> dict[
         "source": figure.source,
         "alt": figure.description(),
         "svg": base64.b64encode(picture.svg).decode(),
-        "json": interactive.to_json(figure),
+        "described": interactive.gzipped(interactive.to_json(figure).encode()),
         "height": interactive.height(figure),
         "wide": figure.columns > 1,
         "samples": f"{longest:,}" if longest > 4 * BUCKETS else "",

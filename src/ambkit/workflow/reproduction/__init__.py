@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ambkit.base import files
+from ambkit.base.progress import shown_in_notebooks
 
 if TYPE_CHECKING:
     from ambkit.show.report.blocks import Report
@@ -24,6 +25,7 @@ class Outcome:
     rows: list[SummaryRow]
 
 
+@shown_in_notebooks("reproducing the paper", by="progress")
 def reproduce(
     out: str | Path, *, seed: int = 0, progress: Callable[[str], None] = lambda _message: None
 ) -> Outcome:

@@ -11,8 +11,27 @@
     modeBarButtons: [["toImage"], ["zoom2d", "pan2d"], ["zoomIn2d", "zoomOut2d", "resetScale2d"]],
   };
 
-  function draw(box) {
-    const { data, layout } = JSON.parse(box.querySelector("script").textContent);
+  async function unpacked(base64) {
+    const bytes = Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
+    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+    return new Response(stream).text();
+  }
+
+  // plotly.js is unpacked when the first figure asks for it. Browsers that cannot, those before 2023,
+  // keep the static pictures.
+  let loaded;
+  function plotly() {
+    loaded ??= unpacked(document.getElementById("plotly.js").textContent).then((text) => {
+      const script = document.createElement("script");
+      script.textContent = text;
+      document.head.append(script);
+    });
+    return loaded;
+  }
+
+  async function draw(box) {
+    await plotly();
+    const { data, layout } = JSON.parse(await unpacked(box.querySelector("script").textContent));
     const toImageButtonOptions = { format: "svg", filename: box.dataset.figure };
     Plotly.newPlot(box.querySelector(".chart"), data, layout, { ...config, toImageButtonOptions })
       .then(() => box.classList.add("live"));
@@ -26,7 +45,9 @@
       }
     }
   }, { rootMargin: "800px" });
-  document.querySelectorAll(".plot").forEach((box) => near.observe(box));
+  if (window.DecompressionStream) {
+    document.querySelectorAll(".plot").forEach((box) => near.observe(box));
+  }
 
   const links = new Map();
   document.querySelectorAll("nav a").forEach((link) => links.set(link.hash.slice(1), link));

@@ -1,0 +1,202 @@
+"""The examples of CONTRIBUTING.md, built as they stand, in a copy of the checkout's Python."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import ambkit._core
+
+ROOT = Path(__file__).resolve().parent.parent
+TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
+needs_cc = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+
+
+def changed(text: str, diff: str, name: str) -> str:
+    """Apply a diff without line numbers: what it takes away and keeps must be there once."""
+    for hunk in diff.split("@@\n"):
+        lines = [(line[:1], line[1:]) for line in hunk.splitlines()]
+        old = "".join(f"{line}\n" for sign, line in lines if sign in " -")
+        new = "".join(f"{line}\n" for sign, line in lines if sign in " +")
+        assert text.count(old) == 1, f"{name} does not hold once:\n{old}"
+        text = text.replace(old, new)
+    return text
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The checkout's Python and headers with all examples, and the extension as it is built."""
+    folder = tmp_path_factory.mktemp("contributing")
+    away = shutil.ignore_patterns("__pycache__", "*.so")
+    for part in ("src/ambkit", "models", "core"):
+        shutil.copytree(ROOT / part, folder / part, ignore=away)
+    shutil.copy(ROOT / ".clang-format", folder)
+    for built in Path(ambkit._core.__file__).parent.glob("_*.so"):
+        (folder / "src" / "ambkit" / built.name).symlink_to(built)
+    # What leads imports of an editable install to the checkout.
+    (folder / "sitecustomize.py").write_text(
+        "import sys\n"
+        "sys.meta_path = [f for f in sys.meta_path if 'ScikitBuild' not in type(f).__name__]\n"
+    )
+    for kind, block in BLOCKS:
+        first, _, rest = block.partition("\n")
+        if kind == "python":
+            file = folder / first.removeprefix("# ")
+            assert not file.exists()
+            file.write_text(rest, encoding="utf-8")
+        elif kind == "diff":
+            file = folder / first.removeprefix("--- ")
+            file.write_text(changed(file.read_text(encoding="utf-8"), rest, first))
+    return folder
+
+
+def run(copy: Path, *command: str | Path, cwd: Path | None = None) -> str:
+    """What a command of the copy prints; it must succeed."""
+    environment = os.environ | {"PYTHONPATH": f"{copy / 'src'}{os.pathsep}{copy}"}
+    done = subprocess.run(
+        [str(word) for word in command], cwd=cwd or copy, env=environment,
+        capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def python(copy: Path, text: str) -> str:
+    """Run lines of Python; what they print."""
+    where = "import ambkit, pathlib; assert pathlib.Path(ambkit.__file__).is_relative_to('.')\n"
+    where = where.replace("'.'", repr(str(copy)))
+    return run(copy, sys.executable, "-c", where + text)
+
+
+def test_there_is_an_example_for_each_thing_to_add() -> None:
+    heads = re.findall(r"^## An? (.*)$", TEXT, re.MULTILINE)
+    wanted = ["magnet law", "state", "sensor", "estimator", "file format", "command"]
+    assert heads == wanted
+    texts = re.split(r"^## An? .*$", TEXT, flags=re.MULTILINE)[1:]
+    for head, text in zip(wanted, texts, strict=True):
+        assert "```python" in text, head
+
+
+def test_files_that_are_named_are_there() -> None:
+    named = re.findall(r"`((?:src|core|bindings|tests|docs|models|tools)/[\w/.]+\.\w+)`", TEXT)
+    assert len(named) > 8
+    assert [name for name in named if not (ROOT / name).exists()] == []
+
+
+def test_the_examples_are_in_our_style(copy: Path) -> None:
+    files = [
+        block.partition("\n")[0].removeprefix("# ") for kind, block in BLOCKS if kind == "python"
+    ]
+    shutil.copy(ROOT / "pyproject.toml", copy)
+    ruff = Path(sys.executable).parent / "ruff"
+    run(copy, ruff, "check", *files)
+    run(copy, ruff, "format", "--diff", *files)
+
+
+@needs_cc
+def test_the_law_becomes_c_that_computes_it(copy: Path, tmp_path: Path) -> None:
+    run(copy, sys.executable, "-m", "models")
+    header = copy / "core" / "generated" / "lorentz_law.h"
+    (copy / "core/include/ambkit/lorentz.h").write_text(
+        '#include "ambkit/real.h"\ntypedef struct { amb_real c, reach; } amb_lorentz_law;\n'
+    )
+    (tmp_path / "main.c").write_text(
+        f'#include "{header.name}"\n#include <stdio.h>\nint main(void) {{\n'
+        "  const amb_lorentz_law law = {12.0, 0.002};\n  double k_i, k_s;\n"
+        "  amb_lorentz_tangent(&law, 0.5, 0.001, &k_i, &k_s);\n"
+        '  printf("%.15g %.15g %.15g", amb_lorentz_force(&law, 0.5, 0.001), k_i, k_s);\n'
+        "  return 0;\n}\n"
+    )
+    includes = [f"-I{copy / 'core' / part}" for part in ("generated", "include")]
+    flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-DAMB_DOUBLE", *includes]
+    run(copy, "cc", *flags, "main.c", "-o", "main", cwd=tmp_path)
+    assert run(copy, tmp_path / "main").split() == ["4.5", "9", "-3000"]
+
+
+def test_the_state_is_in_the_filter_and_in_its_c(copy: Path, tmp_path: Path) -> None:
+    said = python(
+        copy,
+        f"""
+import ambkit
+from ambkit.export.c import export_c
+bearing = ambkit.Bearing.preset("zittau_axial").replace(sensor__drift="1 um^2/s")
+record = ambkit.simulate(bearing, ambkit.Scenario(duration=0.1))
+estimate = ambkit.KalmanFilter(bearing).run(record, covariance=True)
+assert estimate.mean.shape[1] == 5
+print(estimate.states[-1].name, bool((estimate.std("drift") > 0).all()))
+export_c(bearing, None, {str(tmp_path / "c")!r})
+""",
+    )
+    assert said.split() == ["drift", "True"]
+    assert "drift" in next((tmp_path / "c").glob("zittau_axial.h")).read_text()
+
+
+@needs_cc
+def test_the_sensor_is_a_measurement_and_becomes_c(copy: Path, tmp_path: Path) -> None:
+    header = tmp_path / "two_sensors.h"
+    said = python(
+        copy,
+        f"""
+import pathlib
+from ambkit.models import compose, emit
+from ambkit.models.parts import Amplifier, Disturbance, MagnetPlace, Rotor, Sensor
+from ambkit.models.parts.pick_up import PickUp
+parts = [Rotor(1.0, 1.0, 1.0), MagnetPlace(1.0), Disturbance(1.0, 1.0), Sensor(1.0, 1e-4, 1.0),
+         Amplifier(1.0, None), PickUp(2.0, 0.05)]
+model = compose(parts, 1e-4, name="two_sensors")
+print(*(each.name for each in model.measurements))
+text = emit.header(emit.Names(model, {{}}), "Two sensors", stem="two_sensors", by="hand")
+pathlib.Path({str(header)!r}).write_text(text)
+""",
+    )
+    assert said.split() == ["y", "y_v"]
+    assert "#define AMB_SENSORS 2" in header.read_text()
+    (tmp_path / "main.c").write_text(f'#include "ambkit/role.h"\n#include "{header.name}"\n')
+    flags = ["-std=c99", "-DAMB_DOUBLE", "-DAMB_MODEL_LOOPS", "-fsyntax-only"]
+    includes = [f"-I{copy / 'core' / part}" for part in ("include", "generated")]
+    run(copy, "cc", *flags, *includes, "main.c", cwd=tmp_path)
+
+
+def test_the_estimator_is_a_kind_everywhere(copy: Path, tmp_path: Path) -> None:
+    ambkit_ = [sys.executable, "-m", "ambkit"]
+    run(copy, *ambkit_, "simulate", "zittau_axial", "--duration", "0.1 s", "--out", "run.csv",
+        cwd=tmp_path)  # fmt: skip
+    told = run(copy, *ambkit_, "filter", "run.csv", "--bearing", "zittau_axial",
+               "--estimator", "halved,steady-state", "--json", cwd=tmp_path)  # fmt: skip
+    assert '"halved"' in told
+    run(copy, *ambkit_, "export", "c", "zittau_axial", "--estimator", "halved", "--out", "c",
+        cwd=tmp_path)  # fmt: skip
+    assert (tmp_path / "c" / "CMakeLists.txt").is_file()
+
+
+def test_the_format_is_read_and_its_faults_have_a_line(copy: Path, tmp_path: Path) -> None:
+    rows = [f'{{"t": {k * 1e-4:.4f}, "y": {1e-6 * k}, "u": 0.1}}' for k in range(50)]
+    (tmp_path / "run.jsonl").write_text("\n".join(rows))
+    (tmp_path / "bad.jsonl").write_text("\n".join([*rows[:3], "[1, 2]"]))
+    said = python(
+        copy,
+        f"""
+from ambkit.data.files.formats import read_log
+from ambkit.base.errors import RecordError
+print(read_log({str(tmp_path / "run.jsonl")!r}).contents)
+try:
+    read_log({str(tmp_path / "bad.jsonl")!r})
+except RecordError as error:
+    print(error)
+""",
+    )
+    assert said.splitlines()[0] == "t, y, u"
+    assert "bad.jsonl:4: is no JSON object of numbers" in said
+
+
+def test_the_command_is_there_with_its_help(copy: Path) -> None:
+    assert "hover" in run(copy, sys.executable, "-m", "ambkit", "--help")
+    told = run(copy, sys.executable, "-m", "ambkit", "hover", "zittau_axial")
+    assert "control current" in told

@@ -1,0 +1,98 @@
+"""Bars: on a terminal, in a notebook without widgets, and nowhere else."""
+
+from __future__ import annotations
+
+import io
+import sys
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import pytest
+
+import ambkit
+from ambkit.base.progress import in_notebook, progress, reporting, shown_in_notebooks
+
+
+@pytest.fixture
+def notebook(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """What a notebook was given to display; each picture as its HTML, at once."""
+    shown: list[Any] = []
+
+    class Handle:
+        def update(self, thing: Any, *, raw: bool = False) -> None:
+            shown.append(thing if raw else thing._repr_mimebundle_((), ()))
+
+    def display(thing: Any, *, display_id: bool) -> Handle:
+        assert display_id
+        shown.append(thing._repr_mimebundle_((), ()))
+        return Handle()
+
+    ipython, sub = ModuleType("IPython"), ModuleType("IPython.display")
+    ipython.get_ipython = lambda: SimpleNamespace(kernel=object())  # type: ignore[attr-defined]
+    sub.display = display  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "IPython", ipython)
+    monkeypatch.setitem(sys.modules, "IPython.display", sub)
+    monkeypatch.setattr("ambkit.base.progress._REDRAWN", 0.0)
+    return shown
+
+
+def test_without_a_reader_nothing_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    assert not in_notebook()
+    with progress("counting", 2) as tell:
+        tell("next")
+        tell()
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_terminal_shows_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = io.StringIO()
+    terminal.isatty = lambda: True  # type: ignore[method-assign]
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setenv("TERM", "xterm")
+    with progress("counting", 2) as tell:
+        tell("the\nnext [bold]one")
+    assert "the\\nnext [bold]one" in terminal.getvalue()
+
+
+def test_a_notebook_shows_a_bar_and_takes_it_away(
+    notebook: list[Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with progress("counting", 2) as tell:
+        for text in ("half", "all"):
+            tell(text)
+    pages = [each["text/html"] for each in notebook]
+    assert "counting" in pages[0] or "counting" in pages[1]
+    assert ["half" in page for page in pages].count(True) == 1
+    assert "━" in pages[-2]
+    assert "all" in pages[-2]
+    assert notebook[-1] == {"text/plain": "", "text/html": ""}
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_failure_takes_the_bar_away_as_well(notebook: list[Any]) -> None:
+    with pytest.raises(ValueError, match="no"), progress("counting"):
+        raise ValueError("no")
+    assert notebook[-1]["text/html"] == ""
+
+
+def test_who_tells_is_not_told_by_a_bar(notebook: list[Any]) -> None:
+    said: list[str] = []
+    with reporting(said.append, "counting") as tell:
+        tell("one")
+    assert (said, notebook) == (["one"], [])
+
+
+def test_long_functions_show_it_by_themselves(notebook: list[Any]) -> None:
+    ambkit.torture(ambkit.Bearing.preset("zittau_axial"), ["linear"], faults=["knock"], steps=0)
+    assert any("knock" in each["text/html"] for each in notebook)
+
+    @shown_in_notebooks("adding", by="note")
+    def add(a: int, b: int, *, note: Any = None) -> int:
+        note("so far")
+        return a + b
+
+    assert add(1, b=2) == 3
+    assert any("so far" in each["text/html"] for each in notebook)
+    notebook.clear()
+    assert add(1, 2, note=lambda text: None) == 3
+    assert notebook == []

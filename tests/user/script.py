@@ -1,0 +1,148 @@
+"""A user's script with each public name of ambkit, for mypy --strict; it also runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, assert_type
+
+import numpy as np
+from numpy.typing import NDArray
+
+import ambkit
+
+Array = NDArray[np.float64]
+IRON = """
+name = "iron"
+sampling_time = "0.1 ms"
+magnet.type = "two-sided"
+magnet.turns = 208
+magnet.pole_area = "290 mm^2"
+magnet.air_gap = "0.78 mm"
+magnet.bias_current = "2.5 A"
+magnet.iron_length = "0.2 m"
+magnet.relative_permeability = 2000
+magnet.saturation = "1.6 T"
+rotor = {mass = "5 kg", gravity = "-x", travel_limit = "0.25 mm"}
+amplifier = {gain = "1 A/V", current_limit = "2.5 A", noise_variance = "1e-4 V^2"}
+sensor = {gain = 1, lag = "0.05 ms", noise_variance = "1 µm^2"}
+"""
+
+
+def bearings() -> ambkit.Bearing:
+    """A bearing as described, and one that is changed."""
+    bearing = ambkit.Bearing.preset("zittau_axial")
+    assert_type(bearing.sampling_time, float)
+    assert_type(bearing.rotor.mass, float)
+    heavier = bearing.replace(rotor__mass="0.6 kg")
+    assert_type(heavier, ambkit.Bearing)
+    try:
+        ambkit.Bearing.preset("none")
+    except ambkit.AmbkitError as error:
+        print(error)
+    return bearing
+
+
+def magnets(bearing: ambkit.Bearing) -> ambkit.Expert:
+    """What estimators may know of a magnet."""
+    points = ambkit.stiffness_map(bearing, displacements=[-5e-4, 0.0, 5e-4])
+    assert_type(points, ambkit.StiffnessMap)
+    assert_type(points.k_i, Array)
+    expert = ambkit.train(points, weights=True)
+    assert_type(expert, ambkit.Expert)
+    stiffness = ambkit.ConstantStiffness(10.0, 7500.0)
+    for magnet in (stiffness, ambkit.ClosedLaw(bearing), ambkit.magnet_of(bearing)):
+        ambkit.ExtendedKalmanFilter(bearing, magnet)
+    assert_type(ambkit.SaturatingLaw(ambkit.Bearing.from_toml(IRON)), ambkit.SaturatingLaw)
+    return expert
+
+
+def scenarios(bearing: ambkit.Bearing) -> ambkit.Scenario:
+    """All waveforms."""
+    waves = ambkit.Scenario(
+        duration=0.2,
+        reference=ambkit.Step(amplitude=1e-4, time=0.05),
+        disturbance=ambkit.Sine(amplitude=1.0, frequency=20.0),
+        controller=ambkit.PID.for_bearing(bearing),
+    )
+    for load in (
+        ambkit.Constant(value=1.0),
+        ambkit.Impulse(area=0.01, time=0.05, duration=1e-3),
+        ambkit.Ramp(slope=10.0, start=0.05),
+        ambkit.Sequence(times=(0.0, 0.1), values=(0.0, 1.0)),
+        ambkit.Recorded(times=(0.0, 0.1), values=(0.0, 1.0)),
+    ):
+        ambkit.simulate(bearing, waves.model_copy(update={"disturbance": load}))
+    return ambkit.scenario_for(bearing, waves, seed=1)
+
+
+def records(bearing: ambkit.Bearing, scenario: ambkit.Scenario) -> ambkit.Record:
+    """A run, written and read again."""
+    run = ambkit.simulate_run(bearing, scenario)
+    assert_type(run.record, ambkit.Record)
+    record = ambkit.simulate(bearing, scenario)
+    assert_type(record, ambkit.Record)
+    assert_type(record["y"], Array)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "run.csv"
+        record.save(path)
+        assert_type(ambkit.Record.load(path), ambkit.Record)
+        assert_type(ambkit.load(path), ambkit.Record)
+        try:
+            ambkit.read(path, path)
+        except (ambkit.ConfigError, ambkit.RecordError) as error:
+            print(error)
+    return record
+
+
+def estimates(bearing: ambkit.Bearing, expert: ambkit.Expert, record: ambkit.Record) -> None:
+    """All estimators, along a record and sample by sample."""
+    noise = ambkit.FilterNoise(disturbance=10.0)
+    filters = [
+        ambkit.LowPass(bearing),
+        ambkit.ExtendedStateObserver(bearing),
+        ambkit.KalmanFilter(bearing, noise=noise),
+        ambkit.SteadyStateKalmanFilter(bearing),
+        ambkit.AdaptiveKalmanFilter(bearing, expert),
+        ambkit.ExtendedKalmanFilter(bearing),
+        ambkit.UDKalmanFilter(bearing),
+        ambkit.UnscentedKalmanFilter(bearing),
+        ambkit.AugmentedKalmanFilter(bearing),
+        ambkit.MultipleModelFilter(bearing),
+        ambkit.AdaptiveNoise(ambkit.KalmanFilter(bearing)),
+    ]
+    for kalman in filters:
+        estimate = kalman.run(record)
+        assert_type(estimate, ambkit.Estimate)
+        assert_type(estimate.x, Array)
+        kalman.reset([0.0, 0.0, 0.0, 0.0])
+        assert_type(kalman.step(1e-5, 0.1), Array)
+        assert_type(kalman.status, ambkit.Status)
+    many = ambkit.run_many(filters[2], record["y"], record["u"])
+    assert_type(many.mean, NDArray[Any] | None)  # in float32 as well
+    print(ambkit.filter_record(bearing, record, ["linear"], noise=noise)["linear"].evaluation)
+
+
+def judged(bearing: ambkit.Bearing, scenario: ambkit.Scenario, record: ambkit.Record) -> None:
+    """What compares and what identifies."""
+    scores = ambkit.compare(
+        bearing, scenario, {"linear": lambda: ambkit.KalmanFilter(bearing)}, range(2)
+    )
+    assert_type(scores["linear"].mean("f_d"), float)
+    torture = ambkit.torture(bearing, ["linear"], faults=["knock"], steps=0)
+    assert_type(torture.to_dict(), dict[str, Any])
+    found = ambkit.identify(record, bearing)
+    print(found.magnet_constant)
+    for method in (ambkit.Adaline(bearing), ambkit.RecursiveLeastSquares(bearing)):
+        print(method)
+    print(ambkit.to_control(bearing))
+
+
+if __name__ == "__main__":
+    print(ambkit.__version__)
+    plant = bearings()
+    network = magnets(plant)
+    happening = scenarios(plant)
+    log = records(plant, happening)
+    estimates(plant, network, log)
+    judged(plant, happening, log)
