@@ -9,8 +9,8 @@ extern const amb_kalman_settings amb_data_settings;
 extern const amb_model amb_data_model;
 extern const amb_real amb_data_std[AMB_STATES]; /* at the start */
 extern const amb_real amb_data_hover[2]; /* current that holds the rotor [A], and per metre */
-extern const amb_magnet amb_data_magnet;        /* what the filter knows of its magnet */
-extern const void *const amb_data_own;          /* what only its kind has, or NULL */
+extern const amb_magnet amb_data_magnet; /* what the filter knows of its magnet */
+extern const void *const amb_data_own;   /* what only its kind has, or NULL */
 
 /* Other variances: of the measurement [m^2], of the control signal [V^2], and the growth of the
  * disturbance force's variance [N^2/s]. Returns as amb_kalman_init does. */
