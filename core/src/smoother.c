@@ -24,18 +24,6 @@ static void forget(adjoint *a)
   memset(a->Lambda, 0, sizeof a->Lambda);
 }
 
-/* A whole symmetric matrix from its upper triangle. */
-static void unfold(int n, const amb_real triangle[AMB_TRIANGLE], amb_real P[N][N])
-{
-  int entry = 0;
-  for (int i = 0; i < n; i++) {
-    for (int j = i; j < n; j++) {
-      P[i][j] = P[j][i] = triangle[entry];
-      entry++;
-    }
-  }
-}
-
 /* C = A B, or with `transposed` A' B. */
 static void multiply(int n, amb_real A[N][N], amb_real B[N][N], bool transposed, amb_real C[N][N])
 {
@@ -163,7 +151,7 @@ static void over_prediction(adjoint *a)
 
 static void smooth_sample(adjoint *a, amb_real mean[N], amb_real cov[AMB_TRIANGLE])
 {
-  unfold(a->n, cov, a->P);
+  amb_unfold(a->n, cov, N, (amb_real *)a->P);
   multiply(a->n, a->P, a->Lambda, false, a->B);
   int entry = 0;
   for (int i = 0; i < a->n; i++) {

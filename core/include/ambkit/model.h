@@ -58,6 +58,19 @@ AMB_INLINE int amb_entry(int n, int i, int j)
   return i * n - (i * (i + 1)) / 2 + j;
 }
 
+/* A whole symmetric matrix from its upper triangle; its rows are `stride` apart. */
+AMB_INLINE void amb_unfold(int n, const amb_real triangle[], int stride, amb_real *P)
+{
+  int entry = 0;
+  for (int i = 0; i < n; i++) {
+    for (int j = i; j < n; j++) {
+      P[i * stride + j] = triangle[entry];
+      P[j * stride + i] = triangle[entry];
+      entry++;
+    }
+  }
+}
+
 /* The first state of a role; -1 where there is none. */
 AMB_INLINE int amb_first(const amb_model *model, amb_role role)
 {
