@@ -291,7 +291,7 @@ static void test_run(void)
   const amb_magnet magnets[AMB_FORCES] = {closed};
   amb_kalman_input in = {N, y, u, NULL, NULL};
   amb_kalman_history h = {mean,  cov,  innovation, variance, out_i,
-                          out_s, NULL, NULL,       status,   health};
+                          out_s, NULL, NULL,       status,   status};
   amb_kalman_state s = start();
   CHECK(amb_kalman_run(&kf, magnets, &s, &in, &h) ==
         (AMB_MISSING | AMB_BAD_CONTROL | AMB_SATURATED));
