@@ -12,7 +12,7 @@ AMB_INLINE void note(const amb_model *model, const amb_kalman_state *state,
   for (size_t r = 0; r < m; r++) {
     h->innovation[k * m + r] = result->innovation[r];
     h->variance[k * m + r] = result->variance[r];
-    if (h->health != h->status)
+    if (m > 1)
       h->health[k * m + r] = (unsigned short)result->health[r];
   }
   for (size_t f = 0; f < p; f++) {
@@ -72,6 +72,36 @@ AMB_INLINE void step(const amb_kalman *kf, amb_kalman_state *s, const amb_real i
   }
 }
 
+/* Where the stiffnesses of a step come from. */
+typedef enum source { GIVEN, CONSTANT, ASKED } source;
+
+/* All samples but the first. Inlined for each source by itself: a call empties the registers, and
+ * who asks nobody is not to be arranged for it. */
+AMB_INLINE amb_status go_on(const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES],
+                            amb_kalman_state *state, const amb_kalman_input *in, source from,
+                            const amb_kalman_result *first, const amb_kalman_history *h)
+{
+  const size_t m = (size_t)amb_sensors(&kf->model), controls = (size_t)amb_controls(&kf->model);
+  amb_kalman_result result = *first;
+  amb_status all = AMB_OK;
+  amb_kalman_state s = *state;
+  for (size_t i = 1; i < in->n; i++) {
+    amb_real iu[AMB_CONTROLS];
+    result.status = amb_step_currents(kf, &s, in->u + (i - 1) * controls, iu);
+    if (from == GIVEN) {
+      given_at(kf, in, i - 1, result.stiffness);
+    } else if (from == ASKED) {
+      amb_step_ask_all(kf, magnet, iu, s.mean, result.stiffness);
+    } else { /* as before */
+    }
+    step(kf, &s, iu, in->y + i * m, &result);
+    all |= result.status;
+    note(&kf->model, &s, &result, i, h);
+  }
+  *state = s;
+  return all;
+}
+
 amb_status amb_kalman_run(const amb_kalman *kf, const amb_magnet magnet[AMB_FORCES],
                           amb_kalman_state *state, const amb_kalman_input *input,
                           const amb_kalman_history *history)
@@ -79,9 +109,7 @@ amb_status amb_kalman_run(const amb_kalman *kf, const amb_magnet magnet[AMB_FORC
   const amb_kalman own = *kf; /* copies: nothing that is written can be part of them */
   const amb_kalman_history h = *history;
   const amb_kalman_input in = *input;
-  const size_t m = (size_t)amb_sensors(&own.model), controls = (size_t)amb_controls(&own.model);
   const bool given = (in.k_i != NULL) && (in.k_s != NULL);
-  const bool constant = !given && all_constant(&own, magnet);
   if (in.n == 0) {
     return AMB_OK;
   }
@@ -96,21 +124,13 @@ amb_status amb_kalman_run(const amb_kalman *kf, const amb_magnet magnet[AMB_FORC
   amb_kalman_result first = result;
   first.status = amb_kalman_update(&own, state, in.y, &first);
   amb_kalman_note(&own, state, &first, 0, &h);
-  amb_status all = first.status;
-  amb_kalman_state s = *state;
-  for (size_t i = 1; i < in.n; i++) {
-    amb_real iu[AMB_CONTROLS];
-    result.status = amb_step_currents(&own, &s, in.u + (i - 1) * controls, iu);
-    if (given) {
-      given_at(&own, &in, i - 1, result.stiffness);
-    } else if (!constant) { /* not for nothing: a call empties the registers */
-      amb_step_ask_all(&own, magnet, iu, s.mean, result.stiffness);
-    } else { /* as before */
-    }
-    step(&own, &s, iu, in.y + i * m, &result);
-    all |= result.status;
-    note(&own.model, &s, &result, i, &h);
+  amb_status rest = AMB_OK;
+  if (given) {
+    rest = go_on(&own, magnet, state, &in, GIVEN, &result, &h);
+  } else if (all_constant(&own, magnet)) {
+    rest = go_on(&own, magnet, state, &in, CONSTANT, &result, &h);
+  } else {
+    rest = go_on(&own, magnet, state, &in, ASKED, &result, &h);
   }
-  *state = s;
-  return all;
+  return first.status | rest;
 }

@@ -26,7 +26,7 @@ typedef struct amb_kalman_history {
   amb_real *scale;          /* n [1]: of the magnet's force, where the kind estimates it; or NULL */
   amb_real *scale_variance; /* n [1], or NULL */
   unsigned short *status;   /* n */
-  unsigned short *health;   /* n x sensors; with one sensor it may be `status` itself */
+  unsigned short *health;   /* n x sensors; with one sensor it is `status` itself */
 } amb_kalman_history;
 
 /* Write sample k of a history. */
