@@ -280,7 +280,7 @@ def test_train_learns_a_measured_force(call):
     force = 0.9 * ambkit.ClosedLaw(bearing).force(iu, x)
     rows = np.column_stack([iu.ravel(), 1e3 * x.ravel(), force.ravel()])
     np.savetxt("f.csv", rows, delimiter=",", header="iu [A],x [mm],f_mag [N]", comments="")
-    found = call("train", "zittau_axial", "--map", "f.csv", "--out", "e.json", "--json").json
+    found = call("train", "zittau_axial", "--force-map", "f.csv", "--out", "e.json", "--json").json
     assert found["force_error_rms"]["trained"] < 0.1
     assert ambkit.Expert.load("e.json").force(1.0, 0.2e-3) == pytest.approx(
         0.9 * ambkit.ClosedLaw(bearing).force(1.0, 0.2e-3), rel=0.02
@@ -409,9 +409,9 @@ def test_tuning_beyond_the_end_and_a_part_that_is_not_there(call, made):
 def test_train_refuses_a_force_beyond_the_air_gap(call):
     rows = [f"{i},{x},{i + x}" for x in (-600, -200, 200, 600) for i in (-1.5, -0.5, 0.5, 1.5)]
     Path("f.csv").write_text("\n".join(["iu [A],x [cm],f_mag [N]", *rows]) + "\n")
-    found = call("train", "zittau_axial", "--map", "f.csv")
+    found = call("train", "zittau_axial", "--force-map", "f.csv")
     assert found.code == 2
-    assert "--map: x must stay within the air gap, 2 mm, reaches -6 m" in found.err
+    assert "--force-map: x must stay within the air gap, 2 mm, reaches -6 m" in found.err
 
 
 def test_train_says_where_a_sign_is_wrong(call):
@@ -421,7 +421,7 @@ def test_train_says_where_a_sign_is_wrong(call):
         for i in (-1.5, -0.75, 0, 0.75, 1.5)
     ]
     Path("f.csv").write_text("\n".join(["iu [A],x [mm],f_mag [N]", *rows]) + "\n")
-    found = call("train", "zittau_axial", "--map", "f.csv", "--json", "--out", "e.json")
+    found = call("train", "zittau_axial", "--force-map", "f.csv", "--json", "--out", "e.json")
     wrong = found.json["wrong_sign"]["k_s"]
     assert wrong["displacement"] < 0 < wrong["law"]
     expert = ambkit.Expert.load("e.json")
@@ -446,7 +446,8 @@ def test_train_says_where_hardly_anything_was_measured(call):
         for i in (-1.5, -0.5, 0.5, 1.5)
     ]
     Path("f.csv").write_text("\n".join(["iu [A],x [mm],f_mag [N],f_std [N]", *rows]) + "\n")
-    found = call("train", "zittau_axial", "--map", "f.csv", "--rules", "4x4", "--law-error", "4 N")
+    found = call("train", "zittau_axial", "--force-map", "f.csv", "--rules", "4x4", "--law-error",
+                 "4 N")  # fmt: skip
     assert "hardly measured at" in found.err
     assert "1.5 A at 0.6 mm" in found.err
     assert "-1.5 A at -0.6 mm" not in found.err
@@ -458,9 +459,9 @@ def test_train_says_where_hardly_anything_was_measured(call):
     ("arguments", "message"),
     [
         (("--law-error", "2 N"), "needs points that were measured"),
-        (("--map", "f.csv", "--law-error", "-2 N"), "must be greater than 0 N, is -2 N"),
-        (("--map", "line.csv"), "line.csv: the points must differ in displacement"),
-        (("--map", "few.csv", "--rules", "auto"), "few.csv: too few points to choose"),
+        (("--force-map", "f.csv", "--law-error", "-2 N"), "must be greater than 0 N, is -2 N"),
+        (("--force-map", "line.csv"), "line.csv: the points must differ in displacement"),
+        (("--force-map", "few.csv", "--rules", "auto"), "few.csv: too few points to choose"),
     ],
 )
 def test_train_says_what_measured_points_lack(call, arguments, message):
@@ -658,7 +659,7 @@ def test_reproduce_hands_on_its_arguments_and_prints_the_verdicts(call, monkeypa
         ("identify --lift-off RUN --bearing inteco_ml --gap-range 4mm", "2 values expected"),
         ("train zittau_axial --method steepest-gradient --weights", "needs the method least-sq"),
         ("train zittau_axial --method adam", "'adam' is not one of 'least-squares'"),
-        ("train zittau_axial --map missing.csv", "missing.csv: cannot be read"),
+        ("train zittau_axial --force-map missing.csv", "missing.csv: cannot be read"),
         ("filter RUN --bearing inteco_ml", "sampled every 0.0001 s, but bearing 'inteco_ml'"),
         ("filter RUN --bearing zittau_axial --estimator none", 'no estimator "none"'),
         ("filter RUN --bearing zittau_axial --measurement-noise 0m^2", "noise.measurement must be"),

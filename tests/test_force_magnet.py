@@ -303,7 +303,7 @@ def said(capsys: pytest.CaptureFixture[str], *words: str, fails: int = 0) -> tup
 def test_train_shows_what_is_best_at_points_left_out(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ["train", "law.toml", "--map", "fe.csv", "--channels", "channels.toml"]
+    words = ["train", "law.toml", "--force-map", "fe.csv", "--channels", "channels.toml"]
     shown, told = said(capsys, *words, "--rules", "4x4", "--out", "refitted.toml")
     for name in (LAW, REFITTED, SURFACE, NETWORK):
         assert f" {name} " in shown
@@ -311,7 +311,7 @@ def test_train_shows_what_is_best_at_points_left_out(
     assert "write it with --out map.csv" in told
     assert Bearing.load("refitted.toml").magnet.air_gap > 0.9e-3
     _, told = said(capsys, "train", "law.toml", "--out", "law.csv", fails=2)
-    assert "without --map there is an expert only" in told
+    assert "without --force-map there is an expert only" in told
 
 
 def test_train_warns_of_an_expert_worse_than_its_law(
@@ -319,7 +319,7 @@ def test_train_warns_of_an_expert_worse_than_its_law(
 ) -> None:
     right = ClosedLaw(fe_map.BEARING).force(IU, X)
     ForcePoints(IU, X, np.asarray(right)).save("right.csv")
-    _, told = said(capsys, *["train", "law.toml", "--map", "right.csv", "--rules", "3x3"])
+    _, told = said(capsys, *["train", "law.toml", "--force-map", "right.csv", "--rules", "3x3"])
     assert "leave it; the law has" in told
 
 
@@ -327,7 +327,7 @@ def test_commands_take_a_map_for_an_expert_or_the_true_magnet(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run = ("simulate", "law.toml", "--step", "0.05 mm", "--duration", "0.1 s")
-    said(capsys, *run, "--magnet", "map.csv", "--out", "run.csv")
+    said(capsys, *run, "--force-map", "map.csv", "--out", "run.csv")
     record = ambkit.Record.load("run.csv")
     at = record["iu"], record["x"]
     assert rms(record["f_mag"] - ClosedLaw(fe_map.BEARING).force(*at)) > 5

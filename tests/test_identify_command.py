@@ -100,7 +100,7 @@ def test_what_is_of_the_log_goes_into_its_channel_map_and_its_delay_into_the_bea
     assert off.std() < 0.1 * before.std()
     np.testing.assert_allclose(read["y"], right["y"], atol=1e-12)
     option = re.search(r'--disturbance-noise "(.*)"', text)[1]
-    code, _, err = call("filter", "log.csv", "--map", "map.toml", "--bearing", "found.toml",
+    code, _, err = call("filter", "log.csv", "--channels", "map.toml", "--bearing", "found.toml",
                         "--disturbance-noise", option, "--estimator", "closed-law")  # fmt: skip
     assert code == 0, err
     assert "tuned" not in err
@@ -128,11 +128,11 @@ def test_the_lines_for_the_map_do_what_the_model_does(tmp_path):
 def test_a_force_map_goes_into_the_training(call, made, tmp_path):
     code, out, err = call(
         "identify", made / "a.csv", "--bearing", made / "start.toml", "--free", "magnet_constant",
-        "--out", "found.toml", "--force-map", "force.csv", "--force-map-nodes", "6x4",
+        "--out", "found.toml", "--save-force-map", "force.csv", "--force-map-nodes", "6x4",
     )  # fmt: skip
     assert code == 0, err
     assert "Force map: 6x4 nodes; the records tell of" in out
-    code, out, err = call("train", "found.toml", "--map", "force.csv", "--rules", "3x3")
+    code, out, err = call("train", "found.toml", "--force-map", "force.csv", "--rules", "3x3")
     assert code == 0, err
     assert "force.csv: " in out
 
@@ -187,7 +187,7 @@ def test_noise_at_rest_is_the_start_and_its_colour_is_told(call, made):
     )
     code, mapped, err = call(
         "identify", made / "a.csv", "--bearing", made / "start.toml", "--rest", "bench.csv",
-        "--rest-map", "bench.toml", "--free", "magnet_constant,load_growth",
+        "--rest-channels", "bench.toml", "--free", "magnet_constant,load_growth",
     )  # fmt: skip
     assert code == 0, err
     of_y = re.compile(r"y .* rms +coloured")
@@ -206,12 +206,12 @@ def test_noise_at_rest_is_the_start_and_its_colour_is_told(call, made):
         ("identify A --bearing B --method likelihood --disturbance 1N", "is for --method adaline"),
         ("identify A A --bearing B --method adaline", "along one record, 2 are given"),
         ("identify A --bearing B --report r.pdf", "must end with .html"),
-        ("identify A --bearing B --force-map-nodes 9", "--force-map-nodes needs --force-map FILE"),
+        ("identify A --bearing B --force-map-nodes 9", "-nodes needs --save-force-map FILE"),
         (
-            "identify A --bearing B --force-map f.csv --force-map-nodes 3x9",
+            "identify A --bearing B --save-force-map f.csv --force-map-nodes 3x9",
             "must be nodes along current and displacement such as 9x7, 4 to 33 each, is '3x9'",
         ),
-        ("identify A --bearing B --rest-map m.toml", "--rest-map needs --rest RECORD"),
+        ("identify A --bearing B --rest-channels m.toml", "--rest-channels needs --rest RECORD"),
         ("identify A --bearing B --to 5ms", "samples"),
         ("identify A --bearing inteco_ml", "sampled every 0.0001 s"),
     ],

@@ -238,7 +238,7 @@ TAKING_FILES = [
     "check FILE.toml",
     "check FILE.json",
     "check FILE.parquet",
-    "check run.csv --map FILE.toml",
+    "check run.csv --channels FILE.toml",
     "check run.csv --bearing FILE.toml",
     "read FILE.csv",
     "read FILE.csv --guess",

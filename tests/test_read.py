@@ -592,7 +592,7 @@ def test_the_command_from_guess_to_record(call):
     code, text, err = call("read", "log.csv", "--guess")
     assert (code, err) == (0, "")
     Path("map.toml").write_text(text, encoding="utf-8")
-    code, out, err = call("read", "log.csv", "--map", "map.toml", "--out", "log.parquet",
+    code, out, err = call("read", "log.csv", "--channels", "map.toml", "--out", "log.parquet",
                           "--plot", "log.png", "--missing", "frozen")  # fmt: skip
     assert code == 0, err
     assert err == "wrote log.parquet\nwrote log.png\n"
@@ -601,7 +601,7 @@ def test_the_command_from_guess_to_record(call):
     record = Record.load("log.parquet")
     assert np.isnan(record["y"]).sum() == 110
     assert any("stands still" in line for line in record.meta["reading"])
-    code, out, _ = call("read", "log.csv", "--map", "map.toml", "--json")
+    code, out, _ = call("read", "log.csv", "--channels", "map.toml", "--json")
     found = json.loads(out)
     assert found["clocks"]["t"]["missing"] == 10
     assert {fault["kind"] for fault in found["faults"]} == {"gap", "frozen", "saturated"}
@@ -612,7 +612,7 @@ def test_a_refused_log_writes_nothing(call, tmp_path):
     columns["time"][100:] -= 0.05
     logs.csv(Path("log.csv"), columns)
     Path("map.toml").write_text(MAP)
-    code, out, err = call("read", "log.csv", "--map", "map.toml", "--out", "a.csv")
+    code, out, err = call("read", "log.csv", "--channels", "map.toml", "--out", "a.csv")
     assert (code, out) == (2, "")
     assert err.startswith("ambkit: 2 problems in log.csv:\n  log.csv:102: t jumps")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["log.csv", "map.toml"]

@@ -164,7 +164,7 @@ def test_a_hopeless_log_is_one_clear_word(call, name):
     code, out, err = call("read", "log.csv", "--guess")
     if code == 0:
         Path("map.toml").write_text(out)
-        code, out, err = call("read", "log.csv", "--map", "map.toml", "--out", "a.parquet")
+        code, out, err = call("read", "log.csv", "--channels", "map.toml", "--out", "a.parquet")
         Path("map.toml").unlink()
     assert (code, out) == (2, "")
     assert err.startswith("ambkit: ")
@@ -198,7 +198,7 @@ def test_columns_of_one_name(call):
     code, out, _ = call("read", "log.csv", "--guess")
     assert (code, "pos#1" in out) == (0, True)
     Path("map.toml").write_text(out.replace("pos#1", "pos"))
-    code, _, err = call("read", "log.csv", "--map", "map.toml")
+    code, _, err = call("read", "log.csv", "--channels", "map.toml")
     assert code == 2
     assert "has several columns pos: use pos#1 or pos#2" in err
 

@@ -134,7 +134,8 @@ def test_the_command_says_where_the_picture_of_a_refused_log_is(call, ending):
     logs.csv(Path("log.csv"), log)
     Path("map.toml").write_text(MAP)
     plot = f"log.{ending}"
-    code, out, err = call("read", "log.csv", "--map", "map.toml", "--out", "a.csv", "--plot", plot)
+    code, out, err = call("read", "log.csv", "--channels", "map.toml", "--out", "a.csv", "--plot",
+                          plot)  # fmt: skip
     assert (code, out) == (2, "")
     assert err.startswith("ambkit: 2 problems in log.csv:\n  log.csv:602: t jumps from 0.599 s")
     assert err.endswith(
@@ -148,7 +149,7 @@ def test_a_log_of_which_nothing_can_be_read_has_no_picture(call):
     Path("log.csv").write_text("time,pos,current\n0,1,2\n")
     Path("map.toml").write_text(MAP)
     Path("log.png").write_text("old")
-    code, _, err = call("read", "log.csv", "--map", "map.toml", "--plot", "log.png")
+    code, _, err = call("read", "log.csv", "--channels", "map.toml", "--plot", "log.png")
     assert code == 2
     assert "t must have at least 2 samples, has 1" in err
     assert "log.png is not written: there is nothing to be drawn" in err

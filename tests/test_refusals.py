@@ -35,7 +35,7 @@ def refused(capsys, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     "command",
     [
-        ["read", "log.csv", "--map", "map.toml"],
+        ["read", "log.csv", "--channels", "map.toml"],
         ["filter", "log.csv", "--bearing", "zittau_axial"],
         ["simulate", "zittau_axial", "--reference", "log.csv"],
     ],
@@ -101,7 +101,7 @@ def test_a_guess_invents_no_sampling_time(capsys, refused, tmp_path):
     proposed = capsys.readouterr().out
     assert "columns without numbers are not read: when" in proposed.lower()
     (tmp_path / "map.toml").write_text(proposed)
-    assert "give sampling_time" in refused("read", "log.csv", "--map", "map.toml")
+    assert "give sampling_time" in refused("read", "log.csv", "--channels", "map.toml")
 
 
 def test_samples_missing_in_a_gap_are_counted(tmp_path):

@@ -159,7 +159,7 @@ def saved(points, path):
 def test_command_chooses_says_so_and_draws_it(tmp_path):
     force = saved(scattered(straight, 0.5, n=40), tmp_path / "force.csv")
     picture, expert = tmp_path / "choice.png", tmp_path / "expert.json"
-    arguments = ["train", "zittau_axial", "--map", force, "--rules", "auto", "--no-weights"]
+    arguments = ["train", "zittau_axial", "--force-map", force, "--rules", "auto", "--no-weights"]
     found = CliRunner().invoke(
         app, [*arguments, "--plot", str(picture), "--out", str(expert), "--json"]
     )
@@ -174,7 +174,8 @@ def test_command_chooses_says_so_and_draws_it(tmp_path):
 
 def test_command_names_the_file_with_too_few_points(tmp_path):
     force = saved(measured(straight, 0.5, lines=4), tmp_path / "force.csv")
-    found = CliRunner().invoke(app, ["train", "zittau_axial", "--map", force, "--rules", "auto"])
+    arguments = ["train", "zittau_axial", "--force-map", force, "--rules", "auto"]
+    found = CliRunner().invoke(app, arguments)
     assert found.exit_code != 0
     assert "force.csv: too few points" in str(found.exception)
 

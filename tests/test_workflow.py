@@ -176,7 +176,7 @@ def test_identify_is_identify_by_likelihood(command, made):
     told = command(
         "identify", made / "log.csv", "--bearing", "zittau_axial", "--validate", made / "other.csv",
         "--free", "magnet_constant,measurement_noise", "--out", "found.toml",
-        "--force-map", "map.csv",
+        "--save-force-map", "map.csv",
     )  # fmt: skip
     found = identify(
         BEARING,
@@ -303,7 +303,7 @@ def test_train_on_points(command):
     rows = [f"{1.5 * i},{5e-4 * d},{f}" for i, d, f in zip(iu, x, force, strict=True)]
     with open("force.csv", "w", encoding="utf-8") as file:
         file.write("\n".join(["iu [A],x [m],f_mag [N]", *rows]) + "\n")
-    told = command("train", "zittau_axial", "--map", "force.csv", "--rules", "3x3")
+    told = command("train", "zittau_axial", "--force-map", "force.csv", "--rules", "3x3")
     measured = training.measured_force(BEARING, load_force_points("force.csv"), (3, 3))
     found = training.train_expert(BEARING, measured=measured)
     assert without(told, "files") == same(found.to_dict())

@@ -69,7 +69,7 @@ def design(
 
     For example:
       ambkit design run.csv --bearing my.toml --out design/
-      ambkit design log.mat --map rig.toml --bearing my.toml --validate other.mat --out design/
+      ambkit design log.mat --channels rig.toml --bearing my.toml --validate other.mat --out design/
     """
     from ambkit.cli import output
     from ambkit.cli.options import arguments_of_the_user

@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 
 def filter_record(
     record: Annotated[
-        Path, typer.Argument(metavar="RECORD", help="The recording: a record, or with --map a log.")
+        Path,
+        typer.Argument(metavar="RECORD", help="The recording: a record, or with --channels a log."),
     ],
     bearing: Annotated[
         str | None,

@@ -72,9 +72,10 @@ def identify(
     rest_map: Annotated[
         Path | None,
         typer.Option(
+            "--rest-channels",
             metavar="MAP.toml",
             help="Channel map of --rest.",
-            show_default="that of the records, --map",
+            show_default="that of the records, --channels",
         ),
     ] = None,
     validate: Annotated[
@@ -113,8 +114,8 @@ def identify(
         bool,
         typer.Option(
             "--lifting-off",
-            help="The RECORDs are of a rotor that lifts off, one each, as the current rises; --map "
-            "names distance z and coil current i.",
+            help="The RECORDs are of a rotor that lifts off, one each, as the current rises; "
+            "--channels names distance z and coil current i.",
         ),
     ] = False,
     gap_range: Annotated[
@@ -145,16 +146,16 @@ def identify(
         Path | None,
         file_option(
             "Write the force at nodes of a grid, as far as the records tell, for "
-            "'ambkit train --map'.",
+            "'ambkit train --force-map'.",
             (".csv", ".parquet"),
-            "--force-map",
+            "--save-force-map",
         ),
     ] = None,
     force_map_nodes: Annotated[
         str | None,
         typer.Option(
             metavar="NxM",
-            help="Nodes of --force-map along current and displacement.",
+            help="Nodes of --save-force-map along current and displacement.",
             show_default="5x5 to 9x9, as the records fill them",
         ),
     ] = None,
@@ -187,8 +188,8 @@ def identify(
     online = {"--start": start, "--disturbance": disturbance}
     for_likelihood = {
         "--free": free, "--load-at-start": load_std, "--validate": validate or None,
-        "--save-filter": filter_file, "--rest": rest, "--rest-map": rest_map,
-        "--report": report, "--force-map": force_map,
+        "--save-filter": filter_file, "--rest": rest, "--rest-channels": rest_map,
+        "--report": report, "--save-force-map": force_map,
         "--force-map-nodes": force_map_nodes,
     }  # fmt: skip
     chosen = method
@@ -202,14 +203,14 @@ def identify(
                 other = "adaline" if method is Method.likelihood else "likelihood"
                 raise AmbkitError(f"{option} is for --method {other}")
     if rest_map is not None and rest is None:
-        raise AmbkitError("--rest-map needs --rest RECORD")
+        raise AmbkitError("--rest-channels needs --rest RECORD")
     if force_map_nodes is not None and force_map is None:
-        raise AmbkitError("--force-map-nodes needs --force-map FILE")
+        raise AmbkitError("--force-map-nodes needs --save-force-map FILE")
     if start is not None and not start > 0:
         raise AmbkitError(f"--start must be greater than 0, is {start:g} {CONSTANT}")
     for_points = {"--gap-range": gap_range, "--working-point": working_point}
     for_a_record = {"--from": begin, "--to": end, "--method": chosen} | online | for_likelihood
-    for_a_log = {} if lifting_off else {"--map": channel_map}
+    for_a_log = {} if lifting_off else {"--channels": channel_map}
     of_the_loop = record and not lifting_off
     for option, given in (for_points if of_the_loop else for_a_record | for_a_log).items():
         if given is not None:

@@ -112,7 +112,7 @@ Plot = Annotated[
 MapFile = Annotated[
     Path | None,
     typer.Option(
-        "--map",
+        "--channels",
         metavar="MAP.toml",
         help="Channel map: what is what in a log; 'ambkit read --guess' proposes one.",
     ),

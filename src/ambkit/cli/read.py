@@ -69,7 +69,7 @@ def read(
 
     For example:
       ambkit read log.csv --guess > map.toml
-      ambkit read log.csv --map map.toml --out log.parquet --plot log.png
+      ambkit read log.csv --channels map.toml --out log.parquet --plot log.png
     """
     from ambkit.cli import output
     from ambkit.data.reading.reader import read as read_log

@@ -47,6 +47,7 @@ def simulate(
     magnet: Annotated[
         Path | None,
         typer.Option(
+            "--force-map",
             metavar="FILE.csv",
             help="Force map of the true magnet, points of iu, x and f_mag, which the estimators do "
             "not know: they know the bearing's.",

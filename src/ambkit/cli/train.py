@@ -43,7 +43,7 @@ def train(
     force: Annotated[
         Path | None,
         typer.Option(
-            "--map",
+            "--force-map",
             metavar="FORCE.csv",
             help="Correct the bearing's law by a measured force: columns iu [A], x [m] and "
             "f_mag [N], a row for each point, on a grid or not; f_std [N], its standard error, "
@@ -55,7 +55,7 @@ def train(
         typer.Option(
             parser=quantity("N"),
             metavar="FORCE",
-            help="With --map, by how much the law may be wrong where nothing was measured.",
+            help="With --force-map, by how much the law may be wrong where nothing was measured.",
             show_default="found from the points",
         ),
     ] = None,
@@ -63,15 +63,15 @@ def train(
         Path | None,
         typer.Option(
             metavar="FILE.toml",
-            help="With --map, what its columns mean, where they have other names: [signals.iu], "
-            "[signals.x] and [signals.f_mag], each with column and unit.",
+            help="With --force-map, what its columns mean, where they have other names: "
+            "[signals.iu], [signals.x] and [signals.f_mag], each with column and unit.",
         ),
     ] = None,
     rules: Annotated[
         str,
         typer.Option(
             metavar="NxM|auto",
-            help="Rules along current and displacement; auto: as many as the points of --map "
+            help="Rules along current and displacement; auto: as many as the points of --force-map "
             "carry, by cross-validation.",
         ),
     ] = "5x5",
@@ -96,8 +96,8 @@ def train(
     out: Annotated[
         Path | None,
         file_option(
-            "Write the expert (.json); with --map, its points as a force map (.csv, .parquet), or "
-            "the bearing with its law refitted to them (.toml).",
+            "Write the expert (.json); with --force-map, its points as a force map (.csv, "
+            ".parquet), or the bearing with its law refitted to them (.toml).",
             (".json", ".csv", ".parquet", ".toml"),
             "--out",
         ),
@@ -111,7 +111,7 @@ def train(
 
     For example:
       ambkit train zittau_axial --out expert.json --plot expert.png
-      ambkit train found.toml --map force.csv --rules auto --out expert.json
+      ambkit train found.toml --force-map force.csv --rules auto --out expert.json
     """
     from ambkit.cli import output, train_measured
     from ambkit.machine.forces.file import load_force_points
@@ -127,7 +127,7 @@ def train(
     ):
         if asked and force is None:
             raise typer.BadParameter(
-                f"{option} needs points that were measured: --map FORCE.csv",
+                f"{option} needs points that were measured: --force-map FORCE.csv",
                 param_hint=option.split()[0],
             )
     if law_error is not None and not law_error > 0:
@@ -136,7 +136,7 @@ def train(
         )
     if force is None and out is not None and out.suffix.lower() != ".json":
         raise typer.BadParameter(
-            "without --map there is an expert only: FILE.json", param_hint="--out"
+            "without --force-map there is an expert only: FILE.json", param_hint="--out"
         )
     model = find_bearing(bearing)
     options = how_to_train(method.value, weights, normalised=not plain, scaling=scaling.value)
@@ -144,7 +144,7 @@ def train(
     with output.progress("training") as done:
         if force is not None:
             points = load_force_points(force, channels)
-            with arguments_of_the_user("--map: "):
+            with arguments_of_the_user("--force-map: "):
                 check_within_gap(model, points)
             try:
                 measured = measured_force(

@@ -1,4 +1,4 @@
-"""``ambkit train --map``: what a measured force adds to the training, its tables and picture."""
+"""``ambkit train --force-map``: what a measured force adds, its tables and picture."""
 
 from __future__ import annotations
 

@@ -100,7 +100,7 @@ def tune(
     if simulated and len(target) > 1:
         raise AmbkitError(f"one bearing is tuned for, {len(target)} are given")
     for_records = {
-        "--map": channel_map,
+        "--channels": channel_map,
         "--validate": validate or None,
         "--from": begin,
         "--to": end,

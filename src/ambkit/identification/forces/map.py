@@ -107,7 +107,7 @@ class ForceMap:
         return ForcePoints(iu[at], x[at], self.force[at], self.standard_error[at])
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write `points` as ``.csv`` or ``.parquet``, as ``ambkit train --map`` reads them.
+        """Write `points` as ``.csv`` or ``.parquet``, as ``ambkit train --force-map`` reads them.
 
         Raises
         ------

@@ -84,7 +84,7 @@ class ForcePoints:
         )
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the points as ``.csv`` or ``.parquet``, as ``ambkit train --map`` reads them.
+        """Write the points as ``.csv`` or ``.parquet``, as ``ambkit train --force-map`` reads them.
 
         Parameters
         ----------
