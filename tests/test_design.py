@@ -177,7 +177,8 @@ def test_the_command_is_the_function(rig: Any, monkeypatch: Any) -> None:
     monkeypatch.chdir(folder)
     arguments = ["design", "log1.csv", "--channels", "map.toml", "--bearing", "known.toml",
                  "--validate", "log2.csv", "--free", ",".join(FREE), "--estimator",
-                 "linear,extended", "--prefix", "rig", "--precision", "double", "--out", "out"]  # fmt: skip
+                 "linear,extended", "--prefix", "rig", "--precision", "double",
+                 "--out", "out"]  # fmt: skip
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == 0, done.output
     assert " ".join(found.why.split()[:6]) in " ".join(done.output.split())

@@ -101,7 +101,8 @@ def by_likelihood(options: Options, known: Bearing) -> None:
         data,
         shown,
         [
-            (options.out, lambda path: files.write_text(path, annotated_toml(likelihood))),
+            (options.out, lambda path: files.write_text(path,
+                                                          annotated_toml(likelihood, path.parent))),
             (options.filter, lambda path: _save_filter(path, found, options)),
             (options.force_map, lambda path: None if forces is None else forces.save(path)),
             (options.report, lambda path: write_identification(path, likelihood, checks,

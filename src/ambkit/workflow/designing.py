@@ -332,7 +332,7 @@ def _identified(
     records = [load(path, channels) for path in logs]
     found = identify(bearing, records, free=free)
     inputs = Inputs() if channels is None else inputs_of(ChannelMap.load(channels))
-    files.write_text(place / "found.toml", annotated_toml(found.likelihood))
+    files.write_text(place / "found.toml", annotated_toml(found.likelihood, place))
     source = ", ".join(Path(path).name for path in logs)
     identified_filter(found, inputs, source).save(
         place / "identified.toml", bearing=place / "found.toml"

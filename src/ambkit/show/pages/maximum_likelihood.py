@@ -85,11 +85,12 @@ def identification_report(
     )
 
 
-def annotated_toml(found: MaximumLikelihood) -> str:
+def annotated_toml(found: MaximumLikelihood, folder: str | os.PathLike[str] | None = None) -> str:
     """Return the bearing as TOML, each value that was found with its standard error beside it.
 
     What is of the log and not of the bearing (offsets, load, a delay that cannot be told from none)
-    stands above in comments, with the lines of a channel map that take it out.
+    stands above in comments, with the lines of a channel map that take it out. Files that it names
+    are seen from `folder`, where it will lie.
     """
     in_bearing = {"current_lag": ("amplifier", "bandwidth")}
     if found.delay_counts:
@@ -103,7 +104,7 @@ def annotated_toml(found: MaximumLikelihood) -> str:
     carried = carried_over(found.model, delay=not found.delay_counts)
     lines += [f"# {line}".rstrip() for line in carried]
     table = ""
-    for line in found.bearing.to_toml().splitlines():
+    for line in found.bearing.to_toml(folder).splitlines():
         if line.startswith("["):
             table = line.strip("[]")
         place = table, line.partition(" = ")[0]
