@@ -128,7 +128,7 @@ def filter_record(
     from ambkit.cli import output
     from ambkit.cli.belonging import say_what_is_odd
     from ambkit.cli.kinds import factories
-    from ambkit.data.reading import load
+    from ambkit.data.reading import load_filled
     from ambkit.estimate.noise import FilterNoise
     from ambkit.show import plots
     from ambkit.workflow.filtering import filter as filtered
@@ -140,7 +140,7 @@ def filter_record(
         raise AmbkitError(f"--tune must be greater than 0 s, is {tune:g} s")
     chosen = names(estimator)
     model = find_bearing(bearing) if bearing is not None else _bearing_of(chosen)
-    log = load(record, _channels(chosen, channel_map))
+    log = load_filled(record, _channels(chosen, channel_map), output.note)
     if begin is not None or end is not None:
         log = log.between(begin, end)
     say_what_is_odd(record, log, model)

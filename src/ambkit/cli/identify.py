@@ -175,11 +175,12 @@ def identify(
       ambkit identify run.csv --bearing my.toml --method online --plot online.png
       ambkit identify --lift-off points.csv --bearing inteco_ml --working-point "10 mm"
     """
+    from ambkit.cli import output
     from ambkit.cli.belonging import say_what_is_odd
     from ambkit.cli.identify_lift_off import by_lift_off
     from ambkit.cli.identify_likelihood import Options, by_likelihood
     from ambkit.cli.identify_online import learn_online
-    from ambkit.data.reading import load
+    from ambkit.data.reading import load_filled
 
     if bool(record) == (lift_off is not None):
         raise AmbkitError("give either a RECORD or --lift-off POINTS.csv")
@@ -233,7 +234,7 @@ def identify(
         return
     if len(record) > 1:
         raise AmbkitError(f"--method {method} learns along one record, {len(record)} are given")
-    log = load(record[0], channel_map)
+    log = load_filled(record[0], channel_map, output.note)
     if begin is not None or end is not None:
         log = log.between(begin, end)
     say_what_is_odd(record[0], log, known)

@@ -154,9 +154,9 @@ def _rest_table(rest: dict[str, dict[str, Any]]) -> list[Any]:
 
 
 def _load(path: Path, options: Options) -> Record:
-    from ambkit.data.reading import load
+    from ambkit.data.reading import load_filled
 
-    record = load(path, options.channel_map)
+    record = load_filled(path, options.channel_map, output.note)
     if options.begin is None and options.end is None:
         return record
     return record.between(options.begin, options.end)

@@ -139,10 +139,11 @@ def tune(
 def _load(
     path: Path, channel_map: Path | None, bearing: Any, begin: float | None, end: float | None
 ) -> Record:
+    from ambkit.cli import output
     from ambkit.cli.belonging import say_what_is_odd
-    from ambkit.data.reading import load
+    from ambkit.data.reading import load_filled
 
-    record = load(path, channel_map)
+    record = load_filled(path, channel_map, output.note)
     if begin is not None or end is not None:
         record = record.between(begin, end)
     say_what_is_odd(path, record, bearing)

@@ -16,7 +16,7 @@ from ambkit.base import escaping, files
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.data.channelmap import ChannelMap, inputs_of
-from ambkit.data.reading import load
+from ambkit.data.reading import load_filled
 from ambkit.data.rig_units import Inputs
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.filter_file import FilterFile
@@ -225,8 +225,8 @@ def design(
 
         def make(kind: str = kind, name: str = name) -> None:
             if not records:
-                records.extend(load(path, by_inputs) for path in logs)
-                others.extend(load(path, by_inputs) for path in validate)
+                records.extend(load_filled(path, by_inputs) for path in logs)
+                others.extend(load_filled(path, by_inputs) for path in validate)
             expert = place / "expert.json" if kind == "adaptive" else None
             tuned = tune(
                 found, records, kind, validate=others, inputs=inputs, seed=seed,
@@ -271,7 +271,7 @@ def design(
         )  # fmt: skip
     made = {name: what for name, what in FILES.items() if (place / name).exists()}
     note("drawing")
-    record = records[-1] if records else load(logs[-1], by_inputs)
+    record = records[-1] if records else load_filled(logs[-1], by_inputs)
     _report(place, found.name, why, objections, candidates, record, made)
     made["design.html"] = FILES["design.html"]
     return Design(place, tuple(candidates), chosen, raw, why, objections, exported, made)
@@ -329,7 +329,7 @@ def _identified(
     free: Sequence[str] | None,
     place: Path,
 ) -> None:
-    records = [load(path, channels) for path in logs]
+    records = [load_filled(path, channels) for path in logs]
     found = identify(bearing, records, free=free)
     inputs = Inputs() if channels is None else inputs_of(ChannelMap.load(channels))
     files.write_text(place / "found.toml", annotated_toml(found.likelihood, place))
