@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.arrays import real
+from ambkit.base.asked import of_type
 from ambkit.base.copying import Copyable
 from ambkit.data.rig_units import Inputs
 from ambkit.estimate.engine import Engine, core_settings
@@ -21,6 +22,7 @@ from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.model import LinearModel
 from ambkit.estimate.noise import FilterNoise, completed
 from ambkit.estimate.starting import hovering, start_std
+from ambkit.machine.bearing import Bearing
 from ambkit.machine.magnets import (
     ConstantStiffness,
     MagnetModel,
@@ -32,7 +34,6 @@ from ambkit.models.model import Descriptor, Model
 if TYPE_CHECKING:
     from ambkit._core import Magnet
     from ambkit.data.record import Record
-    from ambkit.machine.bearing import Bearing
 
 
 class Estimator(Copyable):
@@ -107,6 +108,7 @@ class Estimator(Copyable):
         outlier_limit: int = 3,
         as_printed: bool = False,
     ) -> None:
+        of_type(Bearing, bearing=bearing)
         if gravity not in ("known", "disturbance"):
             raise ValueError(f"gravity must be 'known' or 'disturbance', got {gravity!r}")
         for limit, value in (("frozen_limit", frozen_limit), ("outlier_limit", outlier_limit)):

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from ambkit.base import escaping, files
 from ambkit.base.errors import AmbkitError
+from ambkit.base.showing import Shown
 from ambkit.base.units import engineering
 from ambkit.data.channelmap import ChannelMap, inputs_of
 from ambkit.data.reading import load
@@ -87,7 +88,7 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Design:
+class Design(Shown):
     """A filter to fly, and why.
 
     Attributes
@@ -109,6 +110,8 @@ class Design:
     made : mapping of str to str
         Its files in the folder, and what they are.
     """
+
+    _card_by = "workflow.cards:design"
 
     folder: Path
     candidates: tuple[Candidate, ...]

@@ -10,8 +10,11 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from ambkit.base.asked import of_type
 from ambkit.base.errors import AmbkitError
+from ambkit.base.showing import Shown
 from ambkit.base.units import engineering
+from ambkit.data.record import Record
 from ambkit.data.rig_units import Inputs
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.registry import KINDS, learned_magnet
@@ -19,14 +22,12 @@ from ambkit.judge.comparison.cases import CASES, Trial, trials
 from ambkit.judge.comparison.contenders import Contender, Range, contender_of_kind
 from ambkit.judge.comparison.tuning import SIGNALS, Tried, errors, search
 from ambkit.judge.evaluation import evaluate
-from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.bearing import GRAVITY, Bearing
 from ambkit.machine.magnets import own_time
 from ambkit.workflow.tuning import MUCH_LESS_LIKELY, log_likelihood
 
 if TYPE_CHECKING:
-    from ambkit.data.record import Record
     from ambkit.estimate.base import Estimator
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.magnets import MagnetModel
     from ambkit.show.report.figure import Figure
 
@@ -58,7 +59,7 @@ TOO_LARGE = 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class Tuned:
+class Tuned(Shown):
     """A filter, what it was tuned by, and what that gained.
 
     Attributes
@@ -86,6 +87,8 @@ class Tuned:
     warnings : tuple of str
         What is odd about the result.
     """
+
+    _card_by = "workflow.cards:tuned"
 
     estimator: Estimator
     kind: str
@@ -199,6 +202,8 @@ def tune(
     ------
     AmbkitError
         There is no such kind or tunable; or the kind has no likelihood, as a low-pass.
+    TypeError
+        `bearing` is no bearing, or one of `records` no record.
 
     Examples
     --------
@@ -207,9 +212,12 @@ def tune(
     >>> tuned.kept, tuned.estimator.name
     (False, 'linear Kalman filter')
     """
+    of_type(Bearing, bearing=bearing)
     if kind not in KINDS:
         raise AmbkitError(f'there is no estimator "{kind}"; known: {", ".join(KINDS)}')
     given = records if isinstance(records, Sequence) else [records]
+    for record in (*given, *validate):
+        of_type(Record, records=record)
     magnet = learned_magnet(kind, bearing) if magnet is None else magnet
     contender = contender_of_kind(kind, bearing, magnet, whole=True)
     task = _OfRecords(bearing, given, validate) if given else _OfTruth(bearing, runs, seed)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from ambkit.base.errors import AmbkitError
+from ambkit.base.showing import Shown
 from ambkit.identification.online.adaline import Adaline, AdalineResult
 from ambkit.identification.online.augmented import AugmentedIdentifier
 from ambkit.identification.online.result import OnlineResult
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Identification:
+class Identification(Shown):
     """What a record says about a bearing.
 
     Attributes
@@ -35,6 +36,8 @@ class Identification:
         :class:`~ambkit.identification.online.rls.LeastSquaresResult`, or an
         :class:`~ambkit.identification.online.augmented.AugmentedResult`.
     """
+
+    _card_by = "show.notebook.results:identification"
 
     bearing: Bearing
     magnet_constant: float
