@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numbers
-from typing import Any, overload
+from typing import Any, TypeVar, overload
 
 from ambkit.base import units
 from ambkit.base.errors import AmbkitError
@@ -11,6 +11,8 @@ from ambkit.base.escaping import one_line
 
 Given = float | str
 """A quantity as a caller gives it: a number is SI, a text has its unit, such as ``"50 µm"``."""
+
+Kind = TypeVar("Kind")
 
 _SHOWN = 40  # characters of what was given
 
@@ -54,13 +56,13 @@ def in_si(name: str, value: Any, unit: str) -> float | None:
     return float(value)
 
 
-def of_type(wanted: type, **given: Any) -> None:
+def of_type(*wanted: type, **given: Any) -> None:
     """Refuse what is not of a type, in a line.
 
     Parameters
     ----------
-    wanted : type
-        What it must be.
+    *wanted : type
+        What it must be, one of these.
     **given
         By the names of the parameters.
 
@@ -72,13 +74,36 @@ def of_type(wanted: type, **given: Any) -> None:
     for name, value in given.items():
         if isinstance(value, wanted):
             continue
-        kind, hint = wanted.__name__, ""
-        ways = [f"{kind}.{way}" for way in ("preset", "load") if hasattr(wanted, way)]
+        first, hint = wanted[0], ""
+        ways = [f"{first.__name__}.{way}" for way in ("preset", "load") if hasattr(first, way)]
         if isinstance(value, str) and ways:
-            hint = f"; {' and '.join(ways)} give one"
+            hint = f"; {' or '.join(ways)} gives one"
         elif isinstance(getattr(value, "record", None), wanted):
             hint = "; give its .record"
-        raise TypeError(f"{name} must be a {kind}, is {_shown(value)}{hint}")
+        kinds = " or ".join(kind.__name__ for kind in wanted)
+        raise TypeError(f"{name} must be of type {kinds}, is {_shown(value)}{hint}")
+
+
+def all_of_type(wanted: type[Kind], **given: Any) -> list[Kind]:
+    """Return what may be one or several of a type as a list, and refuse all else, in a line.
+
+    Parameters
+    ----------
+    wanted : type
+        What each must be.
+    **given
+        One, or a sequence, by the name of the parameter.
+
+    Raises
+    ------
+    TypeError
+        As `of_type`.
+    """
+    ((name, value),) = given.items()
+    several = list(value) if isinstance(value, list | tuple) else [value]
+    for one in several:
+        of_type(wanted, **{name: one})
+    return several
 
 
 def _shown(value: Any) -> str:

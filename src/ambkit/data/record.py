@@ -269,7 +269,8 @@ class Record(Shown):
         AmbkitError
             xarray is not installed (``pip install 'ambkit[xarray]'``).
         """
-        return frames.to_xarray(self._series())
+        made: xarray.Dataset = frames.to_xarray(self._series())
+        return made
 
     @classmethod
     def from_xarray(cls, dataset: xarray.Dataset, units: Mapping[str, str] | None = None) -> Record:

@@ -278,7 +278,8 @@ class Estimate(Shown):
         AmbkitError
             xarray is not installed (``pip install 'ambkit[xarray]'``).
         """
-        return frames.to_xarray(self._series())
+        made: xarray.Dataset = frames.to_xarray(self._series())
+        return made
 
     @classmethod
     def from_xarray(cls, dataset: xarray.Dataset) -> Estimate:

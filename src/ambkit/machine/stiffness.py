@@ -18,14 +18,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.arrays import real
-from ambkit.base.asked import Given, in_si
+from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
+from ambkit.machine.bearing import Bearing
 from ambkit.machine.forces.table import check_nodes
 from ambkit.machine.magnets import equally_far, magnet_of
 
 if TYPE_CHECKING:
     from ambkit._core import Table
-    from ambkit.machine.bearing import Bearing
 
 Array = NDArray[np.float64]
 ForceFunction = Callable[[Array, Array], ArrayLike]
@@ -212,6 +212,7 @@ def stiffness_map(
         Nodes that are too few, not finite or not ascending; a step that is not positive; a
         displacement at or beyond the air gap; a force that is not finite.
     """
+    of_type(Bearing, bearing=bearing)
     usual_current, usual_displacement = work_points(bearing)
     ampere, metre = equally_far(bearing)
     delta_current = in_si("delta_current", delta_current, "A")

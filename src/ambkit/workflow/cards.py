@@ -55,10 +55,17 @@ def tuned(of: Tuned) -> Card:
         for each in of.free
         if each.name in of.values
     ]
-    rows += [[name, f"{a:.4g}", f"{b:.4g}"] for name, (a, b) in of.unseen.items()]
+    rows += [_figures(name, *pair) for name, pair in of.unseen.items()]
     title = f"Tuning of the {of.estimator.name} for {of.estimator.bearing.name}"
     notes = [of.outcome, *of.warnings]
     return Card(title, rows, of.figure(), ["", "untuned", "tuned"], notes)
+
+
+def _figures(name: str, untuned: float, tuned: float) -> list[str]:
+    """Print figures of a tuning, whose unit stands behind their name or belongs to the signal."""
+    what, _, unit = name.removesuffix("]").partition(" [")
+    unit = unit or EVALUATED.get(name.removeprefix("error of "), "1")
+    return [what, value(untuned, unit), value(tuned, unit)]
 
 
 def filtering(of: Filtering) -> Card:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base import escaping, files
+from ambkit.base.asked import of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Shown
 from ambkit.base.units import engineering
@@ -196,6 +197,7 @@ def design(
     AmbkitError
         A log cannot be read, a kind is unknown, or the folder cannot be written.
     """
+    of_type(Bearing, bearing=bearing)
     for kind in kinds:
         if kind not in KINDS:
             raise AmbkitError(f'there is no estimator "{kind}"; known: {", ".join(KINDS)}')

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ambkit.base.asked import Given, in_si, of_type
+from ambkit.base.asked import Given, all_of_type, in_si, of_type
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.base.progress import shown_in_notebooks
 from ambkit.base.showing import Shown
@@ -214,15 +214,6 @@ def parameters_to_find(start: LoopModel, free: Iterable[str] | None = None) -> t
     return tuple(names)
 
 
-def _all_records(records: Any) -> Sequence[Record]:
-    several = (
-        records if isinstance(records, Sequence) and not isinstance(records, str) else [records]
-    )
-    for record in several:
-        of_type(Record, records=record)
-    return several
-
-
 @shown_in_notebooks("identifying", by="note")
 def identify(
     bearing: Bearing,
@@ -278,7 +269,7 @@ def identify(
         `bearing` is no bearing, or one of `records` no record.
     """
     of_type(Bearing, bearing=bearing)
-    records = [records] if isinstance(records, Record) else _all_records(records)
+    records = all_of_type(Record, records=records)
     start = starting_model(bearing, rest=rest, load_std=load_std)
     looked_for = parameters_to_find(start, free)
     if any(record is seen for record in others for seen in records):

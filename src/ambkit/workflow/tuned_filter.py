@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from ambkit.base.asked import of_type
+from ambkit.base.asked import all_of_type, of_type
 from ambkit.base.errors import AmbkitError
+from ambkit.base.escaping import markdown
 from ambkit.base.showing import Shown
 from ambkit.base.units import engineering
 from ambkit.data.record import Record
@@ -129,7 +130,7 @@ class Tuned(Shown):
             "likelihood": "minus log likelihood a sample",
             "truth": "error over the untuned linear filter's",
         }[self.by]
-        title = f"Tuning of the {self.estimator.name} for {self.estimator.bearing.name}"
+        title = f"Tuning of the {self.estimator.name} for {markdown(self.estimator.bearing.name)}"
         return tuning_figure(title, self.free, self.trace, self.values, cost, self.outcome)
 
     def to_dict(self) -> dict[str, Any]:
@@ -215,9 +216,8 @@ def tune(
     of_type(Bearing, bearing=bearing)
     if kind not in KINDS:
         raise AmbkitError(f'there is no estimator "{kind}"; known: {", ".join(KINDS)}')
-    given = records if isinstance(records, Sequence) else [records]
-    for record in (*given, *validate):
-        of_type(Record, records=record)
+    given = all_of_type(Record, records=records)
+    validate = all_of_type(Record, validate=validate)
     magnet = learned_magnet(kind, bearing) if magnet is None else magnet
     contender = contender_of_kind(kind, bearing, magnet, whole=True)
     task = _OfRecords(bearing, given, validate) if given else _OfTruth(bearing, runs, seed)

@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.asked import of_type
 from ambkit.base.showing import Shown
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Estimate
+from ambkit.machine.bearing import Bearing
 from ambkit.simulation.run import simulate_run
+from ambkit.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
-    from ambkit.machine.bearing import Bearing
-    from ambkit.simulation.scenario import Scenario
 
 Array = NDArray[np.float64]
 
@@ -101,6 +102,8 @@ def compare(
     Scores
         A dictionary, by the names of the estimators.
     """
+    of_type(Bearing, bearing=bearing)
+    of_type(Scenario, scenario=scenario)
 
     def one(name: str, seed: int) -> tuple[list[float], float, bool]:
         run = simulate_run(

@@ -40,13 +40,14 @@ def bearing_figure(bearing: Bearing) -> Figure:
     here = Points(hover, np.array([-bearing.weight]), signal="measurement", label="hovers")
     over_current: list[Item] = [
         Line(iu, magnet.force(iu, place), signal=style,
-             label=f"$x$ = {engineering(place, 'm', 3)}")
+             label=f"$x$ = {engineering(place, 'm', 3, like=travel)}")
         for style, place in zip(STYLES, places, strict=True)
     ]  # fmt: skip
     over_displacement: list[Item] = [
-        Line(x, magnet.force(given, x), signal=style, label=f"$i_u$ = {engineering(given, 'A', 3)}")
+        Line(x, magnet.force(given, x), signal=style,
+             label=f"$i_u$ = {engineering(given, 'A', 3)}")
         for style, given in zip(STYLES, currents, strict=True)
-    ]
+    ]  # fmt: skip
     return Figure(
         id="bearing",
         title=f"Force of {markdown(bearing.name)}",
@@ -55,5 +56,5 @@ def bearing_figure(bearing: Bearing) -> Figure:
             Panel(current, force, [*carried, *over_current, here]),
             Panel(displacement, force, [*carried, *over_displacement]),
         ],
-        columns=2,
+        panel_height=2.0,
     )

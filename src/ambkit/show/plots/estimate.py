@@ -44,7 +44,8 @@ def estimate_figure(estimate: Estimate) -> Figure:
                 half = 2 * estimate.std(name)
                 mean = estimate[name]
                 items.append(Band(t, mean - half, mean + half, signal=style, label="±2σ"))
-            items.append(Line(t, estimate[name], signal=style, label=label(name)))
+            text = label(name) if len(names) > 1 else None
+            items.append(Line(t, estimate[name], signal=style, label=text))
         if items:
             panels.append(Panel(time, with_limits(axis, items, settled), items))
     if estimate.scale is not None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.escaping import label as label_of
 from ambkit.base.escaping import markdown
 from ambkit.estimate.estimate import Status
 from ambkit.show.plots.looks import (
@@ -22,7 +23,7 @@ from ambkit.show.plots.looks import (
     looks,
 )
 from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Item, Line, Note, Points
+from ambkit.show.report.items import Axis, Band, Item, Line, Note, Points
 from ambkit.show.report.style import style_of
 
 if TYPE_CHECKING:
@@ -126,7 +127,9 @@ def _absent(record: Record) -> list[Item]:
 
 def with_limits(axis: Axis, items: Iterable[Item], where: NDArray[np.bool_]) -> Axis:
     """Return the axis with limits that show the lines whole where they count."""
-    shown = np.concatenate([item.y[where] for item in items if isinstance(item, Line)])
+    edges = [item.y for item in items if isinstance(item, Line)]
+    edges += [edge for item in items if isinstance(item, Band) for edge in (item.low, item.high)]
+    shown = np.concatenate([edge[where] for edge in edges])
     low, high = np.nanmin(shown), np.nanmax(shown)
     margin = 0.05 * (high - low)
     if not margin > 0:
@@ -163,7 +166,7 @@ def innovation_panel(name: str, estimate: Estimate, time: Axis, absent: Sequence
         Line(t, -expected, signal="bound", label=""),
         *absent,
     ]
-    axis = Axis(f"innov. {name}" if name else "innovation", "µm", 1e6)
+    axis = Axis(f"innov. {label_of(name)}" if name else "innovation", "µm", 1e6)
     sizes = np.abs(innovation[np.isfinite(innovation)])
     if not sizes.size:
         return Panel(time, axis, items)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -56,13 +57,14 @@ def _panel(record: Record, names: Sequence[str]) -> Panel:
     t = record.t
     styles = {name: style for together in TOGETHER for name, style in together.items()}
     several = len(names) > 1
-    items: list[Item] = [
-        Line(t, record[name], signal=styles[name] if several else "channel",
-             label=label(name) if several else "")
-        for name in names
-    ]  # fmt: skip
+    items: list[Item] = []
+    for name in names:
+        known = several and (name != "x" or record.has_truth)
+        look, text = (styles[name], None) if known else ("channel", label(name) if several else "")
+        items.append(Line(t, record[name], signal=look, label=text))
     lost = np.isnan(record[names[0]])
     edges = np.flatnonzero(np.diff(np.r_[False, lost, False])).reshape(-1, 2)
     items += missing_spans([(float(t[a]), float(t[b - 1])) for a, b in edges], t)
     values = np.concatenate([record[name] for name in names])
-    return Panel(TIME, axis_of(names[0], record.units[names[0]], values), items)
+    time = replace(TIME, limits=(float(t[0]), float(t[-1])))
+    return Panel(time, axis_of(names[0], record.units[names[0]], values), items)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
 PIXELS_PER_INCH = 200
-LIGHT = 130
+LIGHT = 110
 """Pixels per inch of a picture that stands in a notebook, and is kept with it."""
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.7, 0.18, 0.1, 0.46
@@ -148,10 +148,16 @@ def light(figure: Figure) -> bytes:
     Returns
     -------
     bytes
-        PNG of `LIGHT` pixels per inch.
+        PNG of `LIGHT` pixels per inch and 256 colours.
     """
+    from PIL import Image  # which matplotlib writes its PNGs with
+
     with drawn_as_on_paper(figure):
-        return _pixels(draw(figure, resolution=LIGHT)[0])
+        drawn = Image.open(BytesIO(_pixels(draw(figure, resolution=LIGHT)[0])))
+    png = BytesIO()
+    few = drawn.convert("RGB").quantize(256, dither=Image.Dither.NONE)
+    few.save(png, "PNG", optimize=True)
+    return png.getvalue()
 
 
 @contextmanager
