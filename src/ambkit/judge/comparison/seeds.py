@@ -20,6 +20,7 @@ from ambkit.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
+    from ambkit.machine.magnets import MagnetModel
 
 Array = NDArray[np.float64]
 
@@ -79,6 +80,7 @@ def compare(
     estimators: Mapping[str, Callable[[], Estimator]],
     seeds: Sequence[int],
     *,
+    magnet: MagnetModel | None = None,
     threads: int = 2,
     done: Callable[[], None] = lambda: None,
 ) -> Scores:
@@ -92,6 +94,8 @@ def compare(
         Each call of a factory gives a fresh estimator. All of them should assume the same noise.
     seeds : sequence of int
         One run each; the same seed gives every estimator the same noise.
+    magnet : optional
+        The plant's true magnet; by default what the bearing describes.
     threads : int
         How many runs go side by side; the result does not depend on it.
     done : callable
@@ -107,8 +111,9 @@ def compare(
 
     def one(name: str, seed: int) -> tuple[list[float], float, bool]:
         run = simulate_run(
-            bearing, scenario.model_copy(update={"seed": seed}), estimator=estimators[name]()
-        )
+            bearing, scenario.model_copy(update={"seed": seed}), estimator=estimators[name](),
+            magnet=magnet,
+        )  # fmt: skip
         assert run.estimate is not None  # an estimator was given
         errors = [rmse(run.estimate, run.record, signal) for signal in EVALUATED]
         done()
