@@ -5,8 +5,10 @@ from __future__ import annotations
 import base64
 import dataclasses
 import re
+import sys
 from collections.abc import Iterator
 from html import unescape
+from pathlib import Path
 from typing import Any
 
 import matplotlib
@@ -33,8 +35,6 @@ ESTIMATE = KalmanFilter(BEARING).run(RECORD, covariance=True)
 @pytest.fixture(scope="module")
 def shown() -> dict[str, Any]:
     """One of each that a notebook shows, under the name of its class."""
-    from pathlib import Path
-
     from ambkit.identification.forces.lift_off import LiftOff
     from ambkit.identification.online.side_by_side import learn_online
     from ambkit.workflow.identifying import identify_by_lift_off
@@ -200,8 +200,6 @@ def test_what_cannot_be_drawn_is_told_in_a_line() -> None:
 
 
 def test_without_plotly_the_plot_is_of_matplotlib(monkeypatch: pytest.MonkeyPatch) -> None:
-    import sys
-
     matplotlib.use("agg")
     from matplotlib import pyplot
 
@@ -233,10 +231,12 @@ def test_ipython_shows_and_completes_the_same() -> None:
         shell.user_ns["bearing"] = BEARING
         data, _ = shell.display_formatter.format(BEARING)
         assert data["text/html"] == BEARING._repr_html_()
-        with matplotlib.rc_context():
-            completed = shell.complete("bearing.")[1]
-        assert "bearing.magnet" in completed
-        assert not [name for name in completed if ".model_" in name]
+        completer = sys.modules["IPython.core.completer"]
+        with completer.provisionalcompleter():
+            found = list(shell.Completer.completions("bearing.", len("bearing.")))
+        completed = {each.text.lstrip(".") for each in found}
+        assert {"magnet", "replace", "plot"} <= completed
+        assert not [name for name in completed if name.startswith("model_")]
     finally:
         shell_of.InteractiveShell.clear_instance()
 
@@ -301,3 +301,23 @@ def test_estimates_of_a_gap_and_without_covariance_are_drawn() -> None:
     assert "missing" in {trace.name for trace in record.plot().data} | {
         shape.name for shape in record.plot().layout.shapes
     }
+
+
+@pytest.mark.filterwarnings("ignore")  # of Jupyter, about itself
+def test_the_page_runs_as_a_notebook(tmp_path: Path) -> None:
+    nbformat, nbclient = (pytest.importorskip(name) for name in ("nbformat", "nbclient"))
+    pytest.importorskip("ipykernel")
+    text = (Path(__file__).parent.parent / "docs" / "notebook.md").read_text(encoding="utf-8")
+    cells = re.findall(r"```\{code-cell\}\n(.*?)```", text, re.S)
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(cell) for cell in cells])
+    resources = {"metadata": {"path": str(tmp_path)}}
+    nbclient.NotebookClient(notebook, timeout=300, resources=resources).execute()
+    outputs = [output for cell in notebook.cells for output in cell.outputs]
+    shown = [
+        output.data["text/html"] for output in outputs if "text/html" in output.get("data", {})
+    ]
+    assert "zittau_axial" in shown[0]
+    assert "adaptive Kalman filter" in shown[1]
+    assert all("data:image/png;base64," in html for html in shown[:2])
+    assert any("image/png" in page for page in pages)  # the user's own axes
+    nbformat.validate(notebook)
