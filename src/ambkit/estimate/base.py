@@ -14,13 +14,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.arrays import real
+from ambkit.base.asked import of_type
 from ambkit.base.copying import Copyable
+from ambkit.data.record import Record
 from ambkit.data.rig_units import Inputs
 from ambkit.estimate.engine import Engine, core_settings
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.model import LinearModel
 from ambkit.estimate.noise import FilterNoise, completed
 from ambkit.estimate.starting import hovering, start_std
+from ambkit.machine.bearing import Bearing
 from ambkit.machine.magnets import (
     ConstantStiffness,
     MagnetModel,
@@ -31,8 +34,6 @@ from ambkit.models.model import Descriptor, Model
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
-    from ambkit.data.record import Record
-    from ambkit.machine.bearing import Bearing
 
 
 class Estimator(Copyable):
@@ -95,6 +96,7 @@ class Estimator(Copyable):
         outlier_limit: int = 3,
         as_printed: bool = False,
     ) -> None:
+        of_type(Bearing, bearing=bearing)
         if gravity not in ("known", "disturbance"):
             raise ValueError(f"gravity must be 'known' or 'disturbance', got {gravity!r}")
         for limit, value in (("frozen_limit", frozen_limit), ("outlier_limit", outlier_limit)):
@@ -102,9 +104,11 @@ class Estimator(Copyable):
                 raise ValueError(f"{limit} must be 0 or more, got {value}")
         if not (math.isfinite(gate) and gate > 0):
             raise ValueError(f"gate must be greater than 0 standard deviations, got {gate!r}")
+        noise = noise or FilterNoise()
+        of_type(FilterNoise, noise=noise)
         self.bearing = bearing
         self.magnet = magnet if magnet is not None else ConstantStiffness.of(bearing)
-        self.variances = completed(bearing, noise or FilterNoise())
+        self.variances = completed(bearing, noise)
         self.precision = precision
         known = bearing.weight if gravity == "known" else 0.0
         self.engine = Engine(bearing, precision, as_printed=as_printed, noise=self.estimates_noise)
@@ -480,6 +484,7 @@ class Estimator(Copyable):
 
     def _start(self, record: Record) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Reset to the first measurement of a record within the travel; return its y and u."""
+        of_type(Record, record=record)
         check_sampling(self.bearing, record)
         y, u = record["y"], record["u"]
         self.reset(self.at_first(y))
