@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 from types import SimpleNamespace
-from typing import Annotated, Any, Literal, Self, cast
+from typing import Annotated, Any, ClassVar, Literal, Self, cast
 
 from pydantic import (
     ConfigDict,
@@ -19,6 +19,7 @@ from ambkit.base.config.paths import FilePath
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.texts import Description, Name
 from ambkit.base.errors import AmbkitError
+from ambkit.base.showing import Shown
 from ambkit.base.units import engineering
 from ambkit.machine.magnets import MU_0, magnet_of
 from ambkit.machine.parts import (
@@ -27,6 +28,7 @@ from ambkit.machine.parts import (
     Hum,
     Runout,
     Stop,
+    gap_contradictions,
     parts_contradictions,
 )
 
@@ -265,7 +267,7 @@ class Sensor(Part):
         return {k: each for k, each in data.items() if k not in absent or getattr(self, k)}
 
 
-class Bearing(Document):
+class Bearing(Shown, Document):
     """One axis of an active magnetic bearing.
 
     Frozen, and checked as a whole: from TOML (`load`, `from_toml`, `preset`) or from Python, where
@@ -279,6 +281,8 @@ class Bearing(Document):
     >>> bearing.replace(magnet__air_gap="2.2 mm").magnet.air_gap
     0.0022
     """
+
+    _card_by: ClassVar[str] = "show.notebook.things:bearing"
 
     name: Annotated[Name, Field(min_length=1)]
     """Short name."""
@@ -352,23 +356,13 @@ class Bearing(Document):
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
-        travel, gap = read("rotor.travel_limit"), read("magnet.air_gap")
-        if travel >= gap:
-            limit = f"magnet.air_gap, {engineering(gap, 'm')}"
-            yield "rotor.travel_limit", f"must be less than {limit}; is {engineering(travel, 'm')}"
-
+        yield from gap_contradictions(read, "rotor.travel_limit")
         kind, gravity = read("magnet.type"), read("rotor.gravity")
         if kind == "one-sided" and gravity in ("+x", "none"):
             text = f'must be "-x", is "{gravity}": nothing else pulls against a one-sided magnet'
             yield "rotor.gravity", text
 
-        current, bias = read("amplifier.current_limit"), read("magnet.bias_current")
-        if kind == "two-sided" and current > bias:
-            limit = f"magnet.bias_current, {engineering(bias, 'A')}, with a two-sided magnet"
-            yield (
-                "amplifier.current_limit",
-                f"must be at most {limit}; is {engineering(current, 'A')}",
-            )
+        current = read("amplifier.current_limit")
         hover = abs(_hover_current(read))
         if hover > current:
             limit = f"at least {engineering(hover, 'A')}, which carries the rotor at x = 0"
