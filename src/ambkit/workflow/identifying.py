@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 from ambkit.base.asked import Given, all_of_type, in_si, of_type
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.base.progress import shown_in_notebooks
-from ambkit.base.units import engineering
 from ambkit.base.showing import Shown
+from ambkit.base.units import engineering
 from ambkit.data.record import Record
 from ambkit.data.rig_units import Inputs
 from ambkit.estimate.filter_file import made_by
