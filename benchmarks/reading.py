@@ -75,7 +75,7 @@ def measure(rows: int, folder: Path, stderr: int = subprocess.DEVNULL) -> Cost:
     log, channel_map = folder / "log.parquet", folder / "map.toml"
     write_log(log, rows)
     channel_map.write_text(MAP)
-    command = [sys.executable, "-m", "ambkit", "read", str(log), "--map", str(channel_map)]
+    command = [sys.executable, "-m", "ambkit", "read", str(log), "--channels", str(channel_map)]
     start = time.perf_counter()
     done = subprocess.run(
         [sys.executable, "-c", LAUNCHER, *command], stdout=subprocess.PIPE, stderr=stderr, text=True

@@ -32,8 +32,8 @@ def ambkit(*arguments: str, out: Path | None = None) -> None:
 
 
 def python(*arguments: str, out: Path | None = None) -> None:
-    """Run Python without the folder it stands in on its path, and without warnings."""
-    command = [sys.executable, "-P", "-W", "error", *arguments]
+    """Run Python without the folder it stands in on its path."""
+    command = [sys.executable, "-P", *arguments]
     done = subprocess.run(command, capture_output=True, text=True, encoding="utf-8")
     if done.returncode:
         sys.exit(f"{' '.join(arguments)} ended with {done.returncode}\n{done.stderr}{done.stdout}")

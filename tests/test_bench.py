@@ -19,11 +19,14 @@ from ambkit.judge.comparison.contenders import PythonEstimator, contenders, expa
 from ambkit.judge.comparison.spread import CERTAIN, Spread
 from ambkit.judge.comparison.study import learned, pieces_of, study
 from ambkit.judge.comparison.tuning import errors, tune
+from ambkit.machine.forces.points import ForcePoints
+from ambkit.machine.forces.surface import ForceSurface
 from ambkit.machine.magnets import own_time
 from ambkit.show.pages.study import report_of
 from ambkit.show.plots.study import cases_figure, matrix_figure, sweep_figure
 from ambkit.show.report.items import Axis
 from ambkit.simulation.run import Imposed
+from ambkit.workflow.comparing import compare_in_case
 
 BEARING = Bearing.preset("zittau_axial")
 SHORT = replace(
@@ -176,6 +179,31 @@ def test_the_delay_is_what_the_signal_was_delayed_by(late: float) -> None:
     found = criteria.delay(signal(t - late) + noise, signal(t), 1e-4)
     assert found == pytest.approx(1e-4 * late, abs=1e-4)
     assert np.isnan(criteria.delay(noise, np.ones_like(t), 1e-4))
+
+
+@pytest.mark.parametrize("late", [-3.0, 0.0, 7.0, 40.0])
+def test_the_delay_of_what_comes_again_and_again_does_not_wrap(late: float) -> None:
+    """A load of period 100: an estimate that is ahead by 3 samples is not 97 late."""
+    t = np.arange(4000.0)
+    noise = 0.02 * np.random.default_rng(0).normal(size=t.size)
+    estimated, true = (np.sin(2 * np.pi * at / 100) for at in (t - late, t))
+    found = criteria.delay(estimated + noise, true, 1e-4)
+    assert found == pytest.approx(1e-4 * max(late, 0.0), abs=1e-4)
+
+
+def test_on_one_s_own_iron_what_learned_it_is_best() -> None:
+    """A force map that bends away from the law: there the law is wrong, and the table right."""
+    law = ambkit.magnet_of(BEARING)
+    reach = 0.9 * BEARING.rotor.travel_limit
+    current = np.linspace(BEARING.current_min, BEARING.current_max, 9)
+    i, x = (a.ravel() for a in np.meshgrid(current, np.linspace(-reach, reach, 9)))
+    force = law.force(i, x)
+    plant = ForceSurface(BEARING, ForcePoints(i, x, force / np.sqrt(1 + (force / 12) ** 2)))
+    names = ["closed-law", "table"]
+    found = compare_in_case(BEARING, "paper", names, runs=4, plant=plant).bench.best
+    assert found["table"].mean("f_d") < 0.8 * found["closed-law"].mean("f_d")
+    described = compare_in_case(BEARING, "paper", names, runs=4).bench.best
+    assert described["closed-law"].mean("f_d") < 1.1 * described["table"].mean("f_d")
 
 
 def test_overshoot_and_settling_of_a_step() -> None:

@@ -325,6 +325,6 @@ def test_a_kind_that_is_none_is_refused(tmp_path: Path) -> None:
 
 
 def test_linear_is_what_no_estimator_is(exported: Exported, tmp_path: Path) -> None:
-    assert chosen("linear") == ("linear", None)
+    assert chosen("linear") == ("linear", None, None)
     law = export_c(BEARING, ClosedLaw(BEARING), tmp_path / "law")
     assert texts(law.folder) == texts(exported("closed-law").folder)

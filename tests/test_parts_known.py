@@ -104,7 +104,7 @@ def test_the_limit_of_a_linear_machine_is_the_covariance_of_its_filter(name: str
     """Held at one place the tangents hardly move, and the limit is the Riccati equation's."""
     bearing = with_part(name)
     record = ambkit.simulate(bearing, Scenario(duration=0.1, noise=False))
-    kalman = ambkit.ExtendedKalmanFilter(bearing)
+    kalman = ambkit.ExtendedKalmanFilter(bearing, frozen_limit=0)  # nothing moves: it hovers
     bound = bearing_bound(bearing, [record], kalman.variances, kalman.default_std())
     assert bound.shape == (len(record), len(kalman.states))
     found = kalman.run(record, covariance=True)
@@ -233,9 +233,11 @@ def test_who_predicts_little_follows_the_controls_all_the_same(kind: str) -> Non
     np.testing.assert_allclose(estimate["u_1"][1:], iu[:-1], rtol=1e-12, atol=1e-15)
     np.testing.assert_allclose(estimate["u_2"][2:], iu[:-2], rtol=1e-12, atol=1e-15)
     half = np.exp(-2 * np.pi * 200 * T / 2)  # of a sample, in which the older of two acts
-    i = np.zeros(len(iu))
+    holding = estimate["i"][0]  # what was demanded before the first sample, too
+    assert holding == pytest.approx(bearing.hover_current, abs=0.05)
+    i = np.full(len(iu), holding)
     for k in range(2, len(iu)):
-        older = half * i[k - 1] + (1 - half) * (iu[k - 3] if k > 2 else 0.0)
+        older = half * i[k - 1] + (1 - half) * (iu[k - 3] if k > 2 else holding)
         i[k] = half * older + (1 - half) * iu[k - 2]
     np.testing.assert_allclose(estimate["i"], i, rtol=1e-9, atol=1e-12)
     late, true = record.t > 0.02, record["iu"]  # the truth has the control's noise, too

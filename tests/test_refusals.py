@@ -74,7 +74,7 @@ def test_a_clock_that_stands_is_refused(refused, clock):
 def test_a_mat_file_takes_an_expert(refused, tmp_path):
     (tmp_path / "my.toml").write_text("name = 1\n")
     start = ("export", "mat", "zittau_axial", "--out", "b.mat", "--estimator")
-    assert "'ambkit train' is expected" in refused(*start, "my.toml")
+    assert "kind: missing" in refused(*start, "my.toml")
     assert "adaptive can" in refused(*start, "extended")
 
 

@@ -53,6 +53,7 @@ from ambkit.show.report import (
     interactive_items,
     markup,
     static,
+    steps,
     style,
     summary,
     write_report,
@@ -526,6 +527,16 @@ def decode(array: dict) -> np.ndarray:
     return values.reshape([int(n) for n in array.get("shape", str(values.size)).split(",")])
 
 
+def summed(array: dict) -> np.ndarray:
+    """What the page's script makes of a line in steps."""
+    planes = np.frombuffer(base64.b64decode(array.get("levels") or array["ticks"]), np.uint8)
+    low, high = planes.astype(np.int64).reshape(2, -1)
+    at = np.cumsum(low + 256 * high)
+    if "ticks" in array:
+        return array["from"] + array["step"] * at
+    return np.where(at % 65_536 == 65_535, np.nan, array["from"] + array["step"] * (at % 65_536))
+
+
 @pytest.mark.parametrize("build", ALL)
 def test_plotly_accepts_each_property(build):
     from plotly.graph_objects import Figure as PlotlyFigure
@@ -535,7 +546,14 @@ def test_plotly_accepts_each_property(build):
     PlotlyFigure(drawn)  # raises for an unknown property or an impossible value
     text = interactive.to_json(figure)
     assert "<" not in text
-    assert json.loads(text) == json.loads(json.dumps(drawn))
+    written = json.loads(text)
+    for trace, whole in zip(written["data"], drawn["data"], strict=True):
+        for name in ("x", "y"):
+            if isinstance(trace[name], dict) and "step" in trace[name]:
+                far = np.abs(summed(trace[name]) - decode(whole[name]))
+                assert np.nanmax(far) <= 0.51 * trace[name]["step"]
+                trace[name] = whole[name]
+    assert written == json.loads(json.dumps(drawn))
     shown = [
         part["name"] for part in drawn["data"] + drawn["layout"]["shapes"] if part["showlegend"]
     ]
@@ -621,6 +639,42 @@ def test_page_is_small_and_has_plotly_with_its_licence(page):
     assert "Licensed under the MIT license" in script[:300]
     licence = Path(interactive.__file__).parent / "plotly" / "LICENSE"
     assert "MIT" in licence.read_text(encoding="utf-8")
+
+
+@given(
+    st.lists(st.floats(-1e6, 1e6) | st.just(float("nan")), min_size=2, max_size=300),
+    st.lists(st.floats(0, 10), min_size=2, max_size=300),
+)
+def test_lines_in_steps_are_within_half_a_step(y, gaps):
+    y, t = np.array(y), np.cumsum(gaps)
+    coded = steps.values(y)
+    if coded:
+        far = np.abs(summed(coded) - y)
+        np.testing.assert_array_equal(np.isnan(far), np.isnan(y))
+        assert np.nanmax(far) <= 0.51 * coded["step"]
+    clock = steps.times(t)
+    if clock:
+        np.testing.assert_allclose(summed(clock), t, atol=0.51 * clock["step"] + 1e-12)
+
+
+def test_lines_that_would_lose_what_is_seen_stay_whole():
+    x = np.linspace(1.0, 2.0, 500)
+    spike = x.copy()
+    spike[100] = 1e6
+    usual, log, near = Axis("x"), Axis("y", scale="log"), Axis("y", limits=(0, 3))
+    for axis, y, stays in ((usual, x, False), (log, x, True), (near, spike, True)):
+        figure = Figure("a", "", "", [Panel(usual, axis, [Line(x, y)])])
+        (line,) = json.loads(interactive.to_json(figure))["data"]
+        assert ("bdata" in line["y"]) == stays
+        assert "ticks" in line["x"]
+
+
+def test_a_page_of_many_pictures_has_them_packed(monkeypatch, tmp_path):
+    monkeypatch.setattr("ambkit.show.report.page.HEAVY", 1000)
+    made = write_report(report(), tmp_path)
+    assert "<noscript>" in made.read_text(encoding="utf-8")
+    shown = "[...document.querySelectorAll('img')].filter((i) => i.naturalWidth > 100).length"
+    assert seen_in_a_browser(made, tmp_path, 6, shown) == 6
 
 
 def test_page_numbers_links_and_escapes(page):

@@ -135,6 +135,7 @@ def test_report_needs_no_net(outcome):
     page = (outcome.folder / "report.html").read_text()
     assert "default-src 'none'" in page
     assert not re.findall(r"<(?:script|link|img|iframe)[^>]+(?:src|href)=[\"']https?:", page)
+    assert len(page.encode()) < 2.5e6
     for chapter in ("linear", "adaline", "lsm", "expert", "adaptive", "gain", "chain", "errata",
                     "recording"):  # fmt: skip
         assert f'id="{chapter}"' in page

@@ -23,7 +23,7 @@ from ambkit.estimate.registry import KINDS
 from ambkit.export.c import export_c
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.online.ideal import as_ideal, is_ideal
-from ambkit.identification.online.magnet_constant import identify
+from ambkit.identification.online.magnet_constant import identify_online
 from ambkit.machine.bearing import IRON, MU_0
 from ambkit.machine.magnets import core_module
 from ambkit.simulation.run import simulate_run
@@ -332,5 +332,7 @@ def test_who_learns_the_constant_online_knows_the_iron(method: str) -> None:
     )
     shaken = SHAKEN.model_copy(update={"duration": 1.0, "reference": REFERENCE})
     record = simulate_run(stronger, shaken).record
-    found = identify(record, TWO_SIDED, method=method, start=TWO_SIDED.magnet.magnet_constant)
+    found = identify_online(
+        record, TWO_SIDED, method=method, start=TWO_SIDED.magnet.magnet_constant
+    )
     assert found.magnet_constant == pytest.approx(stronger.magnet.magnet_constant, rel=0.01)

@@ -115,22 +115,21 @@ amb_status amb_kalman_run(const amb_kalman *kf, const amb_magnet magnet[AMB_FORC
   }
   /* The first sample, which is only taken in, with the stiffnesses that come first. */
   const amb_real none[AMB_CONTROLS] = {AMB_C(0.0)};
-  amb_kalman_result result;
+  amb_kalman_result first;
   if (given) {
-    given_at(&own, &in, 0, result.stiffness);
+    given_at(&own, &in, 0, first.stiffness);
   } else {
-    amb_step_ask_all(&own, magnet, none, state->mean, result.stiffness);
+    amb_step_ask_all(&own, magnet, none, state->mean, first.stiffness);
   }
-  amb_kalman_result first = result;
   first.status = amb_kalman_update(&own, state, in.y, &first);
   amb_kalman_note(&own, state, &first, 0, &h);
   amb_status rest = AMB_OK;
   if (given) {
-    rest = go_on(&own, magnet, state, &in, GIVEN, &result, &h);
+    rest = go_on(&own, magnet, state, &in, GIVEN, &first, &h);
   } else if (all_constant(&own, magnet)) {
-    rest = go_on(&own, magnet, state, &in, CONSTANT, &result, &h);
+    rest = go_on(&own, magnet, state, &in, CONSTANT, &first, &h);
   } else {
-    rest = go_on(&own, magnet, state, &in, ASKED, &result, &h);
+    rest = go_on(&own, magnet, state, &in, ASKED, &first, &h);
   }
   return first.status | rest;
 }

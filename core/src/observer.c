@@ -49,10 +49,10 @@ static bool is_far(const amb_kalman *kf, const amb_observer *observer,
   return !within; /* or not a number */
 }
 
-static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r, amb_real y,
+static amb_status take_in(const amb_kalman *kf, const void *constants, void *of, int r, amb_real y,
                           amb_step_surprise *told)
 {
-  const amb_observer *observer = (const amb_observer *)own;
+  const amb_observer *observer = (const amb_observer *)constants;
   amb_kalman_state *s = (amb_kalman_state *)of;
   const amb_real S = observer->variance[r];
   amb_status status = amb_step_useless(kf, s, r, y);

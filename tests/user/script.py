@@ -120,7 +120,14 @@ def estimates(bearing: ambkit.Bearing, expert: ambkit.Expert, record: ambkit.Rec
         assert_type(kalman.status, ambkit.Status)
     many = ambkit.run_many(filters[2], record["y"], record["u"])
     assert_type(many.mean, NDArray[Any] | None)  # in float32 as well
-    print(ambkit.filter_record(bearing, record, ["linear"], noise=noise)["linear"].evaluation)
+    print(ambkit.filter(bearing, record, ["linear"], noise=noise)["linear"].evaluation)
+    with TemporaryDirectory() as folder:
+        file = Path(folder, "filter.toml")
+        filters[2].save(file)
+        assert_type(ambkit.Estimator.load(file), ambkit.Estimator)
+        assert_type(ambkit.FilterFile.load(file).kind, str)
+    tuned = ambkit.tune(bearing, kind="linear", budget=1, runs=1)
+    assert_type(tuned.estimator, ambkit.Estimator)
 
 
 def judged(bearing: ambkit.Bearing, scenario: ambkit.Scenario, record: ambkit.Record) -> None:
@@ -131,11 +138,25 @@ def judged(bearing: ambkit.Bearing, scenario: ambkit.Scenario, record: ambkit.Re
     assert_type(scores["linear"].mean("f_d"), float)
     torture = ambkit.torture(bearing, ["linear"], faults=["knock"], steps=0)
     assert_type(torture.to_dict(), dict[str, Any])
-    found = ambkit.identify(record, bearing)
-    print(found.magnet_constant)
+    online = ambkit.identify_online(record, bearing)
+    assert_type(online.magnet_constant, float)
+    found = ambkit.identify(bearing, record, free=["magnet_constant"])
+    assert_type(found.bearing, ambkit.Bearing)
     for method in (ambkit.Adaline(bearing), ambkit.RecursiveLeastSquares(bearing)):
         print(method)
     print(ambkit.to_control(bearing))
+    assert_type(ambkit.assess(bearing, "linear").loops["linear"].peak, float)
+
+
+def designed(bearing: ambkit.Bearing, record: ambkit.Record) -> None:
+    """From a log to C."""
+    with TemporaryDirectory() as folder:
+        log = Path(folder, "log.csv")
+        record.save(log)
+        found = ambkit.design(
+            bearing, [log], Path(folder, "out"), kinds=["linear"], free=["magnet_constant"]
+        )
+        assert_type(found.why, str)
 
 
 if __name__ == "__main__":
@@ -146,3 +167,4 @@ if __name__ == "__main__":
     log = records(plant, happening)
     estimates(plant, network, log)
     judged(plant, happening, log)
+    designed(plant, log)

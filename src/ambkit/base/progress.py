@@ -110,10 +110,8 @@ def shown_in_notebooks(
 
 def in_notebook() -> bool:
     """Whether a notebook looks on: Jupyter, JupyterLab, VS Code, Colab."""
-    if "IPython" not in sys.modules:
-        return False
-    shell = sys.modules["IPython"].get_ipython()
-    return getattr(shell, "kernel", None) is not None
+    ask = getattr(sys.modules.get("IPython"), "get_ipython", None)
+    return ask is not None and getattr(ask(), "kernel", None) is not None
 
 
 def _silent(_text: str = "") -> None:

@@ -87,6 +87,15 @@ def compare(
         ),
     ] = None,
     expert: ExpertFile = None,
+    force_map: Annotated[
+        Path | None,
+        typer.Option(
+            "--force-map",
+            metavar="FILE.csv",
+            help="Force map of the true magnet, points of iu, x and f_mag: your own iron, which "
+            "the estimators do not know; table and adaptive learn it, or ask --expert.",
+        ),
+    ] = None,
     scenario: Annotated[
         Path | None, typer.Option(metavar="FILE.toml", help="Your own run in place of a case.")
     ] = None,
@@ -142,7 +151,7 @@ def compare(
     if not given:
         from ambkit.cli.compare_case import Wanted, in_case
 
-        wanted = Wanted(runs, tune, seed, spread, expert, out, plot, report, json)
+        wanted = Wanted(runs, tune, seed, spread, expert, force_map, out, plot, report, json)
         chosen = "all" if estimators is None else estimators
         in_case(find_bearing(bearing), case or "paper", chosen, wanted)
         return
@@ -159,6 +168,7 @@ def compare(
         names(known(chosen)),
         scenario_file=scenario,
         expert=expert,
+        force_map=force_map,
         steps=steps,
         load=load,
         duration=duration,
@@ -175,6 +185,7 @@ def _in_own_loops(
     *,
     scenario_file: Path | None,
     expert: Path | None,
+    force_map: Path | None,
     steps: str | None,
     load: float | None,
     duration: float | None,
@@ -185,7 +196,7 @@ def _in_own_loops(
 ) -> None:
     """Each closes its own loop, against the same noise, with the same Q and R."""
     from ambkit.cli import output
-    from ambkit.cli.kinds import factories
+    from ambkit.cli.kinds import factories, surface_in
     from ambkit.show import plots
     from ambkit.simulation.scenario import Scenario
     from ambkit.workflow.comparing import compare_in_loops, happenings
@@ -199,8 +210,9 @@ def _in_own_loops(
         name=str(scenario_file),
     )
     built = factories(chosen, plant, expert)
+    true = None if force_map is None else surface_in(force_map, plant)
     with output.progress("comparing", len(what) * len(built) * seeds) as done:
-        found = compare_in_loops(plant, what, built, runs=seeds, seed=seed, done=done)
+        found = compare_in_loops(plant, what, built, runs=seeds, seed=seed, plant=true, done=done)
     by = "scenario" if found.steps is None else "step"
     figure = plots.comparison_figure
     out, plot = files

@@ -27,6 +27,7 @@ class Wanted(NamedTuple):
     seed: int
     spread: float | None
     expert: Path | None
+    force_map: Path | None
     out: Path | None
     plot: Path | None
     report: Path | None
@@ -36,6 +37,7 @@ class Wanted(NamedTuple):
 def in_case(bearing: Bearing, case_name: str, chosen: str, wanted: Wanted) -> None:
     """Compare in a case, or in all of them, and deliver; see ``ambkit compare --help``."""
     from ambkit.cli import output
+    from ambkit.cli.kinds import surface_in
     from ambkit.judge.comparison.contenders import expand
     from ambkit.judge.comparison.study import pieces_of
     from ambkit.workflow.comparing import cases_called, compare_in_all, compare_in_case
@@ -49,6 +51,7 @@ def in_case(bearing: Bearing, case_name: str, chosen: str, wanted: Wanted) -> No
         "seed": wanted.seed,
         "spread": wanted.spread,
         "magnets": _magnets(bearing, names, wanted.expert),
+        "plant": None if wanted.force_map is None else surface_in(wanted.force_map, bearing),
     }
     if len(cases) > 1:
         work = len(cases) * pieces_of(len(names), wanted.budget, whole=False)

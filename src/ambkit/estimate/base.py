@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from importlib import import_module
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -74,10 +74,6 @@ class Estimator(Copyable):
     name = "estimator"
     description = ""
     """What it is for, as its file says."""
-    options: Mapping[str, Any]
-    """What it was made with beside bearing, magnet, noise and precision."""
-    inputs: Inputs
-    """What the controller reads; the exported C takes its inputs so."""
     start_std: Mapping[str, float] = MappingProxyType({})
     """Standard deviations at the start that are not the usual ones, by the names of states."""
     origin: Mapping[str, str] = MappingProxyType({})
@@ -85,14 +81,6 @@ class Estimator(Copyable):
     _of_core: tuple[str, ...] = ("core", "engine", "_core_step", "_live_mean")
     estimates_noise = True  # whether sensor noise with a memory is among its states
     smooths = False  # whether mean and covariance follow the model that the smoother goes back by
-
-    def __new__(cls, *_: Any, **options: Any) -> Self:
-        """Keep what it is made with: a file of it says the same."""
-        made = super().__new__(cls)
-        apart = ("bearing", "magnet", "noise", "precision")
-        made.inputs = Inputs()
-        made.options = {key: value for key, value in options.items() if key not in apart}
-        return made
 
     def __init__(
         self,
@@ -130,6 +118,17 @@ class Estimator(Copyable):
         held = self.magnet.in_core(self.engine.core)
         self.core: Any = self._build(self.engine, held, settings)
         self.reset()
+
+    @cached_property
+    def inputs(self) -> Inputs:
+        """What the controller reads; the exported C takes its inputs so. It may be set."""
+        return Inputs()
+
+    @property
+    def options(self) -> Mapping[str, Any]:
+        """What it was made with beside bearing, magnet, noise and precision."""
+        apart = ("bearing", "magnet", "noise", "precision")
+        return {name: value for name, value in self._made[1].items() if name not in apart}
 
     @staticmethod
     def load(path: str | os.PathLike[str], *, precision: Precision = "float64") -> Estimator:
@@ -311,7 +310,18 @@ class Estimator(Copyable):
         return np.array([by_role.get(state.role, 0.0) for state in self.states])
 
     def at_first(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the states (n,) at rest at the first of measurements y (N,) within the travel."""
+        """Return the states at rest at the first measurement within the travel.
+
+        Parameters
+        ----------
+        y : ndarray (N,)
+            Measured positions [m].
+
+        Returns
+        -------
+        ndarray (n,)
+            The states, each in its unit [m, m/s, N ...].
+        """
         gain, travel = self._settings["K_sen"][0], self._settings["travel"][0]
         limit = gain * travel  # the whole record is searched only where it must be
         near = y if y.size and abs(y[0]) <= limit else y[np.abs(y) <= limit]
@@ -381,8 +391,10 @@ class Estimator(Copyable):
 
         Parameters
         ----------
-        y, u : array_like (n,)
-            Position and control signal as `inputs` says they come.
+        y : array_like (n,)
+            Positions, in the unit that `inputs` says, [m] without.
+        u : array_like (n,)
+            Control signals, likewise, [V] without.
 
         Returns
         -------

@@ -1,9 +1,9 @@
 """What happens in a run: reference, disturbance, noise, controller."""
 
 import math
-from typing import TYPE_CHECKING, Annotated, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from ambkit.base.config import Document, Part
 from ambkit.base.config.quantities import Quantity, SignalIn
@@ -59,6 +59,12 @@ class PID(Part):
     feedback: Literal["measurement", "estimate"] = "estimate"
     """Which position is fed back: the sensor's or the estimator's."""
 
+    @model_serializer(mode="wrap")
+    def _only_what_was_said(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave out what was not given: it is tuned to the bearing, whatever that will be."""
+        data: dict[str, Any] = handler(self)
+        return {name: value for name, value in data.items() if name in self.model_fields_set}
+
     @classmethod
     def for_bearing(cls, bearing: "Bearing") -> Self:
         """Return gains that hold another bearing as the defaults hold `zittau_axial`.
@@ -82,7 +88,7 @@ class PID(Part):
             ki=_two_digits(kp * w / 31),
             kd=_two_digits(2 * 0.56 * mass * w / linear.k_i),
             derivative_filter=_two_digits(1 / (24 * w)),
-            anti_windup=_two_digits(5.1 / w),
+            anti_windup=_two_digits(5.2 / w),
         )
 
     def completed(self, bearing: "Bearing") -> Self:

@@ -20,6 +20,7 @@ from ambkit.workflow.simulating import scenario_for
 if TYPE_CHECKING:
     from ambkit.judge.comparison.bench import Bench
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.forces.surface import ForceSurface
     from ambkit.machine.magnets import MagnetModel
     from ambkit.simulation.scenario import Scenario
 
@@ -68,6 +69,7 @@ def compare_in_case(
     seed: int = 0,
     spread: float | None = None,
     magnets: Mapping[str, MagnetModel] | None = None,
+    plant: ForceSurface | None = None,
     whole: bool = False,
     done: Callable[[str], None] | None = None,
 ) -> Study:
@@ -87,6 +89,9 @@ def compare_in_case(
         See `cases_called`; of a case by name.
     magnets : mapping of str to MagnetModel, optional
         What kinds know of the magnet, in place of what would be learned.
+    plant : ForceSurface, optional
+        The plant's true magnet, such as ``ForceSurface(bearing, points)`` of a measured or computed
+        force: which estimator is best on your own iron. Maps that are learned, are learned from it.
     whole : bool
         Whether the errors by step, wrong k and the limit are wanted, for a report.
     done : callable, optional
@@ -100,6 +105,8 @@ def compare_in_case(
         `spread` is out of its range.
     """
     chosen = cases_called(case, spread)[case] if isinstance(case, str) else case
+    if plant is not None:
+        chosen = replace(chosen, magnet=plant)
     kinds = list(KINDS) if estimators is None else estimators
     with reporting(done, "comparing", pieces_of(len(kinds), budget, whole)) as tell:
         return study(
@@ -117,16 +124,19 @@ def compare_in_all(
     seed: int = 0,
     spread: float | None = None,
     magnets: Mapping[str, MagnetModel] | None = None,
+    plant: ForceSurface | None = None,
     done: Callable[[str], None] | None = None,
 ) -> dict[str, Bench]:
     """Compare estimators in all cases, tuned anew in each.
 
     Parameters
     ----------
-    bearing, estimators, runs, budget, seed, spread, magnets, done
+    bearing, estimators, runs, budget, seed, spread, magnets, plant, done
         See `compare_in_case`.
     """
     cases = cases_called("all", spread)
+    if plant is not None:
+        cases = {name: replace(case, magnet=plant) for name, case in cases.items()}
     kinds = list(KINDS) if estimators is None else estimators
     with reporting(done, "comparing", len(cases) * pieces_of(len(kinds), budget, False)) as tell:
         return across(
@@ -240,6 +250,7 @@ def compare_in_loops(
     runs: int = RUNS,
     seed: int = 0,
     magnets: Mapping[str, MagnetModel] | None = None,
+    plant: ForceSurface | None = None,
     done: Callable[[], None] = lambda: None,
 ) -> LoopScores:
     """Compare estimators, each in its own loop, against the same noise, with the same Q and R.
@@ -256,6 +267,8 @@ def compare_in_loops(
         How many runs, and the first seed.
     magnets : mapping of str to MagnetModel, optional
         What kinds know of the magnet, in place of what would be learned.
+    plant : ForceSurface, optional
+        The plant's true magnet; by default what the bearing describes.
     done : callable
         Called after each run.
     """
@@ -264,7 +277,7 @@ def compare_in_loops(
     )
     seeds = range(seed, seed + runs)
     scores = {
-        name: compare(bearing, each.scenario, built, seeds, done=done)
+        name: compare(bearing, each.scenario, built, seeds, magnet=plant, done=done)
         for name, each in what.items()
     }
     return LoopScores(bearing, what, scores, seeds)

@@ -107,7 +107,7 @@ def export_fmu(
         case "plant":
             parts = _plant(bearing)
         case "closed-loop":
-            parts = _loop(filter_, controller or PID.for_bearing(bearing))
+            parts = _loop(filter_, (controller or PID()).completed(bearing))
     made = _content(bearing, kind, fmi, parts, token="")
     token = _token(made.files)
     made = _content(bearing, kind, fmi, parts, token)

@@ -27,6 +27,7 @@ from ambkit.simulation.waveforms import Constant, Sequence, Sine, Step
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.forces.surface import ForceSurface
     from ambkit.machine.magnets import MagnetModel
     from ambkit.simulation.waveforms import Signal
 
@@ -69,6 +70,9 @@ class Case:
         Samples over which the sensor's noise is correlated; 0: white.
     walks : float
         Growth of the load as a random walk, as a factor on what the filters assume; 0: it has none.
+    magnet : ForceSurface, optional
+        The plant's true magnet, measured or computed; only the learned maps know it.
+        Without it, what the bearing describes.
     """
 
     name: str
@@ -81,6 +85,7 @@ class Case:
     saturates: bool = False
     correlation: float = 0.0
     walks: float = 0.0
+    magnet: ForceSurface | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,8 +148,8 @@ def trials(case: Case, bearing: Bearing, runs: int, seed: int) -> list[Trial]:
     ConfigError
         The spread leads to a bearing that cannot be, such as one that cannot carry its rotor.
     """
-    nominal = case.spread == CERTAIN
-    fixed = _magnet(case, bearing) if nominal else None
+    nominal = case.spread == CERTAIN and case.magnet_constant == 1.0
+    fixed = _magnet(case, bearing, bearing) if nominal else None
     made = []
     for run, factors in enumerate(case.spread.factors(runs, seed)):
         plant = factors.plant(bearing)
@@ -154,7 +159,7 @@ def trials(case: Case, bearing: Bearing, runs: int, seed: int) -> list[Trial]:
         scenario = case.scenario(bearing, LOAD * factors.load)
         scenario = scenario.model_copy(update={"seed": 1000 * seed + run})
         imposed, walk = _imposed(case, bearing, plant, scenario)
-        magnet = fixed if nominal else _magnet(case, plant)
+        magnet = fixed if nominal else _magnet(case, plant, bearing)
         first = simulate_run(
             plant, scenario, estimator=KalmanFilter(bearing), magnet=magnet, imposed=imposed
         )
@@ -235,8 +240,11 @@ def _bend(flux: Array) -> Array:
     return np.asarray(np.sqrt(1 + flux**4))
 
 
-def _magnet(case: Case, plant: Bearing) -> MagnetModel | None:
-    """Return the plant's own magnet: a map so fine that its corners do not matter."""
+def _magnet(case: Case, plant: Bearing, nominal: Bearing) -> MagnetModel | None:
+    """Return the plant's own magnet: what is given, or a map finer than its corners matter."""
+    if case.magnet is not None:
+        ratio = plant.magnet.magnet_constant / nominal.magnet.magnet_constant
+        return case.magnet if ratio == 1 else case.magnet.scaled(ratio)
     if not case.saturates:
         return None
     from ambkit.machine.stiffness import stiffness_map

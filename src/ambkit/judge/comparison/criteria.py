@@ -236,7 +236,8 @@ def delay(estimated: Array, true: Array, T: float) -> float:
     from scipy.signal import correlate
 
     n = estimated.size
-    furthest = n // 8
+    # Of a load that comes again and again nobody can tell more than half of its period.
+    furthest = min(n // 8, _period(true) // 2)
     if n < 16 or not np.isfinite(estimated).all():
         return float("nan")
     # The same stretch of the estimate for all lags, against the truth so much earlier: with a
@@ -260,6 +261,28 @@ def delay(estimated: Array, true: Array, T: float) -> float:
     bend = before - 2 * peak + after
     between = 0.5 * (before - after) / bend if bend < 0 else 0.0
     return float((at + np.clip(between, -0.5, 0.5)) * T)
+
+
+def _period(signal: Array) -> int:
+    """Return after how many samples a signal comes again; its length where it does not."""
+    from scipy.signal import correlate
+
+    n = signal.size
+    s = signal - signal.mean()
+    squares = np.concatenate([[0.0], np.cumsum(s**2)])
+    if not squares[-1] > 0:
+        return n
+    lags = np.arange(n // 2)
+    energy = np.sqrt((squares[n] - squares[lags]) * squares[n - lags])
+    alike = correlate(s, s, method="fft")[n - 1 :][: n // 2] / np.maximum(energy, 1e-300)
+    apart = np.flatnonzero(alike < 0.5)
+    if apart.size == 0:
+        return n
+    again = apart[0] + np.flatnonzero(alike[apart[0] :] > 0.95)
+    if again.size == 0:
+        return n
+    end = again[0] + int(np.argmin(np.append(alike[again[0] :], 0.0) > 0.95))
+    return int(again[0] + np.argmax(alike[again[0] : max(end, again[0] + 1)]))
 
 
 def loop_figures(record: Record, gain: float, first: int) -> dict[str, float]:

@@ -17,6 +17,7 @@ from ambkit.simulation.run import simulate_run
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.magnets import MagnetModel
     from ambkit.simulation.scenario import Scenario
 
 Array = NDArray[np.float64]
@@ -71,6 +72,7 @@ def compare(
     estimators: Mapping[str, Callable[[], Estimator]],
     seeds: Sequence[int],
     *,
+    magnet: MagnetModel | None = None,
     threads: int = 2,
     done: Callable[[], None] = lambda: None,
 ) -> dict[str, Score]:
@@ -84,6 +86,8 @@ def compare(
         Each call of a factory gives a fresh estimator. All of them should assume the same noise.
     seeds : sequence of int
         One run each; the same seed gives every estimator the same noise.
+    magnet : optional
+        The plant's true magnet; by default what the bearing describes.
     threads : int
         How many runs go side by side; the result does not depend on it.
     done : callable
@@ -97,8 +101,9 @@ def compare(
 
     def one(name: str, seed: int) -> tuple[list[float], float, bool]:
         run = simulate_run(
-            bearing, scenario.model_copy(update={"seed": seed}), estimator=estimators[name]()
-        )
+            bearing, scenario.model_copy(update={"seed": seed}), estimator=estimators[name](),
+            magnet=magnet,
+        )  # fmt: skip
         assert run.estimate is not None  # an estimator was given
         errors = [rmse(run.estimate, run.record, signal) for signal in EVALUATED]
         done()

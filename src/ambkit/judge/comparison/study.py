@@ -78,7 +78,7 @@ def learned(case: Case, bearing: Bearing, names: Sequence[str]) -> dict[str, Mag
     Parameters
     ----------
     case : Case
-        Where its iron saturates, the maps are learned from the saturating force.
+        Where its iron saturates, or it has a magnet of its own, the maps are learned from that.
     bearing : Bearing
         What the estimators know.
     names : sequence of str
@@ -92,6 +92,8 @@ def learned(case: Case, bearing: Bearing, names: Sequence[str]) -> dict[str, Mag
 
     reach = REACH * bearing.rotor.travel_limit
     force = saturating(bearing) if case.saturates else None
+    if case.magnet is not None:
+        force = case.magnet.force
 
     def work(nodes: int) -> StiffnessMap:
         currents = np.linspace(bearing.current_min, bearing.current_max, nodes)
@@ -165,7 +167,9 @@ def study(
         )  # fmt: skip
 
     def alike(other: Case, magnet_constant: float = 1.0) -> Case:
-        return replace(other, saturates=case.saturates, magnet_constant=magnet_constant)
+        return replace(
+            other, saturates=case.saturates, magnet=case.magnet, magnet_constant=magnet_constant
+        )
 
     travel = bearing.rotor.travel_limit
     steps = {share * travel: alike(step_case(share)) for share in HEIGHTS}

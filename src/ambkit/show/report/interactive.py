@@ -23,6 +23,7 @@ from ambkit.show.report.interactive_items import (
     traces_of,
 )
 from ambkit.show.report.items import Axis, Cells, Heatmap, Item, Note, Vector
+from ambkit.show.report.steps import shorten
 
 SANS = "-apple-system, 'Segoe UI', Roboto, 'Noto Sans', Ubuntu, 'Liberation Sans', sans-serif"
 
@@ -96,9 +97,12 @@ def to_json(figure: Figure) -> str:
     Returns
     -------
     str
-        JSON without ``<``, so that nothing in it can end the script element around it.
+        JSON without ``<``, so that nothing in it can end the script element around it. Long lines
+        are in steps (`ambkit.show.report.steps`), which the page's script makes whole.
     """
-    written = json.dumps(describe(figure), separators=(",", ":"), ensure_ascii=False)
+    described = describe(figure)
+    shorten(described)
+    written = json.dumps(described, separators=(",", ":"), ensure_ascii=False)
     return written.replace("<", "\\u003c")
 
 

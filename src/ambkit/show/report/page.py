@@ -1,7 +1,8 @@
 """The report as one HTML file that needs nothing else: no net, no fonts, no folder beside it.
 
 Each figure is in the page twice: the static SVG, which is what paper and browsers without scripts
-show, and the description that plotly.js draws over it when the figure comes into sight.
+show (in a page of many figures it is packed, and scripts must run), and the description that
+plotly.js draws over it when the figure comes into sight.
 """
 
 import base64
@@ -31,6 +32,8 @@ from ambkit.show.report.static import Picture
 from ambkit.show.report.summary import COLOURS, VERDICTS, number, ours, runs, tally, verdict_of
 
 _TEMPLATES = Path(__file__).parent / "templates"
+HEAVY = 1_000_000
+"""Pictures that are larger together [byte] are packed, and need the page's script to be seen."""
 _MARKS = "†‡§¶‖#"
 
 
@@ -96,6 +99,7 @@ def render_page(report: Report, pictures: Mapping[str, Picture]) -> str:
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     names = _anchors(report)
+    heavy = sum(len(picture.svg) for picture in pictures.values()) > HEAVY
     environment = Environment(
         loader=FileSystemLoader(_TEMPLATES),
         autoescape=True,
@@ -113,6 +117,7 @@ def render_page(report: Report, pictures: Mapping[str, Picture]) -> str:
         verdicts=VERDICTS,
         colours=COLOURS,
         chapters=[_chapter(chapter, names, pictures) for chapter in report.chapters],
+        heavy=heavy,
         names=names,
         style=(_TEMPLATES / "report.css").read_text(encoding="utf-8"),
         script=(_TEMPLATES / "report.js").read_text(encoding="utf-8"),
@@ -202,6 +207,7 @@ def _figure(figure: Figure, names: Mapping[str, str], picture: Picture) -> dict[
         "source": figure.source,
         "alt": figure.description(),
         "svg": base64.b64encode(picture.svg).decode(),
+        "packed": interactive.gzipped(picture.svg),
         "described": interactive.gzipped(interactive.to_json(figure).encode()),
         "height": interactive.height(figure),
         "wide": figure.columns > 1,

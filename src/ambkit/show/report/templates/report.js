@@ -11,10 +11,17 @@
     modeBarButtons: [["toImage"], ["zoom2d", "pan2d"], ["zoomIn2d", "zoomOut2d", "resetScale2d"]],
   };
 
+  const bytes = (base64) => Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
+
   async function unpacked(base64) {
-    const bytes = Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
-    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+    const stream = new Blob([bytes(base64)]).stream().pipeThrough(new DecompressionStream("gzip"));
     return new Response(stream).text();
+  }
+
+  // The static pictures, for paper, where there are so many that they are packed.
+  async function picture(image) {
+    const svg = await unpacked(image.dataset.packed);
+    image.src = URL.createObjectURL(new Blob([svg], { type: "image/svg+xml" }));
   }
 
   // plotly.js is unpacked when the first figure asks for it. Browsers that cannot, those before 2023,
@@ -29,9 +36,27 @@
     return loaded;
   }
 
+  // Lines that are written in steps (steps.py) become numbers again.
+  function whole(key, value) {
+    const steps = value?.levels ?? value?.ticks;
+    if (steps === undefined || value.step === undefined) {
+      return value;
+    }
+    const planes = bytes(steps), n = planes.length / 2;
+    let at = 0;
+    return Array.from({ length: n }, (_, i) => {
+      at += planes[i] + 256 * planes[n + i];
+      if (value.levels !== undefined) {
+        at %= 65536;
+      }
+      return value.levels !== undefined && at === 65535 ? null : value.from + value.step * at;
+    });
+  }
+
   async function draw(box) {
     await plotly();
-    const { data, layout } = JSON.parse(await unpacked(box.querySelector("script").textContent));
+    const described = await unpacked(box.querySelector("script").textContent);
+    const { data, layout } = JSON.parse(described, whole);
     const toImageButtonOptions = { format: "svg", filename: box.dataset.figure };
     Plotly.newPlot(box.querySelector(".chart"), data, layout, { ...config, toImageButtonOptions })
       .then(() => box.classList.add("live"));
@@ -46,6 +71,7 @@
     }
   }, { rootMargin: "800px" });
   if (window.DecompressionStream) {
+    document.querySelectorAll("img[data-packed]").forEach(picture);
     document.querySelectorAll(".plot").forEach((box) => near.observe(box));
   }
 
