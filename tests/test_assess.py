@@ -22,6 +22,8 @@ from ambkit.judge.loop.pieces import (
     plant,
 )
 from ambkit.machine import presets
+from ambkit.models import axis_parts
+from ambkit.models.linear import linearised
 from ambkit.simulation.run import Imposed, simulate
 from ambkit.workflow.assessing import MEASUREMENT
 
@@ -135,6 +137,8 @@ def test_plant_of_several_positions_is_linearised_about_its_own_slope():
 def test_a_point_that_nothing_holds_is_refused():
     with pytest.raises(AmbkitError, match="no control current"):
         ambkit.assess(ZITTAU, load=-500.0)
+    with pytest.raises(AmbkitError, match="up to its stops"):
+        ambkit.assess(ZITTAU, x=2e-3)
 
 
 # ---- against python-control
@@ -288,6 +292,17 @@ def test_bodes_integral_to_six_digits(preset, late):
         assert found.poles > 0.01
         assert found.integral == pytest.approx(found.poles, rel=1e-6), name
         assert found.holds
+
+
+def test_bodes_integral_of_an_undamped_spring_is_zero():
+    """Its poles are on the unit circle, where S is zero: they count for nothing."""
+    springy = linearised(axis_parts(ZITTAU, noise=False), ZITTAU.sampling_time, 10.0, -7537.5)
+    pid = PID(kp=100.0, ki=0.0, kd=3.0, feedback="measurement")
+    loop = Loop(springy, compensator(controller(pid, ZITTAU), None, 1.0))
+    assert loop.is_stable
+    found = bode_integral(loop)
+    assert found.poles == 0
+    assert found.integral == pytest.approx(0, abs=1e-8)
 
 
 def test_bodes_integral_tells_an_unstable_loop():

@@ -14,6 +14,7 @@ from ambkit.cli.options import BearingName, ExpertFile, Json, Plot, find_bearing
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from ambkit.judge.loop.margins import Margins
     from ambkit.workflow.assessing import AssessedLoop, Assessment
 
 
@@ -77,44 +78,54 @@ def assess(
     found = assessed(plant, filters, controller, x=x or 0.0, load=load or 0.0)
     output.deliver(
         found.to_dict(),
-        [_table(found), *_said(found)],
+        [*_tables(found), *_said(found)],
         [(plot, lambda path: plots.save_figure(found.figure(), path))],
         as_json=json,
     )
 
 
-def _table(found: Assessment) -> Any:
-    """A row for each figure, a column for each loop."""
+BESIDE = 5
+"""Loops beside each other in one table."""
+
+
+def _tables(found: Assessment) -> list[Any]:
+    """Return tables with a row for each figure, a column for each loop."""
     from ambkit.cli.output import table, value
 
-    rows: list[tuple[str, Callable[[Any], str]]] = [
+    top = value(found.top, "Hz")
+
+    def margin(said: Callable[[Margins], str]) -> Callable[[AssessedLoop], str]:
+        return lambda each: "–" if each.margins is None else said(each.margins)
+
+    rows: list[tuple[str, Callable[[AssessedLoop], str]]] = [
         ("zone of ISO 14839-3", lambda e: e.zone),
-        (f"  peak of |S| to {value(found.top, 'Hz')}", lambda e: f"{e.peak:.3f}"),
+        (f"  peak of |S| to {top}", lambda e: f"{e.peak:.3f}" if e.stable else "–"),
         ("  at", lambda e: value(e.peak_frequency, "Hz")),
-        ("peak of |S| to half the sampling rate", lambda e: f"{e.margins.peak:.3f}"),
-        ("peak of |T|", lambda e: f"{e.margins.complementary_peak:.3f}"),
-        ("gain margin up, down", lambda e: _decibels(e.margins.gain_up, e.margins.gain_down)),
-        ("phase margin", lambda e: f"{math.degrees(e.margins.phase):.1f} deg"),
-        ("delay margin", lambda e: value(e.margins.delay, "s", 3)),
-        ("disk margin: gain, both ways", lambda e: _decibels(e.margins.disk_gain[1])),
-        ("  phase, both ways", lambda e: f"{math.degrees(e.margins.disk_phase):.1f} deg"),
-        ("|S| below -3 dB up to", lambda e: value(e.margins.bandwidth, "Hz", 3)),
-        ("highest crossover", lambda e: value(e.margins.crossover, "Hz", 3)),
+        ("peak of |S| to half the sampling rate", margin(lambda m: f"{m.peak:.3f}")),
+        ("peak of |T|", margin(lambda m: f"{m.complementary_peak:.3f}")),
+        ("gain margin up, down", margin(lambda m: _decibels(m.gain_up, m.gain_down))),
+        ("phase margin", margin(lambda m: f"{math.degrees(m.phase):.1f} deg")),
+        ("delay margin", margin(lambda m: value(m.delay, "s", 3))),
+        ("disk margin: gain, both ways", margin(lambda m: _decibels(m.disk_gain[1]))),
+        ("  phase, both ways", margin(lambda m: f"{math.degrees(m.disk_phase):.1f} deg")),
+        ("|S| below -3 dB up to", margin(lambda m: value(m.bandwidth, "Hz", 3))),
+        ("highest crossover", margin(lambda m: value(m.crossover, "Hz", 3))),
         ("current by noise, rms", lambda e: value(e.current_noise, "A", 3)),
         ("position by noise, rms", lambda e: value(e.position_noise, "m", 3)),
+        ("check: Bode's integral of ln|S|", lambda e: f"{e.integral.integral:.8f}"),
+        ("  ln|p| of the unstable poles", lambda e: f"{e.integral.poles:.8f}"),
     ]  # fmt: skip
-    loops = list(found.loops.values())
-    text = [
-        [head, *(_shown(each, said, first=k == 0) for each in loops)]
-        for k, (head, said) in enumerate(rows)
-    ]
     at = f"at {value(found.point.x, 'm')} and {value(found.point.iu, 'A')}"
     title = f"{found.bearing.name} {at}, controller fed by"
-    return table(title, ["", *found.loops], text)
-
-
-def _shown(each: AssessedLoop, said: Callable[[Any], str], *, first: bool) -> str:
-    return said(each) if first or each.stable else "–"
+    names = list(found.loops)
+    return [
+        table(
+            title,
+            ["", *some],
+            [[head, *(said(found.loops[name]) for name in some)] for head, said in rows],
+        )
+        for some in (names[k : k + BESIDE] for k in range(0, len(names), BESIDE))
+    ]
 
 
 def _decibels(*factors: float) -> str:
@@ -130,15 +141,13 @@ def _said(found: Assessment) -> list[str]:
     """The bound, the check, and what all of it is."""
     from ambkit.workflow.assessing import BASIS
 
-    said = [
-        f"no linear controller brings the peak of |S| below {found.least[0]:.3f} here, nor that of "
-        f"|T| below {found.least[1]:.3f}, for the unstable pole and the dead time"
-    ]
-    for name, each in found.loops.items():
-        i = each.integral
-        equal = "agrees" if i.holds else "does not agree"
+    said = []
+    if found.least[0] > 1:
         said.append(
-            f"check, {name}: Bode's integral of ln|S| {i.integral:.8f}, ln|p| of the unstable "
-            f"poles {i.poles:.8f}: {equal}"
+            f"no linear controller brings the peak of |S| below {found.least[0]:.3f} here, nor "
+            f"that of |T| below {found.least[1]:.3f}, for the unstable pole and the dead time"
         )
+    wrong = [name for name, each in found.loops.items() if not each.integral.holds]
+    if wrong:
+        said.append(f"the check does not hold, as in an unstable loop: {', '.join(wrong)}")
     return [*said, BASIS]

@@ -231,8 +231,8 @@ class BodeIntegral:
 def bode_integral(loop: Loop) -> BodeIntegral:
     """Return both sides of Bode's integral.
 
-    By Gauss's rule in the logarithm of the frequency, in which neither the zero of S that an
-    integrator makes at 0 nor a pole close to 1 is sharp, between the frequencies of all poles.
+    By Gauss's rule in the logarithm of the frequency, between the frequencies of all poles and ever
+    finer towards each: an integrator makes S zero at 0, an undamped pole makes it zero elsewhere.
 
     Parameters
     ----------
@@ -242,30 +242,18 @@ def bode_integral(loop: Loop) -> BodeIntegral:
     poles = np.concatenate([loop.closed.poles(), loop.plant.poles(), loop.compensator.poles()])
     logs = np.log(poles[np.abs(poles) > 1e-6])
     sharp = np.array([at.imag for at in logs if 1e-7 < at.imag < math.pi])
-    lowest = math.log(1e-12)
-    ends = np.unique(np.concatenate([np.log(sharp), [lowest, math.log(math.pi)]]))
-    nodes, weights = np.polynomial.legendre.leggauss(12)
-
-    def by_panels(each: int) -> float:
-        cuts = np.concatenate([
-            *(np.linspace(a, b, max(2, math.ceil(each * (b - a))), endpoint=False)
-              for a, b in pairwise(ends)),
-            ends[-1:],
-        ])  # fmt: skip
-        middle, half = (cuts[1:] + cuts[:-1]) / 2, (cuts[1:] - cuts[:-1]) / 2
-        angle = np.exp(middle[:, None] + half[:, None] * nodes).ravel()
-        S = loop.sensitivity(angle / (2 * math.pi * loop.T))
-        values = np.log(np.abs(np.linalg.det(S))) * angle
-        return float(np.sum(values.reshape(-1, len(nodes)) * weights * half[:, None]) / math.pi)
-
-    each, found = 4, by_panels(2)
-    while each <= MOST_PANELS:
-        before, found = found, by_panels(each)
-        if abs(found - before) < 1e-10:
-            break
-        each *= 2
-    return BodeIntegral(found, float(np.log(np.abs(loop.unstable_poles())).sum()))
+    ends = np.unique(np.concatenate([np.log(sharp), [math.log(1e-12), math.log(math.pi)]]))
+    finer = 0.5 * GRADED ** np.arange(LEVELS)
+    shares = np.concatenate([[0.0], finer[::-1], 1 - finer[1:], [1.0]])
+    cuts = np.unique([a + (b - a) * shares for a, b in pairwise(ends)])
+    nodes, weights = np.polynomial.legendre.leggauss(16)
+    middle, half = (cuts[1:] + cuts[:-1]) / 2, (cuts[1:] - cuts[:-1]) / 2
+    angle = np.exp(middle[:, None] + half[:, None] * nodes).ravel()
+    S = loop.sensitivity(angle / (2 * math.pi * loop.T))
+    values = np.log(np.abs(np.linalg.det(S))) * angle
+    integral = np.sum(values.reshape(-1, len(nodes)) * weights * half[:, None]) / math.pi
+    return BodeIntegral(float(integral), float(np.log(np.abs(loop.unstable_poles())).sum()))
 
 
-MOST_PANELS = 128
-"""Panels in a factor e of the frequency, after which the integral is what it is."""
+GRADED, LEVELS = 0.3, 16
+"""By which ratio panels shrink towards a pole's frequency, and how often."""

@@ -55,8 +55,14 @@ class WorkPoint(NamedTuple):
         Raises
         ------
         AmbkitError
-            No current within the amplifier's range holds the rotor there.
+            It is beyond the stops, or no current within the amplifier's range holds the rotor
+            there.
         """
+        travel = bearing.rotor.travel_limit
+        if not abs(x) <= travel:
+            raise AmbkitError(
+                f"the rotor can be held up to its stops at {travel:g} m, not at {x:g} m"
+            )
         law = magnet_of(bearing)
         held = law.bias_force + bearing.weight + load
         iu = hover_current(bearing, law, x, held)
