@@ -103,6 +103,16 @@ class Loop:
         L = self.open(frequency)
         return np.asarray(np.linalg.inv(np.eye(self.measurements) + L))
 
+    def largest_sensitivity(self, frequency: ArrayLike) -> Array:
+        """Return the largest singular value of S (k,) [1]; of one axis, its magnitude.
+
+        Parameters
+        ----------
+        frequency : array_like (k,)
+            Frequencies [Hz].
+        """
+        return np.asarray(np.linalg.norm(self.sensitivity(frequency), 2, axis=(1, 2)))
+
     def complementary(self, frequency: ArrayLike) -> Complex:
         """Return T = 1 - S (k, m, m) [1].
 

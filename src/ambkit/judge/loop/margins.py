@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,6 @@ if TYPE_CHECKING:
     from ambkit.judge.loop.closed import Loop
 
 Array = NDArray[np.float64]
-Response = Callable[[Array], Complex]
-"""From frequencies (k,) [Hz] to a response (k,)."""
-
 LOWEST = 1e-6
 """Of half the sampling rate, where a grid begins."""
 
@@ -48,7 +45,7 @@ def grid(loop: Loop) -> Array:
     return np.unique(f[(f >= LOWEST * top) & (f <= top)])
 
 
-def highest(of: Response, f: Array) -> tuple[float, float]:
+def highest(of: Callable[[Array], NDArray[Any]], f: Array) -> tuple[float, float]:
     """Return the peak of a magnitude and its frequency [Hz], refined between the grid's points.
 
     Parameters
