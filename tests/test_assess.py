@@ -23,7 +23,7 @@ from ambkit.judge.loop.pieces import (
 )
 from ambkit.machine import presets
 from ambkit.models import axis_parts
-from ambkit.models.linear import linearised
+from ambkit.models.linear import LinearSystem, Signal, linearised
 from ambkit.simulation.run import Imposed, simulate
 from ambkit.workflow.assessing import MEASUREMENT
 
@@ -323,24 +323,31 @@ def test_an_unstable_compensator_counts():
 # ---- what no controller can beat
 
 
-def test_least_peak_of_a_dead_time_in_whole_samples():
+@pytest.mark.parametrize("d", [1, 2, 5, 17])
+def test_least_peak_of_a_dead_time_in_whole_samples(d):
     """One unstable pole p, no zero outside of the circle: p^d for T, in d samples."""
     p = 1.1
-    for d in (1, 2, 5):
-        A = np.diag(np.ones(d - 1), -1)
-        A = np.block([[A, np.zeros((d, 1))], [np.eye(d)[-1:], p * np.ones((1, 1))]]) if d > 1 else (
-            np.array([[p]])
-        )  # fmt: skip
-        n = len(A)
-        if d > 1:
-            A = A[1:, 1:]  # d - 1 past controls and the pole
-            n = len(A)
-        system = replace(
-            plant(ZITTAU, WorkPoint.hovering(ZITTAU)).select(["y"], ["u"]),
-            A=A, B=np.eye(n)[:, :1], C=np.eye(n)[-1:], D=np.zeros((1, 1)),
-        )  # fmt: skip
-        assert least_peaks(system)[1] == pytest.approx(p**d, rel=1e-9)
-        assert least_peaks(system)[0] >= p - 1e-9
+    A = np.diag(np.ones(d - 1), -1)  # d - 1 past controls, then the pole
+    A[-1, -1] = p
+    signal = (Signal("y", "m"),)
+    system = LinearSystem(
+        A, np.eye(d)[:, :1], np.eye(d)[-1:], np.zeros((1, 1)), 1e-4,
+        tuple(Signal(f"x{k}", "1") for k in range(d)), signal, signal,
+    )  # fmt: skip
+    assert least_peaks(system) == pytest.approx((p**d, p**d), rel=1e-9)
+
+
+def test_least_peak_with_a_finite_zero():
+    """With a pole p and a finite zero z outside of the circle: |p z - 1| / |z - p| times p."""
+    p, z = 1.2, -3.0
+    A, B = np.array([[p, 1.0], [0.0, 0.5]]), np.array([[1.0], [0.5 - z]])
+    signal = (Signal("y", "m"),)  # of the transfer (w - z)/((w - p) (w - 0.5))
+    system = LinearSystem(
+        A, B, np.array([[1.0, 0.0]]), np.zeros((1, 1)), 1e-4,
+        (Signal("a", "1"), Signal("b", "1")), signal, signal,
+    )  # fmt: skip
+    expected = p * abs((p * z - 1) / (z - p))
+    assert least_peaks(system)[1] == pytest.approx(expected, rel=1e-9)
 
 
 def test_least_peak_of_a_fast_loop_is_that_of_its_dead_time():
@@ -427,6 +434,9 @@ def test_what_does_not_settle_or_fit_is_refused():
         ambkit.assess(ZITTAU, "multiple-model")
     with pytest.raises(AmbkitError, match="sampling_time"):
         ambkit.assess(ZITTAU, ambkit.KalmanFilter(ZITTAU.replace(sampling_time=2e-4)))
+    same = ambkit.KalmanFilter(ZITTAU)
+    with pytest.raises(AmbkitError, match="give them as a mapping"):
+        ambkit.assess(ZITTAU, [same, same])
     with pytest.raises(AmbkitError, match="no estimator"):
         ambkit.assess(ZITTAU, "kalmann")
 

@@ -101,7 +101,7 @@ class AssessedLoop:
             m = self.margins
             found |= {
                 "peak_to_half_the_sampling_rate": m.peak,
-                "its_frequency": m.peak_frequency,
+                "peak_to_half_the_sampling_rate_at": m.peak_frequency,
                 "complementary_peak": m.complementary_peak,
                 "gain_margin_up": m.gain_up,
                 "gain_margin_down": m.gain_down,
@@ -264,6 +264,8 @@ def _estimators(given: Any, bearing: Bearing) -> dict[str, Estimator]:
     alone = isinstance(given, Estimator | str | os.PathLike)
     for each in [given] if alone else () if isinstance(given, Mapping) else given:
         if isinstance(each, Estimator):
+            if each.name in found:
+                raise AmbkitError(f"two filters are called {each.name}: give them as a mapping")
             found[each.name] = each
         else:
             found |= {name: make() for name, make in factories([os.fspath(each)], bearing).items()}

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ambkit.models.linear import Complex, LinearSystem
-
-Array = NDArray[np.float64]
+from ambkit.models.linear import EDGE, Complex, LinearSystem
 
 
 def least_peaks(plant: LinearSystem) -> tuple[float, float]:
@@ -22,7 +19,7 @@ def least_peaks(plant: LinearSystem) -> tuple[float, float]:
     Parameters
     ----------
     plant : LinearSystem
-        From one control signal to one measurement, sampled; no unstable pole twice.
+        From one control signal to one measurement, sampled.
 
     Returns
     -------
@@ -34,72 +31,66 @@ def least_peaks(plant: LinearSystem) -> tuple[float, float]:
     Seron, Braslavsky, Goodwin, Fundamental limitations in filtering and control, 1997; Sarason,
     Generalized interpolation in H-infinity, 1967.
     """
-    poles = 1 / plant.unstable()
+    poles, zeros = 1 / plant.unstable(), _zeros(plant)
     if not len(poles):
         return 1.0, 1.0
-    zeros, order = _zeros(plant)
-
-    def of(points: Complex, at: Complex) -> Complex:
-        """Return the product of all-passes with these zeros inside of the unit circle, 1/z."""
-        return np.asarray(np.prod([(at - a) / (1 - np.conj(a) * at) for a in points], axis=0))
-
-    # S = b G, where b has the unstable poles as zeros: G takes 1/b at all zeros of the plant.
-    turns = np.exp(2j * np.pi * np.arange(SERIES) / SERIES) * RADIUS
-    series = np.fft.fft(1 / of(poles, turns))[:order] / SERIES / RADIUS ** np.arange(order)
-    least_S = _least(series, zeros, 1 / of(poles, zeros) if len(zeros) else zeros)
-    # T = B H, where B has the zeros of the plant: H takes 1/B at the unstable poles.
-    B = of(zeros, poles) * poles**order if len(zeros) else poles**order
-    return max(1.0, least_S), max(1.0, _least(np.zeros(0, complex), poles, 1 / B))
+    # S = b G, where b is all-pass with the unstable poles as zeros: G takes 1/b at all zeros of the
+    # plant. T = B H, where B has those zeros: H takes 1/B at the unstable poles.
+    S, T = (
+        np.linalg.norm(np.linalg.inv(_all_pass(points, _shift(at))), 2)
+        for points, at in ((poles, zeros), (zeros, poles))
+    )
+    return max(1.0, float(S)), max(1.0, float(T))
 
 
-SERIES = 256
-"""Points of the circle from which a power series is taken."""
+def _all_pass(points: Complex, Z: Complex) -> Complex:
+    """Return b(Z) of a matrix (n, n); b is 0 at the points and of size 1 on the unit circle."""
+    one, found = np.eye(len(Z)), np.eye(len(Z), dtype=complex)
+    for a in points:
+        found = found @ np.linalg.solve(one - np.conj(a) * Z, Z - a * one)
+    return found
 
-RADIUS = 0.25
-"""Of that circle: 1/p of an unstable pole p of a sampled rotor is well outside of it."""
+
+def _shift(points: Complex) -> Complex:
+    """Return the matrix (n, n) of which a function's norm is the least sup norm on the disk.
+
+    That of all functions with its values at the points, and its derivatives where points are equal:
+    multiplication by w, compressed to what vanishes at none of them, in the basis of Takenaka and
+    Malmquist (Sarason 1967).
+    """
+    size = np.sqrt(1 - np.abs(points) ** 2)
+    Z = np.diag(points).astype(complex)
+    for i in range(len(points)):
+        for j in range(i):
+            Z[i, j] = size[i] * size[j] * np.prod(-np.conj(points[j + 1 : i]))
+    return Z
 
 
-def _zeros(plant: LinearSystem) -> tuple[Complex, int]:
-    """Return 1/z (k,) of the zeros z outside of the unit circle, and how many are at infinity."""
+def _zeros(plant: LinearSystem) -> Complex:
+    """Return 1/z (k,) of the zeros z outside of the unit circle: 0 of those at infinity."""
     from scipy.linalg import eigvals
 
-    A, B, C, D = plant.A, plant.B, plant.C, plant.D
-    n = len(A)
-    size = np.sqrt(np.abs(B[:, 0]) + 1e-12 * np.abs(B).max())
-    A, B, C = A * size / size[:, None], B / size[:, None], C * size
-    B, C = B / np.abs(B).max(), C / np.abs(C).max()
-    pencil = np.block([[A, B], [C, D]])
-    mass = np.zeros((n + 1, n + 1))
-    mass[:n, :n] = np.eye(n)
+    n = len(plant.A)
+    # The states are counted in what a pulse of the control makes of them.
+    pulsed = [plant.B]
+    for _ in range(n):
+        pulsed.append(plant.A @ pulsed[-1])
+    size = np.abs(pulsed).max(axis=(0, 2))
+    A, B, C = plant.A * size / size[:, None], plant.B / size[:, None], plant.C * size
+    order = 1
+    while order < n and not np.abs(C @ B).item() > NONE * (np.abs(C) @ np.abs(B)).item():
+        C, order = C @ A, order + 1
+    # Without the dead time those at infinity are at 0: as several at one place, digits are lost.
+    pencil = np.block([[A, B / np.abs(B).max()], [C / np.abs(C).max(), np.zeros((1, 1))]])
+    mass = np.diag([*np.ones(n), 0.0])
     alpha, beta = eigvals(pencil, mass, homogeneous_eigvals=True)
-    finite = np.abs(beta) > FAR * np.abs(alpha)
-    z = alpha[finite] / beta[finite]
-    outside = z[np.abs(z) > 1]
-    markov, power, order = C @ B, B, 1
-    while order < n and abs(markov.item()) < 1e-9 * np.abs(C).max() * np.abs(power).max():
-        power = A @ power
-        markov, order = C @ power, order + 1
-    return 1 / outside, order
+    outside = np.abs(beta) < (1 - EDGE) * np.abs(alpha)
+    w = beta[outside] / alpha[outside]
+    return np.concatenate([np.zeros(order), w[np.abs(w) > FAR]])
 
 
-FAR = 1e-7
+NONE = 1e-12
+"""Of the sum of its terms, a first response that is none."""
+
+FAR = 1e-6
 """A zero farther out than 1 / FAR is one at infinity."""
-
-
-def _least(series: Complex, points: Complex, values: Complex) -> float:
-    """Return the least sup norm on the disk of what has this power series and these values."""
-    d, k = len(series), len(points)
-    # The adjoint of multiplication takes w^j to the conjugates of the series, shifted, and the
-    # kernel 1/(1 - conj(a) w) of a point a to itself times the conjugate of the value there.
-    gram = np.eye(d + k, dtype=complex)
-    gram[d:, d:] = 1 / (1 - np.outer(points, np.conj(points)))
-    gram[d:, :d] = points[:, None] ** np.arange(d)
-    gram[:d, d:] = gram[d:, :d].conj().T
-    V = np.zeros((d + k, d + k), complex)
-    for j in range(d):
-        V[: j + 1, j] = np.conj(series[j::-1])
-    V[range(d, d + k), range(d, d + k)] = np.conj(values)
-    from scipy.linalg import eigh
-
-    top = eigh(V.conj().T @ gram @ V, gram, eigvals_only=True)[-1]
-    return float(np.sqrt(max(float(top), 0.0)))

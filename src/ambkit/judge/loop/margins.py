@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from ambkit.judge.loop.closed import Loop
 
 Array = NDArray[np.float64]
+
 LOWEST = 1e-6
 """Of half the sampling rate, where a grid begins."""
 
