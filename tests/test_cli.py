@@ -190,7 +190,8 @@ def test_simulate_without_an_estimator_feeds_back_the_measurement(call, made):
     assert "rmse" not in found
     scenario = ambkit.Record.load("r.csv").meta["scenario"]
     assert scenario["controller"]["feedback"] == "measurement"
-    refused = call(*arguments, "--scenario", made / "scenario.toml")
+    Path("fed.toml").write_text('[controller]\nfeedback = "estimate"\n')
+    refused = call(*arguments, "--scenario", "fed.toml")
     assert refused.code == 2
     assert "fed by the estimate" in refused.err
 

@@ -17,14 +17,6 @@ import typer
 
 import ambkit
 from ambkit.cli.app import app
-from ambkit.show.report.summary import number
-from ambkit.workflow.reproduction.adaline import adaline
-from ambkit.workflow.reproduction.chain import chain
-from ambkit.workflow.reproduction.expert import expert
-from ambkit.workflow.reproduction.gain import gain
-from ambkit.workflow.reproduction.recording import recording
-from ambkit.workflow.reproduction.sampling import sampling
-from ambkit.workflow.reproduction.study import Study
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
@@ -176,46 +168,6 @@ def test_the_snippet_runs_in_ten_lines(tmp_path, monkeypatch, capsys):
 def test_the_table_of_commands_is_the_command_lines():
     table = [cells for cells in rows(README) if cells[0].startswith("`ambkit")]
     assert dict(table) == {f"`ambkit {name}`": about for name, about in commands().items()}
-
-
-def test_what_was_found_is_what_is_computed():
-    study = Study()
-    chapters = (adaline, gain, sampling, chain, expert, recording)
-    found = {row["id"]: row for chapter in chapters for row in chapter(study).rows}
-    text = " ".join(README[README.index("## What we found") :].split())
-    for sentence, digits, ids in [
-        ("the filter as printed has {} µm where the raw", ".2f", ["sampling.printed"]),
-        ("filters lie within {} % of each other", ".1f", ["gain.position"]),
-        ("is {} N rms with the linear filter", ".2f", ["gain.linear"]),
-        ("drifts by 20 % in flight, the error of the force is {} N;", ".3f", ["chain.wrong"]),
-        ("takes over without a jump, {} N; where", ".3f", ["chain.learned"]),
-        ("where the constant is told, {} N", ".3f", ["chain.told"]),
-        ("to {} % in the worst", ".2f", ["fig12.worst"]),
-        ("{} N with the paper's 25 work points", ".2f", ["gain.adaptive"]),
-        ("{} N with the rules spread", ".2f", ["gain.wide"]),
-        ("{} N with the closed force law", ".2f", ["gain.closed"]),
-        ("worse than none**: {} N rms", ".2f", ["force_rms.printed"]),
-        ("constant stiffness has {} N", ".2f", ["force_rms.constant"]),
-        ("it has {} N with the widths, {} N", ".2f", ["force_rms.widths", "force_rms.both"]),
-        ("{} µm against {} µm, 10 ms ahead", ".1f", ["recording.ten", "recording.adaptive"]),
-        ("no magnet at all has {} µm there", ".1f", ["recording.naive_ten"]),
-        (
-            "ahead it has {} µm, and the model {} µm",
-            ".1f",
-            ["recording.naive_one", "recording.one"],
-        ),
-    ]:
-        said = sentence.format(*(printed(found[id], digits) for id in ids))
-        assert said in text
-    median = number(found["fig12.noisy"]["ours"], ".2f")
-    assert f"to {median} % in the median of 100 seeds" in text
-
-
-def printed(row: dict, digits: str) -> str:
-    """What was found, with its spread over the seeds where it has one."""
-    text = number(row["ours"], digits)
-    spread = row["spread"]
-    return text if spread is None else f"{text} ± {number(spread, digits)}"
 
 
 @pytest.mark.parametrize("target", re.findall(r"\]\((?!http)([^)#]+)\)", README))

@@ -78,6 +78,11 @@ def test_a_mat_file_takes_an_expert(refused, tmp_path):
     assert "adaptive can" in refused(*start, "extended")
 
 
+def test_an_option_that_is_taken_once_is_given_once(refused):
+    twice = ("simulate", "zittau_axial", "--plot", "a.png", "--plot=b.png")
+    assert "Invalid value for '--plot': is given more than once" in refused(*twice)
+
+
 def test_a_loop_at_the_stop_is_told(capsys):
     with pytest.raises(SystemExit):
         main(["compare", "zittau_axial", "--steps", "0.1 mm,5 mm", "--runs", "1"])

@@ -10,9 +10,11 @@ import pytest
 
 from ambkit.base.errors import AmbkitError
 from ambkit.machine import paper
+from ambkit.show.report.summary import number
 from ambkit.workflow.reproduction import reproduce
 from ambkit.workflow.reproduction.study import Study
 
+README = Path(__file__).parents[1] / "README.md"
 SHARED = Path(__file__).parents[2] / "shared" / "reference"
 
 
@@ -163,3 +165,41 @@ def test_an_interrupt_leaves_no_empty_folders(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         reproduce(tmp_path / "out", progress=interrupt)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_the_readme_says_was_found_is_what_is_computed(outcome):
+    found = by_id(outcome)
+    text = " ".join(README.read_text(encoding="utf-8").partition("## What we found")[2].split())
+    for sentence, digits, ids in [
+        ("the filter as printed has {} µm where the raw", ".2f", ["sampling.printed"]),
+        ("filters lie within {} % of each other", ".1f", ["gain.position"]),
+        ("is {} N rms with the linear filter", ".2f", ["gain.linear"]),
+        ("drifts by 20 % in flight, the error of the force is {} N;", ".3f", ["chain.wrong"]),
+        ("takes over without a jump, {} N; where", ".3f", ["chain.learned"]),
+        ("where the constant is told, {} N", ".3f", ["chain.told"]),
+        ("to {} % in the worst", ".2f", ["fig12.worst"]),
+        ("{} N with the paper's 25 work points", ".2f", ["gain.adaptive"]),
+        ("{} N with the rules spread", ".2f", ["gain.wide"]),
+        ("{} N with the closed force law", ".2f", ["gain.closed"]),
+        ("worse than none**: {} N rms", ".2f", ["force_rms.printed"]),
+        ("constant stiffness has {} N", ".2f", ["force_rms.constant"]),
+        ("it has {} N with the widths, {} N", ".2f", ["force_rms.widths", "force_rms.both"]),
+        ("{} µm against {} µm, 10 ms ahead", ".1f", ["recording.ten", "recording.adaptive"]),
+        ("no magnet at all has {} µm there", ".1f", ["recording.naive_ten"]),
+        (
+            "ahead it has {} µm, and the model {} µm",
+            ".1f",
+            ["recording.naive_one", "recording.one"],
+        ),
+    ]:
+        said = sentence.format(*(printed(found[id], digits) for id in ids))
+        assert said in text
+    median = number(found["fig12.noisy"]["ours"], ".2f")
+    assert f"to {median} % in the median of 100 seeds" in text
+
+
+def printed(row: dict, digits: str) -> str:
+    """What was found, with its spread over the seeds where it has one."""
+    text = number(row["ours"], digits)
+    spread = row["spread"]
+    return text if spread is None else f"{text} ± {number(spread, digits)}"

@@ -9,7 +9,7 @@ import ambkit
 from ambkit import Bearing, Estimator, FilterNoise, Record
 from ambkit.base.errors import AmbkitError
 from ambkit.judge.comparison.cases import CASES, trials
-from ambkit.workflow.tuned_filter import NOISE
+from ambkit.workflow.tuning_tasks import NOISE
 
 BEARING = Bearing.preset("zittau_axial")
 

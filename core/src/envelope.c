@@ -99,12 +99,6 @@ static void clear(int n, amb_real P[AMB_TRIANGLE])
   }
 }
 
-/* Entry (i, j) of an upper triangle, whichever comes first. */
-static int place_of(int n, int i, int j)
-{
-  return (i <= j) ? amb_entry(n, i, j) : amb_entry(n, j, i);
-}
-
 /* What state `s` shows of the rotor at rest: its row of P from those of the positions, to a tenth.
  */
 static void show(const amb_model *model, int s, amb_real P[AMB_TRIANGLE])
@@ -113,7 +107,7 @@ static void show(const amb_model *model, int s, amb_real P[AMB_TRIANGLE])
   amb_real one[AMB_STATES];
   for (int j = 0; j < n; j++) {
     if (j != s) {
-      P[place_of(n, s, j)] = AMB_C(0.0);
+      P[amb_place(n, s, j)] = AMB_C(0.0);
     }
   }
   amb_real variance = AMB_C(0.0);
@@ -122,7 +116,7 @@ static void show(const amb_model *model, int s, amb_real P[AMB_TRIANGLE])
       amb_rest_off_by_one(model, i, one);
       for (int j = 0; j < n; j++) {
         if (j != s) {
-          P[place_of(n, s, j)] += one[s] * P[place_of(n, i, j)];
+          P[amb_place(n, s, j)] += one[s] * P[amb_place(n, i, j)];
         }
       }
     }
@@ -130,7 +124,7 @@ static void show(const amb_model *model, int s, amb_real P[AMB_TRIANGLE])
   for (int i = 0; i < n; i++) {
     if (amb_model_role(model, i) == AMB_POSITION) {
       amb_rest_off_by_one(model, i, one);
-      variance += one[s] * P[place_of(n, s, i)];
+      variance += one[s] * P[amb_place(n, s, i)];
     }
   }
   P[amb_entry(n, s, s)] = variance * AMB_C(1.01);

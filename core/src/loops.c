@@ -396,12 +396,6 @@ amb_real amb_model_shown(const amb_model *model, int r, const amb_real mean[])
   return amb_sparse_times(&model->c, model->c.value, r, mean);
 }
 
-/* Where entry (i, j) of a symmetric matrix stands in its upper triangle. */
-static int place(int n, int i, int j)
-{
-  return (i <= j) ? amb_entry(n, i, j) : amb_entry(n, j, i);
-}
-
 /* to += value times row k of the symmetric matrix of which `cov` is the upper triangle. */
 static void add_row_of(int n, int k, const amb_real cov[], amb_real value, amb_real *restrict to)
 {
@@ -434,7 +428,7 @@ amb_real amb_model_shown_variance(const amb_model *model, int r, const amb_real 
   for (int b = model->c.start[r]; b < model->c.start[r + 1]; b++) {
     amb_real with = AMB_C(0.0);
     for (int a = model->c.start[r]; a < model->c.start[r + 1]; a++) {
-      with += cov[place(n, model->c.column[a], model->c.column[b])] * model->c.value[a];
+      with += cov[amb_place(n, model->c.column[a], model->c.column[b])] * model->c.value[a];
     }
     sum += model->c.value[b] * with;
   }

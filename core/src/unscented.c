@@ -17,7 +17,7 @@ static amb_real displacement_variance(const amb_model *model, int f, const amb_r
   for (int j = 0; j < n; j++) {
     amb_real column[AMB_STATES];
     for (int i = 0; i < n; i++) {
-      column[i] = P[(i <= j) ? amb_entry(n, i, j) : amb_entry(n, j, i)];
+      column[i] = P[amb_place(n, i, j)];
     }
     with[j] = amb_model_displacement(model, f, column);
   }

@@ -58,6 +58,12 @@ AMB_INLINE int amb_entry(int n, int i, int j)
   return i * n - (i * (i + 1)) / 2 + j;
 }
 
+/* Where entry (i, j) of a symmetric matrix of n rows stands in its upper triangle. */
+AMB_INLINE int amb_place(int n, int i, int j)
+{
+  return (i <= j) ? amb_entry(n, i, j) : amb_entry(n, j, i);
+}
+
 /* A whole symmetric matrix from its upper triangle; its rows are `stride` apart. */
 AMB_INLINE void amb_unfold(int n, const amb_real triangle[], int stride, amb_real *P)
 {

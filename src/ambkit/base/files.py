@@ -1,5 +1,6 @@
 """Reading and writing files such that a failure is one clear line and leaves the old file whole."""
 
+import hashlib
 import os
 import shutil
 from collections.abc import Iterator
@@ -42,6 +43,20 @@ def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
     """Write a file through a temporary file (see `replacing`)."""
     with replacing(path) as temporary:
         temporary.write_bytes(content)
+
+
+def sha256(path: str | os.PathLike[str]) -> str:
+    """Return the hash of what a file holds, in hexadecimal digits.
+
+    Raises
+    ------
+    AmbkitError
+        It cannot be read, or is larger than may be read.
+    """
+    try:
+        return hashlib.sha256(budget.read_bytes(path)).hexdigest()
+    except OSError as error:
+        raise AmbkitError(f"{path}: cannot be read: {error.strerror or error}") from None
 
 
 def make_folder(path: str | os.PathLike[str]) -> Path:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperCommand
+from typer.core import TyperCommand, TyperOption
 
 from ambkit.cli.assess import assess
 from ambkit.cli.check import check
@@ -56,7 +56,16 @@ _EXPORTS: dict[str, Callable[..., None]] = {"c": export_c, "fmu": export_fmu, "m
 
 
 class Command(TyperCommand):
-    """A command that does not begin where it would overwrite what it reads."""
+    """A command that does not begin where it would overwrite what it reads, or drop an option."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Refuse an option that is given twice and taken once: the first would be dropped."""
+        for option in self.params:
+            if not isinstance(option, TyperOption) or option.multiple or option.is_flag:
+                continue
+            if sum(argument.partition("=")[0] in option.opts for argument in args) > 1:
+                raise typer.BadParameter("is given more than once", ctx, option)
+        return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
         """Run it."""

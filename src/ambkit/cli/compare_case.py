@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from ambkit.judge.comparison.study import Study
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.magnets import MagnetModel
-    from ambkit.show.report.blocks import Report
 
 SHOWN = ("x", "v", "f_d", "nees", "nis", "delay", "tracking", "effort", "lost", "cost")
 
@@ -79,6 +78,7 @@ def _deliver(found: Study, wanted: Wanted) -> None:
     from ambkit.show import plots
     from ambkit.show.pages.study import report_of
     from ambkit.show.plots.study import matrix_figure
+    from ambkit.show.report.page import write_page
 
     bench = found.bench
     tables = [_table(bench, bench.best, "tuned alike" if bench.tuned else "defaults")]
@@ -90,7 +90,7 @@ def _deliver(found: Study, wanted: Wanted) -> None:
         [
             (wanted.out, lambda path: _save(path, {bench.case.name: bench})),
             (wanted.plot, lambda path: plots.save_figure(matrix_figure(bench, alone=True), path)),
-            (wanted.report, lambda path: _write_report(path, report_of(found))),
+            (wanted.report, lambda path: write_page(report_of(found), path)),
         ],
         as_json=wanted.as_json,
     )
@@ -101,6 +101,7 @@ def _deliver_all(bearing: Bearing, benches: Mapping[str, Bench], wanted: Wanted)
     from ambkit.show import plots
     from ambkit.show.pages.study import report_of_cases
     from ambkit.show.plots.study import cases_figure
+    from ambkit.show.report.page import write_page
 
     first = next(iter(benches.values()))
     rows = [
@@ -115,7 +116,7 @@ def _deliver_all(bearing: Bearing, benches: Mapping[str, Bench], wanted: Wanted)
         [
             (wanted.out, lambda path: _save(path, benches)),
             (wanted.plot, lambda path: plots.save_figure(cases_figure(benches, alone=True), path)),
-            (wanted.report, lambda path: _write_report(path, report_of_cases(benches))),
+            (wanted.report, lambda path: write_page(report_of_cases(benches), path)),
         ],
         as_json=wanted.as_json,
     )
@@ -184,12 +185,3 @@ def _save(path: Path, benches: Mapping[str, Bench]) -> None:
     meta = {"bearing": first.bearing.name, "cases": list(benches), "seed": first.seed}
     columns = {key: np.concatenate(parts) for key, parts in gathered.items()}
     write_table(path, Table(columns, units, meta))
-
-
-def _write_report(path: Path, whole: Report) -> None:
-    from ambkit.base import files
-    from ambkit.show.report import static
-    from ambkit.show.report.page import render_page
-
-    pictures = {figure.id: static.render(figure) for figure in whole.figures}
-    files.write_text(path, render_page(whole, pictures))

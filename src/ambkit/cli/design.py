@@ -75,6 +75,7 @@ def design(
     from ambkit.cli.options import arguments_of_the_user
     from ambkit.estimate.registry import KINDS
     from ambkit.workflow.designing import design as designed
+    from ambkit.workflow.tuning_tasks import AHEAD
 
     with arguments_of_the_user(), output.progress("designing", None) as done:
         found = designed(
@@ -84,7 +85,7 @@ def design(
         )  # fmt: skip
     rows = [
         [KINDS[c.kind].label,
-         *(output.value(c.unseen[f"error {n} ahead [m]"], "m", 3) for n in ("1 step", "10 steps")),
+         *(output.value(c.unseen[figure], "m", 3) for figure in AHEAD.values()),
          output.value(c.errors["x"], "m", 3), output.value(c.errors["f_d"], "N", 3),
          f"{100 * c.efficiency:.0f} %"]
         for c in found.candidates

@@ -12,18 +12,24 @@ from ambkit.cli.kinds import NAMES, known, names
 from ambkit.cli.options import (
     RECORDS,
     ExpertFile,
+    From,
     Json,
     MapFile,
     Plot,
+    To,
     arguments_of_the_user,
     file_option,
     find_bearing,
     quantity,
 )
+from ambkit.estimate.registry import FILTER_SUFFIX
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from ambkit.data.channelmap import ChannelMap
     from ambkit.data.record import Record
+    from ambkit.estimate.filter_file import FilterFile
     from ambkit.judge.evaluation import Evaluation
     from ambkit.machine.bearing import Bearing
     from ambkit.workflow.filtering import Filtered, Filtering, Stretch
@@ -57,13 +63,8 @@ def filter_record(
         ),
     ] = "linear,adaptive,closed-law",
     expert: ExpertFile = None,
-    begin: Annotated[
-        float | None,
-        typer.Option("--from", parser=quantity("s"), metavar="TIME", help="Where to begin."),
-    ] = None,
-    end: Annotated[
-        float | None, typer.Option("--to", parser=quantity("s"), metavar="TIME", help="And to end.")
-    ] = None,
+    begin: From = None,
+    end: To = None,
     settling: Annotated[
         float | None,
         typer.Option(
@@ -128,7 +129,8 @@ def filter_record(
     from ambkit.cli import output
     from ambkit.cli.belonging import say_what_is_odd
     from ambkit.cli.kinds import factories
-    from ambkit.data.reading import load
+    from ambkit.cli.logs import load_log
+    from ambkit.estimate.filter_file import FilterFile
     from ambkit.estimate.noise import FilterNoise
     from ambkit.show import plots
     from ambkit.workflow.filtering import filter as filtered
@@ -139,10 +141,9 @@ def filter_record(
     if tune is not None and not tune > 0:
         raise AmbkitError(f"--tune must be greater than 0 s, is {tune:g} s")
     chosen = names(estimator)
-    model = find_bearing(bearing) if bearing is not None else _bearing_of(chosen)
-    log = load(record, _channels(chosen, channel_map))
-    if begin is not None or end is not None:
-        log = log.between(begin, end)
+    files = {name: FilterFile.load(name) for name in chosen if name.endswith(FILTER_SUFFIX)}
+    model = find_bearing(bearing) if bearing is not None else _bearing_of(files)
+    log = load_log(record, _channels(files, channel_map), begin, end)
     say_what_is_odd(record, log, model)
     if noise_d is None:
         with arguments_of_the_user("--"):
@@ -180,27 +181,22 @@ def filter_record(
     )
 
 
-def _bearing_of(chosen: list[str]) -> Bearing:
+def _bearing_of(files: Mapping[str, FilterFile]) -> Bearing:
     """Return the bearing of the first filter that is a file."""
-    from ambkit.estimate.filter_file import SUFFIX, FilterFile
-
-    files = [name for name in chosen if name.endswith(SUFFIX)]
-    if not files:
-        raise AmbkitError("--bearing is missing: a preset's name, or a TOML file")
-    return FilterFile.load(files[0]).bearing.bearing
+    for file in files.values():
+        return file.bearing.bearing
+    raise AmbkitError("--bearing is missing: a preset's name, or a TOML file")
 
 
-def _channels(chosen: list[str], channel_map: Path | None) -> ChannelMap | None:
+def _channels(files: Mapping[str, FilterFile], channel_map: Path | None) -> ChannelMap | None:
     """Return the map of the log, with y and u as the filters' files have them."""
     from ambkit.data.channelmap import ChannelMap
     from ambkit.data.rig_units import Inputs
-    from ambkit.estimate.filter_file import SUFFIX, FilterFile
 
     if channel_map is None:
         return None
     channels = ChannelMap.load(channel_map)
-    said = {name: FilterFile.load(name).inputs for name in chosen if name.endswith(SUFFIX)}
-    said = {name: inputs for name, inputs in said.items() if inputs != Inputs()}
+    said = {name: file.inputs for name, file in files.items() if file.inputs != Inputs()}
     if not said:
         return channels
     first, *others = said

@@ -9,7 +9,17 @@ from typing import Annotated
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.options import CONSTANT, Json, MapFile, Plot, file_option, find_bearing, quantity
+from ambkit.cli.options import (
+    CONSTANT,
+    From,
+    Json,
+    MapFile,
+    Plot,
+    To,
+    file_option,
+    find_bearing,
+    quantity,
+)
 
 
 class Method(StrEnum):
@@ -82,13 +92,8 @@ def identify(
         list[Path] | None,
         typer.Option(metavar="RECORD", help="Judge the result on this record; again for more."),
     ] = None,
-    begin: Annotated[
-        float | None,
-        typer.Option("--from", parser=quantity("s"), metavar="TIME", help="Where to begin."),
-    ] = None,
-    end: Annotated[
-        float | None, typer.Option("--to", parser=quantity("s"), metavar="TIME", help="And to end.")
-    ] = None,
+    begin: From = None,
+    end: To = None,
     start: Annotated[
         float | None,
         typer.Option(
@@ -179,7 +184,7 @@ def identify(
     from ambkit.cli.identify_lift_off import by_lift_off
     from ambkit.cli.identify_likelihood import Options, by_likelihood
     from ambkit.cli.identify_online import learn_online
-    from ambkit.data.reading import load
+    from ambkit.cli.logs import load_log
 
     if bool(record) == (lift_off is not None):
         raise AmbkitError("give either a RECORD or --lift-off POINTS.csv")
@@ -233,9 +238,7 @@ def identify(
         return
     if len(record) > 1:
         raise AmbkitError(f"--method {method} learns along one record, {len(record)} are given")
-    log = load(record[0], channel_map)
-    if begin is not None or end is not None:
-        log = log.between(begin, end)
+    log = load_log(record[0], channel_map, begin, end)
     say_what_is_odd(record[0], log, known)
     learn_online(log, known, method, start, disturbance, out, plot, json)
 

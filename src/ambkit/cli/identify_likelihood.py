@@ -11,11 +11,11 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.units import interval
 from ambkit.cli import output
 from ambkit.cli.belonging import say_what_is_odd
+from ambkit.cli.logs import load_log
 from ambkit.cli.options import arguments_of_the_user
 from ambkit.cli.output import value
 
 if TYPE_CHECKING:
-    from ambkit.data.record import Record
     from ambkit.identification.forces.map import ForceMap
     from ambkit.machine.bearing import Bearing
     from ambkit.workflow.identifying import Identified
@@ -75,8 +75,10 @@ def by_likelihood(options: Options, known: Bearing) -> None:
             f"{Path(next(iter(same))).name} is to be identified from and validated on: a model is "
             "judged on a record that it has not seen"
         )
-    records = [_load(path, options) for path in options.records]
-    others = [_load(path, options) for path in options.validate]
+    records, others = (
+        [load_log(path, options.channel_map, options.begin, options.end) for path in paths]
+        for paths in (options.records, options.validate)
+    )
     for path, record in zip([*options.records, *options.validate], records + others, strict=True):
         say_what_is_odd(path, record, start.bearing)
     with arguments_of_the_user(), output.progress("identifying") as done:
@@ -151,15 +153,6 @@ def _rest_table(rest: dict[str, dict[str, Any]]) -> list[Any]:
         for name, noise in rest.items()
     ]
     return [output.table("At rest", ["", "noise", "colour"], rows, wide=True)] if rows else []
-
-
-def _load(path: Path, options: Options) -> Record:
-    from ambkit.data.reading import load
-
-    record = load(path, options.channel_map)
-    if options.begin is None and options.end is None:
-        return record
-    return record.between(options.begin, options.end)
 
 
 def _tables(identified: Identified) -> list[Any]:

@@ -13,7 +13,7 @@ import typer
 from ambkit.base.errors import AmbkitError
 from ambkit.cli import output
 from ambkit.cli.options import find_bearing
-from ambkit.estimate.registry import KINDS, learned_magnet
+from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, check_named, kind_called, learned_magnet
 
 if TYPE_CHECKING:
     from ambkit.estimate.filter_file import FilterFile
@@ -51,10 +51,11 @@ def known(text: str) -> str:
     BadParameter
         One is not in `NAMES`.
     """
-    for name in names(text):
-        if name not in NAMES and name != "all" and not name.endswith(".toml"):
-            known = f"known: {', '.join(NAMES)}, all, or the file of a filter (.toml)"
-            raise typer.BadParameter(f'there is no estimator "{name}"; {known}')
+    try:
+        for name in names(text):
+            check_named(name)
+    except AmbkitError as error:
+        raise typer.BadParameter(str(error)) from None
     return text
 
 
@@ -66,9 +67,10 @@ def is_a_name(name: str) -> str:
     BadParameter
         It is not in `NAMES`.
     """
-    if name not in NAMES:
-        raise typer.BadParameter(f'there is no estimator "{name}"; known: {", ".join(NAMES)}')
-    return name
+    try:
+        return kind_called(name).name
+    except AmbkitError as error:
+        raise typer.BadParameter(str(error)) from None
 
 
 def factories(
@@ -135,15 +137,8 @@ def exported(text: str | None, bearing: Bearing, choice: Iterable[str] = NAMES) 
     if text in NAMES:
         raise AmbkitError(f"--estimator: {text} cannot be exported yet; {', '.join(choice)} can")
     path = Path(text)
-    if path.suffix == ".toml":
-        from ambkit.estimate.filter_file import FilterFile
-
-        found = FilterFile.load(path)
-        if found.kind not in choice:
-            raise AmbkitError(
-                f"{path}: {found.kind} cannot be exported so; {', '.join(choice)} can"
-            )
-        return Chosen(found.kind, found.asked(), found)
+    if path.suffix == FILTER_SUFFIX:
+        return _in_file(text, choice)[1]
     if not (path.suffix or path.exists() or os.sep in text):
         near = difflib.get_close_matches(text, choice, 1)
         hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(choice)}"
@@ -179,10 +174,17 @@ def to_export(
         return bearing, exported(estimator, bearing, choice)
     else:
         find_bearing(target)
+    return _in_file(estimator, choice)
+
+
+def _in_file(path: str, choice: Iterable[str]) -> tuple[Bearing, Chosen]:
+    """Return the filter in a file, and the bearing that it is for."""
     from ambkit.estimate.filter_file import FilterFile
 
-    bearing = FilterFile.load(estimator).bearing.bearing
-    return bearing, exported(estimator, bearing, choice)
+    found = FilterFile.load(path)
+    if found.kind not in choice:
+        raise AmbkitError(f"{path}: {found.kind} cannot be exported so; {', '.join(choice)} can")
+    return found.bearing.bearing, Chosen(found.kind, found.asked(), found)
 
 
 def is_filter(text: str) -> bool:
@@ -190,7 +192,10 @@ def is_filter(text: str) -> bool:
     import tomllib
 
     try:
-        return Path(text).suffix == ".toml" and "kind" in tomllib.loads(Path(text).read_text())
+        path = Path(text)
+        if path.suffix != FILTER_SUFFIX:
+            return False
+        return "kind" in tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):  # which is told by who reads it
         return False
 

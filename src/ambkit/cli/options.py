@@ -117,6 +117,13 @@ MapFile = Annotated[
         help="Channel map: what is what in a log; 'ambkit read --guess' proposes one.",
     ),
 ]
+From = Annotated[
+    float | None,
+    typer.Option("--from", parser=quantity("s"), metavar="TIME", help="Where to begin."),
+]
+To = Annotated[
+    float | None, typer.Option("--to", parser=quantity("s"), metavar="TIME", help="And to end.")
+]
 ExpertFile = Annotated[
     Path | None,
     typer.Option(

@@ -9,7 +9,7 @@ import typer
 
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.kinds import NAMES, is_a_name
-from ambkit.cli.options import Json, MapFile, Plot, file_option, find_bearing, quantity
+from ambkit.cli.options import From, Json, MapFile, Plot, To, file_option, find_bearing
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -60,13 +60,8 @@ def tune(
             help="Judge by this record; again for more. Without it, by the second half of each.",
         ),
     ] = None,
-    begin: Annotated[
-        float | None,
-        typer.Option("--from", parser=quantity("s"), metavar="TIME", help="Where to begin."),
-    ] = None,
-    end: Annotated[
-        float | None, typer.Option("--to", parser=quantity("s"), metavar="TIME", help="And to end.")
-    ] = None,
+    begin: From = None,
+    end: To = None,
     evaluations: Annotated[
         int, typer.Option("--evaluations", min=1, metavar="N", help="How many are made.")
     ] = 60,
@@ -140,11 +135,9 @@ def _load(
     path: Path, channel_map: Path | None, bearing: Any, begin: float | None, end: float | None
 ) -> Record:
     from ambkit.cli.belonging import say_what_is_odd
-    from ambkit.data.reading import load
+    from ambkit.cli.logs import load_log
 
-    record = load(path, channel_map)
-    if begin is not None or end is not None:
-        record = record.between(begin, end)
+    record = load_log(path, channel_map, begin, end)
     say_what_is_odd(path, record, bearing)
     return record
 

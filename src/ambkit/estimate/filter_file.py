@@ -29,17 +29,18 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import os
 from collections.abc import Iterator, Mapping
+from functools import cached_property
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
-from ambkit.base import budget, units
+from ambkit.base import files, units
 from ambkit.base.config import Document, Part, Read
 from ambkit.base.config.paths import FilePath
 from ambkit.base.config.quantities import Quantity
@@ -47,16 +48,13 @@ from ambkit.base.config.texts import Description, Line, Name
 from ambkit.base.errors import AmbkitError
 from ambkit.data.rig_units import Inputs
 from ambkit.estimate.noise import FilterNoise
-from ambkit.estimate.registry import KINDS, kind_of, learned_magnet
+from ambkit.estimate.registry import KINDS, kind_called, kind_of, learned_magnet
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.forces.map_of import surface_in
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.machine.magnets import MagnetModel, Precision
-
-SUFFIX = ".toml"
-"""Of a filter's file, which may stand wherever an estimator is named."""
 
 Limit = Annotated[int, Field(ge=0, strict=True)]
 
@@ -83,7 +81,7 @@ class Reference(Part):
         AmbkitError
             It cannot be read.
         """
-        return cls(file=os.fspath(path), sha256=_hash(path))
+        return cls(file=os.fspath(path), sha256=files.sha256(path))
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
@@ -100,7 +98,7 @@ class BearingOf(Part):
     sha256: Line = ""
     """Hash of that file; without it any content will do."""
 
-    @property
+    @cached_property
     def bearing(self) -> Bearing:
         """The bearing itself."""
         return Bearing.load(self.file) if self.file else Bearing.preset(self.preset or "")
@@ -112,7 +110,7 @@ class BearingOf(Part):
 
         if isinstance(name, str) and name in presets.names():
             return cls(preset=name)
-        return cls(file=os.fspath(name), sha256=_hash(name))
+        return cls(file=os.fspath(name), sha256=files.sha256(name))
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
@@ -167,20 +165,21 @@ class FilterFile(Document):
     """Expert (.json) or force map (.csv, .parquet) that it asks; without it, what its kind asks."""
     start: dict[Name, Line] = Field(default_factory=dict)
     """Standard deviations at the start that are not the usual ones, by the names of states."""
-    inputs: Inputs = Inputs()
+    inputs: Inputs = Field(default_factory=Inputs)
     """What its inputs are in the rig; the exported C takes them so."""
     origin: dict[Name, Line] = Field(default_factory=dict)
     """Where a number came from, by its key: record, command, version."""
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
-        kind = read("kind")
-        if isinstance(kind, str) and kind not in KINDS:
-            yield "kind", f'there is no estimator "{kind}"; known: {", ".join(KINDS)}'
-            return
-        given, known = read("options"), KINDS[kind].option_units if isinstance(kind, str) else {}
-        if isinstance(given, dict) and isinstance(kind, str):
-            for name, value in given.items():
+        kind, given = read("kind"), read("options")
+        if isinstance(kind, str):
+            try:
+                known = kind_called(kind).option_units
+            except AmbkitError as error:
+                yield "kind", str(error)
+                return
+            for name, value in given.items() if isinstance(given, dict) else ():
                 if name not in known:
                     has = ", ".join(known) or "none"
                     yield f"options.{name}", f"the {kind} has no such option; it has: {has}"
@@ -342,11 +341,9 @@ def magnet_in(path: str | os.PathLike[str], bearing: Bearing) -> MagnetModel:
     return surface_in(path, bearing)
 
 
-def _hash(path: str | os.PathLike[str]) -> str:
-    try:
-        return hashlib.sha256(budget.read_bytes(path)).hexdigest()
-    except OSError as error:
-        raise AmbkitError(f"{path}: cannot be read: {error.strerror or error}") from None
+def made_by(command: str, what: str) -> str:
+    """Return where a number came from, as a filter's file tells it: from what, by which command."""
+    return f"{what}; ambkit {command} {version('ambkit')}"
 
 
 def _changed(file: Any, sha256: Any) -> Iterator[tuple[str, str]]:
@@ -354,7 +351,7 @@ def _changed(file: Any, sha256: Any) -> Iterator[tuple[str, str]]:
     if not isinstance(file, str):
         return
     try:
-        now = _hash(file)
+        now = files.sha256(file)
     except AmbkitError as error:
         yield "file", str(error)
         return

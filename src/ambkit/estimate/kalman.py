@@ -26,7 +26,7 @@ class KalmanFilter(Estimator):
     magnet : optional
         What the filter knows of its magnet; by default the constant stiffnesses of the origin.
     **options
-        Of :class:`ambkit.estimate.base.Estimator`: noise, gravity, precision, frozen_limit, gate,
+        Of :class:`ambkit.Estimator`: noise, gravity, precision, frozen_limit, gate,
         outlier_limit, as_printed.
 
     Raises

@@ -291,6 +291,36 @@ KINDS = {
 }  # fmt: skip
 """All kinds, from the simplest on."""
 
+FILTER_SUFFIX = ".toml"
+"""Of a filter's file, which may stand wherever an estimator is named."""
+
+
+def kind_called(name: str) -> Kind:
+    """Return a kind by its name.
+
+    Raises
+    ------
+    AmbkitError
+        There is none; the message has those that there are.
+    """
+    if name not in KINDS:
+        raise AmbkitError(f'there is no estimator "{name}"; known: {", ".join(KINDS)}')
+    return KINDS[name]
+
+
+def check_named(name: str) -> None:
+    """Refuse what is neither a kind, nor ``"all"`` of them, nor a filter's file.
+
+    Raises
+    ------
+    AmbkitError
+        With what there is.
+    """
+    if name not in KINDS and name != "all" and not name.endswith(FILTER_SUFFIX):
+        known = f"known: {', '.join(KINDS)}, all, or the file of a filter ({FILTER_SUFFIX})"
+        raise AmbkitError(f'there is no estimator "{name}"; {known}')
+
+
 _OF_BINDING = {kind.core.binding: kind.core for kind in KINDS.values()}
 
 

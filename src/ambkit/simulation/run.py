@@ -224,7 +224,7 @@ class Loop:
 
     What is simulated is that of :func:`simulate_run`, and in stretches it is the same, to the last
     bit, as in one go. In between, `estimator` may be replaced by one that goes on where the old one
-    is, see :meth:`ambkit.estimate.base.Estimator.take_over`: so a filter is learned anew in flight.
+    is, see :meth:`ambkit.Estimator.take_over`: so a filter is learned anew in flight.
 
     Parameters
     ----------

@@ -100,7 +100,7 @@ class PID(Part):
             What it is to hold.
         """
         said = {name: getattr(self, name) for name in self.model_fields_set}
-        return type(self).for_bearing(bearing).model_copy(update=said)
+        return type(self)(**vars(type(self).for_bearing(bearing)) | said)
 
 
 def _two_digits(value: float) -> float:

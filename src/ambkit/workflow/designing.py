@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ambkit.base import escaping, files
-from ambkit.base.errors import AmbkitError
+from ambkit.base import files
 from ambkit.base.units import engineering
 from ambkit.data.channelmap import ChannelMap, inputs_of
-from ambkit.data.reading import load
+from ambkit.data.reading import load_filled
 from ambkit.data.rig_units import Inputs
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.filter_file import FilterFile
-from ambkit.estimate.registry import KINDS
+from ambkit.estimate.registry import KINDS, kind_called
 from ambkit.fuzzy.expert import Expert
 from ambkit.fuzzy.training import train
 from ambkit.judge.comparison.bench import bench
@@ -32,7 +28,10 @@ from ambkit.show.pages.design import write_design
 from ambkit.show.pages.maximum_likelihood import annotated_toml
 from ambkit.show.plots.filters import filter_figure
 from ambkit.workflow.identifying import identified_filter, identify
+from ambkit.workflow.stages import Stages, read_json, write_json
 from ambkit.workflow.tuned_filter import Tuned, tune
+from ambkit.workflow.tuning import default_disturbance
+from ambkit.workflow.tuning_tasks import AHEAD, JUDGED
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -40,9 +39,6 @@ if TYPE_CHECKING:
 
 KINDS_TRIED = ("linear", "extended", "adaptive")
 """Who is tried where nobody says it: without, with the exact, and with a learned stiffness."""
-
-STATE = "design.json"
-"""What was made from what, in the folder of a design."""
 
 RUNS = 20
 """Simulated runs that a filter is judged in."""
@@ -194,12 +190,11 @@ def design(
         A log cannot be read, a kind is unknown, or the folder cannot be written.
     """
     for kind in kinds:
-        if kind not in KINDS:
-            raise AmbkitError(f'there is no estimator "{kind}"; known: {", ".join(KINDS)}')
+        kind_called(kind)
     place = files.make_folder(folder)
-    stages = _Stages(place)
+    stages = Stages(place)
     read = [*map(Path, logs), *map(Path, validate)]
-    sources = [_content(path) for path in read] + ([_content(channels)] if channels else [])
+    sources = [files.sha256(path) for path in read] + ([files.sha256(channels)] if channels else [])
     note("identifying")
     stages.make(
         "identify",
@@ -225,8 +220,8 @@ def design(
 
         def make(kind: str = kind, name: str = name) -> None:
             if not records:
-                records.extend(load(path, by_inputs) for path in logs)
-                others.extend(load(path, by_inputs) for path in validate)
+                records.extend(load_filled(path, by_inputs) for path in logs)
+                others.extend(load_filled(path, by_inputs) for path in validate)
             expert = place / "expert.json" if kind == "adaptive" else None
             tuned = tune(
                 found, records, kind, validate=others, inputs=inputs, seed=seed,
@@ -235,23 +230,23 @@ def design(
             )  # fmt: skip
             files.make_folder(place / "candidates")
             tuned.save(place / name, bearing=place / "found.toml", magnet=expert)
-            _write_json(place / f"candidates/{kind}.json", _of_tuning(tuned))
+            write_json(place / f"candidates/{kind}.json", _of_tuning(tuned))
 
-        made_from = [found.to_toml(), kind, seed, _content(place / "identified.toml"), *sources]
+        made_from = [found.to_toml(), kind, seed, files.sha256(place / "identified.toml"), *sources]
         if kind == "adaptive":
-            made_from.append(_content(place / "expert.json"))
+            made_from.append(files.sha256(place / "expert.json"))
         stages.make(f"tune {kind}", made_from, (name, f"candidates/{kind}.json"), make)
         note(f"judging the {kind} filter")
         judged = f"candidates/{kind}.judged.json"
         stages.make(
-            f"judge {kind}", [_content(place / name), seed], (judged,),
-            lambda name=name, judged=judged: _write_json(  # type: ignore[misc]
+            f"judge {kind}", [files.sha256(place / name), seed], (judged,),
+            lambda name=name, judged=judged: write_json(  # type: ignore[misc]
                 place / judged, _judged(place / name, seed)
             ),
         )  # fmt: skip
         candidates.append(_candidate(place, kind))
     chosen = _best(candidates)
-    raw = _read_json(place / f"candidates/{chosen.kind}.judged.json")["raw"]
+    raw = read_json(place / f"candidates/{chosen.kind}.judged.json")["raw"]
     objections = tuple(_objections(chosen, raw))
     why = _why(chosen, candidates, raw)
     Estimator.load(chosen.file).save(
@@ -271,7 +266,7 @@ def design(
         )  # fmt: skip
     made = {name: what for name, what in FILES.items() if (place / name).exists()}
     note("drawing")
-    record = records[-1] if records else load(logs[-1], by_inputs)
+    record = records[-1] if records else load_filled(logs[-1], by_inputs)
     _report(place, found.name, why, objections, candidates, record, made)
     made["design.html"] = FILES["design.html"]
     return Design(place, tuple(candidates), chosen, raw, why, objections, exported, made)
@@ -309,8 +304,8 @@ def _report(
     ]
     rows = {
         KINDS[c.kind].label: [
-            -c.unseen["minus log likelihood a sample"], c.unseen["nis"],
-            1e6 * c.unseen["error 1 step ahead [m]"], 1e6 * c.unseen["error 10 steps ahead [m]"],
+            -c.unseen[JUDGED["likelihood"]], c.unseen["nis"],
+            1e6 * c.unseen[AHEAD[1]], 1e6 * c.unseen[AHEAD[10]],
             1e6 * c.errors["x"], 1e3 * c.errors["v"], c.errors["f_d"], c.efficiency,
         ]
         for c in candidates
@@ -329,7 +324,7 @@ def _identified(
     free: Sequence[str] | None,
     place: Path,
 ) -> None:
-    records = [load(path, channels) for path in logs]
+    records = [load_filled(path, channels) for path in logs]
     found = identify(bearing, records, free=free)
     inputs = Inputs() if channels is None else inputs_of(ChannelMap.load(channels))
     files.write_text(place / "found.toml", annotated_toml(found.likelihood, place))
@@ -353,8 +348,8 @@ def _judged(path: Path, seed: int) -> dict[str, Any]:
     plant = made.bearing.replace(
         sensor__noise_variance=usual.measurement, amplifier__noise_variance=usual.control
     )
-    own = KINDS["linear"].make(plant).variances.disturbance
-    case = replace(CASES["model"], walks=usual.disturbance / own)
+    walks = usual.disturbance / default_disturbance(plant)
+    case = replace(CASES["model"], walks=walks)
     field = {file.kind: Contender(file.kind, file.kind, file.make)}
     found = bench(plant, case, field, runs=RUNS, seed=seed)
     figures = found.default[file.kind]
@@ -367,8 +362,8 @@ def _judged(path: Path, seed: int) -> dict[str, Any]:
 
 
 def _candidate(place: Path, kind: str) -> Candidate:
-    tuning = _read_json(place / f"candidates/{kind}.json")
-    judged = _read_json(place / f"candidates/{kind}.judged.json")
+    tuning = read_json(place / f"candidates/{kind}.json")
+    judged = read_json(place / f"candidates/{kind}.judged.json")
     return Candidate(
         kind, place / f"candidates/{kind}.toml", tuning["kept"], tuning["unseen"],
         judged["errors"], judged["efficiency"],
@@ -381,7 +376,7 @@ def _best(candidates: Sequence[Candidate]) -> Candidate:
     Where a rotor hardly moves, its records do not tell the kinds apart; simulated truth does.
     """
     order = list(KINDS)
-    unlikely = {c.kind: c.unseen["minus log likelihood a sample"] for c in candidates}
+    unlikely = {c.kind: c.unseen[JUDGED["likelihood"]] for c in candidates}
     least = min(unlikely.values())
     likely = [c for c in candidates if unlikely[c.kind] <= least + AS_LIKELY]
     smallest = min(c.errors["x"] for c in likely)
@@ -405,59 +400,16 @@ def _objections(chosen: Candidate, raw: float) -> list[str]:
 def _why(chosen: Candidate, candidates: Sequence[Candidate], raw: float) -> str:
     x, f_d = chosen.errors["x"], chosen.errors["f_d"]
     others = [c for c in candidates if c is not chosen]
-    ahead = "error 10 steps ahead [m]"
-    beside = "".join(
-        f", the {KINDS[c.kind].label} {engineering(c.unseen[ahead], 'm', digits=3)}" for c in others
-    )
+
+    def ahead(candidate: Candidate) -> str:
+        return engineering(candidate.unseen[AHEAD[10]], "m", digits=3)
+
+    beside = "".join(f", the {KINDS[c.kind].label} {ahead(c)}" for c in others)
     return (
         f"Fly the {KINDS[chosen.kind].label}: on records that it was not tuned on it foretells "
-        f"the position 10 samples ahead to {engineering(chosen.unseen[ahead], 'm', digits=3)} rms"
+        f"the position 10 samples ahead to {ahead(chosen)} rms"
         f"{beside}; in simulated runs of this bearing it errs by {engineering(x, 'm', digits=3)} "
         f"in position, {100 * chosen.efficiency:.0f} % of what is possible, and "
         f"{engineering(f_d, 'N', digits=3)} in the disturbance force, where the raw sensor errs by "
         f"{engineering(raw, 'm', digits=3)}."
     )
-
-
-class _Stages:
-    """What was made from what, so that nothing is made twice."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        path = folder / STATE
-        self.known: dict[str, Any] = _read_json(path) if path.exists() else {}
-
-    def make(
-        self, name: str, made_from: Sequence[Any], written: Sequence[str], make: Callable[[], None]
-    ) -> None:
-        """Run a stage, unless its files are there and are what they were made into."""
-        text = escaping.json_text([version("ambkit"), *made_from])
-        key = hashlib.sha256(text.encode()).hexdigest()
-        before = self.known.get(name, {})
-        if before.get("from") == key and all(
-            (self.folder / file).exists() and _content(self.folder / file) == hashed
-            for file, hashed in before.get("files", {}).items()
-        ):
-            return
-        make()
-        made = {file: _content(self.folder / file) for file in written}
-        self.known[name] = {"from": key, "files": made}
-        _write_json(self.folder / STATE, self.known)
-
-
-def _content(path: str | os.PathLike[str]) -> str:
-    try:
-        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
-    except OSError as error:
-        raise AmbkitError(f"{path}: cannot be read: {error.strerror or error}") from None
-
-
-def _write_json(path: Path, data: Any) -> None:
-    files.write_text(path, escaping.json_text(data, indent=1) + "\n")
-
-
-def _read_json(path: Path) -> Any:
-    try:
-        return json.loads(files.read_text(path))
-    except json.JSONDecodeError as error:
-        raise AmbkitError(f"{path}:{error.lineno}: is not what ambkit wrote; remove it") from None

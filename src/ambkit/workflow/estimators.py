@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from ambkit.base.errors import AmbkitError
-from ambkit.estimate.filter_file import SUFFIX, FilterFile
-from ambkit.estimate.registry import KINDS, learned_magnet
+from ambkit.estimate.filter_file import FilterFile
+from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, check_named, learned_magnet
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -71,7 +71,7 @@ def factories(
             raise AmbkitError(f"a magnet is given for {name}, which is not among those chosen")
 
     def factory(name: str) -> Factory:
-        if name.endswith(SUFFIX):
+        if name.endswith(FILTER_SUFFIX):
             return FromFile(FilterFile.load_for(name, bearing))
         magnet = given[name] if name in given else learned_magnet(name, bearing)
         return lambda noise=None, **options: KINDS[name].make(
@@ -91,8 +91,6 @@ def expanded(names: Iterable[str]) -> list[str]:
     """
     found: dict[str, None] = {}
     for name in names:
-        if name not in KINDS and name != "all" and not name.endswith(SUFFIX):
-            known = f"known: {', '.join(KINDS)}, all, or the file of a filter (.toml)"
-            raise AmbkitError(f'there is no estimator "{name}"; {known}')
+        check_named(name)
         found |= dict.fromkeys(KINDS if name == "all" else [name])
     return list(found)

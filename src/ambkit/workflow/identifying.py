@@ -11,6 +11,7 @@ from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.base.progress import shown_in_notebooks
 from ambkit.data.record import Record
 from ambkit.data.rig_units import Inputs
+from ambkit.estimate.filter_file import made_by
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.noise import FilterNoise
 from ambkit.identification.forces.lift_off_fit import LiftOffFit, fit_lift_off
@@ -152,13 +153,11 @@ def identified_filter(
     source : str
         What the records are called, for the filter's file.
     """
-    from importlib.metadata import version
-
     model, of_log = found.likelihood.model, inputs or Inputs()
     made = ExtendedKalmanFilter(found.bearing, noise=FilterNoise(disturbance=model.load_growth))
     volts = model.current_offset / found.bearing.amplifier.gain
     made.inputs = Inputs(y=of_log.y.shifted(-model.position_offset), u=of_log.u.shifted(volts))
-    said = f"likelihood of {source or 'records'}; ambkit identify {version('ambkit')}"
+    said = made_by("identify", f"likelihood of {source or 'records'}")
     free = {p.name for p in found.likelihood.parameters}
     keys = {
         "measurement_noise": "noise.measurement", "control_noise": "noise.control",

@@ -220,6 +220,40 @@ def _placed(
     return replace(reading, record=record)
 
 
+def load_filled(
+    path: str | os.PathLike[str],
+    channel_map: ChannelMap | str | os.PathLike[str] | None = None,
+    told: Callable[[str], object] = lambda _: None,
+) -> Record:
+    """Read a record as `load` does; where a log has gaps, as `read` fills them.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    channel_map : ChannelMap or path, optional
+        Which row or column of the file is which signal.
+    told : callable
+        Told in sentences what `read` found and did, where `load` alone would have refused the log.
+
+    Raises
+    ------
+    RecordError
+        Neither can make an even record of it.
+    AmbkitError
+        The file, or the channel map, cannot be read.
+    """
+    try:
+        return load(path, channel_map)
+    except RecordError:
+        if channel_map is None:
+            raise
+    found = read(path, channel_map)
+    for sentence in found.account():
+        told(f"{os.fspath(path)}: {sentence}")
+    return found.record
+
+
 def load(
     path: str | os.PathLike[str],
     channel_map: ChannelMap | str | os.PathLike[str] | None = None,

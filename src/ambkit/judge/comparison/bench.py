@@ -297,8 +297,7 @@ def _limit(bearing: Bearing, case: Case, valid: Sequence[Trial], first: int) -> 
     if not case.walks:
         return {}
     model = KalmanFilter(bearing)
-    growth = case.walks * model.variances.disturbance
-    variances = model.variances._replace(disturbance=growth)
+    variances = model.variances._replace(disturbance=case.growth(bearing))
     records = [trial.record for trial in valid[:BOUND_RUNS]]
     bound = bearing_bound(bearing, records, variances, model.default_std())
     names = (*SIGNALS, "x_m")

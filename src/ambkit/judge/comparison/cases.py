@@ -87,6 +87,10 @@ class Case:
     walks: float = 0.0
     magnet: ForceSurface | None = None
 
+    def growth(self, bearing: Bearing) -> float:
+        """Return how fast the variance of the load that walks grows on a bearing [N^2/s]."""
+        return self.walks * KalmanFilter(bearing).variances.disturbance
+
 
 @dataclass(frozen=True, eq=False)
 class Trial:
@@ -184,7 +188,7 @@ def _imposed(
     if case.drift:
         scale = np.linspace(1.0, 1.0 + case.drift, n)
     if case.walks:
-        growth = case.walks * KalmanFilter(bearing).variances.disturbance
+        growth = case.growth(bearing)
         steps, within = on_load.normal(0.0, math.sqrt(growth * T), (2, n))
         walk = np.cumsum(steps) - steps
         load = walk + 0.5 * steps + within / math.sqrt(12)  # of a Brownian bridge: its mean
@@ -275,14 +279,14 @@ def _scenario(
     )
 
 
-def _sign(bearing: Bearing) -> float:
+def against_gravity(bearing: Bearing) -> float:
     """Loads act against gravity, as the paper's do: the way that is safe for any magnet."""
     return -1.0 if bearing.rotor.gravity == "+x" else 1.0
 
 
 def _load(bearing: Bearing, load: float, at: float) -> Step:
     weight = bearing.rotor.mass * GRAVITY
-    return Step(amplitude=_sign(bearing) * load * weight, time=at * own_time(bearing))
+    return Step(amplitude=against_gravity(bearing) * load * weight, time=at * own_time(bearing))
 
 
 def _positions(bearing: Bearing, plan: dict[float, float]) -> Sequence:

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.estimate import Estimate, Status
-from ambkit.estimate.filter_file import SUFFIX, FilterFile
+from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.noise import FilterNoise
-from ambkit.estimate.registry import KINDS, Tunable
+from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, Tunable
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -105,7 +105,7 @@ def contenders(
     for name in names:
         if name in KINDS:
             found[name] = contender_of_kind(name, bearing, (magnets or {}).get(name))
-        elif name.endswith(SUFFIX):
+        elif name.endswith(FILTER_SUFFIX):
             file = FilterFile.load_for(name, bearing)
             label = f"{KINDS[file.kind].label} ({Path(name).stem})"
             found[name] = Contender(name, label, file.make)
@@ -136,7 +136,7 @@ def expand(text: str) -> list[str]:
     for name in filter(None, map(str.strip, text.split(","))):
         if name == "all":
             found |= dict.fromkeys(KINDS)
-        elif name in KINDS or ".py:" in name or name.endswith(SUFFIX):
+        elif name in KINDS or ".py:" in name or name.endswith(FILTER_SUFFIX):
             found[name] = None
         else:
             raise _unknown(name)

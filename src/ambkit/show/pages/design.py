@@ -47,9 +47,7 @@ def write_design(
     AmbkitError
         The file cannot be written; an older one is left as it was.
     """
-    from ambkit.base import files
-    from ambkit.show.report import static
-    from ambkit.show.report.page import render_page
+    from ambkit.show.report.page import write_page
 
     verdict: list[Block] = [Remark("Which filter", markdown(why))]
     verdict += [Remark("Objection", markdown(text)) for text in objections]
@@ -87,5 +85,4 @@ def write_design(
             ),
         ],
     )
-    pictures = {figure.id: static.render(figure) for figure in report.figures}
-    files.write_text(path, render_page(report, pictures))
+    write_page(report, path)

@@ -44,13 +44,9 @@ def write_identification(
     AmbkitError
         The file cannot be written; an older one is left as it was.
     """
-    from ambkit.base import files
-    from ambkit.show.report import static
-    from ambkit.show.report.page import render_page
+    from ambkit.show.report.page import write_page
 
-    report = identification_report(found, checks, shown)
-    pictures = {figure.id: static.render(figure) for figure in report.figures}
-    files.write_text(path, render_page(report, pictures))
+    write_page(identification_report(found, checks, shown), path)
 
 
 def identification_report(

@@ -6,6 +6,7 @@ plotly.js draws over it when the figure comes into sight.
 """
 
 import base64
+import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -73,6 +74,25 @@ def write_report(
     page = render_page(report, pictures)
     files.write_text(folder / "report.html", page)
     return folder / "report.html"
+
+
+def write_page(report: Report, path: str | os.PathLike[str]) -> None:
+    """Draw all figures and write a report as one HTML file that needs no other.
+
+    Parameters
+    ----------
+    report : Report
+        What to write.
+    path : path
+        The file.
+
+    Raises
+    ------
+    AmbkitError
+        The file cannot be written; an older one is left as it was.
+    """
+    pictures = {figure.id: static.render(figure) for figure in report.figures}
+    files.write_text(path, render_page(report, pictures))
 
 
 def render_page(report: Report, pictures: Mapping[str, Picture]) -> str:

@@ -1,0 +1,264 @@
+"""What a filter is tuned by, and judged by: the likelihood of records, or simulated truth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from ambkit.base.errors import AmbkitError
+from ambkit.base.units import engineering
+from ambkit.estimate.kalman import KalmanFilter
+from ambkit.judge.comparison.cases import CASES, Trial, against_gravity, trials
+from ambkit.judge.comparison.tuning import SIGNALS, Tried, errors
+from ambkit.judge.evaluation import evaluate
+from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.magnets import own_time
+from ambkit.workflow.tuning import MUCH_LESS_LIKELY, TOO_LARGE, log_likelihood
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+    from ambkit.estimate.base import Estimator
+    from ambkit.judge.comparison.contenders import Contender, Range
+    from ambkit.machine.bearing import Bearing
+
+By = Literal["likelihood", "truth"]
+
+NOISE = ("noise.measurement", "noise.disturbance")
+"""What a record tells of a filter's noise; that of the control signal is hardly in it."""
+
+SETTLING = 5.0
+"""Time at the start of a record that does not count, in the plant's own."""
+
+UNSEEN = 0.5
+"""Share of each record, its end, that is kept to judge by where there are no other records."""
+
+MUCH_WORSE = 1.25
+"""Error in a simulated loop, over the untuned filter's, that is warned of."""
+
+HALVINGS = 8
+"""Of the range above the likeliest growth of the load, in which the largest likely one is found."""
+
+
+JUDGED: Mapping[By, str] = {
+    "likelihood": "minus log likelihood a sample",
+    "truth": "error over the untuned linear filter's",
+}
+"""What a tuned filter is judged by, on what it was not tuned on."""
+
+AHEAD = {1: "error 1 step ahead [m]", 10: "error 10 steps ahead [m]"}
+"""Figures of how well a record is foretold, by the number of samples."""
+
+
+class ByLikelihood:
+    """Tuning by the likelihood of records."""
+
+    by: By = "likelihood"
+    judge = JUDGED["likelihood"]
+
+    def __init__(
+        self, bearing: Bearing, records: Sequence[Record], validate: Sequence[Record]
+    ) -> None:
+        self.bearing = bearing
+        self.settling = SETTLING * own_time(bearing)
+        spans = [float(each.t[-1] - each.t[0]) for each in records]
+        shortest = 4 * self.settling
+        if min(spans) < shortest:
+            raise AmbkitError(
+                f"a record to tune on must be {engineering(shortest, 's', digits=3)} long at "
+                f"least, twenty times what the rotor takes to fall; one has "
+                f"{engineering(min(spans), 's', digits=3)}"
+            )
+        self.seen, self.unseen = list(records), list(validate)
+        if not validate:
+            ends = [each.t[0] + UNSEEN * span for each, span in zip(records, spans, strict=True)]
+            self.seen = [r.between(None, end) for r, end in zip(records, ends, strict=True)]
+            self.unseen = [r.between(end, None) for r, end in zip(records, ends, strict=True)]
+
+    def usual(self, contender: Contender) -> tuple[str, ...]:
+        """Return which tunables are free where nobody says it."""
+        own = [each.name for each in contender.tunable if not each.name.startswith("noise.")]
+        return (*NOISE, *own)
+
+    def cautious(
+        self, best: Tried, free: Sequence[Range], cost: Callable[[Mapping[str, float]], float]
+    ) -> Tried:
+        """Take the fastest load that the records do not rule out (Edwards 1972).
+
+        A record in which the load rests likes any small growth as well, and a filter with such a
+        one follows no load that comes later.
+        """
+        growth = next((each for each in free if each.name == "noise.disturbance"), None)
+        if growth is None:
+            return best
+        samples = sum(len(each) for each in self.seen)
+        allowed = best.cost + MUCH_LESS_LIKELY / samples
+        low, high = math.log(best.values[growth.name]), math.log(growth.high)
+        taken = best
+        for _ in range(HALVINGS):
+            middle = (low + high) / 2
+            values = {**best.values, growth.name: math.exp(middle)}
+            at = cost(values)
+            if at < allowed:
+                low, taken = middle, Tried(values, at)
+            else:
+                high = middle
+        return taken
+
+    def check(self, estimator: Estimator, kind: str) -> None:
+        """Refuse a kind that cannot be tuned so."""
+        variance = estimator.run(self.seen[0]).innovation_variance
+        if not (np.isfinite(variance) & (variance > 0)).any():
+            raise AmbkitError(
+                f"the {kind} filter has no idea of its innovations, so that no record is the more "
+                "likely for its values: tune it on simulated runs, without records"
+            )
+
+    def cost(self, build: Callable[[], Estimator]) -> float:
+        """Return what the search makes small, for the filters that `build` makes."""
+        return self._unlikely(build, self.seen)
+
+    def _unlikely(self, build: Callable[[], Estimator], records: Sequence[Record]) -> float:
+        total, samples = 0.0, 0
+        for record in records:
+            first = min(round(self.settling / self.bearing.sampling_time), len(record) // 2)
+            total -= log_likelihood(build().run(record), first)
+            samples += len(record) - first
+        return total / samples if math.isfinite(total) else math.inf
+
+    def figures(self, build: Callable[[], Estimator]) -> dict[str, float]:
+        """Return how such filters do on what they were not tuned on."""
+        each = [evaluate(build(), r, settling=self.settling) for r in self.unseen]
+
+        def pooled(values: Iterable[float]) -> float:
+            return float(np.sqrt(np.mean(np.square(list(values)))))
+
+        found = {
+            self.judge: self._unlikely(build, self.unseen),
+            "nis": float(np.mean([e.nis for e in each])),
+            AHEAD[1]: pooled(e.prediction[1] for e in each),
+            AHEAD[10]: pooled(e.prediction[10] for e in each),
+        }
+        for name in each[0].rmse:
+            if all(name in e.rmse for e in each):
+                found[f"error of {name}"] = pooled(e.rmse[name] for e in each)
+        return found
+
+    def said(self, source: str) -> str:
+        """Return what the filter was tuned on."""
+        return f"likelihood of {source or f'{len(self.seen)} records'}"
+
+    def warnings(
+        self, estimator: Estimator, kept: bool, after: Mapping[str, float]
+    ) -> Iterable[str]:
+        """Tell what is odd about the filter that is taken."""
+        if not kept:
+            yield (
+                "the data that it was not tuned on is no more likely with the tuned values: the "
+                "untuned filter is taken"
+            )
+        if kept and after["nis"] > TOO_LARGE**2:
+            yield (
+                f"the innovations are {math.sqrt(after['nis']):.1f} times what the filter expects, "
+                "on data that it was not tuned on: is the record of this bearing?"
+            )
+        yield from _in_the_loop(self.bearing, estimator, kept)
+
+
+class ByTruth:
+    """Tuning by the errors against simulated truth."""
+
+    by: By = "truth"
+    judge = JUDGED["truth"]
+
+    def __init__(self, bearing: Bearing, runs: int, seed: int) -> None:
+        self.bearing, self.runs = bearing, runs
+        self.first = round(SETTLING * own_time(bearing) / bearing.sampling_time)
+        self.seen = self._trials(2 * seed + 1)
+        self.unseen = self._trials(2 * seed + 2)
+        if not (self.seen and self.unseen):
+            raise AmbkitError(f"{bearing.name}: the rotor met a stop in all simulated runs")
+        self.reference = errors(lambda: KalmanFilter(bearing), self.seen, self.first).mean(axis=0)
+
+    def _trials(self, seed: int) -> list[Trial]:
+        made = trials(CASES["paper"], self.bearing, self.runs, seed)
+        return [each for each in made if not each.lost]
+
+    def usual(self, contender: Contender) -> tuple[str, ...]:
+        """Return which tunables are free where nobody says it."""
+        names = [each.name for each in contender.tunable]
+        # Gains depend on the ratios of the variances alone: one of them is left as it is.
+        given = {"noise.control", "noise.disturbance"} <= set(names)
+        return tuple(name for name in names if not (given and name == "noise.measurement"))
+
+    def cautious(self, best: Tried, _free: Any, _cost: Any) -> Tried:
+        """Return the best of the search as it is."""
+        return best
+
+    def check(self, estimator: Estimator, kind: str) -> None:
+        """There is nothing that could not be tuned so."""
+
+    def cost(self, build: Callable[[], Estimator]) -> float:
+        """Return what the search makes small, for the filters that `build` makes."""
+        return self._share(errors(build, self.seen, self.first))
+
+    def _share(self, found: Any) -> float:
+        shares = found.mean(axis=0) / self.reference
+        known = shares[~np.isnan(shares)]
+        return float(known.mean()) if known.size else math.inf
+
+    def figures(self, build: Callable[[], Estimator]) -> dict[str, float]:
+        """Return how such filters do on what they were not tuned on."""
+        found = errors(build, self.unseen, self.first)
+        by_signal = dict(zip(SIGNALS, found.mean(axis=0).tolist(), strict=True))
+        return {self.judge: self._share(found)} | {
+            f"error of {name}": value for name, value in by_signal.items()
+        }
+
+    def said(self, source: str) -> str:
+        """Return what the filter was tuned on."""
+        return f"errors in {len(self.seen)} simulated runs of {self.bearing.name}"
+
+    def warnings(
+        self, estimator: Estimator, kept: bool, after: Mapping[str, float]
+    ) -> Iterable[str]:
+        """Tell what is odd about the filter that is taken."""
+        raw = float(np.mean([
+            np.sqrt(np.mean((t.record["y"] / self.bearing.sensor.gain - t.record["x"])[self.first:]
+                            ** 2)) for t in self.unseen
+        ]))  # fmt: skip
+        if not after["error of x"] < raw:
+            yield (
+                f"its position errs by {engineering(after['error of x'], 'm', digits=3)}, and the "
+                f"raw sensor by {engineering(raw, 'm', digits=3)}"
+            )
+        if not kept:
+            yield "runs that it was not tuned on have no smaller errors: the untuned is taken"
+
+
+def _in_the_loop(bearing: Bearing, estimator: Estimator, kept: bool) -> Iterable[str]:
+    """Tell where a filter that a record likes best is worse in a simulated loop."""
+    from ambkit.simulation.run import simulate_run
+    from ambkit.workflow.simulating import scenario_for
+
+    if not kept:
+        return
+    load = 0.3 * bearing.rotor.mass * GRAVITY * against_gravity(bearing)
+    scenario = scenario_for(bearing, step=0.1 * bearing.rotor.travel_limit, load=load)
+
+    def error(filter_: Estimator) -> float:
+        record = simulate_run(bearing, scenario, estimator=filter_).record
+        if record.meta["stop_touched"]:
+            return math.inf
+        return float(np.sqrt(np.mean((record["x"] - scenario.reference.sample(record.t)) ** 2)))
+
+    tuned, untuned = error(estimator), error(KalmanFilter(bearing))
+    if tuned > MUCH_WORSE * untuned:
+        worse = tuned / untuned
+        what = "loses the rotor" if math.isinf(worse) else f"errs {worse:.2f} times as much"
+        yield (
+            f"in a simulated loop with the default controller it {what} as with the untuned linear "
+            "filter: the likelihood knows nothing of the loop"
+        )
