@@ -65,6 +65,7 @@ def made(tmp_path_factory):
     scenario.save(folder / "scenario.toml")
     ambkit.simulate(bearing, scenario).save(folder / "run.csv")
     bearing.save(folder / "found.toml")
+    ambkit.KalmanFilter(bearing).save(folder / "filter.toml", bearing=folder / "my.toml")
     (folder / "force.csv").write_text(_force(bearing), encoding="utf-8")
     shutil.copy(recordings.folder() / "lift_off_points.csv", folder / "points.csv")
     shutil.copy(recordings.folder() / "sinus_kalman.csv", folder / "log.csv")
@@ -555,6 +556,23 @@ def test_assess(call, tmp_path):
     assert data["loops"]["measurement"]["zone"] == "A"
     assert data["loops"]["measurement"]["delay_margin"] > 1e-3
     assert picture.stat().st_size > 10_000
+
+
+def test_assess_takes_filters_files(call, tmp_path):
+    bearing = ambkit.Bearing.preset("zittau_axial")
+    quick = ambkit.FilterNoise(disturbance=1e4)
+    ambkit.KalmanFilter(bearing, noise=quick).save(tmp_path / "mine.toml")
+    expected = ambkit.assess(bearing, {"mine": ambkit.KalmanFilter(bearing, noise=quick)})
+    for arguments in (["mine.toml"], ["zittau_axial", "--filter", "mine.toml"]):
+        found = call("assess", *arguments, "--json")
+        assert found.code == 0, found.err
+        assert list(found.json["loops"]) == ["measurement", "mine.toml"]
+        peak = found.json["loops"]["mine.toml"]["peak"]
+        assert peak == pytest.approx(expected.loops["mine"].peak, rel=1e-9)
+    both = call("assess", "mine.toml", "--filter", "linear")
+    assert (both.code, both.err) == (
+        2, "ambkit: mine.toml is a filter already: leave out --estimator\n"
+    )  # fmt: skip
 
 
 def test_assess_takes_all_kinds_that_settle_and_a_scenarios_controller(call, tmp_path):

@@ -8,27 +8,32 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ambkit.cli.kinds import NAMES, known, names
-from ambkit.cli.options import BearingName, ExpertFile, Json, Plot, find_bearing, quantity
+from ambkit.base.errors import AmbkitError
+from ambkit.cli.kinds import NAMES, is_filter, known, names
+from ambkit.cli.options import BearingOrFilter, ExpertFile, Json, Plot, find_bearing, quantity
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from ambkit.judge.loop.margins import Margins
+    from ambkit.machine.bearing import Bearing
     from ambkit.workflow.assessing import AssessedLoop, Assessment
 
 
 def assess(
-    bearing: BearingName,
+    bearing: BearingOrFilter,
     estimator: Annotated[
-        str,
+        str | None,
         typer.Option(
-            callback=lambda text: text if text == "none" else known(text),
-            metavar="NAME",
-            help="Whose estimate feeds the controller: none, or with commas for more: "
-            f"{', '.join(NAMES)}, or the file of a filter (.toml).",
+            "--estimator",
+            "--filter",
+            callback=lambda text: text if text in (None, "none") else known(text),
+            metavar="NAMES",
+            help="Whose estimate feeds the controller: none, or one or several of "
+            f"{', '.join(NAMES)}; all; or filters' files (.toml).",
+            show_default="the filter whose file is given, or linear",
         ),
-    ] = "linear",
+    ] = None,
     expert: ExpertFile = None,
     scenario: Annotated[
         Path | None,
@@ -59,6 +64,7 @@ def assess(
 
     For example:
       ambkit assess zittau_axial --estimator linear,observer --plot margins.png
+      ambkit assess my.toml --filter filter.toml
     """
     from ambkit.cli import output
     from ambkit.cli.kinds import factories
@@ -67,7 +73,7 @@ def assess(
     from ambkit.simulation.scenario import Scenario
     from ambkit.workflow.assessing import assess as assessed
 
-    plant = find_bearing(bearing)
+    plant, estimator = _asked(bearing, estimator)
     controller = None if scenario is None else Scenario.load(scenario).controller
     built = factories([] if estimator == "none" else names(estimator), plant, expert)
     filters = {name: make() for name, make in built.items()}
@@ -82,6 +88,17 @@ def assess(
         [(plot, lambda path: plots.save_figure(found.figure(), path))],
         as_json=json,
     )
+
+
+def _asked(target: str, estimator: str | None) -> tuple[Bearing, str]:
+    """Return the plant, and who is in the loop: where a filter's file is the target, both."""
+    from ambkit.estimate.filter_file import FilterFile
+
+    if not is_filter(target):
+        return find_bearing(target), estimator or "linear"
+    if estimator is not None:
+        raise AmbkitError(f"{target} is a filter already: leave out --estimator")
+    return FilterFile.load(target).bearing.bearing, target
 
 
 BESIDE = 5
