@@ -500,7 +500,7 @@ def test_nothing_is_written_beyond_the_edge(build):
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     with matplotlib.rc_context(static._RC):
-        canvas = static.draw(build())
+        canvas, _ = static.draw(build())
         FigureCanvasAgg(canvas).draw()
         drawn, (width, height) = canvas.get_tightbbox(), canvas.get_size_inches()
     assert drawn.x0 >= 0
@@ -513,7 +513,7 @@ def test_axis_factor_turns_metres_into_millimetres():
     import matplotlib
 
     with matplotlib.rc_context(static._RC):
-        axes = static.draw(step_response()).axes
+        _, axes = static.draw(step_response())
     tops = sorted(axis.get_ylim()[1] for axis in axes)
     assert 0.9 < tops[0] < 1.0  # mm
     assert 3.0 < tops[1] < 4.0  # N

@@ -1,7 +1,9 @@
 """What happens in a run: the signals over time, and a scenario's TOML."""
 
+import copy
 import doctest
 import math
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -143,8 +145,18 @@ def test_a_signal_has_the_unit_of_its_place() -> None:
         's.toml:3: disturbance.amplitude: "0.5 mm": mm cannot be converted to N, '
         'write it like "3 N"'
     ]
-    with pytest.raises(ConfigError, match="a signal by itself has no unit"):
-        Step(amplitude="0.5 mm")
+    alone = Step(amplitude="0.5 mm", time="20 ms")
+    assert alone == scenario.reference
+    assert Scenario(reference=alone) == scenario
+    with pytest.raises(ConfigError) as caught:
+        Scenario(disturbance=Constant(value="3 N") + alone)
+    assert str(caught.value) == 'Scenario.disturbance: "0.5 mm": mm cannot be converted to N'
+    assert Scenario(reference=Ramp(slope="2 mm/ms")).reference.slope == 2.0
+    assert Sequence(times=["1 ms"], values=["3 µm"]).values == (3e-6,)
+    assert copy.deepcopy(alone) == pickle.loads(pickle.dumps(alone)) == alone
+    for wrong, told in (("50", "has no unit"), ("5 foo", "is not a known unit"), ("x", "number")):
+        with pytest.raises(ConfigError, match=told):
+            Step(amplitude=wrong)
     assert Scenario(reference={"type": "step", "amplitude": "0.5 mm"}).reference.amplitude == 0.5e-3
 
 

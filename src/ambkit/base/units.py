@@ -125,6 +125,29 @@ def parse(text: str, unit: str) -> float:
     return value
 
 
+def base_unit(text: str) -> str:
+    """Return the SI base units that a number with its unit is measured in, as pint calls them.
+
+    Parameters
+    ----------
+    text : str
+        Such as ``"50 µm"``.
+
+    Raises
+    ------
+    ValueError
+        It is no number with a unit, or the unit is not known.
+    """
+    match = _QUANTITY.fullmatch(text)
+    if match is None or not match[2]:
+        parse(text, "m")  # which says what is wrong with it
+        raise ValueError(f'"{text[:_SHOWN]}" has no unit')
+    _root(match[2])  # raises where it is not known
+    registry = _registry()
+    _, base = registry.get_base_units(registry.parse_units(match[2]))
+    return str(base)
+
+
 def engineering(value: float, unit: str, digits: int | None = 6, like: float | None = None) -> str:
     """Print a value as an engineer writes it: ``0.002, "m"`` gives ``"2 mm"``.
 

@@ -6,13 +6,20 @@ import math
 import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ambkit.base.asked import Given, in_si
 from ambkit.base.errors import RecordError, shortened
+from ambkit.base.showing import Shown
+from ambkit.data import frames
 from ambkit.data import signals as names
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
 
 Array = NDArray[np.float64]
 
@@ -21,7 +28,7 @@ TIME_TOLERANCE = 0.01
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Record:
+class Record(Shown):
     """Evenly sampled signals of one run, n samples; a simulated and a measured run alike.
 
     The arrays are copied and cannot be written to. NaN in a signal is a missing sample.
@@ -46,6 +53,8 @@ class Record:
         Time not increasing, uneven or not finite; an infinite value; lengths that differ; a
         signal without unit, or in one that is not SI.
     """
+
+    _card_by = "show.notebook.things:record"
 
     t: Array
     signals: Mapping[str, Array]
@@ -111,19 +120,23 @@ class Record:
         """Whether estimates can be judged against the truth."""
         return bool(self.truth)
 
-    def between(self, start: float | None = None, stop: float | None = None) -> Record:
+    def between(self, start: Given | None = None, stop: Given | None = None) -> Record:
         """Return the part with start <= t < stop; its time is not shifted.
 
         Parameters
         ----------
-        start, stop : float, optional
-            Time [s], met to half a sampling time. Without it, the record's own start or end.
+        start, stop : float or str, optional
+            Time [s], such as 0.2 or ``"200 ms"``, met to half a sampling time. Without it, the
+            record's own start or end.
 
         Raises
         ------
         RecordError
             Less than two samples lie there.
+        AmbkitError
+            `start` or `stop` is no time.
         """
+        start, stop = in_si("start", start, "s"), in_si("stop", stop, "s")
         half = 0.5 * self.sampling_time
         first = 0 if start is None else int(np.searchsorted(self.t, start - half))
         last = len(self) if stop is None else int(np.searchsorted(self.t, stop - half))
@@ -204,6 +217,89 @@ class Record:
             return cls(t, columns, table.units, table.meta)
         except RecordError as error:
             raise RecordError(f"{path}: {error}") from None
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return the signals as a DataFrame over the time [s], in SI.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Its ``attrs`` hold ``units`` and ``meta``.
+
+        Raises
+        ------
+        AmbkitError
+            pandas is not installed (``pip install 'ambkit[pandas]'``).
+        """
+        return frames.to_pandas(self._series())
+
+    @classmethod
+    def from_pandas(cls, frame: pandas.DataFrame, units: Mapping[str, str] | None = None) -> Record:
+        """Make a record of a DataFrame; that of `to_pandas` gives exactly its values.
+
+        Parameters
+        ----------
+        frame : pandas.DataFrame
+            Its index is the time, in seconds or as pandas counts it, or else its column ``t``.
+        units : mapping of str to str, optional
+            Unit of each column, such as ``{"y": "mm"}``; by default ``frame.attrs["units"]``, and
+            for the standard names SI. What is not SI is converted.
+
+        Raises
+        ------
+        RecordError
+            It has no time, a column without unit or not of numbers, or is no valid record.
+        AmbkitError
+            pandas is not installed.
+        """
+        return cls._of_series(frames.from_pandas(frame), units)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return the signals as a Dataset over the coordinate t [s], in SI.
+
+        Returns
+        -------
+        xarray.Dataset
+            Each variable has its ``units``; ``meta`` is JSON in ``attrs``, as netCDF wants it.
+
+        Raises
+        ------
+        RecordError
+            JSON cannot hold ``meta``.
+        AmbkitError
+            xarray is not installed (``pip install 'ambkit[xarray]'``).
+        """
+        made: xarray.Dataset = frames.to_xarray(self._series())
+        return made
+
+    @classmethod
+    def from_xarray(cls, dataset: xarray.Dataset, units: Mapping[str, str] | None = None) -> Record:
+        """Make a record of a Dataset; that of `to_xarray` gives exactly its values.
+
+        Parameters
+        ----------
+        dataset : xarray.Dataset
+            Variables over the coordinate ``t``.
+        units : mapping of str to str, optional
+            Unit of each variable; by default what its ``attrs["units"]`` says, and for the
+            standard names SI. What is not SI is converted.
+
+        Raises
+        ------
+        RecordError
+            It has no time, a variable without unit or not of numbers, or is no valid record.
+        AmbkitError
+            xarray is not installed.
+        """
+        return cls._of_series(frames.from_xarray(dataset), units)
+
+    def _series(self) -> frames.Series:
+        return frames.Series(self.t, self.signals, self.units, {"meta": dict(self.meta)})
+
+    @classmethod
+    def _of_series(cls, given: frames.Series, units: Mapping[str, str] | None) -> Record:
+        found = frames.in_si(given, units)
+        return cls(found.t, found.columns, found.units, found.about.get("meta", {}))
 
 
 def _frozen(name: str, values: ArrayLike) -> Array:

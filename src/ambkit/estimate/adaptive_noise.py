@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, Literal
 
+from ambkit.base.asked import Given, in_si, of_type
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.low_pass import LowPass
 from ambkit.estimate.noise import Variances
@@ -36,9 +37,9 @@ class AdaptiveNoise(Estimator):
         by sample, and the first samples weigh more. For R they are the same rule.
     adapts : {"measurement", "disturbance", "both"}
         What is found. Sample by sample there is one equation, so ``"sage-husa"`` finds one of them.
-    memory : float
+    memory : float or str
         Time that the averages reach back [s].
-    window : float
+    window : float or str
         Time over which ``"innovation"`` sums the corrections of the load [s].
     most : float
         Neither is taken to be more than this many times off what `inner` assumes, up or down; at
@@ -61,10 +62,12 @@ class AdaptiveNoise(Estimator):
         *,
         method: Literal["innovation", "sage-husa"] = "innovation",
         adapts: Literal["measurement", "disturbance", "both"] = "measurement",
-        memory: float = 0.5,
-        window: float = 0.01,
+        memory: Given = 0.5,
+        window: Given = 0.01,
         most: float = 100.0,
     ) -> None:
+        of_type(Estimator, inner=inner)
+        memory, window = in_si("memory", memory, "s"), in_si("window", window, "s")
         T = inner.bearing.sampling_time
         _check_choice("method", method, METHODS)
         _check_choice("adapts", adapts, ADAPTS)

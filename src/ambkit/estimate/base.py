@@ -14,13 +14,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.arrays import real
+from ambkit.base.asked import of_type
 from ambkit.base.copying import Copyable
+from ambkit.data.record import Record
 from ambkit.data.rig_units import Inputs
 from ambkit.estimate.engine import Engine, core_settings
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.model import LinearModel
 from ambkit.estimate.noise import FilterNoise, completed
 from ambkit.estimate.starting import hovering, start_std
+from ambkit.machine.bearing import Bearing
 from ambkit.machine.magnets import (
     ConstantStiffness,
     MagnetModel,
@@ -31,8 +34,6 @@ from ambkit.models.model import Descriptor, Model
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
-    from ambkit.data.record import Record
-    from ambkit.machine.bearing import Bearing
 
 
 class Estimator(Copyable):
@@ -95,6 +96,7 @@ class Estimator(Copyable):
         outlier_limit: int = 3,
         as_printed: bool = False,
     ) -> None:
+        of_type(Bearing, bearing=bearing)
         if gravity not in ("known", "disturbance"):
             raise ValueError(f"gravity must be 'known' or 'disturbance', got {gravity!r}")
         for limit, value in (("frozen_limit", frozen_limit), ("outlier_limit", outlier_limit)):
@@ -102,9 +104,11 @@ class Estimator(Copyable):
                 raise ValueError(f"{limit} must be 0 or more, got {value}")
         if not (math.isfinite(gate) and gate > 0):
             raise ValueError(f"gate must be greater than 0 standard deviations, got {gate!r}")
+        noise = noise or FilterNoise()
+        of_type(FilterNoise, noise=noise)
         self.bearing = bearing
         self.magnet = magnet if magnet is not None else ConstantStiffness.of(bearing)
-        self.variances = completed(bearing, noise or FilterNoise())
+        self.variances = completed(bearing, noise)
         self.precision = precision
         known = bearing.weight if gravity == "known" else 0.0
         self.engine = Engine(bearing, precision, as_printed=as_printed, noise=self.estimates_noise)
@@ -287,46 +291,66 @@ class Estimator(Copyable):
         return tuple((dict(zip(names, usual, strict=True)) | dict(self.start_std)).values())
 
     def at_rest(
-        self, x: float, shown: float | None = None, current: float | None = None
+        self,
+        x: float | NDArray[np.float64],
+        shown: float | NDArray[np.float64] | None = None,
+        current: float | None = None,
     ) -> NDArray[np.float64]:
         """Return the states (n,), each in its unit [m, m/s, N ...], of a rotor at rest.
 
         Parameters
         ----------
-        x : float
-            Displacement [m].
-        shown : float, optional
+        x : float or ndarray (runs,)
+            Displacement [m]; of several runs the states are (runs, n).
+        shown : float or ndarray (runs,), optional
             What the sensor shows [m]; by default what it shows of x.
         current : float, optional
             The magnet's, and what was demanded in the samples before [A]; by default what holds the
             rotor there, see :attr:`hover`.
         """
         shown = self.bearing.sensor.gain * x if shown is None else shown
-        if current is None:
-            # In its own precision, as an exported filter has it.
-            at_centre, per_metre = np.array(self.hover, self.precision)
-            current = float(at_centre + per_metre * at_centre.dtype.type(x))
-        by_role = {"position": x, "sensor": shown, "current": current, "past control": current}
-        return np.array([by_role.get(state.role, 0.0) for state in self.states])
+        holding = self._holding_at(x) if current is None else current
+        by_role = {"position": x, "sensor": shown, "current": holding, "past control": holding}
+        mean = np.zeros((*np.shape(x), len(self.states)))
+        for place, state in enumerate(self.states):
+            if state.role in by_role:
+                mean[..., place] = by_role[state.role]
+        return mean
+
+    def _holding_at(self, x: float | NDArray[np.float64]) -> float | NDArray[Any]:
+        """Return the current that holds the rotor at x, in the precision of an exported filter."""
+        if self.hover == (0.0, 0.0):
+            return 0.0
+        at_centre, per_metre = np.array(self.hover, self.precision)
+        held: NDArray[Any] = at_centre + per_metre * np.asarray(x, self.precision)
+        return held
 
     def at_first(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the states at rest at the first measurement within the travel.
 
         Parameters
         ----------
-        y : ndarray (N,)
+        y : ndarray (N,) or (runs, N)
             Measured positions [m].
 
         Returns
         -------
-        ndarray (n,)
+        ndarray (n,) or (runs, n)
             The states, each in its unit [m, m/s, N ...].
         """
         gain, travel = self._settings["K_sen"][0], self._settings["travel"][0]
-        limit = gain * travel  # the whole record is searched only where it must be
-        near = y if y.size and abs(y[0]) <= limit else y[np.abs(y) <= limit]
-        first = float(near[0]) if near.size else 0.0
-        return self.at_rest(first / gain, first)
+        limit = gain * travel
+
+        def first(row: NDArray[np.float64]) -> float:
+            # The whole record is searched only where it must be.
+            near = row if row.size and abs(row[0]) <= limit else row[np.abs(row) <= limit]
+            return float(near[0]) if near.size else 0.0
+
+        if y.ndim == 1:
+            shown = first(y)
+            return self.at_rest(shown / gain, shown)
+        each = np.array([first(row) for row in y])
+        return self.at_rest(each / gain, each)
 
     @cached_property
     def hover(self) -> tuple[float, float]:
@@ -460,6 +484,7 @@ class Estimator(Copyable):
 
     def _start(self, record: Record) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Reset to the first measurement of a record within the travel; return its y and u."""
+        of_type(Record, record=record)
         check_sampling(self.bearing, record)
         y, u = record["y"], record["u"]
         self.reset(self.at_first(y))

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from enum import IntFlag
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.errors import RecordError
+from ambkit.base.showing import Shown
+from ambkit.data import frames
 from ambkit.data.record import Record
 from ambkit.models.model import Descriptor
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
 
 Array = NDArray[np.float64]
 
@@ -41,8 +49,17 @@ def packed(i: int, j: int, n: int) -> int:
     return i * n - i * (i + 1) // 2 + j
 
 
+def _covariances(states: Sequence[Descriptor]) -> dict[str, str]:
+    """Return name and unit of each entry of the upper triangle, row by row."""
+    return {
+        f"cov_{a.name}_{b.name}": f"({a.unit}) ({b.unit})"
+        for i, a in enumerate(states)
+        for b in states[i:]
+    }
+
+
 @dataclass(frozen=True, eq=False)
-class Estimate:
+class Estimate(Shown):
     """Estimates of one estimator along one record, n samples.
 
     Attributes
@@ -70,6 +87,8 @@ class Estimate:
         Estimated magnet constant over the known one, and its variance [1], from estimators that
         estimate it.
     """
+
+    _card_by = "show.notebook.things:estimate"
 
     t: Array
     mean: Array
@@ -210,6 +229,114 @@ class Estimate:
         signals["status"] = self.status.astype(float)
         units = {state.name: state.unit for state in self.states} | UNITS
         return Record(self.t, signals, units, meta={"estimator": self.estimator})
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return all of it as a DataFrame over the time [s], in SI.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A column for each state, then ``k_i``, ``k_s``, ``innovation``,
+            ``innovation_variance``, ``status``, and where they are known ``scale``,
+            ``scale_variance`` and the covariances, ``cov_x_v``; units are in ``attrs``.
+
+        Raises
+        ------
+        AmbkitError
+            pandas is not installed (``pip install 'ambkit[pandas]'``).
+        """
+        return frames.to_pandas(self._series())
+
+    @classmethod
+    def from_pandas(cls, frame: pandas.DataFrame) -> Estimate:
+        """Return the estimate that a DataFrame was made from, exactly.
+
+        Parameters
+        ----------
+        frame : pandas.DataFrame
+            Of `to_pandas`, whole or some of its rows.
+
+        Raises
+        ------
+        RecordError
+            It is not of `to_pandas`, or has lost a column or its ``attrs``.
+        AmbkitError
+            pandas is not installed.
+        """
+        return cls._of_series(frames.from_pandas(frame))
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return all of it as a Dataset over the coordinate t [s], in SI.
+
+        Returns
+        -------
+        xarray.Dataset
+            Variables as the columns of `to_pandas`, each with its ``units``.
+
+        Raises
+        ------
+        AmbkitError
+            xarray is not installed (``pip install 'ambkit[xarray]'``).
+        """
+        made: xarray.Dataset = frames.to_xarray(self._series())
+        return made
+
+    @classmethod
+    def from_xarray(cls, dataset: xarray.Dataset) -> Estimate:
+        """Return the estimate that a Dataset was made from, exactly.
+
+        Parameters
+        ----------
+        dataset : xarray.Dataset
+            Of `to_xarray`, whole or a part of its times.
+
+        Raises
+        ------
+        RecordError
+            It is not of `to_xarray`, or has lost a variable or its ``attrs``.
+        AmbkitError
+            xarray is not installed.
+        """
+        return cls._of_series(frames.from_xarray(dataset))
+
+    def _series(self) -> frames.Series:
+        columns: dict[str, NDArray[Any]] = {name: self[name] for name in self.names}
+        units = {state.name: state.unit for state in self.states} | UNITS
+        columns |= {name: getattr(self, name) for name in UNITS}
+        if self.scale is not None and self.scale_variance is not None:
+            columns |= {"scale": self.scale, "scale_variance": self.scale_variance}
+            units |= {"scale": "1", "scale_variance": "1"}
+        if self.covariance is not None:
+            for place, (name, unit) in enumerate(_covariances(self.states).items()):
+                columns[name], units[name] = self.covariance[:, place], unit
+        states = [list(asdict(state).values()) for state in self.states]
+        return frames.Series(
+            self.t, columns, units, {"estimator": self.estimator, "states": states}
+        )
+
+    @classmethod
+    def _of_series(cls, given: frames.Series) -> Estimate:
+        columns, about = dict(given.columns), given.about
+        try:
+            states = tuple(Descriptor(*state) for state in about["states"])
+            mean = np.column_stack([columns[state.name] for state in states])
+            of_core = {name: columns[name] for name in UNITS}
+            pairs = [columns[name] for name in _covariances(states) if name in columns]
+            whole = len(pairs) in (0, packed(len(states) - 1, len(states) - 1, len(states)) + 1)
+            if not whole:
+                raise KeyError("a covariance")
+            return cls(
+                t=given.t,
+                mean=mean,
+                **of_core | {"status": of_core["status"].astype(np.uint16)},
+                covariance=np.column_stack(pairs) if pairs else None,
+                estimator=str(about["estimator"]),
+                states=states,
+                scale=columns.get("scale"),
+                scale_variance=columns.get("scale_variance"),
+            )
+        except (KeyError, TypeError, ValueError) as error:
+            raise RecordError(f"is no whole estimate of ambkit: {error} is missing") from None
 
     def save(self, path: str | Path) -> None:
         """Write the estimates to a file.

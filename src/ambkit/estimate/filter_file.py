@@ -41,6 +41,7 @@ import numpy as np
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from ambkit.base import files, units
+from ambkit.base.asked import in_si
 from ambkit.base.config import Document, Part, Read
 from ambkit.base.config.paths import FilePath
 from ambkit.base.config.quantities import Quantity
@@ -380,7 +381,7 @@ def _written(value: Any, unit: str) -> Any:
     """Return a value as a file has it."""
     if not unit or unit == "1":
         return value
-    return units.engineering(float(value), unit, digits=None)
+    return units.engineering(in_si("option", value, unit), unit, digits=None)
 
 
 def _start(given: Mapping[str, str], made: Estimator) -> dict[str, float]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+from ambkit.base.asked import Given, in_si
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.engine import Engine
 from ambkit.estimate.observer import unstable_pole
@@ -29,7 +30,7 @@ class LowPass(Estimator):
         What is filtered.
     magnet : optional
         What is known of the magnet; by default the constant stiffnesses of the origin.
-    position, velocity, force : float, optional
+    position, velocity, force : float or str, optional
         Corner frequencies [rad/s]. Defaults: 20, 10 and 2 times the plant's unstable pole.
     **options
         As for :class:`KalmanFilter`; the noise does not matter.
@@ -48,17 +49,16 @@ class LowPass(Estimator):
         bearing: Bearing,
         magnet: MagnetModel | None = None,
         *,
-        position: float | None = None,
-        velocity: float | None = None,
-        force: float | None = None,
+        position: Given | None = None,
+        velocity: Given | None = None,
+        force: Given | None = None,
         **options: Any,
     ) -> None:
         pole = unstable_pole(bearing)
-        self.corners = {
-            "position": 20 * pole if position is None else position,
-            "velocity": 10 * pole if velocity is None else velocity,
-            "force": 2 * pole if force is None else force,
-        }
+        usual = {"position": 20 * pole, "velocity": 10 * pole, "force": 2 * pole}
+        given = {"position": position, "velocity": velocity, "force": force}
+        said = {name: in_si(name, corner, "rad/s") for name, corner in given.items()}
+        self.corners = usual | {name: c for name, c in said.items() if c is not None}
         for name, corner in self.corners.items():
             if not (math.isfinite(corner) and corner > 0):
                 raise ValueError(f"{name} must be greater than 0 rad/s, got {corner!r}")

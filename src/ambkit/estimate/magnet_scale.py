@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ambkit.base.asked import Given, in_si
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.engine import Engine
 from ambkit.estimate.observer import unstable_pole
@@ -134,10 +135,11 @@ class MultipleModelFilter(Estimator):
         magnet: MagnetModel | None = None,
         *,
         scales: Sequence[float] = (0.7, 0.85, 1.0, 1.15, 1.3),
-        sojourn: float = 1.0,
+        sojourn: Given = 1.0,
         excitation: float = 1 / 3,
         **options: Any,
     ) -> None:
+        sojourn = in_si("sojourn", sojourn, "s")
         if not (2 <= len(scales) <= 5 and all(math.isfinite(s) and s > 0 for s in scales)):
             raise ValueError(f"scales must be 2 to 5 positive numbers, got {tuple(scales)!r}")
         if not (math.isfinite(sojourn) and sojourn >= 2 * bearing.sampling_time):

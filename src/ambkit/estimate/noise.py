@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
+from ambkit.base.asked import Given, in_si
 from ambkit.machine.bearing import GRAVITY
 
 if TYPE_CHECKING:
@@ -14,25 +15,44 @@ if TYPE_CHECKING:
     from ambkit.models.model import Descriptor
 
 
-@dataclass(frozen=True)
+UNITS = {"measurement": "m^2", "control": "V^2", "disturbance": "N^2/s"}
+"""Of each variance."""
+
+
+@dataclass(frozen=True, init=False)
 class FilterNoise:
     """Variances that a filter assumes; ``None`` takes the bearing's own figure.
 
     Parameters
     ----------
-    measurement : float, optional
-        R, variance of the measured position [m^2].
-    control : float, optional
+    measurement : float or str, optional
+        R, variance of the measured position [m^2], such as ``"83 µm^2"``.
+    control : float or str, optional
         Variance of the control signal [V^2]; enters as ``B var B'`` (paper, below eq. 21).
-    disturbance : float, optional
+    disturbance : float or str, optional
         Growth of the disturbance force's variance [N^2/s]; times T a sample. Default ``(2 m g)^2``:
         a force that wanders by twice the rotor's weight in a second. The paper leaves it to
         experiment: larger follows a load faster and lets more noise through.
+
+    Raises
+    ------
+    AmbkitError
+        One is neither a number nor a text with its unit.
     """
 
     measurement: float | None = None
     control: float | None = None
     disturbance: float | None = None
+
+    def __init__(
+        self,
+        measurement: Given | None = None,
+        control: Given | None = None,
+        disturbance: Given | None = None,
+    ) -> None:
+        given = {"measurement": measurement, "control": control, "disturbance": disturbance}
+        for name, unit in UNITS.items():
+            object.__setattr__(self, name, in_si(f"noise.{name}", given[name], unit))
 
 
 class Variances(NamedTuple):
@@ -70,7 +90,7 @@ def completed(bearing: Bearing, noise: FilterNoise) -> Variances:
         bearing.amplifier.noise_variance if noise.control is None else noise.control,
         (2 * weight) ** 2 if noise.disturbance is None else noise.disturbance,
     )
-    for name, unit in (("measurement", "m^2"), ("control", "V^2"), ("disturbance", "N^2/s")):
+    for name, unit in UNITS.items():
         value = getattr(full, name)
         if not math.isfinite(value) or value < 0 or (name == "measurement" and value == 0):
             limit = "greater than 0" if name == "measurement" else "0 or greater"

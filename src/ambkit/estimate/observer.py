@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.asked import Given, in_si
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.engine import Engine, caps
 from ambkit.estimate.model import LinearModel
@@ -92,7 +93,7 @@ class ExtendedStateObserver(_Observer):
     magnet : optional
         What the observer knows of its magnet; by default the constant stiffnesses of the origin,
         for which the gain is computed whatever the magnet.
-    bandwidth : float, optional
+    bandwidth : float or str, optional
         Of the estimation error [rad/s]. Default: eight times the plant's unstable pole.
     **options
         As for :class:`KalmanFilter`. Of the noise only the stated covariance knows.
@@ -116,9 +117,10 @@ class ExtendedStateObserver(_Observer):
         bearing: Bearing,
         magnet: MagnetModel | None = None,
         *,
-        bandwidth: float | None = None,
+        bandwidth: Given | None = None,
         **options: Any,
     ) -> None:
+        bandwidth = in_si("bandwidth", bandwidth, "rad/s")
         if bandwidth is None:
             bandwidth = 8 * unstable_pole(bearing)
         if not (math.isfinite(bandwidth) and bandwidth > 0):

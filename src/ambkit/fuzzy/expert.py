@@ -11,7 +11,7 @@ import os
 import sys
 from collections.abc import Iterable, Iterator
 from types import ModuleType
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +24,7 @@ from ambkit.base.config import Part, Read
 from ambkit.base.config.problems import Problem, dotted
 from ambkit.base.config.texts import Description, Line
 from ambkit.base.errors import AmbkitError, ConfigError
+from ambkit.base.showing import Shown
 from ambkit.fuzzy.network import Scaling, default_width, network, scale_factors
 from ambkit.machine import paper
 from ambkit.machine.magnets import evaluate_force, evaluate_stiffness
@@ -76,13 +77,15 @@ class Training(Part):
     """Learning curve of k_s [N/m]."""
 
 
-class Expert(Part):
+class Expert(Shown, Part):
     """A fuzzy basis function network that gives k_i and k_s at (iu, x).
 
     Two inputs, scaled such that distances in them compare; Gaussian rules; two outputs, whose rules
     share their centres and have each their own widths and weights. Outside its box the network
     answers as at the nearest point of the box.
     """
+
+    _card_by: ClassVar[str] = "show.notebook.things:expert"
 
     format: Literal["ambkit expert"] = "ambkit expert"
     """What the file is."""

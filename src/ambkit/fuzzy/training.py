@@ -11,19 +11,18 @@ The paper trains on the second, each output by itself. Least squares here trains
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ambkit.base.asked import of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.fuzzy.expert import Expert, Method, Training
 from ambkit.fuzzy.network import Scaling
 from ambkit.fuzzy.training_set import Outputs, TrainingSet, rms
+from ambkit.machine.bearing import Bearing
 from ambkit.machine.stiffness import StiffnessMap, stiffness_map
-
-if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
 
 Array = NDArray[np.float64]
 
@@ -88,6 +87,7 @@ def train(
     AmbkitError
         A parameter outside its limits, or a force that is the same all over the box.
     """
+    of_type(Bearing, StiffnessMap, source=source)
     if method not in ("least-squares", "steepest-gradient"):
         raise AmbkitError(f'method must be "least-squares" or "steepest-gradient", is {method!r}')
     if weights and method == "steepest-gradient":

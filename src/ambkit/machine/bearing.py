@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 from types import SimpleNamespace
-from typing import Annotated, Any, Literal, Self, cast
+from typing import Annotated, Any, ClassVar, Literal, Self, cast
 
 from pydantic import (
     ConfigDict,
@@ -19,6 +19,7 @@ from ambkit.base.config.paths import FilePath
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.texts import Description, Name
 from ambkit.base.errors import AmbkitError
+from ambkit.base.showing import Shown
 from ambkit.base.units import engineering
 from ambkit.machine.magnets import MU_0, magnet_of
 from ambkit.machine.parts import (
@@ -265,7 +266,7 @@ class Sensor(Part):
         return {k: each for k, each in data.items() if k not in absent or getattr(self, k)}
 
 
-class Bearing(Document):
+class Bearing(Shown, Document):
     """One axis of an active magnetic bearing.
 
     Frozen, and checked as a whole: from TOML (`load`, `from_toml`, `preset`) or from Python, where
@@ -279,6 +280,8 @@ class Bearing(Document):
     >>> bearing.replace(magnet__air_gap="2.2 mm").magnet.air_gap
     0.0022
     """
+
+    _card_by: ClassVar[str] = "show.notebook.things:bearing"
 
     name: Annotated[Name, Field(min_length=1)]
     """Short name."""

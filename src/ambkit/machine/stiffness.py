@@ -18,13 +18,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.arrays import real
+from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
+from ambkit.machine.bearing import Bearing
 from ambkit.machine.forces.table import check_nodes
 from ambkit.machine.magnets import equally_far, magnet_of
 
 if TYPE_CHECKING:
     from ambkit._core import Table
-    from ambkit.machine.bearing import Bearing
 
 Array = NDArray[np.float64]
 ForceFunction = Callable[[Array, Array], ArrayLike]
@@ -179,8 +180,8 @@ def stiffness_map(
     *,
     currents: ArrayLike | None = None,
     displacements: ArrayLike | None = None,
-    delta_current: float | None = None,
-    delta_displacement: float | None = None,
+    delta_current: Given | None = None,
+    delta_displacement: Given | None = None,
     force: ForceFunction | None = None,
 ) -> StiffnessMap:
     """Identify k_i and k_s over a grid of work points (paper, eq. 26-31, Tables 2-5).
@@ -193,8 +194,8 @@ def stiffness_map(
         Nodes of the control current [A]. Default: those of `work_points`.
     displacements : array_like (nx,), optional
         Nodes of the displacement [m]. Default: those of `work_points`.
-    delta_current, delta_displacement : float, optional
-        Steps of the nine points [A], [m]. Default: a hundredth of
+    delta_current, delta_displacement : float or str, optional
+        Steps of the nine points [A], [m], such as ``"10 µm"``. Default: a hundredth of
         ``ambkit.machine.magnets.equally_far``, on the paper's rig its 0.01 A and 0.01 mm.
     force : callable, optional
         ``force(iu [A], x [m]) -> [N]`` on arrays of one shape, bias force included: another law, a
@@ -211,8 +212,11 @@ def stiffness_map(
         Nodes that are too few, not finite or not ascending; a step that is not positive; a
         displacement at or beyond the air gap; a force that is not finite.
     """
+    of_type(Bearing, bearing=bearing)
     usual_current, usual_displacement = work_points(bearing)
     ampere, metre = equally_far(bearing)
+    delta_current = in_si("delta_current", delta_current, "A")
+    delta_displacement = in_si("delta_displacement", delta_displacement, "m")
     delta_current = ampere / 100 if delta_current is None else delta_current
     delta_displacement = metre / 100 if delta_displacement is None else delta_displacement
     current = _nodes("currents", currents, usual_current, "A")

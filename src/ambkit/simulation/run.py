@@ -7,25 +7,24 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.arrays import real
+from ambkit.base.asked import of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.data.record import Record
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.kalman import KalmanFilter
+from ambkit.machine.bearing import Bearing
 from ambkit.machine.hovering import hover_current
 from ambkit.machine.magnets import Law, MagnetModel, core_module, magnet_of
 from ambkit.simulation import noise, parts
-
-if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
-    from ambkit.simulation.scenario import Scenario
+from ambkit.simulation.scenario import Scenario
 
 UNITS = {
     "r": "m", "y": "m", "u": "V",
@@ -255,6 +254,8 @@ class Loop:
         magnet: MagnetModel | None = None,
         imposed: Imposed | None = None,
     ) -> None:
+        of_type(Bearing, bearing=bearing)
+        of_type(Scenario, scenario=scenario)
         scenario = scenario.model_copy(
             update={"controller": scenario.controller.completed(bearing)}
         )

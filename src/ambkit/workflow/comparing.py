@@ -6,8 +6,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from ambkit.base.asked import Given, in_si
 from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import reporting
+from ambkit.base.showing import Shown
 from ambkit.base.units import engineering
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.cases import CASES, Case
@@ -18,7 +20,7 @@ from ambkit.workflow.estimators import USUAL, Factory, factories
 from ambkit.workflow.simulating import scenario_for
 
 if TYPE_CHECKING:
-    from ambkit.judge.comparison.bench import Bench
+    from ambkit.judge.comparison.bench import Benches
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.forces.surface import ForceSurface
     from ambkit.machine.magnets import MagnetModel
@@ -31,14 +33,14 @@ HEIGHTS = (0.1, 0.3, 0.5)
 """Steps of the reference in travels, of loops where nobody says what happens."""
 
 
-def cases_called(name: str = "paper", spread: float | None = None) -> dict[str, Case]:
+def cases_called(name: str = "paper", spread: Given | None = None) -> dict[str, Case]:
     """Return a case, or all of them.
 
     Parameters
     ----------
     name : str
         Of :data:`ambkit.judge.comparison.cases.CASES`, or ``all``.
-    spread : float, optional
+    spread : float or str, optional
         How far the plant is off at most, from 0 to below 1: magnet constant, mass, air gap, sensor
         and load. By default what the case says.
 
@@ -52,6 +54,7 @@ def cases_called(name: str = "paper", spread: float | None = None) -> dict[str, 
     if name != "all" and name not in CASES:
         raise AmbkitError(f'there is no case "{name}"; known: {", ".join(CASES)}, all')
     cases = dict(CASES) if name == "all" else {name: CASES[name]}
+    spread = in_si("spread", spread, "1")
     if spread is None:
         return cases
     if not 0 <= spread < 1:
@@ -67,7 +70,7 @@ def compare_in_case(
     runs: int = RUNS,
     budget: int = 0,
     seed: int = 0,
-    spread: float | None = None,
+    spread: Given | None = None,
     magnets: Mapping[str, MagnetModel] | None = None,
     plant: ForceSurface | None = None,
     whole: bool = False,
@@ -85,7 +88,7 @@ def compare_in_case(
         Kinds, or ``file.py:Class``; by default all kinds.
     runs, budget, seed : int
         How many runs, evaluations to tune each with (0: defaults), and the first seed.
-    spread : float, optional
+    spread : float or str, optional
         See `cases_called`; of a case by name.
     magnets : mapping of str to MagnetModel, optional
         What kinds know of the magnet, in place of what would be learned.
@@ -122,11 +125,11 @@ def compare_in_all(
     runs: int = RUNS,
     budget: int = 0,
     seed: int = 0,
-    spread: float | None = None,
+    spread: Given | None = None,
     magnets: Mapping[str, MagnetModel] | None = None,
     plant: ForceSurface | None = None,
     done: Callable[[str], None] | None = None,
-) -> dict[str, Bench]:
+) -> Benches:
     """Compare estimators in all cases, tuned anew in each.
 
     Parameters
@@ -167,9 +170,9 @@ def happenings(
     bearing: Bearing,
     scenario: Scenario | None = None,
     *,
-    steps: Iterable[float] | None = None,
-    load: float | None = None,
-    duration: float | None = None,
+    steps: Iterable[Given] | None = None,
+    load: Given | None = None,
+    duration: Given | None = None,
     name: str = "scenario",
 ) -> dict[str, Happening]:
     """Return what happens, by name: the user's own scenario, or a step of each height.
@@ -180,18 +183,20 @@ def happenings(
         The controller is tuned to it, see `ambkit.scenario_for`.
     scenario : Scenario, optional
         The user's own.
-    steps : iterable of float, optional
-        Heights [m]; without a scenario by default `HEIGHTS` of the travel.
-    load : float, optional
+    steps : iterable of float or str, optional
+        Heights [m], such as 5e-5 or ``"50 µm"``; without a scenario by default `HEIGHTS` of the
+        travel.
+    load : float or str, optional
         Load after half of the run [N].
-    duration : float, optional
+    duration : float or str, optional
         Length of the run [s].
     name : str
         Of the user's own scenario.
     """
+    load = in_si("load", load, "N")
     heights: list[float | None] = [None]
     if steps is not None:
-        heights = list(steps)
+        heights = [in_si("steps", height, "m") for height in steps]
     elif scenario is None:
         heights = [share * bearing.rotor.travel_limit for share in HEIGHTS]
     return {
@@ -203,7 +208,7 @@ def happenings(
 
 
 @dataclass(frozen=True)
-class LoopScores:
+class LoopScores(Shown):
     """Estimators, each in its own loop, over the same seeds.
 
     Attributes
@@ -217,6 +222,8 @@ class LoopScores:
     seeds : range
         Of the runs.
     """
+
+    _card_by = "workflow.cards:loop_scores"
 
     bearing: Bearing
     happenings: Mapping[str, Happening]

@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base import files
+from ambkit.base.asked import of_type
+from ambkit.base.showing import Shown
 from ambkit.base.units import engineering
 from ambkit.data.channelmap import ChannelMap, inputs_of
 from ambkit.data.reading import load_filled
@@ -83,7 +85,7 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Design:
+class Design(Shown):
     """A filter to fly, and why.
 
     Attributes
@@ -105,6 +107,8 @@ class Design:
     made : mapping of str to str
         Its files in the folder, and what they are.
     """
+
+    _card_by = "workflow.cards:design"
 
     folder: Path
     candidates: tuple[Candidate, ...]
@@ -189,6 +193,7 @@ def design(
     AmbkitError
         A log cannot be read, a kind is unknown, or the folder cannot be written.
     """
+    of_type(Bearing, bearing=bearing)
     for kind in kinds:
         kind_called(kind)
     place = files.make_folder(folder)

@@ -8,17 +8,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ambkit.base.asked import Given, in_si, of_type
+from ambkit.base.showing import Shown
+from ambkit.data.record import Record
 from ambkit.estimate.noise import FilterNoise
 from ambkit.judge.comparison import EVALUATED
 from ambkit.judge.evaluation import Evaluation, evaluate
+from ambkit.machine.bearing import Bearing
 from ambkit.workflow.estimators import USUAL, Factory, FromFile, factories
 from ambkit.workflow.oddities import OutsideOfBox, outside_of_box
 from ambkit.workflow.tuning import default_disturbance, log_likelihood, tune_disturbance
 
 if TYPE_CHECKING:
-    from ambkit.data.record import Record
     from ambkit.estimate.estimate import Estimate
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.magnets import MagnetModel
 
 HORIZONS = (1, 10)
@@ -45,7 +47,7 @@ class Stretch:
     by_itself: bool
 
 
-def stretch_to_tune_on(record: Record, tune: float | None = None) -> Stretch | None:
+def stretch_to_tune_on(record: Record, tune: Given | None = None) -> Stretch | None:
     """Return what to tune on: what was asked for, or the second quarter of a measured record.
 
     The first quarter is often a start. Where the truth is known, nothing is tuned unasked.
@@ -54,14 +56,17 @@ def stretch_to_tune_on(record: Record, tune: float | None = None) -> Stretch | N
     ----------
     record : Record
         What is to be filtered.
-    tune : float, optional
+    tune : float or str, optional
         Time at the start to tune on [s].
 
     Raises
     ------
+    AmbkitError
+        `tune` is no time.
     ValueError
         `tune` is not above 0, or leaves no time to judge by.
     """
+    tune = in_si("tune", tune, "s")
     span = float(record.t[-1] - record.t[0])
     if tune is not None:
         if not 0 < tune < span:
@@ -132,7 +137,7 @@ class Filtered:
 
 
 @dataclass(frozen=True, eq=False)
-class Filtering:
+class Filtering(Shown):
     """Estimators along a record.
 
     Attributes
@@ -148,6 +153,8 @@ class Filtering:
     estimators : mapping of str to Filtered
         By name.
     """
+
+    _card_by = "workflow.cards:filtering"
 
     bearing: Bearing
     record: Record
@@ -203,8 +210,6 @@ class Filtering:
 
     def to_record(self) -> Record:
         """Return the estimates; of several estimators, each signal carries the name."""
-        from ambkit.data.record import Record
-
         records = {name: each.estimate.to_record() for name, each in self.evaluations.items()}
         records |= {f"{n}_smoothed": e.to_record() for n, e in self.smoothed.items()}
         if len(records) == 1:
@@ -222,8 +227,8 @@ def filter(
     *,
     magnets: Mapping[str, MagnetModel] | None = None,
     noise: FilterNoise | None = None,
-    tune: float | None = None,
-    settling: float = 0.0,
+    tune: Given | None = None,
+    settling: Given = 0.0,
     smooth: bool = False,
     done: Callable[[Filtered], None] = lambda _one: None,
 ) -> Filtering:
@@ -245,9 +250,10 @@ def filter(
         What kinds ask for k_i and k_s, see :func:`ambkit.workflow.estimators.factories`.
     noise : FilterNoise, optional
         What is known of the noise.
-    tune : float, optional
-        Time at the start to tune on [s]; it does not count for the evaluation.
-    settling : float
+    tune : float or str, optional
+        Time at the start to tune on [s], such as 0.2 or ``"200 ms"``; it does not count for
+        the evaluation.
+    settling : float or str
         Time at the start that does not count [s].
     smooth : bool
         Whether each sample is also estimated from the whole record.
@@ -262,7 +268,9 @@ def filter(
     Raises
     ------
     AmbkitError
-        There is no such estimator.
+        There is no such estimator, or a time is none.
+    TypeError
+        `bearing` is no bearing, or `record` no record.
     RecordError
         See :func:`ambkit.judge.evaluation.evaluate`.
     ValueError
@@ -277,6 +285,9 @@ def filter(
     >>> 0.9 < filtering["closed-law"].evaluation.nis < 1.1
     True
     """
+    of_type(Bearing, bearing=bearing)
+    of_type(Record, record=record)
+    tune, settling = in_si("tune", tune, "s"), in_si("settling", settling, "s")
     noise = noise or FilterNoise()
     if tune is not None and noise.disturbance is not None:
         raise ValueError("tune finds what noise.disturbance gives: use one of them")

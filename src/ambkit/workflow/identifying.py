@@ -7,8 +7,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from ambkit.base.asked import Given, all_of_type, in_si, of_type
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.base.progress import shown_in_notebooks
+from ambkit.base.showing import Shown
 from ambkit.data.record import Record
 from ambkit.data.rig_units import Inputs
 from ambkit.estimate.filter_file import made_by
@@ -21,12 +23,12 @@ from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import named, usual
 from ambkit.identification.maximum_likelihood.validation import Validation, validate
 from ambkit.identification.noise import Noise, measurement_noise
+from ambkit.machine.bearing import Bearing
 from ambkit.machine.stiffness import work_points
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.identification.forces.lift_off import LiftOff
-    from ambkit.machine.bearing import Bearing
 
 
 AtRest = Mapping[str, Noise | str]
@@ -64,7 +66,7 @@ def _noise_as_data(noise: Noise | str) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, eq=False)
-class Identified:
+class Identified(Shown):
     """A bearing from records of the loop, with its uncertainty, and how it did on others.
 
     Attributes
@@ -84,6 +86,8 @@ class Identified:
     forces : ForceMap or None
         Force at the nodes of a grid, if asked for.
     """
+
+    _card_by = "workflow.cards:identified"
 
     given: Bearing
     records: Sequence[Record]
@@ -169,7 +173,7 @@ def identified_filter(
 
 
 def starting_model(
-    bearing: Bearing, *, rest: AtRest | None = None, load_std: float | None = None
+    bearing: Bearing, *, rest: AtRest | None = None, load_std: Given | None = None
 ) -> LoopModel:
     """Return the model that identification starts from.
 
@@ -179,9 +183,10 @@ def starting_model(
         What is known already.
     rest : mapping of str to (Noise or str), optional
         From `noise_at_rest`: the noise of ``y`` is the sensor's.
-    load_std : float, optional
+    load_std : float or str, optional
         How far from zero the load may be at the start of a record [N]; by default the weight.
     """
+    load_std = in_si("load_std", load_std, "N")
     seen = (rest or {}).get("y")
     if isinstance(seen, Noise):
         bearing = bearing.replace(sensor__noise_variance=seen.variance)
@@ -217,7 +222,7 @@ def identify(
     names: Sequence[str] | None = None,
     rest: AtRest | None = None,
     free: Iterable[str] | None = None,
-    load_std: float | None = None,
+    load_std: Given | None = None,
     map_forces: bool = False,
     nodes: tuple[int, int] | None = None,
     note: Callable[[str], None] = lambda _text: None,
@@ -238,7 +243,7 @@ def identify(
         From `noise_at_rest`: the noise of ``y`` is where the sensor's starts from.
     free : iterable of str, optional
         What is looked for; by default what a record usually tells.
-    load_std : float, optional
+    load_std : float or str, optional
         How far from zero the load may be at the start of a record [N]; by default the weight.
     map_forces : bool
         Whether the force at the nodes of a grid is wanted.
@@ -259,8 +264,11 @@ def identify(
         search cannot begin.
     ValueError
         `load_std` or `nodes` is out of its range, or a record's rate is not the bearing's.
+    TypeError
+        `bearing` is no bearing, or one of `records` no record.
     """
-    records = [records] if isinstance(records, Record) else records
+    of_type(Bearing, bearing=bearing)
+    records = all_of_type(Record, records=records)
     start = starting_model(bearing, rest=rest, load_std=load_std)
     looked_for = parameters_to_find(start, free)
     if any(record is seen for record in others for seen in records):
@@ -282,7 +290,7 @@ def identify(
 
 
 @dataclass(frozen=True, eq=False)
-class LiftedOff:
+class LiftedOff(Shown):
     """A bearing from the points at which its rotor lifts off.
 
     Attributes
@@ -295,6 +303,8 @@ class LiftedOff:
     working_point : float or None
         Distance at x = 0 [m].
     """
+
+    _card_by = "workflow.cards:lifted_off"
 
     bearing: Bearing
     fit: LiftOffFit
@@ -334,8 +344,8 @@ def identify_by_lift_off(
     bearing: Bearing,
     points: Iterable[LiftOff],
     *,
-    gap_range: tuple[float, float] = (0.0, math.inf),
-    working_point: float | None = None,
+    gap_range: tuple[Given, Given] = (0.0, math.inf),
+    working_point: Given | None = None,
 ) -> LiftedOff:
     """Fit the law of a one-sided magnet to the points at which its rotor lifts off.
 
@@ -345,9 +355,9 @@ def identify_by_lift_off(
         What is known already.
     points : iterable of LiftOff
         From :func:`ambkit.identification.forces.lift_off.load_points` or ``find_lift_off``.
-    gap_range : (float, float)
+    gap_range : (float or str, float or str)
         Distances z [m] between which the law is to hold.
-    working_point : float, optional
+    working_point : float or str, optional
         Distance z at x = 0 [m]: gives air gap and bias current.
 
     Raises
@@ -356,7 +366,9 @@ def identify_by_lift_off(
         The magnet is two-sided, or too few points are left.
     """
     check_lifts_off(bearing)
-    fit = fit_lift_off(points, bearing.rotor.mass, gap_range=gap_range)
+    near, far = (in_si("gap_range", end, "m") for end in gap_range)
+    working_point = in_si("working_point", working_point, "m")
+    fit = fit_lift_off(points, bearing.rotor.mass, gap_range=(near, far))
     if working_point is None:
         return LiftedOff(bearing, fit, None)
     gap, bias = fit.working_point(working_point)

@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.judge.comparison import EVALUATED, rmse
+from ambkit.machine.bearing import Bearing
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.waveforms import Recorded, Step
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
     from ambkit.simulation.run import Run
 
 STEP_AT, LOAD_AT = 0.1, 0.5
@@ -30,9 +31,9 @@ def scenario_for(
     bearing: Bearing,
     scenario: Scenario | None = None,
     *,
-    duration: float | None = None,
-    step: float | None = None,
-    load: float | None = None,
+    duration: Given | None = None,
+    step: Given | None = None,
+    load: Given | None = None,
     seed: int | None = None,
     reference: str | Path | None = None,
     from_estimate: bool = True,
@@ -45,11 +46,11 @@ def scenario_for(
         The controller is tuned to it, as far as `scenario` does not say otherwise.
     scenario : Scenario, optional
         What is said already.
-    duration : float, optional
+    duration : float or str, optional
         Length of the run [s].
-    step : float, optional
-        Step of the reference [m], after a tenth of the run.
-    load : float, optional
+    step : float or str, optional
+        Step of the reference [m], such as 5e-5 or ``"50 µm"``, after a tenth of the run.
+    load : float or str, optional
         Load on the rotor [N], after half of the run.
     seed : int, optional
         Seed of the noise.
@@ -61,9 +62,16 @@ def scenario_for(
     Raises
     ------
     AmbkitError
-        The record cannot be read; both a step and a record are given for the reference.
+        The record cannot be read; both a step and a record are given for the reference; one of
+        the quantities is none.
+    TypeError
+        `bearing` is no bearing, or `scenario` no scenario.
     """
+    of_type(Bearing, bearing=bearing)
+    duration, step = in_si("duration", duration, "s"), in_si("step", step, "m")
+    load = in_si("load", load, "N")
     happening = Scenario() if scenario is None else scenario
+    of_type(Scenario, scenario=happening)
     controller = happening.controller.completed(bearing)
     if not from_estimate and "feedback" not in happening.controller.model_fields_set:
         controller = controller.model_copy(update={"feedback": "measurement"})

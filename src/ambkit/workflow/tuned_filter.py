@@ -8,18 +8,21 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from ambkit.base.asked import all_of_type, of_type
 from ambkit.base.errors import AmbkitError
+from ambkit.base.escaping import markdown
+from ambkit.base.showing import Shown
+from ambkit.data.record import Record
 from ambkit.data.rig_units import Inputs
 from ambkit.estimate.filter_file import made_by
 from ambkit.estimate.registry import kind_called, learned_magnet
 from ambkit.judge.comparison.contenders import Contender, Range, contender_of_kind
 from ambkit.judge.comparison.tuning import Tried, search
+from ambkit.machine.bearing import Bearing
 from ambkit.workflow.tuning_tasks import JUDGED, By, ByLikelihood, ByTruth
 
 if TYPE_CHECKING:
-    from ambkit.data.record import Record
     from ambkit.estimate.base import Estimator
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.magnets import MagnetModel
     from ambkit.show.report.figure import Figure
 
@@ -34,7 +37,7 @@ AT_THE_END = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Tuned:
+class Tuned(Shown):
     """A filter, what it was tuned by, and what that gained.
 
     Attributes
@@ -62,6 +65,8 @@ class Tuned:
     warnings : tuple of str
         What is odd about the result.
     """
+
+    _card_by = "workflow.cards:tuned"
 
     estimator: Estimator
     kind: str
@@ -98,7 +103,7 @@ class Tuned:
         """Return the picture of all that was tried."""
         from ambkit.show.plots.tuning import tuning_figure
 
-        title = f"Tuning of the {self.estimator.name} for {self.estimator.bearing.name}"
+        title = f"Tuning of the {self.estimator.name} for {markdown(self.estimator.bearing.name)}"
         return tuning_figure(
             title, self.free, self.trace, self.values, JUDGED[self.by], self.outcome
         )
@@ -173,6 +178,8 @@ def tune(
     ------
     AmbkitError
         There is no such kind or tunable; or the kind has no likelihood, as a low-pass.
+    TypeError
+        `bearing` is no bearing, or one of `records` no record.
 
     Examples
     --------
@@ -181,8 +188,10 @@ def tune(
     >>> tuned.kept, tuned.estimator.name
     (False, 'linear Kalman filter')
     """
+    of_type(Bearing, bearing=bearing)
     kind_called(kind)
-    given = records if isinstance(records, Sequence) else [records]
+    given = all_of_type(Record, records=records)
+    validate = all_of_type(Record, validate=validate)
     magnet = learned_magnet(kind, bearing) if magnet is None else magnet
     contender = contender_of_kind(kind, bearing, magnet, whole=True)
     task = ByLikelihood(bearing, given, validate) if given else ByTruth(bearing, runs, seed)

@@ -10,11 +10,12 @@ from collections.abc import Callable, Iterator
 from functools import cache
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self, dataclass_transform
 
 from pydantic import (
     BaseModel,
     ConfigDict,
+    Field,
     GetJsonSchemaHandler,
     ModelWrapValidatorHandler,
     TypeAdapter,
@@ -35,7 +36,24 @@ TOLD = 20
 """Problems of a description that are told one by one; the rest is counted."""
 
 
-class Part(BaseModel):
+if TYPE_CHECKING:  # it has no public name
+    from pydantic._internal._model_construction import ModelMetaclass as _Model
+else:
+    _Model = type(BaseModel)
+
+_OF_PYDANTIC = frozenset(name for name in dir(BaseModel) if not name.startswith("_"))
+"""What no user looks for among the names of a description."""
+
+
+@dataclass_transform(kw_only_default=True, field_specifiers=(Field,))  # as pydantic's own
+class _OwnNames(_Model):
+    """Makes `dir` and completion of a class show what ambkit has, and not pydantic."""
+
+    def __dir__(cls) -> list[str]:
+        return [name for name in super().__dir__() if name not in _OF_PYDANTIC]
+
+
+class Part(BaseModel, metaclass=_OwnNames):
     """A table of a description: frozen, without unknown keys, its mistakes in words."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
@@ -50,6 +68,9 @@ class Part(BaseModel):
 
     # Pydantic then builds nested models without this method, and so collects all their errors.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
+
+    def __dir__(self) -> list[str]:
+        return [name for name in super().__dir__() if name not in _OF_PYDANTIC]
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:

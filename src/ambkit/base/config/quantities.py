@@ -8,7 +8,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any
 
-from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationInfo
+from pydantic import BaseModel, GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationInfo
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from ambkit.base import units
@@ -19,6 +19,28 @@ _place: "ContextVar[SignalIn | None]" = ContextVar("place of a signal", default=
 def place_of_signal() -> "SignalIn | None":
     """Return where the signal that is just being read or written is used."""
     return _place.get()
+
+
+class Said(float):
+    """A value of a signal in SI that was said with a unit, before its place of use is known.
+
+    Attributes
+    ----------
+    text : str
+        What was said.
+    unit : str
+        As in the `Quantity`, with ``@`` for the unit of the place.
+    """
+
+    text: str
+    unit: str
+
+    @classmethod
+    def of(cls, text: str, unit: str) -> "Said":
+        """Read a text like ``"50 µm"``."""
+        said = cls(units.parse(text, units.base_unit(text)))
+        said.text, said.unit = text, unit
+        return said
 
 
 @dataclass(frozen=True)
@@ -61,9 +83,7 @@ class Quantity:
     def _number(self, value: Any, in_file: bool) -> float:
         unit = self._unit()
         if isinstance(value, str):
-            if unit is None:
-                raise ValueError(f'"{value}": a signal by itself has no unit, give SI')
-            return units.parse(value, unit)
+            return Said.of(value, self.unit) if unit is None else units.parse(value, unit)
         if isinstance(value, bool) or not isinstance(value, numbers.Real):
             raise ValueError(f"{json.dumps(value, default=repr)} is not a number")
         if in_file and unit != "1":
@@ -153,6 +173,23 @@ class SignalIn:
     def _inside(self, value: Any, inner: Callable[[Any], Any]) -> Any:
         token = _place.set(self)
         try:
-            return inner(value)
+            found = inner(value)
+            self._check(found)
+            return found
         finally:
             _place.reset(token)
+
+    def _check(self, signal: Any) -> None:
+        """Refuse what was said in the unit of something else before this place was known."""
+        match signal:
+            case Said(text=text, unit=unit):
+                try:
+                    units.parse(text, unit.replace("@", self.unit))
+                except ValueError as error:
+                    raise PydanticCustomError("problem", "{text}", {"text": str(error)}) from None
+            case tuple():
+                for each in signal:
+                    self._check(each)
+            case BaseModel():
+                for each in vars(signal).values():
+                    self._check(each)

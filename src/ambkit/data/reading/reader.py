@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.asked import Given, in_si
 from ambkit.base.errors import RecordError, shortened
 from ambkit.base.units import engineering
 from ambkit.data.files.formats import read_log
@@ -95,7 +96,7 @@ def read(
     map: ChannelMap | str | os.PathLike[str] | None = None,
     *,
     resample: bool = False,
-    sampling_time: float | None = None,
+    sampling_time: Given | None = None,
     segment: int | None = None,
     missing: Collection[str] = (),
     progress: Callable[[str], object] = lambda _: None,
@@ -114,7 +115,7 @@ def read(
         What is what; without it, a table whose columns have the names and units of a record.
     resample : bool
         Put all signals on one even grid, where they have several clocks or an uneven one.
-    sampling_time : float, optional
+    sampling_time : float or str, optional
         The grid's step [s]; the usual step of the clock ``t`` without it.
     segment : int, optional
         Which part between jumps of the clock to read, from 1.
@@ -146,6 +147,7 @@ def read(
         *some, last = channel_faults.MASKABLE
         known = f"{', '.join(some)} and {last}"
         raise RecordError(f"only {known} can be taken as missing, not {min(wrong)}")
+    sampling_time = in_si("sampling_time", sampling_time, "s")
     log, mapped = _mapped(path, map, progress)
     try:
         return _placed(log, mapped, resample, sampling_time, segment, missing, progress)

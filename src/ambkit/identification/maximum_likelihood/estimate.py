@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.errors import AmbkitError, RecordError
+from ambkit.base.showing import Shown
 from ambkit.estimate.base import check_sampling
 from ambkit.identification.maximum_likelihood.information import doubtful
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood, settling_time
@@ -47,7 +48,7 @@ LEAST_SAMPLES = 100
 
 
 @dataclass(frozen=True, eq=False)
-class MaximumLikelihood:
+class MaximumLikelihood(Shown):
     """What records say about a bearing, p parameters found.
 
     Attributes
@@ -81,6 +82,8 @@ class MaximumLikelihood:
     converged : bool
         Whether it ended at a maximum.
     """
+
+    _card_by = "show.notebook.results:maximum_likelihood"
 
     start: LoopModel
     model: LoopModel

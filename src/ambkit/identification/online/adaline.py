@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.arrays import real
+from ambkit.base.asked import Given, in_si
 from ambkit.base.copying import Copyable
 from ambkit.identification.late import acting
 from ambkit.identification.online.ideal import as_ideal, is_ideal
@@ -115,9 +116,9 @@ class Adaline(OnlineIdentifier):
     bearing : Bearing
         Mass, weight, gap, bias current, lag and limits are taken from it; its magnet constant is
         where learning starts.
-    start : float, optional
+    start : float or str, optional
         Another start for the magnet constant [N m^2/A^2].
-    bandwidth : float, optional
+    bandwidth : float or str, optional
         Of the low-pass that position and regressor pass [Hz]; default: twice the plant's own
         unstable frequency ``sqrt(k_s/m) / (2 pi)``.
     rate_force, rate_k : float
@@ -135,8 +136,8 @@ class Adaline(OnlineIdentifier):
         self,
         bearing: Bearing,
         *,
-        start: float | None = None,
-        bandwidth: float | None = None,
+        start: Given | None = None,
+        bandwidth: Given | None = None,
         rate_force: float = 0.05,
         rate_k: float = 0.002,
         least_excitation: float = 0.02,
@@ -172,8 +173,8 @@ class Adaline(OnlineIdentifier):
 
 def first_element(
     bearing: Bearing,
-    start: float | None,
-    bandwidth: float | None,
+    start: Given | None,
+    bandwidth: Given | None,
     rate_force: float,
     least_excitation: float,
 ) -> dict[str, Any]:
@@ -191,6 +192,8 @@ def first_element(
     """
     from ambkit.machine.magnets import ConstantStiffness
 
+    start = in_si("start", start, "N m^2/A^2")
+    bandwidth = in_si("bandwidth", bandwidth, "Hz")
     if not 0 < rate_force < 2:
         raise ValueError(f"rate_force must be greater than 0 and less than 2, got {rate_force!r}")
     if start is None:

@@ -4,23 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from numpy.typing import ArrayLike
 
+from ambkit.base.asked import of_type
 from ambkit.base.errors import AmbkitError
+from ambkit.base.showing import Shown
+from ambkit.data.record import Record
 from ambkit.identification.online.adaline import Adaline, AdalineResult
 from ambkit.identification.online.augmented import AugmentedIdentifier
 from ambkit.identification.online.result import OnlineResult
 from ambkit.identification.online.rls import RecursiveLeastSquares
-
-if TYPE_CHECKING:
-    from ambkit.data.record import Record
-    from ambkit.machine.bearing import Bearing
+from ambkit.machine.bearing import Bearing
 
 
 @dataclass(frozen=True, eq=False)
-class Identification:
+class Identification(Shown):
     """What a record says about a bearing.
 
     Attributes
@@ -35,6 +35,8 @@ class Identification:
         :class:`~ambkit.identification.online.rls.LeastSquaresResult`, or an
         :class:`~ambkit.identification.online.augmented.AugmentedResult`.
     """
+
+    _card_by = "show.notebook.results:identification"
 
     bearing: Bearing
     magnet_constant: float
@@ -87,6 +89,8 @@ def identify_online(
         An unknown method; or where the record never excited the magnet enough to learn from, or
         what was learned is no magnet constant.
     """
+    of_type(Record, record=record)
+    of_type(Bearing, bearing=bearing)
     if method not in ONLINE:
         raise AmbkitError(f'there is no method "{method}"; known: {", ".join(ONLINE)}')
     history: OnlineResult = ONLINE[method](bearing, **options).run(record, disturbance=disturbance)

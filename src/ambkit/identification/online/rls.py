@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ambkit.base.asked import Given
 from ambkit.identification.online.adaline import AdalineResult, OnlineIdentifier, first_element
 from ambkit.machine.magnets import core_module
 
@@ -71,8 +72,8 @@ class RecursiveLeastSquares(OnlineIdentifier):
         self,
         bearing: Bearing,
         *,
-        start: float | None = None,
-        bandwidth: float | None = None,
+        start: Given | None = None,
+        bandwidth: Given | None = None,
         rate_force: float = 0.05,
         forgetting: float = 0.998,
         least_excitation: float = 0.02,

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ambkit.base.showing import Shown
 from ambkit.identification.online.adaline import AdalineResult
 from ambkit.identification.online.augmented import AugmentedResult
 from ambkit.identification.online.magnet_constant import ONLINE
@@ -42,7 +43,7 @@ Sensor noise that is correlated over a sample (a low-pass at a sixth of the samp
 
 
 @dataclass(frozen=True, eq=False)
-class SideBySide:
+class SideBySide(Shown):
     """What each learned along one record, from one start.
 
     Attributes
@@ -56,6 +57,8 @@ class SideBySide:
     results : mapping of str to OnlineResult
         By the names of `NAMES`.
     """
+
+    _card_by = "show.notebook.results:side_by_side"
 
     bearing: Bearing
     start: float

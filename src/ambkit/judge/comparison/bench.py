@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
+from ambkit.base.showing import Shown
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.comparison.bound import bearing_bound
 from ambkit.judge.comparison.cases import Case, Trial, trials
@@ -92,7 +93,7 @@ class Standing:
 
 
 @dataclass(frozen=True)
-class Bench:
+class Bench(Shown):
     """The whole comparison in one case.
 
     Attributes
@@ -113,6 +114,8 @@ class Bench:
     units : mapping of str to (mapping of str to str)
         By estimator, unit of each value that can be tuned.
     """
+
+    _card_by = "show.notebook.results:bench"
 
     bearing: Bearing
     case: Case
@@ -153,6 +156,12 @@ class Bench:
     def efficiency(self, name: str, signal: str) -> float:
         """Limit over root mean square error of a state; 1 is what nobody exceeds."""
         return self.limit[signal] / _pooled(self.best[name].figures[signal])
+
+
+class Benches(Shown, dict[str, Bench]):
+    """The comparison in several cases, by their names."""
+
+    _card_by = "show.notebook.results:benches"
 
 
 def _pooled(errors: Array) -> float:

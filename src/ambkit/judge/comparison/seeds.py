@@ -10,15 +10,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.asked import of_type
+from ambkit.base.showing import Shown
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Estimate
+from ambkit.machine.bearing import Bearing
 from ambkit.simulation.run import simulate_run
+from ambkit.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.magnets import MagnetModel
-    from ambkit.simulation.scenario import Scenario
 
 Array = NDArray[np.float64]
 
@@ -61,6 +63,12 @@ class Score:
         }
 
 
+class Scores(Shown, dict[str, Score]):
+    """How each of several estimators did, by name."""
+
+    _card_by = "show.notebook.results:scores"
+
+
 def rmse(estimate: Estimate, record: Record, signal: str) -> float:
     """Root mean square error of an estimated signal against the truth in the record."""
     return float(np.sqrt(np.mean((estimate[signal] - record[signal]) ** 2)))
@@ -75,7 +83,7 @@ def compare(
     magnet: MagnetModel | None = None,
     threads: int = 2,
     done: Callable[[], None] = lambda: None,
-) -> dict[str, Score]:
+) -> Scores:
     """Monte Carlo over seeds: every estimator closes its own loop against the same noise.
 
     Parameters
@@ -95,9 +103,11 @@ def compare(
 
     Returns
     -------
-    dict of Score
-        By the names of the estimators.
+    Scores
+        A dictionary, by the names of the estimators.
     """
+    of_type(Bearing, bearing=bearing)
+    of_type(Scenario, scenario=scenario)
 
     def one(name: str, seed: int) -> tuple[list[float], float, bool]:
         run = simulate_run(
@@ -110,7 +120,7 @@ def compare(
         touched = run.record.meta["stop_touched"] > 0
         return errors, float(run.estimate.nis[1:].mean()), touched
 
-    scores = {}
+    scores = Scores()
     pool = ThreadPoolExecutor(threads)
     try:
         futures = {name: [pool.submit(one, name, seed) for seed in seeds] for name in estimators}

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ambkit.base.showing import Shown
 from ambkit.estimate.registry import KINDS
-from ambkit.judge.comparison.bench import Bench, Sweep, bench, pieces, sweep
+from ambkit.judge.comparison.bench import Bench, Benches, Sweep, bench, pieces, sweep
 from ambkit.judge.comparison.cases import (
     CASES,
     REACH,
@@ -43,7 +44,7 @@ SWEEP_RUNS = 4
 
 
 @dataclass(frozen=True)
-class Study:
+class Study(Shown):
     """A whole comparison.
 
     Attributes
@@ -60,6 +61,8 @@ class Study:
     model : Bench or None
         The case in which the limit is known, with defaults, which are right there.
     """
+
+    _card_by = "show.notebook.results:study"
 
     bench: Bench
     field: Mapping[str, Contender]
@@ -201,7 +204,7 @@ def across(
     threads: int | None = None,
     magnets: Mapping[str, MagnetModel] | None = None,
     done: Callable[[str], None] = lambda _text: None,
-) -> dict[str, Bench]:
+) -> Benches:
     """Compare estimators in several cases, tuned anew in each.
 
     Parameters
@@ -211,13 +214,13 @@ def across(
     bearing, names, runs, budget, seed, threads, magnets, done
         See `study`.
     """
-    return {
-        name: study(
+    return Benches(
+        (name, study(
             bearing, case, names, runs=runs, budget=budget, seed=seed, threads=threads,
             magnets=magnets, whole=False, done=done,
-        ).bench
+        ).bench)
         for name, case in cases.items()
-    }  # fmt: skip
+    )  # fmt: skip
 
 
 def pieces_of(count: int, budget: int, whole: bool) -> int:

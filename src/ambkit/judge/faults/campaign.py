@@ -10,17 +10,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ambkit.base.asked import of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import reporting
 from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.judge.faults.declared import CLEAN, FAULTS
 from ambkit.judge.faults.flight import Flight, Outcome
+from ambkit.machine.bearing import Bearing
 from ambkit.simulation.scenario import PID
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.judge.faults.declared import Channel
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.magnets import Precision
     from ambkit.simulation.run import Run
 
@@ -211,6 +212,7 @@ def torture(
     AmbkitError
         A fault or kind is unknown, or a flight through mixtures has no room for one.
     """
+    of_type(Bearing, bearing=bearing)
     named = chosen_faults(faults)
     built = _factories(bearing, KINDS if estimators is None else estimators)
     pid = controller or PID.for_bearing(bearing)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ambkit.base.escaping import label as escaped
 from ambkit.show.plots.looks import looks
 from ambkit.show.report.figure import Figure, Panel
 from ambkit.show.report.items import Axis, Bars, Item, Rule
@@ -38,7 +39,7 @@ def comparison_figure(scores: Mapping[str, Mapping[str, Score]], what: str = "st
     ) -> list[Item]:
         return [
             Bars(
-                cases,
+                [escaped(case) for case in cases],
                 np.array([figure_of(scores[case][name]) for case in cases]),
                 np.array([spread_of(scores[case][name]) for case in cases]),
                 signal=style,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.escaping import label as label_of
 from ambkit.base.escaping import markdown
 from ambkit.estimate.estimate import Status
 from ambkit.show.plots.looks import (
@@ -22,7 +23,7 @@ from ambkit.show.plots.looks import (
     looks,
 )
 from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Item, Line, Note, Points
+from ambkit.show.report.items import Axis, Band, Item, Line, Note, Points
 from ambkit.show.report.style import style_of
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ def filter_figure(
 
     absent = _absent(record)
     innovations = [
-        _innovations(name, evaluation.estimate, time, absent)
+        innovation_panel(name, evaluation.estimate, time, absent)
         for name, evaluation in evaluated.items()
     ]
     position = [*known("y", "measured"), *known("r", "reference"), *true("x"), *told("x")]
@@ -90,7 +91,7 @@ def filter_figure(
     currents = [Panel(time, CURRENT, [*true("iu"), *follows, *absent])] if follows else []
     coloured = drawn(lambda estimate: estimate.sensor_noise)
     noises = [Panel(time, NOISE, [*whole_noise(record), *coloured, *absent])] if coloured else []
-    settled = _settled(t, [evaluation.estimate for evaluation in evaluated.values()])
+    settled = settled_samples(t, [evaluation.estimate for evaluation in evaluated.values()])
     return Figure(
         id="filter",
         title=f"Estimates along {markdown(record.meta.get('source') or 'the record')}",
@@ -98,8 +99,8 @@ def filter_figure(
         "guesses, at the start and after a long gap, may reach beyond the axes.",
         panels=[
             Panel(time, POSITION, [*position, *known("x_logged", "logged"), *absent]),
-            Panel(time, _limited(VELOCITY, velocity, settled), [*velocity, *absent]),
-            Panel(time, _limited(DISTURBANCE, disturbance, settled), [*disturbance, *absent]),
+            Panel(time, with_limits(VELOCITY, velocity, settled), [*velocity, *absent]),
+            Panel(time, with_limits(DISTURBANCE, disturbance, settled), [*disturbance, *absent]),
             *currents,
             *noises,
             *innovations,
@@ -124,9 +125,11 @@ def _absent(record: Record) -> list[Item]:
     return list(missing_spans(stretches, t))
 
 
-def _limited(axis: Axis, items: Iterable[Item], where: NDArray[np.bool_]) -> Axis:
+def with_limits(axis: Axis, items: Iterable[Item], where: NDArray[np.bool_]) -> Axis:
     """Return the axis with limits that show the lines whole where they count."""
-    shown = np.concatenate([item.y[where] for item in items if isinstance(item, Line)])
+    edges = [item.y for item in items if isinstance(item, Line)]
+    edges += [edge for item in items if isinstance(item, Band) for edge in (item.low, item.high)]
+    shown = np.concatenate([edge[where] for edge in edges])
     low, high = np.nanmin(shown), np.nanmax(shown)
     margin = 0.05 * (high - low)
     if not margin > 0:
@@ -134,7 +137,7 @@ def _limited(axis: Axis, items: Iterable[Item], where: NDArray[np.bool_]) -> Axi
     return replace(axis, limits=(float(low - margin), float(high + margin)))
 
 
-def _settled(t: NDArray[np.float64], estimates: Iterable[Estimate]) -> NDArray[np.bool_]:
+def settled_samples(t: NDArray[np.float64], estimates: Iterable[Estimate]) -> NDArray[np.bool_]:
     """Where no filter guesses: in the dark at the start, and anew after a gap where it was HELD.
 
     What they guess there would flatten all else.
@@ -148,7 +151,7 @@ def _settled(t: NDArray[np.float64], estimates: Iterable[Estimate]) -> NDArray[n
     return settled if settled.any() else np.ones(t.size, dtype=bool)
 
 
-def _innovations(name: str, estimate: Estimate, time: Axis, absent: Sequence[Item]) -> Panel:
+def innovation_panel(name: str, estimate: Estimate, time: Axis, absent: Sequence[Item]) -> Panel:
     """Show innovations beside what the filter expects; mark those that would flatten the rest."""
     t = estimate.t
     told = estimate.used | ((estimate.status & np.uint16(Status.OUTLIER)) != 0)
@@ -163,7 +166,7 @@ def _innovations(name: str, estimate: Estimate, time: Axis, absent: Sequence[Ite
         Line(t, -expected, signal="bound", label=""),
         *absent,
     ]
-    axis = Axis(f"innov. {name}", "µm", 1e6)
+    axis = Axis(f"innov. {label_of(name)}" if name else "innovation", "µm", 1e6)
     sizes = np.abs(innovation[np.isfinite(innovation)])
     if not sizes.size:
         return Panel(time, axis, items)

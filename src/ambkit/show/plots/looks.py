@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from itertools import cycle
 
+from ambkit.base.escaping import label
 from ambkit.show.report.items import Axis
 
 TIME = Axis("time", "s")
@@ -26,4 +27,4 @@ def looks(names: Iterable[str]) -> Iterator[tuple[str, str | None]]:
     """Style and label of each filter's lines; one without its own style takes what is left."""
     others = cycle(_OTHERS)
     for name in names:
-        yield (_SIGNALS[name], None) if name in _SIGNALS else (next(others), name)
+        yield (_SIGNALS[name], None) if name in _SIGNALS else (next(others), label(name))

@@ -27,7 +27,16 @@ NARROWEST = 0.004
 
 _TIME = Axis("time", "s")
 _FIRST = ("y", "u", "r")
-_LABELS = {"y": "position $y$", "u": "control signal $u$", "r": "reference $r$"}
+_LABELS = {
+    "y": "position $y$",
+    "u": "control signal $u$",
+    "r": "reference $r$",
+    "x": "displacement $x$",
+    "v": "velocity $v$",
+    "f_d": "disturbance force",
+    "iu": "control current $i_u$",
+    "f_mag": "magnet force",
+}
 _MARKED = {"missing": "missing", "gap": "missing", "infinite": "missing"}
 _OVERLAID = ("saturated", "frozen")
 

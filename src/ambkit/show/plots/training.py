@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ambkit.base.escaping import markdown
 from ambkit.show.report.figure import Figure, Panel
@@ -15,35 +16,71 @@ if TYPE_CHECKING:
     from ambkit.machine.stiffness import StiffnessMap
 
 
+Array = NDArray[np.float64]
+
+CURRENT = Axis("control current $i_u$", "A")
+PLACE = Axis("displacement $x$", "mm", 1e3)
+
+
 def training_figure(expert: Expert, stiff: StiffnessMap) -> Figure:
     """Show how an expert learned, and by how much its force is off over the box."""
-    iu = np.linspace(stiff.current[0], stiff.current[-1], 81)
-    x = np.linspace(stiff.displacement[0], stiff.displacement[-1], 81)
+    iu, x = (_fine(nodes[0], nodes[-1]) for nodes in (stiff.current, stiff.displacement))
     grid = np.meshgrid(iu, x)
     off = expert.force(*grid) - np.asarray(stiff.force(*grid))
-    axes = Axis("control current $i_u$", "A"), Axis("displacement $x$", "mm", 1e3)
-    curve = expert.learning_curve
-    epochs = np.arange(curve.size, dtype=float)
-    k_i, k_s = expert.stiffness(*grid)
-    learning: list[Item] = [Line(epochs, curve, signal="estimate", label="")]
+    surface = Heatmap(iu, x, off, Axis("force error", "N"), diverging=True)
     return Figure(
         id="training",
-        title=f"Expert of {len(expert.rules)} rules for {markdown(expert.source)}",
+        title=_title(expert),
         caption="The learning curve counts from the untrained network on.",
         panels=[
+            _learning(expert),
             Panel(
-                Axis("step of the training"),
-                Axis("force error", "N rms"),
-                learning,
-                title="learning curve",
+                CURRENT, PLACE, [surface], title="force of the expert, less the force it learned"
             ),
-            Panel(
-                *axes,
-                [Heatmap(iu, x, off, Axis("force error", "N"), diverging=True)],
-                title="force of the expert, less the force it learned",
-            ),
-            Panel(*axes, [Heatmap(iu, x, k_i, Axis("$k_i$", "N/A"))], title="$k_i$"),
-            Panel(*axes, [Heatmap(iu, x, k_s, Axis("$k_s$", "N/mm", 1e-3))], title="$k_s$"),
+            *_stiffnesses(expert, iu, x),
         ],
         columns=2,
     )
+
+
+def expert_figure(expert: Expert) -> Figure:
+    """Show what an expert says over its box, and how it learned if it was trained."""
+    iu, x = _fine(*expert.current_range), _fine(*expert.displacement_range)
+    force = Heatmap(iu, x, expert.force(*np.meshgrid(iu, x)), Axis("force", "N"), diverging=True)
+    return Figure(
+        id="expert",
+        title=_title(expert),
+        caption="",
+        panels=[
+            *_stiffnesses(expert, iu, x),
+            Panel(CURRENT, PLACE, [force], title="force"),
+            *([_learning(expert)] if expert.training else []),
+        ],
+        columns=2,
+    )
+
+
+def _title(expert: Expert) -> str:
+    return f"Expert of {len(expert.rules)} rules for {markdown(expert.source)}"
+
+
+def _fine(low: float, high: float) -> Array:
+    return np.linspace(low, high, 81)
+
+
+def _learning(expert: Expert) -> Panel:
+    curve = expert.learning_curve
+    learning: list[Item] = [
+        Line(np.arange(curve.size, dtype=float), curve, signal="estimate", label="")
+    ]
+    return Panel(
+        Axis("step of the training"), Axis("force error", "N rms"), learning, title="learning curve"
+    )
+
+
+def _stiffnesses(expert: Expert, iu: Array, x: Array) -> list[Panel]:
+    k_i, k_s = expert.stiffness(*np.meshgrid(iu, x))
+    return [
+        Panel(CURRENT, PLACE, [Heatmap(iu, x, k_i, Axis("$k_i$", "N/A"))], title="$k_i$"),
+        Panel(CURRENT, PLACE, [Heatmap(iu, x, k_s, Axis("$k_s$", "N/mm", 1e-3))], title="$k_s$"),
+    ]

@@ -11,6 +11,8 @@ axes. Of plotly, kaleido makes pictures, with a Chrome that each user would have
 """
 
 import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from io import BytesIO, StringIO
 from pathlib import Path
@@ -28,6 +30,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
 PIXELS_PER_INCH = 200
+LIGHT = 110
+"""Pixels per inch of a picture that stands in a notebook, and is kept with it."""
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.7, 0.18, 0.1, 0.46
 _LEGEND_ROW, _TITLE, _BAR = 0.165, 0.22, 0.76
@@ -120,32 +124,21 @@ def render(figure: Figure) -> Picture:
     Picture
         PNG and SVG, free of dates and of the machine they were made on.
     """
-    import matplotlib
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
-    png, svg = BytesIO(), StringIO()
-    with matplotlib.rc_context():
-        matplotlib.rcdefaults()  # whatever the user's matplotlibrc says
-        matplotlib.rcParams.update({**_RC, "svg.hashsalt": figure.id})
-        canvas = draw(figure)
-        # Not `savefig`, which lays the figure out once more before it draws.
-        agg: Any = FigureCanvasAgg(canvas)
-        agg.print_png(png, metadata={"Software": None})
+    svg = StringIO()
+    with drawn_as_on_paper(figure):
+        canvas, _ = draw(figure)
+        png = _pixels(canvas)
         canvas.set_dpi(PIXELS_PER_INCH / 2)  # of heat maps only, the rest has no pixels
         vector: Any = FigureCanvasSVG(canvas)
         metadata = {"Date": None, "Creator": None, "Title": plain(figure.title)}
         vector.print_svg(svg, metadata=metadata)
-    return Picture(png.getvalue(), _shorten(svg.getvalue()).encode())
+    return Picture(png, _shorten(svg.getvalue()).encode())
 
 
-def save(figure: Figure, folder: Path) -> tuple[Path, Path]:
-    """Draw a figure into ``folder/<id>.png`` and ``folder/<id>.svg``; see `Picture.save`."""
-    return render(figure).save(folder, figure.id)
-
-
-def draw(figure: Figure) -> "Canvas":
-    """Build the matplotlib figure; `render` sets the fonts and draws it.
+def light(figure: Figure) -> bytes:
+    """Draw a figure as a small PNG, for a notebook.
 
     Parameters
     ----------
@@ -154,8 +147,67 @@ def draw(figure: Figure) -> "Canvas":
 
     Returns
     -------
+    bytes
+        PNG of `LIGHT` pixels per inch and 256 colours.
+    """
+    from PIL import Image  # which matplotlib writes its PNGs with
+
+    with drawn_as_on_paper(figure):
+        drawn = Image.open(BytesIO(_pixels(draw(figure, resolution=LIGHT)[0])))
+    png = BytesIO()
+    few = drawn.convert("RGB").quantize(256, dither=Image.Dither.NONE)
+    few.save(png, "PNG", optimize=True)
+    return png.getvalue()
+
+
+@contextmanager
+def drawn_as_on_paper(figure: Figure) -> Iterator[None]:
+    """Set matplotlib's fonts and lines for `draw`, whatever the user's matplotlibrc says."""
+    import matplotlib
+
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update({**_RC, "svg.hashsalt": figure.id})
+        yield
+
+
+def _pixels(canvas: "Canvas") -> bytes:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    png = BytesIO()
+    # Not `savefig`, which lays the figure out once more before it draws.
+    agg: Any = FigureCanvasAgg(canvas)
+    agg.print_png(png, metadata={"Software": None})
+    return png.getvalue()
+
+
+def save(figure: Figure, folder: Path) -> tuple[Path, Path]:
+    """Draw a figure into ``folder/<id>.png`` and ``folder/<id>.svg``; see `Picture.save`."""
+    return render(figure).save(folder, figure.id)
+
+
+def draw(
+    figure: Figure,
+    make: "Callable[..., Canvas] | None" = None,
+    resolution: float = PIXELS_PER_INCH,
+) -> "tuple[Canvas, list[Axes]]":
+    """Build the matplotlib figure; `drawn_as_on_paper` sets the fonts.
+
+    Parameters
+    ----------
+    figure : Figure
+        What to draw.
+    make : callable, optional
+        Makes the figure of matplotlib; by default one that is not attached to any window.
+    resolution : float
+        Its pixels per inch.
+
+    Returns
+    -------
     matplotlib.figure.Figure
-        Not attached to any window.
+        The figure.
+    list of matplotlib.axes.Axes
+        Its axes, one a panel.
     """
     from matplotlib.figure import Figure as Canvas
 
@@ -163,13 +215,15 @@ def draw(figure: Figure) -> "Canvas":
     columns = _legend_columns([text for text, _ in entries])
     legend_height = _LEGEND_ROW * -(-len(entries) // columns)
     height, boxes = _layout(figure, _TOP + legend_height)
-    canvas = Canvas((WIDTH, height), dpi=PIXELS_PER_INCH, facecolor=style.PAPER)
+    make = make or Canvas
+    canvas = make(figsize=(WIDTH, height), dpi=resolution, facecolor=style.PAPER)
     below: dict[int, Axes] = {}
     for index in reversed(range(len(figure.panels))):
         shared = below.get(index + figure.columns) if figure.shares_x(index) else None
         axes = canvas.add_axes(boxes[index], sharex=shared)
         below[index] = axes
         _draw_panel(axes, figure.panels[index], labelled=shared is None)
+        _place_labels(axes)
     if entries:
         canvas.legend(
             handles=[legend_handle(item, text) for text, item in entries],
@@ -184,7 +238,23 @@ def draw(figure: Figure) -> "Canvas":
             columnspacing=1.6,
             labelspacing=0.35,
         )
-    return canvas
+    return canvas, [below[index] for index in range(len(figure.panels))]
+
+
+def draw_into(axes: "Axes", panel: Panel) -> None:
+    """Draw a panel into somebody's own axes, in the fonts that they have.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+        Where to.
+    panel : Panel
+        What to draw.
+    """
+    entries = list(Figure("panel", "", "", [panel]).legend())
+    _draw_panel(axes, panel, labelled=True, own_layout=False)
+    if entries:
+        axes.legend(handles=[legend_handle(item, text) for text, item in entries])
 
 
 def _layout(figure: Figure, top: float) -> tuple[float, list[tuple[float, float, float, float]]]:
@@ -224,11 +294,11 @@ def _legend_columns(texts: list[str]) -> int:
     return max(1, min(len(texts), int((WIDTH - _LEFT) / (0.06 * longest + 0.5))))
 
 
-def _draw_panel(axes: "Axes", panel: Panel, labelled: bool) -> None:
+def _draw_panel(axes: "Axes", panel: Panel, labelled: bool, own_layout: bool = True) -> None:
     axes.set_xscale(panel.x.scale)
     axes.set_yscale(panel.y.scale)
     for item in panel.items:
-        draw_item(axes, panel, item)
+        draw_item(axes, panel, item, own_layout)
     if "log" in (panel.x.scale, panel.y.scale):
         axes.grid(which="minor", linewidth=0.3)
     if panel.categories:
@@ -243,12 +313,16 @@ def _draw_panel(axes: "Axes", panel: Panel, labelled: bool) -> None:
             _plain_numbers(drawn)
     axes.set_title(panel.title)
     axes.set_ylabel(panel.y.title)
-    width = axes.get_position().width * WIDTH
-    axes.yaxis.set_label_coords((0.2 - _LEFT) / width, 0.5)
     if labelled:
         axes.set_xlabel(panel.x.title)
     else:
         axes.tick_params(axis="x", which="both", labelbottom=False)
+
+
+def _place_labels(axes: "Axes") -> None:
+    """Put the labels of all panels' y axes below each other."""
+    width = axes.get_position().width * WIDTH
+    axes.yaxis.set_label_coords((0.2 - _LEFT) / width, 0.5)
 
 
 def _plain_numbers(axis: "XAxis | YAxis") -> None:

@@ -41,7 +41,7 @@ _MARKERS = {
 }
 
 
-def draw_item(axes: "Axes", panel: Panel, item: Item) -> None:
+def draw_item(axes: "Axes", panel: Panel, item: Item, own_layout: bool = True) -> None:
     """Draw one item into its axes.
 
     Parameters
@@ -52,6 +52,8 @@ def draw_item(axes: "Axes", panel: Panel, item: Item) -> None:
         The panel it belongs to, for units and neighbours.
     item : Item
         What to draw.
+    own_layout : bool
+        Whether the axes stand as `static` lays them out, with room for a heat map's colour bar.
     """
     x_axis, y_axis = panel.x, panel.y
     match item:
@@ -75,7 +77,7 @@ def draw_item(axes: "Axes", panel: Panel, item: Item) -> None:
         case Intervals():
             _draw_intervals(axes, panel, item)
         case Heatmap():
-            _draw_heatmap(axes, panel, item)
+            _draw_heatmap(axes, panel, item, own_layout)
         case Cells():
             _draw_cells(axes, item)
         case Rule():
@@ -123,7 +125,7 @@ def _draw_intervals(axes: "Axes", panel: Panel, item: Intervals) -> None:
     axes.grid(visible=False, axis="y")
 
 
-def _draw_heatmap(axes: "Axes", panel: Panel, item: Heatmap) -> None:
+def _draw_heatmap(axes: "Axes", panel: Panel, item: Heatmap, own_layout: bool) -> None:
     from matplotlib.colors import LinearSegmentedColormap
 
     colours = style.DIVERGING if item.diverging else style.SEQUENTIAL
@@ -143,9 +145,12 @@ def _draw_heatmap(axes: "Axes", panel: Panel, item: Heatmap) -> None:
     for number in axes.clabel(contours, fontsize=6.5, fmt=_number):
         number.set_clip_on(False)  # half a number at the border would be a wrong number
     axes.grid(visible=False)
-    box = axes.get_position()
     canvas = axes.get_figure(root=True)
     assert canvas is not None  # for the type checker: these axes were added to one
+    if not own_layout:
+        canvas.colorbar(mesh, ax=axes, label=item.bar.title)
+        return
+    box = axes.get_position()
     bar = canvas.add_axes((box.x1 + 0.1 / WIDTH, box.y0, 0.13 / WIDTH, box.height))
     canvas.colorbar(mesh, cax=bar).outline.set_linewidth(0.6)
     bar.set_ylabel(item.bar.title)

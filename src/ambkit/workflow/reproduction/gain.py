@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 
 import numpy as np
@@ -94,7 +95,7 @@ def gain(study: Study) -> Part:
     )  # fmt: skip
 
 
-def _table(scores: dict[float, dict[str, Score]]) -> TableBlock:
+def _table(scores: Mapping[float, Mapping[str, Score]]) -> TableBlock:
     def entry(score: Score, signal: str, factor: float, digits: int) -> str:
         mean, spread = factor * score.mean(signal), factor * score.spread(signal)
         return f"{mean:.{digits}f} ± {spread:.{digits}f}"
@@ -114,7 +115,7 @@ def _table(scores: dict[float, dict[str, Score]]) -> TableBlock:
     )  # fmt: skip
 
 
-def _figure_bars(scores: dict[float, dict[str, Score]]) -> Figure:
+def _figure_bars(scores: Mapping[float, Mapping[str, Score]]) -> Figure:
     categories = [f"{step * 1e3:g} mm" for step in scores]
     shown = {
         "x": Axis("position error", "µm rms", 1e6),

@@ -1,0 +1,114 @@
+"""What callers give to a function: quantities in SI or with their unit, and objects of a type."""
+
+from __future__ import annotations
+
+import numbers
+from typing import Any, TypeVar, overload
+
+from ambkit.base import units
+from ambkit.base.errors import AmbkitError
+from ambkit.base.escaping import one_line
+
+Given = float | str
+"""A quantity as a caller gives it: a number is SI, a text has its unit, such as ``"50 µm"``."""
+
+Kind = TypeVar("Kind")
+
+_SHOWN = 40  # characters of what was given
+
+
+@overload
+def in_si(name: str, value: Given, unit: str) -> float: ...
+@overload
+def in_si(name: str, value: None, unit: str) -> None: ...
+def in_si(name: str, value: Any, unit: str) -> float | None:
+    """Return a quantity in SI.
+
+    Parameters
+    ----------
+    name : str
+        Of the parameter, for the message.
+    value : float or str, optional
+        As the caller gave it; None stays None.
+    unit : str
+        SI unit of the result; ``"1"`` for a plain number or percent.
+
+    Raises
+    ------
+    AmbkitError
+        It is no such quantity.
+
+    Examples
+    --------
+    >>> in_si("step", "50 µm", "m")
+    5e-05
+    """
+    if value is None:
+        return None
+    if isinstance(value, str):
+        try:
+            return units.parse(value, unit)
+        except ValueError as error:
+            raise AmbkitError(f"{name} must be in {unit}: {error}") from None
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        either = f"a number in {unit} or a text with its unit"
+        raise AmbkitError(f"{name} must be {either}, is {_shown(value)}")
+    return float(value)
+
+
+def of_type(*wanted: type, **given: Any) -> None:
+    """Refuse what is not of a type, in a line.
+
+    Parameters
+    ----------
+    *wanted : type
+        What it must be, one of these.
+    **given
+        By the names of the parameters.
+
+    Raises
+    ------
+    TypeError
+        With the parameter, the type, and what was given.
+    """
+    for name, value in given.items():
+        if isinstance(value, wanted):
+            continue
+        first, hint = wanted[0], ""
+        ways = [f"{first.__name__}.{way}" for way in ("preset", "load") if hasattr(first, way)]
+        if isinstance(value, str) and ways:
+            hint = f"; {' or '.join(ways)} gives one"
+        elif isinstance(getattr(value, "record", None), wanted):
+            hint = "; give its .record"
+        kinds = " or ".join(kind.__name__ for kind in wanted)
+        raise TypeError(f"{name} must be of type {kinds}, is {_shown(value)}{hint}")
+
+
+def all_of_type(wanted: type[Kind], **given: Any) -> list[Kind]:
+    """Return what may be one or several of a type as a list, and refuse all else, in a line.
+
+    Parameters
+    ----------
+    wanted : type
+        What each must be.
+    **given
+        One, or a sequence, by the name of the parameter.
+
+    Raises
+    ------
+    TypeError
+        As `of_type`.
+    """
+    ((name, value),) = given.items()
+    several = list(value) if isinstance(value, list | tuple) else [value]
+    for one in several:
+        of_type(wanted, **{name: one})
+    return several
+
+
+def _shown(value: Any) -> str:
+    if value is None or isinstance(value, type):
+        return "None" if value is None else f"the type {value.__name__}"
+    text = one_line(repr(value))
+    short = f" {text}" if len(text) <= _SHOWN else ""
+    return f"the {type(value).__name__}{short}"

@@ -1,0 +1,51 @@
+"""What a notebook shows of an object, described in a room above the object's own."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any, ClassVar
+
+
+class Shown:
+    """An object that notebooks show as a table with a picture, and that can be plotted."""
+
+    __slots__ = ()
+
+    _card_by: ClassVar[str]
+    """Module and function that make its :class:`~ambkit.show.notebook.Card`: pictures are made
+    above the rooms of the objects, which do not import them."""
+
+    def _card(self) -> Any:
+        module, _, function = self._card_by.partition(":")
+        return getattr(import_module(f"ambkit.{module}"), function)(self)
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows."""
+        html: str = self._card().html()
+        return html
+
+    def plot(self, *, ax: Any = None, panel: int | str = 0, static: bool = False) -> Any:
+        """Draw it: interactive in a notebook, or with matplotlib to go on with.
+
+        Parameters
+        ----------
+        ax : matplotlib axes, or a sequence of such; optional
+            Draw into these: into one the panel that `panel` names, into several the first panels
+            in their order.
+        panel : int or str
+            Number of the panel, or a part of its name such as ``"force"``; for `ax`.
+        static : bool
+            Draw a figure of matplotlib, rather than an interactive one.
+
+        Returns
+        -------
+        plotly Figure, matplotlib axes or ndarray of such (panels,)
+            The interactive figure; `ax` where it is given; else the axes of the figure that was
+            made. Where plotly is not installed, a figure of matplotlib.
+
+        Raises
+        ------
+        AmbkitError
+            There is no such panel, or `ax` is no axes.
+        """
+        return self._card().plot(ax=ax, panel=panel, static=static)

@@ -1,0 +1,182 @@
+"""Series with units as pandas and xarray hold them: units, and what else is known, in ``attrs``.
+
+In pandas ``attrs`` of the frame has a dictionary ``units`` (of the index, which is the time, too)
+and whatever else describes it. In xarray each variable has its own ``units``, as in CF conventions,
+and the rest is JSON in ``attrs`` of the data set, for netCDF holds no dictionaries.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import ExtraMissing, RecordError
+from ambkit.data.signals import UNITS, si_unit
+
+KEY = "ambkit"
+"""Where a data set of xarray has, as JSON, what no variable says."""
+
+
+class Series(NamedTuple):
+    """Columns over time with their units, and what else is known."""
+
+    t: NDArray[np.float64]
+    columns: Mapping[str, NDArray[Any]]
+    units: Mapping[str, str]
+    about: Mapping[str, Any]
+
+
+def to_pandas(series: Series) -> Any:
+    """Return a DataFrame over the time [s]; `from_pandas` gives the same back."""
+    pandas = _library("pandas", "a DataFrame")
+    index = pandas.Index(series.t, name="t")
+    frame = pandas.DataFrame(dict(series.columns), index=index)
+    frame.attrs = {"units": {"t": "s"} | dict(series.units)} | dict(series.about)
+    return frame
+
+
+def from_pandas(frame: Any) -> Series:
+    """Read a DataFrame over time: its numbers as they are, and the units that it names.
+
+    Parameters
+    ----------
+    frame : pandas.DataFrame
+        Its index is the time, or else its column ``t``.
+
+    Raises
+    ------
+    RecordError
+        It is no such frame, has no time, or a column that does not hold numbers.
+    """
+    pandas = _library("pandas", "a DataFrame")
+    if not isinstance(frame, pandas.DataFrame):
+        raise RecordError(f"a DataFrame of pandas is needed, this is a {type(frame).__name__}")
+    about = {str(key): value for key, value in frame.attrs.items()}
+    columns = {str(name): frame[name].to_numpy() for name in frame.columns}
+    t = columns.pop("t", None)
+    if t is None:
+        t = frame.index.to_numpy()
+        if frame.index.name != "t" and t.dtype.kind not in "mM":
+            raise RecordError("the DataFrame has no time: its index, or a column, must be t [s]")
+    return _checked(t, columns, dict(about.pop("units", {})), about)
+
+
+def to_xarray(series: Series) -> Any:
+    """Return a Dataset over the coordinate t [s]; `from_xarray` gives the same back.
+
+    Raises
+    ------
+    RecordError
+        What else is known cannot be written as JSON.
+    """
+    xarray = _library("xarray", "a Dataset")
+    try:
+        about = json.dumps(dict(series.about), ensure_ascii=False)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise RecordError(f"meta cannot be written as JSON: {error}") from None
+    data = {
+        name: ("t", values, {"units": series.units[name]})
+        for name, values in series.columns.items()
+    }
+    return xarray.Dataset(data, {"t": ("t", series.t, {"units": "s"})}, {KEY: about})
+
+
+def from_xarray(dataset: Any) -> Series:
+    """Read a Dataset over t: its numbers as they are, and the units that it names.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        With the coordinate ``t``.
+
+    Raises
+    ------
+    RecordError
+        It is no such data set, has no time, or a variable that does not hold numbers over it.
+    """
+    xarray = _library("xarray", "a Dataset")
+    if not isinstance(dataset, xarray.Dataset):
+        raise RecordError(f"a Dataset of xarray is needed, this is a {type(dataset).__name__}")
+    if "t" not in dataset.coords:
+        raise RecordError("the Dataset has no time: it must have the coordinate t [s]")
+    try:
+        about = dict(json.loads(dataset.attrs.get(KEY, "{}")))
+    except (TypeError, ValueError):
+        raise RecordError(f'attrs["{KEY}"] of the Dataset is no JSON object') from None
+    columns, units = {}, {}
+    for key, variable in {"t": dataset["t"], **dataset.data_vars}.items():
+        name = str(key)
+        if variable.dims != ("t",):
+            raise RecordError(f"variable {name} must be over t alone, is over {variable.dims}")
+        columns[name] = variable.to_numpy()
+        if "units" in variable.attrs:
+            units[name] = str(variable.attrs["units"])
+    return _checked(columns.pop("t"), columns, units, about)
+
+
+def in_si(series: Series, units: Mapping[str, str] | None = None) -> Series:
+    """Convert all columns to SI; what is SI already keeps its bits.
+
+    Parameters
+    ----------
+    series : Series
+        From `from_pandas` or `from_xarray`.
+    units : mapping of str to str, optional
+        Unit of each column, where it names none; the standard names are SI.
+
+    Raises
+    ------
+    RecordError
+        A column has no unit, or one that is not known; or there is no such column.
+    """
+    given = {"t": series.t, **series.columns}
+    said = UNITS | dict(series.units) | dict(units or {})
+    unknown = [name for name in units or {} if name not in given]
+    if unknown:
+        raise RecordError(f"units: there is no column {unknown[0]}; there are {', '.join(given)}")
+    columns, found = {}, {}
+    for name, values in given.items():
+        columns[name], found[name] = _converted(name, values, said.get(name))
+    t, _ = columns.pop("t"), found.pop("t")
+    return Series(t, columns, found, series.about)
+
+
+def _converted(
+    name: str, values: NDArray[Any], unit: str | None
+) -> tuple[NDArray[np.float64], str]:
+    from ambkit.base.units import factor
+
+    if unit is None:
+        raise RecordError(f'column {name} has no unit; give it, as in units={{"{name}": "mm"}}')
+    try:
+        target = UNITS.get(name) or si_unit(unit)
+        scale = 1.0 if unit == target else factor(unit, target)
+    except ValueError as error:
+        raise RecordError(f"column {name}: {error}") from None
+    return (values if scale == 1.0 else values * scale), target
+
+
+def _checked(
+    t: NDArray[Any],
+    columns: Mapping[str, NDArray[Any]],
+    units: Mapping[str, str],
+    about: Mapping[str, Any],
+) -> Series:
+    if t.dtype.kind in "mM":  # times of day or spans of time, counted in seconds
+        t = (t - t[0] if t.dtype.kind == "M" else t) / np.timedelta64(1, "s")
+    for name, values in {"t": t, **columns}.items():
+        if values.dtype.kind not in "fiu":
+            raise RecordError(f"column {name} must hold numbers, holds {values.dtype}")
+    return Series(t, columns, units, about)
+
+
+def _library(name: str, what: str) -> Any:
+    try:
+        return import_module(name)
+    except ImportError:
+        raise ExtraMissing(what, name, name) from None

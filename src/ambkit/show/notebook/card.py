@@ -1,0 +1,106 @@
+"""A small table and a picture, as HTML of a notebook; the picture also as a plot."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+from ambkit.base.escaping import one_line
+from ambkit.base.units import engineering, typeset
+from ambkit.show.notebook.drawing import plot
+from ambkit.show.report.figure import Figure
+from ambkit.show.report.static import light
+from ambkit.show.report.static_items import WIDTH
+
+LONGEST = 300
+"""Characters of a cell or a note; a description may have thousands."""
+
+MOST_ROWS = 24
+"""Rows of a table; of more it says how many there are."""
+
+_LEFT = ' style="text-align:left"'
+
+
+@dataclass(frozen=True)
+class Card:
+    """What a notebook shows of an object.
+
+    Parameters
+    ----------
+    title : str
+        What it is; like all texts here as it stands, not yet escaped.
+    rows : sequence of sequence of str
+        The table: in each row first what it tells.
+    figure : Figure
+        The picture.
+    headers : sequence of str
+        Over the columns; none where a row is a name and a value.
+    notes : sequence of str
+        Sentences below the table.
+    """
+
+    title: str
+    rows: Sequence[Sequence[str]]
+    figure: Figure
+    headers: Sequence[str] = ()
+    notes: Sequence[str] = ()
+
+    def html(self) -> str:
+        """Return table and picture as HTML that loads and runs nothing."""
+        picture = base64.b64encode(light(self.figure)).decode()
+        # The classes keep MathJax from reading other people's names as formulas.
+        return "\n".join(
+            [
+                '<div class="tex2jax_ignore mathjax_ignore">',
+                self._table(),
+                *(f"<p>{_text(note)}</p>" for note in self.notes),
+                f'<img style="max-width:100%;width:{100 * WIDTH:.0f}px;background:#fff"'
+                f' alt="{escape(one_line(self.figure.description()))}"'
+                f' src="data:image/png;base64,{picture}">',
+                "</div>",
+            ]
+        )
+
+    def plot(self, *, ax: Any, panel: int | str, static: bool) -> Any:
+        """Draw the picture, see :meth:`ambkit.base.showing.Shown.plot`."""
+        return plot(self.figure, ax=ax, panel=panel, static=static)
+
+    def _table(self) -> str:
+        head = "".join(f"<th{_LEFT}>{_text(name)}</th>" for name in self.headers)
+        title = _text(self.title)
+        lines = [
+            "<table>",
+            f'<caption style="caption-side:top;text-align:left"><b>{title}</b></caption>',
+            *([f"<thead><tr>{head}</tr></thead>"] if head else []),
+            "<tbody>",
+        ]
+        for name, *values in self.rows[:MOST_ROWS]:
+            cells = "".join(f"<td{_LEFT}>{_text(value)}</td>" for value in values)
+            lines.append(f"<tr><th{_LEFT}>{_text(name)}</th>{cells}</tr>")
+        left = len(self.rows) - MOST_ROWS
+        if left > 0:
+            lines.append(f"<tr><th{_LEFT}>and {left} more</th></tr>")
+        return "\n".join([*lines, "</tbody>", "</table>"])
+
+
+def _text(text: str) -> str:
+    line = one_line(text)
+    return escape(line if len(line) <= LONGEST else f"{line[: LONGEST - 3]}...")
+
+
+def value(number: float, unit: str, digits: int = 4) -> str:
+    """Print a value with its unit for a table; a dash where there is none.
+
+    Parameters
+    ----------
+    number : float
+        In SI.
+    unit : str
+        SI unit.
+    digits : int
+        Significant digits.
+    """
+    return "–" if number != number else typeset(engineering(number, unit, digits))

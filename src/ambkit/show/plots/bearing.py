@@ -1,0 +1,60 @@
+"""A bearing: the force of its magnet, over current and displacement."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ambkit.base.escaping import markdown
+from ambkit.base.units import engineering
+from ambkit.machine.magnets import magnet_of
+from ambkit.show.report.figure import Figure, Panel
+from ambkit.show.report.items import Axis, Item, Line, Points, Rule
+
+if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
+
+STYLES = ("series 2", "estimate", "series 3")
+SHARES = (-0.5, 0.0, 0.5)
+"""Of the range of what the lines stand for."""
+
+
+def bearing_figure(bearing: Bearing) -> Figure:
+    """Show what its magnet pulls with, and the current that carries the rotor.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        Its magnet is drawn over all currents, and over the rotor's travel.
+    """
+    magnet, travel = magnet_of(bearing), bearing.rotor.travel_limit
+    iu = np.linspace(bearing.current_min, bearing.current_max, 121)
+    x = np.linspace(-travel, travel, 121)
+    current, displacement = Axis("control current $i_u$", "A"), Axis("displacement $x$", "mm", 1e3)
+    force = Axis("force of the magnet", "N")
+    places = [share * travel for share in SHARES]
+    currents = [share * bearing.current_max for share in SHARES]
+    carried: list[Item] = [Rule(-bearing.weight, signal="reference", label="carries the weight")]
+    hover = np.array([bearing.hover_current])
+    here = Points(hover, np.array([-bearing.weight]), signal="measurement", label="hovers")
+    over_current: list[Item] = [
+        Line(iu, magnet.force(iu, place), signal=style,
+             label=f"$x$ = {engineering(place, 'm', 3, like=travel)}")
+        for style, place in zip(STYLES, places, strict=True)
+    ]  # fmt: skip
+    over_displacement: list[Item] = [
+        Line(x, magnet.force(given, x), signal=style,
+             label=f"$i_u$ = {engineering(given, 'A', 3)}")
+        for style, given in zip(STYLES, currents, strict=True)
+    ]  # fmt: skip
+    return Figure(
+        id="bearing",
+        title=f"Force of {markdown(bearing.name)}",
+        caption="Over all currents, and over the rotor's travel.",
+        panels=[
+            Panel(current, force, [*carried, *over_current, here]),
+            Panel(displacement, force, [*carried, *over_displacement]),
+        ],
+        panel_height=2.0,
+    )

@@ -1,0 +1,70 @@
+"""A record: its signals over time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ambkit.base.escaping import label, markdown
+from ambkit.show.plots.looks import TIME
+from ambkit.show.plots.reading import SHOWN, axis_of, missing_spans
+from ambkit.show.report.figure import Figure, Panel
+from ambkit.show.report.items import Item, Line
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+
+TOGETHER = ({"y": "measured", "r": "reference", "x": "truth"},)
+"""Signals that share a panel, with their looks; the first one names it."""
+
+TOLD_BY = {"iu": "u", "f_mag": "f_d", "x_m": "y"}
+"""Signals that are left out where the other one says nearly the same."""
+
+
+def record_figure(record: Record) -> Figure:
+    """Show a record's signals over time; of many the first eight panels.
+
+    Parameters
+    ----------
+    record : Record
+        :meth:`~ambkit.Record.select` says which signals.
+    """
+    groups = list(_groups(record))
+    names = [name for names in groups[SHOWN:] for name in names]
+    left = f"Not shown: {', '.join(map(markdown, names))}." if names else ""
+    return Figure(
+        id="record",
+        title=markdown(record.meta.get("source") or "Record"),
+        caption=left,
+        panels=[_panel(record, names) for names in groups[:SHOWN]],
+    )
+
+
+def _groups(record: Record) -> Iterator[Sequence[str]]:
+    shown = [name for name in record if TOLD_BY.get(name) not in record.signals]
+    for together in TOGETHER:
+        names = [name for name in together if name in shown]
+        if names:
+            yield names
+        shown = [name for name in shown if name not in together]
+    yield from ([name] for name in shown)
+
+
+def _panel(record: Record, names: Sequence[str]) -> Panel:
+    t = record.t
+    styles = {name: style for together in TOGETHER for name, style in together.items()}
+    several = len(names) > 1
+    items: list[Item] = []
+    for name in names:
+        known = several and (name != "x" or record.has_truth)
+        look, text = (styles[name], None) if known else ("channel", label(name) if several else "")
+        items.append(Line(t, record[name], signal=look, label=text))
+    lost = np.isnan(record[names[0]])
+    edges = np.flatnonzero(np.diff(np.r_[False, lost, False])).reshape(-1, 2)
+    items += missing_spans([(float(t[a]), float(t[b - 1])) for a, b in edges], t)
+    values = np.concatenate([record[name] for name in names])
+    time = replace(TIME, limits=(float(t[0]), float(t[-1])))
+    return Panel(time, axis_of(names[0], record.units[names[0]], values), items)

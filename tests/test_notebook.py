@@ -1,0 +1,322 @@
+"""What notebooks show of objects, their plots, and what completion offers."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import re
+import sys
+from collections.abc import Iterator
+from html import unescape
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+import pytest
+
+import ambkit
+from ambkit import Bearing, Estimate, Expert, KalmanFilter, Record
+from ambkit.base.asked import in_si
+from ambkit.base.errors import AmbkitError
+from ambkit.judge.comparison.bench import Benches
+from ambkit.show.report.figure import Figure, Panel
+from ambkit.show.report.items import Axis, Heatmap
+from ambkit.workflow.comparing import LoopScores, compare_in_case
+from ambkit.workflow.designing import Candidate, Design
+from tests.hostile import NOT_PRINTABLE, PRINTABLE, Page, called
+
+BEARING = Bearing.preset("zittau_axial")
+SCENARIO = ambkit.scenario_for(BEARING, step="0.1 mm", load="3 N", duration="80 ms")
+RECORD = ambkit.simulate(BEARING, SCENARIO)
+ESTIMATE = KalmanFilter(BEARING).run(RECORD, covariance=True)
+
+
+@pytest.fixture(scope="module")
+def shown() -> dict[str, Any]:
+    """One of each that a notebook shows, under the name of its class."""
+    from ambkit.identification.forces.lift_off import LiftOff
+    from ambkit.identification.online.side_by_side import learn_online
+    from ambkit.workflow.identifying import identify_by_lift_off
+
+    scores = ambkit.compare(BEARING, SCENARIO, {"linear": lambda: KalmanFilter(BEARING)}, [0])
+    study = compare_in_case(BEARING, "paper", ["linear"], runs=1)
+    candidate = Candidate("linear", Path("a.toml"), True, {}, {"x": 3e-6, "v": 2e-3, "f_d": 0.5}, 1)
+    one_sided = Bearing.preset("inteco_ml")
+    points = [
+        LiftOff(0, gap, 0.1 + 200 * gap, 0.0, gap, 1e-12, "") for gap in (1e-3, 2e-3, 3e-3, 4e-3)
+    ]
+    made = [
+        BEARING, RECORD, ESTIMATE, Expert.paper(), scores, study, study.bench,
+        Benches({"paper": study.bench}), LoopScores(BEARING, {}, {"a step": scores}, range(1)),
+        ambkit.identify_online(RECORD, BEARING), learn_online(RECORD, BEARING),
+        ambkit.filter(BEARING, RECORD, ["linear"], settling="5 ms"),
+        ambkit.tune(BEARING, kind="linear", budget=2, runs=1),
+        Design(Path("d"), (candidate,), candidate, 9e-6, "Fly it.", ("It is slow.",), None, {}),
+        identify_by_lift_off(one_sided, points),
+    ]  # fmt: skip
+    return {type(each).__name__: each for each in made}
+
+
+NAMES = (
+    "Bearing", "Record", "Estimate", "Expert", "Scores", "Study", "Bench", "Benches",
+    "LoopScores", "Identification", "SideBySide", "Filtering", "Tuned", "Design", "LiftedOff",
+)  # fmt: skip
+
+
+def read(html: str) -> str:
+    """What there is to read in a table."""
+    return " ".join(unescape(re.sub(r"<[^>]+>", " ", html)).split())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_notebook_shows_a_table_and_a_light_picture(shown: dict[str, Any], name: str) -> None:
+    html = shown[name]._repr_html_()
+    (packed,) = re.findall(r'src="data:image/png;base64,([^"]+)"', html)
+    png = base64.b64decode(packed)
+    assert png.startswith(b"\x89PNG")
+    assert 1_000 < len(png) < 150_000
+    assert html.count("<tr>") > 1
+    page = Page(html)
+    assert (page.found, page.scripts) == ([], 0)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_all_are_plotted_both_ways(shown: dict[str, Any], name: str) -> None:
+    from plotly.graph_objects import Figure as Interactive
+
+    matplotlib.use("agg")
+    from matplotlib import pyplot
+
+    interactive = shown[name].plot()
+    assert isinstance(interactive, Interactive)
+    before = pyplot.get_fignums()
+    axes = shown[name].plot(static=True)
+    assert len(pyplot.get_fignums()) == len(before) + 1
+    assert axes.shape == (len(axes),)
+    axes[0].set_title("the user goes on")
+    axes[0].figure.canvas.draw()
+    pyplot.close(axes[0].figure)
+
+
+def test_an_identification_by_likelihood_is_shown() -> None:
+    rate = ambkit.Scenario(duration="0.2 s", reference=ambkit.Sine(amplitude="50 µm", frequency=20))
+    found = ambkit.identify(BEARING, ambkit.simulate(BEARING, rate), free=["magnet_constant"])
+    for each in (found, found.likelihood):
+        assert "magnet_constant" in read(each._repr_html_())
+        assert each.plot().data
+
+
+def test_the_tables_have_the_figures() -> None:
+    table = read(BEARING._repr_html_())
+    for text in ("air gap 2 mm", "bias current 1.5 A", "k_i 10.05 N/A", "mass 0.518 kg"):
+        assert text in table.replace("\u00a0", " ")
+    signals = read(RECORD._repr_html_()).replace("\u00a0", " ")
+    assert "801 samples" in signals
+    assert "every 0.1 ms" in signals
+    assert f"{1e3 * RECORD['y'].max():.4g} mm" in signals
+    told = read(ESTIMATE._repr_html_())
+    assert f"Mean NIS {ESTIMATE.nis[1:].mean():.3f}" in told
+    gap = Record(RECORD.t, {"y": np.where(RECORD.t < 0.01, np.nan, RECORD["y"])})
+    assert read(gap._repr_html_()).endswith(" 100")
+
+
+def hostile(text: str) -> Iterator[Any]:
+    bearing = called(BEARING, text)
+    signals = {**RECORD.signals, text: RECORD["y"]}
+    record = Record(RECORD.t, signals, {**RECORD.units, text: "m"}, {"source": text})
+    filtering = ambkit.filter(BEARING, RECORD, ["linear"])
+    yield bearing
+    yield record
+    yield dataclasses.replace(ESTIMATE, estimator=text)
+    yield Expert.paper().model_copy(update={"source": text})
+    yield dataclasses.replace(
+        filtering, bearing=bearing, record=record, estimators={text: filtering["linear"]}
+    )
+    yield dataclasses.replace(ambkit.identify_online(RECORD, BEARING), bearing=bearing)
+
+
+@pytest.mark.filterwarnings("ignore:Glyph:UserWarning")  # of characters that no font has
+@pytest.mark.parametrize("text", [PRINTABLE[3], PRINTABLE[5], "".join(NOT_PRINTABLE)])
+def test_other_peoples_names_stay_text(text: str) -> None:
+    for thing in hostile(text):
+        html = thing._repr_html_()
+        page = Page(html)
+        assert (page.found, page.scripts) == ([], 0)
+        assert 'class="tex2jax_ignore mathjax_ignore"' in html  # nor is it a formula
+        drawn = thing.plot().to_json()
+        assert "<script" not in drawn
+        assert "<img" not in drawn
+
+
+def test_own_axes_get_a_panel_and_keep_their_look() -> None:
+    from matplotlib.figure import Figure as Canvas
+
+    first, second, third = Canvas().subplots(3)
+    first.set_facecolor("ivory")
+    assert RECORD.plot(ax=first) is first
+    assert "position" in first.get_ylabel()
+    assert first.get_xlabel() == "time [s]"
+    assert matplotlib.colors.same_color(first.get_facecolor(), "ivory")
+    names = [text.get_text() for text in first.get_legend().get_texts()]
+    assert {"measured", "reference", "truth"} == set(names)
+    ESTIMATE.plot(ax=second, panel="force")
+    drawn = max(second.lines, key=lambda line: len(line.get_xdata()))
+    assert drawn.get_ydata() == pytest.approx(ESTIMATE.f_d)
+    ESTIMATE.plot(ax=third, panel=-1)
+    assert "innovation" in third.get_ylabel()
+    several = Canvas().subplots(2, 2)
+    assert RECORD.plot(ax=several) is several
+    assert [ax.get_ylabel().split()[0] for ax in several.flat] == [
+        "position", "control", "velocity", "disturbance",
+    ]  # fmt: skip
+
+
+def test_a_map_in_own_axes_has_its_colour_bar() -> None:
+    from matplotlib.figure import Figure as Canvas
+
+    from ambkit.show.notebook.drawing import plot
+
+    line, canvas = np.linspace(0, 1, 5), Canvas(layout="constrained")
+    heat = Heatmap(line, line, np.add.outer(line, line), Axis("force", "N"))
+    plot(Figure("a", "", "", [Panel(Axis("x"), Axis("y"), [heat])]), ax=canvas.subplots())
+    assert [ax.get_ylabel() for ax in canvas.axes] == ["y", "force [N]"]
+
+
+def test_what_cannot_be_drawn_is_told_in_a_line() -> None:
+    from matplotlib.figure import Figure as Canvas
+
+    ax = Canvas().subplots()
+    for wrong, told in (
+        ({"ax": 3}, "ax must be axes of matplotlib, is of type int"),
+        ({"ax": ax, "panel": "torque"}, "there is no panel 'torque'; there are 0 \"position"),
+        ({"ax": ax, "panel": 9}, "there is no panel 9"),
+        ({"ax": [ax] * 9}, "ax has 9 axes, and there are 0 "),
+    ):
+        with pytest.raises(AmbkitError) as caught:
+            RECORD.plot(**wrong)
+        assert str(caught.value).startswith(told)
+        assert "\n" not in str(caught.value)
+
+
+def test_without_plotly_the_plot_is_of_matplotlib(monkeypatch: pytest.MonkeyPatch) -> None:
+    matplotlib.use("agg")
+    from matplotlib import pyplot
+
+    monkeypatch.setitem(sys.modules, "plotly.graph_objects", None)
+    axes = RECORD.plot()
+    assert axes[0].get_ylabel().startswith("position")
+    pyplot.close(axes[0].figure)
+
+
+@pytest.mark.parametrize(
+    "thing",
+    [BEARING, Bearing, SCENARIO, ambkit.PID, ambkit.PID(), ambkit.Step, Expert.paper(), Expert],
+    ids=lambda thing: getattr(thing, "__name__", type(thing).__name__),
+)
+def test_completion_shows_what_users_look_for(thing: Any) -> None:
+    names = {name for name in dir(thing) if not name.startswith("_")}
+    assert not {n for n in names if n.startswith("model_")} | names & {"copy", "dict", "json"}
+    of_class = thing if isinstance(thing, type) else type(thing)
+    own = {name for name in vars(of_class) if not name.startswith("_")} - {"model_config"}
+    assert own - {n for n in own if n.startswith("model_")} <= names
+    if not isinstance(thing, type):
+        assert set(of_class.model_fields) <= names
+
+
+def test_ipython_shows_and_completes_the_same() -> None:
+    shell_of = pytest.importorskip("IPython.core.interactiveshell")
+    shell = shell_of.InteractiveShell.instance()
+    try:
+        shell.user_ns["bearing"] = BEARING
+        data, _ = shell.display_formatter.format(BEARING)
+        assert data["text/html"] == BEARING._repr_html_()
+        completer = sys.modules["IPython.core.completer"]
+        with completer.provisionalcompleter():
+            found = list(shell.Completer.completions("bearing.", len("bearing.")))
+        completed = {each.text.lstrip(".") for each in found}
+        assert {"magnet", "replace", "plot"} <= completed
+        assert not [name for name in completed if name.startswith("model_")]
+    finally:
+        shell_of.InteractiveShell.clear_instance()
+
+
+def test_quantities_are_taken_with_their_units() -> None:
+    assert in_si("step", "50 µm", "m") == in_si("step", 5e-5, "m") == 5e-5
+    assert in_si("step", np.float32(0.5), "m") == 0.5
+    assert in_si("step", None, "m") is None
+    assert ambkit.scenario_for(BEARING, step="50 µm", load="3 N", duration="0.2 s") == (
+        ambkit.scenario_for(BEARING, step=5e-5, load=3.0, duration=0.2)
+    )
+    assert len(RECORD.between("10 ms", "20 ms")) == 100
+    noise = ambkit.FilterNoise(measurement="83 µm^2", disturbance="2 N^2/s")
+    assert noise == ambkit.FilterNoise(83e-12, None, 2.0)
+    slow = ambkit.LowPass(BEARING, velocity="300 rad/s")
+    assert slow.corners["velocity"] == 300.0
+    assert ambkit.filter(BEARING, RECORD, ["linear"], settling="5 ms").settling == 5e-3
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        (lambda: ambkit.filter("rig.toml", RECORD), "bearing must be of type Bearing, is the str "
+         "'rig.toml'; Bearing.preset or Bearing.load gives one"),
+        (lambda: ambkit.filter(BEARING, BEARING), "record must be of type Record, is the Bearing"),
+        (lambda: ambkit.filter(BEARING, RECORD, settling="5 V"),
+         'settling must be in s: "5 V": V cannot be converted to s'),
+        (lambda: ambkit.scenario_for(BEARING, step=[1]),
+         "step must be a number in m or a text with its unit, is the list [1]"),
+        (lambda: ambkit.simulate(BEARING, None), "scenario must be of type Scenario, is None"),
+        (lambda: ambkit.identify(BEARING, ["log.csv"]),
+         "records must be of type Record, is the str 'log.csv'; Record.load gives one"),
+        (lambda: KalmanFilter(Bearing), "bearing must be of type Bearing, is the type Bearing"),
+        (lambda: KalmanFilter(BEARING, noise=1e-12),
+         "noise must be of type FilterNoise, is the float 1e-12"),
+        (lambda: ambkit.train(RECORD),
+         "source must be of type Bearing or StiffnessMap, is the Record"),
+    ],
+)  # fmt: skip
+def test_wrong_types_are_told_in_a_line(wrong: Any, told: str) -> None:
+    with pytest.raises((TypeError, AmbkitError)) as caught:
+        wrong()
+    assert str(caught.value) == told
+
+
+def test_a_reading_is_not_a_record_and_the_message_helps() -> None:
+    class Read:
+        record = RECORD
+
+        def __repr__(self) -> str:
+            return "x" * 99
+
+    with pytest.raises(TypeError, match=r"is the Read; give its \.record"):
+        ambkit.tune(BEARING, Read())  # type: ignore[arg-type]
+
+
+def test_estimates_of_a_gap_and_without_covariance_are_drawn() -> None:
+    lost = np.where((RECORD.t > 0.02) & (RECORD.t < 0.05), np.nan, RECORD["y"])
+    record = Record(RECORD.t, {"y": lost, "u": RECORD["u"]})
+    told: Estimate = KalmanFilter(BEARING).run(record)
+    assert "MISSING 299" in read(told._repr_html_())
+    assert "missing" in {trace.name for trace in record.plot().data} | {
+        shape.name for shape in record.plot().layout.shapes
+    }
+
+
+@pytest.mark.filterwarnings("ignore")  # of Jupyter, about itself
+def test_the_page_runs_as_a_notebook(tmp_path: Path) -> None:
+    nbformat, nbclient = (pytest.importorskip(name) for name in ("nbformat", "nbclient"))
+    pytest.importorskip("ipykernel")
+    text = (Path(__file__).parent.parent / "docs" / "notebook.md").read_text(encoding="utf-8")
+    cells = re.findall(r"```\{code-cell\}\n(.*?)```", text, re.S)
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(cell) for cell in cells])
+    resources = {"metadata": {"path": str(tmp_path)}}
+    nbclient.NotebookClient(notebook, timeout=300, resources=resources).execute()
+    outputs = [output for cell in notebook.cells for output in cell.outputs]
+    pages = [output.get("data", {}) for output in outputs]
+    shown = [page["text/html"] for page in pages if "text/html" in page]
+    assert "zittau_axial" in shown[0]
+    assert "adaptive Kalman filter" in shown[1]
+    assert all("data:image/png;base64," in html for html in shown[:2])
+    assert any("image/png" in page for page in pages)  # the user's own axes
+    nbformat.validate(notebook)
