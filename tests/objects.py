@@ -1,7 +1,8 @@
 """C that tests compile again and again: the same text is compiled once.
 
-What the preprocessor makes of a file names its object, together with the compiler and its options,
-as in ccache. The objects lie in pytest's cache, so that a second call of the tests has them too.
+The texts of a file and of all that it includes name its object, together with the compiler and its
+options, much as in ccache. The objects lie in pytest's cache, so that a second call of the tests
+has them too.
 
 As a script it is a compiler: ``python tests/objects.py cc -O2 -shared a.c b.c -o library``.
 """
@@ -15,7 +16,7 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -60,15 +61,14 @@ def build(
 
 def object_of(command: Sequence[str], file: str | Path, cwd: Path) -> tuple[Path, Done]:
     """Return the object of a C file, which is there unless compiling failed or warned."""
-    text = _run([*command, "-E", "-P", str(file)], cwd)
-    if text.returncode or text.stderr:
-        return Path(), text
-    key = "\0".join([*map(_version, command[:1]), *command, text.stdout])
-    kept = _folder() / f"{hashlib.sha256(key.encode()).hexdigest()}.o"
+    folders = [cwd / word.removeprefix("-I") for word in command if word.startswith("-I")]
+    options = (word for word in command if not word.startswith("-I"))
+    words = [_version(command[0]), *options, *_texts(cwd / file, folders)]
+    kept = _folder() / f"{hashlib.sha256(chr(0).join(words).encode()).hexdigest()}.o"
     if kept.exists():
         with suppress(OSError):
             os.utime(kept)
-        return kept, text
+        return kept, Done([], 0, "", "")
     # Others may do the same now: each writes a file of its own, and the last puts it in place.
     temporary = kept.with_suffix(f".{os.getpid()}.o")
     done = _run([*command, "-c", str(file), "-o", str(temporary)], cwd)
@@ -77,6 +77,21 @@ def object_of(command: Sequence[str], file: str | Path, cwd: Path) -> tuple[Path
     else:
         temporary.replace(kept)
     return kept, done
+
+
+def _texts(file: Path, folders: Sequence[Path]) -> Iterator[str]:
+    """Yield the text of a file, and of all that it includes in quotes, each once."""
+    waiting, seen = [file], {file}
+    while waiting:
+        here = waiting.pop()
+        text = here.read_text()
+        yield text
+        for name in re.findall(r'^\s*#\s*include\s+"(.+?)"', text, re.MULTILINE):
+            places = (folder / name for folder in (here.parent, *folders))
+            found = next((place for place in places if place.exists()), None)
+            if found is not None and found not in seen:
+                seen.add(found)
+                waiting.append(found)
 
 
 @functools.cache

@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from ambkit.simulation.waveforms import Sequence as Sequence
     from ambkit.simulation.waveforms import Sine as Sine
     from ambkit.simulation.waveforms import Step as Step
+    from ambkit.workflow.assessing import assess as assess
     from ambkit.workflow.comparison import compare as compare
     from ambkit.workflow.designing import design as design
     from ambkit.workflow.expert import train as train
@@ -101,6 +102,7 @@ _HOME = {
     "simulation.scenario": ["PID", "Scenario"],
     "simulation.waveforms": ["Constant", "Impulse", "Ramp", "Recorded", "Sequence", "Sine", "Step"],
     "workflow.comparison": ["compare"],
+    "workflow.assessing": ["assess"],
     "workflow.designing": ["design"],
     "workflow.expert": ["train"],
     "workflow.filtering": ["filter"],

@@ -148,6 +148,7 @@ def judged(bearing: ambkit.Bearing, scenario: ambkit.Scenario, record: ambkit.Re
     for method in (ambkit.Adaline(bearing), ambkit.RecursiveLeastSquares(bearing)):
         print(method)
     print(ambkit.to_control(bearing))
+    assert_type(ambkit.assess(bearing, "linear").loops["linear"].peak, float)
 
 
 def designed(bearing: ambkit.Bearing, record: ambkit.Record) -> None:
