@@ -267,7 +267,7 @@ def test_quantities_are_taken_with_their_units() -> None:
          'settling must be in s: "5 V": V cannot be converted to s'),
         (lambda: ambkit.scenario_for(BEARING, step=[1]),
          "step must be a number in m or a text with its unit, is the list [1]"),
-        (lambda: ambkit.simulate(BEARING, None), "scenario must be of type Scenario, is None"),
+        (lambda: ambkit.simulate(BEARING, 3), "scenario must be of type Scenario, is the int 3"),
         (lambda: ambkit.identify(BEARING, ["log.csv"]),
          "records must be of type Record, is the str 'log.csv'; Record.load gives one"),
         (lambda: KalmanFilter(Bearing), "bearing must be of type Bearing, is the type Bearing"),
