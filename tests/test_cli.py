@@ -275,7 +275,7 @@ def test_identify_from_lift_off_points_gives_gap_and_bias(call, made):
 def test_train_reaches_what_the_library_reaches(call):
     found = call("train", "zittau_axial", "--no-weights", "--out", "e.json", "--json").json
     expert = ambkit.Expert.load("e.json")
-    assert expert == ambkit.train(ambkit.Bearing.preset("zittau_axial"))
+    assert expert == ambkit.train(ambkit.Bearing.preset("zittau_axial"), weights=False)
     errors = found["force_error_rms"]
     assert errors["trained"] < 0.16 < errors["untrained"] < errors["constant"]
 
