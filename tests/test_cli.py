@@ -114,6 +114,18 @@ def test_the_front_imports_nothing_heavy():
     assert done.stdout.strip() == "[]"
 
 
+def test_a_plain_simulation_imports_no_large_part_of_scipy():
+    large = "scipy.signal scipy.stats scipy.interpolate scipy.integrate"
+    code = (
+        "import sys\nfrom ambkit.cli.main import main\n"
+        "try: main(['simulate', 'zittau_axial', '--duration', '5 ms', '--json'])\n"
+        "except SystemExit as left: code = left.code\n"
+        f"print(code, [m for m in {large.split()} if m in sys.modules], file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr.strip() == "0 []"
+
+
 def test_help_lists_all_commands_and_is_what_one_gets_for_no_command(call):
     asked, bare = call("--help"), call()
     assert asked.code == bare.code == 0
