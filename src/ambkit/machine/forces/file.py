@@ -108,6 +108,7 @@ def load_force_points(
         try:
             columns = read_table(path).columns
         except RecordError as error:
+            read_log(path)  # which raises where it is not the columns that are wrong
             raise RecordError([*error.problems, f"{path}: {NAMES}"]) from None
     for name in COLUMNS:
         if name not in columns:
