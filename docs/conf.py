@@ -68,6 +68,7 @@ html_math_renderer = "mathml"
 html_sidebars = {  # elsewhere there are no neighbours to go to
     "paper/*": ["sidebar-nav-bs"],
     "api/*": ["sidebar-nav-bs"],
+    "learn/*": ["sidebar-nav-bs"],
     "[!pa]*": [],
 }
 html_theme_options = {
