@@ -291,46 +291,66 @@ class Estimator(Copyable):
         return tuple((dict(zip(names, usual, strict=True)) | dict(self.start_std)).values())
 
     def at_rest(
-        self, x: float, shown: float | None = None, current: float | None = None
+        self,
+        x: float | NDArray[np.float64],
+        shown: float | NDArray[np.float64] | None = None,
+        current: float | None = None,
     ) -> NDArray[np.float64]:
         """Return the states (n,), each in its unit [m, m/s, N ...], of a rotor at rest.
 
         Parameters
         ----------
-        x : float
-            Displacement [m].
-        shown : float, optional
+        x : float or ndarray (runs,)
+            Displacement [m]; of several runs the states are (runs, n).
+        shown : float or ndarray (runs,), optional
             What the sensor shows [m]; by default what it shows of x.
         current : float, optional
             The magnet's, and what was demanded in the samples before [A]; by default what holds the
             rotor there, see :attr:`hover`.
         """
         shown = self.bearing.sensor.gain * x if shown is None else shown
-        if current is None:
-            # In its own precision, as an exported filter has it.
-            at_centre, per_metre = np.array(self.hover, self.precision)
-            current = float(at_centre + per_metre * at_centre.dtype.type(x))
-        by_role = {"position": x, "sensor": shown, "current": current, "past control": current}
-        return np.array([by_role.get(state.role, 0.0) for state in self.states])
+        holding = self._holding_at(x) if current is None else current
+        by_role = {"position": x, "sensor": shown, "current": holding, "past control": holding}
+        mean = np.zeros((*np.shape(x), len(self.states)))
+        for place, state in enumerate(self.states):
+            if state.role in by_role:
+                mean[..., place] = by_role[state.role]
+        return mean
+
+    def _holding_at(self, x: float | NDArray[np.float64]) -> float | NDArray[Any]:
+        """Return the current that holds the rotor at x, in the precision of an exported filter."""
+        if self.hover == (0.0, 0.0):
+            return 0.0
+        at_centre, per_metre = np.array(self.hover, self.precision)
+        held: NDArray[Any] = at_centre + per_metre * np.asarray(x, self.precision)
+        return held
 
     def at_first(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the states at rest at the first measurement within the travel.
 
         Parameters
         ----------
-        y : ndarray (N,)
+        y : ndarray (N,) or (runs, N)
             Measured positions [m].
 
         Returns
         -------
-        ndarray (n,)
+        ndarray (n,) or (runs, n)
             The states, each in its unit [m, m/s, N ...].
         """
         gain, travel = self._settings["K_sen"][0], self._settings["travel"][0]
-        limit = gain * travel  # the whole record is searched only where it must be
-        near = y if y.size and abs(y[0]) <= limit else y[np.abs(y) <= limit]
-        first = float(near[0]) if near.size else 0.0
-        return self.at_rest(first / gain, first)
+        limit = gain * travel
+
+        def first(row: NDArray[np.float64]) -> float:
+            # The whole record is searched only where it must be.
+            near = row if row.size and abs(row[0]) <= limit else row[np.abs(row) <= limit]
+            return float(near[0]) if near.size else 0.0
+
+        if y.ndim == 1:
+            shown = first(y)
+            return self.at_rest(shown / gain, shown)
+        each = np.array([first(row) for row in y])
+        return self.at_rest(each / gain, each)
 
     @cached_property
     def hover(self) -> tuple[float, float]:
@@ -425,6 +445,38 @@ class Estimator(Copyable):
         """
         y, u = self._start(record)
         return self._estimate(record.t, self.core.run(y, u, covariance=covariance), self.name)
+
+    def run_raw(self, y: ArrayLike, u: ArrayLike, *, covariance: bool = False) -> Estimate:
+        """Run along a rig's own numbers, as the exported C does: to the last bit, from its start.
+
+        Parameters
+        ----------
+        y, u : array_like (n,)
+            What the controller reads, in the units of `inputs`; u[k] acts from sample k to k + 1.
+        covariance : bool
+            As in `run`.
+
+        Returns
+        -------
+        Estimate
+            In SI, from t = 0 on.
+
+        Raises
+        ------
+        ValueError
+            The two are not equally long.
+        """
+        from ambkit.data.record import Record
+
+        position, control = self.in_si(y, u)
+        if position.ndim != 1 or position.shape != control.shape:
+            raise ValueError(
+                f"y and u must be as long as each other, have shapes {position.shape} and "
+                f"{control.shape}"
+            )
+        t = self.bearing.sampling_time * np.arange(position.size, dtype=float)
+        signals = {"y": position, "u": control}
+        return self.run(Record(t, signals, {"y": "m", "u": "V"}), covariance=covariance)
 
     def smooth(self, record: Record) -> Estimate:
         """Estimate each sample of a record from all of it, not only from what came before.

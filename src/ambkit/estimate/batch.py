@@ -136,7 +136,7 @@ def run_many(
     n = Y.shape[1]
     if not 0 <= skip < max(n, 1):
         raise ValueError(f"skip must be within the {n} samples, got {skip}")
-    mean, std = _starts(each, _rows("y", y, 2, "float64"), runs) if start is None else start
+    mean, std = _starts(each, _rows("y", y, 2, "float64")) if start is None else start
     kept = _kept(out, history, (runs, n, len(each[0].states)), precision)
     count = threads if threads is not None else _processors()
     if count < 1:
@@ -181,14 +181,14 @@ def _of_runs(name: str, a: ArrayLike, runs: int, states: int, precision: Precisi
     return np.ascontiguousarray(np.broadcast_to(real(name, a, precision), (runs, states)))
 
 
-def _starts(each: list[Estimator], Y: Array, runs: int) -> tuple[Array, Array]:
-    """Return where `Estimator.run` would start each, (runs, states) twice."""
+def _starts(each: list[Estimator], Y: Array) -> tuple[ArrayLike, ArrayLike]:
+    """Return where `Estimator.run` would start each, to be broadcast to (runs, states) twice."""
+    if len(each) == 1:
+        return each[0].at_first(Y), each[0].default_std()
     known = {e: e.default_std() for e in set(each)}
-    mean, std = np.zeros((2, runs, len(each[0].states)))
-    for i in range(runs):
-        one = each[i if len(each) > 1 else 0]
-        std[i], mean[i] = known[one], one.at_first(Y[i if len(Y) > 1 else 0])
-    return mean, std
+    records = Y if len(Y) > 1 else [Y[0]] * len(each)
+    mean = np.array([e.at_first(y) for e, y in zip(each, records, strict=True)])
+    return mean, np.array([known[e] for e in each])
 
 
 def _kept(
