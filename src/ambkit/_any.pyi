@@ -12,3 +12,17 @@ class Model:  # type: ignore[no-redef]
     """Any model (ambkit/loops.h)."""
 
     def __init__(self, arrays: dict[str, Any]) -> None: ...
+
+def simulate_machine(
+    machine: dict[str, Any],
+    *,
+    r: Any,
+    load: Any,
+    speed: Any,
+    noise_u: Any,
+    noise_y: Any,
+    start: Any,
+    demanded: Any,
+    estimator: Estimator | None = None,
+) -> dict[str, Any]:
+    """A closed-loop run of a whole machine in one call; see sim/machine.h for shapes and units."""

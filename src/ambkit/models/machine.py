@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any
 
 from ambkit.models.compose import compose
 from ambkit.models.model import Model
@@ -20,28 +17,10 @@ from ambkit.models.parts import (
     Sensor,
 )
 from ambkit.models.parts.typical import Typical
-from ambkit.models.plan import UNIT, Part, Place, Plan
-from ambkit.models.sampling import Sampling
+from ambkit.models.plan import UNIT, Part, Place
 
 VELOCITIES = {"x": "v_x", "y": "v_y", "z": "v_z", "th_x": "w_x", "th_y": "w_y"}
 """What the derivative of each coordinate is called."""
-
-
-class OpenLoop(NamedTuple):
-    """Poles of the uncontrolled rotor at a speed."""
-
-    speed: float
-    """Of rotation [rad/s]."""
-    poles: NDArray[np.complex128]
-    """All of them (2 q,) [1/s]."""
-
-    @property
-    def unstable(self) -> NDArray[np.complex128]:
-        """Those that grow [1/s], by their real parts, the slower first."""
-        poles = self.poles
-        greatest = float(np.abs(poles).max())
-        found = poles[poles.real > 1e-6 * greatest]
-        return found[np.lexsort((found.imag, np.round(found.real, 6)))]
 
 
 def machine_parts(machine: Any, *, noise: bool = True, delay: bool = True) -> list[Part]:
@@ -63,7 +42,7 @@ def machine_parts(machine: Any, *, noise: bool = True, delay: bool = True) -> li
     parts += [Disturbance(s.force, 1e-3 * s.force, f"f_d_{a.name}", f"f_{a.name}") for a, s in each]
     for r in machine.readings:
         size = abs(r.sensor.gain) * max(s.displacement for s in sizes)
-        lag, form = r.sensor.lag or None, place(r.line.form)
+        lag, form = machine.lag_of(r.sensor), place(r.line.form)
         parts.append(Sensor(r.sensor.gain, lag, size, f"y_{r.name}", f"x_m_{r.name}", form))
     parts += [
         Amplifier(s.current, a.bearing.amplifier.bandwidth, f"u_{a.name}", f"i_{a.name}",
@@ -128,32 +107,3 @@ def machine_model(machine: Any, *, T: float | None = None, noise: bool = True) -
     """
     parts = machine_parts(machine, noise=noise)
     return compose(parts, machine.sampling_time if T is None else T, name="machine")
-
-
-def open_loop(machine: Any, k_s: Any, speed: float | None = None) -> OpenLoop:
-    """Return the poles of the rotor in its magnets, without control.
-
-    Parameters
-    ----------
-    machine : Machine
-        The whole machine.
-    k_s : sequence of float (p,)
-        Position stiffnesses of its axes [N/m].
-    speed : float, optional
-        Of rotation [rad/s]; the machine's own by default.
-    """
-    at = machine if speed is None else machine.model_copy(update={"speed": speed})
-    plan = Plan(machine.sampling_time)
-    for part in machine_parts(at, noise=False, delay=False):
-        plan.add(part)
-    sampling = Sampling(plan)
-    q = 2 * len(machine.positions)
-    n = sampling.sizes[0]
-    A = sampling.generator(0.0)
-    H = np.zeros((len(plan.forces), q))
-    for k, force in enumerate(plan.forces):
-        for position, value in plan.places[force.name].items():
-            H[k, sampling.at(position)] = value
-    pull = A[:q, n : n + len(plan.forces)]
-    poles = np.linalg.eigvals(A[:q, :q] + pull @ (np.asarray(k_s)[:, None] * H))
-    return OpenLoop(at.speed, poles.astype(complex))
