@@ -28,6 +28,7 @@ from ambkit.simulation.plant import Plant
 from ambkit.simulation.waveforms import Constant, Ramp, Step, Sum
 
 CORE = core_module(any_model=True)
+LOADS = np.array([3.0, 0.0, -2.0, 1.0])
 
 
 def released(
@@ -43,7 +44,7 @@ def released(
     }  # fmt: skip
     zero = np.zeros((n, p))
     return CORE.simulate_machine(  # type: ignore[no-any-return]
-        given | idle, r=zero, load=zero + [3.0, 0.0, -2.0, 1.0], speed=speed, noise_u=zero,
+        given | idle, r=zero, load=zero + LOADS, speed=speed, noise_u=zero,
         noise_y=np.zeros((n, m)), start=X, demanded=iu,
     )  # fmt: skip
 
@@ -53,7 +54,6 @@ def truth(one: Machine, iu: Array, growth: float) -> Any:
     H, C = directions(one, one.axes), directions(one, one.readings)
     cores = [magnet_of(one.alone(axis.name)).in_core(core_module()) for axis in one.axes]
     corners = [axis.bearing.amplifier.bandwidth for axis in one.axes]
-    load = np.array([3.0, 0.0, -2.0, 1.0])
     planes = one.unbalances()
 
     def rates(t: float, X: Array) -> Array:
@@ -61,7 +61,7 @@ def truth(one: Machine, iu: Array, growth: float) -> Any:
         m = len(C)
         q, w, y, i = X[:4], X[4:8], X[8 : 8 + m], X[8 + m :]
         current = i if i.size else iu
-        F = load + [
+        F = LOADS + [
             float(core.force(np.array([a]), np.array([s]))[0])
             for core, a, s in zip(cores, current, H @ q, strict=True)
         ]
@@ -104,8 +104,7 @@ def test_the_plant_is_met_in_the_fourth_order(name: str, growth: float) -> None:
 
 def test_without_loss_energy_is_kept() -> None:
     """Magnets without control current are springs, and gyroscopics do no work."""
-    one = machine(speed=3000.0, rotor={
-        "mass": 4.0, "transverse_inertia": 0.16, "polar_inertia": 0.05, "gravity": "none"})  # fmt: skip
+    one = machine(speed=3000.0).replace(rotor__gravity="none")
     H = directions(one, one.axes)
     k, i0, s0 = MAGNET["magnet_constant"], MAGNET["bias_current"], MAGNET["air_gap"]
     X = Plant(one).state(np.array([2e-5, -1e-5, 5e-5, 8e-5]), np.zeros(4))
@@ -115,7 +114,7 @@ def test_without_loss_energy_is_kept() -> None:
     kinetic = (out[:, 4:8] ** 2 * M).sum(axis=1) / 2
     s = out[:, :4] @ H.T
     potential = -k * i0**2 * (1 / (s0 - s) + 1 / (s0 + s) - 2 / s0).sum(axis=1)
-    loads = -(s @ np.array([3.0, 0.0, -2.0, 1.0]))
+    loads = -(s @ LOADS)
     energy = kinetic + potential + loads
     assert kinetic[-1] > 4 * kinetic[0]
     np.testing.assert_allclose(energy, energy[0], rtol=0, atol=1e-9 * kinetic[-1])
@@ -143,11 +142,11 @@ def test_axes_that_do_not_couple_fly_as_bearings_alone() -> None:
         for k, axis in enumerate(one.axes)
     ]))  # fmt: skip
     for k, axis in enumerate(one.axes):
-        alone = simulate(
-            one.alone(axis.name),
-            Scenario(duration=0.05, noise=False, disturbance=Step(amplitude=20.0 + 5 * k, time=0.01),
-                     controller={"feedback": "measurement"}),
-        )  # fmt: skip
+        push = Step(amplitude=20.0 + 5 * k, time=0.01)
+        scenario = Scenario(
+            duration=0.05, noise=False, disturbance=push, controller={"feedback": "measurement"}
+        )
+        alone = simulate(one.alone(axis.name), scenario)
         for name, of_machine in (("x", "s"), ("u", "u"), ("f_mag", "f_mag")):
             got, expected = run.record[f"{of_machine}_{axis.name}"], alone[name]
             np.testing.assert_allclose(got, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
@@ -206,8 +205,9 @@ def test_a_delay_acts_as_late_as_it_says() -> None:
 
 def test_a_thrust_bearing_carries_a_standing_rotor() -> None:
     rotor = {"mass": 4.0, "transverse_inertia": 0.16, "polar_inertia": 0.05, "gravity": "-z"}
+    thrust = bearing("T", 0, type="thrust")
     one = machine(
-        rotor=rotor, bearing=[bearing("A", 0.2), bearing("B", -0.3), bearing("T", 0, type="thrust")],
+        rotor=rotor, bearing=[bearing("A", 0.2), bearing("B", -0.3), thrust],
         sensor=[sensor("A", 0.2), sensor("B", -0.3), sensor("T", 0, type="axial")],
     )  # fmt: skip
     run = simulate_machine(one, Flight(duration=0.2, start="rest")).record
@@ -217,8 +217,8 @@ def test_a_thrust_bearing_carries_a_standing_rotor() -> None:
 
 
 def test_what_does_not_fit_is_refused() -> None:
+    force = [{"axis": "C1", "force": Constant(value=1.0)}]
     with pytest.raises(AmbkitError, match="there is no axis C1; there are A1, A2, B1, B2"):
-        force = [{"axis": "C1", "force": Constant(value=1.0)}]
         simulate_machine(machine(), Flight(disturbance=force))
     with pytest.raises(AmbkitError, match="half a revolution within a sample"):
         simulate_machine(machine(), Flight(speed=Constant(value=4e4)))

@@ -16,6 +16,7 @@ from ambkit.cli.options import (
     Plot,
     file_option,
     find_bearing,
+    find_machine,
     quantity,
 )
 
@@ -30,8 +31,8 @@ def simulate(
         Path | None,
         typer.Option(
             metavar="FILE.toml",
-            help="What happens; 'ambkit check --schema scenario'. What its [controller] does not "
-            "say, all of it without one, is tuned for the bearing.",
+            help="What happens; 'ambkit check --schema scenario', of a machine 'flight'. What its "
+            "[controller] does not say, all of it without one, is tuned for the bearing.",
         ),
     ] = None,
     estimator: Annotated[
@@ -84,20 +85,31 @@ def simulate(
     plot: Plot = None,
     json: Json = False,
 ) -> None:
-    """Simulate a bearing in closed loop.
+    """Simulate a bearing or a whole machine in closed loop.
 
-    With its nonlinear magnet, noise, sensor lag, current limit and stops.
+    With its nonlinear magnets, noise, sensor lag, current limit and stops; a machine with its
+    gyroscopics, unbalance and runout, and its orbits in the picture.
 
     For example:
       ambkit simulate zittau_axial --step "0.5 mm" --load "3 N" --out run.csv --plot run.png
+      ambkit simulate tum_mlps --plot orbits.png
     """
     from ambkit.base.errors import AmbkitError
     from ambkit.cli import output
     from ambkit.cli.kinds import factories, scenario_of, surface_in
+    from ambkit.cli.simulate_machine import simulate_machine
     from ambkit.show import plots
     from ambkit.simulation.run import simulate_run
     from ambkit.workflow.simulating import RunSummary
 
+    whole = find_machine(bearing)
+    if whole is not None:
+        simulate_machine(
+            whole, scenario=scenario, estimator=estimator, duration=duration, load=load, seed=seed,
+            out=out, plot=plot, json=json,
+            others={"expert": expert, "force-map": magnet, "step": step, "reference": reference},
+        )  # fmt: skip
+        return
     with_one = estimator != "none"
     plant = find_bearing(bearing)
     happening = scenario_of(

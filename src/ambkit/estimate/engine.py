@@ -10,26 +10,28 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.machine.bearing import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import Precision, core_module
 from ambkit.models import axis_model, axis_parts
 from ambkit.models.axis import PAPER_STATES
+from ambkit.models.machine import machine_model, machine_parts
 from ambkit.models.model import Descriptor, Model, compressed_rows
-from ambkit.models.plan import Plan
+from ambkit.models.plan import Part, Plan
 from ambkit.models.roles import ENUMERATORS, ROLES
 
 if TYPE_CHECKING:
     from ambkit.estimate.noise import Variances
-    from ambkit.machine.bearing import Bearing
 
 Array = NDArray[np.float64]
 
 
 class Engine:
-    """A build of the core, and the model of a bearing in it.
+    """A build of the core, and the model of a bearing or a machine in it.
 
     Parameters
     ----------
-    bearing : Bearing
+    bearing : Bearing or Machine
         Whose parts decide: the paper's axis is built in, all else runs by loops over its model.
     precision : {"float64", "float32"}
         What it computes in.
@@ -41,25 +43,30 @@ class Engine:
     Raises
     ------
     ValueError
-        As printed, with parts that the paper does not have.
+        As printed, with parts that the paper does not have; more states, axes or readings than
+        the core has room for.
     """
 
     def __init__(
         self,
-        bearing: Bearing,
+        bearing: Bearing | Machine,
         precision: Precision,
         *,
         as_printed: bool = False,
         noise: bool = True,
     ) -> None:
-        self.bearing, self.as_printed, self.noise = bearing, as_printed, noise
+        self.bearing: Any = bearing
+        self.as_printed, self.noise = as_printed, noise
+        if isinstance(bearing, Machine) and as_printed:
+            raise ValueError("as printed there is one axis, not a whole machine")
         plan = Plan(bearing.sampling_time)
-        for part in axis_parts(bearing, noise=noise):
+        for part in parts_of(bearing, noise=noise):
             plan.add(part)
         self.states, self.noises = tuple(plan.states), tuple(plan.noises)
         self.built_in = tuple(state.name for state in plan.states) == PAPER_STATES
         self.core: ModuleType = core_module(precision, any_model=not self.built_in)
-        if self.built_in:
+        check_room(self.core, plan, bearing.name)
+        if self.built_in and isinstance(bearing, Bearing):
             self.model_of_core: Any = self.core.Model(
                 bearing.sampling_time, bearing.rotor.mass, bearing.sensor.gain,
                 bearing.sensor_lag, as_printed,
@@ -70,7 +77,28 @@ class Engine:
     @cached_property
     def model(self) -> Model:
         """The model as data, sampled when it is first asked for."""
+        if isinstance(self.bearing, Machine):
+            return machine_model(self.bearing, noise=self.noise)
         return axis_model(self.bearing, as_printed=self.as_printed, noise=self.noise)
+
+
+def parts_of(bearing: Bearing | Machine, *, noise: bool = True) -> list[Part]:
+    """Return the parts of a bearing or of a whole machine."""
+    whole = isinstance(bearing, Machine)
+    return machine_parts(bearing, noise=noise) if whole else axis_parts(bearing, noise=noise)
+
+
+def check_room(core: ModuleType, plan: Plan, name: str) -> None:
+    """Raise ValueError where a model is larger than the core has room for."""
+    if not hasattr(core, "MOST_STATES"):
+        return
+    for what, most in (
+        ("states", core.MOST_STATES), ("forces", core.MOST_FORCES),
+        ("measurements", core.MOST_SENSORS),
+    ):  # fmt: skip
+        count = len(getattr(plan, what))
+        if count > most:
+            raise ValueError(f"{name} has {count} {what}; estimators take {most} at most")
 
 
 class Sizes(NamedTuple):

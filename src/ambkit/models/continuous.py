@@ -41,9 +41,10 @@ class Continuous(NamedTuple):
         """Velocity at each axis (p, n) [m/s]."""
         return np.asarray(self.h @ np.where(np.eye(len(self.A), dtype=bool), 0.0, self.A))
 
-    def index(self, name: str) -> int:
-        """Return where a state stands."""
-        return [state.name for state in self.states].index(name)
+    @property
+    def place(self) -> dict[str, int]:
+        """Where each state stands, by its name."""
+        return {state.name: k for k, state in enumerate(self.states)}
 
 
 def continuous(machine: Any) -> Continuous:

@@ -65,10 +65,8 @@ class Flight(Document):
 
     def unknown_axes(self, axes: tuple[str, ...]) -> Iterator[str]:
         """Yield what is wrong with the axes that it names, for a machine that has these."""
-        for key, all_of in (("disturbance", self.disturbance), ("reference", self.reference)):
-            for at, each in enumerate(all_of):
-                if each.axis not in axes:
-                    yield (
-                        f"{key}[{at}].axis: there is no axis {each.axis}; there are "
-                        f"{', '.join(axes)}"
-                    )
+        named = [(f"disturbance[{at}]", each.axis) for at, each in enumerate(self.disturbance)]
+        named += [(f"reference[{at}]", each.axis) for at, each in enumerate(self.reference)]
+        for key, axis in named:
+            if axis not in axes:
+                yield f"{key}.axis: there is no axis {axis}; there are {', '.join(axes)}"

@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.data.record import Record
+from ambkit.estimate.base import Estimator
+from ambkit.estimate.estimate import Estimate
+from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine import geometry
 from ambkit.machine.magnets import core_module
 from ambkit.simulation import noise
@@ -37,10 +40,13 @@ class MachineRun:
         Of each reading ``y_NAME`` [m], of each axis ``u_NAME`` [V], and the truth: ``s_NAME``
         displacement [m], ``iu_NAME`` current [A], ``f_mag_NAME`` magnet force [N], ``f_d_NAME``
         load [N]; the rotor's coordinates and velocities; the speed of rotation [rad/s].
+    estimate : Estimate or None
+        What the estimator said meanwhile.
     """
 
     machine: Machine
     record: Record
+    estimate: Estimate | None = None
 
     @property
     def samples_at_the_stop(self) -> int:
@@ -48,7 +54,13 @@ class MachineRun:
         return int(self.record.meta["stop_touched"])
 
 
-def simulate_machine(machine: Machine, flight: Flight) -> MachineRun:
+def simulate_machine(
+    machine: Machine,
+    flight: Flight,
+    *,
+    estimator: Estimator | None = None,
+    disturbance: Array | None = None,
+) -> MachineRun:
     """Simulate a whole machine with its controllers.
 
     The plant is continuous (Runge-Kutta of order 4): the rotor with its gyroscopics, each magnet's
@@ -60,9 +72,16 @@ def simulate_machine(machine: Machine, flight: Flight) -> MachineRun:
         The plant; each axis has a controller of its own, tuned to the axis alone.
     flight : Flight
         What happens to it.
+    estimator : Estimator, optional
+        Of the whole machine; beside the loop, or in it with ``flight.feedback = "estimate"``, where
+        it is the linear filter if none is given.
+    disturbance : ndarray (n, p), optional
+        Forces along the axes, sample by sample, added to the flight's [N].
 
     Raises
     ------
+    ValueError
+        `disturbance` has not a row a sample.
     AmbkitError
         A load or a reference is of an axis that the machine has not; a run-up is too fast for the
         sampling time.
@@ -73,7 +92,7 @@ def simulate_machine(machine: Machine, flight: Flight) -> MachineRun:
     plant, core = Plant(machine), core_module(any_model=True)
     T = machine.sampling_time
     n = max(2, round(flight.duration / T) + 1)
-    t = T * np.arange(n + 1)
+    t: Array = T * np.arange(n + 1, dtype=float)
     speed = np.full(n + 1, machine.speed) if flight.speed is None else flight.speed.sample(t)
     fastest = float(np.abs(speed).max())
     if fastest * T >= math.pi:
@@ -83,18 +102,44 @@ def simulate_machine(machine: Machine, flight: Flight) -> MachineRun:
         )
     loads = _of_axes(machine, [(each.axis, each.force) for each in flight.disturbance], t[:-1])
     wanted = _of_axes(machine, [(each.axis, each.position) for each in flight.reference], t[:-1])
+    if disturbance is not None:
+        if disturbance.shape != loads.shape:
+            raise ValueError(f"disturbance must be {loads.shape}, is {disturbance.shape}")
+        loads = loads + disturbance
+    if estimator is None and flight.feedback == "estimate":
+        estimator = KalmanFilter(machine)
     if flight.start == "hover":
         q, currents = plant.hovering(wanted[0], loads[0])
     else:
         q, currents = plant.resting(), np.zeros(len(machine.axes))
     noise_u, noise_y = _noise(machine, flight, n)
     given = plant.arrays(core, flight.substeps, fastest) | _controllers(plant)
+    if estimator is not None:
+        estimator.reset(estimator.at_rest(q, current=currents))
     out = core.simulate_machine(
-        given | {"position": None, "velocity": None}, r=wanted, load=loads, speed=speed,
+        given | _fed_back(plant, flight, estimator), r=wanted, load=loads, speed=speed,
         noise_u=noise_u, noise_y=noise_y, start=plant.state(q, currents), demanded=currents,
+        estimator=None if estimator is None else estimator.core,
     )  # fmt: skip
     record = _record(plant, flight, t[:-1], out, {"r": wanted, "f_d": loads, "speed": speed[:-1]})
-    return MachineRun(machine, record)
+    estimate = None if estimator is None else estimator.told(t[:-1], out["estimate"])
+    return MachineRun(machine, record, estimate)
+
+
+def _fed_back(plant: Plant, flight: Flight, estimator: Estimator | None) -> dict[str, Any]:
+    """Return the rows by which the controllers are fed from the estimate, or None."""
+    if estimator is None or flight.feedback == "measurement":
+        return {"position": None, "velocity": None}
+    of_role = {
+        role: [k for k, state in enumerate(estimator.states) if state.role == role]
+        for role in ("position", "velocity")
+    }
+    rows = {}
+    for role, places in of_role.items():
+        row = np.zeros((len(plant.axes), len(estimator.states)))
+        row[:, places] = plant.H
+        rows[role] = row.ravel().tolist()
+    return rows
 
 
 def _of_axes(machine: Machine, given: list[tuple[str, Any]], t: Array) -> Array:

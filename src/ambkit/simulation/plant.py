@@ -81,7 +81,7 @@ class Plant:
             hover_current(b, law, float(x), law.bias_force - float(f))
             for b, law, x, f in zip(self.alone, self.laws, self.H @ q, forces, strict=True)
         ]
-        return q, np.array(currents)
+        return np.asarray(q), np.array(currents)
 
     def resting(self) -> Array:
         """Return displacements (q,) of a rotor that lies in its backup bearings."""
@@ -91,14 +91,14 @@ class Plant:
 
     def state(self, q: Array, currents: Array) -> Array:
         """Return X (n,) of a rotor at rest, which its sensors have long seen."""
-        X = np.zeros(len(self.model.states))
+        X, place = np.zeros(len(self.model.states)), self.model.place
         X[: len(q)] = q
         rows = geometry.matrix([r.line for r in self.machine.readings], self.machine.positions)
         for r, seen in zip(self.machine.readings, rows @ q, strict=True):
-            X[self.model.index(f"x_m_{r.name}")] = r.sensor.gain * seen
+            X[place[f"x_m_{r.name}"]] = r.sensor.gain * seen
         for name, current in zip(self.model.current, currents, strict=True):
             if name is not None:
-                X[self.model.index(name)] = current
+                X[place[name]] = current
         return X
 
     def arrays(self, core: ModuleType, substeps: int, fastest: float) -> dict[str, Any]:
@@ -115,7 +115,7 @@ class Plant:
         """
         machine, model = self.machine, self.model
         n, readings = len(model.states), machine.readings
-        index = {state.name: k for k, state in enumerate(model.states)}
+        index = model.place
         seen = np.zeros((len(readings), n))
         seen[:, : len(machine.positions)] = geometry.matrix(
             [r.line for r in readings], machine.positions

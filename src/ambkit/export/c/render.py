@@ -217,7 +217,8 @@ def _hover(estimator: Estimator, precision: CPrecision) -> str:
 def _settling(estimator: Estimator) -> int:
     """Return the plant's own time in samples, at least one, as many as 16 bits count."""
     bearing = estimator.bearing
-    return min(max(round(own_time(bearing) / bearing.sampling_time), 1), 65535)
+    samples: float = own_time(bearing) / bearing.sampling_time
+    return min(max(round(samples), 1), 65535)
 
 
 def _bound_of_output(estimator: Estimator) -> float:
