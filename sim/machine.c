@@ -240,7 +240,7 @@ void amb_machine_run(const amb_machine_loop *loop, const amb_machine_input *in,
   const size_t n = (size_t)machine->states, p = (size_t)machine->axes;
   const size_t m = (size_t)machine->sensors;
   amb_pid_state pid[AMB_CONTROLS];
-  amb_kalman_result result = {{0}};
+  amb_kalman_result result = {.status = AMB_OK};
   for (size_t c = 0; c < p; c++)
     amb_pid_reset(&pid[c], integral[c]);
   out->touched = 0;

@@ -41,6 +41,8 @@ if TYPE_CHECKING:
     from ambkit.identification.online.rls import RecursiveLeastSquares as RecursiveLeastSquares
     from ambkit.judge.comparison import compare as compare
     from ambkit.judge.faults import torture as torture
+    from ambkit.judge.machine import MachineJudgement as MachineJudgement
+    from ambkit.judge.machine import judge_machine as judge_machine
     from ambkit.machine.bearing import Bearing as Bearing
     from ambkit.machine.machine import Machine as Machine
     from ambkit.machine.magnets import ClosedLaw as ClosedLaw
@@ -49,6 +51,8 @@ if TYPE_CHECKING:
     from ambkit.machine.magnets import magnet_of as magnet_of
     from ambkit.machine.stiffness import StiffnessMap as StiffnessMap
     from ambkit.machine.stiffness import stiffness_map as stiffness_map
+    from ambkit.simulation.flight import Flight as Flight
+    from ambkit.simulation.machine import simulate_machine as simulate_machine
     from ambkit.simulation.run import simulate as simulate
     from ambkit.simulation.run import simulate_run as simulate_run
     from ambkit.simulation.scenario import PID as PID
@@ -96,10 +100,13 @@ _HOME = {
     "identification.online.rls": ["RecursiveLeastSquares"],
     "judge.comparison": ["compare"],
     "judge.faults": ["torture"],
+    "judge.machine": ["MachineJudgement", "judge_machine"],
     "machine.bearing": ["Bearing"],
     "machine.machine": ["Machine"],
     "machine.magnets": ["ClosedLaw", "ConstantStiffness", "SaturatingLaw", "magnet_of"],
     "machine.stiffness": ["StiffnessMap", "stiffness_map"],
+    "simulation.flight": ["Flight"],
+    "simulation.machine": ["simulate_machine"],
     "simulation.run": ["simulate", "simulate_run"],
     "simulation.scenario": ["PID", "Scenario"],
     "simulation.waveforms": ["Constant", "Impulse", "Ramp", "Recorded", "Sequence", "Sine", "Step"],

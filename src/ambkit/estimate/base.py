@@ -364,8 +364,12 @@ class Estimator(Copyable):
             The states, each in its unit [m, m/s, N ...].
         """
         if self.whole is not None:
-            seen = self.whole.first(y)
-            return self.at_rest(self.whole.shown @ seen, seen)
+            # In its own precision and order, as an exported filter has it.
+            constant, by_reading = self.whole.start_form(self.states, self.hover)
+            start: NDArray[Any] = constant.astype(self.precision)
+            for column, seen in zip(by_reading.T, self.whole.first(y), strict=True):
+                start = start + column.astype(self.precision) * np.dtype(self.precision).type(seen)
+            return start.astype(float)
         gain, travel = self._settings["K_sen"][0], self._settings["travel"][0]
         limit = gain * travel
 

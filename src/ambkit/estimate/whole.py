@@ -184,6 +184,21 @@ class Whole:
                 mean[k] = currents[self.axis_of(state)]
         return mean
 
+    def start_form(
+        self, states: Sequence[Descriptor], hover: list[tuple[float, float]]
+    ) -> tuple[Array, Array]:
+        """Return what starts the states at rest where readings y show the rotor.
+
+        Returns
+        -------
+        ndarray (n,), ndarray (n, m)
+            The states are the first plus the second times y, added up from the first reading on.
+        """
+        zero, one = np.zeros(len(self.travel)), np.eye(len(self.gains))
+        constant = self.at_rest(states, hover, zero)
+        columns = [self.at_rest(states, hover, self.shown @ y, y) - constant for y in one]
+        return constant, np.column_stack(columns)
+
     def first(self, y: Array) -> Array:
         """Return the first readings (m,) of a record (N, m) that are all within the travel."""
         limit = np.abs(self.gains) * self.travel_seen
