@@ -164,11 +164,28 @@ private:
   std::vector<amb_pid> pid;
 };
 
+// An estimator, and the model that turns with the rotor.
+struct Turning {
+  Estimator *estimator;
+  Model *model;
+  static void turn(void *self, amb_real speed)
+  {
+    const auto &both = *static_cast<Turning *>(self);
+    both.estimator->turn(*both.model, speed);
+  }
+};
+
 Named simulate_machine(const nb::dict &machine, const Samples &r, const Samples &load,
                        const Vector &speed, const Samples &noise_u, const Samples &noise_y,
-                       const Vector &start, const Vector &demanded, Estimator *estimator)
+                       const Vector &start, const Vector &demanded, Estimator *estimator,
+                       Model *model)
 {
   Whole whole(machine, estimator);
+  Turning turning{estimator, model};
+  if (estimator != nullptr && model != nullptr && model->turns()) {
+    whole.loop.turn = &Turning::turn;
+    whole.loop.model = &turning;
+  }
   const size_t p = whole.p, m = whole.m, n = samples_of(r, p, "r");
   same_length(n, samples_of(load, p, "load"), "load");
   same_length(n + 1, speed.size(), "speed");
@@ -212,9 +229,10 @@ void bind_machine(nb::module_ &m)
       "simulate_machine", &simulate_machine, nb::arg("machine"), nb::kw_only(), nb::arg("r"),
       nb::arg("load"), nb::arg("speed"), nb::arg("noise_u"), nb::arg("noise_y"), nb::arg("start"),
       nb::arg("demanded"), nb::arg("estimator").none() = nb::none(),
+      nb::arg("model").none() = nb::none(),
       nb::sig("def simulate_machine(machine: dict[str, Any], *, r: Any, load: Any, speed: Any, "
               "noise_u: Any, noise_y: Any, start: Any, demanded: Any, estimator: Estimator | "
-              "None = None) -> dict[str, Any]"),
+              "None = None, model: Model | None = None) -> dict[str, Any]"),
       "A closed-loop run of a whole machine in one call; see sim/machine.h for shapes and units.");
 }
 

@@ -253,10 +253,13 @@ void amb_machine_run(const amb_machine_loop *loop, const amb_machine_input *in,
       y[r] = amb_parts_rounded(&machine->sensor[r],
                                state->X[machine->shows[r]] + in->noise_y[k * m + r]);
     if (loop->estimator != NULL) {
-      if (k == 0)
+      if (k == 0) {
         (void)amb_estimator_start(loop->estimator, estimator, y, &result);
-      else
+      } else {
+        if (loop->turn != NULL)
+          loop->turn(loop->model, (in->speed[k - 1] + in->speed[k]) / 2);
         (void)amb_estimator_step(loop->estimator, estimator, y, u - p, &result);
+      }
       amb_estimator_note(loop->estimator, estimator, &result, k, &out->estimate);
     }
     control(loop, pid, in->r + k * p, y, estimator, u);

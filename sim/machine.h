@@ -72,6 +72,8 @@ typedef struct amb_machine_loop {
   const amb_real *position;       /* axes x its states: position of an axis, by the estimate; or
                                    * NULL: by the readings */
   const amb_real *velocity;       /* and its velocity */
+  void (*turn)(void *model, amb_real speed); /* tells the estimator's model the speed, or NULL */
+  void *model;
 } amb_machine_loop;
 
 /* n samples, row by row; noise is drawn by the caller. */

@@ -12,6 +12,11 @@ class Model:  # type: ignore[no-redef]
     """Any model (ambkit/loops.h)."""
 
     def __init__(self, arrays: dict[str, Any]) -> None: ...
+    def nodes(self, first: float, step: float, arrays: list[dict[str, Any]]) -> None:
+        """The same machine at speeds one after the other [rad/s]; then it can turn."""
+
+    def turn(self, speed: float) -> None:
+        """Take the numbers of a speed [rad/s]."""
 
 def simulate_machine(
     machine: dict[str, Any],
@@ -24,5 +29,6 @@ def simulate_machine(
     start: Any,
     demanded: Any,
     estimator: Estimator | None = None,
+    model: Model | None = None,
 ) -> dict[str, Any]:
     """A closed-loop run of a whole machine in one call; see sim/machine.h for shapes and units."""

@@ -64,6 +64,11 @@ class Estimator(Copyable):
         Predict by eq. 19 as the paper prints it, with the position held over the sample in the
         sensor's lag. That puts every estimate ahead of the rotor by
         ``T/(1 - exp(-T/T_sen)) - T_sen``: to reproduce the paper only.
+    synchronous : sequence of str
+        Of a whole machine, what turns with its rotor at its speed and is estimated too:
+        ``"unbalance"``, forces in two planes, and ``"runout"`` of each sensor. At a constant speed
+        the two cannot be told apart, and the stated errors of both are those at the start; the slow
+        disturbance force is free of them.
 
     Raises
     ------
@@ -95,6 +100,7 @@ class Estimator(Copyable):
         gate: float = 8.0,
         outlier_limit: int = 3,
         as_printed: bool = False,
+        synchronous: Sequence[str] = (),
     ) -> None:
         of_type(Bearing, Machine, bearing=bearing)
         if isinstance(bearing, Machine) and not self.several_axes:
@@ -112,7 +118,10 @@ class Estimator(Copyable):
         self.whole = Whole(bearing) if isinstance(bearing, Machine) else None
         self.magnet = constants_of(bearing) if magnet is None else bank_of(magnet)
         self.precision = precision
-        self.engine = Engine(bearing, precision, as_printed=as_printed, noise=self.estimates_noise)
+        self.engine = Engine(
+            bearing, precision, as_printed=as_printed, noise=self.estimates_noise,
+            synchronous=synchronous,
+        )  # fmt: skip
         known = gravity == "known"
         settings = self._told(noise, known=known) | {
             "gate": gate,
@@ -469,7 +478,9 @@ class Estimator(Copyable):
         Parameters
         ----------
         record : Record
-            With ``y`` [m] and ``u`` [V]; u[k] acts from sample k to k + 1.
+            With ``y`` [m] and ``u`` [V]; u[k] acts from sample k to k + 1. Of a whole machine
+            with ``y_NAME`` of each reading and ``u_NAME`` of each axis, and where it is not the
+            machine's own with the ``speed`` of rotation [rad/s].
         covariance : bool
             Keep the covariances, 10 numbers a sample.
 
@@ -479,7 +490,37 @@ class Estimator(Copyable):
             Where the record's sampling time is not the bearing's.
         """
         y, u = self._start(record)
-        return self.told(record.t, self.core.run(y, u, covariance=covariance), self.name)
+        speed = self.turning(dict(record.signals).get("speed"), len(y))
+        if speed is None:
+            history = self.core.run(y, u, covariance=covariance)
+        else:
+            of = self.engine.model_of_core
+            history = self.core.run_turning(y, u, speed, of, covariance=covariance)
+        return self.told(record.t, history, self.name)
+
+    def turning(self, speed: NDArray[np.float64] | None, n: int) -> NDArray[Any] | None:
+        """Let the model of a whole machine follow the speed of its rotor.
+
+        Parameters
+        ----------
+        speed : ndarray (n,), optional
+            Of rotation at the samples [rad/s]; by default the machine's own.
+        n : int
+            Samples.
+
+        Returns
+        -------
+        ndarray (n,) or None
+            The speed that it follows; None where it is the machine's own, and always was.
+        """
+        if self.whole is None:
+            return None
+        own = self.whole.machine.speed
+        given = np.full(n, own) if speed is None else np.asarray(speed, float)
+        if not self.engine.turned and bool((given == own).all()):
+            return None
+        self.engine.let_turn(float(given.min()), float(given.max()))
+        return np.ascontiguousarray(given, self.precision)
 
     def smooth(self, record: Record) -> Estimate:
         """Estimate each sample of a record from all of it, not only from what came before.

@@ -114,12 +114,15 @@ def simulate_machine(
         q, currents = plant.resting(), np.zeros(len(machine.axes))
     noise_u, noise_y = _noise(machine, flight, n)
     given = plant.arrays(core, flight.substeps, fastest) | _controllers(plant)
+    follows = None
     if estimator is not None:
         estimator.reset(estimator.at_rest(q, current=currents))
+        follows = estimator.turning(speed, n + 1)
     out = core.simulate_machine(
         given | _fed_back(plant, flight, estimator), r=wanted, load=loads, speed=speed,
         noise_u=noise_u, noise_y=noise_y, start=plant.state(q, currents), demanded=currents,
         estimator=None if estimator is None else estimator.core,
+        model=estimator.engine.model_of_core if estimator and follows is not None else None,
     )  # fmt: skip
     record = _record(plant, flight, t[:-1], out, {"r": wanted, "f_d": loads, "speed": speed[:-1]})
     estimate = None if estimator is None else estimator.told(t[:-1], out["estimate"])
