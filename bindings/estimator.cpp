@@ -398,11 +398,6 @@ void bind_estimator(nb::module_ &m)
       .def("step", &step, nb::arg("y"), nb::arg("u"), "The same with arrays.")
       .def("run", &run, nb::arg("y"), nb::arg("u"), nb::kw_only(), nb::arg("covariance") = false,
            "A whole record; u[k] acts from sample k to k + 1.")
-#if defined(AMB_MODEL_LOOPS)
-      .def("run_turning", &run_turning, nb::arg("y"), nb::arg("u"), nb::arg("speed"),
-           nb::arg("model"), nb::kw_only(), nb::arg("covariance") = false,
-           "The same while the speed of rotation changes (n,) [rad/s], of its own model.")
-#endif
       .def("smooth", &smooth, nb::arg("y"), nb::arg("u"),
            "A whole record, mean and covariance by all of it (ambkit/smoother.h).")
       .def("forecast", &forecast, nb::arg("mean"), nb::arg("u"), nb::arg("ahead"),
@@ -438,4 +433,11 @@ void bind_estimator(nb::module_ &m)
                    [](const Estimator &s) { return told(s.result.variance, s.sizes().sensors); })
       .def_prop_ro("k_i", [](const Estimator &s) { return stiffness(s, &amb_stiffness::k_i); })
       .def_prop_ro("k_s", [](const Estimator &s) { return stiffness(s, &amb_stiffness::k_s); });
+#if defined(AMB_MODEL_LOOPS)
+  m.def("run_turning", &run_turning, nb::arg("estimator"), nb::arg("y"), nb::arg("u"),
+        nb::arg("speed"), nb::arg("model"), nb::kw_only(), nb::arg("covariance") = false,
+        nb::sig("def run_turning(estimator: Estimator, y: Any, u: Any, speed: Any, model: Model, "
+                "*, covariance: bool = False) -> dict[str, Any]"),
+        "A whole record while the speed of rotation changes (n,) [rad/s], of its own model.");
+#endif
 }

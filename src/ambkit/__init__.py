@@ -64,6 +64,7 @@ if TYPE_CHECKING:
     from ambkit.simulation.waveforms import Sequence as Sequence
     from ambkit.simulation.waveforms import Sine as Sine
     from ambkit.simulation.waveforms import Step as Step
+    from ambkit.workflow.campbell import campbell as campbell
     from ambkit.workflow.designing import design as design
     from ambkit.workflow.filtering import filter as filter
     from ambkit.workflow.identifying import identify as identify
@@ -110,6 +111,7 @@ _HOME = {
     "simulation.run": ["simulate", "simulate_run"],
     "simulation.scenario": ["PID", "Scenario"],
     "simulation.waveforms": ["Constant", "Impulse", "Ramp", "Recorded", "Sequence", "Sine", "Step"],
+    "workflow.campbell": ["campbell"],
     "workflow.designing": ["design"],
     "workflow.filtering": ["filter"],
     "workflow.identifying": ["identify"],

@@ -495,7 +495,8 @@ class Estimator(Copyable):
             history = self.core.run(y, u, covariance=covariance)
         else:
             of = self.engine.model_of_core
-            history = self.core.run_turning(y, u, speed, of, covariance=covariance)
+            turn = self.engine.core.run_turning
+            history = turn(self.core, y, u, speed, of, covariance=covariance)
         return self.told(record.t, history, self.name)
 
     def turning(self, speed: NDArray[np.float64] | None, n: int) -> NDArray[Any] | None:
@@ -511,7 +512,7 @@ class Estimator(Copyable):
         Returns
         -------
         ndarray (n,) or None
-            The speed that it follows; None where it is the machine's own, and always was.
+            The speed that it follows [rad/s]; None where it is the machine's own, and always was.
         """
         if self.whole is None:
             return None

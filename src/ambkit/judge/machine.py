@@ -38,10 +38,10 @@ class MachineJudgement:
         ``s_A1`` displacement at an axis [m], ``v_A1`` its velocity [m/s], ``f_d_A1`` load [N],
         and ``i_A1`` current where the amplifier lags [A].
     errors : mapping
-        Of each contender, root mean square errors (seeds, quantities); the raw sensor's are NaN
-        where it says nothing.
+        Of each contender, root mean square errors (seeds, quantities), each in its unit; those of
+        the raw sensor are NaN where it says nothing.
     bound : ndarray (quantities,)
-        Least standard deviation that any estimator can have.
+        Least standard deviation that any estimator can have, each in its unit [m, m/s, N, A].
     nees : mapping
         Of each filter, error squared over what it believes, of s, v and f_d together, over the
         number of these: 1 where it is honest (seeds,).

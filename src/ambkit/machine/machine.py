@@ -157,7 +157,13 @@ class Machine(Document):
         return Bearing(**data | {key: each for key, each in further.items() if each is not None})
 
     def lag_of(self, sensor: PlacedSensor) -> float:
-        """Return a sensor's lag in models and plants [s]; see `Bearing.sensor_lag`."""
+        """Return a sensor's lag in models and plants [s]; see `Bearing.sensor_lag`.
+
+        Parameters
+        ----------
+        sensor : PlacedSensor
+            One of the machine's.
+        """
         return max(sensor.lag, SHORTEST_LAG * self.sampling_time)
 
     def _nearest(self, axis: Axis) -> PlacedSensor:

@@ -64,7 +64,13 @@ class Flight(Document):
         }
 
     def unknown_axes(self, axes: tuple[str, ...]) -> Iterator[str]:
-        """Yield what is wrong with the axes that it names, for a machine that has these."""
+        """Yield what is wrong with the axes that it names.
+
+        Parameters
+        ----------
+        axes : tuple of str
+            Those of the machine.
+        """
         named = [(f"disturbance[{at}]", each.axis) for at, each in enumerate(self.disturbance)]
         named += [(f"reference[{at}]", each.axis) for at, each in enumerate(self.reference)]
         for key, axis in named:
