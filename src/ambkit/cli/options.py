@@ -136,6 +136,16 @@ ExpertFile = Annotated[
 ]
 
 
+Synchronous = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--synchronous",
+        metavar="NAME",
+        help="Of a whole machine: unbalance or runout, which are estimated too; may be repeated.",
+    ),
+]
+
+
 def find_machine(text: str) -> Machine | None:
     """Return the preset of a whole machine, or that in the TOML file, that the user named.
 

@@ -14,6 +14,7 @@ from ambkit.cli.options import (
     ExpertFile,
     Json,
     Plot,
+    Synchronous,
     file_option,
     find_bearing,
     find_machine,
@@ -79,6 +80,7 @@ def simulate(
         ),
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="Seed of the noise.")] = None,
+    synchronous: Synchronous = None,
     out: Annotated[
         Path | None, file_option("Write the record: .csv or .parquet.", RECORDS, "--out")
     ] = None,
@@ -106,10 +108,12 @@ def simulate(
     if whole is not None:
         simulate_machine(
             whole, scenario=scenario, estimator=estimator, duration=duration, load=load, seed=seed,
-            out=out, plot=plot, json=json,
+            synchronous=synchronous or (), out=out, plot=plot, json=json,
             others={"expert": expert, "force-map": magnet, "step": step, "reference": reference},
         )  # fmt: skip
         return
+    if synchronous:
+        raise AmbkitError("--synchronous is of a whole machine, not of one axis")
     with_one = estimator != "none"
     plant = find_bearing(bearing)
     happening = scenario_of(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ def simulate_machine(
     duration: float | None,
     load: float | None,
     seed: int | None,
+    synchronous: Sequence[str],
     out: Path | None,
     plot: Path | None,
     json: bool,
@@ -36,6 +38,8 @@ def simulate_machine(
         ``"none"``, or a kind; beside the loop unless the flight says otherwise.
     duration, load, seed : optional
         What the user changed in the flight.
+    synchronous : sequence of str
+        What turns with the rotor and is estimated too.
     out, plot : Path, optional
         Files for the record and the picture.
     json : bool
@@ -63,7 +67,9 @@ def simulate_machine(
     kalman = None
     if estimator != "none":
         try:
-            kalman = kind_called(estimator).make(machine, learned_magnet(estimator, machine))
+            kalman = kind_called(estimator).make(
+                machine, learned_magnet(estimator, machine), synchronous=synchronous
+            )
         except ValueError as error:
             raise AmbkitError(str(error)) from error
     with output.progress("simulating"):
