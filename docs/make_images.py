@@ -1,6 +1,6 @@
-"""Draw the picture of the README and of the first page: python docs/make_images.py.
+"""Draw the pictures of README.md and of the pages: python docs/make_images.py.
 
-It is committed, so that the README shows it without a build.
+They are committed, so that they show without a build.
 """
 
 from io import BytesIO
@@ -8,6 +8,7 @@ from pathlib import Path
 
 from PIL import Image
 
+import ambkit
 from ambkit.show.report import static
 from ambkit.show.report.figure import Figure, Panel
 from ambkit.show.report.items import Axis, Line
@@ -47,6 +48,33 @@ def step() -> Figure:
     )  # fmt: skip
 
 
+def margins() -> Figure:
+    """Show the laboratory bearing of docs/assess.md, on the measurement and with two filters."""
+    laboratory = ambkit.Bearing.preset("zittau_axial").replace(
+        name="laboratory",
+        magnet__magnet_constant="3.6413 N mm^2/A^2",
+        magnet__air_gap="0.78 mm",
+        magnet__bias_current="2.5 A",
+        rotor__mass="3.27 kg",
+        rotor__gravity="none",
+        rotor__travel_limit="0.3 mm",
+        amplifier__current_limit="2.4 A",
+        amplifier__bandwidth="2 kHz",
+        sensor__lag="16 µs",
+        sensor__noise_variance="0.25 µm^2",
+        delay="0.15 ms",
+    )
+    plain = laboratory.replace(delay=None, amplifier__bandwidth=None)
+    found = ambkit.assess(
+        laboratory,
+        {
+            "without amplifier and dead time": ambkit.KalmanFilter(plain),
+            "told of both": ambkit.KalmanFilter(laboratory),
+        },
+    )
+    return found.figure()
+
+
 def small(png: bytes, colours: int = 48) -> bytes:
     """Write a picture with a palette of colours, in a third of the bytes."""
     out = BytesIO()
@@ -56,3 +84,4 @@ def small(png: bytes, colours: int = 48) -> bytes:
 
 if __name__ == "__main__":
     (FOLDER / "step.png").write_bytes(small(static.render(step()).png))
+    (FOLDER / "assess.png").write_bytes(small(static.render(margins()).png))

@@ -26,7 +26,7 @@ from ambkit.machine.stiffness import stiffness_map
 
 COMMANDS = (
     "reproduce", "simulate", "excite", "read", "identify", "train", "filter", "compare",
-    "torture", "presets", "check",
+    "assess", "torture", "presets", "check",
 )  # fmt: skip
 
 
@@ -65,6 +65,7 @@ def made(tmp_path_factory):
     scenario.save(folder / "scenario.toml")
     ambkit.simulate(bearing, scenario).save(folder / "run.csv")
     bearing.save(folder / "found.toml")
+    ambkit.KalmanFilter(bearing).save(folder / "filter.toml", bearing=folder / "my.toml")
     (folder / "force.csv").write_text(_force(bearing), encoding="utf-8")
     shutil.copy(recordings.folder() / "lift_off_points.csv", folder / "points.csv")
     shutil.copy(recordings.folder() / "sinus_kalman.csv", folder / "log.csv")
@@ -111,6 +112,18 @@ def test_the_front_imports_nothing_heavy():
     code = f"import sys, ambkit.cli.main; print([m for m in {heavy.split()} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_a_plain_simulation_imports_no_large_part_of_scipy():
+    large = "scipy.signal scipy.stats scipy.interpolate scipy.integrate"
+    code = (
+        "import sys\nfrom ambkit.cli.main import main\n"
+        "try: main(['simulate', 'zittau_axial', '--duration', '5 ms', '--json'])\n"
+        "except SystemExit as left: code = left.code\n"
+        f"print(code, [m for m in {large.split()} if m in sys.modules], file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr.strip() == "0 []"
 
 
 def test_help_lists_all_commands_and_is_what_one_gets_for_no_command(call):
@@ -262,7 +275,7 @@ def test_identify_from_lift_off_points_gives_gap_and_bias(call, made):
 def test_train_reaches_what_the_library_reaches(call):
     found = call("train", "zittau_axial", "--no-weights", "--out", "e.json", "--json").json
     expert = ambkit.Expert.load("e.json")
-    assert expert == ambkit.train(ambkit.Bearing.preset("zittau_axial"))
+    assert expert == ambkit.train(ambkit.Bearing.preset("zittau_axial"), weights=False)
     errors = found["force_error_rms"]
     assert errors["trained"] < 0.16 < errors["untrained"] < errors["constant"]
 
@@ -535,6 +548,55 @@ def test_compare_tells_the_limit_where_it_is_known(call):
     assert "no estimator can have smaller errors than: x 3.4" in found.out
 
 
+def test_assess(call, tmp_path):
+    found = call("assess", "zittau_axial", "--estimator", "linear,observer", "--load", "1 N")
+    assert found.code == 0, found.err
+    for said in (
+        "zone of ISO 14839-3",
+        "measurement",
+        "observer",
+        "delay margin",
+        "Bode's integral",
+        "no linear controller",
+        "an aid, not a certificate",
+    ):
+        assert said in found.out  # fmt: skip
+    picture = tmp_path / "margins.png"
+    told = call("assess", "zittau_axial", "--estimator", "none", "--plot", str(picture), "--json")
+    data = json.loads(told.out)
+    assert list(data["loops"]) == ["measurement"]
+    assert data["loops"]["measurement"]["zone"] == "A"
+    assert data["loops"]["measurement"]["delay_margin"] > 1e-3
+    assert picture.stat().st_size > 10_000
+
+
+def test_assess_takes_filters_files(call, tmp_path):
+    bearing = ambkit.Bearing.preset("zittau_axial")
+    quick = ambkit.FilterNoise(disturbance=1e4)
+    ambkit.KalmanFilter(bearing, noise=quick).save(tmp_path / "mine.toml")
+    expected = ambkit.assess(bearing, {"mine": ambkit.KalmanFilter(bearing, noise=quick)})
+    for arguments in (["mine.toml"], ["zittau_axial", "--filter", "mine.toml"]):
+        found = call("assess", *arguments, "--json")
+        assert found.code == 0, found.err
+        assert list(found.json["loops"]) == ["measurement", "mine.toml"]
+        peak = found.json["loops"]["mine.toml"]["peak"]
+        assert peak == pytest.approx(expected.loops["mine"].peak, rel=1e-9)
+    both = call("assess", "mine.toml", "--filter", "linear")
+    assert (both.code, both.err) == (
+        2, "ambkit: mine.toml is a filter already: leave out --estimator\n"
+    )  # fmt: skip
+
+
+def test_assess_takes_all_kinds_that_settle_and_a_scenarios_controller(call, tmp_path):
+    soft = tmp_path / "soft.toml"
+    soft.write_text('[controller]\nkp = "1 A/m"\nki = "0 A/(m s)"\n')
+    found = call("assess", "inteco_ml", "--estimator", "all", "--scenario", str(soft))
+    assert found.code == 0, found.err
+    assert "multiple-model is left out" in found.err
+    assert "unstable" in found.out
+    assert "the check does not hold" in found.out
+
+
 def test_torture(call):
     found = call("torture", "inteco_ml", "--estimator", "linear,low-pass", "--estimator", "table",
                  "--faults", "stuck,long-stuck,nan-u", "--steps", "20000", "--precision", "both",
@@ -671,6 +733,9 @@ def test_reproduce_hands_on_its_arguments_and_prints_the_verdicts(call, monkeypa
         ("filter RUN --bearing zittau_axial --tune 1s --disturbance-noise 1N^2/s", "one of them"),
         ("filter RUN --bearing zittau_axial --tune 0s", "--tune must be greater than 0 s"),
         ("filter missing.csv --bearing zittau_axial", "missing.csv: cannot be read"),
+        ("assess zittau_axial --estimator ukv", 'no estimator "ukv"; known: low-pass'),
+        ("assess zittau_axial --estimator multiple-model", "does not settle to a gain"),
+        ("assess zittau_axial --load 500N", "no control current from -1.5 to 1.5 A holds"),
         ("torture zittau_axial --estimator ukv", 'no estimator "ukv"; known: low-pass'),
         ("torture zittau_axial --faults gremlin", 'no fault "gremlin"; known: lift-off'),
         ("torture zittau_axial --precision half", '"half" is none of float64, float32, both'),

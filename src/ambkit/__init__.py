@@ -35,11 +35,9 @@ if TYPE_CHECKING:
     from ambkit.estimate.unscented import UnscentedKalmanFilter as UnscentedKalmanFilter
     from ambkit.export.statespace import to_control as to_control
     from ambkit.fuzzy.expert import Expert as Expert
-    from ambkit.fuzzy.training import train as train
     from ambkit.identification.online.adaline import Adaline as Adaline
     from ambkit.identification.online.magnet_constant import identify_online as identify_online
     from ambkit.identification.online.rls import RecursiveLeastSquares as RecursiveLeastSquares
-    from ambkit.judge.comparison import compare as compare
     from ambkit.judge.faults import torture as torture
     from ambkit.judge.machine import MachineJudgement as MachineJudgement
     from ambkit.judge.machine import judge_machine as judge_machine
@@ -53,8 +51,6 @@ if TYPE_CHECKING:
     from ambkit.machine.stiffness import stiffness_map as stiffness_map
     from ambkit.simulation.flight import Flight as Flight
     from ambkit.simulation.machine import simulate_machine as simulate_machine
-    from ambkit.simulation.run import simulate as simulate
-    from ambkit.simulation.run import simulate_run as simulate_run
     from ambkit.simulation.scenario import PID as PID
     from ambkit.simulation.scenario import Scenario as Scenario
     from ambkit.simulation.waveforms import Constant as Constant
@@ -64,11 +60,16 @@ if TYPE_CHECKING:
     from ambkit.simulation.waveforms import Sequence as Sequence
     from ambkit.simulation.waveforms import Sine as Sine
     from ambkit.simulation.waveforms import Step as Step
+    from ambkit.workflow.assessing import assess as assess
     from ambkit.workflow.campbell import campbell as campbell
+    from ambkit.workflow.comparison import compare as compare
     from ambkit.workflow.designing import design as design
+    from ambkit.workflow.expert import train as train
     from ambkit.workflow.filtering import filter as filter
     from ambkit.workflow.identifying import identify as identify
     from ambkit.workflow.simulating import scenario_for as scenario_for
+    from ambkit.workflow.simulating import simulate as simulate
+    from ambkit.workflow.simulating import simulate_run as simulate_run
     from ambkit.workflow.tuned_filter import tune as tune
 
     __version__: str
@@ -95,11 +96,9 @@ _HOME = {
     "estimate.unscented": ["UnscentedKalmanFilter"],
     "export.statespace": ["to_control"],
     "fuzzy.expert": ["Expert"],
-    "fuzzy.training": ["train"],
     "identification.online.adaline": ["Adaline"],
     "identification.online.magnet_constant": ["identify_online"],
     "identification.online.rls": ["RecursiveLeastSquares"],
-    "judge.comparison": ["compare"],
     "judge.faults": ["torture"],
     "judge.machine": ["MachineJudgement", "judge_machine"],
     "machine.bearing": ["Bearing"],
@@ -108,14 +107,16 @@ _HOME = {
     "machine.stiffness": ["StiffnessMap", "stiffness_map"],
     "simulation.flight": ["Flight"],
     "simulation.machine": ["simulate_machine"],
-    "simulation.run": ["simulate", "simulate_run"],
     "simulation.scenario": ["PID", "Scenario"],
     "simulation.waveforms": ["Constant", "Impulse", "Ramp", "Recorded", "Sequence", "Sine", "Step"],
+    "workflow.comparison": ["compare"],
+    "workflow.assessing": ["assess"],
     "workflow.campbell": ["campbell"],
     "workflow.designing": ["design"],
+    "workflow.expert": ["train"],
     "workflow.filtering": ["filter"],
     "workflow.identifying": ["identify"],
-    "workflow.simulating": ["scenario_for"],
+    "workflow.simulating": ["scenario_for", "simulate", "simulate_run"],
     "workflow.tuned_filter": ["tune"],
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}

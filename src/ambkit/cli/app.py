@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperOption
 
+from ambkit.cli.assess import assess
 from ambkit.cli.check import check
 from ambkit.cli.compare import compare
 from ambkit.cli.design import design
@@ -46,6 +47,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "filter": filter_record,
     "compare": compare,
     "design": design,
+    "assess": assess,
     "torture": torture,
     "presets": presets,
     "check": check,

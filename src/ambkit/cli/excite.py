@@ -96,16 +96,15 @@ def excite(
       ambkit simulate my.toml --reference excitation.csv --out run.csv
     """
     from ambkit.cli import output
-    from ambkit.cli.kinds import scenario_of
     from ambkit.identification.excitation import Limits, design
     from ambkit.show.plots import save_figure
     from ambkit.show.plots.excitation import excitation_figure
-    from ambkit.workflow.simulating import experiment_duration
+    from ambkit.workflow.simulating import experiment_duration, scenario_for
 
     plant = find_bearing(bearing)
     if duration is None and scenario is None:
         duration = experiment_duration(plant)
-    happening = scenario_of(plant, scenario, duration=duration, step=None, load=None, seed=seed)
+    happening = scenario_for(plant, scenario, duration=duration, seed=seed)
     ends = None
     if band is not None:
         low, high = read_quantities(band, "Hz", "--band", count=2)

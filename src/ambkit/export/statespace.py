@@ -1,4 +1,4 @@
-"""The linearised bearing as python-control knows it: plant, and closed loop with a PID."""
+"""The linearised loop as python-control knows it: plant, controller, estimator, closed loop."""
 
 from __future__ import annotations
 
@@ -8,24 +8,46 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
-from ambkit.machine.magnets import ConstantStiffness
+from ambkit.judge.loop import pieces
+from ambkit.judge.loop.closed import Loop
+from ambkit.judge.loop.pieces import WorkPoint
+from ambkit.models.linear import LinearSystem, Signal
 
 if TYPE_CHECKING:
     import control
 
+    from ambkit.estimate.base import Estimator
     from ambkit.machine.bearing import Bearing
     from ambkit.simulation.scenario import PID
 
 
-def to_control(bearing: Bearing, pid: PID | None = None) -> control.StateSpace:
+def to_control(
+    bearing: Bearing,
+    pid: PID | None = None,
+    filter: Estimator | None = None,
+    *,
+    sampled: bool | None = None,
+    point: WorkPoint | None = None,
+) -> control.StateSpace:
     """Return the linearised plant, or closed loop with a PID, for python-control.
+
+    Signals have names; their SI units are in the system's attribute ``units``, by name, as long as
+    python-control makes no other system of it.
 
     Parameters
     ----------
     bearing : Bearing
-        The plant.
+        The plant, with amplifier and sensor.
     pid : PID, optional
         Controller that closes the loop; without it, the plant alone.
+    filter : Estimator, optional
+        What the controller is fed by, sampled; see `estimator` for its system alone.
+    sampled : bool, optional
+        Exactly sampled, with dead time and hold; or in continuous time, which needs a bearing
+        without delay. By default what there must be: sampled with a delay or a filter.
+    point : WorkPoint, optional
+        Control current [A] and displacement [m] where it is linearised; by default where it hovers
+        in the middle.
 
     Returns
     -------
@@ -35,76 +57,165 @@ def to_control(bearing: Bearing, pid: PID | None = None) -> control.StateSpace:
     Raises
     ------
     AmbkitError
-        Where python-control is not installed (``pip install 'ambkit[control]'``).
+        Where python-control is not installed (``pip install 'ambkit[control]'``); in continuous
+        time with a delay or a filter; a filter without a controller, or one that does not settle to
+        a gain.
     """
-    return plant(bearing) if pid is None else closed_loop(bearing, pid)
+    if filter is not None and pid is None:
+        raise AmbkitError("a filter closes no loop without a controller: give pid as well")
+    if pid is None:
+        return plant(bearing, sampled=sampled, point=point)
+    return closed_loop(bearing, pid, filter, sampled=sampled, point=point)
 
 
-def plant(bearing: Bearing) -> control.StateSpace:
-    """Linearised plant at iu = 0, x = 0, in continuous time (paper, eq. 2, 14, 18).
+def plant(
+    bearing: Bearing, *, sampled: bool | None = None, point: WorkPoint | None = None
+) -> control.StateSpace:
+    """Linearised plant at a work point (paper, eq. 2, 14, 18).
 
     Parameters
     ----------
     bearing : Bearing
-        Gives stiffnesses, mass, amplifier gain and sensor.
+        Gives magnet, mass, amplifier, delay and sensor.
+    sampled, point : optional
+        See `to_control`.
 
     Returns
     -------
     control.StateSpace
-        States ``x`` [m], ``v`` [m/s], ``x_m`` [m]; inputs ``u`` [V] and ``f_d`` [N], both counted
-        from hovering at x = 0; outputs ``x`` and ``x_m``. A sensor without lag is taken for one
-        that lags a thousandth of a sample.
+        States ``x`` [m], ``v`` [m/s], ``x_m`` [m], with an amplifier's bandwidth ``i`` [A] and with
+        a delay the past controls ``u_1``, ... [A]; inputs ``u`` [V] and ``f_d`` [N], both counted
+        from the work point; outputs ``y`` and ``x`` [m].
+
+    Raises
+    ------
+    AmbkitError
+        Where python-control is not installed; or in continuous time, with a delay.
+    """
+    continuous = not _is_sampled(bearing, sampled, None)
+    return _state_space(_plant(bearing, continuous, point), _name(bearing))
+
+
+def controller(bearing: Bearing, pid: PID) -> control.StateSpace:
+    """Sampled controller, as ``core/src/controller.c`` computes it, without its limits.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        Gives sampling time and gains of sensor and amplifier.
+    pid : PID
+        The gains; ``feedback`` says what it is fed by.
+
+    Returns
+    -------
+    control.StateSpace
+        Inputs ``position`` [m], with an estimate ``velocity`` [m/s], and ``r`` [m]; output ``u``
+        [V].
 
     Raises
     ------
     AmbkitError
         Where python-control is not installed.
     """
-    k, m = ConstantStiffness.of(bearing), bearing.rotor.mass
-    lag = bearing.sensor_lag
-    A = [[0, 1, 0], [k.k_s / m, 0, 0], [bearing.sensor.gain / lag, 0, -1 / lag]]
-    B = [[0, 0], [k.k_i * bearing.amplifier.gain / m, 1 / m], [0, 0]]
-    C = [[1, 0, 0], [0, 0, 1]]
-    return _library().ss(
-        A, B, C, np.zeros((2, 2)), states=["x", "v", "x_m"], inputs=["u", "f_d"],
-        outputs=["x", "x_m"], name=_name(bearing),
-    )  # fmt: skip
+    return _state_space(pieces.controller(pid, bearing), f"{_name(bearing)}_pid")
 
 
-def closed_loop(bearing: Bearing, pid: PID) -> control.StateSpace:
-    """Linearised closed loop of plant and PID, in continuous time.
+def estimator(filter: Estimator, *, point: WorkPoint | None = None) -> control.StateSpace:
+    """Sampled estimator with the gain that it settles to at a work point.
+
+    Parameters
+    ----------
+    filter : Estimator
+        Of a kind that settles to a gain.
+    point : WorkPoint, optional
+        See `to_control`.
+
+    Returns
+    -------
+    control.StateSpace
+        Inputs ``y`` [m] and ``u`` [V], which acts from the same sample on; outputs ``position`` [m]
+        and ``velocity`` [m/s].
+
+    Raises
+    ------
+    AmbkitError
+        Where python-control is not installed; or the filter does not settle to a gain.
+    """
+    point = point or WorkPoint.hovering(filter.bearing)
+    return _state_space(pieces.estimator_at(filter, point), f"{_name(filter.bearing)}_estimator")
+
+
+def closed_loop(
+    bearing: Bearing,
+    pid: PID,
+    filter: Estimator | None = None,
+    *,
+    sampled: bool | None = None,
+    point: WorkPoint | None = None,
+) -> control.StateSpace:
+    """Linearised closed loop of plant, PID and estimator.
 
     The controller as the core's (``core/include/ambkit/controller.h``) without its limits: the
-    derivative acts on the position only. With ``feedback = "estimate"`` it gets x and v
-    themselves, as from an ideal estimator; with ``"measurement"`` the lagged position, and its
-    derivative through the filter, which must not be zero.
+    derivative acts on the position only. In continuous time and with ``feedback = "estimate"`` it
+    gets x and v themselves, as from an ideal estimator; with ``"measurement"`` the lagged position,
+    and its derivative through the filter, which must not be zero.
 
     Parameters
     ----------
     bearing : Bearing
         The plant.
     pid : PID
-        The controller.
+        The controller; sampled, it is fed by the filter if there is one, else by the measurement.
+    filter : Estimator, optional
+        What it is fed by.
+    sampled, point : optional
+        See `to_control`.
 
     Returns
     -------
     control.StateSpace
-        States ``x``, ``v``, ``x_m``, ``integral`` [A], and ``filtered`` [m] where the derivative is
-        filtered; inputs ``r`` [m] and ``f_d`` [N]; outputs ``x`` and ``x_m``.
+        Inputs ``r`` [m] and ``f_d`` [N], sampled also noise ``n_y`` [m] on the measurement and
+        ``n_u`` [V] on the control signal; outputs ``y`` and ``x`` [m], sampled also ``u`` [V].
 
     Raises
     ------
     AmbkitError
-        Where python-control is not installed, or the derivative of a measurement has no filter.
+        Where python-control is not installed; the derivative of a measurement has no filter in
+        continuous time; or see `to_control`.
     """
-    open_loop = plant(bearing)
-    A0, b_u, b_f = open_loop.A, open_loop.B[:, :1] / bearing.amplifier.gain, open_loop.B[:, 1:]
+    name = f"{_name(bearing)}_closed_loop"
+    if not _is_sampled(bearing, sampled, filter):
+        return _state_space(_continuous_loop(bearing, pid, point), name)
+    point = point or WorkPoint.hovering(bearing)
+    fed = pid.model_copy(update={"feedback": "measurement" if filter is None else "estimate"})
+    told = None if filter is None else pieces.estimator_at(filter, point)
+    K = pieces.compensator(pieces.controller(fed, bearing), told, bearing.sensor.gain)
+    return _state_space(Loop(pieces.plant(bearing, point), K).closed, name)
+
+
+def _is_sampled(bearing: Bearing, sampled: bool | None, filter: Estimator | None) -> bool:
+    """Whether the system is a sampled one; checked against what is in it."""
+    needed = "a filter" if filter is not None else "a delay" if bearing.delay else ""
+    if needed and sampled is False:
+        raise AmbkitError(f"{bearing.name}: {needed} has no continuous state space: sampled=True")
+    return bool(needed) if sampled is None else sampled
+
+
+def _plant(bearing: Bearing, continuous: bool, point: WorkPoint | None) -> LinearSystem:
+    return pieces.plant(bearing, point or WorkPoint.hovering(bearing), continuous=continuous)
+
+
+def _continuous_loop(bearing: Bearing, pid: PID, point: WorkPoint | None) -> LinearSystem:
+    """Plant and PID in continuous time."""
+    P = _plant(bearing, True, point)
+    names = [at.name for at in P.states]
+    n, b_u, b_f = len(names), P.B[:, :1] / bearing.amplifier.gain, P.B[:, 1:]
     if pid.feedback == "estimate":
         # iu = kp (r - x) + integral - kd v
-        position, velocity = np.array([[1.0, 0, 0]]), np.array([[0, 1.0, 0]])
-        A = np.block([[A0 - b_u @ (pid.kp * position + pid.kd * velocity), b_u],
-                      [-pid.ki * position, np.zeros((1, 1))]])  # fmt: skip
-        states = ["x", "v", "x_m", "integral"]
+        velocity = np.eye(n)[[names.index("v")]]
+        A = np.block([[P.A - b_u @ (pid.kp * P.C[1:] + pid.kd * velocity), b_u],
+                      [-pid.ki * P.C[1:], np.zeros((1, 1))]])  # fmt: skip
+        extra: tuple[Signal, ...] = (Signal("integral", "A"),)
     else:
         if not pid.derivative_filter > 0:
             raise AmbkitError(
@@ -112,22 +223,31 @@ def closed_loop(bearing: Bearing, pid: PID) -> control.StateSpace:
                 f"that is fed by the measurement, is {pid.derivative_filter:g} s"
             )
         # The derivative is (p - filtered) / T_f, where filtered follows p with T_f.
-        p = np.array([[0, 0, 1.0 / bearing.sensor.gain]])
+        p = P.C[:1] / bearing.sensor.gain
         slope = pid.kd / pid.derivative_filter
         A = np.block([
-            [A0 - b_u @ ((pid.kp + slope) * p), b_u, slope * b_u],
+            [P.A - b_u @ ((pid.kp + slope) * p), b_u, slope * b_u],
             [-pid.ki * p, np.zeros((1, 2))],
             [p / pid.derivative_filter, np.zeros((1, 1)), -np.eye(1) / pid.derivative_filter],
         ])  # fmt: skip
-        states = ["x", "v", "x_m", "integral", "filtered"]
-    extra = A.shape[0] - 3
-    B = np.zeros((A.shape[0], 2))
-    B[:3, :1], B[3, 0], B[:3, 1:] = pid.kp * b_u, pid.ki, b_f
-    C = np.hstack([open_loop.C, np.zeros((2, extra))])
-    return _library().ss(
-        A, B, C, np.zeros((2, 2)), states=states, inputs=["r", "f_d"], outputs=["x", "x_m"],
-        name=f"{_name(bearing)}_closed_loop",
+        extra = (Signal("integral", "A"), Signal("filtered", "m"))
+    B = np.zeros((len(A), 2))
+    B[:n, :1], B[n, 0], B[:n, 1:] = pid.kp * b_u, pid.ki, b_f
+    C = np.hstack([P.C, np.zeros((2, len(extra)))])
+    return LinearSystem(
+        A, B, C, np.zeros((2, 2)), None, P.states + extra, (Signal("r", "m"), P.inputs[1]),
+        P.outputs,
     )  # fmt: skip
+
+
+def _state_space(system: LinearSystem, name: str) -> control.StateSpace:
+    found = _library().ss(
+        system.A, system.B, system.C, system.D, 0 if system.T is None else system.T,
+        states=[at.name for at in system.states], inputs=[at.name for at in system.inputs],
+        outputs=[at.name for at in system.outputs], name=name,
+    )  # fmt: skip
+    found.units = dict((*system.states, *system.inputs, *system.outputs))
+    return found
 
 
 def _name(bearing: Bearing) -> str:

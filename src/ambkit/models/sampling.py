@@ -119,7 +119,7 @@ class Sampling:
             "e": (Phi[currents, states], kinds[currents, states]),
             "d": (Phi[currents, controls], kinds[currents, controls]),
             "r": self._riders(),
-            "c": self._linear_forms(plan.readings),
+            "c": self.linear_forms(plan.readings),
             "N": self._growth(),
             "rest": self._rest(),
         }
@@ -149,7 +149,8 @@ class Sampling:
             r[forces.index(force), self.at(state)] = 1.0
         return r, np.where(r == 1, ONE, ZERO).astype(np.int8)
 
-    def _linear_forms(self, rows: Sequence[Row]) -> Kinds:
+    def linear_forms(self, rows: Sequence[Row]) -> Kinds:
+        """Return rows of coefficients of the states, and their pattern."""
         values = np.zeros((len(rows), len(self.plan.states)))
         kinds = np.zeros(values.shape, np.int8)
         for i, entries in enumerate(rows):
@@ -189,7 +190,7 @@ class Sampling:
         rows = [rests.get(at.name, {at.name: UNIT}) for at in self.plan.states]
         for _ in rests:
             rows = [_traced(row, rests) for row in rows]
-        return self._linear_forms(rows)
+        return self.linear_forms(rows)
 
     def _pure_means(self, parts: dict[str, Kinds]) -> None:
         """Set the ones of h and d: the mean of what does not move by itself is what it was."""

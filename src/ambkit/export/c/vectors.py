@@ -51,8 +51,7 @@ def make(estimator: Estimator) -> Vectors:
     y, u = _spoilt(bearing, record["y"], record["u"])
     of = estimator.inputs
     y, u = of.y.numbers(y), of.u.numbers(u)
-    known = dict(zip(("y", "u"), estimator.in_si(y, u), strict=True))
-    return Vectors(y, u, estimator.run(Record(record.t, known, {"y": "m", "u": "V"})))
+    return Vectors(y, u, estimator.run_raw(y, u))
 
 
 def _of_machine(estimator: Estimator) -> Vectors:

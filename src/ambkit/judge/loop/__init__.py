@@ -1,0 +1,1 @@
+"""The linearised loop: plant, controller and estimator, its sensitivity, margins and limits."""

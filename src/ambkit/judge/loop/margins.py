@@ -1,0 +1,257 @@
+"""Peaks, crossings and margins of one axis, and Bode's integral: refined, not off a grid."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.models.linear import Complex
+
+if TYPE_CHECKING:
+    from ambkit.judge.loop.closed import Loop
+
+Array = NDArray[np.float64]
+
+LOWEST = 1e-6
+"""Of half the sampling rate, where a grid begins."""
+
+GRID = 3000
+"""Points of a grid, which finds what is refined."""
+
+
+def grid(loop: Loop) -> Array:
+    """Return frequencies (k,) [Hz] up to half the sampling rate that no feature lies between.
+
+    Logarithmic, linear, and closely about each pole of the open and the closed loop.
+
+    Parameters
+    ----------
+    loop : Loop
+        Whose.
+    """
+    top = loop.nyquist
+    poles = np.concatenate([loop.closed.poles(), loop.plant.poles(), loop.compensator.poles()])
+    logs = np.log(poles[np.abs(poles) > 1e-6])
+    near = [np.abs(at.imag) + abs(at.real) * np.linspace(-3, 3, 31) for at in logs]
+    f = np.concatenate([
+        np.geomspace(LOWEST * top, top, GRID), np.linspace(0, top, GRID),
+        np.concatenate([np.zeros(0), *near]) * loop.nyquist / math.pi,
+    ])  # fmt: skip
+    return np.unique(f[(f >= LOWEST * top) & (f <= top)])
+
+
+def highest(of: Callable[[Array], NDArray[Any]], f: Array) -> tuple[float, float]:
+    """Return the peak of a magnitude and its frequency [Hz], refined between the grid's points.
+
+    Parameters
+    ----------
+    of : callable
+        From frequencies (k,) [Hz] to what has the magnitude.
+    f : ndarray (k,)
+        Ascending frequencies [Hz], the range that counts.
+    """
+    from scipy.optimize import minimize_scalar
+
+    seen = np.abs(of(f))
+    padded = np.concatenate([[-np.inf], seen, [-np.inf]])
+    tops = np.flatnonzero((seen >= padded[:-2]) & (seen >= padded[2:]) & (seen > 0.9 * seen.max()))
+    best = int(np.argmax(seen))
+    value, place = float(seen[best]), float(f[best])
+    for at in map(int, tops):
+        low, high = float(f[max(at - 1, 0)]), float(f[min(at + 1, len(f) - 1)])
+        found = minimize_scalar(
+            lambda x: -float(np.abs(of(np.array([x])))[0]), bounds=(low, high), method="bounded",
+            options={"xatol": 1e-10 * high},
+        )  # fmt: skip
+        if -found.fun > value:
+            value, place = -float(found.fun), float(found.x)
+    return value, place
+
+
+def zeros(of: Callable[[Array], Array], f: Array) -> Iterator[float]:
+    """Yield where a real function of the frequency changes its sign [Hz].
+
+    Parameters
+    ----------
+    of : callable
+        From frequencies (k,) [Hz] to reals (k,).
+    f : ndarray (k,)
+        Ascending frequencies [Hz].
+    """
+    from scipy.optimize import brentq
+
+    seen = of(f)
+    for k in np.flatnonzero(seen[:-1] * seen[1:] < 0):
+        root = brentq(lambda x: float(of(np.array([x]))[0]), f[k], f[k + 1], xtol=1e-13 * f[k + 1])
+        yield float(root)
+
+
+@dataclass(frozen=True)
+class Margins:
+    """How far one axis's loop is from the limit of stability, all other loops closed.
+
+    Attributes
+    ----------
+    peak, peak_frequency : float
+        Greatest of abs(S) up to half the sampling rate [1], and where [Hz]; its inverse is the
+        least distance of the Nyquist curve from -1.
+    complementary_peak : float
+        Greatest of abs(T) [1].
+    gain_up, gain_down : float
+        By which factor the loop's gain can grow, and to which it can shrink [1].
+    phase : float
+        Phase margin, either way [rad]; infinite where abs(L) is nowhere 1.
+    delay : float
+        Further dead time that the loop bears [s].
+    disk : float
+        Size of the greatest symmetric disk margin: gain and phase may change together [1].
+    crossover : float
+        Highest frequency at which abs(L) is 1 [Hz]; NaN where there is none.
+    bandwidth : float
+        From where on disturbances are not attenuated by 3 dB any more: abs(S) first reaches
+        1/sqrt(2) from below [Hz]; NaN where it does not.
+
+    References
+    ----------
+    Seiler, Packard, Gahinet, An introduction to disk margins, 2020.
+    """
+
+    peak: float
+    peak_frequency: float
+    complementary_peak: float
+    gain_up: float
+    gain_down: float
+    phase: float
+    delay: float
+    disk: float
+    crossover: float
+    bandwidth: float
+
+    @property
+    def disk_gain(self) -> tuple[float, float]:
+        """Factors between which the disk lets the gain change."""
+        if self.disk >= 2:
+            return 0.0, math.inf
+        return (2 - self.disk) / (2 + self.disk), (2 + self.disk) / (2 - self.disk)
+
+    @property
+    def disk_phase(self) -> float:
+        """By how much the disk lets the phase change, either way [rad]."""
+        return 2 * math.atan(self.disk / 2)
+
+
+def margins(loop: Loop, axis: int = 0, f: Array | None = None) -> Margins:
+    """Return the margins of one measurement's loop with all other loops closed.
+
+    Parameters
+    ----------
+    loop : Loop
+        The closed loop is stable.
+    axis : int, optional
+        Which measurement.
+    f : ndarray (k,), optional
+        Of `grid`, where it is known.
+    """
+    f = grid(loop) if f is None else f
+
+    def S(at: Array) -> Complex:
+        return loop.sensitivity(at)[:, axis, axis]
+
+    def L(at: Array) -> Complex:
+        if loop.measurements == 1:
+            return loop.open(at)[:, 0, 0]
+        return np.asarray(1 / S(at) - 1)
+
+    ends = [complex(value) for value in L(f[[0, -1]])]
+    real = [at.real for at in ends if abs(at.imag) < 1e-3 * abs(at.real)]
+    real += [float(L(np.array([at]))[0].real) for at in zeros(lambda x: L(x).imag, f)]
+    factors = [-1 / value for value in real if value < 0]
+    crossings = list(zeros(lambda x: np.abs(L(x)) - 1, f))
+    turns = [float(np.angle(-L(np.array([at]))[0])) for at in crossings]
+    peak, where = highest(S, f)
+    rising = [
+        at for at in zeros(lambda x: np.abs(S(x)) - math.sqrt(0.5), f)
+        if abs(S(np.array([1.0001 * at]))[0]) > math.sqrt(0.5)
+    ]  # fmt: skip
+    return Margins(
+        peak=peak,
+        peak_frequency=where,
+        complementary_peak=highest(lambda x: 1 - S(x), f)[0],
+        gain_up=min((at for at in factors if at > 1), default=math.inf),
+        gain_down=max((at for at in factors if at < 1), default=0.0),
+        phase=min((abs(at) for at in turns), default=math.inf),
+        delay=min(
+            (
+                at % (2 * math.pi) / (2 * math.pi * x)
+                for at, x in zip(turns, crossings, strict=True)
+            ),
+            default=math.inf,
+        ),
+        disk=1 / highest(lambda x: S(x) - 0.5, f)[0],
+        crossover=max(crossings, default=math.nan),
+        bandwidth=min(rising, default=math.nan),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class BodeIntegral:
+    """Bode's integral of a sampled loop, per turn: what is won at one frequency is lost at another.
+
+    Attributes
+    ----------
+    integral : float
+        The integral of ln abs(det S) over a period of the angle, over 2 pi [1].
+    poles : float
+        Sum of ln abs(p) over the unstable poles p of the open loop, to which it is equal where the
+        closed loop is stable.
+
+    References
+    ----------
+    Sung, Hara, Properties of sensitivity and complementary sensitivity functions in single-input
+    single-output digital control systems, 1988.
+    """
+
+    integral: float
+    poles: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether both are equal to six digits, of the larger of poles and 0.01."""
+        return abs(self.integral - self.poles) <= 1e-6 * max(self.poles, 0.01)
+
+
+def bode_integral(loop: Loop) -> BodeIntegral:
+    """Return both sides of Bode's integral.
+
+    By Gauss's rule in the logarithm of the frequency, between the frequencies of all poles and ever
+    finer towards each: an integrator makes S zero at 0, an undamped pole makes it zero elsewhere.
+
+    Parameters
+    ----------
+    loop : Loop
+        Stable or not.
+    """
+    poles = np.concatenate([loop.closed.poles(), loop.plant.poles(), loop.compensator.poles()])
+    logs = np.log(poles[np.abs(poles) > 1e-6])
+    sharp = np.array([at.imag for at in logs if 1e-7 < at.imag < math.pi])
+    ends = np.unique(np.concatenate([np.log(sharp), [math.log(1e-12), math.log(math.pi)]]))
+    finer = 0.5 * GRADED ** np.arange(LEVELS)
+    shares = np.concatenate([[0.0], finer[::-1], 1 - finer[1:], [1.0]])
+    cuts = np.unique([a + (b - a) * shares for a, b in pairwise(ends)])
+    nodes, weights = np.polynomial.legendre.leggauss(16)
+    middle, half = (cuts[1:] + cuts[:-1]) / 2, (cuts[1:] - cuts[:-1]) / 2
+    angle = np.exp(middle[:, None] + half[:, None] * nodes).ravel()
+    S = loop.sensitivity(angle / (2 * math.pi * loop.T))
+    values = np.log(np.abs(np.linalg.det(S))) * angle
+    integral = np.sum(values.reshape(-1, len(nodes)) * weights * half[:, None]) / math.pi
+    return BodeIntegral(float(integral), float(np.log(np.abs(loop.unstable_poles())).sum()))
+
+
+GRADED, LEVELS = 0.3, 16
+"""By which ratio panels shrink towards a pole's frequency, and how often."""

@@ -1,0 +1,198 @@
+"""Linear systems as plain matrices with named signals, and a machine linearised at a work point."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ambkit.models import exponential
+from ambkit.models.model import Array
+from ambkit.models.plan import Part, Plan
+from ambkit.models.sampling import Sampling
+
+Complex = NDArray[np.complex128]
+
+MOST_AT_ONCE = 4096
+"""Frequencies of a response that are solved for in one call: it bounds the memory."""
+
+
+class Signal(NamedTuple):
+    """What a state, input or output is called, and its SI unit."""
+
+    name: str
+    unit: str
+
+
+@dataclass(frozen=True, eq=False)
+class LinearSystem:
+    """``X+ = A X + B w, z = C X + D w``, or in continuous time ``dX/dt = A X + B w``; all in SI.
+
+    Attributes
+    ----------
+    A, B, C, D : ndarray (n, n), (n, inputs), (outputs, n), (outputs, inputs)
+        The matrices.
+    T : float or None
+        Sampling time [s]; None: continuous.
+    states, inputs, outputs : tuple of Signal
+        Their names and units.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    T: float | None
+    states: tuple[Signal, ...]
+    inputs: tuple[Signal, ...]
+    outputs: tuple[Signal, ...]
+
+    def select(self, outputs: Sequence[str], inputs: Sequence[str]) -> LinearSystem:
+        """Return the same system with some of its outputs and inputs, by their names.
+
+        Parameters
+        ----------
+        outputs, inputs : sequence of str
+            Which, and in this order.
+
+        Raises
+        ------
+        ValueError
+            There is no signal of a name.
+        """
+        z, w = _places(self.outputs, outputs), _places(self.inputs, inputs)
+        return LinearSystem(
+            self.A, self.B[:, w], self.C[z], self.D[np.ix_(z, w)], self.T, self.states,
+            tuple(self.inputs[i] for i in w), tuple(self.outputs[i] for i in z),
+        )  # fmt: skip
+
+    def response(self, frequency: ArrayLike) -> Complex:
+        """Return the frequency response (k, outputs, inputs).
+
+        Parameters
+        ----------
+        frequency : array_like (k,)
+            Frequencies [Hz].
+        """
+        s = 2j * np.pi * np.atleast_1d(np.asarray(frequency, float))
+        n = len(self.A)
+        if self.T is None:
+            shift, A = s, self.A
+        else:
+            # z - 1 to all of its digits: at low frequencies poles near 1 are what matters.
+            half = s * self.T / 2
+            shift, A = 2 * np.exp(half) * np.sinh(half), self.A - np.eye(n)
+        pieces = [
+            self.D + self.C @ np.linalg.solve(at[:, None, None] * np.eye(n) - A, self.B + 0j)
+            for at in np.array_split(shift, max(1, -(-len(shift) // MOST_AT_ONCE)))
+        ]
+        return np.concatenate(pieces)
+
+    def poles(self) -> Complex:
+        """Return the poles (n,): of z, or in continuous time of s [1/s]."""
+        return np.asarray(np.linalg.eigvals(self.A), complex)
+
+    def unstable(self) -> Complex:
+        """Return the poles outside of the unit circle, or in continuous time right of the axis."""
+        poles = self.poles()
+        if self.T is None:
+            return poles[poles.real > EDGE * max(1.0, float(np.abs(poles).max(initial=0)))]
+        return poles[np.abs(poles) > 1 + EDGE]
+
+
+EDGE = 1e-9
+"""A pole no farther than this from the limit of stability is on it, such as an integrator's."""
+
+
+def _places(signals: Sequence[Signal], names: Sequence[str]) -> list[int]:
+    known = [at.name for at in signals]
+    for name in names:
+        if name not in known:
+            raise ValueError(f"no signal {name}; there are {', '.join(known)}")
+    return [known.index(name) for name in names]
+
+
+LOAD = "disturbance force"
+
+
+def linearised(
+    parts: Sequence[Part], T: float, k_i: ArrayLike, k_s: ArrayLike, *, continuous: bool = False
+) -> LinearSystem:
+    """Return a machine with linear magnets: demanded currents and loads in, readings out.
+
+    Sampled, it is exact: the position stiffness acts within the sample (it is part of the
+    exponential), demanded currents and loads are held over it, and where a dead time ends within
+    the sample, the transition is the product of those before and after.
+
+    Parameters
+    ----------
+    parts : sequence of parts
+        Of the machine; see `ambkit.models.compose.compose`. Disturbance forces become inputs.
+    T : float
+        Sampling time [s].
+    k_i, k_s : array_like, scalar or shape (p,)
+        Current stiffnesses [N/A], position stiffnesses [N/m] of the p magnets.
+    continuous : bool, optional
+        In continuous time, which needs a machine without dead time.
+
+    Returns
+    -------
+    LinearSystem
+        Inputs: the demanded currents [A], then the loads [N]. Outputs: the measurements, then the
+        rotor's positions [m].
+
+    Raises
+    ------
+    ValueError
+        In continuous time, with a dead time.
+    """
+    plan = Plan(T)
+    for part in parts:
+        plan.add(part)
+    plan.check()
+    if continuous and plan.past:
+        raise ValueError("a dead time has no state space in continuous time")
+    whole = Sampling(plan)
+    n, p, c, _ = whole.sizes
+    i, s = (np.broadcast_to(np.asarray(k, float), p)[:, None] for k in (k_i, k_s))
+    loads = [k for k, at in enumerate(plan.states) if at.role == LOAD]
+    kept = [k for k in range(n) if k not in loads]
+    moving = [*range(n), *range(n + p, n + p + c)]
+
+    def rates(after: float) -> Array:
+        """Rates of states and controls, the forces put in: what a magnet sees, it answers."""
+        G = whole.generator(after)
+        displaced = slice(n + p + c, n + 2 * p + c)
+        seen = s * G[displaced] * T + i * G[n + 2 * p + c :] * T
+        for state, force in plan.riders.items():
+            seen[[at.name for at in plan.forces].index(force), whole.at(state)] += 1
+        return np.asarray((G + G[:, n : n + p] @ seen)[np.ix_(moving, moving)])
+
+    if continuous:
+        Phi = rates(0.0)
+    else:
+        shares = {share for _, share in plan.past.values() if share < 1}
+        Phi = np.eye(n + c)
+        for start, end in pairwise([0.0, *sorted(shares), 1.0]):
+            Phi = exponential.transition(rates(start), (end - start) * T) @ Phi
+        for control, (past, _share) in plan.past.items():
+            for k, state in enumerate(past):
+                Phi[whole.at(state)] = 0
+                source = whole.at(past[k - 1]) if k else whole.at(control) - p
+                Phi[whole.at(state), source] = 1
+    inputs = [*range(n, n + c), *loads]
+    positions = [k for k in kept if plan.states[k].role == "position"]
+    C = np.vstack([whole.linear_forms(plan.readings)[0], np.eye(n)[positions]])[:, kept]
+    states = [Signal(at.name, at.unit) for at in plan.states]
+    controls, measured = (
+        [Signal(at.name, at.unit) for at in of] for of in (plan.controls, plan.measurements)
+    )
+    return LinearSystem(
+        Phi[np.ix_(kept, kept)], Phi[np.ix_(kept, inputs)], C, np.zeros((len(C), len(inputs))),
+        None if continuous else T, tuple(states[k] for k in kept),
+        (*controls, *(states[k] for k in loads)), (*measured, *(states[k] for k in positions)),
+    )  # fmt: skip
