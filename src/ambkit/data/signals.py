@@ -14,7 +14,7 @@ UNITS = {"t": "s"} | MEASURED | TRUTH
 
 SI_UNITS = (
     *dict.fromkeys(UNITS.values()),
-    *("1", "m/s^2", "rad", "rad/s", "Hz", "kg", "K", "Pa", "J", "W"),
+    *("1", "m/s^2", "rad", "rad/s", "Hz", "kg", "kg m", "K", "Pa", "J", "W"),
     *("m^2", "m^2/s^2", "V^2", "A^2", "N^2", "N/A", "N/m", "N m", "N s/m", "N m^2/A^2"),
     *("A/V", "V/A", "V/m", "A/s", "V/s", "N/s", "ohm", "H", "T", "Wb", "C"),
 )
