@@ -60,10 +60,13 @@ if TYPE_CHECKING:
     from ambkit.simulation.waveforms import Sine as Sine
     from ambkit.simulation.waveforms import Step as Step
     from ambkit.workflow.assessing import assess as assess
+    from ambkit.workflow.assessing_log import assess_log as assess_log
     from ambkit.workflow.designing import design as design
     from ambkit.workflow.filtering import filter as filter
     from ambkit.workflow.identifying import identify as identify
+    from ambkit.workflow.injecting import design_injection as design_injection
     from ambkit.workflow.simulating import scenario_for as scenario_for
+    from ambkit.workflow.sweeping import sweep as sweep
     from ambkit.workflow.tuned_filter import tune as tune
 
     __version__: str
@@ -103,10 +106,13 @@ _HOME = {
     "simulation.scenario": ["PID", "Scenario"],
     "simulation.waveforms": ["Constant", "Impulse", "Ramp", "Recorded", "Sequence", "Sine", "Step"],
     "workflow.assessing": ["assess"],
+    "workflow.assessing_log": ["assess_log"],
     "workflow.designing": ["design"],
     "workflow.filtering": ["filter"],
     "workflow.identifying": ["identify"],
+    "workflow.injecting": ["design_injection"],
     "workflow.simulating": ["scenario_for"],
+    "workflow.sweeping": ["sweep"],
     "workflow.tuned_filter": ["tune"],
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}

@@ -146,6 +146,9 @@ def judged(bearing: ambkit.Bearing, scenario: ambkit.Scenario, record: ambkit.Re
         print(method)
     print(ambkit.to_control(bearing))
     assert_type(ambkit.assess(bearing, "linear").loops["linear"].peak, float)
+    assert_type(ambkit.sweep(bearing, amplitudes=["1 um"]).swept[0].deviation, float)
+    injection = ambkit.design_injection(bearing, ambkit.Scenario(duration=1.0))
+    assert_type(ambkit.assess_log(injection.record, bearing).zone, str)
 
 
 def designed(bearing: ambkit.Bearing, record: ambkit.Record) -> None:

@@ -251,6 +251,7 @@ def scenario_of(
     load: float | None,
     seed: int | None,
     reference: Path | None = None,
+    injection: Path | None = None,
     from_estimate: bool = True,
 ) -> Scenario:
     """Return the scenario in a file, or a step and a load, with what the user changed in it.
@@ -267,6 +268,8 @@ def scenario_of(
         Seed of the noise.
     reference : Path, optional
         A record whose ``r`` is the reference; without `duration` the run is as long as it.
+    injection : Path, optional
+        A record whose ``injected`` is added to the measurement, likewise.
     from_estimate : bool
         Whether the estimate is fed back, or the measurement, where no file says it.
     """
@@ -284,5 +287,6 @@ def scenario_of(
         load=load,
         seed=seed,
         reference=reference,
+        injection=injection,
         from_estimate=from_estimate,
     )

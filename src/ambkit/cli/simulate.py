@@ -71,6 +71,14 @@ def simulate(
             help="Reference r of a record, such as 'ambkit excite' writes; for as long as it is.",
         ),
     ] = None,
+    injection: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Signal 'injected' of a record, such as 'ambkit excite --for sensitivity' writes, "
+            "added to the measurement; for as long as it is.",
+        ),
+    ] = None,
     load: Annotated[
         float | None,
         typer.Option(
@@ -108,6 +116,7 @@ def simulate(
         load=load,
         seed=seed,
         reference=reference,
+        injection=injection,
         from_estimate=with_one,
     )
     if not with_one and happening.controller.feedback == "estimate":

@@ -10,17 +10,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
+from ambkit.base.showing import Shown
 from ambkit.judge.loop.bounds import least_peaks
 from ambkit.judge.loop.closed import Loop
 from ambkit.judge.loop.margins import BodeIntegral, Margins, bode_integral, grid, highest, margins
 from ambkit.judge.loop.pieces import WorkPoint, compensator, estimator_at, plant
 from ambkit.judge.loop.pieces import controller as controller_of
+from ambkit.machine.bearing import Bearing
 from ambkit.simulation.scenario import PID
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
-    from ambkit.machine.bearing import Bearing
     from ambkit.show.report.figure import Figure
 
 ZONES = (("A", 3.0), ("B", 4.0), ("C", 5.0))
@@ -36,6 +38,24 @@ BASIS = (
     "Zones after ISO 14839-3, of a linear model: an aid, not a certificate, which asks for a "
     "measurement on the machine."
 )
+
+
+def end_of_range(T: float, speed: float | None = None) -> float:
+    """Return up to where the standard looks at a loop [Hz].
+
+    Parameters
+    ----------
+    T : float
+        Sampling time [s]: it looks no farther than half the sampling rate.
+    speed : float, optional
+        Of the rotor [rad/s].
+    """
+    return min(max(RANGE, 3 * (speed or 0.0) / (2 * math.pi)), 0.5 / T)
+
+
+def zone_of(peak: float) -> str:
+    """Return the zone of a peak of abs(S) [1], A to D."""
+    return next((name for name, limit in ZONES if peak < limit), "D")
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +96,7 @@ class AssessedLoop:
         """Zone A to D; ``"unstable"`` of a loop that is."""
         if not self.stable:
             return "unstable"
-        return next((name for name, limit in ZONES if self.peak < limit), "D")
+        return zone_of(self.peak)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data, in SI."""
@@ -115,7 +135,7 @@ class AssessedLoop:
 
 
 @dataclass(frozen=True, eq=False)
-class Assessment:
+class Assessment(Shown):
     """Loops of one bearing and one controller, assessed.
 
     Attributes
@@ -133,6 +153,8 @@ class Assessment:
     loops : dict of str to AssessedLoop
         By what the controller is fed, the measurement first.
     """
+
+    _card_by = "workflow.cards:assessment"
 
     bearing: Bearing
     controller: PID
@@ -195,8 +217,8 @@ def assess(
     | None = None,
     controller: PID | None = None,
     *,
-    x: float = 0.0,
-    load: float = 0.0,
+    x: Given = 0.0,
+    load: Given = 0.0,
 ) -> Assessment:
     """Assess a loop as ISO 14839-3 looks at it: broken at the measurement, filter and all.
 
@@ -215,9 +237,9 @@ def assess(
     controller : PID, optional
         What is not said of it is tuned to the bearing. Whether it is fed by measurement or
         estimate is left to the loop.
-    x : float, optional
+    x : float or str, optional
         Displacement at which the rotor is held [m].
-    load : float, optional
+    load : float or str, optional
         Constant disturbance force there [N].
 
     Returns
@@ -230,17 +252,20 @@ def assess(
     AmbkitError
         There is no such estimator, it has another sampling time, or it does not settle to a gain;
         nothing holds the rotor at the work point.
+    TypeError
+        `bearing` is no bearing.
 
     References
     ----------
     ISO 14839-3, Mechanical vibration: Vibration of rotating machinery equipped with active magnetic
     bearings, Part 3: Evaluation of stability margin.
     """
-    point = WorkPoint.hovering(bearing, x, load)
+    of_type(Bearing, bearing=bearing)
+    point = WorkPoint.hovering(bearing, in_si("x", x, "m"), in_si("load", load, "N"))
     pid = (controller or PID()).completed(bearing)
     P = plant(bearing, point)
-    estimators = _estimators(filter, bearing)
-    top = min(max(RANGE, 3 * (bearing.speed or 0.0) / (2 * math.pi)), 0.5 / bearing.sampling_time)
+    estimators = given_estimators(filter, bearing)
+    top = end_of_range(bearing.sampling_time, bearing.speed)
 
     def loop(name: str, estimator: Estimator | None) -> AssessedLoop:
         fed = pid.model_copy(update={"feedback": "estimate" if estimator else "measurement"})
@@ -253,8 +278,21 @@ def assess(
     return Assessment(bearing, pid, point, top, least_peaks(P.select(["y"], ["u"])), loops)
 
 
-def _estimators(given: Any, bearing: Bearing) -> dict[str, Estimator]:
-    """Return the estimators that were given or named, by their names."""
+def given_estimators(given: Any, bearing: Bearing) -> dict[str, Estimator]:
+    """Return the estimators that were given or named, by their names.
+
+    Parameters
+    ----------
+    given : optional
+        See `assess`.
+    bearing : Bearing
+        What they run on.
+
+    Raises
+    ------
+    AmbkitError
+        There is no such estimator, it has another sampling time, or two have one name.
+    """
     from ambkit.estimate.base import Estimator
     from ambkit.workflow.estimators import factories
 

@@ -36,6 +36,7 @@ def scenario_for(
     load: Given | None = None,
     seed: int | None = None,
     reference: str | Path | None = None,
+    injection: str | Path | None = None,
     from_estimate: bool = True,
 ) -> Scenario:
     """Return a scenario for a bearing, with its controller tuned, and a step or a load put in.
@@ -56,6 +57,8 @@ def scenario_for(
         Seed of the noise.
     reference : path, optional
         A record whose ``r`` is the reference; without `duration` the run is as long as it.
+    injection : path, optional
+        A record whose ``injected`` is added to the measurement, as `reference`.
     from_estimate : bool
         Whether the estimate is fed back, or the measurement, where `scenario` does not say it.
 
@@ -81,7 +84,9 @@ def scenario_for(
     if reference is not None:
         if step is not None:
             raise AmbkitError("the reference is either a step or a record's: give one of them")
-        happening = _along(Path(reference), happening, duration)
+        happening = _along(Path(reference), happening, duration, "reference", "r")
+    if injection is not None:
+        happening = _along(Path(injection), happening, duration, "injection", "injected")
     if step is not None:
         stepping = Step(amplitude=step, time=STEP_AT * happening.duration)
         happening = happening.replace(reference=stepping)
@@ -91,14 +96,16 @@ def scenario_for(
     return happening if seed is None else happening.replace(seed=seed)
 
 
-def _along(path: Path, scenario: Scenario, duration: float | None) -> Scenario:
-    """Return a scenario whose reference is the signal r of a record."""
+def _along(
+    path: Path, scenario: Scenario, duration: float | None, what: str, signal: str
+) -> Scenario:
+    """Return a scenario that takes reference or injection from a signal of a record."""
     from ambkit.data.record import Record
 
     if duration is None:
         t = Record.load(path).t
         scenario = scenario.replace(duration=float(t[-1]))
-    return scenario.replace(reference=Recorded(file=str(path), signal="r"))
+    return scenario.replace(**{what: Recorded(file=str(path), signal=signal)})
 
 
 def experiment_duration(bearing: Bearing) -> float:
