@@ -56,6 +56,7 @@ def shown() -> dict[str, Any]:
         Design(Path("d"), (candidate,), candidate, 9e-6, "Fly it.", ("It is slow.",), None, {}),
         identify_by_lift_off(one_sided, points),
         ambkit.assess(BEARING, "linear"), ambkit.sweep(BEARING, "linear", amplitudes=["1 um"]),
+        ambkit.trade_off(BEARING, [2.2], kind="linear", budget=2, runs=1),
         injection, ambkit.assess_log(injection.record, BEARING, "linear"),
     ]  # fmt: skip
     return {type(each).__name__: each for each in made}
@@ -64,7 +65,7 @@ def shown() -> dict[str, Any]:
 NAMES = (
     "Bearing", "Record", "Estimate", "Expert", "Scores", "Study", "Bench", "Benches",
     "LoopScores", "Identification", "SideBySide", "Filtering", "Tuned", "Design", "LiftedOff",
-    "Assessment", "Sweep", "Injection", "AssessedLog",
+    "Assessment", "TradeOff", "Sweep", "Injection", "AssessedLog",
 )  # fmt: skip
 
 

@@ -67,6 +67,7 @@ if TYPE_CHECKING:
     from ambkit.workflow.injecting import design_injection as design_injection
     from ambkit.workflow.simulating import scenario_for as scenario_for
     from ambkit.workflow.sweeping import sweep as sweep
+    from ambkit.workflow.trading_off import trade_off as trade_off
     from ambkit.workflow.tuned_filter import tune as tune
 
     __version__: str
@@ -113,6 +114,7 @@ _HOME = {
     "workflow.injecting": ["design_injection"],
     "workflow.simulating": ["scenario_for"],
     "workflow.sweeping": ["sweep"],
+    "workflow.trading_off": ["trade_off"],
     "workflow.tuned_filter": ["tune"],
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}

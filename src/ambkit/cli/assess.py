@@ -171,7 +171,7 @@ def _deliver_sweep(
 ) -> None:  # fmt: skip
     from ambkit.cli import output
     from ambkit.show import plots
-    from ambkit.workflow.assessing import zone_of
+    from ambkit.workflow.loop_of import zone_of
     from ambkit.workflow.sweeping import sweep
 
     if len(filters) > 1:

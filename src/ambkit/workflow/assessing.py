@@ -13,23 +13,16 @@ import numpy as np
 from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Shown
-from ambkit.judge.loop.bounds import least_peaks
 from ambkit.judge.loop.closed import Loop
 from ambkit.judge.loop.margins import BodeIntegral, Margins, bode_integral, grid, highest, margins
-from ambkit.judge.loop.pieces import WorkPoint, compensator, estimator_at, plant
-from ambkit.judge.loop.pieces import controller as controller_of
+from ambkit.judge.loop.pieces import WorkPoint
 from ambkit.machine.bearing import Bearing
 from ambkit.simulation.scenario import PID
+from ambkit.workflow.loop_of import ZONES, LoopOf, zone_of
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.show.report.figure import Figure
-
-ZONES = (("A", 3.0), ("B", 4.0), ("C", 5.0))
-"""Zones of ISO 14839-3, and the peaks of abs(S) below which they are; D is beyond."""
-
-RANGE = 2000.0
-"""Up to there the standard looks at least [Hz], or up to three times the speed."""
 
 MEASUREMENT = "measurement"
 """What the loop is called whose controller is fed by the measurement."""
@@ -38,24 +31,6 @@ BASIS = (
     "Zones after ISO 14839-3, of a linear model: an aid, not a certificate, which asks for a "
     "measurement on the machine."
 )
-
-
-def end_of_range(T: float, speed: float | None = None) -> float:
-    """Return up to where the standard looks at a loop [Hz].
-
-    Parameters
-    ----------
-    T : float
-        Sampling time [s]: it looks no farther than half the sampling rate.
-    speed : float, optional
-        Of the rotor [rad/s].
-    """
-    return min(max(RANGE, 3 * (speed or 0.0) / (2 * math.pi)), 0.5 / T)
-
-
-def zone_of(peak: float) -> str:
-    """Return the zone of a peak of abs(S) [1], A to D."""
-    return next((name for name, limit in ZONES if peak < limit), "D")
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,21 +236,15 @@ def assess(
     bearings, Part 3: Evaluation of stability margin.
     """
     of_type(Bearing, bearing=bearing)
-    point = WorkPoint.hovering(bearing, in_si("x", x, "m"), in_si("load", load, "N"))
-    pid = (controller or PID()).completed(bearing)
-    P = plant(bearing, point)
+    of = LoopOf(bearing, controller, in_si("x", x, "m"), in_si("load", load, "N"))
     estimators = given_estimators(filter, bearing)
-    top = end_of_range(bearing.sampling_time, bearing.speed)
 
     def loop(name: str, estimator: Estimator | None) -> AssessedLoop:
-        fed = pid.model_copy(update={"feedback": "estimate" if estimator else "measurement"})
-        inner = None if estimator is None else estimator_at(estimator, point)
-        K = compensator(controller_of(fed, bearing), inner, bearing.sensor.gain)
-        return _assessed(name, Loop(P, K), bearing, top)
+        return _assessed(name, of.loop(estimator), bearing, of.top)
 
     loops = {MEASUREMENT: loop(MEASUREMENT, None)}
     loops |= {name: loop(name, each) for name, each in estimators.items()}
-    return Assessment(bearing, pid, point, top, least_peaks(P.select(["y"], ["u"])), loops)
+    return Assessment(bearing, of.controller, of.point, of.top, of.least(), loops)
 
 
 def given_estimators(given: Any, bearing: Bearing) -> dict[str, Estimator]:

@@ -13,7 +13,8 @@ from ambkit.base.showing import Shown
 from ambkit.data.record import Record
 from ambkit.judge.loop.measured import Logged, MeasuredSensitivity, measured_sensitivity
 from ambkit.models.linear import Complex
-from ambkit.workflow.assessing import ZONES, Assessment, assess, end_of_range, zone_of
+from ambkit.workflow.assessing import Assessment, assess
+from ambkit.workflow.loop_of import ZONES, end_of_range, zone_of
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from ambkit.workflow.identifying import Identified, LiftedOff
     from ambkit.workflow.injecting import Injection
     from ambkit.workflow.sweeping import Sweep
+    from ambkit.workflow.trading_off import TradeOff
     from ambkit.workflow.tuned_filter import Tuned
 
 
@@ -72,6 +73,19 @@ def _figures(name: str, untuned: float, tuned: float) -> list[str]:
     what, _, unit = name.removesuffix("]").partition(" [")
     unit = unit or EVALUATED.get(name.removeprefix("error of "), "1")
     return [what, value(untuned, unit), value(tuned, unit)]
+
+
+def trade_off(of: TradeOff) -> Card:
+    """Describe filters that were tuned below ceilings by their errors."""
+    rows = [
+        [f"{each.ceiling:g}", "–" if each.tuned is None else f"{each.peak:.3f}", each.zone,
+         *(value(error, EVALUATED[name]) for name, error in each.errors.items())]
+        for each in of.points
+    ]  # fmt: skip
+    rows = [[*row, *["–"] * (5 - len(row))] for row in rows]
+    heads = ["ceiling", "peak of |S|", "zone", "error of x", "error of f_d"]
+    title = f"{of.bearing.name}, {of.kind} filter: what margin costs"
+    return Card(title, rows, of.figure(), heads)
 
 
 def filtering(of: Filtering) -> Card:

@@ -20,7 +20,8 @@ from ambkit.models.linear import Complex
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import PID, Scenario
 from ambkit.simulation.waveforms import Constant, Recorded
-from ambkit.workflow.assessing import ZONES, AssessedLoop, assess, given_estimators
+from ambkit.workflow.assessing import AssessedLoop, assess, given_estimators
+from ambkit.workflow.loop_of import ZONES
 
 if TYPE_CHECKING:
     from ambkit.show.report.figure import Figure
