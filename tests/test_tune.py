@@ -122,6 +122,9 @@ LATE = BEARING.replace(
 )  # fmt: skip
 
 
+NOISY = BEARING.replace(delay="0.15 ms", amplifier__bandwidth="2 kHz")
+
+
 @pytest.fixture(scope="module")
 def calm() -> Record:
     """A run whose load rests, so that likelihood asks for a filter that trusts its model."""
@@ -139,7 +142,7 @@ def test_likelihood_takes_the_loop_s_margin_and_a_ceiling_keeps_it(calm: Record)
     held = ambkit.tune(LATE, calm, "linear", budget=24, max_sensitivity=ceiling)
     assert held.peak < ceiling
     loop = ambkit.assess(LATE, {"it": held.estimator}).loops["it"]
-    assert held.peak == pytest.approx(loop.peak, rel=1e-6)
+    assert held.peak == pytest.approx(loop.peak, rel=1e-4)
     assert not any("knows nothing of the loop" in text for text in held.warnings)
     assert len(held.peaks) == len(held.trace) == 24
     below = [each.cost for each, peak in zip(held.trace, held.peaks, strict=True) if peak < ceiling]
@@ -150,24 +153,26 @@ def test_likelihood_takes_the_loop_s_margin_and_a_ceiling_keeps_it(calm: Record)
     assert held.to_dict()["max_sensitivity"] == ceiling
 
 
-def test_a_ceiling_is_kept_even_where_the_untuned_filter_is_the_better_one(calm: Record) -> None:
-    untuned = ambkit.assess(LATE, "linear").loops["linear"].peak
-    held = ambkit.tune(LATE, kind="linear", budget=24, runs=2, max_sensitivity=0.97 * untuned)
+def test_a_ceiling_is_kept_even_where_the_untuned_filter_is_the_better_one() -> None:
+    untuned = ambkit.assess(NOISY, "linear").loops["linear"].peak
+    held = ambkit.tune(NOISY, kind="linear", budget=24, runs=2, max_sensitivity=0.95 * untuned)
     assert held.kept
-    assert held.peak < 0.97 * untuned
+    assert held.peak < 0.95 * untuned
+    judge = "error over the untuned linear filter's"
+    assert held.unseen[judge][1] > held.unseen[judge][0]
 
 
 def test_the_controller_of_the_loop_is_the_one_that_is_given() -> None:
     soft = ambkit.PID(kp=2000.0, ki=5000.0, kd=8.0)
     found = ambkit.tune(LATE, kind="linear", budget=1, runs=1, controller=soft)
     expected = ambkit.assess(LATE, "linear", soft).loops["linear"].peak
-    assert found.peaks[0] == pytest.approx(expected, rel=1e-6)
+    assert found.peaks[0] == pytest.approx(expected, rel=1e-4)
 
 
 def test_a_ceiling_that_cannot_be_kept_is_refused() -> None:
     with pytest.raises(AmbkitError, match=r"none keeps the peak of \|S\| below 1.1, the least is"):
         ambkit.tune(LATE, kind="linear", budget=4, runs=1, max_sensitivity=1.1)
-    with pytest.raises(AmbkitError, match="max_sensitivity must be above 1.0"):
+    with pytest.raises(AmbkitError, match=r"max_sensitivity must be above 1\.0"):
         ambkit.tune(LATE, kind="linear", budget=4, runs=1, max_sensitivity=1.0)
     with pytest.raises(AmbkitError, match="does not settle to a gain"):
         ambkit.tune(LATE, kind="multiple-model", budget=1, runs=1, max_sensitivity=2.0)
@@ -175,9 +180,9 @@ def test_a_ceiling_that_cannot_be_kept_is_refused() -> None:
 
 
 def test_trade_off_is_a_curve_from_which_to_pick() -> None:
-    untuned = ambkit.assess(LATE, "linear").loops["linear"].peak
+    untuned = ambkit.assess(NOISY, "linear").loops["linear"].peak
     ceilings = [1.1, 0.9 * untuned, 1.2 * untuned]
-    found = ambkit.trade_off(LATE, ceilings, kind="linear", budget=16, runs=2)
+    found = ambkit.trade_off(NOISY, ceilings, kind="linear", budget=16, runs=2)
     never, tight, wide = found.points
     assert never.tuned is None
     assert never.zone == "–"
@@ -188,6 +193,6 @@ def test_trade_off_is_a_curve_from_which_to_pick() -> None:
     assert [each["reached"] for each in points] == [False, True, True]
     assert f"below {ceilings[1]:g}" in repr(found)
     with pytest.raises(AmbkitError, match="none keeps the peak"):
-        ambkit.trade_off(LATE, [1.1], kind="linear", budget=2, runs=1)
+        ambkit.trade_off(NOISY, [1.1], kind="linear", budget=2, runs=1)
     with pytest.raises(AmbkitError, match="one value or more"):
-        ambkit.trade_off(LATE, [], kind="linear")
+        ambkit.trade_off(NOISY, [], kind="linear")
