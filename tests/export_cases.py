@@ -7,6 +7,8 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
+import objects
+
 from ambkit import Bearing
 from ambkit.cli import kinds
 from ambkit.estimate.base import Estimator
@@ -51,12 +53,15 @@ def flight_files(made: CExport) -> list[str]:
     return [f for f in made.files if f.endswith((".c", ".h")) and not f.startswith("selftest/")]
 
 
-def compiled(
-    compiler: str, folder: Path, *more: str | Path, flags: tuple[str, ...] = SAME_BITS
-) -> subprocess.CompletedProcess[str]:
-    """Compile in a folder with all warnings; `more`: files, and where the result goes."""
-    command = [compiler, "-std=c99", *STRICT, *flags, *INCLUDES, *map(str, more)]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120)
+def command(compiler: str, flags: tuple[str, ...] = SAME_BITS) -> list[str]:
+    """Return what compiles in an export's folder, with all warnings."""
+    return [compiler, "-std=c99", *STRICT, *flags, *INCLUDES]
+
+
+def understood(compiler: str, folder: Path, file: Path) -> subprocess.CompletedProcess[str]:
+    """Let a compiler look at a file in an export's folder, with all warnings."""
+    words = [*command(compiler), str(file), "-fsyntax-only"]
+    return subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=120)
 
 
 def program(
@@ -64,4 +69,4 @@ def program(
 ) -> subprocess.CompletedProcess[str]:
     """Compile an exported folder with its self-test, by hand: every C file that is there."""
     files = sorted(path.relative_to(folder) for path in folder.rglob("*.c"))
-    return compiled(compiler, folder, *files, "-o", out, flags=flags)
+    return objects.build(command(compiler, flags), files, out, folder)

@@ -14,7 +14,10 @@ import pytest
 import ambkit
 from ambkit import Bearing, Estimator, Record
 from ambkit.cli.app import app
+from ambkit.data.channelmap import ChannelMap, inputs_of
+from ambkit.show.pages.maximum_likelihood import annotated_toml
 from ambkit.workflow.designing import Design, design
+from ambkit.workflow.identifying import identified_filter
 
 KNOWN = Bearing.preset("zittau_axial").replace(name="my rig")
 TRUE = KNOWN.replace(delay="0.15 ms", magnet__magnet_constant="6.2 N mm^2/A^2")
@@ -78,9 +81,8 @@ def test_the_filter_is_nearly_as_good_as_one_that_was_told_everything(rig: Any) 
     ours, best, raw = [], [], []
     for seed in range(20, 30):
         record = flown(seed)
-        y, u = made.in_si(10 - 1e3 * record["y"], record["u"] + 0.94)
         late = slice(500, None)
-        a = made.run(Record(record.t, {"y": y, "u": u}, {"y": "m", "u": "V"}))
+        a = made.run_raw(10 - 1e3 * record["y"], record["u"] + 0.94)
         b = told.run(record)
         ours.append([np.mean((a[s] - record[s])[late] ** 2) for s in ("x", "f_d")])
         best.append([np.mean((b[s] - record[s])[late] ** 2) for s in ("x", "f_d")])
@@ -132,9 +134,7 @@ int main(void)
                     tmp_path / "run"], check=True)  # fmt: skip
     out = subprocess.run([tmp_path / "run"], input=numbers, capture_output=True, text=True).stdout
     got = np.array([line.split() for line in out.splitlines()], dtype=float)
-    kf = Estimator.load(folder / "out" / "filter.toml")
-    si = dict(zip(("y", "u"), kf.in_si(y, u), strict=True))
-    estimate = kf.run(Record(1e-4 * np.arange(y.size), si, {"y": "m", "u": "V"}))
+    estimate = Estimator.load(folder / "out" / "filter.toml").run_raw(y, u)
     np.testing.assert_array_equal(got, estimate.mean[:, :3])
 
 
@@ -194,3 +194,20 @@ def test_the_command_is_the_function(rig: Any, monkeypatch: Any) -> None:
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == 0, done.output
     assert " ".join(found.why.split()[:6]) in " ".join(done.output.split())
+
+
+def test_zeros_that_a_log_does_not_tell_stay_as_the_map_has_them(rig: Any) -> None:
+    """Under an unknown load the offsets are as likely none; a filter with them would be far off."""
+    folder, _ = rig
+    channels = ChannelMap.load(folder / "map.toml")
+    record = ambkit.load(folder / "log1.csv", channels)
+    of_log = inputs_of(channels)
+    found = ambkit.identify(KNOWN, record, free=[*FREE, "position_offset", "current_offset"])
+    assert not found.likelihood.offsets_count
+    assert found.likelihood.standard_error("position_offset") > 1e-6
+    made = identified_filter(found, of_log)
+    assert made.inputs == of_log
+    assert "inputs.y.offset" not in made.origin
+    (said,) = found.of_the_zeros
+    assert "as likely none, and the zeros stay as they were given" in said
+    assert "[signals." not in annotated_toml(found.likelihood, folder)

@@ -2,6 +2,7 @@
 
 import re
 import runpy
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -107,3 +108,42 @@ def test_rig_without_its_logs_says_so(run, monkeypatch, capsys):
         run("rig.py")
     assert not left.value.code
     assert "no logs in nowhere" in capsys.readouterr().out
+
+
+def test_thread(run, tmp_path):
+    """The filter from the log is as good as one that was told everything, and C has its bits."""
+    printed = run("thread.py")
+    weaker, delay = numbers(r"([\d.]+) % weaker than drawn, the delay ([\d.]+) ms", printed)
+    assert weaker == pytest.approx(6, abs=0.6)
+    assert delay == pytest.approx(0.15, abs=0.006)
+    assert "Fly the " in printed
+    if any(map(shutil.which, ("cc", "gcc", "clang"))):
+        assert "12001 samples of the rig's numbers in C: 0 states differ from Python's." in printed
+    for name in ("x", "v", "f_d"):
+        *_, worst = numbers(
+            rf"\b{name}: .* rms, (-?[\d.]+) ± ([\d.]+) % more than .*, (-?[\d.]+) % at worst",
+            printed,
+        )
+        assert worst < 10
+    assert (tmp_path / "thread" / "flying.png").stat().st_size > 10_000
+
+
+def test_the_notebook_is_the_script():
+    writer = runpy.run_path(str(EXAMPLES.parent / "docs" / "make_notebook.py"))
+    script, made = (EXAMPLES / f"thread.{ending}" for ending in ("py", "ipynb"))
+    assert made.read_text(encoding="utf-8") == writer["notebook"](script.read_text("utf-8"))
+
+
+def test_the_notebook_runs(tmp_path):
+    """In a kernel, as Jupyter runs it; the script's own test says what comes out."""
+    nbformat = pytest.importorskip("nbformat", reason="comes with the documentation's tools")
+    nbclient = pytest.importorskip("nbclient", reason="comes with the documentation's tools")
+    notebook = nbformat.read(EXAMPLES / "thread.ipynb", as_version=4)
+    nbformat.validate(notebook)
+    nbclient.NotebookClient(
+        notebook, timeout=600, resources={"metadata": {"path": str(tmp_path)}}
+    ).execute()
+    said = "".join(
+        output.get("text", "") for cell in notebook.cells for output in cell.get("outputs", [])
+    )
+    assert "than of the filter that was told everything" in said

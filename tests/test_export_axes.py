@@ -6,11 +6,9 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from bearing_double import having
 from export_cases import BEARING, SAME_BITS, program
 
 from ambkit.base.errors import AmbkitError
@@ -22,24 +20,24 @@ from ambkit.models.model import Descriptor
 COMPILER = shutil.which("gcc") or shutil.which("clang")
 compiled = pytest.mark.skipif(COMPILER is None, reason="no C compiler (gcc or clang) here")
 
-NOISE = SimpleNamespace(variance=1e-12, bandwidth=200.0)
+NOISE = {"variance": 1e-12, "bandwidth": 200.0}
+LATE = 1.5 * BEARING.sampling_time
 
 
-def hum(*frequencies: float) -> list[Any]:
-    return [SimpleNamespace(frequency=f, amplitude=5e-6, bandwidth=0.5) for f in frequencies]
+def hum(*frequencies: float) -> list[dict[str, float]]:
+    return [{"frequency": f, "amplitude": 5e-6, "bandwidth": 0.5} for f in frequencies]
 
 
-AXES: dict[str, Any] = {
-    "amplifier": having(BEARING, amplifier={"bandwidth": 2000.0}),
-    "delay": having(BEARING, delay=1.5 * BEARING.sampling_time),
-    "noise": having(BEARING, sensor={"coloured_noise": NOISE}),
-    "hum": having(BEARING, sensor={"hum": hum(50.0)}),
-    "no lag": having(BEARING, sensor={"lag": 0.0}),
-    "all": having(
-        BEARING,
-        delay=1.5 * BEARING.sampling_time,
-        amplifier={"bandwidth": 2000.0},
-        sensor={"coloured_noise": NOISE, "hum": hum(50.0)},
+AXES = {
+    "amplifier": BEARING.replace(amplifier__bandwidth=2000.0),
+    "delay": BEARING.replace(delay=LATE),
+    "noise": BEARING.replace(sensor__coloured_noise=NOISE),
+    "hum": BEARING.replace(sensor__hum=hum(50.0)),
+    "all": BEARING.replace(
+        delay=LATE,
+        amplifier__bandwidth=2000.0,
+        sensor__coloured_noise=NOISE,
+        sensor__hum=hum(50.0),
     ),
 }
 # One of each C file; those that have a constant gain or no model are further below.
@@ -82,7 +80,7 @@ def test_each_part_has_python_s_bits(axis: str, tmp_path: Path) -> None:
 
 @compiled
 def test_a_large_model_is_computed_by_loops(tmp_path: Path) -> None:
-    large = having(BEARING, sensor={"hum": hum(50.0, 100.0, 150.0, 300.0, 600.0)})
+    large = BEARING.replace(sensor__hum=hum(50.0, 100.0, 150.0, 300.0, 600.0))
     export = made(large, "extended", tmp_path)
     assert "core/src/loops.c" in export.files
     assert "core/generated/model.h" not in export.files

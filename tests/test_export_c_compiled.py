@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import objects
 import pytest
 from export_cases import (
     BEARING,
@@ -17,10 +18,11 @@ from export_cases import (
     KINDS,
     PRECISIONS,
     SAME_BITS,
-    compiled,
+    command,
     estimator,
     export,
     program,
+    understood,
 )
 
 import ambkit
@@ -121,14 +123,14 @@ def test_the_example_of_its_readme_compiles(exported: Exported, tmp_path: Path, 
     made = exported(kind)
     (example,) = re.findall(r"```c\n(.*?)```", (made.folder / "README.md").read_text(), re.DOTALL)
     (tmp_path / "example.c").write_text(example.replace("now);", "now); (void)status;"))
-    done = compiled("gcc", made.folder, tmp_path / "example.c", "-fsyntax-only")
+    done = understood("gcc", made.folder, tmp_path / "example.c")
     assert (done.returncode, done.stderr) == (0, "")
 
 
 @needs_gcc
 def test_the_task_of_the_docs_compiles(exported: Exported) -> None:
     task = Path(__file__).parents[1] / "examples" / "controller" / "filter_task.c"
-    done = compiled("gcc", exported("linear").folder, task, "-fsyntax-only")
+    done = understood("gcc", exported("linear").folder, task)
     assert (done.returncode, done.stderr) == (0, "")
 
 
@@ -140,9 +142,9 @@ def test_its_header_is_c_plus_plus_as_well(exported: Exported, tmp_path: Path, k
     (tmp_path / "user.cpp").write_text(
         f'#include "{name}.h"\n\nvoid start({name}_state &state)\n{{\n  {name}_init(&state);\n}}\n'
     )
-    command = ["g++", "-std=c++11", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "-I.",
-               "-Icore/include", "-Icore", str(tmp_path / "user.cpp")]  # fmt: skip
-    done = subprocess.run(command, cwd=made.folder, capture_output=True, text=True)
+    words = ["g++", "-std=c++11", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "-I.",
+             "-Icore/include", "-Icore", str(tmp_path / "user.cpp")]  # fmt: skip
+    done = subprocess.run(words, cwd=made.folder, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
 
 
@@ -177,8 +179,8 @@ class Filters:
         (folder / "sizes.c").write_text("".join(map(SIZES.format, made)))
         includes = [f"-I{one / part}" for one in folders for part in (".", "core/include", "core")]
         library = folder / "filters.so"
-        flags = (*SAME_BITS, "-shared", "-fPIC", *includes)
-        done = compiled("gcc", folder, *files.values(), "sizes.c", "-o", library, flags=flags)
+        words = command("gcc", (*SAME_BITS, "-fPIC", *includes))
+        done = objects.build(words, [*files.values(), "sizes.c"], library, folder, ["-shared"])
         assert (done.returncode, done.stderr) == (0, "")
         self.library = ctypes.CDLL(str(library))
 
@@ -254,14 +256,15 @@ def test_every_name_has_the_prefix_and_nothing_is_borrowed(
     assert {f"{made.name}{ending}" for ending in (".h", ".c", "_data.h", "_data.c")} <= set(
         made.files
     )
-    objects = [tmp_path / f"{n}.o" for n, _ in enumerate(made.sources)]
-    for name, target in zip(made.sources, objects, strict=True):
-        done = compiled("gcc", made.folder, name, "-c", "-o", target)
+    compiled = []
+    for name in made.sources:
+        file, done = objects.object_of(command("gcc"), name, made.folder)
         assert (done.returncode, done.stderr) == (0, "")
+        compiled.append(str(file))
 
     def symbols(*options: str) -> set[str]:
-        command = ["nm", "--extern-only", "--just-symbols", "--quiet", *options, *map(str, objects)]
-        done = subprocess.run(command, check=True, capture_output=True, text=True)
+        words = ["nm", "--extern-only", "--just-symbols", "--quiet", *options, *compiled]
+        done = subprocess.run(words, check=True, capture_output=True, text=True)
         return {line for line in done.stdout.split() if not line.endswith(":")}
 
     own = symbols("--defined-only")
@@ -293,10 +296,9 @@ def test_init_is_all_there_is_to_do_at_power_on(
     """The first measurement is where it starts; what may be fed back is said."""
     made = exported(kind)
     library = tmp_path / "filter.so"
-    sources = [str(made.folder / source) for source in made.sources]
-    command = ["gcc", "-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC"]
-    includes = [f"-I{made.folder / folder}" for folder in (".", "core/include", "core")]
-    subprocess.run([*command, *includes, *sources, "-o", library], check=True)
+    words = command("gcc", (*SAME_BITS, "-fPIC"))
+    done = objects.build(words, made.sources, library, made.folder, ["-shared"])
+    assert (done.returncode, done.stderr) == (0, "")
     lib = ctypes.CDLL(str(library))
     step = getattr(lib, f"{made.name}_step")
     step.argtypes = [ctypes.c_void_p, ctypes.c_float, ctypes.c_float, ctypes.c_void_p]

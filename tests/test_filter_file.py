@@ -114,6 +114,11 @@ def test_raw_inputs_are_scaled_in_the_filter_s_precision(precision: ambkit.Preci
     assert u == pytest.approx([0.01, 0.06, 0.11], rel=1e-3)
     number = np.float32 if precision == "float32" else np.float64
     np.testing.assert_array_equal(y, number(-1e-3) * raw_y.astype(number) + number(0.01))
+    estimate = kf.run_raw(raw_y, raw_u)
+    assert estimate.t.tolist() == [0.0, BEARING.sampling_time, 2 * BEARING.sampling_time]
+    assert estimate.x[0] == pytest.approx(0.3e-3, rel=1e-3)
+    with pytest.raises(ValueError, match=r"as long as each other, have shapes \(3,\) and \(2,\)"):
+        kf.run_raw(raw_y, raw_u[:2])
 
 
 def wrong(text: str, folder: Path) -> list[str]:

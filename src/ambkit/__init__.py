@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from ambkit.judge.comparison import compare as compare
     from ambkit.judge.faults import torture as torture
     from ambkit.machine.bearing import Bearing as Bearing
+    from ambkit.machine.machine import Machine as Machine
     from ambkit.machine.magnets import ClosedLaw as ClosedLaw
     from ambkit.machine.magnets import ConstantStiffness as ConstantStiffness
     from ambkit.machine.magnets import SaturatingLaw as SaturatingLaw
@@ -101,6 +102,7 @@ _HOME = {
     "judge.comparison": ["compare"],
     "judge.faults": ["torture"],
     "machine.bearing": ["Bearing"],
+    "machine.machine": ["Machine"],
     "machine.magnets": ["ClosedLaw", "ConstantStiffness", "SaturatingLaw", "magnet_of"],
     "machine.stiffness": ["StiffnessMap", "stiffness_map"],
     "simulation.run": ["simulate", "simulate_run"],

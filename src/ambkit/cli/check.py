@@ -16,6 +16,7 @@ class Schema(StrEnum):
     """The kinds of TOML files."""
 
     bearing = "bearing"
+    machine = "machine"
     scenario = "scenario"
     map = "map"
     filter = "filter"
@@ -26,7 +27,8 @@ def check(
         list[Path] | None,
         typer.Argument(
             metavar="FILE",
-            help="Bearings, scenarios, channel maps, filters, experts, records, measured forces.",
+            help="Bearings, machines, scenarios, channel maps, filters, experts, records, measured "
+            "forces.",
         ),
     ] = None,
     schema: Annotated[

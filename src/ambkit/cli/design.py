@@ -116,8 +116,8 @@ def design(
         [output.table("Unseen records, and simulated runs", heads, rows), found.why],
         as_json=json,
     )
-    for objection in found.objections:
-        output.note(f"note: {objection}")
+    for said in (*found.objections, *found.notes):
+        output.note(f"note: {said}")
     output.note(f"wrote {found.folder}: {', '.join(found.made)}")
     if found.exported is None:
         output.note("nothing was exported: --anyway does it all the same")

@@ -114,11 +114,15 @@ def by_likelihood(options: Options, known: Bearing) -> None:
         ],
         as_json=options.json,
     )  # fmt: skip
-    carried = carried_over(likelihood.model, delay=not likelihood.delay_counts)
+    carried = carried_over(
+        likelihood.model, delay=not likelihood.delay_counts, offsets=likelihood.offsets_count
+    )
     if options.out is not None and any("[signals." in line for line in carried):
         output.note(
             f"{options.out} says what to put into the channel map before filtering such a log"
         )
+    for said in found.of_the_zeros:
+        output.note(said)
     if not likelihood.converged:
         output.note("the search did not end at a maximum: take a closer start, or free less")
     if not others:

@@ -1,4 +1,4 @@
-"""``ambkit presets``: the bearings that come with ambkit."""
+"""``ambkit presets``: the bearings and machines that come with ambkit."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ def presets(
     ] = None,
     json: Json = False,
 ) -> None:
-    """List bearings, or print one as TOML.
+    """List bearings and machines, or print one as TOML.
 
-    The bearings that come with ambkit; as TOML they are ready to be edited.
+    Those that come with ambkit; as TOML they are ready to be edited.
 
     For example:
       ambkit presets zittau_axial > my.toml
@@ -31,19 +31,28 @@ def presets(
     from ambkit.cli import output
     from ambkit.machine import presets as collection
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Machine
 
     if name is None:
         if out is not None:
             raise AmbkitError("--out needs the NAME of a preset")
-        known = [Bearing.preset(each) for each in collection.names()]
-        data = [{"name": b.name, "description": b.description, "source": b.source} for b in known]
-        rows = [[b["name"], b["description"]] for b in data]
-        shown = output.table("Presets", ["name", "what"], rows, wide=True)
+        known: list[Bearing | Machine] = [Bearing.preset(each) for each in collection.names()]
+        known += [Machine.preset(each) for each in collection.machine_names()]
+        data = [
+            {"name": b.name, "description": b.description, "source": b.source,
+             "kind": type(b).__name__.lower()}
+            for b in known
+        ]  # fmt: skip
+        rows = [[b["name"], b["kind"], b["description"]] for b in data]
+        shown = output.table("Presets", ["name", "of a", "what"], rows, wide=True)
         output.deliver(data, [shown], as_json=json)
         return
-    text = collection.text(name)
+    whole = name in collection.machine_names()
+    text = collection.machine_text(name) if whole else collection.text(name)
     if json:
-        content = {"name": name, "bearing": Bearing.preset(name).model_dump(), "toml": text}
+        found: Bearing | Machine = (Machine if whole else Bearing).preset(name)
+        kind = type(found).__name__.lower()
+        content = {"name": name, kind: found.model_dump(), "toml": text}
     write = [(out, lambda path: files.write_text(path, text))]
     if json:
         output.deliver(content, [], write, as_json=True)

@@ -446,6 +446,38 @@ class Estimator(Copyable):
         y, u = self._start(record)
         return self._estimate(record.t, self.core.run(y, u, covariance=covariance), self.name)
 
+    def run_raw(self, y: ArrayLike, u: ArrayLike, *, covariance: bool = False) -> Estimate:
+        """Run along a rig's own numbers, as the exported C does: to the last bit, from its start.
+
+        Parameters
+        ----------
+        y, u : array_like (n,)
+            What the controller reads, in the units of `inputs`; u[k] acts from sample k to k + 1.
+        covariance : bool
+            As in `run`.
+
+        Returns
+        -------
+        Estimate
+            In SI, from t = 0 on.
+
+        Raises
+        ------
+        ValueError
+            The two are not equally long.
+        """
+        from ambkit.data.record import Record
+
+        position, control = self.in_si(y, u)
+        if position.ndim != 1 or position.shape != control.shape:
+            raise ValueError(
+                f"y and u must be as long as each other, have shapes {position.shape} and "
+                f"{control.shape}"
+            )
+        t = self.bearing.sampling_time * np.arange(position.size, dtype=float)
+        signals = {"y": position, "u": control}
+        return self.run(Record(t, signals, {"y": "m", "u": "V"}), covariance=covariance)
+
     def smooth(self, record: Record) -> Estimate:
         """Estimate each sample of a record from all of it, not only from what came before.
 

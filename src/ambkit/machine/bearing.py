@@ -28,6 +28,7 @@ from ambkit.machine.parts import (
     Hum,
     Runout,
     Stop,
+    gap_contradictions,
     parts_contradictions,
 )
 
@@ -355,23 +356,13 @@ class Bearing(Shown, Document):
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
-        travel, gap = read("rotor.travel_limit"), read("magnet.air_gap")
-        if travel >= gap:
-            limit = f"magnet.air_gap, {engineering(gap, 'm')}"
-            yield "rotor.travel_limit", f"must be less than {limit}; is {engineering(travel, 'm')}"
-
+        yield from gap_contradictions(read, "rotor.travel_limit")
         kind, gravity = read("magnet.type"), read("rotor.gravity")
         if kind == "one-sided" and gravity in ("+x", "none"):
             text = f'must be "-x", is "{gravity}": nothing else pulls against a one-sided magnet'
             yield "rotor.gravity", text
 
-        current, bias = read("amplifier.current_limit"), read("magnet.bias_current")
-        if kind == "two-sided" and current > bias:
-            limit = f"magnet.bias_current, {engineering(bias, 'A')}, with a two-sided magnet"
-            yield (
-                "amplifier.current_limit",
-                f"must be at most {limit}; is {engineering(current, 'A')}",
-            )
+        current = read("amplifier.current_limit")
         hover = abs(_hover_current(read))
         if hover > current:
             limit = f"at least {engineering(hover, 'A')}, which carries the rotor at x = 0"

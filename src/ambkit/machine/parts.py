@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field
 
@@ -69,11 +69,26 @@ def parts_contradictions(read: Read) -> Iterator[tuple[str, str]]:
     read : callable
         As for `Part._contradictions`, of a bearing.
     """
-    T, delay, speed = read("sampling_time"), read("delay"), read("speed")
+    T, speed = read("sampling_time"), read("speed")
+    yield from delay_contradictions(T, read("delay"))
+    yield from voltage_contradictions(read)
+    runout, hum = read("sensor.runout"), read("sensor.hum")
+    if isinstance(runout, tuple) and runout and speed is None:
+        yield "speed", "missing: sensor.runout is at multiples of it"
+        return
+    for key, text in line_contradictions(T, speed, runout, hum):
+        yield f"sensor.{key}", text
+
+
+def delay_contradictions(T: float, delay: float | None) -> Iterator[tuple[str, str]]:
+    """Yield what is wrong with the dead time of a loop that is sampled every T [s]."""
     if delay is not None and delay > LONGEST_DELAY * T:
         limit = f"{LONGEST_DELAY} samples, {engineering(LONGEST_DELAY * T, 's')}"
         yield "delay", f"must be at most {limit}; is {engineering(delay, 's')}"
 
+
+def voltage_contradictions(read: Read) -> Iterator[tuple[str, str]]:
+    """Yield what is wrong with the voltage of an amplifier for its magnet."""
     voltage, R = read("amplifier.voltage_limit"), read("amplifier.resistance")
     if voltage is not None and R is not None:
         needed = R * (read("magnet.bias_current") + read("amplifier.current_limit"))
@@ -82,20 +97,49 @@ def parts_contradictions(read: Read) -> Iterator[tuple[str, str]]:
             text = f"must be greater than {limit}; is {engineering(voltage, 'V')}"
             yield "amplifier.voltage_limit", text
 
-    runout = read("sensor.runout")
-    if isinstance(runout, tuple) and runout:
-        if speed is None:
-            yield "speed", "missing: sensor.runout is at multiples of it"
-            return
-        for at, line in enumerate(runout):
-            frequency = line.order * speed / (2 * math.pi)
-            if 2 * T * frequency >= 1:
-                text = f"{line.order} times the speed is {engineering(frequency, 'Hz')}, must be"
-                limit = f"less than half the sampling frequency, {engineering(0.5 / T, 'Hz')}"
-                yield f"sensor.runout.{at}.order", f"{text} {limit}"
-    hum = read("sensor.hum")
+
+def gap_contradictions(read: Read, travel: str) -> Iterator[tuple[str, str]]:
+    """Yield what is wrong between gap, bias current and the limits of travel and current.
+
+    Parameters
+    ----------
+    read : callable
+        As for `Part._contradictions`, of what has a magnet and an amplifier.
+    travel : str
+        Its key of the travel limit.
+    """
+    way, gap = read(travel), read("magnet.air_gap")
+    if way >= gap:
+        limit = f"magnet.air_gap, {engineering(gap, 'm')}"
+        yield travel, f"must be less than {limit}; is {engineering(way, 'm')}"
+    current, bias = read("amplifier.current_limit"), read("magnet.bias_current")
+    if read("magnet.type") == "two-sided" and current > bias:
+        limit = f"magnet.bias_current, {engineering(bias, 'A')}, with a two-sided magnet"
+        yield "amplifier.current_limit", f"must be at most {limit}; is {engineering(current, 'A')}"
+
+
+def line_contradictions(
+    T: float, speed: float | None, runout: Any, hum: Any
+) -> Iterator[tuple[str, str]]:
+    """Yield (key of the sensor, what is wrong) for lines too fast for the sampling time T [s].
+
+    Parameters
+    ----------
+    T : float
+        Sampling time [s].
+    speed : float, optional
+        Of rotation [rad/s].
+    runout, hum : tuple
+        Of the sensor; anything else is told elsewhere.
+    """
+    nyquist = engineering(0.5 / T, "Hz") if T > 0 else ""
+    for at, line in enumerate(runout if isinstance(runout, tuple) else ()):
+        frequency = line.order * (speed or 0.0) / (2 * math.pi)
+        if 2 * T * frequency >= 1:
+            text = f"{line.order} times the speed is {engineering(frequency, 'Hz')}, must be"
+            limit = f"less than half the sampling frequency, {nyquist}"
+            yield f"runout.{at}.order", f"{text} {limit}"
     for at, line in enumerate(hum if isinstance(hum, tuple) else ()):
         if 2 * T * line.frequency >= 1:
-            limit = f"half the sampling frequency, {engineering(0.5 / T, 'Hz')}"
-            text = f"must be less than {limit}; is {engineering(line.frequency, 'Hz')}"
-            yield f"sensor.hum.{at}.frequency", text
+            text = f"must be less than half the sampling frequency, {nyquist}"
+            yield f"hum.{at}.frequency", f"{text}; is {engineering(line.frequency, 'Hz')}"

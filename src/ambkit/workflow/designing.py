@@ -106,6 +106,8 @@ class Design(Shown):
         Which filter to fly and why, in a sentence.
     objections : tuple of str
         What speaks against flying it; empty if nothing does.
+    notes : tuple of str
+        What is to be known of what was identified.
     exported : CExport or None
         The C; None where objections kept it from being written.
     made : mapping of str to str
@@ -120,6 +122,7 @@ class Design(Shown):
     raw: float
     why: str
     objections: tuple[str, ...]
+    notes: tuple[str, ...]
     exported: CExport | None
     made: Mapping[str, str]
 
@@ -130,6 +133,7 @@ class Design(Shown):
             "chosen": self.chosen.kind,
             "why": self.why,
             "objections": list(self.objections),
+            "notes": list(self.notes),
             "raw_sensor": self.raw,
             "exported": self.exported is not None,
             "files": list(self.made),
@@ -212,7 +216,7 @@ def design(
     stages.make(
         "identify",
         [bearing.to_toml(), sorted(free or []), [p.name for p in read], *sources],
-        ("found.toml", "identified.toml"),
+        ("found.toml", "identified.toml", "identified.json"),
         lambda: _identified(bearing, logs, channels, free, place),
     )
     identified = Estimator.load(place / "identified.toml")
@@ -263,6 +267,7 @@ def design(
     chosen = _best(candidates)
     raw = read_json(place / f"candidates/{chosen.kind}.judged.json")["raw"]
     objections = tuple(_objections(chosen, raw))
+    notes = tuple(read_json(place / "identified.json")["notes"])
     why = _why(chosen, candidates, raw)
     Estimator.load(chosen.file).save(
         place / "filter.toml",
@@ -282,9 +287,9 @@ def design(
     made = {name: what for name, what in FILES.items() if (place / name).exists()}
     note("drawing")
     record = records[-1] if records else load_filled(logs[-1], by_inputs)
-    _report(place, found.name, why, objections, candidates, record, made)
+    _report(place, found.name, why, (objections, notes), candidates, record, made)
     made["design.html"] = FILES["design.html"]
-    return Design(place, tuple(candidates), chosen, raw, why, objections, exported, made)
+    return Design(place, tuple(candidates), chosen, raw, why, objections, notes, exported, made)
 
 
 FILES = {
@@ -302,7 +307,7 @@ def _report(
     place: Path,
     name: str,
     why: str,
-    objections: Sequence[str],
+    said: tuple[Sequence[str], Sequence[str]],
     candidates: Sequence[Candidate],
     record: Record,
     made: Mapping[str, str],
@@ -328,7 +333,7 @@ def _report(
     }  # fmt: skip
     evaluated = {KINDS[c.kind].name: evaluate(Estimator.load(c.file), record) for c in candidates}
     write_design(
-        place / "design.html", name, why, objections, rows, headers,
+        place / "design.html", name, why, *said, rows, headers,
         filter_figure(record, evaluated), {**made, "design.html": FILES["design.html"]},
     )  # fmt: skip
 
@@ -345,6 +350,7 @@ def _identified(
     inputs = Inputs() if channels is None else inputs_of(ChannelMap.load(channels))
     files.write_text(place / "found.toml", annotated_toml(found.likelihood, place))
     source = ", ".join(Path(path).name for path in logs)
+    write_json(place / "identified.json", {"notes": found.of_the_zeros})
     identified_filter(found, inputs, source).save(
         place / "identified.toml", bearing=place / "found.toml"
     )

@@ -11,6 +11,7 @@ from ambkit.base.asked import Given, all_of_type, in_si, of_type
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.base.progress import shown_in_notebooks
 from ambkit.base.showing import Shown
+from ambkit.base.units import engineering
 from ambkit.data.record import Record
 from ambkit.data.rig_units import Inputs
 from ambkit.estimate.filter_file import made_by
@@ -20,7 +21,7 @@ from ambkit.identification.forces.lift_off_fit import LiftOffFit, fit_lift_off
 from ambkit.identification.forces.map import ForceMap, force_map
 from ambkit.identification.maximum_likelihood.estimate import MaximumLikelihood, maximum_likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
-from ambkit.identification.maximum_likelihood.parameters import named, usual
+from ambkit.identification.maximum_likelihood.parameters import OFFSETS, named, usual
 from ambkit.identification.maximum_likelihood.validation import Validation, validate
 from ambkit.identification.noise import Noise, measurement_noise
 from ambkit.machine.bearing import Bearing
@@ -103,6 +104,27 @@ class Identified(Shown):
         return self.likelihood.bearing
 
     @property
+    def of_the_zeros(self) -> list[str]:
+        """What is to be known of offsets that were looked for, before a filter takes them."""
+        found = self.likelihood
+        looked_for = [p for p in found.parameters if p.name in OFFSETS]
+        shown = " and ".join(
+            f"{p.name.replace('_', ' ')} {engineering(found[p.name], p.unit, 3)} ± "
+            f"{engineering(found.standard_error(p.name), p.unit, 2, like=found[p.name])}"
+            for p in looked_for
+        )
+        if not found.offsets_count:
+            return [f"{shown}: as likely none, and the zeros stay as they were given"]
+        position = [p.name for p in looked_for if p.name == "position_offset"]
+        noise = math.sqrt(found.bearing.sensor.noise_variance)
+        if position and found.standard_error(position[0]) > noise:
+            return [
+                f"{shown}: the position is known to no better than that, and the sensor's noise is "
+                f"{engineering(noise, 'm', 3)}; who has measured the zeros leaves them out of free"
+            ]
+        return []
+
+    @property
     def stiffness(self) -> dict[str, Any]:
         """Stiffnesses about the mean of the records, where they tell most."""
         iu, x = self.likelihood.model.mean_point(self.records)
@@ -153,16 +175,20 @@ def identified_filter(
     found : Identified
         From `identify`.
     inputs : Inputs, optional
-        What the log's y and u are; the offsets that were found are added.
+        What the log's y and u are; the offsets that were found are added, where they count.
     source : str
         What the records are called, for the filter's file.
     """
     model, of_log = found.likelihood.model, inputs or Inputs()
     made = ExtendedKalmanFilter(found.bearing, noise=FilterNoise(disturbance=model.load_growth))
-    volts = model.current_offset / found.bearing.amplifier.gain
-    made.inputs = Inputs(y=of_log.y.shifted(-model.position_offset), u=of_log.u.shifted(volts))
-    said = made_by("identify", f"likelihood of {source or 'records'}")
     free = {p.name for p in found.likelihood.parameters}
+    made.inputs = of_log
+    if found.likelihood.offsets_count:
+        volts = model.current_offset / found.bearing.amplifier.gain
+        made.inputs = Inputs(y=of_log.y.shifted(-model.position_offset), u=of_log.u.shifted(volts))
+    else:
+        free -= set(OFFSETS)
+    said = made_by("identify", f"likelihood of {source or 'records'}")
     keys = {
         "measurement_noise": "noise.measurement", "control_noise": "noise.control",
         "load_growth": "noise.disturbance", "position_offset": "inputs.y.offset",

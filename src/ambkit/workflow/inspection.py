@@ -25,8 +25,9 @@ class Finding:
     path : Path
         The file.
     kind : str
-        ``"bearing"``, ``"scenario"``, ``"filter"``, ``"channel map"``, ``"expert"``, ``"record"``,
-        ``"lift-off points"``, ``"measured force"``; ``"file"`` where that cannot be told.
+        ``"bearing"``, ``"machine"``, ``"scenario"``, ``"filter"``, ``"channel map"``,
+        ``"expert"``, ``"record"``, ``"lift-off points"``, ``"measured force"``; ``"file"`` where
+        that cannot be told.
     about : str
         What it holds, in a few words; empty where it is not valid.
     problems : tuple of str
@@ -48,7 +49,7 @@ class Finding:
 
 
 def schema_of(kind: str) -> dict[str, Any]:
-    """Return the JSON schema of a ``bearing``, ``scenario``, ``filter`` or ``map`` in TOML."""
+    """Return the JSON schema of a TOML file, by `Finding.kind`; ``map`` is a channel map."""
     model = _documents()["channel map" if kind == "map" else kind]
     return dict(model.json_schema())
 
@@ -118,10 +119,12 @@ def _documents() -> dict[str, Any]:
     from ambkit.data.channelmap import ChannelMap
     from ambkit.estimate.filter_file import FilterFile
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Machine
     from ambkit.simulation.scenario import Scenario
 
     return {
-        "bearing": Bearing, "scenario": Scenario, "channel map": ChannelMap, "filter": FilterFile,
+        "bearing": Bearing, "machine": Machine, "scenario": Scenario, "channel map": ChannelMap,
+        "filter": FilterFile,
     }  # fmt: skip
 
 
@@ -142,8 +145,9 @@ def _kind_of_toml(path: Path) -> str:
     best = max(shared, key=lambda kind: shared[kind])
     if shared[best] == 0:
         raise AmbkitError(
-            f"{path}: is neither a bearing, nor a scenario, nor a channel map, nor a filter: none "
-            f"of its keys is known in those ({', '.join(toml.data) or 'it is empty'})"
+            f"{path}: is neither a bearing, nor a machine, nor a scenario, nor a channel map, nor "
+            f"a filter: none of its keys is known in those "
+            f"({', '.join(toml.data) or 'it is empty'})"
         )
     return best
 
@@ -151,6 +155,7 @@ def _kind_of_toml(path: Path) -> str:
 def _describe_document(kind: str, path: Path) -> _Described:
     from ambkit.base.units import engineering
     from ambkit.simulation.parts import in_words
+    from ambkit.workflow import machines
 
     found = _documents()[kind].load(path)
     if kind == "channel map":
@@ -158,6 +163,8 @@ def _describe_document(kind: str, path: Path) -> _Described:
     if kind == "filter":
         found.make()  # what only the whole tells: starts, options, the magnet's file
         return _Described(f"{found.kind}, for {found.bearing.bearing.name}")
+    if kind == "machine":
+        return _Described(*machines.described(found))
     if kind == "scenario":
         return _Described(
             f"{engineering(found.duration, 's')}, reference {found.reference.type}, "

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.data.record import Record
 from ambkit.estimate.estimate import Estimate
 
 if TYPE_CHECKING:
@@ -48,8 +47,7 @@ def make(estimator: Estimator) -> Vectors:
     y, u = _spoilt(bearing, record["y"], record["u"])
     of = estimator.inputs
     y, u = of.y.numbers(y), of.u.numbers(u)
-    known = dict(zip(("y", "u"), estimator.in_si(y, u), strict=True))
-    return Vectors(y, u, estimator.run(Record(record.t, known, {"y": "m", "u": "V"})))
+    return Vectors(y, u, estimator.run_raw(y, u))
 
 
 def _spoilt(

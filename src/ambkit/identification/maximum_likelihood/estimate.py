@@ -24,6 +24,7 @@ from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import (
     ALIKE,
     NOISES,
+    OFFSETS,
     USUAL,
     Coordinates,
     Parameter,
@@ -31,7 +32,14 @@ from ambkit.identification.maximum_likelihood.parameters import (
     searchable,
 )
 from ambkit.identification.maximum_likelihood.restricted import restricted
-from ambkit.identification.maximum_likelihood.search import WALL, climb, hold, not_needed, ran_away
+from ambkit.identification.maximum_likelihood.search import (
+    RULED_OUT,
+    WALL,
+    climb,
+    hold,
+    not_needed,
+    ran_away,
+)
 from ambkit.identification.maximum_likelihood.start import best_start
 
 if TYPE_CHECKING:
@@ -115,6 +123,19 @@ class MaximumLikelihood(Shown):
         free = any(p.name == "delay" for p in self.parameters)
         given = self.start.bearing.delay is not None or not free
         return given or self.interval("delay")[0] > 0
+
+    @property
+    def offsets_count(self) -> bool:
+        """Whether the offsets are the log's: none is ruled out, all of them taken together.
+
+        A load that nobody knows hides them: what is found may be many times the sensor's noise, and
+        as likely 0. Offsets that were given and not looked for count.
+        """
+        at = [i for i, p in enumerate(self.parameters) if p.name in OFFSETS]
+        if not at:
+            return True
+        off = self.values[at]
+        return float(off @ np.linalg.solve(self.covariance[np.ix_(at, at)], off)) > 2 * RULED_OUT
 
     def __getitem__(self, name: str) -> float:
         """Return the value of a parameter, found or held [SI]."""

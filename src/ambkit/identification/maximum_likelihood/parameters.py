@@ -96,6 +96,9 @@ PARAMETERS: dict[str, Parameter] = {
 NOISES = ("measurement_noise", "control_noise", "load_growth")
 """Those that say how much is left to chance."""
 
+OFFSETS = ("position_offset", "current_offset")
+"""Those that are of the log, and not of the bearing."""
+
 USUAL = (
     "magnet_constant", "air_gap", "sensor_lag", "delay", "position_offset", "current_offset",
     "measurement_noise", "control_noise", "load_growth",

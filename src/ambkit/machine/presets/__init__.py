@@ -1,7 +1,8 @@
-"""Bearings that come with ambkit, as commented TOML to start one's own from."""
+"""Bearings and machines that come with ambkit, as commented TOML to start one's own from."""
 
 import difflib
 from importlib import resources
+from importlib.resources.abc import Traversable
 
 from ambkit.base.errors import AmbkitError
 
@@ -9,21 +10,54 @@ _SUFFIX = ".toml"
 
 
 def names() -> tuple[str, ...]:
-    """Return the names of all presets, sorted."""
-    files = (item.name for item in resources.files(__name__).iterdir())
-    return tuple(sorted(name.removesuffix(_SUFFIX) for name in files if name.endswith(_SUFFIX)))
+    """Return the names of all presets of bearings, sorted."""
+    return _names(_bearings())
+
+
+def machine_names() -> tuple[str, ...]:
+    """Return the names of all presets of whole machines, sorted."""
+    return _names(_machines())
 
 
 def text(name: str) -> str:
-    """Return the TOML of a preset as it stands in its file, comments included.
+    """Return the TOML of a bearing's preset as it stands in its file, comments included.
 
     Raises
     ------
     AmbkitError
         There is no preset of that name.
     """
-    if name not in names():
-        near = difflib.get_close_matches(name, names(), 1)
-        hint = f"did you mean {near[0]}?" if near else f"there are: {', '.join(names())}"
+    return _text(_bearings(), name)
+
+
+def machine_text(name: str) -> str:
+    """Return the TOML of a machine's preset as it stands in its file, comments included.
+
+    Raises
+    ------
+    AmbkitError
+        There is no preset of that name.
+    """
+    return _text(_machines(), name)
+
+
+def _bearings() -> Traversable:
+    return resources.files(__name__)
+
+
+def _machines() -> Traversable:
+    return resources.files(__name__).joinpath("machines")
+
+
+def _names(folder: Traversable) -> tuple[str, ...]:
+    files = (item.name for item in folder.iterdir())
+    return tuple(sorted(name.removesuffix(_SUFFIX) for name in files if name.endswith(_SUFFIX)))
+
+
+def _text(folder: Traversable, name: str) -> str:
+    known = _names(folder)
+    if name not in known:
+        near = difflib.get_close_matches(name, known, 1)
+        hint = f"did you mean {near[0]}?" if near else f"there are: {', '.join(known)}"
         raise AmbkitError(f'there is no preset "{name}"; {hint}')
-    return resources.files(__name__).joinpath(name + _SUFFIX).read_text(encoding="utf-8")
+    return folder.joinpath(name + _SUFFIX).read_text(encoding="utf-8")

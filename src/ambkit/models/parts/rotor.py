@@ -17,13 +17,10 @@ Entries = Mapping[tuple[int, int], float]
 
 @dataclass(frozen=True)
 class Rotor:
-    """A rotor of several coordinates; one mass of one axis by default.
-
-    Coordinates are displacements [m]: an angle counts as the displacement of a point.
-    """
+    """A rotor of several coordinates; one mass of one axis by default."""
 
     mass: float | Entries
-    """Mass [kg], or entries of M."""
+    """Mass [kg], or entries of M [kg], of an angle [kg m^2]."""
     size: float
     """Typical displacement [m]."""
     speed_size: float
@@ -32,6 +29,10 @@ class Rotor:
     """Names of the coordinates q."""
     velocities: tuple[str, ...] = ("v",)
     """Names of q'."""
+    turns: tuple[bool, ...] = ()
+    """Which coordinates are angles [rad]; without it all are displacements [m]."""
+    lever: float = 1.0
+    """Where an angle of 1 rad moves the rotor by so much [m], for typical sizes."""
     damping: Entries = field(default_factory=dict)
     """Entries of D [N s/m]."""
     gyroscopic: Entries = field(default_factory=dict)
@@ -48,10 +49,14 @@ class Rotor:
 
     def declare(self, plan: Plan) -> None:
         """Add q, then q'."""
-        for name in self.positions:
-            plan.state(name, "m", self.size, "position")
-        for name in self.velocities:
-            plan.state(name, "m/s", self.speed_size, "velocity")
+        turns = self.turns or (False,) * len(self.positions)
+        for names, unit, size, role in (
+            (self.positions, "", self.size, "position"),
+            (self.velocities, "/s", self.speed_size, "velocity"),
+        ):
+            for name, turn in zip(names, turns, strict=True):
+                each = size / self.lever if turn else size
+                plan.state(name, ("rad" if turn else "m") + unit, each, role)
         pairs = list(zip(self.positions, self.velocities, strict=True))
         for position, velocity in pairs:
             plan.rate(position, velocity, UNIT)

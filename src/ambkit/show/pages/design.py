@@ -16,6 +16,7 @@ def write_design(
     bearing: str,
     why: str,
     objections: Sequence[str],
+    notes: Sequence[str],
     rows: Mapping[str, Sequence[float]],
     headers: Sequence[str],
     along: Figure,
@@ -33,6 +34,8 @@ def write_design(
         Which filter to fly and why.
     objections : sequence of str
         What speaks against it.
+    notes : sequence of str
+        What else is to be known.
     rows : mapping of str to sequence of float
         By the candidates' labels, their figures.
     headers : sequence of str
@@ -51,6 +54,7 @@ def write_design(
 
     verdict: list[Block] = [Remark("Which filter", markdown(why))]
     verdict += [Remark("Objection", markdown(text)) for text in objections]
+    verdict += [Remark("Note", markdown(text)) for text in notes]
     verdict.append(
         TableBlock(
             id="candidates",

@@ -97,7 +97,7 @@ def annotated_toml(found: MaximumLikelihood, folder: str | os.PathLike[str] | No
         if "__" not in p.place and p.name not in in_bearing:
             lines.append(f"# Of the log: {p.name} = {_with_error(found, p.name)}.")
     lines += [f"# Not found: {name}: {why}." for name, why in found.held.items()]
-    carried = carried_over(found.model, delay=not found.delay_counts)
+    carried = carried_over(found.model, delay=not found.delay_counts, offsets=found.offsets_count)
     lines += [f"# {line}".rstrip() for line in carried]
     table = ""
     for line in found.bearing.to_toml(folder).splitlines():
@@ -114,7 +114,7 @@ def annotated_toml(found: MaximumLikelihood, folder: str | os.PathLike[str] | No
     return "\n".join(lines) + "\n"
 
 
-def carried_over(model: LoopModel, *, delay: bool = True) -> list[str]:
+def carried_over(model: LoopModel, *, delay: bool = True, offsets: bool = True) -> list[str]:
     """Say how what is of the log gets into a channel map, and into ``ambkit filter``.
 
     With these lines a record is read as `LoopModel.corrected` gives it, but for the lag of the
@@ -126,13 +126,15 @@ def carried_over(model: LoopModel, *, delay: bool = True) -> list[str]:
         What was identified.
     delay : bool
         Without: the delay is the bearing's, too.
+    offsets : bool
+        Without: they are as likely 0, and the map stays.
     """
     volts = model.current_offset / model.bearing.amplifier.gain
     of_y = [f'offset = "{engineering(-model.position_offset, "m", 6)}"']
     of_u = [f'offset = "{engineering(volts, "V", 6)}"']
-    if not model.position_offset:
+    if not (model.position_offset and offsets):
         of_y = []
-    if not volts:
+    if not (volts and offsets):
         of_u = []
     if model.delay and delay:
         # Of u and not of y: what is held is averaged over the sample, y would be interpolated.

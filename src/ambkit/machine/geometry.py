@@ -1,0 +1,152 @@
+"""Where things are on a rigid rotor: its coordinates, the axes of its bearings, its readings.
+
+The coordinates are q = (x, y, th_x, th_y), and z where there is a thrust bearing; a point of the
+shaft at the place z moves by ``x + z th_y`` and ``y - z th_x``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from ambkit.machine.placed import PlacedBearing, PlacedSensor, RigidRotor
+
+Array = NDArray[np.float64]
+
+POSITIONS = ("x", "y", "th_x", "th_y")
+"""The coordinates across the shaft [m, m, rad, rad]."""
+
+
+class Line(NamedTuple):
+    """A direction at a place: along it a magnet pulls, or a sensor looks."""
+
+    place: float
+    """Where, from the centre of mass [m]."""
+    cosine: float
+    """Of its angle from x; NaN along the shaft."""
+    sine: float
+    """Of its angle from x; NaN along the shaft."""
+
+    @classmethod
+    def across(cls, place: float, angle: float) -> Line:
+        """Return a direction across the shaft; exactly along an axis where it is within 1e-12."""
+        ways = (math.cos(angle), math.sin(angle))
+        cosine, sine = (float(round(way)) if abs(way - round(way)) < 1e-12 else way for way in ways)
+        return cls(place, cosine, sine)
+
+    @classmethod
+    def along(cls) -> Line:
+        """Return the direction along the shaft."""
+        return cls(0.0, math.nan, math.nan)
+
+    @property
+    def axial(self) -> bool:
+        """Whether it is along the shaft."""
+        return math.isnan(self.cosine)
+
+    @property
+    def form(self) -> dict[str, float]:
+        """The displacement there, as a linear form of the coordinates that it depends on."""
+        if self.axial:
+            return {"z": 1.0}
+        in_x = {"x": self.cosine, "th_y": self.place * self.cosine} if self.cosine else {}
+        in_y = {"y": self.sine, "th_x": -self.place * self.sine} if self.sine else {}
+        return in_x | in_y
+
+
+class Axis(NamedTuple):
+    """An axis of a bearing."""
+
+    name: str
+    """Such as ``A1``."""
+    line: Line
+    """Along which its magnets pull."""
+    bearing: PlacedBearing
+    """Whose axis it is."""
+
+
+class Reading(NamedTuple):
+    """What a sensor shows."""
+
+    name: str
+    """Such as ``A1``."""
+    line: Line
+    """Along which it looks."""
+    sensor: PlacedSensor
+    """Whose reading it is."""
+
+
+def axes_of(bearings: tuple[PlacedBearing, ...]) -> tuple[Axis, ...]:
+    """Return the axes of bearings, in their order."""
+    return tuple(
+        Axis(name, line, each)
+        for each in bearings
+        for name, line in _lines(each, two=each.type == "radial", axial=each.type == "thrust")
+    )
+
+
+def readings_of(sensors: tuple[PlacedSensor, ...]) -> tuple[Reading, ...]:
+    """Return the readings of sensors, in their order."""
+    return tuple(
+        Reading(name, line, each)
+        for each in sensors
+        for name, line in _lines(each, two=each.type == "radial", axial=each.type == "axial")
+    )
+
+
+def _lines(
+    placed: PlacedBearing | PlacedSensor, *, two: bool, axial: bool
+) -> Iterator[tuple[str, Line]]:
+    if axial:
+        yield placed.name, Line.along()
+        return
+    yield f"{placed.name}{'1' if two else ''}", Line.across(placed.place, placed.angle)
+    if two:
+        yield f"{placed.name}2", Line.across(placed.place, placed.angle + math.pi / 2)
+
+
+def matrix(lines: list[Line], positions: tuple[str, ...]) -> Array:
+    """Return the displacements along lines by the coordinates (lines, positions)."""
+    forms = [line.form for line in lines]
+    return np.array([[form.get(q, 0.0) for q in positions] for form in forms])
+
+
+def masses(rotor: RigidRotor, positions: tuple[str, ...]) -> dict[str, float]:
+    """Return what moves with each coordinate [kg] or [kg m^2]."""
+    of = {"th_x": rotor.transverse_inertia, "th_y": rotor.transverse_inertia}
+    return {q: of.get(q, rotor.mass) for q in positions}
+
+
+def compliance(rotor: RigidRotor, axes: tuple[Axis, ...]) -> Array:
+    """Return the acceleration along each axis by a force of 1 N along each (p, p) [1/kg]."""
+    positions = positions_of(axes)
+    H = matrix([axis.line for axis in axes], positions)
+    inverse = 1 / np.array(list(masses(rotor, positions).values()))
+    return np.asarray((H * inverse) @ H.T)
+
+
+def supporting_forces(rotor: RigidRotor, axes: tuple[Axis, ...], gravity: float) -> Array:
+    """Return the forces along the axes that carry the rotor's weight (p,) [N].
+
+    Where more axes carry it than are needed, those of the least sum of squares.
+    """
+    positions = positions_of(axes)
+    weight = weight_of(rotor, positions, gravity)
+    H = matrix([axis.line for axis in axes], positions)
+    return np.asarray(np.linalg.lstsq(H.T, -weight, rcond=None)[0])
+
+
+def weight_of(rotor: RigidRotor, positions: tuple[str, ...], gravity: float) -> Array:
+    """Return the force of gravity on each coordinate [N]."""
+    falls = {"-x": "x", "-z": "z"}.get(rotor.gravity)
+    return np.array([-rotor.mass * gravity if q == falls else 0.0 for q in positions])
+
+
+def positions_of(axes: tuple[Axis, ...]) -> tuple[str, ...]:
+    """Return the coordinates of a rotor with bearings of these axes."""
+    return POSITIONS + (("z",) if any(axis.line.axial for axis in axes) else ())

@@ -1,0 +1,317 @@
+"""The whole machine: a rotor on its bearings, with sensors, from TOML with units."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
+
+from ambkit.base.config import Document, Read
+from ambkit.base.config.quantities import Quantity
+from ambkit.base.config.texts import Description, Name
+from ambkit.base.errors import AmbkitError
+from ambkit.base.units import engineering
+from ambkit.machine import geometry
+from ambkit.machine.bearing import GRAVITY, Bearing
+from ambkit.machine.geometry import Axis, Reading
+from ambkit.machine.magnets import magnet_of
+from ambkit.machine.parts import delay_contradictions, line_contradictions
+from ambkit.machine.placed import PlacedBearing, PlacedSensor, RigidRotor, Unbalance
+
+
+class Machine(Document):
+    """A rotor on magnetic bearings: several axes, coupled by the rotor and its rotation.
+
+    Frozen, and checked as a whole, as a `Bearing`, which is one axis of it.
+
+    Examples
+    --------
+    >>> machine = Machine.preset("tum_mlps")
+    >>> [axis.name for axis in machine.axes]
+    ['A1', 'A2', 'B1', 'B2']
+    """
+
+    name: Annotated[Name, Field(min_length=1)]
+    """Short name."""
+    description: Description = ""
+    """What it is, in a sentence."""
+    source: Description = ""
+    """Where its values come from."""
+    sampling_time: Annotated[float, Quantity("s", "0.1 ms", above=0)]
+    """Sampling time T of controller and estimator [s]."""
+    delay: Annotated[float, Quantity("s", "0.15 ms", above=0)] | None = None
+    """Dead time from a sample to the change of the control currents that it leads to [s]."""
+    speed: Annotated[float, Quantity("rad/s", "12000 rpm")] = 0.0
+    """Speed of rotation, from x towards y [rad/s]."""
+    rotor: RigidRotor
+    """The rotor."""
+    bearing: Annotated[tuple[PlacedBearing, ...], Field(min_length=1)]
+    """The bearings."""
+    sensor: Annotated[tuple[PlacedSensor, ...], Field(min_length=1)]
+    """The position sensors."""
+    unbalance: tuple[Unbalance, ...] = ()
+    """Unbalance, by its planes."""
+
+    @model_serializer(mode="wrap")
+    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = handler(self)
+        return {key: each for key, each in data.items() if key != "unbalance" or each}
+
+    @classmethod
+    def preset(cls, name: str) -> Self:
+        """Return a machine that comes with ambkit.
+
+        Parameters
+        ----------
+        name : str
+            One of `ambkit.machine.presets.machine_names`.
+
+        Raises
+        ------
+        AmbkitError
+            There is no preset of that name.
+        """
+        from ambkit.machine import presets
+
+        return cls.from_toml(presets.machine_text(name), name=f"{name}.toml")
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """The axes of its bearings."""
+        return geometry.axes_of(self.bearing)
+
+    @property
+    def readings(self) -> tuple[Reading, ...]:
+        """What its sensors show."""
+        return geometry.readings_of(self.sensor)
+
+    @property
+    def positions(self) -> tuple[str, ...]:
+        """Coordinates of the rotor: x, y [m], th_x, th_y [rad], and z with a thrust bearing [m]."""
+        return geometry.positions_of(self.axes)
+
+    @property
+    def effective_masses(self) -> NDArray[np.float64]:
+        """What each axis alone has to move (p,) [kg]: ``1/(1/m + z^2/I_t)``."""
+        return np.asarray(1 / np.diag(geometry.compliance(self.rotor, self.axes)))
+
+    @property
+    def coupling(self) -> float:
+        """Greatest inertial coupling of two axes [1].
+
+        It is the acceleration of one by the force of the other, over the mean of their own.
+        """
+        C = geometry.compliance(self.rotor, self.axes)
+        own = np.sqrt(np.diag(C))
+        return float(np.max(np.abs(C / np.outer(own, own)) - np.eye(len(C)), initial=0.0))
+
+    def alone(self, axis: str) -> Bearing:
+        """Return an axis as a bearing alone, with the mass that is effective there.
+
+        Its motion is that of the machine's only where the axes do not couple, see
+        :attr:`coupling`. It has no weight but on a one-sided magnet.
+
+        Parameters
+        ----------
+        axis : str
+            Its name.
+
+        Raises
+        ------
+        AmbkitError
+            There is no such axis.
+        """
+        names = [each.name for each in self.axes]
+        if axis not in names:
+            raise AmbkitError(f"{self.name} has no axis {axis}; there are {', '.join(names)}")
+        at = names.index(axis)
+        found = self.axes[at]
+        one = found.bearing
+        mass = float(self.effective_masses[at])
+        sensor = self._nearest(found).model_dump(exclude={"name", "type", "place", "angle"})
+        data: dict[str, Any] = {
+            "name": axis,
+            "sampling_time": self.sampling_time,
+            "magnet": one.magnet.model_dump(exclude_none=True),
+            "rotor": {
+                "mass": mass,
+                "gravity": "none" if one.magnet.type == "two-sided" else "-x",
+                "travel_limit": one.travel_limit,
+            },
+            "amplifier": one.amplifier.model_dump(exclude_none=True),
+            "sensor": {key: value for key, value in sensor.items() if value is not None},
+        }
+        further = {
+            "delay": self.delay,
+            "speed": abs(self.speed) or None,
+            "stop": None if one.stop is None else one.stop.model_dump(),
+        }
+        return Bearing(**data | {key: each for key, each in further.items() if each is not None})
+
+    def _nearest(self, axis: Axis) -> PlacedSensor:
+        """Return the sensor that looks where an axis is, or next to it."""
+
+        def away(sensor: PlacedSensor) -> tuple[bool, float]:
+            return (sensor.type == "axial") != axis.line.axial, abs(sensor.place - axis.line.place)
+
+        return min(self.sensor, key=away)
+
+    def unbalances(self) -> list[tuple[float, float, float]]:
+        """Return place [m], amount [kg m] and angle [rad] of each plane's unbalance.
+
+        Of a balance quality grade G the rotor is permitted ``m G / speed`` (ISO 21940-11), and of
+        two planes each the share that the other's distance from the centre of mass says.
+        """
+        graded = [each.place for each in self.unbalance if each.grade is not None]
+        found = []
+        for each in self.unbalance:
+            amount = each.amount
+            if amount is None:
+                whole = self.rotor.mass * (each.grade or 0.0) / abs(self.speed)
+                others = [abs(place) for place in graded if place != each.place]
+                share = others[0] / (others[0] + abs(each.place)) if others else 1.0
+                amount = whole * share
+            found.append((each.place, amount, each.angle))
+        return found
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        yield from delay_contradictions(read("sampling_time"), read("delay"))
+        bearings, sensors = (
+            each if isinstance(each, tuple) else () for each in (read("bearing"), read("sensor"))
+        )
+        yield from _double_names("bearing", bearings)
+        yield from _double_names("sensor", sensors)
+        yield from _beyond_the_rotor(read, bearings, sensors)
+        yield from _loose(bearings, sensors)
+        yield from _too_fast(read, sensors)
+        yield from _unbalance_contradictions(read)
+        yield from _too_heavy(read, bearings, sensors)
+
+
+def _double_names(key: str, placed: tuple[Any, ...]) -> Iterator[tuple[str, str]]:
+    names = [each.name for each in placed]
+    lines = geometry.axes_of(placed) if key == "bearing" else geometry.readings_of(placed)
+    of_lines = [each.name for each in lines]
+    for at, name in enumerate(names):
+        if name in names[:at]:
+            yield f"{key}.{at}.name", f'there is another {key} "{name}"'
+        elif names.count(name) == 1 and any(
+            of_lines.count(f"{name}{end}") > 1 for end in ("", "1", "2")
+        ):
+            yield f"{key}.{at}.name", f'"{name}" and another {key} give the same names of axes'
+
+
+def _beyond_the_rotor(
+    read: Read, bearings: tuple[PlacedBearing, ...], sensors: tuple[PlacedSensor, ...]
+) -> Iterator[tuple[str, str]]:
+    first, second = read("rotor.first_end"), read("rotor.second_end")
+    planes = read("unbalance")
+    placed: dict[str, tuple[Any, ...]] = {"bearing": bearings, "sensor": sensors}
+    placed["unbalance"] = planes if isinstance(planes, tuple) else ()
+    for key, all_of in placed.items():
+        for at, each in enumerate(all_of):
+            if getattr(each, "type", "") in ("thrust", "axial"):
+                continue
+            for end, name, beyond in ((first, "first_end", -1), (second, "second_end", 1)):
+                if end is not None and (each.place - end) * beyond > 0:
+                    limit = f"is beyond the rotor, whose {name} is at {engineering(end, 'm')}"
+                    yield f"{key}.{at}.place", f"{engineering(each.place, 'm')} {limit}"
+
+
+def _loose(
+    bearings: tuple[PlacedBearing, ...], sensors: tuple[PlacedSensor, ...]
+) -> Iterator[tuple[str, str]]:
+    """Yield which coordinate no bearing holds, or no sensor sees."""
+    axes, readings = geometry.axes_of(bearings), geometry.readings_of(sensors)
+    for key, lines, does in (("bearing", axes, "holds"), ("sensor", readings, "sees")):
+        if not axes or not readings:
+            return
+        positions = geometry.positions_of(axes)
+        if key == "sensor" and "z" not in positions and any(r.line.axial for r in readings):
+            at = next(k for k, sensor in enumerate(sensors) if sensor.type == "axial")
+            yield f"sensor.{at}.type", "looks along the shaft, where there is no thrust bearing"
+            continue
+        H = geometry.matrix([each.line for each in lines], positions)
+        scale = np.array([1.0 if q in "xyz" else _reach(axes) for q in positions])
+        if np.linalg.matrix_rank(H / scale, tol=1e-9) < len(positions):
+            *_, rows = np.linalg.svd(H / scale)
+            parts = np.abs(rows[-1]) > 0.1
+            loose = max((q for q, there in zip(positions, parts, strict=True) if there), key=len)
+            text = f"no {key} {does} the rotor's {loose}"
+            if loose.startswith("th"):
+                text += f": it takes two radial {key}s at places apart"
+            yield f"{key}.0", text
+
+
+def _reach(axes: tuple[Axis, ...]) -> float:
+    """Return the greatest distance of a bearing from the centre of mass [m]."""
+    return max((abs(axis.line.place) for axis in axes), default=0.0) or 1.0
+
+
+def _too_fast(read: Read, sensors: tuple[PlacedSensor, ...]) -> Iterator[tuple[str, str]]:
+    T, speed = read("sampling_time"), abs(read("speed"))
+    if T * speed >= math.pi:
+        limit = f"half the sampling frequency, {engineering(0.5 / T, 'Hz')}"
+        yield "speed", f"must be less than {limit}; is {engineering(speed / 2 / math.pi, 'Hz')}"
+        return
+    for at, sensor in enumerate(sensors):
+        for key, text in line_contradictions(T, speed, sensor.runout, sensor.hum):
+            yield f"sensor.{at}.{key}", text
+
+
+def _unbalance_contradictions(read: Read) -> Iterator[tuple[str, str]]:
+    planes, speed = read("unbalance"), read("speed")
+    graded = [
+        at for at, each in enumerate(planes if isinstance(planes, tuple) else ())
+        if each.grade is not None
+    ]  # fmt: skip
+    if graded and speed == 0:
+        yield "speed", "missing: unbalance by a grade is what is permitted at the machine's speed"
+    if len(graded) > 2:
+        text = "ISO 21940-11 gives each its share of one or two planes, not of more; give amounts"
+        yield f"unbalance.{graded[2]}.grade", text
+    elif len(graded) == 2:
+        one, other = (planes[at].place for at in graded)
+        if one * other >= 0:
+            text = "must be on the other side of the centre of mass than the other graded plane"
+            yield f"unbalance.{graded[1]}.place", f"{text}; is {engineering(other, 'm')}"
+
+
+def _too_heavy(
+    read: Read, bearings: tuple[PlacedBearing, ...], sensors: tuple[PlacedSensor, ...]
+) -> Iterator[tuple[str, str]]:
+    """Yield which axis has too little current for its share of the weight."""
+    rotor, T = read("rotor"), read("sampling_time")
+    if not (bearings and sensors and isinstance(rotor, RigidRotor)) or math.isnan(T):
+        return
+    axes = geometry.axes_of(bearings)
+    if rotor.gravity == "-z" and not any(axis.line.axial for axis in axes):
+        yield "rotor.gravity", 'must not be "-z" where no thrust bearing carries the rotor'
+        return
+    forces = geometry.supporting_forces(rotor, axes, GRAVITY)
+    machine = Machine.model_construct(
+        name="alone", sampling_time=T, delay=None, speed=0.0, rotor=rotor, bearing=bearings,
+        sensor=sensors, unbalance=(),
+    )  # fmt: skip
+    for at, one in enumerate(bearings):
+        for axis, force in zip(axes, forces, strict=True):
+            if axis.bearing is not one or not force:
+                continue
+            try:
+                law = magnet_of(machine.alone(axis.name))
+                needed = abs(law.current_for(float(force)))
+            except AmbkitError:  # what is wrong with the bearing alone is told there
+                continue
+            current = one.amplifier.current_limit
+            if needed > current:
+                limit = (
+                    f"at least {engineering(needed, 'A')}, which carries the rotor on {axis.name}"
+                )
+                text = f"must be {limit}; is {engineering(current, 'A')}"
+                yield f"bearing.{at}.amplifier.current_limit", text
+                break

@@ -1,0 +1,63 @@
+"""What is to be said of a whole machine."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from ambkit.base.units import engineering
+from ambkit.machine.magnets import ConstantStiffness
+from ambkit.models.machine import machine_model, open_loop
+
+if TYPE_CHECKING:
+    from ambkit.machine.machine import Machine
+
+COUPLED = 0.01
+"""Inertial coupling from which on axes are not bearings alone."""
+
+
+def stiffnesses(machine: Machine) -> list[ConstantStiffness]:
+    """Return the stiffnesses of each axis at the work point."""
+    return [ConstantStiffness.of(machine.alone(axis.name)) for axis in machine.axes]
+
+
+def described(machine: Machine) -> tuple[str, tuple[str, ...], tuple[str, ...]]:
+    """Return what a machine is in a few words, no problems, and remarks."""
+    model = machine_model(machine)
+    about = [
+        machine.name,
+        f"{len(machine.axes)} axes",
+        engineering(machine.rotor.mass, "kg"),
+        f"{len(machine.readings)} readings",
+        f"{engineering(machine.speed * 30 / math.pi, '1')} rpm",
+        f"{len(model.states)} states",
+    ]
+    return "; ".join(about), (), (_of_the_poles(machine),)
+
+
+def _of_the_poles(machine: Machine) -> str:
+    """Say what the axes would be as bearings alone, and that they are not."""
+    linear, masses = stiffnesses(machine), machine.effective_masses
+    same: dict[tuple[str, str], list[str]] = {}
+    for axis, mass, k in zip(machine.axes, masses, linear, strict=True):
+        alone = engineering(mass, "kg", 4), engineering(math.sqrt(k.k_s / mass), "rad/s", 4)
+        same.setdefault(alone, []).append(axis.name)
+    bearings = ", ".join(
+        f"{' and '.join(names)} {mass} and {pole}" for (mass, pole), names in same.items()
+    )
+    share = machine.coupling
+    if share < COUPLED and not machine.speed:
+        return f"the axes are bearings alone, with an effective mass and a pole of: {bearings}"
+    poles = open_loop(machine, [k.k_s for k in linear]).unstable
+    shown = " and ".join(dict.fromkeys(map(_pole, poles[poles.imag >= 0])))
+    return (
+        f"without control the rotor falls away with {shown}; as bearings alone the axes would have "
+        f"an effective mass and a pole of: {bearings}; they couple by {share:.0%}"
+    )
+
+
+def _pole(pole: complex) -> str:
+    real = engineering(pole.real, "rad/s", 6)
+    return (
+        real if abs(pole.imag) < 1e-9 * pole.real else f"{pole.real:.6g} ± {pole.imag:.4g}j rad/s"
+    )

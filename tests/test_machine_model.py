@@ -1,0 +1,226 @@
+"""The whole machine, sampled: against integration, and against itself in other words."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from machine_cases import (
+    PRESETS,
+    Array,
+    bearing,
+    directions,
+    integrated,
+    machine,
+    sensor,
+    slopes,
+    uncoupled,
+)
+
+from ambkit import Machine, magnet_of
+from ambkit.machine.magnets import core_module
+from ambkit.models import axis_model
+from ambkit.models.machine import machine_model
+
+UNITS = {"m": 1e-4, "rad": 1e-4, "m/s": 1e-1, "rad/s": 1e-1, "N": 10.0, "A": 1.0}
+
+
+def sized(model: Any) -> Array:
+    return np.array([UNITS[state.unit] for state in model.states])
+
+
+def fast(name: str) -> Machine:
+    """A preset without delay at 20,000 rpm, which is half a turn in 15 samples."""
+    return Machine.preset(name).replace(speed=2094.4, delay=None)
+
+
+class Truth:
+    """The machine's states by name, and their rates, from the equations."""
+
+    def __init__(self, one: Machine) -> None:
+        self.one, self.H = one, directions(one, one.axes)
+        self.C = directions(one, one.readings)
+        self.gains = np.array([r.sensor.gain for r in one.readings])
+        self.lags = np.array([r.sensor.lag for r in one.readings])
+        corners = [axis.bearing.amplifier.bandwidth for axis in one.axes]
+        self.corner = None if corners[0] is None else 2 * np.pi * np.array(corners)
+
+    def rates(self, state: Array, u: Array, force: Any) -> Array:
+        """State: q, q', lagged readings, currents where they lag."""
+        m = len(self.C)
+        q, w, y = state[:4], state[4:8], state[8 : 8 + m]
+        current = state[8 + m :] if self.corner is not None else u
+        a = slopes(self.one, q, w, force(current, self.H @ q))
+        out = [w, a, (self.gains * (self.C @ q) - y) / self.lags]
+        if self.corner is not None:
+            out.append(self.corner * (u - current))
+        return np.concatenate(out)
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_sample_is_exact_with_the_forces_held(name: str) -> None:
+    one, rng = fast(name), np.random.default_rng(1)
+    one = one.replace(rotor__gravity="none")
+    model, truth = machine_model(one), Truth(one)
+    size = sized(model)
+    X = rng.uniform(-1, 1, len(size)) * size
+    u, F = rng.uniform(-1, 1, 4), rng.uniform(-20, 20, 4)
+    moving = [i for i, at in enumerate(model.states) if at.role != "disturbance force"]
+    got = model.L @ X + model.B_u @ u + model.b @ (F + model.r @ X)
+    whole = F + model.r @ X
+    after = integrated(
+        lambda t, s: truth.rates(s, u, lambda i, d: whole), X[moving], (0, one.sampling_time),
+        size[moving],
+    )  # fmt: skip
+    np.testing.assert_allclose(got[moving] / size[moving], after / size[moving], atol=1e-9)
+    # Mean displacement of the free rotor, and mean currents.
+    n = len(moving)
+    free = integrated(
+        lambda t, s: np.r_[truth.rates(s[:n], u, lambda i, d: np.zeros(4)), truth.H @ s[:4],
+                           s[n - 4 : n] if truth.corner is not None else u],
+        np.r_[X[moving], np.zeros(8)], (0, one.sampling_time), np.r_[size[moving], np.ones(8)],
+    )[n:] / one.sampling_time  # fmt: skip
+    np.testing.assert_allclose(model.h @ X, free[:4], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(model.e @ X + model.d @ u, free[4:], rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_the_nonlinear_machine_is_met_in_the_second_order(name: str) -> None:
+    one = fast(name)
+    laws = [magnet_of(one.alone(axis.name)) for axis in one.axes]
+    cores = [law.in_core(core_module()) for law in laws]
+    truth, end = Truth(one), 3.2e-3
+
+    def force(i: Array, s: Array) -> Array:
+        return np.array([
+            core.force(np.array([a]), np.array([b]))[0]
+            for core, a, b in zip(cores, i, s, strict=True)
+        ])  # fmt: skip
+
+    rng = np.random.default_rng(2)
+    q = rng.uniform(-1, 1, 4) * 2e-5
+    start = np.r_[q, np.zeros(4), truth.gains * (truth.C @ q)]
+    u = rng.uniform(-0.2, 0.2, 4)
+    if truth.corner is not None:
+        start = np.r_[start, u / 2]
+    exact = integrated(lambda t, s: truth.rates(s, u, force), start, (0, end), 1e-4)
+    errors = []
+    for T in (4e-4, 2e-4, 1e-4):
+        model = machine_model(one, T=T)
+        moving = [i for i, at in enumerate(model.states) if at.role != "disturbance force"]
+        X = np.zeros(len(model.states))
+        X[moving] = start
+        steady = machine_model(one.replace(rotor__gravity="none"), T=T)
+        weight = np.linalg.lstsq(truth.H.T, [-one.rotor.mass * 9.81, 0, 0, 0], rcond=None)[0]
+        for _ in range(round(end / T)):
+            F = force(model.e @ X + model.d @ u, model.h @ X) + weight
+            X = steady.L @ X + steady.B_u @ u + steady.b @ F
+        errors.append(np.abs(X[moving][:4] - exact[:4]).max() / np.abs(exact[:4]).max())
+    assert errors[-1] < 2e-4
+    for coarse, fine in pairwise(errors):
+        assert coarse / fine == pytest.approx(4, rel=0.15)
+
+
+# ---- the same machine in other words ----
+
+
+def by_names(model: Any, name: str) -> dict[tuple[str, str], float]:
+    rows, columns = {
+        "L": (model.states, model.states), "b": (model.states, model.forces),
+        "h": (model.forces, model.states), "c": (model.measurements, model.states),
+        "B_u": (model.states, model.controls),
+    }[name]  # fmt: skip
+    values = getattr(model, name)
+    return {
+        (row.name, column.name): values[i, j]
+        for i, row in enumerate(rows)
+        for j, column in enumerate(columns)
+    }
+
+
+def whole(**keys: Any) -> Machine:
+    amplifier = {"bandwidth": 2000.0}
+    given: dict[str, Any] = {
+        "bearing": [
+            bearing("A", 0.2, angle=0.5, amplifier=amplifier),
+            bearing("B", -0.3, angle=0.5, amplifier=amplifier),
+        ],
+        "delay": 1.3e-4,
+        "speed": 2000.0,
+    }
+    return machine(**given | keys)
+
+
+def test_another_order_permutes_the_results() -> None:
+    one = whole()
+    other = one.replace(bearing=one.bearing[::-1], sensor=one.sensor[::-1])
+    first, second = machine_model(one), machine_model(other)
+    for name in ("L", "b", "h", "c", "B_u"):
+        a, b = by_names(first, name), by_names(second, name)
+        assert a.keys() == b.keys()
+        size = max(map(abs, a.values()))
+        assert all(abs(a[key] - b[key]) <= 1e-12 * size for key in a)
+
+
+def test_a_mirrored_machine_has_mirrored_results() -> None:
+    """In the plane z = 0: rotation stays what it is, and tilts turn round."""
+    one = whole()
+
+    def mirrored(placed: Any) -> list[Any]:
+        return [each.model_copy(update={"place": -each.place}) for each in placed]
+
+    other = one.replace(bearing=mirrored(one.bearing), sensor=mirrored(one.sensor))
+    first, second = machine_model(one), machine_model(other)
+    tilts = np.array([-1.0 if s.unit.startswith("rad") else 1.0 for s in first.states])
+    np.testing.assert_allclose(second.L, tilts[:, None] * first.L * tilts, rtol=1e-12, atol=1e-18)
+    np.testing.assert_allclose(second.b, tilts[:, None] * first.b, rtol=1e-12, atol=1e-18)
+    np.testing.assert_allclose(second.h, first.h * tilts, rtol=1e-12, atol=1e-18)
+
+
+def test_gyroscopics_turn_with_the_rotation() -> None:
+    """A rotor without forces precesses by I_p W / I_t, the same way as it rotates."""
+    one = machine(speed=3000.0)
+    forth = machine_model(one)
+    back = machine_model(one.replace(speed=-3000.0))
+    i, j = forth.index("w_x"), forth.index("w_y")
+    assert forth.L[i, j] < 0 < forth.L[j, i]
+    assert back.L[i, j] == pytest.approx(-forth.L[i, j], rel=1e-12)
+    rate = one.rotor.polar_inertia * 3000.0 / one.rotor.transverse_inertia
+    assert forth.L[i, i] == pytest.approx(np.cos(rate * one.sampling_time), rel=1e-12)
+    assert forth.L[i, j] == pytest.approx(-np.sin(rate * one.sampling_time), rel=1e-12)
+
+
+def test_axes_that_do_not_couple_are_those_of_bearings_alone() -> None:
+    one = uncoupled()
+    model, rng = machine_model(one), np.random.default_rng(3)
+    H = directions(one, one.axes)
+    X = rng.uniform(-1, 1, len(model.states)) * sized(model)
+    F = rng.uniform(-20, 20, 4)
+    after = model.L @ X + model.b @ (F + model.r @ X)
+    shown = model.index("x_m_A1")
+    for k, axis in enumerate(one.axes):
+        alone = axis_model(one.alone(axis.name))
+        own = np.array([H[k] @ X[:4], H[k] @ X[4:8], X[8 + k], X[shown + k]])
+        moved = alone.L @ own + alone.b[:, 0] * (F[k] + own[2])
+        got = np.array([H[k] @ after[:4], H[k] @ after[4:8], after[8 + k], after[shown + k]])
+        np.testing.assert_allclose(got / moved, 1, rtol=0, atol=1e-12)
+        assert model.h[k] @ X == pytest.approx(alone.h[0] @ own, rel=1e-12)
+
+
+def test_sensors_of_all_kinds_see_along_their_lines() -> None:
+    one = machine(sensor=[
+        sensor("A", 0.25, angle=0.3), sensor("B", -0.3), sensor("S", 0.1, type="single", angle=1.0),
+    ])  # fmt: skip
+    model, C = machine_model(one), directions(one, one.readings)
+    assert [r.name for r in one.readings] == ["A1", "A2", "B1", "B2", "S"]
+    at_rest = np.zeros(len(model.states))
+    at_rest[:4] = [1e-5, -2e-5, 3e-5, 4e-5]
+    np.testing.assert_allclose(model.c @ (model.rest @ at_rest), C @ at_rest[:4], rtol=1e-12)
+
+
+def test_kinds_of_machines_have_one_pattern() -> None:
+    keys = {machine_model(whole(speed=speed)).pattern_key() for speed in (0.0, 100.0, 3000.0)}
+    assert len(keys) == 1
+    assert machine_model(machine()).pattern_key() != machine_model(whole()).pattern_key()
