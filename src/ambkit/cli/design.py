@@ -50,13 +50,15 @@ def design(
         ),
     ] = None,
     max_sensitivity: Annotated[
-        float | None,
+        float,
         typer.Option(
             "--max-sensitivity",
             metavar="PEAK",
-            help="What the peak of |S| in the loop must stay below, see 'ambkit tune'.",
+            help="What the peak of |S| in the loop is to stay below, see 'ambkit tune'; inf: no "
+            "limit.",
+            show_default="3, the end of zone A",
         ),
-    ] = None,
+    ] = 3.0,
     precision: Annotated[Precision, typer.Option(help="Of the exported C.")] = Precision.float,
     prefix: Annotated[
         str | None,
@@ -93,7 +95,7 @@ def design(
             find_bearing(bearing), logs, out, channels=channel_map, validate=validate or (),
             kinds=names(estimator), precision=precision.value, prefix=prefix, anyway=anyway,
             free=None if free is None else free.replace(" ", "").split(","), seed=seed, note=done,
-            max_sensitivity=max_sensitivity,
+            max_sensitivity=max_sensitivity if math.isfinite(max_sensitivity) else None,
         )  # fmt: skip
     rows = [
         [KINDS[c.kind].label,

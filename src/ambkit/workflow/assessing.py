@@ -13,7 +13,9 @@ import numpy as np
 from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Shown
+from ambkit.base.units import engineering
 from ambkit.judge.loop.closed import Loop
+from ambkit.judge.loop.demands import Demands, demands
 from ambkit.judge.loop.margins import BodeIntegral, Margins, bode_integral, grid, highest, margins
 from ambkit.judge.loop.pieces import WorkPoint
 from ambkit.machine.bearing import Bearing
@@ -54,6 +56,8 @@ class AssessedLoop:
     current_noise, position_noise : float
         Standard deviations of the demanded current [A] and of the position [m] by the sensor's
         white noise and the amplifier's noise; NaN of an unstable loop.
+    demands : Demands or None
+        What it asks of the machine, and what load it bears; None of an unstable loop.
     """
 
     name: str
@@ -65,6 +69,7 @@ class AssessedLoop:
     integral: BodeIntegral
     current_noise: float
     position_noise: float
+    demands: Demands | None
 
     @property
     def zone(self) -> str:
@@ -105,6 +110,18 @@ class AssessedLoop:
                 "disk_margin": m.disk,
                 "crossover": m.crossover,
                 "bandwidth": m.bandwidth,
+            }
+        if self.demands is not None:
+            d = self.demands
+            found |= {
+                "displacement": d.displacement,
+                "displacement_zone": d.zone,
+                "clearance": d.clearance,
+                "current": d.current,
+                "copper_loss": d.copper_loss,
+                "static_load": list(d.capacity.static),
+                "least_load": d.capacity.least[0],
+                "least_load_at": d.capacity.least[1],
             }
         return found
 
@@ -173,6 +190,66 @@ class Assessment(Shown):
             zones=ZONES, top=self.top, static=static, gain=self.bearing.amplifier.gain,
         )  # fmt: skip
 
+    def capacity_figure(self) -> Figure:
+        """Return the load that each loop bears over the frequency as a picture."""
+        from ambkit.show.plots.capacity import capacity_figure
+
+        return capacity_figure(
+            f"{self.bearing.name}: the load that the loop bears",
+            {name: each.demands.capacity for name, each in self.loops.items() if each.demands},
+        )
+
+    def write(self, path: str | os.PathLike[str], filter: str | None = None) -> None:
+        """Write the verdict on one loop as a page that can be signed off.
+
+        Parameters
+        ----------
+        path : path
+            Ends with ``.html``.
+        filter : str, optional
+            By what the controller of that loop is fed; by default the last one.
+
+        Raises
+        ------
+        AmbkitError
+            There is no such loop, or it is not stable; the file cannot be written.
+        """
+        from ambkit.show.pages.assessment import write_assessment
+        from ambkit.workflow.verdict import verdict
+
+        name = list(self.loops)[-1] if filter is None else filter
+        if name not in self.loops:
+            raise AmbkitError(f"no loop is fed by {name}; there are {', '.join(self.loops)}")
+        if not self.loops[name].stable:
+            raise AmbkitError(f"the loop fed by {name} is not stable: there is nothing to sign off")
+        write_assessment(
+            path, self.bearing.name, name, verdict(self, name), self.figure(),
+            self.capacity_figure(), self.facts(name),
+        )  # fmt: skip
+
+    def facts(self, filter: str) -> dict[str, str]:
+        """Return what a verdict holds for, by name.
+
+        Parameters
+        ----------
+        filter : str
+            By what the controller is fed.
+        """
+        b, c = self.bearing, self.controller
+        return {
+            "bearing": b.name,
+            "controller fed by": filter,
+            "held at": f"{engineering(self.point.x, 'm')} by {engineering(self.point.iu, 'A', 3)}",
+            "kp, ki, kd": ", ".join(
+                engineering(value, unit, 3)
+                for value, unit in ((c.kp, "A/m"), (c.ki, "A/(m s)"), (c.kd, "A s/m"))
+            ),
+            "derivative filter": engineering(c.derivative_filter, "s", 3),
+            "sampling, dead time": f"{engineering(b.sampling_time, 's')}, "
+            f"{engineering(b.delay or 0.0, 's')}",
+            "looked at up to": engineering(self.top, "Hz"),
+        }
+
     def _static_compliance(self) -> float | None:
         """Deflection by a load at rest, if the controller had no integral [m/N]; None: none."""
         from ambkit.machine.magnets import magnet_of
@@ -240,7 +317,7 @@ def assess(
     estimators = given_estimators(filter, bearing)
 
     def loop(name: str, estimator: Estimator | None) -> AssessedLoop:
-        return _assessed(name, of.loop(estimator), bearing, of.top)
+        return _assessed(name, of.loop(estimator), of)
 
     loops = {MEASUREMENT: loop(MEASUREMENT, None)}
     loops |= {name: loop(name, each) for name, each in estimators.items()}
@@ -286,18 +363,21 @@ def given_estimators(given: Any, bearing: Bearing) -> dict[str, Estimator]:
     return found
 
 
-def _assessed(name: str, loop: Loop, bearing: Bearing, top: float) -> AssessedLoop:
-    stable, f = loop.is_stable, grid(loop)
-    found, peak, where, current, position = None, math.nan, math.nan, math.nan, math.nan
-    if stable:
-        found = margins(loop, f=f)
-        within = np.append(f[f < top], top)
-        peak, where = highest(lambda at: loop.sensitivity(at)[:, 0, 0], within)
-        noise = loop.noise_covariance(
-            bearing.sensor.noise_variance, bearing.amplifier.noise_variance
+def _assessed(name: str, loop: Loop, of: LoopOf) -> AssessedLoop:
+    """Return a loop with all that is said of it."""
+    bearing, top, integral = of.bearing, of.top, bode_integral(loop)
+    if not loop.is_stable:
+        unknown = math.nan
+        return AssessedLoop(
+            name, loop, False, None, unknown, unknown, integral, unknown, unknown, None
         )
-        position, volts = (math.sqrt(value) for value in np.diag(noise))
-        current = bearing.amplifier.gain * volts
+    f = grid(loop)
+    within = np.append(f[f < top], top)
+    peak, where = highest(lambda at: loop.sensitivity(at)[:, 0, 0], within)
+    noise = loop.noise_covariance(bearing.sensor.noise_variance, bearing.amplifier.noise_variance)
+    position, volts = (math.sqrt(value) for value in np.diag(noise))
+    current = bearing.amplifier.gain * volts
+    asked = demands(loop, bearing, of.point, current, position)
     return AssessedLoop(
-        name, loop, stable, found, peak, where, bode_integral(loop), current, position
+        name, loop, True, margins(loop, f=f), peak, where, integral, current, position, asked
     )

@@ -22,8 +22,15 @@ ZONES = (("A", 3.0), ("B", 4.0), ("C", 5.0))
 RANGE = 2000.0
 """Up to there the standard looks at least [Hz], or up to three times the speed."""
 
+ZONE_A = ZONES[0][1]
+"""Peak of abs(S) at which zone A ends."""
+
 COARSE = 500
 """Points of a grid that finds a peak, where nothing else is asked."""
+
+
+class OutOfReachError(AmbkitError):
+    """A filter cannot be held to a ceiling on the peak of the sensitivity."""
 
 
 def end_of_range(T: float, speed: float | None = None) -> float:
@@ -116,17 +123,17 @@ class LoopOf:
 
         Raises
         ------
-        AmbkitError
+        OutOfReachError
             The filter does not settle to a gain, or no controller can be below the ceiling.
         """
         if not tells(estimator):
-            raise AmbkitError(
+            raise OutOfReachError(
                 f"{estimator.name}: it does not settle to a gain, so that no peak of the "
                 "sensitivity can be asked of it"
             )
         least = self.least()[0]
         if not (math.isfinite(ceiling) and ceiling > least):
-            raise AmbkitError(
+            raise OutOfReachError(
                 f"max_sensitivity must be above {least:.4g}, below which no linear controller "
                 f"brings the peak of |S| of {self.bearing.name}; is {ceiling:g}"
             )

@@ -13,7 +13,7 @@ from ambkit.base.showing import Shown
 from ambkit.data.record import Record
 from ambkit.machine.bearing import Bearing
 from ambkit.simulation.scenario import PID
-from ambkit.workflow.loop_of import zone_of
+from ambkit.workflow.loop_of import OutOfReachError, zone_of
 from ambkit.workflow.tuned_filter import BUDGET, RUNS, Tuned, tune
 from ambkit.workflow.tuning_tasks import ByTruth
 
@@ -158,7 +158,7 @@ def trade_off(
                 bearing, records, kind, max_sensitivity=ceiling, controller=controller,
                 magnet=magnet, runs=runs, budget=budget, seed=seed, done=done,
             )  # fmt: skip
-        except AmbkitError as error:
+        except OutOfReachError as error:
             refused = error
             points.append(Traded(ceiling, None, float("nan"), {}))
             continue

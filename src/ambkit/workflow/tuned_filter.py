@@ -21,7 +21,7 @@ from ambkit.judge.comparison.tuning import Tried, search
 from ambkit.judge.loop.pieces import tells
 from ambkit.machine.bearing import Bearing
 from ambkit.simulation.scenario import PID
-from ambkit.workflow.loop_of import LoopOf, zone_of
+from ambkit.workflow.loop_of import LoopOf, OutOfReachError, zone_of
 from ambkit.workflow.tuning_tasks import JUDGED, By, ByLikelihood, ByTruth
 
 if TYPE_CHECKING:
@@ -261,7 +261,7 @@ def tune(
     tried = [Tried(each.values, real) for each, real in zip(found.tried, costs, strict=True)]
     of_tried = tuple(peaks)
     if max_sensitivity is not None and not min(of_tried) < ceiling:
-        raise AmbkitError(
+        raise OutOfReachError(
             f"of {len(tried)} {kind} filters that were tried none keeps the peak of |S| below "
             f"{max_sensitivity:g}, the least is {min(of_tried):.4g}: allow more, or take another "
             "controller"
