@@ -8,8 +8,7 @@ import numpy as np
 import ambkit
 from ambkit.show import plots
 
-SEEDS = range(20)
-STEPS = (0.1e-3, 0.3e-3, 0.5e-3)  # m
+STEPS = ("0.1 mm", "0.3 mm", "0.5 mm")
 
 bearing = ambkit.Bearing.preset("zittau_axial")
 narrow = ambkit.train(bearing, weights=True)
@@ -24,17 +23,11 @@ filters = {
     "closed-law": lambda: ambkit.AdaptiveKalmanFilter(bearing, law),
 }
 
-scores = {}
-for step in STEPS:
-    scenario = ambkit.Scenario(
-        reference=ambkit.Step(amplitude=step, time=0.05),
-        disturbance=ambkit.Step(amplitude=3.0, time=0.25),
-    )
-    case = f"{1e3 * step:g} mm"
-    scores[case] = ambkit.compare(bearing, scenario, filters, SEEDS)
-    for name, score in scores[case].items():
+found = ambkit.compare(bearing, estimators=filters, steps=STEPS, load="3 N", runs=20)
+for case, scores in found.scores.items():
+    for name, score in scores.items():
         print(
             f"{case}  {name:>14}: x {1e6 * score.mean('x'):.2f} µm, "
             f"F_St {score.mean('f_d'):.3f} ± {score.spread('f_d'):.3f} N rms"
         )
-plots.save_figure(plots.comparison_figure(scores), "comparison.png")
+plots.save_figure(plots.comparison_figure(found.scores), "comparison.png")

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from objects import object_of
 
 ROOT = Path(__file__).resolve().parent.parent
 PROGRAMS = sorted(path.stem for path in (ROOT / "tests" / "c").glob("test_*.c"))
@@ -51,9 +52,11 @@ LIBC = {"memcpy", "memset", "memcmp", "memmove", "sqrt", "sqrtf"}
 OF_COMPILERS = {"_GLOBAL_OFFSET_TABLE_", "__stack_chk_fail"}
 
 
+GCC = ["gcc", "-std=c99", "-O1", "-g", "-ffp-contract=off", *WARNINGS, *SANITIZERS]
+
+
 def gcc(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    command = ["gcc", "-std=c99", "-O1", "-g", "-ffp-contract=off", *WARNINGS, *SANITIZERS]
-    return subprocess.run([*command, *map(str, arguments)], capture_output=True, text=True)
+    return subprocess.run([*GCC, *map(str, arguments)], capture_output=True, text=True)
 
 
 def run(program: Path) -> subprocess.CompletedProcess[str]:
@@ -82,10 +85,9 @@ def objects(tmp_path_factory: pytest.TempPathFactory) -> dict[Build, list[Path]]
         built_in = Build(build.precision, loops=False)
         for source in [*SOURCES, ROOT / "tests" / "c" / "axis.c"]:
             flags = built_in.flags if source.stem == "axis" else build.flags
-            target = folder / f"{build}_{source.stem}.o".replace(" ", "_")
-            done = gcc(*flags, *INCLUDES, "-c", source, "-o", target)
-            assert done.returncode == 0, done.stderr
-            compiled[build].append(target)
+            made, done = object_of([*GCC, *flags, *INCLUDES], source, ROOT)
+            assert (done.returncode, done.stderr) == (0, "")
+            compiled[build].append(made)
     return compiled
 
 
@@ -103,7 +105,7 @@ def foreign(folder: Path, build: Build, sources: list[Path]) -> set[str]:
 
     The optimiser asks for more than the text does; one of four builds shows that as well.
     """
-    optimised = "-O3" if build == BUILDS[0] else "-O1"
+    optimised = "-O3" if build == BUILDS[0] else "-O0"
     flags = [optimised, "-fPIC", "-ffp-contract=off", "-fno-trapping-math", *build.flags, *INCLUDES]
     paths = [str(source) for source in sources]
     subprocess.run(["gcc", "-std=c99", *flags, "-c", *paths], cwd=folder, check=True)

@@ -119,6 +119,18 @@ def test_the_front_imports_nothing_heavy():
     assert done.stdout.strip() == "[]"
 
 
+def test_a_plain_simulation_imports_no_large_part_of_scipy():
+    large = "scipy.signal scipy.stats scipy.interpolate scipy.integrate"
+    code = (
+        "import sys\nfrom ambkit.cli.main import main\n"
+        "try: main(['simulate', 'zittau_axial', '--duration', '5 ms', '--json'])\n"
+        "except SystemExit as left: code = left.code\n"
+        f"print(code, [m for m in {large.split()} if m in sys.modules], file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr.strip() == "0 []"
+
+
 def test_help_lists_all_commands_and_is_what_one_gets_for_no_command(call):
     asked, bare = call("--help"), call()
     assert asked.code == bare.code == 0
@@ -268,7 +280,7 @@ def test_identify_from_lift_off_points_gives_gap_and_bias(call, made):
 def test_train_reaches_what_the_library_reaches(call):
     found = call("train", "zittau_axial", "--no-weights", "--out", "e.json", "--json").json
     expert = ambkit.Expert.load("e.json")
-    assert expert == ambkit.train(ambkit.Bearing.preset("zittau_axial"))
+    assert expert == ambkit.train(ambkit.Bearing.preset("zittau_axial"), weights=False)
     errors = found["force_error_rms"]
     assert errors["trained"] < 0.16 < errors["untrained"] < errors["constant"]
 
@@ -610,6 +622,13 @@ def test_tune_keeps_a_margin_and_shows_what_it_costs(call, tmp_path):
     assert (tmp_path / "it.png").stat().st_size > 5_000
 
 
+def test_assess_writes_a_page_to_be_signed_off(call, tmp_path):
+    found = call("assess", "zittau_axial", "--report", "v.html")
+    assert found.code == 0, found.err
+    assert "zone of ISO 14839-2" in found.out
+    assert "reviewed by" in (tmp_path / "v.html").read_text(encoding="utf-8")
+
+
 def test_assess_sweeps(call):
     found = call("assess", "zittau_axial", "--sweep", "1 um", "--stepped-sine")
     assert found.code == 0, found.err
@@ -767,6 +786,8 @@ def test_reproduce_hands_on_its_arguments_and_prints_the_verdicts(call, monkeypa
         ("assess zittau_axial --estimator multiple-model", "does not settle to a gain"),
         ("assess zittau_axial --sweep 1um --filter linear,observer", "one --filter, not 2"),
         ("assess zittau_axial --from 1s", "--from is for records, and zittau_axial is none"),
+        ("assess zittau_axial --report v.html --filter linear,observer", "one --filter, not 2"),
+        ("assess zittau_axial --report v.html --sweep 1um", "--report is of a bearing's linear"),
         ("assess zittau_axial --stepped-sine", "--stepped-sine says how to --sweep"),
         ("assess RUN --sweep 1um", "--sweep is for bearings, not for records"),
         ("assess RUN --filter linear", "--bearing says what controller"),

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import AdaptiveKalmanFilter, Bearing, ClosedLaw, KalmanFilter, Record, Scenario, compare
+from ambkit import AdaptiveKalmanFilter, Bearing, ClosedLaw, KalmanFilter, Record, Scenario
 from ambkit.estimate.innovations import prediction_error, whiteness
-from ambkit.judge.comparison import rmse
+from ambkit.judge.comparison import compare, rmse
 from ambkit.simulation.run import simulate_run
 
 BEARING = Bearing.preset("zittau_axial")

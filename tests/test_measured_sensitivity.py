@@ -12,6 +12,7 @@ from ambkit import PID, Bearing, Record, Recorded, Scenario
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.identification.excitation.signals import multisine, prbs, sparse_multisine
 from ambkit.judge.loop.measured import _magnitudes, _period, measured_sensitivity
+from ambkit.simulation.run import simulate
 from ambkit.workflow.injecting import design_injection
 
 LATE = Bearing.preset("zittau_axial").replace(delay=1.5e-4, amplifier__bandwidth=2000.0)
@@ -34,7 +35,7 @@ def measured(added, seed=0, *, noise=True, rest=500, pid=ON_ESTIMATE, bearing=LA
     signal = Recorded.model_construct(times=tuple(t.tolist()), values=tuple(added.tolist()))
     scenario = Scenario(duration=float(t[-1]), noise=noise, seed=seed, controller=pid)
     scenario = scenario.model_copy(update={"injection": signal})
-    return ambkit.simulate(bearing, scenario)
+    return simulate(bearing, scenario)
 
 
 @cache

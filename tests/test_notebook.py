@@ -19,6 +19,7 @@ import ambkit
 from ambkit import Bearing, Estimate, Expert, KalmanFilter, Record
 from ambkit.base.asked import in_si
 from ambkit.base.errors import AmbkitError
+from ambkit.judge.comparison import compare
 from ambkit.judge.comparison.bench import Benches
 from ambkit.show.report.figure import Figure, Panel
 from ambkit.show.report.items import Axis, Heatmap
@@ -39,7 +40,7 @@ def shown() -> dict[str, Any]:
     from ambkit.identification.online.side_by_side import learn_online
     from ambkit.workflow.identifying import identify_by_lift_off
 
-    scores = ambkit.compare(BEARING, SCENARIO, {"linear": lambda: KalmanFilter(BEARING)}, [0])
+    scores = compare(BEARING, SCENARIO, {"linear": lambda: KalmanFilter(BEARING)}, [0])
     study = compare_in_case(BEARING, "paper", ["linear"], runs=1)
     candidate = Candidate("linear", Path("a.toml"), True, {}, {"x": 3e-6, "v": 2e-3, "f_d": 0.5}, 1)
     one_sided = Bearing.preset("inteco_ml")
@@ -271,7 +272,7 @@ def test_quantities_are_taken_with_their_units() -> None:
          'settling must be in s: "5 V": V cannot be converted to s'),
         (lambda: ambkit.scenario_for(BEARING, step=[1]),
          "step must be a number in m or a text with its unit, is the list [1]"),
-        (lambda: ambkit.simulate(BEARING, None), "scenario must be of type Scenario, is None"),
+        (lambda: ambkit.simulate(BEARING, 3), "scenario must be of type Scenario, is the int 3"),
         (lambda: ambkit.identify(BEARING, ["log.csv"]),
          "records must be of type Record, is the str 'log.csv'; Record.load gives one"),
         (lambda: KalmanFilter(Bearing), "bearing must be of type Bearing, is the type Bearing"),

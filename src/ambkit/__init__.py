@@ -35,11 +35,9 @@ if TYPE_CHECKING:
     from ambkit.estimate.unscented import UnscentedKalmanFilter as UnscentedKalmanFilter
     from ambkit.export.statespace import to_control as to_control
     from ambkit.fuzzy.expert import Expert as Expert
-    from ambkit.fuzzy.training import train as train
     from ambkit.identification.online.adaline import Adaline as Adaline
     from ambkit.identification.online.magnet_constant import identify_online as identify_online
     from ambkit.identification.online.rls import RecursiveLeastSquares as RecursiveLeastSquares
-    from ambkit.judge.comparison import compare as compare
     from ambkit.judge.faults import torture as torture
     from ambkit.machine.bearing import Bearing as Bearing
     from ambkit.machine.machine import Machine as Machine
@@ -49,8 +47,6 @@ if TYPE_CHECKING:
     from ambkit.machine.magnets import magnet_of as magnet_of
     from ambkit.machine.stiffness import StiffnessMap as StiffnessMap
     from ambkit.machine.stiffness import stiffness_map as stiffness_map
-    from ambkit.simulation.run import simulate as simulate
-    from ambkit.simulation.run import simulate_run as simulate_run
     from ambkit.simulation.scenario import PID as PID
     from ambkit.simulation.scenario import Scenario as Scenario
     from ambkit.simulation.waveforms import Constant as Constant
@@ -62,11 +58,15 @@ if TYPE_CHECKING:
     from ambkit.simulation.waveforms import Step as Step
     from ambkit.workflow.assessing import assess as assess
     from ambkit.workflow.assessing_log import assess_log as assess_log
+    from ambkit.workflow.comparison import compare as compare
     from ambkit.workflow.designing import design as design
+    from ambkit.workflow.expert import train as train
     from ambkit.workflow.filtering import filter as filter
     from ambkit.workflow.identifying import identify as identify
     from ambkit.workflow.injecting import design_injection as design_injection
     from ambkit.workflow.simulating import scenario_for as scenario_for
+    from ambkit.workflow.simulating import simulate as simulate
+    from ambkit.workflow.simulating import simulate_run as simulate_run
     from ambkit.workflow.sweeping import sweep as sweep
     from ambkit.workflow.trading_off import trade_off as trade_off
     from ambkit.workflow.tuned_filter import tune as tune
@@ -95,28 +95,27 @@ _HOME = {
     "estimate.unscented": ["UnscentedKalmanFilter"],
     "export.statespace": ["to_control"],
     "fuzzy.expert": ["Expert"],
-    "fuzzy.training": ["train"],
     "identification.online.adaline": ["Adaline"],
     "identification.online.magnet_constant": ["identify_online"],
     "identification.online.rls": ["RecursiveLeastSquares"],
-    "judge.comparison": ["compare"],
     "judge.faults": ["torture"],
     "machine.bearing": ["Bearing"],
     "machine.machine": ["Machine"],
     "machine.magnets": ["ClosedLaw", "ConstantStiffness", "SaturatingLaw", "magnet_of"],
     "machine.stiffness": ["StiffnessMap", "stiffness_map"],
-    "simulation.run": ["simulate", "simulate_run"],
     "simulation.scenario": ["PID", "Scenario"],
     "simulation.waveforms": ["Constant", "Impulse", "Ramp", "Recorded", "Sequence", "Sine", "Step"],
+    "workflow.comparison": ["compare"],
     "workflow.assessing": ["assess"],
     "workflow.assessing_log": ["assess_log"],
     "workflow.designing": ["design"],
+    "workflow.expert": ["train"],
     "workflow.filtering": ["filter"],
     "workflow.identifying": ["identify"],
     "workflow.injecting": ["design_injection"],
-    "workflow.simulating": ["scenario_for"],
     "workflow.sweeping": ["sweep"],
     "workflow.trading_off": ["trade_off"],
+    "workflow.simulating": ["scenario_for", "simulate", "simulate_run"],
     "workflow.tuned_filter": ["tune"],
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}

@@ -132,10 +132,13 @@ def estimates(bearing: ambkit.Bearing, expert: ambkit.Expert, record: ambkit.Rec
 
 def judged(bearing: ambkit.Bearing, scenario: ambkit.Scenario, record: ambkit.Record) -> None:
     """What compares and what identifies."""
-    scores = ambkit.compare(
-        bearing, scenario, {"linear": lambda: ambkit.KalmanFilter(bearing)}, range(2)
-    )
-    assert_type(scores["linear"].mean("f_d"), float)
+    filters = {"linear": lambda: ambkit.KalmanFilter(bearing)}
+    loops = ambkit.compare(bearing, scenario=scenario, estimators=filters, runs=2)
+    assert_type(loops.scores["scenario"]["linear"].mean("f_d"), float)
+    case = ambkit.compare(bearing, "model", ["linear"], runs=2)
+    assert_type(case.bench.efficiency("linear", "x"), float)
+    whole = ambkit.compare(bearing, "all", ["low-pass"], runs=1)
+    assert_type(whole["paper"].default["low-pass"].mean("x"), float)
     torture = ambkit.torture(bearing, ["linear"], faults=["knock"], steps=0)
     assert_type(torture.to_dict(), dict[str, Any])
     online = ambkit.identify_online(record, bearing)

@@ -17,6 +17,7 @@ from ambkit.cli.options import (
     MapFile,
     Plot,
     To,
+    file_option,
     find_bearing,
     quantity,
     read_quantities,
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
     from ambkit.data.record import Record
     from ambkit.estimate.base import Estimator
+    from ambkit.judge.loop.demands import Demands
     from ambkit.judge.loop.margins import Margins
     from ambkit.machine.bearing import Bearing
     from ambkit.simulation.scenario import PID
@@ -103,6 +105,14 @@ def assess(
     ] = False,
     begin: From = None,
     end: To = None,
+    report: Annotated[
+        Path | None,
+        file_option(
+            "Write the verdict on the loop as a page to be signed off: .html.",
+            (".html",),
+            "--report",
+        ),
+    ] = None,
     plot: Plot = None,
     json: Json = False,
 ) -> None:
@@ -129,6 +139,8 @@ def assess(
             raise AmbkitError(f"{option} is for records, and {target} is none")
     if of_log and amplitudes is not None:
         raise AmbkitError("--sweep is for bearings, not for records")
+    if report is not None and (of_log or amplitudes is not None):
+        raise AmbkitError("--report is of a bearing's linear loop, without --sweep")
     if stepped and amplitudes is None:
         raise AmbkitError("--stepped-sine says how to --sweep: give its amplitudes")
     of_model = (estimator, expert, scenario, x, load)
@@ -142,7 +154,9 @@ def assess(
         return
     plant, filters = _asked(target, estimator, expert)
     if amplitudes is None:
-        _deliver_loops(plant, filters, controller, x, load, plot, json)
+        if report is not None and len(filters) > 1:
+            raise AmbkitError(f"--report is of one loop: give one --filter, not {len(filters)}")
+        _deliver_loops(plant, filters, controller, x, load, plot, report, json)
     else:
         sizes = read_quantities(amplitudes, "m", "--sweep")
         _deliver_sweep(plant, filters, controller, sizes, stepped, x, load, plot, json)
@@ -150,17 +164,21 @@ def assess(
 
 def _deliver_loops(
     plant: Bearing, filters: Mapping[str, Estimator], controller: PID | None, x: float | None,
-    load: float | None, plot: Path | None, json: bool,
+    load: float | None, plot: Path | None, report: Path | None, json: bool,
 ) -> None:  # fmt: skip
     from ambkit.cli import output
     from ambkit.show import plots
     from ambkit.workflow.assessing import assess as assessed
+    from ambkit.workflow.verdict import write_verdict
 
     found = assessed(plant, filters, controller, x=x or 0.0, load=load or 0.0)
     output.deliver(
         found.to_dict(),
         [*_tables(found), *_said(found)],
-        [(plot, lambda path: plots.save_figure(found.figure(), path))],
+        [
+            (plot, lambda path: plots.save_figure(found.figure(), path)),
+            (report, lambda path: write_verdict(found, path)),
+        ],
         as_json=json,
     )
 
@@ -286,6 +304,9 @@ def _tables(found: Assessment) -> list[Any]:
     def margin(said: Callable[[Margins], str]) -> Callable[[AssessedLoop], str]:
         return lambda each: "–" if each.margins is None else said(each.margins)
 
+    def asked(said: Callable[[Demands], str]) -> Callable[[AssessedLoop], str]:
+        return lambda each: "–" if each.demands is None else said(each.demands)
+
     rows: list[tuple[str, Callable[[AssessedLoop], str]]] = [
         ("zone of ISO 14839-3", lambda e: e.zone),
         (f"  peak of |S| to {top}", lambda e: f"{e.peak:.3f}" if e.stable else "–"),
@@ -301,6 +322,12 @@ def _tables(found: Assessment) -> list[Any]:
         ("highest crossover", margin(lambda m: value(m.crossover, "Hz", 3))),
         ("current by noise, rms", lambda e: value(e.current_noise, "A", 3)),
         ("position by noise, rms", lambda e: value(e.position_noise, "m", 3)),
+        ("zone of ISO 14839-2", asked(lambda d: d.zone)),
+        ("  greatest displacement, of the clearance",
+         asked(lambda d: f"{100 * d.displacement / d.clearance:.2g} %")),
+        ("least harmonic load that comes to a limit",
+         asked(lambda d: value(d.capacity.least[0], "N", 3))),
+        ("  at", asked(lambda d: value(d.capacity.least[1], "Hz", 3))),
         ("check: Bode's integral of ln|S|", lambda e: f"{e.integral.integral:.8f}"),
         ("  ln|p| of the unstable poles", lambda e: f"{e.integral.poles:.8f}"),
     ]  # fmt: skip

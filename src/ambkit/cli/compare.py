@@ -124,6 +124,13 @@ def compare(
         Path | None,
         file_option("Write the figures of each run: .csv or .parquet.", RECORDS, "--out"),
     ] = None,
+    save_filters: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="With --tune, of one case: write the tuned filters, DIR/KIND.toml each.",
+        ),
+    ] = None,
     plot: Plot = None,
     report: Annotated[
         Path | None,
@@ -144,6 +151,7 @@ def compare(
 
     For example:
       ambkit compare zittau_axial --case paper --plot matrix.png --report comparison.html
+      ambkit compare my.toml --estimators linear,extended --tune 40 --save-filters filters/
       ambkit compare zittau_axial --steps "0.1 mm,0.3 mm,0.5 mm" --load "3 N" --plot bars.png
     """
     own = {"--scenario": scenario, "--steps": steps, "--load": load, "--duration": duration}
@@ -151,11 +159,17 @@ def compare(
     if not given:
         from ambkit.cli.compare_case import Wanted, in_case
 
-        wanted = Wanted(runs, tune, seed, spread, expert, force_map, out, plot, report, json)
+        if save_filters is not None and (not tune or case == "all"):
+            what = "of one case, not of all" if tune else "of tuned filters: give --tune too"
+            raise AmbkitError(f"--save-filters is {what}")
+        wanted = Wanted(
+            runs, tune, seed, spread, expert, force_map, out, plot, report, save_filters, json
+        )
         chosen = "all" if estimators is None else estimators
-        in_case(find_bearing(bearing), case or "paper", chosen, wanted)
+        in_case(bearing, case or "paper", chosen, wanted)
         return
-    unwanted = {"--case": case, "--tune": tune or None, "--spread": spread, "--report": report}
+    unwanted = {"--case": case, "--tune": tune or None, "--spread": spread,
+                "--save-filters": save_filters, "--report": report}  # fmt: skip
     clash = [name for name, value in unwanted.items() if value is not None]
     if clash:
         hint = "; --out and --plot do" if clash[0] == "--report" else ""

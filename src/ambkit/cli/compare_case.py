@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.options import arguments_of_the_user
+from ambkit.cli.options import arguments_of_the_user, find_bearing
 
 if TYPE_CHECKING:
     from ambkit.judge.comparison.bench import Bench, Standing
@@ -30,18 +30,20 @@ class Wanted(NamedTuple):
     out: Path | None
     plot: Path | None
     report: Path | None
+    save_filters: Path | None
     as_json: bool
 
 
-def in_case(bearing: Bearing, case_name: str, chosen: str, wanted: Wanted) -> None:
+def in_case(name: str, case_name: str, chosen: str, wanted: Wanted) -> None:
     """Compare in a case, or in all of them, and deliver; see ``ambkit compare --help``."""
     from ambkit.cli import output
     from ambkit.cli.kinds import surface_in
     from ambkit.judge.comparison.contenders import expand
     from ambkit.judge.comparison.study import pieces_of
     from ambkit.workflow.comparing import cases_called, compare_in_all, compare_in_case
+    from ambkit.workflow.tuned_filter import save_filters
 
-    names = expand(chosen)
+    names, bearing = expand(chosen), find_bearing(name)
     with arguments_of_the_user("--"):
         cases = cases_called(case_name, wanted.spread)
     options: dict[str, Any] = {
@@ -61,6 +63,14 @@ def in_case(bearing: Bearing, case_name: str, chosen: str, wanted: Wanted) -> No
     with output.progress("learning", pieces_of(len(names), wanted.budget, whole)) as done:
         found = compare_in_case(bearing, case_name, names, **options, whole=whole, done=done)
     _deliver(found, wanted)
+    if wanted.save_filters is not None:
+        left_out = save_filters(
+            found, wanted.save_filters, bearing=name,
+            magnets={} if wanted.expert is None else {"adaptive": wanted.expert},
+        )  # fmt: skip
+        for why in left_out.values():
+            output.note(f"note: {why}")
+        output.note(f"wrote {wanted.save_filters}")
 
 
 def _magnets(bearing: Bearing, names: Sequence[str], expert: Path | None) -> dict[str, MagnetModel]:

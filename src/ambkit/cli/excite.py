@@ -142,11 +142,10 @@ def excite(
       ambkit assess injected.csv --bearing my.toml
     """
     from ambkit.cli import output
-    from ambkit.cli.kinds import scenario_of
     from ambkit.identification.excitation import Limits, design
     from ambkit.show.plots import save_figure
     from ambkit.show.plots.excitation import excitation_figure
-    from ambkit.workflow.simulating import experiment_duration
+    from ambkit.workflow.simulating import experiment_duration, scenario_for
 
     plant = find_bearing(bearing)
     only = {"--kind": kind, "--parameters": parameters, "--load": load}
@@ -159,10 +158,9 @@ def excite(
         duration = SENSITIVITY_DURATION
     if duration is None and scenario is None:
         duration = experiment_duration(plant)
-    happening = scenario_of(
-        plant, scenario, duration=duration, step=None, load=None, seed=seed,
-        from_estimate=estimator != "none",
-    )  # fmt: skip
+    happening = scenario_for(
+        plant, scenario, duration=duration, seed=seed, from_estimate=estimator != "none"
+    )
     ends = None
     if band is not None:
         low, high = read_quantities(band, "Hz", "--band", count=2)

@@ -1,4 +1,4 @@
-"""The estimators that a user can name, and the run that the commands start from."""
+"""The estimators that a user can name."""
 
 from __future__ import annotations
 
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.forces.surface import ForceSurface
     from ambkit.machine.magnets import MagnetModel
-    from ambkit.simulation.scenario import Scenario
     from ambkit.workflow.estimators import Factory
 
 NAMES = tuple(KINDS)
@@ -57,6 +56,19 @@ def known(text: str) -> str:
     except AmbkitError as error:
         raise typer.BadParameter(str(error)) from None
     return text
+
+
+def one_of(text: str) -> str:
+    """Check the name of one kind, or a filter's file, as the callback of an option.
+
+    Raises
+    ------
+    BadParameter
+        It is neither, or there are several.
+    """
+    if text == "all" or "," in text:
+        raise typer.BadParameter(f"a loop has one estimator, given are {text}")
+    return known(text)
 
 
 def is_a_name(name: str) -> str:
@@ -240,53 +252,3 @@ def surface_in(path: Path, bearing: Bearing) -> ForceSurface:
 
     with output.progress("finding the force"):
         return found_in(path, bearing)
-
-
-def scenario_of(
-    bearing: Bearing,
-    path: Path | None,
-    *,
-    duration: float | None,
-    step: float | None,
-    load: float | None,
-    seed: int | None,
-    reference: Path | None = None,
-    injection: Path | None = None,
-    from_estimate: bool = True,
-) -> Scenario:
-    """Return the scenario in a file, or a step and a load, with what the user changed in it.
-
-    Parameters
-    ----------
-    bearing : Bearing
-        The controller is tuned to it, as far as no file says otherwise.
-    path : Path, optional
-        A TOML file.
-    duration, step, load : float, optional
-        Length of the run [s]; step of the reference [m] after a tenth of it; load [N] after half.
-    seed : int, optional
-        Seed of the noise.
-    reference : Path, optional
-        A record whose ``r`` is the reference; without `duration` the run is as long as it.
-    injection : Path, optional
-        A record whose ``injected`` is added to the measurement, likewise.
-    from_estimate : bool
-        Whether the estimate is fed back, or the measurement, where no file says it.
-    """
-    from ambkit.simulation.scenario import Scenario
-    from ambkit.workflow.simulating import scenario_for
-
-    given = None if path is None else Scenario.load(path)
-    if reference is not None and step is not None:
-        raise AmbkitError("give either --step or --reference")
-    return scenario_for(
-        bearing,
-        given,
-        duration=duration,
-        step=step,
-        load=load,
-        seed=seed,
-        reference=reference,
-        injection=injection,
-        from_estimate=from_estimate,
-    )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ambkit.cli.kinds import NAMES, known
+from ambkit.cli.kinds import NAMES, one_of
 from ambkit.cli.options import (
     RECORDS,
     BearingName,
@@ -37,7 +37,7 @@ def simulate(
     estimator: Annotated[
         str,
         typer.Option(
-            callback=lambda name: name if name == "none" else known(name),
+            callback=lambda name: name if name == "none" else one_of(name),
             metavar="NAME",
             help=f"none, {', '.join(NAMES)}; the controller is fed by it unless the scenario "
             "says otherwise.",
@@ -101,34 +101,21 @@ def simulate(
     """
     from ambkit.base.errors import AmbkitError
     from ambkit.cli import output
-    from ambkit.cli.kinds import factories, scenario_of, surface_in
+    from ambkit.cli.kinds import factories, surface_in
     from ambkit.show import plots
-    from ambkit.simulation.run import simulate_run
-    from ambkit.workflow.simulating import RunSummary
+    from ambkit.workflow.simulating import RunSummary, simulate_run
 
-    with_one = estimator != "none"
     plant = find_bearing(bearing)
-    happening = scenario_of(
-        plant,
-        scenario,
-        duration=duration,
-        step=step,
-        load=load,
-        seed=seed,
-        reference=reference,
-        injection=injection,
-        from_estimate=with_one,
-    )
-    if not with_one and happening.controller.feedback == "estimate":
-        raise AmbkitError(
-            f'{scenario}: the controller is fed by the estimate (controller.feedback = "estimate"),'
-            " so --estimator cannot be none"
-        )
-    built = factories([estimator] if with_one else [], plant, expert)
-    kalman = built[estimator]() if with_one else None
+    if reference is not None and step is not None:
+        raise AmbkitError("give either --step or --reference")
+    built = factories([estimator] if estimator != "none" else [], plant, expert)
+    kalman = built[estimator]() if built else "none"
     true = None if magnet is None else surface_in(magnet, plant)
     with output.progress("simulating"):
-        run = simulate_run(plant, happening, estimator=kalman, magnet=true)
+        run = simulate_run(
+            plant, scenario, estimator=kalman, magnet=true, duration=duration, step=step, load=load,
+            seed=seed, reference=reference, injection=injection,
+        )  # fmt: skip
     summary = RunSummary(plant, run)
     data = summary.to_dict()
     output.deliver(

@@ -102,6 +102,15 @@ def train(
             "--out",
         ),
     ] = None,
+    save_filter: Annotated[
+        Path | None,
+        file_option(
+            "Write the filter that asks it as a file (.toml): for 'ambkit filter', 'export' ...; "
+            "with --out force.csv or bearing.toml the filter that knows these.",
+            (".toml",),
+            "--save-filter",
+        ),
+    ] = None,
     plot: Plot = None,
     json: Json = False,
 ) -> None:
@@ -111,11 +120,13 @@ def train(
 
     For example:
       ambkit train zittau_axial --out expert.json --plot expert.png
-      ambkit train found.toml --force-map force.csv --rules auto --out expert.json
+      ambkit train found.toml --force-map force.csv --rules auto --out expert.json \
+        --save-filter filter.toml
     """
     from ambkit.cli import output, train_measured
     from ambkit.machine.forces.file import load_force_points
     from ambkit.show import plots
+    from ambkit.workflow.expert import save_filter as saved
     from ambkit.workflow.training import RULES, check_within_gap, how_to_train, measured_force
     from ambkit.workflow.training import train_expert as trained
 
@@ -167,7 +178,11 @@ def train(
     output.deliver(
         data,
         tables,
-        [(out, lambda path: train_measured.save(path, found)), (plot, draw)],
+        [
+            (out, lambda path: train_measured.save(path, found)),
+            (save_filter, lambda path: saved(found, path, bearing=bearing, written=out)),
+            (plot, draw),
+        ],
         as_json=json,
     )
 

@@ -31,7 +31,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
@@ -347,6 +347,15 @@ def made_by(command: str, what: str) -> str:
     return f"{what}; ambkit {command} {version('ambkit')}"
 
 
+def origin_of(values: Iterable[str], said: str) -> dict[str, str]:
+    """Return where numbers came from, by their keys in a file, for the names of tunables."""
+    return {name if "." in name else f"options.{name}": said for name in values}
+
+
+class NoFile(AmbkitError):
+    """What a filter knows of its magnet cannot be written."""
+
+
 def _changed(file: Any, sha256: Any) -> Iterator[tuple[str, str]]:
     """Tell of a file that is not there, or not what it was."""
     if not isinstance(file, str):
@@ -411,17 +420,23 @@ def save(
     estimator, path, bearing, magnet
         See `ambkit.Estimator.save`.
     """
-    from ambkit.machine import presets
-
     path, known = Path(path), estimator.bearing
-    if bearing is None and known.name in presets.names() and Bearing.preset(known.name) == known:
-        bearing = known.name
+    if bearing is None:
+        bearing = preset_of(known)
     if bearing is None:
         bearing = path.with_suffix(".bearing.toml")
         known.save(bearing)
     if magnet is None and not _asks_its_own(estimator):
         magnet = _written_beside(path, estimator.magnet)
     described(estimator, bearing, magnet).save(path)
+
+
+def preset_of(bearing: Bearing) -> str | None:
+    """Return the name of the preset that a bearing is, if it is one."""
+    from ambkit.machine import presets
+
+    name = bearing.name
+    return name if name in presets.names() and Bearing.preset(name) == bearing else None
 
 
 def _asks_its_own(estimator: Estimator) -> bool:
@@ -458,7 +473,7 @@ def _written_beside(path: Path, magnet: MagnetModel) -> Path:
     if isinstance(magnet, ForceSurface):
         magnet.points.save(beside := path.with_suffix(".forces.csv"))
         return beside
-    raise AmbkitError(
+    raise NoFile(
         f"{path}: this filter knows its magnet by a {type(magnet).__name__} that is not its "
         "bearing's own, and there is no file of such; save a filter with an expert or a force map"
     )

@@ -7,11 +7,10 @@ own, so that one does not change another.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
@@ -56,7 +55,7 @@ def coloured(noise: ColouredNoise, T: float, n: int, rng: np.random.Generator) -
     white = rng.normal(0.0, math.sqrt(noise.variance), n)
     rate = 2 * math.pi * noise.bandwidth * T
     white[1:] *= math.sqrt(-math.expm1(-2 * rate))
-    return np.asarray(lfilter([1.0], [1.0, -math.exp(-rate)], white))
+    return _first_order(math.exp(-rate), white)
 
 
 def hum(line: Hum, T: float, n: int, rng: np.random.Generator) -> Array:
@@ -84,4 +83,11 @@ def hum(line: Hum, T: float, n: int, rng: np.random.Generator) -> Array:
     white = rng.normal(0.0, spread, n) + 1j * rng.normal(0.0, spread, n)
     rate = 2 * math.pi * line.bandwidth * T
     white[1:] *= math.sqrt(-math.expm1(-2 * rate))
-    return np.asarray(lfilter([1.0], [1.0, -np.exp(turning - rate)], white).real)
+    return _first_order(np.exp(turning - rate), white).real
+
+
+def _first_order(pole: complex, white: NDArray[Any]) -> NDArray[Any]:
+    """Return ``z(k) = pole z(k-1) + white(k)``."""
+    from scipy.signal import lfilter  # most of what a start of ambkit would take, and rarely needed
+
+    return np.asarray(lfilter([1.0], [1.0, -pole], white))

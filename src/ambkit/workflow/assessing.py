@@ -13,7 +13,6 @@ import numpy as np
 from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Shown
-from ambkit.base.units import engineering
 from ambkit.judge.loop.closed import Loop
 from ambkit.judge.loop.demands import Demands, demands
 from ambkit.judge.loop.margins import BodeIntegral, Margins, bode_integral, grid, highest, margins
@@ -198,57 +197,6 @@ class Assessment(Shown):
             f"{self.bearing.name}: the load that the loop bears",
             {name: each.demands.capacity for name, each in self.loops.items() if each.demands},
         )
-
-    def write(self, path: str | os.PathLike[str], filter: str | None = None) -> None:
-        """Write the verdict on one loop as a page that can be signed off.
-
-        Parameters
-        ----------
-        path : path
-            Ends with ``.html``.
-        filter : str, optional
-            By what the controller of that loop is fed; by default the last one.
-
-        Raises
-        ------
-        AmbkitError
-            There is no such loop, or it is not stable; the file cannot be written.
-        """
-        from ambkit.show.pages.assessment import write_assessment
-        from ambkit.workflow.verdict import verdict
-
-        name = list(self.loops)[-1] if filter is None else filter
-        if name not in self.loops:
-            raise AmbkitError(f"no loop is fed by {name}; there are {', '.join(self.loops)}")
-        if not self.loops[name].stable:
-            raise AmbkitError(f"the loop fed by {name} is not stable: there is nothing to sign off")
-        write_assessment(
-            path, self.bearing.name, name, verdict(self, name), self.figure(),
-            self.capacity_figure(), self.facts(name),
-        )  # fmt: skip
-
-    def facts(self, filter: str) -> dict[str, str]:
-        """Return what a verdict holds for, by name.
-
-        Parameters
-        ----------
-        filter : str
-            By what the controller is fed.
-        """
-        b, c = self.bearing, self.controller
-        return {
-            "bearing": b.name,
-            "controller fed by": filter,
-            "held at": f"{engineering(self.point.x, 'm')} by {engineering(self.point.iu, 'A', 3)}",
-            "kp, ki, kd": ", ".join(
-                engineering(value, unit, 3)
-                for value, unit in ((c.kp, "A/m"), (c.ki, "A/(m s)"), (c.kd, "A s/m"))
-            ),
-            "derivative filter": engineering(c.derivative_filter, "s", 3),
-            "sampling, dead time": f"{engineering(b.sampling_time, 's')}, "
-            f"{engineering(b.delay or 0.0, 's')}",
-            "looked at up to": engineering(self.top, "Hz"),
-        }
 
     def _static_compliance(self) -> float | None:
         """Deflection by a load at rest, if the controller had no integral [m/N]; None: none."""

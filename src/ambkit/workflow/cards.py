@@ -181,7 +181,7 @@ def design(of: Design) -> Card:
         for c in of.candidates
     ]  # fmt: skip
     heads = ["", *(f"error of {s}" for s in EVALUATED), "of what is possible", ""]
-    notes = [of.why, *of.objections, f"All of it lies in {of.folder}."]
+    notes = [of.why, *of.objections, *of.notes, f"All of it lies in {of.folder}."]
     figure = design_figure(
         [c.kind for c in of.candidates],
         [c.errors for c in of.candidates],

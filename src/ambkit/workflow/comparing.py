@@ -16,10 +16,11 @@ from ambkit.judge.comparison.cases import CASES, Case
 from ambkit.judge.comparison.seeds import Score, compare
 from ambkit.judge.comparison.spread import Spread
 from ambkit.judge.comparison.study import Study, across, pieces_of, study
-from ambkit.workflow.estimators import USUAL, Factory, factories
+from ambkit.workflow.estimators import USUAL, factories
 from ambkit.workflow.simulating import scenario_for
 
 if TYPE_CHECKING:
+    from ambkit.estimate.base import Estimator
     from ambkit.judge.comparison.bench import Benches
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.forces.surface import ForceSurface
@@ -252,7 +253,7 @@ class LoopScores(Shown):
 def compare_in_loops(
     bearing: Bearing,
     what: Mapping[str, Happening],
-    estimators: Iterable[str] | Mapping[str, Factory] = USUAL,
+    estimators: Iterable[str] | Mapping[str, Callable[[], Estimator]] = USUAL,
     *,
     runs: int = RUNS,
     seed: int = 0,
@@ -268,7 +269,7 @@ def compare_in_loops(
         The plant, and what the estimators know.
     what : mapping of str to Happening
         From `happenings`.
-    estimators : iterable of str, or mapping of str to Factory
+    estimators : iterable of str, or mapping of str to callable
         Some of :data:`ambkit.estimate.registry.KINDS`, or what builds them.
     runs, seed : int
         How many runs, and the first seed.
@@ -279,7 +280,7 @@ def compare_in_loops(
     done : callable
         Called after each run.
     """
-    built = (
+    built: Mapping[str, Callable[[], Estimator]] = (
         estimators if isinstance(estimators, Mapping) else factories(estimators, bearing, magnets)
     )
     seeds = range(seed, seed + runs)

@@ -106,12 +106,12 @@ class Design(Shown):
         Which filter to fly and why, in a sentence.
     objections : tuple of str
         What speaks against flying it; empty if nothing does.
-    notes : tuple of str
-        What is to be known of what was identified.
     exported : CExport or None
         The C; None where objections kept it from being written.
     made : mapping of str to str
         Its files in the folder, and what they are.
+    notes : tuple of str
+        What is to be known of what was identified.
     """
 
     _card_by = "workflow.cards:design"
@@ -122,9 +122,9 @@ class Design(Shown):
     raw: float
     why: str
     objections: tuple[str, ...]
-    notes: tuple[str, ...]
     exported: CExport | None
     made: Mapping[str, str]
+    notes: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data, in SI."""
@@ -296,7 +296,7 @@ def design(
     record = records[-1] if records else load_filled(logs[-1], by_inputs)
     _report(place, found.name, why, (objections, notes), candidates, record, made)
     made["design.html"] = FILES["design.html"]
-    return Design(place, tuple(candidates), chosen, raw, why, objections, notes, exported, made)
+    return Design(place, tuple(candidates), chosen, raw, why, objections, exported, made, notes)
 
 
 FILES = {

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+import os
+from typing import NamedTuple
 
+from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
+from ambkit.workflow.assessing import Assessment
 from ambkit.workflow.loop_of import ZONE_A
-
-if TYPE_CHECKING:
-    from ambkit.workflow.assessing import Assessment
 
 
 class Line(NamedTuple):
@@ -74,6 +74,62 @@ def verdict(found: Assessment, filter: str) -> list[Line]:
              loop.integral.holds),
     ]  # fmt: skip
     return lines
+
+
+def facts(found: Assessment, filter: str) -> dict[str, str]:
+    """Return what a verdict holds for, by name.
+
+    Parameters
+    ----------
+    found : Assessment
+        The loops.
+    filter : str
+        By what the controller is fed.
+    """
+    b, c, point = found.bearing, found.controller, found.point
+    gains = ((c.kp, "A/m"), (c.ki, "A/(m s)"), (c.kd, "A s/m"))
+    return {
+        "bearing": b.name,
+        "controller fed by": filter,
+        "held at": f"{engineering(point.x, 'm')} by {engineering(point.iu, 'A', 3)}",
+        "kp, ki, kd": ", ".join(f"{value:g} {unit}" for value, unit in gains),
+        "derivative filter": engineering(c.derivative_filter, "s", 3),
+        "sampling time, dead time": f"{engineering(b.sampling_time, 's')}, "
+        f"{engineering(b.delay or 0.0, 's')}",
+        "looked at up to": engineering(found.top, "Hz"),
+    }
+
+
+def write_verdict(
+    found: Assessment, path: str | os.PathLike[str], filter: str | None = None
+) -> None:
+    """Write the verdict on one loop as a page that can be signed off.
+
+    Parameters
+    ----------
+    found : Assessment
+        The loops.
+    path : path
+        Ends with ``.html``.
+    filter : str, optional
+        By what the controller of that loop is fed; by default the last one.
+
+    Raises
+    ------
+    AmbkitError
+        There is no such loop, or it is not stable; the file cannot be written.
+    """
+    from ambkit.show.pages.assessment import write_assessment
+
+    name = list(found.loops)[-1] if filter is None else filter
+    if name not in found.loops:
+        raise AmbkitError(f"no loop is fed by {name}; there are {', '.join(found.loops)}")
+    if not found.loops[name].stable:
+        raise AmbkitError(f"the loop fed by {name} is not stable: there is nothing to sign off")
+    write_assessment(
+        path, found.bearing.name, name, verdict(found, name), found.figure(),
+        found.capacity_figure(), facts(found, name),
+    )  # fmt: skip
 
 
 def _decibels(factor: float) -> str:

@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 ROOM = (("A", 0.3), ("B", 0.4), ("C", 0.5))
 """Zones of ISO 14839-2, and the shares of the least clearance below which the displacement is."""
 
+HIGHEST = 0.8
+"""Of half the sampling rate, up to where loads are looked at."""
+
 SIGMAS = 3.0
 """Of noise, what a peak is taken for."""
 
@@ -146,7 +149,7 @@ def _of_runout(loop: Loop, bearing: Bearing) -> tuple[Array, Array]:
 def _capacity(
     loop: Loop, bearing: Bearing, point: WorkPoint, displacement: float, swing: float
 ) -> Capacity:
-    f = np.geomspace(1e-3 * loop.nyquist, loop.nyquist, 400)
+    f = np.geomspace(1e-3 * loop.nyquist, HIGHEST * loop.nyquist, 400)
     x = loop.compliance(f)[:, 0, 0]
     i = bearing.amplifier.gain * loop.control_by_load(f)[:, 0, 0]
     room = min(bearing.current_max - point.iu, point.iu - bearing.current_min) - swing

@@ -48,9 +48,9 @@ def write_assessment(
     from ambkit.show.report.page import write_page
 
     missed = [what.strip() for what, _, _, good in lines if good is False]
-    words = "all that has a limit keeps it" if not missed else f"not kept: {', '.join(missed)}"
+    words = "All that has a limit keeps it." if not missed else f"Not kept: {', '.join(missed)}."
     table = TableBlock(
-        id="verdict",
+        id="looked-at",
         title="What was looked at",
         headers=["", "found", "limit", ""],
         rows=[[markdown(what.strip()), markdown(found), markdown(limit), SIGNS[good]]

@@ -49,8 +49,9 @@ def capacity_figure(title: str, loops: Mapping[str, Capacity]) -> Figure:
     return Figure(
         "capacity",
         title,
-        "Amplitude of a harmonic load beside the constant one at which a limit is reached, with "
-        "what noise, runout and the constant load take already. Linear, in closed loop.",
+        "Amplitude of a harmonic load beside the constant one at which a limit is reached; what "
+        "noise, runout and the constant load take is taken off, of the voltage the last alone. "
+        "Linear, in closed loop.",
         panels,
         columns=len(panels),
         panel_height=2.8,

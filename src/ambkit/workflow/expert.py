@@ -1,0 +1,159 @@
+"""The expert, and the filter that asks it, as ``ambkit train`` writes them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from ambkit.base.asked import Given, in_si, of_type
+from ambkit.base.errors import AmbkitError
+from ambkit.base.progress import shown_in_notebooks
+from ambkit.estimate.filter_file import made_by
+from ambkit.estimate.kalman import AdaptiveKalmanFilter
+from ambkit.fuzzy.left_out import refitted
+from ambkit.fuzzy.training import train as train_network
+from ambkit.machine.bearing import Bearing
+from ambkit.machine.forces.file import load_force_points
+from ambkit.machine.forces.points import ForcePoints
+from ambkit.machine.magnets import magnet_of
+from ambkit.machine.stiffness import StiffnessMap
+from ambkit.workflow.training import RULES, how_to_train, measured_force, stiffness_of_law
+
+if TYPE_CHECKING:
+    from ambkit.fuzzy.choice import Shape
+    from ambkit.fuzzy.expert import Expert, Method
+    from ambkit.machine.magnets import MagnetModel
+    from ambkit.workflow.training import TrainedExpert
+
+
+@shown_in_notebooks("training the expert", by="note")
+def train(
+    source: Bearing | StiffnessMap,
+    rules: Shape | None = RULES,
+    *,
+    force_map: ForcePoints | str | os.PathLike[str] | None = None,
+    channels: str | os.PathLike[str] | None = None,
+    law_error: Given | None = None,
+    method: Method = "least-squares",
+    weights: bool | None = None,
+    normalised: bool = True,
+    scaling: Literal["grid", "unit"] = "grid",
+    note: Callable[[str], None] = lambda _text: None,
+    **details: Any,
+) -> Expert:
+    """Train the expert for k_i and k_s, as ``ambkit train`` does, and return what it writes.
+
+    Parameters
+    ----------
+    source : Bearing or StiffnessMap
+        Whose law is learned, over all currents and half of the travel; or the nodes to learn, one
+        for each rule.
+    rules : tuple of 2 int, optional
+        Along current and displacement; None: as many as the points of `force_map` carry. Of a
+        stiffness map as many as it has nodes.
+    force_map : path or ForcePoints, optional
+        A measured or computed force, which corrects the law: points of iu, x and f_mag.
+    channels : path, optional
+        What its columns mean, where they have other names.
+    law_error : float or str, optional
+        By how much the law may be wrong where nothing was measured [N]; by default as found.
+    method : {"least-squares", "steepest-gradient"}
+        Better than the paper, or as it does it.
+    weights : bool, optional
+        Whether the rules' conclusions are trained as well as their widths; by default with least
+        squares.
+    normalised : bool
+        False is eq. 33 as printed.
+    scaling : {"grid", "unit"}
+        How an ampere and a millimetre compare.
+    note : callable
+        Told what is done next.
+    **details
+        Of :func:`ambkit.fuzzy.training.train`: `widths`, `epochs`, `learning_rate`, `samples`.
+
+    Returns
+    -------
+    Expert
+        With its learning curves in ``training``; `ambkit.workflow.training.train_expert` also says
+        how good it is.
+
+    Raises
+    ------
+    AmbkitError
+        The options contradict each other, or the points do not tell enough.
+    ValueError
+        A point is beyond the air gap.
+
+    Examples
+    --------
+    >>> from ambkit import Bearing, train
+    >>> len(train(Bearing.preset("zittau_axial"), rules=(3, 3)).rules)
+    9
+    """
+    of_type(Bearing, StiffnessMap, source=source)
+    how = how_to_train(method, weights, normalised=normalised, scaling=scaling) | details
+    if force_map is None:
+        for name, asked in (("channels", channels), ("law_error", law_error)):
+            if asked is not None:
+                raise AmbkitError(f"{name} is of points that were measured: give a force_map")
+        if rules is None:
+            raise AmbkitError("rules = None asks points that were measured: give a force_map")
+    if isinstance(source, StiffnessMap):
+        if force_map is not None:
+            raise AmbkitError("a force_map corrects a bearing's law, and source is no bearing")
+        return train_network(source, **how)
+    if force_map is None:
+        return train_network(stiffness_of_law(source, rules or RULES), **how)
+    points = (
+        force_map if isinstance(force_map, ForcePoints) else load_force_points(force_map, channels)
+    )
+    off = in_si("law_error", law_error, "N")
+    options = {name: how[name] for name in ("method", "weights", "normalised", "scaling")}
+    measured = measured_force(source, points, rules, law_error=off, note=note, **options)
+    return train_network(measured.stiffness, **how)
+
+
+def save_filter(
+    found: TrainedExpert,
+    path: str | os.PathLike[str],
+    *,
+    bearing: str | os.PathLike[str] | None = None,
+    written: str | os.PathLike[str] | None = None,
+) -> None:
+    """Write the filter that knows what was written of a training.
+
+    Parameters
+    ----------
+    found : TrainedExpert
+        From `ambkit.workflow.training.train_expert`.
+    path : path
+        The filter's file.
+    bearing : path, optional
+        The bearing's file, or a preset's name; without it the file is written beside `path`.
+    written : path, optional
+        The expert (.json), which the adaptive filter asks; the points (.csv, .parquet), whose
+        surface it asks; or the bearing with the law refitted (.toml), which it then assumes.
+        Without it the expert is written beside `path`.
+
+    Raises
+    ------
+    AmbkitError
+        A file cannot be written.
+    """
+    ending = "" if written is None else Path(written).suffix.lower()
+    points = None if found.measured is None else found.measured.surface.points
+    said = made_by("train", found.expert.source)
+    if ending == ".toml" and points is not None:
+        law = refitted(found.bearing, points)
+        made = AdaptiveKalmanFilter(law, magnet_of(law))
+        made.origin = {"bearing.file": said}
+        made.save(path, bearing=written)
+        return
+    asked: MagnetModel = found.expert
+    if ending in (".csv", ".parquet") and found.measured is not None:
+        asked = found.measured.surface
+    made = AdaptiveKalmanFilter(found.bearing, asked)
+    made.origin = {"magnet.file": said}
+    made.save(path, bearing=bearing, magnet=written)
