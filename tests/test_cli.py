@@ -788,6 +788,7 @@ def test_reproduce_hands_on_its_arguments_and_prints_the_verdicts(call, monkeypa
         ("assess zittau_axial --from 1s", "--from is for records, and zittau_axial is none"),
         ("assess zittau_axial --report v.html --filter linear,observer", "one --filter, not 2"),
         ("assess zittau_axial --report v.html --sweep 1um", "--report is of a bearing's linear"),
+        ("assess zittau_axial --lqg --sweep 1um", "--lqg is of a bearing's linear loop"),
         ("assess zittau_axial --stepped-sine", "--stepped-sine says how to --sweep"),
         ("assess RUN --sweep 1um", "--sweep is for bearings, not for records"),
         ("assess RUN --filter linear", "--bearing says what controller"),

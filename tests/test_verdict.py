@@ -3,13 +3,16 @@
 import dataclasses
 import math
 
+import control
 import numpy as np
 import pytest
 
 import ambkit
 from ambkit import Bearing, KalmanFilter, Scenario, Sine
 from ambkit.base.errors import AmbkitError
-from ambkit.judge.loop.pieces import WorkPoint
+from ambkit.judge.loop.closed import Loop
+from ambkit.judge.loop.lqg import LQG, Noise
+from ambkit.judge.loop.pieces import WorkPoint, plant
 from ambkit.machine import presets
 from ambkit.simulation.run import simulate
 from ambkit.workflow.verdict import verdict, write_verdict
@@ -140,3 +143,70 @@ def test_no_verdict_on_what_is_not_there_or_falls(tmp_path):
         write_verdict(weak, tmp_path / "v.html")
     with pytest.raises(AmbkitError, match="nothing to draw"):
         weak.capacity_figure()
+
+
+# ---- the linear-quadratic-Gaussian controller
+
+
+@pytest.mark.parametrize("bearing", [ZITTAU, LATE], ids=["paper", "late"])
+def test_lqg_is_that_of_python_control(bearing):
+    """Its closed loop's poles are those of regulator and filter, each alone (separation)."""
+    P = plant(bearing, WorkPoint.hovering(bearing))
+    noise = Noise(1e-12, 1e-6, 10.0)
+    weight = 1e-7
+    loop = Loop(P, LQG(P, noise).compensator(weight))
+    assert loop.is_stable
+    n = len(P.A)
+    A = np.block([[P.A, P.B[:, 1:]], [np.zeros((1, n)), np.ones((1, 1))]])
+    unit = np.diag([1e-6] * n + [1.0])  # or its solver loses the digits
+    scaled = np.linalg.inv(unit) @ A @ unit
+    G, C = np.linalg.inv(unit) @ np.vstack([P.B[:, :1], [[0.0]]]), P.C[:1] @ unit[:n] * 1e6
+    Q = 1e-6 * G @ G.T
+    Q[-1, -1] += 10.0 * P.T
+    of_filter = control.dlqe(scaled, np.eye(n + 1), C, Q, np.eye(1))[2]
+    of_regulator = control.dlqr(
+        P.A, P.B[:, :1] * 1e6, P.C[1:2].T @ P.C[1:2], np.eye(1) * weight * 1e12
+    )[2]
+    expected = np.concatenate([of_filter, of_regulator])
+    found = loop.closed.poles()
+    assert len(found) == len(expected)
+    for pole in expected:
+        assert np.abs(found - pole).min() < 1e-5
+
+
+def test_lqg_carries_a_load_and_holds_a_reference():
+    P = plant(LATE, WorkPoint.hovering(LATE))
+    closed = Loop(P, LQG(P, Noise(1e-12, 1e-6, 10.0)).compensator()).closed
+    rest = closed.C @ np.linalg.solve(np.eye(len(closed.A)) - closed.A, closed.B) + closed.D
+    names = [at.name for at in closed.inputs]
+    assert rest[1, names.index("f_d")] == pytest.approx(0, abs=1e-9)
+    assert rest[1, names.index("r")] == pytest.approx(1, rel=1e-6)
+
+
+def test_lqg_makes_its_own_cost_least():
+    """Nobody else has less noise in position and control together, by its own weights."""
+    P = plant(ZITTAU, WorkPoint.hovering(ZITTAU))
+    var_y, var_u = ZITTAU.sensor.noise_variance, ZITTAU.amplifier.noise_variance
+    weight = 1e-8
+
+    def cost(loop):
+        position, control_signal = np.diag(loop.noise_covariance(var_y, var_u))
+        return position + weight * control_signal
+
+    rests = Noise(var_y, var_u, 1e-6)  # a load that hardly moves, so that noise is all there is
+    best = cost(Loop(P, LQG(P, rests).compensator(weight)))
+    for other in (weight / 3, 3 * weight):
+        assert best < cost(Loop(P, LQG(P, rests).compensator(other)))
+    for each in ambkit.assess(ZITTAU, ["linear", "observer"]).loops.values():
+        assert best < cost(each.loop)
+
+
+@pytest.mark.parametrize("preset", presets.names())
+def test_lqg_stands_beside_the_loops(preset):
+    found = ambkit.assess(Bearing.preset(preset), "linear", lqg=True)
+    assert list(found.loops) == ["measurement", "LQG", "linear"]
+    lqg = found.loops["LQG"]
+    assert lqg.stable
+    assert lqg.integral.holds
+    assert found.least[0] < lqg.margins.peak
+    assert lqg.current_noise < found.loops["measurement"].current_noise

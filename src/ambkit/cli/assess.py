@@ -76,6 +76,12 @@ def assess(
         float | None,
         typer.Option(parser=quantity("N"), metavar="FORCE", help="Constant load there."),
     ] = None,
+    lqg: Annotated[
+        bool,
+        typer.Option(
+            "--lqg", help="Beside them, the linear-quadratic-Gaussian controller of least control."
+        ),
+    ] = False,
     amplitudes: Annotated[
         str | None,
         typer.Option(
@@ -139,6 +145,8 @@ def assess(
             raise AmbkitError(f"{option} is for records, and {target} is none")
     if of_log and amplitudes is not None:
         raise AmbkitError("--sweep is for bearings, not for records")
+    if lqg and (of_log or amplitudes is not None):
+        raise AmbkitError("--lqg is of a bearing's linear loop, without --sweep")
     if report is not None and (of_log or amplitudes is not None):
         raise AmbkitError("--report is of a bearing's linear loop, without --sweep")
     if stepped and amplitudes is None:
@@ -156,7 +164,7 @@ def assess(
     if amplitudes is None:
         if report is not None and len(filters) > 1:
             raise AmbkitError(f"--report is of one loop: give one --filter, not {len(filters)}")
-        _deliver_loops(plant, filters, controller, x, load, plot, report, json)
+        _deliver_loops(plant, filters, controller, x, load, lqg, plot, report, json)
     else:
         sizes = read_quantities(amplitudes, "m", "--sweep")
         _deliver_sweep(plant, filters, controller, sizes, stepped, x, load, plot, json)
@@ -164,14 +172,14 @@ def assess(
 
 def _deliver_loops(
     plant: Bearing, filters: Mapping[str, Estimator], controller: PID | None, x: float | None,
-    load: float | None, plot: Path | None, report: Path | None, json: bool,
+    load: float | None, lqg: bool, plot: Path | None, report: Path | None, json: bool,
 ) -> None:  # fmt: skip
     from ambkit.cli import output
     from ambkit.show import plots
     from ambkit.workflow.assessing import assess as assessed
     from ambkit.workflow.verdict import write_verdict
 
-    found = assessed(plant, filters, controller, x=x or 0.0, load=load or 0.0)
+    found = assessed(plant, filters, controller, x=x or 0.0, load=load or 0.0, lqg=lqg)
     output.deliver(
         found.to_dict(),
         [*_tables(found), *_said(found)],

@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 MEASUREMENT = "measurement"
 """What the loop is called whose controller is fed by the measurement."""
 
+BASELINE = "LQG"
+"""What the loop of the linear-quadratic-Gaussian controller is called."""
+
 BASIS = (
     "Zones after ISO 14839-3, of a linear model: an aid, not a certificate, which asks for a "
     "measurement on the machine."
@@ -219,6 +222,7 @@ def assess(
     *,
     x: Given = 0.0,
     load: Given = 0.0,
+    lqg: bool = False,
 ) -> Assessment:
     """Assess a loop as ISO 14839-3 looks at it: broken at the measurement, filter and all.
 
@@ -241,6 +245,10 @@ def assess(
         Displacement at which the rotor is held [m].
     load : float or str, optional
         Constant disturbance force there [N].
+
+    lqg : bool, optional
+        Whether the loop of the linear-quadratic-Gaussian controller that needs least control stands
+        beside, as ``"LQG"``.
 
     Returns
     -------
@@ -268,6 +276,8 @@ def assess(
         return _assessed(name, of.loop(estimator), of)
 
     loops = {MEASUREMENT: loop(MEASUREMENT, None)}
+    if lqg:
+        loops[BASELINE] = _assessed(BASELINE, of.lqg(), of)
     loops |= {name: loop(name, each) for name, each in estimators.items()}
     return Assessment(bearing, of.controller, of.point, of.top, of.least(), loops)
 

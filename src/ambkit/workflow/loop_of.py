@@ -8,8 +8,10 @@ import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.base import Estimator
+from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.loop.bounds import least_peaks
 from ambkit.judge.loop.closed import Loop
+from ambkit.judge.loop.lqg import LQG, Noise
 from ambkit.judge.loop.margins import grid, highest
 from ambkit.judge.loop.pieces import WorkPoint, compensator, estimator_at, plant, tells
 from ambkit.judge.loop.pieces import controller as controller_of
@@ -97,6 +99,17 @@ class LoopOf:
         inner = None if estimator is None else estimator_at(estimator, self.point)
         K = compensator(controller_of(fed, self.bearing), inner, self.bearing.sensor.gain)
         return Loop(self.plant, K)
+
+    def lqg(self) -> Loop:
+        """Return the loop of the linear-quadratic-Gaussian controller that needs least control.
+
+        It has the state and the load from a Kalman filter of this very plant, told of the noise of
+        sensor and amplifier and the usual growth of the load.
+        """
+        b = self.bearing
+        growth = KalmanFilter(b).variances.disturbance
+        noise = Noise(b.sensor.noise_variance, b.amplifier.noise_variance, growth)
+        return Loop(self.plant, LQG(self.plant, noise).compensator())
 
     def peak(self, estimator: Estimator | None = None) -> float:
         """Return the peak of abs(S) within the standard's range [1].

@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base import files
@@ -117,7 +118,7 @@ class Tuned(Shown):
         """
         self.estimator.save(path, bearing=bearing, magnet=magnet)
 
-    @property
+    @cached_property
     def peak(self) -> float:
         """Peak of abs(S) in the loop with `estimator` [1]; NaN where it cannot be told."""
         if not tells(self.estimator):
