@@ -205,11 +205,13 @@ def test_an_axis_of_all_parts_has_the_bits_of_the_loops(tmp_path: Path) -> None:
     same_bits(model, s, tmp_path)
 
 
+SMALL = [(2, 1, 1, 4), (5, 1, 2, 4), (8, 2, 2, 3), (11, 3, 1, 2), (16, 4, 4, 2)]
+
+
 @compiled
-@pytest.mark.parametrize(("n", "p", "m", "seeds"), [
-    (2, 1, 1, 4), (5, 1, 2, 4), (8, 2, 2, 3), (11, 3, 1, 2), (16, 4, 4, 2), (40, 8, 10, 1),
+@pytest.mark.parametrize(("n", "p", "m", "seeds", "controlled"), [
+    *((*size, controlled) for size in SMALL for controlled in (False, True)), (40, 8, 10, 1, True),
 ])  # fmt: skip
-@pytest.mark.parametrize("controlled", [False, True])
 def test_random_patterns_have_the_bits_of_the_loops(
     n: int, p: int, m: int, seeds: int, controlled: bool, tmp_path: Path
 ) -> None:

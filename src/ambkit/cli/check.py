@@ -20,6 +20,7 @@ class Schema(StrEnum):
     scenario = "scenario"
     map = "map"
     filter = "filter"
+    force = "force"
 
 
 def check(
