@@ -149,6 +149,11 @@ def judged(bearing: ambkit.Bearing, scenario: ambkit.Scenario, record: ambkit.Re
         print(method)
     print(ambkit.to_control(bearing))
     assert_type(ambkit.assess(bearing, "linear").loops["linear"].peak, float)
+    traded = ambkit.trade_off(bearing, [2.5], kind="linear", budget=2, runs=1)
+    assert_type(traded.points[0].peak, float)
+    assert_type(ambkit.sweep(bearing, amplitudes=["1 um"]).swept[0].deviation, float)
+    injection = ambkit.design_injection(bearing, ambkit.Scenario(duration=1.0))
+    assert_type(ambkit.assess_log(injection.record, bearing).zone, str)
 
 
 def designed(bearing: ambkit.Bearing, record: ambkit.Record) -> None:
