@@ -107,7 +107,7 @@ def _recognise(
         case ".csv" | ".parquet" if channel_map is None:
             return _kind_of_table(path, bearing)
         case ending if ending in ENDINGS:
-            if channel_map is not None and _kind_of_toml(Path(channel_map)) == _SHORT["force"]:
+            if channel_map is not None and kind_of_toml(Path(channel_map)) == _SHORT["force"]:
                 return "measured force", lambda p: _describe_force(p, channel_map)
             return "record", lambda p: _describe_record(p, channel_map, bearing)
         case _:
