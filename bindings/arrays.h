@@ -93,4 +93,5 @@ void bind_scale_estimators(nb::module_ &m);
 void bind_learners(nb::module_ &m);
 void bind_rls(nb::module_ &m);
 void bind_loop(nb::module_ &m);
+void bind_machine(nb::module_ &m);
 void bind_batch(nb::module_ &m);

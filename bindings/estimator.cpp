@@ -220,6 +220,34 @@ Named run(Estimator &self, const Samples &y, const Samples &u, bool covariance)
   return run_input(self, input_of(self, y, u), covariance);
 }
 
+#if defined(AMB_MODEL_LOOPS)
+
+// A whole record in which the rotor's speed changes: between samples it is the mean of both.
+Named run_turning(Estimator &self, const Samples &y, const Samples &u, const Vector &speed,
+                  Model &model, bool covariance)
+{
+  const amb_kalman_input in = input_of(self, y, u);
+  same_length(in.n, speed.size(), "speed");
+  if (!model.turns())
+    throw std::invalid_argument("the model knows one speed only");
+  const size_t m = self.sizes().sensors, c = self.sizes().controls;
+  History history(in.n, self.sizes(), covariance, self.scales());
+  nb::gil_scoped_release release;
+  for (size_t k = 0; k < in.n; k++) {
+    if (k == 0) {
+      (void)amb_estimator_start(&self.estimator, self.state(), in.y, &self.result);
+    } else {
+      self.turn(model, (speed.data()[k - 1] + speed.data()[k]) / 2);
+      (void)amb_estimator_step(&self.estimator, self.state(), in.y + k * m, in.u + (k - 1) * c,
+                               &self.result);
+    }
+    amb_estimator_note(&self.estimator, self.state(), &self.result, k, &history.to);
+  }
+  return history.arrays;
+}
+
+#endif
+
 Named smooth(Estimator &self, const Samples &y, const Samples &u)
 {
   const amb_kalman_input input = input_of(self, y, u);
@@ -405,4 +433,11 @@ void bind_estimator(nb::module_ &m)
                    [](const Estimator &s) { return told(s.result.variance, s.sizes().sensors); })
       .def_prop_ro("k_i", [](const Estimator &s) { return stiffness(s, &amb_stiffness::k_i); })
       .def_prop_ro("k_s", [](const Estimator &s) { return stiffness(s, &amb_stiffness::k_s); });
+#if defined(AMB_MODEL_LOOPS)
+  m.def("run_turning", &run_turning, nb::arg("estimator"), nb::arg("y"), nb::arg("u"),
+        nb::arg("speed"), nb::arg("model"), nb::kw_only(), nb::arg("covariance") = false,
+        nb::sig("def run_turning(estimator: Estimator, y: Any, u: Any, speed: Any, model: Model, "
+                "*, covariance: bool = False) -> dict[str, Any]"),
+        "A whole record while the speed of rotation changes (n,) [rad/s], of its own model.");
+#endif
 }

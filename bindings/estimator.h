@@ -18,7 +18,18 @@ struct Model {
 #if defined(AMB_MODEL_LOOPS)
   explicit Model(const nb::dict &arrays);
 
+  // The same machine at speeds `first`, `first` + `step` and so on [rad/s], four at least; from
+  // then on it can turn: its numbers are those of any speed in between, by cubic interpolation.
+  void nodes(amb_real first, amb_real step, const nb::list &arrays_at);
+  void turn(amb_real speed);
+  bool turns() const
+  {
+    return !at_nodes.empty();
+  }
+
 private:
+  amb_real first_node = 0, node_step = 1;
+  std::vector<std::vector<std::vector<amb_real>>> at_nodes;
   std::vector<std::vector<unsigned short>> places;
   std::vector<std::vector<amb_real>> numbers;
   std::vector<unsigned char> roles;
@@ -133,6 +144,14 @@ struct Estimator {
   {
     return estimator.methods->scale != nullptr;
   }
+#if defined(AMB_MODEL_LOOPS)
+  // The model that it was made of at another speed of rotation [rad/s].
+  void turn(Model &model, amb_real speed)
+  {
+    model.turn(speed);
+    amb_model_growth(&kf.model, kf.set.var_d, kf.growth);
+  }
+#endif
   virtual nb::dict more() const // the fields of `own`, by their names
   {
     return {};

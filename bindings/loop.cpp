@@ -1,4 +1,4 @@
-#include "estimator.h"
+#include "plant_parts.h"
 
 extern "C" {
 #include "loop.h"
@@ -37,58 +37,6 @@ private:
     return kept.back().data();
   }
 };
-
-// The parts of a plant, by the names of amb_parts, which are those of the caller; what is not named
-// is 0.
-amb_parts parts_of(const nb::dict &given)
-{
-  amb_parts parts{};
-  nb::dict rest;
-  rest.update(given);
-  const auto take = [&rest](const char *name, auto &to) {
-    if (rest.contains(name)) {
-      to = nb::cast<std::decay_t<decltype(to)>>(rest[name]);
-      nb::del(rest[name]);
-    }
-  };
-  const auto take_orders = [&](const char *name, amb_real *to) {
-    if (rest.contains(name)) {
-      const Vector values = nb::cast<Vector>(rest[name]);
-      same_length(static_cast<size_t>(parts.orders), values.size(), name);
-      std::copy_n(values.data(), values.size(), to);
-      nb::del(rest[name]);
-    }
-  };
-  take("corner", parts.corner);
-  take("voltage", parts.voltage);
-  take("R", parts.R);
-  take("k", parts.k);
-  take("s0", parts.s0);
-  take("i0", parts.i0);
-  take("pair", parts.pair);
-  take("delay", parts.delay);
-  take("delay_rest", parts.delay_rest);
-  take("quadratic", parts.quadratic);
-  take("cubic", parts.cubic);
-  take("step", parts.step);
-  take("orders", parts.orders);
-  take("speed", parts.speed);
-  take("turn_cosine", parts.turn_cosine);
-  take("turn_sine", parts.turn_sine);
-  take("stiffness", parts.stiffness);
-  take("damping", parts.damping);
-  take("farthest", parts.farthest);
-  if (parts.orders < 0 || parts.orders > AMB_RUNOUT_MOST)
-    throw std::invalid_argument("orders must be 0 to " + std::to_string(AMB_RUNOUT_MOST));
-  if (parts.delay < 0 || parts.delay > AMB_DELAY_MOST)
-    throw std::invalid_argument("delay must be 0 to " + std::to_string(AMB_DELAY_MOST) +
-                                " samples");
-  take_orders("runout_cosine", parts.runout_cosine);
-  take_orders("runout_sine", parts.runout_sine);
-  for (const auto &[name, value] : rest)
-    throw std::invalid_argument(std::string("a plant has no part ") + nb::str(name).c_str());
-  return parts;
-}
 
 Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_real K_sen,
                amb_real T_sen, amb_real travel, int substeps, amb_real k_ui, amb_real iu_min,

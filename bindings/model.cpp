@@ -69,6 +69,36 @@ Model::Model(const nb::dict &arrays)
   model.role = roles.data();
 }
 
+void Model::nodes(amb_real first, amb_real step, const nb::list &arrays_at)
+{
+  if (nb::len(arrays_at) < 4 || !(step > 0))
+    throw std::invalid_argument("a model turns between four speeds or more, one after the other");
+  std::vector<std::vector<std::vector<amb_real>>> found;
+  for (const auto each : arrays_at) {
+    const Model there(nb::cast<nb::dict>(each));
+    if (there.places != places)
+      throw std::invalid_argument("models at different speeds must have one pattern");
+    found.push_back(there.numbers);
+  }
+  first_node = first;
+  node_step = step;
+  at_nodes = std::move(found);
+}
+
+void Model::turn(amb_real speed)
+{
+  const auto last = static_cast<amb_real>(at_nodes.size() - 1);
+  const amb_real at = std::clamp((speed - first_node) / node_step, amb_real(0), last);
+  const auto k = static_cast<size_t>(std::clamp(at - 1, amb_real(0), last - 3));
+  const amb_real x = at - static_cast<amb_real>(k); // of the nodes 0, 1, 2, 3
+  const amb_real w[4] = {(x - 1) * (x - 2) * (3 - x) / 6, x * (x - 2) * (x - 3) / 2,
+                         x * (x - 1) * (3 - x) / 2, x * (x - 1) * (x - 2) / 6};
+  for (size_t a = 0; a < numbers.size(); a++)
+    for (size_t i = 0; i < numbers[a].size(); i++)
+      numbers[a][i] = w[0] * at_nodes[k][a][i] + w[1] * at_nodes[k + 1][a][i] +
+                      w[2] * at_nodes[k + 2][a][i] + w[3] * at_nodes[k + 3][a][i];
+}
+
 nb::dict shown(const amb_model &)
 {
   return {};
@@ -78,7 +108,12 @@ void bind_model(nb::module_ &m)
 {
   nb::class_<Model>(m, "Model", "Any model (ambkit/loops.h).")
       .def(nb::init<const nb::dict &>(), nb::arg("arrays"),
-           nb::sig("def __init__(self, arrays: dict[str, Any]) -> None"));
+           nb::sig("def __init__(self, arrays: dict[str, Any]) -> None"))
+      .def("nodes", &Model::nodes, nb::arg("first"), nb::arg("step"), nb::arg("arrays"),
+           nb::sig("def nodes(self, first: float, step: float, arrays: list[dict[str, Any]]) -> "
+                   "None"),
+           "The same machine at speeds one after the other [rad/s]; then it can turn.")
+      .def("turn", &Model::turn, nb::arg("speed"), "Take the numbers of a speed [rad/s].");
   m.attr("MOST_STATES") = AMB_STATES;
   m.attr("MOST_FORCES") = AMB_FORCES;
   m.attr("MOST_SENSORS") = AMB_SENSORS;

@@ -13,5 +13,6 @@ NB_MODULE(AMBKIT_MODULE_NAME, m)
   bind_learners(m);
   bind_rls(m);
   bind_loop(m);
+  bind_machine(m);
   bind_batch(m);
 }

@@ -57,8 +57,7 @@ static amb_real pull(const amb_plant *plant, const amb_real i[2], amb_real x)
 
 /* ---- Sensor ---- */
 
-/* Cosine and sine of a small angle, |angle| < pi, by the series of an eighth of it. */
-static void turn(amb_real angle, amb_real *cosine, amb_real *sine)
+void amb_parts_turn(amb_real angle, amb_real *cosine, amb_real *sine)
 {
   const amb_real a = angle / 8, q = a * a;
   amb_real c = 1, s = 1;
@@ -76,31 +75,33 @@ static void turn(amb_real angle, amb_real *cosine, amb_real *sine)
   *sine = s;
 }
 
-/* Runout at this time after the sample [m]. */
-static amb_real runout(const amb_piece *piece, amb_real t)
+amb_real amb_parts_shown(const amb_parts *parts, amb_real K_sen, amb_real x, amb_real cosine,
+                         amb_real sine)
 {
-  const amb_parts *parts = piece->parts;
-  if (parts->orders == 0)
-    return 0;
-  amb_real turned_c, turned_s, sum = 0, c = 1, s = 0;
-  turn(parts->speed * t, &turned_c, &turned_s);
-  const amb_real c1 = piece->cosine * turned_c - piece->sine * turned_s;
-  const amb_real s1 = piece->sine * turned_c + piece->cosine * turned_s;
+  amb_real sum = 0, c = 1, s = 0;
   for (int n = 0; n < parts->orders; n++) {
-    const amb_real next = c * c1 - s * s1;
-    s = s * c1 + c * s1;
+    const amb_real next = c * cosine - s * sine;
+    s = s * cosine + c * sine;
     c = next;
     sum += parts->runout_cosine[n] * c + parts->runout_sine[n] * s;
   }
-  return sum;
+  const amb_real seen = x + sum;
+  const amb_real bent = (parts->quadratic + parts->cubic * seen) * seen;
+  return K_sen * (seen + seen * bent);
 }
 
-/* What the sensor settles at, times its gain [m]. */
+/* What the sensor settles at at this time after the sample, times its gain [m]. */
 static amb_real shown(const amb_piece *piece, amb_real x, amb_real t)
 {
-  const amb_real seen = x + runout(piece, t);
-  const amb_real bent = (piece->parts->quadratic + piece->parts->cubic * seen) * seen;
-  return piece->plant->K_sen * (seen + seen * bent);
+  const amb_parts *parts = piece->parts;
+  amb_real c = 1, s = 0;
+  if (parts->orders > 0) {
+    amb_real turned_c, turned_s;
+    amb_parts_turn(parts->speed * t, &turned_c, &turned_s);
+    c = piece->cosine * turned_c - piece->sine * turned_s;
+    s = piece->sine * turned_c + piece->cosine * turned_s;
+  }
+  return amb_parts_shown(parts, piece->plant->K_sen, x, c, s);
 }
 
 amb_real amb_parts_rounded(const amb_parts *parts, amb_real y)
@@ -115,15 +116,19 @@ amb_real amb_parts_rounded(const amb_parts *parts, amb_real y)
 
 /* ---- Contact ---- */
 
+amb_real amb_parts_push(const amb_parts *parts, amb_real depth, amb_real inward)
+{
+  if (!(parts->stiffness > 0) || !(depth > 0))
+    return 0;
+  const amb_real give = 1 + AMB_C(1.5) * parts->damping * inward;
+  return parts->stiffness * depth * amb_root(depth) * (give > 0 ? give : 0);
+}
+
 /* Force of the stop that the rotor is in [N]. */
 static amb_real contact(const amb_plant *plant, amb_real x, amb_real v)
 {
   const amb_real depth = amb_magnitude(x) - plant->travel;
-  if (!(plant->parts->stiffness > 0) || !(depth > 0))
-    return 0;
-  const amb_real inward = x > 0 ? v : -v;
-  const amb_real give = 1 + AMB_C(1.5) * plant->parts->damping * inward;
-  const amb_real push = plant->parts->stiffness * depth * amb_root(depth) * (give > 0 ? give : 0);
+  const amb_real push = amb_parts_push(plant->parts, depth, x > 0 ? v : -v);
   return x > 0 ? -push : push;
 }
 

@@ -14,4 +14,15 @@ amb_acting amb_parts_acting(const amb_plant *plant, const amb_plant_state *state
 /* The demanded current that counts just after a sample at which iu is demanded [A]. */
 amb_real amb_parts_next(const amb_parts *parts, const amb_plant_state *state, amb_real iu);
 
+/* Cosine and sine of an angle, |angle| < pi, by the series of an eighth of it. */
+void amb_parts_turn(amb_real angle, amb_real *cosine, amb_real *sine);
+
+/* What the sensor settles at, times its gain [m], where it looks at x [m] and these are cosine and
+ * sine of the angle of rotation. */
+amb_real amb_parts_shown(const amb_parts *parts, amb_real K_sen, amb_real x, amb_real cosine,
+                         amb_real sine);
+
+/* What a stop pushes back with [N], so deep in it [m] and going deeper with this velocity [m/s]. */
+amb_real amb_parts_push(const amb_parts *parts, amb_real depth, amb_real inward);
+
 #endif

@@ -11,7 +11,7 @@ from machine_cases import PRESETS, bearing, machine, sensor, uncoupled
 
 from ambkit import ConfigError, ConstantStiffness, Machine
 from ambkit.machine import geometry, presets
-from ambkit.models.machine import open_loop
+from ambkit.models.continuous import open_loop
 from ambkit.workflow.inspection import inspect
 from ambkit.workflow.machines import stiffnesses
 

@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from ambkit.identification.online.magnet_constant import identify_online as identify_online
     from ambkit.identification.online.rls import RecursiveLeastSquares as RecursiveLeastSquares
     from ambkit.judge.faults import torture as torture
+    from ambkit.judge.machine import MachineJudgement as MachineJudgement
+    from ambkit.judge.machine import judge_machine as judge_machine
     from ambkit.machine.bearing import Bearing as Bearing
     from ambkit.machine.machine import Machine as Machine
     from ambkit.machine.magnets import ClosedLaw as ClosedLaw
@@ -47,6 +49,8 @@ if TYPE_CHECKING:
     from ambkit.machine.magnets import magnet_of as magnet_of
     from ambkit.machine.stiffness import StiffnessMap as StiffnessMap
     from ambkit.machine.stiffness import stiffness_map as stiffness_map
+    from ambkit.simulation.flight import Flight as Flight
+    from ambkit.simulation.machine import simulate_machine as simulate_machine
     from ambkit.simulation.scenario import PID as PID
     from ambkit.simulation.scenario import Scenario as Scenario
     from ambkit.simulation.waveforms import Constant as Constant
@@ -57,14 +61,19 @@ if TYPE_CHECKING:
     from ambkit.simulation.waveforms import Sine as Sine
     from ambkit.simulation.waveforms import Step as Step
     from ambkit.workflow.assessing import assess as assess
+    from ambkit.workflow.assessing_log import assess_log as assess_log
+    from ambkit.workflow.campbell import campbell as campbell
     from ambkit.workflow.comparison import compare as compare
     from ambkit.workflow.designing import design as design
     from ambkit.workflow.expert import train as train
     from ambkit.workflow.filtering import filter as filter
     from ambkit.workflow.identifying import identify as identify
+    from ambkit.workflow.injecting import design_injection as design_injection
     from ambkit.workflow.simulating import scenario_for as scenario_for
     from ambkit.workflow.simulating import simulate as simulate
     from ambkit.workflow.simulating import simulate_run as simulate_run
+    from ambkit.workflow.sweeping import sweep as sweep
+    from ambkit.workflow.trading_off import trade_off as trade_off
     from ambkit.workflow.tuned_filter import tune as tune
 
     __version__: str
@@ -95,18 +104,26 @@ _HOME = {
     "identification.online.magnet_constant": ["identify_online"],
     "identification.online.rls": ["RecursiveLeastSquares"],
     "judge.faults": ["torture"],
+    "judge.machine": ["MachineJudgement", "judge_machine"],
     "machine.bearing": ["Bearing"],
     "machine.machine": ["Machine"],
     "machine.magnets": ["ClosedLaw", "ConstantStiffness", "SaturatingLaw", "magnet_of"],
     "machine.stiffness": ["StiffnessMap", "stiffness_map"],
+    "simulation.flight": ["Flight"],
+    "simulation.machine": ["simulate_machine"],
     "simulation.scenario": ["PID", "Scenario"],
     "simulation.waveforms": ["Constant", "Impulse", "Ramp", "Recorded", "Sequence", "Sine", "Step"],
     "workflow.comparison": ["compare"],
     "workflow.assessing": ["assess"],
+    "workflow.assessing_log": ["assess_log"],
+    "workflow.campbell": ["campbell"],
     "workflow.designing": ["design"],
     "workflow.expert": ["train"],
     "workflow.filtering": ["filter"],
     "workflow.identifying": ["identify"],
+    "workflow.injecting": ["design_injection"],
+    "workflow.sweeping": ["sweep"],
+    "workflow.trading_off": ["trade_off"],
     "workflow.simulating": ["scenario_for", "simulate", "simulate_run"],
     "workflow.tuned_filter": ["tune"],
 }

@@ -12,3 +12,14 @@ class Model:  # type: ignore[no-redef]
     """Any model (ambkit/loops.h)."""
 
     def __init__(self, arrays: dict[str, Any]) -> None: ...
+    def nodes(self, first: float, step: float, arrays: list[dict[str, Any]]) -> None:
+        """The same machine at speeds one after the other [rad/s]; then it can turn."""
+
+    def turn(self, speed: float) -> None:
+        """Take the numbers of a speed [rad/s]."""
+
+def run_turning(estimator: Estimator, y: Any, u: Any, speed: Any, model: Model, *, covariance: bool = False) -> dict[str, Any]:
+    """A whole record while the speed of rotation changes (n,) [rad/s], of its own model."""
+
+def simulate_machine(machine: dict[str, Any], *, r: Any, load: Any, speed: Any, noise_u: Any, noise_y: Any, start: Any, demanded: Any, estimator: Estimator | None = None, model: Model | None = None) -> dict[str, Any]:
+    """A closed-loop run of a whole machine in one call; see sim/machine.h for shapes and units."""

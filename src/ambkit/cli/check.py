@@ -18,6 +18,7 @@ class Schema(StrEnum):
     bearing = "bearing"
     machine = "machine"
     scenario = "scenario"
+    flight = "flight"
     map = "map"
     filter = "filter"
     force = "force"

@@ -10,13 +10,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.kinds import NAMES, estimator_option, to_export
-from ambkit.cli.options import BearingOrFilter, Json, quantity
+from ambkit.cli.kinds import NAMES, estimator_option, of_machine, to_export
+from ambkit.cli.options import BearingOrFilter, Json, find_machine, quantity
 
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from ambkit.cli.kinds import Chosen
     from ambkit.export.c import Cost
+    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Machine
 
 
 class Precision(StrEnum):
@@ -86,12 +89,13 @@ def export_c(
 ) -> None:
     """Write a filter as a folder of C99 that compiles alone.
 
-    The library's own C, with the data of this bearing and this filter.
+    The library's own C, with the data of this bearing or machine and this filter.
 
     For example:
       ambkit train zittau_axial --out expert.json
       ambkit export c zittau_axial --estimator expert.json --out out/
       ambkit export c filter.toml --precision double --out out/
+      ambkit export c tum_mlps --estimator extended --out out/
     """
     from ambkit.cli import output
     from ambkit.export import c
@@ -100,7 +104,7 @@ def export_c(
         raise AmbkitError("--cost is for --precision float: a Cortex-M4F has no double in hardware")
     if clock is not None and not clock > 0:
         raise AmbkitError(f"--clock must be greater than 0 Hz, is {clock:g} Hz")
-    model, chosen = to_export(bearing, estimator)
+    model, chosen = _machine_of(bearing, estimator) or to_export(bearing, estimator)
     written = c.export_c(
         model,
         chosen.magnet,
@@ -138,6 +142,12 @@ def export_c(
         tables.append(_cost_table(written.cost, clock))
     output.deliver(data, tables, as_json=json)
     output.note(f"wrote {written.folder}, {len(written.files) + 1} files")
+
+
+def _machine_of(text: str, estimator: str | None) -> tuple[Bearing | Machine, Chosen] | None:
+    """Return a whole machine and its estimator; None where the text names something else."""
+    machine = find_machine(text)
+    return None if machine is None else (machine, of_machine(estimator, machine))
 
 
 def _cost_table(spent: Cost, clock: float) -> Table:

@@ -16,10 +16,12 @@ from ambkit.cli.options import (
     Json,
     MapFile,
     Plot,
+    Synchronous,
     To,
     arguments_of_the_user,
     file_option,
     find_bearing,
+    find_machine,
     quantity,
 )
 from ambkit.estimate.registry import FILTER_SUFFIX
@@ -34,6 +36,9 @@ if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
     from ambkit.workflow.filtering import Filtered, Filtering, Stretch
     from ambkit.workflow.oddities import OutsideOfBox
+
+
+_USUAL = "linear,adaptive,closed-law"  # of one axis
 
 
 def filter_record(
@@ -61,7 +66,7 @@ def filter_record(
             help=f"One or several of {', '.join(NAMES)}; all; or filters' files (.toml), whose "
             "inputs say what y and u of the log are.",
         ),
-    ] = "linear,adaptive,closed-law",
+    ] = _USUAL,
     expert: ExpertFile = None,
     begin: From = None,
     end: To = None,
@@ -110,6 +115,7 @@ def filter_record(
             help="Also estimate each sample from the whole record, not only from what came before.",
         ),
     ] = False,
+    synchronous: Synchronous = None,
     out: Annotated[
         Path | None, file_option("Write the estimates: .csv or .parquet.", RECORDS, "--out")
     ] = None,
@@ -125,9 +131,11 @@ def filter_record(
 
     For example:
       ambkit filter run.csv --bearing zittau_axial --out estimates.csv --plot estimates.html
+      ambkit filter machine.csv --bearing tum_mlps --estimator extended --synchronous runout
     """
     from ambkit.cli import output
     from ambkit.cli.belonging import say_what_is_odd
+    from ambkit.cli.filter_machine import filter_machine
     from ambkit.cli.kinds import factories
     from ambkit.cli.logs import load_log
     from ambkit.estimate.filter_file import FilterFile
@@ -141,6 +149,23 @@ def filter_record(
     if tune is not None and not tune > 0:
         raise AmbkitError(f"--tune must be greater than 0 s, is {tune:g} s")
     chosen = names(estimator)
+    whole = None if bearing is None else find_machine(bearing)
+    if whole is not None:
+        filter_machine(
+            whole,
+            load_log(record, channel_map, begin, end),
+            ("linear", "extended") if estimator == _USUAL else chosen,
+            synchronous=synchronous or (),
+            noise=FilterNoise(measurement=noise_y, disturbance=noise_d),
+            settling=settling or 0.0,
+            smooth=smooth,
+            out=out,
+            json=json,
+            others={"expert": expert, "tune": tune, "plot": plot},
+        )
+        return
+    if synchronous:
+        raise AmbkitError("--synchronous is of a whole machine, not of one axis")
     files = {name: FilterFile.load(name) for name in chosen if name.endswith(FILTER_SUFFIX)}
     model = find_bearing(bearing) if bearing is not None else _bearing_of(files)
     log = load_log(record, _channels(files, channel_map), begin, end)

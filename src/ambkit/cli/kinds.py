@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from ambkit.fuzzy.expert import Expert
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.forces.surface import ForceSurface
+    from ambkit.machine.machine import Machine
     from ambkit.machine.magnets import MagnetModel
     from ambkit.workflow.estimators import Factory
 
@@ -187,6 +188,22 @@ def to_export(
     else:
         find_bearing(target)
     return _in_file(estimator, choice)
+
+
+def of_machine(estimator: str | None, machine: Machine) -> Chosen:
+    """Return the estimator of a whole machine that a user wants to export: a kind, linear if none.
+
+    Raises
+    ------
+    AmbkitError
+        There is no such kind.
+    """
+    from ambkit.estimate.registry import KINDS, kind_called, learned_magnet
+
+    kind = kind_called(estimator or "linear").name
+    law = KINDS[kind].magnet
+    magnet = learned_magnet(kind, machine) if law is None else law(machine)
+    return Chosen(kind, None if kind == "linear" else magnet, None)
 
 
 def _in_file(path: str, choice: Iterable[str]) -> tuple[Bearing, Chosen]:

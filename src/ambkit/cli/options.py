@@ -15,6 +15,7 @@ from ambkit.base.errors import AmbkitError
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Machine
 
 PICTURES = (".png", ".svg", ".html")
 RECORDS = (".csv", ".parquet")
@@ -135,6 +136,40 @@ ExpertFile = Annotated[
 ]
 
 
+Synchronous = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--synchronous",
+        metavar="NAME",
+        help="Of a whole machine: unbalance or runout, which are estimated too; may be repeated.",
+    ),
+]
+
+
+def find_machine(text: str) -> Machine | None:
+    """Return the preset of a whole machine, or that in the TOML file, that the user named.
+
+    Raises
+    ------
+    AmbkitError
+        The file is a machine's and not valid.
+
+    Returns
+    -------
+    Machine or None
+        None where it is something else.
+    """
+    from ambkit.machine import presets
+    from ambkit.machine.machine import Machine
+    from ambkit.workflow.inspection import kind_of_toml
+
+    if text in presets.machine_names():
+        return Machine.preset(text)
+    if Path(text).suffix == ".toml" and Path(text).is_file() and kind_of_toml(text) == "machine":
+        return Machine.load(text)
+    return None
+
+
 def find_bearing(text: str) -> Bearing:
     """Return the preset, or the bearing in the TOML file, that the user named.
 
@@ -150,6 +185,8 @@ def find_bearing(text: str) -> Bearing:
         return Bearing.preset(text)
     if Path(text).suffix == ".toml" or os.sep in text or Path(text).exists():
         return Bearing.load(text)
+    if text in presets.machine_names():
+        raise AmbkitError(f'"{text}" is a whole machine; this takes a bearing of one axis')
     near = difflib.get_close_matches(text, presets.names(), 1)
     hint = f"did you mean {near[0]}?" if near else f"there are: {', '.join(presets.names())}"
     raise AmbkitError(f'there is no preset and no file "{text}"; {hint}')

@@ -14,8 +14,10 @@ from ambkit.cli.options import (
     ExpertFile,
     Json,
     Plot,
+    Synchronous,
     file_option,
     find_bearing,
+    find_machine,
     quantity,
 )
 
@@ -30,8 +32,8 @@ def simulate(
         Path | None,
         typer.Option(
             metavar="FILE.toml",
-            help="What happens; 'ambkit check --schema scenario'. What its [controller] does not "
-            "say, all of it without one, is tuned for the bearing.",
+            help="What happens; 'ambkit check --schema scenario', of a machine 'flight'. What its "
+            "[controller] does not say, all of it without one, is tuned for the bearing.",
         ),
     ] = None,
     estimator: Annotated[
@@ -71,6 +73,14 @@ def simulate(
             help="Reference r of a record, such as 'ambkit excite' writes; for as long as it is.",
         ),
     ] = None,
+    injection: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Signal 'injected' of a record, such as 'ambkit excite --for sensitivity' writes, "
+            "added to the measurement; for as long as it is.",
+        ),
+    ] = None,
     load: Annotated[
         float | None,
         typer.Option(
@@ -78,25 +88,39 @@ def simulate(
         ),
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="Seed of the noise.")] = None,
+    synchronous: Synchronous = None,
     out: Annotated[
         Path | None, file_option("Write the record: .csv or .parquet.", RECORDS, "--out")
     ] = None,
     plot: Plot = None,
     json: Json = False,
 ) -> None:
-    """Simulate a bearing in closed loop.
+    """Simulate a bearing or a whole machine in closed loop.
 
-    With its nonlinear magnet, noise, sensor lag, current limit and stops.
+    With its nonlinear magnets, noise, sensor lag, current limit and stops; a machine with its
+    gyroscopics, unbalance and runout, and its orbits in the picture.
 
     For example:
       ambkit simulate zittau_axial --step "0.5 mm" --load "3 N" --out run.csv --plot run.png
+      ambkit simulate tum_mlps --plot orbits.png
     """
     from ambkit.base.errors import AmbkitError
     from ambkit.cli import output
     from ambkit.cli.kinds import factories, surface_in
+    from ambkit.cli.simulate_machine import simulate_machine
     from ambkit.show import plots
     from ambkit.workflow.simulating import RunSummary, simulate_run
 
+    whole = find_machine(bearing)
+    if whole is not None:
+        simulate_machine(
+            whole, scenario=scenario, estimator=estimator, duration=duration, load=load, seed=seed,
+            synchronous=synchronous or (), out=out, plot=plot, json=json,
+            others={"expert": expert, "force-map": magnet, "step": step, "reference": reference},
+        )  # fmt: skip
+        return
+    if synchronous:
+        raise AmbkitError("--synchronous is of a whole machine, not of one axis")
     plant = find_bearing(bearing)
     if reference is not None and step is not None:
         raise AmbkitError("give either --step or --reference")
@@ -106,7 +130,7 @@ def simulate(
     with output.progress("simulating"):
         run = simulate_run(
             plant, scenario, estimator=kalman, magnet=true, duration=duration, step=step, load=load,
-            seed=seed, reference=reference,
+            seed=seed, reference=reference, injection=injection,
         )  # fmt: skip
     summary = RunSummary(plant, run)
     data = summary.to_dict()

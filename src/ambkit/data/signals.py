@@ -2,8 +2,9 @@
 
 from functools import cache
 
-MEASURED = {"y": "m", "u": "V", "r": "m"}
-"""What a rig's log has: measured position, control signal, reference."""
+MEASURED = {"y": "m", "u": "V", "r": "m", "injected": "m"}
+"""What a rig's log has: measured position, control signal, reference, and what was added to the
+measurement to find the loop's sensitivity."""
 
 TRUTH = {"x": "m", "v": "m/s", "f_d": "N", "x_m": "m", "iu": "A", "f_mag": "N"}
 """What only a simulation knows, by the symbols of the paper: displacement, velocity, disturbance
@@ -14,7 +15,7 @@ UNITS = {"t": "s"} | MEASURED | TRUTH
 
 SI_UNITS = (
     *dict.fromkeys(UNITS.values()),
-    *("1", "m/s^2", "rad", "rad/s", "Hz", "kg", "K", "Pa", "J", "W"),
+    *("1", "m/s^2", "rad", "rad/s", "Hz", "kg", "kg m", "K", "Pa", "J", "W"),
     *("m^2", "m^2/s^2", "V^2", "A^2", "N^2", "N/A", "N/m", "N m", "N s/m", "N m^2/A^2"),
     *("A/V", "V/A", "V/m", "A/s", "V/s", "N/s", "ohm", "H", "T", "Wb", "C"),
 )

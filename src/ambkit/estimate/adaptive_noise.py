@@ -91,7 +91,7 @@ class AdaptiveNoise(Estimator):
             raise ValueError(f"{inner.name}: its noise cannot be found, as it has a constant gain")
         self.inner = inner
         self.smooths = inner.smooths
-        self.bearing, self.magnet = inner.bearing, inner.magnet
+        self.bearing, self.whole, self.magnet = inner.bearing, inner.whole, inner.magnet
         self.variances, self.precision = inner.variances, inner.precision
         self.name = f"{inner.name}, adaptive noise"
         share = T / memory
@@ -112,9 +112,13 @@ class AdaptiveNoise(Estimator):
     def noise(self) -> Variances:
         """What the filter assumes now: R [m^2], control signal [V^2], growth [N^2/s]."""
         var_y, var_d = self.core.noise
-        return self.variances._replace(
-            measurement=float(var_y[0]), disturbance=float(var_d[0]) / self.bearing.sampling_time
-        )
+        T, axes = self.bearing.sampling_time, len(self._settings["f_0"])
+        growth = var_d[:axes] / T
+        if self.whole is not None:
+            return self.variances._replace(
+                measurement=tuple(var_y.tolist()), disturbance=tuple(growth.tolist())
+            )
+        return self.variances._replace(measurement=float(var_y[0]), disturbance=float(growth[0]))
 
 
 def _check_choice(name: str, value: str, known: tuple[str, ...]) -> None:

@@ -23,13 +23,11 @@ from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.model import LinearModel
 from ambkit.estimate.noise import FilterNoise, completed
 from ambkit.estimate.starting import hovering, start_std
+from ambkit.estimate.whole import Whole
+from ambkit.machine.bank import bank_of, bias_forces_of, constants_of
 from ambkit.machine.bearing import Bearing
-from ambkit.machine.magnets import (
-    ConstantStiffness,
-    MagnetModel,
-    Precision,
-    bias_force_of,
-)
+from ambkit.machine.machine import Machine
+from ambkit.machine.magnets import MagnetModel, Precision
 from ambkit.models.model import Descriptor, Model
 
 if TYPE_CHECKING:
@@ -43,10 +41,11 @@ class Estimator(Copyable):
 
     Parameters
     ----------
-    bearing : Bearing
-        What is filtered.
+    bearing : Bearing or Machine
+        What is filtered: one axis, or a whole machine with all its axes and readings.
     magnet : optional
-        What the filter knows of its magnet; by default the constant stiffnesses of the origin.
+        What the filter knows of its magnet; by default the constant stiffnesses of the origin. Of a
+        machine one for each axis.
     noise : FilterNoise, optional
         Variances; by default those of the bearing.
     gravity : {"known", "disturbance"}
@@ -65,6 +64,11 @@ class Estimator(Copyable):
         Predict by eq. 19 as the paper prints it, with the position held over the sample in the
         sensor's lag. That puts every estimate ahead of the rotor by
         ``T/(1 - exp(-T/T_sen)) - T_sen``: to reproduce the paper only.
+    synchronous : sequence of str
+        Of a whole machine, what turns with its rotor at its speed and is estimated too:
+        ``"unbalance"``, forces in two planes, and ``"runout"`` of each sensor. At a constant speed
+        the two cannot be told apart, and the stated errors of both are those at the start; the slow
+        disturbance force is free of them.
 
     Raises
     ------
@@ -81,12 +85,13 @@ class Estimator(Copyable):
     """Where a number came from, by its key in a filter's file."""
     _of_core: tuple[str, ...] = ("core", "engine", "_core_step", "_live_mean")
     estimates_noise = True  # whether sensor noise with a memory is among its states
+    several_axes = True  # whether it takes a whole machine
     smooths = False  # whether mean and covariance follow the model that the smoother goes back by
 
     def __init__(
         self,
-        bearing: Bearing,
-        magnet: MagnetModel | None = None,
+        bearing: Bearing | Machine,
+        magnet: MagnetModel | Sequence[MagnetModel] | None = None,
         *,
         noise: FilterNoise | None = None,
         gravity: Literal["known", "disturbance"] = "known",
@@ -95,8 +100,11 @@ class Estimator(Copyable):
         gate: float = 8.0,
         outlier_limit: int = 3,
         as_printed: bool = False,
+        synchronous: Sequence[str] = (),
     ) -> None:
-        of_type(Bearing, bearing=bearing)
+        of_type(Bearing, Machine, bearing=bearing)
+        if isinstance(bearing, Machine) and not self.several_axes:
+            raise ValueError(f"{self.name}: it is of one axis, and cannot take a whole machine")
         if gravity not in ("known", "disturbance"):
             raise ValueError(f"gravity must be 'known' or 'disturbance', got {gravity!r}")
         for limit, value in (("frozen_limit", frozen_limit), ("outlier_limit", outlier_limit)):
@@ -106,14 +114,16 @@ class Estimator(Copyable):
             raise ValueError(f"gate must be greater than 0 standard deviations, got {gate!r}")
         noise = noise or FilterNoise()
         of_type(FilterNoise, noise=noise)
-        self.bearing = bearing
-        self.magnet = magnet if magnet is not None else ConstantStiffness.of(bearing)
-        self.variances = completed(bearing, noise)
+        self.bearing: Any = bearing
+        self.whole = Whole(bearing) if isinstance(bearing, Machine) else None
+        self.magnet = constants_of(bearing) if magnet is None else bank_of(magnet)
         self.precision = precision
-        known = bearing.weight if gravity == "known" else 0.0
-        self.engine = Engine(bearing, precision, as_printed=as_printed, noise=self.estimates_noise)
-        settings = core_settings(self.engine, self.variances) | {
-            "f_0": [known + bias_force_of(self.magnet, bearing)],
+        self.engine = Engine(
+            bearing, precision, as_printed=as_printed, noise=self.estimates_noise,
+            synchronous=synchronous,
+        )  # fmt: skip
+        known = gravity == "known"
+        settings = self._told(noise, known=known) | {
             "gate": gate,
             "frozen_limit": frozen_limit,
             "outlier_limit": outlier_limit,
@@ -122,6 +132,17 @@ class Estimator(Copyable):
         held = self.magnet.in_core(self.engine.core)
         self.core: Any = self._build(self.engine, held, settings)
         self.reset()
+
+    def _told(self, noise: FilterNoise, *, known: bool) -> dict[str, Any]:
+        """Return what the core is told but for limits of judgement; sets `variances`."""
+        if self.whole is not None:
+            self.variances = self.whole.variances(noise)
+            told = self.whole.settings(self.variances, self.states, self.engine.noises)
+            return told | {"f_0": self.whole.known_forces(self.magnet, weight=known)}
+        self.variances = completed(self.bearing, noise)
+        weight = self.bearing.weight if known else 0.0
+        (bias,) = bias_forces_of(self.magnet, self.bearing)
+        return core_settings(self.engine, self.variances) | {"f_0": [weight + bias]}
 
     @cached_property
     def inputs(self) -> Inputs:
@@ -190,12 +211,12 @@ class Estimator(Copyable):
         """The sampled model that it predicts with."""
         return self.engine.model
 
-    def linear_model(self, k_i: float, k_s: float) -> LinearModel:
+    def linear_model(self, k_i: Any, k_s: Any) -> LinearModel:
         """Return what it predicts with as matrices.
 
         Parameters
         ----------
-        k_i, k_s : float
+        k_i, k_s : float or array_like (p,)
             Stiffnesses at the working point [N/A], [N/m].
         """
         return LinearModel.of(self.model, k_i, k_s, self._settings)
@@ -286,7 +307,12 @@ class Estimator(Copyable):
 
     def default_std(self) -> tuple[float, ...]:
         """Return the standard deviations with which a filter starts; see :meth:`reset`."""
-        usual = start_std(self.bearing, self.variances, self.states)
+        of = self.whole
+        usual = (
+            start_std(self.bearing, self.variances, self.states)
+            if of is None
+            else of.start_std(self.variances, self.states)
+        )
         names = [state.name for state in self.states]
         return tuple((dict(zip(names, usual, strict=True)) | dict(self.start_std)).values())
 
@@ -294,7 +320,7 @@ class Estimator(Copyable):
         self,
         x: float | NDArray[np.float64],
         shown: float | NDArray[np.float64] | None = None,
-        current: float | None = None,
+        current: Any = None,
     ) -> NDArray[np.float64]:
         """Return the states (n,), each in its unit [m, m/s, N ...], of a rotor at rest.
 
@@ -307,7 +333,15 @@ class Estimator(Copyable):
         current : float, optional
             The magnet's, and what was demanded in the samples before [A]; by default what holds the
             rotor there, see :attr:`hover`.
+
+        Notes
+        -----
+        Of a whole machine x are the rotor's coordinates (q,), 0 for all of them in the middle,
+        `shown` the readings (m,) and `current` the axes' currents (p,).
         """
+        if self.whole is not None:
+            q = np.broadcast_to(np.asarray(x, float), len(self.whole.travel))
+            return self.whole.at_rest(self.states, self.hover, q, shown, current)
         shown = self.bearing.sensor.gain * x if shown is None else shown
         holding = self._holding_at(x) if current is None else current
         by_role = {"position": x, "sensor": shown, "current": holding, "past control": holding}
@@ -338,6 +372,13 @@ class Estimator(Copyable):
         ndarray (n,) or (runs, n)
             The states, each in its unit [m, m/s, N ...].
         """
+        if self.whole is not None:
+            # In its own precision and order, as an exported filter has it.
+            constant, by_reading = self.whole.start_form(self.states, self.hover)
+            start: NDArray[Any] = constant.astype(self.precision)
+            for column, seen in zip(by_reading.T, self.whole.first(y), strict=True):
+                start = start + column.astype(self.precision) * np.dtype(self.precision).type(seen)
+            return start.astype(float)
         gain, travel = self._settings["K_sen"][0], self._settings["travel"][0]
         limit = gain * travel
 
@@ -353,11 +394,14 @@ class Estimator(Copyable):
         return self.at_rest(each / gain, each)
 
     @cached_property
-    def hover(self) -> tuple[float, float]:
+    def hover(self) -> Any:
         """Current that holds the rotor in the middle [A], and by how much more away from it [A/m].
 
-        By what the filter knows of its magnet; 0 without a current among the states.
+        By what the filter knows of its magnet; 0 without a current among the states. Of a whole
+        machine such a pair for each axis.
         """
+        if self.whole is not None:
+            return self.whole.hover(self.magnet, self.states)  # type: ignore[arg-type]
         return hovering(self.bearing, self.magnet, self.states)
 
     def predict(self, u: float) -> NDArray[np.float64]:
@@ -434,7 +478,9 @@ class Estimator(Copyable):
         Parameters
         ----------
         record : Record
-            With ``y`` [m] and ``u`` [V]; u[k] acts from sample k to k + 1.
+            With ``y`` [m] and ``u`` [V]; u[k] acts from sample k to k + 1. Of a whole machine
+            with ``y_NAME`` of each reading and ``u_NAME`` of each axis, and where it is not the
+            machine's own with the ``speed`` of rotation [rad/s].
         covariance : bool
             Keep the covariances, 10 numbers a sample.
 
@@ -444,7 +490,38 @@ class Estimator(Copyable):
             Where the record's sampling time is not the bearing's.
         """
         y, u = self._start(record)
-        return self._estimate(record.t, self.core.run(y, u, covariance=covariance), self.name)
+        speed = self.turning(dict(record.signals).get("speed"), len(y))
+        if speed is None:
+            history = self.core.run(y, u, covariance=covariance)
+        else:
+            of = self.engine.model_of_core
+            turn = self.engine.core.run_turning
+            history = turn(self.core, y, u, speed, of, covariance=covariance)
+        return self.told(record.t, history, self.name)
+
+    def turning(self, speed: NDArray[np.float64] | None, n: int) -> NDArray[Any] | None:
+        """Let the model of a whole machine follow the speed of its rotor.
+
+        Parameters
+        ----------
+        speed : ndarray (n,), optional
+            Of rotation at the samples [rad/s]; by default the machine's own.
+        n : int
+            Samples.
+
+        Returns
+        -------
+        ndarray (n,) or None
+            The speed that it follows [rad/s]; None where it is the machine's own, and always was.
+        """
+        if self.whole is None:
+            return None
+        own = self.whole.machine.speed
+        given = np.full(n, own) if speed is None else np.asarray(speed, float)
+        if not self.engine.turned and bool((given == own).all()):
+            return None
+        self.engine.let_turn(float(given.min()), float(given.max()))
+        return np.ascontiguousarray(given, self.precision)
 
     def run_raw(self, y: ArrayLike, u: ArrayLike, *, covariance: bool = False) -> Estimate:
         """Run along a rig's own numbers, as the exported C does: to the last bit, from its start.
@@ -508,17 +585,37 @@ class Estimator(Copyable):
                 "Kalman filters can"
             )
         y, u = self._start(record)
-        return self._estimate(record.t, self.core.smooth(y, u), f"{self.name}, smoothed")
+        return self.told(record.t, self.core.smooth(y, u), f"{self.name}, smoothed")
 
-    def _estimate(self, t: NDArray[np.float64], history: dict[str, Any], name: str) -> Estimate:
-        """Wrap what the core wrote of a whole record."""
-        return Estimate.from_core(t, history, name, self.states)
+    def told(
+        self, t: NDArray[np.float64], history: dict[str, Any], name: str | None = None
+    ) -> Estimate:
+        """Wrap what the core wrote of a whole record.
+
+        Parameters
+        ----------
+        t : ndarray (n,)
+            Time [s].
+        history : dict
+            The core's arrays by name, n samples each.
+        name : str, optional
+            What the estimator is called there.
+        """
+        name = self.name if name is None else name
+        if self.whole is None:
+            return Estimate.from_core(t, history, name, self.states)
+        machine = self.whole.machine
+        return Estimate.from_core(
+            t, history, name, self.states,
+            axes=tuple(axis.name for axis in machine.axes),
+            readings=tuple(r.name for r in machine.readings),
+        )  # fmt: skip
 
     def _start(self, record: Record) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Reset to the first measurement of a record within the travel; return its y and u."""
         of_type(Record, record=record)
         check_sampling(self.bearing, record)
-        y, u = record["y"], record["u"]
+        y, u = (record["y"], record["u"]) if self.whole is None else self.whole.signals(record)
         self.reset(self.at_first(y))
         return y, u
 
@@ -541,7 +638,9 @@ class Estimator(Copyable):
             at k and the control signals that acted since.
         """
         mean = np.ascontiguousarray(real("estimate.mean", estimate.mean))
-        return np.asarray(self.core.forecast(mean, record["u"], ahead, estimate.scale))[:, 0]
+        u = record["u"] if self.whole is None else self.whole.signals(record)[1]
+        y = np.asarray(self.core.forecast(mean, u, ahead, estimate.scale))
+        return y[:, 0] if self.whole is None else y
 
     @property
     def mean(self) -> NDArray[np.float64]:
@@ -563,14 +662,14 @@ class Estimator(Copyable):
         return np.asarray(self.core.covariance)
 
     @property
-    def innovation(self) -> float:
-        """Last measurement less its prediction [m]."""
-        return float(self.core.innovation)
+    def innovation(self) -> Any:
+        """Last measurement less its prediction [m]; of several readings (m,)."""
+        return self.core.innovation if self.whole else float(self.core.innovation)
 
     @property
-    def innovation_variance(self) -> float:
-        """Its variance S as the filter expects it [m^2]."""
-        return float(self.core.variance)
+    def innovation_variance(self) -> Any:
+        """Its variance S as the filter expects it [m^2]; of several readings (m,)."""
+        return self.core.variance if self.whole else float(self.core.variance)
 
     @property
     def scale(self) -> tuple[float, float] | None:
@@ -594,13 +693,14 @@ def _files() -> Any:
     return import_module("ambkit.estimate.filter_file")
 
 
-def check_sampling(bearing: Bearing, record: Record) -> None:
+def check_sampling(bearing: Bearing | Machine, record: Record) -> None:
     """Raise ValueError where the record was not sampled as the bearing says."""
     if len(record.t) < 2:
         return
     T = float(record.t[-1] - record.t[0]) / (len(record.t) - 1)
     if abs(T - bearing.sampling_time) > 1e-3 * bearing.sampling_time:
         raise ValueError(
-            f"the record is sampled every {T:.6g} s, but bearing {bearing.name!r} has "
+            f"the record is sampled every {T:.6g} s, but {type(bearing).__name__.lower()} "
+            f"{bearing.name!r} has "
             f"sampling_time = {bearing.sampling_time:.6g} s"
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cached_property
 from types import ModuleType
@@ -10,26 +11,31 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.machine.bearing import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import Precision, core_module
 from ambkit.models import axis_model, axis_parts
 from ambkit.models.axis import PAPER_STATES
+from ambkit.models.machine import SYNCHRONOUS, machine_model, machine_parts
 from ambkit.models.model import Descriptor, Model, compressed_rows
-from ambkit.models.plan import Plan
+from ambkit.models.plan import Part, Plan
 from ambkit.models.roles import ENUMERATORS, ROLES
 
 if TYPE_CHECKING:
     from ambkit.estimate.noise import Variances
-    from ambkit.machine.bearing import Bearing
 
 Array = NDArray[np.float64]
 
+NODE = 0.02
+"""Radians a sample between the speeds at which a model that turns is computed."""
+
 
 class Engine:
-    """A build of the core, and the model of a bearing in it.
+    """A build of the core, and the model of a bearing or a machine in it.
 
     Parameters
     ----------
-    bearing : Bearing
+    bearing : Bearing or Machine
         Whose parts decide: the paper's axis is built in, all else runs by loops over its model.
     precision : {"float64", "float32"}
         What it computes in.
@@ -37,29 +43,44 @@ class Engine:
         Eq. 19 as the paper prints it.
     noise : bool
         Whether sensor noise with a memory is among the states.
+    synchronous : sequence of str
+        What turns with a machine's rotor and is among the states: unbalance, runout.
 
     Raises
     ------
     ValueError
-        As printed, with parts that the paper does not have.
+        As printed, with parts that the paper does not have; more states, axes or readings than
+        the core has room for.
     """
 
     def __init__(
         self,
-        bearing: Bearing,
+        bearing: Bearing | Machine,
         precision: Precision,
         *,
         as_printed: bool = False,
         noise: bool = True,
+        synchronous: Sequence[str] = (),
     ) -> None:
-        self.bearing, self.as_printed, self.noise = bearing, as_printed, noise
+        self.bearing: Any = bearing
+        self.turned = False  # whether the core's model has been at another speed
+        self.as_printed, self.noise, self.synchronous = as_printed, noise, tuple(synchronous)
+        unknown = [name for name in synchronous if name not in SYNCHRONOUS]
+        if unknown:
+            known = " and ".join(SYNCHRONOUS)
+            raise ValueError(f"synchronous must be some of {known}, got {unknown[0]!r}")
+        if synchronous and not isinstance(bearing, Machine):
+            raise ValueError("synchronous states are of a whole machine, not of one axis")
+        if isinstance(bearing, Machine) and as_printed:
+            raise ValueError("as printed there is one axis, not a whole machine")
         plan = Plan(bearing.sampling_time)
-        for part in axis_parts(bearing, noise=noise):
+        for part in parts_of(bearing, noise=noise, synchronous=synchronous):
             plan.add(part)
         self.states, self.noises = tuple(plan.states), tuple(plan.noises)
         self.built_in = tuple(state.name for state in plan.states) == PAPER_STATES
         self.core: ModuleType = core_module(precision, any_model=not self.built_in)
-        if self.built_in:
+        check_room(self.core, plan, bearing.name)
+        if self.built_in and isinstance(bearing, Bearing):
             self.model_of_core: Any = self.core.Model(
                 bearing.sampling_time, bearing.rotor.mass, bearing.sensor.gain,
                 bearing.sensor_lag, as_printed,
@@ -67,10 +88,56 @@ class Engine:
         else:
             self.model_of_core = self.core.Model(arrays(self.model))
 
+    def let_turn(self, slowest: float, fastest: float) -> None:
+        """Let the core's model take any speed of rotation between two [rad/s].
+
+        Its numbers are computed at speeds `NODE` of a radian a sample apart, and interpolated by
+        cubics in between: what turns then keeps its phase to some 1e-8 rad a sample.
+        """
+        step = NODE / self.bearing.sampling_time
+        first = step * math.floor(slowest / step)
+        count = max(4, math.ceil((fastest - first) / step) + 1)
+        at = [
+            arrays(
+                machine_model(
+                    self.bearing.model_copy(update={"speed": first + k * step}),
+                    noise=self.noise,
+                    synchronous=self.synchronous,
+                )
+            )
+            for k in range(count)
+        ]
+        self.model_of_core.nodes(first, step, at)
+        self.turned = True
+
     @cached_property
     def model(self) -> Model:
         """The model as data, sampled when it is first asked for."""
+        if isinstance(self.bearing, Machine):
+            return machine_model(self.bearing, noise=self.noise, synchronous=self.synchronous)
         return axis_model(self.bearing, as_printed=self.as_printed, noise=self.noise)
+
+
+def parts_of(
+    bearing: Bearing | Machine, *, noise: bool = True, synchronous: Sequence[str] = ()
+) -> list[Part]:
+    """Return the parts of a bearing or of a whole machine."""
+    if isinstance(bearing, Machine):
+        return machine_parts(bearing, noise=noise, synchronous=synchronous)
+    return axis_parts(bearing, noise=noise)
+
+
+def check_room(core: ModuleType, plan: Plan, name: str) -> None:
+    """Raise ValueError where a model is larger than the core has room for."""
+    if not hasattr(core, "MOST_STATES"):
+        return
+    for what, most in (
+        ("states", core.MOST_STATES), ("forces", core.MOST_FORCES),
+        ("measurements", core.MOST_SENSORS),
+    ):  # fmt: skip
+        count = len(getattr(plan, what))
+        if count > most:
+            raise ValueError(f"{name} has {count} {what}; estimators take {most} at most")
 
 
 class Sizes(NamedTuple):

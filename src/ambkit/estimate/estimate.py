@@ -69,11 +69,11 @@ class Estimate(Shown):
     mean : ndarray (n, states)
         Displacement x [m], velocity v [m/s], disturbance force f_d [N], lagged position x_m [m],
         and what else the model has.
-    innovation, innovation_variance : ndarray (n,)
+    innovation, innovation_variance : ndarray (n,) or (n, readings)
         Measurement less its prediction [m], and the variance S that the filter expects [m^2].
         The innovation is zero where the measurement was not used, but told of an outlier. The
         variance is zero where the estimator has no idea of it.
-    k_i, k_s : ndarray (n,)
+    k_i, k_s : ndarray (n,) or (n, axes)
         Stiffnesses that the prediction used [N/A], [N/m].
     status : ndarray of uint16 (n,)
         Flags of :class:`Status`.
@@ -86,6 +86,8 @@ class Estimate(Shown):
     scale, scale_variance : ndarray (n,) or None
         Estimated magnet constant over the known one, and its variance [1], from estimators that
         estimate it.
+    axes, readings : tuple of str
+        Names of the axes and the readings of a whole machine; empty of one axis.
     """
 
     _card_by = "show.notebook.things:estimate"
@@ -102,10 +104,18 @@ class Estimate(Shown):
     states: tuple[Descriptor, ...]
     scale: Array | None = None
     scale_variance: Array | None = None
+    axes: tuple[str, ...] = ()
+    readings: tuple[str, ...] = ()
 
     @classmethod
     def from_core(
-        cls, t: Array, history: dict[str, Any], estimator: str, states: tuple[Descriptor, ...]
+        cls,
+        t: Array,
+        history: dict[str, Any],
+        estimator: str,
+        states: tuple[Descriptor, ...],
+        axes: tuple[str, ...] = (),
+        readings: tuple[str, ...] = (),
     ) -> Estimate:
         """Wrap what the C core wrote.
 
@@ -119,6 +129,8 @@ class Estimate(Shown):
             Name of the estimator.
         states : tuple of Descriptor
             Of its model.
+        axes, readings : tuple of str, optional
+            Of a whole machine.
         """
         return cls(
             t=t,
@@ -133,6 +145,8 @@ class Estimate(Shown):
             states=states,
             scale=history.get("scale"),
             scale_variance=history.get("scale_variance"),
+            axes=axes,
+            readings=readings,
         )
 
     @property
@@ -191,11 +205,24 @@ class Estimate(Shown):
     def nis(self) -> Array:
         """Normalised innovation squared, (n,) [1]; its mean is 1 where model and noise are right.
 
-        NaN where the estimator has no idea of the variance.
+        Of several readings their mean. NaN where the estimator has no idea of the variance.
         """
         with np.errstate(divide="ignore", invalid="ignore"):  # no variance, no figure
             nis = self.innovation**2 / self.innovation_variance
-        return np.where(self.innovation_variance > 0, nis, np.nan)
+        each = np.where(self.innovation_variance > 0, nis, np.nan)
+        return np.asarray(each.mean(axis=1) if each.ndim > 1 else each)
+
+    def _numbers(self) -> dict[str, tuple[NDArray[Any], str]]:
+        """Return stiffnesses, innovations and status by the names of their columns, with units."""
+        found: dict[str, tuple[NDArray[Any], str]] = {}
+        for name, unit in UNITS.items():
+            values = getattr(self, name)
+            if values.ndim == 1:
+                found[name] = values, unit
+                continue
+            of = self.axes if name in ("k_i", "k_s") else self.readings
+            found |= {f"{name}_{each}": (values[:, k], unit) for k, each in enumerate(of)}
+        return found
 
     @property
     def used(self) -> NDArray[np.bool_]:
@@ -224,10 +251,10 @@ class Estimate(Shown):
 
     def to_record(self) -> Record:
         """Return the estimates as a :class:`Record`, ready to be saved or plotted."""
-        signals = {name: self[name] for name in (*self.names, "k_i", "k_s", "innovation")}
-        signals["innovation_variance"] = self.innovation_variance
-        signals["status"] = self.status.astype(float)
-        units = {state.name: state.unit for state in self.states} | UNITS
+        signals = {name: self[name] for name in self.names}
+        units = {state.name: state.unit for state in self.states}
+        for name, (values, unit) in self._numbers().items():
+            signals[name], units[name] = values.astype(float), unit
         return Record(self.t, signals, units, meta={"estimator": self.estimator})
 
     def to_pandas(self) -> pandas.DataFrame:
@@ -301,8 +328,9 @@ class Estimate(Shown):
 
     def _series(self) -> frames.Series:
         columns: dict[str, NDArray[Any]] = {name: self[name] for name in self.names}
-        units = {state.name: state.unit for state in self.states} | UNITS
-        columns |= {name: getattr(self, name) for name in UNITS}
+        units = {state.name: state.unit for state in self.states}
+        for name, (values, unit) in self._numbers().items():
+            columns[name], units[name] = values, unit
         if self.scale is not None and self.scale_variance is not None:
             columns |= {"scale": self.scale, "scale_variance": self.scale_variance}
             units |= {"scale": "1", "scale_variance": "1"}
@@ -310,9 +338,10 @@ class Estimate(Shown):
             for place, (name, unit) in enumerate(_covariances(self.states).items()):
                 columns[name], units[name] = self.covariance[:, place], unit
         states = [list(asdict(state).values()) for state in self.states]
-        return frames.Series(
-            self.t, columns, units, {"estimator": self.estimator, "states": states}
-        )
+        about: dict[str, Any] = {"estimator": self.estimator, "states": states}
+        if self.axes:
+            about |= {"axes": list(self.axes), "readings": list(self.readings)}
+        return frames.Series(self.t, columns, units, about)
 
     @classmethod
     def _of_series(cls, given: frames.Series) -> Estimate:
@@ -320,7 +349,15 @@ class Estimate(Shown):
         try:
             states = tuple(Descriptor(*state) for state in about["states"])
             mean = np.column_stack([columns[state.name] for state in states])
-            of_core = {name: columns[name] for name in UNITS}
+            axes, readings = (tuple(about.get(of, ())) for of in ("axes", "readings"))
+            several = {"k_i": axes, "k_s": axes}
+            several |= dict.fromkeys(("innovation", "innovation_variance"), readings)
+            of_core = {
+                name: np.column_stack([columns[f"{name}_{each}"] for each in several[name]])
+                if several.get(name)
+                else columns[name]
+                for name in UNITS
+            }
             pairs = [columns[name] for name in _covariances(states) if name in columns]
             whole = len(pairs) in (0, packed(len(states) - 1, len(states) - 1, len(states)) + 1)
             if not whole:
@@ -334,6 +371,8 @@ class Estimate(Shown):
                 states=states,
                 scale=columns.get("scale"),
                 scale_variance=columns.get("scale_variance"),
+                axes=axes,
+                readings=readings,
             )
         except (KeyError, TypeError, ValueError) as error:
             raise RecordError(f"is no whole estimate of ambkit: {error} is missing") from None

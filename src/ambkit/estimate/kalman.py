@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.engine import Engine
-from ambkit.machine.magnets import MagnetModel, magnet_of
+from ambkit.machine.bank import laws_of
+from ambkit.machine.magnets import MagnetModel
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Machine
 
 
 class KalmanFilter(Estimator):
@@ -21,7 +23,7 @@ class KalmanFilter(Estimator):
 
     Parameters
     ----------
-    bearing : Bearing
+    bearing : Bearing or Machine
         What is filtered.
     magnet : optional
         What the filter knows of its magnet; by default the constant stiffnesses of the origin.
@@ -50,7 +52,7 @@ class AdaptiveKalmanFilter(KalmanFilter):
 
     Parameters
     ----------
-    bearing : Bearing
+    bearing : Bearing or Machine
         What is filtered.
     magnet : Expert, StiffnessMap, ClosedLaw or ConstantStiffness
         What is asked: the trained expert, its table, or the force law itself.
@@ -60,7 +62,7 @@ class AdaptiveKalmanFilter(KalmanFilter):
 
     name = "adaptive Kalman filter"
 
-    def __init__(self, bearing: Bearing, magnet: MagnetModel, **options: Any) -> None:
+    def __init__(self, bearing: Bearing | Machine, magnet: MagnetModel, **options: Any) -> None:
         super().__init__(bearing, magnet, **options)
 
 
@@ -69,7 +71,7 @@ class ExtendedKalmanFilter(Estimator):
 
     Parameters
     ----------
-    bearing : Bearing
+    bearing : Bearing or Machine
         What is filtered.
     magnet : optional
         What the filter knows of its magnet; by default the bearing's own law.
@@ -84,8 +86,10 @@ class ExtendedKalmanFilter(Estimator):
     name = "extended Kalman filter"
     smooths = True
 
-    def __init__(self, bearing: Bearing, magnet: MagnetModel | None = None, **options: Any) -> None:
-        super().__init__(bearing, magnet or magnet_of(bearing), **options)
+    def __init__(
+        self, bearing: Bearing | Machine, magnet: MagnetModel | None = None, **options: Any
+    ) -> None:
+        super().__init__(bearing, magnet or laws_of(bearing), **options)
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         return engine.core.Extended(magnet, engine.model_of_core, **settings)
@@ -99,7 +103,7 @@ class UDKalmanFilter(ExtendedKalmanFilter):
 
     Parameters
     ----------
-    bearing : Bearing
+    bearing : Bearing or Machine
         What is filtered.
     magnet : optional
         What the filter knows of its magnet; by default the bearing's own law.

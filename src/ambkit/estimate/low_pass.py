@@ -43,6 +43,7 @@ class LowPass(Estimator):
 
     name = "low-pass and derivative"
     estimates_noise = False
+    several_axes = False
 
     def __init__(
         self,

@@ -12,11 +12,13 @@ from ambkit.base.asked import Given, in_si
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.engine import Engine
 from ambkit.estimate.observer import unstable_pole
-from ambkit.machine.magnets import MagnetModel, bias_force_of, magnet_of
+from ambkit.machine.bank import bias_forces_of, laws_of
+from ambkit.machine.magnets import MagnetModel
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Machine
 
 
 class AugmentedKalmanFilter(Estimator):
@@ -30,7 +32,7 @@ class AugmentedKalmanFilter(Estimator):
 
     Parameters
     ----------
-    bearing : Bearing
+    bearing : Bearing or Machine
         What is filtered.
     magnet : optional
         What the filter knows of its magnet; by default the bearing's own law.
@@ -62,7 +64,7 @@ class AugmentedKalmanFilter(Estimator):
 
     def __init__(
         self,
-        bearing: Bearing,
+        bearing: Bearing | Machine,
         magnet: MagnetModel | None = None,
         *,
         scale_std: float = 0.2,
@@ -78,9 +80,9 @@ class AugmentedKalmanFilter(Estimator):
             raise ValueError(f"wander must be 0 1/s or more, got {wander!r}")
         if not (0 < least <= 1 <= most < math.inf):
             raise ValueError(f"limits must be 0 < least <= 1 <= most, got {least!r}, {most!r}")
-        magnet = magnet or magnet_of(bearing)
+        magnet = magnet or laws_of(bearing)
         self._own: dict[str, Any] = {
-            "bias": [bias_force_of(magnet, bearing)],
+            "bias": bias_forces_of(magnet, bearing),
             "std": scale_std,
             "var_k": wander * bearing.sampling_time,
             "min": least,
@@ -103,7 +105,7 @@ class MultipleModelFilter(Estimator):
 
     Parameters
     ----------
-    bearing : Bearing
+    bearing : Bearing or Machine
         What is filtered.
     magnet : optional
         What the filters know of their magnet; by default the bearing's own law.
@@ -131,7 +133,7 @@ class MultipleModelFilter(Estimator):
 
     def __init__(
         self,
-        bearing: Bearing,
+        bearing: Bearing | Machine,
         magnet: MagnetModel | None = None,
         *,
         scales: Sequence[float] = (0.7, 0.85, 1.0, 1.15, 1.3),
@@ -145,10 +147,10 @@ class MultipleModelFilter(Estimator):
         if not (math.isfinite(sojourn) and sojourn >= 2 * bearing.sampling_time):
             raise ValueError(f"sojourn must be two samples or more [s], got {sojourn!r}")
         self.scales = tuple(float(s) for s in scales)
-        magnet = magnet or magnet_of(bearing)
+        magnet = magnet or laws_of(bearing)
         self._own: dict[str, Any] = {
             "leave": bearing.sampling_time / sojourn,
-            "bias": [bias_force_of(magnet, bearing)],
+            "bias": bias_forces_of(magnet, bearing),
             **_learning(bearing, excitation),
         }
         super().__init__(bearing, magnet, **options)
@@ -164,7 +166,7 @@ class MultipleModelFilter(Estimator):
         return dict(zip(self.scales, map(float, self.core.weights), strict=True))
 
 
-def _learning(bearing: Bearing, excitation: float) -> dict[str, float]:
+def _learning(bearing: Bearing | Machine, excitation: float) -> dict[str, float]:
     """Return when the scale is learned, as the core wants it (``ambkit/excitation.h``)."""
     if not excitation > 0:
         raise ValueError(f"excitation must be greater than 0, got {excitation!r}")

@@ -16,27 +16,28 @@ Array = NDArray[np.float64]
 class LinearModel(NamedTuple):
     """``X(k+1) = A X(k) + B u(k) + E f_0``, ``y(k) = H X(k)`` (paper, eq. 15-21); all in SI.
 
-    Of one force, one control and one sensor.
+    Of one axis and one sensor, or of several.
     """
 
     A: Array  # (n, n)
-    B: Array  # (n, 1)
-    E: Array  # (n, 1), by a force of 1 N
-    H: Array  # (1, n)
+    B: Array  # (n, controls)
+    E: Array  # (n, forces), by 1 N
+    H: Array  # (sensors, n)
     Q: Array  # (n, n)
-    R: float
+    R: Any  # a number of one sensor; of several (sensors,)
 
     @classmethod
-    def of(cls, model: Model, k_i: float, k_s: float, settings: Mapping[str, Any]) -> LinearModel:
+    def of(cls, model: Model, k_i: Any, k_s: Any, settings: Mapping[str, Any]) -> LinearModel:
         """Return a model with the noise of some settings of the core, at a working point."""
-        gain = settings["k_ui"][0]
+        gain, var_u = np.array(settings["k_ui"]), np.array(settings["var_u"])
+        R = settings["var_y"]
         return cls(
             A=model.jacobian(k_i, k_s),
             B=model.input_matrix(k_i) * gain,
             E=model.b.copy(),
             H=model.c.copy(),
-            Q=model.process_noise(k_i, gain**2 * settings["var_u"][0], settings["var_d"]),
-            R=settings["var_y"][0],
+            Q=model.process_noise(k_i, gain**2 * var_u, settings["var_d"]),
+            R=R[0] if len(R) == 1 else np.array(R),
         )
 
     def scaled(self, units: Array) -> LinearModel:

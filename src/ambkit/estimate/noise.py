@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ambkit.base.asked import Given, in_si
 from ambkit.machine.bearing import GRAVITY
@@ -56,11 +56,14 @@ class FilterNoise:
 
 
 class Variances(NamedTuple):
-    """What a filter assumes: R [m^2], control signal [V^2], growth of the disturbance [N^2/s]."""
+    """What a filter assumes: R [m^2], control signal [V^2], growth of the disturbance [N^2/s].
 
-    measurement: float
-    control: float
-    disturbance: float
+    Numbers of one axis; tuples of numbers of a whole machine, for each reading or axis.
+    """
+
+    measurement: Any
+    control: Any
+    disturbance: Any
 
     def growth(self, T: float, noises: Sequence[Descriptor]) -> list[float]:
         """Return the variances of a model's noises: the load's in a sample [N^2], the others' own.
@@ -90,9 +93,15 @@ def completed(bearing: Bearing, noise: FilterNoise) -> Variances:
         bearing.amplifier.noise_variance if noise.control is None else noise.control,
         (2 * weight) ** 2 if noise.disturbance is None else noise.disturbance,
     )
-    for name, unit in UNITS.items():
-        value = getattr(full, name)
-        if not math.isfinite(value) or value < 0 or (name == "measurement" and value == 0):
-            limit = "greater than 0" if name == "measurement" else "0 or greater"
-            raise ValueError(f"noise.{name} must be {limit} {unit}, got {value!r}")
+    check_variances(full)
     return full
+
+
+def check_variances(variances: Variances) -> None:
+    """Raise ValueError where a variance is negative or not finite."""
+    for name, unit in UNITS.items():
+        given = getattr(variances, name)
+        for value in given if isinstance(given, tuple) else (given,):
+            if not math.isfinite(value) or value < 0 or (name == "measurement" and value == 0):
+                limit = "greater than 0" if name == "measurement" else "0 or greater"
+                raise ValueError(f"noise.{name} must be {limit} {unit}, got {value!r}")

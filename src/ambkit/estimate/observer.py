@@ -15,6 +15,7 @@ from ambkit.estimate.base import Estimator
 from ambkit.estimate.engine import Engine, caps
 from ambkit.estimate.model import LinearModel
 from ambkit.estimate.starting import start_std
+from ambkit.machine.bank import alone_of
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel
 from ambkit.models import axis_parts, compose
 from ambkit.models.model import Descriptor, Model
@@ -23,6 +24,7 @@ from ambkit.models.parts import Hum
 if TYPE_CHECKING:
     from ambkit._core import Magnet
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Machine
 
 Array = NDArray[np.float64]
 
@@ -46,6 +48,7 @@ class _Observer(Estimator):
     """
 
     gain: Array  # (n,), for the update
+    several_axes = False
 
     def _gain(self, model: LinearModel, states: Sequence[Descriptor]) -> Array:
         """Return the gain (n,) of all states of the machine; zero for those that it has not."""
@@ -177,9 +180,14 @@ def _whole(engine: Engine) -> Model:
     return compose(parts, engine.bearing.sampling_time, name="axial")
 
 
-def unstable_pole(bearing: Bearing) -> float:
-    """Return the pole at which the bearing falls out of its middle, sqrt(k_s / m) [rad/s]."""
-    return math.sqrt(ConstantStiffness.of(bearing).k_s / bearing.rotor.mass)
+def unstable_pole(bearing: Bearing | Machine) -> float:
+    """Return the pole at which the rotor falls out of its middle, sqrt(k_s / m) [rad/s].
+
+    Of a whole machine, of the fastest axis alone.
+    """
+    return max(
+        math.sqrt(ConstantStiffness.of(each).k_s / each.rotor.mass) for each in alone_of(bearing)
+    )
 
 
 def placed(model: LinearModel, pole: float) -> Array:

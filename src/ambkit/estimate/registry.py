@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.laws import MagnetModel
+    from ambkit.machine.machine import Machine
 
 
 @dataclass(frozen=True)
@@ -151,19 +152,19 @@ class Kind:
     label: str
     of: str
     core: InCore
-    magnet: Callable[[Bearing], MagnetModel] | None
+    magnet: Callable[[Any], MagnetModel] | None
     tunable: tuple[Tunable, ...] = NOISE
     finds_noise: Mapping[str, Any] | None = None
     ratios: tuple[str, ...] = ()
 
     def make(
-        self, bearing: Bearing, magnet: MagnetModel | None = None, **options: Any
+        self, bearing: Bearing | Machine, magnet: MagnetModel | None = None, **options: Any
     ) -> Estimator:
         """Build one.
 
         Parameters
         ----------
-        bearing : Bearing
+        bearing : Bearing or Machine
             What is filtered.
         magnet : optional
             What it knows of its magnet; by default what its kind does.
@@ -194,16 +195,16 @@ _OUTER = ("memory", "window", "most")  # options of AdaptiveNoise, not of the fi
 MEMORY = Tunable("memory", "s", lambda _bearing: 0.5, decades=1.0)
 
 
-def _constant(bearing: Bearing) -> MagnetModel:
-    from ambkit.machine.magnets import ConstantStiffness
+def _constant(bearing: Bearing | Machine) -> MagnetModel:
+    from ambkit.machine.bank import constants_of
 
-    return ConstantStiffness.of(bearing)
+    return constants_of(bearing)
 
 
-def _law(bearing: Bearing) -> MagnetModel:
-    from ambkit.machine.magnets import magnet_of
+def _law(bearing: Bearing | Machine) -> MagnetModel:
+    from ambkit.machine.bank import laws_of
 
-    return magnet_of(bearing)
+    return laws_of(bearing)
 
 
 def _poles(factor: float) -> Callable[[Bearing], float]:
@@ -356,23 +357,32 @@ def kind_of(estimator: Estimator) -> str:
     return found[-1]
 
 
-def learned_magnet(name: str, bearing: Bearing) -> MagnetModel | None:
+def learned_magnet(name: str, bearing: Bearing | Machine) -> MagnetModel | None:
     """Return what a kind that must be given its magnet knows of it where nobody says otherwise.
 
     Parameters
     ----------
     name : str
         Of the kind.
-    bearing : Bearing
-        Its magnet is what is learned.
+    bearing : Bearing or Machine
+        Its magnet is what is learned, of a machine that of each bearing.
 
     Returns
     -------
     MagnetModel or None
         A table of nodes, or a trained expert; None for a kind that needs neither.
     """
+    from ambkit.machine.bank import Bank, alone_of
+    from ambkit.machine.machine import Machine
+
     if KINDS[name].magnet is not None:
         return None
+    if isinstance(bearing, Machine):
+        learned: dict[str, Any] = {}
+        for axis, alone in zip(bearing.axes, alone_of(bearing), strict=True):
+            if axis.bearing.name not in learned:  # both axes of a bearing have one magnet
+                learned[axis.bearing.name] = learned_magnet(name, alone)
+        return Bank(learned[axis.bearing.name] for axis in bearing.axes)
     if name == "table":
         from ambkit.machine.stiffness import stiffness_map
 

@@ -33,16 +33,19 @@ def start_std(
 
 
 def hovering(
-    bearing: Bearing, magnet: MagnetModel, states: Sequence[Descriptor]
+    bearing: Bearing,
+    magnet: MagnetModel,
+    states: Sequence[Descriptor],
+    known: float | None = None,
 ) -> tuple[float, float]:
     """Return the current that holds the rotor in the middle [A], and its slope there [A/m].
 
     Without a current among the states nobody asks: 0. The weight is there, whether a filter knows
-    it or takes it for a disturbance.
+    it or takes it for a disturbance; or what else is `known` [N].
     """
     if not {"current", "past control"} & {state.role for state in states}:
         return 0.0, 0.0
-    balance = bearing.weight + bias_force_of(magnet, bearing)
+    balance = bearing.weight + bias_force_of(magnet, bearing) if known is None else known
     step = 0.1 * bearing.rotor.travel_limit
     less, middle, more = (hover_current(bearing, magnet, x, balance) for x in (-step, 0.0, step))
     return middle, (more - less) / (2 * step)

@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.engine import Engine
-from ambkit.machine.magnets import MagnetModel, magnet_of
+from ambkit.machine.bank import laws_of
+from ambkit.machine.magnets import MagnetModel
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Machine
 
 
 class UnscentedKalmanFilter(Estimator):
@@ -22,7 +24,7 @@ class UnscentedKalmanFilter(Estimator):
 
     Parameters
     ----------
-    bearing : Bearing
+    bearing : Bearing or Machine
         What is filtered.
     magnet : optional
         What the filter knows of its magnet; by default the closed law.
@@ -48,7 +50,7 @@ class UnscentedKalmanFilter(Estimator):
 
     def __init__(
         self,
-        bearing: Bearing,
+        bearing: Bearing | Machine,
         magnet: MagnetModel | None = None,
         *,
         alpha: float = 1.0,
@@ -57,7 +59,7 @@ class UnscentedKalmanFilter(Estimator):
         **options: Any,
     ) -> None:
         self._spread: dict[str, Any] = {"alpha": alpha, "beta": beta, "kappa": kappa}
-        super().__init__(bearing, magnet or magnet_of(bearing), **options)
+        super().__init__(bearing, magnet or laws_of(bearing), **options)
 
     def _build(self, engine: Engine, magnet: Magnet, settings: dict[str, Any]) -> Any:
         n, alpha, beta = len(engine.states), self._spread["alpha"], self._spread["beta"]

@@ -19,7 +19,11 @@ from ambkit.machine import geometry
 from ambkit.machine.bearing import GRAVITY, Bearing
 from ambkit.machine.geometry import Axis, Reading
 from ambkit.machine.magnets import magnet_of
-from ambkit.machine.parts import delay_contradictions, line_contradictions
+from ambkit.machine.parts import (
+    SHORTEST_LAG,
+    delay_contradictions,
+    line_contradictions,
+)
 from ambkit.machine.placed import PlacedBearing, PlacedSensor, RigidRotor, Unbalance
 
 
@@ -147,10 +151,20 @@ class Machine(Document):
         }
         further = {
             "delay": self.delay,
-            "speed": abs(self.speed) or None,
+            "speed": abs(self.speed),
             "stop": None if one.stop is None else one.stop.model_dump(),
         }
         return Bearing(**data | {key: each for key, each in further.items() if each is not None})
+
+    def lag_of(self, sensor: PlacedSensor) -> float:
+        """Return a sensor's lag in models and plants [s]; see `Bearing.sensor_lag`.
+
+        Parameters
+        ----------
+        sensor : PlacedSensor
+            One of the machine's.
+        """
+        return max(sensor.lag, SHORTEST_LAG * self.sampling_time)
 
     def _nearest(self, axis: Axis) -> PlacedSensor:
         """Return the sensor that looks where an axis is, or next to it."""

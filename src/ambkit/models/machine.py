@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+import math
+from collections.abc import Sequence
+from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from ambkit.machine.geometry import Line
 from ambkit.models.compose import compose
 from ambkit.models.model import Model
 from ambkit.models.parts import (
@@ -18,33 +18,32 @@ from ambkit.models.parts import (
     MagnetPlace,
     Rotor,
     Sensor,
+    SynchronousForce,
+    SynchronousRunout,
 )
 from ambkit.models.parts.typical import Typical
-from ambkit.models.plan import UNIT, Part, Place, Plan
-from ambkit.models.sampling import Sampling
+from ambkit.models.plan import UNIT, Part, Place
 
 VELOCITIES = {"x": "v_x", "y": "v_y", "z": "v_z", "th_x": "w_x", "th_y": "w_y"}
 """What the derivative of each coordinate is called."""
 
 
-class OpenLoop(NamedTuple):
-    """Poles of the uncontrolled rotor at a speed."""
+SYNCHRONOUS = ("unbalance", "runout")
+"""What turns with the rotor and can be among the states, by name."""
 
-    speed: float
-    """Of rotation [rad/s]."""
-    poles: NDArray[np.complex128]
-    """All of them (2 q,) [1/s]."""
-
-    @property
-    def unstable(self) -> NDArray[np.complex128]:
-        """Those that grow [1/s], by their real parts, the slower first."""
-        poles = self.poles
-        greatest = float(np.abs(poles).max())
-        found = poles[poles.real > 1e-6 * greatest]
-        return found[np.lexsort((found.imag, np.round(found.real, 6)))]
+GRADE = 6.3e-3
+"""Balance quality grade that an unknown unbalance is expected to have [m/s] (ISO 21940-11)."""
+RUNOUT = 3e-6
+"""Runout that is expected where none is described [m]."""
+SLOWEST = 100.0
+"""Speed from which on that is expected [rad/s]."""
+MEMORY = 1e5
+"""Time in which both may change by as much as they are expected to be [s]."""
 
 
-def machine_parts(machine: Any, *, noise: bool = True, delay: bool = True) -> list[Part]:
+def machine_parts(
+    machine: Any, *, noise: bool = True, delay: bool = True, synchronous: Sequence[str] = ()
+) -> list[Part]:
     """Return the parts of a machine, as its keys give them.
 
     Parameters
@@ -55,6 +54,9 @@ def machine_parts(machine: Any, *, noise: bool = True, delay: bool = True) -> li
         Without: sensor noise that has states of its own is left out.
     delay : bool, optional
         Without: the demanded currents act at once.
+    synchronous : sequence of str
+        Of `SYNCHRONOUS`, which are states: the unbalance in two planes, and the runout of each
+        sensor.
     """
     axes, sizes = machine.axes, [_typical(machine, axis.name) for axis in machine.axes]
     parts: list[Part] = [rotor_part(machine, sizes)]
@@ -63,7 +65,7 @@ def machine_parts(machine: Any, *, noise: bool = True, delay: bool = True) -> li
     parts += [Disturbance(s.force, 1e-3 * s.force, f"f_d_{a.name}", f"f_{a.name}") for a, s in each]
     for r in machine.readings:
         size = abs(r.sensor.gain) * max(s.displacement for s in sizes)
-        lag, form = r.sensor.lag or None, place(r.line.form)
+        lag, form = machine.lag_of(r.sensor), place(r.line.form)
         parts.append(Sensor(r.sensor.gain, lag, size, f"y_{r.name}", f"x_m_{r.name}", form))
     parts += [
         Amplifier(s.current, a.bearing.amplifier.bandwidth, f"u_{a.name}", f"i_{a.name}",
@@ -71,7 +73,54 @@ def machine_parts(machine: Any, *, noise: bool = True, delay: bool = True) -> li
     ]  # fmt: skip
     if machine.delay and delay:
         parts += [Delay(machine.delay, s.current, f"u_{a.name}") for a, s in each]
+    if "unbalance" in synchronous:
+        parts += _unbalance(machine)
+    if "runout" in synchronous:
+        parts += _runout(machine)
     return parts + (_noises(machine) if noise else [])
+
+
+def unbalance_planes(machine: Any) -> list[float]:
+    """Return where unbalance is estimated: one or two described planes, or at the outer bearings.
+
+    Two planes are all that a rigid rotor has.
+    """
+    given = [each.place for each in machine.unbalance]
+    if len(set(given)) in (1, 2):
+        return sorted(set(given))
+    places = sorted(each.place for each in machine.bearing if each.type == "radial")
+    return [places[0], places[-1]]
+
+
+def _unbalance(machine: Any) -> list[Part]:
+    planes = unbalance_planes(machine)
+    speed, usual = machine.speed, max(abs(machine.speed), SLOWEST)
+    size = machine.rotor.mass * GRADE / usual / len(planes)
+    return [
+        SynchronousForce(
+            size, size * math.sqrt(machine.sampling_time / MEMORY), speed, f"U{k}",
+            place(Line.across(z, 0.0).form), place(Line.across(z, math.pi / 2).form),
+        )
+        for k, z in enumerate(planes, 1)
+    ]  # fmt: skip
+
+
+def _runout(machine: Any) -> list[Part]:
+    parts: list[Part] = []
+    for sensor in machine.sensor:
+        told = {line.order: line.amplitude for line in sensor.runout} or {1: RUNOUT}
+        looking = [r for r in machine.readings if r.sensor is sensor]
+        for order, size in told.items():
+            # A quarter farther round: exactly 0 and 1 where they are.
+            around = [Line.across(0.0, order * k * math.pi / 2) for k in range(len(looking))]
+            seen = tuple(
+                (f"x_m_{r.name}", sensor.gain, machine.lag_of(sensor), at.cosine, at.sine)
+                for r, at in zip(looking, around, strict=True)
+            )
+            growth = size * math.sqrt(machine.sampling_time / MEMORY)
+            name = f"r{order}_{sensor.name}"
+            parts.append(SynchronousRunout(size, growth, machine.speed, order, name, seen))
+    return parts
 
 
 def rotor_part(machine: Any, sizes: list[Typical]) -> Rotor:
@@ -116,44 +165,21 @@ def _noises(machine: Any) -> list[Part]:
     return parts
 
 
-def machine_model(machine: Any, *, T: float | None = None, noise: bool = True) -> Model:
+def machine_model(
+    machine: Any,
+    *,
+    T: float | None = None,
+    noise: bool = True,
+    synchronous: Sequence[str] = (),
+) -> Model:
     """Return the sampled model of a whole machine.
 
     Parameters
     ----------
-    machine, noise
+    machine, noise, synchronous
         See `machine_parts`.
     T : float, optional
         Sampling time [s]; the machine's own by default.
     """
-    parts = machine_parts(machine, noise=noise)
+    parts = machine_parts(machine, noise=noise, synchronous=synchronous)
     return compose(parts, machine.sampling_time if T is None else T, name="machine")
-
-
-def open_loop(machine: Any, k_s: Any, speed: float | None = None) -> OpenLoop:
-    """Return the poles of the rotor in its magnets, without control.
-
-    Parameters
-    ----------
-    machine : Machine
-        The whole machine.
-    k_s : sequence of float (p,)
-        Position stiffnesses of its axes [N/m].
-    speed : float, optional
-        Of rotation [rad/s]; the machine's own by default.
-    """
-    at = machine if speed is None else machine.model_copy(update={"speed": speed})
-    plan = Plan(machine.sampling_time)
-    for part in machine_parts(at, noise=False, delay=False):
-        plan.add(part)
-    sampling = Sampling(plan)
-    q = 2 * len(machine.positions)
-    n = sampling.sizes[0]
-    A = sampling.generator(0.0)
-    H = np.zeros((len(plan.forces), q))
-    for k, force in enumerate(plan.forces):
-        for position, value in plan.places[force.name].items():
-            H[k, sampling.at(position)] = value
-    pull = A[:q, n : n + len(plan.forces)]
-    poles = np.linalg.eigvals(A[:q, :q] + pull @ (np.asarray(k_s)[:, None] * H))
-    return OpenLoop(at.speed, poles.astype(complex))

@@ -7,6 +7,7 @@ POSITION, VELOCITY, SHOWN, LOAD, KNOWN, NOISE = ENUMERATORS = (
 
 ROLES = {
     "position": POSITION, "velocity": VELOCITY, "sensor": SHOWN, "disturbance force": LOAD,
-    "noise": NOISE, "noise in quadrature": NOISE, "current": KNOWN, "past control": KNOWN,
+    "noise": NOISE, "noise in quadrature": NOISE, "unbalance": NOISE, "runout": NOISE,
+    "current": KNOWN, "past control": KNOWN,
 }  # fmt: skip
 """What the core calls the roles of a model's states."""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.bearing import Bearing, Sensor
     from ambkit.machine.parts import ColouredNoise, Hum
     from ambkit.simulation.scenario import Scenario
 
@@ -26,14 +26,32 @@ def drawn(bearing: Bearing, scenario: Scenario, n: int) -> tuple[Array, Array]:
         return np.zeros(n), np.zeros(n)
     sensor, T = bearing.sensor, bearing.sampling_time
     streams = np.random.SeedSequence(scenario.seed).spawn(3 + len(sensor.hum))
-    on_u, on_y, on_coloured, *on_hum = (np.random.default_rng(stream) for stream in streams)
+    on_u, *on_y = (np.random.default_rng(stream) for stream in streams)
     noise_u = on_u.normal(0.0, np.sqrt(bearing.amplifier.noise_variance), n)
-    noise_y = on_y.normal(0.0, np.sqrt(sensor.noise_variance), n)
+    return noise_u, of_sensor(sensor, T, n, on_y)
+
+
+def of_sensor(sensor: Sensor, T: float, n: int, streams: list[np.random.Generator]) -> Array:
+    """Return n samples of the noise of a sensor [m].
+
+    Parameters
+    ----------
+    sensor : Sensor
+        What noise it has.
+    T : float
+        Sampling time [s].
+    n : int
+        Samples.
+    streams : list of numpy.random.Generator
+        Of the white noise, of the coloured one, and of each line.
+    """
+    on_y, on_coloured, *on_hum = streams
+    noise = on_y.normal(0.0, np.sqrt(sensor.noise_variance), n)
     if sensor.coloured_noise is not None:
-        noise_y += coloured(sensor.coloured_noise, T, n, on_coloured)
+        noise += coloured(sensor.coloured_noise, T, n, on_coloured)
     for line, on_line in zip(sensor.hum, on_hum, strict=True):
-        noise_y += hum(line, T, n, on_line)
-    return noise_u, noise_y
+        noise += hum(line, T, n, on_line)
+    return noise
 
 
 def coloured(noise: ColouredNoise, T: float, n: int, rng: np.random.Generator) -> Array:

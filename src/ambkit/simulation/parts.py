@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,9 @@ from ambkit.machine.magnets import ClosedLaw, core_module, magnet_of
 from ambkit.machine.parts import SHORTEST_LAG
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.bearing import Bearing, Sensor
+    from ambkit.machine.machine import Machine
+    from ambkit.machine.parts import Runout
 
 
 def substeps(bearing: Bearing, least: int) -> int:
@@ -52,7 +55,7 @@ def parts_of(bearing: Bearing, dtype: str = "float64") -> dict[str, Any] | None:
     dtype : str
         Of the arrays.
     """
-    parts = _amplifier(bearing) | _delay(bearing) | _sensor(bearing, dtype) | _contact(bearing)
+    parts = _amplifier(bearing) | delay_of(bearing) | _sensor(bearing, dtype) | _contact(bearing)
     return parts or None
 
 
@@ -118,7 +121,8 @@ def _amplifier(bearing: Bearing) -> dict[str, Any]:
     return parts
 
 
-def _delay(bearing: Bearing) -> dict[str, Any]:
+def delay_of(bearing: Bearing | Machine) -> dict[str, Any]:
+    """Return the dead time of a loop by the names of ``amb_parts``; nothing without one."""
     if bearing.delay is None:
         return {}
     samples = bearing.delay / bearing.sampling_time
@@ -129,20 +133,44 @@ def _delay(bearing: Bearing) -> dict[str, Any]:
 
 
 def _sensor(bearing: Bearing, dtype: str) -> dict[str, Any]:
-    sensor, parts = bearing.sensor, dict[str, Any]()
+    sensor = bearing.sensor
+    if not sensor.runout or bearing.speed is None:
+        return of_sensor(sensor, (), dtype)
+    turn = bearing.speed * bearing.sampling_time
+    return of_sensor(sensor, sensor.runout, dtype) | {
+        "speed": bearing.speed,
+        "turn_cosine": math.cos(turn),
+        "turn_sine": math.sin(turn),
+    }
+
+
+def of_sensor(
+    sensor: Sensor, runout: Iterable[Runout], dtype: str, around: float = 0.0
+) -> dict[str, Any]:
+    """Return what a sensor does beside its gain and its lag, by the names of ``amb_parts``.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Non-linearity and rounding.
+    runout : iterable of Runout
+        What it sees of the rotation.
+    dtype : str
+        Of the arrays.
+    around : float
+        By how much farther round the rotor it looks than where the runout is told of [rad].
+    """
+    parts = dict[str, Any]()
     if sensor.quadratic or sensor.cubic:
         parts |= {"quadratic": sensor.quadratic, "cubic": sensor.cubic}
     if sensor.quantisation is not None:
         parts["step"] = sensor.quantisation
-    if sensor.runout and bearing.speed is not None:
-        turn = bearing.speed * bearing.sampling_time
-        lines = np.zeros(max(line.order for line in sensor.runout), dtype=complex)
-        for line in sensor.runout:  # amplitude cos(n phi + phase)
-            lines[line.order - 1] += cmath.rect(line.amplitude, line.phase)
+    told = tuple(runout)
+    if told:
+        lines = np.zeros(max(line.order for line in told), dtype=complex)
+        for line in told:  # amplitude cos(n phi + phase)
+            lines[line.order - 1] += cmath.rect(line.amplitude, line.phase - line.order * around)
         parts |= {
-            "speed": bearing.speed,
-            "turn_cosine": math.cos(turn),
-            "turn_sine": math.sin(turn),
             "orders": len(lines),
             "runout_cosine": np.ascontiguousarray(lines.real, dtype=dtype),
             "runout_sine": np.ascontiguousarray(-lines.imag, dtype=dtype),

@@ -25,7 +25,7 @@ class Finding:
     path : Path
         The file.
     kind : str
-        ``"bearing"``, ``"machine"``, ``"scenario"``, ``"filter"``, ``"channel map"``,
+        ``"bearing"``, ``"machine"``, ``"scenario"``, ``"flight"``, ``"filter"``, ``"channel map"``,
         ``"expert"``, ``"record"``, ``"lift-off points"``, ``"measured force"``; ``"file"`` where
         that cannot be told.
     about : str
@@ -100,14 +100,14 @@ def _recognise(
 ) -> tuple[str, Callable[[Path], _Described]]:
     match path.suffix.lower():
         case ".toml":
-            kind = _kind_of_toml(path)
+            kind = kind_of_toml(path)
             return kind, lambda p: _describe_document(kind, p)
         case ".json":
             return "expert", _describe_expert
         case ".csv" | ".parquet" if channel_map is None:
             return _kind_of_table(path, bearing)
         case ending if ending in ENDINGS:
-            if channel_map is not None and _kind_of_toml(Path(channel_map)) == _SHORT["force"]:
+            if channel_map is not None and kind_of_toml(Path(channel_map)) == _SHORT["force"]:
                 return "measured force", lambda p: _describe_force(p, channel_map)
             return "record", lambda p: _describe_record(p, channel_map, bearing)
         case _:
@@ -125,16 +125,23 @@ def _documents() -> dict[str, Any]:
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.forces.file import ForceChannels
     from ambkit.machine.machine import Machine
+    from ambkit.simulation.flight import Flight
     from ambkit.simulation.scenario import Scenario
 
     return {
-        "bearing": Bearing, "machine": Machine, "scenario": Scenario, "channel map": ChannelMap,
-        "filter": FilterFile, _SHORT["force"]: ForceChannels,
+        "bearing": Bearing, "machine": Machine, "scenario": Scenario, "flight": Flight,
+        "channel map": ChannelMap, "filter": FilterFile, _SHORT["force"]: ForceChannels,
     }  # fmt: skip
 
 
-def _kind_of_toml(path: Path) -> str:
-    """Return the kind of description that shares most keys with the file."""
+def kind_of_toml(path: str | os.PathLike[str]) -> str:
+    """Return the kind of description that shares most keys with a file.
+
+    Raises
+    ------
+    AmbkitError
+        It cannot be read, is no TOML, or shares none.
+    """
     from ambkit.base.config import toml_text
     from ambkit.base.config.document import TOLD
 
@@ -173,6 +180,9 @@ def _describe_document(kind: str, path: Path) -> _Described:
         return _Described(f"{found.kind}, for {found.bearing.bearing.name}")
     if kind == "machine":
         return _Described(*machines.described(found))
+    if kind == "flight":
+        speed = "the machine's" if found.speed is None else found.speed.type
+        return _Described(f"{engineering(found.duration, 's')} of a machine, speed {speed}")
     if kind == "scenario":
         return _Described(
             f"{engineering(found.duration, 's')}, reference {found.reference.type}, "

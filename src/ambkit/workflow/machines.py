@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 from ambkit.base.units import engineering
 from ambkit.machine.magnets import ConstantStiffness
-from ambkit.models.machine import machine_model, open_loop
+from ambkit.models.continuous import open_loop
+from ambkit.models.machine import machine_model
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine

@@ -15,7 +15,8 @@ from ambkit.export.c.cost import Cost
 from ambkit.export.c.data import CPrecision, called
 from ambkit.export.tabulate import MOST_NODES, TabulatedExpert, tabulate
 from ambkit.fuzzy.expert import Expert
-from ambkit.machine.magnets import Precision, core_module
+from ambkit.machine.machine import Machine
+from ambkit.machine.magnets import Precision
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -74,7 +75,7 @@ class CExport:
 
 
 def export_c(
-    bearing: Bearing,
+    bearing: Bearing | Machine,
     magnet: MagnetModel | None,
     out: str | Path,
     *,
@@ -91,8 +92,8 @@ def export_c(
 
     Parameters
     ----------
-    bearing : Bearing
-        What is filtered.
+    bearing : Bearing or Machine
+        What is filtered; of a machine, readings and control signals are arrays.
     magnet : Expert, StiffnessMap, ClosedLaw, ConstantStiffness or None
         What the filter asks for k_i and k_s; None exports the linear filter.
     out : path
@@ -136,8 +137,10 @@ def export_c(
     options["precision"] = _CORE_PRECISION[precision]
     table = None
     if expert_form == "tabulated":
-        if not isinstance(magnet, Expert):
-            raise AmbkitError("only an expert can be tabulated; give one, or export the exact form")
+        if not isinstance(magnet, Expert) or isinstance(bearing, Machine):
+            raise AmbkitError(
+                "only an expert of one axis can be tabulated; give one, or export the exact form"
+            )
         table = tabulate(magnet, bearing, bound=force_bound, precision=options["precision"])
         magnet = table
     elif force_bound is not None:
@@ -167,13 +170,19 @@ def export_c(
 
 
 def _made(
-    kind: str | None, bearing: Bearing, magnet: MagnetModel | None, options: dict[str, Any]
+    kind: str | None,
+    bearing: Bearing | Machine,
+    magnet: MagnetModel | None,
+    options: dict[str, Any],
 ) -> Estimator:
     if kind is None:
         kind = "linear" if magnet is None else "adaptive"
     if kind not in KINDS:
         raise AmbkitError(f'there is no kind of estimator "{kind}"; known: {", ".join(KINDS)}')
-    estimator = KINDS[kind].make(bearing, magnet, **options)
+    try:
+        estimator = KINDS[kind].make(bearing, magnet, **options)
+    except ValueError as error:  # a kind of one axis, or more than the core has room for
+        raise AmbkitError(str(error)) from error
     called(estimator)
     return estimator
 
@@ -195,13 +204,13 @@ def _facts(magnet: MagnetModel | None, precision: CPrecision) -> dict[str, str]:
 
 def _check_nodes(estimator: Estimator) -> None:
     """Refuse a table whose nodes an int of 16 bits cannot count."""
-    held = estimator.magnet.in_core(core_module(estimator.precision)).parameters
-    rows, columns = held.get("rows", 0), held.get("columns", 0)
-    if rows * columns > MOST_NODES:
-        raise AmbkitError(
-            f"the table has {rows} x {columns} nodes, and an int of 16 bits counts at most "
-            f"{MOST_NODES}; take a coarser one"
-        )
+    for magnet in render.magnets_of(estimator):
+        rows, columns = (magnet.parameters.get(key, 0) for key in ("rows", "columns"))
+        if rows * columns > MOST_NODES:
+            raise AmbkitError(
+                f"the table has {rows} x {columns} nodes, and an int of 16 bits counts at most "
+                f"{MOST_NODES}; take a coarser one"
+            )
 
 
 def _cost_facts(spent: Cost | None) -> dict[str, str]:
@@ -220,7 +229,7 @@ def _cost_facts(spent: Cost | None) -> dict[str, str]:
     }
 
 
-def _checked_prefix(prefix: str | None, bearing: Bearing) -> str:
+def _checked_prefix(prefix: str | None, bearing: Bearing | Machine) -> str:
     if prefix is None:
         prefix = re.sub(r"\W", "_", bearing.name, flags=re.ASCII)[:LONGEST_PREFIX]
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", prefix):

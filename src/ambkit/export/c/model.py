@@ -59,7 +59,8 @@ def in_c(estimator: Estimator, *, loops: bool | None = None) -> InC:
     if loops if loops is not None else len(model.states) > MOST_UNROLLED:
         return by_loops(model)
     names = emit.Names(model)
-    about = f"One axis: {', '.join(state.name for state in model.states)}"
+    what = "One axis" if estimator.whole is None else "A whole machine"
+    about = f"{what}: {', '.join(state.name for state in model.states)}"
     header = emit.header(names, about, by=f"ambkit {version('ambkit')}")
     return InC({LOOPS: None, BUILT_IN: header}, (), emit.constants(names, model), {}, {})
 

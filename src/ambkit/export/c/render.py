@@ -15,7 +15,9 @@ from ambkit.estimate.registry import PAPER, InCore
 from ambkit.export import core
 from ambkit.export.c import data, model, vectors
 from ambkit.export.c.data import MAGNETS, CPrecision, Kind
+from ambkit.machine.bank import alone_of
 from ambkit.machine.bearing import FILES
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import core_module, own_time
 
 if TYPE_CHECKING:
@@ -58,14 +60,17 @@ def render(
     loops : bool, optional
         Whether the model is computed by loops over its arrays; by default where it is large.
     """
-    magnet: Magnet = estimator.magnet.in_core(core_module(estimator.precision))
-    kind = MAGNETS[type(magnet).__name__]
+    magnets = magnets_of(estimator)
+    magnet, kinds = magnets[0], [MAGNETS[type(each).__name__] for each in magnets]
+    kind = kinds[0]
     called = data.called(estimator)
-    in_core = None if called is PAPER else called  # whose step goes through the interface
+    whole = estimator.whole is not None
+    # Whose step goes through the interface.
+    in_core = None if called is PAPER and not whole else called
     # The paper's filter is given its constants, and asks no magnet.
     given = in_core is None and kind is MAGNETS["Constant"]
     needed = ["src/kalman.c", "src/envelope.c", "src/at_rest.c"]
-    needed += [] if given else [f"src/{kind.source}.c"]
+    needed += [] if given else [f"src/{each.source}.c" for each in kinds]
     if in_core is not None:
         needed += [f"src/{stem}.c" for stem in ("estimator", in_core.source, *in_core.calls)]
         inner = getattr(estimator, "inner", None)
@@ -88,6 +93,9 @@ def render(
         "version": version("ambkit"),
         "precision": precision,
         "sampling_time": engineering(bearing.sampling_time, "s"),
+        "several": _several(estimator, magnets, kinds, precision) if whole else None,
+        "y_given": "const amb_real y[AMB_SENSORS]" if whole else "amb_real y",
+        "u_given": "const amb_real u[AMB_CONTROLS]" if whole else "amb_real u",
         "sources": sources,
         "bit_headers": [
             f for f in core_files if f.endswith(("/exponential.h", "/root.h")) and "/include/" in f
@@ -101,7 +109,7 @@ def render(
         "in_core": in_core,
         "built_in": estimator.engine.built_in,
         "magnet_header": f"{kind.source}.h",
-        "magnet_about": kind.about,
+        "magnet_about": _about(kinds),
         "sampled": _sampled(estimator),
         "assumed": _assumed(estimator),
         "inputs": {
@@ -110,12 +118,12 @@ def render(
         },
         "facts": {
             **_assumed(estimator),
-            "magnet": kind.about,
+            "magnet": _about(kinds),
             "between samples": _sampled(estimator),
             **facts,
         },
         "room": of_model.room,
-        "states": model.states(estimator.states, _hover(estimator, precision)),
+        "states": model.states(estimator.states, "" if whole else _hover(estimator, precision)),
         "diagonal": [at * (2 * n + 1 - at) // 2 for at in range(n)],
         **_data_context(estimator, magnet, kind, precision, of_model),
         "own": "" if in_core is None else data.own(estimator, precision),
@@ -170,7 +178,9 @@ def _assumed(estimator: Estimator) -> dict[str, str]:
     for name, value in estimator.variances._asdict().items():
         what, unit = shown[name]
         origin = estimator.origin.get(f"noise.{name}")
-        said[what] = f"{value:.6g} {unit}" + (f" ({origin})" if origin else "")
+        values = value if isinstance(value, tuple) else (value,)
+        shown_values = ", ".join(dict.fromkeys(f"{each:.6g}" for each in values))
+        said[what] = f"{shown_values} {unit}" + (f" ({origin})" if origin else "")
     return said
 
 
@@ -197,6 +207,11 @@ def _data_context(
     arrays = data.arrays_of(fields)
     names = {path: path.replace(".", "_") for path in arrays}
     named = of_model.arrays | {names[path]: values for path, values in arrays.items()}
+    if estimator.whole is not None:
+        named = dict(of_model.arrays)
+        for k, each in enumerate(magnets_of(estimator)):
+            own = data.arrays_of(each.parameters)
+            named |= {_names(each, k)[path]: values for path, values in own.items()}
     kalman = estimator.core.parameters | {"model": of_model.numbers}
     return {
         "kalman": data.struct_with_arrays(kalman, precision),
@@ -208,6 +223,45 @@ def _data_context(
     }
 
 
+def magnets_of(estimator: Estimator) -> list[Magnet]:
+    """Return the core's magnets that an estimator asks, one for each axis."""
+    held = estimator.magnet.in_core(core_module(estimator.precision))
+    return held if isinstance(held, list) else [held]
+
+
+def _about(kinds: list[Kind]) -> str:
+    return ", ".join(dict.fromkeys(kind.about for kind in kinds))
+
+
+def _several(
+    estimator: Estimator, magnets: list[Magnet], kinds: list[Kind], precision: CPrecision
+) -> dict[str, Any]:
+    """Return what only the export of a whole machine has."""
+    whole = estimator.whole
+    assert whole is not None
+    constant, by_reading = whole.start_form(estimator.states, estimator.hover)
+    return {
+        "axes": [axis.name for axis in whole.machine.axes],
+        "readings": [r.name for r in whole.machine.readings],
+        "headers": sorted({f"{kind.source}.h" for kind in kinds}),
+        "start": data.array(constant, precision),
+        "start_by": data.array(by_reading.ravel(), precision),
+        "magnets": [
+            {
+                "type": kind.type,
+                "methods": kind.methods,
+                "text": data.struct(each.parameters, precision, _names(each, k)),
+            }
+            for k, (each, kind) in enumerate(zip(magnets, kinds, strict=True))
+        ],
+    }
+
+
+def _names(magnet: Magnet, k: int) -> dict[str, str]:
+    """Return the C names of the arrays of the k-th magnet, by the paths of their fields."""
+    return {path: f"of_{k}_{path.replace('.', '_')}" for path in data.arrays_of(magnet.parameters)}
+
+
 def _hover(estimator: Estimator, precision: CPrecision) -> str:
     """Return the current that holds the rotor at x, as `Estimator.at_rest` has it."""
     middle, per_metre = (data.number(value, precision) for value in estimator.hover)
@@ -216,8 +270,9 @@ def _hover(estimator: Estimator, precision: CPrecision) -> str:
 
 def _settling(estimator: Estimator) -> int:
     """Return the plant's own time in samples, at least one, as many as 16 bits count."""
-    bearing = estimator.bearing
-    return min(max(round(own_time(bearing) / bearing.sampling_time), 1), 65535)
+    alone = alone_of(estimator.bearing)
+    samples = max(own_time(each) for each in alone) / alone[0].sampling_time
+    return min(max(round(samples), 1), 65535)
 
 
 def _bound_of_output(estimator: Estimator) -> float:
@@ -246,16 +301,19 @@ def _configuration(
         "title",
     )  # fmt: skip
     parts = [_described(estimator.bearing), *(context[key] for key in numbers)]
+    if context["several"]:
+        parts.append(repr(context["several"]))
     parts += [array["text"] for array in context["arrays"]]
     for part in (*parts, *core_files.values()):
         digest.update(part.encode() + b"\0")
     return digest.hexdigest()[:16]
 
 
-def _described(bearing: Bearing) -> str:
-    """Return the description of a bearing without the folders of its files."""
+def _described(bearing: Bearing | Machine) -> str:
+    """Return the description of a bearing or a machine without the folders of its files."""
     text = bearing.to_toml()
-    for path in filter(None, (getattr(bearing.magnet, key) for key in FILES)):
+    of = bearing.bearing if isinstance(bearing, Machine) else (bearing,)
+    for path in filter(None, (getattr(each.magnet, key) for each in of for key in FILES)):
         text = text.replace(path, Path(path).name)
     return text
 

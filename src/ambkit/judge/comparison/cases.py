@@ -89,7 +89,7 @@ class Case:
 
     def growth(self, bearing: Bearing) -> float:
         """Return how fast the variance of the load that walks grows on a bearing [N^2/s]."""
-        return self.walks * KalmanFilter(bearing).variances.disturbance
+        return self.walks * float(KalmanFilter(bearing).variances.disturbance)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ from ambkit.models.parts.hum import Hum
 from ambkit.models.parts.magnet import MagnetPlace
 from ambkit.models.parts.rotor import Rotor
 from ambkit.models.parts.sensor import Sensor
+from ambkit.models.parts.synchronous import SynchronousForce, SynchronousRunout
 
 PARTS = (Rotor, MagnetPlace, Disturbance, Sensor, Amplifier, Delay, ColouredNoise, Hum)
 """In the order of their states; each takes what concerns it from a bearing (``of_axis``)."""
@@ -26,4 +27,6 @@ __all__ = [
     "MagnetPlace",
     "Rotor",
     "Sensor",
+    "SynchronousForce",
+    "SynchronousRunout",
 ]

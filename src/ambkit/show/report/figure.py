@@ -35,12 +35,15 @@ class Panel:
         What is drawn.
     title : str
         A short heading above the axes.
+    equal : bool
+        Whether a length is as long along both axes: an orbit's circle is round.
     """
 
     x: Axis
     y: Axis
     items: Sequence[Item]
     title: str = ""
+    equal: bool = False
 
     @property
     def categories(self) -> Sequence[str]:

@@ -185,6 +185,8 @@ def _add_axes(layout: Json, figure: Figure, index: int, domain: Json) -> None:
             "anchor": x,
         }
     )
+    if panel.equal:
+        layout[f"yaxis{y[1:]}"] |= {"scaleanchor": x}
     if panel.intervals:
         rows_down = {
             "type": "category",

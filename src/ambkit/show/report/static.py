@@ -311,6 +311,8 @@ def _draw_panel(axes: "Axes", panel: Panel, labelled: bool, own_layout: bool = T
     for scale, drawn in ((panel.x.scale, axes.xaxis), (panel.y.scale, axes.yaxis)):
         if scale == "log":
             _plain_numbers(drawn)
+    if panel.equal:
+        axes.set_aspect("equal", adjustable="datalim")
     axes.set_title(panel.title)
     axes.set_ylabel(panel.y.title)
     if labelled:

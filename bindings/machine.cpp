@@ -1,0 +1,245 @@
+// A whole machine in closed loop; only where the model is any (sim/machine.h).
+#include "plant_parts.h"
+
+#include <list>
+
+#if defined(AMB_MODEL_LOOPS)
+
+extern "C" {
+#include "machine.h"
+}
+
+namespace
+{
+
+// The arrays of a machine, by the names of the fields of amb_machine and amb_machine_loop.
+class Arrays
+{
+public:
+  explicit Arrays(const nb::dict &given) : given(given)
+  {
+  }
+  amb_real number(const char *name) const
+  {
+    return nb::cast<amb_real>(given[name]);
+  }
+  int count(const char *name) const
+  {
+    return nb::cast<int>(given[name]);
+  }
+  const amb_real *numbers(const char *name, size_t n)
+  {
+    reals.push_back(nb::cast<std::vector<amb_real>>(given[name]));
+    same_length(n, reals.back().size(), name);
+    return reals.back().data();
+  }
+  const amb_real *numbers_or_none(const char *name, size_t n)
+  {
+    return given[name].is_none() ? nullptr : numbers(name, n);
+  }
+  const int *places(const char *name, size_t n, size_t most, int least)
+  {
+    ints.push_back(nb::cast<std::vector<int>>(given[name]));
+    same_length(n, ints.back().size(), name);
+    for (const int at : ints.back())
+      if (at < least || at >= static_cast<int>(most))
+        throw std::invalid_argument(std::string(name) + " is out of range");
+    return ints.back().data();
+  }
+  amb_sparse sparse(const char *name, size_t rows, size_t columns)
+  {
+    const auto parts = nb::cast<nb::tuple>(given[name]); // start, column, value
+    shorts.push_back(nb::cast<std::vector<unsigned short>>(parts[0]));
+    const std::vector<unsigned short> &start = shorts.back();
+    shorts.push_back(nb::cast<std::vector<unsigned short>>(parts[1]));
+    const std::vector<unsigned short> &column = shorts.back();
+    reals.push_back(nb::cast<std::vector<amb_real>>(parts[2]));
+    same_length(rows + 1, start.size(), name);
+    same_length(start.back(), column.size(), name);
+    same_length(start.back(), reals.back().size(), name);
+    for (size_t i = 0; i < rows; i++)
+      if (start[i + 1] < start[i])
+        throw std::invalid_argument(std::string(name) + ": rows must ascend");
+    for (const unsigned short at : column)
+      if (at >= columns)
+        throw std::invalid_argument(std::string(name) + ": a column is out of range");
+    return {start.data(), column.data(), reals.back().data()};
+  }
+  nb::handle operator[](const char *name) const
+  {
+    held.push_back(given[name]);
+    return held.back();
+  }
+
+private:
+  nb::dict given;
+  mutable std::vector<nb::object> held;
+  std::list<std::vector<amb_real>> reals;
+  std::list<std::vector<int>> ints;
+  std::list<std::vector<unsigned short>> shorts;
+};
+
+// The machine and its controllers, and all that they point to.
+struct Whole {
+  explicit Whole(const nb::dict &given, const Estimator *estimator) : arrays(given)
+  {
+    const auto within = [](size_t n, size_t most, const char *what) {
+      if (n < 1 || n > most)
+        throw std::invalid_argument("a machine has 1 to " + std::to_string(most) + " " + what +
+                                    ", got " + std::to_string(n));
+      return n;
+    };
+    amb_machine &at = loop.machine;
+    n = within(static_cast<size_t>(arrays.count("states")), AMB_STATES, "states");
+    p = within(static_cast<size_t>(arrays.count("axes")), AMB_FORCES, "axes");
+    m = within(static_cast<size_t>(arrays.count("sensors")), AMB_SENSORS, "sensors");
+    at.states = static_cast<int>(n);
+    at.axes = static_cast<int>(p);
+    at.sensors = static_cast<int>(m);
+    at.A = arrays.sparse("A", n, n);
+    at.spin = arrays.numbers("spin", at.A.start[n]);
+    at.b = arrays.sparse("b", n, p);
+    at.B_u = arrays.sparse("B_u", n, p);
+    at.h = arrays.sparse("h", p, n);
+    at.v = arrays.sparse("v", p, n);
+    at.current = arrays.places("current", p, n, -1);
+    at.farthest = arrays.numbers("farthest", p);
+    at.g = arrays.numbers("g", n);
+    at.cosine = arrays.numbers("cosine", n);
+    at.sine = arrays.numbers("sine", n);
+    at.seen = arrays.sparse("seen", m, n);
+    at.shows = arrays.places("shows", m, n, 0);
+    at.gain = arrays.numbers("gain", m);
+    at.lag = arrays.numbers("lag", m);
+    for (const auto each : nb::cast<nb::list>(arrays["magnets"]))
+      magnets.push_back(nb::cast<const Magnet &>(each).magnet);
+    same_length(p, magnets.size(), "magnets");
+    at.magnet = magnets.data();
+    for (const auto each : nb::cast<nb::list>(arrays["sensor_parts"]))
+      sensors.push_back(parts_of(nb::cast<nb::dict>(each)));
+    same_length(m, sensors.size(), "sensor_parts");
+    at.sensor = sensors.data();
+    for (const auto each : nb::cast<nb::list>(arrays["rings"])) {
+      const auto ring = nb::cast<nb::dict>(each);
+      const int first = nb::cast<int>(ring["first"]), second = nb::cast<int>(ring["second"]);
+      if (first < 0 || first >= at.axes || second < -1 || second >= at.axes)
+        throw std::invalid_argument("a ring is about axes that are not there");
+      rings.push_back({first, second, nb::cast<amb_real>(ring["travel"]),
+                       parts_of(nb::cast<nb::dict>(ring["stop"]))});
+    }
+    at.rings = static_cast<int>(rings.size());
+    at.ring = rings.data();
+    at.delay = arrays.count("delay");
+    at.delay_rest = arrays.number("delay_rest");
+    at.substeps = arrays.count("substeps");
+    if (at.delay < 0 || at.delay > AMB_DELAY_MOST || at.substeps < 1)
+      throw std::invalid_argument("delay or substeps out of range");
+    loop.T = arrays.number("T");
+    loop.k_ui = arrays.numbers("k_ui", p);
+    for (const auto each : nb::cast<nb::list>(arrays["pid"])) {
+      const auto gains = nb::cast<std::vector<amb_real>>(each);
+      same_length(7, gains.size(), "pid");
+      pid.push_back({loop.T, gains[0], gains[1], gains[2], gains[3], gains[4], gains[5], gains[6]});
+    }
+    same_length(p, pid.size(), "pid");
+    loop.pid = pid.data();
+    loop.shown = arrays.numbers("shown", p * m);
+    if (estimator != nullptr) {
+      loop.estimator = &estimator->estimator;
+      const Sizes of = estimator->sizes();
+      same_length(m, of.sensors, "the estimator, in sensors,");
+      same_length(p, of.controls, "the estimator, in controls,");
+      loop.position = arrays.numbers_or_none("position", p * of.states);
+      loop.velocity = arrays.numbers_or_none("velocity", p * of.states);
+    }
+  }
+  amb_machine_loop loop{};
+  size_t n, p, m;
+  Arrays arrays;
+
+private:
+  std::vector<amb_magnet> magnets;
+  std::vector<amb_parts> sensors;
+  std::vector<amb_ring> rings;
+  std::vector<amb_pid> pid;
+};
+
+// An estimator, and the model that turns with the rotor.
+struct Turning {
+  Estimator *estimator;
+  Model *model;
+  static void turn(void *self, amb_real speed)
+  {
+    const auto &both = *static_cast<Turning *>(self);
+    both.estimator->turn(*both.model, speed);
+  }
+};
+
+Named simulate_machine(const nb::dict &machine, const Samples &r, const Samples &load,
+                       const Vector &speed, const Samples &noise_u, const Samples &noise_y,
+                       const Vector &start, const Vector &demanded, Estimator *estimator,
+                       Model *model)
+{
+  Whole whole(machine, estimator);
+  Turning turning{estimator, model};
+  if (estimator != nullptr && model != nullptr && model->turns()) {
+    whole.loop.turn = &Turning::turn;
+    whole.loop.model = &turning;
+  }
+  const size_t p = whole.p, m = whole.m, n = samples_of(r, p, "r");
+  same_length(n, samples_of(load, p, "load"), "load");
+  same_length(n + 1, speed.size(), "speed");
+  same_length(n, samples_of(noise_u, p, "noise_u"), "noise_u");
+  same_length(n, samples_of(noise_y, m, "noise_y"), "noise_y");
+  same_length(whole.n, start.size(), "start");
+  same_length(p, demanded.size(), "demanded");
+  amb_machine_state state{};
+  std::copy_n(start.data(), whole.n, state.X);
+  state.cosine = 1;
+  for (auto &past : state.demanded)
+    std::copy_n(demanded.data(), p, past);
+  Fresh<amb_real> X({n, whole.n}), iu({n, p}), force({n, p}), y({n, m}), u({n, p});
+  const Sizes of(estimator ? estimator->kf.model : amb_model{});
+  History history(estimator ? n : 0, of, estimator != nullptr, estimator && estimator->scales());
+  const amb_machine_input input{
+      n, r.data(), load.data(), speed.data(), noise_u.data(), noise_y.data()};
+  amb_machine_output out{X.data, iu.data, force.data, y.data, u.data, history.to, 0};
+  {
+    nb::gil_scoped_release release;
+    amb_machine_run(&whole.loop, &input, &state, demanded.data(),
+                    estimator ? estimator->state() : nullptr, &out);
+  }
+  nb::dict d;
+  d["X"] = X.array;
+  d["iu"] = iu.array;
+  d["force"] = force.array;
+  d["y"] = y.array;
+  d["u"] = u.array;
+  d["touched"] = out.touched;
+  if (estimator)
+    d["estimate"] = history.arrays;
+  return d;
+}
+
+} // namespace
+
+void bind_machine(nb::module_ &m)
+{
+  m.def(
+      "simulate_machine", &simulate_machine, nb::arg("machine"), nb::kw_only(), nb::arg("r"),
+      nb::arg("load"), nb::arg("speed"), nb::arg("noise_u"), nb::arg("noise_y"), nb::arg("start"),
+      nb::arg("demanded"), nb::arg("estimator").none() = nb::none(),
+      nb::arg("model").none() = nb::none(),
+      nb::sig("def simulate_machine(machine: dict[str, Any], *, r: Any, load: Any, speed: Any, "
+              "noise_u: Any, noise_y: Any, start: Any, demanded: Any, estimator: Estimator | "
+              "None = None, model: Model | None = None) -> dict[str, Any]"),
+      "A closed-loop run of a whole machine in one call; see sim/machine.h for shapes and units.");
+}
+
+#else
+
+void bind_machine(nb::module_ &)
+{
+}
+
+#endif

@@ -1,0 +1,278 @@
+#include "ambkit/model.h"
+
+#if defined(AMB_MODEL_LOOPS)
+
+#include "ambkit/root.h"
+#include "machine.h"
+#include "parts_step.h"
+
+#define IN_CONTACT 32 /* parts of a substep, where a backup bearing is near */
+
+/* What does not change within a stretch: the demand, loads, and the rotation at the sample. */
+typedef struct amb_stretch {
+  const amb_machine *machine;
+  const amb_real *demanded, *load;
+  amb_real speed, growth; /* [rad/s], [rad/s^2] */
+  amb_real cosine, sine;
+} amb_stretch;
+
+/* The rotation at some time after the sample. */
+typedef struct amb_turned {
+  amb_real speed, cosine, sine;
+} amb_turned;
+
+static amb_turned turned(const amb_stretch *s, amb_real t)
+{
+  amb_turned now;
+  amb_real c, d;
+  amb_parts_turn((s->speed + s->growth * t / 2) * t, &c, &d);
+  now.speed = s->speed + s->growth * t;
+  now.cosine = s->cosine * c - s->sine * d;
+  now.sine = s->sine * c + s->cosine * d;
+  return now;
+}
+
+static amb_real times(const amb_sparse *A, int row, const amb_real X[])
+{
+  return amb_sparse_times(A, A->value, row, X);
+}
+
+amb_real amb_machine_displacement(const amb_machine *machine, const amb_real X[], int f)
+{
+  return times(&machine->h, f, X);
+}
+
+amb_real amb_machine_force(const amb_machine *machine, const amb_real X[], int f, amb_real iu)
+{
+  const amb_real i = machine->current[f] < 0 ? iu : X[machine->current[f]];
+  const amb_real end = machine->farthest[f];
+  const amb_real s = amb_clamp(amb_machine_displacement(machine, X, f), -end, end);
+  return machine->magnet[f].methods->force(machine->magnet[f].self, i, s);
+}
+
+/* How deep the rotor is in a ring [m], negative where it is clear of it, and the direction. */
+static amb_real depth_in(const amb_machine *machine, const amb_ring *ring, const amb_real X[],
+                         amb_real way[2])
+{
+  const amb_real a = amb_machine_displacement(machine, X, ring->first);
+  const amb_real b = ring->second < 0 ? 0 : amb_machine_displacement(machine, X, ring->second);
+  const amb_real far = amb_root(a * a + b * b);
+  way[0] = far > 0 ? a / far : 0;
+  way[1] = far > 0 ? b / far : 0;
+  return far - ring->travel;
+}
+
+/* Forces of the backup bearings, added to those along the axes. */
+static void add_contact(const amb_machine *machine, const amb_real X[], amb_real F[])
+{
+  for (int k = 0; k < machine->rings; k++) {
+    const amb_ring *ring = &machine->ring[k];
+    amb_real way[2];
+    const amb_real depth = depth_in(machine, ring, X, way);
+    if (depth > 0) {
+      const bool two = ring->second >= 0;
+      amb_real inward = way[0] * times(&machine->v, ring->first, X);
+      inward += two ? way[1] * times(&machine->v, ring->second, X) : 0;
+      const amb_real push = amb_parts_push(&ring->stop, depth, inward);
+      F[ring->first] -= push * way[0];
+      if (two)
+        F[ring->second] -= push * way[1];
+    }
+  }
+}
+
+/* What sensors see beyond a displacement in proportion: runout, and their non-linearity. */
+static void add_seen(const amb_machine *machine, const amb_real X[], const amb_turned *now,
+                     amb_real slope[])
+{
+  for (int r = 0; r < machine->sensors; r++) {
+    const amb_parts *parts = &machine->sensor[r];
+    const amb_real x = times(&machine->seen, r, X), K = machine->gain[r];
+    const amb_real more = amb_parts_shown(parts, K, x, now->cosine, now->sine) - K * x;
+    slope[machine->shows[r]] += more / machine->lag[r];
+  }
+}
+
+static void slope(const amb_stretch *s, const amb_real X[], amb_real t, amb_real d[])
+{
+  const amb_machine *machine = s->machine;
+  const amb_turned now = turned(s, t);
+  amb_real F[AMB_FORCES];
+  for (int f = 0; f < machine->axes; f++)
+    F[f] = s->load[f] + amb_machine_force(machine, X, f, s->demanded[f]);
+  add_contact(machine, X, F);
+  const amb_real square = now.speed * now.speed;
+  const amb_real ahead = square * now.cosine + s->growth * now.sine;
+  const amb_real across = square * now.sine - s->growth * now.cosine;
+  for (int i = 0; i < machine->states; i++) {
+    amb_real sum = machine->g[i] + ahead * machine->cosine[i] + across * machine->sine[i];
+    for (int k = machine->A.start[i]; k < machine->A.start[i + 1]; k++)
+      sum += (machine->A.value[k] + now.speed * machine->spin[k]) * X[machine->A.column[k]];
+    sum += times(&machine->b, i, F) + times(&machine->B_u, i, s->demanded);
+    d[i] = sum;
+  }
+  add_seen(machine, X, &now, d);
+}
+
+static void along(int n, const amb_real X[], amb_real h, const amb_real d[], amb_real to[])
+{
+  for (int i = 0; i < n; i++)
+    to[i] = X[i] + h * d[i];
+}
+
+/* Classical Runge-Kutta of order 4 (Kutta 1901), from t after the sample on by h. */
+static void step(const amb_stretch *s, amb_real X[], amb_real t, amb_real h)
+{
+  const int n = s->machine->states;
+  amb_real d1[AMB_STATES], d2[AMB_STATES], d3[AMB_STATES], d4[AMB_STATES], there[AMB_STATES];
+  slope(s, X, t, d1);
+  along(n, X, h / 2, d1, there);
+  slope(s, there, t + h / 2, d2);
+  along(n, X, h / 2, d2, there);
+  slope(s, there, t + h / 2, d3);
+  along(n, X, h, d3, there);
+  slope(s, there, t + h, d4);
+  for (int i = 0; i < n; i++)
+    X[i] += h / 6 * (d1[i] + 2 * (d2[i] + d3[i]) + d4[i]);
+}
+
+/* Whether the rotor is in a backup bearing, or could come there within h. */
+static bool near(const amb_machine *machine, const amb_real X[], amb_real h, bool *touched)
+{
+  bool any = false;
+  for (int k = 0; k < machine->rings; k++) {
+    const amb_ring *ring = &machine->ring[k];
+    amb_real way[2];
+    const amb_real depth = depth_in(machine, ring, X, way);
+    amb_real fast = amb_magnitude(times(&machine->v, ring->first, X));
+    fast += ring->second < 0 ? 0 : amb_magnitude(times(&machine->v, ring->second, X));
+    any = any || (depth + 2 * h * fast > 0);
+    *touched = *touched || (depth > 0);
+  }
+  return any;
+}
+
+static bool go(const amb_stretch *s, amb_real X[], amb_real from, amb_real length, int steps)
+{
+  const amb_real h = length / (amb_real)steps;
+  bool touched = false;
+  for (int k = 0; k < steps; k++) {
+    const amb_real t = from + h * (amb_real)k;
+    const int parts = near(s->machine, X, h, &touched) ? IN_CONTACT : 1;
+    for (int j = 0; j < parts; j++)
+      step(s, X, t + h * (amb_real)j / (amb_real)parts, h / (amb_real)parts);
+  }
+  (void)near(s->machine, X, 0, &touched);
+  return touched;
+}
+
+/* How many steps a stretch takes. */
+static int steps_in(const amb_machine *machine, amb_real stretch, amb_real T)
+{
+  return stretch < T ? (int)((amb_real)machine->substeps * stretch / T) + 1 : machine->substeps;
+}
+
+bool amb_machine_advance(const amb_machine *machine, amb_machine_state *state, amb_real T,
+                         amb_real speed, amb_real next_speed, const amb_real demanded[],
+                         const amb_real load[])
+{
+  for (int n = machine->delay + 1; n > 0; n--)
+    for (int c = 0; c < machine->axes; c++)
+      state->demanded[n][c] = state->demanded[n - 1][c];
+  for (int c = 0; c < machine->axes; c++)
+    state->demanded[0][c] = demanded[c];
+  const amb_real rest = machine->delay_rest;
+  amb_stretch s = {machine,
+                   state->demanded[machine->delay + 1],
+                   load,
+                   speed,
+                   (next_speed - speed) / T,
+                   state->cosine,
+                   state->sine};
+  bool touched = false;
+  if (rest > 0)
+    touched = go(&s, state->X, 0, rest, steps_in(machine, rest, T));
+  s.demanded = state->demanded[machine->delay];
+  touched |= go(&s, state->X, rest, T - rest, steps_in(machine, T - rest, T));
+  const amb_turned then = turned(&s, T);
+  const amb_real right = (3 - (then.cosine * then.cosine + then.sine * then.sine)) / 2;
+  state->cosine = right * then.cosine; /* what rounding did to its length is put right */
+  state->sine = right * then.sine;
+  return touched;
+}
+
+/* ---- The closed loop ---- */
+
+static amb_real dot(int n, const amb_real a[], const amb_real x[])
+{
+  amb_real sum = 0;
+  for (int i = 0; i < n; i++)
+    sum += a[i] * x[i];
+  return sum;
+}
+
+/* The controllers' signals [V] at a sample at which they are shown y, or the estimate. */
+static void control(const amb_machine_loop *loop, amb_pid_state pid[], const amb_real r[],
+                    const amb_real y[], const void *estimator, amb_real u[])
+{
+  const amb_machine *machine = &loop->machine;
+  for (int c = 0; c < machine->axes; c++) {
+    amb_real iu;
+    if (loop->position != NULL) {
+      const amb_real *mean = ((const amb_kalman_state *)estimator)->mean;
+      const int n = amb_states(&loop->estimator->kf->model);
+      const amb_real x = dot(n, loop->position + c * n, mean);
+      const amb_real v = dot(n, loop->velocity + c * n, mean);
+      (void)amb_pid_step(&loop->pid[c], &pid[c], r[c], x, &v, &iu);
+    } else {
+      const amb_real x = dot(machine->sensors, loop->shown + c * machine->sensors, y);
+      (void)amb_pid_step(&loop->pid[c], &pid[c], r[c], x, NULL, &iu);
+    }
+    u[c] = iu / loop->k_ui[c];
+  }
+}
+
+void amb_machine_run(const amb_machine_loop *loop, const amb_machine_input *in,
+                     amb_machine_state *state, const amb_real integral[], void *estimator,
+                     amb_machine_output *out)
+{
+  const amb_machine *machine = &loop->machine;
+  const size_t n = (size_t)machine->states, p = (size_t)machine->axes;
+  const size_t m = (size_t)machine->sensors;
+  amb_pid_state pid[AMB_CONTROLS];
+  amb_kalman_result result = {.status = AMB_OK};
+  for (size_t c = 0; c < p; c++)
+    amb_pid_reset(&pid[c], integral[c]);
+  out->touched = 0;
+  for (size_t k = 0; k < in->n; k++) {
+    amb_real demanded[AMB_CONTROLS];
+    amb_real *y = out->y + k * m, *u = out->u + k * p;
+    for (size_t i = 0; i < n; i++)
+      out->X[k * n + i] = state->X[i];
+    for (size_t r = 0; r < m; r++)
+      y[r] = amb_parts_rounded(&machine->sensor[r],
+                               state->X[machine->shows[r]] + in->noise_y[k * m + r]);
+    if (loop->estimator != NULL) {
+      if (k == 0) {
+        (void)amb_estimator_start(loop->estimator, estimator, y, &result);
+      } else {
+        if (loop->turn != NULL)
+          loop->turn(loop->model, (in->speed[k - 1] + in->speed[k]) / 2);
+        (void)amb_estimator_step(loop->estimator, estimator, y, u - p, &result);
+      }
+      amb_estimator_note(loop->estimator, estimator, &result, k, &out->estimate);
+    }
+    control(loop, pid, in->r + k * p, y, estimator, u);
+    for (size_t c = 0; c < p; c++) {
+      demanded[c] = amb_clamp(loop->k_ui[c] * (u[c] + in->noise_u[k * p + c]), loop->pid[c].iu_min,
+                              loop->pid[c].iu_max);
+      out->iu[k * p + c] = machine->current[c] < 0 ? demanded[c] : state->X[machine->current[c]];
+      out->force[k * p + c] = amb_machine_force(machine, state->X, (int)c, demanded[c]);
+    }
+    if (amb_machine_advance(machine, state, loop->T, in->speed[k], in->speed[k + 1], demanded,
+                            in->load + k * p))
+      out->touched++;
+  }
+}
+
+#endif

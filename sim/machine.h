@@ -1,0 +1,104 @@
+/* A whole machine between samples, and in closed loop: the continuous model that the composition
+ * gives, the magnets' own force laws, backup bearings, unbalance. Only beside ambkit/loops.h.
+ *
+ *   dX/dt = (A + speed spin) X + b F + g + unbalance
+ *   F_f   = magnet f at its current and its displacement s_f = h_f X, and the load there
+ *
+ * X: rotor, lagged readings, and currents where amplifiers lag. A sensor that has parts of its own
+ * sees more than A tells: the difference is added.
+ */
+#ifndef AMBKIT_SIM_MACHINE_H
+#define AMBKIT_SIM_MACHINE_H
+
+#include "ambkit/controller.h"
+#include "ambkit/estimator_run.h"
+#include "parts.h"
+
+/* A backup bearing: a ring about two axes, or along one axis where the second is -1. */
+typedef struct amb_ring {
+  int first, second; /* axes */
+  amb_real travel;   /* what it leaves [m] */
+  amb_parts stop;    /* its stiffness and damping */
+} amb_ring;
+
+typedef struct amb_machine {
+  int states, axes, sensors;
+  amb_sparse A;                  /* states x states, at rest */
+  const amb_real *spin;          /* what each entry of A gains by 1 rad/s of rotation */
+  amb_sparse b;                  /* states x axes, per newton */
+  amb_sparse B_u;                /* states x axes, per ampere demanded */
+  amb_sparse h;                  /* axes x states: displacements [m] ... */
+  amb_sparse v;                  /* ... and their velocities [m/s] */
+  const int *current;            /* [axes]: its state, or -1: the demanded one at once */
+  const amb_magnet *magnet;      /* [axes] */
+  const amb_real *farthest;      /* [axes]: no magnet finds the rotor farther away [m] */
+  const amb_real *g;             /* [states]: by forces that are always there */
+  const amb_real *cosine, *sine; /* [states]: unbalance, by its force ahead and across */
+  amb_sparse seen;               /* sensors x states: displacement where it looks [m] */
+  const int *shows;              /* [sensors]: state of the reading */
+  const amb_real *gain, *lag;    /* [sensors]: [1], [s] */
+  const amb_parts *sensor;       /* [sensors]: runout, non-linearity, rounding */
+  int rings;
+  const amb_ring *ring;
+  int delay; /* as in parts.h, of all axes */
+  amb_real delay_rest;
+  int substeps; /* Runge-Kutta steps in a sample, >= 1 */
+} amb_machine;
+
+typedef struct amb_machine_state {
+  amb_real X[AMB_STATES];
+  amb_real cosine, sine;                               /* of the angle of rotation */
+  amb_real demanded[AMB_DELAY_MOST + 2][AMB_CONTROLS]; /* the last one first [A] */
+} amb_machine_state;
+
+/* On by a sample of T [s], the speed growing from one to the other [rad/s], with the demanded
+ * currents [A] and the loads at the axes [N] held. Returns whether a ring was touched. */
+bool amb_machine_advance(const amb_machine *machine, amb_machine_state *state, amb_real T,
+                         amb_real speed, amb_real next_speed, const amb_real demanded[],
+                         const amb_real load[]);
+
+/* Displacement [m] of axis f, and the force of its magnet there [N] while iu [A] is demanded. */
+amb_real amb_machine_displacement(const amb_machine *machine, const amb_real X[], int f);
+amb_real amb_machine_force(const amb_machine *machine, const amb_real X[], int f, amb_real iu);
+
+/* The closed loop: each axis has a controller of its own. */
+typedef struct amb_machine_loop {
+  amb_machine machine;
+  const amb_pid *pid;             /* [axes] */
+  amb_real T;                     /* sampling time [s] */
+  const amb_real *k_ui;           /* [axes]: amplifier gain [A/V] */
+  const amb_real *shown;          /* axes x sensors: position of an axis, by the readings */
+  const amb_estimator *estimator; /* or NULL */
+  const amb_real *position;       /* axes x its states: position of an axis, by the estimate; or
+                                   * NULL: by the readings */
+  const amb_real *velocity;       /* and its velocity */
+  void (*turn)(void *model, amb_real speed); /* tells the estimator's model the speed, or NULL */
+  void *model;
+} amb_machine_loop;
+
+/* n samples, row by row; noise is drawn by the caller. */
+typedef struct amb_machine_input {
+  size_t n;
+  const amb_real *r;       /* n x axes: reference [m] */
+  const amb_real *load;    /* n x axes: disturbance forces [N] */
+  const amb_real *speed;   /* n + 1: of rotation [rad/s] */
+  const amb_real *noise_u; /* n x axes: on the control signals [V] */
+  const amb_real *noise_y; /* n x sensors: on the readings [m] */
+} amb_machine_input;
+
+typedef struct amb_machine_output {
+  amb_real *X;     /* n x states: truth at the sample */
+  amb_real *iu;    /* n x axes: currents that act just after it [A] */
+  amb_real *force; /* n x axes: of the magnets then [N] */
+  amb_real *y;     /* n x sensors [m] */
+  amb_real *u;     /* n x axes: control signals from this sample to the next [V] */
+  amb_kalman_history estimate;
+  size_t touched; /* samples in which a backup bearing was touched */
+} amb_machine_output;
+
+/* From the state given, with the controllers' integrals at these currents [A]. */
+void amb_machine_run(const amb_machine_loop *loop, const amb_machine_input *in,
+                     amb_machine_state *state, const amb_real integral[], void *estimator,
+                     amb_machine_output *out);
+
+#endif

@@ -1,0 +1,89 @@
+"""``ambkit filter`` along a record of a whole machine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ambkit.base.errors import AmbkitError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from ambkit.data.record import Record
+    from ambkit.estimate.noise import FilterNoise
+    from ambkit.machine.machine import Machine
+
+
+def filter_machine(
+    machine: Machine,
+    log: Record,
+    kinds: Sequence[str],
+    *,
+    synchronous: Sequence[str],
+    noise: FilterNoise,
+    settling: float,
+    smooth: bool,
+    out: Path | None,
+    json: bool,
+    others: Mapping[str, Any],
+) -> None:
+    """Run estimators along a record of a machine, and print what they say of it.
+
+    Parameters
+    ----------
+    machine : Machine
+        Of which the record is.
+    log : Record
+        The record.
+    kinds : sequence of str
+        Of estimators.
+    synchronous, noise, settling, smooth
+        See `ambkit.workflow.filtering_machine.filter_machine`.
+    out : Path, optional
+        File for the estimates; of one estimator.
+    json : bool
+        Whether machines are to read it.
+    others : mapping
+        Options of one axis, by their names, which must not be given.
+    """
+    from ambkit.cli import output
+    from ambkit.workflow.filtering_machine import filter_machine as along
+
+    for name, value in others.items():
+        if value is not None:
+            raise AmbkitError(f"--{name} is of one axis; {machine.name} is a whole machine")
+    if out is not None and len(kinds) != 1:
+        raise AmbkitError(f"--out takes the estimates of one estimator, not of {len(kinds)}")
+    with output.progress("filtering"):
+        found = along(
+            machine, log, kinds, synchronous=synchronous, noise=noise, settling=settling,
+            smooth=smooth,
+        )  # fmt: skip
+    data = found.to_dict()
+    write = [(out, lambda path: found.estimates[kinds[0]].save(path))]
+    output.deliver(data, [_table(data)], write, as_json=json)
+
+
+def _table(data: dict[str, Any]) -> Any:
+    from ambkit.cli.output import table, value
+
+    all_of = data["estimators"]
+
+    def several(values: Mapping[str, float], unit: str) -> str:
+        return ", ".join(f"{name} {value(each, unit)}" for name, each in values.items())
+
+    told = list(all_of.values())
+    rows = [
+        ["mean NIS (1: consistent)", *(f"{j['nis']:.3f}" for j in told)],
+        ["status", *(", ".join(j["status"]).lower() or "ok" for j in told)],
+        ["innovation, std", *(several(j["innovation_std"], "m") for j in told)],
+        ["load, mean", *(several(j["disturbance_mean"], "N") for j in told)],
+        ["load, std", *(several(j["disturbance_std"], "N") for j in told)],
+    ]
+    units = {"x": "m", "y": "m", "z": "m", "th": "rad", "v": "m/s", "w": "rad/s", "f": "N"}
+    for name in told[0]["rmse"]:
+        unit = units[name.split("_")[0]]
+        rows.append([f"error of {name}, rms", *(value(j["rmse"][name], unit) for j in told)])
+    title = f"{data['machine']}, {data['samples']} samples"
+    return table(title, ["", *all_of], rows)

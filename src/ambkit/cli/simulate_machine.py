@@ -1,0 +1,109 @@
+"""``ambkit simulate`` of a whole machine."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ambkit.base.errors import AmbkitError
+
+if TYPE_CHECKING:
+    from ambkit.machine.machine import Machine
+
+
+def simulate_machine(
+    machine: Machine,
+    *,
+    scenario: Path | None,
+    estimator: str,
+    duration: float | None,
+    load: float | None,
+    seed: int | None,
+    synchronous: Sequence[str],
+    out: Path | None,
+    plot: Path | None,
+    json: bool,
+    others: dict[str, Any],
+) -> None:
+    """Simulate a machine in closed loop, and print what the run came to.
+
+    Parameters
+    ----------
+    machine : Machine
+        What is simulated.
+    scenario : Path, optional
+        A flight in TOML.
+    estimator : str
+        ``"none"``, or a kind; beside the loop unless the flight says otherwise.
+    duration, load, seed : optional
+        What the user changed in the flight.
+    synchronous : sequence of str
+        What turns with the rotor and is estimated too.
+    out, plot : Path, optional
+        Files for the record and the picture.
+    json : bool
+        Whether machines are to read it.
+    others : dict
+        Options of one axis, by their names, which must not be given.
+    """
+    from ambkit.cli import output
+    from ambkit.estimate.registry import kind_called, learned_magnet
+    from ambkit.show import plots
+    from ambkit.simulation.flight import Flight
+    from ambkit.simulation.machine import simulate_machine as fly
+    from ambkit.workflow.flying import FlightSummary, flight_for
+
+    for name, value in others.items():
+        if value is not None:
+            raise AmbkitError(f"--{name} is of one axis; {machine.name} is a whole machine")
+    flight = None if scenario is None else Flight.load(scenario)
+    happening = flight_for(machine, flight, duration=duration, load=load, seed=seed)
+    if estimator == "none" and happening.feedback == "estimate":
+        raise AmbkitError(
+            f'{scenario}: the controllers are fed by the estimate (feedback = "estimate"), so '
+            "--estimator cannot be none"
+        )
+    kalman = None
+    if estimator != "none":
+        try:
+            kalman = kind_called(estimator).make(
+                machine, learned_magnet(estimator, machine), synchronous=synchronous
+            )
+        except ValueError as error:
+            raise AmbkitError(str(error)) from error
+    with output.progress("simulating"):
+        run = fly(machine, happening, estimator=kalman)
+    data = FlightSummary(run).to_dict()
+    output.deliver(
+        data,
+        [_table(data)],
+        [
+            (out, run.record.save),
+            (plot, lambda path: plots.save_figure(plots.machine_figure(run), path)),
+        ],
+        as_json=json,
+    )
+    touched = run.samples_at_the_stop
+    if touched and happening.start != "rest":
+        output.note(f"the rotor touched a backup bearing in {touched} of {len(run.record)} samples")
+
+
+def _table(data: dict[str, Any]) -> Any:
+    from ambkit.cli.output import table, value
+
+    rows = [["duration", f"{value(data['duration'], 's')}, {data['samples']} samples"]]
+    for what, unit in (("displacement", "m"), ("current", "A")):
+        greatest = data[f"greatest_{what}"]
+        shown = ", ".join(f"{name} {value(each, unit)}" for name, each in greatest.items())
+        rows.append([f"greatest {what}", shown])
+    rows.append(["  in a backup bearing", f"{data['samples_at_the_stop']} samples"])
+    if "rmse" in data:
+        units = {"x": "m", "y": "m", "z": "m", "th": "rad", "v": "m/s", "w": "rad/s", "f": "N"}
+        rows.append([f"{data['estimator']}: RMSE", ""])
+        rows += [
+            [f"  {name}", value(each, units[name.split("_")[0]])]
+            for name, each in data["rmse"].items()
+        ]
+        rows.append(["  mean NIS (1: consistent)", f"{data['nis']:.3f}"])
+    return table(f"{data['machine']}, seed {data['seed']}", ["", ""], rows)

@@ -1,0 +1,218 @@
+"""What an estimator of a whole machine is told, and where it starts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.estimate.noise import FilterNoise, Variances, check_variances
+from ambkit.estimate.starting import hovering
+from ambkit.machine import geometry
+from ambkit.machine.bank import Bank, alone_of, bias_forces_of, weights_of
+from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.magnets import own_time
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+    from ambkit.machine.machine import Machine
+    from ambkit.models.model import Descriptor
+
+Array = NDArray[np.float64]
+
+
+class Whole:
+    """A machine as its estimators see it.
+
+    Parameters
+    ----------
+    machine : Machine
+        The whole machine.
+    """
+
+    def __init__(self, machine: Machine) -> None:
+        self.machine = machine
+        self.alone = alone_of(machine)
+        positions = machine.positions
+        self.H = geometry.matrix([axis.line for axis in machine.axes], positions)
+        self.C = geometry.matrix([r.line for r in machine.readings], positions)
+        self.gains = np.array([r.sensor.gain for r in machine.readings])
+
+    @cached_property
+    def travel(self) -> Array:
+        """What the backup bearings leave to each coordinate (q,) [m] or [rad]."""
+        limits = np.array([each.rotor.travel_limit for each in self.alone])
+        return np.asarray(np.abs(np.linalg.pinv(self.H)) @ limits)
+
+    @cached_property
+    def travel_seen(self) -> Array:
+        """And to each reading, without its gain (m,) [m]."""
+        limits = np.array([each.rotor.travel_limit for each in self.alone])
+        return np.asarray(np.abs(self.C @ np.linalg.pinv(self.H)) @ limits)
+
+    @cached_property
+    def shown(self) -> Array:
+        """Coordinates that explain readings best (q, m)."""
+        return np.asarray(np.linalg.pinv(self.gains[:, None] * self.C))
+
+    def variances(self, noise: FilterNoise) -> Variances:
+        """Return what a filter assumes, one number for each reading and axis."""
+        readings, axes = self.machine.readings, self.alone
+
+        def each(given: float | None, own: Sequence[float]) -> tuple[float, ...]:
+            return tuple(own) if given is None else (given,) * len(own)
+
+        full = Variances(
+            each(noise.measurement, [r.sensor.noise_variance for r in readings]),
+            each(noise.control, [b.amplifier.noise_variance for b in axes]),
+            each(noise.disturbance, [(2 * b.rotor.mass * GRAVITY) ** 2 for b in axes]),
+        )
+        check_variances(full)
+        return full
+
+    def growth(self, variances: Variances, noises: Sequence[Descriptor]) -> list[float]:
+        """Return the variances of a model's noises, the loads' in a sample [N^2]."""
+        T, p = self.machine.sampling_time, len(self.alone)
+        return [
+            *(T * each for each in variances.disturbance),
+            *(noise.size**2 for noise in noises[p:]),
+        ]
+
+    def settings(
+        self, variances: Variances, states: Sequence[Descriptor], noises: Sequence[Descriptor]
+    ) -> dict[str, Any]:
+        """Return what the core is told but for known forces and limits of judgement."""
+        machine, axes = self.machine, self.alone
+        return {
+            "T": machine.sampling_time,
+            "K_sen": self.gains.tolist(),
+            "lag": [machine.lag_of(r.sensor) for r in machine.readings],
+            "travel": self.travel_seen.tolist(),
+            "k_ui": [b.amplifier.gain for b in axes],
+            "iu_min": [b.current_min for b in axes],
+            "iu_max": [b.current_max for b in axes],
+            "x_max": [b.rotor.travel_limit for b in axes],
+            "cap": self.caps(states),
+            "var_u": list(variances.control),
+            "var_d": self.growth(variances, noises),
+            "var_y": list(variances.measurement),
+        }
+
+    def caps(self, states: Sequence[Descriptor]) -> list[float]:
+        """Return the most that each state can be (``ambkit/envelope.h``)."""
+        T = self.machine.sampling_time
+        fast = 0.1 * self.travel / T
+        by_role = {
+            "position": self.travel,
+            "velocity": fast,
+            "disturbance force": np.array(
+                [b.rotor.mass * 0.1 * b.rotor.travel_limit / T**2 for b in self.alone]
+            ),
+            "sensor": 3 * np.abs(self.gains) * self.travel_seen,
+        }
+        return self._each(states, by_role, 10.0, [30 * state.size for state in states])
+
+    def start_std(self, variances: Variances, states: Sequence[Descriptor]) -> tuple[float, ...]:
+        """Return the standard deviations with which a filter starts; see `Estimator.reset`."""
+        sigma = 3 * np.sqrt(np.array(variances.measurement))
+        pole = max(1 / own_time(b) for b in self.alone)
+        by_role = {
+            "position": np.sqrt(self.shown**2 @ sigma**2),
+            "velocity": 0.1 * self.travel * pole,
+            "disturbance force": np.array([b.rotor.mass * GRAVITY for b in self.alone]),
+            "sensor": sigma,
+        }
+        return tuple(self._each(states, by_role, 1.0, [state.size for state in states]))
+
+    def _each(
+        self, states: Sequence[Descriptor], by_role: dict[str, Array], currents: float,
+        others: Sequence[float],
+    ) -> list[float]:  # fmt: skip
+        """Return a number for each state, the k-th of a role its k-th; currents by their limits."""
+        seen: dict[str, int] = {}
+        found = []
+        for state, other in zip(states, others, strict=True):
+            k = seen.get(state.role, 0)
+            seen[state.role] = k + 1
+            if state.role in by_role:
+                found.append(float(by_role[state.role][k]))
+            elif state.role in ("current", "past control"):
+                found.append(currents * self.alone[self.axis_of(state)].amplifier.current_limit)
+            else:
+                found.append(other)
+        return found
+
+    def axis_of(self, state: Descriptor) -> int:
+        """Return which axis a current or a past control is of."""
+        names = [axis.name for axis in self.machine.axes]
+        return names.index(state.name.split("_")[1])
+
+    def known_forces(self, magnet: Any, *, weight: bool) -> list[float]:
+        """Return the forces along the axes that a filter knows [N]."""
+        weights = weights_of(self.machine) if weight else [0.0] * len(self.alone)
+        bias = bias_forces_of(magnet, self.machine)
+        return [w + b for w, b in zip(weights, bias, strict=True)]
+
+    def hover(self, magnet: Bank, states: Sequence[Descriptor]) -> list[tuple[float, float]]:
+        """Return for each axis what `hovering` does."""
+        known = self.known_forces(magnet, weight=True)
+        return [
+            hovering(b, model, states, balance)
+            for b, model, balance in zip(self.alone, magnet.models, known, strict=True)
+        ]
+
+    def at_rest(
+        self, states: Sequence[Descriptor], hover: list[tuple[float, float]], q: Array,
+        shown: Any = None, currents: Array | None = None,
+    ) -> Array:  # fmt: skip
+        """Return the states (n,) of a rotor at rest at q (q,); see `Estimator.at_rest`."""
+        along = self.H @ q
+        if currents is None:
+            currents = np.array([i + slope * s for (i, slope), s in zip(hover, along, strict=True)])
+        sensors = iter(self.gains * (self.C @ q) if shown is None else shown)
+        places = iter(q)
+        mean = np.zeros(len(states))
+        for k, state in enumerate(states):
+            if state.role == "position":
+                mean[k] = next(places)
+            elif state.role == "sensor":
+                mean[k] = next(sensors)
+            elif state.role in ("current", "past control"):
+                mean[k] = currents[self.axis_of(state)]
+        return mean
+
+    def start_form(
+        self, states: Sequence[Descriptor], hover: list[tuple[float, float]]
+    ) -> tuple[Array, Array]:
+        """Return what starts the states at rest where readings y show the rotor.
+
+        Returns
+        -------
+        ndarray (n,), ndarray (n, m)
+            The states are the first plus the second times y, added up from the first reading on.
+        """
+        zero, one = np.zeros(len(self.travel)), np.eye(len(self.gains))
+        constant = self.at_rest(states, hover, zero)
+        columns = [self.at_rest(states, hover, self.shown @ y, y) - constant for y in one]
+        return constant, np.column_stack(columns)
+
+    def first(self, y: Array) -> Array:
+        """Return the first readings (m,) of a record (N, m) that are all within the travel."""
+        limit = np.abs(self.gains) * self.travel_seen
+        good = np.flatnonzero((np.abs(y) <= limit).all(axis=1))
+        return np.asarray(y[good[0]]) if good.size else np.zeros(len(limit))
+
+    def signals(self, record: Record) -> tuple[Array, Array]:
+        """Return readings (N, m) [m] and control signals (N, p) [V] of a record.
+
+        Raises
+        ------
+        RecordError
+            It has not all of them.
+        """
+        y = [record[f"y_{r.name}"] for r in self.machine.readings]
+        u = [record[f"u_{axis.name}"] for axis in self.machine.axes]
+        return np.column_stack(y), np.column_stack(u)

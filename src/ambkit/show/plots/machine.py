@@ -1,0 +1,109 @@
+"""A simulated run of a whole machine: orbits in its bearings, and what happened over time."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.escaping import label, markdown
+from ambkit.show.plots.looks import CURRENT, TIME
+from ambkit.show.report.figure import Figure, Panel
+from ambkit.show.report.items import Axis, Item, Line, Rule
+
+if TYPE_CHECKING:
+    from ambkit.machine.placed import PlacedBearing
+    from ambkit.simulation.machine import MachineRun
+
+TURNS = 5
+"""Revolutions that an orbit shows dark, up to the end of the run."""
+
+DISPLACEMENT = Axis("displacement", "µm", 1e6)
+_ACROSS = Axis("$x$, against gravity", "µm", 1e6), Axis("$y$", "µm", 1e6)
+
+
+def machine_figure(run: MachineRun) -> Figure:
+    """Show the orbits of the rotor in its radial bearings, displacements and currents."""
+    machine, record = run.machine, run.record
+    t = record.t
+    panels: list[Panel] = []
+    radial = [each for each in machine.bearing if each.type == "radial"]
+    panels += [_orbit(run, each) for each in radial]
+    for each in machine.bearing:
+        names = [axis.name for axis in machine.axes if axis.bearing is each]
+        moved: list[Item] = [
+            Line(t, record[f"s_{name}"], signal=f"series {k}", label=_of(k))
+            for k, name in enumerate(names, 1)
+        ]
+        panels.append(Panel(TIME, DISPLACEMENT, moved, title=f"In bearing {label(each.name)}"))
+    for each in machine.bearing:
+        names = [axis.name for axis in machine.axes if axis.bearing is each]
+        limit = each.amplifier.current_limit
+        most = max(float(np.abs(record[f"iu_{name}"]).max()) for name in names)
+        fed: list[Item] = [
+            Line(t, record[f"iu_{name}"], signal=f"series {k}", label=_of(k))
+            for k, name in enumerate(names, 1)
+        ]
+        if most > 0.5 * limit:
+            fed += [Rule(end, signal="limit", label="limit") for end in (-limit, limit)]
+        panels.append(Panel(TIME, CURRENT, fed, title=f"Of bearing {label(each.name)}"))
+    speed = record["speed"]
+    rpm = f"{speed[-1] * 30 / math.pi:.6g} rpm"
+    if speed.max() != speed.min():
+        rpm = f"{speed[0] * 30 / math.pi:.6g} to {rpm}"
+    caption = (
+        f"The rotor at {rpm}; orbits over the whole run, and dark over its last {TURNS} "
+        "revolutions; the circle is the backup bearing where it is near."
+    )
+    return Figure(
+        id="machine", title=f"Simulated run of {markdown(machine.name)}", caption=caption,
+        panels=panels, columns=max(1, min(2, len(radial))), panel_height=2.1,
+    )  # fmt: skip
+
+
+def _of(k: int) -> str:
+    return {1: "first axis", 2: "second axis"}[k]
+
+
+def orbit_of(run: MachineRun, place: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the displacements x and y of the rotor at a place (n,) [m].
+
+    Parameters
+    ----------
+    run : MachineRun
+        A simulated run.
+    place : float
+        Along the shaft, from the centre of mass [m].
+    """
+    record = run.record
+    return (
+        record["q_x"] + place * record["q_th_y"],
+        record["q_y"] - place * record["q_th_x"],
+    )
+
+
+def _orbit(run: MachineRun, bearing: PlacedBearing) -> Panel:
+    x, y = orbit_of(run, bearing.place)
+    late = _last_turns(run)
+    items: list[Item] = [
+        Line(x, y, signal="measured", label="whole run"),
+        Line(x[late], y[late], signal="estimate", label=f"last {TURNS} revolutions"),
+    ]
+    travel = bearing.travel_limit
+    if max(np.abs(x).max(), np.abs(y).max()) > 0.5 * travel:
+        turn = np.linspace(0, 2 * math.pi, 181)
+        items.append(
+            Line(travel * np.cos(turn), travel * np.sin(turn), signal="limit",
+                 label="backup bearing")
+        )  # fmt: skip
+    return Panel(*_ACROSS, items, title=f"Orbit in bearing {label(bearing.name)}", equal=True)
+
+
+def _last_turns(run: MachineRun) -> slice:
+    """Return the samples of the last revolutions; of a rotor that hardly turns the last tenth."""
+    speed, t = run.record["speed"], run.record.t
+    angle = np.concatenate([[0.0], np.cumsum(np.abs(speed[:-1]) * np.diff(t))])
+    first = int(np.searchsorted(angle, angle[-1] - TURNS * 2 * math.pi))
+    return slice(min(first, int(0.9 * len(t))) if first == 0 else first, None)

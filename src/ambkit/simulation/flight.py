@@ -1,0 +1,78 @@
+"""What happens to a whole machine in a run: run-up, loads, noise, and who controls it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
+
+from ambkit.base.config import Document, Part
+from ambkit.base.config.quantities import Quantity, SignalIn
+from ambkit.simulation.waveforms import Signal
+
+
+class Disturbance(Part):
+    """A force on the rotor along an axis of a bearing."""
+
+    axis: str
+    """Name of the axis, such as A1."""
+    force: Annotated[Signal, SignalIn("N", "3 N")]
+    """The force [N]."""
+
+
+class Reference(Part):
+    """Where the rotor is to be along an axis of a bearing."""
+
+    axis: str
+    """Name of the axis, such as A1."""
+    position: Annotated[Signal, SignalIn("m", "20 um")]
+    """The position [m]."""
+
+
+class Flight(Document):
+    """A run of a whole machine: how fast it turns, what disturbs it, and who controls it.
+
+    Frozen, and checked as a whole: from TOML (`load`, `from_toml`) or from Python, in SI. Each axis
+    of a bearing has a position controller of its own, tuned to the axis alone.
+    """
+
+    duration: Annotated[float, Quantity("s", "0.5 s", above=0)] = 0.5
+    """How long the run lasts [s]."""
+    start: Literal["hover", "rest"] = "hover"
+    """At the start: in equilibrium, or lying in the backup bearings without current."""
+    noise: Annotated[bool, Field(strict=True)] = True
+    """Whether amplifiers and sensors are noisy."""
+    seed: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = 0
+    """Seed of the noise."""
+    substeps: Annotated[int, Field(strict=True, ge=1, le=1000)] = 4
+    """Steps of the integrator in one sample."""
+    feedback: Literal["measurement", "estimate"] = "measurement"
+    """What the controllers are fed by: the sensors, or the estimator."""
+    speed: Annotated[Signal, SignalIn("rad/s", "3000 rpm")] | None = None
+    """Speed of rotation, such as a run-up [rad/s]; the machine's own without."""
+    disturbance: tuple[Disturbance, ...] = ()
+    """Forces on the rotor besides magnets, weight and unbalance."""
+    reference: tuple[Reference, ...] = ()
+    """Positions that the rotor is to take; else the middle."""
+
+    @model_serializer(mode="wrap")
+    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = handler(self)
+        return {
+            k: each for k, each in data.items() if k not in ("disturbance", "reference") or each
+        }
+
+    def unknown_axes(self, axes: tuple[str, ...]) -> Iterator[str]:
+        """Yield what is wrong with the axes that it names.
+
+        Parameters
+        ----------
+        axes : tuple of str
+            Those of the machine.
+        """
+        named = [(f"disturbance[{at}]", each.axis) for at, each in enumerate(self.disturbance)]
+        named += [(f"reference[{at}]", each.axis) for at, each in enumerate(self.reference)]
+        for key, axis in named:
+            if axis not in axes:
+                yield f"{key}.axis: there is no axis {axis}; there are {', '.join(axes)}"

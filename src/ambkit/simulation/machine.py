@@ -1,0 +1,226 @@
+"""A whole machine in closed loop, run in one call into C (``sim/machine.h``)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import AmbkitError
+from ambkit.data.record import Record
+from ambkit.estimate.base import Estimator
+from ambkit.estimate.estimate import Estimate
+from ambkit.estimate.kalman import KalmanFilter
+from ambkit.machine import geometry
+from ambkit.machine.magnets import core_module
+from ambkit.simulation import noise
+from ambkit.simulation.plant import Plant
+from ambkit.simulation.scenario import PID
+
+if TYPE_CHECKING:
+    from ambkit.machine.machine import Machine
+    from ambkit.simulation.flight import Flight
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class MachineRun:
+    """A simulated run of a whole machine.
+
+    Attributes
+    ----------
+    machine : Machine
+        What was simulated.
+    record : Record
+        Of each reading ``y_NAME`` [m], of each axis ``u_NAME`` [V], and the truth: ``s_NAME``
+        displacement [m], ``iu_NAME`` current [A], ``f_mag_NAME`` magnet force [N], ``f_d_NAME``
+        load [N]; the rotor's coordinates and velocities; the speed of rotation [rad/s].
+    estimate : Estimate or None
+        What the estimator said meanwhile.
+    """
+
+    machine: Machine
+    record: Record
+    estimate: Estimate | None = None
+
+    @property
+    def samples_at_the_stop(self) -> int:
+        """Samples in which a backup bearing was touched."""
+        return int(self.record.meta["stop_touched"])
+
+
+def simulate_machine(
+    machine: Machine,
+    flight: Flight,
+    *,
+    estimator: Estimator | None = None,
+    disturbance: Array | None = None,
+) -> MachineRun:
+    """Simulate a whole machine with its controllers.
+
+    The plant is continuous (Runge-Kutta of order 4): the rotor with its gyroscopics, each magnet's
+    force law, weight, unbalance, loads, amplifiers, sensors with their runout, backup bearings.
+
+    Parameters
+    ----------
+    machine : Machine
+        The plant; each axis has a controller of its own, tuned to the axis alone.
+    flight : Flight
+        What happens to it.
+    estimator : Estimator, optional
+        Of the whole machine; beside the loop, or in it with ``flight.feedback = "estimate"``, where
+        it is the linear filter if none is given.
+    disturbance : ndarray (n, p), optional
+        Forces along the axes, sample by sample, added to the flight's [N].
+
+    Raises
+    ------
+    ValueError
+        `disturbance` has not a row a sample.
+    AmbkitError
+        A load or a reference is of an axis that the machine has not; a run-up is too fast for the
+        sampling time.
+    """
+    wrong = list(flight.unknown_axes(tuple(axis.name for axis in machine.axes)))
+    if wrong:
+        raise AmbkitError("; ".join(wrong))
+    plant, core = Plant(machine), core_module(any_model=True)
+    T = machine.sampling_time
+    n = max(2, round(flight.duration / T) + 1)
+    t: Array = T * np.arange(n + 1, dtype=float)
+    speed = np.full(n + 1, machine.speed) if flight.speed is None else flight.speed.sample(t)
+    fastest = float(np.abs(speed).max())
+    if fastest * T >= math.pi:
+        raise AmbkitError(
+            f"speed: {fastest:.6g} rad/s turns half a revolution within a sample, or more; must be "
+            f"less than {math.pi / T:.6g} rad/s"
+        )
+    loads = _of_axes(machine, [(each.axis, each.force) for each in flight.disturbance], t[:-1])
+    wanted = _of_axes(machine, [(each.axis, each.position) for each in flight.reference], t[:-1])
+    if disturbance is not None:
+        if disturbance.shape != loads.shape:
+            raise ValueError(f"disturbance must be {loads.shape}, is {disturbance.shape}")
+        loads = loads + disturbance
+    if estimator is None and flight.feedback == "estimate":
+        estimator = KalmanFilter(machine)
+    if flight.start == "hover":
+        q, currents = plant.hovering(wanted[0], loads[0])
+    else:
+        q, currents = plant.resting(), np.zeros(len(machine.axes))
+    noise_u, noise_y = _noise(machine, flight, n)
+    given = plant.arrays(core, flight.substeps, fastest) | _controllers(plant)
+    follows = None
+    if estimator is not None:
+        estimator.reset(estimator.at_rest(q, current=currents))
+        follows = estimator.turning(speed, n + 1)
+    out = core.simulate_machine(
+        given | _fed_back(plant, flight, estimator), r=wanted, load=loads, speed=speed,
+        noise_u=noise_u, noise_y=noise_y, start=plant.state(q, currents), demanded=currents,
+        estimator=None if estimator is None else estimator.core,
+        model=estimator.engine.model_of_core if estimator and follows is not None else None,
+    )  # fmt: skip
+    record = _record(plant, flight, t[:-1], out, {"r": wanted, "f_d": loads, "speed": speed[:-1]})
+    estimate = None if estimator is None else estimator.told(t[:-1], out["estimate"])
+    return MachineRun(machine, record, estimate)
+
+
+def _fed_back(plant: Plant, flight: Flight, estimator: Estimator | None) -> dict[str, Any]:
+    """Return the rows by which the controllers are fed from the estimate, or None."""
+    if estimator is None or flight.feedback == "measurement":
+        return {"position": None, "velocity": None}
+    of_role = {
+        role: [k for k, state in enumerate(estimator.states) if state.role == role]
+        for role in ("position", "velocity")
+    }
+    rows = {}
+    for role, places in of_role.items():
+        row = np.zeros((len(plant.axes), len(estimator.states)))
+        row[:, places] = plant.H
+        rows[role] = row.ravel().tolist()
+    return rows
+
+
+def _of_axes(machine: Machine, given: list[tuple[str, Any]], t: Array) -> Array:
+    """Return signals of axes (n, p), summed where there are several of one."""
+    names = [axis.name for axis in machine.axes]
+    values = np.zeros((len(t), len(names)))
+    for name, signal in given:
+        values[:, names.index(name)] += signal.sample(t)
+    return values
+
+
+def _noise(machine: Machine, flight: Flight, n: int) -> tuple[Array, Array]:
+    """Return noise on the control signals (n, p) [V] and on the readings (n, m) [m]."""
+    p, readings = len(machine.axes), machine.readings
+    noise_u, noise_y = np.zeros((n, p)), np.zeros((n, len(readings)))
+    if not flight.noise:
+        return noise_u, noise_y
+    streams = np.random.SeedSequence(flight.seed).spawn(p + len(readings))
+    for k, axis in enumerate(machine.axes):
+        std = math.sqrt(axis.bearing.amplifier.noise_variance)
+        noise_u[:, k] = np.random.default_rng(streams[k]).normal(0.0, std, n)
+    for k, r in enumerate(readings):
+        own = [np.random.default_rng(s) for s in streams[p + k].spawn(2 + len(r.sensor.hum))]
+        noise_y[:, k] = noise.of_sensor(r.sensor, machine.sampling_time, n, own)
+    return noise_u, noise_y
+
+
+def _controllers(plant: Plant) -> dict[str, Any]:
+    """Return the fields of ``amb_machine_loop``: a controller for each axis, and what it is shown.
+
+    The position of an axis is that which explains all readings best.
+    """
+    machine = plant.machine
+    pids = []
+    for alone in plant.alone:
+        pid = PID.for_bearing(alone)
+        pids.append([pid.kp, pid.ki, pid.kd, pid.derivative_filter, pid.anti_windup,
+                     alone.current_min, alone.current_max])  # fmt: skip
+    C = geometry.matrix([r.line for r in machine.readings], machine.positions)
+    gains = np.array([r.sensor.gain for r in machine.readings])
+    return {
+        "T": machine.sampling_time,
+        "k_ui": [axis.bearing.amplifier.gain for axis in machine.axes],
+        "pid": pids,
+        "shown": (plant.H @ np.linalg.pinv(gains[:, None] * C)).ravel().tolist(),
+    }
+
+
+def _record(
+    plant: Plant, flight: Flight, t: Array, out: dict[str, Any], series: dict[str, Array]
+) -> Record:
+    machine, model = plant.machine, plant.model
+    axes = [axis.name for axis in machine.axes]
+    signals: dict[str, tuple[Array, str]] = {}
+    for k, r in enumerate(machine.readings):
+        signals[f"y_{r.name}"] = out["y"][:, k], "m"
+    of_axes = {
+        "u": (out["u"], "V"), "r": (series["r"], "m"), "s": (out["X"] @ model.h.T, "m"),
+        "iu": (out["iu"], "A"), "f_mag": (out["force"] + plant.bias, "N"),
+        "f_d": (series["f_d"], "N"),
+    }  # fmt: skip
+    for name, (values, unit) in of_axes.items():
+        signals |= {f"{name}_{axis}": (values[:, k], unit) for k, axis in enumerate(axes)}
+    for k, state in enumerate(model.states[: 2 * len(machine.positions)]):
+        signals[f"q_{state.name}"] = out["X"][:, k], state.unit
+    signals |= {f"{at.name}": (out["X"][:, k], at.unit) for k, at in enumerate(model.states)
+                if at.role == "sensor"}  # fmt: skip
+    signals["speed"] = series["speed"], "rad/s"
+    meta = {
+        "machine": machine.to_toml(),
+        "flight": flight.model_dump(mode="json"),
+        "seed": flight.seed,
+        "version": version("ambkit"),
+        "stop_touched": int(out["touched"]),
+    }
+    return Record(
+        t,
+        {name: values for name, (values, _) in signals.items()},
+        {name: unit for name, (_, unit) in signals.items()},
+        meta=meta,
+    )

@@ -1,0 +1,204 @@
+"""The plant of a whole machine, for ``sim/machine.h``."""
+
+from __future__ import annotations
+
+import math
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import AmbkitError
+from ambkit.machine import geometry
+from ambkit.machine.bearing import GRAVITY
+from ambkit.machine.geometry import Axis
+from ambkit.machine.hovering import hover_current
+from ambkit.machine.magnets import ConstantStiffness, magnet_of
+from ambkit.models.continuous import Continuous, continuous
+from ambkit.models.model import compressed_rows
+from ambkit.simulation import parts
+
+if TYPE_CHECKING:
+    from ambkit.machine.machine import Machine
+
+Array = NDArray[np.float64]
+
+SOFT = 0.05
+"""How deep the rotor comes into a backup bearing that nothing is said of [travel limits]."""
+LOSS = 0.5
+"""And what share of its speed it loses there."""
+
+
+class Plant:
+    """A machine as the C of the simulation wants it.
+
+    Parameters
+    ----------
+    machine : Machine
+        The whole machine.
+
+    Raises
+    ------
+    AmbkitError
+        It has what is simulated of one axis only: an amplifier's voltage limit.
+    """
+
+    def __init__(self, machine: Machine) -> None:
+        for at, each in enumerate(machine.bearing):
+            if each.amplifier.voltage_limit is not None:
+                raise AmbkitError(
+                    f"{machine.name}: bearing[{at}].amplifier.voltage_limit is simulated of one "
+                    "axis alone, not of a whole machine; leave it out"
+                )
+        self.machine = machine
+        self.model: Continuous = continuous(machine)
+        self.alone = [machine.alone(axis.name) for axis in machine.axes]
+        self.laws = [magnet_of(each) for each in self.alone]
+        self.bias = np.array([law.bias_force for law in self.laws])
+        self.H = geometry.matrix([axis.line for axis in machine.axes], machine.positions)
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """The axes of its bearings."""
+        return self.machine.axes
+
+    def hovering(self, place: Array, load: Array) -> tuple[Array, Array]:
+        """Return displacements (q,) and currents (p,) [A] of a rotor that hovers.
+
+        Parameters
+        ----------
+        place : ndarray (p,)
+            Where it is along the axes [m]; the nearest that a rigid rotor can be.
+        load : ndarray (p,)
+            Forces along the axes, besides magnets and weight [N].
+        """
+        rotor, positions = self.machine.rotor, self.machine.positions
+        q = np.linalg.lstsq(self.H, place, rcond=None)[0]
+        push = geometry.weight_of(rotor, positions, GRAVITY) + self.H.T @ load
+        forces = np.linalg.lstsq(self.H.T, -push, rcond=None)[0]
+        currents = [
+            hover_current(b, law, float(x), law.bias_force - float(f))
+            for b, law, x, f in zip(self.alone, self.laws, self.H @ q, forces, strict=True)
+        ]
+        return np.asarray(q), np.array(currents)
+
+    def resting(self) -> Array:
+        """Return displacements (q,) of a rotor that lies in its backup bearings."""
+        least = min(each.travel_limit for each in self.machine.bearing)
+        falls = geometry.weight_of(self.machine.rotor, self.machine.positions, 1.0)
+        return np.asarray(np.sign(falls) * least)
+
+    def state(self, q: Array, currents: Array) -> Array:
+        """Return X (n,) of a rotor at rest, which its sensors have long seen."""
+        X, place = np.zeros(len(self.model.states)), self.model.place
+        X[: len(q)] = q
+        rows = geometry.matrix([r.line for r in self.machine.readings], self.machine.positions)
+        for r, seen in zip(self.machine.readings, rows @ q, strict=True):
+            X[place[f"x_m_{r.name}"]] = r.sensor.gain * seen
+        for name, current in zip(self.model.current, currents, strict=True):
+            if name is not None:
+                X[place[name]] = current
+        return X
+
+    def arrays(self, core: ModuleType, substeps: int, fastest: float) -> dict[str, Any]:
+        """Return the fields of ``amb_machine``.
+
+        Parameters
+        ----------
+        core : module
+            The build of the core that computes.
+        substeps : int
+            Steps of the integrator in a sample, at least.
+        fastest : float
+            Greatest speed of rotation in the run [rad/s].
+        """
+        machine, model = self.machine, self.model
+        n, readings = len(model.states), machine.readings
+        index = model.place
+        seen = np.zeros((len(readings), n))
+        seen[:, : len(machine.positions)] = geometry.matrix(
+            [r.line for r in readings], machine.positions
+        )
+        pattern = (model.A != 0) | (model.spin != 0)
+        cosine, sine = self._unbalance()
+        weight = geometry.weight_of(machine.rotor, machine.positions, GRAVITY)
+        moved = np.array(list(geometry.masses(machine.rotor, machine.positions).values()))
+        g = model.b @ self.bias
+        g[len(moved) : 2 * len(moved)] += weight / moved
+        return {
+            "states": n, "axes": len(self.axes), "sensors": len(readings),
+            "A": compressed_rows(model.A, pattern),
+            "spin": model.spin[pattern].tolist(),
+            **{
+                name: compressed_rows(values, values != 0)
+                for name, values in (
+                    ("b", model.b), ("B_u", model.B_u), ("h", model.h), ("v", model.v),
+                    ("seen", seen),
+                )
+            },
+            "current": [-1 if each is None else index[each] for each in model.current],
+            "magnets": [law.in_core(core) for law in self.laws],
+            "farthest": [_farthest(axis) for axis in self.axes],
+            "g": g.tolist(), "cosine": cosine.tolist(), "sine": sine.tolist(),
+            "shows": [index[f"x_m_{r.name}"] for r in readings],
+            "gain": [r.sensor.gain for r in readings],
+            "lag": [machine.lag_of(r.sensor) for r in readings],
+            "sensor_parts": self._sensors(),
+            "rings": self._rings(),
+            **({"delay": 0, "delay_rest": 0.0} | parts.delay_of(machine)),
+            "substeps": self._substeps(substeps, fastest),
+        }  # fmt: skip
+
+    def _unbalance(self) -> tuple[Array, Array]:
+        """Return accelerations by unbalance ahead and across, for 1 rad/s (n,)."""
+        machine = self.machine
+        moved = np.array(list(geometry.masses(machine.rotor, machine.positions).values()))
+        found = np.zeros((2, len(self.model.states)))
+        velocities = slice(len(moved), 2 * len(moved))
+        for place, amount, angle in machine.unbalances():
+            along = [geometry.Line.across(place, turn) for turn in (angle, angle + math.pi / 2)]
+            found[:, velocities] += amount * geometry.matrix(along, machine.positions) / moved
+        return found[0], found[1]
+
+    def _sensors(self) -> list[dict[str, Any]]:
+        told = []
+        for r in self.machine.readings:
+            second = r.sensor.type == "radial" and r.name == f"{r.sensor.name}2"
+            around = math.pi / 2 if second else 0.0
+            told.append(parts.of_sensor(r.sensor, r.sensor.runout, "float64", around))
+        return told
+
+    def _rings(self) -> list[dict[str, Any]]:
+        rings, at = [], 0
+        for each in self.machine.bearing:
+            two = each.type == "radial"
+            alone = self.alone[at]
+            if each.stop is None:
+                mass, k_s = alone.rotor.mass, ConstantStiffness.of(alone).k_s
+                speed = math.sqrt(k_s / mass) * each.travel_limit
+                stiffness = 1.25 * mass * speed**2 / (SOFT * each.travel_limit) ** 2.5
+                stop = {"stiffness": stiffness, "damping": LOSS / speed}
+            else:
+                stop = each.stop.model_dump()
+            rings.append(
+                {"first": at, "second": at + 1 if two else -1, "travel": each.travel_limit,
+                 "stop": stop}
+            )  # fmt: skip
+            at += 2 if two else 1
+        return rings
+
+    def _substeps(self, least: int, fastest: float) -> int:
+        """Two in a sensor's lag, four in an amplifier's, four in a radian of the fastest runout."""
+        T, machine = self.machine.sampling_time, self.machine
+        orders = [line.order for sensor in machine.sensor for line in sensor.runout]
+        needed = [4 * T * fastest * max(orders, default=1)]
+        needed += [2 * T / machine.lag_of(sensor) for sensor in machine.sensor]
+        bandwidths = [each.amplifier.bandwidth for each in machine.bearing]
+        needed += [4 * T * 2 * math.pi * each for each in bandwidths if each is not None]
+        return max(least, *(math.ceil(each) for each in needed))
+
+
+def _farthest(axis: Axis) -> float:
+    gap, travel = axis.bearing.magnet.air_gap, axis.bearing.travel_limit
+    return travel + 0.9 * (gap - travel)

@@ -1,0 +1,136 @@
+"""Estimators along a record of a whole machine, and what they say of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ambkit.base.errors import AmbkitError
+from ambkit.estimate.estimate import Status
+from ambkit.estimate.noise import FilterNoise
+from ambkit.estimate.registry import KINDS, kind_called, learned_magnet
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+    from ambkit.estimate.estimate import Estimate
+    from ambkit.machine.machine import Machine
+
+
+@dataclass(frozen=True, eq=False)
+class MachineFiltering:
+    """Estimators along a record of a whole machine.
+
+    Attributes
+    ----------
+    machine : Machine
+        Of which the record is.
+    record : Record
+        What was filtered.
+    estimates : mapping
+        Of each kind, what it says.
+    settled : int
+        Sample from which on it counts.
+    """
+
+    machine: Machine
+    record: Record
+    estimates: Mapping[str, Estimate]
+    settled: int
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as plain data, in SI."""
+        return {
+            "machine": self.machine.name,
+            "samples": len(self.record),
+            "estimators": {name: self._figures(each) for name, each in self.estimates.items()},
+        }
+
+    def _figures(self, estimate: Estimate) -> dict[str, Any]:
+        late = slice(self.settled, None)
+        used = estimate.innovation_variance[late] > 0
+        flags = int(np.bitwise_or.reduce(estimate.status[late].astype(int)))
+        found: dict[str, Any] = {
+            "nis": float(np.nanmean(estimate.nis[late])),
+            "innovation_std": {
+                name: float(np.std(estimate.innovation[late, k][used[:, k]]))
+                for k, name in enumerate(estimate.readings)
+            },
+            "disturbance_mean": {
+                axis: float(np.mean(estimate[f"f_d_{axis}"][late])) for axis in estimate.axes
+            },
+            "disturbance_std": {
+                axis: float(np.std(estimate[f"f_d_{axis}"][late])) for axis in estimate.axes
+            },
+            "status": [flag.name for flag in Status if flag & flags],
+        }
+        truth = {state.name: f"q_{state.name}" for state in estimate.states} | {
+            f"f_d_{axis}": f"f_d_{axis}" for axis in estimate.axes
+        }
+        found["rmse"] = {
+            name: float(np.sqrt(np.mean((estimate[name] - self.record[of])[late] ** 2)))
+            for name, of in truth.items()
+            if of in self.record
+        }
+        return found
+
+
+def filter_machine(
+    machine: Machine,
+    record: Record,
+    kinds: Sequence[str] = ("linear", "extended"),
+    *,
+    synchronous: Sequence[str] = (),
+    noise: FilterNoise | None = None,
+    settling: float = 0.0,
+    smooth: bool = False,
+) -> MachineFiltering:
+    """Run estimators along a record of a whole machine.
+
+    Parameters
+    ----------
+    machine : Machine
+        Of which the record is.
+    record : Record
+        With ``y_NAME`` of each reading [m], ``u_NAME`` of each axis [V], and where it changes the
+        ``speed`` of rotation [rad/s].
+    kinds : sequence of str
+        Of ``ambkit.estimate.registry.KINDS``.
+    synchronous : sequence of str
+        Of unbalance and runout, which are estimated too.
+    noise : FilterNoise, optional
+        That of the machine by default.
+    settling : float
+        Time at the start that does not count [s].
+    smooth : bool
+        Estimate each sample from the whole record.
+
+    Raises
+    ------
+    AmbkitError
+        A kind takes no machine, or the record has not what it needs.
+    """
+    lacking = [
+        name
+        for name in (
+            *(f"y_{r.name}" for r in machine.readings),
+            *(f"u_{axis.name}" for axis in machine.axes),
+        )
+        if name not in record
+    ]
+    if lacking:
+        raise AmbkitError(f"the record has no {', '.join(lacking)}, which {machine.name} gives")
+    estimates = {}
+    for kind in kinds:
+        kind_called(kind)
+        try:
+            estimator = KINDS[kind].make(
+                machine, learned_magnet(kind, machine), noise=noise, synchronous=synchronous
+            )
+            estimates[kind] = estimator.smooth(record) if smooth else estimator.run(record)
+        except ValueError as error:
+            raise AmbkitError(str(error)) from error
+    settled = round(settling / machine.sampling_time)
+    return MachineFiltering(machine, record, estimates, min(settled, len(record) - 2))

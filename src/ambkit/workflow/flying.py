@@ -1,0 +1,93 @@
+"""A run of a whole machine, and what it came to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ambkit.simulation.flight import Flight
+from ambkit.workflow.simulating import LOAD_AT
+
+if TYPE_CHECKING:
+    from ambkit.machine.machine import Machine
+    from ambkit.simulation.machine import MachineRun
+
+
+def flight_for(
+    machine: Machine,
+    flight: Flight | None = None,
+    *,
+    duration: float | None = None,
+    load: float | None = None,
+    seed: int | None = None,
+) -> Flight:
+    """Return a flight with what the user changed in it.
+
+    Parameters
+    ----------
+    machine : Machine
+        What flies.
+    flight : Flight, optional
+        What is said already.
+    duration : float, optional
+        Length of the run [s].
+    load : float, optional
+        Force along the first axis, after half of the run [N].
+    seed : int, optional
+        Seed of the noise.
+    """
+    happening = Flight() if flight is None else flight
+    if duration is not None:
+        happening = happening.replace(duration=duration)
+    if seed is not None:
+        happening = happening.replace(seed=seed)
+    if load is not None:
+        force = {"type": "step", "amplitude": load, "time": LOAD_AT * happening.duration}
+        one = {"axis": machine.axes[0].name, "force": force}
+        happening = happening.replace(disturbance=(one,))
+    return happening
+
+
+@dataclass(frozen=True)
+class FlightSummary:
+    """What a run of a whole machine came to.
+
+    Attributes
+    ----------
+    run : MachineRun
+        The run.
+    """
+
+    run: MachineRun
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as plain data, in SI."""
+        machine, record, estimate = self.run.machine, self.run.record, self.run.estimate
+        names = [axis.name for axis in machine.axes]
+        found: dict[str, Any] = {
+            "machine": machine.name,
+            "samples": len(record),
+            "duration": record.t[-1],
+            "seed": record.meta["seed"],
+            "greatest_displacement": {n: np.abs(record[f"s_{n}"]).max() for n in names},
+            "greatest_current": {n: np.abs(record[f"iu_{n}"]).max() for n in names},
+            "samples_at_the_stop": self.run.samples_at_the_stop,
+        }
+        if estimate is not None:
+            found["estimator"] = estimate.estimator
+            found["rmse"] = {
+                state.name: float(
+                    np.sqrt(np.mean((estimate[state.name] - record[f"q_{state.name}"]) ** 2))
+                )
+                for state in estimate.states
+                if state.role in ("position", "velocity")
+            } | {
+                f"f_d_{n}": float(
+                    np.sqrt(np.mean((estimate[f"f_d_{n}"] - record[f"f_d_{n}"]) ** 2))
+                )
+                for n in names
+            }
+            found["nis"] = float(np.mean(estimate.nis[1:]))
+        return found

@@ -1,0 +1,53 @@
+"""The Campbell diagram of a whole machine."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from machine_cases import PRESETS, machine, uncoupled
+
+from ambkit import ConstantStiffness, Machine, campbell
+from ambkit.machine.bank import alone_of
+from ambkit.show.report import static
+from ambkit.simulation.scenario import PID
+
+
+def test_modes_at_rest_are_those_of_its_axes_alone() -> None:
+    one = uncoupled()
+    found = campbell(one, 100.0, count=3)
+    expected = []
+    for alone in alone_of(one):
+        k, pid, m = ConstantStiffness.of(alone), PID.for_bearing(alone), alone.rotor.mass
+        expected += [p for p in np.roots([m, k.k_i * pid.kd, k.k_i * pid.kp - k.k_s]) if p.imag > 0]
+    np.testing.assert_allclose(np.sort(found.poles[0].imag), np.sort(np.imag(expected)), rtol=1e-9)
+
+
+def test_a_free_wheel_s_nutation_goes_with_its_inertias() -> None:
+    """Fast, a tilt forwards turns with I_p/I_t of the speed."""
+    rotor = {"mass": 4.0, "transverse_inertia": 0.16, "polar_inertia": 0.15}
+    found = campbell(machine(rotor=rotor), 20_000.0)
+    fastest = found.poles[-1].imag
+    assert fastest[found.forwards].max() == pytest.approx(20_000 * 0.15 / 0.16, rel=0.01)
+    assert found.forwards.sum() == 2
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_presets_have_two_whirls_forwards_and_two_backwards(name: str) -> None:
+    one = Machine.preset(name)
+    found = campbell(one, 6000.0)
+    assert found.forwards.tolist().count(True) == 2
+    forwards, backwards = (found.poles[-1].imag[found.forwards == way] for way in (True, False))
+    assert forwards.max() > backwards.max()
+    assert (found.poles.real < 0).all()
+    assert len(found.critical) == 2
+    for speed in found.critical:
+        near = np.argmin(np.abs(found.speed - speed))
+        assert np.abs(found.poles[near].imag - speed).min() < 60.0
+
+
+def test_it_is_drawn() -> None:
+    assert static.render(campbell(machine(), count=11).figure()).png[:4] == b"\x89PNG"
+    with pytest.raises(ValueError, match="fastest"):
+        campbell(machine(), -1.0)
+    with pytest.raises(ValueError, match="count"):
+        campbell(machine(), count=1)

@@ -1,0 +1,197 @@
+"""Estimators of a whole machine: by truth beside the bound, and as those of its axes alone."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from machine_cases import PRESETS, machine, uncoupled
+
+from ambkit import (
+    AmbkitError,
+    ExtendedKalmanFilter,
+    FilterNoise,
+    KalmanFilter,
+    Machine,
+    Record,
+    Status,
+)
+from ambkit.estimate.estimate import Estimate
+from ambkit.estimate.registry import KINDS
+from ambkit.judge.machine import judge_machine
+from ambkit.machine.bank import Bank, alone_of, weights_of
+from ambkit.machine.magnets import magnet_of
+from ambkit.simulation.flight import Flight
+from ambkit.simulation.machine import MachineRun, simulate_machine
+from ambkit.simulation.waveforms import Ramp, Step
+
+OF_ONE_AXIS = ("low-pass", "observer", "steady-state")
+LEARNED = ("table", "adaptive")
+TAKEN = [name for name in KINDS if name not in OF_ONE_AXIS + LEARNED]
+
+
+@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("speed", [0.0, 2000.0])
+def test_filters_are_as_good_as_can_be(name: str, speed: float) -> None:
+    """20 seeds, vague starts: in all quantities together and in each, the bound; and honest."""
+    judged = judge_machine(Machine.preset(name).replace(speed=speed), ("extended",), seeds=20)
+    efficiency = judged.efficiency("extended")
+    assert efficiency.mean() > 0.95
+    assert efficiency.min() > 0.85  # of one quantity over 2 s, which is no more than its spread
+    assert 0.9 < judged.nees["extended"].mean() < 1.1
+    raw = np.sqrt((judged.errors["raw sensor"] ** 2).mean(axis=0))
+    own = np.sqrt((judged.errors["extended"] ** 2).mean(axis=0))
+    assert (own[:4] < 0.7 * raw[:4]).all()
+
+
+def flown(one: Machine, **keys: Any) -> MachineRun:
+    return simulate_machine(one, Flight(duration=0.1, seed=5, **keys))
+
+
+@pytest.mark.parametrize("kind", TAKEN)
+def test_each_kind_takes_a_machine(kind: str) -> None:
+    one = machine()
+    record = flown(one).record
+    estimate = KINDS[kind].make(one).run(record)
+    late = slice(500, None)
+    for q in ("x", "y", "th_x", "th_y"):
+        wrong = estimate[q][late] - record[f"q_{q}"][late]
+        raw = 0.5e-6 / (1 if q in "xy" else 0.25)
+        assert np.sqrt(np.mean(wrong**2)) < 0.7 * raw
+    assert 0.85 < np.mean(estimate.nis[late]) < 1.15
+    assert not Status(int(np.bitwise_or.reduce(estimate.status))) & ~Status.UNEXCITED
+
+
+@pytest.mark.parametrize("kind", OF_ONE_AXIS)
+def test_kinds_of_one_axis_say_so(kind: str) -> None:
+    with pytest.raises(ValueError, match="one axis, and cannot take a whole machine"):
+        KINDS[kind].make(machine())
+
+
+@pytest.mark.parametrize("kind", ["linear", "extended", "ud", "unscented"])
+def test_axes_that_do_not_couple_are_filtered_as_bearings_alone(kind: str) -> None:
+    one = uncoupled()
+    noise = FilterNoise(disturbance=900.0)
+    record = flown(one).record
+    whole = KINDS[kind].make(one, noise=noise)
+    start = {"position": 1e-5, "velocity": 1e-2, "disturbance force": 20.0, "sensor": 1e-5}
+    H = whole.whole.H  # type: ignore[union-attr]
+    # As sure of the coordinates as an axis alone is of its displacement and velocity.
+    back = np.linalg.inv(H)
+    std = [start[state.role] for state in whole.states]
+    std[:4] = np.sqrt((back**2).sum(axis=1)) * 1e-5
+    y, u = whole.whole.signals(record)  # type: ignore[union-attr]
+    q0 = whole.whole.shown @ y[0]  # type: ignore[union-attr]
+    whole.reset(whole.at_rest(q0), std)
+    of_machine = whole.told(record.t, whole.core.run(y, u))
+    for k, (axis, alone) in enumerate(zip(one.axes, alone_of(one), strict=True)):
+        own = KINDS[kind].make(alone, noise=noise)
+        own.reset(own.at_rest(float(H[k] @ q0)), [start[state.role] for state in own.states])
+        by_axis = own.told(record.t, own.core.run(y[:, k].copy(), u[:, k].copy()))
+        # Starts differ: tilt and displacement are not correlated at first. That is forgotten.
+        late = slice(600, None)
+        s = (of_machine.mean[:, :4] @ H[k])[late]
+        v = (of_machine.mean[:, 4:8] @ H[k])[late]
+        f = of_machine[f"f_d_{axis.name}"][late]
+        for got, name in ((s, "x"), (v, "v"), (f, "f_d")):
+            expected = by_axis[name][late]
+            assert np.abs(got - expected).max() < 2e-4 * np.abs(expected).max()
+
+
+def test_step_by_step_it_says_the_same() -> None:
+    one = Machine.preset("ufu_rig")
+    record = flown(one).record
+    kf = ExtendedKalmanFilter(one)
+    whole = kf.run(record)
+    y, u = kf.whole.signals(record)  # type: ignore[union-attr]
+    kf.reset(kf.at_first(y))
+    kf.core.update(y[0])
+    for k in range(1, 300):
+        got = kf.step(y[k], u[k - 1])
+    np.testing.assert_array_equal(got, whole.mean[299])
+    np.testing.assert_array_equal(kf.innovation, whole.innovation[299])
+    assert kf.covariance.shape == (28, 28)
+
+
+def test_an_estimate_is_a_record_with_the_names_of_axes_and_readings() -> None:
+    one = machine()
+    estimate = KalmanFilter(one).run(flown(one).record, covariance=True)
+    record = estimate.to_record()
+    for name in ("th_x", "f_d_B2", "x_m_A1", "k_i_A1", "k_s_B2", "innovation_A2", "status"):
+        assert name in record
+    assert estimate.std("w_y")[-1] > 0
+    again = Estimate._of_series(estimate._series())
+    for name in ("mean", "k_i", "innovation", "innovation_variance", "status", "covariance"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(estimate, name))
+    assert (again.axes, again.readings) == (estimate.axes, estimate.readings)
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_each_preset_levitates_by_its_estimate(name: str) -> None:
+    one = Machine.preset(name)
+    push = {"axis": "B2", "force": Step(amplitude=10.0, time=0.05)}
+    run = simulate_machine(one, Flight(duration=0.4, feedback="estimate", disturbance=[push]))
+    assert run.estimate is not None
+    late = slice(3000, None)
+    for axis in one.axes:
+        assert np.abs(run.record[f"s_{axis.name}"][late]).max() < 0.05 * axis.bearing.travel_limit
+    assert run.samples_at_the_stop == 0
+    assert np.mean(run.estimate["f_d_B2"][late]) == pytest.approx(10.0, abs=1.0)
+
+
+def test_weight_is_known_or_a_disturbance() -> None:
+    one = machine()
+    record = flown(one).record
+    held = {"known": [0.0] * 4, "disturbance": weights_of(one)}
+    for gravity, loads in held.items():
+        estimate = ExtendedKalmanFilter(one, gravity=gravity).run(record)  # type: ignore[arg-type]
+        for axis, load in zip(one.axes, loads, strict=True):
+            assert np.mean(estimate[f"f_d_{axis.name}"][500:]) == pytest.approx(load, abs=1.0)
+
+
+def test_magnets_are_known_one_by_one() -> None:
+    one = machine()
+    record = flown(one).record
+    laws = [magnet_of(each) for each in alone_of(one)]
+    for given in (laws, Bank(laws), None):
+        estimate = ExtendedKalmanFilter(one, given).run(record)  # type: ignore[arg-type]
+        assert estimate.k_i.shape == (len(record), 4)
+    with pytest.raises(ValueError, match="zip"):
+        ExtendedKalmanFilter(one, laws[:3])  # type: ignore[arg-type]
+
+
+def test_gyroscopics_have_the_right_sign() -> None:
+    """At speed the filter that turns the other way has larger errors; at rest there is no other."""
+    one = machine(speed=4000.0, rotor={
+        "mass": 4.0, "transverse_inertia": 0.16, "polar_inertia": 0.15})  # fmt: skip
+    kicks = [
+        {"axis": "A1", "force": Step(amplitude=60.0, time=0.02)},
+        {"axis": "B2", "force": Ramp(slope=800.0, start=0.0, end=0.1)},
+    ]
+    whole = flown(one, disturbance=kicks).record
+    record = whole.select(*(name for name in whole if name != "speed"))  # which filters follow
+
+    def wrong(of: Machine) -> float:
+        estimate = ExtendedKalmanFilter(of).run(record)
+        return float(np.sqrt(np.mean((estimate["w_x"] - record["q_w_x"])[50:] ** 2)))
+
+    right = wrong(one)
+    assert wrong(one.replace(speed=-4000.0)) > 1.5 * right
+    assert wrong(one.replace(speed=0.0)) > 1.1 * right
+
+
+def test_a_machine_that_is_too_large_is_refused() -> None:
+    many = [
+        {"name": f"S{k}", "type": "single", "place": 0.01 * k - 0.05, "angle": 0.3 * k,
+         "gain": 1.0, "lag": 5e-5, "noise_variance": 1e-12} for k in range(17)
+    ]  # fmt: skip
+    with pytest.raises(ValueError, match="made has 17 measurements; estimators take 16 at most"):
+        KalmanFilter(machine(sensor=many))
+
+
+def test_a_record_of_something_else_is_told() -> None:
+    t = np.arange(10) * 1e-4
+    record = Record(t, {"y": t, "u": t}, {"y": "m", "u": "V"})
+    with pytest.raises((AmbkitError, KeyError), match="y_A1"):
+        KalmanFilter(machine()).run(record)

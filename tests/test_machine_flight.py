@@ -1,0 +1,242 @@
+"""The whole machine in flight: its plant against integration, its presets, its backup bearings."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from machine_cases import (
+    MAGNET,
+    PRESETS,
+    Array,
+    bearing,
+    directions,
+    integrated,
+    machine,
+    sensor,
+    slopes,
+    uncoupled,
+)
+
+from ambkit import AmbkitError, Machine, Scenario, magnet_of, simulate
+from ambkit.machine.magnets import core_module
+from ambkit.simulation.flight import Flight
+from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.plant import Plant
+from ambkit.simulation.waveforms import Constant, Ramp, Step, Sum
+
+CORE = core_module(any_model=True)
+LOADS = np.array([3.0, 0.0, -2.0, 1.0])
+
+
+def released(
+    one: Machine, X: Array, iu: Array, n: int, substeps: int, speed: Array | None = None
+) -> dict[str, Any]:
+    """The plant alone from a state, with these currents demanded throughout and no control."""
+    plant, p, m = Plant(one), len(one.axes), len(one.readings)
+    speed = np.full(n + 1, one.speed) if speed is None else speed
+    given = plant.arrays(CORE, 1, 0.0) | {"substeps": substeps}
+    idle = {
+        "T": one.sampling_time, "k_ui": [1.0] * p, "shown": [0.0] * (p * m),
+        "pid": [[0.0, 0.0, 0.0, 0.0, 1.0, -9.0, 9.0]] * p, "position": None, "velocity": None,
+    }  # fmt: skip
+    zero = np.zeros((n, p))
+    return CORE.simulate_machine(  # type: ignore[no-any-return]
+        given | idle, r=zero, load=zero + LOADS, speed=speed, noise_u=zero,
+        noise_y=np.zeros((n, m)), start=X, demanded=iu,
+    )  # fmt: skip
+
+
+def truth(one: Machine, iu: Array, growth: float) -> Any:
+    """Rates of q, q', lagged readings and currents, from the equations, at any speed."""
+    H, C = directions(one, one.axes), directions(one, one.readings)
+    cores = [magnet_of(one.alone(axis.name)).in_core(core_module()) for axis in one.axes]
+    corners = [axis.bearing.amplifier.bandwidth for axis in one.axes]
+    planes = one.unbalances()
+
+    def rates(t: float, X: Array) -> Array:
+        speed, angle = one.speed + growth * t, one.speed * t + growth * t * t / 2
+        m = len(C)
+        q, w, y, i = X[:4], X[4:8], X[8 : 8 + m], X[8 + m :]
+        current = i if i.size else iu
+        F = LOADS + [
+            float(core.force(np.array([a]), np.array([s]))[0])
+            for core, a, s in zip(cores, current, H @ q, strict=True)
+        ]
+        a = slopes(one.model_copy(update={"speed": speed}), q, w, F)
+        for z, amount, at in planes:
+            # Minus the second derivative of the offset's place, times the mass.
+            turned = amount * (speed**2 - 1j * growth) * np.exp(1j * (angle + at))
+            x, y_ = turned.real, turned.imag
+            a += np.r_[[x, y_] / np.array(one.rotor.mass),
+                       [-z * y_, z * x] / np.array(one.rotor.transverse_inertia)]  # fmt: skip
+        slow = (C @ q - y) / np.array([r.sensor.lag for r in one.readings])
+        out = [w, a, slow]
+        if i.size:
+            out.append(2 * np.pi * np.array(corners) * (iu - i))
+        return np.concatenate(out)
+
+    return rates
+
+
+@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("growth", [0.0, 4e4])
+def test_the_plant_is_met_in_the_fourth_order(name: str, growth: float) -> None:
+    """Nonlinear magnets, weight, loads, unbalance, gyroscopics, a run-up; against 1e-10."""
+    one = Machine.preset(name).replace(speed=1000.0, delay=None, sampling_time="0.4 ms")
+    rng, n = np.random.default_rng(4), 7
+    plant, iu = Plant(one), rng.uniform(-0.2, 0.2, 4)
+    X = plant.state(rng.uniform(-2e-5, 2e-5, 4), 0.5 * iu)
+    T = one.sampling_time
+    speed = one.speed + growth * T * np.arange(n + 1)
+    exact = integrated(truth(one, iu, growth), X, (0, (n - 1) * T), np.full(X.size, 1e-4))
+    errors = []
+    for substeps in (16, 32, 64):
+        got = released(one, X, iu, n, substeps, speed)["X"][-1]
+        errors.append(np.abs(got[:4] - exact[:4]).max() / np.abs(exact[:4]).max())
+    assert errors[-1] < 1e-9
+    if errors[0] > 1e-10:  # before the reference's own error counts
+        for coarse, fine in list(pairwise(errors))[:1]:
+            assert coarse / fine == pytest.approx(16, rel=0.3)
+
+
+def test_without_loss_energy_is_kept() -> None:
+    """Magnets without control current are springs, and gyroscopics do no work."""
+    one = machine(speed=3000.0).replace(rotor__gravity="none")
+    H = directions(one, one.axes)
+    k, i0, s0 = MAGNET["magnet_constant"], MAGNET["bias_current"], MAGNET["air_gap"]
+    X = Plant(one).state(np.array([2e-5, -1e-5, 5e-5, 8e-5]), np.zeros(4))
+    X[4:8] = [2e-3, -3e-3, 0.05, 0.02]
+    out = released(one, X, np.zeros(4), 80, 8)["X"]
+    M = np.array([4.0, 4.0, 0.16, 0.16])
+    kinetic = (out[:, 4:8] ** 2 * M).sum(axis=1) / 2
+    s = out[:, :4] @ H.T
+    potential = -k * i0**2 * (1 / (s0 - s) + 1 / (s0 + s) - 2 / s0).sum(axis=1)
+    loads = -(s @ LOADS)
+    energy = kinetic + potential + loads
+    assert kinetic[-1] > 4 * kinetic[0]
+    np.testing.assert_allclose(energy, energy[0], rtol=0, atol=1e-9 * kinetic[-1])
+
+
+@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("start", ["hover", "rest"])
+def test_each_preset_levitates(name: str, start: Any) -> None:
+    one = Machine.preset(name)
+    run = simulate_machine(one, Flight(start=start))
+    late = slice(len(run.record) // 2, None)
+    for axis in one.axes:
+        assert np.abs(run.record[f"s_{axis.name}"][late]).max() < 0.1 * axis.bearing.travel_limit
+        assert (
+            np.abs(run.record[f"iu_{axis.name}"][late]).max() < axis.bearing.amplifier.current_limit
+        )
+    if start == "hover":
+        assert run.samples_at_the_stop == 0
+
+
+def test_axes_that_do_not_couple_fly_as_bearings_alone() -> None:
+    one = uncoupled()
+    run = simulate_machine(one, Flight(duration=0.05, noise=False, disturbance=[
+        {"axis": axis.name, "force": Step(amplitude=20.0 + 5 * k, time=0.01)}
+        for k, axis in enumerate(one.axes)
+    ]))  # fmt: skip
+    for k, axis in enumerate(one.axes):
+        push = Step(amplitude=20.0 + 5 * k, time=0.01)
+        scenario = Scenario(
+            duration=0.05, noise=False, disturbance=push, controller={"feedback": "measurement"}
+        )
+        alone = simulate(one.alone(axis.name), scenario)
+        for name, of_machine in (("x", "s"), ("u", "u"), ("f_mag", "f_mag")):
+            got, expected = run.record[f"{of_machine}_{axis.name}"], alone[name]
+            np.testing.assert_allclose(got, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
+def test_mirrored_machines_fly_mirrored() -> None:
+    one = machine(unbalance=[{"place": 0.1, "amount": 2e-5, "angle": 0.3}])
+
+    def mirrored(placed: Any) -> list[Any]:
+        return [each.model_copy(update={"place": -each.place}) for each in placed]
+
+    other = one.replace(
+        bearing=mirrored(one.bearing), sensor=mirrored(one.sensor),
+        unbalance=[{"place": -0.1, "amount": 2e-5, "angle": 0.3}],
+    )  # fmt: skip
+    first, second = (simulate_machine(each, Flight(duration=0.1)).record for each in (one, other))
+    for name, sign in (("q_x", 1), ("q_y", 1), ("q_th_x", -1), ("q_th_y", -1)):
+        size = np.abs(first[name]).max()
+        np.testing.assert_allclose(second[name], sign * first[name], rtol=0, atol=1e-9 * size)
+
+
+def test_unbalance_goes_round_and_a_run_up_passes_the_critical_speeds() -> None:
+    one = machine(unbalance=[{"place": 0.0, "amount": "30 g mm"}])
+    steady = simulate_machine(one, Flight(duration=0.3, noise=False)).record
+    late = slice(2000, None)
+    x, y = (steady[f"q_{q}"][late] - steady[f"q_{q}"][late].mean() for q in "xy")
+    np.testing.assert_allclose(np.hypot(x, y), np.hypot(x, y).mean(), rtol=0.02)
+    assert (x[:-1] * y[1:] - y[:-1] * x[1:] > 0).all()  # forwards
+    growth = Ramp(slope=2000.0, start=0.0)
+    run = simulate_machine(one, Flight(duration=1.0, noise=False, speed=growth)).record
+    far = np.hypot(run["q_x"] - run["q_x"][0], run["q_y"])
+    assert 2000 < np.argmax(far) < 8000  # the greatest whirl is neither at the start nor at the end
+    assert run["speed"][-1] == pytest.approx(2000.0)
+
+
+def test_runout_is_seen_and_not_there() -> None:
+    """Of a profile on the shaft, the second reading sees what the first saw, a quarter later."""
+    runout = [{"order": 1, "amplitude": "3 um", "phase": 0.4}]
+    one = machine(sensor=[sensor("A", 0.2, runout=runout, lag=1e-6), sensor("B", -0.3)])
+    run = simulate_machine(one, Flight(duration=0.002, noise=False)).record
+    t = run.t
+    for name, around in (("1", 0.0), ("2", np.pi / 2)):
+        seen = run[f"y_A{name}"] - run[f"s_A{name}"]
+        expected = 3e-6 * np.cos(500.0 * t + 0.4 - around)
+        # From the second sample on: the lag starts settled without runout.
+        np.testing.assert_allclose(seen[1:], expected[1:], rtol=0, atol=5e-9)
+
+
+def test_a_delay_acts_as_late_as_it_says() -> None:
+    for delay in (1e-4, 1.3e-4):
+        late = machine(delay=delay)
+        force = {"axis": "A1", "force": Step(amplitude=40.0, time=0.01)}
+        run = simulate_machine(late, Flight(duration=0.1, noise=False, disturbance=[force]))
+        assert run.samples_at_the_stop == 0
+
+
+def test_a_thrust_bearing_carries_a_standing_rotor() -> None:
+    rotor = {"mass": 4.0, "transverse_inertia": 0.16, "polar_inertia": 0.05, "gravity": "-z"}
+    thrust = bearing("T", 0, type="thrust")
+    one = machine(
+        rotor=rotor, bearing=[bearing("A", 0.2), bearing("B", -0.3), thrust],
+        sensor=[sensor("A", 0.2), sensor("B", -0.3), sensor("T", 0, type="axial")],
+    )  # fmt: skip
+    run = simulate_machine(one, Flight(duration=0.2, start="rest")).record
+    assert run["s_T"][0] == pytest.approx(-0.3e-3)
+    assert run["f_mag_T"][-500:].mean() == pytest.approx(4 * 9.81, rel=0.01)
+    assert np.abs(run["s_T"][-500:]).max() < 2e-5
+
+
+def test_what_does_not_fit_is_refused() -> None:
+    force = [{"axis": "C1", "force": Constant(value=1.0)}]
+    with pytest.raises(AmbkitError, match="there is no axis C1; there are A1, A2, B1, B2"):
+        simulate_machine(machine(), Flight(disturbance=force))
+    with pytest.raises(AmbkitError, match="half a revolution within a sample"):
+        simulate_machine(machine(), Flight(speed=Constant(value=4e4)))
+    amplifier = {"bandwidth": 2e3, "voltage_limit": 100.0, "resistance": 1.0}
+    with pytest.raises(AmbkitError, match="voltage_limit"):
+        simulate_machine(machine(bearing=[bearing("A", 0.2, amplifier=amplifier),
+                                          bearing("B", -0.3)]), Flight())  # fmt: skip
+
+
+def test_several_forces_of_an_axis_add_up() -> None:
+    one = machine()
+    two = [
+        {"axis": "A1", "force": Constant(value=4.0)},
+        {"axis": "A1", "force": Constant(value=6.0)},
+    ]
+    parts = Sum(parts=(Constant(value=4.0), Constant(value=6.0)))
+    first = simulate_machine(one, Flight(duration=0.01, disturbance=two)).record
+    second = simulate_machine(
+        one, Flight(duration=0.01, disturbance=[{"axis": "A1", "force": parts}])
+    )
+    np.testing.assert_array_equal(first["s_A1"], second.record["s_A1"])
