@@ -68,6 +68,7 @@ html_math_renderer = "mathml"
 html_sidebars = {  # elsewhere there are no neighbours to go to
     "paper/*": ["sidebar-nav-bs"],
     "api/*": ["sidebar-nav-bs"],
+    "learn/*": ["sidebar-nav-bs"],
     "[!pa]*": [],
 }
 html_theme_options = {
@@ -77,7 +78,7 @@ html_theme_options = {
     "navbar_end": ["theme-switcher"],
     "navigation_with_keys": False,
     "show_toc_level": 2,
-    "secondary_sidebar_items": {"[!p]**": ["page-toc"], "paper/*": []},
+    "secondary_sidebar_items": {"[!pl]**": ["page-toc"], "paper/*": [], "learn/*": []},
     "footer_start": ["copyright"],
     "footer_end": ["sphinx-version"],
 }

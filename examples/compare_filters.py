@@ -3,18 +3,14 @@
 Writes comparison.png into the folder in which it is started.
 """
 
-import numpy as np
-
 import ambkit
 from ambkit.show import plots
 
 STEPS = ("0.1 mm", "0.3 mm", "0.5 mm")
 
 bearing = ambkit.Bearing.preset("zittau_axial")
-narrow = ambkit.train(bearing, weights=True)
-wide = ambkit.train(
-    ambkit.stiffness_map(bearing, displacements=np.linspace(-0.8e-3, 0.8e-3, 5)), weights=True
-)
+narrow = ambkit.train(bearing)
+wide = ambkit.train(bearing, reach="0.8 mm")
 law = ambkit.ClosedLaw(bearing)
 filters = {
     "linear": lambda: ambkit.KalmanFilter(bearing),

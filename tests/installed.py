@@ -85,6 +85,15 @@ def main() -> None:
         ambkit("export", "c", "my.toml", "--estimator", "expert.json", "--out", "c")
         ambkit("export", "fmu", "my.toml", "--out", "filter.fmu")
         compiled(Path("c").resolve())
+        ambkit("tune", "run.csv", "--bearing", "found.toml", "--evaluations", "10",
+               "--out", "filter.toml")  # fmt: skip
+        ambkit("export", "c", "filter.toml", "--out", "tuned")
+        print("examples/thread.py", flush=True)
+        shutil.copy(HERE / "examples" / "thread.py", "thread.py")
+        python("thread.py", out=Path("said.txt"))
+        said = Path("said.txt").read_text(encoding="utf-8")
+        assert "0 states differ" in said or "no C compiler" in said, said
+        assert "than of the filter that was told everything" in said, said
         Path("script.py").write_text(SCRIPT, encoding="utf-8")
         python("script.py")
         python("-c", "from ambkit.data.recordings import *")

@@ -4,7 +4,9 @@ import doctest
 import math
 import pickle
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -14,7 +16,18 @@ from ambkit.identification.forces.lift_off import load_points
 from ambkit.identification.forces.lift_off_fit import fit_lift_off
 from ambkit.machine import bearing as bearing_module
 from ambkit.machine import presets
-from ambkit.machine.bearing import MU_0, Amplifier, Bearing, Magnet, Rotor, Sensor, magnet_constant
+from ambkit.machine.bearing import (
+    GRAVITY,
+    MU_0,
+    Amplifier,
+    Bearing,
+    Magnet,
+    Rotor,
+    Sensor,
+    magnet_constant,
+)
+from ambkit.machine.magnets import magnet_of
+from ambkit.workflow.simulating import simulate_run
 
 SIX_MISTAKES = """\
 name = "mine"
@@ -122,6 +135,37 @@ def test_the_one_sided_rig_has_the_law_of_its_lift_off_points() -> None:
     assert rig.magnet.magnet_constant == pytest.approx(fit.magnet_constant, rel=1e-4)
     assert rig.magnet.air_gap == pytest.approx(gap, rel=1e-4)
     assert rig.magnet.bias_current == pytest.approx(bias, rel=1e-4)
+
+
+@pytest.mark.parametrize(("angle", "share"), [("0 deg", -1), ("45 deg", -(0.5**0.5)),
+                                              ("60 deg", -0.5), ("90 deg", 0), ("180 deg", 1),
+                                              (np.pi / 3, -0.5)])  # fmt: skip
+def test_gravity_at_an_angle_pulls_by_its_cosine(
+    zittau: Bearing, angle: str | float, share: float
+) -> None:
+    slanted = zittau.replace(rotor__gravity=angle)
+    assert slanted.weight == pytest.approx(share * zittau.rotor.mass * GRAVITY, abs=1e-12)
+    assert Bearing.from_toml(slanted.to_toml()) == slanted
+    held = magnet_of(slanted).force(slanted.hover_current, 0.0)
+    assert float(held) == pytest.approx(-slanted.weight, abs=1e-9)
+
+
+def test_a_slanted_bearing_s_load_is_told_from_its_weight(zittau: Bearing) -> None:
+    slanted = zittau.replace(rotor__gravity="45 deg")
+    run = simulate_run(slanted, step="0.2 mm", estimator="extended")
+    assert run.estimate is not None
+    assert run.estimate.f_d[1000:].mean() == pytest.approx(0, abs=0.05)  # of 3.6 N of weight
+
+
+@pytest.mark.parametrize(("gravity", "told"), [
+    ("down", 'must be "-x", "+x", "none" or like "45 deg", is "down"'),
+    ("50 mm", '"50 mm": mm cannot be converted to rad, write it like "45 deg"'),
+    (True, 'true is not a number, write it like "45 deg"'),
+])  # fmt: skip
+def test_what_is_no_direction_of_gravity_is_told(zittau: Bearing, gravity: Any, told: str) -> None:
+    with pytest.raises(ConfigError) as error:
+        zittau.replace(rotor__gravity=gravity)
+    assert f"rotor.gravity: {told}" in str(error.value)
 
 
 def test_gravity_gives_the_weight_its_sign(zittau: Bearing) -> None:

@@ -7,7 +7,7 @@ from scipy.io import savemat
 import ambkit
 from ambkit.base.errors import ConfigError, RecordError
 from ambkit.data import recordings
-from ambkit.data.channelmap import ChannelMap
+from ambkit.data.channelmap import ChannelMap, inputs_of
 from ambkit.data.record import Record
 
 MAP = """\
@@ -165,3 +165,22 @@ def test_a_mat_cut_short(mat):
 def test_the_maps_of_the_shipped_recordings_are_whole():
     for path in sorted(recordings.folder().glob("*.toml")):
         assert "t" in ChannelMap.load(path).signals
+
+
+def test_what_is_read_off_the_scale_of_y_moves_with_it():
+    """A filter that found the sensor off its zero sees the reference off as much."""
+    text = "".join(
+        f'[signals.{name}]\ncolumn = "{name}"\nunit = "{unit}"\n{more}'
+        for name, unit, more in (
+            ("t", "s", ""), ("y", "mm", 'sign = -1\noffset = "10 mm"\n'),
+            ("r", "µm", 'offset = "1 µm"\n'), ("u", "V", ""), ("v_logged", "m/s", ""),
+        )
+    )  # fmt: skip
+    channels = ChannelMap.from_toml(text)
+    own = inputs_of(channels)
+    found = own.model_copy(update={"y": own.y.shifted(-25e-6)})
+    moved = channels.with_inputs(found).signals
+    assert moved["y"].zero == pytest.approx(9.975e-3, rel=1e-12)
+    assert moved["r"].zero == pytest.approx(-24e-6, rel=1e-9)
+    assert moved["v_logged"] == channels.signals["v_logged"]
+    assert channels.with_inputs(own) == channels

@@ -20,6 +20,7 @@ import ambkit
 from ambkit.cli.main import main
 from ambkit.data import recordings
 from ambkit.data.reading.guess import guess
+from ambkit.identification.excitation.signals import sparse_multisine
 from ambkit.identification.forces.lift_off import load_points
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.stiffness import stiffness_map
@@ -66,6 +67,10 @@ def made(tmp_path_factory):
     ambkit.simulate(bearing, scenario).save(folder / "run.csv")
     bearing.save(folder / "found.toml")
     ambkit.KalmanFilter(bearing).save(folder / "filter.toml", bearing=folder / "my.toml")
+    signal = np.tile(sparse_multisine(1000, 1e-4, (10.0, 900.0)).values, 5)
+    injection = ambkit.Recorded(times=1e-4 * np.arange(5000), values=1e-5 * signal)
+    injected = ambkit.Scenario(duration=0.4999, injection=injection)
+    ambkit.simulate(bearing, injected).save(folder / "injected.csv")
     (folder / "force.csv").write_text(_force(bearing), encoding="utf-8")
     shutil.copy(recordings.folder() / "lift_off_points.csv", folder / "points.csv")
     shutil.copy(recordings.folder() / "sinus_kalman.csv", folder / "log.csv")
@@ -587,6 +592,50 @@ def test_assess_takes_filters_files(call, tmp_path):
     )  # fmt: skip
 
 
+def test_a_signal_is_designed_played_and_assessed(call, tmp_path):
+    made = call("excite", "zittau_axial", "--for", "sensitivity", "--duration", "1.5 s",
+                "--filter", "observer", "--out", "injection.csv", "--plot", "it.png")  # fmt: skip
+    assert made.code == 0, made.err
+    assert "peak of |S|, expected" in made.out
+    call("simulate", "zittau_axial", "--injection", "injection.csv", "--estimator", "observer",
+         "--seed", "3", "--out", "run.csv")  # fmt: skip
+    found = call("assess", "run.csv", "--bearing", "zittau_axial", "--filter", "observer",
+                 "--plot", "measured.png")  # fmt: skip
+    assert found.code == 0, found.err
+    for said in ("Measured sensitivity", "zone of ISO 14839-3", "within the 95 % intervals"):
+        assert said in found.out
+    data = call("assess", "run.csv", "--bearing", "zittau_axial", "--filter", "observer", "--json")
+    assert data.json["models"]["observer"]["within"] > 0.8
+    assert data.json["peak_low"] < data.json["models"]["observer"]["peak"] < data.json["peak_high"]
+    assert Path("measured.png").stat().st_size > 10_000
+
+
+def test_tune_keeps_a_margin_and_shows_what_it_costs(call, tmp_path):
+    often = ("--estimator", "linear", "--evaluations", "8", "--runs", "1")
+    found = call("tune", "zittau_axial", *often, "--max-sensitivity", "2.2", "--out", "f.toml")
+    assert found.code == 0, found.err
+    assert "zone A, to stay below 2.2; untuned 2.011." in found.out
+    assert call("assess", "f.toml", "--json").json["loops"]["f.toml"]["peak"] < 2.2
+    found = call("tune", "zittau_axial", *often, "--trade-off", "1.1,2.2", "--plot", "it.png")
+    assert found.code == 0, found.err
+    assert "not reached" in found.out
+    assert (tmp_path / "it.png").stat().st_size > 5_000
+
+
+def test_assess_writes_a_page_to_be_signed_off(call, tmp_path):
+    found = call("assess", "zittau_axial", "--report", "v.html")
+    assert found.code == 0, found.err
+    assert "zone of ISO 14839-2" in found.out
+    assert "reviewed by" in (tmp_path / "v.html").read_text(encoding="utf-8")
+
+
+def test_assess_sweeps(call):
+    found = call("assess", "zittau_axial", "--sweep", "1 um", "--stepped-sine")
+    assert found.code == 0, found.err
+    assert "stepped-sine of the simulated loop" in found.out
+    assert "linear model" in found.out
+
+
 def test_assess_takes_all_kinds_that_settle_and_a_scenarios_controller(call, tmp_path):
     soft = tmp_path / "soft.toml"
     soft.write_text('[controller]\nkp = "1 A/m"\nki = "0 A/(m s)"\n')
@@ -735,7 +784,24 @@ def test_reproduce_hands_on_its_arguments_and_prints_the_verdicts(call, monkeypa
         ("filter missing.csv --bearing zittau_axial", "missing.csv: cannot be read"),
         ("assess zittau_axial --estimator ukv", 'no estimator "ukv"; known: low-pass'),
         ("assess zittau_axial --estimator multiple-model", "does not settle to a gain"),
+        ("assess zittau_axial --sweep 1um --filter linear,observer", "one --filter, not 2"),
+        ("assess zittau_axial --from 1s", "--from is for records, and zittau_axial is none"),
+        ("assess zittau_axial --report v.html --filter linear,observer", "one --filter, not 2"),
+        ("assess zittau_axial --report v.html --sweep 1um", "--report is of a bearing's linear"),
+        ("assess zittau_axial --lqg --sweep 1um", "--lqg is of a bearing's linear loop"),
+        ("assess zittau_axial --stepped-sine", "--stepped-sine says how to --sweep"),
+        ("assess RUN --sweep 1um", "--sweep is for bearings, not for records"),
+        ("assess RUN --filter linear", "--bearing says what controller"),
+        ("assess RUN --bearing zittau_axial", "has no signal injected"),
+        (
+            "excite zittau_axial --for sensitivity --kind prbs",
+            "--kind is not for --for sensitivity",
+        ),
+        ("excite zittau_axial --filter linear", "--estimator is not for --for parameters"),
         ("assess zittau_axial --load 500N", "no control current from -1.5 to 1.5 A holds"),
+        ("tune zittau_axial --trade-off 2,x", "--trade-off takes numbers with commas"),
+        ("tune zittau_axial --trade-off 2 --max-sensitivity 2", "does not go with --trade-off"),
+        ("tune zittau_axial --max-sensitivity 1", "max_sensitivity must be above 1.02"),
         ("torture zittau_axial --estimator ukv", 'no estimator "ukv"; known: low-pass'),
         ("torture zittau_axial --faults gremlin", 'no fault "gremlin"; known: lift-off'),
         ("torture zittau_axial --precision half", '"half" is none of float64, float32, both'),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import shutil
 import subprocess
 from pathlib import Path
@@ -167,6 +168,17 @@ def test_a_bad_filter_is_not_exported_unasked(rig: Any, monkeypatch: Any) -> Non
     assert not (folder / "out" / "c").exists()
     assert "of the bound, less than 150 %" in refused.objections[0]
     assert made(folder, anyway=True).exported is not None
+
+
+def test_a_filter_out_of_zone_a_is_not_exported_unasked(rig: Any, monkeypatch: Any) -> None:
+    from ambkit.workflow import designing
+
+    _, found = rig
+    assert all(1 < each.peak < 3 for each in found.candidates)
+    assert found.to_dict()["candidates"][0]["peak"] == found.candidates[0].peak
+    risky = dataclasses.replace(found.chosen, peak=3.52)
+    (objection,) = designing._objections(risky, found.raw)
+    assert "the peak of |S| is 3.52, zone B of ISO 14839-3" in objection
 
 
 def test_the_command_is_the_function(rig: Any, monkeypatch: Any) -> None:

@@ -130,3 +130,45 @@ def test_measured_points_that_are_none_are_refused(bearing, tmp_path):
     (tmp_path / "g.csv").write_text("iu [A],x [m]\n0,0\n")
     with pytest.raises(ambkit.RecordError, match="has no column f_mag; it has iu, x"):
         load_force_points(tmp_path / "g.csv")
+
+
+FOREIGN = "Strom;Spalt;Kraft\n-1,5;0,1;2\n1;0,4;3\n0;0,2;1\n"
+MEANING = """
+[signals.iu]
+column = "Strom"
+unit = "A"
+[signals.x]
+column = "Spalt"
+unit = "mm"
+[signals.f_mag]
+column = "Kraft"
+unit = "N"
+"""
+
+
+def test_a_force_with_other_columns_is_checked_with_what_they_mean(tmp_path):
+    (tmp_path / "fe.csv").write_text(FOREIGN)
+    (tmp_path / "fe.toml").write_text(MEANING)
+    found = inspect(tmp_path / "fe.csv", tmp_path / "fe.toml")
+    assert (found.kind, found.ok) == ("measured force", True)
+    assert found.about.startswith("3 points, -1.5 A to 1 A, 0.1 mm to 0.4 mm")
+    meaning = inspect(tmp_path / "fe.toml")
+    assert (meaning.kind, meaning.ok) == ("channels of a force map", True)
+    assert set(schema_of("force")["properties"]) == {"signals"}
+
+
+@pytest.mark.parametrize("head", ["Strom;Spalt;Kraft", "iu [A];gap [mm];force [N]"])
+def test_a_force_with_other_columns_alone_is_told_how(tmp_path, head):
+    (tmp_path / "fe.csv").write_text(FOREIGN.replace("Strom;Spalt;Kraft", head))
+    found = inspect(tmp_path / "fe.csv")
+    assert not found.ok
+    assert "a measured force has columns iu [A], x [mm] and f_mag [N]" in found.problems[-1]
+    assert "ambkit check --schema force" in found.problems[-1]
+    with pytest.raises(ambkit.RecordError) as error:
+        load_force_points(tmp_path / "fe.csv")
+    assert "a measured force has columns" in error.value.problems[-1]
+
+
+def test_a_log_without_units_is_not_taken_for_a_force(tmp_path):
+    (tmp_path / "log.csv").write_text("time;y;u\n0;1;2\n1;2;1\n2;1;2\n")
+    assert not any("measured force" in text for text in inspect(tmp_path / "log.csv").problems)

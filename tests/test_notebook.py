@@ -44,6 +44,7 @@ def shown() -> dict[str, Any]:
     study = compare_in_case(BEARING, "paper", ["linear"], runs=1)
     candidate = Candidate("linear", Path("a.toml"), True, {}, {"x": 3e-6, "v": 2e-3, "f_d": 0.5}, 1)
     one_sided = Bearing.preset("inteco_ml")
+    injection = ambkit.design_injection(BEARING, ambkit.Scenario(duration=1.0))
     points = [
         LiftOff(0, gap, 0.1 + 200 * gap, 0.0, gap, 1e-12, "") for gap in (1e-3, 2e-3, 3e-3, 4e-3)
     ]
@@ -55,6 +56,9 @@ def shown() -> dict[str, Any]:
         ambkit.tune(BEARING, kind="linear", budget=2, runs=1),
         Design(Path("d"), (candidate,), candidate, 9e-6, "Fly it.", ("It is slow.",), None, {}),
         identify_by_lift_off(one_sided, points),
+        ambkit.assess(BEARING, "linear"), ambkit.sweep(BEARING, "linear", amplitudes=["1 um"]),
+        ambkit.trade_off(BEARING, [2.2], kind="linear", budget=2, runs=1),
+        injection, ambkit.assess_log(injection.record, BEARING, "linear"),
     ]  # fmt: skip
     return {type(each).__name__: each for each in made}
 
@@ -62,6 +66,7 @@ def shown() -> dict[str, Any]:
 NAMES = (
     "Bearing", "Record", "Estimate", "Expert", "Scores", "Study", "Bench", "Benches",
     "LoopScores", "Identification", "SideBySide", "Filtering", "Tuned", "Design", "LiftedOff",
+    "Assessment", "TradeOff", "Sweep", "Injection", "AssessedLog",
 )  # fmt: skip
 
 

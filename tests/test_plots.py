@@ -2,6 +2,7 @@
 
 import xml.etree.ElementTree as ET
 
+import fe_map
 import numpy as np
 import pytest
 
@@ -11,10 +12,14 @@ from ambkit.identification.forces.lift_off import load_points
 from ambkit.identification.forces.lift_off_fit import fit_lift_off
 from ambkit.judge.comparison import compare
 from ambkit.judge.evaluation import evaluate
+from ambkit.machine.forces.file import load_force_points
 from ambkit.show import plots
+from ambkit.show.plots.looks import looks
+from ambkit.show.plots.rules import with_surface
 from ambkit.show.report import style
-from ambkit.show.report.items import Bars, Heatmap, Line, Note, Points
+from ambkit.show.report.items import Band, Bars, Heatmap, Line, Note, Points
 from ambkit.show.report.style import SIGNALS
+from ambkit.workflow.training import measured_force
 
 
 @pytest.fixture(scope="module")
@@ -220,3 +225,46 @@ def test_text_on_cells_can_be_read(colours):
             linear = np.where(parts <= 0.04, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
             lights.append(linear @ [0.2126, 0.7152, 0.0722] + 0.05)
         assert max(lights) / min(lights) >= 4.0
+
+
+def test_innovations_of_a_long_record_are_shown_by_how_far_most_reach(bearing):
+    record = ambkit.simulate(bearing, duration="1 s")
+    y = record["y"].copy()
+    y[2000:4000] = np.nan
+    record = ambkit.Record(record.t, {"y": y, "u": record["u"]})
+    evaluation = evaluate(ambkit.KalmanFilter(bearing), record)
+    panel = plots.filter_figure(record, {"linear": evaluation}).panels[-1]
+    (band,) = (item for item in panel.items if isinstance(item, Band))
+    bounds = lines(panel)["±2√S"].y
+    assert np.nanmedian(band.high) == pytest.approx(bounds[-1], rel=0.15)
+    assert np.nanmedian(band.low) == pytest.approx(-bounds[-1], rel=0.15)
+    lost = (band.x > record.t[2050]) & (band.x < record.t[3950])
+    assert np.isnan(band.high[lost]).all()
+    assert np.isfinite(band.high[~lost]).mean() > 0.9
+
+
+def test_filters_without_a_look_of_their_own_are_told_apart():
+    names = ["linear", "adaptive", "closed-law", "extended", "ud", "low-pass", "mine.toml"]
+    shown = [SIGNALS[style] for style, _ in looks(names)]
+    assert len({(look.colour, look.dash) for look in shown}) == len(names)
+    # What lies below is wider than what may lie on it, so that both are seen.
+    below = sorted(shown, key=lambda look: look.layer)
+    assert below[0].width > 2 * min(look.width for look in below[1:])
+
+
+def test_a_dense_force_map_leaves_room_to_read_how_well_it_is_known(tmp_path):
+    bearing = ambkit.Bearing.load(fe_map.written(tmp_path))
+    points = load_force_points(tmp_path / "fe.csv", tmp_path / "channels.toml")
+    measured = measured_force(fe_map.BEARING, points)
+    assert bearing.magnet.force_map is not None
+    expert = ambkit.train(measured.stiffness)
+    figure = with_surface(
+        plots.training_figure(expert, measured.stiffness), measured.surface, measured.stiffness
+    )
+    known = figure.panels[1]
+    (surface,) = (item for item in known.items if isinstance(item, Heatmap))
+    grid = np.meshgrid(surface.x, surface.y)
+    assert (surface.z >= measured.surface.standard_error(*grid)).all()
+    assert len(surface.levels) <= 6
+    (marks,) = (item for item in known.items if isinstance(item, Points))
+    assert SIGNALS[marks.signal].size < SIGNALS["measurement"].size / 2

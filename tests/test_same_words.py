@@ -97,6 +97,7 @@ def test_a_loop_has_one_estimator_or_none_and_one_magnet(call: Any) -> None:
     ({"rules": (3, 4), "weights": False}, "--rules 3x4 --no-weights"),
     ({"method": "steepest-gradient", "scaling": "unit"},
      "--method steepest-gradient --scaling unit"),
+    ({"reach": "0.8 mm"}, "--reach 0.8mm"),
     ({"force_map": "force.csv", "rules": (3, 3), "law_error": "2 N"},
      "--force-map force.csv --rules 3x3 --law-error 2N"),
 ])  # fmt: skip
@@ -116,6 +117,25 @@ def test_train_makes_the_expert_that_the_command_writes(
 def test_what_is_of_measured_points_asks_for_them(options: dict[str, Any], told: str) -> None:
     with pytest.raises(AmbkitError, match=re.escape(told)):
         ambkit.train(BEARING, **options)
+
+
+def test_an_expert_reaches_as_far_as_it_is_told(call: Any) -> None:
+    assert ambkit.train(BEARING, reach="0.8 mm").displacement_range == (-0.8e-3, 0.8e-3)
+    with pytest.raises(ValueError, match="reach must be above 0 m and at most the travel, 1 mm"):
+        ambkit.train(BEARING, reach=1.2e-3)
+    done = call("train", "zittau_axial", "--reach", "1.2 mm")
+    assert (done.code, done.out) == (2, "")
+    assert "--reach must be above 0 m and at most the travel, 1 mm, is 1.2 mm" in done.err
+    force_map(Path("force.csv"))
+    done = call("train", "zittau_axial", "--reach", "0.8 mm", "--force-map", "force.csv")
+    assert "a force map reaches as far as it has points" in done.err
+    for source, options in (
+        (BEARING, {"reach": 1e-3, "force_map": "force.csv"}),
+        (ambkit.stiffness_map(BEARING), {"reach": 1e-3}),
+    ):
+        given: Any = options
+        with pytest.raises(AmbkitError, match="reach is of a"):
+            ambkit.train(source, **given)
 
 
 @pytest.mark.parametrize("out", ["e.json", "points.csv", "refitted.toml", None])

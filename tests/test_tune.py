@@ -59,7 +59,7 @@ def test_a_load_that_rests_does_not_make_a_filter_that_follows_none() -> None:
     least = min(found.trace, key=lambda each: each.cost).values["noise.disturbance"]
     assert found.values["noise.disturbance"] >= least
     if found.kept:
-        assert any("the likelihood knows nothing of the loop" in text for text in found.warnings)
+        assert any("knows nothing of the loop" in text for text in found.warnings)
 
 
 def test_the_file_is_the_filter(walks: list[Record], tmp_path) -> None:
@@ -111,3 +111,88 @@ def test_a_filter_of_a_file_stands_beside_the_kinds(walks: list[Record], tmp_pat
     slow = BEARING.replace(sampling_time="0.2 ms")
     with pytest.raises(AmbkitError, match=r"steps every 0\.1 ms, and bearing .* every 0\.2 ms"):
         ambkit.filter(slow, walks[0], [name])
+
+
+# ---- the peak of the sensitivity
+
+
+LATE = BEARING.replace(
+    name="late", rotor__gravity="none", sensor__noise_variance="0.25 um^2", sensor__lag="16 us",
+    delay="0.15 ms", amplifier__bandwidth="2 kHz",
+)  # fmt: skip
+
+
+NOISY = BEARING.replace(delay="0.15 ms", amplifier__bandwidth="2 kHz")
+
+
+@pytest.fixture(scope="module")
+def calm() -> Record:
+    """A run whose load rests, so that likelihood asks for a filter that trusts its model."""
+    steps = ambkit.scenario_for(LATE, step="5 um", duration="1 s", from_estimate=False)
+    return ambkit.simulate(LATE, steps)
+
+
+def test_likelihood_takes_the_loop_s_margin_and_a_ceiling_keeps_it(calm: Record) -> None:
+    free = ambkit.tune(LATE, calm, "linear", budget=24)
+    assert free.kept
+    untuned = free.peaks[0]
+    assert free.peak > 1.25 * untuned
+    assert any("knows nothing of the loop" in text for text in free.warnings)
+    ceiling = 1.05 * untuned
+    held = ambkit.tune(LATE, calm, "linear", budget=24, max_sensitivity=ceiling)
+    assert held.peak < ceiling
+    loop = ambkit.assess(LATE, {"it": held.estimator}).loops["it"]
+    assert held.peak == pytest.approx(loop.peak, rel=1e-4)
+    assert not any("knows nothing of the loop" in text for text in held.warnings)
+    assert len(held.peaks) == len(held.trace) == 24
+    below = [each.cost for each, peak in zip(held.trace, held.peaks, strict=True) if peak < ceiling]
+    judge = "minus log likelihood a sample"
+    assert held.unseen[judge][1] <= held.unseen[judge][0]
+    assert min(below) <= held.trace[0].cost
+    assert len(held.figure().panels) == 3
+    assert held.to_dict()["max_sensitivity"] == ceiling
+
+
+def test_a_ceiling_is_kept_even_where_the_untuned_filter_is_the_better_one() -> None:
+    untuned = ambkit.assess(NOISY, "linear").loops["linear"].peak
+    held = ambkit.tune(NOISY, kind="linear", budget=24, runs=2, max_sensitivity=0.95 * untuned)
+    assert held.kept
+    assert held.peak < 0.95 * untuned
+    judge = "error over the untuned linear filter's"
+    assert held.unseen[judge][1] > held.unseen[judge][0]
+
+
+def test_the_controller_of_the_loop_is_the_one_that_is_given() -> None:
+    soft = ambkit.PID(kp=2000.0, ki=5000.0, kd=8.0)
+    found = ambkit.tune(LATE, kind="linear", budget=1, runs=1, controller=soft)
+    expected = ambkit.assess(LATE, "linear", soft).loops["linear"].peak
+    assert found.peaks[0] == pytest.approx(expected, rel=1e-4)
+
+
+def test_a_ceiling_that_cannot_be_kept_is_refused() -> None:
+    with pytest.raises(AmbkitError, match=r"none keeps the peak of \|S\| below 1.1, the least is"):
+        ambkit.tune(LATE, kind="linear", budget=4, runs=1, max_sensitivity=1.1)
+    with pytest.raises(AmbkitError, match=r"max_sensitivity must be above 1\.0"):
+        ambkit.tune(LATE, kind="linear", budget=4, runs=1, max_sensitivity=1.0)
+    with pytest.raises(AmbkitError, match="does not settle to a gain"):
+        ambkit.tune(LATE, kind="multiple-model", budget=1, runs=1, max_sensitivity=2.0)
+    assert np.isnan(ambkit.tune(LATE, kind="multiple-model", budget=1, runs=1).peak)
+
+
+def test_trade_off_is_a_curve_from_which_to_pick() -> None:
+    untuned = ambkit.assess(NOISY, "linear").loops["linear"].peak
+    ceilings = [1.1, 0.9 * untuned, 1.2 * untuned]
+    found = ambkit.trade_off(NOISY, ceilings, kind="linear", budget=16, runs=2)
+    never, tight, wide = found.points
+    assert never.tuned is None
+    assert never.zone == "–"
+    assert tight.peak < 0.9 * untuned < wide.peak < 1.2 * untuned
+    assert wide.errors["f_d"] < tight.errors["f_d"]
+    assert len(found.figure().panels) == 2
+    points = found.to_dict()["points"]
+    assert [each["reached"] for each in points] == [False, True, True]
+    assert f"below {ceilings[1]:g}" in repr(found)
+    with pytest.raises(AmbkitError, match="none keeps the peak"):
+        ambkit.trade_off(NOISY, [1.1], kind="linear", budget=2, runs=1)
+    with pytest.raises(AmbkitError, match="one value or more"):
+        ambkit.trade_off(NOISY, [], kind="linear")

@@ -9,8 +9,9 @@ stop() {
 
 # A shim of pyenv may be there and complain that it stands for nothing.
 for candidate in python3.13 python3.12 python3.11 python3; do
-  PYTHON=$(command -v "$candidate") || continue
-  "$PYTHON" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && break
+  command -v "$candidate" >/dev/null || continue
+  # The interpreter itself: given a shim, uv takes .venv for another Python's, and makes it anew each time.
+  PYTHON=$("$candidate" -c 'import sys; sys.version_info < (3, 11) and sys.exit(1); print(sys.executable)' 2>/dev/null) && break
   PYTHON=
 done
 [ -n "${PYTHON:-}" ] || stop "Python 3.11 or newer is needed (Debian: apt-get install python3)"

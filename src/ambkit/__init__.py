@@ -61,15 +61,19 @@ if TYPE_CHECKING:
     from ambkit.simulation.waveforms import Sine as Sine
     from ambkit.simulation.waveforms import Step as Step
     from ambkit.workflow.assessing import assess as assess
+    from ambkit.workflow.assessing_log import assess_log as assess_log
     from ambkit.workflow.campbell import campbell as campbell
     from ambkit.workflow.comparison import compare as compare
     from ambkit.workflow.designing import design as design
     from ambkit.workflow.expert import train as train
     from ambkit.workflow.filtering import filter as filter
     from ambkit.workflow.identifying import identify as identify
+    from ambkit.workflow.injecting import design_injection as design_injection
     from ambkit.workflow.simulating import scenario_for as scenario_for
     from ambkit.workflow.simulating import simulate as simulate
     from ambkit.workflow.simulating import simulate_run as simulate_run
+    from ambkit.workflow.sweeping import sweep as sweep
+    from ambkit.workflow.trading_off import trade_off as trade_off
     from ambkit.workflow.tuned_filter import tune as tune
 
     __version__: str
@@ -111,11 +115,15 @@ _HOME = {
     "simulation.waveforms": ["Constant", "Impulse", "Ramp", "Recorded", "Sequence", "Sine", "Step"],
     "workflow.comparison": ["compare"],
     "workflow.assessing": ["assess"],
+    "workflow.assessing_log": ["assess_log"],
     "workflow.campbell": ["campbell"],
     "workflow.designing": ["design"],
     "workflow.expert": ["train"],
     "workflow.filtering": ["filter"],
     "workflow.identifying": ["identify"],
+    "workflow.injecting": ["design_injection"],
+    "workflow.sweeping": ["sweep"],
+    "workflow.trading_off": ["trade_off"],
     "workflow.simulating": ["scenario_for", "simulate", "simulate_run"],
     "workflow.tuned_filter": ["tune"],
 }

@@ -149,6 +149,22 @@ def judged(bearing: ambkit.Bearing, scenario: ambkit.Scenario, record: ambkit.Re
         print(method)
     print(ambkit.to_control(bearing))
     assert_type(ambkit.assess(bearing, "linear").loops["linear"].peak, float)
+    traded = ambkit.trade_off(bearing, [2.5], kind="linear", budget=2, runs=1)
+    assert_type(traded.points[0].peak, float)
+    assert_type(ambkit.sweep(bearing, amplitudes=["1 um"]).swept[0].deviation, float)
+    injection = ambkit.design_injection(bearing, ambkit.Scenario(duration=1.0))
+    assert_type(ambkit.assess_log(injection.record, bearing).zone, str)
+
+
+def whole_machine() -> None:
+    """Four axes of a rotor."""
+    machine = ambkit.Machine.preset("hindawi_2011")
+    filter_ = ambkit.KalmanFilter(machine)
+    run = ambkit.simulate_machine(machine, ambkit.Flight(duration=0.02), estimator=filter_)
+    assert_type(run.samples_at_the_stop, int)
+    found = ambkit.judge_machine(machine, ["linear"], seeds=1, duration=0.04, settled=0.02)
+    assert isinstance(found, ambkit.MachineJudgement)
+    assert_type(ambkit.campbell(machine, count=3).critical, list[float])
 
 
 def designed(bearing: ambkit.Bearing, record: ambkit.Record) -> None:
@@ -171,3 +187,4 @@ if __name__ == "__main__":
     estimates(plant, network, log)
     judged(plant, happening, log)
     designed(plant, log)
+    whole_machine()

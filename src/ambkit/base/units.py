@@ -18,6 +18,7 @@ _DECIMAL_COMMA = re.compile(r"\s*([+-]?\d+),(\d+)")
 _WITHIN_QUANTITY = re.compile(r"(?:(?<=\d)|(?<=\d\sN)|(?<=\d\sA)) (?!to\b)(?=[A-Za-zµΩ%])")
 _LONGEST = 100  # characters of a unit
 _SHOWN = 60  # characters of a text in a message
+_REVOLUTIONS = ("rpm", "krpm", "rps", "revolution/min", "revolution/s")
 _PREFIXES = {"M": 6, "k": 3, "": 0, "m": -3, "µ": -6, "n": -9, "p": -12, "f": -15}
 
 
@@ -50,7 +51,10 @@ def _root(unit: str) -> tuple[Decimal, "Unit"]:
 @cache
 def _decimal_factor(from_unit: str, to_unit: str) -> Decimal:
     (source, source_root), (target, target_root) = _root(from_unit), _root(to_unit)
-    # pint would count an angle as a plain number, and let "50 rad/s" pass as 50 Hz.
+    # pint would count an angle as a plain number, and let "50 rad/s" pass as 50 Hz. Revolutions a
+    # minute are a frequency all the same.
+    if source_root != target_root and (from_unit in _REVOLUTIONS and target_root == _root("Hz")[1]):
+        return source / _root("revolution")[0] / target
     if source_root != target_root:
         raise ValueError(f"{from_unit} cannot be converted to {to_unit}")
     return source / target

@@ -21,6 +21,7 @@ class Schema(StrEnum):
     flight = "flight"
     map = "map"
     filter = "filter"
+    force = "force"
 
 
 def check(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -48,6 +49,16 @@ def design(
             show_default="what a record usually tells",
         ),
     ] = None,
+    max_sensitivity: Annotated[
+        float,
+        typer.Option(
+            "--max-sensitivity",
+            metavar="PEAK",
+            help="What the peak of |S| in the loop is to stay below, see 'ambkit tune'; inf: no "
+            "limit.",
+            show_default="3, the end of zone A",
+        ),
+    ] = 3.0,
     precision: Annotated[Precision, typer.Option(help="Of the exported C.")] = Precision.float,
     prefix: Annotated[
         str | None,
@@ -56,7 +67,9 @@ def design(
     anyway: Annotated[
         bool,
         typer.Option(
-            "--anyway", help="Export also what is worse than the raw sensor, or far from the bound."
+            "--anyway",
+            help="Export also what is worse than the raw sensor, far from the bound, or out of "
+            "zone A.",
         ),
     ] = False,
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="Of all that is drawn.")] = 0,
@@ -82,15 +95,24 @@ def design(
             find_bearing(bearing), logs, out, channels=channel_map, validate=validate or (),
             kinds=names(estimator), precision=precision.value, prefix=prefix, anyway=anyway,
             free=None if free is None else free.replace(" ", "").split(","), seed=seed, note=done,
+            max_sensitivity=max_sensitivity if math.isfinite(max_sensitivity) else None,
         )  # fmt: skip
     rows = [
         [KINDS[c.kind].label,
          *(output.value(c.unseen[figure], "m", 3) for figure in AHEAD.values()),
          output.value(c.errors["x"], "m", 3), output.value(c.errors["f_d"], "N", 3),
-         f"{100 * c.efficiency:.0f} %"]
+         f"{100 * c.efficiency:.0f} %", "–" if math.isnan(c.peak) else f"{c.peak:.2f}"]
         for c in found.candidates
     ]  # fmt: skip
-    heads = ["", "1 step ahead", "10 steps ahead", "error of x", "of f_d", "x: of the bound"]
+    heads = [
+        "",
+        "1 step ahead",
+        "10 steps ahead",
+        "error of x",
+        "of f_d",
+        "x: of the bound",
+        "peak of |S|",
+    ]
     output.deliver(
         found.to_dict(),
         [output.table("Unseen records, and simulated runs", heads, rows), found.why],

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ambkit.base.errors import AmbkitError
+from ambkit.cli.kinds import NAMES, known
 from ambkit.cli.options import (
     RECORDS,
     BearingName,
@@ -20,6 +23,19 @@ from ambkit.cli.options import (
 
 if TYPE_CHECKING:
     from ambkit.identification.excitation import Design
+    from ambkit.machine.bearing import Bearing
+    from ambkit.simulation.scenario import Scenario
+
+
+class Purpose(StrEnum):
+    """What an experiment is for."""
+
+    parameters = "parameters"
+    sensitivity = "sensitivity"
+
+
+SENSITIVITY_DURATION = 5.0
+"""Of an experiment for the sensitivity, where nobody says it [s]."""
 
 CERTAIN = 0.95
 """Correlation from which on two parameters are said to hang together."""
@@ -27,10 +43,22 @@ CERTAIN = 0.95
 
 def excite(
     bearing: BearingName,
+    purpose: Annotated[
+        Purpose,
+        typer.Option(
+            "--for",
+            help="What is to be found: parameters of the bearing, by its reference; or the "
+            "sensitivity of its loop, by a signal that is added to its measurement.",
+        ),
+    ] = Purpose.parameters,
     kind: Annotated[
-        str,
-        typer.Option(metavar="KIND", help="multisine, prbs or stepped-sine."),
-    ] = "stepped-sine",
+        str | None,
+        typer.Option(
+            metavar="KIND",
+            help="multisine, prbs or stepped-sine; for sensitivity always a multisine.",
+            show_default="stepped-sine",
+        ),
+    ] = None,
     parameters: Annotated[
         str | None,
         typer.Option(
@@ -66,7 +94,8 @@ def excite(
         typer.Option(
             parser=quantity("m"),
             metavar="LENGTH",
-            help="Greatest displacement from the centre; else half of the travel.",
+            help="Greatest displacement from the centre; else half of the travel, and for "
+            "sensitivity a twentieth of the air gap beyond where it is held.",
         ),
     ] = None,
     load: Annotated[
@@ -77,10 +106,24 @@ def excite(
             help="By how much the load wanders in a second, rms; else 1 % of the weight.",
         ),
     ] = None,
+    estimator: Annotated[
+        str | None,
+        typer.Option(
+            "--estimator",
+            "--filter",
+            callback=lambda text: text if text in (None, "none") else known(text),
+            metavar="NAME",
+            help=f"For sensitivity, whose estimate feeds the controller: none, {', '.join(NAMES)}, "
+            "or a filter's file (.toml).",
+            show_default="linear",
+        ),
+    ] = None,
     seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="Seed of the noise.")] = None,
     out: Annotated[
         Path | None,
-        file_option("Write the reference, t and r: .csv or .parquet.", RECORDS, "--out"),
+        file_option(
+            "Write the reference, t and r, or t and injected: .csv or .parquet.", RECORDS, "--out"
+        ),
     ] = None,
     plot: Plot = None,
     json: Json = False,
@@ -94,6 +137,9 @@ def excite(
     For example:
       ambkit excite my.toml --duration "1 s" --out excitation.csv --plot excitation.png
       ambkit simulate my.toml --reference excitation.csv --out run.csv
+      ambkit excite my.toml --for sensitivity --out injection.csv
+      ambkit simulate my.toml --injection injection.csv --out injected.csv
+      ambkit assess injected.csv --bearing my.toml
     """
     from ambkit.cli import output
     from ambkit.identification.excitation import Limits, design
@@ -102,19 +148,33 @@ def excite(
     from ambkit.workflow.simulating import experiment_duration, scenario_for
 
     plant = find_bearing(bearing)
+    only = {"--kind": kind, "--parameters": parameters, "--load": load}
+    if purpose is Purpose.parameters:
+        only = {"--estimator": estimator}
+    for option, given in only.items():
+        if given is not None:
+            raise AmbkitError(f"{option} is not for --for {purpose.value}")
+    if purpose is Purpose.sensitivity and duration is None and scenario is None:
+        duration = SENSITIVITY_DURATION
     if duration is None and scenario is None:
         duration = experiment_duration(plant)
-    happening = scenario_for(plant, scenario, duration=duration, seed=seed)
+    happening = scenario_for(
+        plant, scenario, duration=duration, seed=seed, from_estimate=estimator != "none"
+    )
     ends = None
     if band is not None:
         low, high = read_quantities(band, "Hz", "--band", count=2)
         ends = low, high
+    if purpose is Purpose.sensitivity:
+        most = limit_current, limit_displacement
+        _for_sensitivity(plant, happening, estimator, most, ends, out, plot, json)
+        return
     free = [part.strip() for part in parameters.split(",")] if parameters else None
     with output.progress("comparing bands") as step:
         found = design(
             plant,
             happening,
-            kind=kind,
+            kind=kind or "stepped-sine",
             free=free,
             limits=Limits.of(plant, limit_current, limit_displacement),
             band=ends,
@@ -128,6 +188,47 @@ def excite(
             (out, found.file().save),
             (plot, lambda path: save_figure(excitation_figure(found), path)),
         ],
+        as_json=json,
+    )
+
+
+def _for_sensitivity(
+    plant: Bearing, happening: Scenario, estimator: str | None,
+    most: tuple[float | None, float | None], ends: tuple[float, float] | None, out: Path | None,
+    plot: Path | None, json: bool,
+) -> None:  # fmt: skip
+    import numpy as np
+
+    from ambkit.cli import output
+    from ambkit.cli.output import table, value
+    from ambkit.show.plots import save_figure
+    from ambkit.workflow.injecting import design_injection
+
+    with output.progress("trying amplitudes"):
+        found = design_injection(
+            plant, happening, estimator, current=most[0], displacement=most[1], band=ends
+        )
+    record, limits = found.record, found.limits
+    current, far = (float(np.abs(record[name]).max()) for name in ("iu", "x"))
+    low, high = found.expected.peak_interval()
+    rows = [
+        ["duration", f"{value(record.t[-1], 's')}, {len(record)} samples"],
+        ["period", f"{value(found.period, 's')}, {found.periods} times"],
+        ["frequencies", f"{len(found.excitation.frequencies)}, {value(found.band[0], 'Hz', 3)} to "
+                        f"{value(found.band[1], 'Hz', 3)}"],
+        ["added to the measurement, greatest", value(found.amplitude, "m")],
+        ["control current, greatest",
+         f"{value(current, 'A', like=limits.current)} of {value(limits.current, 'A')}"],
+        ["displacement, greatest",
+         f"{value(far, 'm', like=limits.displacement)} of {value(limits.displacement, 'm')}"],
+        ["peak of |S|, expected", f"{low:.3f} to {high:.3f}"],
+        ["half width of the 95 % interval, median", f"{100 * np.median(found.error):.2g} %"],
+        ["  at worst", f"{100 * np.max(found.error):.2g} %"],
+    ]  # fmt: skip
+    output.deliver(
+        found.to_dict(),
+        [table(f"Sensitivity of {plant.name}: multisine", ["", ""], rows)],
+        [(out, found.file().save), (plot, lambda path: save_figure(found.figure(), path))],
         as_json=json,
     )
 

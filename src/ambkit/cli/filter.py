@@ -295,7 +295,7 @@ def _of_the_box(name: str, outside: OutsideOfBox) -> str:
     return (
         f"{name}: {100 * outside.share:.2g} % of the samples lie outside of the expert's box, "
         f"current {current}, displacement {displacement}; there it answers as at the edge: "
-        "train it on a larger one"
+        "train it on a larger one ('ambkit train --reach')"
     )
 
 

@@ -73,6 +73,14 @@ def simulate(
             help="Reference r of a record, such as 'ambkit excite' writes; for as long as it is.",
         ),
     ] = None,
+    injection: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Signal 'injected' of a record, such as 'ambkit excite --for sensitivity' writes, "
+            "added to the measurement; for as long as it is.",
+        ),
+    ] = None,
     load: Annotated[
         float | None,
         typer.Option(
@@ -122,7 +130,7 @@ def simulate(
     with output.progress("simulating"):
         run = simulate_run(
             plant, scenario, estimator=kalman, magnet=true, duration=duration, step=step, load=load,
-            seed=seed, reference=reference,
+            seed=seed, reference=reference, injection=injection,
         )  # fmt: skip
     summary = RunSummary(plant, run)
     data = summary.to_dict()

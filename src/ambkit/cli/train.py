@@ -75,6 +75,15 @@ def train(
             "carry, by cross-validation.",
         ),
     ] = "5x5",
+    reach: Annotated[
+        float | None,
+        typer.Option(
+            parser=quantity("m"),
+            metavar="LENGTH",
+            help="How far out the bearing's law is learned, either way; half of the travel without "
+            "it. With --force-map as far as there are points.",
+        ),
+    ] = None,
     method: Annotated[
         Method, typer.Option(help="As the paper does it, or better.")
     ] = Method.least_squares,
@@ -141,6 +150,10 @@ def train(
                 f"{option} needs points that were measured: --force-map FORCE.csv",
                 param_hint=option.split()[0],
             )
+    if reach is not None and force is not None:
+        raise typer.BadParameter(
+            "a force map reaches as far as it has points", param_hint="--reach"
+        )
     if law_error is not None and not law_error > 0:
         raise typer.BadParameter(
             f"must be greater than 0 N, is {law_error:g} N", param_hint="--law-error"
@@ -163,7 +176,10 @@ def train(
                 )
             except AmbkitError as error:
                 raise AmbkitError(f"{force}: {error}") from None
-        found = trained(model, shape or RULES, measured=measured, note=done, **options)
+        with arguments_of_the_user("--"):
+            found = trained(
+                model, shape or RULES, reach=reach, measured=measured, note=done, **options
+            )
     data = found.to_dict()
     tables = [_table(data)]
     if force is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,6 +15,7 @@ from ambkit.cli.options import From, Json, MapFile, Plot, To, file_option, find_
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.data.rig_units import Inputs
+    from ambkit.workflow.trading_off import TradeOff
     from ambkit.workflow.tuned_filter import Tuned
 
 
@@ -60,6 +62,31 @@ def tune(
             help="Judge by this record; again for more. Without it, by the second half of each.",
         ),
     ] = None,
+    max_sensitivity: Annotated[
+        float | None,
+        typer.Option(
+            "--max-sensitivity",
+            metavar="PEAK",
+            help="What the peak of |S| in the loop with this filter must stay below, as 'ambkit "
+            "assess' has it; 3 is the end of zone A.",
+        ),
+    ] = None,
+    ceilings: Annotated[
+        str | None,
+        typer.Option(
+            "--trade-off",
+            metavar="PEAKS",
+            help="Tune below each of these peaks, such as 1.8,2,2.5, and show what the margin "
+            "costs; no filter is written.",
+        ),
+    ] = None,
+    scenario: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.toml",
+            help="Whose [controller] the loop has; what it does not say is tuned for the bearing.",
+        ),
+    ] = None,
     begin: From = None,
     end: To = None,
     evaluations: Annotated[
@@ -81,12 +108,15 @@ def tune(
     For example:
       ambkit tune zittau_axial --estimator linear --out filter.toml
       ambkit tune run.csv --bearing my.toml --validate other.csv --out filter.toml --plot tune.png
+      ambkit tune run.csv --bearing my.toml --max-sensitivity 2.5 --out filter.toml
       ambkit export c filter.toml --out out/
     """
     from ambkit.cli import output
     from ambkit.cli.kinds import read_expert
     from ambkit.cli.options import arguments_of_the_user
     from ambkit.show import plots
+    from ambkit.simulation.scenario import Scenario
+    from ambkit.workflow.trading_off import trade_off
     from ambkit.workflow.tuned_filter import tune as tuned
 
     simulated = bearing is None
@@ -110,9 +140,26 @@ def tune(
     others = [_load(path, channel_map, known, None, None) for path in validate or ()]
     inputs = None if channel_map is None else _inputs(channel_map)
     span = "" if begin is None and end is None else f", {_shown(begin)} to {_shown(end)}"
+    pid = None if scenario is None else Scenario.load(scenario).controller
+    if ceilings is not None:
+        alone = {"--max-sensitivity": max_sensitivity, "--out": out, "--free": free,
+                 "--validate": validate or None}  # fmt: skip
+        for option, taken in alone.items():
+            if taken is not None:
+                raise AmbkitError(f"{option} does not go with --trade-off")
+        peaks = _peaks(ceilings)
+        with output.progress("tuning", evaluations * len(peaks)) as done:
+            traded = trade_off(
+                known, peaks, records, estimator, controller=pid, magnet=magnet, runs=runs,
+                budget=evaluations, seed=seed, done=done,
+            )  # fmt: skip
+        drawn = [(plot, lambda path: plots.save_figure(traded.figure(), path))]
+        output.deliver(traded.to_dict(), [_traded(traded)], drawn, as_json=json)
+        return
     with arguments_of_the_user(), output.progress("tuning", evaluations) as done:
         found = tuned(
-            known, records, estimator, validate=others,
+            known, records, estimator, validate=others, max_sensitivity=max_sensitivity,
+            controller=pid,
             free=None if free is None else free.replace(" ", "").split(","),
             magnet=magnet, inputs=inputs,
             source="" if simulated else ", ".join(Path(p).name for p in target) + span,
@@ -129,6 +176,27 @@ def tune(
     )
     for warning in found.warnings:
         output.note(f"note: {warning}")
+
+
+def _peaks(text: str) -> list[float]:
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise AmbkitError(f"--trade-off takes numbers with commas, is {text!r}") from None
+
+
+def _traded(found: TradeOff) -> Any:
+    from ambkit.cli.output import table, value
+
+    rows = [
+        [f"{each.ceiling:g}", f"{each.peak:.3f}", each.zone, value(each.errors["x"], "m", 3),
+         value(each.errors["f_d"], "N", 3)]
+        if each.tuned is not None
+        else [f"{each.ceiling:g}", "not reached", "–", "–", "–"]
+        for each in found.points
+    ]  # fmt: skip
+    heads = ["to stay below", "peak of |S|", "zone", "error of x", "error of f_d"]
+    return table(f"{found.kind} for {found.bearing.name}, in simulated runs", heads, rows)
 
 
 def _load(
@@ -155,6 +223,18 @@ def _shown(time: float | None) -> str:
     return "its end" if time is None else engineering(time, "s")
 
 
+def _in_the_loop(found: Tuned) -> list[str]:
+    from ambkit.workflow.loop_of import zone_of
+
+    if math.isnan(found.peak):
+        return []
+    peak, untuned = found.peak, found.peaks[0]
+    below = "" if found.max_sensitivity is None else f", to stay below {found.max_sensitivity:g}"
+    return [
+        f"Peak of |S| in the loop: {peak:.3f}, zone {zone_of(peak)}{below}; untuned {untuned:.3f}."
+    ]
+
+
 def _tables(found: Tuned) -> list[Any]:
     from ambkit.base.units import engineering
     from ambkit.cli import output
@@ -177,4 +257,5 @@ def _tables(found: Tuned) -> list[Any]:
             [[what, f"{a:.4g}", f"{b:.4g}"] for what, (a, b) in found.unseen.items()],
         ),
         found.outcome,
+        *_in_the_loop(found),
     ]

@@ -48,6 +48,10 @@ Array = NDArray[np.float64]
 Index = Annotated[int, Field(ge=0, strict=True)]
 
 
+PLACES = ("r", "x_logged")
+"""Signals that are read off the same scale as y."""
+
+
 class Mapped(NamedTuple):
     """The signals that a channel map found in a log."""
 
@@ -140,12 +144,18 @@ class ChannelMap(Document):
     def with_inputs(self, inputs: Inputs) -> "ChannelMap":
         """Return the map by which a log's y and u are what a filter reads.
 
+        What else is a place along with y, the reference and what the rig estimated, moves with it.
+
         Parameters
         ----------
         inputs : Inputs
             Unit, scale, sign and offset of both, in the place of the map's own.
         """
         signals = dict(self.signals)
+        moved = inputs.y.zero - signals["y"].zero if "y" in signals else 0.0
+        for name in PLACES:
+            if name in signals:
+                signals[name] = signals[name].shifted(moved)
         for name in ("y", "u"):
             if name in signals:
                 scaling = getattr(inputs, name)

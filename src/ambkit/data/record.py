@@ -39,8 +39,8 @@ class Record(Shown):
         Time [s], evenly sampled, n >= 2.
     signals : mapping of str to array_like (n,)
         The signals by name, in SI. The standard names are those of the symbol table: measured
-        ``y`` [m], ``u`` [V], ``r`` [m]; and the truth of a simulation, ``x`` [m], ``v`` [m/s],
-        ``f_d`` [N], ``x_m`` [m], ``iu`` [A], ``f_mag`` [N].
+        ``y`` [m], ``u`` [V], ``r`` [m], ``injected`` [m]; and the truth of a simulation, ``x`` [m],
+        ``v`` [m/s], ``f_d`` [N], ``x_m`` [m], ``iu`` [A], ``f_mag`` [N].
     units : mapping of str to str, optional
         SI unit of each signal; those of the standard names need not be given.
     meta : mapping, optional

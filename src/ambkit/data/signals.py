@@ -2,8 +2,9 @@
 
 from functools import cache
 
-MEASURED = {"y": "m", "u": "V", "r": "m"}
-"""What a rig's log has: measured position, control signal, reference."""
+MEASURED = {"y": "m", "u": "V", "r": "m", "injected": "m"}
+"""What a rig's log has: measured position, control signal, reference, and what was added to the
+measurement to find the loop's sensitivity."""
 
 TRUTH = {"x": "m", "v": "m/s", "f_d": "N", "x_m": "m", "iu": "A", "f_mag": "N"}
 """What only a simulation knows, by the symbols of the paper: displacement, velocity, disturbance

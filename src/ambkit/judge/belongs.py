@@ -10,7 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.units import engineering
+from ambkit.data.reading.clock import instant
 from ambkit.data.reading.faults import noise
+from ambkit.data.reading.suspects import longest_run, suspects
+from ambkit.machine.magnets import own_time
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -22,6 +25,10 @@ SURE = 0.6
 """Correlation of slow position and slow control signal from which their signs can be told."""
 
 _START = 0.25  # part of a record that may be a start, with the rotor on its stop
+
+_NEAR, _AT_STOP = 4.0, 0.005  # standard deviations of the noise, and shares of the travel
+
+_RESTS = 3.0  # in the plant's own time
 
 _TWICE = 0.25  # how far a load may be from twice the weight
 
@@ -53,6 +60,9 @@ def evaluate_record(record: Record, bearing: Bearing) -> Verdict:
     swapped = list(_signs(record, bearing))
     problems = [*_rate(record, bearing), *swapped]
     remarks = [] if swapped else list(_gravity(record, bearing))
+    lying = list(_lies(record, bearing))
+    told = suspects(record.t, record.signals, record.units)
+    remarks += [*lying, *(text for text in told if not (lying and "lie on" in text))]
     for wrong, text in (*_position(record, bearing), *_control(record, bearing)):
         (problems if wrong else remarks).append(text)
     return Verdict(tuple(problems), tuple(remarks))
@@ -96,11 +106,31 @@ def _position(record: Record, bearing: Bearing) -> Iterator[tuple[bool, str]]:
         )
     rough, expected = noise(record["y"]), math.sqrt(bearing.sensor.noise_variance)
     if expected > 0 and not 0.2 < rough / expected < 5:
+        less = "; was y smoothed before it was logged, which a filter does better itself?"
         yield (
             False,
             f"the noise of y is about {engineering(rough, 'm', digits=2)} rms, the bearing's "
-            f"sensor has {engineering(expected, 'm', digits=2)}",
+            f"sensor has {engineering(expected, 'm', digits=2)}{less if rough < expected else ''}",
         )
+
+
+def _lies(record: Record, bearing: Bearing) -> Iterator[str]:
+    """Tell of a rotor that rests at a stop, longer than one that bounces off it."""
+    if "y" not in record:
+        return
+    y, gain, travel = record["y"], bearing.sensor.gain, bearing.rotor.travel_limit
+    near = max(_NEAR * noise(y) / gain, _AT_STOP * travel)
+    for side in (-1, 1):
+        there = np.abs(side * y / gain - travel) < near
+        start, length = longest_run(there)
+        if length * record.sampling_time > _RESTS * own_time(bearing):
+            first, last = (instant(record.t[k], record.sampling_time)
+                           for k in (start, start + length - 1))  # fmt: skip
+            yield (
+                f"y rests at {engineering(side * travel, 'm', digits=3)}, the rotor's stop, in "
+                f"{100 * float(np.mean(there)):.2g} % of the samples, from {first} to {last} at a "
+                "stretch: no filter knows what holds a rotor that lies; is that part wanted?"
+            )
 
 
 def _control(record: Record, bearing: Bearing) -> Iterator[tuple[bool, str]]:

@@ -16,7 +16,7 @@ from pydantic import (
 
 from ambkit.base.config import Document, Part, Read, read_unchecked, reader
 from ambkit.base.config.paths import FilePath
-from ambkit.base.config.quantities import Quantity
+from ambkit.base.config.quantities import Quantity, WordOrQuantity
 from ambkit.base.config.texts import Description, Name
 from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Shown
@@ -200,8 +200,12 @@ class Rotor(Part):
 
     mass: Annotated[float, Quantity("kg", "0.518 kg", above=0)]
     """Mass m [kg]."""
-    gravity: Literal["-x", "+x", "none"]
-    """Direction in which gravity pulls; "none" for a horizontal axis."""
+    gravity: Annotated[
+        float | Literal["-x", "+x", "none"],
+        WordOrQuantity("rad", "45 deg", words=("-x", "+x", "none")),
+    ]
+    """Direction in which gravity pulls; "none" for a horizontal axis, or an angle from -x [rad]: of
+    a bearing whose axis stands slanted, "45 deg"."""
     travel_limit: Annotated[float, Quantity("m", "1 mm", above=0)]
     """Greatest displacement |x| [m], where the rotor meets a stop; less than the air gap."""
 
@@ -328,7 +332,7 @@ class Bearing(Shown, Document):
     @property
     def weight(self) -> float:
         """Force of gravity along +x [N], negative where gravity pulls towards -x."""
-        return _WEIGHT_SIGN[self.rotor.gravity] * self.rotor.mass * GRAVITY
+        return _along_x(self.rotor.gravity) * self.rotor.mass * GRAVITY
 
     @property
     def sensor_lag(self) -> float:
@@ -358,8 +362,10 @@ class Bearing(Shown, Document):
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
         yield from gap_contradictions(read, "rotor.travel_limit")
         kind, gravity = read("magnet.type"), read("rotor.gravity")
-        if kind == "one-sided" and gravity in ("+x", "none"):
-            text = f'must be "-x", is "{gravity}": nothing else pulls against a one-sided magnet'
+        if kind == "one-sided" and _along_x(gravity) >= 0:
+            shown = f'"{gravity}"' if isinstance(gravity, str) else engineering(gravity, "rad")
+            what = "pull towards -x" if not isinstance(gravity, str) else 'be "-x"'
+            text = f"must {what}, is {shown}: nothing else pulls against a one-sided magnet"
             yield "rotor.gravity", text
 
         current = read("amplifier.current_limit")
@@ -375,11 +381,19 @@ class Bearing(Shown, Document):
         yield from parts_contradictions(read)
 
 
-_WEIGHT_SIGN = {"-x": -1.0, "+x": 1.0, "none": 0.0}
+_DIRECTION = {"-x": -1.0, "+x": 1.0, "none": 0.0}
+
+
+def _along_x(gravity: Any) -> float:
+    """Share of gravity that pulls along +x; NaN of what is no direction."""
+    if isinstance(gravity, str):
+        return _DIRECTION.get(gravity, math.nan)
+    share = -math.cos(gravity) if isinstance(gravity, float) else math.nan
+    return 0.0 if abs(share) < 1e-12 else share  # across
 
 
 def _hover_current(read: Read) -> float:
-    weight = _WEIGHT_SIGN.get(read("rotor.gravity"), math.nan) * read("rotor.mass") * GRAVITY
+    weight = _along_x(read("rotor.gravity")) * read("rotor.mass") * GRAVITY
     magnet = SimpleNamespace(**{key: read(f"magnet.{key}") for key in Magnet.model_fields})
     wrong = any(isinstance(value, float) and math.isnan(value) for value in vars(magnet).values())
     if wrong or math.isnan(weight) or (magnet.type == "one-sided" and not weight < 0):

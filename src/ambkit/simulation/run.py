@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from typing import Any
 
@@ -27,7 +27,7 @@ from ambkit.simulation import noise, parts
 from ambkit.simulation.scenario import Scenario
 
 UNITS = {
-    "r": "m", "y": "m", "u": "V",
+    "r": "m", "injected": "m", "y": "m", "u": "V",
     "x": "m", "v": "m/s", "f_d": "N", "x_m": "m", "iu": "A", "f_mag": "N",
 }  # fmt: skip
 
@@ -273,6 +273,15 @@ class Loop:
                 disturbance = disturbance + imposed.disturbance
             noise_y = noise_y if imposed.sensor_noise is None else imposed.sensor_noise
             scale = imposed.magnet_scale
+        injected = scenario.injection.sample(t)
+        self._injected = injected if injected.any() else None
+        if self._injected is not None:
+            # After the sensor's rounding, where it has one.
+            if bearing.sensor.quantisation is None:
+                noise_y = noise_y + injected
+            else:
+                faults = Faults.none(n) if faults is None else faults
+                faults = replace(faults, y_plus=faults.y_plus + injected)
         if estimator is None and scenario.controller.feedback == "estimate":
             estimator = KalmanFilter(bearing)
         self.bearing, self.scenario, self.estimator = bearing, scenario, estimator
@@ -375,6 +384,8 @@ class Loop:
         if faults is not None:  # a record holds no infinities
             signals |= {k: np.where(np.isinf(signals[k]), np.nan, signals[k]) for k in "yu"}
         signals |= {name: self._series[name][here] for name in ("r", "f_d")}
+        if self._injected is not None:
+            signals["injected"] = self._injected[here]
         signals["f_mag"] = out["force"] - bearing.weight
         signals |= {k: out[k].astype(float, copy=False) for k in COIL_UNITS if k in out}
         meta = {

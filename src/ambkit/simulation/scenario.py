@@ -137,5 +137,7 @@ class Scenario(Document):
     """Position that the rotor is to take [m]."""
     disturbance: Annotated[Signal, SignalIn("N", "3 N")] = Constant(value=0.0)
     """Force on the rotor besides magnet and weight [N]."""
+    injection: Annotated[Signal, SignalIn("m", "1 um")] = Constant(value=0.0)
+    """What is added to the measurement before controller and estimator take it [m]."""
     controller: PID = PID()
     """The position controller. What is not said of it is tuned to the bearing."""

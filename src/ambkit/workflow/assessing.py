@@ -10,27 +10,26 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
-from ambkit.judge.loop.bounds import least_peaks
+from ambkit.base.showing import Shown
 from ambkit.judge.loop.closed import Loop
+from ambkit.judge.loop.demands import Demands, demands
 from ambkit.judge.loop.margins import BodeIntegral, Margins, bode_integral, grid, highest, margins
-from ambkit.judge.loop.pieces import WorkPoint, compensator, estimator_at, plant
-from ambkit.judge.loop.pieces import controller as controller_of
+from ambkit.judge.loop.pieces import WorkPoint
+from ambkit.machine.bearing import Bearing
 from ambkit.simulation.scenario import PID
+from ambkit.workflow.loop_of import ZONES, LoopOf, zone_of
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
-    from ambkit.machine.bearing import Bearing
     from ambkit.show.report.figure import Figure
-
-ZONES = (("A", 3.0), ("B", 4.0), ("C", 5.0))
-"""Zones of ISO 14839-3, and the peaks of abs(S) below which they are; D is beyond."""
-
-RANGE = 2000.0
-"""Up to there the standard looks at least [Hz], or up to three times the speed."""
 
 MEASUREMENT = "measurement"
 """What the loop is called whose controller is fed by the measurement."""
+
+BASELINE = "LQG"
+"""What the loop of the linear-quadratic-Gaussian controller is called."""
 
 BASIS = (
     "Zones after ISO 14839-3, of a linear model: an aid, not a certificate, which asks for a "
@@ -59,6 +58,8 @@ class AssessedLoop:
     current_noise, position_noise : float
         Standard deviations of the demanded current [A] and of the position [m] by the sensor's
         white noise and the amplifier's noise; NaN of an unstable loop.
+    demands : Demands or None
+        What it asks of the machine, and what load it bears; None of an unstable loop.
     """
 
     name: str
@@ -70,13 +71,14 @@ class AssessedLoop:
     integral: BodeIntegral
     current_noise: float
     position_noise: float
+    demands: Demands | None
 
     @property
     def zone(self) -> str:
         """Zone A to D; ``"unstable"`` of a loop that is."""
         if not self.stable:
             return "unstable"
-        return next((name for name, limit in ZONES if self.peak < limit), "D")
+        return zone_of(self.peak)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data, in SI."""
@@ -111,11 +113,23 @@ class AssessedLoop:
                 "crossover": m.crossover,
                 "bandwidth": m.bandwidth,
             }
+        if self.demands is not None:
+            d = self.demands
+            found |= {
+                "displacement": d.displacement,
+                "displacement_zone": d.zone,
+                "clearance": d.clearance,
+                "current": d.current,
+                "copper_loss": d.copper_loss,
+                "static_load": list(d.capacity.static),
+                "least_load": d.capacity.least[0],
+                "least_load_at": d.capacity.least[1],
+            }
         return found
 
 
 @dataclass(frozen=True, eq=False)
-class Assessment:
+class Assessment(Shown):
     """Loops of one bearing and one controller, assessed.
 
     Attributes
@@ -133,6 +147,8 @@ class Assessment:
     loops : dict of str to AssessedLoop
         By what the controller is fed, the measurement first.
     """
+
+    _card_by = "workflow.cards:assessment"
 
     bearing: Bearing
     controller: PID
@@ -176,6 +192,15 @@ class Assessment:
             zones=ZONES, top=self.top, static=static, gain=self.bearing.amplifier.gain,
         )  # fmt: skip
 
+    def capacity_figure(self) -> Figure:
+        """Return the load that each loop bears over the frequency as a picture."""
+        from ambkit.show.plots.capacity import capacity_figure
+
+        return capacity_figure(
+            f"{self.bearing.name}: the load that the loop bears",
+            {name: each.demands.capacity for name, each in self.loops.items() if each.demands},
+        )
+
     def _static_compliance(self) -> float | None:
         """Deflection by a load at rest, if the controller had no integral [m/N]; None: none."""
         from ambkit.machine.magnets import magnet_of
@@ -195,8 +220,9 @@ def assess(
     | None = None,
     controller: PID | None = None,
     *,
-    x: float = 0.0,
-    load: float = 0.0,
+    x: Given = 0.0,
+    load: Given = 0.0,
+    lqg: bool = False,
 ) -> Assessment:
     """Assess a loop as ISO 14839-3 looks at it: broken at the measurement, filter and all.
 
@@ -215,10 +241,14 @@ def assess(
     controller : PID, optional
         What is not said of it is tuned to the bearing. Whether it is fed by measurement or
         estimate is left to the loop.
-    x : float, optional
+    x : float or str, optional
         Displacement at which the rotor is held [m].
-    load : float, optional
+    load : float or str, optional
         Constant disturbance force there [N].
+
+    lqg : bool, optional
+        Whether the loop of the linear-quadratic-Gaussian controller that needs least control stands
+        beside, as ``"LQG"``.
 
     Returns
     -------
@@ -230,31 +260,43 @@ def assess(
     AmbkitError
         There is no such estimator, it has another sampling time, or it does not settle to a gain;
         nothing holds the rotor at the work point.
+    TypeError
+        `bearing` is no bearing.
 
     References
     ----------
     ISO 14839-3, Mechanical vibration: Vibration of rotating machinery equipped with active magnetic
     bearings, Part 3: Evaluation of stability margin.
     """
-    point = WorkPoint.hovering(bearing, x, load)
-    pid = (controller or PID()).completed(bearing)
-    P = plant(bearing, point)
-    estimators = _estimators(filter, bearing)
-    top = min(max(RANGE, 3 * (bearing.speed or 0.0) / (2 * math.pi)), 0.5 / bearing.sampling_time)
+    of_type(Bearing, bearing=bearing)
+    of = LoopOf(bearing, controller, in_si("x", x, "m"), in_si("load", load, "N"))
+    estimators = given_estimators(filter, bearing)
 
     def loop(name: str, estimator: Estimator | None) -> AssessedLoop:
-        fed = pid.model_copy(update={"feedback": "estimate" if estimator else "measurement"})
-        inner = None if estimator is None else estimator_at(estimator, point)
-        K = compensator(controller_of(fed, bearing), inner, bearing.sensor.gain)
-        return _assessed(name, Loop(P, K), bearing, top)
+        return _assessed(name, of.loop(estimator), of)
 
     loops = {MEASUREMENT: loop(MEASUREMENT, None)}
+    if lqg:
+        loops[BASELINE] = _assessed(BASELINE, of.lqg(), of)
     loops |= {name: loop(name, each) for name, each in estimators.items()}
-    return Assessment(bearing, pid, point, top, least_peaks(P.select(["y"], ["u"])), loops)
+    return Assessment(bearing, of.controller, of.point, of.top, of.least(), loops)
 
 
-def _estimators(given: Any, bearing: Bearing) -> dict[str, Estimator]:
-    """Return the estimators that were given or named, by their names."""
+def given_estimators(given: Any, bearing: Bearing) -> dict[str, Estimator]:
+    """Return the estimators that were given or named, by their names.
+
+    Parameters
+    ----------
+    given : optional
+        See `assess`.
+    bearing : Bearing
+        What they run on.
+
+    Raises
+    ------
+    AmbkitError
+        There is no such estimator, it has another sampling time, or two have one name.
+    """
     from ambkit.estimate.base import Estimator
     from ambkit.workflow.estimators import factories
 
@@ -279,18 +321,21 @@ def _estimators(given: Any, bearing: Bearing) -> dict[str, Estimator]:
     return found
 
 
-def _assessed(name: str, loop: Loop, bearing: Bearing, top: float) -> AssessedLoop:
-    stable, f = loop.is_stable, grid(loop)
-    found, peak, where, current, position = None, math.nan, math.nan, math.nan, math.nan
-    if stable:
-        found = margins(loop, f=f)
-        within = np.append(f[f < top], top)
-        peak, where = highest(lambda at: loop.sensitivity(at)[:, 0, 0], within)
-        noise = loop.noise_covariance(
-            bearing.sensor.noise_variance, bearing.amplifier.noise_variance
+def _assessed(name: str, loop: Loop, of: LoopOf) -> AssessedLoop:
+    """Return a loop with all that is said of it."""
+    bearing, top, integral = of.bearing, of.top, bode_integral(loop)
+    if not loop.is_stable:
+        unknown = math.nan
+        return AssessedLoop(
+            name, loop, False, None, unknown, unknown, integral, unknown, unknown, None
         )
-        position, volts = (math.sqrt(value) for value in np.diag(noise))
-        current = bearing.amplifier.gain * volts
+    f = grid(loop)
+    within = np.append(f[f < top], top)
+    peak, where = highest(lambda at: loop.sensitivity(at)[:, 0, 0], within)
+    noise = loop.noise_covariance(bearing.sensor.noise_variance, bearing.amplifier.noise_variance)
+    position, volts = (math.sqrt(value) for value in np.diag(noise))
+    current = bearing.amplifier.gain * volts
+    asked = demands(loop, bearing, of.point, current, position)
     return AssessedLoop(
-        name, loop, stable, found, peak, where, bode_integral(loop), current, position
+        name, loop, True, margins(loop, f=f), peak, where, integral, current, position, asked
     )

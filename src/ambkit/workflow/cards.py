@@ -13,12 +13,19 @@ from ambkit.show.plots.design import design_figure
 from ambkit.show.plots.filters import filter_figure
 from ambkit.show.plots.identification import lift_off_figure
 from ambkit.show.plots.maximum_likelihood import identified_figure
+from ambkit.workflow.assessing import BASIS
+from ambkit.workflow.assessing_log import BASIS as LOG_BASIS
 
 if TYPE_CHECKING:
+    from ambkit.workflow.assessing import Assessment
+    from ambkit.workflow.assessing_log import AssessedLog
     from ambkit.workflow.comparing import LoopScores
     from ambkit.workflow.designing import Design
     from ambkit.workflow.filtering import Filtering
     from ambkit.workflow.identifying import Identified, LiftedOff
+    from ambkit.workflow.injecting import Injection
+    from ambkit.workflow.sweeping import Sweep
+    from ambkit.workflow.trading_off import TradeOff
     from ambkit.workflow.tuned_filter import Tuned
 
 
@@ -68,6 +75,19 @@ def _figures(name: str, untuned: float, tuned: float) -> list[str]:
     return [what, value(untuned, unit), value(tuned, unit)]
 
 
+def trade_off(of: TradeOff) -> Card:
+    """Describe filters that were tuned below ceilings by their errors."""
+    rows = [
+        [f"{each.ceiling:g}", "–" if each.tuned is None else f"{each.peak:.3f}", each.zone,
+         *(value(error, EVALUATED[name]) for name, error in each.errors.items())]
+        for each in of.points
+    ]  # fmt: skip
+    rows = [[*row, *["–"] * (5 - len(row))] for row in rows]
+    heads = ["ceiling", "peak of |S|", "zone", "error of x", "error of f_d"]
+    title = f"{of.bearing.name}, {of.kind} filter: what margin costs"
+    return Card(title, rows, of.figure(), heads)
+
+
 def filtering(of: Filtering) -> Card:
     """Describe estimators along a record by their innovations, predictions and errors."""
     evaluated = of.evaluations.values()
@@ -100,6 +120,57 @@ def loop_scores(of: LoopScores) -> Card:
         f"{len(of.seeds)} runs"
     )
     return loops(of.scores, title)
+
+
+def assessment(of: Assessment) -> Card:
+    """Describe loops by their zones and margins."""
+    rows = []
+    for name, each in of.loops.items():
+        m = each.margins
+        told = ["–"] * 3 if m is None else [
+            f"{each.peak:.3f}", f"{math.degrees(m.phase):.1f}°", value(m.delay, "s", 3)
+        ]  # fmt: skip
+        rows.append([name, each.zone, *told, value(each.current_noise, "A", 3)])
+    heads = ["fed by", "zone", "peak of |S|", "phase margin", "delay margin", "current by noise"]
+    least = [f"No linear controller is below {of.least[0]:.3f}."] if of.least[0] > 1 else []
+    title = f"Stability margins of {of.bearing.name}"
+    return Card(title, rows, of.figure(), heads, [*least, BASIS])
+
+
+def assessed_log(of: AssessedLog) -> Card:
+    """Describe a measured sensitivity by its zone and interval, and how models meet it."""
+    low, high = of.interval
+    rows = [["measured", of.zone, f"{of.peak:.3f} ({low:.3f} to {high:.3f})", "–"]]
+    rows += [
+        [f"model, fed by {name}", each.zone, f"{each.peak:.3f}", f"{100 * of.within[name]:.0f} %"]
+        for name, each in (() if of.model is None else of.model.loops.items())
+    ]
+    heads = ["", "zone", "peak of |S|", "within the 95 % intervals"]
+    return Card("Measured sensitivity", rows, of.figure(), heads, [LOG_BASIS])
+
+
+def swept(of: Sweep) -> Card:
+    """Describe a sweep by its peaks, and how far it is from the linear model."""
+    rows = [
+        [value(each.amplitude, "m"), f"{each.peak:.3f}", f"{100 * each.deviation:.2g} %",
+         "yes" if each.limited else "no"]
+        for each in of.swept
+    ]  # fmt: skip
+    heads = ["amplitude", "peak of |S|", "from the model, at most", "at a limit"]
+    title = f"{of.bearing.name}, fed by {of.loop.name}: {of.kind} of the simulated loop"
+    return Card(title, rows, of.figure(), heads)
+
+
+def injection(of: Injection) -> Card:
+    """Describe an experiment for the sensitivity by its size, and what it would tell."""
+    low, high = of.expected.peak_interval()
+    rows = [
+        ("added to the measurement, greatest", value(of.amplitude, "m")),
+        ("frequencies", f"{len(of.excitation.frequencies)}"),
+        ("period", f"{value(of.period, 's')}, {of.periods} times"),
+        ("peak of |S|, expected", f"{low:.3f} to {high:.3f}"),
+    ]
+    return Card(f"Experiment for the sensitivity of {of.name}", rows, of.figure())
 
 
 def design(of: Design) -> Card:

@@ -30,6 +30,7 @@ from ambkit.show.pages.design import write_design
 from ambkit.show.pages.maximum_likelihood import annotated_toml
 from ambkit.show.plots.filters import filter_figure
 from ambkit.workflow.identifying import identified_filter, identify
+from ambkit.workflow.loop_of import ZONE_A, OutOfReachError, zone_of
 from ambkit.workflow.stages import Stages, read_json, write_json
 from ambkit.workflow.tuned_filter import Tuned, tune
 from ambkit.workflow.tuning import default_disturbance
@@ -74,6 +75,8 @@ class Candidate:
         bearing that was found, with the noise that this filter assumes.
     efficiency : float
         Bound of the position's error over that error; 1 is what nobody exceeds.
+    peak : float
+        Peak of abs(S) in the loop with the default controller [1]; NaN where it cannot be told.
     """
 
     kind: str
@@ -82,6 +85,7 @@ class Candidate:
     unseen: Mapping[str, float]
     errors: Mapping[str, float]
     efficiency: float
+    peak: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -135,7 +139,7 @@ class Design(Shown):
             "files": list(self.made),
             "candidates": [
                 {"kind": c.kind, "file": str(c.file), "kept": c.kept, "unseen": dict(c.unseen),
-                 "errors": dict(c.errors), "efficiency": c.efficiency}
+                 "errors": dict(c.errors), "efficiency": c.efficiency, "peak": c.peak}
                 for c in self.candidates
             ],
         }  # fmt: skip
@@ -150,6 +154,7 @@ def design(
     validate: Sequence[str | os.PathLike[str]] = (),
     kinds: Sequence[str] = KINDS_TRIED,
     free: Sequence[str] | None = None,
+    max_sensitivity: float | None = ZONE_A,
     precision: str = "float",
     prefix: str | None = None,
     anyway: bool = False,
@@ -178,10 +183,14 @@ def design(
         Estimators that are tried.
     free : sequence of str, optional
         What is identified; by default what a record usually tells.
+    max_sensitivity : float, optional
+        What the peak of abs(S) in the loop with the default controller is to stay below [1], see
+        `ambkit.tune`; by default the end of zone A of ISO 14839-3, None for no limit. A kind that
+        cannot be held to it is tuned without.
     precision, prefix : str
         Of the exported C.
     anyway : bool
-        Export also what is worse than the raw sensor, or far from the bound.
+        Export also what is worse than the raw sensor, far from the bound, or out of zone A.
     seed : int
         Of all that is drawn.
     note : callable
@@ -232,16 +241,24 @@ def design(
                 records.extend(load_filled(path, by_inputs) for path in logs)
                 others.extend(load_filled(path, by_inputs) for path in validate)
             expert = place / "expert.json" if kind == "adaptive" else None
-            tuned = tune(
-                found, records, kind, validate=others, inputs=inputs, seed=seed,
-                magnet=None if expert is None else Expert.load(expert),
-                source=", ".join(Path(path).name for path in logs),
-            )  # fmt: skip
+            magnet = None if expert is None else Expert.load(expert)
+
+            def tuned_below(ceiling: float | None) -> Tuned:
+                return tune(
+                    found, records, kind, validate=others, inputs=inputs, seed=seed, magnet=magnet,
+                    max_sensitivity=ceiling, source=", ".join(Path(path).name for path in logs),
+                )  # fmt: skip
+
+            try:
+                tuned = tuned_below(max_sensitivity)
+            except OutOfReachError:
+                tuned = tuned_below(None)
             files.make_folder(place / "candidates")
             tuned.save(place / name, bearing=place / "found.toml", magnet=expert)
             write_json(place / f"candidates/{kind}.json", _of_tuning(tuned))
 
         made_from = [found.to_toml(), kind, seed, files.sha256(place / "identified.toml"), *sources]
+        made_from.append(max_sensitivity)
         if kind == "adaptive":
             made_from.append(files.sha256(place / "expert.json"))
         stages.make(f"tune {kind}", made_from, (name, f"candidates/{kind}.json"), make)
@@ -311,12 +328,13 @@ def _report(
         "of $v$ [mm/s]",
         "of $F_{St}$ [N]",
         "bound over error of $x$",
+        "peak of |S|",
     ]
     rows = {
         KINDS[c.kind].label: [
             -c.unseen[JUDGED["likelihood"]], c.unseen["nis"],
             1e6 * c.unseen[AHEAD[1]], 1e6 * c.unseen[AHEAD[10]],
-            1e6 * c.errors["x"], 1e3 * c.errors["v"], c.errors["f_d"], c.efficiency,
+            1e6 * c.errors["x"], 1e3 * c.errors["v"], c.errors["f_d"], c.efficiency, c.peak,
         ]
         for c in candidates
     }  # fmt: skip
@@ -348,7 +366,12 @@ def _identified(
 def _of_tuning(tuned: Tuned) -> dict[str, Any]:
     taken = 1 if tuned.kept else 0
     unseen = {name: pair[taken] for name, pair in tuned.unseen.items()}
-    return {"kept": tuned.kept, "unseen": unseen, "warnings": list(tuned.warnings)}
+    return {
+        "kept": tuned.kept,
+        "unseen": unseen,
+        "warnings": list(tuned.warnings),
+        "peak": None if math.isnan(tuned.peak) else tuned.peak,
+    }
 
 
 def _judged(path: Path, seed: int) -> dict[str, Any]:
@@ -375,9 +398,10 @@ def _judged(path: Path, seed: int) -> dict[str, Any]:
 def _candidate(place: Path, kind: str) -> Candidate:
     tuning = read_json(place / f"candidates/{kind}.json")
     judged = read_json(place / f"candidates/{kind}.judged.json")
+    peak = math.nan if tuning["peak"] is None else tuning["peak"]
     return Candidate(
         kind, place / f"candidates/{kind}.toml", tuning["kept"], tuning["unseen"],
-        judged["errors"], judged["efficiency"],
+        judged["errors"], judged["efficiency"], peak,
     )  # fmt: skip
 
 
@@ -404,6 +428,11 @@ def _objections(chosen: Candidate, raw: float) -> list[str]:
         said.append(
             f"its position reaches {100 * chosen.efficiency:.0f} % of the bound, less than "
             f"{100 * FAR_FROM_BOUND:.0f} %"
+        )
+    if zone_of(chosen.peak) != "A" and not math.isnan(chosen.peak):
+        said.append(
+            f"in the loop with the default controller the peak of |S| is {chosen.peak:.3g}, zone "
+            f"{zone_of(chosen.peak)} of ISO 14839-3: another controller may leave more margin"
         )
     return said
 

@@ -33,6 +33,7 @@ def train(
     source: Bearing | StiffnessMap,
     rules: Shape | None = RULES,
     *,
+    reach: Given | None = None,
     force_map: ForcePoints | str | os.PathLike[str] | None = None,
     channels: str | os.PathLike[str] | None = None,
     law_error: Given | None = None,
@@ -48,11 +49,14 @@ def train(
     Parameters
     ----------
     source : Bearing or StiffnessMap
-        Whose law is learned, over all currents and half of the travel; or the nodes to learn, one
+        Whose law is learned, over all currents; or the nodes to learn, one
         for each rule.
     rules : tuple of 2 int, optional
         Along current and displacement; None: as many as the points of `force_map` carry. Of a
         stiffness map as many as it has nodes.
+    reach : float or str, optional
+        How far out the law is learned, either way [m]; by default half of the travel. A force map
+        reaches as far as it has points.
     force_map : path or ForcePoints, optional
         A measured or computed force, which corrects the law: points of iu, x and f_mag.
     channels : path, optional
@@ -101,11 +105,16 @@ def train(
         if rules is None:
             raise AmbkitError("rules = None asks points that were measured: give a force_map")
     if isinstance(source, StiffnessMap):
+        if reach is not None:
+            raise AmbkitError("reach is of a bearing's law, and source has nodes of its own")
         if force_map is not None:
             raise AmbkitError("a force_map corrects a bearing's law, and source is no bearing")
         return train_network(source, **how)
     if force_map is None:
-        return train_network(stiffness_of_law(source, rules or RULES), **how)
+        far = in_si("reach", reach, "m")
+        return train_network(stiffness_of_law(source, rules or RULES, far), **how)
+    if reach is not None:
+        raise AmbkitError("reach is of a law; a force_map reaches as far as it has points")
     points = (
         force_map if isinstance(force_map, ForcePoints) else load_force_points(force_map, channels)
     )

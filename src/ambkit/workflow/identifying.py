@@ -358,11 +358,16 @@ def check_lifts_off(bearing: Bearing) -> None:
     Raises
     ------
     AmbkitError
-        Its magnet is two-sided.
+        Its magnet is two-sided, or gravity pulls at an angle.
     """
     if bearing.magnet.type != "one-sided":
         raise AmbkitError(
             f"lift-off points tell of a one-sided magnet; that of {bearing.name} is two-sided"
+        )
+    if bearing.rotor.gravity != "-x":
+        raise AmbkitError(
+            f"lift-off points tell of a rotor that gravity pulls straight away from the magnet; "
+            f"that of {bearing.name} hangs at an angle"
         )
 
 

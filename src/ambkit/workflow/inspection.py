@@ -48,10 +48,12 @@ class Finding:
         return not self.problems
 
 
+_SHORT = {"map": "channel map", "force": "channels of a force map"}
+
+
 def schema_of(kind: str) -> dict[str, Any]:
-    """Return the JSON schema of a TOML file, by `Finding.kind`; ``map`` is a channel map."""
-    model = _documents()["channel map" if kind == "map" else kind]
-    return dict(model.json_schema())
+    """Return the JSON schema of a TOML file, by `Finding.kind` or its short form in `_SHORT`."""
+    return dict(_documents()[_SHORT.get(kind, kind)].json_schema())
 
 
 class _Described(NamedTuple):
@@ -105,6 +107,8 @@ def _recognise(
         case ".csv" | ".parquet" if channel_map is None:
             return _kind_of_table(path, bearing)
         case ending if ending in ENDINGS:
+            if channel_map is not None and kind_of_toml(Path(channel_map)) == _SHORT["force"]:
+                return "measured force", lambda p: _describe_force(p, channel_map)
             return "record", lambda p: _describe_record(p, channel_map, bearing)
         case _:
             return "file", _unknown
@@ -119,13 +123,14 @@ def _documents() -> dict[str, Any]:
     from ambkit.data.channelmap import ChannelMap
     from ambkit.estimate.filter_file import FilterFile
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.forces.file import ForceChannels
     from ambkit.machine.machine import Machine
     from ambkit.simulation.flight import Flight
     from ambkit.simulation.scenario import Scenario
 
     return {
         "bearing": Bearing, "machine": Machine, "scenario": Scenario, "flight": Flight,
-        "channel map": ChannelMap, "filter": FilterFile,
+        "channel map": ChannelMap, "filter": FilterFile, _SHORT["force"]: ForceChannels,
     }  # fmt: skip
 
 
@@ -146,6 +151,9 @@ def kind_of_toml(path: str | os.PathLike[str]) -> str:
         problems = [f"{path}:{line}: {what}" for line, what in toml.problems]
         raise ConfigError(shortened(problems, TOLD), str(path))
     documents = _documents()
+    signals = toml.data.get("signals")
+    if isinstance(signals, dict) and "f_mag" in signals and "t" not in signals:
+        return _SHORT["force"]
     shared = {
         kind: len(set(toml.data) & set(model.model_fields)) for kind, model in documents.items()
     }
@@ -165,7 +173,7 @@ def _describe_document(kind: str, path: Path) -> _Described:
     from ambkit.workflow import machines
 
     found = _documents()[kind].load(path)
-    if kind == "channel map":
+    if kind in _SHORT.values():
         return _Described(f"signals {', '.join(found.signals)}")
     if kind == "filter":
         found.make()  # what only the whole tells: starts, options, the magnet's file
@@ -196,12 +204,34 @@ def _kind_of_table(path: Path, bearing: Bearing | None) -> tuple[str, Callable[[
     from ambkit.identification.forces import lift_off
     from ambkit.machine.forces import file as force_file
 
-    columns = set(read_table(path).columns)
+    try:
+        columns = set(read_table(path).columns)
+    except RecordError as error:
+        raise RecordError([*error.problems, *_perhaps_a_force(path)]) from None
     if "t" not in columns and columns >= set(lift_off.COLUMNS):
         return "lift-off points", _describe_points
     if "t" not in columns and columns >= set(force_file.COLUMNS):
         return "measured force", _describe_force
+    if "t" not in columns and (hint := _perhaps_a_force(path)):
+        raise RecordError([f"{path}: has no column t [s]; it has {', '.join(columns)}", *hint])
     return "record", lambda p: _describe_record(p, None, bearing)
+
+
+def _perhaps_a_force(path: Path) -> list[str]:
+    """Say how a measured force is read, of a table of three or four columns without a time."""
+    import numpy as np
+
+    from ambkit.data.files.formats import read_log
+    from ambkit.machine.forces.file import NAMES
+
+    try:
+        columns = read_log(path).arrays
+    except RecordError:
+        return []
+    runs_on = any(np.all(np.diff(values) > 0) for values in columns.values())
+    if runs_on or not 3 <= len(columns) <= 4:
+        return []
+    return [f"{path}: {NAMES}"]
 
 
 def _describe_points(path: Path) -> _Described:
@@ -212,11 +242,11 @@ def _describe_points(path: Path) -> _Described:
     return _Described(f"{len(points)} runs, {usable} of them usable")
 
 
-def _describe_force(path: Path) -> _Described:
+def _describe_force(path: Path, channels: str | os.PathLike[str] | None = None) -> _Described:
     from ambkit.base.units import engineering
     from ambkit.machine.forces.file import load_force_points
 
-    points = load_force_points(path)
+    points = load_force_points(path, channels)
     (low, high), (left, right) = (
         [engineering(end, unit, digits=3) for end in (values.min(), values.max())]
         for values, unit in ((points.current, "A"), (points.displacement, "m"))
@@ -243,6 +273,7 @@ def _describe_record(
     from ambkit.base.units import engineering
     from ambkit.data.reading import load
     from ambkit.data.reading.faults import account, find
+    from ambkit.data.reading.suspects import suspects
     from ambkit.judge.belongs import evaluate_record
 
     record = load(path, channel_map)
@@ -262,7 +293,8 @@ def _describe_record(
     ]
     remarks = account(faults, record.sampling_time)
     if bearing is None:
-        return _Described(about, (), tuple(remarks))
+        told = suspects(record.t, record.signals, record.units)
+        return _Described(about, (), (*remarks, *told))
     verdict = evaluate_record(record, bearing)
     return _Described(
         about, tuple(f"{path}: {p}" for p in verdict.problems), (*remarks, *verdict.remarks)

@@ -44,6 +44,7 @@ def scenario_for(
     load: Given | None = None,
     seed: int | None = None,
     reference: str | Path | None = None,
+    injection: str | Path | None = None,
     from_estimate: bool = True,
 ) -> Scenario:
     """Return a scenario for a bearing, with its controller tuned, and a step or a load put in.
@@ -64,6 +65,8 @@ def scenario_for(
         Seed of the noise.
     reference : path, optional
         A record whose ``r`` is the reference; without `duration` the run is as long as it.
+    injection : path, optional
+        A record whose ``injected`` is added to the measurement, as `reference`.
     from_estimate : bool
         Whether the estimate is fed back, or the measurement, where `scenario` does not say it.
 
@@ -91,7 +94,9 @@ def scenario_for(
     if reference is not None:
         if step is not None:
             raise AmbkitError("the reference is either a step or a record's: give one of them")
-        happening = _along(Path(reference), happening, duration)
+        happening = _along(Path(reference), happening, duration, "reference", "r")
+    if injection is not None:
+        happening = _along(Path(injection), happening, duration, "injection", "injected")
     if step is not None:
         stepping = Step(amplitude=step, time=STEP_AT * happening.duration)
         happening = happening.replace(reference=stepping)
@@ -101,14 +106,16 @@ def scenario_for(
     return happening if seed is None else happening.replace(seed=seed)
 
 
-def _along(path: Path, scenario: Scenario, duration: float | None) -> Scenario:
-    """Return a scenario whose reference is the signal r of a record."""
+def _along(
+    path: Path, scenario: Scenario, duration: float | None, what: str, signal: str
+) -> Scenario:
+    """Return a scenario that takes reference or injection from a signal of a record."""
     from ambkit.data.record import Record
 
     if duration is None:
         t = Record.load(path).t
         scenario = scenario.replace(duration=float(t[-1]))
-    return scenario.replace(reference=Recorded(file=str(path), signal="r"))
+    return scenario.replace(**{what: Recorded(file=str(path), signal=signal)})
 
 
 def simulate_run(
@@ -125,6 +132,7 @@ def simulate_run(
     load: Given | None = None,
     seed: int | None = None,
     reference: str | Path | None = None,
+    injection: str | Path | None = None,
 ) -> Run:
     """Simulate plant, amplifier, sensor, controller and estimator in closed loop.
 
@@ -149,7 +157,7 @@ def simulate_run(
         ``{"adaptive": Expert.load("expert.json")}``.
     imposed : Imposed, optional
         Series of disturbance, noise and magnet from outside.
-    duration, step, load, seed, reference
+    duration, step, load, seed, reference, injection
         See :func:`ambkit.scenario_for`.
 
     Returns
@@ -175,7 +183,7 @@ def simulate_run(
     without = estimator == "none"
     happening = scenario_for(
         bearing, scenario, duration=duration, step=step, load=load, seed=seed, reference=reference,
-        from_estimate=not without,
+        injection=injection, from_estimate=not without,
     )  # fmt: skip
     if without and happening.controller.feedback == "estimate":
         place = f"{os.fspath(scenario)}: " if isinstance(scenario, str | os.PathLike) else ""
@@ -210,6 +218,7 @@ def simulate(
     load: Given | None = None,
     seed: int | None = None,
     reference: str | Path | None = None,
+    injection: str | Path | None = None,
 ) -> Record:
     """Simulate the closed loop, as ``ambkit simulate`` does, and return the record that it writes.
 
@@ -217,7 +226,7 @@ def simulate(
     ----------
     bearing, scenario, estimator, magnet, force_map, magnets, imposed
         See :func:`ambkit.simulate_run`, which also returns the estimate.
-    duration, step, load, seed, reference
+    duration, step, load, seed, reference, injection
         See :func:`ambkit.scenario_for`.
 
     Returns
@@ -240,6 +249,7 @@ def simulate(
     run = simulate_run(
         bearing, scenario, estimator=estimator, magnet=magnet, force_map=force_map, magnets=magnets,
         imposed=imposed, duration=duration, step=step, load=load, seed=seed, reference=reference,
+        injection=injection,
     )  # fmt: skip
     return run.record
 

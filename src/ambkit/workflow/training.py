@@ -64,8 +64,10 @@ def how_to_train(
     }
 
 
-def stiffness_of_law(bearing: Bearing, shape: Shape = RULES) -> StiffnessMap:
-    """Return the stiffnesses of a bearing's law, over all currents and half of the travel.
+def stiffness_of_law(
+    bearing: Bearing, shape: Shape = RULES, reach: float | None = None
+) -> StiffnessMap:
+    """Return the stiffnesses of a bearing's law, over all currents.
 
     Parameters
     ----------
@@ -73,12 +75,25 @@ def stiffness_of_law(bearing: Bearing, shape: Shape = RULES) -> StiffnessMap:
         Whose law.
     shape : tuple of 2 int
         Nodes along current and displacement.
+    reach : float, optional
+        How far out, either way [m]; by default half of the travel.
+
+    Raises
+    ------
+    ValueError
+        `reach` is not above 0, or beyond the travel.
     """
-    half = bearing.rotor.travel_limit / 2
+    travel = bearing.rotor.travel_limit
+    far = travel / 2 if reach is None else reach
+    if not 0 < far <= travel:
+        limit = engineering(travel, "m")
+        raise ValueError(
+            f"reach must be above 0 m and at most the travel, {limit}, is {engineering(far, 'm')}"
+        )
     return stiffness_map(
         bearing,
         currents=np.linspace(bearing.current_min, bearing.current_max, shape[0]),
-        displacements=np.linspace(-half, half, shape[1]),
+        displacements=np.linspace(-far, far, shape[1]),
     )
 
 
@@ -344,6 +359,7 @@ def train_expert(
     bearing: Bearing,
     shape: Shape = RULES,
     *,
+    reach: float | None = None,
     measured: MeasuredForce | None = None,
     note: Callable[[str], None] = lambda _text: None,
     **options: Any,
@@ -356,6 +372,8 @@ def train_expert(
         Whose law.
     shape : tuple of 2 int
         Rules along current and displacement; of a measured force those of `measured`.
+    reach : float, optional
+        How far out the law is learned, either way [m]; by default half of the travel.
     measured : MeasuredForce, optional
         From `measured_force`. Points left out then say whether law, surface or network is to be
         believed.
@@ -371,7 +389,7 @@ def train_expert(
     """
     how = how_to_train(**options)
     if measured is None:
-        stiffness = stiffness_of_law(bearing, shape)
+        stiffness = stiffness_of_law(bearing, shape, reach)
         return TrainedExpert(bearing, train(stiffness, **how), stiffness)
     stiffness = measured.stiffness
     expert = train(stiffness, **how)

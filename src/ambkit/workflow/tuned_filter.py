@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base import files
@@ -20,7 +21,10 @@ from ambkit.estimate.registry import KINDS, kind_called, learned_magnet
 from ambkit.judge.comparison.bench import TRAINING
 from ambkit.judge.comparison.contenders import Contender, Range, contender_of_kind
 from ambkit.judge.comparison.tuning import Tried, search
+from ambkit.judge.loop.pieces import tells
 from ambkit.machine.bearing import Bearing
+from ambkit.simulation.scenario import PID
+from ambkit.workflow.loop_of import LoopOf, OutOfReachError, zone_of
 from ambkit.workflow.tuning_tasks import JUDGED, By, ByLikelihood, ByTruth
 
 if TYPE_CHECKING:
@@ -34,6 +38,13 @@ BUDGET = 60
 
 RUNS = 8
 """Simulated runs to tune on, and as many others to judge by, where nobody says it."""
+
+MUCH_WORSE = 1.25
+"""Peak of the sensitivity, over the untuned filter's, that is warned of."""
+
+BEYOND, FARTHEST = 100.0, 1e3
+"""Cost of a peak beyond its ceiling by a factor of e, far above what else may change; and a ratio
+to it from which on it costs no more."""
 
 AT_THE_END = 0.02
 """Share of the range, in its logarithm, within which a value has run into its end."""
@@ -65,6 +76,13 @@ class Tuned(Shown):
         ``nis``, which is 1 where model and noise are right.
     kept : bool
         Whether `estimator` is the tuned one.
+    peaks : tuple of float
+        Of all that was tried the peak of abs(S) in the loop [1]: infinite where it is unstable, NaN
+        of a kind that settles to no gain.
+    max_sensitivity : float or None
+        What the peak of abs(S) was to stay below.
+    controller : PID
+        Of that loop.
     warnings : tuple of str
         What is odd about the result.
     """
@@ -79,6 +97,9 @@ class Tuned(Shown):
     values: Mapping[str, float]
     unseen: Mapping[str, tuple[float, float]]
     kept: bool
+    peaks: tuple[float, ...]
+    max_sensitivity: float | None
+    controller: PID
     warnings: tuple[str, ...] = field(default=())
 
     def save(
@@ -97,6 +118,13 @@ class Tuned(Shown):
         """
         self.estimator.save(path, bearing=bearing, magnet=magnet)
 
+    @cached_property
+    def peak(self) -> float:
+        """Peak of abs(S) in the loop with `estimator` [1]; NaN where it cannot be told."""
+        if not tells(self.estimator):
+            return math.nan
+        return LoopOf(self.estimator.bearing, self.controller).peak(self.estimator)
+
     @property
     def outcome(self) -> str:
         """What became of it, in a sentence."""
@@ -108,8 +136,9 @@ class Tuned(Shown):
 
         title = f"Tuning of the {self.estimator.name} for {markdown(self.estimator.bearing.name)}"
         return tuning_figure(
-            title, self.free, self.trace, self.values, JUDGED[self.by], self.outcome
-        )
+            title, self.free, self.trace, self.values, JUDGED[self.by], self.outcome,
+            self.peaks, self.max_sensitivity,
+        )  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data, in SI."""
@@ -122,7 +151,11 @@ class Tuned(Shown):
             "bounds": {r.name: {"low": r.low, "high": r.high, "default": r.default,
                                 "unit": r.unit} for r in self.free},
             "unseen": {name: {"untuned": a, "tuned": b} for name, (a, b) in self.unseen.items()},
-            "trace": [{"cost": each.cost} | dict(each.values) for each in self.trace],
+            "trace": [{"cost": each.cost, "peak": peak} | dict(each.values)
+                      for each, peak in zip(self.trace, self.peaks, strict=True)],
+            "peak": self.peak,
+            "untuned_peak": self.peaks[0],
+            "max_sensitivity": self.max_sensitivity,
             "warnings": list(self.warnings),
         }  # fmt: skip
 
@@ -133,6 +166,8 @@ def tune(
     kind: str = "extended",
     *,
     validate: Sequence[Record] = (),
+    max_sensitivity: float | None = None,
+    controller: PID | None = None,
     free: Iterable[str] | None = None,
     magnet: MagnetModel | None = None,
     inputs: Inputs | None = None,
@@ -158,6 +193,11 @@ def tune(
         One of :data:`ambkit.estimate.registry.KINDS`.
     validate : sequence of Record, optional
         Others, to judge by.
+    max_sensitivity : float, optional
+        What the peak of abs(S) in the loop with this filter must stay below [1], as `ambkit.assess`
+        has it; 3 is the end of zone A of ISO 14839-3.
+    controller : PID, optional
+        Of that loop; what is not said of it is tuned to the bearing.
     free : iterable of str, optional
         What may change, by the names of the kind's tunables, such as ``noise.disturbance``; by
         default what the records tell, or with simulated runs all.
@@ -180,7 +220,8 @@ def tune(
     Raises
     ------
     AmbkitError
-        There is no such kind or tunable; or the kind has no likelihood, as a low-pass.
+        There is no such kind or tunable; the kind has no likelihood, as a low-pass; or nothing that
+        was tried keeps the peak of abs(S) below `max_sensitivity`.
     TypeError
         `bearing` is no bearing, or one of `records` no record.
 
@@ -206,32 +247,57 @@ def tune(
     task.check(build({}), kind)
     chosen = _chosen(contender, task.usual(contender) if free is None else tuple(free))
 
+    loop = LoopOf(bearing, controller)
+    told = tells(build({}))
+    if max_sensitivity is not None:
+        loop.check(build({}), max_sensitivity)
+    ceiling = math.inf if max_sensitivity is None else max_sensitivity
+    peaks, costs = list[float](), list[float]()
+
     def cost(values: Mapping[str, float]) -> float:
-        return task.cost(lambda: build(values))
+        """Return what the search makes small: beyond the ceiling it rises, whatever else."""
+        costs.append(task.cost(lambda: build(values)))
+        peaks.append(loop.peak(build(values)) if told else math.nan)
+        over = min(peaks[-1] / ceiling, FARTHEST) if told else 0.0
+        return costs[-1] + (BEYOND * math.log(over) if over > 1 else 0.0)
 
     found = search(chosen, cost, budget, seed, done)
+    tried = [Tried(each.values, real) for each, real in zip(found.tried, costs, strict=True)]
+    of_tried = tuple(peaks)
+    if max_sensitivity is not None and not min(of_tried) < ceiling:
+        raise OutOfReachError(
+            f"of {len(tried)} {kind} filters that were tried none keeps the peak of |S| below "
+            f"{max_sensitivity:g}, the least is {min(of_tried):.4g}: allow more, or take another "
+            "controller"
+        )
     best = task.cautious(found.best, chosen, cost)
     before = task.figures(lambda: build({}))
     after = task.figures(lambda: build(best.values))
     kept = (
-        bool(best.values) and best is not found.tried[0] and after[task.judge] < before[task.judge]
-    )
+        bool(best.values) and best is not found.tried[0]
+        and (after[task.judge] < before[task.judge] or of_tried[0] >= ceiling)
+    )  # fmt: skip
     estimator = build(best.values if kept else {})
     if inputs is not None:
         estimator.inputs = inputs
     if kept:
         estimator.origin = origin_of(best.values, made_by("tune", task.said(source)))
     warnings = [*_at_an_end(chosen, best.values), *task.warnings(estimator, kept, after)]
+    if kept and told:
+        warnings += _in_the_loop(loop.peak(estimator), of_tried[0], max_sensitivity)
     unseen = {name: (before[name], after[name]) for name in before}
     return Tuned(
         estimator,
         kind,
         task.by,
         chosen,
-        tuple(found.tried),
+        tuple(tried),
         best.values,
         unseen,
         kept,
+        of_tried,
+        max_sensitivity,
+        loop.controller,
         tuple(warnings),
     )
 
@@ -327,6 +393,16 @@ def _chosen(contender: Contender, names: tuple[str, ...]) -> tuple[Range, ...]:
                 f'the {contender.name} filter has no tunable "{name}"; it has: {", ".join(known)}'
             )
     return tuple(known[name] for name in names)
+
+
+def _in_the_loop(peak: float, untuned: float, ceiling: float | None) -> Iterator[str]:
+    """Tell where a filter that the data likes best costs the loop its margin."""
+    if ceiling is None and (peak > MUCH_WORSE * untuned or zone_of(peak) > zone_of(untuned)):
+        yield (
+            f"in the loop the peak of |S| is {peak:.2f}, zone {zone_of(peak)}, with the untuned "
+            f"filter {untuned:.2f}, zone {zone_of(untuned)}: what it was tuned by knows nothing of "
+            "the loop; max_sensitivity sets a limit"
+        )
 
 
 def _at_an_end(free: Sequence[Range], values: Mapping[str, float]) -> Iterable[str]:

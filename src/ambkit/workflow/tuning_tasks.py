@@ -11,10 +11,9 @@ import numpy as np
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.judge.comparison.cases import CASES, Trial, against_gravity, trials
+from ambkit.judge.comparison.cases import CASES, Trial, trials
 from ambkit.judge.comparison.tuning import SIGNALS, Tried, errors
 from ambkit.judge.evaluation import evaluate
-from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.magnets import own_time
 from ambkit.workflow.tuning import MUCH_LESS_LIKELY, TOO_LARGE, log_likelihood
 
@@ -34,9 +33,6 @@ SETTLING = 5.0
 
 UNSEEN = 0.5
 """Share of each record, its end, that is kept to judge by where there are no other records."""
-
-MUCH_WORSE = 1.25
-"""Error in a simulated loop, over the untuned filter's, that is warned of."""
 
 HALVINGS = 8
 """Of the range above the likeliest growth of the load, in which the largest likely one is found."""
@@ -151,7 +147,7 @@ class ByLikelihood:
         return f"likelihood of {source or f'{len(self.seen)} records'}"
 
     def warnings(
-        self, estimator: Estimator, kept: bool, after: Mapping[str, float]
+        self, _estimator: Estimator, kept: bool, after: Mapping[str, float]
     ) -> Iterable[str]:
         """Tell what is odd about the filter that is taken."""
         if not kept:
@@ -164,7 +160,6 @@ class ByLikelihood:
                 f"the innovations are {math.sqrt(after['nis']):.1f} times what the filter expects, "
                 "on data that it was not tuned on: is the record of this bearing?"
             )
-        yield from _in_the_loop(self.bearing, estimator, kept)
 
 
 class ByTruth:
@@ -236,29 +231,3 @@ class ByTruth:
             )
         if not kept:
             yield "runs that it was not tuned on have no smaller errors: the untuned is taken"
-
-
-def _in_the_loop(bearing: Bearing, estimator: Estimator, kept: bool) -> Iterable[str]:
-    """Tell where a filter that a record likes best is worse in a simulated loop."""
-    from ambkit.simulation.run import simulate_run
-    from ambkit.workflow.simulating import scenario_for
-
-    if not kept:
-        return
-    load = 0.3 * bearing.rotor.mass * GRAVITY * against_gravity(bearing)
-    scenario = scenario_for(bearing, step=0.1 * bearing.rotor.travel_limit, load=load)
-
-    def error(filter_: Estimator) -> float:
-        record = simulate_run(bearing, scenario, estimator=filter_).record
-        if record.meta["stop_touched"]:
-            return math.inf
-        return float(np.sqrt(np.mean((record["x"] - scenario.reference.sample(record.t)) ** 2)))
-
-    tuned, untuned = error(estimator), error(KalmanFilter(bearing))
-    if tuned > MUCH_WORSE * untuned:
-        worse = tuned / untuned
-        what = "loses the rotor" if math.isinf(worse) else f"errs {worse:.2f} times as much"
-        yield (
-            f"in a simulated loop with the default controller it {what} as with the untuned linear "
-            "filter: the likelihood knows nothing of the loop"
-        )

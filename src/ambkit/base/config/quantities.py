@@ -144,6 +144,41 @@ class Quantity:
 
 
 @dataclass(frozen=True)
+class WordOrQuantity(Quantity):
+    """Marks what is one of some words, or a quantity.
+
+    Used as ``Annotated[float | Literal["none"], WordOrQuantity("rad", "45 deg", words=...)]``.
+
+    Attributes
+    ----------
+    words : tuple of str
+        Those.
+    """
+
+    words: tuple[str, ...] = ()
+
+    def read(self, value: Any, info: ValidationInfo) -> Any:
+        """Give the word, or the value in SI; or say what is wrong with it."""
+        if isinstance(value, str) and value in self.words:
+            return value
+        if isinstance(value, str) and not any(map(str.isdigit, value)):
+            known = ", ".join(f'"{word}"' for word in self.words)
+            shown = json.dumps(value, ensure_ascii=False)
+            raise self._wrong(f"must be {known} or like {self.shown_example()}, is {shown}")
+        return super().read(value, info)
+
+    def write(self, value: Any) -> Any:
+        """Give the word, or the string for a file, which reads back as exactly `value`."""
+        return value if isinstance(value, str) else super().write(value)
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        quantity = super().__get_pydantic_json_schema__(schema, handler)
+        return {"anyOf": [{"enum": list(self.words), "type": "string"}, quantity]}
+
+
+@dataclass(frozen=True)
 class SignalIn:
     """Marks where a signal is used, and so its unit: ``Annotated[Signal, SignalIn("N", "3 N")]``.
 

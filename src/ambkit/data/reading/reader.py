@@ -22,6 +22,7 @@ from ambkit.data.reading import grid
 from ambkit.data.reading.clock import Clock, examine, instant
 from ambkit.data.reading.faults import Channel, Fault
 from ambkit.data.reading.refusals import Refused, check_times, refuse_uneven, segments_of
+from ambkit.data.reading.suspects import suspects
 from ambkit.data.record import Record, time_problems
 
 if TYPE_CHECKING:
@@ -208,6 +209,7 @@ def _placed(
     for name, delay in mapped.delays.items():
         on_grid[name] = grid.shifted(on_grid[name], delay / step, held=name in grid.HELD)
         remarks.append(grid.shift_in_words(name, delay, step))
+    remarks += suspects(times, on_grid, mapped.units)
     faults = [_within(fault, times) for fault in faults]
     channels = [_as_placed(c, on_grid[c.name], mapped.delays.get(c.name, 0.0)) for c in channels]
     meta = {**mapped.meta, "source": Path(log.name).name}

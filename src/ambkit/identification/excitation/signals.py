@@ -7,6 +7,7 @@ signal with a jump.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,9 @@ STEPS = 12
 CLOCK = 0.4
 """Frequency to which a binary signal excites, times the time between its possible jumps: its power
 has fallen to six tenths there, and vanishes at 1."""
+
+PER_DECADE = 40
+"""Lines of a sparse multisine in a decade: about 6 % from one to the next."""
 
 ROUNDS = 100
 """Of clipping, in the search for phases."""
@@ -79,6 +83,45 @@ def multisine(n: int, T: float, band: Band) -> Excitation:
     passing = np.flatnonzero(np.sign(values) != np.sign(after))
     gentlest = passing[np.argmin(np.abs(values - after)[passing])]
     values = np.roll(values, -int(gentlest) - 1)
+    return Excitation("multisine", values / np.max(np.abs(values)), [slice(0, n)], line / (n * T))
+
+
+def sparse_multisine(
+    n: int,
+    T: float,
+    band: Band,
+    *,
+    per_decade: int = PER_DECADE,
+    without: Sequence[float] = (),
+    weight: Callable[[Array], Array] | None = None,
+) -> Excitation:
+    """Return one period of a sum of sines at few lines, evenly spread over the decades.
+
+    Few lines have much power each. The phases are those of `multisine`.
+
+    Parameters
+    ----------
+    n, T : int, float
+        Samples of the period, and the time between them [s].
+    band : tuple of float
+        Lowest and highest frequency [Hz].
+    per_decade : int, optional
+        Lines in a decade, where the period tells as many apart.
+    without : sequence of float, optional
+        Frequencies that no line is next to, such as hum's [Hz].
+    weight : callable, optional
+        Amplitudes (k,) at frequencies (k,) [Hz], to a common factor; by default all are the same.
+    """
+    low, high = band
+    count = max(2, round(per_decade * math.log10(high / low)) + 1)
+    line = np.unique(np.round(np.geomspace(low, high, count) * n * T)).astype(int)
+    line = line[(line >= 1) & (line <= (n - 1) // 2)]
+    away = [bool(all(abs(k - f * n * T) > 1 for f in without)) for k in line]
+    line = line[away]
+    amplitude = np.ones(len(line)) if weight is None else weight(line / (n * T))
+    spectrum = np.zeros(n // 2 + 1, dtype=complex)
+    spectrum[line] = amplitude * np.exp(1j * _phases(line, amplitude))
+    values = np.fft.irfft(spectrum, n)
     return Excitation("multisine", values / np.max(np.abs(values)), [slice(0, n)], line / (n * T))
 
 

@@ -281,7 +281,7 @@ def _scenario(
 
 def against_gravity(bearing: Bearing) -> float:
     """Loads act against gravity, as the paper's do: the way that is safe for any magnet."""
-    return -1.0 if bearing.rotor.gravity == "+x" else 1.0
+    return -1.0 if bearing.weight > 0 else 1.0
 
 
 def _load(bearing: Bearing, load: float, at: float) -> Step:

@@ -125,7 +125,7 @@ def _nothing(_channel: Channel, _window: slice) -> None:
 
 
 def _lift_off(channel: Channel, _window: slice) -> None:
-    side = -1.0 if channel.bearing.rotor.gravity == "-x" else 1.0
+    side = -1.0 if channel.bearing.weight < 0 else 1.0
     channel.place = side * channel.bearing.rotor.travel_limit
 
 

@@ -157,6 +157,18 @@ class Loop:
         """
         return np.asarray(np.linalg.inv(self.compliance(frequency)))
 
+    def control_by_load(self, frequency: ArrayLike) -> Complex:
+        """Return the control signals by the loads (k, c, l) [V/N]; a load is held over each sample.
+
+        Parameters
+        ----------
+        frequency : array_like (k,)
+            Frequencies [Hz].
+        """
+        m, c = self.measurements, len(self.compensator.outputs)
+        loads = slice(m, m + len(self.plant.inputs) - c)
+        return self._of(slice(-c, None), loads, frequency)
+
     def noise_to_control(self, frequency: ArrayLike) -> Complex:
         """Return the control signals by the noise of the measurements (k, c, m) [V/m].
 

@@ -25,7 +25,7 @@ GRID = 3000
 """Points of a grid, which finds what is refined."""
 
 
-def grid(loop: Loop) -> Array:
+def grid(loop: Loop, points: int = GRID) -> Array:
     """Return frequencies (k,) [Hz] up to half the sampling rate that no feature lies between.
 
     Logarithmic, linear, and closely about each pole of the open and the closed loop.
@@ -34,13 +34,15 @@ def grid(loop: Loop) -> Array:
     ----------
     loop : Loop
         Whose.
+    points : int, optional
+        Of each of the first two; between them are the poles'.
     """
     top = loop.nyquist
     poles = np.concatenate([loop.closed.poles(), loop.plant.poles(), loop.compensator.poles()])
     logs = np.log(poles[np.abs(poles) > 1e-6])
     near = [np.abs(at.imag) + abs(at.real) * np.linspace(-3, 3, 31) for at in logs]
     f = np.concatenate([
-        np.geomspace(LOWEST * top, top, GRID), np.linspace(0, top, GRID),
+        np.geomspace(LOWEST * top, top, points), np.linspace(0, top, points),
         np.concatenate([np.zeros(0), *near]) * loop.nyquist / math.pi,
     ])  # fmt: skip
     return np.unique(f[(f >= LOWEST * top) & (f <= top)])

@@ -17,6 +17,14 @@ from ambkit.machine.forces.points import ForcePoints
 
 COLUMNS = ("iu", "x", "f_mag")
 
+NAMES = (
+    "a measured force has columns iu [A], x [mm] and f_mag [N]; what others mean says a TOML "
+    "file with [signals.iu], [signals.x] and [signals.f_mag], each with column and unit ('ambkit "
+    "check --schema force'): --channels of 'ambkit check' and 'ambkit train', whose --out FILE.csv "
+    "writes the points with these columns"
+)
+"""What helps where a file has other columns."""
+
 
 class ForceChannels(Document):
     """What the columns of a force map mean, as in a channel map of a log, without times.
@@ -97,10 +105,14 @@ def load_force_points(
     if channels is not None:
         columns = ForceChannels.load(channels).columns(path)
     else:
-        columns = read_table(path).columns
+        try:
+            columns = read_table(path).columns
+        except RecordError as error:
+            raise RecordError([*error.problems, f"{path}: {NAMES}"]) from None
     for name in COLUMNS:
         if name not in columns:
-            raise RecordError(f"{path}: has no column {name}; it has {', '.join(columns)}")
+            problem = f"{path}: has no column {name}; it has {', '.join(columns)}"
+            raise RecordError([problem, *([] if channels else [f"{path}: {NAMES}"])])
     try:
         return ForcePoints(columns["iu"], columns["x"], columns["f_mag"], columns.get("f_std"))
     except AmbkitError as error:

@@ -67,14 +67,8 @@ def assessment_figure(
         raise AmbkitError("no loop is stable: there is nothing to draw")
     nyquist = loops[0].loop.nyquist
     frequency = Axis("frequency", "Hz", scale="log", limits=(SHOWN * nyquist, nyquist))
-    ends = f"ends of zones {', '.join(name for name, _ in zones)}"
-    levels = [20 * math.log10(limit) for _, limit in zones]
-    bode: list[Item] = [
-        Rule(level, signal="limit", text=name, label=ends if k == 0 else "")
-        for k, (level, (name, _)) in enumerate(zip(levels, zones, strict=True))
-    ]
-    bode.append(Rule(top, axis="x", signal="reference", label="end of the standard's range"))
-    nyquist_items: list[Item] = [_circle(1 / limit) for _, limit in zones]
+    bode = zone_lines(zones, top)
+    nyquist_items: list[Item] = [circle(1 / limit) for _, limit in zones]
     nyquist_items.append(Points(np.array([-1.0]), np.array([0.0]), signal="spike", label=""))
     compliance: list[Item] = []
     noise: list[Item] = []
@@ -88,7 +82,7 @@ def assessment_figure(
         S, L = loop.sensitivity(f)[:, 0, 0], loop.open(f)[:, 0, 0]
         peaks.append(20 * math.log10(float(np.abs(S).max())))
         bode.append(Line(f, 20 * np.log10(np.abs(S)), signal=look, label=name))
-        nyquist_items.append(_shown(Line(L.real, L.imag, signal=look, label=name)))
+        nyquist_items.append(near(Line(L.real, L.imag, signal=look, label=name)))
         yielding = np.abs(loop.compliance(f)[:, 0, 0])
         softest = max(softest, float(yielding.max()))
         compliance.append(Line(f, yielding, signal=look, label=name))
@@ -121,12 +115,31 @@ NYQUIST_REAL, NYQUIST_IMAGINARY = (-3.2, 1.2), (-2.1, 2.1)
 """What the Nyquist plot shows: the surroundings of -1, with circles that are nearly round."""
 
 
-def _circle(radius: float) -> Line:
+def zone_lines(zones: Sequence[tuple[str, float]], top: float) -> list[Item]:
+    """Return the upper ends of the zones over the frequency [dB], and the end of their range.
+
+    Parameters
+    ----------
+    zones : sequence of (str, float)
+        Names, and the peaks of abs(S) below which they are.
+    top : float
+        End of the range [Hz].
+    """
+    ends = f"ends of zones {', '.join(name for name, _ in zones)}"
+    items: list[Item] = [
+        Rule(20 * math.log10(limit), signal="limit", text=name, label=ends if k == 0 else "")
+        for k, (name, limit) in enumerate(zones)
+    ]
+    return [*items, Rule(top, axis="x", signal="reference", label="end of the standard's range")]
+
+
+def circle(radius: float) -> Line:
+    """Return the circle about -1 that an open loop stays out of, of a radius [1]."""
     angle = np.linspace(0, 2 * np.pi, 181)
     return Line(radius * np.cos(angle) - 1, radius * np.sin(angle), signal="limit", label="")
 
 
-def _shown(line: Line) -> Line:
+def near(line: Line) -> Line:
     """Leave gaps where a curve is far outside of the Nyquist plot."""
     far: Vector = np.maximum(np.abs(line.x), np.abs(line.y))
     return Line(line.x, np.where(far < 10, line.y, np.nan), signal=line.signal, label=line.label)

@@ -35,6 +35,9 @@ Array = NDArray[np.float64]
 
 _SMOOTHED = ("smoothed", "smoothed 2", "smoothed 3")
 
+STRETCHES, STRETCH = 200, 20
+"""Innovations of a longer record are shown by so many stretches, of so many samples at least."""
+
 BEYOND = 1.5
 """An axis of innovations is cut where the largest is farther out by this than most are."""
 
@@ -151,6 +154,20 @@ def settled_samples(t: NDArray[np.float64], estimates: Iterable[Estimate]) -> ND
     return settled if settled.any() else np.ones(t.size, dtype=bool)
 
 
+def _innovations(t: Array, innovation: Array) -> Item:
+    """Show innovations one by one, or of a long record how far most of each stretch reach."""
+    count = t.size // STRETCH
+    if count < STRETCHES:
+        return Line(t, innovation, signal="innovation")
+    length = t.size // STRETCHES
+    whole = innovation[: STRETCHES * length].reshape(STRETCHES, length)
+    known = np.isfinite(whole).sum(axis=1) >= STRETCH // 2
+    low, high = np.full((2, STRETCHES), np.nan)
+    low[known], high[known] = np.nanquantile(whole[known], (0.025, 0.975), axis=1)
+    middle = t[: STRETCHES * length].reshape(STRETCHES, length).mean(axis=1)
+    return Band(middle, low, high, signal="innovation", label="innovation, 95 % of a stretch")
+
+
 def innovation_panel(name: str, estimate: Estimate, time: Axis, absent: Sequence[Item]) -> Panel:
     """Show innovations beside what the filter expects; mark those that would flatten the rest."""
     t = estimate.t
@@ -161,7 +178,7 @@ def innovation_panel(name: str, estimate: Estimate, time: Axis, absent: Sequence
     expected[expected > 1.5 * np.median(expected)] = np.nan
     expected[expected == 0] = np.nan  # a low-pass has no idea of them
     items: list[Item] = [
-        Line(t, innovation, signal="innovation"),
+        _innovations(t, innovation),
         Line(t, expected, signal="bound", label="±2√S"),
         Line(t, -expected, signal="bound", label=""),
         *absent,

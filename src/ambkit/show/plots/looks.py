@@ -20,7 +20,7 @@ _SIGNALS = {
     "adaptive": "estimate adaptive",
     "closed-law": "estimate closed law",
 }
-_OTHERS = ("constant", "series 4", "series 1", "series 2")
+_OTHERS = ("another", "another 2", "another 3", "another 4")
 
 
 def looks(names: Iterable[str]) -> Iterator[tuple[str, str | None]]:

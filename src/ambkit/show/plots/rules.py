@@ -18,6 +18,12 @@ if TYPE_CHECKING:
 MOST_SHOWN = 400
 """More points would hide what lies below them."""
 
+FEW = 60
+"""So many points are shown large."""
+
+NEARBY = 7
+"""Of the 61 places along the box each way, within which the largest error is shown."""
+
 
 def with_surface(figure: Figure, surface: ForceSurface, stiff: StiffnessMap) -> Figure:
     """Put a measured force before the picture of a training.
@@ -31,6 +37,8 @@ def with_surface(figure: Figure, surface: ForceSurface, stiff: StiffnessMap) -> 
     stiff : StiffnessMap
         Gives the box.
     """
+    from scipy.ndimage import maximum_filter
+
     iu = np.linspace(stiff.current[0], stiff.current[-1], 61)
     x = np.linspace(stiff.displacement[0], stiff.displacement[-1], 61)
     grid = np.meshgrid(iu, x)
@@ -39,12 +47,15 @@ def with_surface(figure: Figure, surface: ForceSurface, stiff: StiffnessMap) -> 
         surface.points.within((iu[0], iu[-1]), (x[0], x[-1]))  # the picture shows the box
     )
     step = -(-len(points) // MOST_SHOWN)
-    marks = Points(points.current[::step], points.displacement[::step], signal="measurement")
+    look = "measurement" if len(points) <= FEW else "place"
+    marks = Points(points.current[::step], points.displacement[::step], signal=look)
     moved = Heatmap(iu, x, surface.correction(*grid), Axis("force", "N"), diverging=True)
-    known = Heatmap(iu, x, surface.standard_error(*grid), Axis("standard error", "N"))
+    # Between the rows of a grid the error goes up and down; the eye wants its height.
+    worst = maximum_filter(surface.standard_error(*grid), NEARBY, mode="nearest")
+    known = Heatmap(iu, x, worst, Axis("standard error", "N"), lines=4)
     panels = [
         Panel(*axes, [moved, marks], title="measured force, less the bearing's law"),
-        Panel(*axes, [known, marks], title="how well the force is known"),
+        Panel(*axes, [known, marks], title="how well the force is known, at worst nearby"),
     ]
     return replace(figure, panels=[*panels, *figure.panels])
 

@@ -7,13 +7,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Points, Rule
+from ambkit.show.report.items import Axis, Item, Line, Points, Rule
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from ambkit.judge.comparison.contenders import Range
     from ambkit.judge.comparison.tuning import Tried
+
+HIGHEST_PEAK = 10.0
+"""Of the sensitivity, up to which filters are shown."""
+
+ZONE_A = 3.0
+"""Peak of the sensitivity at which zone A of ISO 14839-3 ends."""
 
 WORST_SHOWN = 5.0
 """Costs are shown up to so many spans between the best and the untuned one."""
@@ -26,8 +32,10 @@ def tuning_figure(
     taken: Mapping[str, float],
     cost: str,
     outcome: str,
+    peaks: Sequence[float] = (),
+    ceiling: float | None = None,
 ) -> Figure:
-    """Show the cost of all that was tried, over each value that was free.
+    """Show the cost of all that was tried, over each value that was free and the peak of S.
 
     Parameters
     ----------
@@ -43,6 +51,10 @@ def tuning_figure(
         What the cost is.
     outcome : str
         What became of it, a sentence.
+    peaks : sequence of float, optional
+        Peaks of abs(S) in the loop, of all that was tried [1].
+    ceiling : float, optional
+        What they were to stay below.
     """
     costs = np.array([each.cost for each in trace])
     best = costs.min()
@@ -63,12 +75,70 @@ def tuning_figure(
             ],
         )
 
+    def of_the_loop() -> Panel:
+        """Show what a smaller peak costs; the line joins those that nothing else beats in both."""
+        size = np.asarray(peaks, float)
+        told = np.flatnonzero(shown & (size < HIGHEST_PEAK))
+        order = told[np.lexsort((costs[told], size[told]))]
+        front = order[costs[order] <= np.minimum.accumulate(costs[order])]
+        items: list[Item] = [
+            Points(size[told], costs[told], signal="constant", label="tried"),
+            Line(size[front], costs[front], signal="series 3", label="nothing is better in both"),
+        ]
+        if shown[0] and size[0] < HIGHEST_PEAK:
+            items.append(Points(size[:1], costs[:1], signal="measurement", label="untuned"))
+        if ceiling is not None:
+            items.append(Rule(ceiling, axis="x", signal="limit", label="to stay below"))
+        return Panel(Axis("peak of |S|"), Axis(cost, limits=limits), items)
+
+    panels = [panel(of) for of in free]
+    if np.isfinite(np.asarray(peaks, float)).any():
+        panels.append(of_the_loop())
     left_out = int((~shown).sum())
     rest = f" {left_out} that cost more are not shown." if left_out else ""
     return Figure(
         "tuning",
         title,
         f"Each point is one evaluation; the other values change with it. {outcome}{rest}",
-        [panel(of) for of in free],
-        columns=min(2, len(free)),
+        panels,
+        columns=min(2, len(panels)),
+    )
+
+
+def trade_off_figure(
+    title: str, peaks: Sequence[float], errors: Mapping[str, Sequence[float]]
+) -> Figure:
+    """Show what a smaller peak of the sensitivity costs.
+
+    Parameters
+    ----------
+    title : str
+        Which filters.
+    peaks : sequence of float
+        Peaks of abs(S) in the loop [1], ascending.
+    errors : mapping of str to sequence of float
+        Errors of ``x`` [m] and ``f_d`` [N] of the same filters.
+    """
+    axes = {
+        "f_d": Axis("error of the disturbance force, rms", "N"),
+        "x": Axis("error of the position, rms", "µm", 1e6),
+    }
+    size = np.asarray(peaks, float)
+    panels = []
+    for name, axis in axes.items():
+        error = np.asarray(errors[name], float)
+        items: list[Item] = [
+            Line(size, error, signal="estimate", label=""),
+            Points(size, error, signal="estimate", label="tuned below a ceiling"),
+        ]
+        if size.max(initial=0.0) > ZONE_A:
+            items.append(Rule(ZONE_A, axis="x", signal="limit", label="end of zone A"))
+        panels.append(Panel(Axis("peak of |S|"), axis, items))
+    return Figure(
+        "trade-off",
+        title,
+        "Each point is a filter, tuned with the peak of abs(S) in the loop kept below a ceiling, "
+        "in simulated runs that it was not tuned on.",
+        panels,
+        columns=2,
     )

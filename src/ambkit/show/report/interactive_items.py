@@ -149,8 +149,8 @@ def _points(panel: Panel, item: Points) -> Json:
         "marker": {
             "symbol": f"{symbol}-open" if look.hollow or symbol == "x-thin" else symbol,
             "color": look.colour,
-            "size": 7,
-            "line": {"width": 1.4, "color": look.colour},
+            "size": 1.75 * look.size,
+            "line": {"width": 0.35 * look.size, "color": look.colour},
         },
         "cliponaxis": panel.heatmap is None,
         "hovertemplate": hover_format("y", panel.y),

@@ -249,7 +249,7 @@ def _marker(signal: str) -> dict[str, Any]:
     return {
         "color": look.colour,
         "marker": _MARKERS[look.marker],
-        "markersize": 4.0,
+        "markersize": look.size,
         "markerfacecolor": "white" if look.hollow else look.colour,
         "markeredgewidth": 1.0,
         "zorder": look.layer,

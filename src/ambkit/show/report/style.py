@@ -47,6 +47,8 @@ class Style:
         Whether the symbols are outlines only.
     layer : int
         What is drawn over what: noise 1, most lines 3.
+    size : float
+        Of the symbols, in points.
     """
 
     label: str
@@ -56,6 +58,7 @@ class Style:
     marker: str = "circle"
     hollow: bool = False
     layer: int = 3
+    size: float = 4.0
 
 
 SIGNALS = {
@@ -64,6 +67,7 @@ SIGNALS = {
     "truth": Style("truth", BLACK, SOLID, 2.2, "cross", layer=3),
     "measured": Style("measured", PALE, SOLID, 0.6, layer=1),
     "measurement": Style("measurement", GREY, SOLID, 1.0, layer=4),
+    "place": Style("measurement", GREY, SOLID, 1.0, layer=4, size=1.4),
     "estimate": Style("estimate", BLUE, SOLID, 1.2, layer=5),
     # Often the same curve: the later ones are thinner and broken, and let the others show.
     "smoothed": Style("smoothed", OCHRE, SOLID, 2.6, layer=7),
@@ -73,6 +77,11 @@ SIGNALS = {
     "estimate adaptive": Style("adaptive Kalman filter", BLUE, SOLID, 1.2, layer=5),
     "estimate closed law": Style("closed law", GREEN, DASH_DOT, 1.2, "triangle", layer=6),
     "estimate wide box": Style("adaptive, rules to ±0.8 mm", OCHRE, DOT, 1.6, "diamond", layer=5),
+    # Filters without a look of their own, often on the curve of another one: the wide ones below.
+    "another": Style("another filter", OCHRE, SOLID, 3.4, "diamond", hollow=True, layer=2),
+    "another 2": Style("another filter", PURPLE, LONG, 2.2, "circle", hollow=True, layer=4),
+    "another 3": Style("another filter", NAVY, DOT, 1.6, "cross", layer=7),
+    "another 4": Style("another filter", TAN, DASH, 2.8, "square", hollow=True, layer=3),
     "logged": Style("logged by the rig", PURPLE, DOT, 1.5, "diamond", layer=4),
     "constant": Style("constant", GREY, DOT, 1.5, "square", hollow=True, layer=2),
     "paper": Style("paper", PURPLE, DASH, 1.4, "circle", hollow=True, layer=4),

@@ -1,0 +1,292 @@
+"""Sensitivity from a record of a loop with an injected signal, and how well it is known."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import RecordError
+from ambkit.base.units import engineering
+from ambkit.models.linear import Complex
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+
+Array = NDArray[np.float64]
+Logged = Literal["after", "before"]
+
+LEVEL = 0.95
+"""What an interval holds with, where nobody says it."""
+
+SAME = 1e-5
+"""Share of a signal's power in which one period may differ from the next: logs round."""
+
+LEAST_PERIODS = 3
+"""Whole periods, of which the first is left out: the loop settles in it."""
+
+LINE, BROAD = 1e-6, 1e-4
+"""Of the greatest power of the injected signal, what a frequency needs to be told: of a period's
+lines, and of a spectrum."""
+
+ORDER, HALF = 2, 7
+"""Order of the local polynomials, and frequencies to either side that each takes in."""
+
+APART = 1.0
+"""Beyond this share of the noise on one line, S is not told from the transient; 0.4 is usual."""
+
+PER_DECADE = 40
+"""Frequencies of a spectrum that are told."""
+
+CERTAIN = 10.0
+"""Ratio to the deviation of its parts from which on a magnitude is as good as normal."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredSensitivity:
+    """The sensitivity of one axis as a record tells it, all other loops closed.
+
+    Attributes
+    ----------
+    frequency : ndarray (k,)
+        Frequencies [Hz], ascending.
+    sensitivity : ndarray (k,)
+        S at the measurement, complex [1].
+    std : ndarray (k,)
+        Standard deviation of S: the root of what the square of its error's magnitude is expected to
+        be [1].
+    freedom : int
+        Degrees of freedom that this is known with.
+    periods : int
+        How many were looked at; 1 of a signal that does not come again.
+    sampling_time : float
+        Of the record [s].
+
+    References
+    ----------
+    Pintelon, Schoukens, System identification: a frequency domain approach, 2012.
+    """
+
+    frequency: Array
+    sensitivity: Complex
+    std: Array
+    freedom: int
+    periods: int
+    sampling_time: float
+
+    def interval(self, level: float = LEVEL) -> tuple[Array, Array]:
+        """Return low and high ends (k,) of what holds the magnitude of S, at each frequency [1].
+
+        Rice's distribution of a magnitude under noise: of all true values those are within that do
+        not make what was found too unlikely, either way. So it holds where S is small as well. That
+        the noise itself is only known from the record makes it wider, as Student's t does.
+
+        Parameters
+        ----------
+        level : float, optional
+            How often it holds it.
+        """
+        ends = [
+            _magnitudes(abs(S), std, self.freedom, level)
+            for S, std in zip(self.sensitivity, self.std, strict=True)
+        ]
+        low, high = np.array(ends).T
+        return low, high
+
+    @property
+    def peak(self) -> float:
+        """Greatest magnitude that was measured [1]."""
+        return float(np.abs(self.sensitivity).max())
+
+    @property
+    def peak_frequency(self) -> float:
+        """Where that is [Hz]."""
+        return float(self.frequency[int(np.abs(self.sensitivity).argmax())])
+
+    def peak_interval(self, level: float = LEVEL, top: float = math.inf) -> tuple[float, float]:
+        """Return what holds the greatest magnitude of S at all measured frequencies together [1].
+
+        Each interval is as much wider as it takes for all of them to hold (Bonferroni).
+
+        Parameters
+        ----------
+        level : float, optional
+            How often it holds it, at least.
+        top : float, optional
+            Only frequencies up to it count [Hz].
+        """
+        within = self.frequency <= top
+        low, high = self.interval(1 - (1 - level) / max(1, int(within.sum())))
+        return float(low[within].max()), float(high[within].max())
+
+    def open_loop(self) -> tuple[Complex, Array]:
+        """Return the open loop L = 1/S - 1 (k,), and its standard deviation (k,) [1]."""
+        S = self.sensitivity
+        return np.asarray(1 / S - 1), np.asarray(self.std / np.abs(S) ** 2)
+
+    @property
+    def coherence(self) -> Array:
+        """Share (k,) of the measurement's power that the injected signal explains [1]."""
+        power = np.abs(self.sensitivity) ** 2
+        # Of one average: as if the record were a single stretch of the signal.
+        return np.asarray(power / (power + self.periods * self.std**2))
+
+
+def measured_sensitivity(record: Record, logged: Logged = "after") -> MeasuredSensitivity:
+    """Return S from a record of the closed loop with a signal added to its measurement.
+
+    What is injected comes from outside and is known, so that nothing is biased by the feedback.
+    Where it comes again after a whole number of samples, S is the mean of the periods' spectra over
+    that of the signal, without leakage, and their scatter is its error; the first period is left
+    out. Else, of a chirp or of noise, S and the transient are polynomials over few neighbouring
+    frequencies (the local polynomial method), whose residuals tell the error.
+
+    Parameters
+    ----------
+    record : Record
+        With ``y`` [m] and ``injected`` [m].
+    logged : {"after", "before"}, optional
+        Whether ``y`` was logged after the signal was added to it, as controller and filter take it,
+        or before.
+
+    Raises
+    ------
+    RecordError
+        A signal is not there, or has gaps; or nothing is injected, too little of it, or at too few
+        frequencies.
+
+    References
+    ----------
+    Pintelon, Schoukens, System identification: a frequency domain approach, 2012, chapters 2, 7.
+    """
+    added, y = record["injected"], record["y"]
+    for name, values in (("injected", added), ("y", y)):
+        if not np.isfinite(values).all():
+            at = int(np.argmin(np.isfinite(values)))
+            raise RecordError(
+                f"signal {name} has a gap at {engineering(float(record.t[at]), 's')}: cut the "
+                "record to a stretch without gaps"
+            )
+    seen = y if logged == "after" else y + added
+    active = np.flatnonzero(np.abs(added) > 1e-9 * np.abs(added).max(initial=0.0))
+    if not len(active) or not np.abs(added).max() > 0:
+        raise RecordError("nothing is injected: signal injected is 0 throughout")
+    first, end = int(active[0]), int(active[-1]) + 1
+    T, period = record.sampling_time, _period(added[first:end])
+    count = 0 if period is None else (end - first) // period
+    if period is not None and count >= LEAST_PERIODS:
+        whole = slice(end - (count - 1) * period, end)
+        shape = (count - 1, period)
+        found = _of_periods(added[whole].reshape(shape), seen[whole].reshape(shape), T)
+    else:
+        # With the rest before and after it, as far as the record goes.
+        found = _by_polynomials(added, seen, T)
+    if len(found.frequency) < 2:
+        raise RecordError(
+            "the injected signal has power at too few frequencies for a sensitivity: a multisine, "
+            "a chirp or a binary sequence has"
+        )
+    return found
+
+
+def _period(values: Array) -> int | None:
+    """Return after how many samples a signal comes again; None where it does not."""
+    n = len(values)
+    size = 1 << (2 * n - 1).bit_length()
+    spectrum = np.fft.rfft(values - values.mean(), size)
+    common = np.fft.irfft(np.abs(spectrum) ** 2, size)[: n // 2 + 1]
+    power = np.concatenate([[0.0], np.cumsum((values - values.mean()) ** 2)])
+    lag = np.arange(len(common))
+    both = (power[n] - power[lag]) + power[n - lag]  # of what overlaps
+    with np.errstate(invalid="ignore", divide="ignore"):
+        differs = 1 - 2 * common / both
+    apart = np.flatnonzero(differs > 0.1)
+    if not len(apart):
+        return None
+    again = np.flatnonzero(differs[apart[0] :] < SAME)
+    if not len(again):
+        return None
+    # Of a smooth signal the lags beside it are nearly as good.
+    start = int(apart[0] + again[0])
+    beside = differs[start : start + int(apart[0]) + 1]
+    return start + int(np.argmin(beside))
+
+
+def _of_periods(added: Array, seen: Array, T: float) -> MeasuredSensitivity:
+    """Return S from periods (m, n) of what was injected and seen."""
+    m, n = added.shape
+    D = np.fft.rfft(added, axis=1).mean(axis=0)[1 : (n + 1) // 2]
+    Y = np.fft.rfft(seen, axis=1)[:, 1 : (n + 1) // 2]
+    power = np.abs(D) ** 2
+    told = power > LINE * power.max()
+    mean = Y.mean(axis=0)
+    variance = (np.abs(Y - mean) ** 2).sum(axis=0) / (m - 1) / m
+    frequency = np.arange(1, len(D) + 1) / (n * T)
+    return MeasuredSensitivity(
+        frequency[told], mean[told] / D[told], np.sqrt(variance[told] / power[told]),
+        2 * (m - 1), m, T,
+    )  # fmt: skip
+
+
+def _by_polynomials(added: Array, seen: Array, T: float) -> MeasuredSensitivity:
+    """Return S by local polynomials in the frequency, of a record (n,) that is no period."""
+    n = len(added)
+    D, Y = (np.fft.rfft(each - each.mean())[1 : (n + 1) // 2] for each in (added, seen))
+    width = 2 * HALF + 1
+    if len(D) < 2 * width:
+        raise RecordError(
+            f"the record has {n} samples with the signal, too few for a spectrum; "
+            f"{4 * width + 2} are needed"
+        )
+    total = np.concatenate([[0.0], np.cumsum(np.abs(D) ** 2)])
+    power = (total[width:] - total[:-width]) / width
+    middle = np.flatnonzero(power > BROAD * power.max()) + HALF
+    # As many as a picture shows: neighbours tell the same.
+    place = np.round(PER_DECADE * np.log10(middle + 1)).astype(int)
+    middle = middle[np.unique(place, return_index=True)[1]]
+    r = np.arange(-HALF, HALF + 1)
+    powers = (r / HALF)[:, None] ** np.arange(ORDER + 1)
+    freedom = width - 2 * (ORDER + 1)
+    S, std, apart = np.zeros(len(middle), complex), np.zeros(len(middle)), []
+    for k, at in enumerate(middle):
+        # S and the transient, each a polynomial about this frequency.
+        local = D[at + r]
+        size = math.sqrt(float(np.mean(np.abs(local) ** 2)))
+        K = np.hstack([local[:, None] * powers / size, powers])
+        Q, R = np.linalg.qr(K)
+        projected = Q.conj().T @ Y[at + r]
+        S[k] = np.linalg.solve(R, projected)[0] / size
+        left = float(np.sum(np.abs(Y[at + r] - Q @ projected) ** 2)) / freedom
+        leverage = float(np.linalg.norm(np.linalg.inv(R)[0]))
+        std[k] = math.sqrt(left) * leverage / size
+        apart.append(leverage < APART)
+    f = (middle + 1) / (n * T)
+    return MeasuredSensitivity(f[apart], S[apart], std[apart], 2 * freedom, 1, T)
+
+
+def _magnitudes(found: float, std: float, freedom: int, level: float) -> tuple[float, float]:
+    """Return the ends of the interval of a magnitude [1], from its estimate and its deviation."""
+    from scipy.optimize import brentq
+    from scipy.special import chndtr
+    from scipy.stats import norm, t
+
+    tail = (1 - level) / 2
+    # Of real and imaginary part each; as much wider as it is itself not known.
+    part = std / math.sqrt(2) * float(t.isf(tail, freedom) / norm.isf(tail))
+    reach = part * float(norm.isf(tail))
+    if found >= CERTAIN * part:
+        return found - reach, found + reach
+
+    def end(share: float) -> float:
+        def off(magnitude: float) -> float:
+            """How far the chance of less than was found is from what it is to be."""
+            return float(chndtr((found / part) ** 2, 2, (magnitude / part) ** 2)) - share
+
+        if off(0.0) <= 0:
+            return 0.0
+        return float(brentq(off, 0.0, found + 2 * reach + 2 * part, xtol=1e-6 * part))
+
+    return end(1 - tail), end(tail)

@@ -1,0 +1,58 @@
+"""Picture of the load that a loop bears over the frequency."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from ambkit.show.plots.assessment import LOOKS
+from ambkit.show.report.figure import Figure, Panel
+from ambkit.show.report.items import Axis, Item, Line
+
+if TYPE_CHECKING:
+    from ambkit.judge.loop.demands import Capacity
+
+
+def capacity_figure(title: str, loops: Mapping[str, Capacity]) -> Figure:
+    """Show at which harmonic load current, displacement and voltage come to their limits.
+
+    Parameters
+    ----------
+    title : str
+        Of which bearing.
+    loops : mapping of str to Capacity
+        By what the controllers are fed.
+
+    Raises
+    ------
+    AmbkitError
+        There is no loop.
+    """
+    from ambkit.base.errors import AmbkitError
+
+    if not loops:
+        raise AmbkitError("no loop is stable: there is nothing to draw")
+    f = next(iter(loops.values())).frequency
+    frequency = Axis("frequency", "Hz", scale="log", limits=(float(f[0]), float(f[-1])))
+    load = Axis("amplitude of the load", "N", scale="log")
+    kinds = {"current at its limit": "current", "out of zone A of ISO 14839-2": "displacement",
+             "voltage at its limit": "voltage"}  # fmt: skip
+    panels = []
+    for heading, kind in kinds.items():
+        items: list[Item] = [
+            Line(f, getattr(each, kind), signal=LOOKS[k % len(LOOKS)], label=name)
+            for k, (name, each) in enumerate(loops.items())
+            if getattr(each, kind) is not None
+        ]
+        if items:
+            panels.append(Panel(frequency, load, items, title=heading[0].upper() + heading[1:]))
+    return Figure(
+        "capacity",
+        title,
+        "Amplitude of a harmonic load beside the constant one at which a limit is reached; what "
+        "noise, runout and the constant load take is taken off, of the voltage the last alone. "
+        "Linear, in closed loop.",
+        panels,
+        columns=len(panels),
+        panel_height=2.8,
+    )

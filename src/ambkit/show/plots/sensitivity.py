@@ -1,0 +1,172 @@
+"""Pictures of a sensitivity that was measured, or swept in the simulated loop, over the model's."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.units import engineering
+from ambkit.judge.loop.margins import grid
+from ambkit.show.plots.assessment import (
+    LOOKS,
+    NYQUIST_IMAGINARY,
+    NYQUIST_REAL,
+    circle,
+    near,
+    zone_lines,
+)
+from ambkit.show.report.figure import Figure, Panel
+from ambkit.show.report.items import Axis, Band, Item, Line, Points, Rule
+
+if TYPE_CHECKING:
+    from ambkit.judge.loop.closed import Loop
+    from ambkit.judge.loop.measured import MeasuredSensitivity
+    from ambkit.models.linear import Complex
+    from ambkit.show.plots.assessment import Curves
+
+Array = NDArray[np.float64]
+Zones = Sequence[tuple[str, float]]
+
+LOWEST = -30.0
+"""Of a sensitivity, what is shown [dB]."""
+
+AMPLITUDES = ("series 1", "series 2", "series 3", "series 4")
+"""Looks of the sweeps, in their order; further ones begin again."""
+
+
+def measured_figure(
+    title: str,
+    found: MeasuredSensitivity,
+    models: Sequence[Curves],
+    *,
+    zones: Zones,
+    top: float,
+) -> Figure:
+    """Show a measured sensitivity with its 95 % interval, its open loop and the coherence.
+
+    Parameters
+    ----------
+    title : str
+        Of which bearing.
+    found : MeasuredSensitivity
+        What a record told.
+    models : sequence of Curves
+        Linear loops, stable, to be laid beneath.
+    zones : sequence of (str, float)
+        Names, and the peaks of abs(S) below which they are.
+    top : float
+        End of the range that counts for them [Hz].
+    """
+    f, (low, high) = found.frequency, found.interval()
+    frequency = Axis("frequency", "Hz", scale="log", limits=(0.8 * f[0], 1.25 * f[-1]))
+    bode = zone_lines(zones, top)
+    bode.append(Band(f, _decibels(low), _decibels(high), signal="estimate", label="95 % interval"))
+    bode.append(
+        Points(f, _decibels(np.abs(found.sensitivity)), signal="estimate", label="measured")
+    )
+    L, _ = found.open_loop()
+    nyquist: list[Item] = [circle(1 / limit) for _, limit in zones]
+    nyquist.append(Points(np.array([-1.0]), np.array([0.0]), signal="spike", label=""))
+    shown = np.maximum(np.abs(L.real), np.abs(L.imag)) < 10
+    nyquist.append(Points(L.real[shown], L.imag[shown], signal="estimate", label=""))
+    for k, (name, loop) in enumerate(models):
+        look = ("truth", *LOOKS[2:])[k % (len(LOOKS) - 1)]
+        at = _between(loop, f)
+        S, open_ = loop.sensitivity(at)[:, 0, 0], loop.open(at)[:, 0, 0]
+        bode.append(Line(at, _decibels(np.abs(S)), signal=look, label=f"model, {name}"))
+        nyquist.append(near(Line(open_.real, open_.imag, signal=look, label="")))
+    heights = _heights(np.abs(found.sensitivity), high[np.isfinite(high)])
+    return Figure(
+        "measured-sensitivity",
+        title,
+        f"{found.periods} period{'s' * (found.periods > 1)}; the interval holds |S| at each "
+        "frequency alone. Lines are the upper ends of the zones of ISO 14839-3, the circles about "
+        "−1 the same for the open loop.",
+        [
+            Panel(frequency, heights, bode, title="Sensitivity"),
+            Panel(Axis("real part of L", limits=NYQUIST_REAL),
+                  Axis("imaginary part of L", limits=NYQUIST_IMAGINARY), nyquist,
+                  title="Open loop"),
+            Panel(frequency, Axis("coherence", limits=(0.0, 1.05)),
+                  [Points(f, found.coherence, signal="estimate", label="")],
+                  title="Share of y that the signal explains"),
+            Panel(frequency, Axis("half width of the interval", "%", 100.0, "log"),
+                  [Points(f, (high - low) / 2 / np.abs(found.sensitivity), signal="estimate",
+                          label="")], title="Error of |S|"),
+        ],
+        columns=2,
+        panel_height=2.6,
+    )  # fmt: skip
+
+
+def sweep_figure(
+    title: str,
+    loop: Loop,
+    swept: Sequence[tuple[float, Array, Complex, Complex]],
+    *,
+    zones: Zones,
+    top: float,
+) -> Figure:
+    """Show sweeps of the simulated loop over the linear model.
+
+    Parameters
+    ----------
+    title : str
+        Of which bearing.
+    loop : Loop
+        The linear model.
+    swept : sequence of (float, ndarray (k,), ndarray (k,), ndarray (k,))
+        Amplitude [m], frequencies [Hz], S of the simulated loop and of the model [1].
+    zones : sequence of (str, float)
+        Names, and the peaks of abs(S) below which they are.
+    top : float
+        End of the range that counts for them [Hz].
+    """
+    f = np.concatenate([each[1] for each in swept])
+    frequency = Axis("frequency", "Hz", scale="log", limits=(0.8 * f.min(), 1.25 * f.max()))
+    at = _between(loop, f)
+    bode, off = zone_lines(zones, top), list[Item]()
+    model = np.abs(loop.sensitivity(at)[:, 0, 0])
+    bode.append(Line(at, _decibels(model), signal="truth", label="linear model"))
+    off.append(Rule(0.02, signal="reference", label="2 %"))
+    for k, (amplitude, where, S, linear) in enumerate(swept):
+        look, name = AMPLITUDES[k % len(AMPLITUDES)], engineering(amplitude, "m", 3)
+        bode.append(Points(where, _decibels(np.abs(S)), signal=look, label=name))
+        distance = np.abs(S - linear) / np.abs(linear)
+        off.append(Line(where, distance, signal=look, label=name))
+    sizes = np.concatenate([np.abs(each[2]) for each in swept])
+    return Figure(
+        "sweep",
+        title,
+        "The signal is added to the measurement of the simulated loop, with the magnet's "
+        "nonlinearity and all limits; its greatest value is named. Below, the distance from the "
+        "linear model, of the model's magnitude.",
+        [
+            Panel(frequency, _heights(sizes, model), bode, title="Sensitivity"),
+            Panel(frequency, Axis("distance from the model", "%", 100.0, "log", (1e-5, 3.0)), off),
+        ],
+        panel_height=2.8,
+    )
+
+
+def _between(loop: Loop, f: Array) -> Array:
+    """Return frequencies of a model's curve (k,) [Hz] about those that were measured."""
+    at = grid(loop)
+    shown: Array = at[(at >= 0.8 * f.min()) & (at <= 1.25 * f.max())]
+    return shown
+
+
+def _heights(*sizes: Array) -> Axis:
+    lowest = _decibels(np.concatenate(sizes)).min()
+    highest = _decibels(np.concatenate(sizes)).max()
+    limits = max(LOWEST, min(-14.0, float(lowest) - 2)), min(40.0, max(16.0, float(highest) + 2))
+    return Axis("sensitivity |S|", "dB", limits=limits)
+
+
+def _decibels(sizes: Array) -> Array:
+    """Return magnitudes in dB, none below 1e-6."""
+    shown: Array = 20 * np.log10(np.maximum(sizes, 1e-6))
+    return shown

@@ -1,0 +1,178 @@
+"""The verdict on a loop from a record with an injected signal, beside what the model says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ambkit.base.asked import Given, of_type
+from ambkit.base.showing import Shown
+from ambkit.data.record import Record
+from ambkit.judge.loop.measured import Logged, MeasuredSensitivity, measured_sensitivity
+from ambkit.models.linear import Complex
+from ambkit.workflow.assessing import Assessment, assess
+from ambkit.workflow.loop_of import ZONES, end_of_range, zone_of
+
+if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
+    from ambkit.show.report.figure import Figure
+    from ambkit.simulation.scenario import PID
+
+BASIS = (
+    "Zones after ISO 14839-3, of one record at the frequencies that it tells: an aid, not a "
+    "certificate."
+)
+
+
+@dataclass(frozen=True, eq=False)
+class AssessedLog(Shown):
+    """A measured sensitivity, and what is said of it.
+
+    Attributes
+    ----------
+    measured : MeasuredSensitivity
+        What the record tells.
+    top : float
+        End of the range that the zones are taken from [Hz].
+    peak, peak_frequency : float
+        Greatest magnitude of S within it [1], and where [Hz].
+    interval : tuple of float
+        What holds the greatest magnitude at the measured frequencies, with 95 % or more [1].
+    model : Assessment or None
+        The linear loops of the bearing, where it is given.
+    """
+
+    _card_by = "workflow.cards:assessed_log"
+
+    measured: MeasuredSensitivity
+    top: float
+    peak: float
+    peak_frequency: float
+    interval: tuple[float, float]
+    model: Assessment | None
+
+    @property
+    def zone(self) -> str:
+        """Zone of the measured peak; ``"A or B"`` where its interval does not tell."""
+        best, worst = (zone_of(end) for end in self.interval)
+        return best if best == worst else f"{best} or {worst}"
+
+    @property
+    def within(self) -> dict[str, float]:
+        """Share of the frequencies at which the interval holds each model's magnitude [1]."""
+        low, high = self.measured.interval()
+        return {
+            name: float(np.mean((low <= np.abs(S)) & (np.abs(S) <= high)))
+            for name, S in self._models()
+        }
+
+    @property
+    def deviation(self) -> dict[str, float]:
+        """Median distance of the measured S from each model's, of the model's magnitude [1]."""
+        found = self.measured.sensitivity
+        return {name: float(np.median(np.abs(found / S - 1))) for name, S in self._models()}
+
+    def _models(self) -> Iterator[tuple[str, Complex]]:
+        for name, each in () if self.model is None else self.model.loops.items():
+            yield name, each.loop.sensitivity(self.measured.frequency)[:, 0, 0]
+
+    def __repr__(self) -> str:
+        low, high = self.interval
+        return (
+            f"<AssessedLog: zone {self.zone}, peak {self.peak:.3g} ({low:.3g} to {high:.3g}) at "
+            f"{self.peak_frequency:.4g} Hz>"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all figures as plain data, in SI."""
+        m, (low, high) = self.measured, self.measured.interval()
+        L, spread = m.open_loop()
+        within, deviation = self.within, self.deviation
+        models: Mapping[str, Any] = {} if self.model is None else self.model.to_dict()["loops"]
+        return {
+            "basis": BASIS,
+            "zone": self.zone,
+            "peak": self.peak,
+            "peak_frequency": self.peak_frequency,
+            "peak_low": self.interval[0],
+            "peak_high": self.interval[1],
+            "range": self.top,
+            "periods": m.periods,
+            "freedom": m.freedom,
+            "frequency": m.frequency.tolist(),
+            "sensitivity": np.abs(m.sensitivity).tolist(),
+            "low": low.tolist(),
+            "high": high.tolist(),
+            "coherence": m.coherence.tolist(),
+            "open_loop": [[float(at.real), float(at.imag)] for at in L],
+            "open_loop_std": spread.tolist(),
+            "models": {
+                name: each | {"within": within[name], "deviation": deviation[name]}
+                for name, each in models.items()
+            },
+        }
+
+    def figure(self) -> Figure:
+        """Return S with its interval and zones, the open loop, and the coherence as a picture."""
+        from ambkit.show.plots.assessment import Curves
+        from ambkit.show.plots.sensitivity import measured_figure
+
+        models = [] if self.model is None else [
+            Curves(name, each.loop) for name, each in self.model.loops.items() if each.stable
+        ]  # fmt: skip
+        name = "" if self.model is None else f"{self.model.bearing.name}: "
+        return measured_figure(
+            f"{name}measured sensitivity, zone {self.zone}", self.measured, models,
+            zones=ZONES, top=self.top,
+        )  # fmt: skip
+
+
+def assess_log(
+    record: Record,
+    bearing: Bearing | None = None,
+    filter: Any = None,
+    controller: PID | None = None,
+    *,
+    logged: Logged = "after",
+    x: Given = 0.0,
+    load: Given = 0.0,
+) -> AssessedLog:
+    """Assess a loop by a record in which a signal was added to its measurement.
+
+    Parameters
+    ----------
+    record : Record
+        With ``y`` [m] and ``injected`` [m]; see `ambkit.judge.loop.measured.measured_sensitivity`.
+    bearing : Bearing, optional
+        Gives the speed, and the model that is laid over.
+    filter, controller, x, load : optional
+        Of the model, as for `ambkit.assess`.
+    logged : {"after", "before"}, optional
+        Whether ``y`` was logged after the signal was added to it, or before.
+
+    Returns
+    -------
+    AssessedLog
+        With tables (`to_dict`) and a picture (`figure`).
+
+    Raises
+    ------
+    RecordError
+        The record does not tell a sensitivity.
+    AmbkitError
+        See `ambkit.assess`.
+    """
+    of_type(Record, record=record)
+    found = measured_sensitivity(record, logged)
+    speed = None if bearing is None else bearing.speed
+    top = end_of_range(found.sampling_time, speed)
+    model = None if bearing is None else assess(bearing, filter, controller, x=x, load=load)
+    inside = found.frequency <= top
+    size = np.where(inside, np.abs(found.sensitivity), -np.inf)
+    at = int(size.argmax())
+    return AssessedLog(
+        found, top, float(size[at]), float(found.frequency[at]), found.peak_interval(top=top), model
+    )

@@ -1,0 +1,289 @@
+"""Sweeps of the simulated loop: sensitivity with the magnet's nonlinearity, over the amplitude."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.asked import Given, in_si, of_type
+from ambkit.base.errors import AmbkitError
+from ambkit.base.showing import Shown
+from ambkit.estimate.estimate import Status
+from ambkit.identification.excitation.signals import sparse_multisine
+from ambkit.machine.bearing import Bearing
+from ambkit.models.linear import Complex
+from ambkit.simulation.run import simulate_run
+from ambkit.simulation.scenario import PID, Scenario
+from ambkit.simulation.waveforms import Constant, Recorded
+from ambkit.workflow.assessing import AssessedLoop, assess, given_estimators
+from ambkit.workflow.loop_of import ZONES
+
+if TYPE_CHECKING:
+    from ambkit.show.report.figure import Figure
+    from ambkit.simulation.run import Run
+
+Array = NDArray[np.float64]
+Kind = Literal["multisine", "stepped-sine"]
+
+AMPLITUDES = (1e-3, 1e-2, 3e-2)
+"""Of the air gap, where nobody says how far to go."""
+
+SETTLED = 1e-4
+"""To what the slowest mode has decayed before a sweep is looked at."""
+
+LONGEST = 2.0
+"""But no longer is waited [s]."""
+
+SLOWEST = 8.0
+"""Lowest frequency, of the slowest that the period tells apart."""
+
+PER_DECADE = {"multisine": 20, "stepped-sine": 10}
+"""Frequencies of a sweep."""
+
+SIZE = 20_000
+"""Samples of a period of a multisine."""
+
+
+@dataclass(frozen=True, eq=False)
+class Swept:
+    """The simulated loop's sensitivity at one amplitude.
+
+    Attributes
+    ----------
+    amplitude : float
+        Greatest value of what was added to the measurement [m].
+    frequency : ndarray (k,)
+        Frequencies [Hz].
+    sensitivity : ndarray (k,)
+        S of the simulated, nonlinear loop [1].
+    model : ndarray (k,)
+        S of the linear one [1].
+    limited : bool
+        Whether the current came to a limit, the rotor to a stop, or the filter refused what it
+        took for outliers.
+    """
+
+    amplitude: float
+    frequency: Array
+    sensitivity: Complex
+    model: Complex
+    limited: bool
+
+    @property
+    def deviation(self) -> float:
+        """Greatest distance from the linear model, of the model's magnitude [1]."""
+        return float(np.max(np.abs(self.sensitivity - self.model) / np.abs(self.model)))
+
+    @property
+    def peak(self) -> float:
+        """Greatest magnitude of S [1]."""
+        return float(np.abs(self.sensitivity).max())
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep(Shown):
+    """A loop swept at several amplitudes, beside its linear model.
+
+    Attributes
+    ----------
+    bearing : Bearing
+        The plant.
+    kind : {"multisine", "stepped-sine"}
+        What was added to the measurement.
+    loop : AssessedLoop
+        The linear model.
+    swept : tuple of Swept
+        One for each amplitude.
+    top : float
+        End of the range that the zones are taken from [Hz].
+    """
+
+    _card_by = "workflow.cards:swept"
+
+    bearing: Bearing
+    kind: Kind
+    loop: AssessedLoop
+    swept: tuple[Swept, ...]
+    top: float
+
+    def __repr__(self) -> str:
+        said = ", ".join(
+            f"{1e6 * each.amplitude:.3g} µm: peak {each.peak:.3g}, off by {each.deviation:.2g}"
+            for each in self.swept
+        )
+        return f"<Sweep of {self.bearing.name}, {self.loop.name}: {said}>"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all figures as plain data, in SI."""
+        return {
+            "bearing": self.bearing.name,
+            "kind": self.kind,
+            "fed_by": self.loop.name,
+            "amplitudes": [
+                {
+                    "amplitude": each.amplitude,
+                    "frequency": each.frequency.tolist(),
+                    "sensitivity": np.abs(each.sensitivity).tolist(),
+                    "model": np.abs(each.model).tolist(),
+                    "peak": each.peak,
+                    "deviation": each.deviation,
+                    "limited": each.limited,
+                }
+                for each in self.swept
+            ],
+        }
+
+    def figure(self) -> Figure:
+        """Return the sweeps over the model's curve, and how far they are from it, as a picture."""
+        from ambkit.show.plots.sensitivity import sweep_figure
+
+        return sweep_figure(
+            f"{self.bearing.name}, controller fed by {self.loop.name}: {self.kind} of the "
+            "simulated loop",
+            self.loop.loop,
+            [(each.amplitude, each.frequency, each.sensitivity, each.model) for each in self.swept],
+            zones=ZONES,
+            top=self.top,
+        )
+
+
+def sweep(
+    bearing: Bearing,
+    filter: Any = None,
+    controller: PID | None = None,
+    *,
+    amplitudes: Sequence[Given] | None = None,
+    kind: Kind = "multisine",
+    x: Given = 0.0,
+    load: Given = 0.0,
+) -> Sweep:
+    """Sweep the simulated loop through the summing point at its measurement.
+
+    Without noise; of a rotor that turns, what runout does alone is taken off. A multisine gives the
+    best linear approximation at its amplitude, a stepped sine the first harmonic of each sine.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        The plant, with its nonlinear magnet, limits and stops.
+    filter : optional
+        In the loop, as for `ambkit.assess`, one at most; None: the controller is fed by the
+        measurement.
+    controller : PID, optional
+        What is not said of it is tuned to the bearing.
+    amplitudes : sequence of float or str, optional
+        Greatest values of what is added to the measurement [m]; by default 0.1 %, 1 % and 3 % of
+        the air gap.
+    kind : {"multisine", "stepped-sine"}, optional
+        What is added.
+    x, load : float or str, optional
+        Displacement [m] and constant load [N] at which it is done.
+
+    Returns
+    -------
+    Sweep
+        With a table (`to_dict`) and a picture (`figure`).
+
+    Raises
+    ------
+    AmbkitError
+        An amplitude is not greater than 0; the loop is not stable; or see `ambkit.assess`.
+    """
+    of_type(Bearing, bearing=bearing)
+    if kind not in get_args(Kind):
+        raise AmbkitError(f"kind must be one of {', '.join(get_args(Kind))}, is {kind!r}")
+    x, load = in_si("x", x, "m"), in_si("load", load, "N")
+    given = [part * bearing.magnet.air_gap for part in AMPLITUDES]
+    if amplitudes is not None:
+        given = [in_si("amplitude", each, "m") for each in amplitudes]
+    for each in given:
+        if not (math.isfinite(each) and each > 0):
+            raise AmbkitError(f"an amplitude must be greater than 0 m, is {each:g} m")
+    found = assess(bearing, filter, controller, x=x, load=load)
+    name, loop = list(found.loops.items())[-1]
+    if not loop.stable:
+        raise AmbkitError(f"{bearing.name}, controller fed by {name}: the loop is not stable")
+    rig = _Rig(bearing, filter, found.controller, loop, x, load)
+    run = {"multisine": rig.multisine, "stepped-sine": rig.stepped}[kind]
+    return Sweep(bearing, kind, loop, tuple(run(each) for each in given), found.top)
+
+
+class _Rig:
+    """The simulated loop, without noise."""
+
+    def __init__(
+        self,
+        bearing: Bearing,
+        filter: Any,
+        pid: PID,
+        loop: AssessedLoop,
+        x: float,
+        load: float,
+    ) -> None:
+        self.bearing, self.filter, self.loop, self.T = bearing, filter, loop, bearing.sampling_time
+        fed = pid.model_copy(update={"feedback": "estimate" if filter else "measurement"})
+        self.scenario = Scenario(
+            controller=fed,
+            noise=False,
+            reference=Constant(value=x),
+            disturbance=Constant(value=load),
+        )
+        rate = -math.log(float(np.abs(loop.loop.closed.poles()).max())) / self.T
+        self.settling = math.ceil(min(LONGEST, -math.log(SETTLED) / rate) / self.T)
+
+    def run(self, added: Array) -> Run:
+        """Simulate with what is added to the measurement (n,) [m]."""
+        t = self.T * np.arange(len(added))
+        signal = Recorded.model_construct(times=tuple(t.tolist()), values=tuple(added.tolist()))
+        scenario = self.scenario.model_copy(update={"duration": float(t[-1]), "injection": signal})
+        inner = next(iter(given_estimators(self.filter, self.bearing).values()), None)
+        return simulate_run(self.bearing, scenario, estimator=inner)
+
+    def swept(self, amplitude: float, frequency: Array, parts: list[tuple[Complex, bool]]) -> Swept:
+        """Return what simulated pieces say."""
+        S = np.concatenate([each for each, _ in parts])
+        model = self.loop.loop.sensitivity(frequency)[:, 0, 0]
+        return Swept(amplitude, frequency, S, model, any(limited for _, limited in parts))
+
+    def look(self, period: Array, line: NDArray[np.int_]) -> tuple[Complex, bool]:
+        """Add whole periods to the measurement, and return S at lines of their spectrum."""
+        b, whole = self.bearing, len(period)
+        last = slice(-whole, None)
+        added = np.tile(period, 1 + math.ceil(self.settling / whole))
+        run = self.run(added)
+        y = run.record["y"][last]
+        if b.speed and b.sensor.runout:
+            y = y - self.run(np.zeros_like(added)).record["y"][last]
+        iu = run.record["iu"][last]
+        limited = run.record.meta["stop_touched"] or (iu >= b.current_max).any()
+        limited = limited or (iu <= b.current_min).any()
+        if run.estimate is not None:
+            limited = limited or (run.estimate.status[last] & Status.OUTLIER).any()
+        return np.asarray(np.fft.rfft(y)[line] / np.fft.rfft(period)[line]), bool(limited)
+
+    def multisine(self, amplitude: float) -> Swept:
+        """All frequencies at once."""
+        band = SLOWEST / (SIZE * self.T), 0.45 / self.T
+        signal = sparse_multisine(SIZE, self.T, band, per_decade=PER_DECADE["multisine"])
+        line = np.round(signal.frequencies * SIZE * self.T).astype(int)
+        part = self.look(amplitude * signal.values, line)
+        return self.swept(amplitude, signal.frequencies, [part])
+
+    def stepped(self, amplitude: float) -> Swept:
+        """One frequency after the other, each from rest."""
+        low, high = SLOWEST / (SIZE * self.T), 0.45 / self.T
+        count = round(PER_DECADE["stepped-sine"] * math.log10(high / low)) + 1
+        frequencies, parts = [], []
+        for f in np.geomspace(low, high, count):
+            # A whole number of samples in whole periods, some 2000 of them.
+            periods = max(1, round(2000 * f * self.T))
+            whole = round(periods / (f * self.T))
+            sine = amplitude * np.sin(2 * np.pi * periods * np.arange(whole) / whole)
+            parts.append(self.look(sine, np.array([periods])))
+            frequencies.append(periods / (whole * self.T))
+        return self.swept(amplitude, np.array(frequencies), parts)
