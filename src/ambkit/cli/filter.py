@@ -131,7 +131,6 @@ def filter_record(
 
     For example:
       ambkit filter run.csv --bearing zittau_axial --out estimates.csv --plot estimates.html
-      ambkit filter machine.csv --bearing tum_mlps --estimator extended --synchronous runout
     """
     from ambkit.cli import output
     from ambkit.cli.belonging import say_what_is_odd

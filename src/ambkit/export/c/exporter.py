@@ -139,7 +139,8 @@ def export_c(
     if expert_form == "tabulated":
         if not isinstance(magnet, Expert) or isinstance(bearing, Machine):
             raise AmbkitError(
-                "only an expert of one axis can be tabulated; give one, or export the exact form"
+                "only an expert can be tabulated, and of one axis; give one, or export the exact "
+                "form"
             )
         table = tabulate(magnet, bearing, bound=force_bound, precision=options["precision"])
         magnet = table

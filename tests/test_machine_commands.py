@@ -1,0 +1,49 @@
+"""The commands that take a whole machine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from test_cli import Result
+
+from ambkit import Record
+from ambkit.cli.main import main
+
+
+@pytest.fixture
+def call(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Callable[..., Any]:
+    """Call ambkit in this process, in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments: str) -> Any:
+        with pytest.raises(SystemExit) as left:
+            main(list(arguments))
+        return Result(int(left.value.code or 0), *capsys.readouterr())
+
+    return run
+
+
+def test_the_commands_take_a_machine(call: Any) -> None:
+    assert call("simulate", "tum_mlps", "--duration", "0.1 s", "--out", "run.csv").code == 0
+    found = call("filter", "run.csv", "--bearing", "tum_mlps", "--estimator", "extended",
+                 "--synchronous", "unbalance", "--out", "est.csv", "--json").json  # fmt: skip
+    assert found["estimators"]["extended"]["rmse"]["x"] < 1e-6
+    assert "U1_x" in Record.load("est.csv")
+    told = call("simulate", "hindawi_2011", "--load", "5 N", "--duration", "0.1 s", "--json").json
+    assert told["samples_at_the_stop"] == 0
+    assert call("simulate", "tum_mlps", "--plot", "orbits.png", "--duration", "0.05 s").code == 0
+    for refused, text in (
+        (("simulate", "tum_mlps", "--step", "1 mm"), "is of one axis"),
+        (("simulate", "tum_mlps", "--estimator", "observer"), "cannot take a whole machine"),
+        (("simulate", "zittau_axial", "--synchronous", "runout"), "of a whole machine"),
+        (("filter", "run.csv", "--bearing", "ufu_rig"), "the record has no y_A1"),
+        (("filter", "run.csv", "--bearing", "tum_mlps", "--out", "e.csv"), "one estimator"),
+        (("tune", "tum_mlps", "--out", "f.toml"), "takes a bearing of one axis"),
+    ):
+        done = call(*refused)
+        assert (done.code, text in done.err) == (2, True), done.err
