@@ -156,6 +156,17 @@ def judged(bearing: ambkit.Bearing, scenario: ambkit.Scenario, record: ambkit.Re
     assert_type(ambkit.assess_log(injection.record, bearing).zone, str)
 
 
+def whole_machine() -> None:
+    """Four axes of a rotor."""
+    machine = ambkit.Machine.preset("hindawi_2011")
+    filter_ = ambkit.KalmanFilter(machine)
+    run = ambkit.simulate_machine(machine, ambkit.Flight(duration=0.02), estimator=filter_)
+    assert_type(run.samples_at_the_stop, int)
+    found = ambkit.judge_machine(machine, ["linear"], seeds=1, duration=0.04, settled=0.02)
+    assert isinstance(found, ambkit.MachineJudgement)
+    assert_type(ambkit.campbell(machine, count=3).critical, list[float])
+
+
 def designed(bearing: ambkit.Bearing, record: ambkit.Record) -> None:
     """From a log to C."""
     with TemporaryDirectory() as folder:
@@ -176,3 +187,4 @@ if __name__ == "__main__":
     estimates(plant, network, log)
     judged(plant, happening, log)
     designed(plant, log)
+    whole_machine()
