@@ -27,7 +27,7 @@ from ambkit.simulation import noise, parts
 from ambkit.simulation.scenario import Scenario
 
 UNITS = {
-    "r": "m", "injected": "m", "y": "m", "u": "V",
+    "r": "m", "y": "m", "u": "V",
     "x": "m", "v": "m/s", "f_d": "N", "x_m": "m", "iu": "A", "f_mag": "N",
 }  # fmt: skip
 
@@ -35,6 +35,10 @@ UNITS = {
 COIL_UNITS = {"u_coil": "V", "u_coil_2": "V"}
 """Voltage of the coil, of a pair that of the coil towards +x and of the other one, just after the
 sample; where the amplifier has a voltage limit."""
+
+
+INJECTED_UNITS = {"injected": "m"}
+"""What was added to the measurement; where the scenario has it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -396,7 +400,11 @@ class Loop:
             "stop_touched": int(out["touched"]),
         }
         t = self._t[here]
-        units = {name: unit for name, unit in (UNITS | COIL_UNITS).items() if name in signals}
+        units = {
+            name: unit
+            for name, unit in (UNITS | INJECTED_UNITS | COIL_UNITS).items()
+            if name in signals
+        }
         record = Record(t, {name: signals[name] for name in units}, units, meta=meta)
         if estimator is None:
             return Run(record, None)
