@@ -20,7 +20,6 @@ from ambkit.estimate.base import Estimator
 from ambkit.estimate.engine import Engine, arrays
 from ambkit.estimate.model import LinearModel
 from ambkit.estimate.registry import KINDS
-from ambkit.machine.bearing import Bearing
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel, core_module
 from ambkit.machine.parts import ColouredNoise, Hum
 
@@ -31,9 +30,9 @@ class BuiltIn(Engine):
     """The paper's axis as ever; gains are computed from the numbers of the built-in model."""
 
     def __init__(
-        self, bearing: Bearing, precision: Any, *, as_printed: bool = False, noise: bool = True
+        self, bearing: Any, precision: Any, *, as_printed: bool = False, **options: Any
     ) -> None:
-        super().__init__(bearing, precision, as_printed=as_printed, noise=noise)
+        super().__init__(bearing, precision, as_printed=as_printed, **options)
         core = core_module(precision)
         s = settings_of(bearing) | {"as_printed": as_printed}
         known = made(core, "Kalman", core.Constant(1.0, 1.0), s)
@@ -44,9 +43,9 @@ class ByLoops(BuiltIn):
     """The same numbers as arrays."""
 
     def __init__(
-        self, bearing: Bearing, precision: Any, *, as_printed: bool = False, noise: bool = True
+        self, bearing: Any, precision: Any, *, as_printed: bool = False, **options: Any
     ) -> None:
-        super().__init__(bearing, precision, as_printed=as_printed, noise=noise)
+        super().__init__(bearing, precision, as_printed=as_printed, **options)
         self.built_in, self.core = False, core_module(precision, any_model=True)
         self.model_of_core = self.core.Model(arrays(self.model))
 

@@ -380,10 +380,7 @@ def proposed(path):
     return text, ChannelMap.from_toml(text)
 
 
-ESTIMATE_PREFERRED = {
-    "sinusoidal_fast-LQI-KF", "sinusoidal_fast-LQR_tracking-KF", "sinusoidal_slow-MPC-KF",
-    "step-PID_anti_windup-KF",
-}  # fmt: skip
+ESTIMATE_PREFERRED = {"step-PID_anti_windup-KF"}
 
 
 def rig_logs():

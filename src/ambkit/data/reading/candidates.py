@@ -26,6 +26,9 @@ Array = NDArray[np.float64]
 COMPARED = 60
 """Channels without a name that are compared, each with each."""
 
+ALIKE = 6
+"""Decimal places of a correlation that tell one pair of channels from another."""
+
 LOOKED_AT = 50_000
 """Samples that the statistics are made of."""
 
@@ -225,7 +228,9 @@ def _position(open_: list[Candidate]) -> Candidate | None:
         if a is not b and a.values.shape == b.values.shape
     ]
     if pairs:
-        best, y, v = max(pairs, key=lambda pair: pair[0])
+        # A rig's estimates often come in pairs that fit as well: of equals the first, whatever the
+        # order in which a sum was rounded.
+        best, y, v = max(pairs, key=lambda pair: round(pair[0], ALIKE))
         if best > 0.7:
             y.role, v.role = "y", "v"
             y.why.append(f"{v.label} is its difference (correlation {best:.2f})")
