@@ -16,7 +16,7 @@ from ambkit import Bearing, Estimator, Expert, Record
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
 from ambkit.judge.comparison.study import Study
-from ambkit.workflow.tuned_filter import tuned_filters
+from ambkit.workflow.saved_filters import tuned_filters
 
 BEARING = Bearing.preset("zittau_axial")
 

@@ -41,7 +41,7 @@ def in_case(name: str, case_name: str, chosen: str, wanted: Wanted) -> None:
     from ambkit.judge.comparison.contenders import expand
     from ambkit.judge.comparison.study import pieces_of
     from ambkit.workflow.comparing import cases_called, compare_in_all, compare_in_case
-    from ambkit.workflow.tuned_filter import save_filters
+    from ambkit.workflow.saved_filters import save_filters
 
     names, bearing = expand(chosen), find_bearing(name)
     with arguments_of_the_user("--"):

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base.errors import AmbkitError
+from ambkit.cli.options import refuse_of_one_axis
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -50,9 +51,7 @@ def filter_machine(
     from ambkit.cli import output
     from ambkit.workflow.filtering_machine import filter_machine as along
 
-    for name, value in others.items():
-        if value is not None:
-            raise AmbkitError(f"--{name} is of one axis; {machine.name} is a whole machine")
+    refuse_of_one_axis(machine, others)
     if out is not None and len(kinds) != 1:
         raise AmbkitError(f"--out takes the estimates of one estimator, not of {len(kinds)}")
     with output.progress("filtering"):

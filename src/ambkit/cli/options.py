@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -168,6 +168,26 @@ def find_machine(text: str) -> Machine | None:
     if Path(text).suffix == ".toml" and Path(text).is_file() and kind_of_toml(text) == "machine":
         return Machine.load(text)
     return None
+
+
+def refuse_of_one_axis(machine: Machine, options: Mapping[str, Any]) -> None:
+    """Refuse what a whole machine does not take.
+
+    Parameters
+    ----------
+    machine : Machine
+        The machine.
+    options : mapping
+        Values of the options that are of one axis, by their names; None where not given.
+
+    Raises
+    ------
+    AmbkitError
+        One is given.
+    """
+    for name, value in options.items():
+        if value is not None:
+            raise AmbkitError(f"--{name} is of one axis; {machine.name} is a whole machine")
 
 
 def find_bearing(text: str) -> Bearing:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base.errors import AmbkitError
+from ambkit.cli.options import refuse_of_one_axis
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
@@ -54,9 +55,7 @@ def simulate_machine(
     from ambkit.simulation.machine import simulate_machine as fly
     from ambkit.workflow.flying import FlightSummary, flight_for
 
-    for name, value in others.items():
-        if value is not None:
-            raise AmbkitError(f"--{name} is of one axis; {machine.name} is a whole machine")
+    refuse_of_one_axis(machine, others)
     flight = None if scenario is None else Flight.load(scenario)
     happening = flight_for(machine, flight, duration=duration, load=load, seed=seed)
     if estimator == "none" and happening.feedback == "estimate":

@@ -543,8 +543,6 @@ class Estimator(Copyable):
         ValueError
             The two are not equally long.
         """
-        from ambkit.data.record import Record
-
         position, control = self.in_si(y, u)
         if position.ndim != 1 or position.shape != control.shape:
             raise ValueError(

@@ -21,7 +21,7 @@ from ambkit.workflow.comparing import (
     happenings,
 )
 from ambkit.workflow.estimators import USUAL, factories
-from ambkit.workflow.tuned_filter import save_filters as write_filters
+from ambkit.workflow.saved_filters import save_filters as write_filters
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator

@@ -9,16 +9,14 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from ambkit.base import files
 from ambkit.base.asked import all_of_type, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import markdown
 from ambkit.base.showing import Shown
 from ambkit.data.record import Record
 from ambkit.data.rig_units import Inputs
-from ambkit.estimate.filter_file import NoFile, made_by, origin_of, preset_of
-from ambkit.estimate.registry import KINDS, kind_called, learned_magnet
-from ambkit.judge.comparison.bench import TRAINING
+from ambkit.estimate.filter_file import made_by, origin_of
+from ambkit.estimate.registry import kind_called, learned_magnet
 from ambkit.judge.comparison.contenders import Contender, Range, contender_of_kind
 from ambkit.judge.comparison.tuning import Tried, search
 from ambkit.judge.loop.pieces import tells
@@ -29,7 +27,6 @@ from ambkit.workflow.tuning_tasks import JUDGED, By, ByLikelihood, ByTruth
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
-    from ambkit.judge.comparison.study import Study
     from ambkit.machine.magnets import MagnetModel
     from ambkit.show.report.figure import Figure
 
@@ -300,89 +297,6 @@ def tune(
         loop.controller,
         tuple(warnings),
     )
-
-
-def tuned_filters(found: Study) -> dict[str, Estimator]:
-    """Return the filters that a comparison tuned, each with where its numbers are from.
-
-    Parameters
-    ----------
-    found : Study
-        With a budget; a kind that tuning did not better keeps its defaults.
-
-    Returns
-    -------
-    dict of str to Estimator
-        By kind; without filters that came from files, and estimators in Python.
-
-    Raises
-    ------
-    AmbkitError
-        Nothing was tuned.
-    """
-    bench = found.bench
-    if not bench.tuned:
-        raise AmbkitError("nothing was tuned: give the tuning a number of evaluations")
-    said = made_by(
-        "compare",
-        f"errors in {TRAINING} simulated runs of {bench.bearing.name}, case {bench.case.name}",
-    )
-    made = {}
-    for name, standing in bench.tuned.items():
-        tuning = standing.tuning
-        if name not in KINDS or tuning is None:
-            continue
-        better = tuning.objective < tuning.default
-        estimator: Estimator = found.field[name].build(**(tuning.values if better else {}))
-        if better:
-            estimator.origin = origin_of(tuning.values, said)
-        made[name] = estimator
-    return made
-
-
-def save_filters(
-    found: Study,
-    folder: str | os.PathLike[str],
-    *,
-    bearing: str | os.PathLike[str] | None = None,
-    magnets: Mapping[str, str | os.PathLike[str]] | None = None,
-) -> dict[str, str]:
-    """Write the filters that a comparison tuned, a file for each kind: ``FOLDER/KIND.toml``.
-
-    Parameters
-    ----------
-    found : Study
-        As for `tuned_filters`.
-    folder : path
-        It is made where it is not there.
-    bearing : path, optional
-        The bearing's file, or a preset's name; without it the file is written into the folder.
-    magnets : mapping of str to path, optional
-        Files of what kinds were given to ask, by kind.
-
-    Returns
-    -------
-    dict of str to str
-        Why a kind has no file, by its name; empty where all have one.
-
-    Raises
-    ------
-    AmbkitError
-        Nothing was tuned, or a file cannot be written.
-    """
-    made, known = tuned_filters(found), found.bench.bearing
-    place = files.make_folder(folder)
-    if bearing is None and preset_of(known) is None:
-        bearing = place / "bearing.toml"
-        known.save(bearing)
-    left_out = {}
-    for name, estimator in made.items():
-        try:
-            given = (magnets or {}).get(name)
-            estimator.save(place / f"{name}.toml", bearing=bearing, magnet=given)
-        except NoFile as error:
-            left_out[name] = str(error)
-    return left_out
 
 
 def _chosen(contender: Contender, names: tuple[str, ...]) -> tuple[Range, ...]:

@@ -20,6 +20,7 @@ from ambkit.workflow.tuning import MUCH_LESS_LIKELY, TOO_LARGE, log_likelihood
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.estimate.base import Estimator
+    from ambkit.estimate.estimate import Estimate
     from ambkit.judge.comparison.contenders import Contender, Range
     from ambkit.machine.bearing import Bearing
 
@@ -114,14 +115,15 @@ class ByLikelihood:
 
     def cost(self, build: Callable[[], Estimator]) -> float:
         """Return what the search makes small, for the filters that `build` makes."""
-        return self._unlikely(build, self.seen)
+        return self._unlikely(build().run(record) for record in self.seen)
 
-    def _unlikely(self, build: Callable[[], Estimator], records: Sequence[Record]) -> float:
+    def _unlikely(self, estimates: Iterable[Estimate]) -> float:
         total, samples = 0.0, 0
-        for record in records:
-            first = min(round(self.settling / self.bearing.sampling_time), len(record) // 2)
-            total -= log_likelihood(build().run(record), first)
-            samples += len(record) - first
+        for estimate in estimates:
+            n = len(estimate.t)
+            first = min(round(self.settling / self.bearing.sampling_time), n // 2)
+            total -= log_likelihood(estimate, first)
+            samples += n - first
         return total / samples if math.isfinite(total) else math.inf
 
     def figures(self, build: Callable[[], Estimator]) -> dict[str, float]:
@@ -132,7 +134,7 @@ class ByLikelihood:
             return float(np.sqrt(np.mean(np.square(list(values)))))
 
         found = {
-            self.judge: self._unlikely(build, self.unseen),
+            self.judge: self._unlikely(e.estimate for e in each),
             "nis": float(np.mean([e.nis for e in each])),
             AHEAD[1]: pooled(e.prediction[1] for e in each),
             AHEAD[10]: pooled(e.prediction[10] for e in each),

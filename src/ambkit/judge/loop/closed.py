@@ -135,6 +135,11 @@ class Loop:
     def _positions(self) -> slice:
         return slice(self.measurements, len(self.plant.outputs))
 
+    @property
+    def _loads(self) -> slice:
+        m = self.measurements
+        return slice(m, m + len(self.plant.inputs) - len(self.compensator.outputs))
+
     def compliance(self, frequency: ArrayLike) -> Complex:
         """Return the positions by the loads (k, q, l) [m/N]; a load is held over each sample.
 
@@ -143,9 +148,7 @@ class Loop:
         frequency : array_like (k,)
             Frequencies [Hz].
         """
-        m, c = self.measurements, len(self.compensator.outputs)
-        loads = slice(m, m + len(self.plant.inputs) - c)
-        return self._of(self._positions, loads, frequency)
+        return self._of(self._positions, self._loads, frequency)
 
     def stiffness(self, frequency: ArrayLike) -> Complex:
         """Return the dynamic stiffness (k, l, q) [N/m], the inverse of the compliance.
@@ -165,9 +168,8 @@ class Loop:
         frequency : array_like (k,)
             Frequencies [Hz].
         """
-        m, c = self.measurements, len(self.compensator.outputs)
-        loads = slice(m, m + len(self.plant.inputs) - c)
-        return self._of(slice(-c, None), loads, frequency)
+        controls = slice(-len(self.compensator.outputs), None)
+        return self._of(controls, self._loads, frequency)
 
     def noise_to_control(self, frequency: ArrayLike) -> Complex:
         """Return the control signals by the noise of the measurements (k, c, m) [V/m].
