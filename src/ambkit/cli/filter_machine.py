@@ -61,10 +61,10 @@ def filter_machine(
         )  # fmt: skip
     data = found.to_dict()
     write = [(out, lambda path: found.estimates[kinds[0]].save(path))]
-    output.deliver(data, [_table(data)], write, as_json=json)
+    output.deliver(data, [_table(data, found.estimates[kinds[0]].units)], write, as_json=json)
 
 
-def _table(data: dict[str, Any]) -> Any:
+def _table(data: dict[str, Any], units: Mapping[str, str]) -> Any:
     from ambkit.cli.output import table, value
 
     all_of = data["estimators"]
@@ -80,9 +80,8 @@ def _table(data: dict[str, Any]) -> Any:
         ["load, mean", *(several(j["disturbance_mean"], "N") for j in told)],
         ["load, std", *(several(j["disturbance_std"], "N") for j in told)],
     ]
-    units = {"x": "m", "y": "m", "z": "m", "th": "rad", "v": "m/s", "w": "rad/s", "f": "N"}
     for name in told[0]["rmse"]:
-        unit = units[name.split("_")[0]]
-        rows.append([f"error of {name}, rms", *(value(j["rmse"][name], unit) for j in told)])
+        errors = (value(j["rmse"][name], units[name]) for j in told)
+        rows.append([f"error of {name}, rms", *errors])
     title = f"{data['machine']}, {data['samples']} samples"
     return table(title, ["", *all_of], rows)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -76,7 +76,7 @@ def simulate_machine(
     data = FlightSummary(run).to_dict()
     output.deliver(
         data,
-        [_table(data)],
+        [_table(data, {} if run.estimate is None else run.estimate.units)],
         [
             (out, run.record.save),
             (plot, lambda path: plots.save_figure(plots.machine_figure(run), path)),
@@ -88,7 +88,7 @@ def simulate_machine(
         output.note(f"the rotor touched a backup bearing in {touched} of {len(run.record)} samples")
 
 
-def _table(data: dict[str, Any]) -> Any:
+def _table(data: dict[str, Any], units: Mapping[str, str]) -> Any:
     from ambkit.cli.output import table, value
 
     rows = [["duration", f"{value(data['duration'], 's')}, {data['samples']} samples"]]
@@ -98,11 +98,7 @@ def _table(data: dict[str, Any]) -> Any:
         rows.append([f"greatest {what}", shown])
     rows.append(["  in a backup bearing", f"{data['samples_at_the_stop']} samples"])
     if "rmse" in data:
-        units = {"x": "m", "y": "m", "z": "m", "th": "rad", "v": "m/s", "w": "rad/s", "f": "N"}
         rows.append([f"{data['estimator']}: RMSE", ""])
-        rows += [
-            [f"  {name}", value(each, units[name.split("_")[0]])]
-            for name, each in data["rmse"].items()
-        ]
+        rows += [[f"  {name}", value(each, units[name])] for name, each in data["rmse"].items()]
         rows.append(["  mean NIS (1: consistent)", f"{data['nis']:.3f}"])
     return table(f"{data['machine']}, seed {data['seed']}", ["", ""], rows)

@@ -212,6 +212,11 @@ class Estimate(Shown):
         each = np.where(self.innovation_variance > 0, nis, np.nan)
         return np.asarray(each.mean(axis=1) if each.ndim > 1 else each)
 
+    @property
+    def units(self) -> dict[str, str]:
+        """SI units of the states, by their names."""
+        return {state.name: state.unit for state in self.states}
+
     def _numbers(self) -> dict[str, tuple[NDArray[Any], str]]:
         """Return stiffnesses, innovations and status by the names of their columns, with units."""
         found: dict[str, tuple[NDArray[Any], str]] = {}
@@ -252,7 +257,7 @@ class Estimate(Shown):
     def to_record(self) -> Record:
         """Return the estimates as a :class:`Record`, ready to be saved or plotted."""
         signals = {name: self[name] for name in self.names}
-        units = {state.name: state.unit for state in self.states}
+        units = self.units
         for name, (values, unit) in self._numbers().items():
             signals[name], units[name] = values.astype(float), unit
         return Record(self.t, signals, units, meta={"estimator": self.estimator})
@@ -328,7 +333,7 @@ class Estimate(Shown):
 
     def _series(self) -> frames.Series:
         columns: dict[str, NDArray[Any]] = {name: self[name] for name in self.names}
-        units = {state.name: state.unit for state in self.states}
+        units = self.units
         for name, (values, unit) in self._numbers().items():
             columns[name], units[name] = values, unit
         if self.scale is not None and self.scale_variance is not None:

@@ -17,7 +17,9 @@ from ambkit.simulation.flight import Flight
 from ambkit.simulation.machine import MachineRun, simulate_machine
 
 if TYPE_CHECKING:
+    from ambkit.data.record import Record
     from ambkit.estimate.base import Estimator
+    from ambkit.estimate.estimate import Estimate
     from ambkit.machine.machine import Machine
 
 Array = NDArray[np.float64]
@@ -261,3 +263,30 @@ def _bound(estimator: Estimator, run: MachineRun, W: Array, start: int) -> Array
         P = (P + P.T) / 2
     rows = W * unit
     return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", rows, P, rows)))
+
+
+def errors_along(estimate: Estimate, record: Record, first: int = 0) -> dict[str, float]:
+    """Return root mean square errors against the truth of a whole machine's record.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        What an estimator says.
+    record : Record
+        With truth where simulated, see `ambkit.simulation.machine.MachineRun`.
+    first : int
+        Sample from which on it counts.
+
+    Returns
+    -------
+    dict of str to float
+        By the names of states, coordinates and loads, each in its unit, of which there is truth.
+    """
+    truth = {state.name: f"q_{state.name}" for state in estimate.states} | {
+        f"f_d_{axis}": f"f_d_{axis}" for axis in estimate.axes
+    }
+    return {
+        name: float(np.sqrt(np.mean((estimate[name] - record[of])[first:] ** 2)))
+        for name, of in truth.items()
+        if of in record
+    }

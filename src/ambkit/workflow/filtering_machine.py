@@ -12,6 +12,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.estimate.estimate import Status
 from ambkit.estimate.noise import FilterNoise
 from ambkit.estimate.registry import KINDS, kind_called, learned_magnet
+from ambkit.judge.machine import errors_along
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -66,14 +67,7 @@ class MachineFiltering:
             },
             "status": [flag.name for flag in Status if flag & flags],
         }
-        truth = {state.name: f"q_{state.name}" for state in estimate.states} | {
-            f"f_d_{axis}": f"f_d_{axis}" for axis in estimate.axes
-        }
-        found["rmse"] = {
-            name: float(np.sqrt(np.mean((estimate[name] - self.record[of])[late] ** 2)))
-            for name, of in truth.items()
-            if of in self.record
-        }
+        found["rmse"] = errors_along(estimate, self.record, self.settled)
         return found
 
 

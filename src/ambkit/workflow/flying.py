@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ambkit.judge.machine import errors_along
 from ambkit.simulation.flight import Flight
 from ambkit.workflow.simulating import LOAD_AT
 
@@ -77,17 +78,6 @@ class FlightSummary:
         }
         if estimate is not None:
             found["estimator"] = estimate.estimator
-            found["rmse"] = {
-                state.name: float(
-                    np.sqrt(np.mean((estimate[state.name] - record[f"q_{state.name}"]) ** 2))
-                )
-                for state in estimate.states
-                if state.role in ("position", "velocity")
-            } | {
-                f"f_d_{n}": float(
-                    np.sqrt(np.mean((estimate[f"f_d_{n}"] - record[f"f_d_{n}"]) ** 2))
-                )
-                for n in names
-            }
+            found["rmse"] = errors_along(estimate, record)
             found["nis"] = float(np.mean(estimate.nis[1:]))
         return found
