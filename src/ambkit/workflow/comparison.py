@@ -109,7 +109,7 @@ def compare(
     whole : bool
         Whether the errors by step, wrong k and the limit are wanted, for a report.
     save_filters : path, optional
-        A folder for the filters that were tuned, see `ambkit.workflow.tuned_filter.save_filters`.
+        A folder for the filters that were tuned, see `ambkit.workflow.saved_filters.save_filters`.
     done : callable, optional
         Called after each piece of work with what is next; a notebook shows a bar without it.
 
