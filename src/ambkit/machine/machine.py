@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from functools import cached_property
 from typing import Annotated, Any, Self
 
 import numpy as np
@@ -17,14 +18,15 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.machine import geometry
 from ambkit.machine.bearing import GRAVITY, Bearing
-from ambkit.machine.geometry import Axis, Reading
+from ambkit.machine.geometry import Axis, Line, Reading, Shaft
 from ambkit.machine.magnets import magnet_of
 from ambkit.machine.parts import (
     SHORTEST_LAG,
     delay_contradictions,
     line_contradictions,
 )
-from ambkit.machine.placed import PlacedBearing, PlacedSensor, RigidRotor, Unbalance
+from ambkit.machine.placed import ROTORS, AnyRotor, PlacedBearing, PlacedSensor, Unbalance
+from ambkit.machine.rotors.modes import Bending
 
 
 class Machine(Document):
@@ -51,8 +53,8 @@ class Machine(Document):
     """Dead time from a sample to the change of the control currents that it leads to [s]."""
     speed: Annotated[float, Quantity("rad/s", "12000 rpm")] = 0.0
     """Speed of rotation, from x towards y [rad/s]."""
-    rotor: RigidRotor
-    """The rotor."""
+    rotor: AnyRotor
+    """The rotor: rigid, or one that bends."""
     bearing: Annotated[tuple[PlacedBearing, ...], Field(min_length=1)]
     """The bearings."""
     sensor: Annotated[tuple[PlacedSensor, ...], Field(min_length=1)]
@@ -83,20 +85,62 @@ class Machine(Document):
 
         return cls.from_toml(presets.machine_text(name), name=f"{name}.toml")
 
+    @cached_property
+    def shaft(self) -> Shaft:
+        """Where its places are on the rotor."""
+        return Shaft.of(self.rotor, self.bearing)
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return a copy with other values, which are not checked; see `replace`."""
+        copy = super().model_copy(update=update, deep=deep)
+        copy.__dict__.pop("shaft", None)  # of another rotor, perhaps
+        return copy
+
+    @property
+    def bending(self) -> Bending | None:
+        """Its bending modes; None of a rigid rotor."""
+        return self.shaft.bending
+
     @property
     def axes(self) -> tuple[Axis, ...]:
         """The axes of its bearings."""
-        return geometry.axes_of(self.bearing)
+        return geometry.axes_of(self.bearing, self.shaft)
 
     @property
     def readings(self) -> tuple[Reading, ...]:
         """What its sensors show."""
-        return geometry.readings_of(self.sensor)
+        return geometry.readings_of(self.sensor, self.shaft)
+
+    @property
+    def rigid_positions(self) -> tuple[str, ...]:
+        """Coordinates of the rotor's rigid body: x, y [m], th_x, th_y [rad], with thrust z [m]."""
+        return geometry.positions_of(self.axes)
 
     @property
     def positions(self) -> tuple[str, ...]:
-        """Coordinates of the rotor: x, y [m], th_x, th_y [rad], and z with a thrust bearing [m]."""
-        return geometry.positions_of(self.axes)
+        """Coordinates of the rotor: of its rigid body, and m1_x, m1_y, ... where it bends [m]."""
+        return self.rigid_positions + geometry.modal_positions(self.bending)
+
+    @property
+    def masses(self) -> NDArray[np.float64]:
+        """What moves with each coordinate (q,) [kg] or [kg m^2]."""
+        return np.array(list(geometry.masses(self.rotor, self.positions, self.bending).values()))
+
+    def bent_by(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how far the rotor at rest is bent by forces along its axes (2 modes,) [m].
+
+        Parameters
+        ----------
+        forces : ndarray (p,)
+            Along the axes [N].
+        """
+        lines = [axis.line for axis in self.axes]
+        directions = geometry.modal_positions(self.bending)
+        return geometry.deflections(self.bending, lines, forces, directions)
+
+    def line(self, place: float, angle: float) -> Line:
+        """Return a direction across the shaft; see `ambkit.machine.geometry.Shaft.line`."""
+        return self.shaft.line(place, angle)
 
     @property
     def effective_masses(self) -> NDArray[np.float64]:
@@ -170,24 +214,28 @@ class Machine(Document):
         """Return the sensor that looks where an axis is, or next to it."""
 
         def away(sensor: PlacedSensor) -> tuple[bool, float]:
-            return (sensor.type == "axial") != axis.line.axial, abs(sensor.place - axis.line.place)
+            away = abs(sensor.place - axis.bearing.place)
+            return (sensor.type == "axial") != axis.line.axial, away
 
         return min(self.sensor, key=away)
 
     def unbalances(self) -> list[tuple[float, float, float]]:
         """Return place [m], amount [kg m] and angle [rad] of each plane's unbalance.
 
+        Places are those of the description.
         Of a balance quality grade G the rotor is permitted ``m G / speed`` (ISO 21940-11), and of
         two planes each the share that the other's distance from the centre of mass says.
         """
-        graded = [each.place for each in self.unbalance if each.grade is not None]
+        centre = self.rotor.centre
+        graded = [each.place - centre for each in self.unbalance if each.grade is not None]
         found = []
         for each in self.unbalance:
             amount = each.amount
             if amount is None:
                 whole = self.rotor.mass * (each.grade or 0.0) / abs(self.speed)
-                others = [abs(place) for place in graded if place != each.place]
-                share = others[0] / (others[0] + abs(each.place)) if others else 1.0
+                own = each.place - centre
+                others = [abs(place) for place in graded if place != own]
+                share = others[0] / (others[0] + abs(own)) if others else 1.0
                 amount = whole * share
             found.append((each.place, amount, each.angle))
         return found
@@ -205,6 +253,7 @@ class Machine(Document):
         yield from _too_fast(read, sensors)
         yield from _unbalance_contradictions(read)
         yield from _too_heavy(read, bearings, sensors)
+        yield from _unseen(read, bearings, sensors)
 
 
 def _double_names(key: str, placed: tuple[Any, ...]) -> Iterator[tuple[str, str]]:
@@ -262,6 +311,40 @@ def _loose(
             yield f"{key}.0", text
 
 
+NODE = 0.02
+"""Of where a mode is largest: what is out less than that is at a node of it."""
+
+
+def _unseen(
+    read: Read, bearings: tuple[PlacedBearing, ...], sensors: tuple[PlacedSensor, ...]
+) -> Iterator[tuple[str, str]]:
+    """Yield which mode is too fast for the sampling, or at whose nodes all sensors are."""
+    rotor, T = read("rotor"), read("sampling_time")
+    if not (bearings and sensors and isinstance(rotor, ROTORS)):
+        return
+    shaft = Shaft.of(rotor, bearings)
+    bending = shaft.bending
+    if bending is None:
+        return
+    modes = len(bending.frequency) - bending.attached
+    highest = bending.frequency[:modes].max(initial=0.0)
+    if highest * T >= math.pi:
+        text = f"keeps a mode at {engineering(highest / 2 / math.pi, 'Hz')}, and the sampling tells"
+        key = "rotor.modes_up_to" if hasattr(rotor, "modes_up_to") else f"rotor.mode.{modes - 1}"
+        yield key, f"{text} frequencies only up to {engineering(0.5 / T, 'Hz')}"
+    radial = [(at, each) for at, each in enumerate(sensors) if each.type != "axial"]
+    inside = [each for each in radial if bending.ends[0] <= each[1].place <= bending.ends[1]]
+    if not radial or len(inside) < len(radial):
+        return
+    out = np.array([bending.shape(each.place) for _, each in radial])
+    for k in range(modes):
+        if np.abs(out[:, k]).max() < NODE:
+            at, sensor = radial[0]
+            frequency = engineering(bending.frequency[k] / 2 / math.pi, "Hz", 5)
+            text = f"{engineering(sensor.place, 'm')} is at a node of mode {k + 1}, {frequency}"
+            yield f"sensor.{at}.place", f"{text}, as are all others: no sensor sees it"
+
+
 def _reach(axes: tuple[Axis, ...]) -> float:
     """Return the greatest distance of a bearing from the centre of mass [m]."""
     return max((abs(axis.line.place) for axis in axes), default=0.0) or 1.0
@@ -290,7 +373,8 @@ def _unbalance_contradictions(read: Read) -> Iterator[tuple[str, str]]:
         text = "ISO 21940-11 gives each its share of one or two planes, not of more; give amounts"
         yield f"unbalance.{graded[2]}.grade", text
     elif len(graded) == 2:
-        one, other = (planes[at].place for at in graded)
+        centre = read("rotor").centre if isinstance(read("rotor"), ROTORS) else math.nan
+        one, other = (planes[at].place - centre for at in graded)
         if one * other >= 0:
             text = "must be on the other side of the centre of mass than the other graded plane"
             yield f"unbalance.{graded[1]}.place", f"{text}; is {engineering(other, 'm')}"
@@ -301,9 +385,9 @@ def _too_heavy(
 ) -> Iterator[tuple[str, str]]:
     """Yield which axis has too little current for its share of the weight."""
     rotor, T = read("rotor"), read("sampling_time")
-    if not (bearings and sensors and isinstance(rotor, RigidRotor)) or math.isnan(T):
+    if not (bearings and sensors and isinstance(rotor, ROTORS)) or math.isnan(T):
         return
-    axes = geometry.axes_of(bearings)
+    axes = geometry.axes_of(bearings, Shaft.of(rotor, bearings))
     if rotor.gravity == "-z" and not any(axis.line.axial for axis in axes):
         yield "rotor.gravity", 'must not be "-z" where no thrust bearing carries the rotor'
         return

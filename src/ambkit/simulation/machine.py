@@ -15,11 +15,10 @@ from ambkit.data.record import Record
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.machine import geometry
 from ambkit.machine.magnets import core_module
 from ambkit.simulation import noise
+from ambkit.simulation.holding import holding, shown_along_axes
 from ambkit.simulation.plant import Plant
-from ambkit.simulation.scenario import PID
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
@@ -69,7 +68,8 @@ def simulate_machine(
     Parameters
     ----------
     machine : Machine
-        The plant; each axis has a controller of its own, tuned to the axis alone.
+        The plant; each axis has a controller of its own, tuned to the axis alone, see
+        `ambkit.simulation.holding.holding`.
     flight : Flight
         What happens to it.
     estimator : Estimator, optional
@@ -133,16 +133,9 @@ def _fed_back(plant: Plant, flight: Flight, estimator: Estimator | None) -> dict
     """Return the rows by which the controllers are fed from the estimate, or None."""
     if estimator is None or flight.feedback == "measurement":
         return {"position": None, "velocity": None}
-    of_role = {
-        role: [k for k, state in enumerate(estimator.states) if state.role == role]
-        for role in ("position", "velocity")
-    }
-    rows = {}
-    for role, places in of_role.items():
-        row = np.zeros((len(plant.axes), len(estimator.states)))
-        row[:, places] = plant.H
-        rows[role] = row.ravel().tolist()
-    return rows
+    assert estimator.whole is not None
+    position, velocity = estimator.whole.along_axes(estimator.states)
+    return {"position": position.ravel().tolist(), "velocity": velocity.ravel().tolist()}
 
 
 def _of_axes(machine: Machine, given: list[tuple[str, Any]], t: Array) -> Array:
@@ -173,21 +166,19 @@ def _noise(machine: Machine, flight: Flight, n: int) -> tuple[Array, Array]:
 def _controllers(plant: Plant) -> dict[str, Any]:
     """Return the fields of ``amb_machine_loop``: a controller for each axis, and what it is shown.
 
-    The position of an axis is that which explains all readings best.
+    The position of an axis is that of the rigid rotor which explains all readings best.
     """
     machine = plant.machine
-    pids = []
-    for alone in plant.alone:
-        pid = PID.for_bearing(alone)
-        pids.append([pid.kp, pid.ki, pid.kd, pid.derivative_filter, pid.anti_windup,
-                     alone.current_min, alone.current_max])  # fmt: skip
-    C = geometry.matrix([r.line for r in machine.readings], machine.positions)
-    gains = np.array([r.sensor.gain for r in machine.readings])
+    pids = [
+        [pid.kp, pid.ki, pid.kd, pid.derivative_filter, pid.anti_windup,
+         alone.current_min, alone.current_max]
+        for pid, alone in zip(holding(machine).pids, plant.alone, strict=True)
+    ]  # fmt: skip
     return {
         "T": machine.sampling_time,
         "k_ui": [axis.bearing.amplifier.gain for axis in machine.axes],
         "pid": pids,
-        "shown": (plant.H @ np.linalg.pinv(gains[:, None] * C)).ravel().tolist(),
+        "shown": shown_along_axes(machine).ravel().tolist(),
     }
 
 

@@ -1,0 +1,162 @@
+"""Controllers that hold a machine, one for each axis, and how well they do."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.machine import geometry
+from ambkit.machine.bank import alone_of
+from ambkit.machine.magnets import ConstantStiffness
+from ambkit.models.linear import linearised
+from ambkit.models.machine import machine_parts
+from ambkit.simulation.scenario import PID
+
+if TYPE_CHECKING:
+    from ambkit.machine.machine import Machine
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+SOFTER = (1.0, 0.75, 0.6, 0.5, 0.4, 0.35)
+"""Shares of the proportional gain that are tried where the usual one shakes a bending mode; below
+about 0.3 no spring is left against the magnets' own."""
+LESS_DAMPED = (1.5, 1.0, 0.75, 0.5, 0.35, 0.2)
+"""Shares of the derivative gain."""
+SLOWER = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+"""By how much the derivative is filtered more."""
+WELL_DAMPED = 0.3
+"""Damping ratio of the rigid body that is good enough."""
+LEFT_TO_IT = 0.5
+"""Share of its own damping that a controller may take from a bending mode."""
+
+
+@dataclass(frozen=True, eq=False)
+class Holding:
+    """Controllers of a machine's axes, and the poles of the loop with them.
+
+    Attributes
+    ----------
+    pids : tuple of PID
+        Of each axis.
+    poles : ndarray of complex (n,)
+        Of the sampled loop at the machine's speed, with its delay [1/s].
+    score : float
+        At most 1, where all is well damped; not above 0 where the rotor is not held.
+    """
+
+    pids: tuple[PID, ...]
+    poles: Complex
+    score: float
+
+    @property
+    def held(self) -> bool:
+        """Whether nothing grows."""
+        return self.score > 0
+
+    @property
+    def growing(self) -> list[complex]:
+        """Poles that grow, of pairs the one above [1/s], the fastest growing first."""
+        grow = self.poles[(self.poles.real > 0) & (self.poles.imag >= 0)]
+        return sorted(grow.tolist(), key=lambda pole: -pole.real)
+
+
+def holding(machine: Machine) -> Holding:
+    """Return controllers for a machine, each axis with its own, fed by the sensors.
+
+    Each is tuned to its axis alone, see `PID.for_bearing`. Where that shakes a bending mode, by the
+    loop's delay or a sensor on the other side of a node, softer gains and slower derivatives are
+    tried, the same for all axes, and those are taken that leave most damping: to the rigid body up
+    to `WELL_DAMPED`, to a bending mode up to `LEFT_TO_IT` of its own.
+
+    Parameters
+    ----------
+    machine : Machine
+        The whole machine.
+    """
+    usual = tuple(map(PID.for_bearing, alone_of(machine)))
+    if machine.bending is None:
+        return Holding(usual, np.zeros(0, complex), 1.0)
+    return _searched(machine, usual)
+
+
+@lru_cache(maxsize=32)
+def _searched(machine: Machine, usual: tuple[PID, ...]) -> Holding:
+    loop = _Loop(machine)
+    best = loop.with_(usual)
+    if best.score >= 1:
+        return best
+    for p, d, f in itertools.product(SOFTER, LESS_DAMPED, SLOWER):
+        tried = loop.with_(tuple(_changed(pid, p, d, f) for pid in usual))
+        best = tried if tried.score > best.score else best
+    return best
+
+
+def _changed(pid: PID, p: float, d: float, f: float) -> PID:
+    return PID(
+        kp=pid.kp * p, ki=pid.ki * p, kd=pid.kd * d,
+        derivative_filter=pid.derivative_filter * f, anti_windup=pid.anti_windup,
+    )  # fmt: skip
+
+
+def shown_along_axes(machine: Machine) -> Array:
+    """Return the displacements along the axes (p, m), by the readings.
+
+    It is that of the rigid rotor which explains all readings best.
+    """
+    positions = machine.rigid_positions
+    H = geometry.matrix([axis.line for axis in machine.axes], positions)
+    C = geometry.matrix([r.line for r in machine.readings], positions)
+    gains = np.array([r.sensor.gain for r in machine.readings])
+    return np.asarray(H @ np.linalg.pinv(gains[:, None] * C))
+
+
+class _Loop:
+    """A machine with linear magnets, sampled, and what controllers make of it."""
+
+    def __init__(self, machine: Machine) -> None:
+        stiffnesses = [ConstantStiffness.of(alone) for alone in alone_of(machine)]
+        self.T = machine.sampling_time
+        system = linearised(
+            machine_parts(machine, noise=False), self.T,
+            [k.k_i for k in stiffnesses], [k.k_s for k in stiffnesses],
+        )  # fmt: skip
+        p, m = len(machine.axes), len(machine.readings)
+        self.A, self.B = system.A, system.B[:, :p]
+        self.seen = shown_along_axes(machine) @ system.C[:m]
+        bending = machine.bending
+        assert bending is not None
+        self.slowest = 0.7 * float(bending.frequency[0])
+        self.own = bending
+
+    def with_(self, pids: tuple[PID, ...]) -> Holding:
+        """Return the loop with controllers as ``core/src/controller.c`` computes them."""
+        n, p, T = len(self.A), len(pids), self.T
+        F = np.zeros((n + 3 * p, n + 3 * p))
+        F[:n, :n] = self.A
+        for k, pid in enumerate(pids):
+            integral, velocity, last = range(n + 3 * k, n + 3 * k + 3)
+            share = 1 / (pid.derivative_filter + T)
+            F[last, :n] = self.seen[k]
+            F[velocity, :n] = share * self.seen[k]
+            F[velocity, velocity], F[velocity, last] = 1 - T * share, -share
+            F[integral, :n], F[integral, integral] = -T * pid.ki * self.seen[k], 1.0
+            demanded = -pid.kp * F[last] - pid.kd * F[velocity]
+            demanded[integral] += 1.0
+            F[:n] += np.outer(self.B[:, k], demanded)
+        z = np.linalg.eigvals(F).astype(complex)
+        poles = np.log(z[np.abs(z) > math.exp(-3)]) / T  # what is gone in a sample is no motion
+        return Holding(pids, poles, self._score(poles))
+
+    def _score(self, poles: Complex) -> float:
+        ratio = -poles.real / np.abs(poles)
+        bends = np.abs(poles.imag) > self.slowest
+        nearest = np.abs(np.abs(poles.imag)[:, None] - self.own.frequency).argmin(axis=1)
+        wanted = np.where(bends, LEFT_TO_IT * self.own.damping_ratio[nearest], WELL_DAMPED)
+        return float(np.minimum(ratio / wanted, 1.0).min())
