@@ -6,7 +6,7 @@ import itertools
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from ambkit.machine import geometry
 from ambkit.machine.bank import alone_of
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.linear import linearised
-from ambkit.models.machine import machine_parts
+from ambkit.models.machine import machine_parts, velocity_of
 from ambkit.simulation.scenario import PID
 
 if TYPE_CHECKING:
@@ -67,8 +67,10 @@ class Holding:
         return sorted(grow.tolist(), key=lambda pole: -pole.real)
 
 
-def holding(machine: Machine) -> Holding:
-    """Return controllers for a machine, each axis with its own, fed by the sensors.
+def holding(
+    machine: Machine, feedback: Literal["measurement", "estimate"] = "measurement"
+) -> Holding:
+    """Return controllers for a machine, each axis with its own.
 
     Each is tuned to its axis alone, see `PID.for_bearing`. Where that shakes a bending mode, by the
     loop's delay or a sensor on the other side of a node, softer gains and slower derivatives are
@@ -79,20 +81,24 @@ def holding(machine: Machine) -> Holding:
     ----------
     machine : Machine
         The whole machine.
+    feedback : {"measurement", "estimate"}
+        What the controllers are fed by. An estimator that knows displacements and velocities along
+        the axes is taken for right: in a linear loop it moves no pole but its own.
     """
     usual = tuple(map(PID.for_bearing, alone_of(machine)))
     if machine.bending is None:
         return Holding(usual, np.zeros(0, complex), 1.0)
-    return _searched(machine, usual)
+    return _searched(machine, usual, feedback)
 
 
 @lru_cache(maxsize=32)
-def _searched(machine: Machine, usual: tuple[PID, ...]) -> Holding:
-    loop = _Loop(machine)
+def _searched(machine: Machine, usual: tuple[PID, ...], feedback: str) -> Holding:
+    loop = _Loop(machine, feedback)
     best = loop.with_(usual)
     if best.score >= 1:
         return best
-    for p, d, f in itertools.product(SOFTER, LESS_DAMPED, SLOWER):
+    slower = SLOWER if feedback == "measurement" else (1.0,)  # a velocity is not filtered again
+    for p, d, f in itertools.product(SOFTER, LESS_DAMPED, slower):
         tried = loop.with_(tuple(_changed(pid, p, d, f) for pid in usual))
         best = tried if tried.score > best.score else best
     return best
@@ -120,7 +126,7 @@ def shown_along_axes(machine: Machine) -> Array:
 class _Loop:
     """A machine with linear magnets, sampled, and what controllers make of it."""
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Machine, feedback: str) -> None:
         stiffnesses = [ConstantStiffness.of(alone) for alone in alone_of(machine)]
         self.T = machine.sampling_time
         system = linearised(
@@ -130,6 +136,13 @@ class _Loop:
         p, m = len(machine.axes), len(machine.readings)
         self.A, self.B = system.A, system.B[:, :p]
         self.seen = shown_along_axes(machine) @ system.C[:m]
+        self.velocity = None
+        if feedback == "estimate":
+            at = {state.name: k for k, state in enumerate(system.states)}
+            self.seen, self.velocity = np.zeros((2, p, len(self.A)))
+            for k, axis in enumerate(machine.axes):
+                for q, value in axis.line.form.items():
+                    self.seen[k, at[q]] = self.velocity[k, at[velocity_of(q)]] = value
         bending = machine.bending
         assert bending is not None
         self.slowest = 0.7 * float(bending.frequency[0])
@@ -144,8 +157,11 @@ class _Loop:
             integral, velocity, last = range(n + 3 * k, n + 3 * k + 3)
             share = 1 / (pid.derivative_filter + T)
             F[last, :n] = self.seen[k]
-            F[velocity, :n] = share * self.seen[k]
-            F[velocity, velocity], F[velocity, last] = 1 - T * share, -share
+            if self.velocity is None:
+                F[velocity, :n] = share * self.seen[k]
+                F[velocity, velocity], F[velocity, last] = 1 - T * share, -share
+            else:
+                F[velocity, :n] = self.velocity[k]
             F[integral, :n], F[integral, integral] = -T * pid.ki * self.seen[k], 1.0
             demanded = -pid.kp * F[last] - pid.kd * F[velocity]
             demanded[integral] += 1.0

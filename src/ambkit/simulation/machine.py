@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,7 +113,7 @@ def simulate_machine(
     else:
         q, currents = plant.resting(), np.zeros(len(machine.axes))
     noise_u, noise_y = _noise(machine, flight, n)
-    given = plant.arrays(core, flight.substeps, fastest) | _controllers(plant)
+    given = plant.arrays(core, flight.substeps, fastest) | _controllers(plant, flight.feedback)
     follows = None
     if estimator is not None:
         estimator.reset(estimator.at_rest(q, current=currents))
@@ -163,7 +163,7 @@ def _noise(machine: Machine, flight: Flight, n: int) -> tuple[Array, Array]:
     return noise_u, noise_y
 
 
-def _controllers(plant: Plant) -> dict[str, Any]:
+def _controllers(plant: Plant, feedback: Literal["measurement", "estimate"]) -> dict[str, Any]:
     """Return the fields of ``amb_machine_loop``: a controller for each axis, and what it is shown.
 
     The position of an axis is that of the rigid rotor which explains all readings best.
@@ -172,7 +172,7 @@ def _controllers(plant: Plant) -> dict[str, Any]:
     pids = [
         [pid.kp, pid.ki, pid.kd, pid.derivative_filter, pid.anti_windup,
          alone.current_min, alone.current_max]
-        for pid, alone in zip(holding(machine).pids, plant.alone, strict=True)
+        for pid, alone in zip(holding(machine, feedback).pids, plant.alone, strict=True)
     ]  # fmt: skip
     return {
         "T": machine.sampling_time,

@@ -134,12 +134,15 @@ def _held(machine: Machine, bending: Bending) -> Remark:
     found = holding(machine)
     if not found.held:
         pole = found.growing[0] if found.growing else complex(found.poles.real.max())
+        fed = ""
+        if holding(machine, "estimate").held:
+            fed = ', or an estimator that feeds the controllers (feedback = "estimate" in a flight)'
         delay = f"a delay of {engineering(machine.delay, 's')}" if machine.delay else "no delay"
         return Remark(
             f"no PID of each axis that was tried holds it: with the best {_hertz(pole.imag)} grows "
             f"by {pole.real:.3g}/s; the loop has {delay} and samples every "
             f"{engineering(machine.sampling_time, 's')}; what helps is a shorter one, sensors "
-            "nearer to the magnets, more damping, or another controller"
+            f"nearer to the magnets, more damping{fed or ', or another controller'}"
         )
     modes = len(bending.frequency) - bending.attached
     rates = []

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
@@ -50,6 +50,13 @@ class _OfMatrices(Part):
     def matrices(self) -> beam.Matrices:
         """Those of the free rotor, in one plane."""
         raise NotImplementedError
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return a copy with other values, which are not checked."""
+        copy = super().model_copy(update=update, deep=deep)
+        for computed in ("matrices", "body", "_known"):  # of the rotor as it was
+            copy.__dict__.pop(computed, None)
+        return copy
 
     @cached_property
     def body(self) -> Body:
