@@ -91,7 +91,15 @@ class Machine(Document):
         return Shaft.of(self.rotor, self.bearing)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Return a copy with other values, which are not checked; see `replace`."""
+        """Return a copy with other values, which are not checked; see `replace`.
+
+        Parameters
+        ----------
+        update : mapping, optional
+            The values, by key.
+        deep : bool
+            Whether what it holds is copied as well.
+        """
         copy = super().model_copy(update=update, deep=deep)
         copy.__dict__.pop("shaft", None)  # of another rotor, perhaps
         return copy
@@ -139,7 +147,15 @@ class Machine(Document):
         return geometry.deflections(self.bending, lines, forces, directions)
 
     def line(self, place: float, angle: float) -> Line:
-        """Return a direction across the shaft; see `ambkit.machine.geometry.Shaft.line`."""
+        """Return a direction across the shaft.
+
+        Parameters
+        ----------
+        place : float
+            Where, as its places are measured [m].
+        angle : float
+            From x towards y [rad].
+        """
         return self.shaft.line(place, angle)
 
     @property

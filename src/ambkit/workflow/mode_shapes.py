@@ -70,7 +70,10 @@ class ModeShapes:
         """Show the shapes along the shaft, with magnets and sensors marked."""
         from ambkit.show.plots.mode_shapes import mode_shapes_figure
 
-        return mode_shapes_figure(self)
+        return mode_shapes_figure(
+            self.machine, (self.frequency, self.damping_ratio), self.place, self.shape,
+            self.magnets, self.sensors,
+        )  # fmt: skip
 
 
 def mode_shapes(machine: Machine) -> ModeShapes:
