@@ -133,12 +133,12 @@ def test_without_loss_energy_is_kept() -> None:
     given = plant.arrays(CORE, 1, 0.0) | {"substeps": 32}
     idle = {
         "T": one.sampling_time, "k_ui": [1.0] * 4, "shown": [0.0] * 16,
-        "pid": [[0.0, 0.0, 0.0, 0.0, 1.0, -9.0, 9.0]] * 4, "position": None, "velocity": None,
+        "pid": [[0.0, 0.0, 0.0, 0.0, 1.0, 1.0, -9.0, 9.0]] * 4, "position": None, "velocity": None,
     }  # fmt: skip
     zero = np.zeros((50, 4))
     out = CORE.simulate_machine(
         given | idle, r=zero, load=zero + LOADS, speed=np.full(51, one.speed), noise_u=zero,
-        noise_y=zero, start=X, demanded=np.zeros(4),
+        noise_y=zero, start=X, demanded=np.zeros(4), integral=np.zeros(4),
     )["X"]  # fmt: skip
     q, w = out[:, :n], out[:, n : 2 * n]
     assert one.bending is not None

@@ -16,9 +16,11 @@ from ambkit.machine.bank import alone_of
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.linear import linearised
 from ambkit.models.machine import machine_parts, velocity_of
+from ambkit.simulation.gains import weight_of
 from ambkit.simulation.scenario import PID
 
 if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
 
 Array = NDArray[np.float64]
@@ -99,15 +101,17 @@ def _searched(machine: Machine, usual: tuple[PID, ...], feedback: str) -> Holdin
         return best
     slower = SLOWER if feedback == "measurement" else (1.0,)  # a velocity is not filtered again
     for p, d, f in itertools.product(SOFTER, LESS_DAMPED, slower):
-        tried = loop.with_(tuple(_changed(pid, p, d, f) for pid in usual))
+        softer = (_changed(*each, p, d, f) for each in zip(usual, loop.alone, strict=True))
+        tried = loop.with_(tuple(softer))
         best = tried if tried.score > best.score else best
     return best
 
 
-def _changed(pid: PID, p: float, d: float, f: float) -> PID:
+def _changed(pid: PID, alone: Bearing, p: float, d: float, f: float) -> PID:
+    kp, ki, kd = pid.kp * p, pid.ki * p, pid.kd * d
     return PID(
-        kp=pid.kp * p, ki=pid.ki * p, kd=pid.kd * d,
-        derivative_filter=pid.derivative_filter * f, anti_windup=pid.anti_windup,
+        kp=kp, ki=ki, kd=kd, derivative_filter=pid.derivative_filter * f,
+        anti_windup=pid.anti_windup, setpoint_weight=weight_of(alone, kp, ki, kd),
     )  # fmt: skip
 
 
@@ -127,7 +131,8 @@ class _Loop:
     """A machine with linear magnets, sampled, and what controllers make of it."""
 
     def __init__(self, machine: Machine, feedback: str) -> None:
-        stiffnesses = [ConstantStiffness.of(alone) for alone in alone_of(machine)]
+        self.alone = alone_of(machine)
+        stiffnesses = [ConstantStiffness.of(alone) for alone in self.alone]
         self.T = machine.sampling_time
         system = linearised(
             machine_parts(machine, noise=False), self.T,

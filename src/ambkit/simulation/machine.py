@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,7 +114,10 @@ def simulate_machine(
     else:
         q, currents = plant.resting(), np.zeros(len(machine.axes))
     noise_u, noise_y = _noise(machine, flight, n)
-    given = plant.arrays(core, flight.substeps, fastest) | _controllers(plant, flight.feedback)
+    pids = holding(machine, flight.feedback).pids
+    held = wanted[0] if flight.start == "hover" else np.zeros(len(pids))
+    integrals = [iu + pid.unseen(r) for pid, iu, r in zip(pids, currents, held, strict=True)]
+    given = plant.arrays(core, flight.substeps, fastest) | _controllers(plant, pids)
     follows = None
     if estimator is not None:
         estimator.reset(estimator.at_rest(q, current=currents))
@@ -121,6 +125,7 @@ def simulate_machine(
     out = core.simulate_machine(
         given | _fed_back(plant, flight, estimator), r=wanted, load=loads, speed=speed,
         noise_u=noise_u, noise_y=noise_y, start=plant.state(q, currents), demanded=currents,
+        integral=np.array(integrals),
         estimator=None if estimator is None else estimator.core,
         model=estimator.engine.model_of_core if estimator and follows is not None else None,
     )  # fmt: skip
@@ -163,21 +168,21 @@ def _noise(machine: Machine, flight: Flight, n: int) -> tuple[Array, Array]:
     return noise_u, noise_y
 
 
-def _controllers(plant: Plant, feedback: Literal["measurement", "estimate"]) -> dict[str, Any]:
+def _controllers(plant: Plant, pids: Sequence[PID]) -> dict[str, Any]:
     """Return the fields of ``amb_machine_loop``: a controller for each axis, and what it is shown.
 
     The position of an axis is that of the rigid rotor which explains all readings best.
     """
     machine = plant.machine
-    pids = [
-        [pid.kp, pid.ki, pid.kd, pid.derivative_filter, pid.anti_windup,
+    gains = [
+        [pid.kp, pid.ki, pid.kd, pid.derivative_filter, pid.anti_windup, pid.setpoint_weight,
          alone.current_min, alone.current_max]
-        for pid, alone in zip(holding(machine, feedback).pids, plant.alone, strict=True)
+        for pid, alone in zip(pids, plant.alone, strict=True)
     ]  # fmt: skip
     return {
         "T": machine.sampling_time,
         "k_ui": [axis.bearing.amplifier.gain for axis in machine.axes],
-        "pid": pids,
+        "pid": gains,
         "shown": shown_along_axes(machine).ravel().tolist(),
     }
 
