@@ -429,7 +429,7 @@ def test_modes_that_cannot_be_are_told(changes: dict[str, str], text: str) -> No
     ('modes_up_to = "1 kHz"', 'modes_up_to = "50 Hz"',
      "16: rotor.modes_up_to: must be at least 104.188 Hz, the first bending mode"),
     ('modes_up_to = "1 kHz"', 'modes_up_to = "9 kHz"', "the sampling tells frequencies only up to"),
-    ("damping_ratio = 0.005", "", "rotor.damping_ratio: missing"),
+    ("damping_ratio = 0.01", "", "rotor.damping_ratio: missing"),
     ('place = "364 mm", width', 'place = "764 mm", width',
      "33: rotor.disc[1].place: 0.764 m is beyond the shaft, which ends at 0.6461 m"),
     ('place = "566.9 mm"\nangle', 'place = "666.9 mm"\nangle',

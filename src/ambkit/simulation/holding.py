@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.machine import geometry
-from ambkit.machine.bank import alone_of
-from ambkit.machine.magnets import ConstantStiffness
+from ambkit.machine.bank import alone_of, weights_of
+from ambkit.machine.hovering import hover_current
+from ambkit.machine.magnets import magnet_of
 from ambkit.models.linear import linearised
 from ambkit.models.machine import machine_parts, velocity_of
 from ambkit.simulation.gains import weight_of
@@ -33,6 +34,10 @@ LESS_DAMPED = (1.5, 1.0, 0.75, 0.5, 0.35, 0.2)
 """Shares of the derivative gain."""
 SLOWER = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 """By how much the derivative is filtered more."""
+NEARBY, FINER = (0.87, 1.0, 1.15), 2
+"""What is tried next to the best of these, and how often."""
+STIFF = 0.4
+"""Of the magnets' own stiffness, what is to be left against it."""
 WELL_DAMPED = 0.3
 """Damping ratio of the rigid body that is good enough."""
 LEFT_TO_IT = 0.5
@@ -104,6 +109,11 @@ def _searched(machine: Machine, usual: tuple[PID, ...], feedback: str) -> Holdin
         softer = (_changed(*each, p, d, f) for each in zip(usual, loop.alone, strict=True))
         tried = loop.with_(tuple(softer))
         best = tried if tried.score > best.score else best
+    for _ in range(FINER):
+        for p, d, f in itertools.product(NEARBY, NEARBY, NEARBY if len(slower) > 1 else (1.0,)):
+            near = (_changed(*each, p, d, f) for each in zip(best.pids, loop.alone, strict=True))
+            tried = loop.with_(tuple(near))
+            best = tried if tried.score > best.score else best
     return best
 
 
@@ -127,17 +137,26 @@ def shown_along_axes(machine: Machine) -> Array:
     return np.asarray(H @ np.linalg.pinv(gains[:, None] * C))
 
 
+def _hovering(machine: Machine) -> tuple[Array, Array]:
+    """Return k_i [N/A] and k_s [N/m] of the axes (p,) where they carry the rotor."""
+    tangents = []
+    for alone, force in zip(alone_of(machine), weights_of(machine), strict=True):
+        law = magnet_of(alone)
+        iu = hover_current(alone, law, 0.0, law.bias_force + force)
+        tangents.append([float(k) for k in law.tangent(iu, 0.0)])
+    k_i, k_s = np.array(tangents).T
+    return k_i, k_s
+
+
 class _Loop:
     """A machine with linear magnets, sampled, and what controllers make of it."""
 
     def __init__(self, machine: Machine, feedback: str) -> None:
         self.alone = alone_of(machine)
-        stiffnesses = [ConstantStiffness.of(alone) for alone in self.alone]
+        self.k_i, self.k_s = _hovering(machine)
         self.T = machine.sampling_time
-        system = linearised(
-            machine_parts(machine, noise=False), self.T,
-            [k.k_i for k in stiffnesses], [k.k_s for k in stiffnesses],
-        )  # fmt: skip
+        parts = machine_parts(machine, noise=False)
+        system = linearised(parts, self.T, self.k_i, self.k_s)
         p, m = len(machine.axes), len(machine.readings)
         self.A, self.B = system.A, system.B[:, :p]
         self.seen = shown_along_axes(machine) @ system.C[:m]
@@ -173,7 +192,8 @@ class _Loop:
             F[:n] += np.outer(self.B[:, k], demanded)
         z = np.linalg.eigvals(F).astype(complex)
         poles = np.log(z[np.abs(z) > math.exp(-3)]) / T  # what is gone in a sample is no motion
-        return Holding(pids, poles, self._score(poles))
+        springs = np.array([pid.kp for pid in pids]) * self.k_i / self.k_s - 1
+        return Holding(pids, poles, min(self._score(poles), float(springs.min()) / STIFF))
 
     def _score(self, poles: Complex) -> float:
         ratio = -poles.real / np.abs(poles)

@@ -24,6 +24,7 @@ from ambkit.simulation.plant import Plant
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
     from ambkit.simulation.flight import Flight
+    from ambkit.simulation.scenario import PID
 
 Array = NDArray[np.float64]
 
