@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import runpy
+import sys
+import types
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -513,3 +516,47 @@ def test_mode_shapes_are_drawn() -> None:
     assert found.magnets["A"][0] == found.sensors["A"][0] == 0.153
     with pytest.raises(AmbkitError, match="its rotor is rigid"):
         mode_shapes(Machine.preset("ufu_rig"))
+
+
+# ---- the script that writes such files ----
+
+
+class Rotor:
+    """What from_ross.py asks of a rotor of ROSS, with the matrices of the file that it wrote."""
+
+    def __init__(self, shaft_elements: Any = None, disk_elements: Any = None, held: float = 0.0):
+        given = content()
+        self.shaft_elements, self.disk_elements = shaft_elements, disk_elements
+        self.nodes_pos, self.m = given["place"].tolist(), 5.9
+        self._of, self.held = given, held
+
+    def M(self, speed: float) -> Array:
+        return np.asarray(self._of["M"])
+
+    def K(self, speed: float) -> Array:
+        return np.asarray(self._of["K"] + self.held * np.eye(318))
+
+    def C(self, speed: float) -> Array:
+        return np.asarray(self._of["D"])
+
+    def G(self) -> Array:
+        return np.asarray(self._of["G"])
+
+    @classmethod
+    def load(cls, path: str) -> Rotor:
+        return cls(held=1e6)
+
+
+def test_the_script_for_ross_writes_a_free_rotor(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """ROSS itself needs an environment of its own; this stands for it."""
+    ross = types.ModuleType("ross")
+    ross.Rotor, ross.rotor_amb_example = Rotor, lambda: Rotor(held=1e6)  # type: ignore[attr-defined]
+    ross.__version__ = "0"  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "ross", ross)
+    for arguments in ([], ["rotor.toml"]):
+        out = str(tmp_path / "out.npz")
+        monkeypatch.setattr(sys, "argv", ["from_ross.py", out, *arguments])
+        runpy.run_path(str(ROSS.with_name("from_ross.py")), run_name="__main__")
+        np.testing.assert_array_equal(read_matrices(out).K, read_matrices(ROSS).K)
