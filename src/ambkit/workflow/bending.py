@@ -10,8 +10,8 @@ import numpy as np
 
 from ambkit.base.units import engineering
 from ambkit.machine.bank import alone_of
-from ambkit.machine.machine import NODE
 from ambkit.machine.magnets import ConstantStiffness
+from ambkit.machine.placing import NODE
 from ambkit.simulation.holding import holding
 
 if TYPE_CHECKING:
