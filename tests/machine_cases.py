@@ -101,3 +101,16 @@ def integrated(rhs: Any, state: Array, ends: tuple[float, float], scale: Array) 
     """Stiff integration to 1e-10."""
     found = solve_ivp(rhs, ends, state, "Radau", rtol=1e-10, atol=1e-12 * scale)
     return np.asarray(found.y[:, -1])
+
+
+def uncontrolled(one: Machine) -> dict[str, Any]:
+    """What the core is told of controllers that let the demanded currents stand."""
+    p, m = len(one.axes), len(one.readings)
+    return {
+        "T": one.sampling_time, "k_ui": [1.0] * p, "feedback_estimate": False,
+        "pid": [[0.0, 0.0, 0.0, 0.0, 1.0, 1.0, -9.0, 9.0]] * p, "position": [0.0] * (p * m),
+        "spread": np.eye(p).ravel().tolist(), "iu_min": [-9.0] * p, "iu_max": [9.0] * p,
+        **dict.fromkeys(
+            ("velocity", "turning", "fed_back", "fed_back_by_speed", "fed_back_by_square")
+        ),
+    }  # fmt: skip
