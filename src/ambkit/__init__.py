@@ -69,6 +69,7 @@ if TYPE_CHECKING:
     from ambkit.workflow.filtering import filter as filter
     from ambkit.workflow.identifying import identify as identify
     from ambkit.workflow.injecting import design_injection as design_injection
+    from ambkit.workflow.over_speed import assess_over_speed as assess_over_speed
     from ambkit.workflow.simulating import scenario_for as scenario_for
     from ambkit.workflow.simulating import simulate as simulate
     from ambkit.workflow.simulating import simulate_run as simulate_run
@@ -116,6 +117,7 @@ _HOME = {
     "workflow.comparison": ["compare"],
     "workflow.assessing": ["assess"],
     "workflow.assessing_log": ["assess_log"],
+    "workflow.over_speed": ["assess_over_speed"],
     "workflow.campbell": ["campbell"],
     "workflow.designing": ["design"],
     "workflow.expert": ["train"],

@@ -19,7 +19,7 @@ from ambkit.estimate.filter_file import made_by, origin_of
 from ambkit.estimate.registry import kind_called, learned_magnet
 from ambkit.judge.comparison.contenders import Contender, Range, contender_of_kind
 from ambkit.judge.comparison.tuning import Tried, search
-from ambkit.judge.loop.pieces import tells
+from ambkit.judge.loop.settled import tells
 from ambkit.machine.bearing import Bearing
 from ambkit.simulation.scenario import PID
 from ambkit.workflow.loop_of import LoopOf, OutOfReachError, zone_of
@@ -294,7 +294,7 @@ def tune(
         kept,
         of_tried,
         max_sensitivity,
-        loop.controller,
+        loop.controllers[0],
         tuple(warnings),
     )
 

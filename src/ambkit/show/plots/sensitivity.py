@@ -72,10 +72,11 @@ def measured_figure(
     nyquist.append(Points(np.array([-1.0]), np.array([0.0]), signal="spike", label=""))
     shown = np.maximum(np.abs(L.real), np.abs(L.imag)) < 10
     nyquist.append(Points(L.real[shown], L.imag[shown], signal="estimate", label=""))
-    for k, (name, loop) in enumerate(models):
+    for k, (name, loop, axis) in enumerate(models):
         look = ("truth", *LOOKS[2:])[k % (len(LOOKS) - 1)]
         at = _between(loop, f)
-        S, open_ = loop.sensitivity(at)[:, 0, 0], loop.open(at)[:, 0, 0]
+        S = loop.of_axis(axis, at)
+        open_ = 1 / S - 1
         bode.append(Line(at, _decibels(np.abs(S)), signal=look, label=f"model, {name}"))
         nyquist.append(near(Line(open_.real, open_.imag, signal=look, label="")))
     heights = _heights(np.abs(found.sensitivity), high[np.isfinite(high)])
