@@ -191,7 +191,7 @@ def _capacities(
 
 
 def _reached(room: Array, taken: Array) -> Array:
-    """Return the load (k,) [N] at which the first axis has no room (p,), by what 1 N takes (k, p)."""
+    """Return the load (k,) [N] at which an axis has no room (p,) left, of which 1 N takes (k, p)."""
     loads = np.divide(room, taken, out=np.full(taken.shape, np.inf), where=taken > 0)
     return np.asarray(loads.min(axis=1))
 
