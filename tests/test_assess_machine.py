@@ -16,13 +16,13 @@ from ambkit import PID, Machine
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.judge.loop.bounds import least_peak_of_delay, least_peaks
-from ambkit.judge.loop.closed import Loop
 from ambkit.judge.loop.margins import bode_integral, grid, highest
-from ambkit.judge.loop.pieces import WorkPoint, plant
-from ambkit.judge.loop.settled import estimator_at
 from ambkit.machine.bank import alone_of
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.simulation.flight import Flight
+from ambkit.simulation.linear.closed import Loop
+from ambkit.simulation.linear.pieces import WorkPoint, plant
+from ambkit.simulation.linear.settled import estimator_at
 from ambkit.simulation.machine import simulate_machine
 from ambkit.workflow.assessing import MEASUREMENT
 from ambkit.workflow.loop_of import LoopOf

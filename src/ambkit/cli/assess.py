@@ -9,6 +9,7 @@ import typer
 
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.assess_machine import assess_machine
+from ambkit.cli.assess_sweep import deliver_sweep
 from ambkit.cli.assess_tables import said, tables, tables_of_shares
 from ambkit.cli.kinds import NAMES, is_filter, known, names
 from ambkit.cli.options import (
@@ -22,7 +23,6 @@ from ambkit.cli.options import (
     find_bearing,
     find_machine,
     quantity,
-    read_quantities,
 )
 
 if TYPE_CHECKING:
@@ -92,6 +92,14 @@ def assess(
     stepped: Annotated[
         bool, typer.Option("--stepped-sine", help="Sweep by one sine after the other.")
     ] = False,
+    axis: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Of a machine, which axis is swept.",
+            show_default="that which decides its zone",
+        ),
+    ] = None,
     fastest: Annotated[
         float | None,
         typer.Option(
@@ -173,20 +181,20 @@ def assess(
         return
     if whole is not None:
         assess_machine(
-            whole, estimator, controller, amplitudes, stepped, fastest, report, plot, json,
+            whole, estimator, controller, amplitudes, stepped, axis, fastest, report, plot, json,
             {"expert": expert, "position": x, "load": load, "lqg": lqg or None},
         )  # fmt: skip
         return
-    if fastest is not None:
-        raise AmbkitError(f"--over-speed is of a whole machine, and {target} is none")
+    for option, given in (("--over-speed", fastest), ("--axis", axis)):
+        if given is not None:
+            raise AmbkitError(f"{option} is of a whole machine, and {target} is none")
     plant, filters = _asked(target, estimator, expert)
     if amplitudes is None:
         if report is not None and len(filters) > 1:
             raise AmbkitError(f"--report is of one loop: give one --filter, not {len(filters)}")
         _deliver_loops(plant, filters, controller, x, load, lqg, plot, report, json)
     else:
-        sizes = read_quantities(amplitudes, "m", "--sweep")
-        _deliver_sweep(plant, filters, controller, sizes, stepped, x, load, plot, json)
+        deliver_sweep(plant, filters, controller, amplitudes, stepped, plot, json, x=x, load=load)
 
 
 def _deliver_loops(
@@ -206,38 +214,6 @@ def _deliver_loops(
             (plot, lambda path: plots.save_figure(found.figure(), path)),
             (report, lambda path: write_verdict(found, path)),
         ],
-        as_json=json,
-    )
-
-
-def _deliver_sweep(
-    plant: Bearing, filters: Mapping[str, Estimator], controller: PID | None, sizes: list[float],
-    stepped: bool, x: float | None, load: float | None, plot: Path | None, json: bool,
-) -> None:  # fmt: skip
-    from ambkit.cli import output
-    from ambkit.show import plots
-    from ambkit.workflow.loop_of import zone_of
-    from ambkit.workflow.sweeping import sweep
-
-    if len(filters) > 1:
-        raise AmbkitError(f"--sweep is of one loop: give one --filter, not {len(filters)}")
-    with output.progress("sweeping"):
-        found = sweep(
-            plant, filters, controller, amplitudes=sizes,
-            kind="stepped-sine" if stepped else "multisine", x=x or 0.0, load=load or 0.0,
-        )  # fmt: skip
-    rows = [
-        [output.value(each.amplitude, "m"), f"{each.peak:.3f}", zone_of(each.peak),
-         f"{100 * each.deviation:.2g} %", "yes" if each.limited else "no"]
-        for each in found.swept
-    ]  # fmt: skip
-    rows.append(["linear model", f"{found.loop.peak:.3f}", found.loop.zone, "–", "–"])
-    heads = ["amplitude", "peak of |S|", "zone", "from the model, at most", "at a limit"]
-    title = f"{plant.name}, controller fed by {found.loop.name}: {found.kind} of the simulated loop"
-    output.deliver(
-        found.to_dict(),
-        [output.table(title, heads, rows)],
-        [(plot, lambda path: plots.save_figure(found.figure(), path))],
         as_json=json,
     )
 
@@ -301,7 +277,7 @@ def _asked(
     from ambkit.cli import output
     from ambkit.cli.kinds import factories
     from ambkit.estimate.filter_file import FilterFile
-    from ambkit.judge.loop.settled import tells
+    from ambkit.simulation.linear.settled import tells
 
     if is_filter(target):
         if estimator is not None:

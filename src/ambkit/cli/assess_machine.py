@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base.errors import AmbkitError
+from ambkit.cli.assess_sweep import deliver_sweep
 from ambkit.cli.assess_tables import said, tables_of_machine, tables_of_shares, tables_over_speed
 from ambkit.cli.kinds import names
 from ambkit.cli.options import refuse_of_one_axis
@@ -23,6 +24,7 @@ def assess_machine(
     controller: PID | None,
     amplitudes: str | None,
     stepped: bool,
+    axis: str | None,
     fastest: float | None,
     report: Path | None,
     plot: Path | None,
@@ -43,6 +45,8 @@ def assess_machine(
         Sweep with these [m].
     stepped : bool
         By one sine after the other.
+    axis : str, optional
+        Which is swept.
     fastest : float, optional
         Look over speed up to there [rad/s].
     report, plot : Path, optional
@@ -65,6 +69,15 @@ def assess_machine(
     if len(kinds) > 1 and (fastest is not None or amplitudes is not None or report is not None):
         one = "--over-speed, --sweep and --report are of one loop"
         raise AmbkitError(f"{one}: give one --filter, not {len(kinds)}")
+    if axis is not None and amplitudes is None:
+        raise AmbkitError("--axis says which axis to --sweep: give its amplitudes")
+    if amplitudes is not None:
+        if report is not None:
+            raise AmbkitError("--report is of the linear loop, without --sweep")
+        deliver_sweep(machine, kinds, controller, amplitudes, stepped, plot, json, axis=axis)
+        return
+    if stepped:
+        raise AmbkitError("--stepped-sine says how to --sweep: give its amplitudes")
     over = None
     if fastest is not None or report is not None:
         with output.progress("looking at one speed after the other"):

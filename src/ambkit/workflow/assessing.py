@@ -14,13 +14,13 @@ import numpy as np
 from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Shown
-from ambkit.judge.loop.closed import Loop
 from ambkit.judge.loop.demands import Demands, demands, of_runout, of_unbalance
 from ambkit.judge.loop.margins import BodeIntegral, Margins, bode_integral, grid, highest, margins
-from ambkit.judge.loop.pieces import WorkPoint
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of
+from ambkit.simulation.linear.closed import Loop
+from ambkit.simulation.linear.pieces import WorkPoint
 from ambkit.simulation.scenario import PID
 from ambkit.workflow.balance import Grade, of_grades
 from ambkit.workflow.loop_of import ZONES, LoopOf, ideal_pieces, zone_of
@@ -134,7 +134,8 @@ class AssessedLoop:
     @property
     def worst(self) -> AssessedAxis | None:
         """The axis that decides the zone: that of the greatest peak; None of an unstable loop."""
-        return max(self.axes.values(), key=lambda each: each.peak, default=None)
+        # Of axes that are alike, the first: rounding does not choose.
+        return max(self.axes.values(), key=lambda each: float(f"{each.peak:.9g}"), default=None)
 
     @property
     def margins(self) -> Margins | None:

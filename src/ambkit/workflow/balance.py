@@ -12,9 +12,9 @@ from ambkit.machine.placed import Unbalance
 from ambkit.models.machine import unbalance_planes
 
 if TYPE_CHECKING:
-    from ambkit.judge.loop.closed import Loop
-    from ambkit.judge.loop.pieces import WorkPoint
     from ambkit.machine.machine import Machine
+    from ambkit.simulation.linear.closed import Loop
+    from ambkit.simulation.linear.pieces import WorkPoint
 
 GRADES = (0.4e-3, 1e-3, 2.5e-3, 6.3e-3, 16e-3, 40e-3)
 """Balance quality grades of ISO 21940-11 that rotors on magnetic bearings have [m/s]."""

@@ -174,7 +174,7 @@ def swept(of: Sweep) -> Card:
         for each in of.swept
     ]  # fmt: skip
     heads = ["amplitude", "peak of |S|", "from the model, at most", "at a limit"]
-    title = f"{of.bearing.name}, fed by {of.loop.name}: {of.kind} of the simulated loop"
+    title = f"{of.name}, fed by {of.loop.name}: {of.kind} of the simulated loop"
     return Card(title, rows, of.figure(), heads)
 
 

@@ -15,16 +15,16 @@ from ambkit.estimate.base import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.whole import Whole
 from ambkit.judge.loop.bounds import least_peaks
-from ambkit.judge.loop.closed import Loop
 from ambkit.judge.loop.lqg import LQG, Noise
 from ambkit.judge.loop.margins import grid, highest
-from ambkit.judge.loop.pieces import WorkPoint, compensator, controllers, plant
-from ambkit.judge.loop.pieces import controller as controller_of
-from ambkit.judge.loop.settled import estimator_at, tells
 from ambkit.machine.bank import alone_of
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
 from ambkit.models.linear import Signal
+from ambkit.simulation.linear.closed import Loop
+from ambkit.simulation.linear.pieces import WorkPoint, compensator, controllers, plant
+from ambkit.simulation.linear.pieces import controller as controller_of
+from ambkit.simulation.linear.settled import estimator_at, tells
 from ambkit.simulation.scenario import PID
 
 ZONES = (("A", 3.0), ("B", 4.0), ("C", 5.0))

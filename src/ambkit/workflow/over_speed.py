@@ -33,8 +33,8 @@ from ambkit.workflow.loop_of import LoopOf, zone_of
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
-    from ambkit.judge.loop.closed import Loop
     from ambkit.show.report.figure import Figure
+    from ambkit.simulation.linear.closed import Loop
 
 Array = NDArray[np.float64]
 

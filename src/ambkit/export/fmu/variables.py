@@ -62,6 +62,7 @@ class Variable:
 
 
 UNITS: dict[str, dict[str, int]] = {
+    "1": {},
     "s": {"s": 1},
     "m": {"m": 1},
     "m2": {"m": 2},
@@ -228,4 +229,11 @@ def _controller(bearing: Bearing, controller: PID) -> list[Variable]:
         Variable("controller.kp", "tunable", "A/m", "proportional gain", controller.kp),
         Variable("controller.ki", "tunable", "A/(m.s)", "integral gain", controller.ki),
         Variable("controller.kd", "tunable", "A.s/m", "derivative gain", controller.kd),
+        Variable(
+            "controller.setpoint_weight",
+            "tunable",
+            "1",
+            "share of the reference that kp sees",
+            controller.setpoint_weight,
+        ),
     ]

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.judge.loop.pieces import WorkPoint, unbalance_columns
 from ambkit.machine.bank import alone_of, weights_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of
 from ambkit.models.linear import Complex
+from ambkit.simulation.linear.pieces import WorkPoint, unbalance_columns
 
 if TYPE_CHECKING:
-    from ambkit.judge.loop.closed import Loop
     from ambkit.machine.bearing import Bearing, Sensor
+    from ambkit.simulation.linear.closed import Loop
 
 Array = NDArray[np.float64]
 
@@ -191,7 +191,7 @@ def _capacities(
 
 
 def _reached(room: Array, taken: Array) -> Array:
-    """Return the load (k,) [N] at which an axis has no room (p,) left, of which 1 N takes (k, p)."""
+    """Return the load (k,) [N] that leaves an axis no room (p,), of which 1 N takes (k, p)."""
     loads = np.divide(room, taken, out=np.full(taken.shape, np.inf), where=taken > 0)
     return np.asarray(loads.min(axis=1))
 

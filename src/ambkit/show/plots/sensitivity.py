@@ -22,10 +22,10 @@ from ambkit.show.report.figure import Figure, Panel
 from ambkit.show.report.items import Axis, Band, Item, Line, Points, Rule
 
 if TYPE_CHECKING:
-    from ambkit.judge.loop.closed import Loop
     from ambkit.judge.loop.measured import MeasuredSensitivity
     from ambkit.models.linear import Complex
     from ambkit.show.plots.assessment import Curves
+    from ambkit.simulation.linear.closed import Loop
 
 Array = NDArray[np.float64]
 Zones = Sequence[tuple[str, float]]
@@ -106,6 +106,7 @@ def measured_figure(
 def sweep_figure(
     title: str,
     loop: Loop,
+    axis: int,
     swept: Sequence[tuple[float, Array, Complex, Complex]],
     *,
     zones: Zones,
@@ -119,6 +120,8 @@ def sweep_figure(
         Of which bearing.
     loop : Loop
         The linear model.
+    axis : int
+        Which of its axes was swept.
     swept : sequence of (float, ndarray (k,), ndarray (k,), ndarray (k,))
         Amplitude [m], frequencies [Hz], S of the simulated loop and of the model [1].
     zones : sequence of (str, float)
@@ -130,7 +133,7 @@ def sweep_figure(
     frequency = Axis("frequency", "Hz", scale="log", limits=(0.8 * f.min(), 1.25 * f.max()))
     at = _between(loop, f)
     bode, off = zone_lines(zones, top), list[Item]()
-    model = np.abs(loop.sensitivity(at)[:, 0, 0])
+    model = np.abs(loop.of_axis(axis, at))
     bode.append(Line(at, _decibels(model), signal="truth", label="linear model"))
     off.append(Rule(0.02, signal="reference", label="2 %"))
     for k, (amplitude, where, S, linear) in enumerate(swept):

@@ -13,9 +13,9 @@ from ambkit.estimate.low_pass import LowPass
 from ambkit.estimate.magnet_scale import AugmentedKalmanFilter
 from ambkit.estimate.observer import ExtendedStateObserver, SteadyStateKalmanFilter
 from ambkit.estimate.unscented import UnscentedKalmanFilter
-from ambkit.judge.loop.pieces import POSITION, VELOCITY, WorkPoint, of_axes
 from ambkit.machine.magnets import core_module
 from ambkit.models.linear import LinearSystem, Signal
+from ambkit.simulation.linear.pieces import POSITION, VELOCITY, WorkPoint, of_axes
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing, Sensor
     from ambkit.models.model import Array
     from ambkit.models.plan import Part
-    from ambkit.simulation.scenario import PID
 
 POSITION, VELOCITY = Signal("position", "m"), Signal("velocity", "m/s")
 
@@ -206,7 +205,24 @@ def _linear(
     return linearised(parts, of.sampling_time, k_i, k_s, continuous=continuous)
 
 
-def controller(pid: PID, bearing: Bearing) -> LinearSystem:
+class _Gains(Protocol):
+    """What is known of a PID: `ambkit.simulation.scenario.PID`, or what is to become one."""
+
+    @property
+    def kp(self) -> float: ...
+    @property
+    def ki(self) -> float: ...
+    @property
+    def kd(self) -> float: ...
+    @property
+    def derivative_filter(self) -> float: ...
+    @property
+    def setpoint_weight(self) -> float: ...
+    @property
+    def feedback(self) -> str: ...
+
+
+def controller(pid: _Gains, bearing: Bearing) -> LinearSystem:
     """Return the controller as ``core/src/controller.c`` computes it, within its limits.
 
     Parameters
@@ -230,7 +246,7 @@ def controller(pid: PID, bearing: Bearing) -> LinearSystem:
     at = {name: k for k, name in enumerate(names)}
     n, m = len(names), len(inputs)
     A, B, C, D = np.zeros((n, n)), np.zeros((n, m)), np.zeros((1, n)), np.zeros((1, m))
-    D[0, 0], D[0, -1] = -pid.kp, pid.kp
+    D[0, 0], D[0, -1] = -pid.kp, pid.kp * pid.setpoint_weight
     if "integral" in at:
         k = at["integral"]
         A[k, k] = C[0, k] = 1.0
@@ -250,7 +266,7 @@ def controller(pid: PID, bearing: Bearing) -> LinearSystem:
     )  # fmt: skip
 
 
-def controllers(pids: Sequence[PID], machine: Machine) -> LinearSystem:
+def controllers(pids: Sequence[_Gains], machine: Machine) -> LinearSystem:
     """Return the controllers of a machine's axes beside each other, see `controller`.
 
     Parameters
