@@ -10,16 +10,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from machine_cases import PRESETS, uncoupled
+from test_cli import Result
 
 import ambkit
-from ambkit import PID, Machine
-from ambkit.base.errors import AmbkitError
+from ambkit import PID, Machine, Record, Recorded
+from ambkit.base.errors import AmbkitError, RecordError
+from ambkit.cli.main import main
 from ambkit.estimate.registry import KINDS, learned_magnet
+from ambkit.identification.excitation.signals import sparse_multisine
 from ambkit.judge.loop.bounds import least_peak_of_delay, least_peaks
 from ambkit.judge.loop.margins import bode_integral, grid, highest
 from ambkit.machine.bank import alone_of
 from ambkit.models.linear import LinearSystem, Signal
-from ambkit.simulation.flight import Flight
+from ambkit.simulation.flight import Flight, Injection
 from ambkit.simulation.linear.closed import Loop
 from ambkit.simulation.linear.pieces import WorkPoint, plant
 from ambkit.simulation.linear.settled import estimator_at
@@ -27,6 +30,7 @@ from ambkit.simulation.machine import simulate_machine
 from ambkit.workflow.assessing import MEASUREMENT
 from ambkit.workflow.loop_of import LoopOf
 from ambkit.workflow.over_speed import assess_over_speed, told_speed
+from ambkit.workflow.verdict import verdict, write_verdict
 
 RPM = math.pi / 30
 UFU = Machine.preset("ufu_rig")
@@ -403,10 +407,185 @@ def test_assessment_of_a_machine_says_it_all():
     loop = data["loops"]["linear"]
     assert loop["zone"] == "A"
     assert loop["bode_holds"]
-    assert loop["worst_axis"] in ("B1", "B2")
+    assert loop["worst_axis"] == found.loops["linear"].worst.name == "A1"
     assert set(loop["axes"]) == {"A1", "A2", "B1", "B2"}
     assert found.alike("linear") == [["A1", "A2"], ["B1", "B2"]]
     assert len(found.figure().panels) == 6
     assert len(found.capacity_figure().panels) == 2
     with pytest.raises(AmbkitError, match="x and lqg are of one axis"):
         ambkit.assess(UFU, lqg=True)
+
+
+# ---- swept, and measured
+
+
+@pytest.mark.parametrize(("preset", "axis"), [("ufu_rig", "A1"), ("tum_mlps", "B2")])
+@pytest.mark.parametrize("name", [None, "linear"])
+def test_sweep_of_an_axis_is_the_models_within_two_percent(preset, axis, name):
+    found = ambkit.sweep(Machine.preset(preset), name, amplitudes=["1 um"], axis=axis)
+    (swept,) = found.swept
+    assert found.name == f"{preset} {axis}"
+    assert found.model.name == axis
+    assert not swept.limited
+    assert len(swept.frequency) > 30
+    assert swept.deviation < 0.02
+    assert len(found.figure().panels) == 2
+
+
+def test_a_sweep_of_a_loaded_machine_is_that_of_its_work_point():
+    load = {"A1": -25.0}
+    (swept,) = ambkit.sweep(UFU, amplitudes=["0.5 um"], axis="A1", load=load).swept
+    assert swept.deviation < 0.02
+    free = ambkit.assess(UFU).loops[MEASUREMENT].loop.of_axis(0, swept.frequency)
+    assert np.max(np.abs(swept.sensitivity - free) / np.abs(free)) > 0.02
+
+
+def test_a_machine_is_swept_at_an_axis_that_it_has():
+    with pytest.raises(AmbkitError, match="has no axis C; there are A1, A2, B1, B2"):
+        ambkit.sweep(UFU, axis="C")
+
+
+def injected(seed, axis="B1", noise=True):
+    """A record of the machine with a multisine at the summing point of an axis."""
+    T = UFU.sampling_time
+    period = sparse_multisine(2000, T, (10.0, 1500.0), per_decade=12).values
+    values = np.concatenate([np.zeros(500), 4e-6 * np.tile(period, 8)])
+    t = T * np.arange(len(values))
+    signal = Recorded.model_construct(times=tuple(t.tolist()), values=tuple(values.tolist()))
+    there = Injection.model_construct(axis=axis, position=signal)
+    flight = Flight(duration=float(t[-1]), noise=noise, seed=seed)
+    still = UFU.model_copy(update={"unbalance": (), "speed": 0.0})
+    return still, simulate_machine(still, flight.model_copy(update={"injection": (there,)})).record
+
+
+def test_intervals_of_a_machines_log_hold_what_they_say():
+    still, truth = injected(0, noise=False)
+    size = np.abs(ambkit.assess_log(truth, still).measured.sensitivity)
+    held = []
+    for seed in range(40):
+        found = ambkit.assess_log(injected(seed)[1], still)
+        assert found.axis == 2
+        low, high = found.measured.interval()
+        held.append((low <= size) & (size <= high))
+    assert 0.92 <= np.mean(held) <= 0.98
+
+
+def test_a_machines_log_lies_on_its_model():
+    still, record = injected(0, noise=False)
+    found = ambkit.assess_log(record, still)
+    assert found.deviation[MEASUREMENT] < 0.02
+    assert found.name == "ufu_rig B1"
+    assert "injected_B1" in record
+    assert len(found.figure().panels) == 4
+
+
+def test_a_log_says_at_which_axis_something_was_injected():
+    still, record = injected(0)
+    signals = {name: record[name] for name in record.signals if not name.startswith("injected")}
+    with pytest.raises(RecordError, match="has none of them"):
+        ambkit.assess_log(Record(record.t, signals, dict.fromkeys(signals, "m")), still)
+    both = signals | {f"injected_{axis}": record["injected_B1"] for axis in ("A1", "B1")}
+    with pytest.raises(RecordError, match="has injected_A1, injected_B1"):
+        ambkit.assess_log(Record(record.t, both, dict.fromkeys(both, "m")), still)
+    few = {"injected_B1": record["injected_B1"], "y_A1": record["y_A1"]}
+    with pytest.raises(RecordError, match="the record has no y_A2, y_B1, y_B2"):
+        ambkit.assess_log(Record(record.t, few, dict.fromkeys(few, "m")), still)
+
+
+# ---- the page, and the command
+
+
+def test_the_verdict_on_a_machine(tmp_path):
+    found = ambkit.assess(UFU, "linear")
+    over = assess_over_speed(UFU, "linear", fastest="6000 rpm", count=3)
+    lines = verdict(found, "linear", over)
+    assert all(line.good is not False for line in lines)
+    said = {line.what.strip(): line.found for line in lines}
+    assert said["largest singular value"].startswith(f"{found.loops['linear'].largest[0]:.3f}")
+    assert said["balance quality grade of the unbalance (ISO 21940-11)"] == "G 0.423"
+    write_verdict(found, tmp_path / "v.html", over=over)
+    page = (tmp_path / "v.html").read_text(encoding="utf-8")
+    for words in ("Verdict on the loop of ufu_rig", "All that has a limit keeps it", "reviewed by",
+                  "closed loop over speed", "from rest to 6000 rpm", "21940-11"):  # fmt: skip
+        assert words in page
+    with pytest.raises(AmbkitError, match="over speed is of ufu_rig, fed by linear; the verdict"):
+        write_verdict(found, tmp_path / "v.html", MEASUREMENT, over)
+
+
+def test_the_verdict_says_which_axis_misses():
+    heavy = UFU.model_copy(update={"speed": 6000 * RPM, "unbalance": (
+        UFU.unbalance[0].model_copy(update={"amount": 3e-3}),
+    )})  # fmt: skip
+    found = ambkit.assess(heavy)
+    kept = {line.what: line.good for line in verdict(found, MEASUREMENT)}
+    assert kept["greatest displacement (ISO 14839-2)"] is False
+    assert kept["check: Bode's integral of ln|det S|"] is True
+
+
+def test_voltage_and_copper_of_a_machine():
+    amplifier = {"voltage_limit": 30.0, "resistance": 2.0}
+    wired = UFU.model_copy(update={"bearing": tuple(
+        at.model_copy(update={"amplifier": at.amplifier.model_copy(update=amplifier)})
+        for at in UFU.bearing
+    )})  # fmt: skip
+    found = ambkit.assess(wired, "linear").loops["linear"]
+    for name, k in (("A1", 0), ("B2", 3)):
+        iu = LoopOf(wired).point.iu[k]
+        at = found.axes[name]
+        assert at.demands.capacity.voltage is not None
+        least = 2.0 * 2 * (1.0 + iu**2)
+        assert least < at.demands.copper_loss < 1.2 * least
+    over = assess_over_speed(wired, "linear", fastest="12000 rpm", count=4)
+    assert over.voltage.shape == (4, 4)
+    assert over.voltage[0] == pytest.approx(2.0 * (1 + np.abs(LoopOf(wired).point.iu)) / 30.0)
+    assert (over.voltage[-1] > over.voltage[0]).all()
+    assert len(over.run_up_figure().panels) == 3
+
+
+@pytest.fixture
+def call(capsys, tmp_path, monkeypatch):
+    """Call ambkit in this process, in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments):
+        with pytest.raises(SystemExit) as left:
+            main(["assess", *arguments])
+        return Result(int(left.value.code or 0), *capsys.readouterr())
+
+    return run
+
+
+@pytest.mark.parametrize(("arguments", "said"), [
+    (["ufu_rig"], "Each axis with all other loops closed"),
+    (["ufu_rig", "--filter", "none", "--over-speed", "3000 rpm"], "to 3000 rpm"),
+    (["ufu_rig", "--filter", "none", "--sweep", "1 um", "--axis", "A1"], "ufu_rig A1"),
+])  # fmt: skip
+def test_command(call, tmp_path, arguments, said):
+    done = call(*arguments, "--plot", "p.png")
+    assert done.code == 0, done.err
+    assert said in done.out
+    assert (tmp_path / "p.png").stat().st_size > 10_000
+
+
+def test_command_takes_a_machines_log(call):
+    _, record = injected(0)
+    record.save("log.csv")
+    found = call("log.csv", "--bearing", "ufu_rig", "--filter", "none", "--json").json
+    assert found["zone"] == "A"
+    assert list(found["models"]) == [MEASUREMENT]
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    (["ufu_rig", "--position", "1 um"], "--position is of one axis"),
+    (["ufu_rig", "--filter", "observer"], "cannot take a whole machine"),
+    (["ufu_rig", "--axis", "A1"], "--axis says which axis to --sweep"),
+    (["ufu_rig", "--stepped-sine"], "--stepped-sine says how to --sweep"),
+    (["ufu_rig", "--over-speed", "3000 rpm", "--sweep", "1 um"], "one after the other"),
+    (["ufu_rig", "--filter", "linear,ud", "--report", "v.html"], "give one --filter, not 2"),
+    (["zittau_axial", "--over-speed", "3000 rpm"], "--over-speed is of a whole machine"),
+    (["zittau_axial", "--axis", "A1"], "--axis is of a whole machine"),
+])  # fmt: skip
+def test_command_refuses(call, arguments, message):
+    done = call(*arguments)
+    assert done.code == 2
+    assert message in " ".join(done.err.split())

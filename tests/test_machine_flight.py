@@ -40,12 +40,12 @@ def released(
     given = plant.arrays(CORE, 1, 0.0) | {"substeps": substeps}
     idle = {
         "T": one.sampling_time, "k_ui": [1.0] * p, "shown": [0.0] * (p * m),
-        "pid": [[0.0, 0.0, 0.0, 0.0, 1.0, -9.0, 9.0]] * p, "position": None, "velocity": None,
+        "pid": [[0.0, 0.0, 0.0, 0.0, 1.0, 1.0, -9.0, 9.0]] * p, "position": None, "velocity": None,
     }  # fmt: skip
     zero = np.zeros((n, p))
     return CORE.simulate_machine(  # type: ignore[no-any-return]
         given | idle, r=zero, load=zero + LOADS, speed=speed, noise_u=zero,
-        noise_y=np.zeros((n, m)), start=X, demanded=iu,
+        noise_y=np.zeros((n, m)), start=X, demanded=iu, integral=iu,
     )  # fmt: skip
 
 

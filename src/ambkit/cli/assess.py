@@ -23,6 +23,7 @@ from ambkit.cli.options import (
     find_bearing,
     find_machine,
     quantity,
+    refuse_of_one_axis,
 )
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.estimate.base import Estimator
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Machine
     from ambkit.simulation.scenario import PID
     from ambkit.workflow.assessing_log import AssessedLog
 
@@ -114,7 +116,7 @@ def assess(
         typer.Option(
             "--bearing",
             metavar="BEARING",
-            help="Of a log: the bearing whose model is laid over, or the file of a filter.",
+            help="Of a log: the bearing or machine whose model is laid over, or a filter's file.",
         ),
     ] = None,
     channel_map: MapFile = None,
@@ -181,8 +183,8 @@ def assess(
         return
     if whole is not None:
         assess_machine(
-            whole, estimator, controller, amplitudes, stepped, axis, fastest, report, plot, json,
-            {"expert": expert, "position": x, "load": load, "lqg": lqg or None},
+            whole, estimator, controller, lqg, amplitudes, stepped, axis, fastest, report, plot,
+            json, {"expert": expert, "position": x, "load": load},
         )  # fmt: skip
         return
     for option, given in (("--over-speed", fastest), ("--axis", axis)):
@@ -227,9 +229,15 @@ def _deliver_log(
     from ambkit.show import plots
     from ambkit.workflow.assessing_log import BASIS, assess_log
 
-    plant, filters = None, dict[str, Any]()
+    plant: Bearing | Machine | None = None
+    filters: Any = {}
     if bearing is not None:
-        plant, filters = _asked(bearing, estimator, expert)
+        plant = find_machine(bearing)
+        if plant is None:
+            plant, filters = _asked(bearing, estimator, expert)
+        else:
+            refuse_of_one_axis(plant, {"expert": expert, "position": x, "load": load})
+            filters = [] if estimator == "none" else names(estimator or "linear")
     found = assess_log(
         record, plant, filters, controller, logged="before" if before else "after",
         x=x or 0.0, load=load or 0.0,
@@ -257,7 +265,7 @@ def _of_log(found: AssessedLog) -> list[Any]:
         ["periods", f"{m.periods}" if m.periods > 1 else "none: local polynomials"],
         ["coherence, least", f"{m.coherence.min():.3f}"],
     ]  # fmt: skip
-    tables = [table("Measured sensitivity", ["", ""], rows)]
+    shown = [table("Measured sensitivity", ["", ""], rows)]
     if found.model is not None:
         met = [
             [name, each.zone, f"{each.peak:.3f}" if each.stable else "–",
@@ -266,8 +274,8 @@ def _of_log(found: AssessedLog) -> list[Any]:
         ]  # fmt: skip
         heads = ["controller fed by", "zone", "peak of |S|", "median distance",
                  "within the 95 % intervals"]  # fmt: skip
-        tables.append(table(f"Models of {found.model.bearing.name}", heads, met))
-    return tables
+        shown.append(table(f"Models of {found.name}", heads, met))
+    return shown
 
 
 def _asked(

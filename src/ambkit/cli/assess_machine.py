@@ -22,6 +22,7 @@ def assess_machine(
     machine: Machine,
     estimator: str | None,
     controller: PID | None,
+    lqg: bool,
     amplitudes: str | None,
     stepped: bool,
     axis: str | None,
@@ -41,6 +42,8 @@ def assess_machine(
         Whose estimate feeds the controllers: kinds, or none; the linear filter by default.
     controller : PID, optional
         What is not said of it is tuned to each axis alone.
+    lqg : bool
+        Beside them, the linear-quadratic-Gaussian controller.
     amplitudes : str, optional
         Sweep with these [m].
     stepped : bool
@@ -90,7 +93,7 @@ def assess_machine(
             as_json=json,
         )
         return
-    found = assess(machine, kinds, controller)
+    found = assess(machine, kinds, controller, lqg=lqg)
     output.deliver(
         found.to_dict(),
         [*tables_of_machine(found), *tables_of_shares(found), *said(found)],

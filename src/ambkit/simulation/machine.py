@@ -61,7 +61,6 @@ def simulate_machine(
     *,
     estimator: Estimator | None = None,
     disturbance: Array | None = None,
-    injection: Array | None = None,
     controllers: Sequence[PID] | None = None,
 ) -> MachineRun:
     """Simulate a whole machine with its controllers.
@@ -80,16 +79,13 @@ def simulate_machine(
         it is the linear filter if none is given.
     disturbance : ndarray (n, p), optional
         Forces along the axes, sample by sample, added to the flight's [N].
-    injection : ndarray (n, m), optional
-        What is added to the readings, sample by sample, before controllers and estimator take
-        them [m].
     controllers : sequence of PID (p,), optional
         Of each axis; by default each is tuned to the axis alone.
 
     Raises
     ------
     ValueError
-        `disturbance` or `injection` has not a row a sample.
+        `disturbance` has not a row a sample.
     AmbkitError
         A load or a reference is of an axis that the machine has not; a run-up is too fast for the
         sampling time.
@@ -121,10 +117,8 @@ def simulate_machine(
     else:
         q, currents = plant.resting(), np.zeros(len(machine.axes))
     noise_u, noise_y = _noise(machine, flight, n)
-    if injection is not None:
-        if injection.shape != noise_y.shape:
-            raise ValueError(f"injection must be {noise_y.shape}, is {injection.shape}")
-        noise_y = noise_y + injection
+    added = _of_axes(machine, [(each.axis, each.position) for each in flight.injection], t[:-1])
+    noise_y = noise_y + added @ _at_readings(plant).T
     pids = list(controllers or map(PID.for_bearing, plant.alone))
     held = wanted[0] if flight.start == "hover" else np.zeros(len(pids))
     integrals = [iu + pid.unseen(r) for pid, iu, r in zip(pids, currents, held, strict=True)]
@@ -140,7 +134,8 @@ def simulate_machine(
         estimator=None if estimator is None else estimator.core,
         model=estimator.engine.model_of_core if estimator and follows is not None else None,
     )  # fmt: skip
-    record = _record(plant, flight, t[:-1], out, {"r": wanted, "f_d": loads, "speed": speed[:-1]})
+    series = {"r": wanted, "f_d": loads, "speed": speed[:-1], "injected": added}
+    record = _record(plant, flight, t[:-1], out, series)
     estimate = None if estimator is None else estimator.told(t[:-1], out["estimate"])
     return MachineRun(machine, record, estimate)
 
@@ -207,6 +202,14 @@ def _controllers(plant: Plant, pids: list[PID]) -> dict[str, Any]:
     }
 
 
+def _at_readings(plant: Plant) -> Array:
+    """Return what the readings show of a rotor that is somewhere along the axes (m, p) [1]."""
+    readings = plant.machine.readings
+    C = geometry.matrix([r.line for r in readings], plant.machine.positions)
+    gains = np.array([r.sensor.gain for r in readings])
+    return np.asarray(gains[:, None] * C @ np.linalg.pinv(plant.H))
+
+
 def _record(
     plant: Plant, flight: Flight, t: Array, out: dict[str, Any], series: dict[str, Array]
 ) -> Record:
@@ -227,6 +230,8 @@ def _record(
     signals |= {f"{at.name}": (out["X"][:, k], at.unit) for k, at in enumerate(model.states)
                 if at.role == "sensor"}  # fmt: skip
     signals["speed"] = series["speed"], "rad/s"
+    for each in flight.injection:
+        signals[f"injected_{each.axis}"] = series["injected"][:, axes.index(each.axis)], "m"
     meta = {
         "machine": machine.to_toml(),
         "flight": flight.model_dump(mode="json"),

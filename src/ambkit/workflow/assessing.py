@@ -459,8 +459,8 @@ def assess(
     load : float or str, optional
         Constant disturbance force there [N]; of a machine a mapping, by the names of the axes.
     lqg : bool, optional
-        Of a bearing, whether the loop of the linear-quadratic-Gaussian controller that needs least
-        control stands beside, as ``"LQG"``.
+        Whether the loop of the linear-quadratic-Gaussian controller that needs least control stands
+        beside, as ``"LQG"``.
 
     Returns
     -------
@@ -482,8 +482,8 @@ def assess(
     """
     of_type(Bearing, Machine, bearing=bearing)
     of = LoopOf(bearing, controller, in_si("x", x, "m"), given_load(bearing, load))
-    if of.machine is not None and (lqg or in_si("x", x, "m")):
-        raise AmbkitError(f"{bearing.name} is a whole machine: x and lqg are of one axis")
+    if of.machine is not None and in_si("x", x, "m"):
+        raise AmbkitError(f"{bearing.name} is a whole machine: x is of one axis")
     estimators = given_estimators(filter, bearing)
     loops = {MEASUREMENT: assessed(MEASUREMENT, of.loop(), of)}
     if lqg:
@@ -585,8 +585,7 @@ def assessed(name: str, loop: Loop, of: LoopOf) -> AssessedLoop:
     f = grid(loop)
     f = np.unique(np.append(f, of.top))
     S, counts, p = loop.along_axes(f), f <= of.top, loop.axes
-    of_y, of_u = noise_of(of)
-    noise = np.sqrt(np.diag(loop.noise_covariance(of_y, of_u)))
+    noise = np.sqrt(np.diag(loop.noise_covariance(*of.noise())))
     currents = np.array([b.amplifier.gain for b in of.alone]) * noise[p:]
     turned = of_runout(loop, of.bearing)
     if of.machine is not None and of.machine.speed and of.machine.unbalance:
@@ -607,15 +606,3 @@ def assessed(name: str, loop: Loop, of: LoopOf) -> AssessedLoop:
         )
     largest = highest(loop.largest_sensitivity, f, np.linalg.norm(S, 2, axis=(1, 2)))
     return AssessedLoop(name, loop, True, axes, largest, integral)
-
-
-def noise_of(of: LoopOf) -> tuple[list[float], list[float]]:
-    """Return the variances of the measurements [m^2] and of the control signals [V^2].
-
-    Parameters
-    ----------
-    of : LoopOf
-        Gives sensors and amplifiers.
-    """
-    sensors = [of.bearing.sensor] if of.machine is None else [r.sensor for r in of.machine.readings]
-    return [each.noise_variance for each in sensors], [b.amplifier.noise_variance for b in of.alone]

@@ -21,6 +21,7 @@ from ambkit.machine.bank import alone_of
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
 from ambkit.models.linear import Signal
+from ambkit.models.model import Array
 from ambkit.simulation.linear.closed import Loop
 from ambkit.simulation.linear.pieces import WorkPoint, compensator, controllers, plant
 from ambkit.simulation.linear.pieces import controller as controller_of
@@ -142,7 +143,7 @@ class LoopOf:
         )  # fmt: skip
         self.controllers = [pid.completed(b) for pid, b in zip(each, self.alone, strict=True)]
         self.axes: tuple[str, ...] = ("x",)
-        self.added = None
+        self.added: Array | None = None
         if isinstance(bearing, Machine):
             self.point = point or WorkPoint.of_machine(bearing, load)
             whole = Whole(bearing)
@@ -177,23 +178,39 @@ class LoopOf:
         fed = [one.model_copy(update={"feedback": feedback}) for one in self.controllers]
         inner = None if estimator is None else estimator_at(estimator, self.point)
         m = len(self.shown[0])
-        if self.machine is None:
-            return Loop(
-                self.plant, compensator(controller_of(fed[0], self.bearing), inner, self.shown)
-            )
-        K = compensator(controllers(fed, self.machine), inner, self.shown, self.plant.outputs[:m])
-        return Loop(self.plant, K, m, self.shown, self.added)
+        control = (
+            controller_of(fed[0], self.bearing) if self.machine is None
+            else controllers(fed, self.machine)
+        )  # fmt: skip
+        K = compensator(control, inner, self.shown, self.plant.outputs[:m])
+        return Loop(self.plant, K, m, *self._summing())
 
     def lqg(self) -> Loop:
         """Return the loop of the linear-quadratic-Gaussian controller that needs least control.
 
-        It has the state and the load from a Kalman filter of this very plant, told of the noise of
-        sensor and amplifier and the usual growth of the load.
+        It has state and loads from a Kalman filter of this very plant, told of the noise of sensors
+        and amplifiers and the usual growth of the loads.
         """
-        b = self.bearing
-        growth = KalmanFilter(b).variances.disturbance
-        noise = Noise(b.sensor.noise_variance, b.amplifier.noise_variance, growth)
-        return Loop(self.plant, LQG(self.plant, noise).compensator())
+        told = KalmanFilter(self.bearing).variances
+        sensors, amplifiers = self.noise()
+        noise = Noise(sensors, amplifiers, told.disturbance)
+        K = LQG(self.plant, noise).compensator()
+        return Loop(self.plant, K, len(sensors), *self._summing())
+
+    def noise(self) -> tuple[list[float], list[float]]:
+        """Return the variances of the measurements [m^2] and of the control signals [V^2]."""
+        if self.machine is None:
+            sensors = [self.bearing.sensor]
+        else:
+            sensors = [r.sensor for r in self.machine.readings]
+        return (
+            [each.noise_variance for each in sensors],
+            [b.amplifier.noise_variance for b in self.alone],
+        )
+
+    def _summing(self) -> tuple[Array | None, Array | None]:
+        """Return how axes are seen and shaken by the measurements; of one axis as they are."""
+        return (None, None) if self.added is None else (self.shown, self.added)
 
     def peak(self, estimator: Estimator | None = None) -> float:
         """Return the peak of abs(S) within the standard's range [1].

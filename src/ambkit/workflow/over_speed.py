@@ -28,7 +28,7 @@ from ambkit.judge.loop.margins import BodeIntegral, bode_integral, grid, highest
 from ambkit.machine.machine import Machine
 from ambkit.machine.placed import Unbalance
 from ambkit.simulation.scenario import PID
-from ambkit.workflow.assessing import MEASUREMENT, given_estimators, given_load, noise_of
+from ambkit.workflow.assessing import MEASUREMENT, given_estimators, given_load
 from ambkit.workflow.loop_of import LoopOf, zone_of
 
 if TYPE_CHECKING:
@@ -309,7 +309,7 @@ class _Run:
     ) -> tuple[Array, Array, Array | None]:
         """Return displacement [m], current [A], and voltage of its limit [1] of each axis."""
         p, pairs, point = loop.axes, pairs_of(of.bearing), self.point
-        noise = np.sqrt(np.diag(loop.noise_covariance(*noise_of(of))))
+        noise = np.sqrt(np.diag(loop.noise_covariance(*of.noise())))
         gains = np.array([b.amplifier.gain for b in of.alone])
         far = orbit(point.x, pairs) + SIGMAS * noise[:p]
         most = np.abs(point.iu) + SIGMAS * gains * noise[p:]

@@ -19,7 +19,7 @@ from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
 from ambkit.models.linear import Complex
 from ambkit.simulation.flight import Disturbance as Load
-from ambkit.simulation.flight import Flight
+from ambkit.simulation.flight import Flight, Injection
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import PID, Scenario
@@ -370,20 +370,18 @@ class _MachineRig(_Rig):
 
     def answer(self, added: Array, last: slice) -> tuple[Array, bool]:
         """Simulate the machine."""
-        of, loop = self.found.of, self.loop.loop
-        assert loop.shown is not None
-        assert loop.added is not None
-        flight = self.flight.replace(duration=self.T * (len(added) - 1))
-        run = simulate_machine(
-            of.bearing, flight, estimator=self.inner, controllers=of.controllers,
-            injection=np.outer(added, loop.added[:, self.axis]),
-        )  # fmt: skip
+        of, shown = self.found.of, self.found.of.shown
+        t = self.T * np.arange(len(added))
+        signal = Recorded.model_construct(times=tuple(t.tolist()), values=tuple(added.tolist()))
+        there = Injection.model_construct(axis=of.axes[self.axis], position=signal)
+        flight = self.flight.model_copy(update={"duration": float(t[-1]), "injection": (there,)})
+        run = simulate_machine(of.bearing, flight, estimator=self.inner, controllers=of.controllers)
         y = np.column_stack([run.record[f"y_{r.name}"] for r in of.bearing.readings])
         limited = run.samples_at_the_stop > 0 or _refused(run.estimate, last)
         for name, b in zip(of.axes, of.alone, strict=True):
             u = b.amplifier.gain * run.record[f"u_{name}"][last]
             limited = limited or bool(((u >= b.current_max) | (u <= b.current_min)).any())
-        return y @ loop.shown[self.axis], limited
+        return y @ shown[self.axis], limited
 
 
 def _refused(estimate: Estimate | None, last: slice) -> bool:
