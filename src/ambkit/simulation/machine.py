@@ -118,7 +118,7 @@ def simulate_machine(
         q, currents = plant.resting(), np.zeros(len(machine.axes))
     noise_u, noise_y = _noise(machine, flight, n)
     added = _of_axes(machine, [(each.axis, each.position) for each in flight.injection], t[:-1])
-    noise_y = noise_y + added @ _at_readings(plant).T
+    noise_y = noise_y + added @ np.linalg.pinv(_shown(plant)).T
     pids = list(controllers or map(PID.for_bearing, plant.alone))
     held = wanted[0] if flight.start == "hover" else np.zeros(len(pids))
     integrals = [iu + pid.unseen(r) for pid, iu, r in zip(pids, currents, held, strict=True)]
@@ -192,22 +192,20 @@ def _controllers(plant: Plant, pids: list[PID]) -> dict[str, Any]:
          alone.current_min, alone.current_max]
         for pid, alone in zip(pids, plant.alone, strict=True)
     ]  # fmt: skip
-    C = geometry.matrix([r.line for r in machine.readings], machine.positions)
-    scale = np.array([r.sensor.gain for r in machine.readings])
     return {
         "T": machine.sampling_time,
         "k_ui": [axis.bearing.amplifier.gain for axis in machine.axes],
         "pid": gains,
-        "shown": (plant.H @ np.linalg.pinv(scale[:, None] * C)).ravel().tolist(),
+        "shown": _shown(plant).ravel().tolist(),
     }
 
 
-def _at_readings(plant: Plant) -> Array:
-    """Return what the readings show of a rotor that is somewhere along the axes (m, p) [1]."""
-    readings = plant.machine.readings
-    C = geometry.matrix([r.line for r in readings], plant.machine.positions)
-    gains = np.array([r.sensor.gain for r in readings])
-    return np.asarray(gains[:, None] * C @ np.linalg.pinv(plant.H))
+def _shown(plant: Plant) -> Array:
+    """Return the positions along the axes that explain readings best (p, m) [1]."""
+    machine = plant.machine
+    C = geometry.matrix([r.line for r in machine.readings], machine.positions)
+    scale = np.array([r.sensor.gain for r in machine.readings])
+    return np.asarray(plant.H @ np.linalg.pinv(scale[:, None] * C))
 
 
 def _record(

@@ -81,6 +81,7 @@ def permitted(machine: Machine, grade: float) -> list[Unbalance]:
         Balance quality grade [m/s].
     """
     places = unbalance_planes(machine)
+    places = places if len(places) < 3 else [places[0], places[-1]]
     if len(places) == 2 and places[0] * places[1] >= 0:
         places = unbalance_planes(machine.model_copy(update={"unbalance": ()}))
     planes = tuple(Unbalance(place=place, grade=grade) for place in places)

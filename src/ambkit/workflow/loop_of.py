@@ -148,7 +148,7 @@ class LoopOf:
             self.point = point or WorkPoint.of_machine(bearing, load)
             whole = Whole(bearing)
             self.shown = whole.H @ whole.shown
-            self.added = whole.gains[:, None] * whole.C @ np.linalg.pinv(whole.H)
+            self.added = np.asarray(np.linalg.pinv(self.shown), float)
             self.axes = tuple(axis.name for axis in bearing.axes)
         else:
             self.point = point or WorkPoint.hovering(bearing, x, load or 0.0)

@@ -146,9 +146,14 @@ def plant(of: Bearing | Machine, point: WorkPoint, *, continuous: bool = False) 
     B[:, : len(alone)] *= [b.amplifier.gain for b in alone]
     if isinstance(of, Machine):
         whole, m = Whole(of), len(of.readings)
-        seen = whole.C @ np.linalg.pinv(whole.H) @ point.x
+        seen = np.linalg.pinv(whole.H @ whole.shown) @ point.x / whole.gains
         sensors: list[Sensor] = [r.sensor for r in of.readings]
-        C = np.vstack([C[:m], whole.H @ C[m:]])
+        stands = {state.name: k for k, state in enumerate(system.states)}
+        along = np.zeros((len(alone), len(stands)))
+        for k, axis in enumerate(of.axes):
+            for q, value in axis.line.form.items():
+                along[k, stands[q]] = value
+        C = np.vstack([C[:m], along])
         names = [axis.name for axis in of.axes]
         positions = of_axes(Signal("s", "m"), names)
         inputs = (*of_axes(Signal("u", "V"), names), *system.inputs[len(names) :])
