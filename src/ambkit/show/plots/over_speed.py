@@ -90,16 +90,19 @@ def run_up_figure(found: OverSpeed) -> Figure:
     ]
     room += _of_axes(found, shares)
     current: list[Item] = [Rule(1.0, signal="limit", label="limit")]
-    current += _of_axes(found, found.current / found.current_limit)
+    used = found.current / found.current_limit
+    current += _of_axes(found, used)
     panels = [
-        Panel(SPEED, Axis("displacement, of the clearance", "%", 100.0), room, title="Room"),
-        Panel(SPEED, Axis("current, of its limit", "%", 100.0), current, title="Current"),
+        Panel(SPEED, _share("displacement, of the clearance", shares, 0.55), room, title="Room"),
+        Panel(SPEED, _share("current, of its limit", used, 1.1), current, title="Current"),
     ]
     if found.voltage is not None:
         volts: list[Item] = [Rule(1.0, signal="limit", label="limit")]
         volts += _of_axes(found, found.voltage)
         panels.append(
-            Panel(SPEED, Axis("voltage, of its limit", "%", 100.0), volts, title="Voltage")
+            Panel(
+                SPEED, _share("voltage, of its limit", found.voltage, 1.1), volts, title="Voltage"
+            )
         )
     return Figure(
         "run-up",
@@ -112,6 +115,12 @@ def run_up_figure(found: OverSpeed) -> Figure:
         columns=len(panels),
         panel_height=2.8,
     )
+
+
+def _share(label: str, values: Vector, least: float) -> Axis:
+    """Return an axis from 0 to beyond the limit, and beyond the values."""
+    highest = float(np.nanmax(values, initial=0.0))
+    return Axis(label, "%", 100.0, limits=(0.0, max(least, 1.1 * highest)))
 
 
 def _of_axes(found: OverSpeed, values: Vector) -> list[Item]:
