@@ -325,7 +325,7 @@ class Assessment(Shown):
         estimator = self.estimators.get(name)
         found = {"as it is": self.loops[name].peak if self.loops[name].stable else math.inf}
         for piece, plant in ideal_pieces(self.bearing).items():
-            there = LoopOf(plant, self.of.controllers, point=self.point)
+            there = LoopOf(plant, self.of.fed_by(estimator), point=self.point)
             found[piece] = there.peak(estimator)
         if estimator is not None:
             found["filter"] = self.of.peak()

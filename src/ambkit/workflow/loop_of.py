@@ -166,6 +166,11 @@ class LoopOf:
             replace(from_u, C=self.shown @ from_u.C, D=self.shown @ from_u.D, outputs=names)
         )
 
+    def fed_by(self, estimator: Any) -> list[PID]:
+        """Return the controllers as they are fed: by an estimator, or None, by the measurement."""
+        feedback = "estimate" if estimator else "measurement"
+        return [one.model_copy(update={"feedback": feedback}) for one in self.controllers]
+
     def loop(self, estimator: Estimator | None = None) -> Loop:
         """Return the loop whose controllers are fed by an estimator, or by the measurement.
 
@@ -174,8 +179,7 @@ class LoopOf:
         AmbkitError
             The estimator does not settle to a gain.
         """
-        feedback = "estimate" if estimator else "measurement"
-        fed = [one.model_copy(update={"feedback": feedback}) for one in self.controllers]
+        fed = self.fed_by(estimator)
         inner = None if estimator is None else estimator_at(estimator, self.point)
         m = len(self.shown[0])
         control = (

@@ -275,7 +275,7 @@ class _Run:
         self.machine = machine.model_copy(update={"unbalance": planes})
         self.estimator = estimator
         of = LoopOf(self.machine, controller, load=load)
-        self.point, self.controllers, self.axes = of.point, of.controllers, of.axes
+        self.point, self.controllers, self.axes = of.point, of.fed_by(estimator), of.axes
 
     def loop(self, speed: float) -> tuple[LoopOf, Loop]:
         """Return the loop at a speed [rad/s], and what it is of."""
