@@ -39,8 +39,12 @@ def released(
     speed = np.full(n + 1, one.speed) if speed is None else speed
     given = plant.arrays(CORE, 1, 0.0) | {"substeps": substeps}
     idle = {
-        "T": one.sampling_time, "k_ui": [1.0] * p, "shown": [0.0] * (p * m),
-        "pid": [[0.0, 0.0, 0.0, 0.0, 1.0, 1.0, -9.0, 9.0]] * p, "position": None, "velocity": None,
+        "T": one.sampling_time, "k_ui": [1.0] * p, "feedback_estimate": False,
+        "pid": [[0.0, 0.0, 0.0, 0.0, 1.0, 1.0, -9.0, 9.0]] * p, "position": [0.0] * (p * m),
+        "spread": np.eye(p).ravel().tolist(), "iu_min": [-9.0] * p, "iu_max": [9.0] * p,
+        **dict.fromkeys(
+            ("velocity", "turning", "fed_back", "fed_back_by_speed", "fed_back_by_square")
+        ),
     }  # fmt: skip
     zero = np.zeros((n, p))
     return CORE.simulate_machine(  # type: ignore[no-any-return]

@@ -376,7 +376,7 @@ class _MachineRig(_Rig):
         there = Injection.model_construct(axis=of.axes[self.axis], position=signal)
         flight = self.flight.model_copy(update={"duration": float(t[-1]), "injection": (there,)})
         run = simulate_machine(
-            of.bearing, flight, estimator=self.inner, controllers=of.fed_by(self.filter)
+            of.bearing, flight, estimator=self.inner, pids=of.fed_by(self.filter)
         )
         y = np.column_stack([run.record[f"y_{r.name}"] for r in of.bearing.readings])
         limited = run.samples_at_the_stop > 0 or _refused(run.estimate, last)
