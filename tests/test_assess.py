@@ -21,9 +21,9 @@ from ambkit.simulation.linear.pieces import (
     WorkPoint,
     compensator,
     controller,
-    estimator_at,
     plant,
 )
+from ambkit.simulation.linear.settled import estimator_at
 from ambkit.simulation.run import Imposed, simulate
 from ambkit.workflow.assessing import MEASUREMENT
 
@@ -57,7 +57,7 @@ def loop_of(bearing, estimator=None, pid=None, x=0.0):
     fed = (pid or PID()).completed(bearing)
     fed = fed.model_copy(update={"feedback": "estimate" if estimator else "measurement"})
     inner = estimator_at(estimator, point) if estimator else None
-    K = compensator(controller(fed, bearing), inner, bearing.sensor.gain)
+    K = compensator(controller(fed, bearing), inner, np.array([[1 / bearing.sensor.gain]]))
     return Loop(plant(bearing, point), K)
 
 
@@ -298,7 +298,7 @@ def test_bodes_integral_of_an_undamped_spring_is_zero():
     """Its poles are on the unit circle, where S is zero: they count for nothing."""
     springy = linearised(axis_parts(ZITTAU, noise=False), ZITTAU.sampling_time, 10.0, -7537.5)
     pid = PID(kp=100.0, ki=0.0, kd=3.0, feedback="measurement")
-    loop = Loop(springy, compensator(controller(pid, ZITTAU), None, 1.0))
+    loop = Loop(springy, compensator(controller(pid, ZITTAU), None, np.eye(1)))
     assert loop.is_stable
     found = bode_integral(loop)
     assert found.poles == 0

@@ -28,6 +28,12 @@ def broad(n):
     return np.random.default_rng(7).choice([-1.0, 1.0], n // 4).repeat(4)
 
 
+def chirp(n):
+    """From 10 to 1500 Hz, its frequency growing evenly."""
+    t = T * np.arange(n)
+    return np.sin(2 * np.pi * (10 * t + 1490 / (2 * n * T) * t**2))
+
+
 def measured(added, seed=0, *, noise=True, rest=500, pid=ON_ESTIMATE, bearing=LATE):
     """The record of a simulated loop with a signal added to its measurement."""
     added = np.concatenate([np.zeros(rest), added, np.zeros(rest)])
@@ -49,8 +55,8 @@ def model_sensitivity(f):
 
 @pytest.mark.parametrize(
     ("added", "periods"),
-    [(1e-5 * repeated(1000, 8), 7), (3e-6 * broad(8_000), 1)],
-    ids=["periods", "polynomials"],
+    [(1e-5 * repeated(1000, 8), 7), (3e-6 * broad(8_000), 1), (1e-5 * chirp(12_000), 1)],
+    ids=["periods", "polynomials", "chirp"],
 )
 def test_intervals_hold_what_they_say_over_200_draws_of_the_noise(added, periods):
     truth = measured_sensitivity(measured(added, noise=False))

@@ -70,6 +70,7 @@ if TYPE_CHECKING:
     from ambkit.workflow.identifying import identify as identify
     from ambkit.workflow.injecting import design_injection as design_injection
     from ambkit.workflow.mode_shapes import mode_shapes as mode_shapes
+    from ambkit.workflow.over_speed import assess_over_speed as assess_over_speed
     from ambkit.workflow.simulating import scenario_for as scenario_for
     from ambkit.workflow.simulating import simulate as simulate
     from ambkit.workflow.simulating import simulate_run as simulate_run
@@ -117,6 +118,7 @@ _HOME = {
     "workflow.comparison": ["compare"],
     "workflow.assessing": ["assess"],
     "workflow.assessing_log": ["assess_log"],
+    "workflow.over_speed": ["assess_over_speed"],
     "workflow.campbell": ["campbell"],
     "workflow.designing": ["design"],
     "workflow.expert": ["train"],

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ambkit.base.errors import AmbkitError
+from ambkit.cli.assess_machine import assess_machine
+from ambkit.cli.assess_sweep import deliver_sweep
+from ambkit.cli.assess_tables import said, tables, tables_of_shares
 from ambkit.cli.kinds import NAMES, is_filter, known, names
 from ambkit.cli.options import (
     ExpertFile,
@@ -19,20 +21,19 @@ from ambkit.cli.options import (
     To,
     file_option,
     find_bearing,
+    find_machine,
     quantity,
-    read_quantities,
+    refuse_of_one_axis,
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
 
     from ambkit.data.record import Record
     from ambkit.estimate.base import Estimator
-    from ambkit.judge.loop.demands import Demands
-    from ambkit.judge.loop.margins import Margins
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Machine
     from ambkit.simulation.scenario import PID
-    from ambkit.workflow.assessing import AssessedLoop, Assessment
     from ambkit.workflow.assessing_log import AssessedLog
 
 
@@ -40,9 +41,9 @@ def assess(
     target: Annotated[
         str,
         typer.Argument(
-            metavar="BEARING|LOG",
-            help="A preset's name, or a TOML file: of a bearing, or of a filter. Or a record of a "
-            "loop with an injected signal.",
+            metavar="BEARING|MACHINE|LOG",
+            help="A preset's name, or a TOML file: of a bearing, a whole machine, or a filter. Or "
+            "a record of a loop with an injected signal.",
         ),
     ],
     estimator: Annotated[
@@ -93,12 +94,29 @@ def assess(
     stepped: Annotated[
         bool, typer.Option("--stepped-sine", help="Sweep by one sine after the other.")
     ] = False,
+    axis: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Of a machine, which axis is swept.",
+            show_default="that which decides its zone",
+        ),
+    ] = None,
+    fastest: Annotated[
+        float | None,
+        typer.Option(
+            "--over-speed",
+            parser=quantity("rad/s"),
+            metavar="SPEED",
+            help="Look at a machine's loop over its speed, up to there.",
+        ),
+    ] = None,
     bearing: Annotated[
         str | None,
         typer.Option(
             "--bearing",
             metavar="BEARING",
-            help="Of a log: the bearing whose model is laid over, or the file of a filter.",
+            help="Of a log: the bearing or machine whose model is laid over, or a filter's file.",
         ),
     ] = None,
     channel_map: MapFile = None,
@@ -127,16 +145,19 @@ def assess(
     Sensitivity at the measurement as ISO 14839-3 looks at it, with its zones: of the linear loop as
     it is, sampled, with dead time, amplifier, sensor, controller and estimator, beside the same
     controller on the measurement; of the simulated one; or of a record in which a signal was added
-    to the measurement, with its confidence.
+    to the measurement, with its confidence. Of a whole machine each axis with all others closed, at
+    its speed, or over speed.
 
     For example:
       ambkit assess zittau_axial --estimator linear,observer --plot margins.png
       ambkit assess my.toml --filter filter.toml --sweep "1 um,20 um"
+      ambkit assess tum_mlps --filter linear --report verdict.html
       ambkit assess injected.csv --bearing my.toml --plot measured.png
     """
     from ambkit.simulation.scenario import Scenario
 
     controller = None if scenario is None else Scenario.load(scenario).controller
+    whole = find_machine(target)
     of_log = Path(target).suffix not in ("", ".toml")
     for_logs = {"--bearing": bearing, "--channels": channel_map, "--logged-before": before or None,
                 "--from": begin, "--to": end}  # fmt: skip
@@ -160,14 +181,22 @@ def assess(
         record = load_log(Path(target), channel_map, begin, end)
         _deliver_log(record, bearing, estimator, expert, controller, before, x, load, plot, json)
         return
+    if whole is not None:
+        assess_machine(
+            whole, estimator, controller, lqg, amplitudes, stepped, axis, fastest, report, plot,
+            json, {"expert": expert, "position": x, "load": load},
+        )  # fmt: skip
+        return
+    for option, given in (("--over-speed", fastest), ("--axis", axis)):
+        if given is not None:
+            raise AmbkitError(f"{option} is of a whole machine, and {target} is none")
     plant, filters = _asked(target, estimator, expert)
     if amplitudes is None:
         if report is not None and len(filters) > 1:
             raise AmbkitError(f"--report is of one loop: give one --filter, not {len(filters)}")
         _deliver_loops(plant, filters, controller, x, load, lqg, plot, report, json)
     else:
-        sizes = read_quantities(amplitudes, "m", "--sweep")
-        _deliver_sweep(plant, filters, controller, sizes, stepped, x, load, plot, json)
+        deliver_sweep(plant, filters, controller, amplitudes, stepped, plot, json, x=x, load=load)
 
 
 def _deliver_loops(
@@ -182,43 +211,11 @@ def _deliver_loops(
     found = assessed(plant, filters, controller, x=x or 0.0, load=load or 0.0, lqg=lqg)
     output.deliver(
         found.to_dict(),
-        [*_tables(found), *_said(found)],
+        [*tables(found), *tables_of_shares(found), *said(found)],
         [
             (plot, lambda path: plots.save_figure(found.figure(), path)),
             (report, lambda path: write_verdict(found, path)),
         ],
-        as_json=json,
-    )
-
-
-def _deliver_sweep(
-    plant: Bearing, filters: Mapping[str, Estimator], controller: PID | None, sizes: list[float],
-    stepped: bool, x: float | None, load: float | None, plot: Path | None, json: bool,
-) -> None:  # fmt: skip
-    from ambkit.cli import output
-    from ambkit.show import plots
-    from ambkit.workflow.loop_of import zone_of
-    from ambkit.workflow.sweeping import sweep
-
-    if len(filters) > 1:
-        raise AmbkitError(f"--sweep is of one loop: give one --filter, not {len(filters)}")
-    with output.progress("sweeping"):
-        found = sweep(
-            plant, filters, controller, amplitudes=sizes,
-            kind="stepped-sine" if stepped else "multisine", x=x or 0.0, load=load or 0.0,
-        )  # fmt: skip
-    rows = [
-        [output.value(each.amplitude, "m"), f"{each.peak:.3f}", zone_of(each.peak),
-         f"{100 * each.deviation:.2g} %", "yes" if each.limited else "no"]
-        for each in found.swept
-    ]  # fmt: skip
-    rows.append(["linear model", f"{found.loop.peak:.3f}", found.loop.zone, "–", "–"])
-    heads = ["amplitude", "peak of |S|", "zone", "from the model, at most", "at a limit"]
-    title = f"{plant.name}, controller fed by {found.loop.name}: {found.kind} of the simulated loop"
-    output.deliver(
-        found.to_dict(),
-        [output.table(title, heads, rows)],
-        [(plot, lambda path: plots.save_figure(found.figure(), path))],
         as_json=json,
     )
 
@@ -232,9 +229,15 @@ def _deliver_log(
     from ambkit.show import plots
     from ambkit.workflow.assessing_log import BASIS, assess_log
 
-    plant, filters = None, dict[str, Any]()
+    plant: Bearing | Machine | None = None
+    filters: Any = {}
     if bearing is not None:
-        plant, filters = _asked(bearing, estimator, expert)
+        plant = find_machine(bearing)
+        if plant is None:
+            plant, filters = _asked(bearing, estimator, expert)
+        else:
+            refuse_of_one_axis(plant, {"expert": expert, "position": x, "load": load})
+            filters = [] if estimator == "none" else names(estimator or "linear")
     found = assess_log(
         record, plant, filters, controller, logged="before" if before else "after",
         x=x or 0.0, load=load or 0.0,
@@ -262,7 +265,7 @@ def _of_log(found: AssessedLog) -> list[Any]:
         ["periods", f"{m.periods}" if m.periods > 1 else "none: local polynomials"],
         ["coherence, least", f"{m.coherence.min():.3f}"],
     ]  # fmt: skip
-    tables = [table("Measured sensitivity", ["", ""], rows)]
+    shown = [table("Measured sensitivity", ["", ""], rows)]
     if found.model is not None:
         met = [
             [name, each.zone, f"{each.peak:.3f}" if each.stable else "–",
@@ -271,8 +274,8 @@ def _of_log(found: AssessedLog) -> list[Any]:
         ]  # fmt: skip
         heads = ["controller fed by", "zone", "peak of |S|", "median distance",
                  "within the 95 % intervals"]  # fmt: skip
-        tables.append(table(f"Models of {found.model.bearing.name}", heads, met))
-    return tables
+        shown.append(table(f"Models of {found.name}", heads, met))
+    return shown
 
 
 def _asked(
@@ -282,7 +285,7 @@ def _asked(
     from ambkit.cli import output
     from ambkit.cli.kinds import factories
     from ambkit.estimate.filter_file import FilterFile
-    from ambkit.simulation.linear.pieces import tells
+    from ambkit.simulation.linear.settled import tells
 
     if is_filter(target):
         if estimator is not None:
@@ -297,81 +300,3 @@ def _asked(
             output.note(f"{name} is left out: it does not settle to a gain")
             del filters[name]
     return plant, filters
-
-
-BESIDE = 5
-"""Loops beside each other in one table."""
-
-
-def _tables(found: Assessment) -> list[Any]:
-    """Return tables with a row for each figure, a column for each loop."""
-    from ambkit.cli.output import table, value
-
-    top = value(found.top, "Hz")
-
-    def margin(said: Callable[[Margins], str]) -> Callable[[AssessedLoop], str]:
-        return lambda each: "–" if each.margins is None else said(each.margins)
-
-    def asked(said: Callable[[Demands], str]) -> Callable[[AssessedLoop], str]:
-        return lambda each: "–" if each.demands is None else said(each.demands)
-
-    rows: list[tuple[str, Callable[[AssessedLoop], str]]] = [
-        ("zone of ISO 14839-3", lambda e: e.zone),
-        (f"  peak of |S| to {top}", lambda e: f"{e.peak:.3f}" if e.stable else "–"),
-        ("  at", lambda e: value(e.peak_frequency, "Hz")),
-        ("peak of |S| to half the sampling rate", margin(lambda m: f"{m.peak:.3f}")),
-        ("peak of |T|", margin(lambda m: f"{m.complementary_peak:.3f}")),
-        ("gain margin up, down", margin(lambda m: _decibels(m.gain_up, m.gain_down))),
-        ("phase margin", margin(lambda m: f"{math.degrees(m.phase):.1f} deg")),
-        ("delay margin", margin(lambda m: value(m.delay, "s", 3))),
-        ("disk margin: gain, both ways", margin(lambda m: _decibels(m.disk_gain[1]))),
-        ("  phase, both ways", margin(lambda m: f"{math.degrees(m.disk_phase):.1f} deg")),
-        ("|S| below -3 dB up to", margin(lambda m: value(m.bandwidth, "Hz", 3))),
-        ("highest crossover", margin(lambda m: value(m.crossover, "Hz", 3))),
-        ("current by noise, rms", lambda e: value(e.current_noise, "A", 3)),
-        ("position by noise, rms", lambda e: value(e.position_noise, "m", 3)),
-        ("zone of ISO 14839-2", asked(lambda d: d.zone)),
-        ("  greatest displacement, of the clearance",
-         asked(lambda d: f"{100 * d.displacement / d.clearance:.2g} %")),
-        ("least harmonic load that comes to a limit",
-         asked(lambda d: value(d.capacity.least[0], "N", 3))),
-        ("  at", asked(lambda d: value(d.capacity.least[1], "Hz", 3))),
-        ("check: Bode's integral of ln|S|", lambda e: f"{e.integral.integral:.8f}"),
-        ("  ln|p| of the unstable poles", lambda e: f"{e.integral.poles:.8f}"),
-    ]  # fmt: skip
-    at = f"at {value(found.point.x, 'm')} and {value(found.point.iu, 'A')}"
-    title = f"{found.bearing.name} {at}, controller fed by"
-    names = list(found.loops)
-    return [
-        table(
-            title,
-            ["", *some],
-            [[head, *(said(found.loops[name]) for name in some)] for head, said in rows],
-        )
-        for some in (names[k : k + BESIDE] for k in range(0, len(names), BESIDE))
-    ]
-
-
-def _decibels(*factors: float) -> str:
-    def one(factor: float) -> str:
-        if not 0 < factor < math.inf:
-            return "∞" if factor else "-∞"
-        return f"{20 * math.log10(factor):.1f}"
-
-    return f"{', '.join(map(one, factors))} dB"
-
-
-def _said(found: Assessment) -> list[str]:
-    """The bound, the check, and what all of it is."""
-    from ambkit.workflow.assessing import BASIS
-
-    said = []
-    if found.least[0] > 1:
-        said.append(
-            f"no linear controller brings the peak of |S| below {found.least[0]:.3f} here, nor "
-            f"that of |T| below {found.least[1]:.3f}, for the unstable pole and the dead time"
-        )
-    wrong = [name for name, each in found.loops.items() if not each.integral.holds]
-    if wrong:
-        said.append(f"the check does not hold, as in an unstable loop: {', '.join(wrong)}")
-    return [*said, BASIS]

@@ -9,7 +9,7 @@ import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.models.linear import LinearSystem, Signal
-from ambkit.simulation.linear import pieces
+from ambkit.simulation.linear import pieces, settled
 from ambkit.simulation.linear.closed import Loop
 from ambkit.simulation.linear.pieces import WorkPoint
 
@@ -144,7 +144,7 @@ def estimator(filter: Estimator, *, point: WorkPoint | None = None) -> control.S
         Where python-control is not installed; or the filter does not settle to a gain.
     """
     point = point or WorkPoint.hovering(filter.bearing)
-    return _state_space(pieces.estimator_at(filter, point), f"{_name(filter.bearing)}_estimator")
+    return _state_space(settled.estimator_at(filter, point), f"{_name(filter.bearing)}_estimator")
 
 
 def closed_loop(
@@ -190,8 +190,9 @@ def closed_loop(
         return _state_space(_continuous_loop(bearing, pid, point), name)
     point = point or WorkPoint.hovering(bearing)
     fed = pid.model_copy(update={"feedback": "measurement" if filter is None else "estimate"})
-    told = None if filter is None else pieces.estimator_at(filter, point)
-    K = pieces.compensator(pieces.controller(fed, bearing), told, bearing.sensor.gain)
+    told = None if filter is None else settled.estimator_at(filter, point)
+    shown = np.array([[1 / bearing.sensor.gain]])
+    K = pieces.compensator(pieces.controller(fed, bearing), told, shown)
     return _state_space(Loop(pieces.plant(bearing, point), K).closed, name)
 
 

@@ -86,7 +86,12 @@ class Controllers:
         return np.asarray(held + self.unseen * (self.of_axes @ place))
 
 
-def controllers_of(plant: Plant, control: Control, estimator: Estimator | None) -> Controllers:
+def controllers_of(
+    plant: Plant,
+    control: Control,
+    estimator: Estimator | None,
+    pids: Sequence[PID] | None = None,
+) -> Controllers:
     """Return the controllers that a machine is flown with.
 
     Parameters
@@ -97,6 +102,8 @@ def controllers_of(plant: Plant, control: Control, estimator: Estimator | None) 
         Of which kind.
     estimator : Estimator, optional
         That feeds them; without, the readings do.
+    pids : sequence of PID (p,), optional
+        Of each axis, for decentralised control; by default they are tuned to the axes alone.
 
     Raises
     ------
@@ -111,7 +118,8 @@ def controllers_of(plant: Plant, control: Control, estimator: Estimator | None) 
             raise AmbkitError('type = "lqg" regulates the estimate: feedback must be "estimate"')
         found = _regulated(plant, estimator)
     elif control.type == "decentralised":
-        found = _decentralised(plant, "measurement" if estimator is None else "estimate")
+        fed: Literal["measurement", "estimate"] = "estimate" if estimator else "measurement"
+        found = _decentralised(plant, pids or holding(plant.machine, fed).pids)
     else:
         found = _of_translation_and_tilt(plant)
     if estimator is None:
@@ -159,8 +167,7 @@ def _gains(pid: PID, low: float, high: float) -> list[float]:
             low, high]  # fmt: skip
 
 
-def _decentralised(plant: Plant, feedback: Literal["measurement", "estimate"]) -> Controllers:
-    pids = holding(plant.machine, feedback).pids
+def _decentralised(plant: Plant, pids: Sequence[PID]) -> Controllers:
     limits = [(alone.current_min, alone.current_max) for alone in plant.alone]
     one = np.eye(len(pids))
     return Controllers(

@@ -31,6 +31,15 @@ class Reference(Part):
     """The position [m]."""
 
 
+class Injection(Part):
+    """A signal at the summing point of an axis, where its controller takes its position."""
+
+    axis: str
+    """Name of the axis, such as A1."""
+    position: Annotated[Signal, SignalIn("m", "1 um")]
+    """What is added to the readings, as if the rotor were there [m]."""
+
+
 class Flight(Document):
     """A run of a whole machine: how fast it turns, what disturbs it, and who controls it.
 
@@ -57,13 +66,14 @@ class Flight(Document):
     """Forces on the rotor besides magnets, weight and unbalance."""
     reference: tuple[Reference, ...] = ()
     """Positions that the rotor is to take; else the middle."""
+    injection: tuple[Injection, ...] = ()
+    """What is added to the readings before controllers and estimator take them."""
 
     @model_serializer(mode="wrap")
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         data: dict[str, Any] = handler(self)
-        return {
-            k: each for k, each in data.items() if k not in ("disturbance", "reference") or each
-        }
+        lists = ("disturbance", "reference", "injection")
+        return {k: each for k, each in data.items() if k not in lists or each}
 
     def unknown_axes(self, axes: tuple[str, ...]) -> Iterator[str]:
         """Yield what is wrong with the axes that it names.
@@ -75,6 +85,7 @@ class Flight(Document):
         """
         named = [(f"disturbance[{at}]", each.axis) for at, each in enumerate(self.disturbance)]
         named += [(f"reference[{at}]", each.axis) for at, each in enumerate(self.reference)]
+        named += [(f"injection[{at}]", each.axis) for at, each in enumerate(self.injection)]
         for key, axis in named:
             if axis not in axes:
                 yield f"{key}.axis: there is no axis {axis}; there are {', '.join(axes)}"

@@ -15,13 +15,8 @@ from ambkit.base.errors import AmbkitError
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.simulation.linear.closed import Loop
-from ambkit.simulation.linear.pieces import (
-    WorkPoint,
-    compensator,
-    controller,
-    estimator_at,
-    plant,
-)
+from ambkit.simulation.linear.pieces import WorkPoint, compensator, controller, plant
+from ambkit.simulation.linear.settled import estimator_at
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
@@ -196,10 +191,11 @@ def _loops(
     bearing: Bearing, gains: Gains, P: LinearSystem, E: LinearSystem | None
 ) -> Iterator[Loop]:
     """Yield the loop that is fed by the measurement, and the one that is fed by the estimate."""
-    yield Loop(P, compensator(controller(gains, bearing), None, bearing.sensor.gain))
+    shown = np.array([[1 / bearing.sensor.gain]])
+    yield Loop(P, compensator(controller(gains, bearing), None, shown))
     if E is not None:
         fed = gains._replace(feedback="estimate")
-        yield Loop(P, compensator(controller(fed, bearing), E, bearing.sensor.gain))
+        yield Loop(P, compensator(controller(fed, bearing), E, shown))
 
 
 def _overshoot(bearing: Bearing, loop: Loop) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
@@ -18,11 +19,13 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.magnets import core_module
 from ambkit.simulation import noise
 from ambkit.simulation.controllers import arrays, controllers_of
+from ambkit.simulation.holding import shown_along_axes
 from ambkit.simulation.plant import Plant
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
     from ambkit.simulation.flight import Flight
+    from ambkit.simulation.scenario import PID
 
 Array = NDArray[np.float64]
 
@@ -59,6 +62,7 @@ def simulate_machine(
     *,
     estimator: Estimator | None = None,
     disturbance: Array | None = None,
+    pids: Sequence[PID] | None = None,
 ) -> MachineRun:
     """Simulate a whole machine with its controllers.
 
@@ -76,6 +80,8 @@ def simulate_machine(
         it is the linear filter if none is given.
     disturbance : ndarray (n, p), optional
         Forces along the axes, sample by sample, added to the flight's [N].
+    pids : sequence of PID (p,), optional
+        Of each axis, where each has its own; by default they are tuned to the axes alone.
 
     Raises
     ------
@@ -115,8 +121,10 @@ def simulate_machine(
         if flight.control.type != "lqg":  # whose integrals are all that knows of the weight
             held = currents, np.zeros_like(currents), None
     noise_u, noise_y = _noise(machine, flight, n)
+    added = _of_axes(machine, [(each.axis, each.position) for each in flight.injection], t[:-1])
+    noise_y = noise_y + added @ np.linalg.pinv(shown_along_axes(machine)).T
     feeding = estimator if flight.feedback == "estimate" else None
-    controllers = controllers_of(plant, flight.control, feeding)
+    controllers = controllers_of(plant, flight.control, feeding, pids)
     given = (
         plant.arrays(core, flight.substeps, fastest)
         | {"T": T, "k_ui": [axis.bearing.amplifier.gain for axis in machine.axes]}
@@ -133,7 +141,8 @@ def simulate_machine(
         estimator=None if estimator is None else estimator.core,
         model=estimator.engine.model_of_core if estimator and follows is not None else None,
     )  # fmt: skip
-    record = _record(plant, flight, t[:-1], out, {"r": wanted, "f_d": loads, "speed": speed[:-1]})
+    series = {"r": wanted, "f_d": loads, "speed": speed[:-1], "injected": added}
+    record = _record(plant, flight, t[:-1], out, series)
     estimate = None if estimator is None else estimator.told(t[:-1], out["estimate"])
     return MachineRun(machine, record, estimate)
 
@@ -183,6 +192,8 @@ def _record(
     signals |= {f"{at.name}": (out["X"][:, k], at.unit) for k, at in enumerate(model.states)
                 if at.role == "sensor"}  # fmt: skip
     signals["speed"] = series["speed"], "rad/s"
+    for each in flight.injection:
+        signals[f"injected_{each.axis}"] = series["injected"][:, axes.index(each.axis)], "m"
     meta = {
         "machine": machine.to_toml(),
         "flight": flight.model_dump(mode="json"),

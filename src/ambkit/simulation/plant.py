@@ -38,20 +38,9 @@ class Plant:
     ----------
     machine : Machine
         The whole machine.
-
-    Raises
-    ------
-    AmbkitError
-        It has what is simulated of one axis only: an amplifier's voltage limit.
     """
 
     def __init__(self, machine: Machine) -> None:
-        for at, each in enumerate(machine.bearing):
-            if each.amplifier.voltage_limit is not None:
-                raise AmbkitError(
-                    f"{machine.name}: bearing[{at}].amplifier.voltage_limit is simulated of one "
-                    "axis alone, not of a whole machine; leave it out"
-                )
         self.machine = machine
         self.model: Continuous = continuous(machine)
         self.alone = [machine.alone(axis.name) for axis in machine.axes]
@@ -118,8 +107,19 @@ class Plant:
             Steps of the integrator in a sample, at least.
         fastest : float
             Greatest speed of rotation in the run [rad/s].
+
+        Raises
+        ------
+        AmbkitError
+            It has what is simulated of one axis only: an amplifier's voltage limit.
         """
         machine, model = self.machine, self.model
+        for at, each in enumerate(machine.bearing):
+            if each.amplifier.voltage_limit is not None:
+                raise AmbkitError(
+                    f"{machine.name}: bearing[{at}].amplifier.voltage_limit is simulated of one "
+                    "axis alone, not of a whole machine; leave it out"
+                )
         n, readings = len(model.states), machine.readings
         index = model.place
         seen = np.zeros((len(readings), n))

@@ -9,9 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.base.asked import Given, of_type
+from ambkit.base.errors import RecordError
 from ambkit.base.showing import Shown
 from ambkit.data.record import Record
+from ambkit.estimate.whole import Whole
 from ambkit.judge.loop.measured import Logged, MeasuredSensitivity, measured_sensitivity
+from ambkit.machine.machine import Machine
 from ambkit.models.linear import Complex
 from ambkit.workflow.assessing import Assessment, assess
 from ambkit.workflow.loop_of import ZONES, end_of_range, zone_of
@@ -43,6 +46,8 @@ class AssessedLog(Shown):
         What holds the greatest magnitude at the measured frequencies, with 95 % or more [1].
     model : Assessment or None
         The linear loops of the bearing, where it is given.
+    axis : int
+        Which axis of a machine.
     """
 
     _card_by = "workflow.cards:assessed_log"
@@ -53,12 +58,21 @@ class AssessedLog(Shown):
     peak_frequency: float
     interval: tuple[float, float]
     model: Assessment | None
+    axis: int = 0
 
     @property
     def zone(self) -> str:
         """Zone of the measured peak; ``"A or B"`` where its interval does not tell."""
         best, worst = (zone_of(end) for end in self.interval)
         return best if best == worst else f"{best} or {worst}"
+
+    @property
+    def name(self) -> str:
+        """Of the bearing, or of the machine and its axis; empty where none is given."""
+        if self.model is None:
+            return ""
+        axis = "" if self.model.of.machine is None else f" {self.model.of.axes[self.axis]}"
+        return f"{self.model.bearing.name}{axis}"
 
     @property
     def within(self) -> dict[str, float]:
@@ -77,7 +91,7 @@ class AssessedLog(Shown):
 
     def _models(self) -> Iterator[tuple[str, Complex]]:
         for name, each in () if self.model is None else self.model.loops.items():
-            yield name, each.loop.sensitivity(self.measured.frequency)[:, 0, 0]
+            yield name, each.loop.of_axis(self.axis, self.measured.frequency)
 
     def __repr__(self) -> str:
         low, high = self.interval
@@ -121,9 +135,10 @@ class AssessedLog(Shown):
         from ambkit.show.plots.sensitivity import measured_figure
 
         models = [] if self.model is None else [
-            Curves(name, each.loop) for name, each in self.model.loops.items() if each.stable
+            Curves(name, each.loop, self.axis)
+            for name, each in self.model.loops.items() if each.stable
         ]  # fmt: skip
-        name = "" if self.model is None else f"{self.model.bearing.name}: "
+        name = "" if self.model is None else f"{self.name}: "
         return measured_figure(
             f"{name}measured sensitivity, zone {self.zone}", self.measured, models,
             zones=ZONES, top=self.top,
@@ -132,13 +147,13 @@ class AssessedLog(Shown):
 
 def assess_log(
     record: Record,
-    bearing: Bearing | None = None,
+    bearing: Bearing | Machine | None = None,
     filter: Any = None,
     controller: PID | None = None,
     *,
     logged: Logged = "after",
     x: Given = 0.0,
-    load: Given = 0.0,
+    load: Given | Mapping[str, Given] = 0.0,
 ) -> AssessedLog:
     """Assess a loop by a record in which a signal was added to its measurement.
 
@@ -146,7 +161,9 @@ def assess_log(
     ----------
     record : Record
         With ``y`` [m] and ``injected`` [m]; see `ambkit.judge.loop.measured.measured_sensitivity`.
-    bearing : Bearing, optional
+        Of a machine with ``y_NAME`` of each reading, and ``injected_NAME`` of the axis at whose
+        summing point the signal was added.
+    bearing : Bearing or Machine, optional
         Gives the speed, and the model that is laid over.
     filter, controller, x, load : optional
         Of the model, as for `ambkit.assess`.
@@ -166,6 +183,9 @@ def assess_log(
         See `ambkit.assess`.
     """
     of_type(Record, record=record)
+    axis = 0
+    if isinstance(bearing, Machine):
+        axis, record = of_one_axis(record, bearing)
     found = measured_sensitivity(record, logged)
     speed = None if bearing is None else bearing.speed
     top = end_of_range(found.sampling_time, speed)
@@ -174,5 +194,43 @@ def assess_log(
     size = np.where(inside, np.abs(found.sensitivity), -np.inf)
     at = int(size.argmax())
     return AssessedLog(
-        found, top, float(size[at]), float(found.frequency[at]), found.peak_interval(top=top), model
+        measured=found,
+        top=top,
+        peak=float(size[at]),
+        peak_frequency=float(found.frequency[at]),
+        interval=found.peak_interval(top=top),
+        model=model,
+        axis=axis,
     )
+
+
+def of_one_axis(record: Record, machine: Machine) -> tuple[int, Record]:
+    """Return which axis of a machine something was injected at, and the record of that axis alone.
+
+    Parameters
+    ----------
+    record : Record
+        Of the machine.
+    machine : Machine
+        Gives places and gains of the readings.
+
+    Raises
+    ------
+    RecordError
+        It has not all readings, or not one axis that something was injected at.
+    """
+    names = [axis.name for axis in machine.axes]
+    told = [name for name in names if f"injected_{name}" in record]
+    if len(told) != 1:
+        there, has = (", ".join(f"injected_{name}" for name in of) for of in (names, told))
+        raise RecordError(
+            f"the record must have what was injected at one axis of {machine.name}: one of "
+            f"{there}; has {has or 'none of them'}"
+        )
+    lacking = [f"y_{r.name}" for r in machine.readings if f"y_{r.name}" not in record]
+    if lacking:
+        raise RecordError(f"the record has no {', '.join(lacking)}, which {machine.name} gives")
+    axis, whole = names.index(told[0]), Whole(machine)
+    y = np.column_stack([record[f"y_{r.name}"] for r in machine.readings])
+    shown = y @ (whole.H @ whole.shown)[axis]
+    return axis, Record(record.t, {"y": shown, "injected": record[f"injected_{told[0]}"]})

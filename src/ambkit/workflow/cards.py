@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ambkit.workflow.filtering import Filtering
     from ambkit.workflow.identifying import Identified, LiftedOff
     from ambkit.workflow.injecting import Injection
+    from ambkit.workflow.over_speed import OverSpeed
     from ambkit.workflow.sweeping import Sweep
     from ambkit.workflow.trading_off import TradeOff
     from ambkit.workflow.tuned_filter import Tuned
@@ -137,6 +138,22 @@ def assessment(of: Assessment) -> Card:
     return Card(title, rows, of.figure(), heads, [*least, BASIS])
 
 
+def over_speed(of: OverSpeed) -> Card:
+    """Describe a machine's loop over its speed by the worst of it."""
+
+    def at(share: tuple[float, float]) -> str:
+        return f"{100 * share[0]:.3g} % at {share[1] * 30 / math.pi:.5g} rpm"
+
+    peak, speed = of.worst
+    rows = [
+        ("zone", of.zone),
+        ("peak of |S|", f"{peak:.3f} at {speed * 30 / math.pi:.5g} rpm"),
+        ("displacement, of the clearance", at(of.farthest)),
+        ("current, of its limit", at(of.hardest)),
+    ]
+    return Card(f"{of.machine.name} over speed, fed by {of.fed_by}", rows, of.figure(), (), [BASIS])
+
+
 def assessed_log(of: AssessedLog) -> Card:
     """Describe a measured sensitivity by its zone and interval, and how models meet it."""
     low, high = of.interval
@@ -157,7 +174,7 @@ def swept(of: Sweep) -> Card:
         for each in of.swept
     ]  # fmt: skip
     heads = ["amplitude", "peak of |S|", "from the model, at most", "at a limit"]
-    title = f"{of.bearing.name}, fed by {of.loop.name}: {of.kind} of the simulated loop"
+    title = f"{of.name}, fed by {of.loop.name}: {of.kind} of the simulated loop"
     return Card(title, rows, of.figure(), heads)
 
 

@@ -1,21 +1,31 @@
-"""One bearing and one controller, and the linear loop that each filter makes with them."""
+"""A bearing or a machine with its controllers, and the linear loop that a filter makes of them."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.kalman import KalmanFilter
+from ambkit.estimate.whole import Whole
 from ambkit.judge.loop.bounds import least_peaks
 from ambkit.judge.loop.lqg import LQG, Noise
 from ambkit.judge.loop.margins import grid, highest
+from ambkit.machine.bank import alone_of
 from ambkit.machine.bearing import Bearing
+from ambkit.machine.machine import Machine
+from ambkit.models.linear import Signal
+from ambkit.models.model import Array
 from ambkit.simulation.linear.closed import Loop
-from ambkit.simulation.linear.pieces import WorkPoint, compensator, estimator_at, plant, tells
+from ambkit.simulation.linear.pieces import WorkPoint, compensator, controllers, plant
 from ambkit.simulation.linear.pieces import controller as controller_of
+from ambkit.simulation.linear.settled import estimator_at, tells
 from ambkit.simulation.scenario import PID
 
 ZONES = (("A", 3.0), ("B", 4.0), ("C", 5.0))
@@ -26,6 +36,9 @@ RANGE = 2000.0
 
 ZONE_A = ZONES[0][1]
 """Peak of abs(S) at which zone A ends."""
+
+PROMPT = 1e-12
+"""Lag of an ideal sensor [s]: what is shorter than models tell from none."""
 
 COARSE = 500
 """Points of a grid that finds a peak, where nothing else is asked."""
@@ -55,17 +68,56 @@ def zone_of(peak: float) -> str:
     return next((name for name, limit in ZONES if peak < limit), "D")
 
 
-class LoopOf:
-    """The loop of a bearing and a controller at a work point, with one filter or another.
+def ideal_pieces(bearing: Bearing | Machine) -> dict[str, Any]:
+    """Return a bearing or a machine with one piece of its loop ideal, by the piece's name.
 
     Parameters
     ----------
-    bearing : Bearing
-        The plant.
-    controller : PID, optional
-        What is not said of it is tuned to the bearing.
-    x, load : float, optional
-        Displacement [m] and constant load [N] at which it is linearised.
+    bearing : Bearing or Machine
+        As it is; pieces that are ideal already are left out.
+    """
+    found: dict[str, Any] = {}
+
+    def fast(amplifier: Any) -> Any:
+        return amplifier.model_copy(update={"bandwidth": None, "voltage_limit": None})
+
+    def prompt(sensor: Any) -> Any:
+        return sensor.model_copy(update={"lag": PROMPT})
+
+    if isinstance(bearing, Machine):
+        placed = bearing.bearing
+        if any(each.amplifier.bandwidth for each in placed):
+            ideal = [at.model_copy(update={"amplifier": fast(at.amplifier)}) for at in placed]
+            found["amplifier"] = bearing.model_copy(update={"bearing": tuple(ideal)})
+        if any(each.lag for each in bearing.sensor):
+            sensors = tuple(prompt(each) for each in bearing.sensor)
+            found["sensor"] = bearing.model_copy(update={"sensor": sensors})
+    else:
+        if bearing.amplifier.bandwidth:
+            found["amplifier"] = bearing.model_copy(update={"amplifier": fast(bearing.amplifier)})
+        if bearing.sensor.lag:
+            found["sensor"] = bearing.model_copy(update={"sensor": prompt(bearing.sensor)})
+    if bearing.delay:
+        found["delay"] = bearing.model_copy(update={"delay": None})
+    return found
+
+
+class LoopOf:
+    """The loop of a bearing or a machine at a work point, with one filter or another.
+
+    Parameters
+    ----------
+    bearing : Bearing or Machine
+        The plant; a machine at its speed.
+    controller : PID, or sequence of PID (p,), optional
+        Of each axis, or one for all; what is not said is tuned to the bearing, or to each axis
+        alone.
+    x : float, optional
+        Displacement at which a bearing is linearised [m].
+    load : float, or mapping of str to float, optional
+        Constant load there [N]; of a machine by the names of its axes.
+    point : WorkPoint, optional
+        Where it is linearised, where it is known.
 
     Raises
     ------
@@ -74,42 +126,95 @@ class LoopOf:
     """
 
     def __init__(
-        self, bearing: Bearing, controller: PID | None = None, x: float = 0.0, load: float = 0.0
+        self,
+        bearing: Bearing | Machine,
+        controller: PID | Sequence[PID] | None = None,
+        x: float = 0.0,
+        load: Any = None,
+        *,
+        point: WorkPoint | None = None,
     ) -> None:
-        self.bearing = bearing
-        self.point = WorkPoint.hovering(bearing, x, load)
-        self.controller = (controller or PID()).completed(bearing)
+        self.bearing: Any = bearing
+        self.machine = bearing if isinstance(bearing, Machine) else None
+        self.alone = alone_of(bearing)
+        each = (
+            list(controller) if isinstance(controller, Sequence)
+            else [controller or PID()] * len(self.alone)
+        )  # fmt: skip
+        self.controllers = [pid.completed(b) for pid, b in zip(each, self.alone, strict=True)]
+        self.axes: tuple[str, ...] = ("x",)
+        self.added: Array | None = None
+        if isinstance(bearing, Machine):
+            self.point = point or WorkPoint.of_machine(bearing, load)
+            whole = Whole(bearing)
+            self.shown = whole.H @ whole.shown
+            self.added = np.asarray(np.linalg.pinv(self.shown), float)
+            self.axes = tuple(axis.name for axis in bearing.axes)
+        else:
+            self.point = point or WorkPoint.hovering(bearing, x, load or 0.0)
+            self.shown = np.array([[1 / bearing.sensor.gain]])
         self.plant = plant(bearing, self.point)
         self.top = end_of_range(bearing.sampling_time, bearing.speed)
 
     def least(self) -> tuple[float, float]:
-        """Return the peaks of abs(S) and abs(T) that no controller can be below [1]."""
-        return least_peaks(self.plant.select(["y"], ["u"]))
+        """Return the peaks of S and T that no controller can be below [1]; see `least_peaks`."""
+        p, m = len(self.alone), len(self.shown[0])
+        u, y = ([at.name for at in of] for of in (self.plant.inputs[:p], self.plant.outputs[:m]))
+        from_u = self.plant.select(y, u)
+        names = tuple(Signal(axis, "m") for axis in self.axes)
+        return least_peaks(
+            replace(from_u, C=self.shown @ from_u.C, D=self.shown @ from_u.D, outputs=names)
+        )
+
+    def fed_by(self, estimator: Any) -> list[PID]:
+        """Return the controllers as they are fed: by an estimator, or None, by the measurement."""
+        feedback = "estimate" if estimator else "measurement"
+        return [one.model_copy(update={"feedback": feedback}) for one in self.controllers]
 
     def loop(self, estimator: Estimator | None = None) -> Loop:
-        """Return the loop whose controller is fed by an estimator, or by the measurement.
+        """Return the loop whose controllers are fed by an estimator, or by the measurement.
 
         Raises
         ------
         AmbkitError
             The estimator does not settle to a gain.
         """
-        feedback = "estimate" if estimator else "measurement"
-        fed = self.controller.model_copy(update={"feedback": feedback})
+        fed = self.fed_by(estimator)
         inner = None if estimator is None else estimator_at(estimator, self.point)
-        K = compensator(controller_of(fed, self.bearing), inner, self.bearing.sensor.gain)
-        return Loop(self.plant, K)
+        m = len(self.shown[0])
+        control = (
+            controller_of(fed[0], self.bearing) if self.machine is None
+            else controllers(fed, self.machine)
+        )  # fmt: skip
+        K = compensator(control, inner, self.shown, self.plant.outputs[:m])
+        return Loop(self.plant, K, m, *self._summing())
 
     def lqg(self) -> Loop:
         """Return the loop of the linear-quadratic-Gaussian controller that needs least control.
 
-        It has the state and the load from a Kalman filter of this very plant, told of the noise of
-        sensor and amplifier and the usual growth of the load.
+        It has state and loads from a Kalman filter of this very plant, told of the noise of sensors
+        and amplifiers and the usual growth of the loads.
         """
-        b = self.bearing
-        growth = KalmanFilter(b).variances.disturbance
-        noise = Noise(b.sensor.noise_variance, b.amplifier.noise_variance, growth)
-        return Loop(self.plant, LQG(self.plant, noise).compensator())
+        told = KalmanFilter(self.bearing).variances
+        sensors, amplifiers = self.noise()
+        noise = Noise(sensors, amplifiers, told.disturbance)
+        K = LQG(self.plant, noise).compensator()
+        return Loop(self.plant, K, len(sensors), *self._summing())
+
+    def noise(self) -> tuple[list[float], list[float]]:
+        """Return the variances of the measurements [m^2] and of the control signals [V^2]."""
+        if self.machine is None:
+            sensors = [self.bearing.sensor]
+        else:
+            sensors = [r.sensor for r in self.machine.readings]
+        return (
+            [each.noise_variance for each in sensors],
+            [b.amplifier.noise_variance for b in self.alone],
+        )
+
+    def _summing(self) -> tuple[Array | None, Array | None]:
+        """Return how axes are seen and shaken by the measurements; of one axis as they are."""
+        return (None, None) if self.added is None else (self.shown, self.added)
 
     def peak(self, estimator: Estimator | None = None) -> float:
         """Return the peak of abs(S) within the standard's range [1].
@@ -129,7 +234,7 @@ class LoopOf:
             return math.inf
         f = grid(loop, COARSE)
         within = np.append(f[f < self.top], self.top)
-        return highest(lambda at: loop.sensitivity(at)[:, 0, 0], within)[0]
+        return max(highest(partial(loop.of_axis, k), within)[0] for k in range(loop.axes))
 
     def check(self, estimator: Estimator, ceiling: float) -> None:
         """Refuse a ceiling on the peak of abs(S) that this filter cannot be held to.

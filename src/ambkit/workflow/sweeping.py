@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
@@ -13,19 +13,29 @@ from numpy.typing import NDArray
 from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Shown
-from ambkit.estimate.estimate import Status
+from ambkit.estimate.estimate import Estimate, Status
 from ambkit.identification.excitation.signals import sparse_multisine
 from ambkit.machine.bearing import Bearing
+from ambkit.machine.machine import Machine
 from ambkit.models.linear import Complex
+from ambkit.simulation.flight import Disturbance as Load
+from ambkit.simulation.flight import Flight, Injection
+from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import PID, Scenario
 from ambkit.simulation.waveforms import Constant, Recorded
-from ambkit.workflow.assessing import AssessedLoop, assess, given_estimators
+from ambkit.workflow.assessing import (
+    AssessedAxis,
+    AssessedLoop,
+    Assessment,
+    assess,
+    given_estimators,
+    given_load,
+)
 from ambkit.workflow.loop_of import ZONES
 
 if TYPE_CHECKING:
     from ambkit.show.report.figure import Figure
-    from ambkit.simulation.run import Run
 
 Array = NDArray[np.float64]
 Kind = Literal["multisine", "stepped-sine"]
@@ -91,8 +101,10 @@ class Sweep(Shown):
 
     Attributes
     ----------
-    bearing : Bearing
+    bearing : Bearing or Machine
         The plant.
+    axis : int
+        Which was swept.
     kind : {"multisine", "stepped-sine"}
         What was added to the measurement.
     loop : AssessedLoop
@@ -105,7 +117,8 @@ class Sweep(Shown):
 
     _card_by = "workflow.cards:swept"
 
-    bearing: Bearing
+    bearing: Bearing | Machine
+    axis: int
     kind: Kind
     loop: AssessedLoop
     swept: tuple[Swept, ...]
@@ -116,12 +129,24 @@ class Sweep(Shown):
             f"{1e6 * each.amplitude:.3g} µm: peak {each.peak:.3g}, off by {each.deviation:.2g}"
             for each in self.swept
         )
-        return f"<Sweep of {self.bearing.name}, {self.loop.name}: {said}>"
+        return f"<Sweep of {self.name}, {self.loop.name}: {said}>"
+
+    @property
+    def name(self) -> str:
+        """Of the bearing, or of the machine and its axis."""
+        if isinstance(self.bearing, Machine):
+            return f"{self.bearing.name} {self.bearing.axes[self.axis].name}"
+        return self.bearing.name
+
+    @property
+    def model(self) -> AssessedAxis:
+        """What the linear model says of the axis."""
+        return list(self.loop.axes.values())[self.axis]
 
     def to_dict(self) -> dict[str, Any]:
         """Return all figures as plain data, in SI."""
         return {
-            "bearing": self.bearing.name,
+            "bearing": self.name,
             "kind": self.kind,
             "fed_by": self.loop.name,
             "amplitudes": [
@@ -143,9 +168,9 @@ class Sweep(Shown):
         from ambkit.show.plots.sensitivity import sweep_figure
 
         return sweep_figure(
-            f"{self.bearing.name}, controller fed by {self.loop.name}: {self.kind} of the "
-            "simulated loop",
+            f"{self.name}, controller fed by {self.loop.name}: {self.kind} of the simulated loop",
             self.loop.loop,
+            self.axis,
             [(each.amplitude, each.frequency, each.sensitivity, each.model) for each in self.swept],
             zones=ZONES,
             top=self.top,
@@ -153,36 +178,42 @@ class Sweep(Shown):
 
 
 def sweep(
-    bearing: Bearing,
+    bearing: Bearing | Machine,
     filter: Any = None,
     controller: PID | None = None,
     *,
     amplitudes: Sequence[Given] | None = None,
     kind: Kind = "multisine",
+    axis: str | None = None,
     x: Given = 0.0,
-    load: Given = 0.0,
+    load: Given | Mapping[str, Given] = 0.0,
 ) -> Sweep:
     """Sweep the simulated loop through the summing point at its measurement.
 
-    Without noise; of a rotor that turns, what runout does alone is taken off. A multisine gives the
-    best linear approximation at its amplitude, a stepped sine the first harmonic of each sine.
+    Without noise; of a rotor that turns, what runout and unbalance do alone is taken off. A
+    multisine gives the best linear approximation at its amplitude, a stepped sine the first
+    harmonic of each sine. Of a machine one axis is swept, with all others closed: the signal goes
+    to the readings as if the rotor had moved along that axis.
 
     Parameters
     ----------
-    bearing : Bearing
-        The plant, with its nonlinear magnet, limits and stops.
+    bearing : Bearing or Machine
+        The plant, with its nonlinear magnets, limits and stops.
     filter : optional
         In the loop, as for `ambkit.assess`, one at most; None: the controller is fed by the
         measurement.
     controller : PID, optional
-        What is not said of it is tuned to the bearing.
+        What is not said of it is tuned to the bearing, or to each axis alone.
     amplitudes : sequence of float or str, optional
         Greatest values of what is added to the measurement [m]; by default 0.1 %, 1 % and 3 % of
         the air gap.
     kind : {"multisine", "stepped-sine"}, optional
         What is added.
+    axis : str, optional
+        Of a machine, by its name; by default that which decides its zone.
     x, load : float or str, optional
-        Displacement [m] and constant load [N] at which it is done.
+        Displacement [m] and constant load [N] at which it is done; of a machine only loads, by the
+        names of its axes.
 
     Returns
     -------
@@ -192,79 +223,74 @@ def sweep(
     Raises
     ------
     AmbkitError
-        An amplitude is not greater than 0; the loop is not stable; or see `ambkit.assess`.
+        An amplitude is not greater than 0; there is no such axis; the loop is not stable; or see
+        `ambkit.assess`.
     """
-    of_type(Bearing, bearing=bearing)
+    of_type(Bearing, Machine, bearing=bearing)
     if kind not in get_args(Kind):
         raise AmbkitError(f"kind must be one of {', '.join(get_args(Kind))}, is {kind!r}")
-    x, load = in_si("x", x, "m"), in_si("load", load, "N")
-    given = [part * bearing.magnet.air_gap for part in AMPLITUDES]
+    found = assess(bearing, filter, controller, x=x, load=load)
+    name, loop = list(found.loops.items())[-1]
+    if loop.worst is None:
+        raise AmbkitError(f"{bearing.name}, controller fed by {name}: the loop is not stable")
+    axes = list(loop.axes)
+    chosen = loop.worst.name if axis is None else axis
+    if chosen not in axes:
+        raise AmbkitError(f"{bearing.name} has no axis {chosen}; there are {', '.join(axes)}")
+    at = axes.index(chosen)
+    given = [part * found.of.alone[at].magnet.air_gap for part in AMPLITUDES]
     if amplitudes is not None:
         given = [in_si("amplitude", each, "m") for each in amplitudes]
     for each in given:
         if not (math.isfinite(each) and each > 0):
             raise AmbkitError(f"an amplitude must be greater than 0 m, is {each:g} m")
-    found = assess(bearing, filter, controller, x=x, load=load)
-    name, loop = list(found.loops.items())[-1]
-    if not loop.stable:
-        raise AmbkitError(f"{bearing.name}, controller fed by {name}: the loop is not stable")
-    rig = _Rig(bearing, filter, found.controller, loop, x, load)
+    held = given_load(bearing, load)
+    if isinstance(bearing, Machine):
+        rig: _Rig = _MachineRig(found, filter, loop, at, held or {})
+    else:
+        rig = _BearingRig(found, filter, loop, in_si("x", x, "m"), held)
     run = {"multisine": rig.multisine, "stepped-sine": rig.stepped}[kind]
-    return Sweep(bearing, kind, loop, tuple(run(each) for each in given), found.top)
+    return Sweep(bearing, at, kind, loop, tuple(run(each) for each in given), found.top)
 
 
 class _Rig:
     """The simulated loop, without noise."""
 
-    def __init__(
-        self,
-        bearing: Bearing,
-        filter: Any,
-        pid: PID,
-        loop: AssessedLoop,
-        x: float,
-        load: float,
-    ) -> None:
-        self.bearing, self.filter, self.loop, self.T = bearing, filter, loop, bearing.sampling_time
-        fed = pid.model_copy(update={"feedback": "estimate" if filter else "measurement"})
-        self.scenario = Scenario(
-            controller=fed,
-            noise=False,
-            reference=Constant(value=x),
-            disturbance=Constant(value=load),
-        )
+    def __init__(self, found: Assessment, filter: Any, loop: AssessedLoop, axis: int) -> None:
+        self.found, self.filter, self.loop, self.axis = found, filter, loop, axis
+        self.T = found.bearing.sampling_time
         rate = -math.log(float(np.abs(loop.loop.closed.poles()).max())) / self.T
         self.settling = math.ceil(min(LONGEST, -math.log(SETTLED) / rate) / self.T)
 
-    def run(self, added: Array) -> Run:
-        """Simulate with what is added to the measurement (n,) [m]."""
-        t = self.T * np.arange(len(added))
-        signal = Recorded.model_construct(times=tuple(t.tolist()), values=tuple(added.tolist()))
-        scenario = self.scenario.model_copy(update={"duration": float(t[-1]), "injection": signal})
-        inner = next(iter(given_estimators(self.filter, self.bearing).values()), None)
-        return simulate_run(self.bearing, scenario, estimator=inner)
+    @property
+    def inner(self) -> Any:
+        """The estimator in the loop, made anew; None: there is none."""
+        return next(iter(given_estimators(self.filter, self.found.bearing).values()), None)
+
+    def answer(self, added: Array, last: slice) -> tuple[Array, bool]:
+        """Return the measurement with what was added to it (n,) [m], and whether a limit is met."""
+        raise NotImplementedError
+
+    @property
+    def turns(self) -> bool:
+        """Whether the measurement moves by itself."""
+        raise NotImplementedError
+
+    def look(self, period: Array, line: NDArray[np.int_]) -> tuple[Complex, bool]:
+        """Add whole periods to the measurement, and return S at lines of their spectrum."""
+        whole = len(period)
+        last = slice(-whole, None)
+        added = np.tile(period, 1 + math.ceil(self.settling / whole))
+        y, limited = self.answer(added, last)
+        if self.turns:
+            y = y - self.answer(np.zeros_like(added), last)[0]
+        return np.asarray(np.fft.rfft(y[last])[line] / np.fft.rfft(period)[line]), limited
 
     def swept(self, amplitude: float, frequency: Array, parts: list[tuple[Complex, bool]]) -> Swept:
         """Return what simulated pieces say."""
         S = np.concatenate([each for each, _ in parts])
-        model = self.loop.loop.sensitivity(frequency)[:, 0, 0]
+        model = self.loop.loop.of_axis(self.axis, frequency)
         return Swept(amplitude, frequency, S, model, any(limited for _, limited in parts))
-
-    def look(self, period: Array, line: NDArray[np.int_]) -> tuple[Complex, bool]:
-        """Add whole periods to the measurement, and return S at lines of their spectrum."""
-        b, whole = self.bearing, len(period)
-        last = slice(-whole, None)
-        added = np.tile(period, 1 + math.ceil(self.settling / whole))
-        run = self.run(added)
-        y = run.record["y"][last]
-        if b.speed and b.sensor.runout:
-            y = y - self.run(np.zeros_like(added)).record["y"][last]
-        iu = run.record["iu"][last]
-        limited = run.record.meta["stop_touched"] or (iu >= b.current_max).any()
-        limited = limited or (iu <= b.current_min).any()
-        if run.estimate is not None:
-            limited = limited or (run.estimate.status[last] & Status.OUTLIER).any()
-        return np.asarray(np.fft.rfft(y)[line] / np.fft.rfft(period)[line]), bool(limited)
 
     def multisine(self, amplitude: float) -> Swept:
         """All frequencies at once."""
@@ -287,3 +313,79 @@ class _Rig:
             parts.append(self.look(sine, np.array([periods])))
             frequencies.append(periods / (whole * self.T))
         return self.swept(amplitude, np.array(frequencies), parts)
+
+
+class _BearingRig(_Rig):
+    """Of one axis."""
+
+    def __init__(
+        self, found: Assessment, filter: Any, loop: AssessedLoop, x: float, load: float
+    ) -> None:
+        super().__init__(found, filter, loop, 0)
+        feedback = "estimate" if filter else "measurement"
+        self.scenario = Scenario(
+            controller=found.controller.model_copy(update={"feedback": feedback}),
+            noise=False,
+            reference=Constant(value=x),
+            disturbance=Constant(value=load),
+        )
+
+    @property
+    def turns(self) -> bool:
+        """Whether it has runout."""
+        return bool(self.found.bearing.speed and self.found.bearing.sensor.runout)
+
+    def answer(self, added: Array, last: slice) -> tuple[Array, bool]:
+        """Simulate the bearing."""
+        t = self.T * np.arange(len(added))
+        signal = Recorded.model_construct(times=tuple(t.tolist()), values=tuple(added.tolist()))
+        scenario = self.scenario.model_copy(update={"duration": float(t[-1]), "injection": signal})
+        run = simulate_run(self.found.bearing, scenario, estimator=self.inner)
+        iu, b = run.record["iu"][last], self.found.bearing
+        limited = run.record.meta["stop_touched"] or (iu >= b.current_max).any()
+        limited = limited or (iu <= b.current_min).any() or _refused(run.estimate, last)
+        return run.record["y"], bool(limited)
+
+
+class _MachineRig(_Rig):
+    """Of one axis of a machine, all others closed."""
+
+    def __init__(
+        self, found: Assessment, filter: Any, loop: AssessedLoop, axis: int,
+        load: Mapping[str, float],
+    ) -> None:  # fmt: skip
+        super().__init__(found, filter, loop, axis)
+        self.flight = Flight(
+            noise=False,
+            feedback="estimate" if filter else "measurement",
+            disturbance=tuple(
+                Load(axis=name, force=Constant(value=force)) for name, force in load.items()
+            ),
+        )
+
+    @property
+    def turns(self) -> bool:
+        """Whether it turns."""
+        return bool(self.found.bearing.speed)
+
+    def answer(self, added: Array, last: slice) -> tuple[Array, bool]:
+        """Simulate the machine."""
+        of, shown = self.found.of, self.found.of.shown
+        t = self.T * np.arange(len(added))
+        signal = Recorded.model_construct(times=tuple(t.tolist()), values=tuple(added.tolist()))
+        there = Injection.model_construct(axis=of.axes[self.axis], position=signal)
+        flight = self.flight.model_copy(update={"duration": float(t[-1]), "injection": (there,)})
+        run = simulate_machine(
+            of.bearing, flight, estimator=self.inner, pids=of.fed_by(self.filter)
+        )
+        y = np.column_stack([run.record[f"y_{r.name}"] for r in of.bearing.readings])
+        limited = run.samples_at_the_stop > 0 or _refused(run.estimate, last)
+        for name, b in zip(of.axes, of.alone, strict=True):
+            u = b.amplifier.gain * run.record[f"u_{name}"][last]
+            limited = limited or bool(((u >= b.current_max) | (u <= b.current_min)).any())
+        return y @ shown[self.axis], limited
+
+
+def _refused(estimate: Estimate | None, last: slice) -> bool:
+    """Whether a filter took measurements for outliers."""
+    return estimate is not None and bool((estimate.status[last] & Status.OUTLIER).any())

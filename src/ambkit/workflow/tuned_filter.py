@@ -20,7 +20,7 @@ from ambkit.estimate.registry import kind_called, learned_magnet
 from ambkit.judge.comparison.contenders import Contender, Range, contender_of_kind
 from ambkit.judge.comparison.tuning import Tried, search
 from ambkit.machine.bearing import Bearing
-from ambkit.simulation.linear.pieces import tells
+from ambkit.simulation.linear.settled import tells
 from ambkit.simulation.scenario import PID
 from ambkit.workflow.loop_of import LoopOf, OutOfReachError, zone_of
 from ambkit.workflow.tuning_tasks import JUDGED, By, ByLikelihood, ByTruth
@@ -294,7 +294,7 @@ def tune(
         kept,
         of_tried,
         max_sensitivity,
-        loop.controller,
+        loop.controllers[0],
         tuple(warnings),
     )
 

@@ -8,8 +8,11 @@ from typing import NamedTuple
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
+from ambkit.judge.loop.demands import ROOM
 from ambkit.workflow.assessing import Assessment
+from ambkit.workflow.balance import grade_of
 from ambkit.workflow.loop_of import ZONE_A
+from ambkit.workflow.over_speed import OverSpeed
 
 
 class Line(NamedTuple):
@@ -33,7 +36,7 @@ class Line(NamedTuple):
     good: bool | None = None
 
 
-def verdict(found: Assessment, filter: str) -> list[Line]:
+def verdict(found: Assessment, filter: str, over: OverSpeed | None = None) -> list[Line]:
     """Return the verdict on one stable loop.
 
     Parameters
@@ -41,39 +44,125 @@ def verdict(found: Assessment, filter: str) -> list[Line]:
     found : Assessment
         The loops.
     filter : str
-        By what the controller of the loop in question is fed.
+        By what the controllers of the loop in question are fed.
+    over : OverSpeed, optional
+        The same loop of a machine over its speed.
     """
-    loop = found.loops[filter]
-    m, d = loop.margins, loop.demands
-    assert m is not None
+    loop, several = found.loops[filter], len(found.of.axes) > 1
+    worst, d = loop.worst, loop.demands
+    assert worst is not None
     assert d is not None
+    m, all_of = worst.margins, list(loop.axes.values())
+    axis = f", axis {worst.name}" if several else ""
+    S = "the largest singular value" if several else "it"
+    asked = [each.demands for each in all_of]
+    losses = [each.copper_loss for each in asked if each.copper_loss is not None]
+    limits = [b.current_max for b in found.of.alone]
+    nearest = max(range(len(asked)), key=lambda k: asked[k].current / limits[k])
+    used, limit = asked[nearest].current, limits[nearest]
+    frailest = min(all_of, key=lambda each: each.demands.capacity.least[0])
+    load, at = frailest.demands.capacity.least
     lines = [
         Line("peak of the sensitivity (ISO 14839-3)",
-             f"{loop.peak:.3f} at {engineering(loop.peak_frequency, 'Hz', 4)}, zone {loop.zone}",
-             f"below {ZONE_A:g} for zone A", loop.peak < ZONE_A),
-        Line("  what no linear controller is below", f"{found.least[0]:.3f}"),
-        Line("gain margin, up and down",
+             f"{loop.peak:.3f} at {engineering(loop.peak_frequency, 'Hz', 4)}{axis}, "
+             f"zone {loop.zone}", f"below {ZONE_A:g} for zone A", loop.peak < ZONE_A),
+    ]  # fmt: skip
+    if several:
+        value, where = loop.largest
+        lines.append(
+            Line("  largest singular value", f"{value:.3f} at {engineering(where, 'Hz', 4)}")
+        )
+    lines.append(Line(f"  below which no linear controller brings {S}", f"{found.least[0]:.3f}"))
+    lines += [
+        Line(f"  with {PIECES[piece]}", "unstable" if math.isinf(peak) else f"{peak:.3f}")
+        for piece, peak in found.shares(filter).items() if piece in PIECES
+    ]  # fmt: skip
+    if over is not None:
+        peak, speed = over.worst
+        lines.append(
+            Line(f"  from rest to {rpm(float(over.speed[-1]))}",
+                 f"{peak:.3f} at {rpm(speed)}, zone {over.zone}", f"below {ZONE_A:g} for zone A",
+                 peak < ZONE_A)
+        )  # fmt: skip
+    lines += [
+        Line(f"gain margin, up and down{axis}",
              f"{_decibels(m.gain_up)}, {_decibels(m.gain_down)}"),
-        Line("phase margin", f"{math.degrees(m.phase):.1f}°"),
-        Line("delay margin", engineering(m.delay, "s", 3)),
+        Line(f"phase margin{axis}", f"{math.degrees(m.phase):.1f}°"),
+        Line(f"delay margin{axis}", engineering(m.delay, "s", 3)),
         Line("greatest displacement (ISO 14839-2)",
-             f"{engineering(d.displacement, 'm', 3)}, {100 * d.displacement / d.clearance:.0f} % "
+             f"{engineering(d.displacement, 'm', 3)}, {100 * d.displacement / d.clearance:.2g} % "
              f"of the clearance, zone {d.zone}", "below 30 % for zone A", d.zone == "A"),
-        Line("greatest control current", engineering(d.current, "A", 3),
-             f"below {engineering(found.bearing.current_max, 'A')}",
-             d.current < found.bearing.current_max),
-        Line("constant load that can be held", " to ".join(
-            engineering(end, "N", 3) for end in d.capacity.static)),
+        Line("greatest control current", engineering(used, "A", 3),
+             f"below {engineering(limit, 'A')}", used < limit),
+    ]  # fmt: skip
+    if over is not None:
+        lines += _of_run_up(over)
+    lines += [
+        Line(f"constant load that can be held{f', axis {each.name}' if several else ''}",
+             " to ".join(engineering(end, "N", 3) for end in each.demands.capacity.static))
+        for each in all_of
+    ]  # fmt: skip
+    least = f"{engineering(load, 'N', 3)} at {engineering(at, 'Hz', 3)}"
+    lines += [
         Line("least harmonic load that comes to a limit",
-             f"{engineering(d.capacity.least[0], 'N', 3)} at "
-             f"{engineering(d.capacity.least[1], 'Hz', 3)}"),
-        Line("copper loss", "resistance not known" if d.copper_loss is None
-             else engineering(d.copper_loss, "W", 3)),
-        Line("check: Bode's integral of ln|S|",
+             f"{least}, axis {frailest.name}" if several else least),
+        Line("copper loss", engineering(sum(losses), "W", 3) if losses else "resistance not known"),
+        *_of_balance(found, filter),
+        Line("check: Bode's integral of ln|det S|",
              f"{loop.integral.integral:.8f}", f"{loop.integral.poles:.8f}, by the unstable poles",
              loop.integral.holds),
     ]  # fmt: skip
     return lines
+
+
+PIECES = {
+    "amplifier": "an amplifier without lag",
+    "sensor": "a sensor without lag",
+    "delay": "no dead time but the hold",
+    "filter": "the measurement in place of the filter",
+}
+"""What is said of a piece that is ideal, all else as it is."""
+
+
+def _of_run_up(over: OverSpeed) -> list[Line]:
+    """Return what is asked in a slow run-up."""
+    (far, there), (used, at) = over.farthest, over.hardest
+    limit = ROOM[0][1]
+    return [
+        Line("  in a slow run-up, displacement",
+             f"{100 * far:.3g} % of the clearance at {rpm(there)}",
+             f"below {100 * limit:g} % for zone A", far < limit),
+        Line("  in a slow run-up, current", f"{100 * used:.3g} % of its limit at {rpm(at)}",
+             "below 100 %", used < 1),
+    ]  # fmt: skip
+
+
+def _of_balance(found: Assessment, filter: str) -> list[Line]:
+    """Return the grade of a machine's unbalance, and what grades would do."""
+    machine = found.of.machine
+    lines = []
+    own = None if machine is None else grade_of(machine)
+    if own is not None:
+        lines.append(
+            Line("balance quality grade of the unbalance (ISO 21940-11)", f"G {1e3 * own:.3g}")
+        )
+    for each in found.grades(filter):
+        if each.grade in SHOWN_GRADES:
+            lines.append(
+                Line(f"  orbit with G {1e3 * each.grade:g}, {1e6 * each.unbalance:.3g} g mm",
+                     f"{engineering(each.displacement, 'm', 3)}, "
+                     f"{100 * each.clearance_share:.2g} % of the clearance")
+            )  # fmt: skip
+    return lines
+
+
+SHOWN_GRADES = (2.5e-3, 6.3e-3)
+"""Balance quality grades that a verdict names [m/s]."""
+
+
+def rpm(speed: float) -> str:
+    """Return a speed of rotation [rad/s] in revolutions a minute, as text."""
+    return f"{speed * 30 / math.pi:.5g} rpm"
 
 
 def facts(found: Assessment, filter: str) -> dict[str, str]:
@@ -84,16 +173,30 @@ def facts(found: Assessment, filter: str) -> dict[str, str]:
     found : Assessment
         The loops.
     filter : str
-        By what the controller is fed.
+        By what the controllers are fed.
     """
-    b, c, point = found.bearing, found.controller, found.point
-    gains = ((c.kp, "A/m"), (c.ki, "A/(m s)"), (c.kd, "A s/m"))
-    return {
-        "bearing": b.name,
-        "controller fed by": filter,
-        "held at": f"{engineering(point.x, 'm')} by {engineering(point.iu, 'A', 3)}",
-        "kp, ki, kd": ", ".join(f"{value:g} {unit}" for value, unit in gains),
-        "derivative filter": engineering(c.derivative_filter, "s", 3),
+    b = found.bearing
+    told = {"machine" if found.of.machine else "bearing": b.name, "controller fed by": filter}
+    if found.of.machine is None:
+        told |= {"held at": f"{engineering(found.point.x, 'm')} by "
+                            f"{engineering(found.point.iu, 'A', 3)}"}  # fmt: skip
+    else:
+        held = zip(found.of.axes, found.point.iu, strict=True)
+        told |= {
+            "speed": rpm(b.speed),
+            "held by": ", ".join(f"{name} {engineering(float(iu), 'A', 3)}" for name, iu in held),
+        }
+    gains: dict[str, list[str]] = {}
+    for name, c in zip(found.of.axes, found.of.controllers, strict=True):
+        each = ((c.kp, "A/m"), (c.ki, "A/(m s)"), (c.kd, "A s/m"))
+        said = ", ".join(f"{value:g} {unit}" for value, unit in each)
+        gains.setdefault(f"{said}, derivative filter {engineering(c.derivative_filter, 's', 3)}",
+                         []).append(name)  # fmt: skip
+    for said, axes in gains.items():
+        told["kp, ki, kd" if found.of.machine is None else f"kp, ki, kd of {', '.join(axes)}"] = (
+            said
+        )
+    return told | {
         "sampling time, dead time": f"{engineering(b.sampling_time, 's')}, "
         f"{engineering(b.delay or 0.0, 's')}",
         "looked at up to": engineering(found.top, "Hz"),
@@ -101,7 +204,10 @@ def facts(found: Assessment, filter: str) -> dict[str, str]:
 
 
 def write_verdict(
-    found: Assessment, path: str | os.PathLike[str], filter: str | None = None
+    found: Assessment,
+    path: str | os.PathLike[str],
+    filter: str | None = None,
+    over: OverSpeed | None = None,
 ) -> None:
     """Write the verdict on one loop as a page that can be signed off.
 
@@ -112,12 +218,15 @@ def write_verdict(
     path : path
         Ends with ``.html``.
     filter : str, optional
-        By what the controller of that loop is fed; by default the last one.
+        By what the controllers of that loop are fed; by default the last one.
+    over : OverSpeed, optional
+        The same loop of a machine over its speed.
 
     Raises
     ------
     AmbkitError
-        There is no such loop, or it is not stable; the file cannot be written.
+        There is no such loop, or it is not stable; `over` is of another; the file cannot be
+        written.
     """
     from ambkit.show.pages.assessment import write_assessment
 
@@ -126,9 +235,18 @@ def write_verdict(
         raise AmbkitError(f"no loop is fed by {name}; there are {', '.join(found.loops)}")
     if not found.loops[name].stable:
         raise AmbkitError(f"the loop fed by {name} is not stable: there is nothing to sign off")
+    if over is not None and (over.fed_by, over.machine.name) != (name, found.bearing.name):
+        raise AmbkitError(
+            f"over speed is of {over.machine.name}, fed by {over.fed_by}; the verdict is on "
+            f"{found.bearing.name}, fed by {name}"
+        )
+    margins, loads = [found.figure(name)], [found.capacity_figure(name)]
+    if over is not None:
+        margins.append(over.figure())
+        loads.append(over.run_up_figure())
     write_assessment(
-        path, found.bearing.name, name, verdict(found, name), found.figure(),
-        found.capacity_figure(), facts(found, name),
+        path, found.bearing.name, name, verdict(found, name, over), margins, loads,
+        facts(found, name),
     )  # fmt: skip
 
 

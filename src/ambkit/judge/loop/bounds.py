@@ -1,96 +1,114 @@
-"""The lowest peaks of S and T that any controller could reach with a plant of one axis."""
+"""The lowest peaks of S and T that any controller could reach with a plant."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
-from ambkit.models.linear import EDGE, Complex, LinearSystem
+from ambkit.models.linear import EDGE, LinearSystem
+from ambkit.models.model import Array
 
 
 def least_peaks(plant: LinearSystem) -> tuple[float, float]:
-    """Return the least peaks of abs(S) and abs(T) with any stabilising controller.
+    """Return the least peaks of S and T, by largest singular values, with any stabilising control.
 
-    Both are 1 for a stable plant. Else S is 0 at the unstable poles, and it is 1 at the zeros
-    outside of the unit circle and, to the order of the dead time in samples, at infinity: the least
-    of its peak is an interpolation problem after Nevanlinna and Pick, exactly solved. For one
-    unstable pole p and a dead time of d samples the peak of T is ``p^d``, as it is
-    ``e^(p delay)`` in continuous time.
+    Both are 1 for a stable plant. Else ``S(p) y = 0`` at the unstable poles p with their directions
+    y, so that ``T(p) y = y``, and ``T = N H`` where N is all-pass and has the plant's zeros outside
+    of the unit circle, those at infinity to the order of the dead time in samples among them. The
+    least peak of H is an interpolation problem after Nevanlinna and Pick, exactly solved. S and T
+    have the same one, as projections along each other have the same norm (Kato 1960). For one
+    unstable pole p and a dead time of d samples it is ``p^d``, as it is ``e^(p delay)`` in
+    continuous time.
 
     Parameters
     ----------
     plant : LinearSystem
-        From one control signal to one measurement, sampled.
+        From as many control signals as measurements, sampled. Where they do not move the
+        measurements independently, no more than 1 is said of it.
 
     Returns
     -------
     tuple of float
-        Bounds of the peaks of abs(S) and of abs(T) [1].
+        Bounds of the peaks of S and of T [1].
 
     References
     ----------
-    Seron, Braslavsky, Goodwin, Fundamental limitations in filtering and control, 1997; Sarason,
-    Generalized interpolation in H-infinity, 1967.
+    Seron, Braslavsky, Goodwin, Fundamental limitations in filtering and control, 1997; Ball,
+    Gohberg, Rodman, Interpolation of rational matrix functions, 1990; Kato, Estimation of iterated
+    matrices, 1960.
     """
-    poles, zeros = 1 / plant.unstable(), _zeros(plant)
-    if not len(poles):
+    from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
+
+    if not len(plant.unstable()):
         return 1.0, 1.0
-    # S = b G, where b is all-pass with the unstable poles as zeros: G takes 1/b at all zeros of the
-    # plant. T = B H, where B has those zeros: H takes 1/B at the unstable poles.
-    S, T = (
-        np.linalg.norm(np.linalg.inv(_all_pass(points, _shift(at))), 2)
-        for points, at in ((poles, zeros), (zeros, poles))
-    )
-    return max(1.0, float(S)), max(1.0, float(T))
+    A, B, C = _scaled(plant)
+    # What costs nothing but the measurements' squares: closed so, the plant is N.
+    try:
+        X = solve_discrete_are(A, B, C.T @ C, np.zeros((B.shape[1], B.shape[1])))
+        root = np.linalg.cholesky(B.T @ X @ B).T
+    except np.linalg.LinAlgError:
+        return 1.0, 1.0
+    R, growth = _growing(A, lambda pole: abs(pole) > 1 + EDGE)
+    # H at the poles: A R = R growth, so that C R = N(p) root F R.
+    wanted = np.linalg.solve(root.T, B.T @ X @ A @ R)
+    back = np.linalg.inv(growth)
+    own, asked = (solve_discrete_lyapunov(back.T, each.T @ each) for each in (C @ R, wanted))
+    bound = _ratio(asked, own)
+    return bound, bound
 
 
-def _all_pass(points: Complex, Z: Complex) -> Complex:
-    """Return b(Z) of a matrix (n, n); b is 0 at the points and of size 1 on the unit circle."""
-    one, found = np.eye(len(Z)), np.eye(len(Z), dtype=complex)
-    for a in points:
-        found = found @ np.linalg.solve(one - np.conj(a) * Z, Z - a * one)
-    return found
+def least_peak_of_delay(plant: LinearSystem, delay: float) -> float:
+    """Return what no controller in continuous time is below, by the dead time alone [1].
 
+    Sampling, zeros, and that control is late for other reasons make it only worse. It is
+    ``e^(p delay)`` of the fastest pole where the poles' directions are at right angles.
 
-def _shift(points: Complex) -> Complex:
-    """Return the matrix (n, n) of which a function's norm is the least sup norm on the disk.
-
-    That of all functions with its values at the points, and its derivatives where points are equal:
-    multiplication by w, compressed to what vanishes at none of them, in the basis of Takenaka and
-    Malmquist (Sarason 1967).
+    Parameters
+    ----------
+    plant : LinearSystem
+        In continuous time, without the dead time.
+    delay : float
+        The dead time [s].
     """
-    size = np.sqrt(1 - np.abs(points) ** 2)
-    Z = np.diag(points).astype(complex)
-    for i in range(len(points)):
-        for j in range(i):
-            Z[i, j] = size[i] * size[j] * np.prod(-np.conj(points[j + 1 : i]))
-    return Z
+    from scipy.linalg import expm, solve_continuous_lyapunov
+
+    if not len(plant.unstable()):
+        return 1.0
+    edge = EDGE * float(np.abs(plant.poles()).max())
+    R, growth = _growing(plant.A, lambda pole: pole.real > edge)
+    seen = plant.C @ R
+    own, asked = (
+        solve_continuous_lyapunov(growth.T, each.T @ each)
+        for each in (seen, seen @ expm(delay * growth))
+    )
+    return _ratio(asked, own)
 
 
-def _zeros(plant: LinearSystem) -> Complex:
-    """Return 1/z (k,) of the zeros z outside of the unit circle: 0 of those at infinity."""
-    from scipy.linalg import eigvals
-
-    n = len(plant.A)
-    # The states are counted in what a pulse of the control makes of them.
+def _scaled(plant: LinearSystem) -> tuple[Array, Array, Array]:
+    """Return A, B, C with states counted in what a pulse of the controls makes of them."""
     pulsed = [plant.B]
-    for _ in range(n):
+    for _ in plant.A:
         pulsed.append(plant.A @ pulsed[-1])
     size = np.abs(pulsed).max(axis=(0, 2))
     A, B, C = plant.A * size / size[:, None], plant.B / size[:, None], plant.C * size
-    order = 1
-    while order < n and not np.abs(C @ B).item() > NONE * (np.abs(C) @ np.abs(B)).item():
-        C, order = C @ A, order + 1
-    # Without the dead time those at infinity are at 0: as several at one place, digits are lost.
-    pencil = np.block([[A, B / np.abs(B).max()], [C / np.abs(C).max(), np.zeros((1, 1))]])
-    mass = np.diag([*np.ones(n), 0.0])
-    alpha, beta = eigvals(pencil, mass, homogeneous_eigvals=True)
-    outside = np.abs(beta) < (1 - EDGE) * np.abs(alpha)
-    w = beta[outside] / alpha[outside]
-    return np.concatenate([np.zeros(order), w[np.abs(w) > FAR]])
+    return A, B / np.abs(B).max(), C / np.abs(C).max()
 
 
-NONE = 1e-12
-"""Of the sum of its terms, a first response that is none."""
+def _growing(A: Array, grows: Callable[[complex], bool]) -> tuple[Array, Array]:
+    """Return a basis (n, k) of the states that the unstable poles move, and its own A (k, k)."""
+    from scipy.linalg import schur
 
-FAR = 1e-6
-"""A zero farther out than 1 / FAR is one at infinity."""
+    def sort(real: float, imaginary: float = 0.0) -> bool:
+        return grows(complex(real, imaginary))
+
+    form, basis, k = schur(A, sort=sort)
+    return basis[:, :k], form[:k, :k]
+
+
+def _ratio(asked: Any, own: Any) -> float:
+    """Return the root of the greatest ratio of two quadratic forms, or 1."""
+    from scipy.linalg import eigh
+
+    return max(1.0, float(np.sqrt(eigh(asked, own, eigvals_only=True)[-1])))

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.machine.bank import alone_of, weights_of
+from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of
 from ambkit.models.linear import Complex
+from ambkit.simulation.linear.pieces import WorkPoint, unbalance_columns
 
 if TYPE_CHECKING:
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.bearing import Bearing, Sensor
     from ambkit.simulation.linear.closed import Loop
-    from ambkit.simulation.linear.pieces import WorkPoint
 
 Array = NDArray[np.float64]
 
@@ -65,13 +68,13 @@ class Capacity:
 
 @dataclass(frozen=True, eq=False)
 class Demands:
-    """What a stable loop asks of its machine at its work point.
+    """What a stable loop asks of an axis of its machine at its work point.
 
     Attributes
     ----------
     displacement : float
-        Greatest displacement from the centre: where the rotor is held, runout at all its orders,
-        and three times the noise's rms [m].
+        Greatest displacement from the centre: where the rotor is held, unbalance, runout at all its
+        orders, and three times the noise's rms [m].
     clearance : float
         To the stops [m].
     current : float
@@ -100,85 +103,230 @@ class Demands:
         return next((name for name, limit in ROOM if share < limit), "D")
 
 
+class Turned(NamedTuple):
+    """What one line that turns with the rotor, or a multiple of it, moves: complex amplitudes."""
+
+    x: Complex
+    """Displacements (p,) of the axes [m]."""
+    i: Complex
+    """Demanded currents (p,) [A]."""
+
+
 def demands(
-    loop: Loop, bearing: Bearing, point: WorkPoint, current_noise: float, position_noise: float
-) -> Demands:
-    """Return what a stable loop of one axis asks of its machine.
+    loop: Loop,
+    of: Bearing | Machine,
+    point: WorkPoint,
+    current_noise: Array,
+    position_noise: Array,
+    turned: Sequence[Turned],
+) -> list[Demands]:
+    """Return what a stable loop asks of each axis of its machine.
 
     Linear, and of the ideal coil: the voltage is that of its resistance and of its flux
-    ``2 k i/s``, which current and motion change.
+    ``2 k i/s``, which current and motion change. Of a radial bearing the displacement is that of
+    the orbit.
 
     Parameters
     ----------
     loop : Loop
         Stable.
-    bearing : Bearing
-        Gives limits, resistance and runout.
+    of : Bearing or Machine
+        Gives limits and resistance.
     point : WorkPoint
         Where it is.
-    current_noise, position_noise : float
-        Standard deviations of the demanded current [A] and of the position [m].
+    current_noise, position_noise : ndarray (p,)
+        Standard deviations of the demanded currents [A] and of the positions [m].
+    turned : sequence of Turned
+        What unbalance and runout do, see `of_runout`.
     """
-    x_of_runout, i_of_runout = _of_runout(loop, bearing)
-    displacement = abs(point.x) + float(x_of_runout.sum()) + SIGMAS * position_noise
-    swing = float(i_of_runout.sum()) + SIGMAS * current_noise
-    square = point.iu**2 + current_noise**2 + float((i_of_runout**2).sum()) / 2
-    i0, R = bearing.magnet.bias_current, bearing.amplifier.resistance
-    two = bearing.magnet.type == "two-sided"
-    whole = 2 * (i0**2 + square) if two else (i0 + point.iu) ** 2 + square - point.iu**2
-    return Demands(
-        displacement, bearing.rotor.travel_limit, abs(point.iu) + swing,
-        None if R is None else R * whole,
-        _capacity(loop, bearing, point, displacement, swing),
-    )  # fmt: skip
+    alone, pairs = alone_of(of), pairs_of(of)
+    x0, iu = np.atleast_1d(point.x), np.atleast_1d(point.iu)
+    displacement = orbit(x0, pairs) + SIGMAS * position_noise
+    swing, square = SIGMAS * current_noise, iu**2 + current_noise**2
+    for each in turned:
+        displacement = displacement + orbit(each.x, pairs)
+        swing = swing + np.abs(each.i)
+        square = square + np.abs(each.i) ** 2 / 2
+    capacities = _capacities(loop, of, point, displacement, swing)
+    found = []
+    for k, b in enumerate(alone):
+        i0, R = b.magnet.bias_current, b.amplifier.resistance
+        two = b.magnet.type == "two-sided"
+        whole = 2 * (i0**2 + square[k]) if two else (i0 + iu[k]) ** 2 + square[k] - iu[k] ** 2
+        loss = None if R is None else float(R * whole)
+        far, most = float(displacement[k]), float(abs(iu[k]) + swing[k])
+        found.append(Demands(far, b.rotor.travel_limit, most, loss, capacities[k]))
+    return found
 
 
-def _of_runout(loop: Loop, bearing: Bearing) -> tuple[Array, Array]:
-    """Return amplitudes of position [m] and demanded current [A] by each order of the runout."""
-    lines = bearing.sensor.runout if bearing.speed else ()
-    if not lines:
-        return np.zeros(1), np.zeros(1)
-    f = np.array([line.order * (bearing.speed or 0.0) / (2 * math.pi) for line in lines])
-    size = np.array([line.amplitude for line in lines]) * bearing.sensor.gain
-    size = size / np.abs(1 + 2j * math.pi * f * bearing.sensor_lag)
-    x = np.abs(loop.noise_to_position(f)[:, 0, 0]) * size
-    u = np.abs(loop.noise_to_control(f)[:, 0, 0]) * size
-    return x, bearing.amplifier.gain * u
-
-
-def _capacity(
-    loop: Loop, bearing: Bearing, point: WorkPoint, displacement: float, swing: float
-) -> Capacity:
+def _capacities(
+    loop: Loop, of: Bearing | Machine, point: WorkPoint, displacement: Array, swing: Array
+) -> list[Capacity]:
+    """Return for each axis what load along it is borne; it moves all axes."""
+    alone, pairs, weights = alone_of(of), pairs_of(of), weights_of(of)
+    x0, iu = np.atleast_1d(point.x), np.atleast_1d(point.iu)
     f = np.geomspace(1e-3 * loop.nyquist, HIGHEST * loop.nyquist, 400)
-    x = loop.compliance(f)[:, 0, 0]
-    i = bearing.amplifier.gain * loop.control_by_load(f)[:, 0, 0]
-    room = min(bearing.current_max - point.iu, point.iu - bearing.current_min) - swing
-    way = ROOM[0][1] * bearing.rotor.travel_limit - displacement
-    law = magnet_of(bearing)
-    ends = [
-        -float(law.force(iu, point.x)) - bearing.weight
-        for iu in (bearing.current_max, bearing.current_min)
+    gains = np.array([b.amplifier.gain for b in alone])
+    all_x, all_i = loop.compliance(f), gains[:, None] * loop.control_by_load(f)
+    ends = np.array([[b.current_max, b.current_min] for b in alone])
+    room = np.maximum(np.abs(ends - iu[:, None]).min(axis=1) - swing, 0.0)
+    limits = np.array([b.rotor.travel_limit for b in alone])
+    way = np.maximum(ROOM[0][1] * limits - displacement, 0.0)
+    found = []
+    for k, b in enumerate(alone):
+        x, i, law = all_x[:, :, k], all_i[:, :, k], magnet_of(b)
+        volts = [_by_voltage(one, iu[n], x0[n], f, i[:, n], x[:, n]) for n, one in enumerate(alone)]
+        limited = [each for each in volts if each is not None]
+        held = sorted(-float(law.force(end, float(x0[k]))) - weights[k] for end in ends[k])
+        found.append(
+            Capacity(
+                f,
+                _reached(room, np.abs(i)),
+                _reached(way, orbit(x, pairs)),
+                np.min(limited, axis=0) if limited else None,
+                (held[0], held[1]),
+            )
+        )
+    return found
+
+
+def _reached(room: Array, taken: Array) -> Array:
+    """Return the load (k,) [N] that leaves an axis no room (p,), of which 1 N takes (k, p)."""
+    loads = np.divide(room, taken, out=np.full(taken.shape, np.inf), where=taken > 0)
+    return np.asarray(loads.min(axis=1))
+
+
+def orbit(x: NDArray[Any], pairs: Sequence[Sequence[int]]) -> Array:
+    """Return how far from the middle displacements (..., p) go within a turn [m].
+
+    Of the two axes of a radial bearing that is the orbit's greater half axis.
+
+    Parameters
+    ----------
+    x : ndarray (..., p)
+        Complex amplitudes, or constant displacements [m].
+    pairs : sequence
+        For each bearing its axes.
+    """
+    far: Array = np.abs(x).astype(float)
+    for of in pairs:
+        if len(of) == 2:
+            a, b = x[..., of[0]], x[..., of[1]]
+            far[..., list(of)] = ((np.abs(a + 1j * b) + np.abs(a - 1j * b)) / 2)[..., None]
+    return far
+
+
+def pairs_of(of: Bearing | Machine) -> list[tuple[int, ...]]:
+    """Return the axes of each bearing, by their numbers.
+
+    Parameters
+    ----------
+    of : Bearing or Machine
+        Whose.
+    """
+    if not isinstance(of, Machine):
+        return [(0,)]
+    bearings = [axis.bearing for axis in of.axes]
+    return [
+        tuple(k for k, each in enumerate(bearings) if each is one)
+        for one in dict.fromkeys(of.bearing)
     ]
-    return Capacity(
-        f, max(room, 0.0) / np.abs(i), max(way, 0.0) / np.abs(x),
-        _by_voltage(bearing, point, f, i, x), (min(ends), max(ends)),
-    )  # fmt: skip
+
+
+def of_runout(loop: Loop, of: Bearing | Machine) -> list[Turned]:
+    """Return what each order of each sensor's runout does.
+
+    Parameters
+    ----------
+    loop : Loop
+        Stable.
+    of : Bearing or Machine
+        Gives speed and runout.
+    """
+    speed, gains = abs(of.speed or 0.0), [b.amplifier.gain for b in alone_of(of)]
+    if not speed:
+        return []
+    if isinstance(of, Machine):
+        readings: list[tuple[Sensor, float]] = [
+            (r.sensor, of.lag_of(r.sensor)) for r in of.readings
+        ]
+    else:
+        readings = [(of.sensor, of.sensor_lag)]
+    found = []
+    for sensor in dict.fromkeys(at for at, _ in readings):
+        for line in sensor.runout:
+            f = line.order * speed / (2 * math.pi)
+            added, turn = np.zeros(len(readings), complex), 0
+            for k, (at, lag) in enumerate(readings):
+                if at is sensor:
+                    # The next reading looks a quarter turn on.
+                    late = np.exp(-0.5j * math.pi * line.order * turn)
+                    added[k] = line.amplitude * at.gain * late / (1 + 2j * math.pi * f * lag)
+                    turn += 1
+            x, u = loop.noise_to_position([f])[0] @ added, loop.noise_to_control([f])[0] @ added
+            found.append(Turned(x, np.array(gains) * u))
+    return found
+
+
+def of_unbalance(loop: Loop, machine: Machine, point: WorkPoint) -> Turned:
+    """Return what a machine's unbalance does at its speed.
+
+    Parameters
+    ----------
+    loop : Loop
+        Stable, at the machine's speed.
+    machine : Machine
+        Gives speed and unbalance.
+    point : WorkPoint
+        Where it is linearised.
+    """
+    planes = machine.unbalances()
+    columns = unbalance_columns(machine, point, [z for z, _, _ in planes])
+    turned = np.array([amount * np.exp(1j * angle) for _, amount, angle in planes])
+    x, u = loop.driven(columns @ turned, machine.speed / (2 * math.pi))
+    return Turned(x, np.array([b.amplifier.gain for b in alone_of(machine)]) * u)
 
 
 def _by_voltage(
-    bearing: Bearing, point: WorkPoint, f: Array, i: Complex, x: Complex
+    bearing: Bearing, iu: float, at: float, f: Array, i: Complex, x: Complex
 ) -> Array | None:
     """Return the load at which a coil's voltage is at its limit [N], by i [A/N] and x [m/N]."""
+    found = voltage(bearing, iu, at, f, i, x)
+    if found is None:
+        return None
+    return np.asarray(np.min([room / volts for room, volts in found], axis=0), float)
+
+
+def voltage(
+    bearing: Bearing, iu: float, at: float, f: Array, i: Complex, x: Complex
+) -> list[tuple[float, Array]] | None:
+    """Return for each coil of an axis the voltage that is left to harmonics, and what they take.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        The axis.
+    iu, at : float
+        Control current [A] and displacement [m] of its work point.
+    f : ndarray (k,)
+        Frequencies [Hz].
+    i, x : ndarray of complex (k,)
+        Demanded current [A] and displacement [m], or both for a load of 1 N.
+
+    Returns
+    -------
+    list of (float, ndarray (k,)) or None
+        Voltages [V]; None where the amplifier has no limit of it.
+    """
     amplifier, magnet = bearing.amplifier, bearing.magnet
     limit, R, bandwidth = amplifier.voltage_limit, amplifier.resistance, amplifier.bandwidth
     if limit is None or R is None or bandwidth is None:  # they come together
         return None
     s = 2j * math.pi * f
     flowing = i / (1 + 1j * f / bandwidth)
-    loads = []
+    found = []
     for side in (1.0, -1.0) if magnet.type == "two-sided" else (1.0,):
-        gap, current = magnet.air_gap - side * point.x, magnet.bias_current + side * point.iu
+        gap, current = magnet.air_gap - side * at, magnet.bias_current + side * iu
         flux = 2 * magnet.magnet_constant / gap * (flowing + current / gap * x)
-        room = limit - R * current
-        loads.append(room / np.abs(R * flowing + s * flux))
-    return np.asarray(np.min(loads, axis=0), float)
+        found.append((limit - R * current, np.abs(R * flowing + s * flux)))
+    return found

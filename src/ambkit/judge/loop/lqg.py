@@ -1,4 +1,4 @@
-"""The linear-quadratic-Gaussian controller of a plant of one axis: a baseline for other loops."""
+"""The linear-quadratic-Gaussian controller of a plant: a baseline for other loops."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.models.linear import LinearSystem, Signal
@@ -20,30 +20,31 @@ than to hold the rotor."""
 
 @dataclass(frozen=True)
 class Noise:
-    """What an LQG controller takes as noise.
+    """What an LQG controller takes as noise; of several axes one number for each.
 
     Attributes
     ----------
-    measurement : float
-        Variance on the measurement [m^2].
-    control : float
-        Variance on the control signal [V^2].
-    load : float
-        Growth of the load's variance [N^2/s].
+    measurement : float or array_like (m,)
+        Variances on the measurements [m^2].
+    control : float or array_like (p,)
+        Variances on the control signals [V^2].
+    load : float or array_like (p,)
+        Growth of the loads' variances [N^2/s].
     """
 
-    measurement: float
-    control: float
-    load: float
+    measurement: ArrayLike
+    control: ArrayLike
+    load: ArrayLike
 
 
 class LQG:
-    """Regulators of a plant by its state and its load, as a Kalman filter knows them.
+    """Regulators of a plant by its state and its loads, as a Kalman filter knows them.
 
     Parameters
     ----------
     plant : LinearSystem
-        Sampled; inputs ``u`` [V] and ``f_d`` [N], outputs ``y`` and ``x`` [m].
+        Sampled, of p axes; inputs p control signals [V] and p loads [N], outputs m measurements and
+        p positions [m].
     noise : Noise
         From which the filter has its gain.
 
@@ -59,61 +60,66 @@ class LQG:
 
     def __init__(self, plant: LinearSystem, noise: Noise) -> None:
         assert plant.T is not None
-        self.plant, n = plant, len(plant.A)
-        A, self.b = plant.A, plant.B[:, :1]
-        self.A = np.block([[A, plant.B[:, 1:2]], [np.zeros((1, n)), np.ones((1, 1))]])
-        self.B = np.vstack([self.b, [[0.0]]])
-        self.C = np.hstack([plant.C[:1], [[0.0]]])
-        # States are counted in what a control signal makes of them, or digits are lost.
+        self.plant, n, p = plant, len(plant.A), len(plant.inputs) // 2
+        self.axes, m = p, len(plant.outputs) - p
+        A, self.b = plant.A, plant.B[:, :p]
+        self.A = np.block([[A, plant.B[:, p:]], [np.zeros((p, n)), np.eye(p)]])
+        self.B = np.vstack([self.b, np.zeros((p, p))])
+        self.C = np.hstack([plant.C[:m], np.zeros((m, p))])
+        # States are counted in what control signals make of them, or digits are lost.
         pulsed = [self.b]
         for _ in range(n + 1):
             pulsed.append(A @ pulsed[-1])
         self.size = np.abs(pulsed).max(axis=(0, 2))
-        Q = noise.control * self.B @ self.B.T
-        Q[-1, -1] += noise.load * plant.T
-        size = np.append(self.size, math.sqrt(noise.load * plant.T))
-        unit = math.sqrt(noise.measurement)
-        P = _riccati((self.A * size / size[:, None]).T, (self.C * size / unit).T,
-                     Q / np.outer(size, size), np.eye(1))  # fmt: skip
+        growth = plant.T * np.broadcast_to(np.asarray(noise.load, float), p)
+        var_u = np.broadcast_to(np.asarray(noise.control, float), p)
+        var_y = np.broadcast_to(np.asarray(noise.measurement, float), m)
+        Q = (self.B * var_u) @ self.B.T
+        Q[n:, n:] += np.diag(growth)
+        size, unit = np.concatenate([self.size, np.sqrt(growth)]), np.sqrt(var_y)
+        P = _riccati((self.A * size / size[:, None]).T, (self.C * size / unit[:, None]).T,
+                     Q / np.outer(size, size), np.eye(m))  # fmt: skip
         P = P * np.outer(size, size)
-        S = (self.C @ P @ self.C.T).item() + noise.measurement
-        self.M = P @ self.C.T / S
+        S = self.C @ P @ self.C.T + np.diag(var_y)
+        self.M = np.linalg.solve(S / np.outer(unit, unit), self.C @ P / unit[:, None]).T / unit
 
     def compensator(self, weight: float = LEAST_CONTROL) -> LinearSystem:
-        """Return the controller that makes the mean of ``x^2 + weight u^2`` least.
+        """Return the controller that makes the mean of ``x^2 + weight u^2`` least, of all axes.
 
-        Beside, it cancels the load at rest, and holds a reference.
+        Beside, it cancels the loads at rest, and holds references.
 
         Parameters
         ----------
         weight : float, optional
-            Of the control signal [m^2/V^2]; by default so much that the unstable poles are but
+            Of the control signals [m^2/V^2]; by default so much that the unstable poles are but
             mirrored.
 
         Returns
         -------
         LinearSystem
-            Inputs ``y`` and ``r`` [m], output ``u`` [V].
+            Inputs the measurements and the references [m], outputs the control signals [V].
         """
-        n, size, A, c = len(self.plant.A), self.size, self.plant.A, self.plant.C[1:2]
+        n, p, size, A = len(self.plant.A), self.axes, self.size, self.plant.A
+        c = self.plant.C[-p:]
         scaled = A * size / size[:, None]
         b, seen = self.b / size[:, None], c * size / math.sqrt(weight)
-        X = _riccati(scaled, b, seen.T @ seen, np.eye(1))
-        K = np.linalg.solve(np.eye(1) + b.T @ X @ b, b.T @ X @ scaled) / size
-        rest = np.block([[np.eye(n) - A, -self.b], [c, np.zeros((1, 1))]])
-        forced = np.linalg.solve(rest, np.vstack([self.plant.B[:, 1:2], [[0.0]]]))
-        moved = np.linalg.solve(rest, np.vstack([np.zeros((n, 1)), [[1.0]]]))
+        X = _riccati(scaled, b, seen.T @ seen, np.eye(p))
+        K = np.linalg.solve(np.eye(p) + b.T @ X @ b, b.T @ X @ scaled) / size
+        rest = np.block([[np.eye(n) - A, -self.b], [c, np.zeros((p, p))]])
+        forced = np.linalg.solve(rest, np.vstack([self.plant.B[:, p:], np.zeros((p, p))]))
+        moved = np.linalg.solve(rest, np.vstack([np.zeros((n, p)), np.eye(p)]))
         gain = np.hstack([K, -(K @ forced[:n] + forced[n:])])
-        left = np.eye(n + 1) - self.M @ self.C
+        left = np.eye(n + p) - self.M @ self.C
         told, direct = -gain @ left, -gain @ self.M
         ahead = K @ moved[:n] + moved[n:]
+        P = self.plant
         return LinearSystem(
             self.A @ left + self.B @ told,
             np.hstack([self.A @ self.M + self.B @ direct, self.B @ ahead]),
-            told, np.hstack([direct, ahead]), self.plant.T,
-            (*(Signal(f"{at.name}_lqg", at.unit) for at in self.plant.states),
-             Signal("f_d_lqg", "N")),
-            (Signal("y", "m"), Signal("r", "m")), (Signal("u", "V"),),
+            told, np.hstack([direct, ahead]), P.T,
+            tuple(Signal(f"{at.name}_lqg", at.unit) for at in (*P.states, *P.inputs[p:])),
+            (*P.outputs[:-p], *(Signal(f"r{at.name[1:]}", "m") for at in P.outputs[-p:])),
+            P.inputs[:p],
         )  # fmt: skip
 
 

@@ -25,7 +25,7 @@ GRID = 3000
 """Points of a grid, which finds what is refined."""
 
 
-def grid(loop: Loop, points: int = GRID) -> Array:
+def grid(loop: Loop, points: int = GRID, near: int = 31) -> Array:
     """Return frequencies (k,) [Hz] up to half the sampling rate that no feature lies between.
 
     Logarithmic, linear, and closely about each pole of the open and the closed loop.
@@ -36,19 +36,23 @@ def grid(loop: Loop, points: int = GRID) -> Array:
         Whose.
     points : int, optional
         Of each of the first two; between them are the poles'.
+    near : int, optional
+        About each pole.
     """
     top = loop.nyquist
     poles = np.concatenate([loop.closed.poles(), loop.plant.poles(), loop.compensator.poles()])
     logs = np.log(poles[np.abs(poles) > 1e-6])
-    near = [np.abs(at.imag) + abs(at.real) * np.linspace(-3, 3, 31) for at in logs]
+    about = [np.abs(at.imag) + abs(at.real) * np.linspace(-3, 3, near) for at in logs]
     f = np.concatenate([
         np.geomspace(LOWEST * top, top, points), np.linspace(0, top, points),
-        np.concatenate([np.zeros(0), *near]) * loop.nyquist / math.pi,
+        np.concatenate([np.zeros(0), *about]) * loop.nyquist / math.pi,
     ])  # fmt: skip
     return np.unique(f[(f >= LOWEST * top) & (f <= top)])
 
 
-def highest(of: Callable[[Array], NDArray[Any]], f: Array) -> tuple[float, float]:
+def highest(
+    of: Callable[[Array], NDArray[Any]], f: Array, seen: NDArray[Any] | None = None
+) -> tuple[float, float]:
     """Return the peak of a magnitude and its frequency [Hz], refined between the grid's points.
 
     Parameters
@@ -57,10 +61,12 @@ def highest(of: Callable[[Array], NDArray[Any]], f: Array) -> tuple[float, float
         From frequencies (k,) [Hz] to what has the magnitude.
     f : ndarray (k,)
         Ascending frequencies [Hz], the range that counts.
+    seen : ndarray (k,), optional
+        What is there, where it is known.
     """
     from scipy.optimize import minimize_scalar
 
-    seen = np.abs(of(f))
+    seen = np.abs(of(f) if seen is None else seen)
     padded = np.concatenate([[-np.inf], seen, [-np.inf]])
     tops = np.flatnonzero((seen >= padded[:-2]) & (seen >= padded[2:]) & (seen > 0.9 * seen.max()))
     best = int(np.argmax(seen))
@@ -148,25 +154,30 @@ class Margins:
         return 2 * math.atan(self.disk / 2)
 
 
-def margins(loop: Loop, axis: int = 0, f: Array | None = None) -> Margins:
-    """Return the margins of one measurement's loop with all other loops closed.
+def margins(
+    loop: Loop, axis: int = 0, f: Array | None = None, seen: Complex | None = None
+) -> Margins:
+    """Return the margins of one axis's loop with all other loops closed.
 
     Parameters
     ----------
     loop : Loop
         The closed loop is stable.
     axis : int, optional
-        Which measurement.
+        Which.
     f : ndarray (k,), optional
         Of `grid`, where it is known.
+    seen : ndarray of complex (k,), optional
+        S of the axis there, where it is known.
     """
     f = grid(loop) if f is None else f
+    there = loop.of_axis(axis, f) if seen is None else seen
 
     def S(at: Array) -> Complex:
-        return loop.sensitivity(at)[:, axis, axis]
+        return there if at is f else loop.of_axis(axis, at)
 
     def L(at: Array) -> Complex:
-        if loop.measurements == 1:
+        if loop.measurements == 1 and loop.shown is None:
             return loop.open(at)[:, 0, 0]
         return np.asarray(1 / S(at) - 1)
 
@@ -203,20 +214,22 @@ def margins(loop: Loop, axis: int = 0, f: Array | None = None) -> Margins:
 
 @dataclass(frozen=True)
 class BodeIntegral:
-    """Bode's integral of a sampled loop, per turn: what is won at one frequency is lost at another.
+    """Bode's integral: what is won at one frequency is lost at another.
 
     Attributes
     ----------
     integral : float
-        The integral of ln abs(det S) over a period of the angle, over 2 pi [1].
+        The integral of ln abs(det S) over 2 pi: over a period of the angle of z [1], or in
+        continuous time over all angular frequencies [1/s].
     poles : float
-        Sum of ln abs(p) over the unstable poles p of the open loop, to which it is equal where the
-        closed loop is stable.
+        Sum over the unstable poles p of the open loop of ln abs(p), or in continuous time of their
+        real parts [1/s]: to it the integral is equal where the closed loop is stable.
 
     References
     ----------
-    Sung, Hara, Properties of sensitivity and complementary sensitivity functions in single-input
-    single-output digital control systems, 1988.
+    Freudenberg, Looze, Frequency domain properties of scalar and multivariable feedback systems,
+    1988; Sung, Hara, Properties of sensitivity and complementary sensitivity functions in
+    single-input single-output digital control systems, 1988.
     """
 
     integral: float
@@ -233,27 +246,46 @@ def bode_integral(loop: Loop) -> BodeIntegral:
 
     By Gauss's rule in the logarithm of the frequency, between the frequencies of all poles and ever
     finer towards each: an integrator makes S zero at 0, an undamped pole makes it zero elsewhere.
+    In continuous time it goes on until nothing is left of the tail, and to where the dead time
+    turns slowly against it.
 
     Parameters
     ----------
     loop : Loop
-        Stable or not.
+        Stable or not. In continuous time the open loop falls off by the third power of the
+        frequency, as it does with a sensor or an amplifier that lags.
     """
-    poles = np.concatenate([loop.closed.poles(), loop.plant.poles(), loop.compensator.poles()])
-    logs = np.log(poles[np.abs(poles) > 1e-6])
-    sharp = np.array([at.imag for at in logs if 1e-7 < at.imag < math.pi])
-    ends = np.unique(np.concatenate([np.log(sharp), [math.log(1e-12), math.log(math.pi)]]))
+    poles = np.concatenate([loop.plant.poles(), loop.compensator.poles()])
+    if loop.plant.T is None:
+        unit, low, high = 1.0, 1e-9, 1e10
+        rates = poles
+        even = np.linspace(math.log(low), math.log(high), 500)
+        if loop.delay:
+            turns = np.arange(1, math.ceil(TAIL * loop.delay / math.pi))
+            even = np.concatenate([even, np.log(turns * math.pi / loop.delay)])
+        lost = float(loop.unstable_poles().real.sum())
+    else:
+        unit, low, high = loop.T, 1e-12, math.pi
+        poles = np.concatenate([loop.closed.poles(), poles])
+        rates = np.log(poles[np.abs(poles) > 1e-6])
+        even = np.zeros(0)
+        lost = float(np.log(np.abs(loop.unstable_poles())).sum())
+    sharp = np.array([at.imag for at in rates if 1e5 * low < at.imag < high])
+    ends = np.unique(np.concatenate([np.log(sharp), [math.log(low), math.log(high)]]))
     finer = 0.5 * GRADED ** np.arange(LEVELS)
     shares = np.concatenate([[0.0], finer[::-1], 1 - finer[1:], [1.0]])
-    cuts = np.unique([a + (b - a) * shares for a, b in pairwise(ends)])
+    cuts = np.unique(np.concatenate([even, *(a + (b - a) * shares for a, b in pairwise(ends))]))
     nodes, weights = np.polynomial.legendre.leggauss(16)
     middle, half = (cuts[1:] + cuts[:-1]) / 2, (cuts[1:] - cuts[:-1]) / 2
     angle = np.exp(middle[:, None] + half[:, None] * nodes).ravel()
-    S = loop.sensitivity(angle / (2 * math.pi * loop.T))
-    values = np.log(np.abs(np.linalg.det(S))) * angle
+    det = np.linalg.det(np.eye(loop.measurements) + loop.open(angle / (2 * math.pi * unit)))
+    values = -np.log(np.abs(det)) * angle
     integral = np.sum(values.reshape(-1, len(nodes)) * weights * half[:, None]) / math.pi
-    return BodeIntegral(float(integral), float(np.log(np.abs(loop.unstable_poles())).sum()))
+    return BodeIntegral(float(integral), lost)
 
+
+TAIL = 1e7
+"""To where a dead time's turns are followed [rad/s]; beyond nothing is left of the open loop."""
 
 GRADED, LEVELS = 0.3, 16
 """By which ratio panels shrink towards a pole's frequency, and how often."""

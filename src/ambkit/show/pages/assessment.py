@@ -19,8 +19,8 @@ def write_assessment(
     bearing: str,
     fed_by: str,
     lines: Sequence[tuple[str, str, str, bool | None]],
-    margins: Figure,
-    capacity: Figure,
+    margins: Sequence[Figure],
+    loads: Sequence[Figure],
     facts: Mapping[str, str],
 ) -> None:
     """Write the page.
@@ -35,7 +35,7 @@ def write_assessment(
         What feeds the controller.
     lines : sequence of (str, str, str, bool or None)
         The verdict: what, what it came to, against what, and whether it is kept.
-    margins, capacity : Figure
+    margins, loads : sequence of Figure
         The pictures.
     facts : mapping of str to str
         What it holds for.
@@ -55,8 +55,9 @@ def write_assessment(
         headers=["", "found", "limit", ""],
         rows=[[markdown(what.strip()), markdown(found), markdown(limit), SIGNS[good]]
               for what, found, limit, good in lines],
-        caption="Of a linear model at one work point, peaks with runout and three times the rms of "
-        "noise. An aid, not a certificate: the standards ask for measurements on the machine.",
+        caption="Of a linear model at one work point, peaks with unbalance, runout and three times "
+        "the rms of noise. An aid, not a certificate: the standards ask for measurements on the "
+        "machine.",
     )  # fmt: skip
     signed = Text(
         "| | name | date | signature |\n|---|---|---|---|\n"
@@ -70,8 +71,8 @@ def write_assessment(
         version=version("ambkit"),
         chapters=[
             Chapter("verdict", "Verdict", [Remark("In short", markdown(words)), table]),
-            Chapter("margins", "Margins", [FigureBlock(margins)]),
-            Chapter("loads", "Loads", [FigureBlock(capacity)]),
+            Chapter("margins", "Margins", [FigureBlock(each) for each in margins]),
+            Chapter("loads", "Loads", [FigureBlock(each) for each in loads]),
             Chapter("signed", "Signed off", [signed]),
         ],
         facts=dict(facts),

@@ -24,10 +24,11 @@ SHOWN = 1e-4
 
 
 class Curves(NamedTuple):
-    """A stable loop, and what it is called."""
+    """An axis of a stable loop, and what it is called."""
 
     name: str
     loop: Loop
+    axis: int = 0
 
 
 def assessment_figure(
@@ -38,8 +39,9 @@ def assessment_figure(
     top: float,
     static: float | None,
     gain: float,
+    whole: Loop | None = None,
 ) -> Figure:
-    """Show stable loops of one axis.
+    """Show stable loops of one axis, or the axes of one loop.
 
     Parameters
     ----------
@@ -55,6 +57,8 @@ def assessment_figure(
         Deflection by a load at rest without the controller's integral [m/N].
     gain : float
         Of the amplifier [A/V].
+    whole : Loop, optional
+        Whose singular values and determinant are shown as well.
 
     Raises
     ------
@@ -75,20 +79,19 @@ def assessment_figure(
     if static is not None:
         compliance.append(Rule(static, signal="bound", label="static, without the integral"))
     peaks, softest = list[float](), 0.0
-    for k, (name, loop) in enumerate(loops):
+    for k, (name, loop, axis) in enumerate(loops):
         look = LOOKS[k % len(LOOKS)]
         f = grid(loop)
         f = f[f >= SHOWN * nyquist]
-        S, L = loop.sensitivity(f)[:, 0, 0], loop.open(f)[:, 0, 0]
+        S = loop.of_axis(axis, f)
+        L = 1 / S - 1
         peaks.append(20 * math.log10(float(np.abs(S).max())))
         bode.append(Line(f, 20 * np.log10(np.abs(S)), signal=look, label=name))
         nyquist_items.append(near(Line(L.real, L.imag, signal=look, label=name)))
-        yielding = np.abs(loop.compliance(f)[:, 0, 0])
+        yielding = np.abs(loop.compliance(f)[:, axis, axis])
         softest = max(softest, float(yielding.max()))
         compliance.append(Line(f, yielding, signal=look, label=name))
-        noise.append(
-            Line(f, gain * np.abs(loop.noise_to_control(f)[:, 0, 0]), signal=look, label=name)
-        )
+        noise.append(Line(f, gain * _noise(loop, axis, f), signal=look, label=name))
     yields = Axis("compliance", "µm/N", 1e6, scale="log", limits=(2e-4 * softest, 3 * softest))
     passes = Axis("current by noise", "A/µm", 1e-6, scale="log")
     heights = Axis("sensitivity |S|", "dB", limits=(-14.0, max(16.0, 2 + max(peaks))))
@@ -105,10 +108,43 @@ def assessment_figure(
             Panel(real, imaginary, nyquist_items, title="Open loop"),
             Panel(frequency, yields, compliance, title="Compliance"),
             Panel(frequency, passes, noise, title="Noise to current"),
+            *([] if whole is None else _of_whole(whole, frequency, zones, top)),
         ],
         columns=2,
         panel_height=2.6,
     )
+
+
+def _noise(loop: Loop, axis: int, f: Vector) -> Vector:
+    """Return how noise at an axis's summing point comes to its control signal (k,) [V/m]."""
+    found = loop.noise_to_control(f)
+    return np.abs((found if loop.added is None else found @ loop.added)[:, axis, axis])
+
+
+def _of_whole(
+    loop: Loop, frequency: Axis, zones: Sequence[tuple[str, float]], top: float
+) -> list[Panel]:
+    """Show singular values of S, and the determinant of 1 + L about 0."""
+    f = grid(loop)
+    f = f[f >= SHOWN * loop.nyquist]
+    S = loop.along_axes(f)
+    values = 20 * np.log10(np.maximum(np.linalg.svd(S, compute_uv=False), 1e-6))
+    items = zone_lines(zones, top)
+    items += [
+        Line(f, values[:, k], signal=look, label=f"{which} singular value")
+        for k, look, which in ((0, "series 2", "largest"), (-1, "series 3", "smallest"))
+    ]
+    heights = Axis("singular values of S", "dB", limits=(-14.0, max(16.0, 2 + values.max())))
+    det = 1 / np.linalg.det(loop.sensitivity(f))
+    det = det * np.abs(det) ** (1 / loop.axes - 1)
+    origin = Points(np.array([0.0]), np.array([0.0]), signal="spike", label="")
+    curve = near(Line(det.real, det.imag, signal="estimate", label=""))
+    return [
+        Panel(frequency, heights, items, title="Singular values"),
+        Panel(Axis("real part", limits=(-2.2, 2.2)),
+              Axis("imaginary part", limits=NYQUIST_IMAGINARY), [origin, curve],
+              title=f"det(1 + L), its magnitude to the power of 1/{loop.axes}"),
+    ]  # fmt: skip
 
 
 NYQUIST_REAL, NYQUIST_IMAGINARY = (-3.2, 1.2), (-2.1, 2.1)

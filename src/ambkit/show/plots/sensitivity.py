@@ -72,10 +72,11 @@ def measured_figure(
     nyquist.append(Points(np.array([-1.0]), np.array([0.0]), signal="spike", label=""))
     shown = np.maximum(np.abs(L.real), np.abs(L.imag)) < 10
     nyquist.append(Points(L.real[shown], L.imag[shown], signal="estimate", label=""))
-    for k, (name, loop) in enumerate(models):
+    for k, (name, loop, axis) in enumerate(models):
         look = ("truth", *LOOKS[2:])[k % (len(LOOKS) - 1)]
         at = _between(loop, f)
-        S, open_ = loop.sensitivity(at)[:, 0, 0], loop.open(at)[:, 0, 0]
+        S = loop.of_axis(axis, at)
+        open_ = 1 / S - 1
         bode.append(Line(at, _decibels(np.abs(S)), signal=look, label=f"model, {name}"))
         nyquist.append(near(Line(open_.real, open_.imag, signal=look, label="")))
     heights = _heights(np.abs(found.sensitivity), high[np.isfinite(high)])
@@ -105,6 +106,7 @@ def measured_figure(
 def sweep_figure(
     title: str,
     loop: Loop,
+    axis: int,
     swept: Sequence[tuple[float, Array, Complex, Complex]],
     *,
     zones: Zones,
@@ -118,6 +120,8 @@ def sweep_figure(
         Of which bearing.
     loop : Loop
         The linear model.
+    axis : int
+        Which of its axes was swept.
     swept : sequence of (float, ndarray (k,), ndarray (k,), ndarray (k,))
         Amplitude [m], frequencies [Hz], S of the simulated loop and of the model [1].
     zones : sequence of (str, float)
@@ -129,7 +133,7 @@ def sweep_figure(
     frequency = Axis("frequency", "Hz", scale="log", limits=(0.8 * f.min(), 1.25 * f.max()))
     at = _between(loop, f)
     bode, off = zone_lines(zones, top), list[Item]()
-    model = np.abs(loop.sensitivity(at)[:, 0, 0])
+    model = np.abs(loop.of_axis(axis, at))
     bode.append(Line(at, _decibels(model), signal="truth", label="linear model"))
     off.append(Rule(0.02, signal="reference", label="2 %"))
     for k, (amplitude, where, S, linear) in enumerate(swept):

@@ -15,7 +15,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """A sampled loop of m measurements, c controls, l loads and q positions.
+    """A loop of m measurements, c controls, l loads and q positions, seen along a axes.
+
+    It is sampled; or in continuous time, with a dead time that has no states there: then only what
+    is asked of the broken loop has an answer.
 
     Attributes
     ----------
@@ -26,11 +29,20 @@ class Loop:
         Inputs: m measurements, then references [m]; outputs: c control signals [V].
     measurements : int
         m.
+    shown : ndarray (a, m), optional
+        Positions of the axes as the measurements show them; without it each measurement is an axis.
+    added : ndarray (m, a), optional
+        What a signal at the summing point of an axis is at the measurements.
+    delay : float
+        Dead time of a loop in continuous time [s].
     """
 
     plant: LinearSystem
     compensator: LinearSystem
     measurements: int = 1
+    shown: Array | None = None
+    added: Array | None = None
+    delay: float = 0.0
 
     @property
     def T(self) -> float:
@@ -69,9 +81,14 @@ class Loop:
             (*noises, *P.inputs[c:], *shaken, *K.inputs[m:]), (*P.outputs, *K.outputs),
         )  # fmt: skip
 
+    @property
+    def axes(self) -> int:
+        """Number a of axes."""
+        return self.measurements if self.shown is None else len(self.shown)
+
     @cached_property
     def is_stable(self) -> bool:
-        """Whether all poles of the closed loop are within the unit circle."""
+        """Whether all poles of the closed, sampled loop are within the unit circle."""
         return bool((np.abs(self.closed.poles()) < 1).all())
 
     def unstable_poles(self) -> Complex:
@@ -88,12 +105,14 @@ class Loop:
         """
         m, c = self.measurements, len(self.compensator.outputs)
         P, K = self.plant.response(frequency), self.compensator.response(frequency)
-        return np.asarray(-P[:, :m, :c] @ K[:, :, :m])
+        L = -P[:, :m, :c] @ K[:, :, :m]
+        if self.delay:
+            late = np.exp(-2j * np.pi * self.delay * np.atleast_1d(np.asarray(frequency, float)))
+            L = late[:, None, None] * L
+        return np.asarray(L)
 
     def sensitivity(self, frequency: ArrayLike) -> Complex:
         """Return S (k, m, m): from what is added to the measurements to the measurements [1].
-
-        Its diagonal is the sensitivity of each axis with all other loops closed.
 
         Parameters
         ----------
@@ -103,25 +122,52 @@ class Loop:
         L = self.open(frequency)
         return np.asarray(np.linalg.inv(np.eye(self.measurements) + L))
 
-    def largest_sensitivity(self, frequency: ArrayLike) -> Array:
-        """Return the largest singular value of S (k,) [1]; of one axis, its magnitude.
+    def along_axes(self, frequency: ArrayLike) -> Complex:
+        """Return S (k, a, a) from what is added at the axes' summing points to the positions there.
+
+        Its diagonal is the sensitivity of each axis with all other loops closed.
 
         Parameters
         ----------
         frequency : array_like (k,)
             Frequencies [Hz].
         """
-        return np.asarray(np.linalg.norm(self.sensitivity(frequency), 2, axis=(1, 2)))
+        S = self.sensitivity(frequency)
+        if self.shown is None or self.added is None:
+            return S
+        return np.asarray(self.shown @ S @ self.added)
+
+    def of_axis(self, axis: int, frequency: ArrayLike) -> Complex:
+        """Return S (k,) of one axis with all other loops closed [1].
+
+        Parameters
+        ----------
+        axis : int
+            Which.
+        frequency : array_like (k,)
+            Frequencies [Hz].
+        """
+        return np.asarray(self.along_axes(frequency)[:, axis, axis])
+
+    def largest_sensitivity(self, frequency: ArrayLike) -> Array:
+        """Return the largest singular value of S along the axes (k,) [1]; of one, its magnitude.
+
+        Parameters
+        ----------
+        frequency : array_like (k,)
+            Frequencies [Hz].
+        """
+        return np.asarray(np.linalg.norm(self.along_axes(frequency), 2, axis=(1, 2)))
 
     def complementary(self, frequency: ArrayLike) -> Complex:
-        """Return T = 1 - S (k, m, m) [1].
+        """Return T = 1 - S (k, a, a) along the axes [1].
 
         Parameters
         ----------
         frequency : array_like (k,)
             Frequencies [Hz].
         """
-        return np.asarray(np.eye(self.measurements) - self.sensitivity(frequency))
+        return np.asarray(np.eye(self.axes) - self.along_axes(frequency))
 
     def _of(self, outputs: slice, inputs: slice, frequency: ArrayLike) -> Complex:
         closed = self.closed
@@ -139,6 +185,24 @@ class Loop:
     def _loads(self) -> slice:
         m = self.measurements
         return slice(m, m + len(self.plant.inputs) - len(self.compensator.outputs))
+
+    def driven(self, columns: Complex, frequency: float) -> tuple[Complex, Complex]:
+        """Return amplitudes of positions (q,) [m] and of control signals (c,) [V] under a rotation.
+
+        Parameters
+        ----------
+        columns : ndarray of complex (n,)
+            What a sample of what turns leaves in the plant's states.
+        frequency : float
+            Of the rotation [Hz].
+        """
+        closed = self.closed
+        B = np.zeros((len(closed.A), 1), complex)
+        B[: len(self.plant.A), 0] = columns
+        z = np.exp(2j * np.pi * frequency * self.T)
+        X = np.asarray(np.linalg.solve(z * np.eye(len(closed.A)) - closed.A, B + 0j)[:, 0], complex)
+        c = len(self.compensator.outputs)
+        return np.asarray(closed.C[self._positions] @ X), np.asarray(closed.C[-c:] @ X)
 
     def compliance(self, frequency: ArrayLike) -> Complex:
         """Return the positions by the loads (k, q, l) [m/N]; a load is held over each sample.

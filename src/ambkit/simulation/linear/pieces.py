@@ -1,42 +1,46 @@
-"""Plant, controller and estimator of one loop as linear systems, at a work point.
+"""Plant and controller of a loop as linear systems, at a work point: of one axis, or of several.
 
-The control signal u [V] is what goes between them; the estimator is fed with the u that goes out.
+The control signals u [V] are what goes between them; an estimator is fed with those that go out.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
-from ambkit.estimate.adaptive_noise import AdaptiveNoise
-from ambkit.estimate.kalman import ExtendedKalmanFilter, KalmanFilter
-from ambkit.estimate.low_pass import LowPass
-from ambkit.estimate.magnet_scale import AugmentedKalmanFilter
-from ambkit.estimate.observer import ExtendedStateObserver, SteadyStateKalmanFilter
-from ambkit.estimate.starting import start_std
-from ambkit.estimate.unscented import UnscentedKalmanFilter
+from ambkit.estimate.whole import Whole
+from ambkit.machine.bank import alone_of
+from ambkit.machine.geometry import Line
 from ambkit.machine.hovering import hover_current
-from ambkit.machine.magnets import MagnetModel, core_module, magnet_of
+from ambkit.machine.machine import Machine
+from ambkit.machine.magnets import magnet_of
 from ambkit.models import axis_parts
-from ambkit.models.linear import LinearSystem, Signal, linearised
+from ambkit.models.linear import Complex, LinearSystem, Signal, linearised
+from ambkit.models.machine import machine_parts, place
+from ambkit.models.parts import SynchronousForce
+from ambkit.simulation.plant import Plant
 
 if TYPE_CHECKING:
-    from ambkit.estimate.base import Estimator
-    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.bearing import Bearing, Sensor
     from ambkit.models.model import Array
+    from ambkit.models.plan import Part
 
 POSITION, VELOCITY = Signal("position", "m"), Signal("velocity", "m/s")
 
 
 class WorkPoint(NamedTuple):
-    """Where a loop is linearised: control current [A] and displacement [m]."""
+    """Where a loop is linearised: control current [A] and displacement [m].
 
-    iu: float
-    x: float
+    Numbers of one axis; of a whole machine arrays (p,), one for each axis.
+    """
+
+    iu: Any
+    x: Any
 
     @classmethod
     def hovering(cls, bearing: Bearing, x: float = 0.0, load: float = 0.0) -> WorkPoint:
@@ -72,41 +76,138 @@ class WorkPoint(NamedTuple):
             )
         return cls(iu, x)
 
+    @classmethod
+    def of_machine(cls, machine: Machine, load: Mapping[str, float] | None = None) -> WorkPoint:
+        """Return the point at which the magnets carry the rotor in the middle, and loads.
 
-def plant(bearing: Bearing, point: WorkPoint, *, continuous: bool = False) -> LinearSystem:
-    """Return amplifier, dead time, magnet, rotor and sensor, from u and load to y and x.
+        Parameters
+        ----------
+        machine : Machine
+            The plant.
+        load : mapping of str to float, optional
+            Constant disturbance forces, by the names of the axes [N].
+
+        Raises
+        ------
+        AmbkitError
+            There is no such axis, or no current within an amplifier's range holds the rotor.
+        """
+        names, given = [axis.name for axis in machine.axes], dict(load or {})
+        for name in given:
+            if name not in names:
+                raise AmbkitError(f"load: there is no axis {name}; there are {', '.join(names)}")
+        pushed = np.array([given.get(name, 0.0) for name in names])
+        q, currents = Plant(machine).hovering(np.zeros(len(names)), pushed)
+        for name, b, iu in zip(names, alone_of(machine), currents, strict=True):
+            if not b.current_min < iu < b.current_max:
+                raise AmbkitError(
+                    f"no control current from {b.current_min:g} to {b.current_max:g} A of axis "
+                    f"{name} holds the rotor of {machine.name} with its weight and load"
+                )
+        return cls(currents, Whole(machine).H @ q)
+
+
+def of_axes(signal: Signal, axes: Sequence[str]) -> tuple[Signal, ...]:
+    """Return a signal once for each axis, with its name at the end; without axes itself alone."""
+    return tuple(Signal(f"{signal.name}_{axis}", signal.unit) for axis in axes) or (signal,)
+
+
+def plant(of: Bearing | Machine, point: WorkPoint, *, continuous: bool = False) -> LinearSystem:
+    """Return amplifiers, dead time, magnets, rotor and sensors, from u and load to y and x.
 
     Within the limits of current and voltage, without rounding and noise; of a bent sensor the slope
     at the work point.
 
     Parameters
     ----------
-    bearing : Bearing
-        What is linearised.
+    of : Bearing or Machine
+        What is linearised; a machine at its speed.
     point : WorkPoint
         Where.
     continuous : bool, optional
-        In continuous time, which needs a bearing without delay.
+        In continuous time, which needs a plant without delay.
 
     Returns
     -------
     LinearSystem
-        Inputs ``u`` [V] and ``f_d`` [N], outputs ``y`` and ``x`` [m].
+        Inputs ``u`` [V] and ``f_d`` [N], outputs ``y`` and ``x`` [m]; of a machine ``u_NAME`` and
+        ``f_d_NAME`` of each axis, ``y_NAME`` of each reading and the displacements ``s_NAME`` of
+        each axis.
 
     Raises
     ------
     ValueError
         In continuous time, with a delay.
     """
-    sensor, law = bearing.sensor, magnet_of(bearing)
-    slope = 1 + (2 * sensor.quadratic + 3 * sensor.cubic * point.x) * point.x
-    k_i, k_s = (float(k) for k in law.tangent(point.iu, point.x))
-    seen = bearing if slope == 1 else bearing.replace(sensor__gain=sensor.gain * slope)
-    parts = axis_parts(seen, noise=False)
-    system = linearised(parts, bearing.sampling_time, k_i, k_s, continuous=continuous)
-    B = system.B.copy()
-    B[:, 0] *= bearing.amplifier.gain
-    return replace(system, B=B, inputs=(Signal("u", "V"), *system.inputs[1:]))
+    machine = isinstance(of, Machine)
+    parts = machine_parts(of, noise=False) if machine else axis_parts(of, noise=False)
+    system = _linear(of, parts, point, continuous=continuous)
+    B, C, alone = system.B.copy(), system.C, alone_of(of)
+    B[:, : len(alone)] *= [b.amplifier.gain for b in alone]
+    if isinstance(of, Machine):
+        whole, m = Whole(of), len(of.readings)
+        seen = np.linalg.pinv(whole.H @ whole.shown) @ point.x / whole.gains
+        sensors: list[Sensor] = [r.sensor for r in of.readings]
+        stands = {state.name: k for k, state in enumerate(system.states)}
+        along = np.zeros((len(alone), len(stands)))
+        for k, axis in enumerate(of.axes):
+            for q, value in axis.line.form.items():
+                along[k, stands[q]] = value
+        C = np.vstack([C[:m], along])
+        names = [axis.name for axis in of.axes]
+        positions = of_axes(Signal("s", "m"), names)
+        inputs = (*of_axes(Signal("u", "V"), names), *system.inputs[len(names) :])
+    else:
+        m, seen, positions = 1, [point.x], system.outputs[1:]
+        sensors = [of.sensor]
+        inputs = (Signal("u", "V"), *system.inputs[1:])
+    bent = [
+        1 + (2 * at.quadratic + 3 * at.cubic * x) * x for at, x in zip(sensors, seen, strict=True)
+    ]
+    C = np.vstack([np.array(bent)[:, None] * C[:m], C[m:]])
+    return replace(
+        system, B=B, C=C, D=np.zeros((len(C), B.shape[1])), inputs=inputs,
+        outputs=(*system.outputs[:m], *positions),
+    )  # fmt: skip
+
+
+def unbalance_columns(machine: Machine, point: WorkPoint, places: Sequence[float]) -> Complex:
+    """Return what a sample of unbalance of 1 kg m leaves in the plant's states (n, planes).
+
+    Each turns with the rotor, from x towards y: its force within the sample does.
+
+    Parameters
+    ----------
+    machine : Machine
+        The plant, which turns.
+    point : WorkPoint
+        Where it is linearised.
+    places : sequence of float
+        Of the planes [m].
+    """
+    turning: list[Part] = [
+        SynchronousForce(
+            1.0, 1.0, machine.speed, f"U{k}", place(Line.across(z, 0.0).form),
+            place(Line.across(z, math.pi / 2).form),
+        )
+        for k, z in enumerate(places)
+    ]  # fmt: skip
+    A = _linear(machine, [*machine_parts(machine, noise=False), *turning], point).A
+    n = len(A) - 2 * len(places)
+    return np.asarray(A[:n, n::2] - 1j * A[:n, n + 1 :: 2])
+
+
+def _linear(
+    of: Bearing | Machine, parts: Sequence[Part], point: WorkPoint, *, continuous: bool = False
+) -> LinearSystem:
+    """Return the parts of a plant with its magnets' tangents at a work point."""
+    k_i, k_s = np.array([
+        [float(k) for k in magnet_of(b).tangent(float(iu), float(x))]
+        for b, iu, x in zip(
+            alone_of(of), np.atleast_1d(point.iu), np.atleast_1d(point.x), strict=True
+        )
+    ]).T  # fmt: skip
+    return linearised(parts, of.sampling_time, k_i, k_s, continuous=continuous)
 
 
 class _Gains(Protocol):
@@ -170,142 +271,72 @@ def controller(pid: _Gains, bearing: Bearing) -> LinearSystem:
     )  # fmt: skip
 
 
-def tells(estimator: Estimator) -> bool:
-    """Whether an estimator of this kind settles to a gain, with which `estimator_at` has it."""
-    inner = estimator.inner if isinstance(estimator, AdaptiveNoise) else estimator
-    return isinstance(inner, _BY_RICCATI + _OF_CONSTANT_GAIN)
-
-
-_BY_RICCATI = (KalmanFilter, ExtendedKalmanFilter, UnscentedKalmanFilter, AugmentedKalmanFilter)
-_OF_CONSTANT_GAIN = (ExtendedStateObserver, SteadyStateKalmanFilter, LowPass)
-
-
-def estimator_at(estimator: Estimator, point: WorkPoint) -> LinearSystem:
-    """Return an estimator at a work point, with the gain that it settles to.
-
-    The force in its mean is linearised by the tangents of what it knows of its magnet; covariances
-    of the linear and the adaptive filter grow by the stiffnesses through the origin, as they do in
-    the core. A filter that finds its noise online has the noise that it starts from, one that
-    learns its magnet the known one.
+def controllers(pids: Sequence[_Gains], machine: Machine) -> LinearSystem:
+    """Return the controllers of a machine's axes beside each other, see `controller`.
 
     Parameters
     ----------
-    estimator : Estimator
-        Of a kind that settles to a gain.
-    point : WorkPoint
-        Where.
+    pids : sequence of PID (p,)
+        Of each axis; all fed by the measurement, or all by an estimate.
+    machine : Machine
+        Gives sampling time and gains.
 
     Returns
     -------
     LinearSystem
-        Inputs ``y`` [m] and ``u`` [V], outputs ``position`` [m] and ``velocity`` [m/s], with what y
-        of the same sample says; u acts from this sample on.
-
-    Raises
-    ------
-    AmbkitError
-        Its kind does not settle to a gain, or its model has none.
+        Inputs the positions of all axes [m], with an estimate their velocities [m/s], then the
+        references [m]; outputs the control signals [V].
     """
-    if isinstance(estimator, AdaptiveNoise):
-        return estimator_at(estimator.inner, point)
-    if isinstance(estimator, LowPass):
-        return _low_pass(estimator)
-    if not tells(estimator):
-        raise AmbkitError(f"{estimator.name}: it does not settle to a gain, and has no margins")
-    model = estimator.model
-    linear = estimator.linear_model(*_asked(estimator.magnet, "tangent", point))
-    A, B, H, states = linear.A, linear.B, linear.H, model.states
-    if isinstance(estimator, ExtendedStateObserver | SteadyStateKalmanFilter):
-        K = estimator.gain[:, None]
-    else:
-        K, kept = _settled(estimator, point)
-        A, B, H = A[np.ix_(kept, kept)], B[kept], H[:, kept]
-        states = tuple(states[k] for k in kept)
-    left = np.eye(len(states)) - K @ H
-    roles = [at.role for at in states]
-    told = [roles.index("position"), roles.index("velocity")]
+    from scipy.linalg import block_diag
+
+    each = [controller(pid, b) for pid, b in zip(pids, alone_of(machine), strict=True)]
+    names = [axis.name for axis in machine.axes]
+    kinds, p = each[0].inputs, len(each)
+    order = [k + len(kinds) * axis for k in range(len(kinds)) for axis in range(p)]
+    A, B, C, D = (block_diag(*(getattr(one, name) for one in each)) for name in "ABCD")
+    states = [
+        Signal(f"{at.name}_{name}", at.unit)
+        for name, one in zip(names, each, strict=True) for at in one.states
+    ]  # fmt: skip
+    inputs = [signal for kind in kinds for signal in of_axes(kind, names)]
     return LinearSystem(
-        A @ left, np.hstack([A @ K, B]), left[told],
-        np.hstack([K[told], np.zeros((len(told), B.shape[1]))]), model.T,
-        tuple(Signal(at.name, at.unit) for at in states),
-        (*(Signal(at.name, at.unit) for at in model.measurements), Signal("u", "V")),
-        (POSITION, VELOCITY),
+        A, B[:, order], C, D[:, order], machine.sampling_time, tuple(states), tuple(inputs),
+        of_axes(Signal("u", "V"), names),
     )  # fmt: skip
 
 
-def _settled(estimator: Estimator, point: WorkPoint) -> tuple[Array, Array]:
-    """Return the gain (n, m) that a Kalman filter settles to, and the states that it moves (n,).
-
-    A state of noise or load that nothing drives is found once, and its gain goes to zero: it is
-    none of them.
-    """
-    from scipy.linalg import solve_discrete_are
-
-    states = estimator.model.states
-    kind = "through_origin" if isinstance(estimator, KalmanFilter) else "tangent"
-    model = estimator.linear_model(*_asked(estimator.magnet, kind, point))
-    follows = ("disturbance force", "noise", "noise in quadrature")
-    Q = model.Q
-    kept = np.array([k for k, at in enumerate(states) if at.role not in follows or Q[k, k] > 0])
-    block = np.ix_(kept, kept)
-    # The states are counted in their own units, or the equation loses its digits between newtons
-    # and micrometres.
-    units = np.array(start_std(estimator.bearing, estimator.variances, states))[kept]
-    A, noise = model.A[block] * units / units[:, None], Q[block] / np.outer(units, units)
-    unit = math.sqrt(model.R)  # and the measurement in its noise
-    H, R = model.H[:, kept] * units / unit, np.eye(1)
-    try:
-        P = solve_discrete_are(A.T, H.T, noise, R)
-    except np.linalg.LinAlgError:
-        raise AmbkitError(f"{estimator.name}: it does not settle to a gain") from None
-    K = np.linalg.solve(H @ P @ H.T + R, H @ P).T
-    return units[:, None] * K / unit, kept
-
-
-def _low_pass(estimator: LowPass) -> LinearSystem:
-    """Position and velocity of ``core/src/low_pass.c``; its force is beside them."""
-    T, gain = estimator.bearing.sampling_time, estimator.bearing.sensor.gain
-    a, b = (-np.expm1(-estimator.corners[name] * T) for name in ("position", "velocity"))
-    # x += a (y/K - x) =: dx, then v += b (dx/T - v)
-    A = np.array([[1 - a, 0.0], [-a * b / T, 1 - b]])
-    B = np.array([[a / gain, 0.0], [a * b / (T * gain), 0.0]])
-    return LinearSystem(
-        A, B, A, B, T, (Signal("x", "m"), Signal("v", "m/s")),
-        (Signal("y", "m"), Signal("u", "V")), (POSITION, VELOCITY),
-    )  # fmt: skip
-
-
-def _asked(magnet: MagnetModel, method: str, point: WorkPoint) -> tuple[float, float]:
-    """Ask what an estimator knows of its magnet for k_i [N/A] and k_s [N/m] at a work point."""
-    found = getattr(magnet.in_core(core_module()), method)(
-        np.array([point.iu]), np.array([point.x])
-    )
-    return float(found[0][0]), float(found[1][0])
-
-
-def compensator(control: LinearSystem, estimator: LinearSystem | None, gain: float) -> LinearSystem:
-    """Return controller and estimator together, from the measurement to u.
+def compensator(
+    control: LinearSystem,
+    estimator: LinearSystem | None,
+    shown: Array,
+    readings: Sequence[Signal] = (Signal("y", "m"),),
+) -> LinearSystem:
+    """Return controllers and estimator together, from the measurements to u.
 
     Parameters
     ----------
     control : LinearSystem
-        Of `controller`.
+        Of `controller` or `controllers`.
     estimator : LinearSystem or None
-        Of `estimator_at`, for a controller that is fed by it; None: it is fed by the measurement.
-    gain : float
-        Of the sensor [1], by which the measurement is divided then.
+        Of `estimator_at`, for controllers that are fed by it; None: they are fed by the
+        measurements.
+    shown : ndarray (p, m)
+        Positions of the axes by the measurements [1], which controllers are fed with then.
+    readings : sequence of Signal (m,)
+        The measurements.
 
     Returns
     -------
     LinearSystem
-        Inputs ``y`` and ``r`` [m], output ``u`` [V].
+        Inputs the measurements and the references [m], outputs the control signals [V].
     """
+    K = control
     if estimator is None:
-        scale = np.array([1 / gain, 1.0])
-        inputs = (Signal("y", "m"), Signal("r", "m"))
-        return replace(control, B=control.B * scale, D=control.D * scale, inputs=inputs)
-    E, K = estimator, control
-    m, q = len(E.inputs) - 1, len(E.outputs)
+        p = len(shown)
+        B, D = (np.hstack([of[:, :p] @ shown, of[:, p:]]) for of in (K.B, K.D))
+        return replace(K, B=B, D=D, inputs=(*readings, *K.inputs[p:]))
+    E = estimator
+    m, q = len(E.inputs) - len(K.outputs), len(E.outputs)
     B_y, B_u, D_y = E.B[:, :m], E.B[:, m:], E.D[:, :m]
     Bq, Br, Dq, Dr = K.B[:, :q], K.B[:, q:], K.D[:, :q], K.D[:, q:]
     A = np.block([[E.A + B_u @ Dq @ E.C, B_u @ K.C], [Bq @ E.C, K.A]])

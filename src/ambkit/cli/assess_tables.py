@@ -1,0 +1,238 @@
+"""Tables of ``ambkit assess``: a row for each figure, a column for each loop or axis."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from ambkit.judge.loop.demands import Demands
+    from ambkit.judge.loop.margins import Margins
+    from ambkit.workflow.assessing import Assessment
+    from ambkit.workflow.over_speed import OverSpeed
+
+BESIDE = 5
+"""Loops beside each other in one table."""
+
+
+def tables(found: Assessment) -> list[Any]:
+    """Return tables with a row for each figure, a column for each loop.
+
+    Parameters
+    ----------
+    found : Assessment
+        Of a bearing.
+    """
+    from ambkit.cli.output import table, value
+
+    at = f"at {value(found.point.x, 'm')} and {value(found.point.iu, 'A')}"
+    title = f"{found.bearing.name} {at}, controller fed by"
+    rows = [*_rows(found.top), *CHECKS]
+    names = list(found.loops)
+    return [
+        table(title, ["", *some], _filled(rows, [found.loops[name] for name in some]))
+        for some in (names[k : k + BESIDE] for k in range(0, len(names), BESIDE))
+    ]
+
+
+def tables_of_machine(found: Assessment) -> list[Any]:
+    """Return tables of a machine: its loops, the axes of the last one, and unbalance.
+
+    Parameters
+    ----------
+    found : Assessment
+        Of a machine.
+    """
+    from ambkit.cli.output import table, value
+
+    machine, names = found.bearing, list(found.loops)
+    rpm = f"{machine.speed * 30 / math.pi:.6g} rpm"
+    of_loops: list[tuple[str, Any]] = [
+        ("zone of ISO 14839-3", lambda e: e.zone),
+        ("  worst axis", lambda e: "–" if e.worst is None else e.worst.name),
+        (f"  peak of |S| to {value(found.top, 'Hz')}", lambda e: _number(e.peak)),
+        ("  at", lambda e: value(e.peak_frequency, "Hz")),
+        ("largest singular value of S", lambda e: _number(e.largest[0])),
+        ("  at", lambda e: value(e.largest[1], "Hz")),
+        ("current by noise, rms, at most", lambda e: value(e.current_noise, "A", 3)),
+        ("position by noise, rms, at most", lambda e: value(e.position_noise, "m", 3)),
+        ("zone of ISO 14839-2", _asked(lambda d: d.zone)),
+        *CHECKS,
+    ]
+    shown = [
+        table(f"{machine.name} at {rpm}, controllers fed by", ["", *some],
+              _filled(of_loops, [found.loops[name] for name in some]))
+        for some in (names[k : k + BESIDE] for k in range(0, len(names), BESIDE))
+    ]  # fmt: skip
+    last = names[-1]
+    if found.loops[last].stable:
+        groups = found.alike(last)
+        each = [found.loops[last].axes[same[0]] for same in groups]
+        heads = ["", *(" and ".join(same) for same in groups)]
+        title = f"Each axis with all other loops closed, controllers fed by {last}"
+        shown.append(table(title, heads, _filled(_rows(found.top), each)))
+    grades = found.grades()
+    if grades:
+        heads = ["grade", "unbalance", "force", "orbit", "of the clearance", "current"]
+        title = f"Unbalance of grades of ISO 21940-11 at {rpm}, angles as bad as can be"
+        shown.append(table(title, heads, [
+            [f"G {1e3 * each.grade:g}", f"{1e6 * each.unbalance:.4g} g mm",
+             value(each.force, "N", 3), value(each.displacement, "m", 3),
+             f"{100 * each.clearance_share:.2g} %", value(each.current, "A", 3)]
+            for each in grades
+        ]))  # fmt: skip
+    return shown
+
+
+def tables_over_speed(found: OverSpeed) -> list[Any]:
+    """Return a table of a machine's loop over its speed.
+
+    Parameters
+    ----------
+    found : OverSpeed
+        What was looked at.
+    """
+    from ambkit.cli.output import table
+
+    def at(speed: float) -> str:
+        return f"{speed * 30 / math.pi:.5g} rpm"
+
+    def share(of: tuple[float, float]) -> str:
+        return f"{100 * of[0]:.3g} % at {at(of[1])}"
+
+    peak, where = found.worst
+    rows = [
+        ["zone of ISO 14839-3", found.zone],
+        ["  peak of |S|, worst axis and speed", f"{_number(peak)} at {at(where)}"],
+        ["  largest singular value of S", _number(float(found.largest.max()))],
+        ["displacement, of the clearance, at most", share(found.farthest)],
+        ["current, of its limit, at most", share(found.hardest)],
+    ]
+    for speed, each in found.integrals.items():
+        rows.append([f"check: Bode's integral of ln|det S| at {at(speed)}",
+                     f"{each.integral:.8f}"])  # fmt: skip
+        rows.append(["  ln|p| of the unstable poles", f"{each.poles:.8f}"])
+    title = f"{found.machine.name} to {at(float(found.speed[-1]))}, controllers fed by"
+    return [table(title, ["", found.fed_by], rows)]
+
+
+def tables_of_shares(found: Assessment) -> list[Any]:
+    """Return what each piece of the loops costs; none where all are ideal.
+
+    Parameters
+    ----------
+    found : Assessment
+        Of a bearing or a machine.
+    """
+    from ambkit.cli.output import table
+
+    names = [name for name in found.loops if name != "LQG"]
+    each = {name: found.shares(name) for name in names}
+    pieces = list(dict.fromkeys(piece for shares in each.values() for piece in shares))
+    rows = [
+        [PIECES[piece], *(_number(each[name].get(piece, math.nan)) for name in names)]
+        for piece in pieces
+    ]
+    title = "Peak of |S|, all else as it is, controllers fed by"
+    return [table(title, ["", *names], rows)] if len(rows) > 1 else []
+
+
+PIECES = {
+    "as it is": "as it is",
+    "amplifier": "if the amplifier were without lag",
+    "sensor": "if the sensor were without lag",
+    "delay": "without dead time, but for the hold",
+    "filter": "fed by the measurement",
+}
+"""What is said of each piece of a loop."""
+
+
+def _number(peak: float) -> str:
+    if math.isinf(peak):
+        return "unstable"
+    return "–" if math.isnan(peak) else f"{peak:.3f}"
+
+
+def _filled(
+    rows: Sequence[tuple[str, Callable[[Any], str]]], each: Sequence[Any]
+) -> list[list[str]]:
+    return [[head, *(said(one) for one in each)] for head, said in rows]
+
+
+def _asked(said: Callable[[Demands], str]) -> Callable[[Any], str]:
+    return lambda each: "–" if each.demands is None else said(each.demands)
+
+
+def _rows(top: float) -> list[tuple[str, Callable[[Any], str]]]:
+    """Return heads and what is said of a loop of one axis, or of one axis of several."""
+    from ambkit.cli.output import value
+
+    def margin(said: Callable[[Margins], str]) -> Callable[[Any], str]:
+        return lambda each: "–" if each.margins is None else said(each.margins)
+
+    return [
+        ("zone of ISO 14839-3", lambda e: e.zone),
+        (f"  peak of |S| to {value(top, 'Hz')}", lambda e: _number(e.peak)),
+        ("  at", lambda e: value(e.peak_frequency, "Hz")),
+        ("peak of |S| to half the sampling rate", margin(lambda m: f"{m.peak:.3f}")),
+        ("peak of |T|", margin(lambda m: f"{m.complementary_peak:.3f}")),
+        ("gain margin up, down", margin(lambda m: _decibels(m.gain_up, m.gain_down))),
+        ("phase margin", margin(lambda m: f"{math.degrees(m.phase):.1f} deg")),
+        ("delay margin", margin(lambda m: value(m.delay, "s", 3))),
+        ("disk margin: gain, both ways", margin(lambda m: _decibels(m.disk_gain[1]))),
+        ("  phase, both ways", margin(lambda m: f"{math.degrees(m.disk_phase):.1f} deg")),
+        ("|S| below -3 dB up to", margin(lambda m: value(m.bandwidth, "Hz", 3))),
+        ("highest crossover", margin(lambda m: value(m.crossover, "Hz", 3))),
+        ("current by noise, rms", lambda e: value(e.current_noise, "A", 3)),
+        ("position by noise, rms", lambda e: value(e.position_noise, "m", 3)),
+        ("zone of ISO 14839-2", _asked(lambda d: d.zone)),
+        ("  greatest displacement, of the clearance",
+         _asked(lambda d: f"{100 * d.displacement / d.clearance:.2g} %")),
+        ("least harmonic load that comes to a limit",
+         _asked(lambda d: value(d.capacity.least[0], "N", 3))),
+        ("  at", _asked(lambda d: value(d.capacity.least[1], "Hz", 3))),
+    ]  # fmt: skip
+
+
+CHECKS: list[tuple[str, Callable[[Any], str]]] = [
+    ("check: Bode's integral of ln|det S|", lambda e: f"{e.integral.integral:.8f}"),
+    ("  ln|p| of the unstable poles", lambda e: f"{e.integral.poles:.8f}"),
+]
+"""Rows of the check."""
+
+
+def _decibels(*factors: float) -> str:
+    def one(factor: float) -> str:
+        if not 0 < factor < math.inf:
+            return "∞" if factor else "-∞"
+        return f"{20 * math.log10(factor):.1f}"
+
+    return f"{', '.join(map(one, factors))} dB"
+
+
+def said(found: Assessment) -> list[str]:
+    """Return the bound, the check, and what all of it is.
+
+    Parameters
+    ----------
+    found : Assessment
+        Of a bearing or a machine.
+    """
+    from ambkit.workflow.assessing import BASIS
+
+    said = []
+    several = len(found.of.axes) > 1
+    S, T = ("the largest singular value of S", "that of T") if several else (
+        "the peak of |S|", "that of |T|"
+    )  # fmt: skip
+    if found.least[0] > 1:
+        said.append(
+            f"no linear controller brings {S} below {found.least[0]:.3f} here, nor {T} below "
+            f"{found.least[1]:.3f}, for the unstable pole{'s' if several else ''} and the dead time"
+        )
+    wrong = [name for name, each in found.loops.items() if not each.integral.holds]
+    if wrong:
+        said.append(f"the check does not hold, as in an unstable loop: {', '.join(wrong)}")
+    return [*said, BASIS]

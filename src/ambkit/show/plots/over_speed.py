@@ -1,0 +1,149 @@
+"""Pictures of a machine's loop over its speed: sensitivity, modes, and what a run-up asks."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ambkit.base.escaping import markdown
+from ambkit.judge.loop.demands import ROOM
+from ambkit.show.plots.assessment import LOOKS
+from ambkit.show.plots.campbell import SPEED
+from ambkit.show.report.figure import Figure, Panel
+from ambkit.show.report.items import Axis, Item, Line, Points, Rule
+
+if TYPE_CHECKING:
+    from ambkit.show.report.items import Vector
+    from ambkit.workflow.over_speed import OverSpeed
+
+SLOW = 2.0
+"""Modes up to so many times the greatest peak's frequency or speed are shown."""
+
+DAMPED = 0.995
+"""Damping ratio from which on a mode does not swing."""
+
+
+def over_speed_figure(found: OverSpeed) -> Figure:
+    """Show sensitivity of each axis, and frequency and damping of the closed loop's modes.
+
+    Parameters
+    ----------
+    found : OverSpeed
+        What was looked at.
+    """
+    from ambkit.workflow.loop_of import ZONES
+
+    peaks: list[Item] = [
+        Rule(limit, signal="limit", text=name, label="ends of zones A, B, C" if k == 0 else "")
+        for k, (name, limit) in enumerate(ZONES)
+        if k == 0 or limit < 1.5 * np.nanmax(found.peaks)
+    ]
+    peaks += _of_axes(found, found.peaks)
+    peaks.append(Line(found.speed, found.largest, signal="bound", label="largest singular value"))
+    top = SLOW * max(float(found.speed[-1]), 2 * math.pi * _busy(found))
+    speeds, frequencies, ratios = list[float](), list[float](), list[float]()
+    for speed, poles in zip(found.speed, found.poles, strict=True):
+        size = np.abs(poles)
+        ratio = -poles.real / np.maximum(size, 1e-300)
+        swings = (poles.imag > 0) & (ratio < DAMPED) & (poles.imag < top)
+        speeds += [float(speed)] * int(swings.sum())
+        frequencies += poles.imag[swings].tolist()
+        ratios += ratio[swings].tolist()
+    at = np.array(speeds)
+    turning = found.speed[found.speed <= top]
+    modes: list[Item] = [
+        Points(at, np.array(frequencies), signal="estimate", label="modes of the closed loop"),
+        Line(turning, turning, signal="constant", label="speed of rotation"),
+    ]
+    damping: list[Item] = [Points(at, np.array(ratios), signal="estimate", label="")]
+    highest = max(3.5, 1.1 * float(np.nanmax(np.append(found.largest, found.peaks))))
+    return Figure(
+        "over-speed",
+        f"{markdown(found.machine.name)}: closed loop over speed, controllers fed by "
+        f"{found.fed_by}",
+        "Each axis with all other loops closed; the worst decides its zone of ISO 14839-3. Below, "
+        "the modes of rotor, controllers and filter together, as far as they swing.",
+        [
+            Panel(SPEED, Axis("peak of |S|", limits=(1.0, highest)), peaks, title="Sensitivity"),
+            Panel(SPEED, Axis("frequency", "Hz", 1 / (2 * math.pi)), modes, title="Campbell"),
+            Panel(SPEED, Axis("damping ratio", limits=(0.0, 1.0)), damping, title="Damping"),
+        ],
+        columns=3,
+        panel_height=2.8,
+    )
+
+
+def run_up_figure(found: OverSpeed) -> Figure:
+    """Show displacement, current and voltage in a slow run-up, beside their limits.
+
+    Parameters
+    ----------
+    found : OverSpeed
+        What was looked at.
+    """
+    shares = found.orbit / found.clearance
+    room: list[Item] = [
+        Rule(limit, signal="limit", text=name, label="ends of zones A, B, C" if k == 0 else "")
+        for k, (name, limit) in enumerate(ROOM)
+    ]
+    room += _of_axes(found, shares)
+    current: list[Item] = [Rule(1.0, signal="limit", label="limit")]
+    used = found.current / found.current_limit
+    current += _of_axes(found, used)
+    panels = [
+        Panel(SPEED, _share("displacement, of the clearance", shares, 0.55), room, title="Room"),
+        Panel(SPEED, _share("current, of its limit", used, 1.1), current, title="Current"),
+    ]
+    if found.voltage is not None:
+        volts: list[Item] = [Rule(1.0, signal="limit", label="limit")]
+        volts += _of_axes(found, found.voltage)
+        panels.append(
+            Panel(
+                SPEED, _share("voltage, of its limit", found.voltage, 1.1), volts, title="Voltage"
+            )
+        )
+    return Figure(
+        "run-up",
+        f"{markdown(found.machine.name)}: run-up through its unbalance, controllers fed by "
+        f"{found.fed_by}",
+        "What holds the rotor, unbalance and runout, and three times the noise's rms, of the "
+        "voltage without noise; linear, at each speed long enough to settle. Zones after "
+        "ISO 14839-2.",
+        panels,
+        columns=len(panels),
+        panel_height=2.8,
+    )
+
+
+def _share(label: str, values: Vector, least: float) -> Axis:
+    """Return an axis from 0 to beyond the limit, and beyond the values."""
+    highest = float(np.nanmax(values, initial=0.0))
+    return Axis(label, "%", 100.0, limits=(0.0, max(least, 1.1 * highest)))
+
+
+def _of_axes(found: OverSpeed, values: Vector) -> list[Item]:
+    """Return a line for each axis, one for those that are the same."""
+    groups: list[list[int]] = []
+    for k in range(values.shape[1]):
+        for same in groups:
+            if np.allclose(values[:, k], values[:, same[0]], rtol=1e-3, equal_nan=True):
+                same.append(k)
+                break
+        else:
+            groups.append([k])
+    return [
+        Line(
+            found.speed, values[:, same[0]], signal=LOOKS[k % len(LOOKS)],
+            label=" and ".join(found.axes[axis] for axis in same),
+        )
+        for k, same in enumerate(groups)
+    ]  # fmt: skip
+
+
+def _busy(found: OverSpeed) -> float:
+    """Return the frequency of the fastest mode that swings at rest with little damping [Hz]."""
+    poles = found.poles[0]
+    swings = (poles.imag > 0) & (-poles.real < 0.7 * np.abs(poles))
+    return float(poles.imag[swings].max(initial=0.0)) / (2 * math.pi)

@@ -1,0 +1,149 @@
+"""An estimator in a loop, linear at a work point, with the gain that it settles to."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ambkit.base.errors import AmbkitError
+from ambkit.estimate.adaptive_noise import AdaptiveNoise
+from ambkit.estimate.kalman import ExtendedKalmanFilter, KalmanFilter
+from ambkit.estimate.low_pass import LowPass
+from ambkit.estimate.magnet_scale import AugmentedKalmanFilter
+from ambkit.estimate.observer import ExtendedStateObserver, SteadyStateKalmanFilter
+from ambkit.estimate.unscented import UnscentedKalmanFilter
+from ambkit.machine.magnets import core_module
+from ambkit.models.linear import LinearSystem, Signal
+from ambkit.simulation.linear.pieces import POSITION, VELOCITY, WorkPoint, of_axes
+
+if TYPE_CHECKING:
+    from ambkit.estimate.base import Estimator
+    from ambkit.models.model import Array
+
+
+def tells(estimator: Estimator) -> bool:
+    """Whether an estimator of this kind settles to a gain, with which `estimator_at` has it."""
+    inner = estimator.inner if isinstance(estimator, AdaptiveNoise) else estimator
+    return isinstance(inner, _BY_RICCATI + _OF_CONSTANT_GAIN)
+
+
+_BY_RICCATI = (KalmanFilter, ExtendedKalmanFilter, UnscentedKalmanFilter, AugmentedKalmanFilter)
+_OF_CONSTANT_GAIN = (ExtendedStateObserver, SteadyStateKalmanFilter, LowPass)
+
+
+def estimator_at(estimator: Estimator, point: WorkPoint) -> LinearSystem:
+    """Return an estimator at a work point, with the gain that it settles to.
+
+    The force in its mean is linearised by the tangents of what it knows of its magnet; covariances
+    of the linear and the adaptive filter grow by the stiffnesses through the origin, as they do in
+    the core. A filter that finds its noise online has the noise that it starts from, one that
+    learns its magnet the known one.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        Of a kind that settles to a gain.
+    point : WorkPoint
+        Where.
+
+    Returns
+    -------
+    LinearSystem
+        Inputs ``y`` [m] and ``u`` [V], outputs ``position`` [m] and ``velocity`` [m/s], with what y
+        of the same sample says; u acts from this sample on. Of a whole machine all readings and
+        controls, and the positions of all axes before their velocities.
+
+    Raises
+    ------
+    AmbkitError
+        Its kind does not settle to a gain, or its model has none.
+    """
+    if isinstance(estimator, AdaptiveNoise):
+        return estimator_at(estimator.inner, point)
+    if isinstance(estimator, LowPass):
+        return _low_pass(estimator)
+    if not tells(estimator):
+        raise AmbkitError(f"{estimator.name}: it does not settle to a gain, and has no margins")
+    model = estimator.model
+    linear = estimator.linear_model(*_asked(estimator.magnet, "tangent", point))
+    A, B, H, states = linear.A, linear.B, linear.H, model.states
+    if isinstance(estimator, ExtendedStateObserver | SteadyStateKalmanFilter):
+        K = estimator.gain[:, None]
+    else:
+        K, kept = _settled(estimator, point)
+        A, B, H = A[np.ix_(kept, kept)], B[kept], H[:, kept]
+        states = tuple(states[k] for k in kept)
+    left = np.eye(len(states)) - K @ H
+    whole = estimator.whole
+    H_axes = np.eye(1) if whole is None else whole.H
+    told = np.zeros((0, len(states)))
+    for role in ("position", "velocity"):
+        places = [k for k, at in enumerate(states) if at.role == role]
+        told = np.vstack([told, H_axes @ np.eye(len(states))[places]])
+    axes = [] if whole is None else [axis.name for axis in whole.machine.axes]
+    return LinearSystem(
+        A @ left, np.hstack([A @ K, B]), told @ left,
+        np.hstack([told @ K, np.zeros((len(told), B.shape[1]))]), model.T,
+        tuple(Signal(at.name, at.unit) for at in states),
+        (*(Signal(at.name, at.unit) for at in model.measurements),
+         *of_axes(Signal("u", "V"), axes)),
+        (*of_axes(POSITION, axes), *of_axes(VELOCITY, axes)),
+    )  # fmt: skip
+
+
+def _settled(estimator: Estimator, point: WorkPoint) -> tuple[Array, Array]:
+    """Return the gain (n, m) that a Kalman filter settles to, and the states that it moves (n,).
+
+    A state of noise or load that nothing drives is found once, and its gain goes to zero: it is
+    none of them.
+    """
+    from scipy.linalg import solve_discrete_are
+
+    states = estimator.model.states
+    kind = "through_origin" if isinstance(estimator, KalmanFilter) else "tangent"
+    model = estimator.linear_model(*_asked(estimator.magnet, kind, point))
+    follows = ("disturbance force", "noise", "noise in quadrature")
+    Q = model.Q
+    kept = np.array([k for k, at in enumerate(states) if at.role not in follows or Q[k, k] > 0])
+    block = np.ix_(kept, kept)
+    # The states are counted in their own units, or the equation loses its digits between newtons
+    # and micrometres.
+    units = np.array(estimator.default_std())[kept]
+    A, noise = model.A[block] * units / units[:, None], Q[block] / np.outer(units, units)
+    noisy = np.sqrt(np.atleast_1d(model.R))  # and the measurements in their noise
+    H, R = model.H[:, kept] * units / noisy[:, None], np.eye(len(noisy))
+    try:
+        P = solve_discrete_are(A.T, H.T, noise, R)
+    except np.linalg.LinAlgError:
+        raise AmbkitError(f"{estimator.name}: it does not settle to a gain") from None
+    K = np.linalg.solve(H @ P @ H.T + R, H @ P).T
+    return units[:, None] * K / noisy, kept
+
+
+def _low_pass(estimator: LowPass) -> LinearSystem:
+    """Position and velocity of ``core/src/low_pass.c``; its force is beside them."""
+    T, gain = estimator.bearing.sampling_time, estimator.bearing.sensor.gain
+    a, b = (-np.expm1(-estimator.corners[name] * T) for name in ("position", "velocity"))
+    # x += a (y/K - x) =: dx, then v += b (dx/T - v)
+    A = np.array([[1 - a, 0.0], [-a * b / T, 1 - b]])
+    B = np.array([[a / gain, 0.0], [a * b / (T * gain), 0.0]])
+    return LinearSystem(
+        A, B, A, B, T, (Signal("x", "m"), Signal("v", "m/s")),
+        (Signal("y", "m"), Signal("u", "V")), (POSITION, VELOCITY),
+    )  # fmt: skip
+
+
+def _asked(magnet: Any, method: str, point: WorkPoint) -> tuple[Any, Any]:
+    """Ask what an estimator knows of its magnets for k_i [N/A] and k_s [N/m] at a work point.
+
+    Numbers of one axis, arrays (p,) of several.
+    """
+    held = magnet.in_core(core_module())
+    each = held if isinstance(held, list) else [held]
+    found = [
+        getattr(one, method)(np.array([iu]), np.array([x]))
+        for one, iu, x in zip(each, np.atleast_1d(point.iu), np.atleast_1d(point.x), strict=True)
+    ]
+    k_i, k_s = (np.array([float(of[k][0]) for of in found]) for k in (0, 1))
+    return (k_i, k_s) if isinstance(held, list) else (float(k_i[0]), float(k_s[0]))

@@ -1,0 +1,105 @@
+"""What unbalance does to a machine, by balance quality grades and over its speed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ambkit.judge.loop.demands import of_unbalance, orbit, pairs_of
+from ambkit.machine.bank import alone_of
+from ambkit.machine.placed import Unbalance
+from ambkit.models.machine import unbalance_planes
+
+if TYPE_CHECKING:
+    from ambkit.machine.machine import Machine
+    from ambkit.simulation.linear.closed import Loop
+    from ambkit.simulation.linear.pieces import WorkPoint
+
+GRADES = (0.4e-3, 1e-3, 2.5e-3, 6.3e-3, 16e-3, 40e-3)
+"""Balance quality grades of ISO 21940-11 that rotors on magnetic bearings have [m/s]."""
+
+
+class Grade(NamedTuple):
+    """What the unbalance that a grade permits does at a machine's speed, whatever its angles."""
+
+    grade: float
+    """Balance quality grade [m/s]."""
+    unbalance: float
+    """That it permits, of all planes together [kg m]."""
+    force: float
+    """Of it, were it in one plane [N]."""
+    displacement: float
+    """Greatest half axis of an orbit at a bearing [m]."""
+    clearance_share: float
+    """Greatest share of a clearance that the orbits take [1]."""
+    current: float
+    """Greatest amplitude of a demanded current [A]."""
+
+
+def of_grades(loop: Loop, machine: Machine, point: WorkPoint) -> list[Grade]:
+    """Return what the unbalance of each grade would do.
+
+    In the planes that are described, or else at the outer bearings; the planes' shares as the
+    machine's own are graded, and their angles as bad as can be.
+
+    Parameters
+    ----------
+    loop : Loop
+        Stable, at the machine's speed.
+    machine : Machine
+        Which turns.
+    point : WorkPoint
+        Where it is linearised.
+    """
+    alone, pairs = alone_of(machine), pairs_of(machine)
+    travel = np.array([b.rotor.travel_limit for b in alone])
+    per_grade = [
+        of_unbalance(loop, machine.model_copy(update={"unbalance": (plane,)}), point)
+        for plane in permitted(machine, 1.0)
+    ]
+    x = sum(orbit(each.x, pairs) for each in per_grade)
+    i = sum(np.abs(each.i) for each in per_grade)
+    speed = abs(machine.speed)
+    return [
+        Grade(
+            grade, machine.rotor.mass * grade / speed, machine.rotor.mass * grade * speed,
+            float(np.max(grade * x)), float(np.max(grade * x / travel)), float(np.max(grade * i)),
+        )
+        for grade in GRADES
+    ]  # fmt: skip
+
+
+def permitted(machine: Machine, grade: float) -> list[Unbalance]:
+    """Return the unbalance that a grade permits, plane by plane.
+
+    Parameters
+    ----------
+    machine : Machine
+        Which turns.
+    grade : float
+        Balance quality grade [m/s].
+    """
+    places = unbalance_planes(machine)
+    places = places if len(places) < 3 else [places[0], places[-1]]
+    if len(places) == 2 and places[0] * places[1] >= 0:
+        places = unbalance_planes(machine.model_copy(update={"unbalance": ()}))
+    planes = tuple(Unbalance(place=place, grade=grade) for place in places)
+    of_grade = machine.model_copy(update={"unbalance": planes}).unbalances()
+    return [Unbalance(place=place, amount=amount) for place, amount, _ in of_grade]
+
+
+def grade_of(machine: Machine) -> float | None:
+    """Return the balance quality grade of a machine's unbalance at its speed [m/s]; None: none.
+
+    The planes' amounts are added up.
+
+    Parameters
+    ----------
+    machine : Machine
+        The machine.
+    """
+    if not machine.speed or not machine.unbalance:
+        return None
+    whole = sum(amount for _, amount, _ in machine.unbalances())
+    return whole * abs(machine.speed) / machine.rotor.mass

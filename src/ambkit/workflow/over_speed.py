@@ -1,0 +1,356 @@
+"""A machine's loop over the speed of rotation: margins, modes, and the run-up through unbalance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.asked import Given, in_si, of_type
+from ambkit.base.errors import AmbkitError
+from ambkit.base.showing import Shown
+from ambkit.estimate.adaptive_noise import AdaptiveNoise
+from ambkit.judge.loop.demands import (
+    SIGMAS,
+    Turned,
+    of_runout,
+    of_unbalance,
+    orbit,
+    pairs_of,
+    voltage,
+)
+from ambkit.judge.loop.margins import BodeIntegral, bode_integral, grid, highest
+from ambkit.machine.machine import Machine
+from ambkit.machine.placed import Unbalance
+from ambkit.simulation.scenario import PID
+from ambkit.workflow.assessing import MEASUREMENT, given_estimators, given_load
+from ambkit.workflow.loop_of import LoopOf, zone_of
+
+if TYPE_CHECKING:
+    from ambkit.estimate.base import Estimator
+    from ambkit.show.report.figure import Figure
+    from ambkit.simulation.linear.closed import Loop
+
+Array = NDArray[np.float64]
+
+COUNT = 41
+"""Speeds, where nobody says how many."""
+
+COARSE, NEAR = 250, 9
+"""Points of a grid that finds a peak at one speed, and about each pole."""
+
+UNKNOWN = 1000.0
+"""Up to where a machine is looked at that does not turn [rad/s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class OverSpeed(Shown):
+    """A machine's loop at several speeds of rotation.
+
+    Attributes
+    ----------
+    machine : Machine
+        The machine.
+    fed_by : str
+        What its controllers are fed by.
+    axes : tuple of str
+        Names of its p axes.
+    speed : ndarray (n,)
+        Speeds of rotation [rad/s], ascending.
+    peaks : ndarray (n, p)
+        Peak of abs(S) of each axis within the range of ISO 14839-3 [1]; NaN where the loop is
+        unstable.
+    largest : ndarray (n,)
+        Greatest singular value of S up to half the sampling rate [1].
+    poles : tuple of ndarray (n,)
+        Of the closed loop at each speed, as rates [1/s].
+    orbit : ndarray (n, p)
+        How far the rotor goes from the middle: where it is held, unbalance, runout, and three times
+        the noise's rms [m].
+    current : ndarray (n, p)
+        Greatest control current, likewise [A].
+    voltage : ndarray (n, p) or None
+        Greatest voltage of a coil without noise, of its limit [1]; None where there is none.
+    integrals : dict of float to BodeIntegral
+        The check, at rest, at the machine's speed, and at the greatest.
+    """
+
+    _card_by = "workflow.cards:over_speed"
+
+    machine: Machine
+    fed_by: str
+    axes: tuple[str, ...]
+    speed: Array
+    peaks: Array
+    largest: Array
+    poles: tuple[NDArray[np.complex128], ...]
+    orbit: Array
+    current: Array
+    voltage: Array | None
+    integrals: dict[float, BodeIntegral]
+
+    @property
+    def clearance(self) -> Array:
+        """What the backup bearings leave to each axis (p,) [m]."""
+        return np.array([axis.bearing.travel_limit for axis in self.machine.axes])
+
+    @property
+    def current_limit(self) -> Array:
+        """Greatest control current of each axis (p,) [A]."""
+        return np.array([axis.bearing.amplifier.current_limit for axis in self.machine.axes])
+
+    @property
+    def worst(self) -> tuple[float, float]:
+        """Greatest peak of abs(S) [1], and at which speed [rad/s]; infinite if unstable there."""
+        each = np.where(np.isnan(self.peaks), np.inf, self.peaks).max(axis=1)
+        at = int(np.argmax(each))
+        return float(each[at]), float(self.speed[at])
+
+    @property
+    def zone(self) -> str:
+        """Zone of ISO 14839-3 at the worst speed."""
+        return zone_of(self.worst[0])
+
+    @property
+    def farthest(self) -> tuple[float, float]:
+        """Greatest share of a clearance that the rotor takes [1], and at which speed [rad/s]."""
+        return self._greatest(self.orbit / self.clearance)
+
+    @property
+    def hardest(self) -> tuple[float, float]:
+        """Greatest share of a current limit that is asked [1], and at which speed [rad/s]."""
+        return self._greatest(self.current / self.current_limit)
+
+    def _greatest(self, share: Array) -> tuple[float, float]:
+        each = np.where(np.isnan(share), -np.inf, share).max(axis=1)
+        at = int(np.argmax(each))
+        return float(each[at]), float(self.speed[at])
+
+    def __repr__(self) -> str:
+        peak, at = self.worst
+        return (
+            f"<OverSpeed of {self.machine.name}, fed by {self.fed_by}: zone {self.zone}, peak "
+            f"{peak:.3g} at {at * 30 / math.pi:.4g} rpm>"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as plain data, in SI."""
+        return {
+            "machine": self.machine.name,
+            "fed_by": self.fed_by,
+            "zone": self.zone,
+            "axes": list(self.axes),
+            "speed": self.speed.tolist(),
+            "peaks": self.peaks.tolist(),
+            "largest_singular_value": self.largest.tolist(),
+            "displacement": self.orbit.tolist(),
+            "clearance": self.clearance.tolist(),
+            "current": self.current.tolist(),
+            "current_limit": self.current_limit.tolist(),
+            "voltage_share": None if self.voltage is None else self.voltage.tolist(),
+            "poles": [[[float(p.real), float(p.imag)] for p in each] for each in self.poles],
+            "bode": [
+                {"speed": at, "integral": each.integral, "poles": each.poles, "holds": each.holds}
+                for at, each in self.integrals.items()
+            ],
+        }
+
+    def figure(self) -> Figure:
+        """Return sensitivity and modes of the closed loop over the speed as a picture."""
+        from ambkit.show.plots.over_speed import over_speed_figure
+
+        return over_speed_figure(self)
+
+    def run_up_figure(self) -> Figure:
+        """Return displacement, current and voltage in a run-up, beside their limits."""
+        from ambkit.show.plots.over_speed import run_up_figure
+
+        return run_up_figure(self)
+
+
+def assess_over_speed(
+    machine: Machine,
+    filter: Any = None,
+    controller: PID | None = None,
+    *,
+    fastest: Given | None = None,
+    count: int = COUNT,
+    load: Mapping[str, Given] | None = None,
+) -> OverSpeed:
+    """Look at a machine's loop over its speed of rotation, whose gyroscopics change it.
+
+    Sensitivity of each axis with all others closed, poles of the closed loop, and what unbalance
+    and runout ask in a run-up that is slow. The unbalance is that which the machine has at its own
+    speed. The filter is told the speed.
+
+    Parameters
+    ----------
+    machine : Machine
+        The whole machine.
+    filter : optional
+        In the loop, as for `ambkit.assess`, one at most; None: the measurement alone.
+    controller : PID, optional
+        What is not said of it is tuned to each axis alone.
+    fastest : float or str, optional
+        Up to where [rad/s]; by default twice the machine's speed, or 1000 rad/s.
+    count : int, optional
+        Speeds, from rest on.
+    load : mapping of str to float or str, optional
+        Constant disturbance forces, by the names of the axes [N].
+
+    Returns
+    -------
+    OverSpeed
+        With figures (`to_dict`) and pictures (`figure`, `run_up_figure`).
+
+    Raises
+    ------
+    AmbkitError
+        `fastest` is not greater than 0 or turns half a revolution within a sample, `count` is less
+        than 2, or see `ambkit.assess`.
+    """
+    of_type(Machine, machine=machine)
+    fastest = in_si("fastest", fastest, "rad/s")
+    fastest = (2 * abs(machine.speed) or UNKNOWN) if fastest is None else fastest
+    limit = math.pi / machine.sampling_time
+    if not 0 < fastest < limit:
+        raise AmbkitError(
+            f"fastest must be greater than 0 rad/s and less than {limit:.6g} rad/s, half a "
+            f"revolution within a sample; is {fastest:g} rad/s"
+        )
+    if count < 2:
+        raise AmbkitError(f"count must be 2 or more, is {count}")
+    estimators = given_estimators(filter, machine)
+    if len(estimators) > 1:
+        raise AmbkitError(
+            f"one loop is looked at over speed: give one filter, not {len(estimators)}"
+        )
+    ((name, estimator),) = estimators.items() or [(MEASUREMENT, None)]
+    run = _Run(machine, estimator, controller, given_load(machine, load))
+    speeds = np.linspace(0.0, fastest, count)
+    each = [run.at(float(speed)) for speed in speeds]
+    checked = sorted({0.0, fastest, *([machine.speed] if 0 < machine.speed < fastest else [])})
+    volts = [one.voltage for one in each if one.voltage is not None]
+    return OverSpeed(
+        machine=machine,
+        fed_by=name,
+        axes=run.axes,
+        speed=speeds,
+        peaks=np.array([one.peaks for one in each]),
+        largest=np.array([one.largest for one in each]),
+        poles=tuple(one.poles for one in each),
+        orbit=np.array([one.orbit for one in each]),
+        current=np.array([one.current for one in each]),
+        voltage=np.array(volts) if len(volts) == count else None,
+        integrals={speed: bode_integral(run.loop(speed)[1]) for speed in checked},
+    )
+
+
+class _AtSpeed(NamedTuple):
+    """A loop at one speed; see `OverSpeed`."""
+
+    peaks: Array
+    largest: float
+    poles: NDArray[np.complex128]
+    orbit: Array
+    current: Array
+    voltage: Array | None
+
+
+class _Run:
+    """A machine and its loop at one speed after the other."""
+
+    def __init__(
+        self, machine: Machine, estimator: Estimator | None, controller: PID | None, load: Any
+    ) -> None:
+        planes = tuple(
+            Unbalance(place=place, amount=amount, angle=angle)
+            for place, amount, angle in machine.unbalances()
+        )
+        self.machine = machine.model_copy(update={"unbalance": planes})
+        self.estimator = estimator
+        of = LoopOf(self.machine, controller, load=load)
+        self.point, self.controllers, self.axes = of.point, of.fed_by(estimator), of.axes
+
+    def loop(self, speed: float) -> tuple[LoopOf, Loop]:
+        """Return the loop at a speed [rad/s], and what it is of."""
+        machine = self.machine.model_copy(update={"speed": speed})
+        of = LoopOf(machine, self.controllers, point=self.point)
+        inner = None if self.estimator is None else told_speed(self.estimator, machine)
+        return of, of.loop(inner)
+
+    def at(self, speed: float) -> _AtSpeed:
+        """Return what there is at a speed [rad/s]."""
+        of, loop = self.loop(speed)
+        with np.errstate(divide="ignore"):
+            poles = np.asarray(np.log(loop.closed.poles()) / loop.T, complex)
+        p = loop.axes
+        if not loop.is_stable:
+            unknown = np.full(p, math.nan)
+            return _AtSpeed(unknown, math.nan, poles, unknown, unknown, unknown)
+        f = grid(loop, COARSE, NEAR)
+        f = np.unique(np.append(f, of.top))
+        S, counts = loop.along_axes(f), f <= of.top
+        peaks = [highest(partial(loop.of_axis, k), f[counts], S[counts, k, k])[0] for k in range(p)]
+        sizes = np.linalg.norm(S, 2, axis=(1, 2))
+        largest = highest(loop.largest_sensitivity, f, sizes)[0]
+        turned = of_runout(loop, of.bearing)
+        if speed and of.bearing.unbalance:
+            turned.append(of_unbalance(loop, of.bearing, self.point))
+        return _AtSpeed(np.array(peaks), largest, poles, *self.asked(of, loop, turned))
+
+    def asked(
+        self, of: LoopOf, loop: Loop, turned: list[Turned]
+    ) -> tuple[Array, Array, Array | None]:
+        """Return displacement [m], current [A], and voltage of its limit [1] of each axis."""
+        p, pairs, point = loop.axes, pairs_of(of.bearing), self.point
+        noise = np.sqrt(np.diag(loop.noise_covariance(*of.noise())))
+        gains = np.array([b.amplifier.gain for b in of.alone])
+        far = orbit(point.x, pairs) + SIGMAS * noise[:p]
+        most = np.abs(point.iu) + SIGMAS * gains * noise[p:]
+        for each in turned:
+            far = far + orbit(each.x, pairs)
+            most = most + np.abs(each.i)
+        volts = [self.share(of, k, turned) for k in range(p)]
+        known = [each for each in volts if each is not None]
+        return far, most, np.array(known) if len(known) == p else None
+
+    def share(self, of: LoopOf, axis: int, turned: list[Turned]) -> float | None:
+        """Return the greatest voltage of an axis's coils, of its limit [1]."""
+        b, limit = of.alone[axis], of.alone[axis].amplifier.voltage_limit
+        iu, x = float(self.point.iu[axis]), float(self.point.x[axis])
+        f = np.array([of.bearing.speed / (2 * math.pi)])
+        taken = [
+            voltage(b, iu, x, f, np.array([each.i[axis]]), np.array([each.x[axis]]))
+            for each in turned or [Turned(0 * self.point.x + 0j, 0 * self.point.x + 0j)]
+        ]
+        if limit is None or any(each is None for each in taken):
+            return None
+        coils = list(zip(*(each for each in taken if each is not None), strict=True))
+        used = [
+            limit - each[0][0] + sum(float(volts[0]) for _room, volts in each) for each in coils
+        ]
+        return float(max(used) / limit)
+
+
+def told_speed(estimator: Estimator, machine: Machine) -> Estimator:
+    """Return an estimator anew, for a machine that turns at another speed.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        Of the same machine.
+    machine : Machine
+        At the speed that it is to be told.
+    """
+    args, options = estimator._made
+    if isinstance(estimator, AdaptiveNoise):
+        return told_speed(estimator.inner, machine)
+    if args:
+        return type(estimator)(machine, *args[1:], **options)
+    return type(estimator)(**options | {"bearing": machine})
