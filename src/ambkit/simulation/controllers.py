@@ -15,6 +15,7 @@ from ambkit.base.config.quantities import Quantity
 from ambkit.base.errors import AmbkitError
 from ambkit.machine import geometry
 from ambkit.machine.magnets import ConstantStiffness
+from ambkit.simulation.holding import holding, shown_along_axes
 from ambkit.simulation.regulator import regulator
 from ambkit.simulation.scenario import PID
 
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+
+Feedback = Literal["measurement", "estimate"]
 
 FAR = 1e9
 """No reference is beyond it [m]."""
@@ -117,7 +120,8 @@ def controllers_of(
             raise AmbkitError('type = "lqg" regulates the estimate: feedback must be "estimate"')
         found = _regulated(plant, estimator)
     elif control.type == "decentralised":
-        found = _decentralised(plant, pids)
+        fed_by: Feedback = "measurement" if estimator is None else "estimate"
+        found = _decentralised(plant, pids or holding(plant.machine, fed_by).pids)
     else:
         found = _of_translation_and_tilt(plant)
     if estimator is None:
@@ -149,7 +153,7 @@ def arrays(controllers: Controllers, plant: Plant, estimator: Estimator | None) 
         ("velocity", "turning", "fed_back", "fed_back_by_speed", "fed_back_by_square"), None
     ) | {name: values.ravel().tolist() for name, values in controllers.feedback.items()}
     if estimator is None:
-        shown = shown_along_axes(plant)
+        shown = shown_along_axes(plant.machine)
         told["position"] = (controllers.of_axes @ shown).ravel().tolist()
     return told | {
         "feedback_estimate": estimator is not None,
@@ -165,22 +169,7 @@ def _gains(pid: PID, low: float, high: float) -> list[float]:
             low, high]  # fmt: skip
 
 
-def shown_along_axes(plant: Plant) -> Array:
-    """Return the positions along the axes that explain all readings best (p, m) [1].
-
-    Parameters
-    ----------
-    plant : Plant
-        The machine.
-    """
-    machine = plant.machine
-    C = geometry.matrix([r.line for r in machine.readings], machine.positions)
-    gains = np.array([r.sensor.gain for r in machine.readings])
-    return np.asarray(plant.H @ np.linalg.pinv(gains[:, None] * C))
-
-
-def _decentralised(plant: Plant, given: Sequence[PID] | None) -> Controllers:
-    pids = list(given or map(PID.for_bearing, plant.alone))
+def _decentralised(plant: Plant, pids: Sequence[PID]) -> Controllers:
     limits = [(alone.current_min, alone.current_max) for alone in plant.alone]
     one = np.eye(len(pids))
     return Controllers(
@@ -195,11 +184,11 @@ def _of_translation_and_tilt(plant: Plant) -> Controllers:
     Each counts in metres at the radius at which the magnets are, and in amperes of a first axis
     that were to hold the coordinate alone.
     """
-    masses = geometry.masses(plant.machine.rotor, plant.machine.positions)
+    masses = dict(zip(plant.machine.rigid_positions, plant.machine.masses, strict=False))
     k = [ConstantStiffness.of(alone) for alone in plant.alone]
     k_i, k_s = np.array([each.k_i for each in k]), np.array([each.k_s for each in k])
-    H, first = plant.H, plant.alone[0]
-    to_axes = np.linalg.pinv(H.T) / k_i[:, None]
+    H, first = _rigid(plant), plant.alone[0]
+    to_axes = _currents(plant)
     limit = min(abs(first.current_min), first.current_max)
     pids, of_axes, spread, unseen = [], [], [], []
     for at, (name, mass) in enumerate(masses.items()):
@@ -238,12 +227,15 @@ def _regulated(plant: Plant, estimator: Estimator) -> Controllers:
 
 def _fed(plant: Plant, found: Controllers, estimator: Estimator) -> dict[str, Array]:
     """Return what each PID looks at of the estimator's states (q, n)."""
-    rows = {}
-    for role in ("position", "velocity"):
-        row = np.zeros((len(found.pids), len(estimator.states)))
-        row[:, _places(estimator, role)] = found.of_axes @ plant.H
-        rows[role] = row
-    return rows
+    assert estimator.whole is not None
+    position, velocity = estimator.whole.along_axes(estimator.states)
+    return {"position": found.of_axes @ position, "velocity": found.of_axes @ velocity}
+
+
+def _rigid(plant: Plant) -> Array:
+    """Return displacements along the axes by the coordinates of the rigid rotor (p, q)."""
+    lines = [axis.line for axis in plant.axes]
+    return np.asarray(geometry.matrix(lines, plant.machine.rigid_positions))
 
 
 def _places(estimator: Estimator, role: str) -> list[int]:
@@ -251,24 +243,25 @@ def _places(estimator: Estimator, role: str) -> list[int]:
 
 
 def _currents(plant: Plant) -> Array:
-    """Return the currents (p, q) by which the magnets push with one of each generalised force."""
+    """Return the currents (p, q) of one of each force and torque on the rigid rotor."""
     k_i = np.array([ConstantStiffness.of(alone).k_i for alone in plant.alone])
-    return np.asarray(np.linalg.pinv(plant.H.T) / k_i[:, None])
+    return np.asarray(np.linalg.pinv(_rigid(plant).T) / k_i[:, None])
 
 
 def _against_gyroscopics(plant: Plant, estimator: Estimator) -> Array:
     """Return the currents (p, n) that take the gyroscopic torques back, for each rad/s."""
-    masses, spin = _masses(plant), plant.model.spin
-    q = len(masses)
-    torques = -masses[:, None] * spin[q : 2 * q, q : 2 * q]
+    torques = _gyroscopic(plant)
     gain = np.zeros((len(plant.alone), len(estimator.states)))
     gain[:, _places(estimator, "velocity")] = _currents(plant) @ torques
     return gain
 
 
-def _masses(plant: Plant) -> Array:
+def _gyroscopic(plant: Plant) -> Array:
+    """Return the torques (q, q) by which gyroscopics brake the rigid rotor, for each rad/s."""
     machine = plant.machine
-    return np.array(list(geometry.masses(machine.rotor, machine.positions).values()))
+    q, n = len(machine.rigid_positions), len(machine.positions)
+    spin = plant.model.spin[n : n + q, n : n + q]
+    return np.asarray(-machine.masses[:q, None] * spin)
 
 
 def _synchronous(plant: Plant, estimator: Estimator) -> tuple[Array, Array]:
@@ -278,7 +271,12 @@ def _synchronous(plant: Plant, estimator: Estimator) -> tuple[Array, Array]:
     its square. The rotor is M q'' + W G q' = W^2 S u, and u turns by u' = W J u, which for
     q = X u leaves S = -M X + G X J.
     """
-    states, masses = _places(estimator, "unbalance"), _masses(plant)
+    states, machine = _places(estimator, "unbalance"), plant.machine
+    if machine.bending is not None:
+        raise AmbkitError(
+            f"{machine.name}: its rotor bends, and where it turns freely depends on the speed; "
+            'unbalance must be "fought"'
+        )
     if not states:
         raise AmbkitError(
             f"{estimator.name}: it has no unbalance among its states, which the controllers are "
@@ -286,22 +284,18 @@ def _synchronous(plant: Plant, estimator: Estimator) -> tuple[Array, Array]:
         )
     from ambkit.models.machine import unbalance_planes
 
-    q = len(masses)
     forms = [
         geometry.Line.across(z, turn)
-        for z in unbalance_planes(plant.machine)
+        for z in unbalance_planes(machine)
         for turn in (0.0, math.pi / 2)
     ]
-    S = geometry.matrix(forms, plant.machine.positions).T
-    G = -masses[:, None] * plant.model.spin[q : 2 * q, q : 2 * q]
+    S, G = geometry.matrix(forms, machine.positions).T, _gyroscopic(plant)
     J = np.kron(np.eye(len(states) // 2), [[0.0, -1.0], [1.0, 0.0]])
     one = np.eye(len(states))
-    whole = np.kron(-np.diag(masses), one) + np.kron(G, J.T)
+    whole = np.kron(-np.diag(machine.masses), one) + np.kron(G, J.T)
     X = np.linalg.solve(whole, S.ravel()).reshape(S.shape)
-    moved, balancing = (
-        np.zeros((q, len(estimator.states))),
-        np.zeros((len(plant.alone), len(estimator.states))),
-    )
+    n = len(estimator.states)
+    moved, balancing = np.zeros((len(S), n)), np.zeros((len(plant.alone), n))
     moved[:, states], balancing[:, states] = X, _currents(plant) @ S
     return moved, balancing
 

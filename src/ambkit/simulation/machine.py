@@ -18,7 +18,8 @@ from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.magnets import core_module
 from ambkit.simulation import noise
-from ambkit.simulation.controllers import arrays, controllers_of, shown_along_axes
+from ambkit.simulation.controllers import arrays, controllers_of
+from ambkit.simulation.holding import shown_along_axes
 from ambkit.simulation.plant import Plant
 
 if TYPE_CHECKING:
@@ -121,7 +122,7 @@ def simulate_machine(
             held = currents, np.zeros_like(currents), None
     noise_u, noise_y = _noise(machine, flight, n)
     added = _of_axes(machine, [(each.axis, each.position) for each in flight.injection], t[:-1])
-    noise_y = noise_y + added @ np.linalg.pinv(shown_along_axes(plant)).T
+    noise_y = noise_y + added @ np.linalg.pinv(shown_along_axes(machine)).T
     feeding = estimator if flight.feedback == "estimate" else None
     controllers = controllers_of(plant, flight.control, feeding, pids)
     given = (

@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-REGULATED = ("position", "velocity", "current", "past control")
+REGULATED = (
+    "position", "velocity", "bending", "bending velocity", "current", "past control",
+)  # fmt: skip
 """Roles of the states that the controls move."""
 
 SHARE = 0.2
@@ -48,13 +50,12 @@ def regulator(plant: Plant, estimator: Estimator) -> tuple[Array, Array]:
     model = estimator.linear_model(np.array([e.k_i for e in k]), np.array([e.k_s for e in k]))
     roles = [state.role for state in estimator.states]
     own = [at for at, role in enumerate(roles) if role in REGULATED]
-    positions = [own.index(at) for at, role in enumerate(roles) if role == "position"]
     loads = [at for at, role in enumerate(roles) if role == "disturbance force"]
     volts = np.array([alone.amplifier.gain for alone in plant.alone])
     A, B = model.A[np.ix_(own, own)], model.B[own] / volts
     n, p = len(own), len(volts)
-    C = np.zeros((p, n))
-    C[:, positions] = plant.H
+    assert estimator.whole is not None
+    C = estimator.whole.along_axes(estimator.states)[0][:, own]
     travel = np.array([alone.rotor.travel_limit for alone in plant.alone])
     limit = np.array([min(abs(b.current_min), b.current_max) for b in plant.alone])
     weight = np.diag(1 / (SHARE * limit) ** 2)
