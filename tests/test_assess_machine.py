@@ -412,8 +412,26 @@ def test_assessment_of_a_machine_says_it_all():
     assert found.alike("linear") == [["A1", "A2"], ["B1", "B2"]]
     assert len(found.figure().panels) == 6
     assert len(found.capacity_figure().panels) == 2
-    with pytest.raises(AmbkitError, match="x and lqg are of one axis"):
-        ambkit.assess(UFU, lqg=True)
+    with pytest.raises(AmbkitError, match="x is of one axis"):
+        ambkit.assess(UFU, x="1 um")
+
+
+def test_lqg_of_a_machine_stands_beside_the_loops():
+    found = ambkit.assess(UFU, lqg=True)
+    assert list(found.loops) == [MEASUREMENT, "LQG"]
+    lqg = found.loops["LQG"]
+    assert lqg.stable
+    assert lqg.integral.holds
+    assert lqg.current_noise < found.loops[MEASUREMENT].current_noise
+    # Loads at rest are cancelled, and references held.
+    closed = lqg.loop.closed
+    rest = closed.C @ np.linalg.solve(np.eye(len(closed.A)) - closed.A, closed.B) + closed.D
+    names = [at.name for at in closed.inputs]
+    loads, wanted = (
+        [k for k, name in enumerate(names) if name.startswith(start)] for start in ("f_d_", "r_")
+    )
+    np.testing.assert_allclose(rest[4:8, loads], 0, atol=1e-9)
+    np.testing.assert_allclose(rest[4:8, wanted], np.eye(4), atol=1e-5)
 
 
 # ---- swept, and measured

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
 from ambkit.models.linear import Signal
 from ambkit.models.model import Array
+from ambkit.simulation.holding import holding
 from ambkit.simulation.linear.closed import Loop
 from ambkit.simulation.linear.pieces import WorkPoint, compensator, controllers, plant
 from ambkit.simulation.linear.pieces import controller as controller_of
@@ -137,11 +138,8 @@ class LoopOf:
         self.bearing: Any = bearing
         self.machine = bearing if isinstance(bearing, Machine) else None
         self.alone = alone_of(bearing)
-        each = (
-            list(controller) if isinstance(controller, Sequence)
-            else [controller or PID()] * len(self.alone)
-        )  # fmt: skip
-        self.controllers = [pid.completed(b) for pid, b in zip(each, self.alone, strict=True)]
+        self._given = controller
+        self.controllers = self._of(False)
         self.axes: tuple[str, ...] = ("x",)
         self.added: Array | None = None
         if isinstance(bearing, Machine):
@@ -168,8 +166,17 @@ class LoopOf:
 
     def fed_by(self, estimator: Any) -> list[PID]:
         """Return the controllers as they are fed: by an estimator, or None, by the measurement."""
-        feedback = "estimate" if estimator else "measurement"
-        return [one.model_copy(update={"feedback": feedback}) for one in self.controllers]
+        return self._of(bool(estimator))
+
+    def _of(self, by_estimate: bool) -> list[PID]:
+        feedback: Literal["measurement", "estimate"] = "estimate" if by_estimate else "measurement"
+        given = self._given
+        if given is None and self.machine is not None:
+            found = list(holding(self.machine, feedback).pids)
+        else:
+            each = given if isinstance(given, Sequence) else [given or PID()] * len(self.alone)
+            found = [pid.completed(b) for pid, b in zip(each, self.alone, strict=True)]
+        return [one.model_copy(update={"feedback": feedback}) for one in found]
 
     def loop(self, estimator: Estimator | None = None) -> Loop:
         """Return the loop whose controllers are fed by an estimator, or by the measurement.

@@ -15,7 +15,6 @@ import numpy as np
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.whole import Whole
 from ambkit.machine.bank import alone_of
-from ambkit.machine.geometry import Line
 from ambkit.machine.hovering import hover_current
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of
@@ -187,8 +186,8 @@ def unbalance_columns(machine: Machine, point: WorkPoint, places: Sequence[float
     """
     turning: list[Part] = [
         SynchronousForce(
-            1.0, 1.0, machine.speed, f"U{k}", place(Line.across(z, 0.0).form),
-            place(Line.across(z, math.pi / 2).form),
+            1.0, 1.0, machine.speed, f"U{k}", place(machine.line(z, 0.0).form),
+            place(machine.line(z, math.pi / 2).form),
         )
         for k, z in enumerate(places)
     ]  # fmt: skip

@@ -76,11 +76,11 @@ def estimator_at(estimator: Estimator, point: WorkPoint) -> LinearSystem:
         states = tuple(states[k] for k in kept)
     left = np.eye(len(states)) - K @ H
     whole = estimator.whole
-    H_axes = np.eye(1) if whole is None else whole.H
-    told = np.zeros((0, len(states)))
-    for role in ("position", "velocity"):
-        places = [k for k, at in enumerate(states) if at.role == role]
-        told = np.vstack([told, H_axes @ np.eye(len(states))[places]])
+    if whole is None:
+        roles = [at.role for at in states]
+        told = np.eye(len(states))[[roles.index("position"), roles.index("velocity")]]
+    else:
+        told = np.vstack(whole.along_axes(states))
     axes = [] if whole is None else [axis.name for axis in whole.machine.axes]
     return LinearSystem(
         A @ left, np.hstack([A @ K, B]), told @ left,
