@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from machine_cases import Array, directions, uncontrolled
-from test_machine_flight import CORE, LOADS
+from machine_cases import Array, directions
+from test_machine_flight import CORE, LOADS, released
 
 from ambkit import Flight, Machine, judge_machine, simulate_machine
 from ambkit.estimate.kalman import ExtendedKalmanFilter
@@ -130,12 +130,7 @@ def test_without_loss_energy_is_kept() -> None:
     H = directions(one, one.axes)
     X = plant.state(np.r_[2e-5, -1e-5, 5e-5, 8e-5, np.full(6, 1e-5)], np.zeros(4))
     X[n : n + 4] = [2e-3, -3e-3, 0.05, 0.02]
-    given = plant.arrays(CORE, 1, 0.0) | {"substeps": 32}
-    zero = np.zeros((50, 4))
-    out = CORE.simulate_machine(
-        given | uncontrolled(one), r=zero, load=zero + LOADS, speed=np.full(51, one.speed),
-        noise_u=zero, noise_y=zero, start=X, demanded=np.zeros(4), integral=np.zeros(4),
-    )["X"]  # fmt: skip
+    out = released(one, X, np.zeros(4), 50, 32)["X"]
     q, w = out[:, :n], out[:, n : 2 * n]
     assert one.bending is not None
     kinetic = (w**2 * one.masses).sum(axis=1) / 2
