@@ -55,7 +55,9 @@ def number(value: float, precision: CPrecision) -> str:
 
 def array(values: NDArray[Any], precision: CPrecision, indent: str = "  ") -> str:
     """Write an array as an initialiser, rows as structs, lines of at most 100 columns."""
-    if values.ndim == 2:
+    if values.ndim == 2 and values.dtype.kind == "u":
+        items = ["{" + ", ".join(f"{v}U" for v in row) + "}" for row in values]
+    elif values.ndim == 2:
         items = ["{" + ", ".join(number(v, precision) for v in row) + "}" for row in values]
     elif values.dtype.kind == "u":
         items = [f"{value}U" for value in values]
