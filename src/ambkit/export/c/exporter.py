@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -13,6 +12,7 @@ from ambkit.estimate.registry import KINDS
 from ambkit.export.c import cost, folder, render
 from ambkit.export.c.cost import Cost
 from ambkit.export.c.data import CPrecision, called
+from ambkit.export.c.prefix import checked
 from ambkit.export.tabulate import MOST_NODES, TabulatedExpert, tabulate
 from ambkit.fuzzy.expert import Expert
 from ambkit.machine.machine import Machine
@@ -24,17 +24,8 @@ if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.magnets import MagnetModel
 
-LONGEST_PREFIX = 16
-"""Within 31 characters, which C99 promises to tell apart, every exported name stays distinct."""
 MOST_COUNTED = 65535
 """What an unsigned int of 16 bits holds, as a TI C2000 has."""
-
-_HEADERS = (
-    *("assert", "complex", "ctype", "errno", "fenv", "float", "inttypes", "iso646", "limits"),
-    *("locale", "math", "setjmp", "signal", "stdarg", "stdbool", "stddef", "stdint", "stdio"),
-    *("stdlib", "string", "tgmath", "time", "wchar", "wctype"),
-)
-_TARGETS = ("all", "clean", "help", "install", "package", "selftest", "test")
 
 _CORE_PRECISION: dict[CPrecision, Precision] = {"float": "float32", "double": "float64"}
 
@@ -127,7 +118,7 @@ def export_c(
         16 bits; a bound that no table keeps, or that nothing needs; a folder with other files, or
         that cannot be written.
     """
-    name = _checked_prefix(prefix, bearing)
+    name = checked(prefix, bearing.name)
     for limit in ("frozen_limit", "outlier_limit"):
         if options.get(limit, 0) > MOST_COUNTED:
             raise AmbkitError(
@@ -228,20 +219,3 @@ def _cost_facts(spent: Cost | None) -> dict[str, str]:
         "memory": f"{spent.state} bytes an instance, {spent.stack} bytes of stack",
         "compiled by": f"{spent.compiler}",
     }
-
-
-def _checked_prefix(prefix: str | None, bearing: Bearing | Machine) -> str:
-    if prefix is None:
-        prefix = re.sub(r"\W", "_", bearing.name, flags=re.ASCII)[:LONGEST_PREFIX]
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", prefix):
-        raise AmbkitError(f'prefix must be a C identifier, a letter first, is "{prefix}"')
-    if len(prefix) > LONGEST_PREFIX:
-        raise AmbkitError(
-            f'prefix must have at most {LONGEST_PREFIX} characters, "{prefix}" has {len(prefix)}'
-        )
-    if prefix.lower() in (*_HEADERS, *_TARGETS):
-        what = "a header of C" if prefix.lower() in _HEADERS else "a target of the build"
-        raise AmbkitError(f'prefix must not be "{prefix}", which is {what}; give another')
-    if prefix.startswith("amb_"):
-        raise AmbkitError('prefix must not start with "amb_", as the names of the core do')
-    return prefix
