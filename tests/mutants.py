@@ -104,7 +104,9 @@ def of_operators(name: str, text: str, *, boundaries: bool = False) -> Iterator[
         if old == "+" and unary:
             continue
         del after
-        others = [_OPERATORS[shown]] + ([_BOUNDARIES[old]] if boundaries and old in _BOUNDARIES else [])
+        others = [_OPERATORS[shown]] + (
+            [_BOUNDARIES[old]] if boundaries and old in _BOUNDARIES else []
+        )
         for new in others:
             yield _mutant(name, text, token.start(), old, new)
 
@@ -113,8 +115,15 @@ def _is_type(tokens: list[re.Match[str]], n: int) -> bool:
     """Whether what stands before a star or an ampersand is a type."""
     before = tokens[n - 1][0]
     if before == ")":
-        return n > 2 and bool(re.fullmatch(r"\*|void|\w+_state|uint\w+|amb_real|int", tokens[n - 2][0]))
-    return bool(re.fullmatch(r"(amb_(?!entry|magnitude|root|clamp|at)\w+|\w+_state|\w+_estimates|void|bool|char|int|const)", before))
+        return n > 2 and bool(
+            re.fullmatch(r"\*|void|\w+_state|uint\w+|amb_real|int", tokens[n - 2][0])
+        )
+    return bool(
+        re.fullmatch(
+            r"(amb_(?!entry|magnitude|root|clamp|at)\w+|\w+_state|\w+_estimates|void|bool|char|int|const)",
+            before,
+        )
+    )
 
 
 def of_constants(name: str, text: str) -> Iterator[Mutant]:
@@ -128,7 +137,11 @@ def of_constants(name: str, text: str) -> Iterator[Mutant]:
         if float(word) == 0.0:
             continue
         whole = re.fullmatch(r"-?\d+", word)
-        new = str(max(int(word) + 1, round(1.1 * int(word)))) if whole else f"{1.1 * float(word):.17g}"
+        new = (
+            str(max(int(word) + 1, round(1.1 * int(word))))
+            if whole
+            else f"{1.1 * float(word):.17g}"
+        )
         if not whole and not re.search(r"[.e]", new):
             new += ".0"
         yield _mutant(name, text, match.start(), match[0], new + match[0][len(word) :])

@@ -103,7 +103,9 @@ def render(
         "u_given": "const amb_real u[AMB_CONTROLS]" if whole else "amb_real u",
         "sources": sources,
         "bit_headers": [
-            f for f in core_files if f.endswith(("/exponential.h", "/root.h", "/crc.h")) and "/include/" in f
+            f
+            for f in core_files
+            if f.endswith(("/exponential.h", "/root.h", "/crc.h")) and "/include/" in f
         ],
         "cast_sources": _casts(kind, in_core, given),
         "selftest_sources": ("selftest/main.c", *selftest),
@@ -128,9 +130,13 @@ def render(
             **facts,
         },
         "room": of_model.room,
+        "symbols": core.external_names(),
+        "tag": precision[0] + core.hashed(*map(str, of_model.instead.values()), str(of_model.room)),
         "states": model.states(estimator.states, "" if whole else _hover(estimator, precision)),
         "diagonal": vectors.diagonal(len(estimator.states)),
-        "shown": next((i for i, s in enumerate(estimator.states) if s.role == "sensor"), -1),
+        "shown": _first(estimator, "sensor"),
+        "load": _first(estimator, "disturbance force"),
+        **_stops(estimator, precision),
         "base": "" if in_core is None else in_core.base,
         **_data_context(estimator, magnet, kind, precision, of_model),
         "own": "" if in_core is None else data.own(estimator, precision),
@@ -184,6 +190,22 @@ def _selftest_context(
         "runs": list(zip(tested.runs, np.diff([*starts, len(tested.y)]).tolist(), strict=True)),
         "coverage": vectors.coverage(tested, estimator),
     }
+
+
+def _first(estimator: Estimator, role: str) -> int:
+    """Return the place of the first state of a role; -1 where there is none."""
+    return next((i for i, state in enumerate(estimator.states) if state.role == role), -1)
+
+
+def _stops(estimator: Estimator, precision: CPrecision) -> dict[str, str]:
+    """Return readings between the stops and beyond them, of one axis."""
+    if estimator.whole is not None:
+        return {}
+    shown = estimator.bearing.sensor.gain * estimator.bearing.rotor.travel_limit
+    ends = shown * np.array([-1.0, 1.0])
+    places = {"between": 0.98 * ends, "beyond": 1.02 * ends}
+    read = estimator.inputs.y.numbers
+    return {name: data.array(read(at), precision, "") for name, at in places.items()}
 
 
 def _with_stand_ins(values: NDArray[np.float64], precision: CPrecision) -> NDArray[np.float64]:

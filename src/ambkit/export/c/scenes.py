@@ -27,6 +27,8 @@ LONGEST_OUTAGE = 400
 """Samples without a measurement, until nothing is known but that the rotor is between its stops."""
 NOISY = 80
 """Samples until an innovation in four of the last 128 was too large, and some."""
+MOST_SETTLING = 200
+"""Samples of a plant's own time that are lived through twice."""
 MOST_PLACES = 24
 """Rows, and columns, of the box that are visited."""
 
@@ -39,7 +41,7 @@ class Scene(NamedTuple):
     u: Array  # (n,) or (n, axes) [V]; u[k] acts from sample k to k + 1
 
 
-def of(estimator: Estimator, magnets: list[Magnet]) -> list[Scene]:
+def of(estimator: Estimator, magnets: list[Magnet], settling: int) -> list[Scene]:
     """Return the runs for an estimator.
 
     Parameters
@@ -48,20 +50,24 @@ def of(estimator: Estimator, magnets: list[Magnet]) -> list[Scene]:
         Of the precision that is exported.
     magnets : list of Magnet
         The core's, that it asks.
+    settling : int
+        Samples after a start until the exported filter says that it may be fed back.
     """
     if estimator.whole is not None:
         return list(_of_machine(estimator))
-    return [*_of_axis(estimator), *_box(estimator, magnets[0])]
+    return [*_of_axis(estimator, settling), *_box(estimator, magnets[0])]
 
 
 # ---- One axis ----
 
 
-def _of_axis(estimator: Estimator) -> Iterator[Scene]:
+def _of_axis(estimator: Estimator, settling: int) -> Iterator[Scene]:
     yield _spoilt(estimator, _flight(estimator, 1.0))
     yield _jumping(estimator, _flight(estimator, -1.0))
     yield _outage(estimator)
     yield _surprised(estimator)
+    if settling <= MOST_SETTLING:
+        yield _settled(estimator, settling)
 
 
 def _flight(estimator: Estimator, sign: float) -> Scene:
@@ -105,18 +111,24 @@ def _jumping(estimator: Estimator, scene: Scene) -> Scene:
         return scene
     gate, var_y = settings["gate"], float(settings["var_y"][0])
     pushed = 100.0 * settings["K_sen"][0] * settings["T"] ** 2
-    goes_on = np.sqrt(2 * gate**2 * var_y + pushed**2)
-    for n, part in enumerate((1.01, 0.99, -1.01, -0.99, 1.3, -1.3)):
-        k = 40 + 6 * n
+    turns = [(40 + 6 * n, part) for n, part in enumerate((1.001, 0.999, -1.001, -0.999))]
+    # The more are left out, the farther may the next one be.
+    turns += [(66, 1.5), (67, 1.001), (74, -1.5), (75, -0.999), (82, 1.5), (83, 1.5), (84, 1.001)]
+    for k, part in turns:
         told = run(estimator, y[: k + 1], u[: k + 1])
         e, S = told["innovation"].ravel(), told["variance"].ravel()
         if not S[k] > 0:
             return scene
-        left = e[k - 1] * var_y / S[k - 1]  # of the last one, after it was taken in
+        out = int(k - 1 - np.flatnonzero(told["status"][:k].ravel() & Status.OUTLIER == 0)[-1])
+        last = k - 1 - out  # that was taken in, and left
+        left = e[last] * var_y / S[last]
+        goes_on = np.sqrt(2 * gate**2 * var_y + (pushed * (out + 1) ** 2) ** 2)
         least = max(gate * np.sqrt(S[k]), goes_on + np.sign(part) * left)
         y[k] += part * least - e[k]
-    there = 0.5 * np.copysign(estimator.bearing.rotor.travel_limit, -y[90])
-    y[90:] += settings["K_sen"][0] * there
+    # Where no rotor is, but a sensor that has slipped shows it: the estimate is held at the stop.
+    there = 1.2 * np.copysign(estimator.bearing.rotor.travel_limit, -y[90])
+    y[90:] += settings["K_sen"][0] * there - y[90]
+    u[0] = np.nan  # before any was good
     return scene._replace(name=f"{name}, with jumps about the gate, and one that stays")
 
 
@@ -131,6 +143,16 @@ def _outage(estimator: Estimator) -> Scene:
     n = int(held[0]) + 5 if held.size and held[0] < LONGEST_OUTAGE else 60
     there = 0.6 * shown * (1 + 1e-3 * np.resize([1.0, -1.0], 30))
     return Scene("an outage", np.concatenate([y[:n], there]), u[: n + 30])
+
+
+def _settled(estimator: Estimator, settling: int) -> Scene:
+    """At rest until it may be fed back, then nothing until it may not."""
+    bearing = estimator.bearing
+    n = settling + 6
+    here = 1e-2 * bearing.sensor.gain * bearing.rotor.travel_limit * np.resize([1.0, -1.0, 0.5], n)
+    y = np.concatenate([here, np.full(n, np.nan)])
+    hovering = bearing.current_min / 4 / bearing.amplifier.gain
+    return Scene("settled, and then nothing", y, np.full(2 * n, hovering))
 
 
 def _surprised(estimator: Estimator) -> Scene:
@@ -152,7 +174,9 @@ def _box(estimator: Estimator, magnet: Magnet) -> Iterator[Scene]:
     x_max, gain = bearing.rotor.travel_limit, bearing.sensor.gain
     of = magnet.parameters
     xs = _places(-x_max, x_max, of, "x_min", "per_metre", "rows")
-    currents = _places(bearing.current_min, bearing.current_max, of, "iu_min", "per_ampere", "columns")
+    currents = _places(
+        bearing.current_min, bearing.current_max, of, "iu_min", "per_ampere", "columns"
+    )
     for row, x in enumerate(xs):
         # From both ends in turn: the rotor stays where it is.
         turns = np.stack([currents, currents[::-1]])[:, : -(-len(currents) // 2)].T.ravel()

@@ -48,7 +48,7 @@ def make(estimator: Estimator, magnets: list[Magnet], *, settling: int, bound: f
         Caps beyond which the exported filter starts anew: a run ends before that.
     """
     parts = []
-    for scene in scenes.of(estimator, magnets):
+    for scene in scenes.of(estimator, magnets, settling):
         y, u, si = _as_read(estimator, scene)
         told = scenes.run(estimator, *si)
         n = _within(estimator, told["mean"], bound)
