@@ -3,8 +3,8 @@
     python tests/mutants.py [KIND ...] [--precision double] [--boundaries]
 
 Constants of the data file change by a tenth; operators of the C that flies turn into others. Each
-mutant is compiled with its self-test (by tcc where it is installed) and judged exactly, and as where
-a compiler rounds otherwise; constants also without the CRC that would give them away. What is left
+mutant is compiled with its self-test (by tcc where it is installed) and judged exactly, and as
+where a compiler rounds otherwise; also without the CRC that gives constants away. What is left
 alive is compiled by gcc with optimisation: where the program is the same to the last byte, the
 mutant is the original (trivial compiler equivalence, Papadakis et al. 2015).
 """
@@ -20,7 +20,7 @@ import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 INCLUDES = ("-I.", "-Icore/include", "-Icore", "-Iselftest")
 JUDGE = """#include "{0}_selftest.h"
@@ -80,50 +80,40 @@ _TOKENS = re.compile(
     r"|->|\+\+|--|<<=|>>=|<<|>>|[-+*/|&^]=|[<>=!]=|&&|\|\||[-+*/|&<>!=(){}\[\],;?:.~^%]",
     re.DOTALL | re.MULTILINE,
 )
+_TYPE = (
+    r"(?:amb_(?:real|status|model|kalman|estimator|magnet|stiffness|sensor|step)\w*|\w+_state"
+    r"|\w+_estimates|u?int\w*|void|bool|char|const)"
+)
 _NUMBER = re.compile(r"-?\b\d+(?:\.\d+)?(?:e[-+]?\d+)?[FU]?\b")
 
 
 def of_operators(name: str, text: str, *, boundaries: bool = False) -> Iterator[Mutant]:
     """Give each operator of a C file as another one; pointers, declarations and macros aside."""
-    tokens = [m for m in _TOKENS.finditer(text) if not m[0].startswith(("/*", '"'))]
-    tokens = [m for m in tokens if not m[0].lstrip().startswith("#")]
+    tokens = [m for m in _TOKENS.finditer(text) if not m[0].lstrip().startswith(("/*", '"', "#"))]
     depth = 0
     for n, token in enumerate(tokens[1:], 1):
         depth += (token[0] == "{") - (token[0] == "}")
-        before, after = tokens[n - 1][0], tokens[n + 1][0] if n + 1 < len(tokens) else ""
-        if depth == 0 or token[0] not in _OPERATORS:
+        old = token[0]
+        if depth == 0 or old not in _OPERATORS:
             continue
-        old, shown = token[0], token[0]
-        unary = before in ("(", ",", "=", "return", "{", "?", ":", "&&", "||", "[", "+", "-", "*",
-                           "/", "<", ">", "<=", ">=", "==", "+=", "-=", "*=", ";", ")") and (
-            before != ")" or (old in "*&" and _is_type(tokens, n)))  # fmt: skip
-        if old in ("*", "&") and (unary or _is_type(tokens, n) or before == "const"):
+        unary = not re.fullmatch(r"[\w.]+|[)\]]", tokens[n - 1][0]) or tokens[n - 1][0] == "return"
+        if old in ("*", "&") and (unary or _is_type(tokens, n)):
             continue  # of pointers
-        if old == "-" and unary:
-            shown = "u-"
         if old == "+" and unary:
             continue
-        del after
-        others = [_OPERATORS[shown]] + (
-            [_BOUNDARIES[old]] if boundaries and old in _BOUNDARIES else []
-        )
+        others = [_OPERATORS["u-" if old == "-" and unary else old]]
+        if boundaries and old in _BOUNDARIES:
+            others.append(_BOUNDARIES[old])
         for new in others:
             yield _mutant(name, text, token.start(), old, new)
 
 
 def _is_type(tokens: list[re.Match[str]], n: int) -> bool:
-    """Whether what stands before a star or an ampersand is a type."""
+    """Whether what stands before a star or an ampersand is a type, or a cast."""
     before = tokens[n - 1][0]
     if before == ")":
-        return n > 2 and bool(
-            re.fullmatch(r"\*|void|\w+_state|uint\w+|amb_real|int", tokens[n - 2][0])
-        )
-    return bool(
-        re.fullmatch(
-            r"(amb_(?!entry|magnitude|root|clamp|at)\w+|\w+_state|\w+_estimates|void|bool|char|int|const)",
-            before,
-        )
-    )
+        return re.fullmatch(rf"\*|{_TYPE}", tokens[n - 2][0]) is not None
+    return re.fullmatch(_TYPE, before) is not None
 
 
 def of_constants(name: str, text: str) -> Iterator[Mutant]:
@@ -244,8 +234,9 @@ class Bench:
     def _optimised(self, folder: Path) -> bytes:
         sections = ("-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections", "-s")
         selftest = [str(self.folder / file) for file in self.selftest]
-        words = ["gcc", "-std=c99", "-w", "-O2", "-ffp-contract=off", *sections, "-Wl,--build-id=none",
-                 *INCLUDES, *self.sources, *selftest, str(self._work / "judge.c"), "-o", "same"]  # fmt: skip
+        flags = ("-std=c99", "-w", "-O2", "-ffp-contract=off", *sections, "-Wl,--build-id=none")
+        files = (*self.sources, *selftest, str(self._work / "judge.c"))
+        words = ["gcc", *flags, *INCLUDES, *files, "-o", "same"]
         done = subprocess.run(words, cwd=folder, capture_output=True, text=True)
         if done.returncode != 0:
             return done.stderr.encode()
@@ -307,9 +298,10 @@ def main() -> None:
     for kind in given.kinds:
         with tempfile.TemporaryDirectory() as place:
             what = chosen(kind)
+            form: Any = "tabulated" if kind == "tabulated" else "exact"
             made = export_c(
                 gained, what.magnet, Path(place) / "c", kind=what.kind, prefix="f",
-                precision=given.precision, expert_form="tabulated" if kind == "tabulated" else "exact",
+                precision=given.precision, expert_form=form,
             )  # fmt: skip
             bench = Bench(made.folder, "f")
             constants = list(of_constants("f_data.c", bench.text("f_data.c")))

@@ -63,13 +63,13 @@ def symbols(objects: list[Path]) -> set[str]:
 
 @pytest.fixture
 def of_another_version(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """From here on, another text of the core: one that tells of an outlier what it never was."""
+    """From here on, another text of the core: a struct has its fields in another order."""
     changed = tmp_path / "another core"
     shutil.copytree(core.folder(), changed)
-    status = changed / "include" / "ambkit" / "status.h"
-    text = status.read_text()
-    assert text.count("AMB_OUTLIER 256U") == 1
-    status.write_text(text.replace("AMB_OUTLIER 256U", "AMB_OUTLIER 8192U"))
+    header = changed / "include" / "ambkit" / "kalman.h"
+    last, lines = "  amb_kalman_settings set;\n", header.read_text()
+    assert lines.count(last) == 1
+    header.write_text(lines.replace(last, "").replace("} amb_kalman;", f"{last}}} amb_kalman;"))
     monkeypatch.setattr(core, "folder", lambda: changed)
 
 

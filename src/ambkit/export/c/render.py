@@ -228,7 +228,7 @@ def _crc(estimator: Estimator, name: str, precision: CPrecision, of_model: model
     kalman = estimator.core.parameters | {"model": of_model.numbers}
     constants.fields(f"{name}_kalman", kalman, arrays=True)
     constants.array(f"{name}_std", np.asarray(estimator.default_std()))
-    if several:
+    if estimator.whole is not None:
         start, by_reading = estimator.whole.start_form(estimator.states, estimator.hover)
         constants.array(f"{name}_start", start)
         constants.array(f"{name}_start_by", by_reading.ravel())
