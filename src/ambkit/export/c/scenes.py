@@ -114,7 +114,8 @@ def _jumping(estimator: Estimator, scene: Scene) -> Scene:
     turns = [(40 + 6 * n, part) for n, part in enumerate((1.001, 0.999, -1.001, -0.999))]
     # The more are left out, the farther may the next one be.
     turns += [(66, 1.5), (67, 1.001), (74, -1.5), (75, -0.999), (82, 1.5), (83, 1.5), (84, 1.001)]
-    for k, part in turns:
+    turns += [(30, -1.5), (31, -1.5), (32, -0.999)]
+    for k, part in sorted(turns):
         told = run(estimator, y[: k + 1], u[: k + 1])
         e, S = told["innovation"].ravel(), told["variance"].ravel()
         if not S[k] > 0:

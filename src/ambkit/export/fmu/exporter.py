@@ -8,10 +8,12 @@ import uuid
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+from ambkit.base.errors import AmbkitError
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.registry import KINDS
+from ambkit.export.c.data import CPrecision
 from ambkit.export.fmu import archive, compiler, sources, variables, xml
 from ambkit.export.fmu.variables import Kind, Variable
 from ambkit.export.fmu.xml import Fmi, Model
@@ -61,13 +63,16 @@ def export_fmu(
     controller: PID | None = None,
     estimator: str | None = None,
     filter_file: FilterFile | None = None,
+    precision: CPrecision = "double",
 ) -> FmuExport:
     """Write a co-simulation FMU around the C of the library: binary and sources, no Python.
 
-    It computes in double, bit for bit as the library. A communication step is a whole multiple of
-    the bearing's sampling time. As in a controller, the sample at a communication point is taken by
+    Bit for bit as the library. A communication step may be any: the filter takes its samples at
+    whole multiples of the bearing's sampling time, and holds its estimates in between; the plant
+    goes on by what is asked. As in a controller, the sample at a communication point is taken by
     the step that begins there, with the inputs set there: an estimate read after the step from t to
-    t + T is that of the sample at t. The plant's outputs are those at the end of the step.
+    t + T is that of the sample at t. The plant's outputs are those at the end of the step. NaN on
+    an estimator's input is a lost sensor.
 
     Parameters
     ----------
@@ -90,17 +95,24 @@ def export_fmu(
     filter_file : FilterFile, optional
         The filter, in the place of `estimator`; `bearing` and `magnet` are what it says. The FMU's
         inputs are in metres and volts all the same.
+    precision : {"float", "double"}
+        Of the estimator alone: float is what flies on a controller without double. Plant and closed
+        loop compute in double.
 
     Raises
     ------
     AmbkitError
+        A plant or a closed loop in float.
         There is no C compiler, or the file cannot be written.
     """
+    if precision == "float" and kind != "estimator":
+        raise AmbkitError(f"a {kind} computes in double; precision float is for an estimator alone")
+    of: Any = {"precision": "float32" if precision == "float" else "float64"}
     if filter_file is not None:
-        filter_ = filter_file.make(magnet=magnet)
+        filter_ = filter_file.make(magnet=magnet, **of)
     else:
         kind_of_filter = estimator or ("linear" if magnet is None else "adaptive")
-        filter_ = KINDS[kind_of_filter].make(bearing, magnet)
+        filter_ = KINDS[kind_of_filter].make(bearing, magnet, **of)
     match kind:
         case "estimator":
             parts = _estimator(filter_)

@@ -145,7 +145,7 @@ def _common(reference: int, variable: Variable) -> dict[str, str]:
 def _number(variable: Variable) -> dict[str, str]:
     """Attributes of a variable that tell of its value."""
     attributes = {} if variable.integer else {"unit": variable.unit}
-    if variable.limit != "any":
+    if variable.limit in ("not negative", "positive"):
         attributes["min"] = "0.0"
     if variable.role not in ("time", "output"):
         attributes["start"] = _text(variable.start)
