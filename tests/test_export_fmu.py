@@ -22,7 +22,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.data.record import Record
 from ambkit.estimate.kalman import AdaptiveKalmanFilter
 from ambkit.estimate.registry import KINDS as REGISTRY
-from ambkit.export.fmu import export_fmu
+from ambkit.export.fmu import export_fmu, export_ssp
 from ambkit.machine.stiffness import stiffness_map
 from ambkit.simulation.noise import drawn
 from ambkit.simulation.run import simulate_run
@@ -38,7 +38,7 @@ from iron import TWO_SIDED as IRON  # noqa: E402
 
 BEARING = Bearing.preset("zittau_axial")
 ONE_SIDED = Bearing.preset("inteco_ml")
-LATE = BEARING.replace(name="late", amplifier__bandwidth=1500.0, delay=1.3e-4)
+WITH_PARTS = BEARING.replace(name="parts", amplifier__bandwidth=1500.0, delay=1.3e-4)
 KINDS = ("estimator", "plant", "closed-loop")
 ALL = [(kind, fmi) for kind in KINDS for fmi in (2, 3)]
 ESTIMATES = ("x", "v", "f_d", "x_m", "k_i", "k_s", "innovation", "variance", "status")
@@ -620,7 +620,9 @@ def test_an_estimator_samples_inside_whatever_the_master_steps(
         assert one.get("time") == [pytest.approx(k * step * T, rel=1e-12)]
 
 
-@pytest.mark.parametrize("bearing", [BEARING, IRON, LATE], ids=["plain", "iron", "with parts"])
+@pytest.mark.parametrize(
+    "bearing", [BEARING, IRON, WITH_PARTS], ids=["plain", "iron", "with parts"]
+)
 @pytest.mark.parametrize("kind", ["plant", "closed-loop"])
 def test_a_plant_can_be_asked_between_two_samples(
     made: Callable[..., Path], tmp_path: Path, kind: str, bearing: Bearing
@@ -699,6 +701,69 @@ def test_an_estimator_in_float_is_what_flies(tmp_path: Path) -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-6)
     with pytest.raises(AmbkitError, match="computes in double"):
         export_fmu(BEARING, None, tmp_path / "p.fmu", kind="plant", precision="float")
+
+
+# ---- Several in one file ----
+
+
+def test_a_system_wires_plant_estimator_and_controller(tmp_path: Path) -> None:
+    """Driven by FMPy: the rotor hovers under a load, which the estimate finds."""
+    from fmpy.ssp.simulation import simulate_ssp
+
+    export_ssp(BEARING, None, tmp_path / "loop.ssp")
+    at_rest = dict.fromkeys(("r", "noise_u", "noise_y"), lambda _t: 0.0)
+    result = simulate_ssp(
+        str(tmp_path / "loop.ssp"), stop_time=0.3, step_size=BEARING.sampling_time,
+        input=at_rest | {"f_d": lambda t: 1.0 if t > 0.05 else 0.0},
+    )  # fmt: skip
+    assert np.abs(result["x"]).max() < 0.1 * BEARING.rotor.travel_limit
+    assert result["estimate_f_d"][-1] == pytest.approx(1.0, rel=0.02)
+
+
+def test_a_system_is_what_the_standard_says(tmp_path: Path) -> None:
+    from fmpy.ssp.ssd import read_ssd
+
+    for feedback in ("estimate", "measurement"):
+        path = tmp_path / f"{feedback}.ssp"
+        export_ssp(BEARING, None, path, controller=ambkit.PID(feedback=feedback), fmi=3)
+        system = read_ssd(str(path)).system  # validates against the schema
+        assert {element.name for element in system.elements} == {
+            "plant", "estimator", "controller",
+        }  # fmt: skip
+        wires = {(c.startElement, c.endElement) for c in system.connections}
+        assert (("estimator", "controller") in wires) == (feedback == "estimate")
+        assert (("plant", "controller") in wires) == (feedback == "measurement")
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_a_controller_alone_is_that_of_the_loop(tmp_path: Path, fmi: Any) -> None:
+    record = ambkit.simulate(BEARING, disturbed(BEARING))
+    pid = ambkit.PID.for_bearing(BEARING).model_copy(update={"feedback": "measurement"})
+    path = export_fmu(
+        BEARING, None, tmp_path / "c.fmu", kind="controller", fmi=fmi, controller=pid
+    ).path
+    assert validate_fmu(str(path)) == []
+    own = ambkit.simulate(
+        BEARING, disturbed(BEARING).model_copy(update={"controller": pid.completed(BEARING)})
+    )
+    result = simulated(path, BEARING.sampling_time, {}, r=own["r"], x=own["y"])
+    np.testing.assert_array_equal(result["u"][1:], own["u"])
+    assert len(record.t) == len(own.t)
+
+
+@pytest.mark.skipif(
+    shutil.which("aarch64-linux-gnu-gcc") is None, reason="aarch64-linux-gnu-gcc is not installed"
+)
+@pytest.mark.parametrize(("fmi", "folder"), [(2, "aarch64-linux"), (3, "aarch64-linux")])
+def test_several_platforms_in_one_file(tmp_path: Path, fmi: Any, folder: str) -> None:
+    path = export_fmu(BEARING, None, tmp_path / "f.fmu", fmi=fmi, everywhere=True).path
+    with zipfile.ZipFile(path) as archive:
+        binaries = [name for name in archive.namelist() if name.startswith("binaries/")]
+        (arm,) = (name for name in binaries if name.startswith(f"binaries/{folder}/"))
+        header = archive.read(arm)[:20]
+    assert len(binaries) >= 2
+    assert header[:4] == b"\x7fELF"
+    assert int.from_bytes(header[18:20], "little") == 183  # EM_AARCH64
 
 
 # ---- What is refused ----
@@ -817,7 +882,7 @@ def test_command(command: Command, tmp_path: Path) -> None:
     ("words", "said"),
     [
         ("--kind plant --estimator e.json --out plant.fmu", "a plant has none"),
-        ("--scenario run.toml --out filter.fmu", "only that has a controller"),
+        ("--scenario run.toml --out filter.fmu", "only these have a controller"),
         ("--kind closed-loop --scenario run.toml --out loop.fmu", "run.toml: cannot be read"),
         ("--out plant.zip", "must end with .fmu"),
         ("--estimator closed-lav --out filter.fmu", "did you mean closed-law?"),

@@ -31,6 +31,7 @@ _MODELS: dict[Kind, tuple[str, ...]] = {
     "estimator": ("estimator_model", "filter"),
     "plant": ("plant_model", "rig"),
     "closed-loop": ("loop_model", "filter", "rig"),
+    "controller": ("controller_model",),
 }
 _STANDARD: dict[Fmi, tuple[str, ...]] = {
     2: ("fmi2FunctionTypes.h", "fmi2Functions.h", "fmi2TypesPlatform.h"),
@@ -119,7 +120,7 @@ def licences() -> dict[str, str]:
 
 def data_files(kind: Kind, **context: Any) -> dict[str, str]:
     """Return the files that define what the headers of this kind of model declare as data."""
-    given: dict[str, Any] = {"filter": None, "rig": None, "pid": None} | context
+    given: dict[str, Any] = {"filter": None, "rig": None, "pid": None, "alone": None} | context
     headers = [f"{_MODELS[kind][0]}.h"]
     magnets = [given[part]["magnet_header"] for part in ("filter", "rig") if given[part]]
     headers += dict.fromkeys(magnets)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
     from ambkit.simulation.scenario import PID
 
-Kind = Literal["estimator", "plant", "closed-loop"]
+Kind = Literal["estimator", "plant", "closed-loop", "controller"]
 Role = Literal["time", "fixed", "tunable", "input", "output"]
 Limit = Literal["any", "not negative", "positive", "losable"]
 
@@ -184,6 +184,21 @@ def of_loop(estimator: Estimator, controller: PID) -> tuple[Variable, ...]:
         *_rig(estimator.bearing),
         *_variances(estimator),
         *_controller(estimator.bearing, controller),
+    )
+
+
+def of_controller(bearing: Bearing, controller: PID) -> tuple[Variable, ...]:
+    """Return the variables of a controller."""
+    fed = "estimated displacement" if controller.feedback == "estimate" else "measured position"
+    return (
+        TIME,
+        Variable("r", "input", "m", "position that is demanded"),
+        Variable("x", "input", "m", f"{fed}; NaN: lost", limit="losable"),
+        Variable(
+            "v", "input", "m/s", "estimated velocity, where an estimator feeds it", limit="losable"
+        ),
+        Variable("u", "output", "V", "control signal", held=True),
+        *_controller(bearing, controller),
     )
 
 

@@ -152,10 +152,9 @@ static bool settable(amb_causality role, amb_mode mode)
 static amb_answer check_value(const amb_instance *self, const amb_variable *variable, double value)
 {
   static const char *const limits[] = {"finite", "0 or greater", "greater than 0", "a number"};
-  const bool good =
-      (variable->limit == AMB_LOSABLE) ||
-      (is_finite(value) && ((variable->limit == AMB_ANY) || (value > 0) ||
-                            ((variable->limit == AMB_NOT_NEGATIVE) && !(value < 0))));
+  const bool good = (variable->limit == AMB_LOSABLE) ||
+                    (is_finite(value) && ((variable->limit == AMB_ANY) || (value > 0) ||
+                                          ((variable->limit == AMB_NOT_NEGATIVE) && !(value < 0))));
   if (!settable(variable->role, self->now.mode))
     return amb_refuse(self, AMB_ERROR, "%s cannot be set %s", variable->name,
                       modes[self->now.mode]);

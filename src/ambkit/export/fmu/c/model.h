@@ -33,7 +33,7 @@ typedef struct amb_variable {
 
 extern const amb_variable amb_variables[AMB_VARIABLES];
 extern const double amb_sampling_time; /* [s] */
-extern const char amb_token[];           /* hash of all that the model was made from */
+extern const char amb_token[];         /* hash of all that the model was made from */
 
 /* Take over the parameters among the values: finite, and within their limits. Returns AMB_OK, or
  * AMB_BAD_PARAMETER where they are not usable together; then the model stays as it was. */
