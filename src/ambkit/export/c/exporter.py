@@ -77,6 +77,7 @@ def export_c(
     force_bound: float | None = None,
     loops: bool | None = None,
     filter_file: FilterFile | None = None,
+    editable: bool = False,
     **options: Any,
 ) -> CExport:
     """Write a folder of C99 that compiles alone.
@@ -107,6 +108,9 @@ def export_c(
     filter_file : FilterFile, optional
         The filter, in the place of `kind` and `options`; `bearing` and `magnet` are what it says.
         Its inputs are then the rig's own numbers.
+    editable : bool
+        Whether each number stands once in the data file, where it can be edited, and what follows
+        from it is computed at init into the state: more memory and flash. Of the paper's axis.
     **options
         Of the kind; of :class:`ambkit.KalmanFilter` noise, gravity, frozen_limit, gate,
         outlier_limit, as_printed.
@@ -114,9 +118,9 @@ def export_c(
     Raises
     ------
     AmbkitError
-        A kind that cannot be exported, a prefix that is no C identifier, a limit or a table beyond
-        16 bits; a bound that no table keeps, or that nothing needs; a folder with other files, or
-        that cannot be written.
+        A kind or a model that cannot be exported so, a prefix that is no C identifier or taken,
+        a limit or a table beyond 16 bits; a bound that no table keeps, or that nothing needs;
+        a folder with other files, or that cannot be written.
     """
     name = checked(prefix, bearing.name)
     for limit in ("frozen_limit", "outlier_limit"):
@@ -143,11 +147,11 @@ def export_c(
         estimator = filter_file.make(precision=options["precision"], magnet=magnet)
         called(estimator)
     _check_nodes(estimator)
-    spent = cost.of(estimator) if precision == "float" else None
+    spent = cost.of(estimator) if precision == "float" and not editable else None
     facts = _facts(magnet, precision) | _cost_facts(spent)
     if estimator.description:
         facts = {"for": estimator.description} | facts
-    content = render.render(estimator, name, precision, facts, loops=loops)
+    content = render.render(estimator, name, precision, facts, loops=loops, editable=editable)
     written = folder.write(Path(out), content.files)
     return CExport(
         written,
@@ -210,12 +214,15 @@ def _cost_facts(spent: Cost | None) -> dict[str, str]:
     if spent is None:
         return {}
     facts = {
-        "instructions a step (Cortex-M4F, in qemu)": f"{spent.instructions}, at most {spent.most}"
+        "instructions a step (Cortex-M4F, in qemu)": (
+            f"{spent.instructions}, the most seen {spent.most}"
+        )
     }
     if spent.trusted is not None:
         facts["of the step that trusts its input"] = f"{spent.trusted}"
     return facts | {
-        "flash": f"{spent.code} bytes of code, {spent.constants} bytes of constants",
-        "memory": f"{spent.state} bytes an instance, {spent.stack} bytes of stack",
-        "compiled by": f"{spent.compiler}",
+        "flash": (
+            f"{spent.code} bytes of code, {spent.constants} bytes of constants, by {spent.compiler}"
+        ),
+        "memory": f"{spent.state} bytes an instance, {spent.stack} bytes of stack seen",
     }

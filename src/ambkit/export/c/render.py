@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base import escaping
+from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.registry import PAPER, InCore
 from ambkit.export import core
@@ -47,6 +48,7 @@ def render(
     facts: dict[str, str],
     *,
     loops: bool | None = None,
+    editable: bool = False,
 ) -> Content:
     """Write all texts.
 
@@ -62,7 +64,20 @@ def render(
         What the README says of it besides, line by line.
     loops : bool, optional
         Whether the model is computed by loops over its arrays; by default where it is large.
+    editable : bool
+        Whether the data file has each number once, and the rest is computed at init; of the paper's
+        axis alone.
+
+    Raises
+    ------
+    AmbkitError
+        Another model is to be editable.
     """
+    if editable and not estimator.engine.built_in:
+        raise AmbkitError(
+            "editable is for the paper's axis: of other models C has the matrices, and not what "
+            "they were made from"
+        )
     magnets = magnets_of(estimator)
     magnet, kinds = magnets[0], [MAGNETS[type(each).__name__] for each in magnets]
     kind = kinds[0]
@@ -138,11 +153,14 @@ def render(
         "load": _first(estimator, "disturbance force"),
         **_stops(estimator, precision),
         "base": "" if in_core is None else in_core.base,
-        **_data_context(estimator, magnet, kind, precision, of_model),
+        **_data_context(estimator, magnet, kind, precision, of_model, editable=editable),
+        "editable": editable,
+        "as_printed": estimator.engine.as_printed,
+        "mass": "" if whole else data.number(bearing.rotor.mass, precision),
         "own": "" if in_core is None else data.own(estimator, precision),
         "settling": settling,
         "bound_of_output": f"{bound:.1f}",
-        "crc": _crc(estimator, name, precision, of_model),
+        "crc": _crc(estimator, name, precision, of_model, editable=editable),
     }
     for each, si in (("y", "m"), ("u", "V")):
         context[f"{each}_unit"] = context["inputs"][each]["unit"] if context["inputs"][each] else si
@@ -198,12 +216,13 @@ def _first(estimator: Estimator, role: str) -> int:
 
 
 def _stops(estimator: Estimator, precision: CPrecision) -> dict[str, str]:
-    """Return readings between the stops and beyond them, of one axis."""
+    """Return readings of one axis that may be a rotor on its stops, and ones that may not."""
     if estimator.whole is not None:
         return {}
     shown = estimator.bearing.sensor.gain * estimator.bearing.rotor.travel_limit
     ends = shown * np.array([-1.0, 1.0])
-    places = {"between": 0.98 * ends, "beyond": 1.02 * ends}
+    noise = np.sign(ends) * float(estimator.core.parameters["set"]["var_y"][0]) ** 0.5
+    places = {"between": ends + 3.8 * noise, "beyond": ends + 4.2 * noise}
     read = estimator.inputs.y.numbers
     return {name: data.array(read(at), precision, "") for name, at in places.items()}
 
@@ -214,7 +233,9 @@ def _with_stand_ins(values: NDArray[np.float64], precision: CPrecision) -> NDArr
     return np.nan_to_num(values, nan=most, posinf=most / 2, neginf=-most / 2)
 
 
-def _crc(estimator: Estimator, name: str, precision: CPrecision, of_model: model.InC) -> Crc:
+def _crc(
+    estimator: Estimator, name: str, precision: CPrecision, of_model: model.InC, *, editable: bool
+) -> Crc:
     """Return the CRC of the data file, with its names."""
     constants = Constants(precision)
     several = estimator.whole is not None
@@ -226,7 +247,11 @@ def _crc(estimator: Estimator, name: str, precision: CPrecision, of_model: model
         for path, values in data.arrays_of(magnet.parameters).items():
             constants.array(names[path], values)
     kalman = estimator.core.parameters | {"model": of_model.numbers}
-    constants.fields(f"{name}_kalman", kalman, arrays=True)
+    if editable:
+        constants.fields(f"{name}_settings", kalman["set"], arrays=True)
+        constants.array(f"&{name}_mass", np.array([estimator.bearing.rotor.mass]))
+    else:
+        constants.fields(f"{name}_kalman", kalman, arrays=True)
     constants.array(f"{name}_std", np.asarray(estimator.default_std()))
     if estimator.whole is not None:
         start, by_reading = estimator.whole.start_form(estimator.states, estimator.hover)
@@ -285,7 +310,13 @@ def _raw(name: str, reading: Scaling, precision: CPrecision) -> dict[str, str] |
 
 
 def _data_context(
-    estimator: Estimator, magnet: Magnet, kind: Kind, precision: CPrecision, of_model: model.InC
+    estimator: Estimator,
+    magnet: Magnet,
+    kind: Kind,
+    precision: CPrecision,
+    of_model: model.InC,
+    *,
+    editable: bool,
 ) -> dict[str, Any]:
     """Return what the data file says: the structs that the core holds, as initialisers."""
     fields = magnet.parameters
@@ -298,6 +329,8 @@ def _data_context(
             own = data.arrays_of(each.parameters)
             named |= {_names(each, k)[path]: values for path, values in own.items()}
     kalman = estimator.core.parameters | {"model": of_model.numbers}
+    if editable:
+        kalman = kalman["set"]
     return {
         "kalman": data.struct_with_arrays(kalman, precision),
         "std": data.array(np.asarray(estimator.default_std()), precision),
