@@ -80,6 +80,47 @@ _TOKENS = re.compile(
     r"|->|\+\+|--|<<=|>>=|<<|>>|[-+*/|&^]=|[<>=!]=|&&|\|\||[-+*/|&<>!=(){}\[\],;?:.~^%]",
     re.DOTALL | re.MULTILINE,
 )
+EQUIVALENT = {
+    # In float, what the disturbance's growth adds to a position is below half of its last digit.
+    ("axial.h", "G00"): "below the last digit in float",
+    ("axial.h", "G03"): "below the last digit in float",
+    ("axial.h", "G33"): "below the last digit in float",
+    # Numbers of the data file, and means that are computed from good ones: none fails the check.
+    ("real.h", "(a > AMB_C(0.0)) && (a <= AMB_REAL_MAX)"): "asked of constants alone, all good",
+    ("kalman.c", "!amb_is_finite(mean[i]) ||"): "asked of constants alone, all good",
+    ("kalman.c", "for (int i = 0; i < n; i++) {"): "a loop over that check, or killed",
+    ("kalman.c", "near && (std != NULL)"): "a start between the stops is near, and has a std",
+    # One position, one velocity, one sensor: whose roles are given.
+    ("at_rest.c", "amb_magnitude(states[i]) > amb_magnitude(states[most])"): "one position",
+    ("at_rest.c", "(position >= 0) && these[position]"): "a velocity has a position",
+    ("at_rest.c", "if (these[i] && (amb_model_role(model, i) == AMB_POSITION))"): "one position",
+    ("at_rest.c", "these[j] || ((amb_model_role(model, j) == AMB_SHOWN)"): "one sensor",
+    # After an outage the gate is wider than any jump between the stops: the residual is not asked.
+    ("at_rest.c", "bool seen = false;"): "the residual after an outage is not asked",
+    ("at_rest.c", "for (int i = 0; i < amb_states(model); i++) {"): "as the residual, or killed",
+    ("at_rest.c", "seen = seen ||"): "the residual after an outage is not asked",
+    ("envelope.c", "for (int r = 0; r < amb_sensors(model); r++) {"): "as the residual",
+    # The row is zero already: `forget` has cleared it.
+    ("envelope.c", "for (int j = 0; j < n; j++) {"): "clears what is clear, or killed",
+    ("envelope.c", "if (j != s) {"): "clears what is clear, or killed",
+    # What amb_envelope_lost returns, only whole machines ask for.
+    ("envelope.c", "bool some = false;"): "the return value is not asked",
+    ("envelope.c", "for (int i = 0; i < n; i++) {"): "the return value is not asked, or killed",
+    ("envelope.c", "some = some ||"): "the return value is not asked",
+    # Where it is held, position and velocity are lost both, and no load is.
+    ("envelope.c", "(moves && lost[i])"): "both are lost, or none",
+    (
+        "envelope.c",
+        "lost[i] && (amb_model_role(model, i) == AMB_SHOWN)",
+    ): "rest is the mean elsewhere",
+    # A variance that is no number makes that of the sensor none within the same prediction.
+    ("envelope.c", "(role == AMB_SHOWN) || amb_is_finite(variance[i])"): "all are finite, or none",
+    # An infinite variance of the innovation starts the filter anew, whatever the step makes of it.
+    ("kalman_step.h", "!sharp || amb_is_finite(e->variance)"): "the supervisor starts anew",
+}
+"""Mutants of the linear filter in float that make no difference, by file and text, and why. Of a
+text that stands more than once the others are killed, which the score shows."""
+
 _TYPE = (
     r"(?:amb_(?:real|status|model|kalman|estimator|magnet|stiffness|sensor|step)\w*|\w+_state"
     r"|\w+_estimates|u?int\w*|void|bool|char|const)"
@@ -250,6 +291,14 @@ class Bench:
         return subprocess.run(words, cwd=folder, check=True, capture_output=True, text=True)
 
 
+def explained(mutant: Mutant) -> str | None:
+    """Return why a mutant makes no difference, where that is known."""
+    for (file, text), reason in EQUIVALENT.items():
+        if mutant.file.endswith(file) and text in mutant.text:
+            return reason
+    return None
+
+
 class Score(NamedTuple):
     """What became of the mutants."""
 
@@ -315,7 +364,10 @@ def main() -> None:
                 print(f"{kind}, {what}: {found}")
                 for label, alive in zip(("exact", "loose", "without CRC"), found[1:4], strict=True):
                     for mutant in alive:
-                        print(f"  {label}: {mutant}")
+                        reason = explained(mutant)
+                        print(f"  {label}: {mutant}" + (f" [{reason}]" if reason else ""))
+                unexplained = [m for m in found.exact if explained(m) is None]
+                print(f"  exact, neither killed nor explained: {len(unexplained)}")
                 sys.stdout.flush()
             bench.close()
 

@@ -128,8 +128,9 @@ def test_the_example_of_its_readme_compiles(exported: Exported, tmp_path: Path, 
 
 
 @needs_gcc
-def test_the_task_of_the_docs_compiles(exported: Exported) -> None:
-    task = Path(__file__).parents[1] / "examples" / "controller" / "filter_task.c"
+@pytest.mark.parametrize("name", ["filter_task", "two_tasks"])
+def test_the_tasks_of_the_docs_compile(exported: Exported, name: str) -> None:
+    task = Path(__file__).parents[1] / "examples" / "controller" / f"{name}.c"
     done = understood("gcc", exported("linear").folder, task)
     assert (done.returncode, done.stderr) == (0, "")
 

@@ -96,7 +96,7 @@ def along(compiled: Compiled, record: ambkit.Record) -> np.ndarray:
     ("numbers", "like"),
     [
         ({"gate": "3.0F"}, {"gate": 3.0}),
-        ({r"\.lag": "0.0003F"}, {"sensor__lag": 3e-4}),
+        ({"lag": "0.0003F"}, {"sensor__lag": 3e-4}),
         ({"f_mass": "0.6F"}, {"rotor__mass": 0.6}),
     ],
     ids=["gate", "T_sen", "m"],
