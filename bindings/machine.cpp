@@ -138,8 +138,8 @@ struct Whole {
     loop.k_ui = arrays.numbers("k_ui", p);
     for (const auto each : nb::cast<nb::list>(arrays["pid"])) {
       const auto gains = nb::cast<std::vector<amb_real>>(each);
-      same_length(7, gains.size(), "pid");
-      pid.push_back({loop.T, gains[0], gains[1], gains[2], gains[3], gains[4], gains[5], gains[6]});
+      same_length(8, gains.size(), "pid");
+      pid.push_back({loop.T, gains[0], gains[1], gains[2], gains[3], gains[4], gains[5], gains[6], gains[7]});
     }
     same_length(p, pid.size(), "pid");
     loop.pid = pid.data();
@@ -177,8 +177,8 @@ struct Turning {
 
 Named simulate_machine(const nb::dict &machine, const Samples &r, const Samples &load,
                        const Vector &speed, const Samples &noise_u, const Samples &noise_y,
-                       const Vector &start, const Vector &demanded, Estimator *estimator,
-                       Model *model)
+                       const Vector &start, const Vector &demanded, const Vector &integral,
+                       Estimator *estimator, Model *model)
 {
   Whole whole(machine, estimator);
   Turning turning{estimator, model};
@@ -193,6 +193,7 @@ Named simulate_machine(const nb::dict &machine, const Samples &r, const Samples 
   same_length(n, samples_of(noise_y, m, "noise_y"), "noise_y");
   same_length(whole.n, start.size(), "start");
   same_length(p, demanded.size(), "demanded");
+  same_length(p, integral.size(), "integral");
   amb_machine_state state{};
   std::copy_n(start.data(), whole.n, state.X);
   state.cosine = 1;
@@ -206,7 +207,7 @@ Named simulate_machine(const nb::dict &machine, const Samples &r, const Samples 
   amb_machine_output out{X.data, iu.data, force.data, y.data, u.data, history.to, 0};
   {
     nb::gil_scoped_release release;
-    amb_machine_run(&whole.loop, &input, &state, demanded.data(),
+    amb_machine_run(&whole.loop, &input, &state, integral.data(),
                     estimator ? estimator->state() : nullptr, &out);
   }
   nb::dict d;
@@ -228,11 +229,11 @@ void bind_machine(nb::module_ &m)
   m.def(
       "simulate_machine", &simulate_machine, nb::arg("machine"), nb::kw_only(), nb::arg("r"),
       nb::arg("load"), nb::arg("speed"), nb::arg("noise_u"), nb::arg("noise_y"), nb::arg("start"),
-      nb::arg("demanded"), nb::arg("estimator").none() = nb::none(),
+      nb::arg("demanded"), nb::arg("integral"), nb::arg("estimator").none() = nb::none(),
       nb::arg("model").none() = nb::none(),
       nb::sig("def simulate_machine(machine: dict[str, Any], *, r: Any, load: Any, speed: Any, "
-              "noise_u: Any, noise_y: Any, start: Any, demanded: Any, estimator: Estimator | "
-              "None = None, model: Model | None = None) -> dict[str, Any]"),
+              "noise_u: Any, noise_y: Any, start: Any, demanded: Any, integral: Any, estimator: "
+              "Estimator | None = None, model: Model | None = None) -> dict[str, Any]"),
       "A closed-loop run of a whole machine in one call; see sim/machine.h for shapes and units.");
 }
 

@@ -12,18 +12,18 @@ from ambkit import PID, Bearing, Scenario
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.judge.loop.bounds import least_peaks
-from ambkit.judge.loop.closed import Loop
 from ambkit.judge.loop.margins import bode_integral, margins
-from ambkit.judge.loop.pieces import (
+from ambkit.machine import presets
+from ambkit.models import axis_parts
+from ambkit.models.linear import LinearSystem, Signal, linearised
+from ambkit.simulation.linear.closed import Loop
+from ambkit.simulation.linear.pieces import (
     WorkPoint,
     compensator,
     controller,
     estimator_at,
     plant,
 )
-from ambkit.machine import presets
-from ambkit.models import axis_parts
-from ambkit.models.linear import LinearSystem, Signal, linearised
 from ambkit.simulation.run import Imposed, simulate
 from ambkit.workflow.assessing import MEASUREMENT
 
@@ -109,7 +109,7 @@ def test_noise_found_online_is_that_of_the_start(name):
 @pytest.mark.parametrize("ki", [0.0, 20_000.0])
 def test_controller_is_the_cores(ki):
     """Alone on a record: the loop's u is what the linear controller makes of its y."""
-    pid = PID(kp=3000.0, ki=ki, kd=12.0, feedback="measurement")
+    pid = PID(kp=3000.0, ki=ki, kd=12.0, feedback="measurement").completed(ZITTAU)
     start = Scenario(duration=0.02, start="hover", controller=pid, noise=False)
     shaken = 1e-6 * np.random.default_rng(0).standard_normal(201)
     record = simulate(ZITTAU.replace(rotor__gravity="none"), start,
@@ -368,18 +368,20 @@ def test_no_loop_is_below_the_bound():
 # ---- the laboratory bearing
 
 
+# kp = 4 k_s/k_i, and a damping of 0.56
+RULE_OF_THUMB = PID(kp=13e3, ki=170e3, kd=26.0, derivative_filter=99e-6, anti_windup=12e-3)
+
+
 def test_laboratory_bearing_with_and_without_a_filter():
     """Peaks of the issue: 1.66; 1.97 as printed and 2.03 with the exact model."""
     bearing = laboratory()
     simple = bearing.replace(delay=None, amplifier__bandwidth=None)
-    found = ambkit.assess(
-        bearing,
-        {
-            "printed": ambkit.KalmanFilter(simple, as_printed=True),
-            "exact": ambkit.KalmanFilter(simple),
-            "told of amplifier and delay": ambkit.KalmanFilter(bearing),
-        },
-    )
+    filters = {
+        "printed": ambkit.KalmanFilter(simple, as_printed=True),
+        "exact": ambkit.KalmanFilter(simple),
+        "told of amplifier and delay": ambkit.KalmanFilter(bearing),
+    }
+    found = ambkit.assess(bearing, filters, controller=RULE_OF_THUMB)
     peaks = {name: each.peak for name, each in found.loops.items()}
     assert peaks[MEASUREMENT] == pytest.approx(1.66, abs=0.005)
     assert peaks["printed"] == pytest.approx(1.97, abs=0.01)

@@ -281,7 +281,9 @@ def bearings(draw: st.DrawFn) -> Bearing:
     )
     sensor = Sensor(gain=draw(positive()), lag=draw(positive()), noise_variance=draw(positive()))
     text = st.text(st.characters(exclude_categories=["Cs", "Cc"], include_characters="\t\n"))
-    line = st.text(st.characters(categories=["L", "M", "N", "P", "S", "Zs"]), min_size=1)
+    line = st.text(
+        st.characters(categories=["L", "M", "N", "P", "S", "Zs"]), min_size=1, max_size=80
+    )
     return Bearing(
         name=draw(line),
         description=draw(text),

@@ -115,7 +115,9 @@ def test_faults_are_told_and_forgotten(kind: Kind, fault: Fault) -> None:
 def test_an_amplifier_at_its_end_is_told_and_known(kind: Kind) -> None:
     """A controller that asks for more than there is, where the plant was given what there is."""
     weak = BEARING.replace(amplifier__current_limit=0.6)
-    scenario = Scenario(duration=0.6, seed=5, reference=ambkit.Step(amplitude=3e-4, time=0.1))
+    eager = ambkit.PID(kp=3000.0, kd=12.0, setpoint_weight=1.0)
+    step = ambkit.Step(amplitude=3e-4, time=0.1)
+    scenario = Scenario(duration=0.6, seed=5, reference=step, controller=eager)
     record = ambkit.simulate(weak, scenario)
     u = record["u"].copy()
     at_limit = np.abs(u) >= 0.999 * weak.current_max / weak.amplifier.gain

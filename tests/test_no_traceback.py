@@ -337,8 +337,9 @@ def test_closed_streams_are_silent(tmp_path, closed):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_a_full_stdout_is_told():
-    code, _out, err = shell(f"{AMBKIT} presets > /dev/full")
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_full_stdout_is_told(unbuffered):
+    code, _out, err = shell(f"{AMBKIT} presets > /dev/full", PYTHONUNBUFFERED=unbuffered)
     assert code == 2
     assert err == "ambkit: the output cannot be written: No space left on device\n"
 

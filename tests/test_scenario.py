@@ -293,7 +293,7 @@ def test_gains_for_a_bearing_hold_it(name: str) -> None:
 
 def test_the_json_schema_gives_defaults_as_a_file_would() -> None:
     definitions = Scenario.json_schema()["$defs"]
-    assert definitions["PID"]["properties"]["kp"]["default"] == "3000 A/m"
+    assert definitions["PID"]["properties"]["kp"]["default"] == "1700 A/m"
     assert definitions["Step"]["required"] == ["amplitude"]
 
 

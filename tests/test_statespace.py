@@ -7,10 +7,10 @@ import pytest
 from ambkit import PID, Bearing, KalmanFilter, Scenario, Step, magnet_of, simulate, to_control
 from ambkit.base.errors import AmbkitError
 from ambkit.export import statespace
-from ambkit.judge.loop.pieces import WorkPoint
+from ambkit.simulation.linear.pieces import WorkPoint
 
 LOOPS = [
-    PID(kp=3000.0, ki=20000.0, kd=12.0, feedback="estimate"),
+    PID(kp=3000.0, ki=20000.0, kd=12.0, setpoint_weight=0.7, feedback="estimate"),
     PID(kp=3000.0, ki=20000.0, kd=12.0, feedback="measurement", derivative_filter=3e-4),
 ]
 
@@ -75,8 +75,10 @@ def test_closed_loop_is_controls_own_feedback(bearing, pid):
     else:
         seen = plant["y", "u"](s) / bearing.amplifier.gain / bearing.sensor.gain
         derivative = pid.kd * s / (1 + pid.derivative_filter * s)
-    ahead = pid.kp + pid.ki / s
-    expected = x * ahead / (1 + seen * (ahead + derivative))
+    weight = pid.completed(bearing).setpoint_weight
+    ahead, asked = pid.kp + pid.ki / s, weight * pid.kp + pid.ki / s
+    assert weight < 1
+    expected = x * asked / (1 + seen * (ahead + derivative))
     assert to_control(bearing, pid)["x", "r"](s) == pytest.approx(expected, rel=1e-8)
     assert (to_control(bearing, pid).poles().real < 0).all()
 

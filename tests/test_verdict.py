@@ -10,10 +10,10 @@ import pytest
 import ambkit
 from ambkit import Bearing, KalmanFilter, Scenario, Sine
 from ambkit.base.errors import AmbkitError
-from ambkit.judge.loop.closed import Loop
 from ambkit.judge.loop.lqg import LQG, Noise
-from ambkit.judge.loop.pieces import WorkPoint, plant
 from ambkit.machine import presets
+from ambkit.simulation.linear.closed import Loop
+from ambkit.simulation.linear.pieces import WorkPoint, plant
 from ambkit.simulation.run import simulate
 from ambkit.workflow.verdict import verdict, write_verdict
 

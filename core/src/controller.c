@@ -29,7 +29,8 @@ amb_status amb_pid_step(const amb_pid *pid, amb_pid_state *state, amb_real r, am
     status |= AMB_BAD_CONTROL;
 
   const amb_real error = state->last_r - state->last_x;
-  const amb_real demanded = pid->kp * error + state->integral - pid->kd * state->velocity;
+  const amb_real weighted = pid->weight * state->last_r - state->last_x;
+  const amb_real demanded = pid->kp * weighted + state->integral - pid->kd * state->velocity;
   *iu = amb_clamp(demanded, pid->iu_min, pid->iu_max);
   const bool saturated = (*iu < demanded) || (*iu > demanded);
   if (pid->T_t > 0)

@@ -9,6 +9,7 @@ static const amb_pid parts = {
     .kd = 12,
     .T_f = AMB_C(2e-4),
     .T_t = AMB_C(25e-3),
+    .weight = 1,
     .iu_min = -2,
     .iu_max = 2,
 };
@@ -34,6 +35,19 @@ static void test_parts(void)
   for (int k = 0; k < 10; k++)
     (void)amb_pid_step(&pid, &s, AMB_C(1e-4), 0, NULL, &iu);
   CHECK_NEAR(s.integral, AMB_C(2e-3));
+}
+
+static void test_setpoint_weight(void)
+{
+  amb_pid_state s;
+  amb_real iu = 0;
+  amb_pid pid = parts;
+  pid.weight = AMB_C(0.25);
+  pid.ki = 1000;
+  amb_pid_reset(&s, 0);
+  CHECK(amb_pid_step(&pid, &s, AMB_C(1e-4), AMB_C(1e-5), NULL, &iu) == AMB_OK);
+  CHECK_NEAR(iu, AMB_C(0.075) - AMB_C(0.03)); /* a quarter of the reference, all of the position */
+  CHECK_NEAR(s.integral, AMB_C(9e-6));        /* and to the integral all of both */
 }
 
 static void test_limits(void)
@@ -81,6 +95,7 @@ static void test_no_numbers(void)
 int main(void)
 {
   test_parts();
+  test_setpoint_weight();
   test_limits();
   test_no_numbers();
   return failures;

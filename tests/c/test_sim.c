@@ -21,6 +21,7 @@ static const amb_pid pid = {
     .kd = 12,
     .T_f = AMB_C(2e-4),
     .T_t = AMB_C(25e-3),
+    .weight = 1,
     .iu_min = AMB_C(-1.5),
     .iu_max = AMB_C(1.5),
 };

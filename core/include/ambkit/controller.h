@@ -1,4 +1,4 @@
-/* PID with derivative filter and anti-windup. Input metres, output a demand of control current. */
+/* PID with set-point weight, derivative filter and anti-windup. Input metres, output a demand of control current. */
 #ifndef AMBKIT_CONTROLLER_H
 #define AMBKIT_CONTROLLER_H
 
@@ -16,6 +16,7 @@ typedef struct amb_pid {
   amb_real kd;     /* [A s/m], on the measured value: a step of the reference does not kick */
   amb_real T_f;    /* derivative filter, time constant [s]; 0: none */
   amb_real T_t;    /* anti-windup by back-calculation, tracking time [s]; 0: the integrator stops */
+  amb_real weight; /* set-point weight: the share of the reference that kp sees; 1: all of it */
   amb_real iu_min; /* limits of the output [A] */
   amb_real iu_max;
 } amb_pid;

@@ -282,7 +282,7 @@ def _asked(
     from ambkit.cli import output
     from ambkit.cli.kinds import factories
     from ambkit.estimate.filter_file import FilterFile
-    from ambkit.judge.loop.pieces import tells
+    from ambkit.simulation.linear.pieces import tells
 
     if is_filter(target):
         if estimator is not None:

@@ -101,17 +101,24 @@ def _run(arguments: list[str], debug: bool) -> int:
         raise
     except OSError as error:
         _trace(debug)
-        place = f"{error.filename}: " if error.filename else "the output cannot be written: "
-        return _refused(f"{place}{error.strerror or error}")
+        if error.filename:
+            return _refused(f"{error.filename}: {error.strerror or error}")
+        _silenced()
+        return _refused(f"the output cannot be written: {error.strerror or error}")
     except Exception as error:
         _trace(debug)
         return _unforeseen(error)
 
 
 def _left() -> int:
-    """Whoever read our output has had enough; Python must not try to flush the rest."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    """Whoever read our output has had enough."""
+    _silenced()
     return 0
+
+
+def _silenced() -> None:
+    """Drop what stdout still holds: Python must not try to flush it when it ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _interrupted() -> None:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
-from ambkit.judge.loop import pieces
-from ambkit.judge.loop.closed import Loop
-from ambkit.judge.loop.pieces import WorkPoint
 from ambkit.models.linear import LinearSystem, Signal
+from ambkit.simulation.linear import pieces
+from ambkit.simulation.linear.closed import Loop
+from ambkit.simulation.linear.pieces import WorkPoint
 
 if TYPE_CHECKING:
     import control
@@ -39,7 +39,8 @@ def to_control(
     bearing : Bearing
         The plant, with amplifier and sensor.
     pid : PID, optional
-        Controller that closes the loop; without it, the plant alone.
+        Controller that closes the loop, what is not said of it tuned to the bearing; without it,
+        the plant alone.
     filter : Estimator, optional
         What the controller is fed by, sampled; see `estimator` for its system alone.
     sampled : bool, optional
@@ -117,7 +118,8 @@ def controller(bearing: Bearing, pid: PID) -> control.StateSpace:
     AmbkitError
         Where python-control is not installed.
     """
-    return _state_space(pieces.controller(pid, bearing), f"{_name(bearing)}_pid")
+    tuned = pid.completed(bearing)
+    return _state_space(pieces.controller(tuned, bearing), f"{_name(bearing)}_pid")
 
 
 def estimator(filter: Estimator, *, point: WorkPoint | None = None) -> control.StateSpace:
@@ -183,7 +185,7 @@ def closed_loop(
         Where python-control is not installed; the derivative of a measurement has no filter in
         continuous time; or see `to_control`.
     """
-    name = f"{_name(bearing)}_closed_loop"
+    name, pid = f"{_name(bearing)}_closed_loop", pid.completed(bearing)
     if not _is_sampled(bearing, sampled, filter):
         return _state_space(_continuous_loop(bearing, pid, point), name)
     point = point or WorkPoint.hovering(bearing)
@@ -211,7 +213,7 @@ def _continuous_loop(bearing: Bearing, pid: PID, point: WorkPoint | None) -> Lin
     names = [at.name for at in P.states]
     n, b_u, b_f = len(names), P.B[:, :1] / bearing.amplifier.gain, P.B[:, 1:]
     if pid.feedback == "estimate":
-        # iu = kp (r - x) + integral - kd v
+        # iu = kp (weight r - x) + integral - kd v
         velocity = np.eye(n)[[names.index("v")]]
         A = np.block([[P.A - b_u @ (pid.kp * P.C[1:] + pid.kd * velocity), b_u],
                       [-pid.ki * P.C[1:], np.zeros((1, 1))]])  # fmt: skip
@@ -232,7 +234,7 @@ def _continuous_loop(bearing: Bearing, pid: PID, point: WorkPoint | None) -> Lin
         ])  # fmt: skip
         extra = (Signal("integral", "A"), Signal("filtered", "m"))
     B = np.zeros((len(A), 2))
-    B[:n, :1], B[n, 0], B[:n, 1:] = pid.kp * b_u, pid.ki, b_f
+    B[:n, :1], B[n, 0], B[:n, 1:] = pid.kp * pid.setpoint_weight * b_u, pid.ki, b_f
     C = np.hstack([P.C, np.zeros((2, len(extra)))])
     return LinearSystem(
         A, B, C, np.zeros((2, 2)), None, P.states + extra, (Signal("r", "m"), P.inputs[1]),

@@ -113,7 +113,10 @@ def simulate_machine(
     else:
         q, currents = plant.resting(), np.zeros(len(machine.axes))
     noise_u, noise_y = _noise(machine, flight, n)
-    given = plant.arrays(core, flight.substeps, fastest) | _controllers(plant)
+    pids = [PID.for_bearing(alone) for alone in plant.alone]
+    held = wanted[0] if flight.start == "hover" else np.zeros(len(pids))
+    integrals = [iu + pid.unseen(r) for pid, iu, r in zip(pids, currents, held, strict=True)]
+    given = plant.arrays(core, flight.substeps, fastest) | _controllers(plant, pids)
     follows = None
     if estimator is not None:
         estimator.reset(estimator.at_rest(q, current=currents))
@@ -121,6 +124,7 @@ def simulate_machine(
     out = core.simulate_machine(
         given | _fed_back(plant, flight, estimator), r=wanted, load=loads, speed=speed,
         noise_u=noise_u, noise_y=noise_y, start=plant.state(q, currents), demanded=currents,
+        integral=np.array(integrals),
         estimator=None if estimator is None else estimator.core,
         model=estimator.engine.model_of_core if estimator and follows is not None else None,
     )  # fmt: skip
@@ -170,24 +174,24 @@ def _noise(machine: Machine, flight: Flight, n: int) -> tuple[Array, Array]:
     return noise_u, noise_y
 
 
-def _controllers(plant: Plant) -> dict[str, Any]:
+def _controllers(plant: Plant, pids: list[PID]) -> dict[str, Any]:
     """Return the fields of ``amb_machine_loop``: a controller for each axis, and what it is shown.
 
     The position of an axis is that which explains all readings best.
     """
     machine = plant.machine
-    pids = []
-    for alone in plant.alone:
-        pid = PID.for_bearing(alone)
-        pids.append([pid.kp, pid.ki, pid.kd, pid.derivative_filter, pid.anti_windup,
-                     alone.current_min, alone.current_max])  # fmt: skip
+    gains = [
+        [pid.kp, pid.ki, pid.kd, pid.derivative_filter, pid.anti_windup, pid.setpoint_weight,
+         alone.current_min, alone.current_max]
+        for pid, alone in zip(pids, plant.alone, strict=True)
+    ]  # fmt: skip
     C = geometry.matrix([r.line for r in machine.readings], machine.positions)
-    gains = np.array([r.sensor.gain for r in machine.readings])
+    scale = np.array([r.sensor.gain for r in machine.readings])
     return {
         "T": machine.sampling_time,
         "k_ui": [axis.bearing.amplifier.gain for axis in machine.axes],
-        "pid": pids,
-        "shown": (plant.H @ np.linalg.pinv(gains[:, None] * C)).ravel().tolist(),
+        "pid": gains,
+        "shown": (plant.H @ np.linalg.pinv(scale[:, None] * C)).ravel().tolist(),
     }
 
 

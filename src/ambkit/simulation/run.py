@@ -299,7 +299,7 @@ class Loop:
         hover = scenario.start == "hover"
         self._start = float(reference[0]) if hover else 0.0
         balance = bearing.weight + self._law.bias_force + float(disturbance[0])
-        self._integral = hover_current(bearing, self._plant, self._start, balance) if hover else 0.0
+        self._held = hover_current(bearing, self._plant, self._start, balance) if hover else 0.0
 
     def run(self, until: float | None = None) -> Run:
         """Go on, to the end of the scenario or to a time before it.
@@ -341,7 +341,7 @@ class Loop:
         here = slice(self._at, end)
         if self._at == 0 and estimator is not None:
             # What was demanded before the start is the controller's own, and known.
-            current = min(max(self._integral, bearing.current_min), bearing.current_max)
+            current = min(max(self._held, bearing.current_min), bearing.current_max)
             estimator.reset(estimator.at_rest(self._start, current=current))
         core = core_module(precision) if estimator is None else estimator.engine.core
         self._state = self._state or core.LoopState()
@@ -367,7 +367,8 @@ class Loop:
             kd=pid.kd,
             T_f=pid.derivative_filter,
             T_t=pid.anti_windup,
-            integral=self._integral,
+            weight=pid.setpoint_weight,
+            integral=self._held + pid.unseen(self._start),
             feedback_estimate=pid.feedback == "estimate",
             estimator=None if estimator is None else estimator.core,
             **{name: given(values) for name, values in self._series.items()},

@@ -1,12 +1,12 @@
 """What happens in a run: reference, disturbance, noise, controller."""
 
-import math
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from ambkit.base.config import Document, Part
 from ambkit.base.config.quantities import Quantity, SignalIn
+from ambkit.simulation.gains import chosen, two_digits, weight_of
 from ambkit.simulation.waveforms import (
     Constant,
     Impulse,
@@ -41,21 +41,23 @@ __all__ = [
 class PID(Part):
     """The position controller: its output is the control current that it demands.
 
-    ``iu = kp e + ki integral(e) + kd de/dt`` with the control error e = r - position. The defaults
-    hold the `zittau_axial` bearing, whose gains the paper does not give; a simulation tunes
-    what was not given to its bearing.
+    ``iu = kp (b r - position) + ki integral(r - position) - kd velocity`` with the reference r and
+    the set-point weight b (Åström and Hägglund 1995). The defaults hold the `zittau_axial` bearing,
+    whose gains the paper does not give; a simulation tunes what was not given to its bearing.
     """
 
-    kp: Annotated[float, Quantity("A/m", "3000 A/m", at_least=0)] = 3000.0
+    kp: Annotated[float, Quantity("A/m", "3000 A/m", at_least=0)] = 1700.0
     """Proportional gain [A/m]."""
-    ki: Annotated[float, Quantity("A/(m s)", "20000 A/(m s)", at_least=0)] = 20_000.0
+    ki: Annotated[float, Quantity("A/(m s)", "20000 A/(m s)", at_least=0)] = 7500.0
     """Integral gain [A/(m s)]."""
-    kd: Annotated[float, Quantity("A s/m", "12 A s/m", at_least=0)] = 12.0
+    kd: Annotated[float, Quantity("A s/m", "12 A s/m", at_least=0)] = 11.0
     """Derivative gain [A s/m]."""
-    derivative_filter: Annotated[float, Quantity("s", "0.2 ms", at_least=0)] = 0.2e-3
+    derivative_filter: Annotated[float, Quantity("s", "0.2 ms", at_least=0)] = 0.3e-3
     """Time constant of the low-pass in the derivative [s]."""
-    anti_windup: Annotated[float, Quantity("s", "25 ms", above=0)] = 25e-3
+    anti_windup: Annotated[float, Quantity("s", "25 ms", above=0)] = 38e-3
     """Tracking time: how fast the integral gives way at the current limit [s]."""
+    setpoint_weight: Annotated[float, Quantity("1", "0.5", at_least=0)] = 0.5
+    """Of the reference, the share that kp sees [1]; the integral always sees all of it."""
     feedback: Literal["measurement", "estimate"] = "estimate"
     """Which position is fed back: the sensor's or the estimator's."""
 
@@ -67,32 +69,19 @@ class PID(Part):
 
     @classmethod
     def for_bearing(cls, bearing: "Bearing") -> Self:
-        """Return gains that hold another bearing as the defaults hold `zittau_axial`.
-
-        With the stiffnesses k_i, k_s at the centre, ``kp = 4 k_s/k_i`` leaves the loop a stiffness
-        of 3 k_s and so the frequency ``w = sqrt(3 k_s/m)``; ``kd = 2 D m w/k_i`` damps it with
-        D = 0.56. Integral, derivative filter and tracking time go with w. Rounded to two digits,
-        they are a start for tuning.
+        """Return the gains that the margins of a bearing's loop allow, see `gains.chosen`.
 
         Parameters
         ----------
         bearing : Bearing
-            Gives stiffnesses and mass.
+            What is to be held.
         """
-        from ambkit.machine.magnets import ConstantStiffness
-
-        linear, mass = ConstantStiffness.of(bearing), bearing.rotor.mass
-        kp, w = 4 * linear.k_s / linear.k_i, math.sqrt(3 * linear.k_s / mass)
-        return cls(
-            kp=_two_digits(kp),
-            ki=_two_digits(kp * w / 31),
-            kd=_two_digits(2 * 0.56 * mass * w / linear.k_i),
-            derivative_filter=_two_digits(1 / (24 * w)),
-            anti_windup=_two_digits(5.2 / w),
-        )
+        return cls(**chosen(bearing)._asdict() | {"feedback": cls().feedback})
 
     def completed(self, bearing: "Bearing") -> Self:
         """Return the controller with what was not given tuned to a bearing, see `for_bearing`.
+
+        The set-point weight goes with the proportional gain that is flown, given or not.
 
         Parameters
         ----------
@@ -100,11 +89,21 @@ class PID(Part):
             What it is to hold.
         """
         said = {name: getattr(self, name) for name in self.model_fields_set}
-        return type(self)(**vars(type(self).for_bearing(bearing)) | said)
+        all_ = vars(type(self).for_bearing(bearing)) | said
+        if said.keys() & {"kp", "ki", "kd"} and "setpoint_weight" not in said:
+            weight = weight_of(bearing, all_["kp"], all_["ki"], all_["kd"])
+            all_["setpoint_weight"] = two_digits(weight)
+        return type(self)(**all_)
 
+    def unseen(self, r: float) -> float:
+        """Return the current [A] by which the integral is ahead where the rotor is held at rest.
 
-def _two_digits(value: float) -> float:
-    return float(f"{value:.2g}")
+        Parameters
+        ----------
+        r : float
+            The reference there [m].
+        """
+        return (1 - self.setpoint_weight) * self.kp * r
 
 
 class Scenario(Document):

@@ -13,11 +13,11 @@ import numpy as np
 from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Shown
-from ambkit.judge.loop.closed import Loop
 from ambkit.judge.loop.demands import Demands, demands
 from ambkit.judge.loop.margins import BodeIntegral, Margins, bode_integral, grid, highest, margins
-from ambkit.judge.loop.pieces import WorkPoint
 from ambkit.machine.bearing import Bearing
+from ambkit.simulation.linear.closed import Loop
+from ambkit.simulation.linear.pieces import WorkPoint
 from ambkit.simulation.scenario import PID
 from ambkit.workflow.loop_of import ZONES, LoopOf, zone_of
 

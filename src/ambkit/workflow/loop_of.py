@@ -10,12 +10,12 @@ from ambkit.base.errors import AmbkitError
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.loop.bounds import least_peaks
-from ambkit.judge.loop.closed import Loop
 from ambkit.judge.loop.lqg import LQG, Noise
 from ambkit.judge.loop.margins import grid, highest
-from ambkit.judge.loop.pieces import WorkPoint, compensator, estimator_at, plant, tells
-from ambkit.judge.loop.pieces import controller as controller_of
 from ambkit.machine.bearing import Bearing
+from ambkit.simulation.linear.closed import Loop
+from ambkit.simulation.linear.pieces import WorkPoint, compensator, estimator_at, plant, tells
+from ambkit.simulation.linear.pieces import controller as controller_of
 from ambkit.simulation.scenario import PID
 
 ZONES = (("A", 3.0), ("B", 4.0), ("C", 5.0))

@@ -19,8 +19,8 @@ from ambkit.estimate.filter_file import made_by, origin_of
 from ambkit.estimate.registry import kind_called, learned_magnet
 from ambkit.judge.comparison.contenders import Contender, Range, contender_of_kind
 from ambkit.judge.comparison.tuning import Tried, search
-from ambkit.judge.loop.pieces import tells
 from ambkit.machine.bearing import Bearing
+from ambkit.simulation.linear.pieces import tells
 from ambkit.simulation.scenario import PID
 from ambkit.workflow.loop_of import LoopOf, OutOfReachError, zone_of
 from ambkit.workflow.tuning_tasks import JUDGED, By, ByLikelihood, ByTruth

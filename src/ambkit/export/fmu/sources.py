@@ -220,6 +220,7 @@ def pid_data(bearing: Bearing, controller: PID) -> str:
         "kd": controller.kd,
         "T_f": controller.derivative_filter,
         "T_t": controller.anti_windup,
+        "weight": controller.setpoint_weight,
         "iu_min": bearing.current_min,
         "iu_max": bearing.current_max,
     }

@@ -278,4 +278,11 @@ def _controller(bearing: Bearing, controller: PID) -> list[Variable]:
         Variable("controller.kp", "tunable", "A/m", "proportional gain", controller.kp),
         Variable("controller.ki", "tunable", "A/(m.s)", "integral gain", controller.ki),
         Variable("controller.kd", "tunable", "A.s/m", "derivative gain", controller.kd),
+        Variable(
+            "controller.setpoint_weight",
+            "tunable",
+            "1",
+            "share of the reference that kp sees",
+            controller.setpoint_weight,
+        ),
     ]

@@ -2,8 +2,9 @@
 
 The excitation is added to the reference of the position controller, and not to the control signal:
 every loop has that input, and no rig must be changed for it. Nothing is lost by it. A PID passes
-the reference on by its gain kp, while its derivative looks at the position alone; so a reference r
-acts as a control signal of ``kp r / k_ui`` would, at frequencies far above the loop's own too.
+the reference on by its gain kp and its set-point weight b, while its derivative looks at the
+position alone; so a reference r acts as a control signal of ``b kp r / k_ui`` would, at frequencies
+far above the loop's own too.
 """
 
 from __future__ import annotations

@@ -13,9 +13,9 @@ from ambkit.machine.magnets import magnet_of
 from ambkit.models.linear import Complex
 
 if TYPE_CHECKING:
-    from ambkit.judge.loop.closed import Loop
-    from ambkit.judge.loop.pieces import WorkPoint
     from ambkit.machine.bearing import Bearing
+    from ambkit.simulation.linear.closed import Loop
+    from ambkit.simulation.linear.pieces import WorkPoint
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ambkit.models.linear import Complex
 
 if TYPE_CHECKING:
-    from ambkit.judge.loop.closed import Loop
+    from ambkit.simulation.linear.closed import Loop
 
 Array = NDArray[np.float64]
 

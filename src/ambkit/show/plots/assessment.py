@@ -13,8 +13,8 @@ from ambkit.show.report.figure import Figure, Panel
 from ambkit.show.report.items import Axis, Item, Line, Points, Rule
 
 if TYPE_CHECKING:
-    from ambkit.judge.loop.closed import Loop
     from ambkit.show.report.items import Vector
+    from ambkit.simulation.linear.closed import Loop
 
 LOOKS = ("measurement", "estimate", "series 2", "series 3", "series 4")
 """Of the loops, in their order; further ones begin again."""

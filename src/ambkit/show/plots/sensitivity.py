@@ -22,10 +22,10 @@ from ambkit.show.report.figure import Figure, Panel
 from ambkit.show.report.items import Axis, Band, Item, Line, Points, Rule
 
 if TYPE_CHECKING:
-    from ambkit.judge.loop.closed import Loop
     from ambkit.judge.loop.measured import MeasuredSensitivity
     from ambkit.models.linear import Complex
     from ambkit.show.plots.assessment import Curves
+    from ambkit.simulation.linear.closed import Loop
 
 Array = NDArray[np.float64]
 Zones = Sequence[tuple[str, float]]

@@ -33,7 +33,11 @@ STEP_TIME, LOAD_TIME, DURATION = 0.05, 0.25, 0.5  # s; the paper gives none of t
 # F_St as a random walk of 1e-2 N^2 a sample of 0.1 ms. The paper: "experimentally initialized".
 DISTURBANCE = 100.0  # N^2/s
 
-CONTROLLER = PID(kp=3000.0, ki=20000.0, kd=12.0, feedback="estimate")
+# A textbook PID, as the paper gives none: all of the reference goes to kp.
+CONTROLLER = PID(
+    kp=3000.0, ki=20000.0, kd=12.0, derivative_filter=0.2e-3, anti_windup=25e-3,
+    setpoint_weight=1.0, feedback="estimate",
+)  # fmt: skip
 
 WIDE_BOX = 0.8e-3  # m: the step of 0.5 mm overshoots the box of the paper's rules, 0.5 mm
 

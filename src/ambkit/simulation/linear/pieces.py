@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.machine.bearing import Bearing
     from ambkit.models.model import Array
-    from ambkit.simulation.scenario import PID
 
 POSITION, VELOCITY = Signal("position", "m"), Signal("velocity", "m/s")
 
@@ -102,16 +101,32 @@ def plant(bearing: Bearing, point: WorkPoint, *, continuous: bool = False) -> Li
     sensor, law = bearing.sensor, magnet_of(bearing)
     slope = 1 + (2 * sensor.quadratic + 3 * sensor.cubic * point.x) * point.x
     k_i, k_s = (float(k) for k in law.tangent(point.iu, point.x))
-    system = linearised(
-        axis_parts(bearing.replace(sensor__gain=sensor.gain * slope), noise=False),
-        bearing.sampling_time, k_i, k_s, continuous=continuous,
-    )  # fmt: skip
+    seen = bearing if slope == 1 else bearing.replace(sensor__gain=sensor.gain * slope)
+    parts = axis_parts(seen, noise=False)
+    system = linearised(parts, bearing.sampling_time, k_i, k_s, continuous=continuous)
     B = system.B.copy()
     B[:, 0] *= bearing.amplifier.gain
     return replace(system, B=B, inputs=(Signal("u", "V"), *system.inputs[1:]))
 
 
-def controller(pid: PID, bearing: Bearing) -> LinearSystem:
+class _Gains(Protocol):
+    """What is known of a PID: `ambkit.simulation.scenario.PID`, or what is to become one."""
+
+    @property
+    def kp(self) -> float: ...
+    @property
+    def ki(self) -> float: ...
+    @property
+    def kd(self) -> float: ...
+    @property
+    def derivative_filter(self) -> float: ...
+    @property
+    def setpoint_weight(self) -> float: ...
+    @property
+    def feedback(self) -> str: ...
+
+
+def controller(pid: _Gains, bearing: Bearing) -> LinearSystem:
     """Return the controller as ``core/src/controller.c`` computes it, within its limits.
 
     Parameters
@@ -135,7 +150,7 @@ def controller(pid: PID, bearing: Bearing) -> LinearSystem:
     at = {name: k for k, name in enumerate(names)}
     n, m = len(names), len(inputs)
     A, B, C, D = np.zeros((n, n)), np.zeros((n, m)), np.zeros((1, n)), np.zeros((1, m))
-    D[0, 0], D[0, -1] = -pid.kp, pid.kp
+    D[0, 0], D[0, -1] = -pid.kp, pid.kp * pid.setpoint_weight
     if "integral" in at:
         k = at["integral"]
         A[k, k] = C[0, k] = 1.0

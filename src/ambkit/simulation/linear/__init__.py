@@ -1,0 +1,1 @@
+"""The loop within its limits: plant, controller and estimator as linear systems."""
