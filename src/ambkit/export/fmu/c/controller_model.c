@@ -7,6 +7,7 @@ amb_status amb_unit_tune(amb_unit *model, const double value[AMB_VARIABLES])
   model->pid.kp = value[VR_controller_kp];
   model->pid.ki = value[VR_controller_ki];
   model->pid.kd = value[VR_controller_kd];
+  model->pid.weight = value[VR_controller_setpoint_weight];
   return AMB_OK;
 }
 
