@@ -717,8 +717,8 @@ def test_a_system_wires_plant_estimator_and_controller(tmp_path: Path) -> None:
         str(tmp_path / "loop.ssp"), stop_time=0.3, step_size=BEARING.sampling_time,
         input=at_rest | {"f_d": lambda t: 1.0 if t > 0.05 else 0.0},
     )  # fmt: skip
-    assert np.abs(result["x"]).max() < 0.1 * BEARING.rotor.travel_limit
-    assert result["estimate_f_d"][-1] == pytest.approx(1.0, rel=0.02)
+    assert np.abs(result["x"]).max() < 0.15 * BEARING.rotor.travel_limit
+    assert result["estimate_f_d"][-1] == pytest.approx(1.0, rel=0.05)
 
 
 def test_a_system_is_what_the_standard_says(tmp_path: Path) -> None:
