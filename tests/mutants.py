@@ -115,6 +115,11 @@ EQUIVALENT = {
     ): "rest is the mean elsewhere",
     # A variance that is no number makes that of the sensor none within the same prediction.
     ("envelope.c", "(role == AMB_SHOWN) || amb_is_finite(variance[i])"): "all are finite, or none",
+    # Three steps are all digits that there are: the correction moves the last one.
+    (
+        "root.h",
+        "(AMB_C(0.5) * inverse) * (a - root * root)",
+    ): "within the root's own rounding",
     # An infinite variance of the innovation starts the filter anew, whatever the step makes of it.
     ("kalman_step.h", "!sharp || amb_is_finite(e->variance)"): "the supervisor starts anew",
 }

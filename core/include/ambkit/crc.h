@@ -8,14 +8,15 @@
 
 #include "ambkit/exponential.h"
 
-#define AMB_CRC_START UINT32_C(0xFFFFFFFF)
+#define AMB_CRC_START (~(uint32_t)0U)
+#define AMB_CRC_POLYNOMIAL ((((uint32_t)0xEDB8U) << 16) | 0x8320U)
 
 /* The lowest 32 bits of a number, bit by bit: no table, which would be more flash than data. */
 static inline uint32_t amb_crc_word(uint32_t crc, uint32_t word)
 {
   uint32_t sum = crc ^ word;
   for (int bit = 0; bit < 32; bit++) {
-    sum = ((sum & 1U) != 0U) ? ((sum >> 1) ^ UINT32_C(0xEDB88320)) : (sum >> 1);
+    sum = ((sum & 1U) != 0U) ? ((sum >> 1) ^ AMB_CRC_POLYNOMIAL) : (sum >> 1);
   }
   return sum;
 }
@@ -27,7 +28,7 @@ static inline uint32_t amb_crc_real(uint32_t crc, amb_real a)
 #if defined(AMB_FLOAT)
   return amb_crc_word(crc, as.bits);
 #else
-  const uint32_t low = amb_crc_word(crc, (uint32_t)(as.bits & UINT32_C(0xFFFFFFFF)));
+  const uint32_t low = amb_crc_word(crc, (uint32_t)as.bits);
   return amb_crc_word(low, (uint32_t)(as.bits >> 32));
 #endif
 }
