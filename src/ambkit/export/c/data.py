@@ -65,7 +65,7 @@ def array(values: NDArray[Any], precision: CPrecision, indent: str = "  ") -> st
         items = [number(value, precision) for value in values]
     lines, line = [], indent
     for item in items:
-        if len(line) + len(item) + 1 > 100:
+        if len(line) + len(item) + 1 > 100 and line != indent:
             lines.append(line.rstrip())
             line = indent
         line += f"{item}, "
