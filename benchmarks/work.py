@@ -79,6 +79,7 @@ class Work:
             reference=ambkit.Sine(amplitude=0.3e-3, frequency=2.0),
             disturbance=ambkit.Step(amplitude=-3.0, time=steps * T / 2),
             seed=1,
+            controller=ambkit.PID.textbook(bearing),  # as the loops written by hand have it
         )
         record = ambkit.simulate(bearing, scenario)
         k_i, k_s = ambkit.ClosedLaw(bearing).stiffness(record["iu"], record["x"])

@@ -136,28 +136,49 @@ struct Whole {
       throw std::invalid_argument("delay or substeps out of range");
     loop.T = arrays.number("T");
     loop.k_ui = arrays.numbers("k_ui", p);
-    for (const auto each : nb::cast<nb::list>(arrays["pid"])) {
-      const auto gains = nb::cast<std::vector<amb_real>>(each);
-      same_length(8, gains.size(), "pid");
-      pid.push_back({loop.T, gains[0], gains[1], gains[2], gains[3], gains[4], gains[5], gains[6], gains[7]});
-    }
-    same_length(p, pid.size(), "pid");
-    loop.pid = pid.data();
-    loop.shown = arrays.numbers("shown", p * m);
+    loop.feedback_estimate = nb::cast<bool>(arrays["feedback_estimate"]);
     if (estimator != nullptr) {
       loop.estimator = &estimator->estimator;
       const Sizes of = estimator->sizes();
       same_length(m, of.sensors, "the estimator, in sensors,");
       same_length(p, of.controls, "the estimator, in controls,");
-      loop.position = arrays.numbers_or_none("position", p * of.states);
-      loop.velocity = arrays.numbers_or_none("velocity", p * of.states);
     }
+    if (loop.feedback_estimate && estimator == nullptr)
+      throw std::invalid_argument("feedback from the estimate needs an estimator");
+    controllers(loop.feedback_estimate ? estimator->sizes().states : m);
   }
   amb_machine_loop loop{};
   size_t n, p, m;
   Arrays arrays;
 
 private:
+  void controllers(size_t states)
+  {
+    auto &to = loop.controllers;
+    for (const auto each : nb::cast<nb::list>(arrays["pid"])) {
+      const auto gains = nb::cast<std::vector<amb_real>>(each);
+      same_length(8, gains.size(), "pid");
+      pid.push_back(
+          {loop.T, gains[0], gains[1], gains[2], gains[3], gains[4], gains[5], gains[6], gains[7]});
+    }
+    const size_t q = pid.size();
+    if (q > AMB_CONTROLS)
+      throw std::invalid_argument("there are more controllers than a machine can have");
+    to.axes = static_cast<int>(p);
+    to.states = static_cast<int>(states);
+    to.pids = static_cast<int>(q);
+    to.pid = pid.data();
+    to.position = arrays.numbers("position", q * states);
+    to.velocity = arrays.numbers_or_none("velocity", q * states);
+    to.turning = arrays.numbers_or_none("turning", q * states);
+    to.spread = arrays.numbers("spread", p * q);
+    to.gain[0] = arrays.numbers_or_none("fed_back", p * states);
+    to.gain[1] = arrays.numbers_or_none("fed_back_by_speed", p * states);
+    to.gain[2] = arrays.numbers_or_none("fed_back_by_square", p * states);
+    to.iu_min = arrays.numbers("iu_min", p);
+    to.iu_max = arrays.numbers("iu_max", p);
+  }
+
   std::vector<amb_magnet> magnets;
   std::vector<amb_parts> sensors;
   std::vector<amb_ring> rings;
@@ -186,14 +207,15 @@ Named simulate_machine(const nb::dict &machine, const Samples &r, const Samples 
     whole.loop.turn = &Turning::turn;
     whole.loop.model = &turning;
   }
-  const size_t p = whole.p, m = whole.m, n = samples_of(r, p, "r");
-  same_length(n, samples_of(load, p, "load"), "load");
+  const size_t p = whole.p, m = whole.m, n = samples_of(load, p, "load");
+  const auto q = static_cast<size_t>(whole.loop.controllers.pids);
+  same_length(n, samples_of(r, q, "r"), "r");
   same_length(n + 1, speed.size(), "speed");
   same_length(n, samples_of(noise_u, p, "noise_u"), "noise_u");
   same_length(n, samples_of(noise_y, m, "noise_y"), "noise_y");
   same_length(whole.n, start.size(), "start");
   same_length(p, demanded.size(), "demanded");
-  same_length(p, integral.size(), "integral");
+  same_length(q, integral.size(), "integral");
   amb_machine_state state{};
   std::copy_n(start.data(), whole.n, state.X);
   state.cosine = 1;

@@ -145,7 +145,7 @@ def flown(seed: int) -> ambkit.Record:
     walk = np.cumsum(random.normal(0, np.sqrt(1e-3 * GROWTH), 1200))
     load = ambkit.Sequence(times=1e-3 * np.arange(1200), values=walk)
     scenario = ambkit.Scenario(duration=1.2, reference=places, disturbance=load, seed=seed)
-    pid = ambkit.PID(feedback="measurement")  # its gains are tuned to the bearing
+    pid = ambkit.PID.textbook(rig).model_copy(update={"feedback": "measurement"})
     return ambkit.simulate(rig, scenario.replace(controller=pid))
 
 

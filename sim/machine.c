@@ -203,35 +203,6 @@ bool amb_machine_advance(const amb_machine *machine, amb_machine_state *state, a
 
 /* ---- The closed loop ---- */
 
-static amb_real dot(int n, const amb_real a[], const amb_real x[])
-{
-  amb_real sum = 0;
-  for (int i = 0; i < n; i++)
-    sum += a[i] * x[i];
-  return sum;
-}
-
-/* The controllers' signals [V] at a sample at which they are shown y, or the estimate. */
-static void control(const amb_machine_loop *loop, amb_pid_state pid[], const amb_real r[],
-                    const amb_real y[], const void *estimator, amb_real u[])
-{
-  const amb_machine *machine = &loop->machine;
-  for (int c = 0; c < machine->axes; c++) {
-    amb_real iu;
-    if (loop->position != NULL) {
-      const amb_real *mean = ((const amb_kalman_state *)estimator)->mean;
-      const int n = amb_states(&loop->estimator->kf->model);
-      const amb_real x = dot(n, loop->position + c * n, mean);
-      const amb_real v = dot(n, loop->velocity + c * n, mean);
-      (void)amb_pid_step(&loop->pid[c], &pid[c], r[c], x, &v, &iu);
-    } else {
-      const amb_real x = dot(machine->sensors, loop->shown + c * machine->sensors, y);
-      (void)amb_pid_step(&loop->pid[c], &pid[c], r[c], x, NULL, &iu);
-    }
-    u[c] = iu / loop->k_ui[c];
-  }
-}
-
 void amb_machine_run(const amb_machine_loop *loop, const amb_machine_input *in,
                      amb_machine_state *state, const amb_real integral[], void *estimator,
                      amb_machine_output *out)
@@ -241,7 +212,9 @@ void amb_machine_run(const amb_machine_loop *loop, const amb_machine_input *in,
   const size_t m = (size_t)machine->sensors;
   amb_pid_state pid[AMB_CONTROLS];
   amb_kalman_result result = {.status = AMB_OK};
-  for (size_t c = 0; c < p; c++)
+  const amb_controllers *controllers = &loop->controllers;
+  const size_t q = (size_t)controllers->pids;
+  for (size_t c = 0; c < q; c++)
     amb_pid_reset(&pid[c], integral[c]);
   out->touched = 0;
   for (size_t k = 0; k < in->n; k++) {
@@ -262,10 +235,13 @@ void amb_machine_run(const amb_machine_loop *loop, const amb_machine_input *in,
       }
       amb_estimator_note(loop->estimator, estimator, &result, k, &out->estimate);
     }
-    control(loop, pid, in->r + k * p, y, estimator, u);
+    const amb_real *seen =
+        loop->feedback_estimate ? ((const amb_kalman_state *)estimator)->mean : y;
+    (void)amb_controllers_step(controllers, pid, in->r + k * q, seen, in->speed[k], u);
     for (size_t c = 0; c < p; c++) {
-      demanded[c] = amb_clamp(loop->k_ui[c] * (u[c] + in->noise_u[k * p + c]), loop->pid[c].iu_min,
-                              loop->pid[c].iu_max);
+      u[c] /= loop->k_ui[c];
+      demanded[c] = amb_clamp(loop->k_ui[c] * (u[c] + in->noise_u[k * p + c]),
+                              controllers->iu_min[c], controllers->iu_max[c]);
       out->iu[k * p + c] = machine->current[c] < 0 ? demanded[c] : state->X[machine->current[c]];
       out->force[k * p + c] = amb_machine_force(machine, state->X, (int)c, demanded[c]);
     }

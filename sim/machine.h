@@ -10,7 +10,7 @@
 #ifndef AMBKIT_SIM_MACHINE_H
 #define AMBKIT_SIM_MACHINE_H
 
-#include "ambkit/controller.h"
+#include "ambkit/controllers.h"
 #include "ambkit/estimator_run.h"
 #include "parts.h"
 
@@ -61,17 +61,14 @@ bool amb_machine_advance(const amb_machine *machine, amb_machine_state *state, a
 amb_real amb_machine_displacement(const amb_machine *machine, const amb_real X[], int f);
 amb_real amb_machine_force(const amb_machine *machine, const amb_real X[], int f, amb_real iu);
 
-/* The closed loop: each axis has a controller of its own. */
+/* The closed loop. */
 typedef struct amb_machine_loop {
   amb_machine machine;
-  const amb_pid *pid;             /* [axes] */
+  amb_controllers controllers;
+  bool feedback_estimate;         /* fed by the estimator's states, else by the readings */
   amb_real T;                     /* sampling time [s] */
   const amb_real *k_ui;           /* [axes]: amplifier gain [A/V] */
-  const amb_real *shown;          /* axes x sensors: position of an axis, by the readings */
   const amb_estimator *estimator; /* or NULL */
-  const amb_real *position;       /* axes x its states: position of an axis, by the estimate; or
-                                   * NULL: by the readings */
-  const amb_real *velocity;       /* and its velocity */
   void (*turn)(void *model, amb_real speed); /* tells the estimator's model the speed, or NULL */
   void *model;
 } amb_machine_loop;
@@ -79,7 +76,7 @@ typedef struct amb_machine_loop {
 /* n samples, row by row; noise is drawn by the caller. */
 typedef struct amb_machine_input {
   size_t n;
-  const amb_real *r;       /* n x axes: reference [m] */
+  const amb_real *r;       /* n x PIDs: reference [m] */
   const amb_real *load;    /* n x axes: disturbance forces [N] */
   const amb_real *speed;   /* n + 1: of rotation [rad/s] */
   const amb_real *noise_u; /* n x axes: on the control signals [V] */
@@ -96,7 +93,7 @@ typedef struct amb_machine_output {
   size_t touched; /* samples in which a backup bearing was touched */
 } amb_machine_output;
 
-/* From the state given, with the controllers' integrals at these currents [A]. */
+/* From the state given, with the PIDs' integrals at these currents [A]. */
 void amb_machine_run(const amb_machine_loop *loop, const amb_machine_input *in,
                      amb_machine_state *state, const amb_real integral[], void *estimator,
                      amb_machine_output *out);

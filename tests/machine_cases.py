@@ -55,24 +55,62 @@ def uncoupled() -> Machine:
 
 
 def directions(machine: Machine, lines: Any) -> Array:
-    """Displacements along lines by (x, y, th_x, th_y), written anew."""
+    """Displacements along lines by (x, y, th_x, th_y, m1_x, m1_y, ...), written anew."""
     rows = []
     for each in lines:
-        z, c, s = each.line
-        rows.append([c, s, -z * s, z * c])
+        z, c, s, shape = each.line
+        rows.append([c, s, -z * s, z * c, *(out * way for out in shape for way in (c, s))])
     return np.array(rows)
 
 
 def slopes(machine: Machine, q: Array, w: Array, F: Array) -> Array:
-    """Second derivatives of q = (x, y, th_x, th_y), by the equations of the issue."""
-    rotor, W = machine.rotor, machine.speed
-    push = directions(machine, machine.axes).T @ F
-    turned = [-rotor.polar_inertia * W * w[3], rotor.polar_inertia * W * w[2]]
-    weight = [-rotor.mass * 9.81 if rotor.gravity == "-x" else 0.0, 0.0]
-    return np.r_[(push[:2] + weight) / rotor.mass, (push[2:] + turned) / rotor.transverse_inertia]
+    """Second derivatives of q, by the equations of the issue: both planes as x + j y.
+
+    In a plane ``M q'' + (D - j speed G) q' + K q`` over x, tilt and the modes.
+    """
+    rotor, bending = machine.rotor, machine.bending
+    modes = 0 if bending is None else len(bending.frequency)
+    M, K = np.zeros((2, 2 + modes))
+    M[:2], G, D = [rotor.mass, rotor.transverse_inertia], np.zeros((2 + modes,) * 2), 0
+    G[1, 1] = rotor.polar_inertia
+    if bending is not None:
+        M[2:], K[2:] = bending.mass, bending.stiffness
+        G[1:, 1:], D = bending.polar, bending.damping
+    H = directions(machine, machine.axes)
+    weight = np.array([-rotor.mass * 9.81 if rotor.gravity == "-x" else 0.0, 0, 0, 0])
+    push = H.T @ F
+    if bending is None:
+        push += weight
+    else:  # as forces along the axes: it bends the rotor no more than when it hangs in them
+        push += H.T @ np.linalg.solve(H[:, :4].T, weight)
+    p, u, v = _in_planes(push), _in_planes(q), _in_planes(w)
+    a = (p - D @ v + 1j * machine.speed * G @ v - K * u if modes else
+         p + 1j * machine.speed * G @ v) / M  # fmt: skip
+    found = np.empty_like(q)
+    found[0], found[1], found[2], found[3] = a[0].real, a[0].imag, -a[1].imag, a[1].real
+    found[4::2], found[5::2] = a[2:].real, a[2:].imag
+    return found
+
+
+def _in_planes(q: Array) -> Any:
+    """(x + j y, th_y - j th_x, m1_x + j m1_y, ...)."""
+    return np.r_[q[0] + 1j * q[1], q[3] - 1j * q[2], q[4::2] + 1j * q[5::2]]
 
 
 def integrated(rhs: Any, state: Array, ends: tuple[float, float], scale: Array) -> Array:
     """Stiff integration to 1e-10."""
     found = solve_ivp(rhs, ends, state, "Radau", rtol=1e-10, atol=1e-12 * scale)
     return np.asarray(found.y[:, -1])
+
+
+def uncontrolled(one: Machine) -> dict[str, Any]:
+    """What the core is told of controllers that let the demanded currents stand."""
+    p, m = len(one.axes), len(one.readings)
+    return {
+        "T": one.sampling_time, "k_ui": [1.0] * p, "feedback_estimate": False,
+        "pid": [[0.0, 0.0, 0.0, 0.0, 1.0, 1.0, -9.0, 9.0]] * p, "position": [0.0] * (p * m),
+        "spread": np.eye(p).ravel().tolist(), "iu_min": [-9.0] * p, "iu_max": [9.0] * p,
+        **dict.fromkeys(
+            ("velocity", "turning", "fed_back", "fed_back_by_speed", "fed_back_by_square")
+        ),
+    }  # fmt: skip

@@ -31,7 +31,7 @@ def run(step: float, seed: int = 0, *, load: float = 3.0, noise: float = 1.0) ->
         seed=seed,
         reference=reference,
         disturbance=Step(amplitude=load, time=LOAD_AT),
-        controller=ambkit.PID(feedback="measurement"),
+        controller=ambkit.PID.textbook(BEARING).model_copy(update={"feedback": "measurement"}),
     )
     return ambkit.simulate(quieter(noise), scenario)
 

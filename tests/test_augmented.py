@@ -19,7 +19,7 @@ from ambkit.machine.magnets import core_module
 
 def one_sided() -> tuple[Bearing, Record]:
     bearing = Bearing.preset("inteco_ml")
-    controller = ambkit.PID.for_bearing(bearing).model_copy(update={"feedback": "measurement"})
+    controller = ambkit.PID.textbook(bearing).model_copy(update={"feedback": "measurement"})
     scenario = ambkit.Scenario(
         duration=1.0, controller=controller, reference=ambkit.Step(amplitude=1e-3, time=0.3)
     )

@@ -24,7 +24,8 @@ SCENARIOS = {
 
 
 def run(name="slow", seed=0):
-    return ambkit.simulate(BEARING, ambkit.Scenario(seed=seed, **SCENARIOS[name]))
+    pid = ambkit.PID.textbook(BEARING)
+    return ambkit.simulate(BEARING, ambkit.Scenario(seed=seed, controller=pid, **SCENARIOS[name]))
 
 
 def changed(record, **factors):

@@ -32,14 +32,16 @@ def test_a_free_wheel_s_nutation_goes_with_its_inertias() -> None:
 
 
 @pytest.mark.parametrize("name", PRESETS)
-def test_presets_have_two_whirls_forwards_and_two_backwards(name: str) -> None:
+def test_presets_have_as_many_whirls_forwards_as_backwards(name: str) -> None:
     one = Machine.preset(name)
     found = campbell(one, 6000.0)
-    assert found.forwards.tolist().count(True) == 2
+    pairs = len(one.positions) // 2
+    assert found.forwards.tolist().count(True) == pairs
     forwards, backwards = (found.poles[-1].imag[found.forwards == way] for way in (True, False))
-    assert forwards.max() > backwards.max()
+    assert forwards.sum() > backwards.sum()
     assert (found.poles.real < 0).all()
-    assert len(found.critical) == 2
+    # One that bends is stiffened by gyroscopics: its third mode stays ahead of the rotation.
+    assert len(found.critical) == (pairs if one.bending is None else 4)
     for speed in found.critical:
         near = np.argmin(np.abs(found.speed - speed))
         assert np.abs(found.poles[near].imag - speed).min() < 60.0

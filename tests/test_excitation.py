@@ -23,7 +23,7 @@ from ambkit.identification.maximum_likelihood.parameters import Coordinates, nam
 from ambkit.simulation.scenario import PID
 
 BEARING = Bearing.preset("zittau_axial")
-LOOP = Scenario(duration=1.0, controller=PID.for_bearing(BEARING))
+LOOP = Scenario(duration=1.0, controller=PID.textbook(BEARING))
 FREE = ("magnet_constant", "air_gap", "sensor_lag", "position_offset")
 BAND = (8.0, 80.0)
 

@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 
-from ambkit import AmbkitError, Bearing, ClosedLaw, Scenario, Sine, simulate, stiffness_map, train
+from ambkit import (
+    PID,
+    AmbkitError,
+    Bearing,
+    ClosedLaw,
+    Scenario,
+    Sine,
+    simulate,
+    stiffness_map,
+    train,
+)
 from ambkit.fuzzy.choice import measured_map
 from ambkit.identification.forces.map import force_map, nodes_for
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
@@ -36,6 +46,7 @@ def record():
         duration=2.0,
         reference=Sine(amplitude=0.3e-3, frequency=5) + Sine(amplitude=0.05e-3, frequency=31),
         disturbance=Sine(amplitude=2, frequency=2.3),
+        controller=PID.textbook(BEARING),
     )
     run = simulate(BEARING, scenario, magnet=plant)
     assert run.meta["stop_touched"] == 0

@@ -50,7 +50,8 @@ def record_of(bearing: Bearing, seed: int) -> Record:
         Sine(amplitude=a, frequency=f, phase=float(phase))
         for (f, a), phase in zip(LINES.items(), phases, strict=True)
     )
-    scenario = Scenario(duration=0.5, seed=seed, reference=sum(more, one))
+    scenario = Scenario(duration=0.5, seed=seed, reference=sum(more, one),
+                        controller=ambkit.PID.textbook(bearing))  # fmt: skip
     record = simulate(bearing, scenario)
     assert not record.meta["stop_touched"]
     return record

@@ -21,6 +21,7 @@ SHAKEN = Scenario(
     duration=0.8,
     reference=ambkit.Sine(amplitude=2e-4, frequency=20.0)
     + ambkit.Sine(amplitude=4e-5, frequency=90.0),
+    controller=ambkit.PID.textbook(BEARING),
 )
 
 

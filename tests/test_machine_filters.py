@@ -166,8 +166,8 @@ def test_gyroscopics_have_the_right_sign() -> None:
     one = machine(speed=4000.0, rotor={
         "mass": 4.0, "transverse_inertia": 0.16, "polar_inertia": 0.15})  # fmt: skip
     kicks = [
-        {"axis": "A1", "force": Step(amplitude=60.0, time=0.02)},
-        {"axis": "B2", "force": Ramp(slope=800.0, start=0.0, end=0.1)},
+        {"axis": "A1", "force": Step(amplitude=20.0, time=0.02)},
+        {"axis": "B2", "force": Ramp(slope=300.0, start=0.0, end=0.1)},
     ]
     whole = flown(one, disturbance=kicks).record
     record = whole.select(*(name for name in whole if name != "speed"))  # which filters follow

@@ -17,6 +17,7 @@ from machine_cases import (
     machine,
     sensor,
     slopes,
+    uncontrolled,
     uncoupled,
 )
 
@@ -38,14 +39,10 @@ def released(
     plant, p, m = Plant(one), len(one.axes), len(one.readings)
     speed = np.full(n + 1, one.speed) if speed is None else speed
     given = plant.arrays(CORE, 1, 0.0) | {"substeps": substeps}
-    idle = {
-        "T": one.sampling_time, "k_ui": [1.0] * p, "shown": [0.0] * (p * m),
-        "pid": [[0.0, 0.0, 0.0, 0.0, 1.0, -9.0, 9.0]] * p, "position": None, "velocity": None,
-    }  # fmt: skip
     zero = np.zeros((n, p))
     return CORE.simulate_machine(  # type: ignore[no-any-return]
-        given | idle, r=zero, load=zero + LOADS, speed=speed, noise_u=zero,
-        noise_y=np.zeros((n, m)), start=X, demanded=iu,
+        given | uncontrolled(one), r=zero, load=zero + LOADS, speed=speed, noise_u=zero,
+        noise_y=np.zeros((n, m)), start=X, demanded=iu, integral=iu,
     )  # fmt: skip
 
 
@@ -54,12 +51,12 @@ def truth(one: Machine, iu: Array, growth: float) -> Any:
     H, C = directions(one, one.axes), directions(one, one.readings)
     cores = [magnet_of(one.alone(axis.name)).in_core(core_module()) for axis in one.axes]
     corners = [axis.bearing.amplifier.bandwidth for axis in one.axes]
-    planes = one.unbalances()
+    planes, masses = one.unbalances(), one.masses
 
     def rates(t: float, X: Array) -> Array:
         speed, angle = one.speed + growth * t, one.speed * t + growth * t * t / 2
-        m = len(C)
-        q, w, y, i = X[:4], X[4:8], X[8 : 8 + m], X[8 + m :]
+        m, n = C.shape
+        q, w, y, i = X[:n], X[n : 2 * n], X[2 * n : 2 * n + m], X[2 * n + m :]
         current = i if i.size else iu
         F = LOADS + [
             float(core.force(np.array([a]), np.array([s]))[0])
@@ -69,9 +66,9 @@ def truth(one: Machine, iu: Array, growth: float) -> Any:
         for z, amount, at in planes:
             # Minus the second derivative of the offset's place, times the mass.
             turned = amount * (speed**2 - 1j * growth) * np.exp(1j * (angle + at))
-            x, y_ = turned.real, turned.imag
-            a += np.r_[[x, y_] / np.array(one.rotor.mass),
-                       [-z * y_, z * x] / np.array(one.rotor.transverse_inertia)]  # fmt: skip
+            x, y_, arm = turned.real, turned.imag, z - one.rotor.centre
+            out = [] if one.bending is None else one.bending.shape(z)
+            a += np.r_[x, y_, -arm * y_, arm * x, [o * to for o in out for to in (x, y_)]] / masses
         slow = (C @ q - y) / np.array([r.sensor.lag for r in one.readings])
         out = [w, a, slow]
         if i.size:
@@ -88,7 +85,8 @@ def test_the_plant_is_met_in_the_fourth_order(name: str, growth: float) -> None:
     one = Machine.preset(name).replace(speed=1000.0, delay=None, sampling_time="0.4 ms")
     rng, n = np.random.default_rng(4), 7
     plant, iu = Plant(one), rng.uniform(-0.2, 0.2, 4)
-    X = plant.state(rng.uniform(-2e-5, 2e-5, 4), 0.5 * iu)
+    q = np.r_[rng.uniform(-2e-5, 2e-5, 4), np.zeros(len(one.positions) - 4)]
+    X = plant.state(q, 0.5 * iu)
     T = one.sampling_time
     speed = one.speed + growth * T * np.arange(n + 1)
     exact = integrated(truth(one, iu, growth), X, (0, (n - 1) * T), np.full(X.size, 1e-4))

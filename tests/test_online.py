@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 BEARING = Bearing.preset("zittau_axial")
 K = BEARING.magnet.magnet_constant
 START = K / 1.3
+PID = ambkit.PID.textbook(BEARING)  # the rotor moves
 
 
 def moved(seed: int = 0, *, load: float = 0.0, colour: float = 0.0, step: float = 6e-4) -> Record:
@@ -36,7 +37,7 @@ def moved(seed: int = 0, *, load: float = 0.0, colour: float = 0.0, step: float 
         reference = reference + Step(amplitude=(-1) ** (place + 1) * step, time=float(time))
     scenario = Scenario(
         duration=1.0, seed=seed, reference=reference, disturbance=Constant(value=load),
-        controller=ambkit.PID(feedback="measurement"),
+        controller=PID.model_copy(update={"feedback": "measurement"}),
     )  # fmt: skip
     imposed = None
     if colour:
@@ -209,7 +210,7 @@ def call(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> Any:
     monkeypatch.chdir(tmp_path)
-    swing = Scenario(duration=0.4, reference=Sine(amplitude=3e-4, frequency=20.0))
+    swing = Scenario(duration=0.4, reference=Sine(amplitude=3e-4, frequency=20.0), controller=PID)
     ambkit.simulate(BEARING, swing).save("run.csv")
 
     def run(*arguments: str) -> tuple[int, str, str]:

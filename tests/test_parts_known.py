@@ -35,7 +35,7 @@ GAINED = {"amplifier": (0.7, 0.25), "delay": (1.0, 0.85), "coloured noise": (0.9
 
 SHAKEN = Scenario(
     duration=0.5, reference=Sine(amplitude=200e-6, frequency=40.0),
-    disturbance=Step(amplitude=2.0, time=0.3),
+    disturbance=Step(amplitude=2.0, time=0.3), controller=ambkit.PID.textbook(BEARING),
 )  # fmt: skip
 """The control works at 40 Hz: what is late matters where something moves."""
 
@@ -227,7 +227,7 @@ def test_tuning_finds_how_the_load_wanders(name: str) -> None:
 def test_who_predicts_little_follows_the_controls_all_the_same(kind: str) -> None:
     """The demanded currents of the samples before, and behind them a lag of first order."""
     bearing = BEARING.replace(delay="0.15 ms", amplifier__bandwidth="200 Hz")
-    record = flown(bearing, 0, 0.1)
+    record = flown(bearing, 0, 0.15)
     estimate = KINDS[kind].make(bearing).run(record)
     T, iu = bearing.sampling_time, bearing.amplifier.gain * record["u"]
     np.testing.assert_allclose(estimate["u_1"][1:], iu[:-1], rtol=1e-12, atol=1e-15)

@@ -69,6 +69,7 @@ if TYPE_CHECKING:
     from ambkit.workflow.filtering import filter as filter
     from ambkit.workflow.identifying import identify as identify
     from ambkit.workflow.injecting import design_injection as design_injection
+    from ambkit.workflow.mode_shapes import mode_shapes as mode_shapes
     from ambkit.workflow.simulating import scenario_for as scenario_for
     from ambkit.workflow.simulating import simulate as simulate
     from ambkit.workflow.simulating import simulate_run as simulate_run
@@ -122,6 +123,7 @@ _HOME = {
     "workflow.filtering": ["filter"],
     "workflow.identifying": ["identify"],
     "workflow.injecting": ["design_injection"],
+    "workflow.mode_shapes": ["mode_shapes"],
     "workflow.sweeping": ["sweep"],
     "workflow.trading_off": ["trade_off"],
     "workflow.simulating": ["scenario_for", "simulate", "simulate_run"],

@@ -52,6 +52,7 @@ def simulate_machine(
     from ambkit.estimate.registry import kind_called, learned_magnet
     from ambkit.show import plots
     from ambkit.simulation.flight import Flight
+    from ambkit.simulation.holding import holding
     from ambkit.simulation.machine import simulate_machine as fly
     from ambkit.workflow.flying import FlightSummary, flight_for
 
@@ -86,6 +87,8 @@ def simulate_machine(
     touched = run.samples_at_the_stop
     if touched and happening.start != "rest":
         output.note(f"the rotor touched a backup bearing in {touched} of {len(run.record)} samples")
+        if not holding(machine, happening.feedback).held:
+            output.note("no PID of each axis that was tried holds it; ambkit check says more")
 
 
 def _table(data: dict[str, Any], units: Mapping[str, str]) -> Any:

@@ -340,7 +340,7 @@ class Estimator(Copyable):
         `shown` the readings (m,) and `current` the axes' currents (p,).
         """
         if self.whole is not None:
-            q = np.broadcast_to(np.asarray(x, float), len(self.whole.travel))
+            q = np.broadcast_to(np.asarray(x, float), self.whole.H.shape[1])
             return self.whole.at_rest(self.states, self.hover, q, shown, current)
         shown = self.bearing.sensor.gain * x if shown is None else shown
         holding = self._holding_at(x) if current is None else current

@@ -40,23 +40,36 @@ class Whole:
         self.H = geometry.matrix([axis.line for axis in machine.axes], positions)
         self.C = geometry.matrix([r.line for r in machine.readings], positions)
         self.gains = np.array([r.sensor.gain for r in machine.readings])
+        self.rigid = len(machine.rigid_positions)
 
     @cached_property
     def travel(self) -> Array:
-        """What the backup bearings leave to each coordinate (q,) [m] or [rad]."""
+        """What the backup bearings leave to each coordinate of the rigid body [m] or [rad]."""
         limits = np.array([each.rotor.travel_limit for each in self.alone])
-        return np.asarray(np.abs(np.linalg.pinv(self.H)) @ limits)
+        return np.asarray(np.abs(np.linalg.pinv(self.H[:, : self.rigid])) @ limits)
 
     @cached_property
     def travel_seen(self) -> Array:
         """And to each reading, without its gain (m,) [m]."""
         limits = np.array([each.rotor.travel_limit for each in self.alone])
-        return np.asarray(np.abs(self.C @ np.linalg.pinv(self.H)) @ limits)
+        H, C = self.H[:, : self.rigid], self.C[:, : self.rigid]
+        return np.asarray(np.abs(C @ np.linalg.pinv(H)) @ limits)
 
     @cached_property
     def shown(self) -> Array:
-        """Coordinates that explain readings best (q, m)."""
-        return np.asarray(np.linalg.pinv(self.gains[:, None] * self.C))
+        """Coordinates (q, m) that explain readings best of a rotor that does not bend."""
+        found = np.zeros((self.C.shape[1], len(self.gains)))
+        found[: self.rigid] = np.linalg.pinv(self.gains[:, None] * self.C[:, : self.rigid])
+        return found
+
+    def along_axes(self, states: Sequence[Descriptor]) -> tuple[Array, Array]:
+        """Return displacements and velocities along the axes, by the states (p, n)."""
+        found = []
+        for roles in (("position", "bending"), ("velocity", "bending velocity")):
+            rows = np.zeros((len(self.H), len(states)))
+            rows[:, [k for k, state in enumerate(states) if state.role in roles]] = self.H
+            found.append(rows)
+        return found[0], found[1]
 
     def variances(self, noise: FilterNoise) -> Variances:
         """Return what a filter assumes, one number for each reading and axis."""
@@ -119,8 +132,11 @@ class Whole:
         """Return the standard deviations with which a filter starts; see `Estimator.reset`."""
         sigma = 3 * np.sqrt(np.array(variances.measurement))
         pole = max(1 / own_time(b) for b in self.alone)
+        shown = self.shown[: self.rigid]
+        bent = np.array([state.size for state in states if state.role == "bending"])
+        unseen = (shown @ (self.gains[:, None] * self.C[:, self.rigid :])) ** 2 @ bent**2
         by_role = {
-            "position": np.sqrt(self.shown**2 @ sigma**2),
+            "position": np.sqrt(shown**2 @ sigma**2 + unseen),
             "velocity": 0.1 * self.travel * pole,
             "disturbance force": np.array([b.rotor.mass * GRAVITY for b in self.alone]),
             "sensor": sigma,
@@ -176,7 +192,7 @@ class Whole:
         places = iter(q)
         mean = np.zeros(len(states))
         for k, state in enumerate(states):
-            if state.role == "position":
+            if state.role in ("position", "bending"):
                 mean[k] = next(places)
             elif state.role == "sensor":
                 mean[k] = next(sensors)
@@ -194,7 +210,7 @@ class Whole:
         ndarray (n,), ndarray (n, m)
             The states are the first plus the second times y, added up from the first reading on.
         """
-        zero, one = np.zeros(len(self.travel)), np.eye(len(self.gains))
+        zero, one = np.zeros(self.H.shape[1]), np.eye(len(self.gains))
         constant = self.at_rest(states, hover, zero)
         columns = [self.at_rest(states, hover, self.shown @ y, y) - constant for y in one]
         return constant, np.column_stack(columns)

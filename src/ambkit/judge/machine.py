@@ -13,6 +13,7 @@ from ambkit.estimate.noise import FilterNoise
 from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.machine.bank import alone_of, weights_of
 from ambkit.machine.magnets import magnet_of
+from ambkit.models.machine import velocity_of
 from ambkit.simulation.flight import Flight
 from ambkit.simulation.machine import MachineRun, simulate_machine
 
@@ -177,9 +178,7 @@ def _quantities(estimator: Estimator) -> tuple[Array, tuple[str, ...]]:
     assert whole is not None
     names = [axis.name for axis in whole.machine.axes]
     rows, quantities = [], []
-    for role, label in (("position", "s"), ("velocity", "v")):
-        block = np.zeros((len(names), len(states)))
-        block[:, [k for k, state in enumerate(states) if state.role == role]] = whole.H
+    for label, block in zip("sv", whole.along_axes(states), strict=True):
         rows.append(block)
         quantities += [f"{label}_{name}" for name in names]
     for role in ("disturbance force", "current"):
@@ -196,9 +195,8 @@ def _truth(run: MachineRun, walks: Array, quantity: str) -> Array:
         return walks[:, [each.name for each in run.machine.axes].index(axis)]
     if label == "v":
         at = next(each for each in run.machine.axes if each.name == axis)
-        names = {"x": "v_x", "y": "v_y", "z": "v_z", "th_x": "w_x", "th_y": "w_y"}
         forms = at.line.form.items()
-        return np.asarray(sum(value * record[f"q_{names[q]}"] for q, value in forms))
+        return np.asarray(sum(value * record[f"q_{velocity_of(q)}"] for q, value in forms))
     return np.asarray(record[{"i": f"iu_{axis}"}.get(label, quantity)])
 
 

@@ -1,7 +1,11 @@
-"""Where things are on a rigid rotor: its coordinates, the axes of its bearings, its readings.
+"""Where things are on a rotor: its coordinates, the axes of its bearings, its readings.
 
 The coordinates are q = (x, y, th_x, th_y), and z where there is a thrust bearing; a point of the
-shaft at the place z moves by ``x + z th_y`` and ``y - z th_x``.
+shaft at the place z moves by ``x + z th_y`` and ``y - z th_x``. A rotor that bends has m1_x, m1_y
+and so on, which add ``phi_1(z) m1_x`` and ``phi_1(z) m1_y``: how far each mode is out where its
+shape is largest, in both planes. All count from the shape in which the rotor hangs in its bearings
+at rest, bent by its weight, where sensors are set to zero; from there its weight does what forces
+along the axes do.
 """
 
 from __future__ import annotations
@@ -14,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from ambkit.machine.placed import PlacedBearing, PlacedSensor, RigidRotor
+    from ambkit.machine.placed import AnyRotor, PlacedBearing, PlacedSensor
+    from ambkit.machine.rotors.modes import Bending
 
 Array = NDArray[np.float64]
 
@@ -31,13 +36,15 @@ class Line(NamedTuple):
     """Of its angle from x; NaN along the shaft."""
     sine: float
     """Of its angle from x; NaN along the shaft."""
+    shape: tuple[float, ...] = ()
+    """How far each bending mode is out there, by where it is largest [1]."""
 
     @classmethod
-    def across(cls, place: float, angle: float) -> Line:
+    def across(cls, place: float, angle: float, shape: tuple[float, ...] = ()) -> Line:
         """Return a direction across the shaft; exactly along an axis where it is within 1e-12."""
         ways = (math.cos(angle), math.sin(angle))
         cosine, sine = (float(round(way)) if abs(way - round(way)) < 1e-12 else way for way in ways)
-        return cls(place, cosine, sine)
+        return cls(place, cosine, sine, shape)
 
     @classmethod
     def along(cls) -> Line:
@@ -56,6 +63,9 @@ class Line(NamedTuple):
             return {"z": 1.0}
         in_x = {"x": self.cosine, "th_y": self.place * self.cosine} if self.cosine else {}
         in_y = {"y": self.sine, "th_x": -self.place * self.sine} if self.sine else {}
+        for k, out in enumerate(self.shape, 1):
+            in_x |= {f"m{k}_x": out * self.cosine} if self.cosine else {}
+            in_y |= {f"m{k}_y": out * self.sine} if self.sine else {}
         return in_x | in_y
 
 
@@ -81,33 +91,67 @@ class Reading(NamedTuple):
     """Whose reading it is."""
 
 
-def axes_of(bearings: tuple[PlacedBearing, ...]) -> tuple[Axis, ...]:
+class Shaft(NamedTuple):
+    """What turns a place on a rotor into lines."""
+
+    centre: float = 0.0
+    """Place of the centre of mass [m]."""
+    bending: Bending | None = None
+    """Its bending modes, if it has any."""
+
+    @classmethod
+    def of(cls, rotor: AnyRotor, bearings: tuple[PlacedBearing, ...]) -> Shaft:
+        """Return that of a rotor in bearings."""
+        places = tuple(each.place for each in bearings if each.type == "radial")
+        return cls(rotor.centre, rotor.bending(places))
+
+    def line(self, place: float, angle: float) -> Line:
+        """Return a direction across the shaft.
+
+        Parameters
+        ----------
+        place : float
+            Where, as the machine's places are measured [m].
+        angle : float
+            From x towards y [rad].
+        """
+        out = () if self.bending is None else tuple(self.bending.shape(place).tolist())
+        return Line.across(place - self.centre, angle, out)
+
+
+RIGID = Shaft()
+"""Of a rotor that does not bend, or of which that is not asked."""
+
+
+def axes_of(bearings: tuple[PlacedBearing, ...], shaft: Shaft = RIGID) -> tuple[Axis, ...]:
     """Return the axes of bearings, in their order."""
     return tuple(
         Axis(name, line, each)
         for each in bearings
-        for name, line in _lines(each, two=each.type == "radial", axial=each.type == "thrust")
+        for name, line in _lines(
+            each, shaft, two=each.type == "radial", axial=each.type == "thrust"
+        )
     )
 
 
-def readings_of(sensors: tuple[PlacedSensor, ...]) -> tuple[Reading, ...]:
+def readings_of(sensors: tuple[PlacedSensor, ...], shaft: Shaft = RIGID) -> tuple[Reading, ...]:
     """Return the readings of sensors, in their order."""
     return tuple(
         Reading(name, line, each)
         for each in sensors
-        for name, line in _lines(each, two=each.type == "radial", axial=each.type == "axial")
+        for name, line in _lines(each, shaft, two=each.type == "radial", axial=each.type == "axial")
     )
 
 
 def _lines(
-    placed: PlacedBearing | PlacedSensor, *, two: bool, axial: bool
+    placed: PlacedBearing | PlacedSensor, shaft: Shaft, *, two: bool, axial: bool
 ) -> Iterator[tuple[str, Line]]:
     if axial:
         yield placed.name, Line.along()
         return
-    yield f"{placed.name}{'1' if two else ''}", Line.across(placed.place, placed.angle)
+    yield f"{placed.name}{'1' if two else ''}", shaft.line(placed.place, placed.angle)
     if two:
-        yield f"{placed.name}2", Line.across(placed.place, placed.angle + math.pi / 2)
+        yield f"{placed.name}2", shaft.line(placed.place, placed.angle + math.pi / 2)
 
 
 def matrix(lines: list[Line], positions: tuple[str, ...]) -> Array:
@@ -116,21 +160,29 @@ def matrix(lines: list[Line], positions: tuple[str, ...]) -> Array:
     return np.array([[form.get(q, 0.0) for q in positions] for form in forms])
 
 
-def masses(rotor: RigidRotor, positions: tuple[str, ...]) -> dict[str, float]:
+def masses(
+    rotor: AnyRotor, positions: tuple[str, ...], bending: Bending | None = None
+) -> dict[str, float]:
     """Return what moves with each coordinate [kg] or [kg m^2]."""
     of = {"th_x": rotor.transverse_inertia, "th_y": rotor.transverse_inertia}
+    if bending is not None:
+        for name, mass in zip(bending.names, bending.mass.tolist(), strict=True):
+            of |= {f"{name}_x": mass, f"{name}_y": mass}
     return {q: of.get(q, rotor.mass) for q in positions}
 
 
-def compliance(rotor: RigidRotor, axes: tuple[Axis, ...]) -> Array:
-    """Return the acceleration along each axis by a force of 1 N along each (p, p) [1/kg]."""
+def compliance(rotor: AnyRotor, axes: tuple[Axis, ...]) -> Array:
+    """Return the acceleration along each axis by a force of 1 N along each (p, p) [1/kg].
+
+    Of the rigid body: for less time than a bending takes it is more.
+    """
     positions = positions_of(axes)
     H = matrix([axis.line for axis in axes], positions)
     inverse = 1 / np.array(list(masses(rotor, positions).values()))
     return np.asarray((H * inverse) @ H.T)
 
 
-def supporting_forces(rotor: RigidRotor, axes: tuple[Axis, ...], gravity: float) -> Array:
+def supporting_forces(rotor: AnyRotor, axes: tuple[Axis, ...], gravity: float) -> Array:
     """Return the forces along the axes that carry the rotor's weight (p,) [N].
 
     Where more axes carry it than are needed, those of the least sum of squares.
@@ -141,12 +193,27 @@ def supporting_forces(rotor: RigidRotor, axes: tuple[Axis, ...], gravity: float)
     return np.asarray(np.linalg.lstsq(H.T, -weight, rcond=None)[0])
 
 
-def weight_of(rotor: RigidRotor, positions: tuple[str, ...], gravity: float) -> Array:
-    """Return the force of gravity on each coordinate [N]."""
+def weight_of(rotor: AnyRotor, positions: tuple[str, ...], gravity: float) -> Array:
+    """Return the force of gravity on each coordinate [N]; a free rotor is not bent by it."""
     falls = {"-x": "x", "-z": "z"}.get(rotor.gravity)
     return np.array([-rotor.mass * gravity if q == falls else 0.0 for q in positions])
 
 
 def positions_of(axes: tuple[Axis, ...]) -> tuple[str, ...]:
-    """Return the coordinates of a rotor with bearings of these axes."""
+    """Return the coordinates of the rigid body of a rotor with bearings of these axes."""
     return POSITIONS + (("z",) if any(axis.line.axial for axis in axes) else ())
+
+
+def modal_positions(bending: Bending | None) -> tuple[str, ...]:
+    """Return the coordinates by which a rotor bends."""
+    names = () if bending is None else bending.names
+    return tuple(f"{name}_{plane}" for name in names for plane in "xy")
+
+
+def deflections(
+    bending: Bending | None, lines: list[Line], forces: Array, directions: tuple[str, ...]
+) -> Array:
+    """Return how far a rotor at rest is bent by forces along lines (2 modes,) [m]."""
+    if bending is None:
+        return np.zeros(0)
+    return np.asarray((matrix(lines, directions).T @ forces) / np.repeat(bending.stiffness, 2))

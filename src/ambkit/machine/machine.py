@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from functools import cached_property
 from typing import Annotated, Any, Self
 
 import numpy as np
@@ -17,14 +18,16 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.machine import geometry
 from ambkit.machine.bearing import GRAVITY, Bearing
-from ambkit.machine.geometry import Axis, Reading
+from ambkit.machine.geometry import Axis, Line, Reading, Shaft
 from ambkit.machine.magnets import magnet_of
 from ambkit.machine.parts import (
     SHORTEST_LAG,
     delay_contradictions,
     line_contradictions,
 )
-from ambkit.machine.placed import PlacedBearing, PlacedSensor, RigidRotor, Unbalance
+from ambkit.machine.placed import ROTORS, AnyRotor, PlacedBearing, PlacedSensor, Unbalance
+from ambkit.machine.placing import beyond_the_rotor, loose, unseen
+from ambkit.machine.rotors.modes import Bending
 
 
 class Machine(Document):
@@ -51,8 +54,8 @@ class Machine(Document):
     """Dead time from a sample to the change of the control currents that it leads to [s]."""
     speed: Annotated[float, Quantity("rad/s", "12000 rpm")] = 0.0
     """Speed of rotation, from x towards y [rad/s]."""
-    rotor: RigidRotor
-    """The rotor."""
+    rotor: AnyRotor
+    """The rotor: rigid, or one that bends."""
     bearing: Annotated[tuple[PlacedBearing, ...], Field(min_length=1)]
     """The bearings."""
     sensor: Annotated[tuple[PlacedSensor, ...], Field(min_length=1)]
@@ -83,20 +86,78 @@ class Machine(Document):
 
         return cls.from_toml(presets.machine_text(name), name=f"{name}.toml")
 
+    @cached_property
+    def shaft(self) -> Shaft:
+        """Where its places are on the rotor."""
+        return Shaft.of(self.rotor, self.bearing)
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return a copy with other values, which are not checked; see `replace`.
+
+        Parameters
+        ----------
+        update : mapping, optional
+            The values, by key.
+        deep : bool
+            Whether what it holds is copied as well.
+        """
+        copy = super().model_copy(update=update, deep=deep)
+        copy.__dict__.pop("shaft", None)  # of another rotor, perhaps
+        return copy
+
+    @property
+    def bending(self) -> Bending | None:
+        """Its bending modes; None of a rigid rotor."""
+        return self.shaft.bending
+
     @property
     def axes(self) -> tuple[Axis, ...]:
         """The axes of its bearings."""
-        return geometry.axes_of(self.bearing)
+        return geometry.axes_of(self.bearing, self.shaft)
 
     @property
     def readings(self) -> tuple[Reading, ...]:
         """What its sensors show."""
-        return geometry.readings_of(self.sensor)
+        return geometry.readings_of(self.sensor, self.shaft)
+
+    @property
+    def rigid_positions(self) -> tuple[str, ...]:
+        """Coordinates of the rotor's rigid body: x, y [m], th_x, th_y [rad], with thrust z [m]."""
+        return geometry.positions_of(self.axes)
 
     @property
     def positions(self) -> tuple[str, ...]:
-        """Coordinates of the rotor: x, y [m], th_x, th_y [rad], and z with a thrust bearing [m]."""
-        return geometry.positions_of(self.axes)
+        """Coordinates of the rotor: of its rigid body, and m1_x, m1_y, ... where it bends [m]."""
+        return self.rigid_positions + geometry.modal_positions(self.bending)
+
+    @property
+    def masses(self) -> NDArray[np.float64]:
+        """What moves with each coordinate (q,) [kg] or [kg m^2]."""
+        return np.array(list(geometry.masses(self.rotor, self.positions, self.bending).values()))
+
+    def bent_by(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how far the rotor at rest is bent by forces along its axes (2 modes,) [m].
+
+        Parameters
+        ----------
+        forces : ndarray (p,)
+            Along the axes [N].
+        """
+        lines = [axis.line for axis in self.axes]
+        directions = geometry.modal_positions(self.bending)
+        return geometry.deflections(self.bending, lines, forces, directions)
+
+    def line(self, place: float, angle: float) -> Line:
+        """Return a direction across the shaft.
+
+        Parameters
+        ----------
+        place : float
+            Where, as its places are measured [m].
+        angle : float
+            From x towards y [rad].
+        """
+        return self.shaft.line(place, angle)
 
     @property
     def effective_masses(self) -> NDArray[np.float64]:
@@ -170,24 +231,28 @@ class Machine(Document):
         """Return the sensor that looks where an axis is, or next to it."""
 
         def away(sensor: PlacedSensor) -> tuple[bool, float]:
-            return (sensor.type == "axial") != axis.line.axial, abs(sensor.place - axis.line.place)
+            away = abs(sensor.place - axis.bearing.place)
+            return (sensor.type == "axial") != axis.line.axial, away
 
         return min(self.sensor, key=away)
 
     def unbalances(self) -> list[tuple[float, float, float]]:
         """Return place [m], amount [kg m] and angle [rad] of each plane's unbalance.
 
+        Places are those of the description.
         Of a balance quality grade G the rotor is permitted ``m G / speed`` (ISO 21940-11), and of
         two planes each the share that the other's distance from the centre of mass says.
         """
-        graded = [each.place for each in self.unbalance if each.grade is not None]
+        centre = self.rotor.centre
+        graded = [each.place - centre for each in self.unbalance if each.grade is not None]
         found = []
         for each in self.unbalance:
             amount = each.amount
             if amount is None:
                 whole = self.rotor.mass * (each.grade or 0.0) / abs(self.speed)
-                others = [abs(place) for place in graded if place != each.place]
-                share = others[0] / (others[0] + abs(each.place)) if others else 1.0
+                own = each.place - centre
+                others = [abs(place) for place in graded if place != own]
+                share = others[0] / (others[0] + abs(own)) if others else 1.0
                 amount = whole * share
             found.append((each.place, amount, each.angle))
         return found
@@ -200,11 +265,12 @@ class Machine(Document):
         )
         yield from _double_names("bearing", bearings)
         yield from _double_names("sensor", sensors)
-        yield from _beyond_the_rotor(read, bearings, sensors)
-        yield from _loose(bearings, sensors)
+        yield from beyond_the_rotor(read, bearings, sensors)
+        yield from loose(bearings, sensors)
         yield from _too_fast(read, sensors)
         yield from _unbalance_contradictions(read)
         yield from _too_heavy(read, bearings, sensors)
+        yield from unseen(read, bearings, sensors)
 
 
 def _double_names(key: str, placed: tuple[Any, ...]) -> Iterator[tuple[str, str]]:
@@ -218,53 +284,6 @@ def _double_names(key: str, placed: tuple[Any, ...]) -> Iterator[tuple[str, str]
             of_lines.count(f"{name}{end}") > 1 for end in ("", "1", "2")
         ):
             yield f"{key}.{at}.name", f'"{name}" and another {key} give the same names of axes'
-
-
-def _beyond_the_rotor(
-    read: Read, bearings: tuple[PlacedBearing, ...], sensors: tuple[PlacedSensor, ...]
-) -> Iterator[tuple[str, str]]:
-    first, second = read("rotor.first_end"), read("rotor.second_end")
-    planes = read("unbalance")
-    placed: dict[str, tuple[Any, ...]] = {"bearing": bearings, "sensor": sensors}
-    placed["unbalance"] = planes if isinstance(planes, tuple) else ()
-    for key, all_of in placed.items():
-        for at, each in enumerate(all_of):
-            if getattr(each, "type", "") in ("thrust", "axial"):
-                continue
-            for end, name, beyond in ((first, "first_end", -1), (second, "second_end", 1)):
-                if end is not None and (each.place - end) * beyond > 0:
-                    limit = f"is beyond the rotor, whose {name} is at {engineering(end, 'm')}"
-                    yield f"{key}.{at}.place", f"{engineering(each.place, 'm')} {limit}"
-
-
-def _loose(
-    bearings: tuple[PlacedBearing, ...], sensors: tuple[PlacedSensor, ...]
-) -> Iterator[tuple[str, str]]:
-    """Yield which coordinate no bearing holds, or no sensor sees."""
-    axes, readings = geometry.axes_of(bearings), geometry.readings_of(sensors)
-    for key, lines, does in (("bearing", axes, "holds"), ("sensor", readings, "sees")):
-        if not axes or not readings:
-            return
-        positions = geometry.positions_of(axes)
-        if key == "sensor" and "z" not in positions and any(r.line.axial for r in readings):
-            at = next(k for k, sensor in enumerate(sensors) if sensor.type == "axial")
-            yield f"sensor.{at}.type", "looks along the shaft, where there is no thrust bearing"
-            continue
-        H = geometry.matrix([each.line for each in lines], positions)
-        scale = np.array([1.0 if q in "xyz" else _reach(axes) for q in positions])
-        if np.linalg.matrix_rank(H / scale, tol=1e-9) < len(positions):
-            *_, rows = np.linalg.svd(H / scale)
-            parts = np.abs(rows[-1]) > 0.1
-            loose = max((q for q, there in zip(positions, parts, strict=True) if there), key=len)
-            text = f"no {key} {does} the rotor's {loose}"
-            if loose.startswith("th"):
-                text += f": it takes two radial {key}s at places apart"
-            yield f"{key}.0", text
-
-
-def _reach(axes: tuple[Axis, ...]) -> float:
-    """Return the greatest distance of a bearing from the centre of mass [m]."""
-    return max((abs(axis.line.place) for axis in axes), default=0.0) or 1.0
 
 
 def _too_fast(read: Read, sensors: tuple[PlacedSensor, ...]) -> Iterator[tuple[str, str]]:
@@ -290,7 +309,8 @@ def _unbalance_contradictions(read: Read) -> Iterator[tuple[str, str]]:
         text = "ISO 21940-11 gives each its share of one or two planes, not of more; give amounts"
         yield f"unbalance.{graded[2]}.grade", text
     elif len(graded) == 2:
-        one, other = (planes[at].place for at in graded)
+        centre = read("rotor").centre if isinstance(read("rotor"), ROTORS) else math.nan
+        one, other = (planes[at].place - centre for at in graded)
         if one * other >= 0:
             text = "must be on the other side of the centre of mass than the other graded plane"
             yield f"unbalance.{graded[1]}.place", f"{text}; is {engineering(other, 'm')}"
@@ -301,9 +321,9 @@ def _too_heavy(
 ) -> Iterator[tuple[str, str]]:
     """Yield which axis has too little current for its share of the weight."""
     rotor, T = read("rotor"), read("sampling_time")
-    if not (bearings and sensors and isinstance(rotor, RigidRotor)) or math.isnan(T):
+    if not (bearings and sensors and isinstance(rotor, ROTORS)) or math.isnan(T):
         return
-    axes = geometry.axes_of(bearings)
+    axes = geometry.axes_of(bearings, Shaft.of(rotor, bearings))
     if rotor.gravity == "-z" and not any(axis.line.axial for axis in axes):
         yield "rotor.gravity", 'must not be "-z" where no thrust bearing carries the rotor'
         return

@@ -1,20 +1,28 @@
 """What a whole machine is made of: a rotor, and bearings, sensors and unbalance at their places.
 
-Places are measured along the shaft, which is z, from the centre of mass. Across it are x, against
-gravity where the shaft lies, and y, a quarter turn on in the direction of rotation.
+Places are measured along the shaft, which is z: from the centre of mass, or of a rotor by a table
+of its shaft or by matrices from where these begin. Across it are x, against gravity where the shaft
+lies, and y, a quarter turn on in the direction of rotation.
 """
 
 import math
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
-from pydantic import SerializerFunctionWrapHandler, StringConstraints, model_serializer
+from pydantic import (
+    Discriminator,
+    SerializerFunctionWrapHandler,
+    StringConstraints,
+    Tag,
+    model_serializer,
+)
 
 from ambkit.base.config import Part, Read
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.units import engineering
 from ambkit.machine.bearing import Amplifier, Magnet, Sensor
 from ambkit.machine.parts import Stop, gap_contradictions, voltage_contradictions
+from ambkit.machine.rotors.described import MatrixRotor, ModalRotor, ShaftRotor
 
 Label = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9]{0,7}$")]
 """Short name of a bearing or a sensor, of which names of signals are made."""
@@ -26,6 +34,8 @@ Angle = Annotated[float, Quantity("rad", "45 deg")]
 class RigidRotor(Part):
     """A rigid rotor."""
 
+    type: Literal["rigid"] = "rigid"
+    """Does not bend."""
     mass: Annotated[float, Quantity("kg", "3.3 kg", above=0)]
     """Mass m [kg]."""
     transverse_inertia: Annotated[float, Quantity("kg m^2", "0.125 kg m^2", above=0)]
@@ -38,6 +48,20 @@ class RigidRotor(Part):
     """Place of the end towards -z [m]; with it nothing may be beyond."""
     second_end: Place | None = None
     """Place of the end towards +z [m]; with it nothing may be beyond."""
+
+    @property
+    def centre(self) -> float:
+        """Place of the centre of mass, from where places are measured [m]."""
+        return 0.0
+
+    def bending(self, magnets: tuple[float, ...]) -> None:
+        """Return its bending modes: none.
+
+        Parameters
+        ----------
+        magnets : tuple of float
+            Places of the radial magnets [m].
+        """
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
@@ -60,6 +84,27 @@ class RigidRotor(Part):
                 yield "transverse_inertia", text
 
 
+def _kind_of_rotor(rotor: Any) -> str:
+    """Return the kind that a rotor says it is of; where it says nothing, what its keys are of."""
+    if not isinstance(rotor, dict):
+        return str(getattr(rotor, "type", ""))
+    of_keys = {"section": "shaft", "file": "matrices", "mode": "modes"}
+    meant = [kind for key, kind in of_keys.items() if key in rotor]
+    return str(rotor.get("type", *meant[:1] or ["rigid"]))
+
+
+AnyRotor = Annotated[
+    Annotated[RigidRotor, Tag("rigid")]
+    | Annotated[ShaftRotor, Tag("shaft")]
+    | Annotated[MatrixRotor, Tag("matrices")]
+    | Annotated[ModalRotor, Tag("modes")],
+    Discriminator(_kind_of_rotor),
+]
+"""A rotor of any kind, by its type."""
+
+ROTORS = (RigidRotor, ShaftRotor, MatrixRotor, ModalRotor)
+
+
 class PlacedBearing(Part):
     """A bearing of the machine: the magnets of one axis, of each of its axes, and where they are.
 
@@ -72,7 +117,7 @@ class PlacedBearing(Part):
     type: Literal["radial", "thrust"] = "radial"
     """Across the shaft, with two axes, or along it."""
     place: Place = 0.0
-    """Where its force acts, from the centre of mass [m]."""
+    """Where its force acts, along the shaft [m]."""
     angle: Angle = 0.0
     """From x, which is against gravity, to its first axis, towards y [rad]."""
     travel_limit: Annotated[float, Quantity("m", "0.2 mm", above=0)]
@@ -106,7 +151,7 @@ class PlacedSensor(Sensor):
     type: Literal["radial", "single", "axial"] = "radial"
     """Across the shaft with two readings or one, or along it."""
     place: Place = 0.0
-    """Where it looks at the rotor, from the centre of mass [m]."""
+    """Where it looks at the rotor, along the shaft [m]."""
     angle: Angle = 0.0
     """From x, which is against gravity, to its first reading, towards y [rad]."""
 
@@ -120,7 +165,7 @@ class Unbalance(Part):
     """Unbalance in a plane across the shaft: by its amount, or by a balance quality grade."""
 
     place: Place
-    """Where the plane is, from the centre of mass [m]."""
+    """Where the plane is, along the shaft [m]."""
     amount: Annotated[float, Quantity("kg m", "50 g mm", above=0)] | None = None
     """Mass times radius [kg m]; or else grade."""
     grade: Annotated[float, Quantity("m/s", "2.5 mm/s", above=0)] | None = None

@@ -6,7 +6,10 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from ambkit.machine.geometry import Line
+import numpy as np
+
+from ambkit.machine.geometry import Line, deflections, modal_positions
+from ambkit.machine.rotors.modes import Bending
 from ambkit.models.compose import compose
 from ambkit.models.model import Model
 from ambkit.models.parts import (
@@ -24,8 +27,10 @@ from ambkit.models.parts import (
 from ambkit.models.parts.typical import Typical
 from ambkit.models.plan import UNIT, Part, Place
 
-VELOCITIES = {"x": "v_x", "y": "v_y", "z": "v_z", "th_x": "w_x", "th_y": "w_y"}
-"""What the derivative of each coordinate is called."""
+
+def velocity_of(position: str) -> str:
+    """Return what the derivative of a coordinate is called: ``v_x``, ``w_x`` of ``th_x``."""
+    return f"w_{position[3:]}" if position.startswith("th_") else f"v_{position}"
 
 
 SYNCHRONOUS = ("unbalance", "runout")
@@ -83,11 +88,12 @@ def machine_parts(
 def unbalance_planes(machine: Any) -> list[float]:
     """Return where unbalance is estimated: one or two described planes, or at the outer bearings.
 
-    Two planes are all that a rigid rotor has.
+    Two planes are all that a rigid rotor has, and one that bends has another for each mode.
     """
-    given = [each.place for each in machine.unbalance]
-    if len(set(given)) in (1, 2):
-        return sorted(set(given))
+    given = {each.place for each in machine.unbalance}
+    most = 2 if machine.bending is None else 2 + len(machine.bending.frequency)
+    if 0 < len(given) <= most:
+        return sorted(given)
     places = sorted(each.place for each in machine.bearing if each.type == "radial")
     return [places[0], places[-1]]
 
@@ -99,7 +105,7 @@ def _unbalance(machine: Any) -> list[Part]:
     return [
         SynchronousForce(
             size, size * math.sqrt(machine.sampling_time / MEMORY), speed, f"U{k}",
-            place(Line.across(z, 0.0).form), place(Line.across(z, math.pi / 2).form),
+            place(machine.line(z, 0.0).form), place(machine.line(z, math.pi / 2).form),
         )
         for k, z in enumerate(planes, 1)
     ]  # fmt: skip
@@ -124,22 +130,76 @@ def _runout(machine: Any) -> list[Part]:
 
 
 def rotor_part(machine: Any, sizes: list[Typical]) -> Rotor:
-    """Return the rigid rotor, with its gyroscopics at the machine's speed."""
-    positions, rotor = machine.positions, machine.rotor
+    """Return the rotor, with its gyroscopics at the machine's speed, and its bending modes."""
+    positions = machine.positions
     reach = max(abs(a.line.place) for a in machine.axes if not a.line.axial)
     way, fast = max(s.displacement for s in sizes), max(s.velocity for s in sizes)
-    turns = tuple(q.startswith("th") for q in positions)
-    inertia = [rotor.transverse_inertia if turn else rotor.mass for turn in turns]
     at = {q: k for k, q in enumerate(positions)}
+    polar = {("th_x", "th_y"): machine.rotor.polar_inertia}
+    stiffness: dict[str, float] = {}
+    damping: dict[tuple[str, str], float] = {}
+    bends: dict[str, tuple[float, float]] = {}
+    bending = machine.bending
+    if bending is not None:
+        stiffness = dict(zip(modal_positions(bending), bending.stiffness.repeat(2), strict=True))
+        bends = _typical_bendings(machine, sizes)
+        polar, damping = _coupled(bending)
     return Rotor(
-        {(k, k): value for k, value in enumerate(inertia)}, way, fast, positions,
-        tuple(VELOCITIES[q] for q in positions), speed=machine.speed,
-        gyroscopic={
-            (at["th_x"], at["th_y"]): rotor.polar_inertia,
-            (at["th_y"], at["th_x"]): -rotor.polar_inertia,
-        },
-        turns=turns, lever=reach,
+        {(k, k): value for k, value in enumerate(machine.masses.tolist())}, way, fast, positions,
+        tuple(map(velocity_of, positions)), speed=machine.speed,
+        gyroscopic={(at[i], at[j]): g for (i, j), g in polar.items()}
+        | {(at[j], at[i]): -g for (i, j), g in polar.items()},
+        stiffness={(at[q], at[q]): float(k) for q, k in stiffness.items()},
+        damping={(at[i], at[j]): d for (i, j), d in damping.items()},
+        turns=tuple(q.startswith("th") for q in positions), lever=reach, bends=bends,
     )  # fmt: skip
+
+
+def _coupled(
+    bending: Bending,
+) -> tuple[dict[tuple[str, str], float], dict[tuple[str, str], float]]:
+    """Return entries of G, of which those across the diagonal follow, and of D.
+
+    In one plane the slopes are th_y and those of the modes, in the other -th_x and those.
+    """
+    planes = [
+        [("x", 1.0), ("th_y", 1.0), *((f"{name}_x", 1.0) for name in bending.names)],
+        [("y", 1.0), ("th_x", -1.0), *((f"{name}_y", 1.0) for name in bending.names)],
+    ]
+    polar = {
+        (i, j): float(bending.polar[k, m] * si * sj)
+        for k, (i, si) in enumerate(planes[0][1:])
+        for m, (j, sj) in enumerate(planes[1][1:])
+        if bending.polar[k, m]
+    }
+    damping = {
+        (i, j): float(bending.damping[k, m] * si * sj)
+        for plane in planes
+        for k, (i, si) in enumerate(plane)
+        for m, (j, sj) in enumerate(plane)
+        if bending.damping[k, m]
+    }
+    return polar, damping
+
+
+LEAST_BENT = 1 / 30
+"""Of the travel, that a mode is expected to be out at least."""
+
+
+def _typical_bendings(machine: Any, sizes: list[Typical]) -> dict[str, tuple[float, float]]:
+    """Return how far and how fast modes are bent [m], [m/s]: by what the magnets pull at most."""
+    bending, positions = machine.bending, modal_positions(machine.bending)
+    lines = [axis.line for axis in machine.axes]
+    least = LEAST_BENT * min(s.displacement for s in sizes)
+    most = np.full(len(positions), least)
+    for k, size in enumerate(sizes):
+        pull = size.force * np.eye(len(lines))[k]
+        most = np.maximum(most, np.abs(deflections(bending, lines, pull, positions)))
+    rates = bending.frequency.repeat(2)
+    return {
+        q: (float(far), float(far * rate))
+        for q, far, rate in zip(positions, most, rates, strict=True)
+    }
 
 
 def place(form: dict[str, float]) -> Place:

@@ -28,8 +28,9 @@ class Descriptor:
     size: float
     """Typical size in that unit; of a noise, its standard deviation where the machine gives it."""
     role: str
-    """What it is: position, velocity, disturbance force, sensor, current, past control, noise (in
-    the reading as it is) or noise in quadrature (behind that of a line by a quarter turn)."""
+    """What it is: position, velocity, bending, bending velocity, disturbance force, sensor,
+    current, past control, noise (in the reading as it is) or noise in quadrature (behind that of a
+    line by a quarter turn)."""
 
     def __post_init__(self) -> None:
         if not (self.name.isidentifier() and self.name.isascii()):

@@ -8,6 +8,10 @@ POSITION, VELOCITY, SHOWN, LOAD, KNOWN, NOISE = ENUMERATORS = (
 ROLES = {
     "position": POSITION, "velocity": VELOCITY, "sensor": SHOWN, "disturbance force": LOAD,
     "noise": NOISE, "noise in quadrature": NOISE, "unbalance": NOISE, "runout": NOISE,
+    "bending": NOISE, "bending velocity": NOISE,
     "current": KNOWN, "past control": KNOWN,
 }  # fmt: skip
-"""What the core calls the roles of a model's states."""
+"""What the core calls the roles of a model's states.
+
+A bending is no position to it: a reading shows where the rotor is, and not how it is bent.
+"""

@@ -9,6 +9,7 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from ambkit.base.config import Document, Part
 from ambkit.base.config.quantities import Quantity, SignalIn
+from ambkit.simulation.controllers import Control
 from ambkit.simulation.waveforms import Signal
 
 
@@ -33,8 +34,7 @@ class Reference(Part):
 class Flight(Document):
     """A run of a whole machine: how fast it turns, what disturbs it, and who controls it.
 
-    Frozen, and checked as a whole: from TOML (`load`, `from_toml`) or from Python, in SI. Each axis
-    of a bearing has a position controller of its own, tuned to the axis alone.
+    Frozen, and checked as a whole: from TOML (`load`, `from_toml`) or from Python, in SI.
     """
 
     duration: Annotated[float, Quantity("s", "0.5 s", above=0)] = 0.5
@@ -49,6 +49,8 @@ class Flight(Document):
     """Steps of the integrator in one sample."""
     feedback: Literal["measurement", "estimate"] = "measurement"
     """What the controllers are fed by: the sensors, or the estimator."""
+    control: Control = Control()
+    """The controllers; by default each axis of a bearing has one, tuned to the axis alone."""
     speed: Annotated[Signal, SignalIn("rad/s", "3000 rpm")] | None = None
     """Speed of rotation, such as a run-up [rad/s]; the machine's own without."""
     disturbance: tuple[Disturbance, ...] = ()

@@ -15,11 +15,10 @@ from ambkit.data.record import Record
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.machine import geometry
 from ambkit.machine.magnets import core_module
 from ambkit.simulation import noise
+from ambkit.simulation.controllers import arrays, controllers_of
 from ambkit.simulation.plant import Plant
-from ambkit.simulation.scenario import PID
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
@@ -69,7 +68,7 @@ def simulate_machine(
     Parameters
     ----------
     machine : Machine
-        The plant; each axis has a controller of its own, tuned to the axis alone.
+        The plant.
     flight : Flight
         What happens to it.
     estimator : Estimator, optional
@@ -108,45 +107,35 @@ def simulate_machine(
         loads = loads + disturbance
     if estimator is None and flight.feedback == "estimate":
         estimator = KalmanFilter(machine)
-    if flight.start == "hover":
-        q, currents = plant.hovering(wanted[0], loads[0])
-    else:
+    q, currents = plant.hovering(wanted[0], loads[0])
+    known = None if estimator is None else estimator.at_rest(q, current=currents)
+    held = currents, wanted[0], known
+    if flight.start == "rest":
         q, currents = plant.resting(), np.zeros(len(machine.axes))
+        if flight.control.type != "lqg":  # whose integrals are all that knows of the weight
+            held = currents, np.zeros_like(currents), None
     noise_u, noise_y = _noise(machine, flight, n)
-    pids = [PID.for_bearing(alone) for alone in plant.alone]
-    held = wanted[0] if flight.start == "hover" else np.zeros(len(pids))
-    integrals = [iu + pid.unseen(r) for pid, iu, r in zip(pids, currents, held, strict=True)]
-    given = plant.arrays(core, flight.substeps, fastest) | _controllers(plant, pids)
+    feeding = estimator if flight.feedback == "estimate" else None
+    controllers = controllers_of(plant, flight.control, feeding)
+    given = (
+        plant.arrays(core, flight.substeps, fastest)
+        | {"T": T, "k_ui": [axis.bearing.amplifier.gain for axis in machine.axes]}
+        | arrays(controllers, plant, feeding)
+    )
     follows = None
     if estimator is not None:
         estimator.reset(estimator.at_rest(q, current=currents))
         follows = estimator.turning(speed, n + 1)
     out = core.simulate_machine(
-        given | _fed_back(plant, flight, estimator), r=wanted, load=loads, speed=speed,
+        given, r=wanted @ controllers.of_axes.T, load=loads, speed=speed,
         noise_u=noise_u, noise_y=noise_y, start=plant.state(q, currents), demanded=currents,
-        integral=np.array(integrals),
+        integral=controllers.integrals(*held),
         estimator=None if estimator is None else estimator.core,
         model=estimator.engine.model_of_core if estimator and follows is not None else None,
     )  # fmt: skip
     record = _record(plant, flight, t[:-1], out, {"r": wanted, "f_d": loads, "speed": speed[:-1]})
     estimate = None if estimator is None else estimator.told(t[:-1], out["estimate"])
     return MachineRun(machine, record, estimate)
-
-
-def _fed_back(plant: Plant, flight: Flight, estimator: Estimator | None) -> dict[str, Any]:
-    """Return the rows by which the controllers are fed from the estimate, or None."""
-    if estimator is None or flight.feedback == "measurement":
-        return {"position": None, "velocity": None}
-    of_role = {
-        role: [k for k, state in enumerate(estimator.states) if state.role == role]
-        for role in ("position", "velocity")
-    }
-    rows = {}
-    for role, places in of_role.items():
-        row = np.zeros((len(plant.axes), len(estimator.states)))
-        row[:, places] = plant.H
-        rows[role] = row.ravel().tolist()
-    return rows
 
 
 def _of_axes(machine: Machine, given: list[tuple[str, Any]], t: Array) -> Array:
@@ -172,27 +161,6 @@ def _noise(machine: Machine, flight: Flight, n: int) -> tuple[Array, Array]:
         own = [np.random.default_rng(s) for s in streams[p + k].spawn(2 + len(r.sensor.hum))]
         noise_y[:, k] = noise.of_sensor(r.sensor, machine.sampling_time, n, own)
     return noise_u, noise_y
-
-
-def _controllers(plant: Plant, pids: list[PID]) -> dict[str, Any]:
-    """Return the fields of ``amb_machine_loop``: a controller for each axis, and what it is shown.
-
-    The position of an axis is that which explains all readings best.
-    """
-    machine = plant.machine
-    gains = [
-        [pid.kp, pid.ki, pid.kd, pid.derivative_filter, pid.anti_windup, pid.setpoint_weight,
-         alone.current_min, alone.current_max]
-        for pid, alone in zip(pids, plant.alone, strict=True)
-    ]  # fmt: skip
-    C = geometry.matrix([r.line for r in machine.readings], machine.positions)
-    scale = np.array([r.sensor.gain for r in machine.readings])
-    return {
-        "T": machine.sampling_time,
-        "k_ui": [axis.bearing.amplifier.gain for axis in machine.axes],
-        "pid": gains,
-        "shown": (plant.H @ np.linalg.pinv(scale[:, None] * C)).ravel().tolist(),
-    }
 
 
 def _record(

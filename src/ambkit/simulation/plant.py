@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.machine import geometry
+from ambkit.machine.bank import weights_of
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.geometry import Axis
 from ambkit.machine.hovering import hover_current
@@ -69,14 +70,19 @@ class Plant:
         Parameters
         ----------
         place : ndarray (p,)
-            Where it is along the axes [m]; the nearest that a rigid rotor can be.
+            Where it is along the axes [m]; the nearest that the rotor can be, bent by what it takes
+            to hold it.
         load : ndarray (p,)
             Forces along the axes, besides magnets and weight [N].
         """
-        rotor, positions = self.machine.rotor, self.machine.positions
-        q = np.linalg.lstsq(self.H, place, rcond=None)[0]
-        push = geometry.weight_of(rotor, positions, GRAVITY) + self.H.T @ load
-        forces = np.linalg.lstsq(self.H.T, -push, rcond=None)[0]
+        machine = self.machine
+        rigid = machine.rigid_positions
+        H = self.H[:, : len(rigid)]
+        push = geometry.weight_of(machine.rotor, rigid, GRAVITY) + H.T @ load
+        forces = np.linalg.lstsq(H.T, -push, rcond=None)[0]
+        bent = machine.bent_by(forces + load + np.array(weights_of(machine)))
+        q = np.linalg.lstsq(H, place - self.H[:, len(rigid) :] @ bent, rcond=None)[0]
+        q = np.concatenate([q, bent])
         currents = [
             hover_current(b, law, float(x), law.bias_force - float(f))
             for b, law, x, f in zip(self.alone, self.laws, self.H @ q, forces, strict=True)
@@ -122,10 +128,13 @@ class Plant:
         )
         pattern = (model.A != 0) | (model.spin != 0)
         cosine, sine = self._unbalance()
-        weight = geometry.weight_of(machine.rotor, machine.positions, GRAVITY)
-        moved = np.array(list(geometry.masses(machine.rotor, machine.positions).values()))
         g = model.b @ self.bias
-        g[len(moved) : 2 * len(moved)] += weight / moved
+        if machine.bending is None:
+            moved = machine.masses
+            weight = geometry.weight_of(machine.rotor, machine.positions, GRAVITY)
+            g[len(moved) : 2 * len(moved)] += weight / moved
+        else:  # what its bearings bend it by at rest is no displacement, see geometry.py
+            g += model.b @ np.array(weights_of(machine))
         return {
             "states": n, "axes": len(self.axes), "sensors": len(readings),
             "A": compressed_rows(model.A, pattern),
@@ -153,11 +162,11 @@ class Plant:
     def _unbalance(self) -> tuple[Array, Array]:
         """Return accelerations by unbalance ahead and across, for 1 rad/s (n,)."""
         machine = self.machine
-        moved = np.array(list(geometry.masses(machine.rotor, machine.positions).values()))
+        moved = machine.masses
         found = np.zeros((2, len(self.model.states)))
         velocities = slice(len(moved), 2 * len(moved))
         for place, amount, angle in machine.unbalances():
-            along = [geometry.Line.across(place, turn) for turn in (angle, angle + math.pi / 2)]
+            along = [machine.line(place, turn) for turn in (angle, angle + math.pi / 2)]
             found[:, velocities] += amount * geometry.matrix(along, machine.positions) / moved
         return found[0], found[1]
 
@@ -189,13 +198,19 @@ class Plant:
         return rings
 
     def _substeps(self, least: int, fastest: float) -> int:
-        """Two in a sensor's lag, four in an amplifier's, four in a radian of the fastest runout."""
+        """Return steps in a sample: what is fast needs short ones.
+
+        Two in a sensor's lag, four in an amplifier's, four in a radian of the fastest runout and
+        eight in one of the fastest bending, which they damp then by less than 1e-7 of its own.
+        """
         T, machine = self.machine.sampling_time, self.machine
         orders = [line.order for sensor in machine.sensor for line in sensor.runout]
         needed = [4 * T * fastest * max(orders, default=1)]
         needed += [2 * T / machine.lag_of(sensor) for sensor in machine.sensor]
         bandwidths = [each.amplifier.bandwidth for each in machine.bearing]
         needed += [4 * T * 2 * math.pi * each for each in bandwidths if each is not None]
+        if machine.bending is not None:
+            needed.append(8 * T * float(machine.bending.frequency.max()))
         return max(least, *(math.ceil(each) for each in needed))
 
 

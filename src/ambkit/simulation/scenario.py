@@ -6,7 +6,7 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from ambkit.base.config import Document, Part
 from ambkit.base.config.quantities import Quantity, SignalIn
-from ambkit.simulation.gains import chosen, two_digits, weight_of
+from ambkit.simulation.gains import chosen, textbook, two_digits, weight_of
 from ambkit.simulation.waveforms import (
     Constant,
     Impulse,
@@ -77,6 +77,19 @@ class PID(Part):
             What is to be held.
         """
         return cls(**chosen(bearing)._asdict() | {"feedback": cls().feedback})
+
+    @classmethod
+    def textbook(cls, bearing: "Bearing") -> Self:
+        """Return gains by a rule of thumb, with which a step overshoots by a half.
+
+        ``kp = 4 k_s/k_i``, a damping of 0.56, and all of the reference to kp.
+
+        Parameters
+        ----------
+        bearing : Bearing
+            What is to be held.
+        """
+        return cls(**textbook(bearing)._asdict() | {"feedback": cls().feedback})
 
     def completed(self, bearing: "Bearing") -> Self:
         """Return the controller with what was not given tuned to a bearing, see `for_bearing`.

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.machine.bank import alone_of
 from ambkit.models.continuous import continuous
-from ambkit.simulation.scenario import PID
+from ambkit.simulation.holding import holding
 from ambkit.workflow.machines import stiffnesses
 
 if TYPE_CHECKING:
@@ -64,7 +63,8 @@ def campbell(machine: Machine, fastest: float | None = None, *, count: int = 121
     """Return how the poles of a rotor that is controlled go with its speed.
 
     It is held by the proportional and derivative gains that a simulation has, as if sensors and
-    amplifiers were at once and without dead time.
+    amplifiers were at once and without dead time; of a rotor that bends, with the filters of the
+    derivatives.
 
     Parameters
     ----------
@@ -85,36 +85,48 @@ def campbell(machine: Machine, fastest: float | None = None, *, count: int = 121
         raise ValueError(f"fastest must be greater than 0 rad/s, got {fastest!r}")
     if count < 2:
         raise ValueError(f"count must be 2 or more, got {count!r}")
-    of = continuous(machine)
-    rows = np.zeros_like(of.h)
-    for f, (magnet, alone) in enumerate(zip(stiffnesses(machine), alone_of(machine), strict=True)):
-        pid = PID.for_bearing(alone)
-        held = pid.kp * of.h[f] + pid.kd * of.v[f]
-        rows[f] = magnet.k_s * of.h[f] - magnet.k_i * held
     q = len(machine.positions)
+    at_rest, spin = _held(machine)
     speed = np.linspace(0.0, fastest, count)
     poles = np.empty((count, q), complex)
     forwards = np.zeros(q, bool)
     for k in reversed(range(count)):  # at rest nothing tells a whirl forwards from one backwards
-        A = (of.A + speed[k] * of.spin + of.b @ rows)[: 2 * q, : 2 * q]
-        found, vectors = np.linalg.eig(A)
-        above = np.argsort(-found.imag)[:q]
-        if k == count - 1:
-            poles[k] = found[above]
-            forwards = _goes_forwards(vectors[:, above])
+        found, vectors = np.linalg.eig(at_rest + speed[k] * spin)
+        above = np.flatnonzero(found.imag >= 0)
+        if k == count - 1:  # the others are filters
+            least_damped = above[np.argsort(-(found.imag / np.abs(found))[above])[:q]]
+            poles[k] = found[least_damped]
+            forwards = _goes_forwards(vectors[:q, least_damped], machine)
         else:
             poles[k] = _followed(poles[k + 1 : k + 3], found[above])
     order = np.argsort(poles[0].imag, kind="stable")
     return Campbell(machine.name, speed, poles[:, order], forwards[order])
 
 
-def _goes_forwards(vectors: NDArray[np.complex128]) -> NDArray[np.bool_]:
-    """Return whether modes (2 q, modes) go from x to y, by what of them is largest."""
-    x, y, th_x, th_y = vectors[:4]
-    across = np.abs(x) + np.abs(y)
-    tilt = np.abs(th_x) + np.abs(th_y)
-    turns = np.where(across > tilt, (x.conj() * y).imag, (th_x.conj() * th_y).imag)
-    return np.asarray(turns < 0)
+def _held(machine: Machine) -> tuple[Array, Array]:
+    """Return A at rest, and what it gains by 1 rad/s, of the rotor on its controllers."""
+    of, q2 = continuous(machine), 2 * len(machine.positions)
+    A, spin = of.A[:q2, :q2], of.spin[:q2, :q2]
+    pids = holding(machine).pids
+    k_i, k_s = np.array([[k.k_i, k.k_s] for k in stiffnesses(machine)]).T
+    kp, kd, slow = np.array([[pid.kp, pid.kd, pid.derivative_filter] for pid in pids]).T
+    h, v, b = of.h[:, :q2], of.v[:, :q2], of.b[:q2]
+    A = A + b @ ((k_s - k_i * kp)[:, None] * h)
+    if machine.bending is None:
+        return A - b @ ((k_i * kd)[:, None] * v), spin
+    filtered = np.block([[A, -b * (k_i * kd)], [v / slow[:, None], -np.diag(1 / slow)]])
+    p = len(pids)
+    return filtered, np.pad(spin, ((0, p), (0, p)))
+
+
+def _goes_forwards(shapes: NDArray[np.complex128], machine: Machine) -> NDArray[np.bool_]:
+    """Return whether modes (q, modes) go from x to y, by their angular momentum."""
+    at = {name: k for k, name in enumerate(machine.positions)}
+    pairs = [(name, f"{name[:-1]}y") for name in at if name.endswith("x")]
+    turns = sum(
+        machine.masses[at[x]] * (shapes[at[x]].conj() * shapes[at[y]]).imag for x, y in pairs
+    )
+    return np.asarray(np.asarray(turns) < 0)
 
 
 def _followed(

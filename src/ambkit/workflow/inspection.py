@@ -168,6 +168,7 @@ def kind_of_toml(path: str | os.PathLike[str]) -> str:
 
 
 def _describe_document(kind: str, path: Path) -> _Described:
+    from ambkit.base.config import toml_text
     from ambkit.base.units import engineering
     from ambkit.simulation.parts import in_words
     from ambkit.workflow import machines
@@ -179,7 +180,13 @@ def _describe_document(kind: str, path: Path) -> _Described:
         found.make()  # what only the whole tells: starts, options, the magnet's file
         return _Described(f"{found.kind}, for {found.bearing.bearing.name}")
     if kind == "machine":
-        return _Described(*machines.described(found))
+        about, remarks = machines.described(found)
+        lines = toml_text.parse(files.read_text(path))
+        told = (
+            f"line {lines.line(each.path)}: {each.text}" if each.path else each.text
+            for each in remarks
+        )
+        return _Described(about, (), tuple(told))
     if kind == "flight":
         speed = "the machine's" if found.speed is None else found.speed.type
         return _Described(f"{engineering(found.duration, 's')} of a machine, speed {speed}")

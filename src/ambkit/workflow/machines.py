@@ -9,6 +9,7 @@ from ambkit.base.units import engineering
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.models.continuous import open_loop
 from ambkit.models.machine import machine_model
+from ambkit.workflow.bending import Remark, of_bending
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
@@ -22,8 +23,8 @@ def stiffnesses(machine: Machine) -> list[ConstantStiffness]:
     return [ConstantStiffness.of(machine.alone(axis.name)) for axis in machine.axes]
 
 
-def described(machine: Machine) -> tuple[str, tuple[str, ...], tuple[str, ...]]:
-    """Return what a machine is in a few words, no problems, and remarks."""
+def described(machine: Machine) -> tuple[str, tuple[Remark, ...]]:
+    """Return what a machine is in a few words, and remarks."""
     model = machine_model(machine)
     about = [
         machine.name,
@@ -33,7 +34,7 @@ def described(machine: Machine) -> tuple[str, tuple[str, ...], tuple[str, ...]]:
         f"{engineering(machine.speed * 30 / math.pi, '1')} rpm",
         f"{len(model.states)} states",
     ]
-    return "; ".join(about), (), (_of_the_poles(machine),)
+    return "; ".join(about), (Remark(_of_the_poles(machine)), *of_bending(machine))
 
 
 def _of_the_poles(machine: Machine) -> str:

@@ -10,19 +10,22 @@ from collections.abc import Callable, Iterator
 from functools import cache
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, dataclass_transform
+from typing import TYPE_CHECKING, Any, Self, dataclass_transform, get_args
 
 from pydantic import (
     BaseModel,
     ConfigDict,
+    Discriminator,
     Field,
     GetJsonSchemaHandler,
     ModelWrapValidatorHandler,
+    Tag,
     TypeAdapter,
     ValidationError,
     ValidationInfo,
     model_validator,
 )
+from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema
 
 from ambkit.base import escaping, files
@@ -264,13 +267,30 @@ def read_unchecked(model: type[BaseModel], data: Any, context: Any) -> Read:
         else:
             return math.nan
         if rest:
-            return read_unchecked(field.annotation, value, context)(rest)  # type: ignore[arg-type]
+            kind = _kind_of(field, value)
+            return math.nan if kind is None else read_unchecked(kind, value, context)(rest)
         try:
             return _checker(model, name).validate_python(value, context=context)
         except ValidationError:
             return math.nan
 
     return read
+
+
+def _kind_of(field: FieldInfo, value: Any) -> type[BaseModel] | None:
+    """Return the model that a table is of; where there are several kinds, by its tag."""
+    if isinstance(field.annotation, type):
+        return field.annotation
+    if isinstance(value, BaseModel):
+        return type(value)
+    by = field.discriminator
+    tag = by.discriminator(value) if isinstance(by, Discriminator) and callable(
+        by.discriminator) else None  # fmt: skip
+    for kind in get_args(field.annotation):
+        model, *marks = get_args(kind)
+        if Tag(str(tag)) in marks:
+            return model  # type: ignore[no-any-return]
+    return None
 
 
 @cache

@@ -105,8 +105,10 @@ def _find_home(model: type[BaseModel], problem: Problem) -> Problem:
 
 def _tables(model: type[BaseModel]) -> Iterator[tuple[str, list[str]]]:
     for name, field in model.model_fields.items():
-        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
-            yield name, list(field.annotation.model_fields)
+        kinds = [(get_args(each) or (each,))[0] for each in get_args(field.annotation)]
+        for kind in (field.annotation, *kinds):
+            if isinstance(kind, type) and issubclass(kind, BaseModel):
+                yield name, list(kind.model_fields)
 
 
 def _table(model: type[BaseModel]) -> str:

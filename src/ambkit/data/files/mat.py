@@ -42,11 +42,9 @@ def read(
     """Read all arrays of numbers, and times as text; see `ambkit.data.files.formats.read_log`."""
     import pyarrow as pa
 
-    check_readable(path)
-    content = _content_of_7_3(path) if _is_7_3(path) else _content(path)
     arrays = {
         one_line(name): values
-        for key, value in content.items()
+        for key, value in content(path).items()
         if not key.startswith("__")
         for name, values in _flat(key, value)
     }
@@ -62,6 +60,20 @@ def read(
     chosen = numbers if wanted is None else {k: v for k, v in numbers.items() if k in wanted}
     found = chosen if wanted is None else _lacking(numbers, chosen, {*wanted} - {*stamped})
     return Log(os.fspath(path), found, remarks=tuple(remarks), texts=stamped)
+
+
+def content(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Read a file as it is: arrays, texts, cells, and what begins with ``__`` about the file.
+
+    Raises
+    ------
+    RecordError
+        It cannot be read, is damaged, or would take too much memory.
+    ExtraMissing
+        It is of version 7.3, and the libraries for that are not there.
+    """
+    check_readable(path)
+    return _content_of_7_3(path) if _is_7_3(path) else _content(path)
 
 
 def _lacking(

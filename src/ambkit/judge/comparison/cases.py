@@ -275,7 +275,7 @@ def _scenario(
         duration=duration * own_time(bearing),
         reference=reference or Constant(value=0.0),
         disturbance=disturbance or Constant(value=0.0),
-        controller=PID.for_bearing(bearing),
+        controller=PID.textbook(bearing),  # a lively loop, which takes the rotor far out
     )
 
 

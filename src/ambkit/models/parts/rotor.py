@@ -33,6 +33,8 @@ class Rotor:
     """Which coordinates are angles [rad]; without it all are displacements [m]."""
     lever: float = 1.0
     """Where an angle of 1 rad moves the rotor by so much [m], for typical sizes."""
+    bends: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Of coordinates by which the rotor bends, typical displacement [m] and velocity [m/s]."""
     damping: Entries = field(default_factory=dict)
     """Entries of D [N s/m]."""
     gyroscopic: Entries = field(default_factory=dict)
@@ -50,12 +52,14 @@ class Rotor:
     def declare(self, plan: Plan) -> None:
         """Add q, then q'."""
         turns = self.turns or (False,) * len(self.positions)
-        for names, unit, size, role in (
-            (self.positions, "", self.size, "position"),
-            (self.velocities, "/s", self.speed_size, "velocity"),
-        ):
-            for name, turn in zip(names, turns, strict=True):
+        for k, (names, unit, size, roles) in enumerate((
+            (self.positions, "", self.size, ("position", "bending")),
+            (self.velocities, "/s", self.speed_size, ("velocity", "bending velocity")),
+        )):  # fmt: skip
+            for name, position, turn in zip(names, self.positions, turns, strict=True):
                 each = size / self.lever if turn else size
+                bent = self.bends.get(position)
+                each, role = (each, roles[0]) if bent is None else (bent[k], roles[1])
                 plan.state(name, ("rad" if turn else "m") + unit, each, role)
         pairs = list(zip(self.positions, self.velocities, strict=True))
         for position, velocity in pairs:

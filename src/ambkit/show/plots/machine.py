@@ -75,13 +75,14 @@ def orbit_of(run: MachineRun, place: float) -> tuple[NDArray[np.float64], NDArra
     run : MachineRun
         A simulated run.
     place : float
-        Along the shaft, from the centre of mass [m].
+        Along the shaft, as the machine's places are measured [m].
     """
     record = run.record
-    return (
-        record["q_x"] + place * record["q_th_y"],
-        record["q_y"] - place * record["q_th_x"],
+    x, y = (
+        sum(value * record[f"q_{q}"] for q, value in run.machine.line(place, turn).form.items())
+        for turn in (0.0, math.pi / 2)
     )
+    return np.asarray(x), np.asarray(y)
 
 
 def _orbit(run: MachineRun, bearing: PlacedBearing) -> Panel:

@@ -1,0 +1,1 @@
+"""Rotors that bend: their beams, matrices and modes."""

@@ -1,0 +1,345 @@
+"""Rotors that bend, as descriptions: a table of the shaft, matrices in a file, measured modes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from functools import cached_property, lru_cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
+
+from ambkit.base.config import Part, Read
+from ambkit.base.config.paths import FilePath
+from ambkit.base.config.quantities import Quantity
+from ambkit.base.errors import AmbkitError
+from ambkit.base.units import engineering
+from ambkit.machine.rotors import beam
+from ambkit.machine.rotors.file import read_matrices
+from ambkit.machine.rotors.measured import ThroughPoints
+from ambkit.machine.rotors.modes import Bending, Body, body_of, reduced
+from ambkit.machine.rotors.pieces import NAMED, Disc, Material, Section
+
+Ratio = Annotated[float, Quantity("1", "0.002", above=0)]
+Frequency = Annotated[float, Quantity("Hz", "1 kHz", above=0)]
+Gravity = Literal["-x", "-z", "none"]
+
+
+class _OfMatrices(Part):
+    """A rotor whose modes are computed from its matrices."""
+
+    gravity: Gravity = "-x"
+    """Direction in which gravity pulls: "-x" where the shaft lies, "-z" where it stands."""
+    modes_up_to: Frequency
+    """Up to which frequency bending modes are kept [Hz]; what is left out is told."""
+    damping_ratio: Ratio | None = None
+    """Damping ratio of each bending mode [1]; without it by the damping of the matrices."""
+    residual: Annotated[bool, Field(strict=True)] = False
+    """Whether the static compliance of the modes left out is kept at the magnets, by one more
+    shape for each: where a stiff magnet or a high gain feels it."""
+
+    @property
+    def matrices(self) -> beam.Matrices:
+        """Those of the free rotor, in one plane."""
+        raise NotImplementedError
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return a copy with other values, which are not checked."""
+        copy = super().model_copy(update=update, deep=deep)
+        for computed in ("matrices", "body", "_known"):  # of the rotor as it was
+            copy.__dict__.pop(computed, None)
+        return copy
+
+    @cached_property
+    def body(self) -> Body:
+        """The rotor as a rigid body."""
+        return body_of(self.matrices)
+
+    @property
+    def mass(self) -> float:
+        """Mass m [kg]."""
+        return self.body.mass
+
+    @property
+    def transverse_inertia(self) -> float:
+        """Moment of inertia I_t across the shaft, about the centre of mass [kg m^2]."""
+        return self.body.transverse_inertia
+
+    @property
+    def polar_inertia(self) -> float:
+        """Moment of inertia I_p about the shaft [kg m^2]."""
+        return self.body.polar_inertia
+
+    @property
+    def centre(self) -> float:
+        """Place of the centre of mass, from where places are measured [m]."""
+        return self.body.centre
+
+    @property
+    def first_end(self) -> float:
+        """Place of the end towards -z [m]."""
+        return self.body.ends[0]
+
+    @property
+    def second_end(self) -> float:
+        """Place of the end towards +z [m]."""
+        return self.body.ends[1]
+
+    def bending(self, magnets: tuple[float, ...]) -> Bending:
+        """Return its bending modes.
+
+        Parameters
+        ----------
+        magnets : tuple of float
+            Places of the radial magnets [m].
+        """
+        known: dict[tuple[float, ...], Bending] = self._known
+        places = magnets if self.residual else ()
+        if places not in known:
+            highest = 2 * math.pi * self.modes_up_to
+            known[places] = reduced(self.matrices, highest, self.damping_ratio, places)
+        return known[places]
+
+    @cached_property
+    def _known(self) -> dict[tuple[float, ...], Bending]:
+        return {}
+
+    @model_serializer(mode="wrap")
+    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = handler(self)
+        return {k: v for k, v in data.items() if v is not None and v != () and v is not False}
+
+
+class ShaftRotor(_OfMatrices):
+    """A rotor by a table of its shaft: sections one after the other, and discs on them.
+
+    All places of its machine are measured from where the shaft begins.
+    """
+
+    type: Literal["shaft"]
+    """A table of the shaft."""
+    section: Annotated[tuple[Section, ...], Field(min_length=1, max_length=500)]
+    """Its sections, from its beginning on."""
+    disc: Annotated[tuple[Disc, ...], Field(max_length=500)] = ()
+    """Rigid discs on it."""
+    material: Annotated[tuple[Material, ...], Field(max_length=100)] = ()
+    """Materials by name."""
+
+    @cached_property
+    def matrices(self) -> beam.Matrices:
+        """Those of the free rotor, in one plane."""
+        return _of_shaft(self.section, self.disc, self.material)
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        sections, discs, materials = (read(key) for key in ("section", "disc", "material"))
+        if read("damping_ratio") is None:
+            yield "damping_ratio", "missing: damping ratio of the bending modes, such as 0.002"
+        if not all(isinstance(each, tuple) for each in (sections, discs, materials)):
+            return
+        found = False
+        names = {*NAMED, *(each.name for each in materials)}
+        for key, placed in (("section", sections), ("disc", discs)):
+            for at, each in enumerate(placed):
+                if each.material not in names:
+                    found = True
+                    text = f'must be one of {", ".join(sorted(names))}, is "{each.material}"'
+                    yield f"{key}.{at}.material", text
+        length = sum(each.length for each in sections)
+        for at, each in enumerate(discs):
+            if each.place > length * (1 + 1e-9):
+                found = True
+                limit = f"is beyond the shaft, which ends at {engineering(length, 'm')}"
+                yield f"disc.{at}.place", f"{engineering(each.place, 'm')} {limit}"
+        if found or math.isnan(read("modes_up_to")):
+            return
+        rotor = cls.model_construct(
+            type="shaft", section=sections, disc=discs, material=materials,
+            modes_up_to=read("modes_up_to"), damping_ratio=read("damping_ratio") or 0.01,
+        )  # fmt: skip
+        yield from _no_mode(rotor, "section")
+
+
+@lru_cache(maxsize=16)
+def _of_shaft(
+    section: tuple[Section, ...], disc: tuple[Disc, ...], material: tuple[Material, ...]
+) -> beam.Matrices:
+    """Return the matrices of a shaft; a description is checked, and then used."""
+    known = NAMED | {m.name: (m.density, m.youngs_modulus, m.poisson_ratio) for m in material}
+    sections = [
+        beam.Element(s.length, s.outer_diameter, s.inner_diameter, *known[s.material])
+        for s in section
+    ]
+    discs = [each.on(known[each.material][0]) for each in disc]
+    return beam.assemble(beam.divided(sections, [d.place for d in discs]), discs)
+
+
+class MatrixRotor(_OfMatrices):
+    """A rotor by matrices M, K, G and perhaps D of the free rotor at nodes, in a file.
+
+    All places of its machine are measured from where the file's places are.
+    """
+
+    type: Literal["matrices"]
+    """Matrices in a file."""
+    file: FilePath
+    """A ``.npz`` or ``.mat`` file, see `ambkit.machine.rotors.file`."""
+
+    @cached_property
+    def matrices(self) -> beam.Matrices:
+        """Those of the free rotor, in one plane."""
+        about = Path(self.file).stat() if Path(self.file).exists() else None
+        return _of_file(self.file, about and (about.st_mtime_ns, about.st_size))
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        file, highest = read("file"), read("modes_up_to")
+        if not isinstance(file, str) or math.isnan(highest):
+            return
+        rotor = cls.model_construct(
+            type="matrices", file=file, modes_up_to=highest, damping_ratio=read("damping_ratio")
+        )
+        try:
+            given = rotor.matrices.D
+        except AmbkitError as error:
+            yield "file", str(error)
+            return
+        if given is None and rotor.damping_ratio is None:
+            text = "missing: damping ratio of the bending modes, such as 0.002; the file has no D"
+            yield "damping_ratio", text
+            return
+        yield from _no_mode(rotor, "file")
+
+
+@lru_cache(maxsize=16)
+def _of_file(path: str, about: tuple[int, int] | None) -> beam.Matrices:
+    """Return the matrices of a file, read again where it was written again."""
+    return read_matrices(path)
+
+
+def _no_mode(rotor: ShaftRotor | MatrixRotor, key: str) -> Iterator[tuple[str, str]]:
+    """Yield that a rotor is not free, that no body is like that, or that no mode is kept."""
+    try:
+        squares, _ = rotor.matrices.free_modes
+        body = rotor.body
+    except (ValueError, np.linalg.LinAlgError) as error:
+        yield key, str(error)
+        return
+    if body.polar_inertia > 2 * body.transverse_inertia:
+        polar = engineering(body.polar_inertia, "kg m^2")
+        most = f"twice the transverse one, {engineering(body.transverse_inertia, 'kg m^2')}"
+        yield key, f"gives a polar inertia of {polar}, which is more than {most}"
+    if rotor.damping_ratio is not None and rotor.damping_ratio >= 1:
+        yield "damping_ratio", f"must be less than 1, is {rotor.damping_ratio:g}"
+    first = math.sqrt(squares[0]) / (2 * math.pi)
+    if rotor.modes_up_to < first:
+        limit = f"at least {engineering(first, 'Hz')}, the first bending mode of the free rotor"
+        yield "modes_up_to", f"must be {limit}; is {engineering(rotor.modes_up_to, 'Hz')}"
+
+
+class MeasuredMode(Part):
+    """A bending mode of the free rotor as it was measured: struck, and seen along the shaft."""
+
+    frequency: Frequency
+    """Frequency, at rest [Hz]."""
+    damping_ratio: Ratio
+    """Damping ratio [1]."""
+    mass: Annotated[float, Quantity("kg", "1.45 kg", above=0)]
+    """Modal mass: of the shape as it stands here [kg]."""
+    places: Annotated[
+        tuple[Annotated[float, Quantity("m", "-0.25 m")], ...], Field(min_length=2, max_length=1000)
+    ]
+    """Where its shape was measured, rising [m]; the outermost beyond all magnets and sensors."""
+    shape: Annotated[
+        tuple[Annotated[float, Quantity("1", "0.8")], ...], Field(min_length=2, max_length=1000)
+    ]
+    """Deflection at these places [1]; between them by a cubic spline."""
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        if read("damping_ratio") >= 1:
+            yield "damping_ratio", f"must be less than 1, is {read('damping_ratio'):g}"
+        places, shape = read("places"), read("shape")
+        if not (isinstance(places, tuple) and isinstance(shape, tuple)):
+            return
+        if len(places) != len(shape):
+            yield "shape", f"must be {len(places)} numbers, one for each place; is {len(shape)}"
+        if any(b <= a for a, b in pairwise(places)):
+            yield "places", "must rise from each to the next"
+        if not any(shape):
+            yield "shape", "must not be 0 everywhere"
+
+
+class ModalRotor(Part):
+    """A rotor by its rigid body and its measured bending modes.
+
+    All places of its machine are measured from the centre of mass. What gyroscopics do to the modes
+    was not measured: they turn its rigid body alone.
+    """
+
+    type: Literal["modes"]
+    """Measured modes."""
+    mass: Annotated[float, Quantity("kg", "3.3 kg", above=0)]
+    """Mass m [kg]."""
+    transverse_inertia: Annotated[float, Quantity("kg m^2", "0.125 kg m^2", above=0)]
+    """Moment of inertia I_t across the shaft, about the centre of mass [kg m^2]."""
+    polar_inertia: Annotated[float, Quantity("kg m^2", "0.0036 kg m^2", above=0)]
+    """Moment of inertia I_p about the shaft [kg m^2]."""
+    gravity: Gravity = "-x"
+    """Direction in which gravity pulls: "-x" where the shaft lies, "-z" where it stands."""
+    mode: Annotated[tuple[MeasuredMode, ...], Field(min_length=1, max_length=10)]
+    """Its bending modes, the slowest first."""
+
+    @property
+    def centre(self) -> float:
+        """Place of the centre of mass, from where places are measured [m]."""
+        return 0.0
+
+    @property
+    def first_end(self) -> float:
+        """From where on all shapes were measured [m]."""
+        return max(each.places[0] for each in self.mode)
+
+    @property
+    def second_end(self) -> float:
+        """Up to where all shapes were measured [m]."""
+        return min(each.places[-1] for each in self.mode)
+
+    def bending(self, magnets: tuple[float, ...]) -> Bending:
+        """Return its bending modes.
+
+        Parameters
+        ----------
+        magnets : tuple of float
+            Places of the radial magnets [m].
+        """
+        return self._bending
+
+    @cached_property
+    def _bending(self) -> Bending:
+        largest = np.array([max(map(abs, each.shape)) for each in self.mode])
+        mass = np.array([each.mass for each in self.mode]) / largest**2
+        frequency = 2 * math.pi * np.array([each.frequency for each in self.mode])
+        ratios = np.array([each.damping_ratio for each in self.mode])
+        polar = np.zeros((1 + len(mass), 1 + len(mass)))
+        polar[0, 0] = self.polar_inertia
+        points = [(each.places, each.shape) for each in self.mode]
+        damping = np.diag(np.concatenate([[0.0, 0.0], 2 * ratios * mass * frequency]))
+        ends = self.first_end, self.second_end
+        return Bending(frequency, mass, damping, polar, ThroughPoints(points, largest), ends)
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        I_t, I_p, modes = (read(k) for k in ("transverse_inertia", "polar_inertia", "mode"))
+        if I_p > 2 * I_t * (1 + 1e-9):
+            limit = f"{engineering(2 * I_t, 'kg m^2')}, twice transverse_inertia"
+            yield "polar_inertia", f"must be at most {limit}; is {engineering(I_p, 'kg m^2')}"
+        if not isinstance(modes, tuple):
+            return
+        for at, (one, other) in enumerate(pairwise(modes), 1):
+            if other.frequency <= one.frequency:
+                text = f"must be greater than that before, {engineering(one.frequency, 'Hz')}"
+                yield f"mode.{at}.frequency", f"{text}; is {engineering(other.frequency, 'Hz')}"

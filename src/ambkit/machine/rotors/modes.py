@@ -1,0 +1,243 @@
+"""Modes of a free rotor: the rigid body, bending up to a frequency, and what is left out.
+
+In one plane the rotor moves by ``w(z) = x + z tilt + sum over k of phi_k(z) m_k``, with z from the
+centre of mass and each shape scaled to 1 m/m where it is largest. Modes of a free rotor are
+orthogonal to its rigid motions, so that mass and stiffness are diagonal; gyroscopics couple.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.machine.rotors.beam import Matrices, shapes
+
+Array = NDArray[np.float64]
+
+
+class Shape(Protocol):
+    """Shapes of modes over the shaft."""
+
+    def __call__(self, place: float) -> Array:
+        """Return each mode's deflection (modes,) [1] at a place [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bending:
+    """Bending modes of a free rotor, beside its rigid body.
+
+    Attributes
+    ----------
+    frequency : ndarray (modes,)
+        Undamped, at rest [rad/s].
+    mass : ndarray (modes,)
+        Modal masses, of shapes that are 1 where they are largest [kg].
+    damping : ndarray (2 + modes, 2 + modes)
+        Of what stands still, over x, tilt and the modes [N s/m], [N s].
+    polar : ndarray (1 + modes, 1 + modes)
+        Polar inertias over tilt and the modes [kg m^2], [kg m], [kg].
+    shape : Shape
+        Deflections at a place, from where the rotor's places are measured.
+    ends : tuple of float
+        Between which places there are shapes [m].
+    left_out : tuple of float
+        Frequencies of some bending modes beyond [rad/s].
+    residual : callable
+        Compliance (places, places) [m/N] of all that is left out, of a slow force.
+    attached : int
+        How many of the last modes are none: static deflections by forces at places, which keep the
+        compliance of what is left out (Rubin 1975).
+    """
+
+    frequency: Array
+    mass: Array
+    damping: Array
+    polar: Array
+    shape: Shape
+    ends: tuple[float, float]
+    left_out: tuple[float, ...] = ()
+    residual: Residual | None = None
+    attached: int = 0
+
+    @property
+    def stiffness(self) -> Array:
+        """Modal stiffnesses (modes,) [N/m]."""
+        return np.asarray(self.mass * self.frequency**2)
+
+    @property
+    def damping_ratio(self) -> Array:
+        """Of each mode alone (modes,) [1]."""
+        return np.asarray(np.diag(self.damping)[2:] / (2 * self.mass * self.frequency))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Short names, ``m1``, ``m2``, ..."""
+        return tuple(f"m{k}" for k in range(1, len(self.frequency) + 1))
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A rotor as a rigid body.
+
+    Attributes
+    ----------
+    mass : float
+        m [kg].
+    centre : float
+        Place of the centre of mass [m].
+    transverse_inertia, polar_inertia : float
+        About it, I_t and I_p [kg m^2].
+    ends : tuple of float
+        Places of the first and of the last node [m].
+    """
+
+    mass: float
+    centre: float
+    transverse_inertia: float
+    polar_inertia: float
+    ends: tuple[float, float]
+
+
+def body_of(matrices: Matrices) -> Body:
+    """Return the rigid body that matrices describe."""
+    z = matrices.place
+    across, tilted = np.zeros((2, 2 * len(z)))
+    across[::2], tilted[::2], tilted[1::2] = 1.0, z, 1.0
+    mass = across @ matrices.M @ across
+    centre = float(across @ matrices.M @ tilted / mass)
+    tilted = tilted - centre * across
+    return Body(
+        float(mass), centre, float(tilted @ matrices.M @ tilted),
+        float(tilted @ matrices.G @ tilted), (float(z[0]), float(z[-1])),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class OverNodes:
+    """Shapes of deflections that are known at nodes, between them by the beam's functions."""
+
+    vectors: Array
+    """w and th of each node, of each mode (2 nodes, modes)."""
+    place: Array
+    """Of the nodes (nodes,) [m]."""
+    shear: Array
+    """Phi of each element (nodes - 1,)."""
+
+    def __call__(self, place: float) -> Array:
+        """Return each mode's deflection (modes,) [1] at a place [m]."""
+        return np.asarray(self.row(place) @ self.vectors)
+
+    def row(self, place: float) -> Array:
+        """Return the deflection at a place as a linear form of w and th (2 nodes,)."""
+        last = len(self.place) - 2
+        k = int(np.clip(np.searchsorted(self.place, place, "right") - 1, 0, last))
+        length = self.place[k + 1] - self.place[k]
+        share = np.array([(place - self.place[k]) / length])
+        row = np.zeros(2 * len(self.place))
+        row[2 * k : 2 * k + 4] = shapes(share, length, self.shear[k]).w[0]
+        return row
+
+
+@dataclass(frozen=True, eq=False)
+class Residual:
+    """Static compliance of the modes that are left out."""
+
+    over: OverNodes
+    modes: Array = field(repr=False)
+    """All bending modes (2 nodes, all), of mass 1 [kg]."""
+    squares: Array = field(repr=False)
+    """Their frequencies squared (all,) [1/s^2]."""
+    kept: int
+    """How many of them are kept."""
+
+    def __call__(self, places: Sequence[float]) -> Array:
+        """Return deflections by slow forces (places, places) [m/N].
+
+        Parameters
+        ----------
+        places : sequence of float
+            Of forces and deflections [m].
+        """
+        rows = np.array([self.over.row(place) for place in places]) @ self.modes[:, self.kept :]
+        return np.asarray((rows / self.squares[self.kept :]) @ rows.T)
+
+
+def reduced(
+    matrices: Matrices,
+    highest: float,
+    damping_ratio: float | None,
+    attachments: Sequence[float] = (),
+) -> Bending:
+    """Return the modes of a rotor up to a frequency.
+
+    Parameters
+    ----------
+    matrices : Matrices
+        Of the free rotor.
+    highest : float
+        Up to which frequency bending modes are kept [rad/s].
+    damping_ratio : float, optional
+        Of each mode [1]; by default by the matrices' damping.
+    attachments : sequence of float
+        Places [m] of forces whose static compliance is kept: for each one a shape more, with what
+        the modes left out give way there (Rubin, Improved component-mode representation for
+        structural dynamic analysis, 1975).
+
+    Raises
+    ------
+    ValueError
+        The rotor is not free; there is no damping; no mode is as low as that.
+    """
+    squares, modes = matrices.free_modes
+    kept = int(np.count_nonzero(squares <= highest**2))
+    over = OverNodes(np.zeros((len(modes), 0)), matrices.place, matrices.shear)
+    frequencies, vectors = np.sqrt(squares[:kept]), modes[:, :kept]
+    attached = 0
+    if attachments:
+        extra, more = _attached(over, modes[:, kept:], squares[kept:], attachments)
+        vectors, attached = np.hstack([vectors, extra]), len(more)
+        frequencies = np.concatenate([frequencies, more])
+    if not len(frequencies):
+        first = math.sqrt(squares[0]) / (2 * math.pi)
+        raise ValueError(f"must be at least {first:.6g} Hz, the first bending mode")
+    w = vectors[::2]
+    largest = w[np.abs(w).argmax(axis=0), np.arange(w.shape[1])]
+    vectors = vectors / largest
+    mass = np.einsum("ik,ij,jk->k", vectors, matrices.M, vectors)
+    body = body_of(matrices)
+    across, tilted = np.zeros((2, len(vectors)))
+    across[::2], tilted[::2], tilted[1::2] = 1.0, matrices.place - body.centre, 1.0
+    with_rigid = np.column_stack([across, tilted, vectors])
+    polar = with_rigid[:, 1:].T @ matrices.G @ with_rigid[:, 1:]
+    if damping_ratio is not None:
+        of_modes = 2 * damping_ratio * mass * frequencies
+        damping = np.diag(np.concatenate([[0.0, 0.0], of_modes]))
+    elif matrices.D is not None:
+        damping = with_rigid.T @ matrices.D @ with_rigid
+    else:
+        raise ValueError("missing: nothing is said of how the modes are damped")
+    return Bending(
+        frequencies, mass, (damping + damping.T) / 2, (polar + polar.T) / 2,
+        OverNodes(vectors, matrices.place, matrices.shear), body.ends,
+        tuple(np.sqrt(squares[kept : kept + 3]).tolist()),
+        Residual(over, modes, squares, len(squares) if attached else kept), attached,
+    )  # fmt: skip
+
+
+def _attached(
+    over: OverNodes, modes: Array, squares: Array, places: Sequence[float]
+) -> tuple[Array, Array]:
+    """Return shapes of mass 1 and frequencies that give way as all of these modes do at places."""
+    from scipy.linalg import eigh
+
+    rows = np.array([over.row(place) for place in dict.fromkeys(places)]) @ modes
+    static = rows.T / squares[:, None]  # amplitudes of the modes by forces of 1 N
+    static = static / np.sqrt(np.einsum("ik,ik->k", static, static))
+    K, M = static.T @ (squares[:, None] * static), static.T @ static
+    own, mixed = eigh(K, M)
+    return modes @ (static @ mixed), np.sqrt(own)

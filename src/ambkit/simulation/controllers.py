@@ -1,0 +1,318 @@
+"""The controllers of a whole machine, for ``core/include/ambkit/controllers.h``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.config import Part
+from ambkit.base.config.quantities import Quantity
+from ambkit.base.errors import AmbkitError
+from ambkit.machine import geometry
+from ambkit.machine.magnets import ConstantStiffness
+from ambkit.simulation.holding import holding, shown_along_axes
+from ambkit.simulation.regulator import regulator
+from ambkit.simulation.scenario import PID
+
+if TYPE_CHECKING:
+    from ambkit.estimate.base import Estimator
+    from ambkit.simulation.plant import Plant
+
+Array = NDArray[np.float64]
+
+
+FAR = 1e9
+"""No reference is beyond it [m]."""
+
+
+class Control(Part):
+    """How a whole machine is controlled."""
+
+    type: Literal["decentralised", "translation and tilt", "lqg"] = "decentralised"
+    """One PID for each axis; one for each translation and tilt of the rotor; or a linear-quadratic
+    regulator of the estimator's states."""
+    cross_feedback: Annotated[float, Quantity("1", "0.5", at_least=0)] = 0.0
+    """Share of the gyroscopic torques that is taken back, by the estimated tilt velocities [1]."""
+    unbalance: Literal["fought", "force-free", "still"] = "fought"
+    """Whether the controllers answer to the synchronous motion as to any other; let the rotor turn
+    about its axis of inertia, without a synchronous force of the bearings; or keep its geometric
+    axis still. The last two need an estimator with the unbalance among its states."""
+
+
+@dataclass(frozen=True)
+class Controllers:
+    """PIDs of combinations of the axes' positions, and feedback of an estimator's states.
+
+    Attributes
+    ----------
+    pids : list of list
+        Gains and limits of each of the q PIDs, as ``amb_pid`` has them after T.
+    of_axes : ndarray (q, p)
+        Of the axes' positions, what each PID looks at.
+    spread : ndarray (p, q)
+        What each PID's current [A] is to the axes' [A].
+    unseen : ndarray (q,)
+        What each integral is ahead at a reference of 1 [A/m], see `PID.unseen`.
+    feedback : dict
+        Matrices (q, n) and (p, n) of the estimator's states, by the names in ``amb_controllers``.
+    """
+
+    pids: list[list[float]]
+    of_axes: Array
+    spread: Array
+    unseen: Array
+    feedback: dict[str, Array] = field(default_factory=dict)
+
+    def integrals(self, currents: Array, place: Array, states: Array | None) -> Array:
+        """Return the integrals (q,) of a rotor that is held.
+
+        Parameters
+        ----------
+        currents : ndarray (p,)
+            That hold it [A].
+        place : ndarray (p,)
+            References of the axes where it is [m].
+        states : ndarray (n,), optional
+            What the estimator says then.
+        """
+        if states is not None and "fed_back" in self.feedback:
+            currents = currents - self.feedback["fed_back"] @ states
+        held = np.linalg.lstsq(self.spread, currents, rcond=None)[0]
+        return np.asarray(held + self.unseen * (self.of_axes @ place))
+
+
+def controllers_of(plant: Plant, control: Control, estimator: Estimator | None) -> Controllers:
+    """Return the controllers that a machine is flown with.
+
+    Parameters
+    ----------
+    plant : Plant
+        The machine.
+    control : Control
+        Of which kind.
+    estimator : Estimator, optional
+        That feeds them; without, the readings do.
+
+    Raises
+    ------
+    AmbkitError
+        What is asked needs an estimator that is in the loop, or states that it has not.
+    """
+    if estimator is None and control != Control(type=control.type):
+        asked = "cross_feedback" if control.cross_feedback else f'unbalance = "{control.unbalance}"'
+        raise AmbkitError(f'{asked} is made of the estimate: feedback must be "estimate"')
+    if control.type == "lqg":
+        if estimator is None:
+            raise AmbkitError('type = "lqg" regulates the estimate: feedback must be "estimate"')
+        found = _regulated(plant, estimator)
+    elif control.type == "decentralised":
+        found = _decentralised(plant, "measurement" if estimator is None else "estimate")
+    else:
+        found = _of_translation_and_tilt(plant)
+    if estimator is None:
+        return found
+    feedback = _fed(plant, found, estimator) | found.feedback
+    if control.cross_feedback:
+        torques = _against_gyroscopics(plant, estimator)
+        feedback["fed_back_by_speed"] = control.cross_feedback * torques
+    if control.unbalance == "still":
+        feedback["fed_back_by_square"] = -_synchronous(plant, estimator)[1]
+    elif control.unbalance == "force-free":
+        _leave_out(plant, estimator, feedback)
+    return replace(found, feedback=feedback)
+
+
+def arrays(controllers: Controllers, plant: Plant, estimator: Estimator | None) -> dict[str, Any]:
+    """Return the fields of ``amb_controllers``, for the core.
+
+    Parameters
+    ----------
+    controllers : Controllers
+        Of the machine.
+    plant : Plant
+        The machine.
+    estimator : Estimator, optional
+        That feeds them; without, the readings do.
+    """
+    told = dict.fromkeys(
+        ("velocity", "turning", "fed_back", "fed_back_by_speed", "fed_back_by_square"), None
+    ) | {name: values.ravel().tolist() for name, values in controllers.feedback.items()}
+    if estimator is None:
+        shown = shown_along_axes(plant.machine)
+        told["position"] = (controllers.of_axes @ shown).ravel().tolist()
+    return told | {
+        "feedback_estimate": estimator is not None,
+        "pid": controllers.pids,
+        "spread": controllers.spread.ravel().tolist(),
+        "iu_min": [each.current_min for each in plant.alone],
+        "iu_max": [each.current_max for each in plant.alone],
+    }
+
+
+def _gains(pid: PID, low: float, high: float) -> list[float]:
+    return [pid.kp, pid.ki, pid.kd, pid.derivative_filter, pid.anti_windup, pid.setpoint_weight,
+            low, high]  # fmt: skip
+
+
+def _decentralised(plant: Plant, feedback: Literal["measurement", "estimate"]) -> Controllers:
+    pids = holding(plant.machine, feedback).pids
+    limits = [(alone.current_min, alone.current_max) for alone in plant.alone]
+    one = np.eye(len(pids))
+    return Controllers(
+        [_gains(pid, *ends) for pid, ends in zip(pids, limits, strict=True)], one, one,
+        np.array([pid.unseen(1.0) for pid in pids]),
+    )  # fmt: skip
+
+
+def _of_translation_and_tilt(plant: Plant) -> Controllers:
+    """One PID for each coordinate of the rigid rotor, tuned to its own mass and stiffness.
+
+    Each counts in metres at the radius at which the magnets are, and in amperes of a first axis
+    that were to hold the coordinate alone.
+    """
+    masses = dict(zip(plant.machine.rigid_positions, plant.machine.masses, strict=False))
+    k = [ConstantStiffness.of(alone) for alone in plant.alone]
+    k_i, k_s = np.array([each.k_i for each in k]), np.array([each.k_s for each in k])
+    H, first = _rigid(plant), plant.alone[0]
+    to_axes = _currents(plant)
+    limit = min(abs(first.current_min), first.current_max)
+    pids, of_axes, spread, unseen = [], [], [], []
+    for at, (name, mass) in enumerate(masses.items()):
+        stiffness = float(H[:, at] ** 2 @ k_s)
+        lever = 1.0
+        if name.startswith("th"):
+            across = float(np.linalg.pinv(H)[at] @ np.linalg.pinv(H)[at])
+            lever = 1 / math.sqrt(across * len(k_s) / 2)
+        alike = first.replace(rotor__mass=mass * k_s[0] / stiffness, rotor__gravity="none")
+        pid = PID.for_bearing(alike)
+        amperes = to_axes[:, at] * k_i[0] * stiffness / (k_s[0] * lever)
+        room = min(
+            (abs(end) / abs(share)
+             for share, alone in zip(amperes, plant.alone, strict=True) if share
+             for end in (alone.current_min, alone.current_max)),
+            default=limit,
+        )  # fmt: skip
+        pids.append(_gains(pid, -room, room))
+        of_axes.append(lever * np.linalg.pinv(H)[at])
+        spread.append(amperes)
+        unseen.append(pid.unseen(1.0))
+    return Controllers(pids, np.array(of_axes), np.array(spread).T, np.array(unseen))
+
+
+def _regulated(plant: Plant, estimator: Estimator) -> Controllers:
+    """The states are fed back; the PIDs only pass the references on."""
+    K, ahead = regulator(plant, estimator)
+    p = len(plant.alone)
+    passed = [[1.0, 0.0, 0.0, 0.0, 1.0, 1.0, -FAR, FAR]] * p
+    nothing = np.zeros((p, len(estimator.states)))
+    return Controllers(
+        passed, np.eye(p), ahead, np.zeros(p),
+        {"fed_back": -K, "position": nothing, "velocity": nothing},
+    )  # fmt: skip
+
+
+def _fed(plant: Plant, found: Controllers, estimator: Estimator) -> dict[str, Array]:
+    """Return what each PID looks at of the estimator's states (q, n)."""
+    assert estimator.whole is not None
+    position, velocity = estimator.whole.along_axes(estimator.states)
+    return {"position": found.of_axes @ position, "velocity": found.of_axes @ velocity}
+
+
+def _rigid(plant: Plant) -> Array:
+    """Return displacements along the axes by the coordinates of the rigid rotor (p, q)."""
+    lines = [axis.line for axis in plant.axes]
+    return np.asarray(geometry.matrix(lines, plant.machine.rigid_positions))
+
+
+def _places(estimator: Estimator, role: str) -> list[int]:
+    return [k for k, state in enumerate(estimator.states) if state.role == role]
+
+
+def _currents(plant: Plant) -> Array:
+    """Return the currents (p, q) of one of each force and torque on the rigid rotor."""
+    k_i = np.array([ConstantStiffness.of(alone).k_i for alone in plant.alone])
+    return np.asarray(np.linalg.pinv(_rigid(plant).T) / k_i[:, None])
+
+
+def _against_gyroscopics(plant: Plant, estimator: Estimator) -> Array:
+    """Return the currents (p, n) that take the gyroscopic torques back, for each rad/s."""
+    torques = _gyroscopic(plant)
+    gain = np.zeros((len(plant.alone), len(estimator.states)))
+    gain[:, _places(estimator, "velocity")] = _currents(plant) @ torques
+    return gain
+
+
+def _gyroscopic(plant: Plant) -> Array:
+    """Return the torques (q, q) by which gyroscopics brake the rigid rotor, for each rad/s."""
+    machine = plant.machine
+    q, n = len(machine.rigid_positions), len(machine.positions)
+    spin = plant.model.spin[n : n + q, n : n + q]
+    return np.asarray(-machine.masses[:q, None] * spin)
+
+
+def _synchronous(plant: Plant, estimator: Estimator) -> tuple[Array, Array]:
+    """Return the synchronous motion of a free rotor (q, n), and the currents (p, n) that balance.
+
+    For each kg m of the estimated unbalance, at any speed: forces and accelerations both go with
+    its square. The rotor is M q'' + W G q' = W^2 S u, and u turns by u' = W J u, which for
+    q = X u leaves S = -M X + G X J.
+    """
+    states, machine = _places(estimator, "unbalance"), plant.machine
+    if machine.bending is not None:
+        raise AmbkitError(
+            f"{machine.name}: its rotor bends, and where it turns freely depends on the speed; "
+            'unbalance must be "fought"'
+        )
+    if not states:
+        raise AmbkitError(
+            f"{estimator.name}: it has no unbalance among its states, which the controllers are "
+            'to know: it needs synchronous = ["unbalance"]'
+        )
+    from ambkit.models.machine import unbalance_planes
+
+    forms = [
+        geometry.Line.across(z, turn)
+        for z in unbalance_planes(machine)
+        for turn in (0.0, math.pi / 2)
+    ]
+    S, G = geometry.matrix(forms, machine.positions).T, _gyroscopic(plant)
+    J = np.kron(np.eye(len(states) // 2), [[0.0, -1.0], [1.0, 0.0]])
+    one = np.eye(len(states))
+    whole = np.kron(-np.diag(machine.masses), one) + np.kron(G, J.T)
+    X = np.linalg.solve(whole, S.ravel()).reshape(S.shape)
+    n = len(estimator.states)
+    moved, balancing = np.zeros((len(S), n)), np.zeros((len(plant.alone), n))
+    moved[:, states], balancing[:, states] = X, _currents(plant) @ S
+    return moved, balancing
+
+
+def _leave_out(plant: Plant, estimator: Estimator, feedback: dict[str, Array]) -> None:
+    """Take the free rotor's synchronous motion out of what the controllers see, in place.
+
+    What the magnets pull by that motion itself is balanced by a current.
+    """
+    moved, _ = _synchronous(plant, estimator)
+    k = [ConstantStiffness.of(alone) for alone in plant.alone]
+    pull = np.array([each.k_s / each.k_i for each in k])
+    turn = np.zeros((len(estimator.states), len(estimator.states)))
+    for x, y in _pairs(_places(estimator, "unbalance")):
+        turn[x, y], turn[y, x] = -1.0, 1.0
+    gain = feedback.get("fed_back", np.zeros((len(plant.alone), len(estimator.states))))
+    by_speed = feedback.get("fed_back_by_speed", np.zeros_like(gain))
+    # What is fed back of positions and velocities is not fed back of these.
+    at, moving = _places(estimator, "position"), _places(estimator, "velocity")
+    feedback["fed_back"] = gain - gain[:, at] @ moved - pull[:, None] * (plant.H @ moved)
+    feedback["fed_back_by_speed"] = by_speed - gain[:, moving] @ moved @ turn
+    feedback["fed_back_by_square"] = -by_speed[:, moving] @ moved @ turn
+    seen, quick = feedback["position"], feedback["velocity"]
+    feedback["position"] = seen - seen[:, at] @ moved
+    feedback["turning"] = -quick[:, moving] @ moved @ turn
+
+
+def _pairs(places: Sequence[int]) -> list[tuple[int, int]]:
+    return list(zip(places[::2], places[1::2], strict=True))

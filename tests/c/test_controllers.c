@@ -1,0 +1,80 @@
+/* Controllers of a whole machine: every term by hand, limits, and what is no number. */
+#include "ambkit/controllers.h"
+#include "check.h"
+
+/* Two axes, three states, one PID of the states' mean: proportional alone. */
+static const amb_pid half = {
+    .T = AMB_C(1e-4), .kp = 2, .T_t = 1, .weight = 1, .iu_min = -10, .iu_max = 10};
+static const amb_real position[] = {AMB_C(0.5), AMB_C(0.5), 0};
+static const amb_real velocity[] = {0, 0, 1};
+static const amb_real turning[] = {0, 0, 2};
+static const amb_real spread[] = {1, -3};
+static const amb_real still[] = {1, 0, 0, 0, 0, 0};
+static const amb_real quick[] = {0, 0, 0, 0, 1, 0};
+static const amb_real square[] = {0, 0, 0, 0, 0, 1};
+static const amb_real low[] = {-100, -100}, high[] = {100, 100};
+
+static amb_controllers made(void)
+{
+  const amb_controllers all = {.axes = 2,
+                               .states = 3,
+                               .pids = 1,
+                               .pid = &half,
+                               .position = position,
+                               .spread = spread,
+                               .iu_min = low,
+                               .iu_max = high};
+  return all;
+}
+
+static void test_terms(void)
+{
+  const amb_real x[] = {4, 2, AMB_C(0.5)}, r[] = {5};
+  amb_real iu[2];
+  amb_pid_state s;
+  amb_controllers c = made();
+  amb_pid_reset(&s, AMB_C(0.25));
+  CHECK(amb_controllers_step(&c, &s, r, x, 10, iu) == AMB_OK);
+  CHECK_NEAR(iu[0], AMB_C(4.25)); /* 2 (5 - 3) and the integral */
+  CHECK_NEAR(iu[1], AMB_C(-12.75));
+  c.gain[0] = still;
+  c.gain[1] = quick;
+  c.gain[2] = square;
+  CHECK(amb_controllers_step(&c, &s, r, x, 10, iu) == AMB_OK);
+  CHECK_NEAR(iu[0], AMB_C(8.25));
+  CHECK_NEAR(iu[1], AMB_C(-12.75) + 20 + 50);
+  amb_pid slow = half;
+  slow.kd = 1;
+  c = made();
+  c.pid = &slow;
+  c.velocity = velocity;
+  c.turning = turning;
+  CHECK(amb_controllers_step(&c, &s, r, x, 3, iu) == AMB_OK);
+  CHECK_NEAR(iu[0], AMB_C(4.25) - AMB_C(3.5)); /* 0.5 + 3 * 2 * 0.5 */
+}
+
+static void test_limits_and_no_numbers(void)
+{
+  const amb_real x[] = {4, 2, NOT_A_NUMBER}, r[] = {5}, narrow[] = {1, 1};
+  amb_real iu[2];
+  amb_pid_state s;
+  amb_controllers c = made();
+  c.iu_max = narrow;
+  c.gain[0] = square; /* sees the state that is no number: it gives nothing */
+  c.position = still;
+  amb_pid_reset(&s, 0);
+  const amb_real good[] = {4, 2, 0};
+  CHECK(amb_controllers_step(&c, &s, r, good, 1, iu) == AMB_SATURATED);
+  CHECK_NEAR(iu[0], 1);
+  CHECK_NEAR(iu[1], -6);
+  const amb_status status = amb_controllers_step(&c, &s, r, x, 1, iu);
+  CHECK((status & AMB_MISSING) != 0); /* 0 times no number is none */
+  CHECK(amb_is_finite(iu[0]) && amb_is_finite(iu[1]));
+}
+
+int main(void)
+{
+  test_terms();
+  test_limits_and_no_numbers();
+  return failures;
+}

@@ -1,0 +1,163 @@
+"""Controllers of whole machines: what they hold, what of the unbalance they let through."""
+
+import control
+import numpy as np
+import pytest
+
+import ambkit
+from ambkit import KalmanFilter, Machine
+from ambkit.base.errors import AmbkitError
+from ambkit.machine.magnets import ConstantStiffness
+from ambkit.simulation.controllers import Control, controllers_of
+from ambkit.simulation.flight import Disturbance, Flight, Reference
+from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.plant import Plant
+from ambkit.simulation.regulator import regulator
+from ambkit.simulation.waveforms import Step
+
+MACHINES = ("hindawi_2011", "tum_mlps", "ufu_rig")
+KINDS = [
+    ("decentralised", "measurement"),
+    ("decentralised", "estimate"),
+    ("translation and tilt", "measurement"),
+    ("translation and tilt", "estimate"),
+    ("lqg", "estimate"),
+]
+
+
+def displacements(run):
+    return np.array([run.record[f"s_{axis.name}"] for axis in run.machine.axes])
+
+
+def round_turns(run, signal, since):
+    """Return the amplitude of a signal at the speed of rotation, over whole turns."""
+    t, w = run.record.t, run.machine.speed
+    turns = np.floor((t[-1] - since) * w / (2 * np.pi)) * 2 * np.pi / w
+    late = (t >= since) & (t < since + turns)
+    return abs(2 * np.mean(run.record[signal][late] * np.exp(-1j * w * t[late])))
+
+
+@pytest.mark.parametrize(("kind", "feedback"), KINDS)
+@pytest.mark.parametrize("name", MACHINES)
+def test_a_rotor_follows_its_reference_and_carries_a_load(name, kind, feedback):
+    machine = Machine.preset(name)
+    first, third = machine.axes[0].name, machine.axes[2].name
+    flight = Flight(
+        duration=1.2, noise=False, feedback=feedback, control=Control(type=kind),
+        reference=(Reference(axis=first, position=Step(amplitude=2e-5, time=0.1)),),
+        disturbance=(Disturbance(axis=third, force=Step(amplitude=5.0, time=0.5)),),
+    )  # fmt: skip
+    run = simulate_machine(machine, flight)
+    s = displacements(run)
+    assert run.record.meta["stop_touched"] == 0
+    at_last = s[:, run.record.t > 1.0].mean(axis=1)  # it turns round that place
+    assert at_last == pytest.approx([2e-5, 0, 0, 0], abs=4e-7)
+    before = run.record.t < 0.5
+    assert s[0, before].max() < 1.6 * 2e-5
+
+
+@pytest.mark.parametrize(("kind", "feedback"), KINDS)
+def test_a_rotor_lifts_off_from_its_backup_bearings(kind, feedback):
+    machine = Machine.preset("tum_mlps")
+    flight = Flight(duration=1.0, start="rest", feedback=feedback, control=Control(type=kind))
+    s = displacements(simulate_machine(machine, flight))
+    assert np.abs(s[:, 0]).max() > 1e-4
+    assert np.abs(s[:, -1]).max() < 5e-6
+
+
+@pytest.mark.parametrize("kind", ["decentralised", "translation and tilt", "lqg"])
+@pytest.mark.parametrize("name", MACHINES)
+def test_unbalance_is_let_turn_or_kept_still(name, kind):
+    """At 12,000 rpm, above the rigid critical speeds, by the force of a magnet and by the orbit."""
+    machine = Machine.preset(name).replace(speed="12000 rpm")
+    axis = machine.axes[0].name
+    force, orbit = {}, {}
+    for unbalance in ("fought", "force-free", "still"):
+        flight = Flight(
+            duration=1.4, feedback="estimate", control=Control(type=kind, unbalance=unbalance)
+        )
+        filter = KalmanFilter(machine, synchronous=["unbalance"])
+        run = simulate_machine(machine, flight, estimator=filter)
+        force[unbalance] = round_turns(run, f"f_mag_{axis}", 1.0)
+        orbit[unbalance] = round_turns(run, f"s_{axis}", 1.0)
+    assert force["force-free"] < 0.06 * force["fought"]
+    assert orbit["still"] < 0.5 * orbit["fought"]
+
+
+def test_cross_feedback_takes_the_gyroscopics_back():
+    """All of it, and the rotor in its magnets has the dynamics that it has at rest."""
+    plant, machine = Plant(Machine.preset("tum_mlps")), Machine.preset("tum_mlps")
+    filter = KalmanFilter(machine)
+    found = controllers_of(plant, Control(cross_feedback=1.0), filter)
+    k_i = np.array([ConstantStiffness.of(alone).k_i for alone in plant.alone])
+    q = len(machine.positions)
+    fed = found.feedback["fed_back_by_speed"]
+    assert not fed[:, :q].any()
+    taken = (plant.model.b @ (k_i[:, None] * fed[:, q : 2 * q]))[q : 2 * q]
+    spin = plant.model.spin[q : 2 * q, q : 2 * q]
+    assert np.abs(spin).max() > 0
+    assert taken == pytest.approx(-spin, abs=1e-12 * np.abs(spin).max())
+
+
+def test_cross_feedback_damps_the_nutation():
+    """In flight, with lags and noise: what a kick of the tilt leaves is less with it."""
+    machine = Machine.preset("tum_mlps").replace(speed="30000 rpm", unbalance=[])
+    left = []
+    for share in (0.0, 0.5):
+        kick = Step(amplitude=20.0, time=0.1)
+        flight = Flight(
+            duration=0.4, noise=False, feedback="estimate",
+            control=Control(type="translation and tilt", cross_feedback=share),
+            disturbance=(Disturbance(axis=machine.axes[0].name, force=kick),),
+        )  # fmt: skip
+        run = simulate_machine(machine, flight)
+        across = run.record[f"s_{machine.axes[1].name}"]
+        left.append(np.abs(across).max())
+    assert left[1] < 0.8 * left[0]
+
+
+def test_the_regulator_is_controls_own():
+    machine = Machine.preset("tum_mlps")
+    plant, filter = Plant(machine), KalmanFilter(machine)
+    K, ahead = regulator(plant, filter)
+    k = [ConstantStiffness.of(alone) for alone in plant.alone]
+    model = filter.linear_model(np.array([e.k_i for e in k]), np.array([e.k_s for e in k]))
+    q = 2 * len(machine.positions)
+    A, B = model.A[:q, :q], model.B[:q]
+    travel = np.array([alone.rotor.travel_limit for alone in plant.alone])
+    limit = np.array([min(abs(b.current_min), b.current_max) for b in plant.alone])
+    C = plant.H / (0.1 * travel)[:, None]
+    Q = np.zeros((q, q))
+    Q[: q // 2, : q // 2] = C.T @ C
+    theirs, _, _ = control.dlqr(A, B, Q, np.diag(1 / (0.2 * limit) ** 2))
+    assert K[:, :q] == pytest.approx(theirs, rel=1e-6, abs=1e-6 * np.abs(theirs).max())
+    # Held by it at rest: the reference is reached, and a load moves nothing.
+    closed = np.linalg.inv(np.eye(q) - A + B @ K[:, :q])
+    reached = plant.H @ (closed @ B @ ahead)[: q // 2]
+    assert reached == pytest.approx(np.eye(len(travel)), abs=1e-9)
+    loads = [j for j, state in enumerate(filter.states) if state.role == "disturbance force"]
+    moved = closed @ (model.A[:q][:, loads] - B @ K[:, loads])
+    assert np.abs(plant.H @ moved[: q // 2]).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("control", "feedback", "said"),
+    [
+        (Control(type="lqg"), "measurement", 'feedback must be "estimate"'),
+        (Control(cross_feedback=0.5), "measurement", "cross_feedback"),
+        (Control(unbalance="still"), "measurement", 'unbalance = "still"'),
+        (Control(unbalance="force-free"), "estimate", "no unbalance among its states"),
+    ],
+)
+def test_what_cannot_be_is_refused(control, feedback, said):
+    flight = Flight(duration=0.1, feedback=feedback, control=control)
+    with pytest.raises(AmbkitError, match=said):
+        simulate_machine(Machine.preset("tum_mlps"), flight)
+
+
+def test_a_flight_s_file_says_how_the_machine_is_controlled(tmp_path):
+    flight = Flight(control=Control(type="lqg", unbalance="still"))
+    assert Flight.from_toml(flight.to_toml()) == flight
+    path = tmp_path / "flight.toml"
+    path.write_text('duration = "20 ms"\nfeedback = "estimate"\n\n[control]\ntype = "lqg"\n')
+    assert ambkit.simulate_machine(Machine.preset("tum_mlps"), Flight.load(path)).estimate
