@@ -88,7 +88,9 @@ def test_a_wrong_expectation_in_the_self_test_is_found(case: measure.Case, tmp_p
     """The harness itself must be able to fail."""
     vectors = case.export / "selftest" / "filter_vectors.c"
     text = vectors.read_text()
-    head, array, values = text.partition("_mean[FILTER_SELFTEST_STEPS][AMB_STATES] = {\n  {")
+    head, array, values = text.partition(
+        "_told[FILTER_SELFTEST_STEPS][FILTER_SELFTEST_COLUMNS] = {\n  {"
+    )
     first, comma, rest = values.partition(",")
     try:
         vectors.write_text(f"{head}{array}{float(first.rstrip('F')) + 1e-6:.9g}F{comma}{rest}")

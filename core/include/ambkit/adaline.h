@@ -24,6 +24,10 @@
 #include "ambkit/magnet.h"
 #include "ambkit/status.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 typedef struct amb_adaline {
   amb_law law;             /* s0, i0, two_sided; its k is not used */
   amb_real T;              /* sampling time [s] */
@@ -60,5 +64,9 @@ void amb_adaline_reset(amb_adaline_state *state, amb_real k);
  * learned. */
 amb_status amb_adaline_step(const amb_adaline *a, amb_adaline_state *state, amb_real y, amb_real u,
                             amb_real f_d);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -34,6 +34,10 @@
 #include "ambkit/multiple_model.h"
 #include "ambkit/ud.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 /* Samples after a start. */
 #define AMB_YOUNG 256U
 
@@ -76,5 +80,9 @@ extern const amb_estimator_methods amb_adaptive_noise_methods;
 
 /* The same around a filter that estimates the scale of the magnet's force. */
 extern const amb_estimator_methods amb_adaptive_noise_scale_methods;
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -19,6 +19,10 @@
 #include "ambkit/estimator.h"
 #include "ambkit/excitation.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 typedef struct amb_augmented {
   amb_real bias[AMB_FORCES]; /* bias force of the known magnet, part of the settings' f_0 [N] */
   amb_real std;   /* standard deviation of theta at the start, and the most it grows to [1], > 0 */
@@ -38,5 +42,9 @@ typedef struct amb_augmented_state {
 } amb_augmented_state;
 
 extern const amb_estimator_methods amb_augmented_methods;
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -5,6 +5,10 @@
 #include "ambkit/real.h"
 #include "ambkit/status.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 typedef struct amb_pid {
   amb_real T;      /* sampling time [s] */
   amb_real kp;     /* [A/m] */
@@ -34,5 +38,9 @@ void amb_pid_reset(amb_pid_state *state, amb_real integral);
  * finite), AMB_BAD_CONTROL (reference not finite); the last good ones then stand in. */
 amb_status amb_pid_step(const amb_pid *pid, amb_pid_state *state, amb_real r, amb_real x,
                         const amb_real *velocity, amb_real *iu);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

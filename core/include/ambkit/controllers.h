@@ -14,6 +14,10 @@
 
 #include "ambkit/controller.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 typedef struct amb_controllers {
   int axes, states, pids;   /* p, n of x, q */
   const amb_pid *pid;       /* [q] */
@@ -31,5 +35,9 @@ typedef struct amb_controllers {
 amb_status amb_controllers_step(const amb_controllers *controllers, amb_pid_state pid[],
                                 const amb_real r[], const amb_real x[], amb_real speed,
                                 amb_real iu[]);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -25,6 +25,10 @@
 
 #include "ambkit/kalman.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 /* Caps, beyond which a mean is none. */
 #define AMB_ASTRAY AMB_C(10.0)
 
@@ -51,5 +55,9 @@ amb_status amb_envelope_hold(const amb_kalman *kf, amb_kalman_state *state);
 /* Start afresh from the measurement y [m] of sensor r; what was counted, and the last control
  * signals, stay. */
 void amb_envelope_restart(const amb_kalman *kf, amb_kalman_state *state, int r, amb_real y);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

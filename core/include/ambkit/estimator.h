@@ -11,6 +11,10 @@
 
 #include "ambkit/kalman.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 typedef struct amb_estimator amb_estimator;
 
 /* The interface. Each kind provides one constant of this type. */
@@ -70,5 +74,9 @@ amb_status amb_estimator_start(const amb_estimator *estimator, void *state,
 /* The `advance` of kinds that estimate the magnets' scale: bias forces [N] go with it. */
 void amb_scaled_advance(const amb_estimator *self, const amb_real bias[AMB_FORCES], amb_real scale,
                         const amb_real iu[AMB_CONTROLS], amb_real mean[AMB_STATES]);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

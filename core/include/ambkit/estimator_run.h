@@ -5,6 +5,10 @@
 #include "ambkit/estimator.h"
 #include "ambkit/kalman_run.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 /* As amb_kalman_run, which serves the paper's filter: the first sample is only taken in. */
 amb_status amb_estimator_run(const amb_estimator *estimator, void *state,
                              const amb_kalman_input *input, const amb_kalman_history *history);
@@ -20,5 +24,9 @@ void amb_estimator_note(const amb_estimator *estimator, const void *state,
 void amb_estimator_forecast(const amb_estimator *estimator, amb_real scale,
                             const amb_real mean[AMB_STATES], const amb_real *u, size_t ahead,
                             amb_real y[AMB_SENSORS]);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -30,6 +30,10 @@
 
 #include "ambkit/kalman.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 /* Windows for the variances, and until they have forgotten the start. */
 #define AMB_LOAD_WINDOWS AMB_C(5.0)
 #define AMB_SETTLED_WINDOWS AMB_C(15.0)
@@ -85,5 +89,9 @@ void amb_excitation_update(amb_excitation *e, const amb_model *model, int r,
  * learned from them. */
 bool amb_excitation_learns(amb_excitation *e, const amb_excitation_settings *settings,
                            const amb_kalman *kf, const amb_real mean[AMB_STATES]);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

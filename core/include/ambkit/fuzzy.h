@@ -12,6 +12,10 @@
 
 #include "ambkit/magnet.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define AMB_FUZZY_MAX_RULES 64
 
 /* One output of the network; arrays of `rules` elements, the caller's. */
@@ -41,5 +45,9 @@ extern const amb_magnet_methods amb_fuzzy_magnet;
  * sum where the network is normalised, so that k = sum_r w_r out_r. Inputs are held to the box. */
 void amb_fuzzy_basis(const amb_fuzzy *net, const amb_fuzzy_output *output, amb_real iu, amb_real x,
                      amb_real *out);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -19,6 +19,10 @@
 #include "ambkit/model.h"
 #include "ambkit/status.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 /* A measurement beyond this many travel limits cannot be the rotor: it counts as missing. */
 #define AMB_FAR AMB_C(10.0)
 
@@ -136,5 +140,9 @@ amb_status amb_kalman_step(const amb_kalman *kf, const amb_magnet magnet[AMB_FOR
 amb_status amb_kalman_step_given(const amb_kalman *kf, const amb_stiffness k[AMB_FORCES],
                                  amb_kalman_state *state, const amb_real y[AMB_SENSORS],
                                  const amb_real u[AMB_CONTROLS], amb_kalman_result *result);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

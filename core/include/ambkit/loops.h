@@ -7,6 +7,10 @@
 #include "ambkit/magnet.h"
 #include "ambkit/role.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 /* The most that a state has room for. An export has its own, just enough. */
 #ifndef AMB_STATES
 #define AMB_STATES 64
@@ -119,5 +123,9 @@ void amb_model_pushed(const amb_model *model, int f, amb_real moved[]);
 void amb_model_growth(const amb_model *model, const amb_real var[], amb_real growth[]);
 bool amb_model_drives(const amb_model *model, int k, int i);
 void amb_model_at_rest(const amb_model *model, amb_real mean[]);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

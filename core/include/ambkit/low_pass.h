@@ -11,6 +11,10 @@
 
 #include "ambkit/estimator.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 /* For one force, one control and one sensor. A reset refuses a model without position, velocity or
  * load, AMB_BAD_PARAMETER. */
 typedef struct amb_low_pass {
@@ -27,5 +31,9 @@ typedef struct amb_low_pass_state {
 } amb_low_pass_state;
 
 extern const amb_estimator_methods amb_low_pass_methods;
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

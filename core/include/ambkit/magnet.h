@@ -15,6 +15,10 @@
 
 #include "ambkit/real.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 typedef struct amb_stiffness {
   amb_real k_i; /* [N/A] */
   amb_real k_s; /* [N/m] */
@@ -50,5 +54,9 @@ extern const amb_magnet_methods amb_law_magnet;
 
 /* Whole force of the magnet, bias force and all [N]: k times the regressor. */
 amb_real amb_law_regressor(const amb_law *law, amb_real iu, amb_real x);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -12,6 +12,10 @@
 #include "ambkit/adaline.h"
 #include "ambkit/rls.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 typedef struct amb_magnet_rls {
   amb_adaline front;   /* its first element; rate_k and least_excitation count for its own k */
   amb_real forgetting; /* as in amb_rls */
@@ -36,5 +40,9 @@ amb_status amb_magnet_rls_reset(const amb_magnet_rls *m, amb_magnet_rls_state *s
 /* One sample, as amb_adaline_step; AMB_UNEXCITED where k is held. */
 amb_status amb_magnet_rls_step(const amb_magnet_rls *m, amb_magnet_rls_state *state, amb_real y,
                                amb_real u, amb_real f_d);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -20,6 +20,10 @@
 #include "ambkit/estimator.h"
 #include "ambkit/excitation.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define AMB_MODELS 5
 
 typedef struct amb_multiple_model {
@@ -45,5 +49,9 @@ typedef struct amb_multiple_model_state {
 } amb_multiple_model_state;
 
 extern const amb_estimator_methods amb_multiple_model_methods;
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

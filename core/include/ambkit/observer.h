@@ -14,6 +14,10 @@
 
 #include "ambkit/estimator.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 typedef struct amb_observer {
   amb_real gain[AMB_SENSORS][AMB_STATES]; /* of each innovation, at the update */
   amb_real cov[AMB_TRIANGLE];             /* covariance of the estimate in the steady state */
@@ -23,5 +27,9 @@ typedef struct amb_observer {
 
 /* The covariance is the steady state's from the start on: a constant gain asks no other. */
 extern const amb_estimator_methods amb_observer_methods;
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -17,6 +17,10 @@
 #include "ambkit/real.h"
 #include "ambkit/status.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define AMB_RLS_MAX 4
 #define AMB_RLS_TRIANGLE 10
 
@@ -43,5 +47,9 @@ amb_status amb_rls_reset(const amb_rls *rls, amb_rls_state *state, const amb_rea
  * parameters are held); AMB_MISSING where an input is not finite or too large to be squared, with
  * the state as it was. */
 amb_status amb_rls_step(const amb_rls *rls, amb_rls_state *state, const amb_real phi[], amb_real y);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -10,6 +10,10 @@
 #include "ambkit/magnet.h"
 #include "ambkit/root.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 /* `self` of amb_saturating_magnet. */
 typedef struct amb_saturating_law {
   amb_real k;      /* magnet constant of ideal iron, mu0 A N^2 cos(angle) / 4 [N m^2/A^2] */
@@ -23,5 +27,9 @@ typedef struct amb_saturating_law {
 } amb_saturating_law;
 
 extern const amb_magnet_methods amb_saturating_magnet;
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

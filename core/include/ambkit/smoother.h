@@ -19,10 +19,18 @@
 
 #include "ambkit/kalman_run.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 /* Smooth n samples of a filter's history in place: mean and cov, which must not be NULL. Samples
  * that were not used add nothing. Where the filter stood still (AMB_HELD, AMB_BAD_PARAMETER) or had
  * lost its covariance (AMB_BAD_VARIANCE) nothing is carried over: what comes later does not tell
  * what was before. */
 void amb_smooth(const amb_kalman *kf, size_t n, const amb_kalman_history *history);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

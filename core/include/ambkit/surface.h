@@ -8,6 +8,10 @@
 
 #include "ambkit/magnet.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 /* At a node. */
 typedef struct amb_force_node {
   amb_real f;    /* force less that at the origin [N] */
@@ -34,5 +38,9 @@ typedef struct amb_surface {
 } amb_surface;
 
 extern const amb_magnet_methods amb_surface_magnet;
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

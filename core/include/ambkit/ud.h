@@ -13,6 +13,10 @@
 
 #include "ambkit/estimator.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 /* Columns of what is made orthogonal: of A U, of each control's noise, and of the growth. */
 #define AMB_UD_COLUMNS (2 * AMB_STATES + AMB_CONTROLS)
 
@@ -24,5 +28,9 @@ typedef struct amb_ud_state {
 } amb_ud_state;
 
 extern const amb_estimator_methods amb_ud_methods;
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -20,11 +20,19 @@
 
 #include "ambkit/estimator.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 typedef struct amb_unscented {
   amb_real reach;     /* c: how many standard deviations away the points lie [1], > 0 */
   amb_real curvature; /* c^2 + beta - alpha^2: weight of d^2 [1], >= 0 */
 } amb_unscented;
 
 extern const amb_estimator_methods amb_unscented_methods;
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

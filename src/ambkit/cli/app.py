@@ -15,7 +15,7 @@ from ambkit.cli.compare import compare
 from ambkit.cli.design import design
 from ambkit.cli.excite import excite
 from ambkit.cli.export import export, export_c
-from ambkit.cli.export_fmu import export_fmu
+from ambkit.cli.export_fmu import export_fmu, export_ssp
 from ambkit.cli.export_mat import export_mat
 from ambkit.cli.filter import filter_record
 from ambkit.cli.identify import identify
@@ -52,7 +52,12 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "presets": presets,
     "check": check,
 }
-_EXPORTS: dict[str, Callable[..., None]] = {"c": export_c, "fmu": export_fmu, "mat": export_mat}
+_EXPORTS: dict[str, Callable[..., None]] = {
+    "c": export_c,
+    "fmu": export_fmu,
+    "mat": export_mat,
+    "ssp": export_ssp,
+}
 
 
 class Command(TyperCommand):

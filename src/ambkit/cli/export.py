@@ -74,6 +74,13 @@ def export_c(
             help='How far the table may be from the rules, such as "0.1 N".',
         ),
     ] = None,
+    editable: Annotated[
+        bool,
+        typer.Option(
+            "--editable",
+            help="Each number once in the data file; what follows is computed at init.",
+        ),
+    ] = False,
     cost: Annotated[
         bool, typer.Option("--cost", help="Also print what it costs on a Cortex-M4F.")
     ] = False,
@@ -104,6 +111,8 @@ def export_c(
         raise AmbkitError("--cost is for --precision float: a Cortex-M4F has no double in hardware")
     if clock is not None and not clock > 0:
         raise AmbkitError(f"--clock must be greater than 0 Hz, is {clock:g} Hz")
+    if editable and (cost or clock is not None):
+        raise AmbkitError("--cost was measured of constants in flash, which --editable has not")
     model, chosen = _machine_of(bearing, estimator) or to_export(bearing, estimator)
     written = c.export_c(
         model,
@@ -115,6 +124,7 @@ def export_c(
         prefix=prefix,
         expert_form=expert.value,
         force_bound=force_bound,
+        editable=editable,
     )
     data: dict[str, Any] = {
         "folder": str(written.folder),
@@ -157,7 +167,7 @@ def _cost_table(spent: Cost, clock: float) -> Table:
 
     rows = [
         ("instructions a step, as a rule", f"{spent.instructions}"),
-        ("instructions a step, at most", f"{spent.most}"),
+        ("instructions a step, the most seen", f"{spent.most}"),
         (
             "instructions of the step that trusts its input",
             "no such step" if spent.trusted is None else f"{spent.trusted}",
@@ -165,7 +175,8 @@ def _cost_table(spent: Cost, clock: float) -> Table:
         ("code", f"{spent.code} bytes"),
         ("constants", f"{spent.constants} bytes"),
         ("state of an instance", f"{spent.state} bytes"),
-        ("stack", f"{spent.stack} bytes"),
+        ("stack, the most seen", f"{spent.stack} bytes"),
+        ("code by", spent.compiler),
         (
             f"highest sampling rate at {engineering(clock, 'Hz')}, "
             f"{CYCLES_PER_INSTRUCTION} cycles an instruction assumed",

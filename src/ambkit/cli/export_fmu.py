@@ -1,4 +1,4 @@
-"""``ambkit export fmu``: filter, plant or closed loop as a co-simulation FMU."""
+"""``ambkit export fmu`` and ``ambkit export ssp``: co-simulation FMUs, one or three wired."""
 
 from __future__ import annotations
 
@@ -22,6 +22,14 @@ class Kind(StrEnum):
     estimator = "estimator"
     plant = "plant"
     closed_loop = "closed-loop"
+    controller = "controller"
+
+
+class Precision(StrEnum):
+    """What it computes in."""
+
+    double = "double"
+    single = "float"
 
 
 class Version(StrEnum):
@@ -47,9 +55,18 @@ def export_fmu(
         ),
     ] = None,
     fmi: Annotated[Version, typer.Option(help="Version of the FMI standard.")] = Version.three,
+    precision: Annotated[
+        Precision, typer.Option(help="Of an estimator: float is what flies.")
+    ] = Precision.double,
+    everywhere: Annotated[
+        bool,
+        typer.Option(
+            "--everywhere", help="Also binaries of platforms that a cross compiler is here for."
+        ),
+    ] = False,
     json: Json = False,
 ) -> None:
-    """Write filter, plant or closed loop as a co-simulation FMU.
+    """Write filter, plant, closed loop or controller as a co-simulation FMU.
 
     The library's own C in a binary for this platform, with its sources. Needs a C compiler.
 
@@ -62,10 +79,14 @@ def export_fmu(
     from ambkit.export import fmu
     from ambkit.simulation.scenario import Scenario
 
-    if kind is Kind.plant and estimator is not None:
-        raise AmbkitError("--estimator is for --kind estimator and closed-loop: a plant has none")
-    if kind is not Kind.closed_loop and scenario is not None:
-        raise AmbkitError("--scenario is for --kind closed-loop: only that has a controller")
+    if kind in (Kind.plant, Kind.controller) and estimator is not None:
+        raise AmbkitError(
+            f"--estimator is for --kind estimator and closed-loop: a {kind.value} has none"
+        )
+    if kind in (Kind.estimator, Kind.plant) and scenario is not None:
+        raise AmbkitError(
+            "--scenario is for --kind closed-loop and controller: only these have a controller"
+        )
     model, chosen = to_export(bearing, estimator)
     controller = None
     if scenario is not None:
@@ -79,6 +100,8 @@ def export_fmu(
         controller=controller,
         estimator=chosen.kind,
         filter_file=chosen.file,
+        precision=precision.value,
+        everywhere=everywhere,
     )
     data = {
         "path": str(written.path),
@@ -90,3 +113,46 @@ def export_fmu(
     }
     output.deliver(data, [], as_json=json)
     output.note(f"wrote {written.path}, FMI {written.fmi}.0, {len(written.variables)} variables")
+
+
+def export_ssp(
+    bearing: BearingOrFilter,
+    out: Annotated[Path, file_option("The system to write.", (".ssp",), "--out")],
+    estimator: Annotated[str | None, estimator_option(NAMES)] = None,
+    scenario: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.toml",
+            help="Whose controller it has; the rest of a scenario is the system's inputs.",
+        ),
+    ] = None,
+    fmi: Annotated[Version, typer.Option(help="Version of the FMI standard.")] = Version.two,
+    json: Json = False,
+) -> None:
+    """Write plant, estimator and controller as three FMUs, wired: a system (SSP 1.0).
+
+    Needs a C compiler.
+
+    For example:
+      ambkit export ssp zittau_axial --estimator closed-law --out loop.ssp
+    """
+    from ambkit.cli import output
+    from ambkit.export import fmu
+    from ambkit.simulation.scenario import Scenario
+
+    model, chosen = to_export(bearing, estimator)
+    controller = None
+    if scenario is not None:
+        controller = Scenario.load(scenario).controller.completed(model)
+    made = fmu.export_ssp(
+        model,
+        chosen.magnet,
+        out,
+        fmi=_VERSIONS[fmi],
+        controller=controller,
+        estimator=chosen.kind,
+        filter_file=chosen.file,
+    )
+    data = {"path": str(out), "fmus": {one.kind: list(one.variables) for one in made}}
+    output.deliver(data, [], as_json=json)
+    output.note(f"wrote {out}, {len(made)} FMUs of FMI {fmi.value}.0")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -11,6 +12,11 @@ from ambkit.base.errors import AmbkitError
 _PACKAGE = Path(__file__).parents[1]
 _FOLDERS = (_PACKAGE / "core", _PACKAGE.parents[1] / "core")
 _INCLUDE = re.compile(r'^\s*#\s*include\s+"([^"]+)"', re.MULTILINE)
+
+_EXTERNAL = re.compile(
+    r"^(?!static|typedef|AMB_INLINE|return)(?:extern )?(?:const )?\w+ \*?(amb_\w+)(?=[;(\[])",
+    re.MULTILINE,
+)
 
 INCLUDE_FOLDERS = ("core/include", "core")
 """What a compiler must be told to find the core's headers, relative to an export."""
@@ -60,6 +66,23 @@ def closure(
         found[name] = text
         waiting += [_place(root, name, included) for included in _INCLUDE.findall(found[name])]
     return dict(sorted(found.items()))
+
+
+def external_names() -> tuple[str, ...]:
+    """Return the names of all functions and constants of the core that a linker sees."""
+    headers = (folder() / "include" / "ambkit").glob("*.h"), (folder() / "src").glob("*.h")
+    texts = (path.read_text(encoding="utf-8") for paths in headers for path in sorted(paths))
+    return tuple(sorted({name for text in texts for name in _EXTERNAL.findall(text)}))
+
+
+def hashed(*parts: str) -> str:
+    """Return six hexadecimal digits that change with the core's text and with these."""
+    digest = hashlib.sha256()
+    for path in sorted(folder().rglob("*.[ch]")):
+        digest.update(path.relative_to(folder()).as_posix().encode() + path.read_bytes())
+    for part in parts:
+        digest.update(part.encode() + b"\0")
+    return digest.hexdigest()[:6]
 
 
 def _place(root: Path, including: str, included: str) -> str:

@@ -38,7 +38,7 @@ class Cost:
     Attributes
     ----------
     instructions, most : int
-        Of a step, as a rule; and of the dearest one, where something was the matter.
+        Of a step, as a rule; and the most that was seen, where something was the matter: no bound.
     trusted : int or None
         Of the step that trusts its input, which only the paper's filter has.
     code, constants : int

@@ -55,7 +55,9 @@ def number(value: float, precision: CPrecision) -> str:
 
 def array(values: NDArray[Any], precision: CPrecision, indent: str = "  ") -> str:
     """Write an array as an initialiser, rows as structs, lines of at most 100 columns."""
-    if values.ndim == 2:
+    if values.ndim == 2 and values.dtype.kind == "u":
+        items = ["{" + ", ".join(f"{v}U" for v in row) + "}" for row in values]
+    elif values.ndim == 2:
         items = ["{" + ", ".join(number(v, precision) for v in row) + "}" for row in values]
     elif values.dtype.kind == "u":
         items = [f"{value}U" for value in values]
@@ -63,7 +65,7 @@ def array(values: NDArray[Any], precision: CPrecision, indent: str = "  ") -> st
         items = [number(value, precision) for value in values]
     lines, line = [], indent
     for item in items:
-        if len(line) + len(item) + 1 > 100:
+        if len(line) + len(item) + 1 > 100 and line != indent:
             lines.append(line.rstrip())
             line = indent
         line += f"{item}, "

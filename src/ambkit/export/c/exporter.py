@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -13,6 +12,7 @@ from ambkit.estimate.registry import KINDS
 from ambkit.export.c import cost, folder, render
 from ambkit.export.c.cost import Cost
 from ambkit.export.c.data import CPrecision, called
+from ambkit.export.c.prefix import checked
 from ambkit.export.tabulate import MOST_NODES, TabulatedExpert, tabulate
 from ambkit.fuzzy.expert import Expert
 from ambkit.machine.machine import Machine
@@ -24,17 +24,8 @@ if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.magnets import MagnetModel
 
-LONGEST_PREFIX = 16
-"""Within 31 characters, which C99 promises to tell apart, every exported name stays distinct."""
 MOST_COUNTED = 65535
 """What an unsigned int of 16 bits holds, as a TI C2000 has."""
-
-_HEADERS = (
-    *("assert", "complex", "ctype", "errno", "fenv", "float", "inttypes", "iso646", "limits"),
-    *("locale", "math", "setjmp", "signal", "stdarg", "stdbool", "stddef", "stdint", "stdio"),
-    *("stdlib", "string", "tgmath", "time", "wchar", "wctype"),
-)
-_TARGETS = ("all", "clean", "help", "install", "package", "selftest", "test")
 
 _CORE_PRECISION: dict[CPrecision, Precision] = {"float": "float32", "double": "float64"}
 
@@ -86,6 +77,7 @@ def export_c(
     force_bound: float | None = None,
     loops: bool | None = None,
     filter_file: FilterFile | None = None,
+    editable: bool = False,
     **options: Any,
 ) -> CExport:
     """Write a folder of C99 that compiles alone.
@@ -116,6 +108,9 @@ def export_c(
     filter_file : FilterFile, optional
         The filter, in the place of `kind` and `options`; `bearing` and `magnet` are what it says.
         Its inputs are then the rig's own numbers.
+    editable : bool
+        Whether each number stands once in the data file, where it can be edited, and what follows
+        from it is computed at init into the state: more memory and flash. Of the paper's axis.
     **options
         Of the kind; of :class:`ambkit.KalmanFilter` noise, gravity, frozen_limit, gate,
         outlier_limit, as_printed.
@@ -123,11 +118,11 @@ def export_c(
     Raises
     ------
     AmbkitError
-        A kind that cannot be exported, a prefix that is no C identifier, a limit or a table beyond
-        16 bits; a bound that no table keeps, or that nothing needs; a folder with other files, or
-        that cannot be written.
+        A kind or a model that cannot be exported so, a prefix that is no C identifier or taken,
+        a limit or a table beyond 16 bits; a bound that no table keeps, or that nothing needs;
+        a folder with other files, or that cannot be written.
     """
-    name = _checked_prefix(prefix, bearing)
+    name = checked(prefix, bearing.name)
     for limit in ("frozen_limit", "outlier_limit"):
         if options.get(limit, 0) > MOST_COUNTED:
             raise AmbkitError(
@@ -152,11 +147,11 @@ def export_c(
         estimator = filter_file.make(precision=options["precision"], magnet=magnet)
         called(estimator)
     _check_nodes(estimator)
-    spent = cost.of(estimator) if precision == "float" else None
+    spent = cost.of(estimator) if precision == "float" and not editable else None
     facts = _facts(magnet, precision) | _cost_facts(spent)
     if estimator.description:
         facts = {"for": estimator.description} | facts
-    content = render.render(estimator, name, precision, facts, loops=loops)
+    content = render.render(estimator, name, precision, facts, loops=loops, editable=editable)
     written = folder.write(Path(out), content.files)
     return CExport(
         written,
@@ -219,29 +214,15 @@ def _cost_facts(spent: Cost | None) -> dict[str, str]:
     if spent is None:
         return {}
     facts = {
-        "instructions a step (Cortex-M4F, in qemu)": f"{spent.instructions}, at most {spent.most}"
+        "instructions a step (Cortex-M4F, in qemu)": (
+            f"{spent.instructions}, the most seen {spent.most}"
+        )
     }
     if spent.trusted is not None:
         facts["of the step that trusts its input"] = f"{spent.trusted}"
     return facts | {
-        "flash": f"{spent.code} bytes of code, {spent.constants} bytes of constants",
-        "memory": f"{spent.state} bytes an instance, {spent.stack} bytes of stack",
-        "compiled by": f"{spent.compiler}",
+        "flash": (
+            f"{spent.code} bytes of code, {spent.constants} bytes of constants, by {spent.compiler}"
+        ),
+        "memory": f"{spent.state} bytes an instance, {spent.stack} bytes of stack seen",
     }
-
-
-def _checked_prefix(prefix: str | None, bearing: Bearing | Machine) -> str:
-    if prefix is None:
-        prefix = re.sub(r"\W", "_", bearing.name, flags=re.ASCII)[:LONGEST_PREFIX]
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", prefix):
-        raise AmbkitError(f'prefix must be a C identifier, a letter first, is "{prefix}"')
-    if len(prefix) > LONGEST_PREFIX:
-        raise AmbkitError(
-            f'prefix must have at most {LONGEST_PREFIX} characters, "{prefix}" has {len(prefix)}'
-        )
-    if prefix.lower() in (*_HEADERS, *_TARGETS):
-        what = "a header of C" if prefix.lower() in _HEADERS else "a target of the build"
-        raise AmbkitError(f'prefix must not be "{prefix}", which is {what}; give another')
-    if prefix.startswith("amb_"):
-        raise AmbkitError('prefix must not start with "amb_", as the names of the core do')
-    return prefix

@@ -8,12 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ambkit.base import escaping
+from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.registry import PAPER, InCore
 from ambkit.export import core
 from ambkit.export.c import data, model, vectors
+from ambkit.export.c.crc import Constants, Crc
 from ambkit.export.c.data import MAGNETS, CPrecision, Kind
 from ambkit.machine.bank import alone_of
 from ambkit.machine.bearing import FILES
@@ -27,6 +30,7 @@ if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
 
 _BOUNDS: dict[CPrecision, str] = {"float": "1e-3", "double": "1e-9"}
+_BOUND_OF_MACHINES = "2e-2"  # in float: more is added up; a tenth is still seen
 
 
 class Content(NamedTuple):
@@ -44,6 +48,7 @@ def render(
     facts: dict[str, str],
     *,
     loops: bool | None = None,
+    editable: bool = False,
 ) -> Content:
     """Write all texts.
 
@@ -59,7 +64,20 @@ def render(
         What the README says of it besides, line by line.
     loops : bool, optional
         Whether the model is computed by loops over its arrays; by default where it is large.
+    editable : bool
+        Whether the data file has each number once, and the rest is computed at init; of the paper's
+        axis alone.
+
+    Raises
+    ------
+    AmbkitError
+        Another model is to be editable.
     """
+    if editable and not estimator.engine.built_in:
+        raise AmbkitError(
+            "editable is for the paper's axis: of other models C has the matrices, and not what "
+            "they were made from"
+        )
     magnets = magnets_of(estimator)
     magnet, kinds = magnets[0], [MAGNETS[type(each).__name__] for each in magnets]
     kind = kinds[0]
@@ -70,6 +88,7 @@ def render(
     # The paper's filter is given its constants, and asks no magnet.
     given = in_core is None and kind is MAGNETS["Constant"]
     needed = ["src/kalman.c", "src/envelope.c", "src/at_rest.c"]
+    needed += ["include/ambkit/crc.h", "include/ambkit/root.h"]
     needed += [] if given else [f"src/{each.source}.c" for each in kinds]
     if in_core is not None:
         needed += [f"src/{stem}.c" for stem in ("estimator", in_core.source, *in_core.calls)]
@@ -83,8 +102,9 @@ def render(
     c_files = tuple(file for file in core_files if file.endswith(".c"))
     sources = (f"{name}.c", f"{name}_data.c", *c_files)
     selftest = tuple(f"selftest/{file}" for file in (f"{name}_selftest.c", f"{name}_vectors.c"))
-    tested = vectors.make(estimator)
-    bearing, n = estimator.bearing, len(estimator.states)
+    settling, bound = _settling(estimator), _bound_of_output(estimator)
+    tested = vectors.make(estimator, magnets, settling=settling, bound=bound)
+    bearing = estimator.bearing
     context: dict[str, Any] = {
         "name": name,
         "guard": name.upper(),
@@ -98,16 +118,19 @@ def render(
         "u_given": "const amb_real u[AMB_CONTROLS]" if whole else "amb_real u",
         "sources": sources,
         "bit_headers": [
-            f for f in core_files if f.endswith(("/exponential.h", "/root.h")) and "/include/" in f
+            f
+            for f in core_files
+            if f.endswith(("/exponential.h", "/root.h", "/crc.h")) and "/include/" in f
         ],
         "cast_sources": _casts(kind, in_core, given),
         "selftest_sources": ("selftest/main.c", *selftest),
-        "bound": _BOUNDS[precision],
-        "steps": vectors.STEPS,
+        "bound": _BOUND_OF_MACHINES if whole and precision == "float" else _BOUNDS[precision],
+        **_selftest_context(tested, estimator, precision),
         "misra_defines": "-DFLT_MANT_DIG=24" if precision == "float" else "-DDBL_MANT_DIG=53",
         "given": given,
         "in_core": in_core,
         "built_in": estimator.engine.built_in,
+        "strict": in_core is None and estimator.engine.built_in,
         "magnet_header": f"{kind.source}.h",
         "magnet_about": _about(kinds),
         "sampled": _sampled(estimator),
@@ -123,17 +146,25 @@ def render(
             **facts,
         },
         "room": of_model.room,
+        "symbols": core.external_names(),
+        "tag": precision[0] + core.hashed(*map(str, of_model.instead.values()), str(of_model.room)),
         "states": model.states(estimator.states, "" if whole else _hover(estimator, precision)),
-        "diagonal": [at * (2 * n + 1 - at) // 2 for at in range(n)],
-        **_data_context(estimator, magnet, kind, precision, of_model),
+        "diagonal": vectors.diagonal(len(estimator.states)),
+        "shown": _first(estimator, "sensor"),
+        "load": _first(estimator, "disturbance force"),
+        **_stops(estimator, precision),
+        "base": "" if in_core is None else in_core.base,
+        **_data_context(estimator, magnet, kind, precision, of_model, editable=editable),
+        "editable": editable,
+        "as_printed": estimator.engine.as_printed,
+        "mass": "" if whole else data.number(bearing.rotor.mass, precision),
         "own": "" if in_core is None else data.own(estimator, precision),
-        "settling": _settling(estimator),
-        "bound_of_output": f"{_bound_of_output(estimator):.1f}",
-        "y": data.array(tested.y, precision),
-        "u": data.array(tested.u, precision),
-        "mean": data.array(tested.estimate.mean, precision),
-        "status": data.array(tested.estimate.status, precision),
+        "settling": settling,
+        "bound_of_output": f"{bound:.1f}",
+        "crc": _crc(estimator, name, precision, of_model, editable=editable),
     }
+    for each, si in (("y", "m"), ("u", "V")):
+        context[f"{each}_unit"] = context["inputs"][each]["unit"] if context["inputs"][each] else si
     context["inputs_text"] = repr(context["inputs"])
     context["configuration"] = _configuration(estimator, context, core_files)
     made = {
@@ -145,6 +176,7 @@ def render(
         f"selftest/{name}_selftest.c": "selftest.c",
         f"selftest/{name}_vectors.c": "vectors.c",
         "selftest/main.c": "main.c",
+        "selftest/COVERAGE.md": "COVERAGE.md",
         "core/include/ambkit/precision.h": "precision.h",
         "CMakeLists.txt": "CMakeLists.txt",
         "README.md": "README.md",
@@ -156,6 +188,85 @@ def render(
         for file, template in made.items()
     }
     return Content(dict(sorted(texts.items())), sources, context["configuration"])
+
+
+def _selftest_context(
+    tested: vectors.Vectors, estimator: Estimator, precision: CPrecision
+) -> dict[str, Any]:
+    """Return what the self-test's files say."""
+    starts = tested.starts.tolist()
+    marks = tested.feed_back.copy()
+    marks[starts] += 2
+    return {
+        "steps": len(tested.y),
+        "columns": tested.expected.shape[1],
+        "y": data.array(_with_stand_ins(tested.y, precision), precision),
+        "u": data.array(_with_stand_ins(tested.u, precision), precision),
+        "told": data.array(tested.expected, precision),
+        "status": data.array(tested.status, precision),
+        "health": data.array(tested.health, precision),
+        "marks": data.array(marks, precision),
+        "runs": list(zip(tested.runs, np.diff([*starts, len(tested.y)]).tolist(), strict=True)),
+        "coverage": vectors.coverage(tested, estimator),
+    }
+
+
+def _first(estimator: Estimator, role: str) -> int:
+    """Return the place of the first state of a role; -1 where there is none."""
+    return next((i for i, state in enumerate(estimator.states) if state.role == role), -1)
+
+
+def _stops(estimator: Estimator, precision: CPrecision) -> dict[str, str]:
+    """Return readings of one axis that may be a rotor on its stops, and ones that may not."""
+    if estimator.whole is not None:
+        return {}
+    shown = estimator.bearing.sensor.gain * estimator.bearing.rotor.travel_limit
+    ends = shown * np.array([-1.0, 1.0])
+    noise = np.sign(ends) * float(estimator.core.parameters["set"]["var_y"][0]) ** 0.5
+    places = {"between": ends + 3.8 * noise, "beyond": ends + 4.2 * noise}
+    read = estimator.inputs.y.numbers
+    return {name: data.array(read(at), precision, "") for name, at in places.items()}
+
+
+def _with_stand_ins(values: NDArray[np.float64], precision: CPrecision) -> NDArray[np.float64]:
+    """Return numbers, and what the vectors have in the place of what C has no literal for."""
+    most = float(np.finfo(np.float32 if precision == "float" else np.float64).max)
+    return np.nan_to_num(values, nan=most, posinf=most / 2, neginf=-most / 2)
+
+
+def _crc(
+    estimator: Estimator, name: str, precision: CPrecision, of_model: model.InC, *, editable: bool
+) -> Crc:
+    """Return the CRC of the data file, with its names."""
+    constants = Constants(precision)
+    several = estimator.whole is not None
+    for path, values in of_model.arrays.items():
+        constants.array(path, values)
+    magnets = magnets_of(estimator)
+    for k, magnet in enumerate(magnets):
+        names = _names(magnet, k if several else None)
+        for path, values in data.arrays_of(magnet.parameters).items():
+            constants.array(names[path], values)
+    kalman = estimator.core.parameters | {"model": of_model.numbers}
+    if editable:
+        constants.fields(f"{name}_settings", kalman["set"], arrays=True)
+        constants.array(f"&{name}_mass", np.array([estimator.bearing.rotor.mass]))
+    else:
+        constants.fields(f"{name}_kalman", kalman, arrays=True)
+    constants.array(f"{name}_std", np.asarray(estimator.default_std()))
+    if estimator.whole is not None:
+        start, by_reading = estimator.whole.start_form(estimator.states, estimator.hover)
+        constants.array(f"{name}_start", start)
+        constants.array(f"{name}_start_by", by_reading.ravel())
+        for k, magnet in enumerate(magnets):
+            constants.fields(f"magnet_{k}", magnet.parameters, arrays=False)
+    else:
+        (magnet,) = magnets
+        given = data.called(estimator) is PAPER and type(magnet).__name__ == "Constant"
+        place = f"{name}_stiffness" if given else "magnet"
+        constants.fields(place, magnet.parameters, arrays=False)
+    constants.fields("own", estimator.core.own, arrays=True)
+    return constants.crc()
 
 
 def _sampled(estimator: Estimator) -> str:
@@ -200,12 +311,18 @@ def _raw(name: str, reading: Scaling, precision: CPrecision) -> dict[str, str] |
 
 
 def _data_context(
-    estimator: Estimator, magnet: Magnet, kind: Kind, precision: CPrecision, of_model: model.InC
+    estimator: Estimator,
+    magnet: Magnet,
+    kind: Kind,
+    precision: CPrecision,
+    of_model: model.InC,
+    *,
+    editable: bool,
 ) -> dict[str, Any]:
     """Return what the data file says: the structs that the core holds, as initialisers."""
     fields = magnet.parameters
     arrays = data.arrays_of(fields)
-    names = {path: path.replace(".", "_") for path in arrays}
+    names = _names(magnet, None)
     named = of_model.arrays | {names[path]: values for path, values in arrays.items()}
     if estimator.whole is not None:
         named = dict(of_model.arrays)
@@ -213,6 +330,8 @@ def _data_context(
             own = data.arrays_of(each.parameters)
             named |= {_names(each, k)[path]: values for path, values in own.items()}
     kalman = estimator.core.parameters | {"model": of_model.numbers}
+    if editable:
+        kalman = kalman["set"]
     return {
         "kalman": data.struct_with_arrays(kalman, precision),
         "std": data.array(np.asarray(estimator.default_std()), precision),
@@ -257,9 +376,10 @@ def _several(
     }
 
 
-def _names(magnet: Magnet, k: int) -> dict[str, str]:
+def _names(magnet: Magnet, k: int | None) -> dict[str, str]:
     """Return the C names of the arrays of the k-th magnet, by the paths of their fields."""
-    return {path: f"of_{k}_{path.replace('.', '_')}" for path in data.arrays_of(magnet.parameters)}
+    of = "" if k is None else f"of_{k}_"
+    return {path: of + path.replace(".", "_") for path in data.arrays_of(magnet.parameters)}
 
 
 def _hover(estimator: Estimator, precision: CPrecision) -> str:

@@ -1,99 +1,139 @@
-"""The self-test's samples: a simulated run with faults in it, and what Python's filter says."""
+"""The self-test's samples, and what Python's filter says of them: all that an export puts out."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.data.record import Record
-from ambkit.estimate.estimate import Estimate
-from ambkit.machine.bearing import GRAVITY
+from ambkit.estimate.estimate import Status
+from ambkit.export.c import scenes
 
 if TYPE_CHECKING:
+    from ambkit._core import Magnet
     from ambkit.estimate.base import Estimator
-    from ambkit.machine.bearing import Bearing
 
-STEPS = 200
+Array = NDArray[np.float64]
+
+_UNUSED = int(Status.MISSING | Status.FROZEN | Status.OUTLIER)
+_UNSURE = int(Status.HELD | Status.RESTARTED | Status.BAD_PARAMETER | Status.BAD_VARIANCE)
 
 
 class Vectors(NamedTuple):
-    """Measurements and control signals as the rig has them, and the estimate of them."""
+    """N samples of several runs, one after the other."""
 
-    y: NDArray[np.float64]  # (n,) or (n, readings)
-    u: NDArray[np.float64]  # (n,) or (n, axes)
-    estimate: Estimate
+    y: Array  # (N,) or (N, readings), as the rig has them
+    u: Array  # (N,) or (N, axes)
+    starts: NDArray[np.uint16]  # where runs begin
+    expected: Array  # (N, columns): means, variances, k_i, k_s, innovations, their variances
+    status: NDArray[np.uint16]  # (N,)
+    health: NDArray[np.uint16]  # (N, readings)
+    feed_back: NDArray[np.uint8]  # (N,): 1 where it may be fed back
+    runs: tuple[str, ...]  # names of the runs
 
 
-def make(estimator: Estimator) -> Vectors:
-    """Simulate a step of half the expert's reach, spoil a few samples, and run the estimator.
+def make(estimator: Estimator, magnets: list[Magnet], *, settling: int, bound: float) -> Vectors:
+    """Let an estimator live through all scenes.
 
     Parameters
     ----------
     estimator : Estimator
         Of the precision that is exported.
+    magnets : list of Magnet
+        The core's, that it asks.
+    settling : int
+        Samples after a start until the exported filter says that it may be fed back.
+    bound : float
+        Caps beyond which the exported filter starts anew: a run ends before that.
     """
-    from ambkit.simulation.run import simulate
-    from ambkit.simulation.scenario import PID, Scenario
-    from ambkit.simulation.waveforms import Step
-
-    if estimator.whole is not None:
-        return _of_machine(estimator)
-    bearing = estimator.bearing
-    T = bearing.sampling_time
-    scenario = Scenario(
-        duration=(STEPS - 1) * T,
-        reference=Step(amplitude=bearing.rotor.travel_limit / 4, time=0.1 * STEPS * T),
-        controller=PID.for_bearing(bearing),
+    parts = []
+    for scene in scenes.of(estimator, magnets, settling):
+        y, u, si = _as_read(estimator, scene)
+        told = scenes.run(estimator, *si)
+        n = _within(estimator, told["mean"], bound)
+        told = {name: values[:n].reshape(n, -1) for name, values in told.items()}
+        parts.append((scene.name, y[:n], u[:n], told))
+    columns = [_columns(estimator, told) for *_, told in parts]
+    health = [told.get("health", told["status"]) for *_, told in parts]
+    status = [told["status"].ravel() for *_, told in parts]
+    settled = [
+        _feed_back(flags, each, settling) for flags, each in zip(status, health, strict=True)
+    ]
+    lengths = [len(each) for each in status]
+    return Vectors(
+        y=np.concatenate([y for _, y, _, _ in parts]),
+        u=np.concatenate([u for _, _, u, _ in parts]),
+        starts=np.cumsum([0, *lengths[:-1]]).astype(np.uint16),
+        expected=np.concatenate(columns),
+        status=np.concatenate(status),
+        health=np.concatenate(health),
+        feed_back=np.concatenate(settled).astype(np.uint8),
+        runs=tuple(name for name, *_ in parts),
     )
-    record = simulate(bearing, scenario)
-    y, u = _spoilt(bearing, record["y"], record["u"])
+
+
+def diagonal(n: int) -> list[int]:
+    """Return where the variances stand in the upper triangle of n rows."""
+    return [at * (2 * n + 1 - at) // 2 for at in range(n)]
+
+
+def _as_read(estimator: Estimator, scene: scenes.Scene) -> tuple[Array, Array, tuple[Any, Any]]:
+    """Return what the controller reads, and what that is in SI, of one axis in the rig's units."""
+    if estimator.whole is not None:
+        number = np.dtype(estimator.precision).type
+        y, u = (values.astype(number).astype(float) for values in (scene.y, scene.u))
+        return y, u, (y, u)
     of = estimator.inputs
-    y, u = of.y.numbers(y), of.u.numbers(u)
-    return Vectors(y, u, estimator.run_raw(y, u))
+    y, u = of.y.numbers(scene.y), of.u.numbers(scene.u)
+    return y, u, estimator.in_si(y, u)
 
 
-def _of_machine(estimator: Estimator) -> Vectors:
-    """Let a machine hover under a load, spoil a few samples, and run the estimator."""
-    from ambkit.simulation.flight import Disturbance, Flight
-    from ambkit.simulation.machine import simulate_machine
-    from ambkit.simulation.waveforms import Step
-
-    machine, whole = estimator.bearing, estimator.whole
-    assert whole is not None
-    T = machine.sampling_time
-    tenth = Step(amplitude=0.1 * machine.rotor.mass * GRAVITY, time=20 * T)
-    force = Disturbance(axis=machine.axes[0].name, force=tenth)
-    record = simulate_machine(
-        machine, Flight(duration=(STEPS - 1) * T, disturbance=(force,))
-    ).record
-    y, u = whole.signals(record)
-    far = 1e3 * whole.gains * whole.travel_seen
-    y[100:103] = far, -far, far  # all of them
-    y[110, 0] = far[0]  # one of them
-    y[120:136] = y[120]
-    y[140:156, -1] = y[140, -1]
-    for k, sign in ((160, 1.0), (170, -1.0)):
-        u[k] = [2 * sign * b.amplifier.current_limit / b.amplifier.gain for b in whole.alone]
-    names = [f"y_{r.name}" for r in machine.readings] + [f"u_{a.name}" for a in machine.axes]
-    number = np.dtype(estimator.precision).type
-    y, u = (values.astype(number).astype(float) for values in (y, u))
-    signals = dict(zip(names, np.column_stack([y, u]).T, strict=True))
-    units = {name: "m" if name.startswith("y_") else "V" for name in names}
-    return Vectors(y, u, estimator.run(Record(record.t, signals, units)))
+def _within(estimator: Estimator, mean: Array, bound: float) -> int:
+    """Return how many samples there are before the output is no rotor."""
+    caps = estimator.core.parameters["set"]["cap"]
+    beyond = np.flatnonzero((np.abs(mean) > 0.99 * bound * caps).any(axis=1))
+    return int(beyond[0]) if beyond.size else len(mean)
 
 
-def _spoilt(
-    bearing: Bearing, y: NDArray[np.float64], u: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Put in measurements far away, a frozen sensor, and demands beyond the limits."""
-    y, u = y.copy(), u.copy()
-    far = 1e3 * bearing.sensor.gain * bearing.rotor.travel_limit
-    y[100:103] = far, -far, far
-    y[120:136] = y[120]
-    for k, limit in ((160, bearing.current_max), (170, bearing.current_min)):
-        u[k] = (
-            limit + np.copysign(bearing.amplifier.current_limit, limit)
-        ) / bearing.amplifier.gain
-    return y, u
+def _columns(estimator: Estimator, told: dict[str, Any]) -> Array:
+    """Return all numbers that an export puts out, sample by sample."""
+    names = ("k_i", "k_s", "innovation", "variance")
+    variances = told["covariance"][:, diagonal(len(estimator.states))]
+    return np.hstack([told["mean"], variances, *(told[name] for name in names)]).astype(float)
+
+
+def _feed_back(
+    status: NDArray[np.uint16], health: NDArray[np.uint16], settling: int
+) -> NDArray[np.bool_]:
+    """Return what the supervisor says: settled, and not too long without a measurement."""
+    doubted, missed, said = settling, 0, []
+    for flags, each in zip(status, health, strict=True):
+        used = bool(((each & _UNUSED) == 0).any())
+        missed = 0 if used else min(missed + 1, settling)
+        if flags & _UNSURE:
+            doubted = settling
+        elif used:
+            doubted = max(doubted - 1, 0)
+        said.append(doubted == 0 and missed < settling)
+    return np.array(said)
+
+
+def coverage(tested: Vectors, estimator: Estimator) -> list[tuple[str, str]]:
+    """Return what the samples visit, in words: what, and how much of it."""
+    n = len(estimator.states)
+    rows = [("samples", f"{len(tested.y)}, in {len(tested.starts)} runs, each from a start")]
+    for place, state in enumerate(estimator.states):
+        values = tested.expected[:, place]
+        rows.append((f"`{state.name}`", f"{values.min():.4g} to {values.max():.4g} {state.unit}"))
+    forces = (tested.expected.shape[1] - 2 * n - 2 * tested.health.shape[1]) // 2
+    for k, (name, unit) in enumerate((("k_i", "N/A"), ("k_s", "N/m"))):
+        of = tested.expected[:, 2 * n + k * forces : 2 * n + (k + 1) * forces]
+        rows.append((f"`{name}`", f"{of.min():.4g} to {of.max():.4g} {unit}"))
+    never = []
+    for flag in Status:
+        found = int(((tested.status & flag) != 0).sum())
+        never += [] if found else [f"`AMB_{flag.name}`"]
+        rows += [(f"`AMB_{flag.name}`", f"{found} samples")] if found else []
+    rows.append(("to be fed back", f"{int(tested.feed_back.sum())} samples"))
+    return [*rows, ("flags that are not raised", ", ".join(never) or "none")]

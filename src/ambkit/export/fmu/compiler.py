@@ -38,6 +38,47 @@ _PLATFORMS = {
 }
 
 
+_CROSS = {
+    "x86_64-linux-gnu-gcc": _PLATFORMS["linux", "x86_64"],
+    "aarch64-linux-gnu-gcc": _PLATFORMS["linux", "aarch64"],
+    "x86_64-w64-mingw32-gcc": _Platform("win64", "x86_64-windows", ".dll"),
+}
+"""Compilers for other platforms, as distributions call them."""
+
+
+def binaries(
+    texts: Mapping[str, str], sources: Sequence[str], identifier: str, fmi: Fmi, *, everywhere: bool
+) -> dict[str, bytes]:
+    """Compile for this platform, or also for each that there is a cross compiler for.
+
+    Parameters
+    ----------
+    texts, sources
+        As of `compiled`.
+    identifier : str
+        Of the model.
+    fmi : {2, 3}
+        Version of the standard.
+    everywhere : bool
+        Whether for other platforms too.
+
+    Returns
+    -------
+    dict
+        Each binary by its place in the FMU.
+    """
+    made = {place(identifier, fmi): compiled(texts, sources)}
+    for name, target in _CROSS.items() if everywhere else ():
+        there = _place(target, identifier, fmi)
+        if there not in made and shutil.which(name):
+            made[there] = compiled(texts, sources, cross=name)
+    return made
+
+
+def _place(target: _Platform, identifier: str, fmi: Fmi) -> str:
+    return f"binaries/{target.fmi_2 if fmi == 2 else target.fmi_3}/{identifier}{target.ending}"
+
+
 def place(identifier: str, fmi: Fmi) -> str:
     """Return where the binary belongs in an FMU.
 
@@ -52,10 +93,12 @@ def place(identifier: str, fmi: Fmi) -> str:
             f"an FMU is compiled on Linux and macOS only, this is {sys.platform} on "
             f"{platform.machine()}"
         )
-    return f"binaries/{here.fmi_2 if fmi == 2 else here.fmi_3}/{identifier}{here.ending}"
+    return _place(here, identifier, fmi)
 
 
-def compiled(texts: Mapping[str, str], sources: Sequence[str]) -> bytes:
+def compiled(
+    texts: Mapping[str, str], sources: Sequence[str], *, cross: str | None = None
+) -> bytes:
     """Compile a shared library; the same compiler makes the same bytes.
 
     Parameters
@@ -64,18 +107,21 @@ def compiled(texts: Mapping[str, str], sources: Sequence[str]) -> bytes:
         All files by their names, relative to one folder, which is the include folder too.
     sources : sequence of str
         Those that are compiled.
+    cross : str, optional
+        A compiler for another platform; by default that of this one.
 
     Raises
     ------
     AmbkitError
         There is no compiler, or it fails.
     """
-    compiler = _compiler()
+    compiler = _compiler() if cross is None else [cross]
+    linux = sys.platform == "linux" if cross is None else "linux" in cross
     with TemporaryDirectory() as made:
         for name, text in texts.items():
             files.make_folder(Path(made, name).parent)
             files.write_text(Path(made, name), text)
-        flags = [*COMPILER_OPTIONS.split(), *_FLAGS, *(_STRICT if sys.platform == "linux" else ())]
+        flags = [*COMPILER_OPTIONS.split(), *_FLAGS, *(_STRICT if linux else ())]
         command = [*compiler, *flags, "-I.", *sources, "-o", "binary"]
         done = subprocess.run(
             command, cwd=made, capture_output=True, text=True, errors="replace", check=False

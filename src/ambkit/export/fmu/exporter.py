@@ -8,10 +8,13 @@ import uuid
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+from ambkit.base.errors import AmbkitError
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.registry import KINDS
+from ambkit.export.c import data
+from ambkit.export.c.data import CPrecision
 from ambkit.export.fmu import archive, compiler, sources, variables, xml
 from ambkit.export.fmu.variables import Kind, Variable
 from ambkit.export.fmu.xml import Fmi, Model
@@ -31,7 +34,7 @@ class FmuExport:
     ----------
     path : Path
         The FMU.
-    kind : {"estimator", "plant", "closed-loop"}
+    kind : {"estimator", "plant", "closed-loop", "controller"}
         What it models.
     fmi : {2, 3}
         Version of the standard.
@@ -61,13 +64,17 @@ def export_fmu(
     controller: PID | None = None,
     estimator: str | None = None,
     filter_file: FilterFile | None = None,
+    precision: CPrecision = "double",
+    everywhere: bool = False,
 ) -> FmuExport:
     """Write a co-simulation FMU around the C of the library: binary and sources, no Python.
 
-    It computes in double, bit for bit as the library. A communication step is a whole multiple of
-    the bearing's sampling time. As in a controller, the sample at a communication point is taken by
+    Bit for bit as the library. A communication step may be any: the filter takes its samples at
+    whole multiples of the bearing's sampling time, and holds its estimates in between; the plant
+    goes on by what is asked. As in a controller, the sample at a communication point is taken by
     the step that begins there, with the inputs set there: an estimate read after the step from t to
-    t + T is that of the sample at t. The plant's outputs are those at the end of the step.
+    t + T is that of the sample at t. The plant's outputs are those at the end of the step. NaN on
+    an estimator's input is a lost sensor.
 
     Parameters
     ----------
@@ -77,12 +84,13 @@ def export_fmu(
         What the filter asks of its magnet; None for what its kind asks by itself.
     out : path
         The file, ``.fmu``.
-    kind : {"estimator", "plant", "closed-loop"}
-        The filter alone; magnet, rotor, amplifier and sensor; or plant, controller and filter.
+    kind : {"estimator", "plant", "closed-loop", "controller"}
+        The filter alone; magnet, rotor, amplifier and sensor; plant, controller and filter; or the
+        controller alone.
     fmi : {2, 3}
         Version of the standard.
     controller : PID, optional
-        Of the closed loop; by default tuned to the bearing, and fed by the estimator.
+        Of the closed loop, or alone; by default tuned to the bearing, and fed by the estimator.
     estimator : str, optional
         Kind of the estimator, by its name in :data:`ambkit.estimate.registry.KINDS`; by default the
         paper's filter, linear or adaptive by its magnet. The variances that the FMU lets change
@@ -90,17 +98,28 @@ def export_fmu(
     filter_file : FilterFile, optional
         The filter, in the place of `estimator`; `bearing` and `magnet` are what it says. The FMU's
         inputs are in metres and volts all the same.
+    precision : {"float", "double"}
+        Of the estimator alone: float is what flies on a controller without double. Plant and closed
+        loop compute in double.
+    everywhere : bool
+        Whether there is a binary for each platform that a cross compiler is installed for
+        (``aarch64-linux-gnu-gcc``, ``x86_64-linux-gnu-gcc``, ``x86_64-w64-mingw32-gcc``), and not
+        for this one alone.
 
     Raises
     ------
     AmbkitError
+        A plant or a closed loop in float.
         There is no C compiler, or the file cannot be written.
     """
+    if precision == "float" and kind != "estimator":
+        raise AmbkitError(f"a {kind} computes in double; precision float is for an estimator alone")
+    of: Any = {"precision": "float32" if precision == "float" else "float64"}
     if filter_file is not None:
-        filter_ = filter_file.make(magnet=magnet)
+        filter_ = filter_file.make(magnet=magnet, **of)
     else:
         kind_of_filter = estimator or ("linear" if magnet is None else "adaptive")
-        filter_ = KINDS[kind_of_filter].make(bearing, magnet)
+        filter_ = KINDS[kind_of_filter].make(bearing, magnet, **of)
     match kind:
         case "estimator":
             parts = _estimator(filter_)
@@ -108,13 +127,16 @@ def export_fmu(
             parts = _plant(bearing)
         case "closed-loop":
             parts = _loop(filter_, (controller or PID()).completed(bearing))
+        case "controller":
+            parts = _controller(bearing, (controller or PID()).completed(bearing))
     made = _content(bearing, kind, fmi, parts, token="")
     token = _token(made.files)
     made = _content(bearing, kind, fmi, parts, token)
-    place = compiler.place(made.model.identifier, fmi)
-    binary = compiler.compiled(made.in_sources, made.model.sources)
+    binaries = compiler.binaries(
+        made.in_sources, made.model.sources, made.model.identifier, fmi, everywhere=everywhere
+    )
     content = {name: text.encode() for name, text in made.files.items()}
-    archive.write(Path(out), content | {place: binary})
+    archive.write(Path(out), content | binaries)
     names = tuple(variable.name for variable in parts.variables)
     return FmuExport(Path(out), kind, fmi, made.model.identifier, token, names)
 
@@ -142,6 +164,25 @@ def _plant(bearing: Bearing) -> _Parts:
         f"Bearing {bearing.name}: amplifier, magnet, rotor and sensor",
         variables.of_plant(bearing),
         sources.data_files("plant", rig=sources.rig_data(bearing)),
+        None,
+    )
+
+
+def _controller(bearing: Bearing, controller: PID) -> _Parts:
+    estimate = controller.feedback == "estimate"
+    return _Parts(
+        f"The PID controller of bearing {bearing.name}, fed by "
+        + ("an estimator" if estimate else "the sensor"),
+        variables.of_controller(bearing, controller),
+        sources.data_files(
+            "controller",
+            pid=sources.pid_data(bearing, controller),
+            feedback_estimate=estimate,
+            alone={
+                "k_ui": data.number(bearing.amplifier.gain, "double"),
+                "K_sen": data.number(1.0 if estimate else bearing.sensor.gain, "double"),
+            },
+        ),
         None,
     )
 

@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.base import escaping
-from ambkit.base.errors import AmbkitError
 from ambkit.export import core
 from ambkit.export.c import data
-from ambkit.export.c.data import MAGNETS
+from ambkit.export.c.data import MAGNETS, CPrecision
 from ambkit.export.c.model import LOOPS, InC, in_c
 from ambkit.export.fmu.variables import Kind
 from ambkit.export.fmu.xml import Fmi, Model
@@ -26,16 +25,23 @@ if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.machine.bearing import Bearing
 
+_PRECISION = "include/ambkit/precision.h"
 _HERE = Path(__file__).parent
 _MODELS: dict[Kind, tuple[str, ...]] = {
     "estimator": ("estimator_model", "filter"),
     "plant": ("plant_model", "rig"),
     "closed-loop": ("loop_model", "filter", "rig"),
+    "controller": ("controller_model",),
 }
 _STANDARD: dict[Fmi, tuple[str, ...]] = {
     2: ("fmi2FunctionTypes.h", "fmi2Functions.h", "fmi2TypesPlatform.h"),
     3: ("fmi3FunctionTypes.h", "fmi3Functions.h", "fmi3PlatformTypes.h"),
 }
+
+
+def precision_of(estimator: Estimator | None) -> CPrecision:
+    """Return what a model computes in: a plant in double, an estimator in its own precision."""
+    return "float" if estimator is not None and estimator.precision == "float32" else "double"
 
 
 def straight_line(estimator: Estimator) -> InC:
@@ -57,6 +63,8 @@ def library_files(texts: dict[str, str], estimator: Estimator | None) -> dict[st
         Whose model is computed, if any.
     """
     instead = {LOOPS: None} if estimator is None else straight_line(estimator).instead
+    if precision_of(estimator) == "float":
+        instead = instead | {_PRECISION: rendered("precision.h.j2", {"version": version("ambkit")})}
     simulation, sim = core.folder().parent / "sim", {}
     stems = _included("sim", texts)
     while more := _beside(simulation, stems) - stems:
@@ -112,7 +120,7 @@ def licences() -> dict[str, str]:
 
 def data_files(kind: Kind, **context: Any) -> dict[str, str]:
     """Return the files that define what the headers of this kind of model declare as data."""
-    given: dict[str, Any] = {"filter": None, "rig": None, "pid": None} | context
+    given: dict[str, Any] = {"filter": None, "rig": None, "pid": None, "alone": None} | context
     headers = [f"{_MODELS[kind][0]}.h"]
     magnets = [given[part]["magnet_header"] for part in ("filter", "rig") if given[part]]
     headers += dict.fromkeys(magnets)
@@ -140,28 +148,26 @@ def description_files(kind: Kind, model: Model) -> dict[str, str]:
 
 def filter_data(estimator: Estimator) -> dict[str, Any]:
     """Return what the data file says of an estimator."""
-    if estimator.precision != "float64":
-        raise AmbkitError(f'an FMU computes in "float64", the estimator in {estimator.precision!r}')
-    in_core = data.called(estimator)
-    return magnet_data(estimator.magnet, "magnet") | {
-        "settings": data.struct_with_arrays(estimator.core.parameters["set"], "double"),
-        "model": data.struct(straight_line(estimator).numbers, "double", {}),
+    in_core, precision = data.called(estimator), precision_of(estimator)
+    return magnet_data(estimator.magnet, "magnet", precision) | {
+        "settings": data.struct_with_arrays(estimator.core.parameters["set"], precision),
+        "model": data.struct(straight_line(estimator).numbers, precision, {}),
         "in_core": in_core,
-        "own": data.own(estimator, "double"),
-        "std": data.array(np.asarray(estimator.default_std()), "double"),
-        "hover": data.array(np.asarray(estimator.hover), "double"),
+        "own": data.own(estimator, precision),
+        "std": data.array(np.asarray(estimator.default_std()), precision),
+        "hover": data.array(np.asarray(estimator.hover), precision),
     }
 
 
-def magnet_data(magnet: MagnetModel, name: str) -> dict[str, Any]:
+def magnet_data(magnet: MagnetModel, name: str, precision: CPrecision = "double") -> dict[str, Any]:
     """Return what the data file says of a magnet, which it calls `name`."""
-    held = magnet.in_core(core_module())
+    held = magnet.in_core(core_module("float32" if precision == "float" else "float64"))
     kind, fields = MAGNETS[type(held).__name__], held.parameters
     arrays = data.arrays_of(fields)
     names = {path: f"{name}_{path.replace('.', '_')}" for path in arrays}
     return {
         "magnet_name": name,
-        "magnet": data.struct(fields, "double", names),
+        "magnet": data.struct(fields, precision, names),
         "magnet_type": kind.type,
         "magnet_methods": kind.methods,
         "magnet_header": f"ambkit/{kind.source}.h",
@@ -170,7 +176,7 @@ def magnet_data(magnet: MagnetModel, name: str) -> dict[str, Any]:
                 "name": names[path],
                 "type": data.type_of(values),
                 "length": len(values),
-                "text": data.array(values, "double"),
+                "text": data.array(values, precision),
             }
             for path, values in arrays.items()
         ],

@@ -12,9 +12,9 @@ if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
     from ambkit.simulation.scenario import PID
 
-Kind = Literal["estimator", "plant", "closed-loop"]
+Kind = Literal["estimator", "plant", "closed-loop", "controller"]
 Role = Literal["time", "fixed", "tunable", "input", "output"]
-Limit = Literal["any", "not negative", "positive"]
+Limit = Literal["any", "not negative", "positive", "losable"]
 
 
 @dataclass(frozen=True)
@@ -33,8 +33,8 @@ class Variable:
         In a few words.
     start : float
         Start value; of an output, nothing.
-    limit : {"any", "not negative", "positive"}
-        Of a value that is set.
+    limit : {"any", "not negative", "positive", "losable"}
+        Of a value that is set; what is losable may be NaN, as of a lost sensor.
     follows : tuple of str
         Inputs and parameters that an output follows at once, not with the next step.
     held : bool
@@ -89,8 +89,8 @@ def of_estimator(estimator: Estimator) -> tuple[Variable, ...]:
     """Return the variables of an estimator."""
     return (
         TIME,
-        Variable("y", "input", "m", "measured position"),
-        Variable("u", "input", "V", "control signal"),
+        Variable("y", "input", "m", "measured position; NaN: lost", limit="losable"),
+        Variable("u", "input", "V", "control signal; NaN: not known", limit="losable"),
         *_estimates("", estimator),
         *_variances(estimator),
     )
@@ -101,6 +101,10 @@ def _estimates(prefix: str, estimator: Estimator) -> list[Variable]:
     texts = (
         *(
             (state.field, described.unit, f"estimated {known.get(state.field, described.role)}")
+            for state, described in zip(states(estimator.states), estimator.states, strict=True)
+        ),
+        *(
+            (f"std_{state.field}", described.unit, f"standard deviation of {state.field}")
             for state, described in zip(states(estimator.states), estimator.states, strict=True)
         ),
         ("k_i", "N/A", "current stiffness that the prediction used"),
@@ -151,8 +155,15 @@ def of_plant(bearing: Bearing) -> tuple[Variable, ...]:
         Variable("u", "input", "V", "control signal"),
         Variable("f_d", "input", "N", "disturbance force"),
         *_noises(bearing),
+        *_faults(),
         *_truth(),
-        Variable("y", "output", "m", "measured position: x_m and noise_y", follows=("noise_y",)),
+        Variable(
+            "y",
+            "output",
+            "m",
+            "measured position: x_m and noise_y, with the sensor's faults",
+            follows=("noise_y", "fault_y_gain", "fault_y_offset", "fault_frozen"),
+        ),
         *_forced(),
         *_rig(bearing),
     )
@@ -176,13 +187,51 @@ def of_loop(estimator: Estimator, controller: PID) -> tuple[Variable, ...]:
     )
 
 
+def of_controller(bearing: Bearing, controller: PID) -> tuple[Variable, ...]:
+    """Return the variables of a controller."""
+    fed = "estimated displacement" if controller.feedback == "estimate" else "measured position"
+    return (
+        TIME,
+        Variable("r", "input", "m", "position that is demanded"),
+        Variable("x", "input", "m", f"{fed}; NaN: lost", limit="losable"),
+        Variable(
+            "v", "input", "m/s", "estimated velocity, where an estimator feeds it", limit="losable"
+        ),
+        Variable("u", "output", "V", "control signal", held=True),
+        *_controller(bearing, controller),
+    )
+
+
 def _noises(bearing: Bearing) -> list[Variable]:
     sensor = bearing.sensor
     parts = {"coloured noise": sensor.coloured_noise, "hum": sensor.hum}
     named = "".join(f", {name} too" for name, part in parts.items() if part)
     return [
         Variable("noise_u", "input", "V", "noise on the control signal"),
-        Variable("noise_y", "input", "m", f"noise on the measurement{named}"),
+        Variable(
+            "noise_y",
+            "input",
+            "m",
+            f"noise on the measurement{named}; NaN: the sensor is lost",
+            limit="losable",
+        ),
+    ]
+
+
+def _faults() -> list[Variable]:
+    return [
+        Variable("fault_y_gain", "input", "1", "fault: the measurement times that", 1.0),
+        Variable("fault_y_offset", "input", "m", "fault: and so much more"),
+        Variable("fault_frozen", "input", "1", "fault: from 0.5 on the measurement stands still"),
+        Variable("fault_u_gain", "input", "1", "fault: the control signal times that", 1.0),
+        Variable(
+            "fault_current",
+            "input",
+            "1",
+            "fault: share of the amplifier's range that is left",
+            1.0,
+            "not negative",
+        ),
     ]
 
 

@@ -79,7 +79,7 @@ def model_description(model: Model, fmi: Fmi) -> str:
     for reference, variable in enumerate(model.variables):
         (_variable_2 if fmi == 2 else _variable_3)(variables, reference, variable)
     (_structure_2 if fmi == 2 else _structure_3)(root, model.variables)
-    return _written(root)
+    return written(root)
 
 
 def build_description(model: Model) -> str:
@@ -93,7 +93,7 @@ def build_description(model: Model) -> str:
     )
     for name in model.sources:
         ElementTree.SubElement(sources, "SourceFile", name=name)
-    return _written(root)
+    return written(root)
 
 
 def _co_simulation(root: ElementTree.Element, model: Model, fmi: Fmi) -> None:
@@ -145,7 +145,7 @@ def _common(reference: int, variable: Variable) -> dict[str, str]:
 def _number(variable: Variable) -> dict[str, str]:
     """Attributes of a variable that tell of its value."""
     attributes = {} if variable.integer else {"unit": variable.unit}
-    if variable.limit != "any":
+    if variable.limit in ("not negative", "positive"):
         attributes["min"] = "0.0"
     if variable.role not in ("time", "output"):
         attributes["start"] = _text(variable.start)
@@ -195,7 +195,8 @@ def _text(value: float) -> str:
     return repr(float(value))  # the shortest that is read back to the last bit
 
 
-def _written(root: ElementTree.Element) -> str:
+def written(root: ElementTree.Element) -> str:
+    """Return a document as text."""
     for element in root.iter():  # the library escapes, but writes what XML 1.0 cannot hold
         element.attrib = {key: one_line(value) for key, value in element.items()}
     ElementTree.indent(root)

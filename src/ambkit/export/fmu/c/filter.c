@@ -1,4 +1,5 @@
 #include "filter.h"
+#include "ambkit/root.h"
 
 amb_status amb_filter_tune(amb_kalman *filter, amb_real measurement, amb_real control,
                            amb_real growth)
@@ -35,4 +36,13 @@ void amb_filter_start(const amb_kalman *filter, amb_data_state *state, amb_kalma
   result->health[0] = AMB_OK;
   amb_kalman_stiffness(filter, &amb_data_magnet, none, base->mean, result->stiffness);
   result->status = AMB_OK;
+}
+
+void amb_filter_show_std(const amb_kalman *filter, const amb_data_state *state, double *std)
+{
+  const amb_kalman_state *base = (const amb_kalman_state *)state;
+  amb_real variances[AMB_STATES];
+  amb_model_variances(&filter->model, base->cov, variances);
+  for (int i = 0; i < amb_states(&filter->model); i++)
+    std[i] = (variances[i] > AMB_C(0.0)) ? amb_root(variances[i]) : AMB_C(0.0);
 }

@@ -25,4 +25,7 @@ amb_estimator amb_filter_estimator(const amb_kalman *filter);
 void amb_filter_start(const amb_kalman *filter, amb_data_state *state, amb_kalman_result *result,
                       amb_real x, amb_real x_m, amb_real current);
 
+/* Write the standard deviations of the states, one after the other. */
+void amb_filter_show_std(const amb_kalman *filter, const amb_data_state *state, double *std);
+
 #endif

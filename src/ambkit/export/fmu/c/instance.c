@@ -34,7 +34,13 @@ bool amb_same_token(const amb_instance *self, const char *token)
 
 double amb_time(const amb_instance *self)
 {
-  return self->now.start + self->now.samples * amb_sampling_time;
+  return self->now.start + (self->now.samples + self->now.part) * amb_sampling_time;
+}
+
+/* Of the importer's numbers, whatever the model computes in. */
+static bool is_finite(double a)
+{
+  return (a >= -DBL_MAX) && (a <= DBL_MAX);
 }
 
 /* ---- From one mode to the next ---- */
@@ -62,7 +68,7 @@ amb_answer amb_enter_initialization(amb_instance *self, double start_time)
 {
   if (self->now.mode != AMB_INSTANTIATED)
     return wrong_mode(self, "initialization");
-  if (!amb_is_finite(start_time))
+  if (!is_finite(start_time))
     return amb_refuse(self, AMB_ERROR, "the start time must be finite, is %g s", start_time);
   self->now.start = start_time;
   self->now.mode = AMB_INITIALIZING;
@@ -145,10 +151,10 @@ static bool settable(amb_causality role, amb_mode mode)
 
 static amb_answer check_value(const amb_instance *self, const amb_variable *variable, double value)
 {
-  static const char *const limits[] = {"finite", "0 or greater", "greater than 0"};
-  const bool good =
-      amb_is_finite(value) && ((variable->limit == AMB_ANY) || (value > 0) ||
-                               ((variable->limit == AMB_NOT_NEGATIVE) && !(value < 0)));
+  static const char *const limits[] = {"finite", "0 or greater", "greater than 0", "a number"};
+  const bool good = (variable->limit == AMB_LOSABLE) ||
+                    (is_finite(value) && ((variable->limit == AMB_ANY) || (value > 0) ||
+                                          ((variable->limit == AMB_NOT_NEGATIVE) && !(value < 0))));
   if (!settable(variable->role, self->now.mode))
     return amb_refuse(self, AMB_ERROR, "%s cannot be set %s", variable->name,
                       modes[self->now.mode]);
@@ -166,7 +172,7 @@ amb_answer amb_set_reals(amb_instance *self, const uint32_t *vr, size_t n, const
     answer = check_value(self, &amb_variables[vr[i]], values[i]);
   if (answer != AMB_DONE)
     return answer;
-  amb_real changed[AMB_VARIABLES];
+  double changed[AMB_VARIABLES];
   memcpy(changed, self->now.value, sizeof changed);
   bool tuned = false;
   for (size_t i = 0; i < n; i++) {
@@ -182,31 +188,48 @@ amb_answer amb_set_reals(amb_instance *self, const uint32_t *vr, size_t n, const
 
 /* ---- Time ---- */
 
+/* On by so many sampling times. Parts end where samples begin. */
+static void go_on(amb_point *now, double samples)
+{
+  double left = samples;
+  if (now->part > 0) {
+    const double to = (now->part + left < 1) ? now->part + left : 1;
+    amb_unit_part(&now->model, now->part, to, now->value);
+    left -= to - now->part;
+    now->part = to;
+    if (to >= 1) {
+      now->part = 0;
+      now->samples++;
+    }
+  }
+  for (; left >= 1; left--) {
+    amb_unit_sample(&now->model, now->value);
+    now->samples++;
+  }
+  if (left > 0) {
+    amb_unit_part(&now->model, 0, left, now->value);
+    now->part = left;
+  }
+}
+
 amb_answer amb_do_step(amb_instance *self, double time, double step)
 {
-  const double T = amb_sampling_time, now = amb_time(self);
+  const double T = amb_sampling_time, now = amb_time(self), part = self->now.part;
   if (self->now.mode != AMB_STEPPING)
     return wrong_mode(self, "a step");
-  if (!amb_is_finite(time) || !amb_is_finite(step))
+  if (!is_finite(time) || !(step > 0) || !(step / T < 9e15))
     return amb_refuse(self, AMB_DISCARD, "a step of %g s from %g s is not possible", step, time);
   /* A difference of two times carries their rounding. */
-  const double magnitude = (now < 0 ? -now : now) + (step < 0 ? -step : step);
-  const double tolerance = 1e-6 * T + 4 * DBL_EPSILON * magnitude;
+  const double tolerance = 1e-6 * T + 4 * DBL_EPSILON * ((now < 0 ? -now : now) + step);
   if ((time - now > tolerance) || (now - time > tolerance))
     return amb_refuse(self, AMB_DISCARD,
                       "a step must begin at %.12g s, where the last one ended, "
                       "not at %.12g s",
                       now, time);
-  const double samples = (step > 0) && (step / T < 9e15) ? (double)(int64_t)(step / T + 0.5) : 0;
-  const double rest = step - samples * T;
-  if ((samples < 1) || (rest > tolerance) || (rest < -tolerance))
-    return amb_refuse(self, AMB_DISCARD,
-                      "a step must be a whole multiple of the sampling time, "
-                      "%.12g s, is %.12g s",
-                      T, step);
-  for (double i = 0; i < samples; i++)
-    amb_unit_sample(&self->now.model, self->now.value);
-  self->now.samples += samples;
+  /* What ends at a sample but for that rounding, ends there. */
+  const double end = part + step / T, whole = (double)(int64_t)(end + 0.5);
+  const bool at_sample = ((end - whole) * T <= tolerance) && ((whole - end) * T <= tolerance);
+  go_on(&self->now, (at_sample && (whole > part) ? whole : end) - part);
   return AMB_DONE;
 }
 

@@ -14,13 +14,14 @@ typedef enum amb_answer { AMB_DONE, AMB_WARNING, AMB_DISCARD, AMB_ERROR } amb_an
 
 typedef enum amb_mode { AMB_INSTANTIATED, AMB_INITIALIZING, AMB_STEPPING, AMB_TERMINATED } amb_mode;
 
-/* All that changes. Time is start + samples times the sampling time: nothing adds up, so nothing
- * drifts. */
+/* All that changes. Time is start + (samples + part) times the sampling time: what adds up is less
+ * than a sample, and begins anew with the next, so nothing drifts. */
 typedef struct amb_point {
   amb_mode mode;
   double start;   /* [s] */
   double samples; /* a whole number */
-  amb_real value[AMB_VARIABLES];
+  double part;    /* of a sample, 0 to less than 1 */
+  double value[AMB_VARIABLES];
   amb_unit model;
 } amb_point;
 
@@ -56,7 +57,7 @@ amb_answer amb_get_reals(amb_instance *self, const uint32_t *vr, size_t n, doubl
 amb_answer amb_get_integers(amb_instance *self, const uint32_t *vr, size_t n, int32_t *values);
 amb_answer amb_set_reals(amb_instance *self, const uint32_t *vr, size_t n, const double *values);
 
-/* From `time` on by `step` [s], a whole multiple of the sampling time. */
+/* From `time` on by `step` [s], any; samples are taken at whole multiples of the sampling time. */
 amb_answer amb_do_step(amb_instance *self, double time, double step);
 
 /* Copies of all that changes. `amb_save` writes to *point, which it allocates if it is NULL. */

@@ -2,7 +2,7 @@
 #include "model.h"
 #include <string.h>
 
-amb_status amb_unit_tune(amb_unit *model, const amb_real value[AMB_VARIABLES])
+amb_status amb_unit_tune(amb_unit *model, const double value[AMB_VARIABLES])
 {
   if (amb_filter_tune(&model->filter, value[VR_measurement_variance], value[VR_control_variance],
                       value[VR_disturbance_growth]) != AMB_OK)
@@ -33,7 +33,7 @@ static amb_loop loop_of(const amb_unit *model, const amb_estimator *estimator)
 }
 
 /* At rest where the parameters say, and the estimator knows it. */
-amb_status amb_unit_start(amb_unit *model, const amb_real value[AMB_VARIABLES])
+amb_status amb_unit_start(amb_unit *model, const double value[AMB_VARIABLES])
 {
   const amb_status status = amb_unit_tune(model, value);
   if (status != AMB_OK)
@@ -52,33 +52,47 @@ amb_status amb_unit_start(amb_unit *model, const amb_real value[AMB_VARIABLES])
   s->y = amb_plant_measure(&plant, s->plant.x_m, value[VR_noise_y]);
   s->acting = amb_plant_from_now(&plant, &s->plant, s->demanded);
   s->u = s->demanded / rig->k_ui;
+  model->between.share = 1;
   return AMB_OK;
 }
 
-void amb_unit_sample(amb_unit *model, const amb_real value[AMB_VARIABLES])
+void amb_unit_sample(amb_unit *model, const double value[AMB_VARIABLES])
 {
   const amb_estimator estimator = amb_filter_estimator(&model->filter);
   const amb_loop loop = loop_of(model, &estimator);
+  model->between.before = model->state.plant;
+  model->between.T = model->rig.T;
+  model->between.share = 1;
   const amb_loop_sample sample = {value[VR_r], value[VR_f_d], value[VR_noise_u], value[VR_noise_y]};
   (void)amb_loop_step(&loop, &model->state, &model->estimate, &sample);
 }
 
-void amb_unit_show(const amb_unit *model, amb_real value[AMB_VARIABLES])
+/* The controller looks at its inputs when a sample begins; the rotor is glimpsed on its way. */
+void amb_unit_part(amb_unit *model, double from, double to, const double value[AMB_VARIABLES])
+{
+  if (!(from > 0))
+    amb_unit_sample(model, value);
+  model->between.share = to;
+}
+
+void amb_unit_show(const amb_unit *model, double value[AMB_VARIABLES])
 {
   const amb_loop_state *s = &model->state;
-  value[VR_x] = s->plant.x;
-  value[VR_v] = s->plant.v;
-  value[VR_x_m] = s->plant.x_m;
+  const amb_plant_state now = amb_rig_now(&model->between, &s->plant);
+  value[VR_x] = now.x;
+  value[VR_v] = now.v;
+  value[VR_x_m] = now.x_m;
   value[VR_y] = s->y;
   value[VR_u] = s->u;
   value[VR_iu] = s->acting.iu;
-  value[VR_f_mag] = amb_rig_force(&model->rig, &s->plant, s->demanded);
+  value[VR_f_mag] = amb_rig_force(&model->rig, &now, s->demanded);
   const amb_real *mean = ((const amb_kalman_state *)&model->estimate)->mean;
   for (int i = 0; i < AMB_STATES; i++) /* they stand together, in their order */
     value[VR_estimate_x + i] = mean[i];
+  amb_filter_show_std(&model->filter, &model->estimate, &value[VR_estimate_std_x]);
   value[VR_estimate_k_i] = s->result.stiffness[0].k_i;
   value[VR_estimate_k_s] = s->result.stiffness[0].k_s;
   value[VR_estimate_innovation] = s->result.innovation[0];
   value[VR_estimate_variance] = s->result.variance[0];
-  value[VR_estimate_status] = (amb_real)s->result.status;
+  value[VR_estimate_status] = (double)s->result.status;
 }

@@ -11,7 +11,8 @@ typedef struct amb_unit {
   amb_pid pid;
   amb_kalman filter;
   amb_data_state estimate;
-  amb_loop_state state;
+  amb_loop_state state; /* at the sample that the last one went on to */
+  amb_glimpse between;
 } amb_unit;
 
 /* Written by the export. */

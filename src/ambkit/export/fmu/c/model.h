@@ -1,4 +1,4 @@
-/* What the FMI layers know of a model: its variables, and five functions.
+/* What the FMI layers know of a model: its variables, and six functions.
  *
  * A model is plain data. All that changes in it is in an amb_unit, without pointers, so that a
  * copy of the bytes is a copy of the model. `description.h` is written by the export: it names the
@@ -19,32 +19,37 @@ typedef enum amb_causality {
   AMB_OUTPUT
 } amb_causality;
 
-typedef enum amb_limit { AMB_ANY, AMB_NOT_NEGATIVE, AMB_POSITIVE } amb_limit;
+/* Of a value that is set; AMB_LOSABLE: it may also be NaN or infinite, as of a lost sensor. */
+typedef enum amb_limit { AMB_ANY, AMB_NOT_NEGATIVE, AMB_POSITIVE, AMB_LOSABLE } amb_limit;
 
 typedef struct amb_variable {
   const char *name;
   const char *unit;
   amb_causality role;
-  amb_limit limit; /* of a value that is set */
+  amb_limit limit;
   bool integer;
-  amb_real start;
+  double start;
 } amb_variable;
 
 extern const amb_variable amb_variables[AMB_VARIABLES];
-extern const amb_real amb_sampling_time; /* [s] */
-extern const char amb_token[];           /* hash of all that the model was made from */
+extern const double amb_sampling_time; /* [s] */
+extern const char amb_token[];         /* hash of all that the model was made from */
 
 /* Take over the parameters among the values: finite, and within their limits. Returns AMB_OK, or
  * AMB_BAD_PARAMETER where they are not usable together; then the model stays as it was. */
-amb_status amb_unit_tune(amb_unit *model, const amb_real value[AMB_VARIABLES]);
+amb_status amb_unit_tune(amb_unit *model, const double value[AMB_VARIABLES]);
 
 /* Start from the parameters and the inputs among the values. Returns as amb_unit_tune does. */
-amb_status amb_unit_start(amb_unit *model, const amb_real value[AMB_VARIABLES]);
+amb_status amb_unit_start(amb_unit *model, const double value[AMB_VARIABLES]);
 
-/* On by one sampling time, with the inputs among the values held. */
-void amb_unit_sample(amb_unit *model, const amb_real value[AMB_VARIABLES]);
+/* On by one sampling time from a sample on, with the inputs among the values held. */
+void amb_unit_sample(amb_unit *model, const double value[AMB_VARIABLES]);
+
+/* On by a part of it, `from` to `to` after a sample [1, of the sampling time], 0 <= from < to <= 1,
+ * where `to` ends a communication step that is no whole multiple. */
+void amb_unit_part(amb_unit *model, double from, double to, const double value[AMB_VARIABLES]);
 
 /* Write the outputs among the values. */
-void amb_unit_show(const amb_unit *model, amb_real value[AMB_VARIABLES]);
+void amb_unit_show(const amb_unit *model, double value[AMB_VARIABLES]);
 
 #endif

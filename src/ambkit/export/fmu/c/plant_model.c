@@ -1,19 +1,31 @@
 #include "plant_model.h"
 #include "model.h"
 
-amb_status amb_unit_tune(amb_unit *model, const amb_real value[AMB_VARIABLES])
+amb_status amb_unit_tune(amb_unit *model, const double value[AMB_VARIABLES])
 {
   amb_rig_tune(&model->rig, value[VR_mass], value[VR_magnet_constant]);
   return AMB_OK;
 }
 
-static amb_real current(const amb_unit *model, const amb_real value[AMB_VARIABLES])
+static amb_real current(const amb_unit *model, const double value[AMB_VARIABLES])
 {
-  return amb_rig_current(&model->rig, value[VR_u] + value[VR_noise_u]);
+  const amb_real u = value[VR_fault_u_gain] * (value[VR_u] + value[VR_noise_u]);
+  return amb_rig_current(&model->rig, u, value[VR_fault_current]);
+}
+
+/* What the sensor shows now, frozen or not. */
+static amb_real shown(const amb_unit *model, const double value[AMB_VARIABLES])
+{
+  const amb_plant plant = amb_rig_plant(&model->rig);
+  const amb_plant_state now = amb_rig_now(&model->between, &model->state);
+  if (value[VR_fault_frozen] >= 0.5)
+    return model->frozen_y;
+  return value[VR_fault_y_gain] * amb_plant_measure(&plant, now.x_m, value[VR_noise_y]) +
+         value[VR_fault_y_offset];
 }
 
 /* At rest, and the sensor has settled. */
-amb_status amb_unit_start(amb_unit *model, const amb_real value[AMB_VARIABLES])
+amb_status amb_unit_start(amb_unit *model, const double value[AMB_VARIABLES])
 {
   const amb_status status = amb_unit_tune(model, value);
   const amb_plant plant = amb_rig_plant(&model->rig);
@@ -21,23 +33,47 @@ amb_status amb_unit_start(amb_unit *model, const amb_real value[AMB_VARIABLES])
   model->demanded = current(model, value);
   amb_plant_settle(&plant, &model->state, amb_clamp(value[VR_start_position], -travel, travel),
                    model->demanded);
+  model->between.share = 1;
+  model->frozen_y = amb_plant_measure(&plant, model->state.x_m, 0);
   return status;
 }
 
-void amb_unit_sample(amb_unit *model, const amb_real value[AMB_VARIABLES])
+void amb_unit_sample(amb_unit *model, const double value[AMB_VARIABLES])
 {
-  const amb_plant plant = amb_rig_plant(&model->rig);
-  model->demanded = current(model, value);
-  (void)amb_plant_advance(&plant, &model->state, model->rig.T, model->demanded, value[VR_f_d]);
+  amb_unit_part(model, 0, 1, value);
 }
 
-void amb_unit_show(const amb_unit *model, amb_real value[AMB_VARIABLES])
+/* Without parts that count in samples, it goes on by whatever is asked. Dead time, amplifier and
+ * turning go on from sample to sample: these are what its inputs hold for, and what lies between is
+ * glimpsed. */
+void amb_unit_part(amb_unit *model, double from, double to, const double value[AMB_VARIABLES])
 {
   const amb_plant plant = amb_rig_plant(&model->rig);
-  value[VR_x] = model->state.x;
-  value[VR_v] = model->state.v;
-  value[VR_x_m] = model->state.x_m;
-  value[VR_y] = amb_plant_measure(&plant, model->state.x_m, value[VR_noise_y]);
-  value[VR_iu] = amb_plant_until_now(&plant, &model->state, model->demanded).iu;
-  value[VR_f_mag] = amb_rig_force(&model->rig, &model->state, model->demanded);
+  if (!(value[VR_fault_frozen] >= 0.5))
+    model->frozen_y = shown(model, value);
+  if (!model->rig.with_parts) {
+    const amb_real T = ((from > 0) || (to < 1)) ? (to - from) * model->rig.T : model->rig.T;
+    model->demanded = current(model, value);
+    (void)amb_plant_advance(&plant, &model->state, T, model->demanded, value[VR_f_d]);
+    return;
+  }
+  if (!(from > 0)) {
+    model->between.before = model->state;
+    model->between.T = model->rig.T;
+    model->demanded = current(model, value);
+    (void)amb_plant_advance(&plant, &model->state, model->rig.T, model->demanded, value[VR_f_d]);
+  }
+  model->between.share = to;
+}
+
+void amb_unit_show(const amb_unit *model, double value[AMB_VARIABLES])
+{
+  const amb_plant plant = amb_rig_plant(&model->rig);
+  const amb_plant_state now = amb_rig_now(&model->between, &model->state);
+  value[VR_x] = now.x;
+  value[VR_v] = now.v;
+  value[VR_x_m] = now.x_m;
+  value[VR_y] = shown(model, value);
+  value[VR_iu] = amb_plant_until_now(&plant, &now, model->demanded).iu;
+  value[VR_f_mag] = amb_rig_force(&model->rig, &now, model->demanded);
 }

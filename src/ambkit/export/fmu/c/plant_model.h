@@ -6,8 +6,10 @@
 
 typedef struct amb_unit {
   amb_rig rig;
-  amb_plant_state state;
-  amb_real demanded; /* control current of the sample before [A] */
+  amb_plant_state state; /* at the end of what it has gone on by */
+  amb_real demanded;     /* control current of the sample before [A] */
+  amb_real frozen_y;     /* what the sensor showed last before it froze [m] */
+  amb_glimpse between;
 } amb_unit;
 
 #endif

@@ -57,9 +57,23 @@ amb_plant amb_rig_plant(const amb_rig *rig)
   return plant;
 }
 
-amb_real amb_rig_current(const amb_rig *rig, amb_real u)
+amb_real amb_rig_current(const amb_rig *rig, amb_real u, amb_real share)
 {
-  return amb_clamp(rig->k_ui * u, rig->iu_min, rig->iu_max);
+  return amb_clamp(rig->k_ui * u, share * rig->iu_min, share * rig->iu_max);
+}
+
+amb_plant_state amb_rig_now(const amb_glimpse *between, const amb_plant_state *after)
+{
+  const amb_plant_state *before = &between->before;
+  const amb_real s = between->share, T = between->T, rest = 1 - s;
+  amb_plant_state now = *after;
+  if (s >= 1)
+    return now;
+  now.x = rest * rest * ((1 + 2 * s) * before->x + s * T * before->v) +
+          s * s * ((3 - 2 * s) * after->x - rest * T * after->v);
+  now.v = before->v + s * (after->v - before->v);
+  now.x_m = before->x_m + s * (after->x_m - before->x_m);
+  return now;
 }
 
 amb_real amb_rig_force(const amb_rig *rig, const amb_plant_state *state, amb_real iu)

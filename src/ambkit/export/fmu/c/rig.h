@@ -33,8 +33,19 @@ void amb_rig_tune(amb_rig *rig, amb_real mass, amb_real magnet_constant);
 /* What sim/plant.h asks for; it points to the rig. */
 amb_plant amb_rig_plant(const amb_rig *rig);
 
-/* Control current [A] that the amplifier makes of a control signal [V]. */
-amb_real amb_rig_current(const amb_rig *rig, amb_real u);
+/* Control current [A] that the amplifier makes of a control signal [V], with this share of its
+ * range [1]. */
+amb_real amb_rig_current(const amb_rig *rig, amb_real u, amb_real share);
+
+/* A look between two samples: the plant goes on from one to the next. */
+typedef struct amb_glimpse {
+  amb_plant_state before; /* at the sample before */
+  amb_real T;             /* from there to the one that the plant's state is at [s] */
+  amb_real share;         /* how much of that has passed [1]; 1: the plant's state is that of now */
+} amb_glimpse;
+
+/* The plant's state then: the cubic through places and velocities, and straight lines. */
+amb_plant_state amb_rig_now(const amb_glimpse *between, const amb_plant_state *after);
 
 /* Whole force of the magnet just before a sample, iu demanded at the one before it [N]. */
 amb_real amb_rig_force(const amb_rig *rig, const amb_plant_state *state, amb_real iu);

@@ -1,0 +1,381 @@
+"""How much of an exported filter its self-test sees: faults planted one by one, and the score.
+
+    python tests/mutants.py [KIND ...] [--precision double] [--boundaries]
+
+Constants of the data file change by a tenth; operators of the C that flies turn into others. Each
+mutant is compiled with its self-test (by tcc where it is installed) and judged exactly, and as
+where a compiler rounds otherwise; also without the CRC that gives constants away. What is left
+alive is compiled by gcc with optimisation: where the program is the same to the last byte, the
+mutant is the original (trivial compiler equivalence, Papadakis et al. 2015).
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, NamedTuple
+
+INCLUDES = ("-I.", "-Icore/include", "-Icore", "-Iselftest")
+JUDGE = """#include "{0}_selftest.h"
+#include <stdio.h>
+
+int main(void)
+{{
+  {0}_selftest_result found;
+  {0}_selftest(&found);
+  const unsigned int wrong = found.wrong;
+  const bool exact = {0}_selftest_passed(&found, true);
+  const bool loose = {0}_selftest_passed(&found, false);
+  found.wrong &= ~{1}_WRONG_CONSTANTS;
+  (void)printf("%d %d %d %d %u %u %u", exact, loose, {0}_selftest_passed(&found, true),
+               {0}_selftest_passed(&found, false), wrong, found.wrong_status, found.unequal);
+  return 0;
+}}
+"""
+SECONDS = 3
+"""A mutant that takes longer hangs, and a watchdog would see it."""
+
+
+class Mutant(NamedTuple):
+    """One fault."""
+
+    file: str
+    line: int
+    old: str
+    new: str
+    start: int  # place of the old text
+    text: str  # its line
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}: {self.old} -> {self.new}: {self.text}"
+
+
+class Verdict(NamedTuple):
+    """Whether the self-test passes, which it should not."""
+
+    exact: bool
+    loose: bool
+    exact_without_crc: bool
+    loose_without_crc: bool
+
+
+KILLED = Verdict(False, False, False, False)
+
+_OPERATORS = {
+    "+": "-", "-": "+", "*": "/", "/": "*", "+=": "-=", "-=": "+=", "*=": "/=", "/=": "*=",
+    "<": ">=", ">=": "<", ">": "<=", "<=": ">", "==": "!=", "!=": "==", "&&": "||", "||": "&&",
+    "|": "&", "&": "|", "|=": "&=", "&=": "|=", "++": "--", "--": "++", "!": "", "u-": "",
+    "true": "false", "false": "true",
+}  # fmt: skip
+_BOUNDARIES = {"<": "<=", "<=": "<", ">": ">=", ">=": ">"}
+_TOKENS = re.compile(
+    r"/\*.*?\*/|\"(?:\\.|[^\"])*\"|^[ \t]*#(?:\\\n|.)*?$|\b\d[\w.]*(?:[eE][-+]\d+)?\w*|[A-Za-z_]\w*"
+    r"|->|\+\+|--|<<=|>>=|<<|>>|[-+*/|&^]=|[<>=!]=|&&|\|\||[-+*/|&<>!=(){}\[\],;?:.~^%]",
+    re.DOTALL | re.MULTILINE,
+)
+EQUIVALENT = {
+    # In float, what the disturbance's growth adds to a position is below half of its last digit.
+    ("axial.h", "G00"): "below the last digit in float",
+    ("axial.h", "G03"): "below the last digit in float",
+    ("axial.h", "G33"): "below the last digit in float",
+    # Numbers of the data file, and means that are computed from good ones: none fails the check.
+    ("real.h", "(a > AMB_C(0.0)) && (a <= AMB_REAL_MAX)"): "asked of constants alone, all good",
+    ("kalman.c", "!amb_is_finite(mean[i]) ||"): "asked of constants alone, all good",
+    ("kalman.c", "for (int i = 0; i < n; i++) {"): "a loop over that check, or killed",
+    ("kalman.c", "near && (std != NULL)"): "a start between the stops is near, and has a std",
+    # One position, one velocity, one sensor: whose roles are given.
+    ("at_rest.c", "amb_magnitude(states[i]) > amb_magnitude(states[most])"): "one position",
+    ("at_rest.c", "(position >= 0) && these[position]"): "a velocity has a position",
+    ("at_rest.c", "if (these[i] && (amb_model_role(model, i) == AMB_POSITION))"): "one position",
+    ("at_rest.c", "these[j] || ((amb_model_role(model, j) == AMB_SHOWN)"): "one sensor",
+    # After an outage the gate is wider than any jump between the stops: the residual is not asked.
+    ("at_rest.c", "bool seen = false;"): "the residual after an outage is not asked",
+    ("at_rest.c", "for (int i = 0; i < amb_states(model); i++) {"): "as the residual, or killed",
+    ("at_rest.c", "seen = seen ||"): "the residual after an outage is not asked",
+    ("envelope.c", "for (int r = 0; r < amb_sensors(model); r++) {"): "as the residual",
+    # The row is zero already: `forget` has cleared it.
+    ("envelope.c", "for (int j = 0; j < n; j++) {"): "clears what is clear, or killed",
+    ("envelope.c", "if (j != s) {"): "clears what is clear, or killed",
+    # What amb_envelope_lost returns, only whole machines ask for.
+    ("envelope.c", "bool some = false;"): "the return value is not asked",
+    ("envelope.c", "for (int i = 0; i < n; i++) {"): "the return value is not asked, or killed",
+    ("envelope.c", "some = some ||"): "the return value is not asked",
+    # Where it is held, position and velocity are lost both, and no load is.
+    ("envelope.c", "(moves && lost[i])"): "both are lost, or none",
+    (
+        "envelope.c",
+        "lost[i] && (amb_model_role(model, i) == AMB_SHOWN)",
+    ): "rest is the mean elsewhere",
+    # A variance that is no number makes that of the sensor none within the same prediction.
+    ("envelope.c", "(role == AMB_SHOWN) || amb_is_finite(variance[i])"): "all are finite, or none",
+    # Three steps are all digits that there are: the correction moves the last one.
+    (
+        "root.h",
+        "(AMB_C(0.5) * inverse) * (a - root * root)",
+    ): "within the root's own rounding",
+    # An infinite variance of the innovation starts the filter anew, whatever the step makes of it.
+    ("kalman_step.h", "!sharp || amb_is_finite(e->variance)"): "the supervisor starts anew",
+}
+"""Mutants of the linear filter in float that make no difference, by file and text, and why. Of a
+text that stands more than once the others are killed, which the score shows."""
+
+_TYPE = (
+    r"(?:amb_(?:real|status|model|kalman|estimator|magnet|stiffness|sensor|step)\w*|\w+_state"
+    r"|\w+_estimates|u?int\w*|void|bool|char|const)"
+)
+_NUMBER = re.compile(r"-?\b\d+(?:\.\d+)?(?:e[-+]?\d+)?[FU]?\b")
+
+
+def of_operators(name: str, text: str, *, boundaries: bool = False) -> Iterator[Mutant]:
+    """Give each operator of a C file as another one; pointers, declarations and macros aside."""
+    tokens = [m for m in _TOKENS.finditer(text) if not m[0].lstrip().startswith(("/*", '"', "#"))]
+    depth = 0
+    for n, token in enumerate(tokens[1:], 1):
+        depth += (token[0] == "{") - (token[0] == "}")
+        old = token[0]
+        if depth == 0 or old not in _OPERATORS:
+            continue
+        unary = not re.fullmatch(r"[\w.]+|[)\]]", tokens[n - 1][0]) or tokens[n - 1][0] == "return"
+        if old in ("*", "&") and (unary or _is_type(tokens, n)):
+            continue  # of pointers
+        if old == "+" and unary:
+            continue
+        others = [_OPERATORS["u-" if old == "-" and unary else old]]
+        if boundaries and old in _BOUNDARIES:
+            others.append(_BOUNDARIES[old])
+        for new in others:
+            yield _mutant(name, text, token.start(), old, new)
+
+
+def _is_type(tokens: list[re.Match[str]], n: int) -> bool:
+    """Whether what stands before a star or an ampersand is a type, or a cast."""
+    before = tokens[n - 1][0]
+    if before == ")":
+        return re.fullmatch(rf"\*|{_TYPE}", tokens[n - 2][0]) is not None
+    return re.fullmatch(_TYPE, before) is not None
+
+
+def of_constants(name: str, text: str) -> Iterator[Mutant]:
+    """Give each number of a data file's initialisers, a tenth larger; a zero has none."""
+    end = text.index("_data_crc(void)")
+    for match in _NUMBER.finditer(text, text.index('_data.h"'), end):
+        before = text[: match.start()].rstrip()
+        if text[match.start() - 1] == "[" or before.endswith("Configuration"):
+            continue  # a length
+        word = match[0].rstrip("FU")
+        if float(word) == 0.0:
+            continue
+        whole = re.fullmatch(r"-?\d+", word)
+        new = (
+            str(max(int(word) + 1, round(1.1 * int(word))))
+            if whole
+            else f"{1.1 * float(word):.17g}"
+        )
+        if not whole and not re.search(r"[.e]", new):
+            new += ".0"
+        yield _mutant(name, text, match.start(), match[0], new + match[0][len(word) :])
+
+
+def _mutant(name: str, text: str, start: int, old: str, new: str) -> Mutant:
+    begin = text.rfind("\n", 0, start) + 1
+    line = text[begin : text.find("\n", start)].strip()
+    return Mutant(name, text.count("\n", 0, start) + 1, old, new, start, line)
+
+
+class Bench:
+    """An export with what judges it, compiled again for each fault.
+
+    Parameters
+    ----------
+    folder : Path
+        The export.
+    name : str
+        Its prefix.
+    """
+
+    def __init__(self, folder: Path, name: str) -> None:
+        self.folder, self.name = folder, name
+        self.compiler = shutil.which("tcc") or "gcc"
+        selftest = [f"selftest/{name}_selftest.c", f"selftest/{name}_vectors.c"]
+        sources = [folder / f"{name}.c", folder / f"{name}_data.c", *folder.glob("core/src/*.c")]
+        self.sources = sorted(str(file.relative_to(folder)) for file in sources)
+        self.selftest = selftest
+        self._work = Path(tempfile.mkdtemp(prefix="mutants"))
+        (self._work / "judge.c").write_text(JUDGE.format(name, name.upper()))
+        self._objects: dict[str, Path] = {}
+        for file in [*self.sources, *selftest, str(self._work / "judge.c")]:
+            made = self._work / (Path(file).stem + ".o")
+            self._call([self.compiler, *self._flags, "-c", file, "-o", str(made)], folder)
+            self._objects[file] = made
+        self._original = self._optimised(folder)
+
+    _flags = ("-std=c99", "-O0", "-DAMB_NO_CONTRACTION", *INCLUDES)
+
+    def close(self) -> None:
+        shutil.rmtree(self._work)
+
+    def text(self, file: str) -> str:
+        return (self.folder / file).read_text()
+
+    def flying(self) -> list[str]:
+        """Return the files whose operators fly: the C and the headers that it includes."""
+        seen: set[str] = set()
+        for file in self.sources:
+            words = ["gcc", "-std=c99", "-MM", *INCLUDES, file]
+            listed = self._call(words, self.folder).stdout.replace("\\\n", " ").split()[1:]
+            seen |= set(listed)
+        return sorted(file for file in seen if not file.endswith((f"{self.name}_data.c", "crc.h")))
+
+    def judge(self, mutant: Mutant) -> Verdict:
+        """Compile and run it."""
+        with tempfile.TemporaryDirectory(dir=self._work) as place:
+            folder = self._copy(mutant, Path(place))
+            if mutant.file.endswith(".c"):
+                changed, kept = [mutant.file], [f for f in self._objects if f != mutant.file]
+            else:
+                changed = self.sources
+                kept = [f for f in self._objects if f not in self.sources]
+            parts = [*changed, *(str(self._objects[file]) for file in kept)]
+            words = [self.compiler, *self._flags, *parts, "-o", "judged"]
+            done = subprocess.run(words, cwd=folder, capture_output=True, text=True)
+            if done.returncode != 0:
+                return KILLED  # by the compiler
+            try:
+                said = subprocess.run(
+                    ["./judged"], cwd=folder, capture_output=True, text=True, timeout=SECONDS
+                )
+            except subprocess.TimeoutExpired:
+                return KILLED
+            words = said.stdout.split()
+            return Verdict(*(word == "1" for word in words[:4])) if len(words) == 7 else KILLED
+
+    def is_the_same(self, mutant: Mutant) -> bool:
+        """Whether an optimising compiler makes the same program of it."""
+        with tempfile.TemporaryDirectory(dir=self._work) as place:
+            return self._optimised(self._copy(mutant, Path(place))) == self._original
+
+    def _copy(self, mutant: Mutant, to: Path) -> Path:
+        for path in ("core", self.name):
+            source = self.folder / path
+            if source.is_dir():
+                shutil.copytree(source, to / path)
+        for file in [*self.folder.glob("*.[ch]"), *self.folder.glob("selftest/*.[ch]")]:
+            target = to / file.relative_to(self.folder)
+            target.parent.mkdir(exist_ok=True)
+            if file.suffix == ".c" and "selftest" in file.parts:
+                continue
+            shutil.copy(file, target)
+        text = self.text(mutant.file)
+        end = mutant.start + len(mutant.old)
+        (to / mutant.file).write_text(text[: mutant.start] + mutant.new + text[end:])
+        return to
+
+    def _optimised(self, folder: Path) -> bytes:
+        sections = ("-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections", "-s")
+        selftest = [str(self.folder / file) for file in self.selftest]
+        flags = ("-std=c99", "-w", "-O2", "-ffp-contract=off", *sections, "-Wl,--build-id=none")
+        files = (*self.sources, *selftest, str(self._work / "judge.c"))
+        words = ["gcc", *flags, *INCLUDES, *files, "-o", "same"]
+        done = subprocess.run(words, cwd=folder, capture_output=True, text=True)
+        if done.returncode != 0:
+            return done.stderr.encode()
+        made = folder / "same"
+        content = made.read_bytes()
+        made.unlink()
+        return content
+
+    @staticmethod
+    def _call(words: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(words, cwd=folder, check=True, capture_output=True, text=True)
+
+
+def explained(mutant: Mutant) -> str | None:
+    """Return why a mutant makes no difference, where that is known."""
+    for (file, text), reason in EQUIVALENT.items():
+        if mutant.file.endswith(file) and text in mutant.text:
+            return reason
+    return None
+
+
+class Score(NamedTuple):
+    """What became of the mutants."""
+
+    mutants: int
+    exact: list[Mutant]  # alive in exact mode, and no equivalents
+    loose: list[Mutant]  # alive in loose mode, likewise
+    without_crc: list[Mutant]  # alive in exact mode but for the CRC
+    same: int  # that a compiler proves to be the original
+
+    def __str__(self) -> str:
+        alive = (len(self.exact), len(self.loose), len(self.without_crc))
+        return "{} mutants, {} the same program; alive: exact {}, loose {}, without CRC {}".format(
+            self.mutants, self.same, *alive
+        )
+
+
+def score(bench: Bench, mutants: list[Mutant], jobs: int = 2) -> Score:
+    """Judge all of them."""
+    with ThreadPoolExecutor(jobs) as pool:
+        verdicts = list(pool.map(bench.judge, mutants))
+        alive = [
+            m for m, v in zip(mutants, verdicts, strict=True) if v.loose or v.exact_without_crc
+        ]
+        same = {m for m, one in zip(alive, pool.map(bench.is_the_same, alive), strict=True) if one}
+    pairs = [(m, v) for m, v in zip(mutants, verdicts, strict=True) if m not in same]
+    return Score(
+        len(mutants),
+        [m for m, v in pairs if v.exact],
+        [m for m, v in pairs if v.loose],
+        [m for m, v in pairs if v.exact_without_crc],
+        len(same),
+    )
+
+
+def main() -> None:
+    """Print the score of some kinds; gains are not 1, where a product would be a quotient."""
+    from export_cases import BEARING, chosen, export_c
+
+    gained = BEARING.replace(sensor__gain=0.8, amplifier__gain=1.6)
+
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("kinds", nargs="*", default=["linear", "adaptive", "tabulated"])
+    parser.add_argument("--precision", choices=["float", "double"], default="float")
+    parser.add_argument("--boundaries", action="store_true", help="also < as <= and so on")
+    given = parser.parse_args()
+    for kind in given.kinds:
+        with tempfile.TemporaryDirectory() as place:
+            what = chosen(kind)
+            form: Any = "tabulated" if kind == "tabulated" else "exact"
+            made = export_c(
+                gained, what.magnet, Path(place) / "c", kind=what.kind, prefix="f",
+                precision=given.precision, expert_form=form,
+            )  # fmt: skip
+            bench = Bench(made.folder, "f")
+            constants = list(of_constants("f_data.c", bench.text("f_data.c")))
+            operators = [
+                mutant
+                for file in bench.flying()
+                for mutant in of_operators(file, bench.text(file), boundaries=given.boundaries)
+            ]
+            for what, mutants in (("constants", constants), ("operators", operators)):
+                found = score(bench, mutants)
+                print(f"{kind}, {what}: {found}")
+                for label, alive in zip(("exact", "loose", "without CRC"), found[1:4], strict=True):
+                    for mutant in alive:
+                        reason = explained(mutant)
+                        print(f"  {label}: {mutant}" + (f" [{reason}]" if reason else ""))
+                unexplained = [m for m in found.exact if explained(m) is None]
+                print(f"  exact, neither killed nor explained: {len(unexplained)}")
+                sys.stdout.flush()
+            bench.close()
+
+
+if __name__ == "__main__":
+    main()

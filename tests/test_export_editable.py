@@ -1,0 +1,169 @@
+"""Exports whose data file has each number once, and starts wherever the rotor lies."""
+
+from __future__ import annotations
+
+import ctypes
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import objects
+import pytest
+from export_cases import BEARING, SAME_BITS, command, export, program
+from machine_cases import machine
+
+import ambkit
+from ambkit import AmbkitError, FilterNoise, KalmanFilter
+from ambkit.estimate.base import Estimator
+from ambkit.export.c import CExport, export_c
+
+pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
+
+NOISE = FilterNoise(measurement=8.3e-11, control=8e-5, disturbance=100.0)
+KINDS = ("linear", "closed-law", "extended", "ud", "multiple-model", "linear-adaptive-noise",
+         "observer", "low-pass")  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("precision", ["float", "double"])
+def test_what_follows_is_computed_at_init_to_the_same_bits(
+    tmp_path: Path, kind: str, precision: Any
+) -> None:
+    made = export(kind, tmp_path / "c", prefix="f", precision=precision, editable=True)
+    done = program("gcc", made.folder, tmp_path / "run")
+    assert (done.returncode, done.stderr) == (0, "")
+    said = subprocess.run([tmp_path / "run"], capture_output=True, text=True).stdout
+    assert "equal to the last bit" in said
+
+
+def test_as_printed_too(tmp_path: Path) -> None:
+    made = export("linear", tmp_path / "c", prefix="f", as_printed=True, editable=True)
+    assert program("gcc", made.folder, tmp_path / "run").returncode == 0
+    said = subprocess.run([tmp_path / "run"], capture_output=True, text=True).stdout
+    assert "equal to the last bit" in said
+
+
+class Compiled:
+    """An export of prefix f in a library."""
+
+    def __init__(self, made: CExport, library: Path) -> None:
+        (library.parent / "size.c").write_text(
+            f'#include "{made.name}.h"\nsize_t f_size(void);\n'
+            "size_t f_size(void)\n{\n  return sizeof(f_state);\n}\n"
+        )
+        words = command("gcc", (*SAME_BITS, "-fPIC"))
+        sources = [*made.sources, str(library.parent / "size.c")]
+        done = objects.build(words, sources, library, made.folder, ["-shared"])
+        assert (done.returncode, done.stderr) == (0, "")
+        self.of = ctypes.CDLL(str(library))
+        self.of.f_step.argtypes = [ctypes.c_void_p, ctypes.c_float, ctypes.c_float, ctypes.c_void_p]
+        self.state = ctypes.create_string_buffer(self.of.f_size())
+        self.now = (ctypes.c_float * 16)()
+
+    def init(self) -> int:
+        return int(self.of.f_init(self.state))
+
+    def step(self, y: float, u: float) -> tuple[float, ...]:
+        self.of.f_step(self.state, y, u, self.now)
+        return tuple(self.now[:4])
+
+    def deviations(self) -> list[float]:
+        std = (ctypes.c_float * 4)()
+        self.of.f_deviations(self.state, std)
+        return list(std)
+
+
+def edited(made: CExport, **numbers: str) -> None:
+    """Edit numbers in the data file, each where it stands, which is once."""
+    path = made.folder / f"{made.name}_data.c"
+    text = path.read_text()
+    for name, number in numbers.items():
+        pattern = rf"(\b{name} = (?:\{{\s*)?)[-+.\de]+F"
+        assert len(re.findall(pattern, text)) == 1, name
+        text = re.sub(pattern, rf"\g<1>{number}", text)
+    path.write_text(text)
+
+
+def along(compiled: Compiled, record: ambkit.Record) -> np.ndarray:
+    u = np.concatenate([[0.0], record["u"][:-1]])
+    return np.array([compiled.step(*sample) for sample in zip(record["y"], u, strict=True)])
+
+
+@pytest.mark.parametrize(
+    ("numbers", "like"),
+    [
+        ({"gate": "3.0F"}, {"gate": 3.0}),
+        ({"lag": "0.0003F"}, {"sensor__lag": 3e-4}),
+        ({"f_mass": "0.6F"}, {"rotor__mass": 0.6}),
+    ],
+    ids=["gate", "T_sen", "m"],
+)
+def test_what_is_edited_takes_effect(
+    tmp_path: Path, numbers: dict[str, str], like: dict[str, float]
+) -> None:
+    """As a filter that was told so from the start; but for what else stands in the file."""
+    told: Any = {"gravity": "disturbance", "noise": NOISE}
+    made = export("linear", tmp_path / "c", prefix="f", editable=True, **told)
+    own = dict(like)
+    gate = own.pop("gate", 8.0)
+    other = BEARING.replace(**own)
+    kf: Estimator = KalmanFilter(other, precision="float32", gate=gate, **told)
+    first = KalmanFilter(BEARING, precision="float32", **told)
+    edited(made, **numbers)
+    compiled = Compiled(made, tmp_path / "f.so")
+    assert compiled.init() == 0
+    T = BEARING.sampling_time
+    run = ambkit.Scenario(
+        duration=0.05, seed=1, controller=ambkit.PID.for_bearing(BEARING),
+        reference=ambkit.Step(amplitude=3e-4, time=20 * T),
+    )  # fmt: skip
+    record = ambkit.simulate(BEARING, run)
+    found = along(compiled, record)
+    plain = first.run(record).mean
+    assert np.abs(found - plain).max(axis=0)[0] > 0 or "gate" in numbers
+    kf.reset(kf.at_first(record["y"]), std=list(first.default_std()))
+    expected = kf.core.run(record["y"], record["u"])["mean"]
+    np.testing.assert_array_equal(found, np.asarray(expected, np.float32))
+
+
+def test_settings_that_cannot_be_are_told(tmp_path: Path) -> None:
+    made = export("linear", tmp_path / "c", prefix="f", editable=True)
+    edited(made, gate="-1.0F")
+    assert Compiled(made, tmp_path / "f.so").init() == 64  # AMB_BAD_PARAMETER
+
+
+def test_of_another_model_nothing_is_editable(tmp_path: Path) -> None:
+    with pytest.raises(AmbkitError, match="editable is for the paper's axis"):
+        export_c(machine(), None, tmp_path / "c", editable=True)
+
+
+@pytest.mark.parametrize("beyond", [-3.0, 0.0, 3.0])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_the_first_sample_is_right_wherever_the_rotor_lies(
+    tmp_path: Path, beyond: float, side: float
+) -> None:
+    """On a stop the noise shows it beyond in every other sample."""
+    made = export("linear", tmp_path / "c", prefix="f")
+    compiled = Compiled(made, tmp_path / "f.so")
+    compiled.of.f_init.restype = None
+    compiled.of.f_init(compiled.state)
+    noise = 9.1e-6
+    travel = BEARING.rotor.travel_limit
+    x = compiled.step(side * (travel + beyond * noise), 0.0)[0]
+    assert x == pytest.approx(side * travel, abs=3.1 * noise)
+    assert abs(x) <= travel + 3 * noise
+
+
+def test_deviations_are_those_of_python(tmp_path: Path) -> None:
+    made = export("extended", tmp_path / "c", prefix="f")
+    compiled = Compiled(made, tmp_path / "f.so")
+    compiled.of.f_init(compiled.state)
+    record = ambkit.simulate(BEARING, ambkit.Scenario(duration=0.02, seed=1))
+    along(compiled, record)
+    kf = ambkit.ExtendedKalmanFilter(BEARING, precision="float32")
+    kf.run(record)
+    expected = np.sqrt(np.diag(kf.covariance))
+    np.testing.assert_allclose(compiled.deviations(), expected, rtol=1e-6)

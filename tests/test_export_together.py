@@ -1,0 +1,192 @@
+"""Exports that meet: several in one firmware, and in C++; names that a linker or compiler has."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import objects
+import pytest
+from export_cases import INCLUDES, SAME_BITS, STRICT, command, export
+from machine_cases import machine
+
+from ambkit.base.errors import AmbkitError
+from ambkit.export import core
+from ambkit.export.c import CExport, export_c, prefix
+
+needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
+needs_gpp = pytest.mark.skipif(shutil.which("g++") is None, reason="g++ is not installed")
+
+MAIN = """#include <stdio.h>
+{includes}
+int main(void)
+{{
+{calls}
+  return 0;
+}}
+"""
+ONE = """int try_{0}(void);
+
+#include "{0}_selftest.h"
+
+int try_{0}(void)
+{{
+  {0}_selftest_result found;
+  {0}_selftest(&found);
+  return {0}_selftest_passed(&found, true) ? 0 : 1;
+}}
+"""
+
+
+def objects_of(made: CExport, folder: Path) -> list[Path]:
+    """Compile an export with its self-test, in its own folder as in a makefile of its own."""
+    tests = [f"selftest/{made.name}_{part}.c" for part in ("selftest", "vectors")]
+    trial = folder / f"{made.name}_try.c"
+    trial.write_text(ONE.format(made.name))
+    found = []
+    for source in [*made.sources, *tests, str(trial)]:
+        file, done = objects.object_of(command("gcc", SAME_BITS), source, made.folder)
+        assert (done.returncode, done.stderr) == (0, "")
+        kept = folder / f"{made.name}_{len(found)}_{Path(source).stem}.o"
+        shutil.copy(file, kept)
+        found.append(kept)
+    return found
+
+
+def symbols(objects: list[Path]) -> set[str]:
+    words = ["nm", "--extern-only", "--defined-only", "--just-symbols", "--quiet"]
+    done = subprocess.run([*words, *map(str, objects)], check=True, capture_output=True, text=True)
+    return {line for line in done.stdout.split() if not line.endswith(":")}
+
+
+@pytest.fixture
+def of_another_version(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """From here on, another text of the core: a struct has its fields in another order."""
+    changed = tmp_path / "another core"
+    shutil.copytree(core.folder(), changed)
+    header = changed / "include" / "ambkit" / "kalman.h"
+    last, lines = "  amb_kalman_settings set;\n", header.read_text()
+    assert lines.count(last) == 1
+    header.write_text(lines.replace(last, "").replace("} amb_kalman;", f"{last}}} amb_kalman;"))
+    monkeypatch.setattr(core, "folder", lambda: changed)
+
+
+@needs_gcc
+def test_float_double_another_model_and_another_version_in_one_firmware(
+    tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    made = [
+        export("linear", tmp_path / "a", prefix="a"),
+        export("adaptive", tmp_path / "b", prefix="b", precision="double"),
+        export_c(machine(), None, tmp_path / "c", prefix="c"),
+        export_c(machine(), None, tmp_path / "d", prefix="d", loops=False),
+    ]
+    request.getfixturevalue("of_another_version")
+    made.append(export("linear", tmp_path / "e", prefix="e"))
+    parts = [objects_of(one, tmp_path) for one in made]
+    for n, mine in enumerate(parts):
+        for other in parts[n + 1 :]:
+            assert symbols(mine) & symbols(other) == set()
+    calls = "\n".join(f'  (void)printf("%d", try_{one.name}());' for one in made)
+    main = tmp_path / "main.c"
+    main.write_text(
+        MAIN.format(includes="".join(f"int try_{m.name}(void);\n" for m in made), calls=calls)
+    )
+    linked = ["gcc", str(main), *(str(o) for part in parts for o in part), "-o", "all"]
+    done = subprocess.run(linked, cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    said = subprocess.run([tmp_path / "all"], capture_output=True, text=True)
+    assert said.stdout == "00000"
+
+
+def test_what_is_equal_is_shared(tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    place = "core/include/ambkit/precision.h"
+    first = export("linear", tmp_path / "first")
+    again = export("adaptive", tmp_path / "again")
+    assert (first.folder / place).read_text() == (again.folder / place).read_text()
+    request.getfixturevalue("of_another_version")
+    other = export("linear", tmp_path / "other")
+    assert (first.folder / place).read_text() != (other.folder / place).read_text()
+
+
+@needs_gpp
+@pytest.mark.parametrize("kind", ["linear", "multiple-model", "linear-adaptive-noise", "machine"])
+def test_a_main_in_c_plus_plus_links(tmp_path: Path, kind: str) -> None:
+    """With all headers of the export, before and after those of the library of C++."""
+    if kind == "machine":
+        made = export_c(machine(), None, tmp_path / "c", prefix="axis")
+    else:
+        made = export(kind, tmp_path / "c", prefix="axis")
+    headers = [
+        file.removeprefix("core/include/")
+        for file in made.files
+        if file.endswith(".h") and file.startswith(("core/include/", "axis", "selftest/"))
+    ]
+    includes = "".join(
+        f'#include "{Path(h).name if "/" in h and "ambkit" not in h else h}"\n' for h in headers
+    )
+    (tmp_path / "main.cpp").write_text(
+        f"{includes}#include <cmath>\n#include <cstdio>\n\nint main()\n{{\n"
+        "  axis_selftest_result found;\n  axis_selftest(&found);\n"
+        '  std::printf("%d", axis_selftest_passed(&found, true) ? 0 : 1);\n  return 0;\n}\n'
+    )
+    parts = [str(part) for part in objects_of(made, tmp_path)]
+    words = ["g++", "-std=c++11", "-Wall", "-Wextra", "-Werror", *INCLUDES,
+             str(tmp_path / "main.cpp"), *parts, "-o", str(tmp_path / "run")]  # fmt: skip
+    done = subprocess.run(words, cwd=made.folder, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert subprocess.run([tmp_path / "run"], capture_output=True, text=True).stdout == "0"
+
+
+def test_includes_stand_outside_of_extern_c() -> None:
+    for header in sorted((core.folder() / "include" / "ambkit").glob("*.h")):
+        text = header.read_text()
+        block = re.search(r'extern "C" \{(.*)', text, re.DOTALL)
+        if block is not None:
+            assert "#include" not in block[1], header.name
+    assert {"-Wall"} <= set(STRICT)
+
+
+# ---- Prefixes ----
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("amb", 'the core start with "amb_"'),
+        ("AMB_x", 'the core start with "amb_"'),
+        ("ambkit_kalman", 'the core start with "amb_"'),
+        ("float", "a header of C"),
+        ("restrict", "a word of C"),
+        ("class", "a word of C"),
+        ("Test", "a target of the build"),
+        ("all", "a target of the build"),
+        ("main", "a target of the build"),
+        ("NUL", "no file, on Windows"),
+        ("_x", "a letter first"),
+        ("a2345678901234567", "at most 16 characters"),
+    ],
+)
+def test_a_prefix_that_cannot_be_is_refused(tmp_path: Path, given: str, said: str) -> None:
+    with pytest.raises(AmbkitError, match=re.escape(said)):
+        export("linear", tmp_path / "c", prefix=given)
+    assert not (tmp_path / "c").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "made"),
+    [
+        ("float", "axis_float"),
+        ("amb", "axis_amb"),
+        ("test", "axis_test"),
+        ("int", "axis_int"),
+        ("2nd bearing", "axis_2nd_bearing"),
+        ("a rather long name of a bearing", "a_rather_long_na"),
+        ("Größe", "Gr__e"),
+        ("öl", "axis__l"),
+    ],
+)
+def test_a_name_that_cannot_be_one_gives_another(name: str, made: str) -> None:
+    assert prefix.checked(None, name) == made

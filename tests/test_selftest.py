@@ -1,0 +1,169 @@
+"""The self-test of an export sees what is wrong: planted faults, and a score over mutants.
+
+The whole score, over all operators: ``python tests/mutants.py``.
+"""
+
+from __future__ import annotations
+
+import random
+import re
+import shutil
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import mutants
+import pytest
+from export_cases import BEARING, SAME_BITS, program
+
+from ambkit.export.c import CExport
+
+pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
+Exported = Callable[..., CExport]
+LOOSE = ("-O1", "-ffp-contract=off")  # without the word that each bit must be the same
+
+# Text in a file of the linear filter's export, and what is there instead: what a company would not
+# have noticed with a step up and four states compared.
+FAULTS = {
+    "k_i negated": ("{}.c", "estimates->k_i = ", "estimates->k_i = -"),
+    "k_s of the other sign": ("{}.c", "estimates->k_s = ", "estimates->k_s = -"),
+    "innovation always 0": (
+        "{}.c",
+        "innovation = result->innovation[0]",
+        "innovation = AMB_C(0.0)",
+    ),
+    "variance -1": ("{}.c", "variance = result->variance[0]", "variance = AMB_C(-1.0)"),
+    "outliers never told": (
+        "core/src/kalman_step.h",
+        "return surprised | outlier;",
+        "return surprised | (outlier & ~AMB_OUTLIER);",
+    ),
+    "outliers left out for ever": (
+        "core/src/kalman_step.h",
+        "if (sensor->outliers < kf->set.outlier_limit) {",
+        "if (sensor->outliers < 65535U) {",
+    ),
+    "gate 100 times wider": (
+        "core/src/kalman_step.h",
+        "(e * e) > (kf->gate_squared * S)",
+        "(e * e) > (AMB_C(10000.0) * kf->gate_squared * S)",
+    ),
+    "SURPRISED never told": (
+        "core/src/kalman_step.h",
+        "(share > AMB_SURPRISING) ? AMB_SURPRISED : AMB_OK",
+        "(share > AMB_SURPRISING) ? AMB_OK : AMB_OK",
+    ),
+    "HELD never told": ("core/src/envelope.c", "sound ? AMB_HELD", "sound ? AMB_OK"),
+    "outlier_limit 3,000": ("{}_data.c", ".outlier_limit = 3U", ".outlier_limit = 3000U"),
+    "fed back at once": ("{}.c", "(state->doubted == 0U) && (", "("),
+    "a saturated current is believed": (
+        "core/src/kalman_step.h",
+        "*status |= AMB_SATURATED;",
+        "(void)status;",
+    ),
+    "a trusted step without its force": (
+        "{}.c",
+        "amb_step_trusted(kf, &k, &state->filter, &y, &iu);",
+        "(void)iu; const amb_real none = AMB_C(0.0); "
+        "amb_step_trusted(kf, &k, &state->filter, &y, &none);",
+    ),
+}
+
+
+def printed(folder: Path, out: Path, flags: tuple[str, ...] = SAME_BITS) -> str:
+    done = program("gcc", folder, out, flags)
+    assert done.returncode == 0, done.stderr
+    return subprocess.run([out], capture_output=True, text=True, timeout=60).stdout
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("flags", [SAME_BITS, LOOSE], ids=["exact", "loose"])
+def test_planted_faults_are_seen(
+    exported: Exported, tmp_path: Path, fault: str, flags: tuple[str, ...]
+) -> None:
+    file, old, new = FAULTS[fault]
+    made = exported("linear")
+    shutil.copytree(made.folder, tmp_path / "out")
+    path = tmp_path / "out" / file.format(made.name)
+    text = path.read_text()
+    assert text.count(old) == 1, "the fault cannot be planted"
+    path.write_text(text.replace(old, new))
+    assert printed(tmp_path / "out", tmp_path / "a.out", flags).startswith("FAIL"), fault
+
+
+@pytest.fixture(scope="module", params=["linear", "tabulated"])
+def bench(request: pytest.FixtureRequest, exported: Exported) -> Iterator[mutants.Bench]:
+    made = exported(request.param)
+    one = mutants.Bench(made.folder, made.name)
+    yield one
+    one.close()
+
+
+def test_a_tenth_of_any_constant_is_seen_in_both_modes(bench: mutants.Bench) -> None:
+    file = f"{bench.name}_data.c"
+    found = list(mutants.of_constants(file, bench.text(file)))
+    assert len(found) > 50
+    some = random.Random(0).sample(found, 30)
+    verdicts = [bench.judge(mutant) for mutant in some]
+    alive = [str(m) for m, v in zip(some, verdicts, strict=True) if v.exact or v.loose]
+    assert alive == []
+
+
+def test_a_tenth_of_a_node_is_seen_without_the_crc_too(bench: mutants.Bench) -> None:
+    file = f"{bench.name}_data.c"
+    text = bench.text(file)
+    at = text.find("nodes[")
+    if at < 0:
+        pytest.skip("a filter without a table")
+    nodes = [m for m in mutants.of_constants(file, text) if at < m.start < text.index("};", at)]
+    some = random.Random(1).sample(nodes, 30)
+    alive = [str(m) for m in some if bench.judge(m).exact_without_crc]
+    assert alive == []
+
+
+def test_operators_that_became_others_are_seen(bench: mutants.Bench) -> None:
+    """A sample of those whose mutants are not alive in the whole score."""
+    files = ("core/generated/axial.h", f"{bench.name}.c")
+    found = [m for file in files for m in mutants.of_operators(file, bench.text(file))]
+    some = random.Random(0).sample(found, 25)
+    alive = [m for m in some if bench.judge(m).exact]
+    gain_of_one = ("K_sen", "k_ui")  # a product with 1 is the quotient
+    known = [m for m in alive if any(word in m.text for word in gain_of_one)]
+    assert [str(m) for m in alive if m not in known and not bench.is_the_same(m)] == []
+
+
+def test_the_bench_can_fail(bench: mutants.Bench) -> None:
+    """What changes nothing passes, and is known for the same program."""
+    file = f"{bench.name}.c"
+    text = bench.text(file)
+    at = text.index("AMB_HELD")
+    nothing = mutants.Mutant(file, 1, "AMB_HELD", "(AMB_HELD)", at, "")
+    assert bench.judge(nothing) == (True, True, True, True)
+    assert bench.is_the_same(nothing)
+
+
+def test_fast_math_is_said_in_a_sentence(exported: Exported, tmp_path: Path) -> None:
+    said = printed(exported("linear").folder, tmp_path / "a.out", ("-O2", "-ffast-math"))
+    assert said.startswith("FAIL")
+    assert "told that there is neither NaN nor infinity (-ffast-math," in said
+
+
+def test_edited_constants_are_named(exported: Exported, tmp_path: Path) -> None:
+    made = exported("linear")
+    shutil.copytree(made.folder, tmp_path / "out")
+    data = tmp_path / "out" / f"{made.name}_data.c"
+    data.write_text(re.sub(r"(\.x_max = \{\s*)[\d.]+F", r"\g<1>0.0011F", data.read_text()))
+    said = printed(tmp_path / "out", tmp_path / "a.out")
+    assert f"The constants in {made.name}_data.c are not those that were exported" in said
+
+
+@pytest.mark.parametrize("kind", ["linear", "tabulated", "multiple-model"])
+def test_what_it_visits_ships_beside_it(exported: Exported, kind: str) -> None:
+    text = (exported(kind).folder / "selftest" / "COVERAGE.md").read_text()
+    for flag in ("MISSING", "FROZEN", "SATURATED", "BAD_CONTROL", "HELD", "OUTLIER", "SURPRISED",
+                 "RESTARTED"):  # fmt: skip
+        assert re.search(rf"\| `AMB_{flag}` \| [1-9]\d* samples \|", text), flag
+    low, high = map(float, re.search(r"\| `x` \| (\S+) to (\S+) m", text).groups())  # type: ignore[union-attr]
+    travel = BEARING.rotor.travel_limit
+    assert low < -0.9 * travel
+    assert high > 0.9 * travel
