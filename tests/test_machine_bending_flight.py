@@ -133,8 +133,8 @@ def test_without_loss_energy_is_kept() -> None:
     given = plant.arrays(CORE, 1, 0.0) | {"substeps": 32}
     zero = np.zeros((50, 4))
     out = CORE.simulate_machine(
-        given | uncontrolled(one), r=zero, load=zero + LOADS, speed=np.full(51, one.speed), noise_u=zero,
-        noise_y=zero, start=X, demanded=np.zeros(4), integral=np.zeros(4),
+        given | uncontrolled(one), r=zero, load=zero + LOADS, speed=np.full(51, one.speed),
+        noise_u=zero, noise_y=zero, start=X, demanded=np.zeros(4), integral=np.zeros(4),
     )["X"]  # fmt: skip
     q, w = out[:, :n], out[:, n : 2 * n]
     assert one.bending is not None
