@@ -20,9 +20,9 @@ from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.identification.excitation.signals import sparse_multisine
 from ambkit.judge.loop.bounds import least_peak_of_delay, least_peaks
 from ambkit.judge.loop.margins import bode_integral, grid, highest
-from ambkit.machine.bank import alone_of
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.simulation.flight import Flight, Injection
+from ambkit.simulation.holding import holding
 from ambkit.simulation.linear.closed import Loop
 from ambkit.simulation.linear.pieces import WorkPoint, plant
 from ambkit.simulation.linear.settled import estimator_at
@@ -165,7 +165,7 @@ def test_bodes_integral_of_presets(name, rpm):
 def test_bodes_integral_of_presets_in_continuous_time(name, rpm):
     """With an integrator, whose singularity at 0 is handled, and a dead time with its tail."""
     preset = Machine.preset(name).model_copy(update={"speed": rpm * RPM})
-    pid = PID.for_bearing(alone_of(preset)[0])
+    pid = holding(preset).pids[0]  # which bending does not shake
     loop = continuous_loop(
         preset if len(preset.readings) == 4 else reference(speed=rpm * RPM), 1e-4, pid.kp, pid.kd,
         1 / pid.derivative_filter, pid.ki,

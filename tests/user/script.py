@@ -165,6 +165,8 @@ def whole_machine() -> None:
     found = ambkit.judge_machine(machine, ["linear"], seeds=1, duration=0.04, settled=0.02)
     assert isinstance(found, ambkit.MachineJudgement)
     assert_type(ambkit.campbell(machine, count=3).critical, list[float])
+    over = ambkit.assess_over_speed(machine, fastest="3000 rpm", count=2)
+    assert_type(over.farthest, tuple[float, float])
     bending = ambkit.mode_shapes(ambkit.Machine.preset("ufu_flexible"))
     assert_type(bending.to_dict(), dict[str, object])
 

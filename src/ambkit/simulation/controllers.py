@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-Feedback = Literal["measurement", "estimate"]
-
 FAR = 1e9
 """No reference is beyond it [m]."""
 
@@ -120,8 +118,8 @@ def controllers_of(
             raise AmbkitError('type = "lqg" regulates the estimate: feedback must be "estimate"')
         found = _regulated(plant, estimator)
     elif control.type == "decentralised":
-        fed_by: Feedback = "measurement" if estimator is None else "estimate"
-        found = _decentralised(plant, pids or holding(plant.machine, fed_by).pids)
+        fed: Literal["measurement", "estimate"] = "estimate" if estimator else "measurement"
+        found = _decentralised(plant, pids or holding(plant.machine, fed).pids)
     else:
         found = _of_translation_and_tilt(plant)
     if estimator is None:
