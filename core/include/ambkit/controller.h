@@ -1,4 +1,5 @@
-/* PID with set-point weight, derivative filter and anti-windup. Input metres, output a demand of control current. */
+/* PID with set-point weight, derivative filter and anti-windup. Input metres, output a demand of
+ * control current. */
 #ifndef AMBKIT_CONTROLLER_H
 #define AMBKIT_CONTROLLER_H
 

@@ -29,7 +29,7 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.placed import Unbalance
 from ambkit.simulation.scenario import PID
 from ambkit.workflow.assessing import MEASUREMENT, given_estimators, given_load
-from ambkit.workflow.loop_of import LoopOf, zone_of
+from ambkit.workflow.loop_of import ZONES, LoopOf, zone_of
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -164,7 +164,7 @@ class OverSpeed(Shown):
         """Return sensitivity and modes of the closed loop over the speed as a picture."""
         from ambkit.show.plots.over_speed import over_speed_figure
 
-        return over_speed_figure(self)
+        return over_speed_figure(self, ZONES)
 
     def run_up_figure(self) -> Figure:
         """Return displacement, current and voltage in a run-up, beside their limits."""

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ambkit.base.escaping import markdown
 from ambkit.judge.loop.demands import ROOM
@@ -15,8 +17,8 @@ from ambkit.show.report.figure import Figure, Panel
 from ambkit.show.report.items import Axis, Item, Line, Points, Rule
 
 if TYPE_CHECKING:
+    from ambkit.machine.machine import Machine
     from ambkit.show.report.items import Vector
-    from ambkit.workflow.over_speed import OverSpeed
 
 SLOW = 2.0
 """Modes up to so many times the greatest peak's frequency or speed are shown."""
@@ -25,19 +27,48 @@ DAMPED = 0.995
 """Damping ratio from which on a mode does not swing."""
 
 
-def over_speed_figure(found: OverSpeed) -> Figure:
+class _OverSpeed(Protocol):
+    """What is shown of `ambkit.workflow.over_speed.OverSpeed`."""
+
+    @property
+    def machine(self) -> Machine: ...
+    @property
+    def fed_by(self) -> str: ...
+    @property
+    def axes(self) -> tuple[str, ...]: ...
+    @property
+    def speed(self) -> Vector: ...
+    @property
+    def peaks(self) -> Vector: ...
+    @property
+    def largest(self) -> Vector: ...
+    @property
+    def poles(self) -> tuple[NDArray[np.complex128], ...]: ...
+    @property
+    def orbit(self) -> Vector: ...
+    @property
+    def clearance(self) -> Vector: ...
+    @property
+    def current(self) -> Vector: ...
+    @property
+    def current_limit(self) -> Vector: ...
+    @property
+    def voltage(self) -> Vector | None: ...
+
+
+def over_speed_figure(found: _OverSpeed, zones: Sequence[tuple[str, float]]) -> Figure:
     """Show sensitivity of each axis, and frequency and damping of the closed loop's modes.
 
     Parameters
     ----------
     found : OverSpeed
         What was looked at.
+    zones : sequence of (str, float)
+        Of ISO 14839-3, with the peaks of abs(S) at which they end.
     """
-    from ambkit.workflow.loop_of import ZONES
-
     peaks: list[Item] = [
         Rule(limit, signal="limit", text=name, label="ends of zones A, B, C" if k == 0 else "")
-        for k, (name, limit) in enumerate(ZONES)
+        for k, (name, limit) in enumerate(zones)
         if k == 0 or limit < 1.5 * np.nanmax(found.peaks)
     ]
     peaks += _of_axes(found, found.peaks)
@@ -75,7 +106,7 @@ def over_speed_figure(found: OverSpeed) -> Figure:
     )
 
 
-def run_up_figure(found: OverSpeed) -> Figure:
+def run_up_figure(found: _OverSpeed) -> Figure:
     """Show displacement, current and voltage in a slow run-up, beside their limits.
 
     Parameters
@@ -123,7 +154,7 @@ def _share(label: str, values: Vector, least: float) -> Axis:
     return Axis(label, "%", 100.0, limits=(0.0, max(least, 1.1 * highest)))
 
 
-def _of_axes(found: OverSpeed, values: Vector) -> list[Item]:
+def _of_axes(found: _OverSpeed, values: Vector) -> list[Item]:
     """Return a line for each axis, one for those that are the same."""
     groups: list[list[int]] = []
     for k in range(values.shape[1]):
@@ -142,7 +173,7 @@ def _of_axes(found: OverSpeed, values: Vector) -> list[Item]:
     ]  # fmt: skip
 
 
-def _busy(found: OverSpeed) -> float:
+def _busy(found: _OverSpeed) -> float:
     """Return the frequency of the fastest mode that swings at rest with little damping [Hz]."""
     poles = found.poles[0]
     swings = (poles.imag > 0) & (-poles.real < 0.7 * np.abs(poles))
