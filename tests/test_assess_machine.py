@@ -476,6 +476,7 @@ def injected(seed, axis="B1", noise=True):
     return still, simulate_machine(still, flight.model_copy(update={"injection": (there,)})).record
 
 
+@pytest.mark.long
 def test_intervals_of_a_machines_log_hold_what_they_say():
     still, truth = injected(0, noise=False)
     size = np.abs(ambkit.assess_log(truth, still).measured.sensitivity)

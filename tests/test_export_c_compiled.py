@@ -36,6 +36,9 @@ Exported = Callable[..., CExport]
 needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 
 
+pytestmark = pytest.mark.long
+
+
 @pytest.mark.parametrize("compiler", COMPILERS)
 @pytest.mark.parametrize(
     ("kind", "precision"), [*CASES, ("linear", "double"), ("tabulated", "double")]

@@ -73,6 +73,7 @@ def of_another_version(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(core, "folder", lambda: changed)
 
 
+@pytest.mark.long
 @needs_gcc
 def test_float_double_another_model_and_another_version_in_one_firmware(
     tmp_path: Path, request: pytest.FixtureRequest

@@ -18,9 +18,12 @@ from ambkit.machine.magnets import MagnetModel
 from firmware import harness, measure
 
 MISSING = harness.missing_tools()
-pytestmark = pytest.mark.skipif(
-    bool(MISSING), reason=f"not there: {', '.join(MISSING)}; see firmware/README.md"
-)
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(
+        bool(MISSING), reason=f"not there: {', '.join(MISSING)}; see firmware/README.md"
+    ),
+]
 
 # Instructions of a usual step that trusts its input, and of one that checks it; the latter also
 # where the compiler may contract. See firmware/README.md.

