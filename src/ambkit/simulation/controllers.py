@@ -186,26 +186,24 @@ def _of_translation_and_tilt(plant: Plant) -> Controllers:
     k = [ConstantStiffness.of(alone) for alone in plant.alone]
     k_i, k_s = np.array([each.k_i for each in k]), np.array([each.k_s for each in k])
     H, first = _rigid(plant), plant.alone[0]
-    to_axes = _currents(plant)
-    limit = min(abs(first.current_min), first.current_max)
+    to_axes, explained = _currents(plant), np.linalg.pinv(H)
     pids, of_axes, spread, unseen = [], [], [], []
     for at, (name, mass) in enumerate(masses.items()):
         stiffness = float(H[:, at] ** 2 @ k_s)
         lever = 1.0
         if name.startswith("th"):
-            across = float(np.linalg.pinv(H)[at] @ np.linalg.pinv(H)[at])
+            across = float(explained[at] @ explained[at])
             lever = 1 / math.sqrt(across * len(k_s) / 2)
         alike = first.replace(rotor__mass=mass * k_s[0] / stiffness, rotor__gravity="none")
         pid = PID.for_bearing(alike)
         amperes = to_axes[:, at] * k_i[0] * stiffness / (k_s[0] * lever)
         room = min(
-            (abs(end) / abs(share)
-             for share, alone in zip(amperes, plant.alone, strict=True) if share
-             for end in (alone.current_min, alone.current_max)),
-            default=limit,
+            abs(end / share)
+            for share, alone in zip(amperes, plant.alone, strict=True) if share
+            for end in (alone.current_min, alone.current_max)
         )  # fmt: skip
         pids.append(_gains(pid, -room, room))
-        of_axes.append(lever * np.linalg.pinv(H)[at])
+        of_axes.append(lever * explained[at])
         spread.append(amperes)
         unseen.append(pid.unseen(1.0))
     return Controllers(pids, np.array(of_axes), np.array(spread).T, np.array(unseen))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.machine.magnets import ConstantStiffness
+from ambkit.machine.magnets import ConstantStiffness, own_time
 from ambkit.simulation.linear.closed import Loop
 from ambkit.simulation.linear.pieces import WorkPoint, compensator, controller, plant
 from ambkit.simulation.linear.settled import estimator_at
@@ -158,7 +158,7 @@ def _estimator(bearing: Bearing, at: WorkPoint) -> LinearSystem | None:
 
 
 def _frequencies(bearing: Bearing) -> NDArray[np.float64]:
-    slowest = math.sqrt(ConstantStiffness.of(bearing).k_s / bearing.rotor.mass) / (40 * math.pi)
+    slowest = 1 / (40 * math.pi * own_time(bearing))
     highest = 0.5 / bearing.sampling_time
     return np.geomspace(min(slowest, highest / 2), highest, FREQUENCIES)
 
@@ -201,8 +201,7 @@ def _loops(
 def _overshoot(bearing: Bearing, loop: Loop) -> float:
     """Return how far the rotor goes beyond a step of the reference [1]."""
     closed = loop.closed
-    slowest = math.sqrt(ConstantStiffness.of(bearing).k_s / bearing.rotor.mass)
-    samples = max(1, round(30 / slowest / closed.T / TIMES)) if closed.T else 1
+    samples = max(1, round(30 * own_time(bearing) / loop.T / TIMES))
     n = len(closed.A)
     step = np.block([[closed.A, closed.B[:, -1:]], [np.zeros((1, n)), np.ones((1, 1))]])
     several, state = np.linalg.matrix_power(step, samples), np.eye(n + 1)[-1]

@@ -101,6 +101,8 @@ class PID(Part):
         bearing : Bearing
             What it is to hold.
         """
+        if self.model_fields_set == type(self).model_fields.keys():
+            return self
         said = {name: getattr(self, name) for name in self.model_fields_set}
         all_ = vars(type(self).for_bearing(bearing)) | said
         if said.keys() & {"kp", "ki", "kd"} and "setpoint_weight" not in said:
