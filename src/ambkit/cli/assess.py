@@ -18,6 +18,7 @@ from ambkit.cli.options import (
     Json,
     MapFile,
     Plot,
+    Synchronous,
     To,
     file_option,
     find_bearing,
@@ -60,13 +61,17 @@ def assess(
     ] = None,
     expert: ExpertFile = None,
     scenario: Annotated[
-        Path | None,
+        str | None,
         typer.Option(
-            metavar="FILE.toml",
+            "--scenario",
+            "--controller",
+            metavar="FILE.toml|NAME",
             help="Whose [controller] is assessed; what it does not say, all of it without one, is "
-            "tuned for the bearing.",
+            "tuned for the bearing. Of a whole machine also a flight, whose [control] it is, or "
+            "decentralised, 'translation and tilt' or lqg.",
         ),
     ] = None,
+    synchronous: Synchronous = None,
     x: Annotated[
         float | None,
         typer.Option(
@@ -156,8 +161,10 @@ def assess(
     """
     from ambkit.simulation.scenario import Scenario
 
-    controller = None if scenario is None else Scenario.load(scenario).controller
     whole = find_machine(target)
+    controller: PID | None = None
+    if whole is None and scenario is not None:
+        controller = Scenario.load(scenario).controller
     of_log = Path(target).suffix not in ("", ".toml")
     for_logs = {"--bearing": bearing, "--channels": channel_map, "--logged-before": before or None,
                 "--from": begin, "--to": end}  # fmt: skip
@@ -183,12 +190,17 @@ def assess(
         return
     if whole is not None:
         assess_machine(
-            whole, estimator, controller, lqg, amplitudes, stepped, axis, fastest, report, plot,
-            json, {"expert": expert, "position": x, "load": load},
+            whole, estimator, scenario, synchronous or (), lqg, amplitudes, stepped, axis, fastest,
+            report, plot, json, {"expert": expert, "position": x, "load": load},
         )  # fmt: skip
         return
-    for option, given in (("--over-speed", fastest), ("--axis", axis)):
-        if given is not None:
+    of_machines: dict[str, Any] = {
+        "--over-speed": fastest,
+        "--axis": axis,
+        "--synchronous": synchronous,
+    }
+    for option, said_of_it in of_machines.items():
+        if said_of_it is not None:
             raise AmbkitError(f"{option} is of a whole machine, and {target} is none")
     plant, filters = _asked(target, estimator, expert)
     if amplitudes is None:

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
     from ambkit.judge.loop.demands import Demands
     from ambkit.judge.loop.margins import Margins
-    from ambkit.workflow.assessing import Assessment
+    from ambkit.workflow.assessment import Assessment
     from ambkit.workflow.over_speed import OverSpeed
 
 BESIDE = 5
@@ -220,7 +220,7 @@ def said(found: Assessment) -> list[str]:
     found : Assessment
         Of a bearing or a machine.
     """
-    from ambkit.workflow.assessing import BASIS
+    from ambkit.workflow.assessment import BASIS
 
     said = []
     several = len(found.of.axes) > 1

@@ -27,8 +27,10 @@ from ambkit.judge.loop.demands import (
 from ambkit.judge.loop.margins import BodeIntegral, bode_integral, grid, highest
 from ambkit.machine.machine import Machine
 from ambkit.machine.placed import Unbalance
+from ambkit.simulation.controllers import Control
 from ambkit.simulation.scenario import PID
-from ambkit.workflow.assessing import MEASUREMENT, given_estimators, given_load
+from ambkit.workflow.assessing import MEASUREMENT
+from ambkit.workflow.given import given_estimators, given_load
 from ambkit.workflow.loop_of import ZONES, LoopOf, zone_of
 
 if TYPE_CHECKING:
@@ -176,7 +178,7 @@ class OverSpeed(Shown):
 def assess_over_speed(
     machine: Machine,
     filter: Any = None,
-    controller: PID | None = None,
+    controller: PID | Control | None = None,
     *,
     fastest: Given | None = None,
     count: int = COUNT,
@@ -194,8 +196,8 @@ def assess_over_speed(
         The whole machine.
     filter : optional
         In the loop, as for `ambkit.assess`, one at most; None: the measurement alone.
-    controller : PID, optional
-        What is not said of it is tuned to each axis alone.
+    controller : PID or Control, optional
+        As for `ambkit.assess`; a regulator has the gains of the machine's own speed.
     fastest : float or str, optional
         Up to where [rad/s]; by default twice the machine's speed, or 1000 rad/s.
     count : int, optional
@@ -266,7 +268,11 @@ class _Run:
     """A machine and its loop at one speed after the other."""
 
     def __init__(
-        self, machine: Machine, estimator: Estimator | None, controller: PID | None, load: Any
+        self,
+        machine: Machine,
+        estimator: Estimator | None,
+        controller: PID | Control | None,
+        load: Any,
     ) -> None:
         planes = tuple(
             Unbalance(place=place, amount=amount, angle=angle)
@@ -275,12 +281,13 @@ class _Run:
         self.machine = machine.model_copy(update={"unbalance": planes})
         self.estimator = estimator
         of = LoopOf(self.machine, controller, load=load)
-        self.point, self.controllers, self.axes = of.point, of.fed_by(estimator), of.axes
+        self.point, self.axes, self.control = of.point, of.axes, of.control
+        self.flown = of.flown_by(estimator)
 
     def loop(self, speed: float) -> tuple[LoopOf, Loop]:
         """Return the loop at a speed [rad/s], and what it is of."""
         machine = self.machine.model_copy(update={"speed": speed})
-        of = LoopOf(machine, self.controllers, point=self.point)
+        of = LoopOf(machine, self.control, point=self.point, flown=self.flown)
         inner = None if self.estimator is None else told_speed(self.estimator, machine)
         return of, of.loop(inner)
 

@@ -9,7 +9,8 @@ from typing import NamedTuple
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.judge.loop.demands import ROOM
-from ambkit.workflow.assessing import Assessment
+from ambkit.simulation.controllers import Control
+from ambkit.workflow.assessment import Assessment
 from ambkit.workflow.balance import grade_of
 from ambkit.workflow.loop_of import ZONE_A
 from ambkit.workflow.over_speed import OverSpeed
@@ -187,7 +188,9 @@ def facts(found: Assessment, filter: str) -> dict[str, str]:
             "held by": ", ".join(f"{name} {engineering(float(iu), 'A', 3)}" for name, iu in held),
         }
     gains: dict[str, list[str]] = {}
-    for name, c in zip(found.of.axes, found.of.controllers, strict=True):
+    if found.of.machine is not None:
+        told |= _control(found.of.control)
+    for name, c in found.of.pids(found.estimators.get(filter)).items():
         each = ((c.kp, "A/m"), (c.ki, "A/(m s)"), (c.kd, "A s/m"))
         said = ", ".join(f"{value:g} {unit}" for value, unit in each)
         gains.setdefault(f"{said}, derivative filter {engineering(c.derivative_filter, 's', 3)}",
@@ -201,6 +204,18 @@ def facts(found: Assessment, filter: str) -> dict[str, str]:
         f"{engineering(b.delay or 0.0, 's')}",
         "looked at up to": engineering(found.top, "Hz"),
     }
+
+
+def _control(control: Control) -> dict[str, str]:
+    """Return how a machine is controlled, where it is not one PID an axis."""
+    told: dict[str, str] = {}
+    if control.type != "decentralised":
+        told["control"] = control.type
+    if control.cross_feedback:
+        told["cross feedback"] = f"{control.cross_feedback:g} of the gyroscopic torques"
+    if control.unbalance != "fought":
+        told["unbalance"] = control.unbalance
+    return told
 
 
 def write_verdict(
