@@ -33,7 +33,7 @@ def told(machine, control):
     ("control", "fed"),
     [
         (CROSSED, True),
-        (LQG, True),
+        pytest.param(LQG, True, marks=pytest.mark.long),
         pytest.param(TILT, False, marks=pytest.mark.long),
         pytest.param(STILL, True, marks=pytest.mark.long),
         pytest.param(Control(unbalance="still"), True, marks=pytest.mark.long),
@@ -46,13 +46,13 @@ def test_the_simulated_loop_is_the_models_within_two_percent(control, fed):
     assert swept.deviation < 0.02
 
 
-@pytest.mark.parametrize("rpm", [0.0, 20_000.0])
-@pytest.mark.parametrize("control", [TILT, CROSSED, LQG, STILL, FREE])
+@pytest.mark.parametrize(
+    ("control", "rpm"),
+    [(TILT, 0.0), (LQG, 0.0), (CROSSED, 20e3), (STILL, 20e3), (FREE, 20e3), (LQG, 20e3)],
+)
 def test_bodes_integral_holds(control, rpm):
     machine = TUM.model_copy(update={"speed": rpm * math.pi / 30, "unbalance": ()})
-    filter = KalmanFilter(machine) if not rpm else told(machine, control)
-    if not rpm and control.unbalance != "fought":
-        pytest.skip("nothing turns")
+    filter = told(machine, control)
     found = ambkit.assess(machine, filter, control)
     assert list(found.loops) == [MEASUREMENT] * (control == TILT) + [filter.name]
     for loop in found.loops.values():
@@ -61,7 +61,7 @@ def test_bodes_integral_holds(control, rpm):
         assert loop.largest[0] > found.least[0]
 
 
-@pytest.mark.parametrize("control", [Control(), FREE, Control(unbalance="still"), LQG])
+@pytest.mark.parametrize("control", [FREE, Control(unbalance="still")])
 def test_unbalance_is_answered_as_the_simulation_does(control):
     """Force-free, still, or fought: orbit and current at the speed, where the estimate has it."""
     machine = TUM.replace(speed="12000 rpm")

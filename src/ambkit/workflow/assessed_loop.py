@@ -71,6 +71,8 @@ class AssessedAxis:
             "clearance": d.clearance,
             "current": d.current,
             "copper_loss": d.copper_loss,
+            "coil_temperature": None if d.heating is None else d.heating.temperature,
+            "coil_temperature_limit": None if d.heating is None else d.heating.limit,
             "static_load": list(d.capacity.static),
             "least_load": d.capacity.least[0],
             "least_load_at": d.capacity.least[1],
