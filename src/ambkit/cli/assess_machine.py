@@ -24,7 +24,7 @@ def assess_machine(
     estimator: str | None,
     scenario: str | None,
     synchronous: Sequence[str],
-    lqg: bool,
+    beside: tuple[bool, bool],
     amplitudes: str | None,
     stepped: bool,
     axis: str | None,
@@ -46,8 +46,8 @@ def assess_machine(
         How it is controlled: a file, a flight's or a scenario's, or a name.
     synchronous : sequence of str
         What turns with the rotor and is estimated too.
-    lqg : bool
-        Beside them, the linear-quadratic-Gaussian controller.
+    beside : (bool, bool)
+        Whether the linear-quadratic-Gaussian and the H-infinity controller stand beside.
     amplitudes : str, optional
         Sweep with these [m].
     stepped : bool
@@ -105,7 +105,7 @@ def assess_machine(
             as_json=json,
         )
         return
-    found = assess(machine, filters, controller, lqg=lqg, load=load)
+    found = assess(machine, filters, controller, load=load, lqg=beside[0], hinf=beside[1])
     output.deliver(
         found.to_dict(),
         [*tables_of_machine(found), *tables_of_shares(found), *said(found)],

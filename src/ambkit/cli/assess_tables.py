@@ -132,8 +132,9 @@ def tables_of_shares(found: Assessment) -> list[Any]:
         Of a bearing or a machine.
     """
     from ambkit.cli.output import table
+    from ambkit.workflow.assessing import HINF, LQG
 
-    names = [name for name in found.loops if name != "LQG"]
+    names = [name for name in found.loops if name not in (LQG, HINF)]
     each = {name: found.shares(name) for name in names}
     pieces = list(dict.fromkeys(piece for shares in each.values() for piece in shares))
     rows = [

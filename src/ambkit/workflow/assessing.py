@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 MEASUREMENT = "measurement"
 """What the loop is called whose controller is fed by the measurement."""
 
-BASELINE = "LQG"
-"""What the loop of the linear-quadratic-Gaussian controller is called."""
+LQG, HINF = "LQG", "H-infinity"
+"""What the loops of the linear-quadratic-Gaussian and of the H-infinity controller are called."""
 
 
 def assess(
@@ -40,6 +40,7 @@ def assess(
     x: Given = 0.0,
     load: Given | Mapping[str, Given] = 0.0,
     lqg: bool = False,
+    hinf: bool = False,
 ) -> Assessment:
     """Assess a loop as ISO 14839-3 looks at it: broken at the measurement, filter and all.
 
@@ -70,6 +71,9 @@ def assess(
     lqg : bool, optional
         Whether the loop of the linear-quadratic-Gaussian controller that needs least control stands
         beside, as ``"LQG"``.
+    hinf : bool, optional
+        Whether the loop of H-infinity controllers stands beside, as ``"H-infinity"``: of a machine
+        one for each axis alone, judged in the whole loop. It needs python-control with slycot.
 
     Returns
     -------
@@ -80,7 +84,7 @@ def assess(
     ------
     AmbkitError
         There is no such estimator, it has another sampling time, or it does not settle to a gain;
-        nothing holds the rotor at the work point.
+        nothing holds the rotor at the work point; slycot is not installed.
     TypeError
         `bearing` is neither.
 
@@ -102,6 +106,8 @@ def assess(
             f"{bearing.name}: these controllers are fed by an estimate: give a filter"
         )
     if lqg:
-        loops[BASELINE] = assessed(BASELINE, of.lqg(), of)
+        loops[LQG] = assessed(LQG, of.lqg(), of)
+    if hinf:
+        loops[HINF] = assessed(HINF, of.hinf(), of)
     loops |= {name: assessed(name, of.loop(each), of) for name, each in estimators.items()}
     return Assessment(of, estimators, of.least(), loops)

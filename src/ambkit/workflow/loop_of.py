@@ -15,6 +15,7 @@ from ambkit.estimate.base import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.whole import Whole
 from ambkit.judge.loop.bounds import least_peaks
+from ambkit.judge.loop.hinf import beside_each_other, hinf
 from ambkit.judge.loop.lqg import LQG, Noise
 from ambkit.judge.loop.margins import grid, highest
 from ambkit.machine.bank import alone_of
@@ -284,6 +285,25 @@ class LoopOf:
         noise = Noise(sensors, amplifiers, told.disturbance)
         K = LQG(self.plant, noise).compensator()
         return Loop(self.plant, K, len(sensors), *self._summing())
+
+    def hinf(self) -> Loop:
+        """Return the loop of H-infinity controllers, of each axis one for the axis alone.
+
+        Raises
+        ------
+        AmbkitError
+            What computes them is not installed.
+        """
+        each = []
+        for b in self.alone:
+            of = self if self.machine is None else LoopOf(b)
+            found = hinf(of.plant.select(["y"], ["u"]))
+            gain = b.sensor.gain  # it is fed by the position
+            each.append(replace(found, B=gain * found.B, D=gain * found.D))
+        names = [] if self.machine is None else list(self.axes)
+        K = beside_each_other(each, self.shown, names)
+        K = replace(K, inputs=(*self.plant.outputs[: len(self.shown[0])], *K.inputs[-len(each) :]))
+        return Loop(self.plant, K, len(self.shown[0]), *self._summing())
 
     def noise(self) -> tuple[list[float], list[float]]:
         """Return the variances of the measurements [m^2] and of the control signals [V^2]."""
