@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 from functools import partial
 from typing import Any, Literal
@@ -15,12 +16,14 @@ from ambkit.estimate.base import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.whole import Whole
 from ambkit.judge.loop.bounds import least_peaks
+from ambkit.judge.loop.demands import Turned, of_runout, of_unbalance
 from ambkit.judge.loop.hinf import beside_each_other, hinf
 from ambkit.judge.loop.lqg import LQG, Noise
 from ambkit.judge.loop.margins import grid, highest
 from ambkit.machine.bank import alone_of
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
+from ambkit.machine.placed import Unbalance
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.models.model import Array
 from ambkit.simulation.controllers import Control, Controllers, controllers_of
@@ -167,6 +170,15 @@ class LoopOf:
         self.plant = plant(bearing, self.point)
         self.top = end_of_range(bearing.sampling_time, bearing.speed)
 
+    def turned(self, loop: Loop) -> list[Turned]:
+        """Return what turns with the rotor in a stable loop: runout, and unbalance or the orbit."""
+        found = of_runout(loop, self.bearing)
+        if self.point.orbit is not None:
+            found.append(Turned(self.point.orbit.x, self.point.orbit.demanded))
+        elif self.machine is not None and self.machine.speed and self.machine.unbalance:
+            found.append(of_unbalance(loop, self.machine, self.point))
+        return found
+
     def least(self) -> tuple[float, float]:
         """Return the peaks of S and T that no controller can be below [1]; see `least_peaks`."""
         p, m = len(self.alone), len(self.shown[0])
@@ -221,6 +233,23 @@ class LoopOf:
         if self.machine is None:
             return LoopOf(plant, self.fed_by(estimator), point=self.point)
         return LoopOf(plant, self.control, point=self.point, flown=self.flown_by(estimator))
+
+    def at(self, point: WorkPoint) -> LoopOf:
+        """Return the same loop at another work point."""
+        moved = copy(self)
+        moved.point, moved.plant = point, plant(self.bearing, point)
+        return moved
+
+    def with_unbalance(self, scale: float) -> LoopOf:
+        """Return the same loop of a machine whose unbalance is larger by a factor."""
+        assert self.machine is not None
+        planes = tuple(
+            Unbalance(place=place, amount=scale * amount, angle=angle)
+            for place, amount, angle in self.machine.unbalances()
+        )
+        moved = copy(self)
+        moved.bearing = moved.machine = self.machine.model_copy(update={"unbalance": planes})
+        return moved
 
     def loop(self, estimator: Estimator | None = None) -> Loop:
         """Return the loop whose controllers are fed by an estimator, or by the measurement.

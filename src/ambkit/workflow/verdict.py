@@ -246,6 +246,12 @@ def facts(found: Assessment, filter: str) -> dict[str, str]:
             "speed": rpm(b.speed),
             "held by": ", ".join(f"{name} {engineering(float(iu), 'A', 3)}" for name, iu in held),
         }
+    orbit = found.loops[filter].of.point.orbit
+    if orbit is not None:
+        far = zip(found.of.axes, orbit.x, strict=True)
+        told["along the orbit of"] = ", ".join(
+            f"{engineering(float(abs(x)), 'm', 3)} ({name})" for name, x in far
+        )
     gains: dict[str, list[str]] = {}
     if found.of.machine is not None:
         told |= _control(found.of.control)
