@@ -67,7 +67,8 @@ def deliver_sweep(
     with output.progress("sweeping"):
         found = sweep(
             plant, filters, controller, amplitudes=sizes, axis=axis,
-            kind="stepped-sine" if stepped else "multisine", x=x or 0.0, load=load or 0.0, orbit=orbit,
+            kind="stepped-sine" if stepped else "multisine", x=x or 0.0, load=load or 0.0,
+            orbit=orbit,
         )  # fmt: skip
     rows = [
         [output.value(each.amplitude, "m"), f"{each.peak:.3f}", zone_of(each.peak),
