@@ -22,13 +22,17 @@ from ambkit.judge.loop.demands import (
     of_unbalance,
     orbit,
     pairs_of,
+    squares_of_coils,
     voltage,
 )
+from ambkit.judge.loop.heating import heating
 from ambkit.judge.loop.margins import BodeIntegral, bode_integral, grid, highest
 from ambkit.machine.machine import Machine
 from ambkit.machine.placed import Unbalance
+from ambkit.simulation.controllers import Control
 from ambkit.simulation.scenario import PID
-from ambkit.workflow.assessing import MEASUREMENT, given_estimators, given_load
+from ambkit.workflow.assessing import MEASUREMENT
+from ambkit.workflow.given import given_estimators, given_load
 from ambkit.workflow.loop_of import ZONES, LoopOf, zone_of
 
 if TYPE_CHECKING:
@@ -76,6 +80,9 @@ class OverSpeed(Shown):
         Greatest control current, likewise [A].
     voltage : ndarray (n, p) or None
         Greatest voltage of a coil without noise, of its limit [1]; None where there is none.
+    temperature : ndarray (n, p) or None
+        Of the hottest coil, where the machine stays at the speed [K], infinite where it runs away;
+        None where it is not known how all of them warm.
     integrals : dict of float to BodeIntegral
         The check, at rest, at the machine's speed, and at the greatest.
     """
@@ -92,6 +99,7 @@ class OverSpeed(Shown):
     orbit: Array
     current: Array
     voltage: Array | None
+    temperature: Array | None
     integrals: dict[float, BodeIntegral]
 
     @property
@@ -103,6 +111,18 @@ class OverSpeed(Shown):
     def current_limit(self) -> Array:
         """Greatest control current of each axis (p,) [A]."""
         return np.array([axis.bearing.amplifier.current_limit for axis in self.machine.axes])
+
+    @property
+    def hottest(self) -> tuple[float, float] | None:
+        """Greatest temperature of a coil [K], and at which speed [rad/s]; None: not known."""
+        return None if self.temperature is None else self._greatest(self.temperature)
+
+    @property
+    def temperature_limit(self) -> float | None:
+        """Least of the permitted temperatures of coils [K]; None: not known."""
+        coils = [axis.bearing.coil for axis in self.machine.axes]
+        limits = [coil.temperature_limit for coil in coils if coil is not None]
+        return min((each for each in limits if each is not None), default=None)
 
     @property
     def worst(self) -> tuple[float, float]:
@@ -153,6 +173,7 @@ class OverSpeed(Shown):
             "current": self.current.tolist(),
             "current_limit": self.current_limit.tolist(),
             "voltage_share": None if self.voltage is None else self.voltage.tolist(),
+            "coil_temperature": None if self.temperature is None else self.temperature.tolist(),
             "poles": [[[float(p.real), float(p.imag)] for p in each] for each in self.poles],
             "bode": [
                 {"speed": at, "integral": each.integral, "poles": each.poles, "holds": each.holds}
@@ -176,7 +197,7 @@ class OverSpeed(Shown):
 def assess_over_speed(
     machine: Machine,
     filter: Any = None,
-    controller: PID | None = None,
+    controller: PID | Control | None = None,
     *,
     fastest: Given | None = None,
     count: int = COUNT,
@@ -194,8 +215,8 @@ def assess_over_speed(
         The whole machine.
     filter : optional
         In the loop, as for `ambkit.assess`, one at most; None: the measurement alone.
-    controller : PID, optional
-        What is not said of it is tuned to each axis alone.
+    controller : PID or Control, optional
+        As for `ambkit.assess`; a regulator has the gains of the machine's own speed.
     fastest : float or str, optional
         Up to where [rad/s]; by default twice the machine's speed, or 1000 rad/s.
     count : int, optional
@@ -236,6 +257,7 @@ def assess_over_speed(
     each = [run.at(float(speed)) for speed in speeds]
     checked = sorted({0.0, fastest, *([machine.speed] if 0 < machine.speed < fastest else [])})
     volts = [one.voltage for one in each if one.voltage is not None]
+    warm = [one.temperature for one in each if one.temperature is not None]
     return OverSpeed(
         machine=machine,
         fed_by=name,
@@ -247,6 +269,7 @@ def assess_over_speed(
         orbit=np.array([one.orbit for one in each]),
         current=np.array([one.current for one in each]),
         voltage=np.array(volts) if len(volts) == count else None,
+        temperature=np.array(warm) if len(warm) == count else None,
         integrals={speed: bode_integral(run.loop(speed)[1]) for speed in checked},
     )
 
@@ -260,13 +283,18 @@ class _AtSpeed(NamedTuple):
     orbit: Array
     current: Array
     voltage: Array | None
+    temperature: Array | None
 
 
 class _Run:
     """A machine and its loop at one speed after the other."""
 
     def __init__(
-        self, machine: Machine, estimator: Estimator | None, controller: PID | None, load: Any
+        self,
+        machine: Machine,
+        estimator: Estimator | None,
+        controller: PID | Control | None,
+        load: Any,
     ) -> None:
         planes = tuple(
             Unbalance(place=place, amount=amount, angle=angle)
@@ -275,12 +303,13 @@ class _Run:
         self.machine = machine.model_copy(update={"unbalance": planes})
         self.estimator = estimator
         of = LoopOf(self.machine, controller, load=load)
-        self.point, self.controllers, self.axes = of.point, of.fed_by(estimator), of.axes
+        self.point, self.axes, self.control = of.point, of.axes, of.control
+        self.flown = of.flown_by(estimator)
 
     def loop(self, speed: float) -> tuple[LoopOf, Loop]:
         """Return the loop at a speed [rad/s], and what it is of."""
         machine = self.machine.model_copy(update={"speed": speed})
-        of = LoopOf(machine, self.controllers, point=self.point)
+        of = LoopOf(machine, self.control, point=self.point, flown=self.flown)
         inner = None if self.estimator is None else told_speed(self.estimator, machine)
         return of, of.loop(inner)
 
@@ -292,7 +321,7 @@ class _Run:
         p = loop.axes
         if not loop.is_stable:
             unknown = np.full(p, math.nan)
-            return _AtSpeed(unknown, math.nan, poles, unknown, unknown, unknown)
+            return _AtSpeed(unknown, math.nan, poles, unknown, unknown, unknown, unknown)
         f = grid(loop, COARSE, NEAR)
         f = np.unique(np.append(f, of.top))
         S, counts = loop.along_axes(f), f <= of.top
@@ -306,19 +335,29 @@ class _Run:
 
     def asked(
         self, of: LoopOf, loop: Loop, turned: list[Turned]
-    ) -> tuple[Array, Array, Array | None]:
-        """Return displacement [m], current [A], and voltage of its limit [1] of each axis."""
+    ) -> tuple[Array, Array, Array | None, Array | None]:
+        """Return of each axis displacement [m], current [A], voltage [1] and temperature [K]."""
         p, pairs, point = loop.axes, pairs_of(of.bearing), self.point
         noise = np.sqrt(np.diag(loop.noise_covariance(*of.noise())))
         gains = np.array([b.amplifier.gain for b in of.alone])
         far = orbit(point.x, pairs) + SIGMAS * noise[:p]
         most = np.abs(point.iu) + SIGMAS * gains * noise[p:]
+        square = point.iu**2 + (gains * noise[p:]) ** 2
         for each in turned:
             far = far + orbit(each.x, pairs)
             most = most + np.abs(each.i)
+            square = square + np.abs(each.i) ** 2 / 2
         volts = [self.share(of, k, turned) for k in range(p)]
         known = [each for each in volts if each is not None]
-        return far, most, np.array(known) if len(known) == p else None
+        warm = [
+            heating(b, squares_of_coils(b, float(iu), float(mean)))
+            for b, iu, mean in zip(of.alone, point.iu, square, strict=True)
+        ]
+        temperatures = [each.temperature for each in warm if each is not None]
+        return (
+            far, most, np.array(known) if len(known) == p else None,
+            np.array(temperatures) if len(temperatures) == p else None,
+        )  # fmt: skip
 
     def share(self, of: LoopOf, axis: int, turned: list[Turned]) -> float | None:
         """Return the greatest voltage of an axis's coils, of its limit [1]."""

@@ -18,20 +18,17 @@ from ambkit.identification.excitation.signals import sparse_multisine
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
 from ambkit.models.linear import Complex
+from ambkit.simulation.controllers import Control
 from ambkit.simulation.flight import Disturbance as Load
 from ambkit.simulation.flight import Flight, Injection
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import PID, Scenario
 from ambkit.simulation.waveforms import Constant, Recorded
-from ambkit.workflow.assessing import (
-    AssessedAxis,
-    AssessedLoop,
-    Assessment,
-    assess,
-    given_estimators,
-    given_load,
-)
+from ambkit.workflow.assessed_loop import AssessedAxis, AssessedLoop
+from ambkit.workflow.assessing import assess
+from ambkit.workflow.assessment import Assessment
+from ambkit.workflow.given import given_estimators, given_load
 from ambkit.workflow.loop_of import ZONES
 
 if TYPE_CHECKING:
@@ -180,7 +177,7 @@ class Sweep(Shown):
 def sweep(
     bearing: Bearing | Machine,
     filter: Any = None,
-    controller: PID | None = None,
+    controller: PID | Control | None = None,
     *,
     amplitudes: Sequence[Given] | None = None,
     kind: Kind = "multisine",
@@ -202,8 +199,9 @@ def sweep(
     filter : optional
         In the loop, as for `ambkit.assess`, one at most; None: the controller is fed by the
         measurement.
-    controller : PID, optional
-        What is not said of it is tuned to the bearing, or to each axis alone.
+    controller : PID or Control, optional
+        What is not said of it is tuned to the bearing, or to each axis alone; or how a machine is
+        controlled.
     amplitudes : sequence of float or str, optional
         Greatest values of what is added to the measurement [m]; by default 0.1 %, 1 % and 3 % of
         the air gap.
@@ -324,7 +322,7 @@ class _BearingRig(_Rig):
         super().__init__(found, filter, loop, 0)
         feedback = "estimate" if filter else "measurement"
         self.scenario = Scenario(
-            controller=found.controller.model_copy(update={"feedback": feedback}),
+            controller=found.of.fed_by(filter)[0].model_copy(update={"feedback": feedback}),
             noise=False,
             reference=Constant(value=x),
             disturbance=Constant(value=load),
@@ -358,6 +356,7 @@ class _MachineRig(_Rig):
         self.flight = Flight(
             noise=False,
             feedback="estimate" if filter else "measurement",
+            control=found.of.control,
             disturbance=tuple(
                 Load(axis=name, force=Constant(value=force)) for name, force in load.items()
             ),
