@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
@@ -14,6 +15,14 @@ from ambkit.machine import presets
 Array = NDArray[np.float64]
 
 PRESETS = presets.machine_names()
+RIGS = ["hindawi_2011", "tum_mlps", "ufu_flexible", "ufu_rig"]
+AND_LONG = [
+    name if name in RIGS else pytest.param(name, marks=pytest.mark.long) for name in PRESETS
+]
+"""All presets, those that are not among the first ones in the long tests alone."""
+OF_KILOGRAMS = [*RIGS, *(pytest.param(name, marks=pytest.mark.long)
+                         for name in ("compressor", "tum_mlps_flexible"))]  # fmt: skip
+"""Those that loads of some newtons do not throw into their backup bearings."""
 
 MAGNET = {
     "type": "two-sided", "magnet_constant": 3.6e-6, "air_gap": 0.7e-3, "bias_current": 2.0,
