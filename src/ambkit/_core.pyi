@@ -338,7 +338,7 @@ class Rls:
 class Control:
     """The whole controller (ambkit/control.h)."""
 
-    def __init__(self, estimator: Estimator, given: dict) -> None: ...
+    def __init__(self, estimator: Estimator, given: dict[str, Any]) -> None: ...
 
     def run(self, y: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], r: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], fly: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], speed: float = 0) -> dict[str, Any]:
         """

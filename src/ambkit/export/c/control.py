@@ -161,8 +161,9 @@ def vectors(controller: Controller) -> Vectors:
         r = np.nan_to_num(scene.r, nan=most, posinf=most / 2, neginf=-most / 2)
         found.append((y, r, np.hstack(parts).astype(float), told["status"], marks))
         runs.append((scene.name, len(y)))
-    joined: list[Any] = [np.concatenate(each) for each in zip(*found, strict=True)]
-    return Vectors(*joined, runs)
+    joined = [np.concatenate(each) for each in zip(*found, strict=True)]
+    y, r, expected, status, marked = joined
+    return Vectors(y, r, expected, status, marked, runs)
 
 
 def coverage(controller: Controller, tested: Vectors) -> list[tuple[str, str]]:
