@@ -1,3 +1,4 @@
+#include "control.h"
 #include "plant_parts.h"
 
 extern "C" {
@@ -45,7 +46,8 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
                const Vector &r, const Vector &f_d, const Vector &noise_u, const Vector &noise_y,
                const std::optional<Vector> &scale, amb_real f_bias, amb_real x_start,
                LoopState *went, const std::optional<Named> &faults, bool beside,
-               const std::optional<Named> &parts, const Magnet *coil)
+               const std::optional<Named> &parts, const Magnet *coil, Control *control,
+               const std::optional<Vector> &fly, std::optional<amb_real> hover)
 {
   const size_t n = r.size();
   same_length(n, f_d.size(), "f_d");
@@ -53,6 +55,10 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
   same_length(n, noise_y.size(), "noise_y");
   if (scale)
     same_length(n, scale->size(), "scale");
+  if (fly)
+    same_length(n, fly->size(), "fly");
+  if (control != nullptr && &control->estimator != estimator)
+    throw std::invalid_argument("the controller has another estimator than the loop");
   if (feedback_estimate && estimator == nullptr)
     throw std::invalid_argument("feedback from the estimate needs an estimator");
   if (estimator != nullptr)
@@ -68,7 +74,8 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
                       iu_min,
                       iu_max,
                       estimator ? &estimator->estimator : nullptr,
-                      feedback_estimate};
+                      feedback_estimate,
+                      control ? &control->control : nullptr};
   const std::optional<Faults> wrong =
       faults ? std::optional<Faults>(Faults(*faults, beside, n)) : std::nullopt;
   const amb_loop_input input{n,
@@ -78,23 +85,36 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
                              noise_y.data(),
                              scale ? scale->data() : nullptr,
                              f_bias,
-                             wrong ? &wrong->to : nullptr};
+                             wrong ? &wrong->to : nullptr,
+                             fly ? fly->data() : nullptr};
   Fresh<amb_real> x({n}), v({n}), x_m({n}), iu({n}), force({n}), y({n}), u({n});
   const Sizes of(estimator ? estimator->kf.model : amb_model{});
   History history(estimator ? n : 0, of, estimator != nullptr, estimator && estimator->scales());
   const bool volts = with.voltage > 0;
   Fresh<amb_real> first({volts ? n : 0}), second({volts && with.pair ? n : 0});
-  amb_loop_output out{
-      x.data,     v.data,
-      x_m.data,   iu.data,
-      force.data, y.data,
-      u.data,     history.to,
-      0,          {volts ? first.data : nullptr, volts && with.pair ? second.data : nullptr}};
+  Fresh<unsigned char> mode({control ? n : 0});
+  amb_loop_output out{x.data,
+                      v.data,
+                      x_m.data,
+                      iu.data,
+                      force.data,
+                      y.data,
+                      u.data,
+                      history.to,
+                      0,
+                      {volts ? first.data : nullptr, volts && with.pair ? second.data : nullptr},
+                      control ? mode.data : nullptr};
   LoopState fresh;
   amb_loop_state &state = went ? went->state : fresh.state;
   if (!state.sampled) {
-    amb_plant_settle(&loop.plant, &state.plant, x_start, amb_clamp(integral, iu_min, iu_max));
+    const amb_real held =
+        amb_clamp(control != nullptr ? hover.value_or(0) : integral, iu_min, iu_max);
+    amb_plant_settle(&loop.plant, &state.plant, x_start, held);
     amb_pid_reset(&state.pid, integral);
+    if (control != nullptr && hover)
+      amb_control_hover(&control->control, &state.control, &held, &integral);
+    else if (control != nullptr)
+      amb_control_init(&control->control, &state.control, estimator->state());
   }
   {
     nb::gil_scoped_release release;
@@ -113,6 +133,8 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
   if (out.voltage[1] != nullptr)
     d["u_coil_2"] = second.array;
   d["touched"] = out.touched;
+  if (control)
+    d["mode"] = mode.array;
   if (estimator)
     d["estimate"] = history.arrays;
   return d;
@@ -135,6 +157,10 @@ void bind_loop(nb::module_ &m)
       nb::arg("f_bias") = 0, nb::arg("x_start") = 0, nb::arg("state").none() = nb::none(),
       nb::arg("faults").none() = nb::none(), nb::arg("beside") = false,
       nb::arg("parts").none() = nb::none(), nb::arg("coil").none() = nb::none(),
+      nb::arg("control").none() = nb::none(), nb::arg("fly").none() = nb::none(),
+      nb::arg("hover").none() = nb::none(),
       "A closed-loop run in one call; see sim/loop.h for shapes and units. With a state, an empty "
-      "one at first, the next call goes on where this one ends.");
+      "one at first, the next call goes on where this one ends. A whole controller starts in "
+      "flight, "
+      "with this current [A] (hover), or at power-on.");
 }

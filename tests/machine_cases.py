@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
@@ -18,6 +19,14 @@ from ambkit.simulation.machine import simulate_machine
 Array = NDArray[np.float64]
 
 PRESETS = presets.machine_names()
+RIGS = ["hindawi_2011", "tum_mlps", "ufu_flexible", "ufu_rig"]
+AND_LONG = [
+    name if name in RIGS else pytest.param(name, marks=pytest.mark.long) for name in PRESETS
+]
+"""All presets, those that are not among the first ones in the long tests alone."""
+OF_KILOGRAMS = [*RIGS, *(pytest.param(name, marks=pytest.mark.long)
+                         for name in ("compressor", "tum_mlps_flexible"))]  # fmt: skip
+"""Those that loads of some newtons do not throw into their backup bearings."""
 
 UFU = Machine.preset("ufu_rig")
 

@@ -165,7 +165,16 @@ def arrays(controllers: Controllers, plant: Plant, estimator: Estimator | None) 
     }
 
 
-def _gains(pid: PID, low: float, high: float) -> list[float]:
+def gains_of(pid: PID, low: float, high: float) -> list[float]:
+    """Return a PID as ``amb_pid`` has it after T.
+
+    Parameters
+    ----------
+    pid : PID
+        Its gains.
+    low, high : float
+        Limits of its output.
+    """
     return [pid.kp, pid.ki, pid.kd, pid.derivative_filter, pid.anti_windup, pid.setpoint_weight,
             low, high]  # fmt: skip
 
@@ -174,7 +183,7 @@ def _decentralised(plant: Plant, pids: Sequence[PID]) -> Controllers:
     limits = [(alone.current_min, alone.current_max) for alone in plant.alone]
     one = np.eye(len(pids))
     return Controllers(
-        [_gains(pid, *ends) for pid, ends in zip(pids, limits, strict=True)],
+        [gains_of(pid, *ends) for pid, ends in zip(pids, limits, strict=True)],
         _names(plant), one, one, np.array([pid.unseen(1.0) for pid in pids]),
     )  # fmt: skip
 
@@ -205,7 +214,7 @@ def _of_translation_and_tilt(plant: Plant) -> Controllers:
             for share, alone in zip(amperes, plant.alone, strict=True) if share
             for end in (alone.current_min, alone.current_max)
         )  # fmt: skip
-        pids.append(_gains(pid, -room, room))
+        pids.append(gains_of(pid, -room, room))
         of_axes.append(lever * explained[at])
         spread.append(amperes)
         unseen.append(pid.unseen(1.0))

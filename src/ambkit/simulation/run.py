@@ -24,6 +24,7 @@ from ambkit.machine.bearing import Bearing
 from ambkit.machine.hovering import hover_current
 from ambkit.machine.magnets import Law, MagnetModel, core_module, magnet_of
 from ambkit.simulation import noise, parts
+from ambkit.simulation.control import Controller, needs_states
 from ambkit.simulation.scenario import Scenario
 
 UNITS = {
@@ -35,6 +36,10 @@ UNITS = {
 COIL_UNITS = {"u_coil": "V", "u_coil_2": "V"}
 """Voltage of the coil, of a pair that of the coil towards +x and of the other one, just after the
 sample; where the amplifier has a voltage limit."""
+
+
+MODE_UNITS = {"mode": "1"}
+"""What the controller was doing, `ambkit.simulation.sequence.Mode`; where there is a sequence."""
 
 
 INJECTED_UNITS = {"injected": "m"}
@@ -286,7 +291,8 @@ class Loop:
             else:
                 faults = Faults.none(n) if faults is None else faults
                 faults = replace(faults, y_plus=faults.y_plus + injected)
-        if estimator is None and scenario.controller.feedback == "estimate":
+        needed = scenario.controller.feedback == "estimate" or scenario.sequence is not None
+        if estimator is None and needed:
             estimator = KalmanFilter(bearing)
         self.bearing, self.scenario, self.estimator = bearing, scenario, estimator
         self._t, self._scale = t, scale
@@ -300,6 +306,8 @@ class Loop:
         self._start = float(reference[0]) if hover else 0.0
         balance = bearing.weight + self._law.bias_force + float(disturbance[0])
         self._held = hover_current(bearing, self._plant, self._start, balance) if hover else 0.0
+        self._whole = scenario.sequence is not None or needs_states(scenario.controller)
+        self._fly = None if scenario.sequence is None else scenario.sequence.fly(t)
 
     def run(self, until: float | None = None) -> Run:
         """Go on, to the end of the scenario or to a time before it.
@@ -350,6 +358,16 @@ class Loop:
             return np.ascontiguousarray(values[here], dtype=precision)
 
         faults = self._faults
+        integral, whole = self._held + pid.unseen(self._start), None
+        place = self._start if self._place is None else self._place
+        hovering = self.scenario.start == "hover" or self._fly is None
+        if self._whole:
+            assert estimator is not None
+            sequence = self.scenario.sequence
+            controller = Controller(bearing, estimator, pid, sequence)
+            integral, whole = controller.integral(self._held, self._start), controller.in_core()
+            if not hovering and self._place is None:
+                place = controller.down
         out = core.simulate(
             self._plant.in_core(core),
             T=T,
@@ -368,13 +386,13 @@ class Loop:
             T_f=pid.derivative_filter,
             T_t=pid.anti_windup,
             weight=pid.setpoint_weight,
-            integral=self._held + pid.unseen(self._start),
+            integral=integral,
             feedback_estimate=pid.feedback == "estimate",
             estimator=None if estimator is None else estimator.core,
             **{name: given(values) for name, values in self._series.items()},
             scale=None if self._scale is None else given(self._scale),
             f_bias=self._law.bias_force,
-            x_start=self._start if self._place is None else self._place,
+            x_start=place,
             state=self._state,
             faults=None
             if faults is None
@@ -382,6 +400,9 @@ class Loop:
             beside=faults is not None and faults.beside,
             parts=parts.parts_of(bearing, precision),
             coil=None if self._coil is None else core.Law(**self._coil),
+            control=whole,
+            fly=None if self._fly is None else given(self._fly),
+            hover=None if whole is None or not hovering else self._held,
         )
         self._at = end
         told = ("x", "v", "x_m", "iu", "y", "u")
@@ -393,6 +414,8 @@ class Loop:
             signals["injected"] = self._injected[here]
         signals["f_mag"] = out["force"] - bearing.weight
         signals |= {k: out[k].astype(float, copy=False) for k in COIL_UNITS if k in out}
+        if self._fly is not None:
+            signals["mode"] = out["mode"].astype(float)
         meta = {
             "bearing": bearing.to_toml(),
             "scenario": self.scenario.model_dump(mode="json"),
@@ -403,7 +426,7 @@ class Loop:
         t = self._t[here]
         units = {
             name: unit
-            for name, unit in (UNITS | INJECTED_UNITS | COIL_UNITS).items()
+            for name, unit in (UNITS | INJECTED_UNITS | COIL_UNITS | MODE_UNITS).items()
             if name in signals
         }
         record = Record(t, {name: signals[name] for name in units}, units, meta=meta)
