@@ -26,6 +26,7 @@ from ambkit.machine.machine import Machine
 from ambkit.machine.placed import Unbalance
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.models.model import Array
+from ambkit.simulation.control import Controller, needs_states
 from ambkit.simulation.controllers import Control, Controllers, controllers_of
 from ambkit.simulation.holding import holding
 from ambkit.simulation.linear.closed import Loop
@@ -192,6 +193,8 @@ class LoopOf:
     @property
     def needs_estimate(self) -> bool:
         """Whether the controllers cannot be fed by the measurement."""
+        if self.machine is None:
+            return needs_states(self.fed_by(None)[0])
         return self.control.type == "lqg" or self.control != Control(type=self.control.type)
 
     def fed_by(self, estimator: Any) -> list[PID]:
@@ -206,10 +209,19 @@ class LoopOf:
         return [one.model_copy(update={"feedback": feedback}) for one in found]
 
     def flown_by(self, estimator: Estimator | None) -> Controllers:
-        """Return a machine's controllers as they fly, fed by an estimator or the measurement."""
-        assert self.machine is not None
+        """Return the controllers as they fly, fed by an estimator or the measurement.
+
+        Raises
+        ------
+        AmbkitError
+            They need an estimate, or other states.
+        """
         if self._flown is not None:
             return self._flown
+        if self.machine is None:
+            if estimator is None:
+                raise AmbkitError(f"{self.bearing.name}: its controller is fed by an estimate")
+            return Controller(self.bearing, estimator, self.fed_by(estimator)[0]).law
         pids = self.fed_by(estimator) if self.control.type == "decentralised" else None
         return controllers_of(Plant(self.machine), self.control, estimator, pids)
 
@@ -260,24 +272,25 @@ class LoopOf:
             The estimator does not settle to a gain, or the controllers need another.
         """
         m = len(self.shown[0])
-        if self.machine is None:
+        pid = None if self.machine is not None else self.fed_by(estimator)[0]
+        if pid is not None and not needs_states(pid):
             inner = None if estimator is None else estimator_at(estimator, self.point)
-            control, shown = controller_of(self.fed_by(estimator)[0], self.bearing), self.shown
+            control, shown = controller_of(pid, self.bearing), self.shown
         else:
-            inner, control, shown = self._of_machine(self.machine, estimator)
+            inner, control, shown = self._by_states(estimator)
         K = compensator(control, inner, shown, self.plant.outputs[:m])
         return Loop(self.plant, K, m, *self._summing())
 
-    def _of_machine(
-        self, machine: Machine, estimator: Estimator | None
+    def _by_states(
+        self, estimator: Estimator | None
     ) -> tuple[LinearSystem | None, LinearSystem, Array]:
         """Return estimator, controllers, and what these look at by the readings (q, m)."""
         flown = self.flown_by(estimator)
-        control = controllers(flown, machine, measured=estimator is None)
+        control = controllers(flown, self.bearing, measured=estimator is None)
         shown = flown.of_axes @ self.shown
         if estimator is None:
             return None, control, shown
-        rows = fed(flown, len(estimator.states), machine.speed)
+        rows = fed(flown, len(estimator.states), self.bearing.speed or 0.0)
         return (
             estimator_at(estimator, self.point, (rows, control.inputs[: len(rows)])),
             control,

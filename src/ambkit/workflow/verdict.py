@@ -256,6 +256,11 @@ def facts(found: Assessment, filter: str) -> dict[str, str]:
     if found.of.machine is not None:
         told |= _control(found.of.control)
     for name, c in found.of.pids(found.estimators.get(filter)).items():
+        if c.type == "lqg":
+            told["control"] = c.type
+            continue
+        if c.feed_forward:
+            told["feed-forward"] = f"{c.feed_forward:g} of the estimated disturbance force"
         each = ((c.kp, "A/m"), (c.ki, "A/(m s)"), (c.kd, "A s/m"))
         said = ", ".join(f"{value:g} {unit}" for value, unit in each)
         gains.setdefault(f"{said}, derivative filter {engineering(c.derivative_filter, 's', 3)}",
