@@ -6,8 +6,7 @@ import math
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
-from importlib.metadata import version
+from functools import cached_property, lru_cache
 from types import ModuleType
 from typing import Any
 
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from ambkit.base.arrays import real
 from ambkit.base.asked import of_type
+from ambkit.base.copying import own_version
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.data.record import Record
@@ -440,11 +440,11 @@ class Loop:
         signals["f_mag"] = out["force"] - bearing.weight
         signals |= {k: out[k].astype(float, copy=False) for k in COIL_UNITS if k in out}
         meta = {
-            "bearing": bearing.to_toml(),
+            "bearing": _said(bearing),
             "scenario": self.scenario.model_dump(mode="json"),
             "seed": self.scenario.seed,
             "run": self.scenario.run,
-            "version": version("ambkit"),
+            "version": own_version(),
             "stop_touched": int(out["touched"]),
         }
         t = self._t[here]
@@ -457,6 +457,12 @@ class Loop:
         if estimator is None:
             return Run(record, None)
         return Run(record, Estimate.from_core(t, out["estimate"], estimator.name, estimator.states))
+
+
+@lru_cache(maxsize=64)
+def _said(bearing: Bearing) -> str:
+    """Return a bearing as text, which many runs of it share."""
+    return bearing.to_toml()
 
 
 def _series(imposed: Imposed) -> Iterator[tuple[str, NDArray[np.float64]]]:
