@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from typing import Any
@@ -52,6 +52,11 @@ class Run:
 
     record: Record
     estimate: Estimate | None
+
+
+Elsewhere = Callable[[float, float, bool], tuple[float, float, bool, int]]
+"""Measurement [m], reference [m], whether to fly: control current [A] and signal [V] that are
+demanded, whether there are currents, and the mode."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,6 +243,9 @@ class Loop:
     ----------
     bearing, scenario, estimator, magnet, imposed
         As for :func:`simulate_run`.
+    elsewhere : callable, optional
+        A whole controller that is not in this process, such as in a processor in the loop; in the
+        place of the scenario's and of the estimator, which then only says the precision.
 
     Raises
     ------
@@ -262,6 +270,7 @@ class Loop:
         estimator: Estimator | None = None,
         magnet: MagnetModel | None = None,
         imposed: Imposed | None = None,
+        elsewhere: Elsewhere | None = None,
     ) -> None:
         of_type(Bearing, bearing=bearing)
         of_type(Scenario, scenario=scenario)
@@ -306,6 +315,7 @@ class Loop:
         self._start = float(reference[0]) if hover else 0.0
         balance = bearing.weight + self._law.bias_force + float(disturbance[0])
         self._held = hover_current(bearing, self._plant, self._start, balance) if hover else 0.0
+        self._elsewhere = elsewhere
         self._whole = scenario.sequence is not None or needs_states(scenario.controller)
         self._fly = None if scenario.sequence is None else scenario.sequence.fly(t)
 
@@ -347,6 +357,8 @@ class Loop:
         if self._faults is not None and end < n:
             raise ValueError(f"a loop with faults runs in one go; until must be None, is {until!r}")
         here = slice(self._at, end)
+        if self._elsewhere is not None:
+            estimator = None
         if self._at == 0 and estimator is not None:
             # What was demanded before the start is the controller's own, and known.
             current = min(max(self._held, bearing.current_min), bearing.current_max)
@@ -361,7 +373,9 @@ class Loop:
         integral, whole = self._held + pid.unseen(self._start), None
         place = self._start if self._place is None else self._place
         hovering = self.scenario.start == "hover" or self._fly is None
-        if self._whole:
+        if self._elsewhere is not None and self.estimator is not None and self._place is None:
+            place = Controller(bearing, self.estimator, pid, self.scenario.sequence).down
+        elif self._whole:
             assert estimator is not None
             sequence = self.scenario.sequence
             controller = Controller(bearing, estimator, pid, sequence)
@@ -387,7 +401,7 @@ class Loop:
             T_t=pid.anti_windup,
             weight=pid.setpoint_weight,
             integral=integral,
-            feedback_estimate=pid.feedback == "estimate",
+            feedback_estimate=pid.feedback == "estimate" and self._elsewhere is None,
             estimator=None if estimator is None else estimator.core,
             **{name: given(values) for name, values in self._series.items()},
             scale=None if self._scale is None else given(self._scale),
@@ -403,6 +417,7 @@ class Loop:
             control=whole,
             fly=None if self._fly is None else given(self._fly),
             hover=None if whole is None or not hovering else self._held,
+            elsewhere=self._elsewhere,
         )
         self._at = end
         told = ("x", "v", "x_m", "iu", "y", "u")
