@@ -39,7 +39,9 @@ struct LoopOf {
             iu_max,
             estimator ? &estimator->estimator : nullptr,
             feedback_estimate,
-            control ? &control->control : nullptr};
+            control ? &control->control : nullptr,
+            nullptr,
+            nullptr};
   }
 
   // Settled at x, with the integral of the controller at this current [A]; a whole controller takes
@@ -47,7 +49,8 @@ struct LoopOf {
   void settle(amb_loop_state &state, amb_real x, amb_real integral, std::optional<amb_real> hover,
               void *estimator) const
   {
-    const amb_real asked = loop.control != nullptr ? hover.value_or(0) : integral;
+    const bool whole = loop.control != nullptr || loop.elsewhere != nullptr;
+    const amb_real asked = whole ? hover.value_or(0) : integral;
     const amb_real held = amb_clamp(asked, loop.iu_min, loop.iu_max);
     amb_plant_settle(&loop.plant, &state.plant, x, held);
     amb_pid_reset(&state.pid, integral);

@@ -1,16 +1,25 @@
 #include "loop.h"
 
+static bool is_whole(const amb_loop *loop)
+{
+  return loop->control != NULL || loop->elsewhere != NULL;
+}
+
 /* The whole controller, with one measurement for all of it; `told` of the control signal [V]. */
 static void control(const amb_loop *loop, amb_loop_state *s, void *estimator,
                     const amb_loop_sample *sample, amb_real y, amb_real told)
 {
   const amb_real measured[AMB_SENSORS] = {y};
+  s->sampled = true;
+  if (loop->elsewhere != NULL) {
+    s->u = loop->elsewhere(loop->where, y, sample->r, sample->fly, &s->flown);
+    return;
+  }
   s->control.u[0] = told;
   (void)amb_control_step(loop->control, &s->control, estimator, measured, &sample->r, 0,
                          sample->fly, &s->flown);
   s->result = s->flown.estimator;
   s->u = s->control.u[0];
-  s->sampled = true;
 }
 
 /* A sample at which the controller gets the measurement `direct` [m], and the estimator y [m] and
@@ -19,7 +28,7 @@ static void sense(const amb_loop *loop, amb_loop_state *s, void *estimator,
                   const amb_loop_sample *sample, amb_real direct, amb_real y, amb_real told)
 {
   s->y = y;
-  if (loop->control != NULL) {
+  if (is_whole(loop)) {
     control(loop, s, estimator, sample, y, told);
     return;
   }
@@ -98,7 +107,7 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop
   amb_loop now = *loop;
   scaled_magnet scaled = {loop->plant.magnet, 1}, scaled_coil = {loop->plant.coil, 1};
   amb_parts parts = {0};
-  const bool scaling = in->scale != NULL || loop->control != NULL;
+  const bool scaling = in->scale != NULL || is_whole(loop);
   if (scaling) {
     now.plant.magnet.methods = &scaled_methods;
     now.plant.magnet.self = &scaled;
@@ -127,7 +136,7 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop
     const bool both = faults != NULL && !faults->beside;
     sense(&now, &s, estimator, &sample, both ? y : direct, y, told);
     if (scaling) {
-      const bool off = loop->control != NULL && !s.flown.on;
+      const bool off = is_whole(loop) && !s.flown.on;
       const amb_real of = in->scale != NULL ? in->scale[k] : 1;
       scaled.scale = off ? 0 : of;
       scaled_coil.scale = scaled.scale;

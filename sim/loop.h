@@ -6,6 +6,11 @@
 #include "ambkit/estimator_run.h"
 #include "plant.h"
 
+/* A whole controller that is elsewhere, such as in a processor in the loop: it is given a sample
+ * and says what it demands (`iu`, `on`, `mode`); returns its control signal [V]. */
+typedef amb_real amb_elsewhere(void *where, amb_real y, amb_real r, bool fly,
+                               amb_control_output *flown);
+
 typedef struct amb_loop {
   amb_plant plant;
   amb_pid pid;
@@ -17,6 +22,8 @@ typedef struct amb_loop {
                                * model must have; else by the measurement */
   const amb_control *control; /* the whole controller of this estimator, in the place of the PID; or
                                * NULL. Where it is off, the magnet does not pull. */
+  amb_elsewhere *elsewhere;   /* in its place; or NULL */
+  void *where;
 } amb_loop;
 
 /* What changes in the loop from sample to sample. Start with `sampled` false. */

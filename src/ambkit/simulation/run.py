@@ -57,6 +57,11 @@ class Run:
     estimate: Estimate | None
 
 
+Elsewhere = Callable[[float, float, bool], tuple[float, float, bool, int]]
+"""Measurement [m], reference [m], whether to fly: control current [A] and signal [V] that are
+demanded, whether there are currents, and the mode."""
+
+
 @dataclass(frozen=True, eq=False)
 class Faults:
     """What is wrong between plant, controller and estimator, one value a sample, all (n,).
@@ -242,6 +247,9 @@ class Loop:
     ----------
     bearing, scenario, estimator, magnet, imposed
         As for :func:`simulate_run`.
+    elsewhere : callable, optional
+        A whole controller that is not in this process, such as in a processor in the loop; in the
+        place of the scenario's and of the estimator, which then only says the precision.
 
     Raises
     ------
@@ -266,6 +274,7 @@ class Loop:
         estimator: Estimator | None = None,
         magnet: MagnetModel | None = None,
         imposed: Imposed | None = None,
+        elsewhere: Elsewhere | None = None,
     ) -> None:
         of_type(Bearing, bearing=bearing)
         of_type(Scenario, scenario=scenario)
@@ -304,6 +313,7 @@ class Loop:
         self._start = float(reference[0]) if hover else 0.0
         balance = bearing.weight + self._law.bias_force + float(disturbance[0])
         self._held = hover_current(bearing, self._plant, self._start, balance) if hover else 0.0
+        self._elsewhere = elsewhere
         self._whole = scenario.sequence is not None or needs_states(scenario.controller)
         self._fly = None if scenario.sequence is None else scenario.sequence.fly(t)
 
@@ -389,21 +399,23 @@ class Loop:
         self, given: Callable[[NDArray[np.float64]], NDArray[Any]]
     ) -> dict[str, Any]:
         """Return what a core is told of a controller that is more than a PID, if it is."""
-        if not self._whole:
+        if self.estimator is None or not (self._whole or self._elsewhere):
             return {}
-        assert self.estimator is not None
         scenario = self.scenario
         controller = Controller(
             self.bearing, self.estimator, scenario.controller, scenario.sequence
         )
+        down = {} if self._place is not None else {"x_start": controller.down}
+        if self._elsewhere is not None:
+            away = {"elsewhere": self._elsewhere, "estimator": None, "feedback_estimate": False}
+            return away | down
         told = {
             "control": controller.in_core(),
             "integral": controller.integral(self._held, self._start),
             "fly": None if self._fly is None else given(self._fly),
         }
-        if scenario.start == "hover" or self._fly is None:
-            return told | {"hover": self._held}
-        return told | ({} if self._place is not None else {"x_start": controller.down})
+        hovering = scenario.start == "hover" or self._fly is None
+        return told | ({"hover": self._held} if hovering else down)
 
     def run(self, until: float | None = None) -> Run:
         """Go on, to the end of the scenario or to a time before it.
@@ -443,6 +455,8 @@ class Loop:
         if self._faults is not None and end < n:
             raise ValueError(f"a loop with faults runs in one go; until must be None, is {until!r}")
         here = slice(self._at, end)
+        if self._elsewhere is not None:
+            estimator = None
         if self._at == 0 and estimator is not None:
             estimator.reset(self.start)
         core = core_module(precision) if estimator is None else estimator.engine.core
