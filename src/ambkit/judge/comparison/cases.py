@@ -8,7 +8,7 @@ of half of the travel is 0.5 mm, and 0.6 of the weight is 3 N.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -21,7 +21,8 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.comparison.spread import CERTAIN, Spread
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.magnets import magnet_of, own_time
-from ambkit.simulation.run import Imposed, Run, samples, simulate_run
+from ambkit.simulation.many import Planned
+from ambkit.simulation.run import Imposed, samples, simulate
 from ambkit.simulation.scenario import PID, Scenario
 from ambkit.simulation.waveforms import Constant, Sequence, Sine, Step
 
@@ -116,11 +117,9 @@ class Trial:
     magnet: MagnetModel | None
     record: Record
 
-    def with_estimator(self, estimator: Estimator) -> Run:
-        """Repeat the run with another estimator in the loop."""
-        return simulate_run(
-            self.plant, self.scenario, estimator=estimator, magnet=self.magnet, imposed=self.imposed
-        )
+    def planned(self, estimator: Estimator) -> Planned:
+        """Return the same run with another estimator in the loop."""
+        return Planned(self.plant, self.scenario, estimator, self.magnet, self.imposed)
 
     @property
     def lost(self) -> bool:
@@ -129,7 +128,18 @@ class Trial:
 
 
 def trials(case: Case, bearing: Bearing, runs: int, seed: int) -> list[Trial]:
-    """Make the records of a case.
+    """Make the records of a case, see `each_trial`.
+
+    Parameters
+    ----------
+    case, bearing, runs, seed
+        As there.
+    """
+    return list(each_trial(case, bearing, runs, seed))
+
+
+def each_trial(case: Case, bearing: Bearing, runs: int, seed: int) -> Iterator[Trial]:
+    """Make the records of a case, one after another.
 
     Parameters
     ----------
@@ -142,9 +152,9 @@ def trials(case: Case, bearing: Bearing, runs: int, seed: int) -> list[Trial]:
     seed : int
         Of the points of what is uncertain, and of all noise.
 
-    Returns
-    -------
-    list of Trial
+    Yields
+    ------
+    Trial
         In the order of the points; the first are the same however many there are.
 
     Raises
@@ -154,7 +164,7 @@ def trials(case: Case, bearing: Bearing, runs: int, seed: int) -> list[Trial]:
     """
     nominal = case.spread == CERTAIN and case.magnet_constant == 1.0
     fixed = _magnet(case, bearing, bearing) if nominal else None
-    made = []
+    known = KalmanFilter(bearing)
     for run, factors in enumerate(case.spread.factors(runs, seed)):
         plant = factors.plant(bearing)
         if case.magnet_constant != 1.0:
@@ -164,11 +174,8 @@ def trials(case: Case, bearing: Bearing, runs: int, seed: int) -> list[Trial]:
         scenario = scenario.model_copy(update={"seed": 1000 * seed + run})
         imposed, walk = _imposed(case, bearing, plant, scenario)
         magnet = fixed if nominal else _magnet(case, plant, bearing)
-        first = simulate_run(
-            plant, scenario, estimator=KalmanFilter(bearing), magnet=magnet, imposed=imposed
-        )
-        made.append(Trial(plant, scenario, imposed, magnet, _with_walk(first.record, walk)))
-    return made
+        record = simulate(plant, scenario, estimator=known, magnet=magnet, imposed=imposed)
+        yield Trial(plant, scenario, imposed, magnet, _with_walk(record, walk))
 
 
 def _imposed(

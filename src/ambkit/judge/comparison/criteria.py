@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations_with_replacement
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -91,10 +90,17 @@ CRITERIA = {
 """All criteria by name."""
 
 
+OF_THE_LOOP = {
+    "tracking": "tracking_rms", "effort": "effort", "overshoot": "overshoot",
+    "settling": "settling",
+}  # fmt: skip
+"""What is judged in the loop, and what :data:`ambkit.simulation.many.FIGURES` calls it."""
+
+
 def evaluate_run(
-    estimator: Any, trial: Trial, bearing: Bearing, settling: float, *, in_loop: bool
+    estimator: Any, trial: Trial, bearing: Bearing, settling: float
 ) -> dict[str, float]:
-    """Run an estimator along a trial's record, and in its loop, and judge both.
+    """Run an estimator along a trial's record, and judge it.
 
     Parameters
     ----------
@@ -106,13 +112,11 @@ def evaluate_run(
         What the estimator assumes.
     settling : float
         What does not count at the start [s].
-    in_loop : bool
-        Whether it can close the loop.
 
     Returns
     -------
     dict of str to float
-        By the names of `CRITERIA`, in SI, without the cost.
+        By the names of `CRITERIA`, in SI, without the cost; what is judged in the loop is NaN.
     """
     record = trial.record
     first = max(1, round(settling / record.sampling_time))
@@ -131,12 +135,6 @@ def evaluate_run(
         figures["nees"] = nees(estimate, record, first)
         figures |= _innovations(estimate, first)
         figures["delay"] = delay(estimate.f_d[first:], record["f_d"][first:], record.sampling_time)
-    if in_loop:
-        closed = trial.with_estimator(estimator).record
-        if closed.meta["stop_touched"]:
-            lost = True
-        else:
-            figures |= loop_figures(closed, bearing.amplifier.gain, first)
     figures["lost"] = float(lost)
     return figures
 
@@ -179,23 +177,26 @@ def normalised_errors(estimate: Estimate, record: Record) -> Array:
     """
     if estimate.covariance is None:
         return np.full(len(record), np.nan)
-    upper = np.asarray(estimate.covariance, dtype=float)
+    upper = np.asarray(estimate.covariance, dtype=float).T
     places = [estimate.names.index(name) for name in EVALUATED]
-    P = np.empty((len(record), 3, 3))
-    for i, j in combinations_with_replacement(range(3), 2):
+
+    def P(i: int, j: int) -> Array:
         low, high = sorted((places[i], places[j]))
-        P[:, i, j] = P[:, j, i] = upper[:, packed(low, high, len(estimate.states))]
+        return np.asarray(upper[packed(low, high, len(estimate.states))])
+
     with np.errstate(invalid="ignore", divide="ignore"):
-        std = np.sqrt(np.einsum("kii->ki", P))
-        # In standard deviations, so that what is inverted is a correlation matrix.
-        C = P / (std[:, :, None] * std[:, None, :])
-        e = np.column_stack([estimate[name] - record[name] for name in EVALUATED]) / std
-    found = np.full(len(record), np.nan)
-    valid = np.isfinite(C).all(axis=(1, 2)) & np.isfinite(e).all(axis=1)
-    valid[valid] = np.linalg.det(C[valid]) > 0
-    solved = np.linalg.solve(C[valid], e[valid][..., None])[..., 0]
-    found[valid] = np.einsum("ki,ki->k", e[valid], solved)
-    return found
+        std = [np.sqrt(P(i, i)) for i in range(3)]
+        # In standard deviations, so that what is inverted is a correlation matrix; by its minors.
+        a, b, c = (P(i, j) / (std[i] * std[j]) for i, j in ((0, 1), (0, 2), (1, 2)))
+        x, v, f = (
+            (estimate[name] - record[name]) / each
+            for name, each in zip(EVALUATED, std, strict=True)
+        )
+        determinant = 1 + 2 * a * b * c - a * a - b * b - c * c
+        squares = (1 - c * c) * x * x + (1 - b * b) * v * v + (1 - a * a) * f * f
+        mixed = (b * c - a) * x * v + (a * c - b) * x * f + (a * b - c) * v * f
+        found = (squares + 2 * mixed) / determinant
+    return np.asarray(np.where((determinant > 0) & np.isfinite(found), found, np.nan))
 
 
 def nees(estimate: Estimate, record: Record, first: int) -> float:
@@ -283,38 +284,3 @@ def _period(signal: Array) -> int:
         return n
     end = again[0] + int(np.argmin(np.append(alike[again[0] :], 0.0) > 0.95))
     return int(again[0] + np.argmax(alike[again[0] : max(end, again[0] + 1)]))
-
-
-def loop_figures(record: Record, gain: float, first: int) -> dict[str, float]:
-    """Control error, control effort and step response of a closed loop.
-
-    Parameters
-    ----------
-    record : Record
-        The closed loop.
-    gain : float
-        Of the amplifier [A/V].
-    first : int
-        The first sample that counts.
-    """
-    r, x = record["r"], record["x"]
-    figures = {
-        "tracking": rms((r - x)[first:]),
-        "effort": gain * rms(np.diff(record["u"][first:])),
-    }
-    steps = np.flatnonzero(np.diff(r)) + 1
-    if steps.size == 0:
-        return figures
-    start = int(steps[-1])
-    later = np.flatnonzero(np.diff(record["f_d"][start:]) != 0)
-    # A load that never rests leaves no step response to be seen.
-    stop = start + int(later[0]) + 1 if later.size else len(record)
-    if later.size > 1 or stop - start < 50:
-        return figures
-    height = float(r[start] - r[start - 1])
-    way = (x[start:stop] - r[start]) / height  # -1 before, 0 there
-    outside = np.flatnonzero(np.abs(way) > 0.05)
-    figures["overshoot"] = max(0.0, float(way.max()))
-    if outside.size and outside[-1] < way.size - 1:
-        figures["settling"] = float((outside[-1] + 1) * record.sampling_time)
-    return figures
