@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -116,6 +116,13 @@ class Trial:
     imposed: Imposed
     magnet: MagnetModel | None
     record: Record
+    _periods: dict[int, int] = field(default_factory=dict, repr=False)
+
+    def period(self, first: int) -> int:
+        """Return the `period_of` the load from a sample on; sought once."""
+        if first not in self._periods:
+            self._periods[first] = period_of(self.record["f_d"][first:])
+        return self._periods[first]
 
     def planned(self, estimator: Estimator) -> Planned:
         """Return the same run with another estimator in the loop."""
@@ -215,6 +222,34 @@ def _with_walk(record: Record, walk: Array | None) -> Record:
     if walk is None:
         return record
     return replace(record, signals={**record.signals, "f_d": walk})
+
+
+def period_of(signal: Array) -> int:
+    """Return after how many samples a signal comes again; its length where it does not.
+
+    Parameters
+    ----------
+    signal : ndarray (n,)
+        Such as a load.
+    """
+    from scipy.signal import correlate
+
+    n = signal.size
+    s = signal - signal.mean()
+    squares = np.concatenate([[0.0], np.cumsum(s**2)])
+    if not squares[-1] > 0:
+        return n
+    lags = np.arange(n // 2)
+    energy = np.sqrt((squares[n] - squares[lags]) * squares[n - lags])
+    alike = correlate(s, s, method="fft")[n - 1 :][: n // 2] / np.maximum(energy, 1e-300)
+    apart = np.flatnonzero(alike < 0.5)
+    if apart.size == 0:
+        return n
+    again = apart[0] + np.flatnonzero(alike[apart[0] :] > 0.95)
+    if again.size == 0:
+        return n
+    end = again[0] + int(np.argmin(np.append(alike[again[0] :], 0.0) > 0.95))
+    return int(again[0] + np.argmax(alike[again[0] : max(end, again[0] + 1)]))
 
 
 def saturating(bearing: Bearing) -> Force:

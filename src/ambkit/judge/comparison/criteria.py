@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -134,7 +135,9 @@ def evaluate_run(
         )
         figures["nees"] = nees(estimate, record, first)
         figures |= _innovations(estimate, first)
-        figures["delay"] = delay(estimate.f_d[first:], record["f_d"][first:], record.sampling_time)
+        figures["delay"] = delay(
+            estimate.f_d[first:], record["f_d"][first:], record.sampling_time, trial.period(first)
+        )
     figures["lost"] = float(lost)
     return figures
 
@@ -201,10 +204,15 @@ def normalised_errors(estimate: Estimate, record: Record) -> Array:
 
 def nees(estimate: Estimate, record: Record, first: int) -> float:
     """Share of samples from `first` on whose NEES is within its bound; NaN without covariances."""
+    found = normalised_errors(estimate, record)[first:]
+    return float(np.mean(found <= _nees_bound())) if np.isfinite(found).all() else np.nan
+
+
+@cache
+def _nees_bound() -> float:
     from scipy.stats import chi2
 
-    found = normalised_errors(estimate, record)[first:]
-    return float(np.mean(found <= chi2.ppf(0.95, 3))) if np.isfinite(found).all() else np.nan
+    return float(chi2.ppf(0.95, 3))
 
 
 def _innovations(estimate: Estimate, first: int) -> dict[str, float]:
@@ -221,7 +229,7 @@ def _innovations(estimate: Estimate, first: int) -> dict[str, float]:
     }
 
 
-def delay(estimated: Array, true: Array, T: float) -> float:
+def delay(estimated: Array, true: Array, T: float, period: int) -> float:
     """How late a signal is [s]: the lag of the greatest correlation with the truth.
 
     Found between the samples by a parabola through the three around it. NaN where the truth never
@@ -233,12 +241,14 @@ def delay(estimated: Array, true: Array, T: float) -> float:
         The signal as estimated and as it was.
     T : float
         Sampling time [s].
+    period : int
+        See `period_of` the truth.
     """
     from scipy.signal import correlate
 
     n = estimated.size
     # Of a load that comes again and again nobody can tell more than half of its period.
-    furthest = min(n // 8, _period(true) // 2)
+    furthest = min(n // 8, period // 2)
     if n < 16 or not np.isfinite(estimated).all():
         return float("nan")
     # The same stretch of the estimate for all lags, against the truth so much earlier: with a
@@ -262,25 +272,3 @@ def delay(estimated: Array, true: Array, T: float) -> float:
     bend = before - 2 * peak + after
     between = 0.5 * (before - after) / bend if bend < 0 else 0.0
     return float((at + np.clip(between, -0.5, 0.5)) * T)
-
-
-def _period(signal: Array) -> int:
-    """Return after how many samples a signal comes again; its length where it does not."""
-    from scipy.signal import correlate
-
-    n = signal.size
-    s = signal - signal.mean()
-    squares = np.concatenate([[0.0], np.cumsum(s**2)])
-    if not squares[-1] > 0:
-        return n
-    lags = np.arange(n // 2)
-    energy = np.sqrt((squares[n] - squares[lags]) * squares[n - lags])
-    alike = correlate(s, s, method="fft")[n - 1 :][: n // 2] / np.maximum(energy, 1e-300)
-    apart = np.flatnonzero(alike < 0.5)
-    if apart.size == 0:
-        return n
-    again = apart[0] + np.flatnonzero(alike[apart[0] :] > 0.95)
-    if again.size == 0:
-        return n
-    end = again[0] + int(np.argmin(np.append(alike[again[0] :], 0.0) > 0.95))
-    return int(again[0] + np.argmax(alike[again[0] : max(end, again[0] + 1)]))
