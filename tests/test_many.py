@@ -14,7 +14,6 @@ import ambkit
 from ambkit import Bearing, Planned, Scenario, Status, Step, simulate_many
 from ambkit.estimate.batch import instruction_sets
 from ambkit.estimate.registry import KINDS
-from ambkit.judge.comparison.criteria import loop_figures
 from ambkit.simulation.many import FIGURES, FLAGS, windows
 from ambkit.simulation.noise import Stream
 from ambkit.simulation.run import Faults, Imposed, Run
@@ -117,8 +116,13 @@ def by_hand(run: Run) -> dict[str, float]:
         late = np.flatnonzero(np.abs(away)[where.load :] > 0.05 * BEARING.rotor.travel_limit)
         never = late.size and late[-1] == len(record) - where.load - 1
         found["recovery"] = np.inf if never else (late[-1] + 1) * T if late.size else 0.0
-    told = loop_figures(record, BEARING.amplifier.gain, 1)
-    return found | {name: told[name] for name in ("overshoot", "settling") if name in told}
+    if where.step is not None:
+        start, stop, height = where.step
+        way = (record["x"][start:stop] - record["r"][start]) / height
+        last = np.flatnonzero(np.abs(way) > 0.05)[-1]
+        found["overshoot"] = max(0.0, way.max())
+        found["settling"] = np.inf if last == way.size - 1 else (last + 1) * T
+    return found
 
 
 def rms(error: NDArray[np.float64]) -> float:
@@ -155,6 +159,16 @@ def test_what_a_stop_does_to_the_figures() -> None:
     assert all(np.isnan(still.figures[name][0]) for name in ("overshoot", "settling", "recovery"))
     assert tuple(still.figures) == tuple(FIGURES)
     assert tuple(still.status) == FLAGS == tuple(flag.name.lower() for flag in Status)
+
+
+def test_where_a_step_and_a_load_can_be_judged() -> None:
+    n = np.arange(400)
+    r, f_d = np.where(n >= 100, 2e-4, 0.0), np.where(n >= 300, 3.0, 0.0)
+    assert windows(r, f_d, 1) == (1, (100, 300, 2e-4), 300)
+    assert windows(r, 0 * f_d, 7) == (7, (100, 400, 2e-4), None)
+    assert windows(r, np.sin(n / 50), 1) == (1, None, None)  # a load that never rests
+    assert windows(np.sin(n / 50), f_d, 1) == (1, None, None)  # nor a reference
+    assert windows(r, np.where(n >= 380, 3.0, 0.0), 1) == (1, (100, 380, 2e-4), None)
 
 
 def test_a_number_stands_for_the_run_of_the_scenario() -> None:
