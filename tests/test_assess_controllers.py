@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit import KalmanFilter, Machine
+from ambkit import PID, Bearing, KalmanFilter, Machine
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
 from ambkit.simulation.controllers import Control
@@ -130,3 +130,16 @@ def test_command(given, code, said, capsys, tmp_path, monkeypatch):
     assert int(left.value.code or 0) == code
     out = capsys.readouterr()
     assert said in out.out + " ".join(out.err.split())
+
+
+@pytest.mark.parametrize("pid", [PID(type="lqg"), PID(feed_forward=0.5)])
+def test_a_bearings_regulator_and_feed_forward_are_in_its_loop(pid):
+    zittau = Bearing.preset("zittau_axial")
+    found = ambkit.sweep(zittau, "linear", pid, amplitudes=["2 um"])
+    assert found.loop.integral.holds
+    assert found.swept[0].deviation < 0.02
+    plain = ambkit.assess(zittau, "linear").loops["linear"]
+    assert found.model.peak != pytest.approx(plain.peak, rel=0.01)
+    assert list(ambkit.assess(zittau, "linear", pid).loops) == ["linear"]
+    with pytest.raises(AmbkitError, match="fed by an estimate: give a filter"):
+        ambkit.assess(zittau, None, pid)

@@ -24,6 +24,7 @@ from ambkit.cli.options import (
     find_bearing,
     find_machine,
     quantity,
+    read_quantities,
     refuse_of_one_axis,
 )
 
@@ -81,6 +82,14 @@ def assess(
     load: Annotated[
         float | None,
         typer.Option(parser=quantity("N"), metavar="FORCE", help="Constant load there."),
+    ] = None,
+    orbit: Annotated[
+        str | None,
+        typer.Option(
+            metavar="own|LENGTH",
+            help="Linearise along the orbit that the machine's own unbalance makes at its speed, "
+            "or along one of this half axis, with the mean stiffnesses of a turn.",
+        ),
     ] = None,
     lqg: Annotated[
         bool,
@@ -186,6 +195,9 @@ def assess(
             raise AmbkitError(f"{option} is of a bearing's linear loop, without --sweep")
     if report is not None and (of_log or amplitudes is not None):
         raise AmbkitError("--report is of a bearing's linear loop, without --sweep")
+    if orbit is not None and of_log:
+        raise AmbkitError("--orbit is of a model, and a record has its own")
+    along = _along(orbit)
     if stepped and amplitudes is None:
         raise AmbkitError("--stepped-sine says how to --sweep: give its amplitudes")
     of_model = (estimator, expert, scenario, x, load)
@@ -200,7 +212,7 @@ def assess(
     if whole is not None:
         assess_machine(
             whole, estimator, scenario, synchronous or (), (lqg, hinf), amplitudes, stepped, axis,
-            fastest, report, plot, json, {"expert": expert, "position": x, "load": load},
+            fastest, along, report, plot, json, {"expert": expert, "position": x, "load": load},
         )  # fmt: skip
         return
     of_machines: dict[str, Any] = {
@@ -215,23 +227,32 @@ def assess(
     if amplitudes is None:
         if report is not None and len(filters) > 1:
             raise AmbkitError(f"--report is of one loop: give one --filter, not {len(filters)}")
-        _deliver_loops(plant, filters, controller, x, load, (lqg, hinf), plot, report, json)
+        _deliver_loops(
+            plant, filters, controller, plot, report, json,
+            x=x or 0.0, load=load or 0.0, orbit=along, lqg=lqg, hinf=hinf,
+        )  # fmt: skip
     else:
-        deliver_sweep(plant, filters, controller, amplitudes, stepped, plot, json, x=x, load=load)
+        deliver_sweep(plant, filters, controller, amplitudes, stepped, plot, json, x=x, load=load,
+                      orbit=along)  # fmt: skip
+
+
+def _along(orbit: str | None) -> bool | float:
+    """Return whether a loop is linearised along its orbit, or of which half axis that is [m]."""
+    if orbit in (None, "own"):
+        return orbit is not None
+    return read_quantities(str(orbit), "m", "--orbit", count=1)[0]
 
 
 def _deliver_loops(
-    plant: Bearing, filters: Mapping[str, Estimator], controller: PID | None, x: float | None,
-    load: float | None, beside: tuple[bool, bool], plot: Path | None, report: Path | None,
-    json: bool,
+    plant: Bearing, filters: Mapping[str, Estimator], controller: PID | None, plot: Path | None,
+    report: Path | None, json: bool, **options: Any,
 ) -> None:  # fmt: skip
     from ambkit.cli import output
     from ambkit.show import plots
     from ambkit.workflow.assessing import assess as assessed
     from ambkit.workflow.verdict import write_verdict
 
-    found = assessed(plant, filters, controller, x=x or 0.0, load=load or 0.0, lqg=beside[0],
-                     hinf=beside[1])  # fmt: skip
+    found = assessed(plant, filters, controller, **options)
     output.deliver(
         found.to_dict(),
         [*tables(found), *tables_of_shares(found), *said(found)],

@@ -29,6 +29,7 @@ def assess_machine(
     stepped: bool,
     axis: str | None,
     fastest: float | None,
+    orbit: bool | float,
     report: Path | None,
     plot: Path | None,
     json: bool,
@@ -56,6 +57,8 @@ def assess_machine(
         Which is swept.
     fastest : float, optional
         Look over speed up to there [rad/s].
+    orbit : bool or float
+        Whether it is linearised along its orbit, or of which half axis that is [m].
     report, plot : Path, optional
         Files for the verdict and for the picture.
     json : bool
@@ -79,6 +82,8 @@ def assess_machine(
     if len(kinds) > 1 and (fastest is not None or amplitudes is not None or report is not None):
         one = "--over-speed, --sweep and --report are of one loop"
         raise AmbkitError(f"{one}: give one --filter, not {len(kinds)}")
+    if fastest is not None and not isinstance(orbit, bool):
+        raise AmbkitError("--over-speed makes the orbit of each speed: give --orbit own")
     if axis is not None and amplitudes is None:
         raise AmbkitError("--axis says which axis to --sweep: give its amplitudes")
     filters = {kind: of_machine(kind, machine, synchronous=synchronous) for kind in kinds}
@@ -88,7 +93,16 @@ def assess_machine(
         if report is not None:
             raise AmbkitError("--report is of the linear loop, without --sweep")
         deliver_sweep(
-            machine, filters, controller, amplitudes, stepped, plot, json, axis=axis, load=load
+            machine,
+            filters,
+            controller,
+            amplitudes,
+            stepped,
+            plot,
+            json,
+            axis=axis,
+            load=load,
+            orbit=orbit,
         )
         return
     if stepped:
@@ -96,7 +110,8 @@ def assess_machine(
     over = None
     if fastest is not None or report is not None:
         with output.progress("looking at one speed after the other"):
-            over = assess_over_speed(machine, filters, controller, fastest=fastest, load=load)
+            over = assess_over_speed(machine, filters, controller, fastest=fastest, load=load,
+                                     orbit=orbit is True)  # fmt: skip
     if fastest is not None and over is not None and report is None:
         output.deliver(
             over.to_dict(),
@@ -105,7 +120,9 @@ def assess_machine(
             as_json=json,
         )
         return
-    found = assess(machine, filters, controller, load=load, lqg=beside[0], hinf=beside[1])
+    found = assess(
+        machine, filters, controller, load=load, orbit=orbit, lqg=beside[0], hinf=beside[1]
+    )
     output.deliver(
         found.to_dict(),
         [*tables_of_machine(found), *tables_of_shares(found), *said(found)],

@@ -29,6 +29,7 @@ def deliver_sweep(
     x: float | None = None,
     load: Any = None,
     axis: str | None = None,
+    orbit: bool | float = False,
 ) -> None:
     """Sweep the simulated loop, and print how far it is from the linear one.
 
@@ -52,6 +53,8 @@ def deliver_sweep(
         Where it is done [m], [N]; of a machine loads by the names of its axes.
     axis : str, optional
         Of a machine, which.
+    orbit : bool or float
+        Along an orbit, see `ambkit.assess`.
     """
     from ambkit.cli import output
     from ambkit.show import plots
@@ -65,6 +68,7 @@ def deliver_sweep(
         found = sweep(
             plant, filters, controller, amplitudes=sizes, axis=axis,
             kind="stepped-sine" if stepped else "multisine", x=x or 0.0, load=load or 0.0,
+            orbit=orbit,
         )  # fmt: skip
     rows = [
         [output.value(each.amplitude, "m"), f"{each.peak:.3f}", zone_of(each.peak),

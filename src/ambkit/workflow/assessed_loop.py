@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ambkit.judge.loop.demands import Demands, demands, of_runout, of_unbalance
+from ambkit.judge.loop.demands import Demands, demands
 from ambkit.judge.loop.margins import BodeIntegral, Margins, bode_integral, grid, highest, margins
 from ambkit.simulation.linear.closed import Loop
 from ambkit.workflow.loop_of import LoopOf, zone_of
@@ -98,6 +98,8 @@ class AssessedLoop:
         unstable loop.
     integral : BodeIntegral
         The check of all of it.
+    of : LoopOf
+        Plant and work point.
     """
 
     name: str
@@ -106,6 +108,7 @@ class AssessedLoop:
     axes: dict[str, AssessedAxis]
     largest: tuple[float, float]
     integral: BodeIntegral
+    of: LoopOf
 
     @property
     def worst(self) -> AssessedAxis | None:
@@ -167,6 +170,9 @@ class AssessedLoop:
             "bode_holds": self.integral.holds,
             "poles": [[float(at.real), float(at.imag)] for at in poles],
         }
+        orbit = self.of.point.orbit
+        if orbit is not None:
+            found["orbit"] = [float(each) for each in np.abs(orbit.x)]
         if self.loop.axes > 1:
             found |= {
                 "axes": {name: each.to_dict() for name, each in self.axes.items()},
@@ -193,15 +199,13 @@ def assessed(name: str, loop: Loop, of: LoopOf) -> AssessedLoop:
     """
     integral = bode_integral(loop)
     if not loop.is_stable:
-        return AssessedLoop(name, loop, False, {}, (math.nan, math.nan), integral)
+        return AssessedLoop(name, loop, False, {}, (math.nan, math.nan), integral, of)
     f = grid(loop)
     f = np.unique(np.append(f, of.top))
     S, counts, p = loop.along_axes(f), f <= of.top, loop.axes
     noise = np.sqrt(np.diag(loop.noise_covariance(*of.noise())))
     currents = np.array([b.amplifier.gain for b in of.alone]) * noise[p:]
-    turned = of_runout(loop, of.bearing)
-    if of.machine is not None and of.machine.speed and of.machine.unbalance:
-        turned.append(of_unbalance(loop, of.machine, of.point))
+    turned = of.turned(loop)
     asked = demands(loop, of.bearing, of.point, currents, noise[:p], turned)
     axes = {}
     for k, axis in enumerate(of.axes):
@@ -217,4 +221,4 @@ def assessed(name: str, loop: Loop, of: LoopOf) -> AssessedLoop:
             asked[k],
         )
     largest = highest(loop.largest_sensitivity, f, np.linalg.norm(S, 2, axis=(1, 2)))
-    return AssessedLoop(name, loop, True, axes, largest, integral)
+    return AssessedLoop(name, loop, True, axes, largest, integral, of)

@@ -12,10 +12,11 @@ from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
 from ambkit.simulation.controllers import Control
 from ambkit.simulation.scenario import PID
-from ambkit.workflow.assessed_loop import assessed
+from ambkit.workflow.assessed_loop import AssessedLoop, assessed
 from ambkit.workflow.assessment import Assessment
 from ambkit.workflow.given import given_estimators, given_load
 from ambkit.workflow.loop_of import LoopOf
+from ambkit.workflow.orbiting import on_orbit
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -41,6 +42,7 @@ def assess(
     load: Given | Mapping[str, Given] = 0.0,
     lqg: bool = False,
     hinf: bool = False,
+    orbit: Given | bool = False,
 ) -> Assessment:
     """Assess a loop as ISO 14839-3 looks at it: broken at the measurement, filter and all.
 
@@ -74,6 +76,10 @@ def assess(
     hinf : bool, optional
         Whether the loop of H-infinity controllers stands beside, as ``"H-infinity"``: of a machine
         one for each axis alone, judged in the whole loop. It needs python-control with slycot.
+    orbit : float, str or bool, optional
+        Whether each loop is linearised along the orbit that its unbalance makes at the machine's
+        speed, with the mean stiffnesses of a turn; or the orbit's greatest half axis [m], for which
+        the unbalance is scaled, and which a bearing of one axis needs.
 
     Returns
     -------
@@ -98,9 +104,15 @@ def assess(
     if of.machine is not None and in_si("x", x, "m"):
         raise AmbkitError(f"{bearing.name} is a whole machine: x is of one axis")
     estimators = given_estimators(filter, bearing)
+    amplitude = None if isinstance(orbit, bool) else in_si("orbit", orbit, "m")
+
+    def fed_by(name: str, estimator: Estimator | None) -> AssessedLoop:
+        there = of if orbit is False else on_orbit(of, estimator, amplitude)
+        return assessed(name, there.loop(estimator), there)
+
     loops = {}
     if not of.needs_estimate:
-        loops[MEASUREMENT] = assessed(MEASUREMENT, of.loop(), of)
+        loops[MEASUREMENT] = fed_by(MEASUREMENT, None)
     elif not estimators:
         raise AmbkitError(
             f"{bearing.name}: these controllers are fed by an estimate: give a filter"
@@ -109,5 +121,5 @@ def assess(
         loops[LQG] = assessed(LQG, of.lqg(), of)
     if hinf:
         loops[HINF] = assessed(HINF, of.hinf(), of)
-    loops |= {name: assessed(name, of.loop(each), of) for name, each in estimators.items()}
+    loops |= {name: fed_by(name, each) for name, each in estimators.items()}
     return Assessment(of, estimators, of.least(), loops)

@@ -130,7 +130,7 @@ class Assessment(Shown):
         machine = self.of.machine
         if machine is None or not machine.speed or not loop.stable:
             return []
-        return of_grades(loop.loop, machine, self.point)
+        return of_grades(loop.loop, machine, loop.of.point)
 
     def shares(self, filter: str | None = None) -> dict[str, float]:
         """Return the peak of abs(S) as it is, and with each piece of the loop ideal in turn [1].
@@ -153,10 +153,11 @@ class Assessment(Shown):
         name = list(self.loops)[-1] if filter is None else filter
         estimator = self.estimators.get(name)
         found = {"as it is": self.loops[name].peak if self.loops[name].stable else math.inf}
+        there = self.loops[name].of
         for piece, plant in ideal_pieces(self.bearing).items():
-            found[piece] = self.of.with_plant(plant, estimator).peak(estimator)
-        if estimator is not None and not self.of.needs_estimate:
-            found["filter"] = self.of.peak()
+            found[piece] = there.with_plant(plant, estimator).peak(estimator)
+        if estimator is not None and not there.needs_estimate:
+            found["filter"] = there.peak()
         return found
 
     def figure(self, filter: str | None = None) -> Figure:

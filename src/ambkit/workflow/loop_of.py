@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 from functools import partial
 from typing import Any, Literal
@@ -15,14 +16,17 @@ from ambkit.estimate.base import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.whole import Whole
 from ambkit.judge.loop.bounds import least_peaks
+from ambkit.judge.loop.demands import Turned, of_runout, of_unbalance
 from ambkit.judge.loop.hinf import beside_each_other, hinf
 from ambkit.judge.loop.lqg import LQG, Noise
 from ambkit.judge.loop.margins import grid, highest
 from ambkit.machine.bank import alone_of
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
+from ambkit.machine.placed import Unbalance
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.models.model import Array
+from ambkit.simulation.control import Controller, needs_states
 from ambkit.simulation.controllers import Control, Controllers, controllers_of
 from ambkit.simulation.holding import holding
 from ambkit.simulation.linear.closed import Loop
@@ -167,6 +171,15 @@ class LoopOf:
         self.plant = plant(bearing, self.point)
         self.top = end_of_range(bearing.sampling_time, bearing.speed)
 
+    def turned(self, loop: Loop) -> list[Turned]:
+        """Return what turns with the rotor in a stable loop: runout, and unbalance or the orbit."""
+        found = of_runout(loop, self.bearing)
+        if self.point.orbit is not None:
+            found.append(Turned(self.point.orbit.x, self.point.orbit.demanded))
+        elif self.machine is not None and self.machine.speed and self.machine.unbalance:
+            found.append(of_unbalance(loop, self.machine, self.point))
+        return found
+
     def least(self) -> tuple[float, float]:
         """Return the peaks of S and T that no controller can be below [1]; see `least_peaks`."""
         p, m = len(self.alone), len(self.shown[0])
@@ -180,6 +193,8 @@ class LoopOf:
     @property
     def needs_estimate(self) -> bool:
         """Whether the controllers cannot be fed by the measurement."""
+        if self.machine is None:
+            return needs_states(self.fed_by(None)[0])
         return self.control.type == "lqg" or self.control != Control(type=self.control.type)
 
     def fed_by(self, estimator: Any) -> list[PID]:
@@ -194,10 +209,19 @@ class LoopOf:
         return [one.model_copy(update={"feedback": feedback}) for one in found]
 
     def flown_by(self, estimator: Estimator | None) -> Controllers:
-        """Return a machine's controllers as they fly, fed by an estimator or the measurement."""
-        assert self.machine is not None
+        """Return the controllers as they fly, fed by an estimator or the measurement.
+
+        Raises
+        ------
+        AmbkitError
+            They need an estimate, or other states.
+        """
         if self._flown is not None:
             return self._flown
+        if self.machine is None:
+            if estimator is None:
+                raise AmbkitError(f"{self.bearing.name}: its controller is fed by an estimate")
+            return Controller(self.bearing, estimator, self.fed_by(estimator)[0]).law
         pids = self.fed_by(estimator) if self.control.type == "decentralised" else None
         return controllers_of(Plant(self.machine), self.control, estimator, pids)
 
@@ -222,6 +246,23 @@ class LoopOf:
             return LoopOf(plant, self.fed_by(estimator), point=self.point)
         return LoopOf(plant, self.control, point=self.point, flown=self.flown_by(estimator))
 
+    def at(self, point: WorkPoint) -> LoopOf:
+        """Return the same loop at another work point."""
+        moved = copy(self)
+        moved.point, moved.plant = point, plant(self.bearing, point)
+        return moved
+
+    def with_unbalance(self, scale: float) -> LoopOf:
+        """Return the same loop of a machine whose unbalance is larger by a factor."""
+        assert self.machine is not None
+        planes = tuple(
+            Unbalance(place=place, amount=scale * amount, angle=angle)
+            for place, amount, angle in self.machine.unbalances()
+        )
+        moved = copy(self)
+        moved.bearing = moved.machine = self.machine.model_copy(update={"unbalance": planes})
+        return moved
+
     def loop(self, estimator: Estimator | None = None) -> Loop:
         """Return the loop whose controllers are fed by an estimator, or by the measurement.
 
@@ -231,24 +272,25 @@ class LoopOf:
             The estimator does not settle to a gain, or the controllers need another.
         """
         m = len(self.shown[0])
-        if self.machine is None:
+        pid = None if self.machine is not None else self.fed_by(estimator)[0]
+        if pid is not None and not needs_states(pid):
             inner = None if estimator is None else estimator_at(estimator, self.point)
-            control, shown = controller_of(self.fed_by(estimator)[0], self.bearing), self.shown
+            control, shown = controller_of(pid, self.bearing), self.shown
         else:
-            inner, control, shown = self._of_machine(self.machine, estimator)
+            inner, control, shown = self._by_states(estimator)
         K = compensator(control, inner, shown, self.plant.outputs[:m])
         return Loop(self.plant, K, m, *self._summing())
 
-    def _of_machine(
-        self, machine: Machine, estimator: Estimator | None
+    def _by_states(
+        self, estimator: Estimator | None
     ) -> tuple[LinearSystem | None, LinearSystem, Array]:
         """Return estimator, controllers, and what these look at by the readings (q, m)."""
         flown = self.flown_by(estimator)
-        control = controllers(flown, machine, measured=estimator is None)
+        control = controllers(flown, self.bearing, measured=estimator is None)
         shown = flown.of_axes @ self.shown
         if estimator is None:
             return None, control, shown
-        rows = fed(flown, len(estimator.states), machine.speed)
+        rows = fed(flown, len(estimator.states), self.bearing.speed or 0.0)
         return (
             estimator_at(estimator, self.point, (rows, control.inputs[: len(rows)])),
             control,

@@ -18,8 +18,6 @@ from ambkit.estimate.adaptive_noise import AdaptiveNoise
 from ambkit.judge.loop.demands import (
     SIGMAS,
     Turned,
-    of_runout,
-    of_unbalance,
     orbit,
     pairs_of,
     squares_of_coils,
@@ -34,6 +32,7 @@ from ambkit.simulation.scenario import PID
 from ambkit.workflow.assessing import MEASUREMENT
 from ambkit.workflow.given import given_estimators, given_load
 from ambkit.workflow.loop_of import ZONES, LoopOf, zone_of
+from ambkit.workflow.orbiting import on_orbit
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -202,6 +201,7 @@ def assess_over_speed(
     fastest: Given | None = None,
     count: int = COUNT,
     load: Mapping[str, Given] | None = None,
+    orbit: bool = False,
 ) -> OverSpeed:
     """Look at a machine's loop over its speed of rotation, whose gyroscopics change it.
 
@@ -223,6 +223,9 @@ def assess_over_speed(
         Speeds, from rest on.
     load : mapping of str to float or str, optional
         Constant disturbance forces, by the names of the axes [N].
+    orbit : bool, optional
+        Whether the loop is linearised along the orbit of its unbalance at each speed, see
+        `ambkit.assess`.
 
     Returns
     -------
@@ -252,7 +255,7 @@ def assess_over_speed(
             f"one loop is looked at over speed: give one filter, not {len(estimators)}"
         )
     ((name, estimator),) = estimators.items() or [(MEASUREMENT, None)]
-    run = _Run(machine, estimator, controller, given_load(machine, load))
+    run = _Run(machine, estimator, controller, given_load(machine, load), orbit)
     speeds = np.linspace(0.0, fastest, count)
     each = [run.at(float(speed)) for speed in speeds]
     checked = sorted({0.0, fastest, *([machine.speed] if 0 < machine.speed < fastest else [])})
@@ -295,13 +298,14 @@ class _Run:
         estimator: Estimator | None,
         controller: PID | Control | None,
         load: Any,
+        orbit: bool,
     ) -> None:
         planes = tuple(
             Unbalance(place=place, amount=amount, angle=angle)
             for place, amount, angle in machine.unbalances()
         )
         self.machine = machine.model_copy(update={"unbalance": planes})
-        self.estimator = estimator
+        self.estimator, self.orbit = estimator, orbit
         of = LoopOf(self.machine, controller, load=load)
         self.point, self.axes, self.control = of.point, of.axes, of.control
         self.flown = of.flown_by(estimator)
@@ -311,6 +315,8 @@ class _Run:
         machine = self.machine.model_copy(update={"speed": speed})
         of = LoopOf(machine, self.control, point=self.point, flown=self.flown)
         inner = None if self.estimator is None else told_speed(self.estimator, machine)
+        if self.orbit and speed:
+            of = on_orbit(of, inner)
         return of, of.loop(inner)
 
     def at(self, speed: float) -> _AtSpeed:
@@ -328,9 +334,7 @@ class _Run:
         peaks = [highest(partial(loop.of_axis, k), f[counts], S[counts, k, k])[0] for k in range(p)]
         sizes = np.linalg.norm(S, 2, axis=(1, 2))
         largest = highest(loop.largest_sensitivity, f, sizes)[0]
-        turned = of_runout(loop, of.bearing)
-        if speed and of.bearing.unbalance:
-            turned.append(of_unbalance(loop, of.bearing, self.point))
+        turned = of.turned(loop)
         return _AtSpeed(np.array(peaks), largest, poles, *self.asked(of, loop, turned))
 
     def asked(

@@ -246,10 +246,21 @@ def facts(found: Assessment, filter: str) -> dict[str, str]:
             "speed": rpm(b.speed),
             "held by": ", ".join(f"{name} {engineering(float(iu), 'A', 3)}" for name, iu in held),
         }
+    orbit = found.loops[filter].of.point.orbit
+    if orbit is not None:
+        far = zip(found.of.axes, orbit.x, strict=True)
+        told["along the orbit of"] = ", ".join(
+            f"{engineering(float(abs(x)), 'm', 3)} ({name})" for name, x in far
+        )
     gains: dict[str, list[str]] = {}
     if found.of.machine is not None:
         told |= _control(found.of.control)
     for name, c in found.of.pids(found.estimators.get(filter)).items():
+        if c.type == "lqg":
+            told["control"] = c.type
+            continue
+        if c.feed_forward:
+            told["feed-forward"] = f"{c.feed_forward:g} of the estimated disturbance force"
         each = ((c.kp, "A/m"), (c.ki, "A/(m s)"), (c.kd, "A s/m"))
         said = ", ".join(f"{value:g} {unit}" for value, unit in each)
         gains.setdefault(f"{said}, derivative filter {engineering(c.derivative_filter, 's', 3)}",

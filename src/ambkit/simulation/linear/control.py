@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import numpy as np
 
 from ambkit.machine.bank import alone_of
+from ambkit.machine.machine import Machine
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.simulation.linear.pieces import POSITION, VELOCITY, of_axes
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
-    from ambkit.machine.machine import Machine
     from ambkit.models.model import Array
     from ambkit.simulation.controllers import Controllers
 
@@ -100,16 +100,14 @@ def _pid(pid: Gains, T: float, measured: bool) -> LinearSystem:
     )  # fmt: skip
 
 
-def controllers(found: Controllers, of: Machine, *, measured: bool) -> LinearSystem:
-    """Return the controllers of a whole machine as ``core/src/controllers.c`` computes them.
-
-    Within their limits.
+def controllers(found: Controllers, of: Bearing | Machine, *, measured: bool) -> LinearSystem:
+    """Return controllers as ``core/src/controllers.c`` computes them, within their limits.
 
     Parameters
     ----------
     found : Controllers
-        Of the machine, as they fly.
-    of : Machine
+        As they fly.
+    of : Bearing or Machine
         Gives sampling time, gains and names.
     measured : bool
         Whether they are fed by the measurements, or by an estimator.
@@ -132,18 +130,19 @@ def controllers(found: Controllers, of: Machine, *, measured: bool) -> LinearSys
     # Each PID's reference is what it looks at of those of the axes.
     B, D = (np.hstack([M[:, :-q], M[:, -q:] @ found.of_axes]) for M in (B, D))
     C, D = found.spread @ C, found.spread @ D
-    axes = [axis.name for axis in of.axes]
-    names = found.names
+    axes = [axis.name for axis in of.axes] if isinstance(of, Machine) else []
+    names = found.names if axes else []
     told = [signal for kind in kinds[:-1] for signal in of_axes(kind, names)]
     if not measured:
-        p, at = len(axes), B.shape[1] - len(axes)
+        p = len(found.spread)
+        at = B.shape[1] - p
         B = np.hstack([B[:, :at], np.zeros((len(A), p)), B[:, at:]])
         D = np.hstack([D[:, :at], np.eye(p), D[:, at:]])
         told += of_axes(Signal("fed_back", "A"), axes)
     volts = np.array([1 / b.amplifier.gain for b in alone_of(of)])[:, None]
     states = [
         Signal(f"{at.name}_{name}", at.unit)
-        for name, one in zip(names, each, strict=True) for at in one.states
+        for name, one in zip(found.names, each, strict=True) for at in one.states
     ]  # fmt: skip
     return LinearSystem(
         A, B, volts * C, volts * D, T, tuple(states),

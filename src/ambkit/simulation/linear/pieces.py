@@ -25,17 +25,46 @@ if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing, Sensor
     from ambkit.models.plan import Part
 
+TURN = 64
+"""Angles over which means are taken along an orbit."""
+
 POSITION, VELOCITY = Signal("position", "m"), Signal("velocity", "m/s")
 
 
-class WorkPoint(NamedTuple):
-    """Where a loop is linearised: control current [A] and displacement [m].
+class Orbit(NamedTuple):
+    """What turns about a work point: complex amplitudes, of ``Re(amplitude e^(j angle))``.
 
     Numbers of one axis; of a whole machine arrays (p,), one for each axis.
     """
 
     iu: Any
+    """Of the current that flows [A]."""
     x: Any
+    """Of the displacement [m]."""
+    demanded: Any
+    """Of the current that is demanded [A]."""
+
+
+class WorkPoint(NamedTuple):
+    """Where a loop is linearised: control current [A] and displacement [m].
+
+    Numbers of one axis; of a whole machine arrays (p,), one for each axis. With an orbit about it
+    the tangents are their means over a turn: the first term of the harmonic series of a loop whose
+    stiffness swings with the rotation (Wereley 1991).
+    """
+
+    iu: Any
+    x: Any
+    orbit: Orbit | None = None
+
+    def along_orbit(self) -> list[tuple[Any, Any]]:
+        """Return currents [A] and displacements [m] of each axis over a turn; of a rest one."""
+        turn = np.exp(2j * np.pi * np.arange(TURN) / TURN)
+        swing = self.orbit
+        if swing is None:
+            swing, turn = Orbit(0.0 * self.iu, 0.0 * self.x, None), np.ones(1, complex)
+        each = zip(*map(np.atleast_1d, (self.iu, self.x, swing.iu, swing.x)), strict=True)
+        return [(iu + np.real(i * turn), x + np.real(far * turn)) for iu, x, i, far in each]
 
     @classmethod
     def hovering(cls, bearing: Bearing, x: float = 0.0, load: float = 0.0) -> WorkPoint:
@@ -197,9 +226,7 @@ def _linear(
 ) -> LinearSystem:
     """Return the parts of a plant with its magnets' tangents at a work point."""
     k_i, k_s = np.array([
-        [float(k) for k in magnet_of(b).tangent(float(iu), float(x))]
-        for b, iu, x in zip(
-            alone_of(of), np.atleast_1d(point.iu), np.atleast_1d(point.x), strict=True
-        )
+        [float(np.mean(k)) for k in magnet_of(b).tangent(iu, x)]
+        for b, (iu, x) in zip(alone_of(of), point.along_orbit(), strict=True)
     ]).T  # fmt: skip
     return linearised(parts, of.sampling_time, k_i, k_s, continuous=continuous)

@@ -151,8 +151,7 @@ def _asked(magnet: Any, method: str, point: WorkPoint) -> tuple[Any, Any]:
     held = magnet.in_core(core_module())
     each = held if isinstance(held, list) else [held]
     found = [
-        getattr(one, method)(np.array([iu]), np.array([x]))
-        for one, iu, x in zip(each, np.atleast_1d(point.iu), np.atleast_1d(point.x), strict=True)
+        getattr(one, method)(iu, x) for one, (iu, x) in zip(each, point.along_orbit(), strict=True)
     ]
-    k_i, k_s = (np.array([float(of[k][0]) for of in found]) for k in (0, 1))
+    k_i, k_s = (np.array([float(np.mean(of[k])) for of in found]) for k in (0, 1))
     return (k_i, k_s) if isinstance(held, list) else (float(k_i[0]), float(k_s[0]))
