@@ -79,7 +79,7 @@ def guess(path: str | os.PathLike[str], progress: Callable[[str], object] = lamb
     damage = next((c.damage for each in told for c in each.found if c.damage), None)
     if damage and not any(c.role == "t" for c in best.found):
         raise damage
-    if not any(c.role == "y" and not c.estimated for c in best.found):
+    if not any(c.role in ("y", "u", "i") and not c.estimated for c in best.found):
         raise RecordError(_refusal(os.fspath(path), best.found))
     others = [each for each in told if each is not best]
     return "\n".join(map(one_line, _toml(Path(path).name, log, best, others))) + "\n"

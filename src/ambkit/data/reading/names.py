@@ -27,11 +27,12 @@ def by_name(candidate: Candidate) -> None:
     """Read role and unit from the name."""
     if candidate.role or any(isinstance(place, int) for place in candidate.where.values()):
         return
-    label = _own_part(candidate.label)
+    label = candidate.label
     in_name = _UNIT_IN_NAME.fullmatch(label)
     if in_name and in_name[1] and not candidate.unit:
         label, candidate.unit = in_name[1], in_name[2].replace("mps", "m/s")
         candidate.why.append("unit from its name")
+    label = _own_part(label)
     words = [w for w in re.split(r"[^a-zäöüß]+", re.sub(r"\d+", " ", label.lower())) if w]
     candidate.estimated = any(_ESTIMATED.fullmatch(word) for word in words)
     named = [role for role, pattern in _WORDS.items() if _any(pattern, words)]
