@@ -33,7 +33,10 @@ LEAST_BLOCKS = 8
 POLE = (0.1, 1.0)
 """Pole times box, within which a band can tell it: slower bands only see the balance at rest."""
 
-AGREE = ((3, 1.35, 0.1), (2, 2.0, 0.2))
+ALIKE = 1.35
+"""Poles, and gains, of three neighbouring bands are within this ratio."""
+
+AGREE = ((3, ALIKE, 0.1), (2, 2.0, 0.2))
 """So many neighbouring bands, whose poles and gains are within this ratio, each with this share of
 the acceleration's variance explained: what is sure, and what has to do where nothing is."""
 
@@ -106,19 +109,15 @@ def bands(channels: Array) -> Iterator[Band]:
     channels : ndarray (m, n)
         Finite samples; each channel of about unit size.
     """
-    values, thin = channels, 1
-    for box, further in _boxes():
-        if further != thin:  # slow bands need not all samples: means of two
-            size = values.shape[1] // 2 * 2
-            values, thin = 0.5 * (values[:, :size:2] + values[:, 1:size:2]), further
+    for box, thin, values in thinned(channels):
         step = max(1, box // 2)
         rows = values.shape[1] - BOXES * (box - 1) - 2
         blocks = -(-rows // step) // ROWS if rows > 0 else 0
         if blocks < LEAST_BLOCKS:
             return
-        four = _boxed(values, box, 4)
+        four = boxed(values, box, 4)
         bent = (four[:, 2 * box :] - 2 * four[:, box:-box] + four[:, : -2 * box]) / box**2
-        smooth = _boxed(four, box, 2)[:, 1 : 1 + bent.shape[1]]
+        smooth = boxed(four, box, 2)[:, 1 : 1 + bent.shape[1]]
         s, a = (
             each[:, ::step][:, : blocks * ROWS].reshape(-1, blocks, ROWS).transpose(1, 0, 2)
             for each in (smooth, bent / thin**2)
@@ -130,18 +129,23 @@ def bands(channels: Array) -> Iterator[Band]:
         yield Band(box * thin, s @ turned, a @ turned, v @ turned, *own)
 
 
-def _boxes() -> Iterator[tuple[int, int]]:
-    """Yield length of the box, in samples of the thinned record, and how much that is thinned."""
+def thinned(channels: Array) -> Iterator[tuple[int, int, Array]]:
+    """Yield boxes from short to long, how much the record is thinned for each, and that record.
+
+    Slow bands need not all samples: they get means of two, of four, and so on.
+    """
     for box in (2, 3, 4, 5, 6):
-        yield box, 1
+        yield box, 1, channels
     thin = 1
-    while True:
+    while channels.shape[1] > BOXES * 8:
         for box in (8, 10, 13):
-            yield box, thin
-        thin *= 2
+            yield box, thin, channels
+        size = channels.shape[1] // 2 * 2
+        channels, thin = 0.5 * (channels[:, :size:2] + channels[:, 1:size:2]), 2 * thin
 
 
-def _boxed(values: Array, box: int, times: int) -> Array:
+def boxed(values: Array, box: int, times: int) -> Array:
+    """Return running means (m, n - times (box - 1)) over `box` samples, so many times."""
     for _ in range(times):
         sums = np.cumsum(values, axis=1)
         sums = np.concatenate([np.zeros((len(values), 1)), sums], axis=1)

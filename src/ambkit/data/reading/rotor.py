@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.data.reading.faults import noise
+from ambkit.data.reading.instruments import instrumented
 from ambkit.data.reading.levitation import TINY, Band, Levitated, bands, levitated, turning
 
 Array = NDArray[np.float64]
@@ -30,6 +31,9 @@ NO_NOISE = 1e-6
 
 DIFFERENCE = 0.9
 """Correlation with another channel's difference from which on a channel is its velocity."""
+
+TRIED = 12
+"""Channels that are tried with instruments, where plain regression tells nothing."""
 
 CLOSE = 0.98
 """Correlation of a channel and an estimate of it, where slow bands have no noise."""
@@ -149,12 +153,19 @@ def rotor(channels: Array, position: int | None = None, control: int | None = No
     raw = [in_steps(v) and h > NO_NOISE for v, h in zip(channels, hiss, strict=True)]
     rates = velocities(unit)
     rates -= {position, control}
-    found = [f for f in levitated(listed) if not {f.position, f.control} & rates]
-    found = [
-        f for f in found
-        if position in (None, f.position) and control in (None, f.control)
-    ]  # fmt: skip
-    if not found:
+    def fitting(listed: list[Levitated]) -> list[Levitated]:
+        return [
+            f for f in listed
+            if not {f.position, f.control} & rates
+            and position in (None, f.position) and control in (None, f.control)
+        ]  # fmt: skip
+
+    found = fitting(levitated(listed))
+    usable = [f for f in found if f.sure or raw[f.position] or raw[f.control]]
+    if not usable:
+        tried = sorted((k for k in range(len(unit)) if k not in rates), key=lambda k: not raw[k])
+        usable = found = fitting(instrumented(unit, sorted(tried[:TRIED])))
+    if not usable:
         return None
     close = np.array([turning(band) for band in listed[-3:]]).max(0) > CLOSE
 
@@ -164,11 +175,8 @@ def rotor(channels: Array, position: int | None = None, control: int | None = No
             and f.pole / SAME_POLE < g.pole < f.pole * SAME_POLE
         )  # fmt: skip
 
-    both = [f for f in found if raw[f.position] and raw[f.control]]
-    usable = both or [f for f in found if f.sure or raw[f.position] or raw[f.control]]
-    if not usable:
-        return None
-    best = max(usable, key=lambda f: (f.sure, sum(g.evidence for g in found if same(f, g))))
+    both = [f for f in usable if raw[f.position] and raw[f.control]]
+    best = max(both or usable, key=lambda f: (f.sure, sum(g.evidence for g in found if same(f, g))))
     motion = [best, *(f for f in found if same(best, f))]
     controls = list(dict.fromkeys(f.control for f in motion if f.control != best.position))
     positions = [f.position for f in motion if f.position not in controls]
