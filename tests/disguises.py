@@ -1,4 +1,4 @@
-"""Logs in disguise: rows shuffled, turned, scaled and moved, cut, without a name; and other rigs."""
+"""Logs in disguise: rows shuffled, turned, scaled, moved, cut, nameless; and other rigs."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -26,8 +26,7 @@ def judged(path, hidden, true):
     try:
         signals = ChannelMap.from_toml(guess(path)).signals
     except RecordError as error:
-        assert "refused: nothing in it floats" in str(error)
-        return "refused"
+        return "refused" if "refused: nothing in it floats" in str(error) else str(error)
     y, u = signals["y"], signals["u"]
     right = hidden.is_right(y.row, u.row, y.sign * u.sign < 0, true)
     return "right" if right and hidden.order[signals["t"].row] == 0 else f"wrong: {hidden.name}"

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ambkit.cli.main import main
 from ambkit.base.errors import RecordError
+from ambkit.cli.main import main
 from ambkit.data.channelmap import ChannelMap
 from ambkit.data.files.formats import read_log
 from ambkit.data.reading import read

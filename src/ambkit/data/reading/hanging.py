@@ -1,7 +1,7 @@
 """Where the magnet is, and how long a unit: of a rotor that hangs below one magnet, by gravity.
 
-One magnet pulls with C (i / gap)². In balance with gravity it gives ``x'' = (2 g / gap) x + (2 g / i)
-di``: so the pole tells the gap in metres, and what a change of the current moves tells how many
+One magnet pulls with C (i / gap)². In balance with gravity ``x'' = (2 g / gap) x + (2 g / i) di``:
+so the pole tells the gap in metres, and what a change of the current moves tells how many
 metres a unit of the logged position is, if the current's zero is known. No coil's current is below
 zero; so where a log's current never is, its zero is that of the amplifier.
 """
@@ -63,12 +63,12 @@ class Hanging:
             The position's channel, and its unit, where the log says one.
         """
         yield (
-            f"If one magnet carries it against gravity: {label} is about {self.scale:.2g} m a unit, and "
+            f"If one magnet carries it: by gravity {label} is about {self.scale:.2g} m a unit, and "
             f"its gap {1e3 * self.gap:.3g} mm at its median, so 0 near {self.zero:.3g}."
         )
         factor = self.scale / UNITS[self.unit]
         if not unit and not 1 / TRUST < factor < TRUST:
-            yield f"scale = {factor:.2g}  # by gravity, to a factor of {TRUST:g}: it is no usual unit"
+            yield f"scale = {factor:.2g}  # by gravity, to a factor of {TRUST:g}: no usual unit"
 
 
 def hanging(moves: Rotor, position: Array, current: Array, step: float) -> Hanging | None:

@@ -86,7 +86,7 @@ def _fit(
 
 
 def _two_stages(zz: Array, zb: Array, z: list[int], x: list[int], y: int) -> tuple[Array, Array]:
-    """Regress column y on columns x with instruments z: coefficients, and the root of 1 / normal."""
+    """Regress y on x with instruments z, all columns: coefficients, and their unscaled errors."""
     cross = zb[np.ix_(z, x)]
     weighed = np.linalg.solve(zz[np.ix_(z, z)], zb[np.ix_(z, [*x, y])])
     normal = cross.T @ weighed[:, :-1]

@@ -1,10 +1,10 @@
-"""Which channels move as a levitated rotor and its current do: tested by physics, not by prediction.
+"""Which channels move as a levitated rotor and its current do: by physics, not by prediction.
 
 Near its work point a rotor in a magnetic bearing moves by ``x'' = a x + b i + c``, with a > 0: the
 plant is unstable, with a pole at sqrt(a). No other pair of channels does that. A reference swings
-(a < 0); position and reference make a stable loop (a < 0); a current, in the position's place, obeys
-its controller; a velocity does with the difference of the current only. So each pair of channels is
-fitted, in bands of frequency, and a pair holds where neighbouring bands tell the same pole.
+(a < 0); position and reference make a stable loop (a < 0); a current, in the position's place,
+obeys its controller; a velocity does with the difference of the current only. So each pair of
+channels is fitted, in bands of frequency, and holds where neighbouring bands tell the same pole.
 
 The fit never differentiates a sample: channels and their second derivatives pass the same smooth
 kernel, a B-spline of six boxes, whose derivatives are differences of its boxes (Shinbrot 1957,
@@ -118,12 +118,12 @@ def bands(channels: Array) -> Iterator[Band]:
         four = boxed(values, box, 4)
         bent = (four[:, 2 * box :] - 2 * four[:, box:-box] + four[:, : -2 * box]) / box**2
         smooth = boxed(four, box, 2)[:, 1 : 1 + bent.shape[1]]
-        s, a = (
+        inside, a = (
             each[:, ::step][:, : blocks * ROWS].reshape(-1, blocks, ROWS).transpose(1, 0, 2)
             for each in (smooth, bent / thin**2)
         )
-        v = np.gradient(s, step * thin, axis=2)
-        s, v, a = (each - each.mean(axis=2, keepdims=True) for each in (s, v, a))
+        v = np.gradient(inside, step * thin, axis=2)
+        s, v, a = (each - each.mean(axis=2, keepdims=True) for each in (inside, np.asarray(v), a))
         turned = s.transpose(0, 2, 1)
         own = ((a * a).sum(2), (a * v).sum(2), (v * v).sum(2))
         yield Band(box * thin, s @ turned, a @ turned, v @ turned, *own)

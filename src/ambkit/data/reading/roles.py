@@ -110,10 +110,10 @@ def _find_rotor(found: list[Candidate]) -> Rotor | None:
         return None
     rows = np.array([filled(c.values[:LOOKED_AT]) for c in compared])
     copies = same_numbers(rows)
-    for k, first in copies.items():
+    for k, same in copies.items():
         if not compared[k].role:
             compared[k].role = "-"
-            compared[k].why.append(f"holds the same numbers as {compared[first].label}")
+            compared[k].why.append(f"holds the same numbers as {compared[same].label}")
     kept = [k for k in range(len(compared)) if k not in copies and np.ptp(rows[k]) > 0]
     places = {id(compared[k]): n for n, k in enumerate(kept)}
     moves = rotor(
@@ -131,17 +131,18 @@ def _find_rotor(found: list[Candidate]) -> Rotor | None:
     if not mover.role:
         mover.role = "i"
         mover.why.append(f"moves {position.label} as the current of a floating rotor does")
-    for places_, first, role in (
+    for rows_of, first, role in (
         (moves.positions, position, "y"), (moves.controls, mover, mover.role),
     ):  # fmt: skip
-        for other in (of[k] for k in places_):
-            if not other.role and (role != "y" or not _is_reference(other, first, _size(first))):
-                other.role, other.estimated = role, True
+        for estimate in [of[k] for k in rows_of]:
+            referred = role == "y" and _is_reference(estimate, first, _size(first))
+            if not estimate.role and not referred:
+                estimate.role, estimate.estimated = role, True
                 rawer = "less in steps" if in_steps(first.values) else "with less noise"
-                other.why.append(f"moves as {first.label}, {rawer}: an estimate of it")
+                estimate.why.append(f"moves as {first.label}, {rawer}: an estimate of it")
     for a, b in moves.others:
-        for one, other in ((of[a], of[b]), (of[b], of[a])):
-            one.why.append(f"moves as a floating rotor does with {other.label}: another axis?")
+        for one, two in ((of[a], of[b]), (of[b], of[a])):
+            one.why.append(f"moves as a floating rotor does with {two.label}: another axis?")
     index = {id(c): n for n, c in enumerate(found)}
     return moves.renumbered([index[id(c)] for c in of])
 

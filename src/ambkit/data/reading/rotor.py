@@ -1,9 +1,9 @@
-"""The rotor's position and its current, among channels without a name: physics first, then rawness.
+"""The rotor's position and its current, among channels without a name: physics, then rawness.
 
-Prediction alone is a trap: what a rig's own filter made of its measurements moves as the rotor does,
-and predicts better than they do. So of channels that tell the same motion the rawest is taken: what
-a converter measured comes in steps, and what was computed from it hardly ever repeats a value; where
-that does not tell them apart, the one with more noise.
+Prediction alone is a trap: what a rig's own filter made of its measurements moves as the rotor
+does, and predicts better than they do. So of channels that tell the same motion the rawest is
+taken: what a converter measured comes in steps, and what was computed from it hardly ever repeats a
+value; where that does not tell them apart, the one with more noise.
 """
 
 from __future__ import annotations
@@ -153,6 +153,7 @@ def rotor(channels: Array, position: int | None = None, control: int | None = No
     raw = [in_steps(v) and h > NO_NOISE for v, h in zip(channels, hiss, strict=True)]
     rates = velocities(unit)
     rates -= {position, control}
+
     def fitting(listed: list[Levitated]) -> list[Levitated]:
         return [
             f for f in listed
@@ -252,6 +253,7 @@ def estimates(listed: Sequence[Band], of: int, box: int) -> list[int]:
     """
     near = [band for band in listed if box / 2 <= band.box <= 4 * box]
     ratio = np.array([_ratios(band, of) for band in near])
-    steady = (abs(ratio).max(0) < SAME_GAIN * abs(ratio).min(0)) & (abs(np.sign(ratio).sum(0)) == len(near))
+    steady = abs(ratio).max(0) < SAME_GAIN * abs(ratio).min(0)
+    steady &= abs(np.sign(ratio).sum(0)) == len(near)
     close = np.array([turning(band)[of] for band in near]).max(0) > CLOSE
     return [k for k in np.flatnonzero(steady & close).tolist() if k != of]
