@@ -62,7 +62,7 @@ def identify(
             metavar="NAMES",
             help="What to look for: magnet_constant or mass, air_gap, sensor_lag, delay, "
             "current_lag, position_offset, current_offset, sensor_gain, amplifier_gain, "
-            "measurement_noise, control_noise, load_growth.",
+            "measurement_noise, noise_rise, control_noise, load_growth.",
             show_default="what a record usually tells",
         ),
     ] = None,
@@ -123,6 +123,14 @@ def identify(
             "--channels names distance z and coil current i.",
         ),
     ] = False,
+    coil: Annotated[
+        bool,
+        typer.Option(
+            "--coil",
+            help="The RECORDs are of a coil whose control signal steps, the rotor held; --channels "
+            "names control u, coil current i and distance z.",
+        ),
+    ] = False,
     gap_range: Annotated[
         str | None,
         typer.Option(metavar="FROM,TO", help='Of lift-off points, fit those within: "4 mm,16 mm".'),
@@ -132,7 +140,8 @@ def identify(
         typer.Option(
             parser=quantity("m"),
             metavar="LENGTH",
-            help="With lift-off points: distance at x = 0; gives air gap and bias current.",
+            help="With lift-off points: distance at x = 0; gives air gap and bias current. With "
+            "--coil the lag there.",
         ),
     ] = None,
     out: Annotated[
@@ -179,6 +188,7 @@ def identify(
       ambkit identify run.csv --bearing my.toml --out found.toml --save-filter filter.toml
       ambkit identify run.csv --bearing my.toml --method online --plot online.png
       ambkit identify --lift-off points.csv --bearing inteco_ml --working-point "10 mm"
+      ambkit identify --coil steps/*.mat --channels coil.toml --bearing inteco_ml
     """
     from ambkit.cli.belonging import say_what_is_odd
     from ambkit.cli.identify_lift_off import by_lift_off
@@ -186,6 +196,22 @@ def identify(
     from ambkit.cli.identify_online import learn_online
     from ambkit.cli.logs import load_log
 
+    if coil:
+        _for_a_coil(
+            record,
+            {
+                "--lift-off": lift_off, "--lifting-off": lifting_off or None,
+                "--gap-range": gap_range, "--method": method, "--free": free,
+                "--load-at-start": load_std, "--rest": rest, "--validate": validate or None,
+                "--start": start, "--disturbance": disturbance, "--save-filter": filter_file,
+                "--save-force-map": force_map, "--report": report,
+            },
+        )  # fmt: skip
+        from ambkit.cli.identify_coil import by_coil
+
+        by_coil(record or [], channel_map, begin, end, find_bearing(bearing), working_point, out,
+                plot, json)  # fmt: skip
+        return
     if bool(record) == (lift_off is not None):
         raise AmbkitError("give either a RECORD or --lift-off POINTS.csv")
     if lifting_off and not record:
@@ -241,6 +267,15 @@ def identify(
     log = load_log(record[0], channel_map, begin, end)
     say_what_is_odd(record[0], log, known)
     learn_online(log, known, method, start, disturbance, out, plot, json)
+
+
+def _for_a_coil(record: list[Path] | None, others: dict[str, object]) -> None:
+    """Refuse what is not asked of a coil's logs."""
+    if not record:
+        raise AmbkitError("--coil needs RECORDs of a coil whose control signal steps")
+    for option, given in others.items():
+        if given is not None:
+            raise AmbkitError(f"{option} is not for --coil")
 
 
 def _nodes(text: str | None) -> tuple[int, int] | None:

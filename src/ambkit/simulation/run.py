@@ -280,8 +280,8 @@ class Loop:
         injected = scenario.injection.sample(t)
         self._injected = injected if injected.any() else None
         if self._injected is not None:
-            # After the sensor's rounding, where it has one.
-            if bearing.sensor.quantisation is None:
+            # After what the sensor does to its noise, where it does anything.
+            if bearing.sensor.quantisation is None and not bearing.sensor.noise_rise:
                 noise_y = noise_y + injected
             else:
                 faults = Faults.none(n) if faults is None else faults

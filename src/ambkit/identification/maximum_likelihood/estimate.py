@@ -20,7 +20,7 @@ from ambkit.base.showing import Shown
 from ambkit.estimate.base import check_sampling
 from ambkit.identification.maximum_likelihood.information import doubtful
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood, settling_time
-from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel, goes_on_a_line
 from ambkit.identification.maximum_likelihood.parameters import (
     ALIKE,
     NOISES,
@@ -28,17 +28,21 @@ from ambkit.identification.maximum_likelihood.parameters import (
     USUAL,
     Coordinates,
     Parameter,
+    beforehand,
     named,
     searchable,
 )
+from ambkit.identification.maximum_likelihood.profile import intervals
 from ambkit.identification.maximum_likelihood.restricted import restricted
 from ambkit.identification.maximum_likelihood.search import (
     RULED_OUT,
     WALL,
     climb,
     hold,
+    narrowed,
     not_needed,
     ran_away,
+    with_room,
 )
 from ambkit.identification.maximum_likelihood.start import best_start
 
@@ -69,12 +73,22 @@ class MaximumLikelihood(Shown):
         Their values, SI.
     errors : ndarray (p,)
         Their standard errors in the search: relative (of the logarithm) for a positive parameter,
-        otherwise SI.
+        otherwise SI. Each is the larger of what the likelihood's curvature says and of
+        `robust_errors`; what is known beforehand of the current's offset is in it, and nothing
+        that was not known is taken for known.
     robust_errors : ndarray (p,)
         The same as the scatter of the scores has them (White 1982): right to first order even
         where the model is not, and then larger.
     covariance : ndarray (p, p)
         Of what `errors` are the roots of.
+    told : ndarray (p,)
+        What part of each parameter's precision is the records' own and not known beforehand: 1
+        where nothing was, near 0 of an offset of which the records tell nothing.
+    profiles : mapping of str to (float, float)
+        Ends of the 95 % intervals in the parameter's own unit where the likelihood is not near to
+        quadratic, and so `errors` would not do: by the profile of the likelihood.
+    touched : list of str
+        Limits that the search came to, in sentences.
     correlation : ndarray (p, p)
         Of the estimates.
     held : mapping of str to str
@@ -108,6 +122,9 @@ class MaximumLikelihood(Shown):
     begun_from: str
     steps: int
     converged: bool
+    told: Array
+    profiles: Mapping[str, tuple[float, float]]
+    touched: Sequence[str]
     settling: float = field(default=0.0)
 
     @property
@@ -169,6 +186,8 @@ class MaximumLikelihood(Shown):
             The parameter.
         """
         at = self._place(name)
+        if name in self.profiles:
+            return self.profiles[name]
         value, half = float(self.values[at]), CONFIDENCE * float(self.errors[at])
         if self.parameters[at].positive:
             return value * math.exp(-half), value * math.exp(half)
@@ -229,6 +248,8 @@ class MaximumLikelihood(Shown):
                     "standard_error": self.standard_error(p.name),
                     "robust_standard_error": self.standard_error(p.name, robust=True),
                     "interval_95": list(self.interval(p.name)),
+                    "interval_by": "profile" if p.name in self.profiles else "standard error",
+                    "told_by_records": float(self.told[i]),
                     "start": p.of(self.start),
                 }
                 for i, p in enumerate(self.parameters)
@@ -241,6 +262,11 @@ class MaximumLikelihood(Shown):
             "begun_from": self.begun_from,
             "steps": self.steps,
             "converged": self.converged,
+            "known_beforehand": {
+                name: {"value": value, "standard_deviation": std}
+                for name, (value, std) in self.model.known.items()
+            },
+            "touched": list(self.touched),
         }
 
     def _place(self, name: str) -> int:
@@ -302,12 +328,18 @@ def maximum_likelihood(
         settling = settling_time(given.bearing)
     _check_records(several, given, settling)
     asked, given = given, _movable(given, parameters)
+    if all(goes_on_a_line(record) for record in several):
+        asked, given = (model.replace(line=True) for model in (asked, given))
+    known = beforehand(given)
+    names = {p.name for p in parameters}
+    given = given.replace(known={name: known[name] for name in known if name in names})
+    given = with_room(several, given, parameters)
     begin, begun_from = given, "the bearing given"
     if improve_start:
         note("looking for a start")
         begin, begun_from = best_start(several, given, parameters, settling)
         # With a wrong idea of the noise, the information misleads; and offsets run away first.
-        sure = [p for p in parameters if p.name in (*NOISES, "delay")]
+        sure = [p for p in parameters if p.name in (*NOISES, "noise_rise", "delay")]
         if 0 < len(sure) < len(parameters):
             begin = climb(several, begin, sure, settling).model
     held = {name: f"{why}; held at {named([name])[0].text(given)}" for name, why in alike.items()}
@@ -317,7 +349,7 @@ def maximum_likelihood(
         found = climb(several, begin, parameters, settling)
         steps += found.steps
         worst = doubtful(found.local.information, parameters)
-        worst = worst or ran_away(several, given, found.model, parameters)
+        worst = worst or ran_away(found.model, parameters)
         worst = worst or not_needed(several, found, parameters, settling)
         if worst is None:
             break
@@ -335,9 +367,14 @@ def maximum_likelihood(
     coordinates = Coordinates(model, parameters)
     local = Likelihood(several, coordinates, settling).local(np.zeros(len(parameters)))
     unit = np.outer(coordinates.unit_steps(), coordinates.unit_steps())
-    inverse = np.linalg.inv(local.information)
-    covariance, robust = inverse * unit, inverse @ local.scatter @ inverse * unit
+    inverse = np.asarray(np.linalg.inv(local.information), float)
+    curved, robust = inverse * unit, inverse @ local.scatter @ inverse * unit
+    larger = np.sqrt(np.maximum(np.diag(robust) / np.diag(curved), 1.0))
+    covariance = curved * np.outer(larger, larger)
     errors = np.sqrt(np.diag(covariance))
+    note("looking how far the errors hold")
+    profiles = intervals(several, model, parameters, inverse, larger, settling)
+    model, touched = narrowed(several, asked, model)
     return MaximumLikelihood(
         start=given,
         model=model,
@@ -347,6 +384,9 @@ def maximum_likelihood(
         robust_errors=np.sqrt(np.diag(robust)),
         covariance=covariance,
         correlation=covariance / np.outer(errors, errors),
+        told=np.diag(inverse @ local.told),
+        profiles=profiles,
+        touched=touched,
         held=held,
         log_likelihood=local.value,
         start_log_likelihood=Likelihood(several, Coordinates(given, []), settling).value(
