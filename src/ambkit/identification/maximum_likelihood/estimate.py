@@ -284,6 +284,7 @@ def maximum_likelihood(
     *,
     settling: float | None = None,
     improve_start: bool = True,
+    profile: bool = True,
     note: Callable[[str], object] = lambda _: None,
 ) -> MaximumLikelihood:
     """Find the parameters under which records are most likely.
@@ -304,6 +305,8 @@ def maximum_likelihood(
         ``sqrt(m/k_s)``.
     improve_start : bool
         Try ADALINE and least squares for a better start; else the search begins at `start`.
+    profile : bool
+        Look whether errors do, and where not take intervals by the profile; else errors stand.
     note : callable
         Told what is being done.
 
@@ -372,8 +375,10 @@ def maximum_likelihood(
     larger = np.sqrt(np.maximum(np.diag(robust) / np.diag(curved), 1.0))
     covariance = curved * np.outer(larger, larger)
     errors = np.sqrt(np.diag(covariance))
-    note("looking how far the errors hold")
-    profiles = intervals(several, model, parameters, inverse, larger, settling)
+    profiles: dict[str, tuple[float, float]] = {}
+    if profile:
+        note("looking how far the errors hold")
+        profiles = intervals(several, model, parameters, inverse, larger, settling)
     model, touched = narrowed(several, asked, model)
     return MaximumLikelihood(
         start=given,

@@ -238,6 +238,28 @@ def cross_correlation(residual: Array, u: Array, lags: int = LAGS) -> Whiteness:
     return Whiteness(correlation, 1.96 / math.sqrt(e.size))
 
 
+def predictable(residual: Array, u: Array) -> float:
+    """Return the share of a residual's variance that a line through the past foretells.
+
+    Through `ORDER` residuals before and as many of what was new in the control signal. A test of
+    whiteness finds any departure, however small, once a record is long; this says how much a better
+    model could gain. What so many weights explain of anything is taken off.
+
+    Parameters
+    ----------
+    residual, u : ndarray (n,)
+        Residuals, and what acted.
+    """
+    w = _prewhitened(u)
+    e = (residual - residual.mean())[residual.size - w.size :]
+    windows = np.lib.stride_tricks.sliding_window_view
+    past = np.column_stack([windows(one, ORDER)[:-1] for one in (e, w)])
+    target = e[ORDER:]
+    solution, *_ = np.linalg.lstsq(past, target, rcond=1e-12)
+    left = float(np.sum((target - past @ solution) ** 2)) / max(target.size - 2 * ORDER, 1)
+    return float(max(0.0, 1 - left / np.mean(target**2)))
+
+
 def _prewhitened(u: Array) -> Array:
     """Return the errors of predicting a signal from its own past, by least squares."""
     known = np.where(np.isfinite(u), u, np.nanmean(u))
