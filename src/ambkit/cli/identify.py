@@ -92,6 +92,14 @@ def identify(
         list[Path] | None,
         typer.Option(metavar="RECORD", help="Judge the result on this record; again for more."),
     ] = None,
+    together: Annotated[
+        bool,
+        typer.Option(
+            "--together",
+            help="Three RECORDs or more: take them for one sample. Else each is identified alone, "
+            "they are pooled with a scatter between them, and each is judged by the others.",
+        ),
+    ] = False,
     begin: From = None,
     end: To = None,
     start: Annotated[
@@ -186,11 +194,13 @@ def identify(
 
     For example:
       ambkit identify run.csv --bearing my.toml --out found.toml --save-filter filter.toml
+      ambkit identify logs/*.mat --channels rig.toml --bearing my.toml --report rig.html
       ambkit identify run.csv --bearing my.toml --method online --plot online.png
       ambkit identify --lift-off points.csv --bearing inteco_ml --working-point "10 mm"
       ambkit identify --coil steps/*.mat --channels coil.toml --bearing inteco_ml
     """
     from ambkit.cli.belonging import say_what_is_odd
+    from ambkit.cli.identify_corpus import LEAST, by_corpus
     from ambkit.cli.identify_lift_off import by_lift_off
     from ambkit.cli.identify_likelihood import Options, by_likelihood
     from ambkit.cli.identify_online import learn_online
@@ -255,7 +265,8 @@ def identify(
         return
     assert record
     if method is Method.likelihood:
-        by_likelihood(
+        search = by_corpus if len(record) >= LEAST and not together else by_likelihood
+        search(
             Options(record, validate or [], rest, rest_map or channel_map, channel_map, begin, end,
                   free, load_std, out, filter_file, force_map, _nodes(force_map_nodes), report,
                   plot, json),

@@ -43,6 +43,15 @@ class Options:
     json: bool
 
 
+def refuse_parts(options: Options) -> None:
+    """Refuse what is not for many logs, which are judged by each other."""
+    for option, given in {
+        "--validate": options.validate or None, "--save-force-map": options.force_map,
+    }.items():  # fmt: skip
+        if given is not None:
+            raise AmbkitError(f"{option} is for one or two RECORDs, or --together")
+
+
 def by_likelihood(options: Options, known: Bearing) -> None:
     """Identify, validate, and deliver."""
     import os
@@ -203,6 +212,12 @@ def _tables(identified: Identified) -> list[Any]:
             f"Not near to quadratic over {names}: intervals by the profile of the likelihood, "
             "1.96 standard errors would mislead."
         )
+    shown += [
+        f"A line at {value(line.frequency, 'Hz')} in the position, of "
+        f"{value(line.amplitude, 'm', 2)}: taken in as an oscillator of the sensor, which filters "
+        "of the bearing carry."
+        for line in found.lines
+    ]
     if found.held:
         held = [[name.replace("_", " "), why] for name, why in found.held.items()]
         shown.append(output.table("Not found", ["", ""], held, wide=True))

@@ -44,8 +44,8 @@ class ARX:
         return found
 
 
-def fit_arx(records: Sequence[Record], ahead: int) -> ARX:
-    """Fit one.
+def normal_of(records: Sequence[Record], ahead: int) -> Array:
+    """Return the normal equations of records (2 ORDER, 2 ORDER + 1), which add up over logs.
 
     Parameters
     ----------
@@ -54,15 +54,27 @@ def fit_arx(records: Sequence[Record], ahead: int) -> ARX:
     ahead : int
         How many samples ahead.
     """
-    size = 2 * ORDER
-    normal, right = np.zeros((size, size)), np.zeros(size)
+    total = np.zeros((2 * ORDER, 2 * ORDER + 1))
     for record in records:
         rows, last = _rows(record, ahead)
         target = record["y"][ORDER - 1 + ahead :] - last
-        normal += rows.T @ rows
-        right += rows.T @ target
+        total += rows.T @ np.column_stack([rows, target])
+    return total
+
+
+def fit_arx(normal: Array, ahead: int) -> ARX:
+    """Fit one.
+
+    Parameters
+    ----------
+    normal : ndarray (2 ORDER, 2 ORDER + 1)
+        Sum of what `normal_of` gives of each log.
+    ahead : int
+        How many samples ahead.
+    """
     scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    weights, *_ = np.linalg.lstsq(normal / np.outer(scale, scale), right / scale, rcond=1e-12)
+    left, right = normal[:, :-1] / np.outer(scale, scale), normal[:, -1] / scale
+    weights, *_ = np.linalg.lstsq(left, right, rcond=1e-12)
     return ARX(ahead, weights / scale)
 
 

@@ -14,15 +14,20 @@ from numpy.typing import NDArray
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.base.units import engineering
 from ambkit.estimate.innovations import whiteness
-from ambkit.identification.corpus.arx import ORDER, fit_arx
+from ambkit.identification.corpus.arx import ORDER, fit_arx, normal_of
 from ambkit.identification.corpus.cutting import SMOOTHED, Stretch, cut, flights, noise_of
 from ambkit.identification.corpus.pooling import Pooled, pool
 from ambkit.identification.maximum_likelihood.estimate import MaximumLikelihood, maximum_likelihood
 from ambkit.identification.maximum_likelihood.likelihood import settling_time
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel, goes_on_a_line
 from ambkit.identification.maximum_likelihood.parameters import beforehand, usual
-from ambkit.identification.maximum_likelihood.validation import predictable
-from ambkit.judge.comparison.constant_velocity import tune
+from ambkit.identification.maximum_likelihood.validation import (
+    AS_GOOD,
+    LEFT,
+    predictable,
+)
+from ambkit.judge.comparison.constant_velocity import ConstantVelocityFilter, tune
+from ambkit.machine.parts import Hum
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -35,11 +40,8 @@ AHEAD = (1, 10)
 LAGS = 50
 """Of the correlation of the residuals."""
 
-AS_GOOD = 1.02
-"""Times a baseline's error that still count as no worse."""
-
-LEFT = 0.05
-"""Share of a residual's variance that its past may foretell, and the model is still good."""
+SAME_LINE = 0.02
+"""By which share frequencies of one line may differ between logs: the mains keep to 1 %."""
 
 FEWEST = 2
 """Logs that can be pooled."""
@@ -155,6 +157,7 @@ class Corpus:
                 name: [{"kind": s.kind, "from": s.begin, "to": s.end} for s in cuts]
                 for name, cuts in self.stretches.items()
             },
+            "lines": [h.model_dump() for h in self.model.bearing.sensor.hum],
             "left_out": dict(self.left_out),
         }  # fmt: skip
 
@@ -196,6 +199,8 @@ def identify_corpus(
     free = usual(start) if free is None else free
     if all(goes_on_a_line(r) for parts in flown.values() for r in parts):
         start = start.replace(line=True)
+    # The sampled model is exact, but for the part of a sample in a delay: nanometres.
+    start = start.replace(substeps=1)
     start = start.replace(known={n: v for n, v in beforehand(start).items() if n in free})
     names = list(flown)
     found = _each(flown, start, free, threads, note)
@@ -205,20 +210,39 @@ def identify_corpus(
     likelihoods = {name: one for name, one in found.items() if isinstance(one, MaximumLikelihood)}
     if len(names) < FEWEST:
         raise AmbkitError(f"a corpus needs {FEWEST} logs that tell something: {left_out}")
+    baselines = {name: Baselines.of(flown[name]) for name in names}
     foretold = []
     for at, name in enumerate(names):
         note(f"foretelling {at + 1} of {len(names)}: {name}")
         rest = [other for other in names if other != name]
-        foretold.append(
-            foretell(
-                name, flown[name],
-                pool([likelihoods[other] for other in rest]).applied_to(start),
-                [record for other in rest for record in flown[other]],
-            )
-        )  # fmt: skip
-    together = pool(list(likelihoods.values()))
-    return Corpus(
-        start, together.applied_to(start), together, likelihoods, foretold, stretches, left_out
+        _, model = _together([likelihoods[other] for other in rest], start)
+        others = Baselines.together([baselines[other] for other in rest])
+        foretold.append(foretell(name, flown[name], model, others))
+    together, model = _together(list(likelihoods.values()), start)
+    return Corpus(start, model, together, likelihoods, foretold, stretches, left_out)
+
+
+def _together(found: Sequence[MaximumLikelihood], start: LoopModel) -> tuple[Pooled, LoopModel]:
+    """Pool what logs say, and give the model the lines that more than half of them have."""
+    pooled = pool(found)
+    lines = [line for one in found for line in one.lines]
+    shared: list[Hum] = []
+    while lines:
+        near = [h for h in lines if abs(h.frequency / lines[0].frequency - 1) < SAME_LINE]
+        lines = [h for h in lines if h not in near]
+        if 2 * len(near) > len(found):
+            frequencies = [h.frequency for h in near]
+            shared.append(
+                Hum(
+                    frequency=float(np.median(frequencies)),
+                    amplitude=_rms(np.array([h.amplitude for h in near])),
+                    # A line that is elsewhere in each log wanders as far.
+                    bandwidth=max(float(np.median([h.bandwidth for h in near])),
+                                  float(np.std(frequencies))),
+                )
+            )  # fmt: skip
+    return pooled, pooled.applied_to(start).replace(
+        sensor__hum=(*start.bearing.sensor.hum, *shared)
     )
 
 
@@ -266,7 +290,7 @@ def _each(
         nonlocal done
         try:
             return maximum_likelihood(
-                flown[name], begin, free, improve_start=improve, profile=False
+                flown[name], begin, free, improve_start=improve, profile=False, lines=True
             )
         except (AmbkitError, RecordError) as error:
             return str(error)
@@ -281,16 +305,47 @@ def _each(
         told = [name for name in free if name not in first.held]  # as of a lag: not of any log
         begin = first.model.replace(
             known=start.known, current_offset=start.current_offset,
-            position_offset=start.position_offset,
+            position_offset=start.position_offset, sensor__hum=start.bearing.sensor.hum,
         )  # fmt: skip
     with ThreadPoolExecutor(threads) as workers:
         rest = workers.map(lambda name: searched(name, begin, told, improve=False), names[1:])
         return {names[0]: first, **dict(zip(names[1:], rest, strict=True))}
 
 
-def foretell(
-    name: str, records: Sequence[Record], model: LoopModel, others: Sequence[Record]
-) -> Foretold:
+@dataclass(frozen=True, eq=False)
+class Baselines:
+    """What foretells without knowing a magnet, fitted to some logs.
+
+    Attributes
+    ----------
+    naive : ConstantVelocityFilter
+        Tuned by the likelihood.
+    normal : mapping of int to ndarray
+        Samples ahead, and the normal equations of an ARX model.
+    """
+
+    naive: ConstantVelocityFilter
+    normal: Mapping[int, Array]
+
+    @classmethod
+    def of(cls, records: Sequence[Record]) -> Baselines:
+        """Fit them to the flights of one log."""
+        T = records[0].sampling_time
+        naive = tune([record["y"] for record in records], T)
+        return cls(naive, {k: normal_of(records, k) for k in AHEAD})
+
+    @classmethod
+    def together(cls, several: Sequence[Baselines]) -> Baselines:
+        """Return those of several logs: one ARX model, and what they tune to in the mean."""
+        q, R = (
+            math.exp(float(np.mean([math.log(getattr(one.naive, name)) for one in several])))
+            for name in ("q", "R")
+        )
+        normal = {k: np.sum([one.normal[k] for one in several], axis=0) for k in AHEAD}
+        return cls(ConstantVelocityFilter(several[0].naive.T, q, R), normal)
+
+
+def foretell(name: str, records: Sequence[Record], model: LoopModel, others: Baselines) -> Foretold:
     """Foretell a log by a model that has not seen it, beside what knows no magnet.
 
     Parameters
@@ -301,17 +356,16 @@ def foretell(
         Its flights.
     model : LoopModel
         What the others say.
-    others : sequence of Record
-        The flights of the others, which the baselines are fitted to.
+    others : Baselines
+        Fitted to the others.
     """
-    T = records[0].sampling_time
-    naive = tune([record["y"] for record in others], T)
-    first = max(round(settling_time(model.bearing) / T) * 4, ORDER)
+    naive = others.naive
+    first = max(round(settling_time(model.bearing) / records[0].sampling_time) * 4, ORDER)
     misses: dict[str, dict[int, list[Array]]] = {
         kind: {k: [] for k in AHEAD} for kind in ("model", "held", "naive", "arx")
     }
     residuals, squares, variances, controls = [], [], [], []
-    linear = {k: fit_arx(others, k) for k in AHEAD}
+    linear = {k: fit_arx(others.normal[k], k) for k in AHEAD}
     for record in records:
         y = record["y"]
         e, S, used = model.innovations(record)

@@ -20,6 +20,7 @@ from ambkit.base.showing import Shown
 from ambkit.estimate.base import check_sampling
 from ambkit.identification.maximum_likelihood.information import doubtful
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood, settling_time
+from ambkit.identification.maximum_likelihood.lines import with_lines
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel, goes_on_a_line
 from ambkit.identification.maximum_likelihood.parameters import (
     ALIKE,
@@ -49,6 +50,7 @@ from ambkit.identification.maximum_likelihood.start import best_start
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.parts import Hum
 
 Array = NDArray[np.float64]
 
@@ -131,6 +133,11 @@ class MaximumLikelihood(Shown):
     def bearing(self) -> Bearing:
         """The bearing found, with its delay where `delay_counts`, and its current's lag."""
         return self.model.late_bearing(delay=self.delay_counts)
+
+    @property
+    def lines(self) -> Sequence[Hum]:
+        """Lines in the position that were found, beside those that the bearing had."""
+        return self.model.bearing.sensor.hum[len(self.start.bearing.sensor.hum) :]
 
     @property
     def delay_counts(self) -> bool:
@@ -267,6 +274,10 @@ class MaximumLikelihood(Shown):
                 for name, (value, std) in self.model.known.items()
             },
             "touched": list(self.touched),
+            "lines": [
+                {"frequency": h.frequency, "amplitude": h.amplitude, "bandwidth": h.bandwidth}
+                for h in self.lines
+            ],
         }
 
     def _place(self, name: str) -> int:
@@ -285,6 +296,7 @@ def maximum_likelihood(
     settling: float | None = None,
     improve_start: bool = True,
     profile: bool = True,
+    lines: bool = False,
     note: Callable[[str], object] = lambda _: None,
 ) -> MaximumLikelihood:
     """Find the parameters under which records are most likely.
@@ -307,6 +319,8 @@ def maximum_likelihood(
         Try ADALINE and least squares for a better start; else the search begins at `start`.
     profile : bool
         Look whether errors do, and where not take intervals by the profile; else errors stand.
+    lines : bool
+        Look for lines in the position, such as the hum of the mains, which then are the sensor's.
     note : callable
         Told what is being done.
 
@@ -365,6 +379,13 @@ def maximum_likelihood(
             raise AmbkitError(
                 "the records tell nothing: " + "; ".join(f"{n}: {w}" for n, w in held.items())
             )
+    if lines:
+        note("looking for lines")
+        hum = with_lines(several, found.model, parameters, settling, note).bearing.sensor.hum
+        if hum != found.model.bearing.sensor.hum:
+            begin = found.model.replace(sensor__hum=hum)
+            found = climb(several, begin, parameters, settling)
+            steps += found.steps
     note("correcting what is biased")
     model = restricted(several, found.model, found.local, parameters, settling)
     coordinates = Coordinates(model, parameters)

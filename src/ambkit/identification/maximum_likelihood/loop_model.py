@@ -200,6 +200,18 @@ class LoopModel:
         used = out["status"][every] & NOT_USED == 0
         return out["innovation"][every], out["variance"][every], used
 
+    def states(self, record: Record) -> dict[str, Array]:
+        """Return the filtered states along a record by their names, (n,) each, SI.
+
+        Parameters
+        ----------
+        record : Record
+            With ``y`` [m] and ``u`` [V].
+        """
+        out, _, kalman = self._run(record)
+        means = out["mean"][:: self.substeps]
+        return {state.name: means[:, k] for k, state in enumerate(kalman.states)}
+
     def predict(self, record: Record, ahead: int) -> Array:
         """Predict the measurement some samples after each one, with the control signals since.
 
