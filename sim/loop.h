@@ -6,6 +6,11 @@
 #include "ambkit/estimator_run.h"
 #include "plant.h"
 
+/* A whole controller that is elsewhere, such as in a processor in the loop: it is given a sample
+ * and says what it demands (`iu`, `on`, `mode`); returns its control signal [V]. */
+typedef amb_real amb_elsewhere(void *where, amb_real y, amb_real r, bool fly,
+                               amb_control_output *flown);
+
 typedef struct amb_loop {
   amb_plant plant;
   amb_pid pid;
@@ -17,6 +22,8 @@ typedef struct amb_loop {
                                * model must have; else by the measurement */
   const amb_control *control; /* the whole controller of this estimator, in the place of the PID; or
                                * NULL. Where it is off, the magnet does not pull. */
+  amb_elsewhere *elsewhere;   /* in its place; or NULL */
+  void *where;
 } amb_loop;
 
 /* What changes in the loop from sample to sample. Start with `sampled` false. */
@@ -62,8 +69,8 @@ typedef struct amb_loop_faults {
   const amb_real *current; /* share of the amplifier's range that is left [1], 0 to 1 */
 } amb_loop_faults;
 
-/* What comes from outside, n samples each. Noise is drawn by the caller, so that a run can be
- * repeated with recorded noise, and random streams are those of a well-known library. */
+/* What comes from outside, n samples each. Noise is drawn by the caller (noise.h), so that a run
+ * can be repeated with recorded noise. */
 typedef struct amb_loop_input {
   size_t n;
   const amb_real *r;       /* reference [m] */
@@ -87,6 +94,7 @@ typedef struct amb_loop_output {
   amb_kalman_history estimate; /* used where there is an estimator */
   size_t touched;              /* samples in which a stop was touched */
   amb_real *voltage[2];        /* of each coil just after the sample [V]; NULL: not wanted */
+  unsigned char *at_stop;      /* 1 where one was, else 0; NULL: not wanted */
   unsigned char *mode;         /* of a whole controller (amb_flight_mode); NULL: not wanted */
 } amb_loop_output;
 

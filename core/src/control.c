@@ -213,7 +213,6 @@ amb_status amb_control_step(const amb_control *control, amb_control_state *state
     out->iu[f] = AMB_C(0.0);
     state->u[f] = AMB_C(0.0);
   }
-  state->limited = false;
   if (out->on) {
     const amb_status acted = act(control, state, mean, y, r, speed, out->iu);
     state->limited = (acted & AMB_SATURATED) != 0U;

@@ -117,6 +117,7 @@ class Whole:
             "var_u": list(variances.control),
             "var_d": self.growth(variances, noises),
             "var_y": list(variances.measurement),
+            "rise": [each.sensor.noise_rise for each in self.machine.readings],
         }
 
     def caps(self, states: Sequence[Descriptor]) -> list[float]:
