@@ -1,0 +1,217 @@
+"""STUDY.toml: which machine, what varies, what is recorded, how many runs, and when it is enough.
+
+::
+
+    name = "Zittau, tolerances of the drawing"
+    bearing = "zittau_axial"           # a preset, or a file
+    estimator = "linear"
+    runs = 2000
+    seed = 1
+
+    [scenario]
+    duration = "0.2 s"
+    disturbance = { type = "step", amplitude = "3 N", time = "50 ms" }
+
+    [[vary]]
+    what = "magnet.air_gap"
+    type = "normal"
+    std = "2 %"                        # of the nominal value
+
+    [passes]
+    zone = "A"
+    contact = false
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, PlainSerializer, ValidationInfo
+from pydantic.functional_serializers import SerializationInfo
+
+from ambkit.base import units
+from ambkit.base.config import Document, Part, Read
+from ambkit.base.config.paths import _from_folder, _to_folder
+from ambkit.base.config.quantities import Quantity
+from ambkit.base.config.texts import Description, Line, Name
+from ambkit.base.errors import AmbkitError
+from ambkit.campaign.varied import Value, Vary
+from ambkit.simulation.many import FIGURES
+from ambkit.simulation.scenario import PID, Scenario
+
+Way = Literal["sobol", "latin-hypercube", "random", "grid", "saltelli"]
+
+ZONES = ("A", "B", "C", "D")
+"""Zones of ISO 14839-3, the best first."""
+
+TRACES = ("r", "y", "u", "x", "v", "f_d", "x_m", "iu", "f_mag")
+"""Signals of a run, and with ``_estimate`` behind it each state of its estimator."""
+
+MOST_RUNS = 10**9
+"""Runs of a study: a Sobol sequence of 30 bits has no more."""
+
+
+def _preset_or_file(value: Any, info: ValidationInfo) -> Any:
+    from ambkit.machine import presets
+
+    return value if value in presets.names() else _from_folder(value, info)
+
+
+def _written(value: str, info: SerializationInfo) -> str:
+    from ambkit.machine import presets
+
+    return value if value in presets.names() else _to_folder(value, info)
+
+
+BearingName = Annotated[str, BeforeValidator(_preset_or_file), PlainSerializer(_written)]
+
+
+def _kind_or_file(value: Any, info: ValidationInfo) -> Any:
+    from ambkit.estimate.registry import FILTER_SUFFIX
+
+    is_file = isinstance(value, str) and value.endswith(FILTER_SUFFIX)
+    return _from_folder(value, info) if is_file else value
+
+
+def _estimator_written(value: str, info: SerializationInfo) -> str:
+    from ambkit.estimate.registry import FILTER_SUFFIX
+
+    return _to_folder(value, info) if value.endswith(FILTER_SUFFIX) else value
+
+
+EstimatorName = Annotated[
+    str, BeforeValidator(_kind_or_file), PlainSerializer(_estimator_written)
+]
+
+
+class Correlated(Part):
+    """Two quantities that vary together."""
+
+    between: tuple[Line, Line]
+    """Their keys."""
+    coefficient: Annotated[float, Field(gt=-1, lt=1)]
+    """Correlation of their normal scores; of normal ones their own."""
+
+
+class Recorded(Part):
+    """What is kept of a run besides its figures."""
+
+    margins: Annotated[bool, Field(strict=True)] = True
+    """Whether the peak of the sensitivity is found, and its zone."""
+    traces: tuple[Line, ...] = ()
+    """Signals that are kept, such as x or f_d_estimate."""
+    every: Annotated[int, Field(ge=1, strict=True)] = 100
+    """Of each so many runs one has its traces kept."""
+    settling: Annotated[float, Quantity("s", "20 ms", at_least=0)] = 0.0
+    """At the start of a run, how long errors do not count [s]."""
+    band: Annotated[float, Field(gt=0, lt=1)] = 0.05
+    """Share of the travel within which a rotor has recovered from a load."""
+
+
+class Passes(Part):
+    """What a machine must be to count as good."""
+
+    zone: Literal["A", "B", "C"] | None = None
+    """Worst zone of ISO 14839-3 that is allowed; without it, any."""
+    contact: Annotated[bool, Field(strict=True)] = False
+    """Whether the rotor may touch a stop."""
+    at_most: dict[Name, Value] = Field(default_factory=dict)
+    """Limits of figures, by their names, such as recovery = "50 ms"."""
+
+
+class Stop(Part):
+    """When fewer runs are enough."""
+
+    width: Annotated[float, Quantity("1", "0.02", above=0)]
+    """The confidence interval of the yield is no wider than this [1]."""
+    least: Annotated[int, Field(ge=1, strict=True)] = 1000
+    """But so many runs at least."""
+
+
+class Study(Document):
+    """A study of many machines.
+
+    Frozen, and checked as a whole: from TOML (`load`, `from_toml`) or from Python, in SI.
+    """
+
+    name: Annotated[Name, Field(min_length=1)]
+    """Short name."""
+    description: Description = ""
+    """What it is to find out."""
+    bearing: BearingName
+    """The nominal bearing: a preset, or a file. Controller and estimator know it and no other."""
+    estimator: EstimatorName = "linear"
+    """In the loop, or beside it where the controller is fed by the measurement: a kind, a filter's
+    file, or none."""
+    runs: Annotated[int, Field(ge=1, le=MOST_RUNS, strict=True)] | None = None
+    """How many at most; a grid has as many as it has points."""
+    repeats: Annotated[int, Field(ge=1, strict=True)] = 1
+    """Runs at each point of a grid, with noise of their own."""
+    seed: Annotated[int, Field(ge=0, lt=2**63, strict=True)] = 0
+    """Of points and noise."""
+    sampling: Way = "sobol"
+    """How points are chosen; "saltelli" for Sobol indices."""
+    confidence: Annotated[float, Field(gt=0, lt=1)] = 0.95
+    """Of the intervals."""
+    part: Annotated[int, Field(ge=1, le=100_000, strict=True)] = 1000
+    """Runs that are computed and written together."""
+    scenario: Scenario = Scenario()
+    """What happens in a run."""
+    controllers: dict[Name, PID] = Field(default_factory=dict)
+    """Controllers to choose from, by names; what is not said of one is tuned to the bearing."""
+    vary: tuple[Vary, ...] = ()
+    """What varies from run to run."""
+    correlation: tuple[Correlated, ...] = ()
+    """What of that varies together."""
+    record: Recorded = Recorded()
+    """What is kept."""
+    passes: Passes = Passes()
+    """Which machines are good."""
+    stop: Stop | None = None
+    """When fewer runs are enough."""
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        from ambkit.campaign import checks
+
+        yield from checks.contradictions(read)
+
+
+def limit_of(name: str, given: float | str) -> float:
+    """Return a limit of a figure in SI.
+
+    Raises
+    ------
+    ValueError
+        There is no such figure, or it has another unit.
+    """
+    if name == "peak_S":
+        unit = "1"
+    elif name in FIGURES:
+        unit = FIGURES[name].unit
+    else:
+        raise ValueError(f"there is no figure {name}; there are {', '.join([*FIGURES, 'peak_S'])}")
+    if isinstance(given, str):
+        return units.parse(given, unit)
+    if unit != "1" and type(given) is not float:
+        raise ValueError(f"{given:g} has no unit, write it in {unit}")
+    return float(given)
+
+
+def load(study: Study | str | os.PathLike[str]) -> Study:
+    """Return a study that is given, or the one in a file."""
+    if isinstance(study, Study):
+        return study
+    path = Path(study)
+    if path.is_dir():
+        raise AmbkitError(f"{path}: is a folder; a study is a TOML file")
+    return Study.load(path)
+
+
+def is_number(value: Any) -> bool:
+    """Whether what was read is right, where a wrong one reads as NaN."""
+    return not (isinstance(value, float) and math.isnan(value))
