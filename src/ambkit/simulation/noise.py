@@ -25,7 +25,7 @@ def drawn(bearing: Bearing, scenario: Scenario, n: int) -> tuple[Array, Array]:
     if not scenario.noise:
         return np.zeros(n), np.zeros(n)
     sensor, T = bearing.sensor, bearing.sampling_time
-    streams = np.random.SeedSequence(scenario.seed).spawn(3 + len(sensor.hum))
+    streams = np.random.SeedSequence([scenario.seed, scenario.run]).spawn(3 + len(sensor.hum))
     on_u, *on_y = (np.random.default_rng(stream) for stream in streams)
     noise_u = on_u.normal(0.0, np.sqrt(bearing.amplifier.noise_variance), n)
     return noise_u, of_sensor(sensor, T, n, on_y)
