@@ -63,6 +63,7 @@ def contradictions(read: Read) -> Iterator[Problem]:
             yield f"{here}.what", str(error)
             continue
         yield from _grid(here, each, read("sampling"))
+        yield from _sensor_gain(here, each, read("scenario"))
         yield from _choices(here, each, key, bearing, read)
     yield from _correlated(read, list(seen))
 
@@ -177,6 +178,18 @@ def _grid(here: str, varied: Varied, sampling: Any) -> Iterator[Problem]:
         yield f"{here}.levels", 'is for sampling = "grid"'
     if isinstance(varied, Choice) and varied.levels is not None:
         yield f"{here}.levels", "a choice has as many as values"
+
+
+def _sensor_gain(here: str, varied: Varied, scenario: Any) -> Iterator[Problem]:
+    """A controller that is fed by the measurement takes the rotor elsewhere by a wrong gain."""
+    from ambkit.simulation.waveforms import Constant
+
+    if varied.what != "sensor.gain" or getattr(scenario, "controller", None) is None:
+        return
+    reference = scenario.reference
+    rests = isinstance(reference, Constant) and reference.value == 0
+    if scenario.controller.feedback == "measurement" and not rests:
+        yield f"{here}.what", "sensor.gain varies only about a reference of 0 without an estimate"
 
 
 def _choices(here: str, varied: Varied, key: Key, bearing: Any, read: Read) -> Iterator[Problem]:

@@ -193,7 +193,22 @@ class Plan:
         if own and not wrong:
             plant = with_values(self.bearing, own)
             wrong = next(iter(plant.contradictions()), "")
+            scenario = self._as_controlled(scenario, plant)
         return Drawn(run, values, Planned(plant, scenario, estimator, number=noise), wrong)
+
+    def _as_controlled(self, scenario: Scenario, plant: Bearing) -> Scenario:
+        """Return a run whose controller goes by the nominal gains of amplifier and sensor.
+
+        The simulated one divides by the plant's. What it lacks is a factor on its gains.
+        """
+        pid, nominal = scenario.controller, self.bearing
+        ratio = plant.amplifier.gain / nominal.amplifier.gain
+        if pid.feedback == "measurement":
+            ratio *= plant.sensor.gain / nominal.sensor.gain
+        if ratio == 1:
+            return scenario
+        changes = {name: ratio * getattr(pid, name) for name in ("kp", "ki", "kd")}
+        return scenario.model_copy(update={"controller": pid.model_copy(update=changes)})
 
     def _beyond(self, values: Mapping[str, Any]) -> str:
         for name, key in zip(self.names, self.keys, strict=True):
