@@ -26,9 +26,9 @@ from typing import TYPE_CHECKING, Any
 from ambkit.base import files
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import json_text
-from ambkit.campaign.compute import Rows, schema
-from ambkit.campaign.plan import Plan
-from ambkit.campaign.study import Study
+from ambkit.campaigns.compute import Rows, schema
+from ambkit.campaigns.plan import Plan
+from ambkit.campaigns.study import Study
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -87,7 +87,7 @@ class Folder:
                 )
             for name in (RUNS, TRACES) if self.plan.study.record.traces else (RUNS,):
                 files.make_folder(self.path / name)
-            self.plan.study.save(self.path / STUDY)
+            self.plan.described.save(self.path / STUDY)
             # Last: a folder with this file is complete.
             files.write_text(self.path / ABOUT, json_text(self._is_of(), indent=2) + "\n")
         if not os.access(self.path / RUNS, os.W_OK):
@@ -187,13 +187,10 @@ class Folder:
         for name, table in ((TRACES, rows.traces), (RUNS, rows.runs)):
             if table is not None:
                 with files.replacing(self.file(part, name)) as temporary:
-                    parquet.write_table(table, temporary)
-
-    def drop(self, part: int) -> None:
-        """Take a part away that was computed ahead, and is beyond where the study stopped."""
-        for name in (RUNS, TRACES):
-            with suppress(FileNotFoundError):
-                self.file(part, name).unlink()
+                    with open(temporary, "wb") as file:
+                        parquet.write_table(table, file)
+                        file.flush()
+                        os.fsync(file.fileno())  # before its name says that it is whole
 
     def file(self, part: int, name: str = RUNS) -> Path:
         """Return where a part is."""

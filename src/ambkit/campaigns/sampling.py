@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.campaign.varied import LEAST, MOST, OneOf
+from ambkit.campaigns.varied import LEAST, MOST, OneOf
 
 if TYPE_CHECKING:
-    from ambkit.campaign.plan import Plan
+    from ambkit.campaigns.plan import Plan
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from ambkit.base.config import Read
 from ambkit.base.errors import AmbkitError
-from ambkit.campaign.keys import OF_RUN, Key, key_in
-from ambkit.campaign.varied import Choice, Varied, Wrong
+from ambkit.campaigns.keys import OF_RUN, Key, key_in
+from ambkit.campaigns.varied import Choice, Varied, Wrong
 
 Problem = tuple[str, str]
 
@@ -143,7 +143,7 @@ def _how_many(read: Read) -> Iterator[Problem]:
 
 
 def _recorded(read: Read) -> Iterator[Problem]:
-    from ambkit.campaign.study import TRACES, Passes, Recorded, limit_of
+    from ambkit.campaigns.study import TRACES, Passes, Recorded, limit_of
     from ambkit.simulation.scenario import Scenario
 
     record, passes, scenario = read("record"), read("passes"), read("scenario")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -10,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
-from ambkit.campaign.margins import Margins
-from ambkit.campaign.plan import Drawn, Plan
-from ambkit.campaign.study import ZONES, Study, limit_of
-from ambkit.campaign.varied import OneOf
+from ambkit.campaigns.margins import Margins
+from ambkit.campaigns.plan import Drawn, Plan
+from ambkit.campaigns.study import ZONES, limit_of
+from ambkit.campaigns.varied import OneOf
 from ambkit.simulation.many import FIGURES, FLAGS, Many, simulate_many
 from ambkit.workflow.loop_of import zone_of
 
@@ -34,36 +35,35 @@ class Rows(NamedTuple):
     """A row for each sample of those runs whose traces are kept."""
 
 
-def part_of(text: str, folder: str, part: int, threads: int | None, version: str) -> Rows:
-    """Compute a part, in whatever process this is.
+def part_of(pickled: bytes, part: int, version: str) -> Rows:
+    """Compute a part in a worker of a cluster, in one thread.
 
     Parameters
     ----------
-    text, folder : str
-        The study as TOML, and where the files that it names are looked for.
+    pickled : bytes
+        The plan.
     part : int
         Which.
-    threads : int, optional
-        Of the engine; by default as many as the process may use.
     version : str
-        That ambkit must have here.
+        Of ambkit, which must be this one.
 
     Raises
     ------
     AmbkitError
-        It has another one.
+        It is not.
     """
-    plan = _plan_of_text(text, folder)
-    if plan.version != version:
-        raise AmbkitError(f"this worker has ambkit {plan.version}, the campaign {version}")
-    return compute(plan, *plan.span(part), threads=threads)
+    from importlib.metadata import version as own
+
+    if own("ambkit") != version:
+        raise AmbkitError(f"a worker has ambkit {own('ambkit')}, and this is {version}")
+    plan = _plan_in(pickled)
+    return compute(plan, *plan.span(part), threads=1)
 
 
 @lru_cache(maxsize=4)
-def _plan_of_text(text: str, folder: str) -> Plan:
-    from pathlib import Path
-
-    return Plan(Study.from_toml(text, "the study", Path(folder)))
+def _plan_in(pickled: bytes) -> Plan:
+    found: Plan = pickle.loads(pickled)
+    return found
 
 
 def compute(
@@ -191,10 +191,6 @@ def _fails(plan: Plan, columns: Mapping[str, Any], drawn: Sequence[Drawn]) -> li
         against[name] = ~(np.asarray(columns[name]) <= limit_of(name, given))
     named = np.array(list(against))
     return [",".join(named[row]) for row in np.column_stack(list(against.values()))]
-
-
-UNITS = {name: figure.unit for name, figure in FIGURES.items()} | {"peak_S": "1"}
-"""Of the figures."""
 
 
 def schema(plan: Plan) -> pa.Schema:

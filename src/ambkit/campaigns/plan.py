@@ -8,22 +8,23 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from importlib.metadata import version
+from pathlib import PurePath
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base import files
+from ambkit.base import files, units
 from ambkit.base.escaping import json_text
 from ambkit.base.errors import AmbkitError
-from ambkit.campaign import sampling
-from ambkit.campaign.checks import bearing_of, completed, key_of
-from ambkit.campaign.keys import OF_RUN, Key, changed, nested
-from ambkit.campaign.study import Study
-from ambkit.campaign.varied import Marginal, OneOf
+from ambkit.campaigns import sampling
+from ambkit.campaigns.checks import bearing_of, completed, key_of
+from ambkit.campaigns.keys import OF_RUN, Key, changed, nested
+from ambkit.campaigns.study import UNITS, Study
+from ambkit.campaigns.varied import Marginal, OneOf
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.registry import FILTER_SUFFIX
-from ambkit.machine.bearing import Bearing, magnet_constant
+from ambkit.machine.bearing import FILES, Bearing, magnet_constant
 from ambkit.simulation.many import Planned
 from ambkit.simulation.scenario import PID, Scenario
 
@@ -130,17 +131,32 @@ class Plan:
     @cached_property
     def fingerprint(self) -> str:
         """Hash of all that the rows follow from, files that the study names among it."""
-        study = self.study
-        named = [study.estimator, *(v for v in self._choices("estimator") if isinstance(v, str))]
+        named = [self.study.estimator, *map(str, self._choices("estimator"))]
+        magnet = self.bearing.magnet
         told = {
-            "study": study.model_dump(mode="json", exclude={"name", "description", "stop"}),
-            "bearing": self.bearing.model_dump(mode="json"),
+            "study": self.described.model_dump(
+                mode="json", exclude={"name", "description", "stop", "bearing"}
+            ),
+            "bearing": self.bearing.model_dump(mode="json", exclude={"magnet": {*FILES}}),
             "filters": [files.sha256(name) for name in named if name.endswith(FILTER_SUFFIX)],
-            "force_map": None if (of := self.bearing.magnet.force_map) is None else files.sha256(of),
-        }
-        told["study"]["bearing"] = self.bearing.name
-        told["study"]["estimator"] = study.estimator.rpartition("/")[2]
-        return hashlib.sha256(json_text(told, sort_keys=True).encode()).hexdigest()
+            "force_map": [files.sha256(each) for each in (magnet.force_map, magnet.force_channels)
+                          if each is not None],
+        }  # fmt: skip
+        text = json_text(_without_folders(told), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    @cached_property
+    def described(self) -> Study:
+        """The study as it can stand in a file: numbers that were given in SI have their units."""
+        study, passes = self.study, self.study.passes
+        vary = tuple(each.in_units(key) for each, key in zip(study.vary, self.keys, strict=True))
+        at_most = {
+            name: units.engineering(given, UNITS[name], digits=None)
+            if type(given) is float and UNITS[name] != "1" else given
+            for name, given in passes.at_most.items()
+        }  # fmt: skip
+        told = passes.model_copy(update={"at_most": at_most})
+        return study.model_copy(update={"vary": vary, "passes": told})
 
     def _choices(self, what: str) -> tuple[Any, ...]:
         of = dict(zip(self.names, self.marginals, strict=True)).get(what)
@@ -183,7 +199,7 @@ class Plan:
 
     def _drawn(self, run: int, values: Mapping[str, Any], noise: int, allowed: bool) -> Drawn:
         scenario = self._scenario(values)
-        estimator = self.estimator(str(values.get("estimator", self.study.estimator)))
+        estimator = self.estimators[str(values.get("estimator", self.study.estimator))]
         own = {
             name: value for name, value in values.items()
             if name not in ("estimator", "controller") and not name.startswith(OF_RUN)
@@ -254,25 +270,28 @@ class Plan:
             found[name] = whole if said else whole.model_copy(update=fed)
         return found
 
-    def estimator(self, name: str) -> Estimator | None:
-        """Return an estimator that knows the nominal bearing; None for ``"none"``.
+    @cached_property
+    def estimators(self) -> dict[str, Estimator | None]:
+        """The estimators by name, each knowing the nominal bearing; None for ``"none"``.
 
         Raises
         ------
         AmbkitError
-            Its file cannot be read.
+            A file cannot be read.
         """
-        return self._estimators(name)  # type: ignore[no-any-return]
-
-    @cached_property
-    def _estimators(self) -> Any:
         from ambkit.workflow.estimators import factories
 
-        @lru_cache(maxsize=None)
-        def made(name: str) -> Estimator | None:
-            return None if name == "none" else factories([name], self.bearing)[name]()
+        chosen = self._choices("estimator") or (self.study.estimator,)
+        built = factories([str(name) for name in chosen if name != "none"], self.bearing)
+        made: dict[str, Estimator | None] = {name: make() for name, make in built.items()}
+        return made | ({"none": None} if "none" in chosen else {})
 
-        return made
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what another process cannot find again by itself: no file has to be there."""
+        return {name: getattr(self, name) for name in ("study", "bearing", "estimators")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
 
     def check(self) -> None:
         """Make all that is made once, so that what cannot be is said before any run.
@@ -283,19 +302,27 @@ class Plan:
             An estimator's file cannot be read; the controller is to be fed by an estimate and
             there is none.
         """
-        for name in {self.study.estimator, *self._choices("estimator")}:
-            made = self.estimator(str(name))
-            if made is None and self.scenario.controller.feedback == "estimate":
-                raise AmbkitError(
-                    f"{self.study.name}: the controller is fed by the estimate, so the estimator "
-                    'cannot be none; say scenario.controller.feedback = "measurement"'
-                )
+        if "none" in self.estimators and self.scenario.controller.feedback == "estimate":
+            raise AmbkitError(
+                f"{self.study.name}: the controller is fed by the estimate, so the estimator "
+                'cannot be none; say scenario.controller.feedback = "measurement"'
+            )
         self.points(0, 1)
 
     @property
     def version(self) -> str:
         """Of ambkit."""
         return version("ambkit")
+
+
+def _without_folders(told: Any) -> Any:
+    """Return plain data with files by their names alone: a study may move with its files."""
+    if isinstance(told, dict):
+        return {key: _without_folders(each) for key, each in told.items()}
+    if isinstance(told, list):
+        return [_without_folders(each) for each in told]
+    is_file = isinstance(told, str) and told.endswith(FILTER_SUFFIX)
+    return PurePath(told).name if is_file else told
 
 
 def with_values(bearing: Bearing, values: Mapping[str, Any]) -> Bearing:

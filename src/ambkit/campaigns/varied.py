@@ -10,13 +10,20 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BeforeValidator, Field, ValidationInfo
+from pydantic import (
+    BeforeValidator,
+    Field,
+    PlainSerializer,
+    SerializationInfo,
+    ValidationInfo,
+)
 from pydantic_core import PydanticCustomError
 
 from ambkit.base import units
 from ambkit.base.config import Part
+from ambkit.base.config.paths import from_folder, to_folder
 from ambkit.base.config.texts import Line
-from ambkit.campaign.keys import Key
+from ambkit.campaigns.keys import Key
 
 Array = NDArray[np.float64]
 
@@ -46,14 +53,18 @@ class _Bare(float):
 
 def _value(given: Any, info: ValidationInfo) -> Any:
     if isinstance(given, str):
-        return given
+        return from_folder(given, info) if given.endswith(".toml") else given
     if isinstance(given, bool) or not isinstance(given, numbers.Real):
         text = f"must be a number with its unit, is {given!r:.60}"
         raise PydanticCustomError("problem", "{text}", {"text": text})
     return _Bare(given) if info.context is not None else float(given)
 
 
-Value = Annotated[float | str, BeforeValidator(_value)]
+def _written(given: float | str, info: SerializationInfo) -> float | str:
+    return to_folder(given, info) if isinstance(given, str) and given.endswith(".toml") else given
+
+
+Value = Annotated[float | str, BeforeValidator(_value), PlainSerializer(_written)]
 """A text with its unit, or ``"5 %"`` of the nominal value; in Python also a number in SI."""
 
 
@@ -149,6 +160,19 @@ class Varied(Part):
             A value is none, or they contradict each other.
         """
         raise NotImplementedError
+
+    def in_units(self, key: Key) -> Varied:
+        """Return it with its numbers as texts with their unit, as they can stand in a file."""
+        if key.unit in ("", "1"):
+            return self
+
+        def said(value: Any) -> Any:
+            if isinstance(value, tuple):
+                return tuple(map(said, value))
+            return units.engineering(value, key.unit, digits=None) if type(value) is float else value
+
+        names = [n for n in ("low", "high", "tolerance", "mean", "std", "values") if hasattr(self, n)]
+        return self.model_copy(update={name: said(getattr(self, name)) for name in names})
 
     def _number(self, name: str, key: Key, *, about: bool = False) -> float:
         """Return one of the values in SI; of a share with `about` what it is of the nominal."""

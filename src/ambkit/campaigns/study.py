@@ -24,7 +24,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -35,11 +34,11 @@ from pydantic.functional_serializers import SerializationInfo
 
 from ambkit.base import units
 from ambkit.base.config import Document, Part, Read
-from ambkit.base.config.paths import _from_folder, _to_folder
+from ambkit.base.config.paths import from_folder, to_folder
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.texts import Description, Line, Name
 from ambkit.base.errors import AmbkitError
-from ambkit.campaign.varied import Value, Vary
+from ambkit.campaigns.varied import Value, Vary
 from ambkit.simulation.many import FIGURES
 from ambkit.simulation.scenario import PID, Scenario
 
@@ -51,6 +50,9 @@ ZONES = ("A", "B", "C", "D")
 TRACES = ("r", "y", "u", "x", "v", "f_d", "x_m", "iu", "f_mag")
 """Signals of a run, and with ``_estimate`` behind it each state of its estimator."""
 
+UNITS = {name: figure.unit for name, figure in FIGURES.items()} | {"peak_S": "1"}
+"""Of the figures of a run."""
+
 MOST_RUNS = 10**9
 """Runs of a study: a Sobol sequence of 30 bits has no more."""
 
@@ -58,13 +60,13 @@ MOST_RUNS = 10**9
 def _preset_or_file(value: Any, info: ValidationInfo) -> Any:
     from ambkit.machine import presets
 
-    return value if value in presets.names() else _from_folder(value, info)
+    return value if value in presets.names() else from_folder(value, info)
 
 
 def _written(value: str, info: SerializationInfo) -> str:
     from ambkit.machine import presets
 
-    return value if value in presets.names() else _to_folder(value, info)
+    return value if value in presets.names() else to_folder(value, info)
 
 
 BearingName = Annotated[str, BeforeValidator(_preset_or_file), PlainSerializer(_written)]
@@ -74,13 +76,13 @@ def _kind_or_file(value: Any, info: ValidationInfo) -> Any:
     from ambkit.estimate.registry import FILTER_SUFFIX
 
     is_file = isinstance(value, str) and value.endswith(FILTER_SUFFIX)
-    return _from_folder(value, info) if is_file else value
+    return from_folder(value, info) if is_file else value
 
 
 def _estimator_written(value: str, info: SerializationInfo) -> str:
     from ambkit.estimate.registry import FILTER_SUFFIX
 
-    return _to_folder(value, info) if value.endswith(FILTER_SUFFIX) else value
+    return to_folder(value, info) if value.endswith(FILTER_SUFFIX) else value
 
 
 EstimatorName = Annotated[
@@ -176,7 +178,7 @@ class Study(Document):
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
-        from ambkit.campaign import checks
+        from ambkit.campaigns import checks
 
         yield from checks.contradictions(read)
 
@@ -189,15 +191,12 @@ def limit_of(name: str, given: float | str) -> float:
     ValueError
         There is no such figure, or it has another unit.
     """
-    if name == "peak_S":
-        unit = "1"
-    elif name in FIGURES:
-        unit = FIGURES[name].unit
-    else:
-        raise ValueError(f"there is no figure {name}; there are {', '.join([*FIGURES, 'peak_S'])}")
+    if name not in UNITS:
+        raise ValueError(f"there is no figure {name}; there are {', '.join(UNITS)}")
+    unit = UNITS[name]
     if isinstance(given, str):
         return units.parse(given, unit)
-    if unit != "1" and type(given) is not float:
+    if unit != "1" and type(given) is not float:  # out of a file
         raise ValueError(f"{given:g} has no unit, write it in {unit}")
     return float(given)
 
@@ -210,8 +209,3 @@ def load(study: Study | str | os.PathLike[str]) -> Study:
     if path.is_dir():
         raise AmbkitError(f"{path}: is a folder; a study is a TOML file")
     return Study.load(path)
-
-
-def is_number(value: Any) -> bool:
-    """Whether what was read is right, where a wrong one reads as NaN."""
-    return not (isinstance(value, float) and math.isnan(value))

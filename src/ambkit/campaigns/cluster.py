@@ -1,0 +1,151 @@
+"""Parts of a study computed by the workers of a Dask cluster: the same code, the same numbers.
+
+A task is a part of hundreds of runs, since Dask takes milliseconds for each. Rows come back to the
+process that asked, which alone writes: workers need neither the folder nor the study's files.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from ambkit.base.errors import AmbkitError, ExtraMissing
+from ambkit.campaigns.compute import Rows, part_of
+
+if TYPE_CHECKING:
+    from ambkit.campaigns.plan import Plan
+
+AHEAD = 3
+"""Parts that wait for each thread of the cluster, so that none runs dry."""
+
+PATIENCE = 60.0
+"""How long a scheduler may be away before the campaign gives up [s]."""
+
+
+def computed(
+    plan: Plan,
+    parts: Iterable[int],
+    where: str,
+    workers: int | None = None,
+    patience: float = PATIENCE,
+) -> Iterator[tuple[int, Rows]]:
+    """Yield parts as they are finished, in no order.
+
+    A worker that dies has its parts computed by others; where the scheduler goes away and comes
+    back, the parts that were not finished are given to it again.
+
+    Parameters
+    ----------
+    plan : Plan
+        The study.
+    parts : iterable of int
+        Which.
+    where : str
+        ``"local"``, ``"slurm"``, or the address of a scheduler, such as ``"tcp://10.0.0.1:8786"``.
+    workers : int, optional
+        How many processes; of a scheduler that is there already, those that it has.
+    patience : float
+        How long a scheduler may be away [s].
+
+    Raises
+    ------
+    AmbkitError
+        There is no scheduler there, or not for long; a worker has another version of ambkit; a part
+        took every worker down with it.
+    """
+    from concurrent.futures import CancelledError
+
+    try:
+        from distributed import Client, KilledWorker
+        from distributed.comm.core import CommClosedError
+    except ImportError:
+        raise ExtraMissing("--cluster", "distributed", "campaign") from None
+    left = dict.fromkeys(parts)
+    pickled = pickle.dumps(plan)
+    away = None
+    with _scheduler(where, workers) as scheduler:
+        while left:
+            try:
+                with Client(scheduler, timeout=min(patience, 10.0), set_as_default=False) as client:
+                    for part, rows in _from(client, plan, pickled, list(left)):
+                        away = None
+                        del left[part]
+                        yield part, rows
+            except KilledWorker as error:
+                raise AmbkitError(f"a part took its workers down: {error}") from None
+            except (OSError, CommClosedError, CancelledError) as error:
+                away = away or time.monotonic()
+                if where == "local" or time.monotonic() - away > patience:
+                    raise AmbkitError(
+                        f"{where}: the scheduler does not answer ({type(error).__name__}); "
+                        "finished parts are kept, the same command goes on"
+                    ) from None
+                time.sleep(0.5)
+
+
+def _from(client: Any, plan: Plan, pickled: bytes, parts: list[int]) -> Iterator[tuple[int, Rows]]:
+    """Yield parts from a cluster, with never more under way than it can hold in its hands."""
+    from distributed import as_completed
+
+    threads = sum(client.nthreads().values()) or 1
+    waiting = iter(parts)
+
+    def given(part: int) -> Any:
+        # Pure, under a name of its own: a part that is asked for twice is computed once.
+        key = f"{plan.fingerprint[:16]}-{part}"
+        return client.submit(part_of, pickled, part, plan.version, key=key, retries=2)
+
+    futures = {given(part): part for part, _ in zip(waiting, range(AHEAD * threads))}
+    queue = as_completed(list(futures), loop=client.loop)
+    for future in queue:
+        if future.status in ("cancelled", "lost"):
+            raise ConnectionError("the scheduler has lost what it was given")
+        rows = future.result()
+        part = futures.pop(future)
+        future.release()
+        threads = sum(client.nthreads().values()) or threads
+        while len(futures) < AHEAD * threads and (more := next(waiting, None)) is not None:
+            another = given(more)
+            futures[another] = more
+            queue.add(another)
+        yield part, rows
+
+
+@contextmanager
+def _scheduler(where: str, workers: int | None) -> Iterator[Any]:
+    """Give a cluster of our own, or the address of one."""
+    if where == "local":
+        from distributed import LocalCluster
+
+        count = workers or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (
+            workers or os.cpu_count() or 1
+        )  # fmt: skip
+        with LocalCluster(
+            n_workers=count, threads_per_worker=1, dashboard_address=None, silence_logs=50
+        ) as cluster:
+            yield cluster
+    elif where == "slurm":
+        with _slurm() as cluster:
+            cluster.scale(workers or 1)
+            yield cluster
+    else:
+        yield where
+
+
+def _slurm() -> Any:
+    """Return a cluster whose workers are jobs of Slurm, as the user's Dask configuration has it."""
+    try:
+        from dask_jobqueue import SLURMCluster
+    except ImportError:
+        raise ExtraMissing("--cluster slurm", "dask-jobqueue", "campaign") from None
+    try:
+        return SLURMCluster()
+    except (TypeError, ValueError, OSError) as error:
+        raise AmbkitError(
+            f"--cluster slurm: {error}; say what a job is in ~/.config/dask/jobqueue.yaml: cores, "
+            "memory, queue, walltime"
+        ) from None
