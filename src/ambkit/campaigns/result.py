@@ -271,6 +271,12 @@ class Campaign(Shown):
 
         return indices(self, figure or ("peak_S" if "peak_S" in self.columns else "tracking_peak"))
 
+    def rare(self) -> list[str]:
+        """Return what was found of rare failures, see `ambkit.campaigns.rare`, in sentences."""
+        from ambkit.campaigns.rare_file import told
+
+        return told(self.folder)
+
     def frame(self, columns: Sequence[str] | None = None) -> Any:
         """Return the rows as a pandas DataFrame.
 

@@ -1,0 +1,292 @@
+"""Pictures of many machines: cumulative curves, what drives a figure, parallel coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.escaping import markdown
+from ambkit.base.units import engineering
+from ambkit.show.report.figure import Figure, Panel
+from ambkit.show.report.items import Axis, Intervals, Item, Line, Note, Points, Rule
+
+Array = NDArray[np.float64]
+
+SERIES = 4
+"""Curves of one panel that have a look of their own."""
+
+POINTS = 400
+"""Of a cumulative curve: a million machines make no finer one."""
+
+FAR = 0.995
+"""Share of the machines that a curve shows where the rest lies far out."""
+
+LINES = 120
+"""Machines of each kind among parallel coordinates."""
+
+_PREFIXES = {"": 1.0, "m": 1e3, "µ": 1e6, "n": 1e9, "k": 1e-3}
+_SCALED = ("m", "s", "N", "A", "m/s", "V", "kg")
+
+
+class Quantity(NamedTuple):
+    """A column of machines, to be shown."""
+
+    name: str
+    """As in the study, or what it is in words."""
+    unit: str
+    """SI."""
+    values: Array
+    """Of the machines (n,); of words their place in `words`."""
+    words: Sequence[str] = ()
+    """Of a choice its values."""
+
+    @property
+    def axis(self) -> Axis:
+        """An axis with a prefix that fits."""
+        finite = np.abs(self.values[np.isfinite(self.values)])
+        typical = float(np.median(finite)) if finite.size else 1.0
+        label = markdown(self.name)
+        if self.unit not in _SCALED or self.unit == "kg" or not typical > 0:
+            return Axis(label, "" if self.unit == "1" else self.unit)
+        fits = [(p, f) for p, f in _PREFIXES.items() if 1 <= typical * f < 1000]
+        prefix, factor = fits[0] if fits else ("", 1.0)
+        return Axis(label, prefix + self.unit, factor)
+
+
+def cumulative_figure(
+    title: str,
+    figures: Sequence[Quantity],
+    groups: Mapping[str, NDArray[np.bool_]],
+    limits: Mapping[str, float],
+) -> Figure:
+    """Show which share of machines is at or below each value of figures.
+
+    Parameters
+    ----------
+    title : str
+        Of what.
+    figures : sequence of Quantity
+        A panel each.
+    groups : mapping of str to ndarray of bool (n,)
+        By a choice, which machines are of it; one for all where there is none.
+    limits : mapping of str to float
+        Limits of figures, by their names, in SI.
+    """
+    panels = []
+    shown = dict(list(groups.items())[:SERIES])
+    for of in figures:
+        finite = of.values[np.isfinite(of.values)]
+        items: list[Item] = []
+        for place, (name, these) in enumerate(shown.items()):
+            values = np.sort(of.values[these & ~np.isnan(of.values)])
+            if not values.size:
+                continue
+            at = np.unique(np.linspace(0, values.size - 1, POINTS).astype(int))
+            keep = at[np.isfinite(values[at])]
+            label = markdown(name) if len(shown) > 1 else ""
+            y = (keep + 1) / values.size
+            items.append(Line(values[keep], y, signal=f"series {place + 1}", label=label))
+        if of.name in limits:
+            items.append(Rule(limits[of.name], axis="x", signal="limit", label="limit"))
+        axis = of.axis
+        if finite.size:
+            low, high = float(finite.min()), float(np.quantile(finite, FAR))
+            high = max(high, limits.get(of.name, high))
+            if high > low:
+                room = 0.05 * (high - low)
+                axis = Axis(axis.label, axis.unit, axis.factor, limits=(low - room, high + room))
+        y_axis = Axis("share of machines", "%", 100.0, limits=(0.0, 1.02))
+        panels.append(Panel(axis, y_axis, items))
+    left_out = len(groups) - len(shown)
+    rest = f" {left_out} more of the choice are not shown." if left_out else ""
+    return Figure(
+        "cumulative",
+        title,
+        "Share of machines at or below each value. A curve that ends below 100 % belongs to "
+        f"machines without a finite value: unstable, or never recovered.{rest}",
+        panels,
+        columns=2,
+    )
+
+
+class Swing(NamedTuple):
+    """What a quantity does to a figure."""
+
+    name: str
+    """Of the quantity."""
+    low: float
+    """Median of the figure where the quantity is low, or of the best choice."""
+    high: float
+    """Where it is high, or of the worst choice."""
+    text: str
+    """Between which values."""
+
+
+def tornado_figure(figure: Quantity, middle: float, swings: Sequence[Swing]) -> Figure:
+    """Show what each quantity does to a figure, the strongest on top.
+
+    Parameters
+    ----------
+    figure : Quantity
+        Which.
+    middle : float
+        Median of all machines, in SI.
+    swings : sequence of Swing
+        Of the quantities.
+    """
+    order = sorted(swings, key=lambda each: -abs(each.high - each.low))
+    ends = [sorted((each.low, each.high)) for each in order]
+    rows = Intervals(
+        [markdown(each.name) for each in order],
+        np.full(len(order), middle),
+        np.array([low for low, _ in ends]),
+        np.array([high for _, high in ends]),
+        [each.text for each in order],
+        signal="estimate",
+        label="",
+    )
+    return Figure(
+        f"tornado-{figure.name.replace('.', '-')}",
+        f"What drives {markdown(figure.name)}",
+        "Median of the figure over the tenth of the machines in which a quantity is lowest, and "
+        "over the tenth in which it is highest; of a choice over its best and its worst value.",
+        [Panel(figure.axis, Axis(""), [rows])],
+        panel_height=max(1.6, 0.45 + 0.32 * len(order)),
+    )
+
+
+def indices_figure(
+    figure: str,
+    method: str,
+    names: Sequence[str],
+    shares: Mapping[str, tuple[Array, Array]],
+    caption: str,
+) -> Figure:
+    """Show which share of a figure's variance each quantity has.
+
+    Parameters
+    ----------
+    figure, method : str
+        Of which figure, by which method.
+    names : sequence of str
+        What varies, from the top.
+    shares : mapping of str to (ndarray (k,), ndarray (k,))
+        By "first order" and "total" the shares and half of their confidence intervals [1].
+    caption : str
+        What to know of them.
+    """
+    panels = []
+    for place, (order, (value, half)) in enumerate(shares.items()):
+        texts = [f"{100 * v:.1f} ± {100 * h:.1f} %" for v, h in zip(value, half, strict=True)]
+        rows = Intervals(
+            [markdown(name) for name in names], value, value - half, value + half, texts,
+            signal=f"series {place + 1}", label="",
+        )  # fmt: skip
+        axis = Axis(f"{order}, share of the variance", "%", 100.0)
+        panels.append(Panel(axis, Axis(""), [rows]))
+    return Figure(
+        f"indices-{figure}",
+        f"{method} of {markdown(figure)}",
+        caption,
+        panels,
+        panel_height=max(1.6, 0.45 + 0.32 * len(names)),
+    )
+
+
+def parallel_figure(title: str, quantities: Sequence[Quantity], passed: NDArray[np.bool_]) -> Figure:
+    """Show machines as lines through all that varies, those that fail in red.
+
+    Parameters
+    ----------
+    title : str
+        Of what.
+    quantities : sequence of Quantity
+        From the left: what varies, then figures.
+    passed : ndarray of bool (n,)
+        Which machines are good.
+    """
+    k = len(quantities)
+    scaled, items = np.empty((passed.size, k)), list[Item]()
+    for place, of in enumerate(quantities):
+        values = of.values.astype(float)
+        finite = values[np.isfinite(values)]
+        low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
+        scaled[:, place] = (np.clip(values, low, high) - low) / ((high - low) or 1.0)
+        unit = of.unit if of.unit != "1" else ""
+        ends = (
+            (of.words[0], of.words[-1]) if of.words
+            else tuple(engineering(end, unit, digits=3) if unit else f"{end:.3g}" for end in (low, high))
+        )  # fmt: skip
+        items += [
+            Rule(float(place), axis="x", signal="bound", label=""),
+            Note(float(place), 0.0, markdown(str(ends[0])), side="below"),
+            Note(float(place), 1.0, f"{markdown(of.name)}\n{markdown(str(ends[1]))}"),
+        ]
+    x = np.append(np.arange(k, dtype=float), np.nan)
+    for signal, these in (("passed", passed), ("failed", ~passed)):
+        rows = scaled[these & ~np.isnan(scaled).any(axis=1)]
+        rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(LINES, len(rows))).astype(int))]
+        if len(rows):
+            y = np.column_stack([rows, np.full(len(rows), np.nan)]).ravel()
+            items.append(Line(np.tile(x, len(rows)), y, signal=signal))
+    return Figure(
+        "parallel",
+        title,
+        f"Each line is a machine; at most {LINES} of each kind. Where red lines meet, machines "
+        "fail.",
+        [Panel(Axis("", limits=(-0.4, k - 0.6)), Axis("", limits=(-0.15, 1.3)), items)],
+        panel_height=3.4,
+    )
+
+
+def front_figure(
+    title: str, error: Sequence[float], peak: Sequence[float], best: NDArray[np.bool_],
+    allowed: NDArray[np.bool_], ceiling: float, taken: int,
+) -> Figure:  # fmt: skip
+    """Show error of the force against the peak of the sensitivity, of all that was tried.
+
+    Parameters
+    ----------
+    title : str
+        Of what.
+    error, peak : sequence of float
+        Quantiles over the machines [N], [1].
+    best, allowed : ndarray of bool (n,)
+        Whether nothing is better in both; whether all constraints are kept.
+    ceiling : float
+        What the peak has to stay below [1].
+    taken : int
+        Which was taken.
+    """
+    x, y = np.asarray(peak, float), np.asarray(error, float)
+    shown = np.isfinite(x) & np.isfinite(y)
+    front = np.flatnonzero(best & shown)
+    front = front[np.argsort(x[front])]
+    rest = shown & ~best
+    items: list[Item] = [
+        Points(x[rest & allowed], y[rest & allowed], signal="constant", label="tried"),
+        Points(x[rest & ~allowed], y[rest & ~allowed], signal="measured", label="not allowed"),
+        Line(x[front], y[front], signal="series 3", label=""),
+        Points(x[front], y[front], signal="series 3", label="nothing is better in both"),
+        Points(x[[taken]], y[[taken]], signal="estimate", label="taken"),
+        Rule(ceiling, axis="x", signal="limit", label="to stay below"),
+    ]
+    right = float(np.quantile(x[shown], 0.9)) if shown.any() else ceiling
+    left = float(x[shown].min()) if shown.any() else 1.0
+    span = (max(0.97 * left, 1.0), max(1.05 * right, 1.05 * ceiling))
+    return Figure(
+        "front",
+        title,
+        "Each point is a controller with its filter, flown with the same machines and the same "
+        "noise.",
+        [
+            Panel(
+                Axis("peak of |S|", limits=span),
+                Axis("error of the disturbance force, rms", "N"),
+                items,
+            )
+        ],
+    )
