@@ -95,3 +95,4 @@ void bind_rls(nb::module_ &m);
 void bind_loop(nb::module_ &m);
 void bind_machine(nb::module_ &m);
 void bind_batch(nb::module_ &m);
+void bind_many(nb::module_ &m);

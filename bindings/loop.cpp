@@ -1,8 +1,4 @@
-#include "plant_parts.h"
-
-extern "C" {
-#include "loop.h"
-}
+#include "loop_of.h"
 
 namespace
 {
@@ -10,32 +6,6 @@ namespace
 // Plant, controller and last sample of a loop, between two stretches of a run; empty at first.
 struct LoopState {
   amb_loop_state state{};
-};
-
-// The faults of a run: arrays by the names of amb_loop_faults, which are those of the caller.
-class Faults
-{
-public:
-  Faults(const nb::dict &arrays, bool beside, size_t n)
-  {
-    to = {beside,
-          series(arrays, "late", n),
-          series(arrays, "y_times", n),
-          series(arrays, "y_plus", n),
-          series(arrays, "u_times", n),
-          series(arrays, "u_plus", n),
-          series(arrays, "current", n)};
-  }
-  amb_loop_faults to{};
-
-private:
-  std::vector<Vector> kept;
-  const amb_real *series(const nb::dict &arrays, const char *name, size_t n)
-  {
-    kept.push_back(nb::cast<Vector>(arrays[name]));
-    same_length(n, kept.back().size(), name);
-    return kept.back().data();
-  }
 };
 
 Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_real K_sen,
@@ -53,22 +23,10 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
   same_length(n, noise_y.size(), "noise_y");
   if (scale)
     same_length(n, scale->size(), "scale");
-  if (feedback_estimate && estimator == nullptr)
-    throw std::invalid_argument("feedback from the estimate needs an estimator");
-  if (estimator != nullptr)
-    estimator->must_be_single("the simulated loop");
-  if (feedback_estimate)
-    estimator->must_have({AMB_POSITION, AMB_VELOCITY}, "feedback from the estimate");
-  const amb_parts with = parts ? parts_of(*parts) : amb_parts{};
-  const amb_loop loop{{magnet.magnet, m, f_0, K_sen, T_sen, travel, substeps,
-                       parts ? &with : nullptr, coil ? coil->magnet : amb_magnet{}},
-                      {T, kp, ki, kd, T_f, T_t, weight, iu_min, iu_max},
-                      T,
-                      k_ui,
-                      iu_min,
-                      iu_max,
-                      estimator ? &estimator->estimator : nullptr,
-                      feedback_estimate};
+  const LoopOf of(magnet, T, m, f_0, K_sen, T_sen, travel, substeps, k_ui, iu_min, iu_max, kp, ki, kd,
+                  T_f, T_t, weight, feedback_estimate, estimator, parts, coil);
+  const amb_loop &loop = of.loop;
+  const amb_parts &with = of.parts;
   const std::optional<Faults> wrong =
       faults ? std::optional<Faults>(Faults(*faults, beside, n)) : std::nullopt;
   const amb_loop_input input{n,
@@ -80,8 +38,8 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
                              f_bias,
                              wrong ? &wrong->to : nullptr};
   Fresh<amb_real> x({n}), v({n}), x_m({n}), iu({n}), force({n}), y({n}), u({n});
-  const Sizes of(estimator ? estimator->kf.model : amb_model{});
-  History history(estimator ? n : 0, of, estimator != nullptr, estimator && estimator->scales());
+  const Sizes sizes(estimator ? estimator->kf.model : amb_model{});
+  History history(estimator ? n : 0, sizes, estimator != nullptr, estimator && estimator->scales());
   const bool volts = with.voltage > 0;
   Fresh<amb_real> first({volts ? n : 0}), second({volts && with.pair ? n : 0});
   amb_loop_output out{
@@ -89,13 +47,12 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
       x_m.data,   iu.data,
       force.data, y.data,
       u.data,     history.to,
-      0,          {volts ? first.data : nullptr, volts && with.pair ? second.data : nullptr}};
+      0,          {volts ? first.data : nullptr, volts && with.pair ? second.data : nullptr},
+      nullptr};
   LoopState fresh;
   amb_loop_state &state = went ? went->state : fresh.state;
-  if (!state.sampled) {
-    amb_plant_settle(&loop.plant, &state.plant, x_start, amb_clamp(integral, iu_min, iu_max));
-    amb_pid_reset(&state.pid, integral);
-  }
+  if (!state.sampled)
+    of.settle(state, x_start, integral);
   {
     nb::gil_scoped_release release;
     amb_loop_run(&loop, &input, &state, estimator ? estimator->state() : nullptr, &out);

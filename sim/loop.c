@@ -115,8 +115,10 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop
     const bool both = faults != NULL && !faults->beside;
     sense(&now, &s, estimator, &sample, both ? y : direct, y, told);
     told = faults != NULL ? faults->u_times[k] * s.u + faults->u_plus[k] : s.u;
-    if (act(&now, &s, &sample, faults != NULL ? faults->current[k] : 1))
-      out->touched++;
+    const bool touched = act(&now, &s, &sample, faults != NULL ? faults->current[k] : 1);
+    out->touched += touched ? 1U : 0U;
+    if (out->at_stop != NULL)
+      out->at_stop[k] = touched ? 1U : 0U;
     out->y[k] = s.y;
     out->u[k] = told;
     out->iu[k] = s.acting.iu;

@@ -2,25 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from itertools import islice
+from types import ModuleType
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from ambkit.data.record import Record
 from ambkit.estimate.base import Estimator
-from ambkit.estimate.estimate import Estimate, Status
+from ambkit.estimate.batch import processors
+from ambkit.estimate.estimate import Status
 from ambkit.machine.bearing import Bearing
-from ambkit.machine.magnets import MagnetModel
-from ambkit.simulation.run import Imposed, Run, simulate_run
+from ambkit.machine.magnets import MagnetModel, core_module
+from ambkit.simulation.run import Imposed, Loop, Run, simulate_run
 from ambkit.simulation.scenario import Scenario
 
 Array = NDArray[np.float64]
+Counts = NDArray[np.int64]
 
 LEAST = 50
 """Samples that a step, or a load, must be followed by to be judged."""
+
+CHUNK = 1024
+"""Runs that are planned and flown together."""
+
+MOST_PLANS = 4096
+"""Of which so many are kept for runs that come later."""
 
 
 class Figure(NamedTuple):
@@ -59,7 +68,7 @@ FIGURES: dict[str, Figure] = {
 OF_ESTIMATES = ("x_rms", "v_rms", "f_d_rms", "x_peak", "v_peak", "f_d_peak", "nis")
 """Those that a run without an estimator has not."""
 
-FLAGS = tuple(str(flag.name).lower() for flag in Status)
+FLAGS = tuple(str(flag.name).lower() for flag in Status if flag)
 """Names of what a step had to say."""
 
 
@@ -86,13 +95,22 @@ class Planned:
     imposed: Imposed | None = None
     number: int | None = None
 
+    @property
+    def key(self) -> tuple[int, int]:
+        """Seed and number of the run."""
+        return self.scenario.seed, self.scenario.run if self.number is None else self.number
+
+    @property
+    def numbered(self) -> Scenario:
+        """The scenario with the number of the run."""
+        if self.number is None:
+            return self.scenario
+        return self.scenario.model_copy(update={"run": self.number})
+
     def simulated(self) -> Run:
         """Simulate it by itself, with every sample kept."""
-        scenario = self.scenario
-        if self.number is not None:
-            scenario = scenario.model_copy(update={"run": self.number})
         return simulate_run(
-            self.bearing, scenario, estimator=self.estimator, magnet=self.magnet,
+            self.bearing, self.numbered, estimator=self.estimator, magnet=self.magnet,
             imposed=self.imposed,
         )  # fmt: skip
 
@@ -106,19 +124,19 @@ class Many:
     figures : mapping of str to ndarray (runs,)
         By the names of :data:`FIGURES`, in SI; NaN where one does not apply.
     status : mapping of str to ndarray of int64 (runs,)
-        By the names of :class:`ambkit.Status` in lower case: samples at which the estimator said so.
+        By the names of :class:`ambkit.Status` in lower case: samples at which it was said.
     traces : mapping of int to Run
         Of those that were asked for, by their place, with all samples.
     """
 
     figures: Mapping[str, Array]
-    status: Mapping[str, NDArray[np.int64]]
+    status: Mapping[str, Counts]
     traces: Mapping[int, Run] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.figures["touched"])
 
-    def columns(self) -> dict[str, NDArray[np.float64] | NDArray[np.int64]]:
+    def columns(self) -> dict[str, Array | Counts]:
         """Return all figures and, as ``samples_missing`` and so on, the counts of flags."""
         return {**self.figures, **{f"samples_{name}": n for name, n in self.status.items()}}
 
@@ -209,81 +227,115 @@ def simulate_many(
     >>> simulate_many(runs).figures["f_d_rms"].shape
     (20,)
     """
-    rows: list[Array] = []
-    counts: list[NDArray[np.int64]] = []
+    engine = _Engine(settling, band, processors() if threads is None else threads, instructions)
+    parts: list[tuple[Array, Counts]] = []
     kept: dict[int, Run] = {}
-    for place, planned in enumerate(runs):
-        run = planned.simulated()
-        if place in traces:
-            kept[place] = run
-        rows.append(_judged(run, planned.bearing, settling, band))
-        counts.append(_counted(run.estimate))
+    place = 0
+    for chunk in _chunked(iter(runs), CHUNK):
+        parts.append(engine.flown(chunk))
+        for planned in chunk:
+            if place in traces:
+                kept[place] = planned.simulated()
+            place += 1
         if done is not None:
-            done(1)
+            done(len(chunk))
     if missing := set(traces) - kept.keys():
-        raise ValueError(f"traces holds {min(missing)}, and there are {len(rows)} runs")
-    table = np.array(rows).reshape(len(rows), len(FIGURES))
-    flags = np.array(counts, dtype=np.int64).reshape(len(rows), len(FLAGS))
-    return Many(
-        dict(zip(FIGURES, table.T.copy(), strict=True)),
-        dict(zip(FLAGS, flags.T.copy(), strict=True)),
-        kept,
-    )
+        raise ValueError(f"traces holds {min(missing)}, and there are {place} runs")
+    figures, flags = zip(*parts, strict=True) if parts else ((), ())
+    return Many(_columns(FIGURES, figures, float), _columns(FLAGS, flags, np.int64), kept)
 
 
-def _judged(run: Run, bearing: Bearing, settling: float, band: float) -> Array:
-    """Return the figures of a run in their order."""
-    record, estimate, T = run.record, run.estimate, bearing.sampling_time
-    first = first_of(settling, T, len(record))
-    where = windows(record["r"], record["f_d"], first)
-    away, gain = record["r"] - record["x"], bearing.amplifier.gain
-    found = dict.fromkeys(FIGURES, np.nan)
-    if estimate is not None:
-        for name in ("x", "v", "f_d"):
-            error = (estimate[name] - record[name])[first:]
-            found[f"{name}_rms"], found[f"{name}_peak"] = _rms(error), float(np.abs(error).max())
-        nis = estimate.nis[first:][estimate.used[first:]]
-        if np.isfinite(nis).any():
-            found["nis"] = float(np.nanmean(nis))
-    found["tracking_rms"] = _rms(away[first:])
-    found["tracking_peak"] = float(np.abs(away[first:]).max())
-    found["effort"] = gain * _rms(np.diff(record["u"][first:]))
-    found["displacement_peak"] = float(np.abs(record["x"]).max())
-    found["current_peak"] = float(np.abs(record["iu"]).max())
-    found |= _responses(record, where, band * bearing.rotor.travel_limit)
-    return np.array(list(found.values()))
+def _chunked(runs: Iterator[Planned], size: int) -> Iterator[list[Planned]]:
+    while chunk := list(islice(runs, size)):
+        yield chunk
 
 
-def _rms(error: Array) -> float:
-    return float(np.sqrt(np.mean(error**2))) if error.size else float("nan")
+def _columns(names: Iterable[str], parts: Sequence[NDArray[Any]], kind: Any) -> dict[str, Any]:
+    """Return each column of tables that stand one below the other."""
+    return {
+        name: np.concatenate([part[:, k] for part in parts]) if parts else np.empty(0, kind)
+        for k, name in enumerate(names)
+    }
 
 
-def _responses(record: Record, where: Windows, band: float) -> dict[str, float]:
-    """Return what became of the last step and of the last load, and what stops were met."""
-    r, x, f_d, T = record["r"], record["x"], record["f_d"], record.sampling_time
-    found = {}
-    if where.step is not None:
-        start, stop, height = where.step
-        way = (x[start:stop] - r[start]) / height  # -1 before, 0 there
-        found["overshoot"] = max(0.0, float(way.max()))
-        found["settling"] = _stays(np.abs(way) > 0.05, T)
-    if where.load is not None:
-        found["recovery"] = _stays(np.abs(r - x)[where.load :] > band, T)
-    bearing = Bearing.from_toml(record.meta["bearing"])
-    at_stop = np.abs(x) >= (1 - 1e-12) * bearing.rotor.travel_limit
-    met = int(np.argmax(at_stop)) if at_stop.any() else len(record)
-    found["load_kept"] = float(np.abs(f_d[: max(met, 1)]).max())
-    found["touched"] = float(record.meta["stop_touched"])
-    found["landed"] = float(at_stop[-1])
-    return found
+class _Engine:
+    """Plans what has not been planned yet, and flies it; see `simulate_many` for the arguments."""
 
+    def __init__(
+        self, settling: float, band: float, threads: int, instructions: str | None
+    ) -> None:
+        if threads < 1:
+            raise ValueError(f"threads must be 1 or more, got {threads}")
+        self.settling, self.band = settling, band
+        self.threads, self.instructions = threads, instructions
+        # By the identity of what a run is made of, which is kept, so that no other takes its place.
+        self._plans: dict[tuple[int, ...], tuple[Planned, ModuleType, Any]] = {}
 
-def _stays(outside: NDArray[np.bool_], T: float) -> float:
-    """Return after which time a signal stays inside [s]; infinity: not within the window."""
-    last = np.flatnonzero(outside)
-    if not last.size:
-        return 0.0
-    return float("inf") if last[-1] == outside.size - 1 else float((last[-1] + 1) * T)
+    def flown(self, runs: Sequence[Planned]) -> tuple[Array, Counts]:
+        """Return figures (runs, figures) and counts of flags (runs, flags)."""
+        if len(self._plans) > MOST_PLANS:
+            self._plans.clear()
+        figures = np.empty((len(runs), len(FIGURES)))
+        counts = np.empty((len(runs), len(FLAGS)), np.int64)
+        by_core: dict[ModuleType, dict[Any, list[int]]] = {}
+        for place, planned in enumerate(runs):
+            core, plan = self._plan(planned)
+            by_core.setdefault(core, {}).setdefault(plan, []).append(place)
+        numbers = np.array([planned.key[1] for planned in runs], np.uint64)
+        for core, plans in by_core.items():
+            places = np.concatenate([np.array(each) for each in plans.values()])
+            which = np.repeat(np.arange(len(plans)), [len(each) for each in plans.values()])
+            order = np.argsort(places)
+            places, which = places[order], np.ascontiguousarray(which[order], np.int64)
+            figures[places], counts[places] = core.fly(
+                list(plans), which, numbers[places], instructions=self.instructions,
+                threads=self.threads,
+            )  # fmt: skip
+        return figures, counts
+
+    def _plan(self, planned: Planned) -> tuple[ModuleType, Any]:
+        made_of = (
+            planned.bearing, planned.scenario, planned.estimator, planned.magnet, planned.imposed,
+        )  # fmt: skip
+        known = tuple(map(id, made_of))
+        found = self._plans.get(known)
+        if found is None:
+            core, plan, general = self._made(planned)
+            if not general:
+                return core, plan
+            found = self._plans[known] = planned, core, plan
+        return found[1:]
+
+    def _made(self, planned: Planned) -> tuple[ModuleType, Any, bool]:
+        """Return a core, its plan of a run, and whether that serves all numbers."""
+        loop = Loop(
+            planned.bearing, planned.numbered, estimator=planned.estimator, magnet=planned.magnet,
+            imposed=planned.imposed,
+        )  # fmt: skip
+        estimator = loop.estimator
+        precision = "float64" if estimator is None else estimator.precision
+        core = core_module(precision) if estimator is None else estimator.engine.core
+
+        def given(values: ArrayLike) -> NDArray[Any]:
+            return np.ascontiguousarray(values, dtype=precision)
+
+        r, f_d = loop.series
+        bearing = planned.bearing
+        at = windows(r, f_d, first_of(self.settling, bearing.sampling_time, len(r)))
+        start, stop, height = at.step or (0, 0, 0.0)
+        stds = loop.white_noise
+        series = (None, None) if stds is not None else loop.noise
+        plan = core.Plan(
+            **loop.arguments(core, given),
+            mean=None if estimator is None else given(loop.start),
+            std=None if estimator is None else given(estimator.default_std()),
+            seed=planned.key[0], std_u=0.0 if stds is None else stds[0],
+            std_y=0.0 if stds is None else stds[1], noise_u=series[0], noise_y=series[1],
+            first=at.first, step_from=start, step_to=stop, height=height,
+            load_from=len(r) if at.load is None else at.load,
+            band=self.band * bearing.rotor.travel_limit,
+        )  # fmt: skip
+        return core, plan, stds is not None
 
 
 def first_of(settling: float, T: float, n: int) -> int:
@@ -304,13 +356,6 @@ def first_of(settling: float, T: float, n: int) -> int:
     first = max(1, round(settling / T))
     if first >= n:
         raise ValueError(
-            f"settling must be less than the {(n - 1) * T:g} s of a run, is {settling:g}"
+            f"settling must be less than the {(n - 1) * T:g} s of a run, is {settling:g} s"
         )
     return first
-
-
-def _counted(estimate: Estimate | None) -> NDArray[np.int64]:
-    if estimate is None:
-        return np.zeros(len(FLAGS), dtype=np.int64)
-    each = estimate.status[:, None] & np.array([int(flag) for flag in Status], np.uint16)
-    return np.asarray(np.count_nonzero(each, axis=0))
