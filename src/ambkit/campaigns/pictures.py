@@ -11,7 +11,7 @@ from ambkit.base.units import engineering
 from ambkit.campaigns.study import UNITS, limit_of
 from ambkit.campaigns.varied import OneOf
 from ambkit.show.plots import campaign as plots
-from ambkit.show.plots.campaign import Quantity, Swing
+from ambkit.show.plots.campaign import LABELS, Quantity, Swing, in_words
 from ambkit.workflow.loop_of import ZONES
 
 if TYPE_CHECKING:
@@ -28,14 +28,15 @@ def quantity(campaign: Campaign, name: str) -> Quantity:
     plan = campaign.plan
     values = campaign.column(name)
     if name not in plan.names:
-        return Quantity(name, UNITS[name], values)
+        return Quantity(LABELS[name], UNITS[name], values)
     place = plan.names.index(name)
+    said = in_words(plan.names)[place]
     key, of = plan.keys[place], plan.marginals[place]
     if isinstance(of, OneOf):
         words = [_said(value, key.unit) for value in of.values]
         at = {value: float(number) for number, value in enumerate(of.values)}
-        return Quantity(name, "1", np.array([at[value] for value in values.tolist()]), words)
-    return Quantity(name, key.unit, values)
+        return Quantity(said, "1", np.array([at[value] for value in values.tolist()]), words)
+    return Quantity(said, key.unit, values)
 
 
 def _said(value: object, unit: str) -> str:
@@ -48,11 +49,12 @@ def cumulative(campaign: Campaign) -> Figure:
     """Show the figures' cumulative curves, apart by the first choice."""
     figures = [quantity(campaign, name) for name in campaign.figures]
     limits = {
-        name: limit_of(name, given) for name, given in campaign.plan.study.passes.at_most.items()
+        LABELS[name]: limit_of(name, given) for name, given in campaign.plan.study.passes.at_most.items()
     }
     zone = campaign.plan.study.passes.zone
     if zone is not None:
-        limits["peak_S"] = min(dict(ZONES)[zone], limits.get("peak_S", np.inf))
+        peak = LABELS["peak_S"]
+        limits[peak] = min(dict(ZONES)[zone], limits.get(peak, np.inf))
     return plots.cumulative_figure(
         f"{campaign.plan.study.name}: {len(campaign):,} machines", figures, _groups(campaign), limits
     )
@@ -75,21 +77,22 @@ def tornado(campaign: Campaign, figure: str) -> Figure:
         X = quantity(campaign, name)
         if X.words:
             medians = {
-                word: float(_median(Y[known & (X.values == at)]))
+                word: _median(Y[known & (X.values == at)])
                 for at, word in enumerate(X.words) if (known & (X.values == at)).any()
             }  # fmt: skip
             low, high = min(medians, key=medians.__getitem__), max(medians, key=medians.__getitem__)
-            swings.append(Swing(name, medians[low], medians[high], f"{low} … {high}"))
+            swings.append(Swing(X.name, medians[low], medians[high], f"{low} … {high}"))
             continue
         a, b = np.quantile(X.values, [TENTH, 1 - TENTH])
         low_median, high_median = (
-            float(_median(Y[known & these])) for these in (X.values <= a, X.values >= b)
+            _median(Y[known & these]) for these in (X.values <= a, X.values >= b)
         )
         text = f"{_said(float(a), X.unit)} … {_said(float(b), X.unit)}"
         if X.unit != "1":
             text = " … ".join(engineering(float(end), X.unit, digits=3) for end in (a, b))
-        swings.append(Swing(name, low_median, high_median, text))
-    return plots.tornado_figure(Quantity(figure, UNITS[figure], Y), float(_median(Y[known])), swings)
+        swings.append(Swing(X.name, low_median, high_median, text))
+    of = quantity(campaign, figure)
+    return plots.tornado_figure(figure, of, _median(Y[known]), swings)
 
 
 def _median(values: NDArray[np.float64]) -> float:
@@ -107,7 +110,8 @@ def indices(found: Indices) -> Figure:
     if found.left_out:
         caption += f" {found.left_out:,} without a finite value are left out."
     return plots.indices_figure(
-        found.figure, found.method, [found.names[at] for at in order], shares, caption
+        found.figure, LABELS[found.figure], found.method,
+        [in_words(found.names)[at] for at in order], shares, caption,
     )
 
 

@@ -293,6 +293,16 @@ class Plan:
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
 
+    def with_design(self, estimator: Estimator, controller: PID) -> Plan:
+        """Return the plan with another filter and another controller for all machines."""
+        other = Plan(self.study)
+        scenario = self.scenario.model_copy(update={"controller": controller})
+        vars(other).update(
+            bearing=self.bearing, marginals=self.marginals, keys=self.keys, scenario=scenario,
+            estimators={self.study.estimator: estimator},
+        )  # fmt: skip
+        return other
+
     def check(self) -> None:
         """Make all that is made once, so that what cannot be is said before any run.
 

@@ -124,7 +124,7 @@ def _yield(campaign: Campaign) -> Chapter:
         )  # fmt: skip
     for text in campaign.rare():
         blocks.append(Remark("Rare failure", markdown(text)))
-    return Chapter("yield", "How many are good", blocks)
+    return Chapter("good", "How many are good", blocks)
 
 
 def _figures(campaign: Campaign) -> Chapter:

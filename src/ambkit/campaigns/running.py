@@ -92,11 +92,11 @@ def campaign(
     return Campaign(Path(folder), plan, tuple(range(end)))
 
 
-def begun_in(study: Study | str | os.PathLike[str], folder: str | os.PathLike[str]) -> int:
-    """Return how many runs of a study a folder has already, for who tells how far it is."""
-    plan = Plan(load(study))
+def begun_in(study: Study, folder: str | os.PathLike[str]) -> tuple[int, int]:
+    """Return how many runs of a study a folder has already, and of how many."""
+    plan = Plan(study)
     there = Folder(folder, plan).done()
-    return sum(stop - first for first, stop in map(plan.span, there))
+    return sum(stop - first for first, stop in map(plan.span, there)), plan.runs
 
 
 def _computed(

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base.escaping import markdown
 from ambkit.base.units import engineering
 from ambkit.show.report.figure import Figure, Panel
 from ambkit.show.report.items import Axis, Intervals, Item, Line, Note, Points, Rule
@@ -24,18 +23,62 @@ POINTS = 400
 FAR = 0.995
 """Share of the machines that a curve shows where the rest lies far out."""
 
-LINES = 120
+LINES = 80
 """Machines of each kind among parallel coordinates."""
 
 _PREFIXES = {"": 1.0, "m": 1e3, "µ": 1e6, "n": 1e9, "k": 1e-3}
 _SCALED = ("m", "s", "N", "A", "m/s", "V", "kg")
 
 
+LABELS = {
+    "peak_S": "peak of |S|",
+    "x_rms": "error of the position, rms",
+    "v_rms": "error of the velocity, rms",
+    "f_d_rms": "error of the disturbance force, rms",
+    "x_peak": "greatest error of the position",
+    "v_peak": "greatest error of the velocity",
+    "f_d_peak": "greatest error of the disturbance force",
+    "nis": "normalised innovation squared",
+    "tracking_rms": "control error, rms",
+    "tracking_peak": "greatest control error",
+    "effort": "change of the current, rms",
+    "displacement_peak": "greatest displacement",
+    "current_peak": "greatest control current",
+    "overshoot": "overshoot",
+    "settling": "settling time",
+    "recovery": "time to recover from the load",
+    "load_kept": "load that was kept",
+    "touched": "samples at a stop",
+    "landed": "at a stop at the end",
+}
+"""Figures of runs in words."""
+
+
+def in_words(names: Sequence[str]) -> list[str]:
+    """Return keys of what varies in words: the last of each, and more where two are alike.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Such as ``magnet.air_gap``.
+    """
+    def last(name: str, steps: int) -> str:
+        return " ".join(name.split(".")[-steps:]).replace("_", " ")
+
+    found = []
+    for name in names:
+        steps = 2 if name.startswith("scenario.") else 1
+        while sum(last(each, steps) == last(name, steps) for each in names) > 1 and steps < 9:
+            steps += 1
+        found.append(last(name, steps))
+    return found
+
+
 class Quantity(NamedTuple):
     """A column of machines, to be shown."""
 
     name: str
-    """As in the study, or what it is in words."""
+    """In words."""
     unit: str
     """SI."""
     values: Array
@@ -48,7 +91,7 @@ class Quantity(NamedTuple):
         """An axis with a prefix that fits."""
         finite = np.abs(self.values[np.isfinite(self.values)])
         typical = float(np.median(finite)) if finite.size else 1.0
-        label = markdown(self.name)
+        label = self.name
         if self.unit not in _SCALED or self.unit == "kg" or not typical > 0:
             return Axis(label, "" if self.unit == "1" else self.unit)
         fits = [(p, f) for p, f in _PREFIXES.items() if 1 <= typical * f < 1000]
@@ -86,7 +129,7 @@ def cumulative_figure(
                 continue
             at = np.unique(np.linspace(0, values.size - 1, POINTS).astype(int))
             keep = at[np.isfinite(values[at])]
-            label = markdown(name) if len(shown) > 1 else ""
+            label = name if len(shown) > 1 else ""
             y = (keep + 1) / values.size
             items.append(Line(values[keep], y, signal=f"series {place + 1}", label=label))
         if of.name in limits:
@@ -125,11 +168,15 @@ class Swing(NamedTuple):
     """Between which values."""
 
 
-def tornado_figure(figure: Quantity, middle: float, swings: Sequence[Swing]) -> Figure:
+def tornado_figure(
+    id: str, figure: Quantity, middle: float, swings: Sequence[Swing]
+) -> Figure:
     """Show what each quantity does to a figure, the strongest on top.
 
     Parameters
     ----------
+    id : str
+        Of the figure, letters and digits.
     figure : Quantity
         Which.
     middle : float
@@ -140,7 +187,7 @@ def tornado_figure(figure: Quantity, middle: float, swings: Sequence[Swing]) -> 
     order = sorted(swings, key=lambda each: -abs(each.high - each.low))
     ends = [sorted((each.low, each.high)) for each in order]
     rows = Intervals(
-        [markdown(each.name) for each in order],
+        [each.name for each in order],
         np.full(len(order), middle),
         np.array([low for low, _ in ends]),
         np.array([high for _, high in ends]),
@@ -149,8 +196,8 @@ def tornado_figure(figure: Quantity, middle: float, swings: Sequence[Swing]) -> 
         label="",
     )
     return Figure(
-        f"tornado-{figure.name.replace('.', '-')}",
-        f"What drives {markdown(figure.name)}",
+        f"tornado-{id}",
+        f"What drives the {figure.name}",
         "Median of the figure over the tenth of the machines in which a quantity is lowest, and "
         "over the tenth in which it is highest; of a choice over its best and its worst value.",
         [Panel(figure.axis, Axis(""), [rows])],
@@ -159,6 +206,7 @@ def tornado_figure(figure: Quantity, middle: float, swings: Sequence[Swing]) -> 
 
 
 def indices_figure(
+    id: str,
     figure: str,
     method: str,
     names: Sequence[str],
@@ -169,6 +217,8 @@ def indices_figure(
 
     Parameters
     ----------
+    id : str
+        Of the figure, letters and digits.
     figure, method : str
         Of which figure, by which method.
     names : sequence of str
@@ -182,14 +232,14 @@ def indices_figure(
     for place, (order, (value, half)) in enumerate(shares.items()):
         texts = [f"{100 * v:.1f} ± {100 * h:.1f} %" for v, h in zip(value, half, strict=True)]
         rows = Intervals(
-            [markdown(name) for name in names], value, value - half, value + half, texts,
+            list(names), value, value - half, value + half, texts,
             signal=f"series {place + 1}", label="",
         )  # fmt: skip
         axis = Axis(f"{order}, share of the variance", "%", 100.0)
         panels.append(Panel(axis, Axis(""), [rows]))
     return Figure(
-        f"indices-{figure}",
-        f"{method} of {markdown(figure)}",
+        f"indices-{id}",
+        f"{method} of the {figure}",
         caption,
         panels,
         panel_height=max(1.6, 0.45 + 0.32 * len(names)),
@@ -221,9 +271,9 @@ def parallel_figure(title: str, quantities: Sequence[Quantity], passed: NDArray[
             else tuple(engineering(end, unit, digits=3) if unit else f"{end:.3g}" for end in (low, high))
         )  # fmt: skip
         items += [
-            Rule(float(place), axis="x", signal="bound", label=""),
-            Note(float(place), 0.0, markdown(str(ends[0])), side="below"),
-            Note(float(place), 1.0, f"{markdown(of.name)}\n{markdown(str(ends[1]))}"),
+            Rule(float(place), axis="x", signal="reference", label=""),
+            Note(float(place), 0.0, str(ends[0]), side="below"),
+            Note(float(place), 1.0, f"{of.name}\n{ends[1]}"),
         ]
     x = np.append(np.arange(k, dtype=float), np.nan)
     for signal, these in (("passed", passed), ("failed", ~passed)):
@@ -237,7 +287,13 @@ def parallel_figure(title: str, quantities: Sequence[Quantity], passed: NDArray[
         title,
         f"Each line is a machine; at most {LINES} of each kind. Where red lines meet, machines "
         "fail.",
-        [Panel(Axis("", limits=(-0.4, k - 0.6)), Axis("", limits=(-0.15, 1.3)), items)],
+        [
+            Panel(
+                Axis("", limits=(-0.5, k - 0.5)),
+                Axis("from the least, 0, to the greatest, 1", limits=(-0.15, 1.3)),
+                items,
+            )
+        ],
         panel_height=3.4,
     )
 
