@@ -12,8 +12,8 @@ from ambkit.base.errors import AmbkitError
 from ambkit.cli.options import RECORDS, Json, Plot, file_option
 
 if TYPE_CHECKING:
-    from ambkit.campaigns.result import Campaign
-    from ambkit.campaigns.running import Status
+    from ambkit.workflow.campaign.result import Campaign
+    from ambkit.workflow.campaign.running import Status
 
 RUN = "run"
 """The command that is meant where a study follows at once."""
@@ -30,7 +30,9 @@ class OfCampaigns(TyperGroup):
 
 
 FolderName = Annotated[Path, typer.Argument(metavar="FOLDER", help="Of the campaign.")]
-StudyName = Annotated[Path, typer.Argument(metavar="STUDY.toml", help="What varies, what is asked.")]
+StudyName = Annotated[
+    Path, typer.Argument(metavar="STUDY.toml", help="What varies, what is asked.")
+]
 Threads = Annotated[
     int | None,
     typer.Option(min=1, metavar="N", help="Of this process.", show_default="all it may use"),
@@ -57,7 +59,9 @@ def campaign_run(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", metavar="FOLDER", help="Where the rows are kept.",
+            "--out",
+            metavar="FOLDER",
+            help="Where the rows are kept.",
             show_default="the study's name, here",
         ),
     ] = None,
@@ -90,10 +94,10 @@ def campaign_run(
       ambkit campaign run tolerances.toml --out out --report out.html
       ambkit campaign run tolerances.toml --out out --cluster local
     """
-    from ambkit.campaigns.running import begun_in
-    from ambkit.campaigns.running import campaign as simulated
-    from ambkit.campaigns.study import load
     from ambkit.cli import output
+    from ambkit.workflow.campaign.running import begun_in
+    from ambkit.workflow.campaign.running import campaign as simulated
+    from ambkit.workflow.campaign.study import load
 
     known = load(study)
     folder = out or Path(study.with_suffix("").name)
@@ -123,7 +127,7 @@ def campaign_report(
     For example:
       ambkit campaign report out --out report.html
     """
-    from ambkit.campaigns.result import Campaign
+    from ambkit.workflow.campaign.result import Campaign
 
     _deliver(Campaign.load(folder), out, plot, json)
 
@@ -134,8 +138,8 @@ def campaign_status(folder: FolderName, json: Json = False) -> None:
     For example:
       ambkit campaign status out
     """
-    from ambkit.campaigns.running import status
     from ambkit.cli import output
+    from ambkit.workflow.campaign.running import status
 
     found = status(folder)
     data = found._asdict() | {"good": found.good._asdict()}
@@ -162,11 +166,11 @@ def campaign_replay(
     For example:
       ambkit campaign replay out 417 --out run-417.csv --plot run-417.png
     """
-    from ambkit.campaigns.report import said
-    from ambkit.campaigns.result import Campaign
-    from ambkit.campaigns.study import UNITS
     from ambkit.cli import output
     from ambkit.show import plots
+    from ambkit.workflow.campaign.report import said
+    from ambkit.workflow.campaign.result import Campaign
+    from ambkit.workflow.campaign.study import UNITS
 
     of = Campaign.load(folder)
     found = of.replay(run)
@@ -194,9 +198,7 @@ def campaign_replay(
 
 def campaign_rare(
     folder: FolderName,
-    figure: Annotated[
-        str, typer.Option(metavar="NAME", help="Figure of a run, such as peak_S.")
-    ],
+    figure: Annotated[str, typer.Option(metavar="NAME", help="Figure of a run, such as peak_S.")],
     above: Annotated[
         str, typer.Option(metavar="LIMIT", help='It fails at or above this, such as 5 or "0.8 mm".')
     ],
@@ -213,11 +215,11 @@ def campaign_rare(
       ambkit campaign rare out --figure peak_S --above 5
     """
     from ambkit.base.units import parse
-    from ambkit.campaigns import rare_file
-    from ambkit.campaigns.rare import rare_failure
-    from ambkit.campaigns.store import Folder
-    from ambkit.campaigns.study import UNITS
     from ambkit.cli import output
+    from ambkit.workflow.campaign import rare_file
+    from ambkit.workflow.campaign.rare import rare_failure
+    from ambkit.workflow.campaign.store import Folder
+    from ambkit.workflow.campaign.study import UNITS
 
     plan = Folder.existing(folder).plan
     if figure not in UNITS:
@@ -227,9 +229,7 @@ def campaign_rare(
     except ValueError as error:
         raise AmbkitError(f"--above: {error}") from None
     with output.progress("levels of rare failures", unit="runs") as done:
-        found = rare_failure(
-            plan, figure, limit, runs=runs, seed=seed, threads=threads, done=done
-        )
+        found = rare_failure(plan, figure, limit, runs=runs, seed=seed, threads=threads, done=done)
     rare_file.keep(folder, figure, limit, found)
     data = {"figure": figure, "above": limit} | found._asdict()
     output.deliver(data, [rare_file.sentence(figure, limit, found)], as_json=json)
@@ -241,10 +241,10 @@ def campaign_problem(study: StudyName) -> None:
     For example:
       ambkit campaign problem tolerances.toml > problem.json
     """
-    from ambkit.campaigns.plan import Plan
-    from ambkit.campaigns.salib import problem_of
-    from ambkit.campaigns.study import load
     from ambkit.cli import output
+    from ambkit.workflow.campaign.plan import Plan
+    from ambkit.workflow.campaign.salib import problem_of
+    from ambkit.workflow.campaign.study import load
 
     output.deliver(problem_of(Plan(load(study))), [], as_json=True)
 
@@ -261,9 +261,9 @@ def _deliver(found: Campaign, report: Path | None, plot: Path | None, json: bool
 
 
 def _tables(found: Campaign) -> list[Any]:
-    from ambkit.campaigns.report import said, share
-    from ambkit.campaigns.study import UNITS
     from ambkit.cli.output import table
+    from ambkit.workflow.campaign.report import said, share
+    from ambkit.workflow.campaign.study import UNITS
 
     if not len(found):
         return [f"{found.folder}: no part is finished yet"]
@@ -272,7 +272,9 @@ def _tables(found: Campaign) -> list[Any]:
         rows += [[f"{name} {value}", share(each)] for value, each in shares.items()]
     rows += [[f"fail by {name}", f"{count:,}"] for name, count in found.fails.items()]
     level = f"{100 * found.plan.study.confidence:g} %"
-    tables = [table(f"{found.plan.study.name}: {len(found):,} machines, {level}", ["", "good"], rows)]
+    tables = [
+        table(f"{found.plan.study.name}: {len(found):,} machines, {level}", ["", "good"], rows)
+    ]
     quantiles = [
         [name, *(said(value, UNITS[name]) for value in of.values())]
         for name, of in found.quantiles.items()
@@ -288,7 +290,7 @@ def _tables(found: Campaign) -> list[Any]:
 
 
 def _of_status(found: Status) -> str:
-    from ambkit.campaigns.report import share
+    from ambkit.workflow.campaign.report import share
 
     state = "finished" if found.complete else "not finished"
     left = "" if found.complete else f" of {found.of:,}"

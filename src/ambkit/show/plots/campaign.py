@@ -62,6 +62,7 @@ def in_words(names: Sequence[str]) -> list[str]:
     names : sequence of str
         Such as ``magnet.air_gap``.
     """
+
     def last(name: str, steps: int) -> str:
         return " ".join(name.split(".")[-steps:]).replace("_", " ")
 
@@ -168,9 +169,7 @@ class Swing(NamedTuple):
     """Between which values."""
 
 
-def tornado_figure(
-    id: str, figure: Quantity, middle: float, swings: Sequence[Swing]
-) -> Figure:
+def tornado_figure(id: str, figure: Quantity, middle: float, swings: Sequence[Swing]) -> Figure:
     """Show what each quantity does to a figure, the strongest on top.
 
     Parameters
@@ -246,7 +245,9 @@ def indices_figure(
     )
 
 
-def parallel_figure(title: str, quantities: Sequence[Quantity], passed: NDArray[np.bool_]) -> Figure:
+def parallel_figure(
+    title: str, quantities: Sequence[Quantity], passed: NDArray[np.bool_]
+) -> Figure:
     """Show machines as lines through all that varies, those that fail in red.
 
     Parameters

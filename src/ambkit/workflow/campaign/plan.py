@@ -15,18 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base import files, units
-from ambkit.base.escaping import json_text
 from ambkit.base.errors import AmbkitError
-from ambkit.campaigns import sampling
-from ambkit.campaigns.checks import bearing_of, completed, key_of
-from ambkit.campaigns.keys import OF_RUN, Key, changed, nested
-from ambkit.campaigns.study import UNITS, Study
-from ambkit.campaigns.varied import Marginal, OneOf
+from ambkit.base.escaping import json_text
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.registry import FILTER_SUFFIX
 from ambkit.machine.bearing import FILES, Bearing, magnet_constant
 from ambkit.simulation.many import Planned
 from ambkit.simulation.scenario import PID, Scenario
+from ambkit.workflow.campaign import sampling
+from ambkit.workflow.campaign.checks import bearing_of, completed, key_of
+from ambkit.workflow.campaign.keys import OF_RUN, Key, changed, nested
+from ambkit.workflow.campaign.study import UNITS, Study
+from ambkit.workflow.campaign.varied import Marginal, OneOf
 
 Array = NDArray[np.float64]
 

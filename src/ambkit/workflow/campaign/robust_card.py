@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from ambkit.show.notebook.card import Card, value
 
 if TYPE_CHECKING:
-    from ambkit.campaigns.robust import Robust
+    from ambkit.workflow.campaign.robust import Robust
 
 
 def card(of: Robust) -> Card:

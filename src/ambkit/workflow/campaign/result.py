@@ -14,17 +14,17 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Shown
-from ambkit.campaigns.counting import Counted
-from ambkit.campaigns.plan import Plan
-from ambkit.campaigns.statistics import Share, clopper_pearson
-from ambkit.campaigns.store import RUNS, Folder
-from ambkit.campaigns.study import UNITS, ZONES
-from ambkit.campaigns.varied import OneOf
+from ambkit.workflow.campaign.counting import Counted
+from ambkit.workflow.campaign.plan import Plan
+from ambkit.workflow.campaign.statistics import Share, clopper_pearson
+from ambkit.workflow.campaign.store import RUNS, Folder, array_of
+from ambkit.workflow.campaign.study import UNITS, ZONES
+from ambkit.workflow.campaign.varied import OneOf
 
 if TYPE_CHECKING:
-    from ambkit.campaigns.replaying import Replayed
-    from ambkit.campaigns.sensitivities import Indices
     from ambkit.show.report.figure import Figure
+    from ambkit.workflow.campaign.replaying import Replayed
+    from ambkit.workflow.campaign.sensitivities import Indices
 
 Array = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ class Campaign(Shown):
         Those that count.
     """
 
-    _card_by = "campaigns.card:card"
+    _card_by = "workflow.campaign.card:card"
 
     def __init__(self, folder: Path, plan: Plan, parts: tuple[int, ...]) -> None:
         self.folder, self.plan, self.parts = Path(folder), plan, parts
@@ -125,13 +125,30 @@ class Campaign(Shown):
         """
         if name not in self.columns:
             raise AmbkitError(f"there is no column {name}; there are {', '.join(self.columns)}")
-        parts = [self._place.column(part, name) for part in self.parts]
-        return np.concatenate(parts) if parts else np.zeros(0)
+        if name not in self._read:
+            # What summaries tell of is read at once: a file is opened for all of its columns.
+            usual = {"run", "passed", "fails", "zone", "touched", *SHOWN, *self.plan.names}
+            self._read |= self._columns_of(
+                [each for each in self.columns if each in usual] if name in usual else [name]
+            )
+        return self._read[name]
+
+    def _columns_of(self, names: list[str]) -> dict[str, NDArray[Any]]:
+        parts: dict[str, list[NDArray[Any]]] = {name: [] for name in names}
+        for part in self.parts:
+            table = self._place.table(part, names)
+            for name in names:
+                parts[name].append(array_of(table.column(name)))
+        return {name: np.concatenate(each) if each else np.zeros(0) for name, each in parts.items()}
+
+    @cached_property
+    def _read(self) -> dict[str, NDArray[Any]]:
+        return {}
 
     @cached_property
     def columns(self) -> tuple[str, ...]:
         """Names of all columns."""
-        from ambkit.campaigns.compute import schema
+        from ambkit.workflow.campaign.compute import schema
 
         return tuple(schema(self.plan).names)
 
@@ -145,9 +162,7 @@ class Campaign(Shown):
     def by_choice(self) -> dict[str, dict[str, Share]]:
         """Yield of each value of each choice."""
         passed, found = self.column("passed"), {}
-        for name, of, key in zip(
-            self.plan.names, self.plan.marginals, self.plan.keys, strict=True
-        ):
+        for name, of, key in zip(self.plan.names, self.plan.marginals, self.plan.keys, strict=True):
             if not isinstance(of, OneOf):
                 continue
             column = self.column(name)
@@ -250,7 +265,7 @@ class Campaign(Shown):
         AmbkitError
             There is no such run, or no such machine can be.
         """
-        from ambkit.campaigns.replaying import replay
+        from ambkit.workflow.campaign.replaying import replay
 
         return replay(self.plan, run)
 
@@ -267,13 +282,13 @@ class Campaign(Shown):
         AmbkitError
             SALib is not installed; there is no such figure; or nothing of it can be told.
         """
-        from ambkit.campaigns.sensitivities import indices
+        from ambkit.workflow.campaign.sensitivities import indices
 
         return indices(self, figure or ("peak_S" if "peak_S" in self.columns else "tracking_peak"))
 
     def rare(self) -> list[str]:
-        """Return what was found of rare failures, see `ambkit.campaigns.rare`, in sentences."""
-        from ambkit.campaigns.rare_file import told
+        """Return what was found of rare failures, see `ambkit.workflow.campaign.rare`, in sentences."""
+        from ambkit.workflow.campaign.rare_file import told
 
         return told(self.folder)
 
@@ -325,7 +340,7 @@ class Campaign(Shown):
 
     def figure(self) -> Figure:
         """Return the cumulative curves of the figures as a picture."""
-        from ambkit.campaigns.pictures import cumulative
+        from ambkit.workflow.campaign.pictures import cumulative
 
         return cumulative(self)
 
@@ -342,7 +357,7 @@ class Campaign(Shown):
         AmbkitError
             It cannot be written.
         """
-        from ambkit.campaigns.report import write
+        from ambkit.workflow.campaign.report import write
 
         write(self, path)
 

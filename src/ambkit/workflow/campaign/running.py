@@ -10,13 +10,13 @@ from typing import NamedTuple
 from ambkit.base.asked import of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import reporting
-from ambkit.campaigns.compute import Rows, compute
-from ambkit.campaigns.counting import Counted, looks_of
-from ambkit.campaigns.plan import Plan
-from ambkit.campaigns.result import Campaign
-from ambkit.campaigns.statistics import Share
-from ambkit.campaigns.store import Folder
-from ambkit.campaigns.study import Study, load
+from ambkit.workflow.campaign.compute import Rows, compute
+from ambkit.workflow.campaign.counting import Counted, looks_of
+from ambkit.workflow.campaign.plan import Plan
+from ambkit.workflow.campaign.result import Campaign
+from ambkit.workflow.campaign.statistics import Share
+from ambkit.workflow.campaign.store import Folder
+from ambkit.workflow.campaign.study import Study, load
 
 Told = Callable[..., None]
 
@@ -111,7 +111,7 @@ def _computed(
     if not parts:
         return
     if cluster is not None:
-        from ambkit.campaigns.cluster import computed
+        from ambkit.workflow.campaign.cluster import computed
 
         for part, rows in computed(plan, parts, cluster, workers):
             yield part, rows

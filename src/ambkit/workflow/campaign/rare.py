@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ambkit.base.errors import AmbkitError
 
 if TYPE_CHECKING:
-    from ambkit.campaigns.plan import Plan
+    from ambkit.workflow.campaign.plan import Plan
 
 Array = NDArray[np.float64]
 Limit = Callable[[Array], Array]
@@ -144,7 +144,12 @@ def _known(g: Array) -> Array:
 
 
 def _walk(
-    limit: Limit, u: Array, g: Array, b: float, length: int, rng: np.random.Generator,
+    limit: Limit,
+    u: Array,
+    g: Array,
+    b: float,
+    length: int,
+    rng: np.random.Generator,
     done: Callable[..., None],
 ) -> tuple[Array, Array, Array]:
     """Let chains (c, k) walk within a level; return their points, values, and values by chain."""
@@ -212,9 +217,9 @@ def rare_failure(
     """
     from scipy.special import ndtr
 
-    from ambkit.campaigns import sampling
-    from ambkit.campaigns.compute import fly
-    from ambkit.campaigns.study import UNITS
+    from ambkit.workflow.campaign import sampling
+    from ambkit.workflow.campaign.compute import fly
+    from ambkit.workflow.campaign.study import UNITS
 
     if figure not in UNITS or (figure == "peak_S" and not plan.study.record.margins):
         raise AmbkitError(f"there is no figure {figure} in this study")

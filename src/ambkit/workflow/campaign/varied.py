@@ -23,7 +23,7 @@ from ambkit.base import units
 from ambkit.base.config import Part
 from ambkit.base.config.paths import from_folder, to_folder
 from ambkit.base.config.texts import Line
-from ambkit.campaigns.keys import Key
+from ambkit.workflow.campaign.keys import Key
 
 Array = NDArray[np.float64]
 
@@ -130,7 +130,9 @@ class OneOf(Marginal):
     def quantile(self, u: Array) -> Array:
         """Return indices."""
         ends = np.cumsum(self.weights) / np.sum(self.weights)
-        return np.minimum(np.searchsorted(ends, u, side="right"), len(self.values) - 1).astype(float)
+        return np.minimum(np.searchsorted(ends, u, side="right"), len(self.values) - 1).astype(
+            float
+        )
 
     def level(self, u: Array) -> Array:
         """Return indices."""
@@ -169,9 +171,13 @@ class Varied(Part):
         def said(value: Any) -> Any:
             if isinstance(value, tuple):
                 return tuple(map(said, value))
-            return units.engineering(value, key.unit, digits=None) if type(value) is float else value
+            return (
+                units.engineering(value, key.unit, digits=None) if type(value) is float else value
+            )
 
-        names = [n for n in ("low", "high", "tolerance", "mean", "std", "values") if hasattr(self, n)]
+        names = [
+            n for n in ("low", "high", "tolerance", "mean", "std", "values") if hasattr(self, n)
+        ]
         return self.model_copy(update={name: said(getattr(self, name)) for name in names})
 
     def _number(self, name: str, key: Key, *, about: bool = False) -> float:
@@ -269,7 +275,9 @@ class Choice(Varied):
         """Return the distribution."""
         weights = self.weights or (1.0,) * len(self.values)
         if len(weights) != len(self.values):
-            raise Wrong("weights", f"must be {len(self.values)}, as many as values; are {len(weights)}")
+            raise Wrong(
+                "weights", f"must be {len(self.values)}, as many as values; are {len(weights)}"
+            )
         return OneOf(tuple(self._choice(each, key) for each in self.values), weights)
 
     def _choice(self, given: float | str, key: Key) -> Any:

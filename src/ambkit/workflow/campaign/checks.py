@@ -9,8 +9,8 @@ import numpy as np
 
 from ambkit.base.config import Read
 from ambkit.base.errors import AmbkitError
-from ambkit.campaigns.keys import OF_RUN, Key, key_in
-from ambkit.campaigns.varied import Choice, Varied, Wrong
+from ambkit.workflow.campaign.keys import OF_RUN, Key, key_in
+from ambkit.workflow.campaign.varied import Choice, Varied, Wrong
 
 Problem = tuple[str, str]
 
@@ -129,7 +129,10 @@ def _how_many(read: Read) -> Iterator[Problem]:
     if sampling in ("grid", "saltelli") and read("stop") is not None:
         yield "stop", f'does not go with sampling = "{sampling}", which is whole or nothing'
     if sampling in ("grid", "saltelli") and read("correlation"):
-        yield "correlation", f'does not go with sampling = "{sampling}": its columns are independent'
+        yield (
+            "correlation",
+            f'does not go with sampling = "{sampling}": its columns are independent',
+        )
     vary = read("vary")
     if not isinstance(vary, tuple):
         return
@@ -139,12 +142,15 @@ def _how_many(read: Read) -> Iterator[Problem]:
         yield "vary", f"must be at most {MOST_DIMENSIONS}, are {len(vary)}"
     if sampling == "saltelli" and isinstance(runs, int) and runs % (len(vary) + 2):
         size = len(vary) + 2
-        yield "runs", f"must be a multiple of {size} for Sobol indices of {len(vary)} quantities, is {runs}"
+        yield (
+            "runs",
+            f"must be a multiple of {size} for Sobol indices of {len(vary)} quantities, is {runs}",
+        )
 
 
 def _recorded(read: Read) -> Iterator[Problem]:
-    from ambkit.campaigns.study import TRACES, Passes, Recorded, limit_of
     from ambkit.simulation.scenario import Scenario
+    from ambkit.workflow.campaign.study import TRACES, Passes, Recorded, limit_of
 
     record, passes, scenario = read("record"), read("passes"), read("scenario")
     if isinstance(record, Recorded):

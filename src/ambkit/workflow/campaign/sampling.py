@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.campaigns.varied import LEAST, MOST, OneOf
+from ambkit.workflow.campaign.varied import LEAST, MOST, OneOf
 
 if TYPE_CHECKING:
-    from ambkit.campaigns.plan import Plan
+    from ambkit.workflow.campaign.plan import Plan
 
 Array = NDArray[np.float64]
 
@@ -131,7 +131,9 @@ def values(plan: Plan, u: Array) -> Array:
         for i, row in enumerate(np.linalg.cholesky(plan.correlation)):
             for j in range(i + 1):  # in this order whatever the number of rows
                 mixed[:, i] += row[j] * scores[:, j]
-        u = np.where((plan.correlation != np.eye(len(plan.correlation))).any(axis=1), ndtr(mixed), u)
+        u = np.where(
+            (plan.correlation != np.eye(len(plan.correlation))).any(axis=1), ndtr(mixed), u
+        )
     for place, each in enumerate(plan.marginals):
         found[:, place] = each.quantile(u[:, place])
     return found

@@ -38,9 +38,9 @@ from ambkit.base.config.paths import from_folder, to_folder
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.texts import Description, Line, Name
 from ambkit.base.errors import AmbkitError
-from ambkit.campaigns.varied import Value, Vary
 from ambkit.simulation.many import FIGURES
 from ambkit.simulation.scenario import PID, Scenario
+from ambkit.workflow.campaign.varied import Value, Vary
 
 Way = Literal["sobol", "latin-hypercube", "random", "grid", "saltelli"]
 
@@ -85,9 +85,7 @@ def _estimator_written(value: str, info: SerializationInfo) -> str:
     return to_folder(value, info) if value.endswith(FILTER_SUFFIX) else value
 
 
-EstimatorName = Annotated[
-    str, BeforeValidator(_kind_or_file), PlainSerializer(_estimator_written)
-]
+EstimatorName = Annotated[str, BeforeValidator(_kind_or_file), PlainSerializer(_estimator_written)]
 
 
 class Correlated(Part):
@@ -178,7 +176,7 @@ class Study(Document):
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
-        from ambkit.campaigns import checks
+        from ambkit.workflow.campaign import checks
 
         yield from checks.contradictions(read)
 

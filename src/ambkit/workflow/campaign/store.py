@@ -23,12 +23,14 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ambkit.base import files
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import json_text
-from ambkit.campaigns.compute import Rows, schema
-from ambkit.campaigns.plan import Plan
-from ambkit.campaigns.study import Study
+from ambkit.workflow.campaign.compute import Rows, schema
+from ambkit.workflow.campaign.plan import Plan
+from ambkit.workflow.campaign.study import Study
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -204,7 +206,7 @@ class Folder:
         AmbkitError
             The part is damaged.
         """
-        return self.table(part, [name]).column(0).to_numpy(zero_copy_only=False)
+        return array_of(self.table(part, [name]).column(0))
 
     def table(self, part: int, columns: list[str] | None = None) -> pa.Table:
         """Return a part, or some columns of it.
@@ -219,10 +221,13 @@ class Folder:
 
         path = self.file(part)
         try:
-            found = parquet.read_table(path, columns=columns, partitioning=None)
+            with parquet.ParquetFile(path) as file:  # a dataset would take pandas in
+                found = file.read(columns)
         except (OSError, pa.ArrowException) as error:
             said = str(error).partition("\n")[0]
-            raise AmbkitError(f"{path}: is damaged, delete it to have it computed again: {said}") from None
+            raise AmbkitError(
+                f"{path}: is damaged, delete it to have it computed again: {said}"
+            ) from None
         first, stop = self.plan.span(part)
         if found.num_rows != stop - first:
             raise AmbkitError(
@@ -230,3 +235,14 @@ class Folder:
                 "have it computed again"
             )
         return found
+
+
+def array_of(column: pa.ChunkedArray) -> Any:
+    """Return a column as an array (n,); of texts that repeat each is kept once."""
+    import pyarrow as pa
+
+    if not pa.types.is_string(column.type):
+        return column.to_numpy(zero_copy_only=False)
+    encoded = column.combine_chunks().dictionary_encode()
+    words = np.array(encoded.dictionary.to_pylist() or [""], dtype=object)
+    return words[encoded.indices.to_numpy(zero_copy_only=False)]

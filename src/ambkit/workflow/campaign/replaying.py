@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ambkit.base.errors import AmbkitError
 
 if TYPE_CHECKING:
-    from ambkit.campaigns.plan import Plan
     from ambkit.simulation.many import Planned
     from ambkit.simulation.run import Run
+    from ambkit.workflow.campaign.plan import Plan
 
 
 class Replayed(NamedTuple):
@@ -52,7 +52,7 @@ def replay(plan: Plan, number: int) -> Replayed:
     AmbkitError
         There is no such run, or no such machine can be.
     """
-    from ambkit.campaigns.compute import compute
+    from ambkit.workflow.campaign.compute import compute
 
     if not 0 <= number < plan.runs:
         raise AmbkitError(f"there is no run {number}; the study has runs 0 to {plan.runs - 1}")

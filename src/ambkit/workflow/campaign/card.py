@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ambkit.campaigns.report import said, share
-from ambkit.campaigns.study import UNITS
 from ambkit.show.notebook.card import Card
+from ambkit.workflow.campaign.report import said, share
+from ambkit.workflow.campaign.study import UNITS
 
 if TYPE_CHECKING:
-    from ambkit.campaigns.result import Campaign
+    from ambkit.workflow.campaign.result import Campaign
 
 
 def card(of: Campaign) -> Card:

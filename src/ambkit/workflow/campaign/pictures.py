@@ -8,16 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.units import engineering
-from ambkit.campaigns.study import UNITS, limit_of
-from ambkit.campaigns.varied import OneOf
 from ambkit.show.plots import campaign as plots
 from ambkit.show.plots.campaign import LABELS, Quantity, Swing, in_words
+from ambkit.workflow.campaign.study import UNITS, limit_of
+from ambkit.workflow.campaign.varied import OneOf
 from ambkit.workflow.loop_of import ZONES
 
 if TYPE_CHECKING:
-    from ambkit.campaigns.result import Campaign
-    from ambkit.campaigns.sensitivities import Indices
     from ambkit.show.report.figure import Figure
+    from ambkit.workflow.campaign.result import Campaign
+    from ambkit.workflow.campaign.sensitivities import Indices
 
 TENTH = 0.1
 """Of the machines, those in which a quantity counts as low, and as high."""
@@ -49,14 +49,18 @@ def cumulative(campaign: Campaign) -> Figure:
     """Show the figures' cumulative curves, apart by the first choice."""
     figures = [quantity(campaign, name) for name in campaign.figures]
     limits = {
-        LABELS[name]: limit_of(name, given) for name, given in campaign.plan.study.passes.at_most.items()
+        LABELS[name]: limit_of(name, given)
+        for name, given in campaign.plan.study.passes.at_most.items()
     }
     zone = campaign.plan.study.passes.zone
     if zone is not None:
         peak = LABELS["peak_S"]
         limits[peak] = min(dict(ZONES)[zone], limits.get(peak, np.inf))
     return plots.cumulative_figure(
-        f"{campaign.plan.study.name}: {len(campaign):,} machines", figures, _groups(campaign), limits
+        f"{campaign.plan.study.name}: {len(campaign):,} machines",
+        figures,
+        _groups(campaign),
+        limits,
     )
 
 
@@ -110,8 +114,12 @@ def indices(found: Indices) -> Figure:
     if found.left_out:
         caption += f" {found.left_out:,} without a finite value are left out."
     return plots.indices_figure(
-        found.figure, LABELS[found.figure], found.method,
-        [in_words(found.names)[at] for at in order], shares, caption,
+        found.figure,
+        LABELS[found.figure],
+        found.method,
+        [in_words(found.names)[at] for at in order],
+        shares,
+        caption,
     )
 
 

@@ -14,10 +14,10 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base.errors import AmbkitError, ExtraMissing
-from ambkit.campaigns.compute import Rows, part_of
+from ambkit.workflow.campaign.compute import Rows, part_of
 
 if TYPE_CHECKING:
-    from ambkit.campaigns.plan import Plan
+    from ambkit.workflow.campaign.plan import Plan
 
 AHEAD = 3
 """Parts that wait for each thread of the cluster, so that none runs dry."""

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from ambkit.base.errors import AmbkitError, ExtraMissing
 from ambkit.base.escaping import markdown
 from ambkit.base.showing import Shown
-from ambkit.campaigns.compute import fly
-from ambkit.campaigns.plan import Plan
-from ambkit.campaigns.study import Study, load
 from ambkit.estimate.registry import KINDS, learned_magnet
 from ambkit.judge.comparison.contenders import Range, contender_of_kind
 from ambkit.simulation.scenario import PID, Scenario
+from ambkit.workflow.campaign.compute import fly
+from ambkit.workflow.campaign.plan import Plan
+from ambkit.workflow.campaign.study import Study, load
 from ambkit.workflow.loop_of import ZONE_A
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ class Robust(Shown):
         Its controller.
     """
 
-    _card_by = "campaigns.robust_card:card"
+    _card_by = "workflow.campaign.robust_card:card"
 
     plan: Plan
     kind: str
@@ -141,7 +141,7 @@ class Robust(Shown):
             np.array([each.allowed for each in self.tried]), self.max_sensitivity, self.taken,
         )  # fmt: skip
 
-    def save(self, path: str | os.PathLike[str]) -> list[Path]:
+    def save(self, path: str | os.PathLike[str]) -> None:
         """Write the filter, and beside it a scenario with the controller, NAME.scenario.toml.
 
         Parameters
@@ -149,16 +149,18 @@ class Robust(Shown):
         path : path
             The filter's file.
 
-        Returns
-        -------
-        list of Path
-            What was written.
+        Raises
+        ------
+        AmbkitError
+            A file cannot be written.
         """
-        path = Path(path)
-        beside = path.with_suffix(".scenario.toml")
         self.estimator.save(path, bearing=self.plan.study.bearing)
-        Scenario(controller=self.controller).save(beside)
-        return [path, beside]
+        Scenario(controller=self.controller).save(self.beside(path))
+
+    @staticmethod
+    def beside(path: str | os.PathLike[str]) -> Path:
+        """Return where the controller of a filter in a file is written."""
+        return Path(path).with_suffix(".scenario.toml")
 
 
 def tune_robust(

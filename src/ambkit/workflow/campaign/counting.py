@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from ambkit.campaigns.plan import Plan
-from ambkit.campaigns.statistics import Share, clopper_pearson, looks
-from ambkit.campaigns.store import Folder
+from ambkit.workflow.campaign.plan import Plan
+from ambkit.workflow.campaign.statistics import Share, clopper_pearson, looks
+from ambkit.workflow.campaign.store import Folder
 
 
 class Counted:

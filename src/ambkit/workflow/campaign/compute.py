@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
-from ambkit.campaigns.margins import Margins
-from ambkit.campaigns.plan import Drawn, Plan
-from ambkit.campaigns.study import ZONES, limit_of
-from ambkit.campaigns.varied import OneOf
 from ambkit.simulation.many import FIGURES, FLAGS, Many, simulate_many
+from ambkit.workflow.campaign.margins import Margins
+from ambkit.workflow.campaign.plan import Drawn, Plan
+from ambkit.workflow.campaign.study import ZONES, limit_of
+from ambkit.workflow.campaign.varied import OneOf
 from ambkit.workflow.loop_of import zone_of
 
 if TYPE_CHECKING:

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 from ambkit.base.errors import AmbkitError, ExtraMissing
 from ambkit.base.escaping import markdown
 from ambkit.base.units import engineering
-from ambkit.campaigns import pictures
-from ambkit.campaigns.study import UNITS
 from ambkit.show.report.blocks import Block, Chapter, FigureBlock, Remark, Report, TableBlock, Text
+from ambkit.workflow.campaign import pictures
+from ambkit.workflow.campaign.study import UNITS
 
 if TYPE_CHECKING:
-    from ambkit.campaigns.result import Campaign
-    from ambkit.campaigns.statistics import Share
+    from ambkit.workflow.campaign.result import Campaign
+    from ambkit.workflow.campaign.statistics import Share
 
 DRIVEN = 3
 """Figures that are explained."""
@@ -76,6 +76,8 @@ def share(of: Share) -> str:
 
 def said(value: object, unit: str) -> str:
     """Print a value in SI as an engineer writes it; a word as it is."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
     if isinstance(value, str | None):
         return markdown(value or "–")
     number = float(str(value))

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.base.errors import AmbkitError
-from ambkit.campaigns.varied import Normal, NormalOf, OneOf, Truncated, Uniform, UniformOn
+from ambkit.workflow.campaign.varied import Normal, NormalOf, OneOf, Truncated, Uniform, UniformOn
 
 if TYPE_CHECKING:
-    from ambkit.campaigns.plan import Plan
-    from ambkit.campaigns.varied import Varied
+    from ambkit.workflow.campaign.plan import Plan
+    from ambkit.workflow.campaign.varied import Varied
 
 
 def problem_of(plan: Plan) -> dict[str, Any]:
@@ -79,4 +79,3 @@ def vary_from(problem: Mapping[str, Any]) -> tuple[Varied, ...]:
                     "has unif, norm, truncnorm"
                 )
     return tuple(found)
-

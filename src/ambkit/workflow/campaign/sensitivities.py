@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError, ExtraMissing
-from ambkit.campaigns.salib import problem_of
-from ambkit.campaigns.study import UNITS
-from ambkit.campaigns.varied import OneOf
+from ambkit.workflow.campaign.salib import problem_of
+from ambkit.workflow.campaign.study import UNITS
+from ambkit.workflow.campaign.varied import OneOf
 
 if TYPE_CHECKING:
-    from ambkit.campaigns.result import Campaign
+    from ambkit.workflow.campaign.result import Campaign
 
 Array = NDArray[np.float64]
 
