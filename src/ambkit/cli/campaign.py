@@ -168,9 +168,9 @@ def campaign_replay(
     """
     from ambkit.cli import output
     from ambkit.show import plots
+    from ambkit.workflow.campaign.parts import UNITS
     from ambkit.workflow.campaign.report import said
     from ambkit.workflow.campaign.result import Campaign
-    from ambkit.workflow.campaign.study import UNITS
 
     of = Campaign.load(folder)
     found = of.replay(run)
@@ -217,9 +217,9 @@ def campaign_rare(
     from ambkit.base.units import parse
     from ambkit.cli import output
     from ambkit.workflow.campaign import rare_file
+    from ambkit.workflow.campaign.parts import UNITS
     from ambkit.workflow.campaign.rare import rare_failure
     from ambkit.workflow.campaign.store import Folder
-    from ambkit.workflow.campaign.study import UNITS
 
     plan = Folder.existing(folder).plan
     if figure not in UNITS:
@@ -262,8 +262,8 @@ def _deliver(found: Campaign, report: Path | None, plot: Path | None, json: bool
 
 def _tables(found: Campaign) -> list[Any]:
     from ambkit.cli.output import table
+    from ambkit.workflow.campaign.parts import UNITS
     from ambkit.workflow.campaign.report import said, share
-    from ambkit.workflow.campaign.study import UNITS
 
     if not len(found):
         return [f"{found.folder}: no part is finished yet"]

@@ -35,6 +35,7 @@ def tune_robust(
     from ambkit.cli import output
     from ambkit.show import plots
     from ambkit.workflow.campaign import robust
+    from ambkit.workflow.loop_of import ZONE_A
 
     again = "nothing was kept: --storage FILE keeps what was tried"
     if storage is not None:
@@ -45,7 +46,7 @@ def tune_robust(
     ):
         found = robust.tune_robust(
             study, quantile=quantile, evaluations=evaluations, storage=storage, seed=seed,
-            max_sensitivity=robust.ZONE_A if ceiling is None else ceiling,
+            max_sensitivity=ZONE_A if ceiling is None else ceiling,
             free=None if free is None else free.replace(" ", "").split(","), done=done,
         )  # fmt: skip
     output.deliver(

@@ -26,8 +26,8 @@ class Finding:
         The file.
     kind : str
         ``"bearing"``, ``"machine"``, ``"scenario"``, ``"flight"``, ``"study"``, ``"filter"``,
-        ``"channel map"``, ``"expert"``, ``"record"``, ``"lift-off points"``, ``"measured force"``; ``"file"`` where
-        that cannot be told.
+        ``"channel map"``, ``"expert"``, ``"record"``, ``"lift-off points"``, ``"measured force"``;
+        ``"file"`` where that cannot be told.
     about : str
         What it holds, in a few words; empty where it is not valid.
     problems : tuple of str
@@ -162,8 +162,8 @@ def kind_of_toml(path: str | os.PathLike[str]) -> str:
     best = max(shared, key=lambda kind: shared[kind])
     if shared[best] == 0:
         raise AmbkitError(
-            f"{path}: is neither a bearing, nor a machine, nor a scenario, nor a study, nor a channel "
-            f"map, nor a filter: none of its keys is known in those "
+            f"{path}: is neither a bearing, nor a machine, nor a scenario, nor a study, nor a "
+            f"channel map, nor a filter: none of its keys is known in those "
             f"({', '.join(toml.data) or 'it is empty'})"
         )
     return best

@@ -267,10 +267,9 @@ def parallel_figure(
         low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
         scaled[:, place] = (np.clip(values, low, high) - low) / ((high - low) or 1.0)
         unit = of.unit if of.unit != "1" else ""
-        ends = (
-            (of.words[0], of.words[-1]) if of.words
-            else tuple(engineering(end, unit, digits=3) if unit else f"{end:.3g}" for end in (low, high))
-        )  # fmt: skip
+        ends = [engineering(e, unit, digits=3) if unit else f"{e:.3g}" for e in (low, high)]
+        if of.words:
+            ends = [of.words[0], of.words[-1]]
         items += [
             Rule(float(place), axis="x", signal="reference", label=""),
             Note(float(place), 0.0, str(ends[0]), side="below"),

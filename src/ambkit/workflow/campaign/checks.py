@@ -150,7 +150,7 @@ def _how_many(read: Read) -> Iterator[Problem]:
 
 def _recorded(read: Read) -> Iterator[Problem]:
     from ambkit.simulation.scenario import Scenario
-    from ambkit.workflow.campaign.study import TRACES, Passes, Recorded, limit_of
+    from ambkit.workflow.campaign.parts import TRACES, Passes, Recorded, limit_of
 
     record, passes, scenario = read("record"), read("passes"), read("scenario")
     if isinstance(record, Recorded):

@@ -11,6 +11,7 @@ import pickle
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base.errors import AmbkitError, ExtraMissing
@@ -99,7 +100,7 @@ def _from(client: Any, plan: Plan, pickled: bytes, parts: list[int]) -> Iterator
         key = f"{plan.fingerprint[:16]}-{part}"
         return client.submit(part_of, pickled, part, plan.version, key=key, retries=2)
 
-    futures = {given(part): part for part, _ in zip(waiting, range(AHEAD * threads))}
+    futures = {given(part): part for part in islice(waiting, AHEAD * threads)}
     queue = as_completed(list(futures), loop=client.loop)
     for future in queue:
         if future.status in ("cancelled", "lost"):

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from ambkit.base.errors import AmbkitError
 from ambkit.simulation.many import FIGURES, FLAGS, Many, simulate_many
 from ambkit.workflow.campaign.margins import Margins
+from ambkit.workflow.campaign.parts import ZONES, limit_of
 from ambkit.workflow.campaign.plan import Drawn, Plan
-from ambkit.workflow.campaign.study import ZONES, limit_of
 from ambkit.workflow.campaign.varied import OneOf
 from ambkit.workflow.loop_of import zone_of
 

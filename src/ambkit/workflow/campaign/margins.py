@@ -148,4 +148,5 @@ def highest(opened: Complex, closed: Complex, T: float, top: float) -> Array:
         a, b = high - share * (high - low), low + share * (high - low)
         left = gain(a) > gain(b)
         low, high = np.where(left, low, a), np.where(left, b, high)
-    return np.exp(np.maximum(gain(0.5 * (low + high)).max(axis=1), seen.max(axis=1)))
+    refined = gain(0.5 * (low + high)).max(axis=1)
+    return np.asarray(np.exp(np.maximum(refined, seen.max(axis=1))))

@@ -7,23 +7,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.escaping import markdown
 from ambkit.base.units import engineering
 from ambkit.show.plots import campaign as plots
 from ambkit.show.plots.campaign import LABELS, Quantity, Swing, in_words
-from ambkit.workflow.campaign.study import UNITS, limit_of
+from ambkit.workflow.campaign.parts import UNITS, limit_of
 from ambkit.workflow.campaign.varied import OneOf
 from ambkit.workflow.loop_of import ZONES
 
 if TYPE_CHECKING:
     from ambkit.show.report.figure import Figure
-    from ambkit.workflow.campaign.result import Campaign
+    from ambkit.workflow.campaign.machines import Machines
     from ambkit.workflow.campaign.sensitivities import Indices
 
 TENTH = 0.1
 """Of the machines, those in which a quantity counts as low, and as high."""
 
 
-def quantity(campaign: Campaign, name: str) -> Quantity:
+def quantity(campaign: Machines, name: str) -> Quantity:
     """Return what varies, or a figure, to be shown."""
     plan = campaign.plan
     values = campaign.column(name)
@@ -45,7 +46,7 @@ def _said(value: object, unit: str) -> str:
     return engineering(value, unit) if unit != "1" else f"{value:g}"
 
 
-def cumulative(campaign: Campaign) -> Figure:
+def cumulative(campaign: Machines) -> Figure:
     """Show the figures' cumulative curves, apart by the first choice."""
     figures = [quantity(campaign, name) for name in campaign.figures]
     limits = {
@@ -57,14 +58,14 @@ def cumulative(campaign: Campaign) -> Figure:
         peak = LABELS["peak_S"]
         limits[peak] = min(dict(ZONES)[zone], limits.get(peak, np.inf))
     return plots.cumulative_figure(
-        f"{campaign.plan.study.name}: {len(campaign):,} machines",
+        f"{markdown(campaign.plan.study.name)}: {len(campaign):,} machines",
         figures,
         _groups(campaign),
         limits,
     )
 
 
-def _groups(campaign: Campaign) -> dict[str, NDArray[np.bool_]]:
+def _groups(campaign: Machines) -> dict[str, NDArray[np.bool_]]:
     for name, of in zip(campaign.plan.names, campaign.plan.marginals, strict=True):
         if isinstance(of, OneOf):
             shown = quantity(campaign, name)
@@ -72,7 +73,7 @@ def _groups(campaign: Campaign) -> dict[str, NDArray[np.bool_]]:
     return {"all": np.ones(len(campaign), bool)}
 
 
-def tornado(campaign: Campaign, figure: str) -> Figure:
+def tornado(campaign: Machines, figure: str) -> Figure:
     """Show what each quantity does to a figure."""
     Y = campaign.column(figure)
     known = ~np.isnan(Y)
@@ -123,10 +124,10 @@ def indices(found: Indices) -> Figure:
     )
 
 
-def parallel(campaign: Campaign) -> Figure:
+def parallel(campaign: Machines) -> Figure:
     """Show machines as lines through what varies, and through the first figures."""
     names = [*campaign.plan.names, *campaign.figures[:2]]
     return plots.parallel_figure(
-        f"{campaign.plan.study.name}: machines, and which of them fail",
+        f"{markdown(campaign.plan.study.name)}: machines, and which of them fail",
         [quantity(campaign, name) for name in names], campaign.column("passed"),
     )  # fmt: skip

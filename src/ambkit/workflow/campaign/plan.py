@@ -25,7 +25,8 @@ from ambkit.simulation.scenario import PID, Scenario
 from ambkit.workflow.campaign import sampling
 from ambkit.workflow.campaign.checks import bearing_of, completed, key_of
 from ambkit.workflow.campaign.keys import OF_RUN, Key, changed, nested
-from ambkit.workflow.campaign.study import UNITS, Study
+from ambkit.workflow.campaign.parts import UNITS
+from ambkit.workflow.campaign.study import Study
 from ambkit.workflow.campaign.varied import Marginal, OneOf
 
 Array = NDArray[np.float64]

@@ -173,7 +173,7 @@ def _square(failed: NDArray[np.bool_], share: float, chains: Any) -> float:
         return 0.0
     gamma = 0.0
     if chains is not None:
-        count, length = chains.shape
+        length = chains.shape[1]
         deviation = chains - share
         variance = share * (1 - share)
         for lag in range(1, length):
@@ -219,7 +219,7 @@ def rare_failure(
 
     from ambkit.workflow.campaign import sampling
     from ambkit.workflow.campaign.compute import fly
-    from ambkit.workflow.campaign.study import UNITS
+    from ambkit.workflow.campaign.parts import UNITS
 
     if figure not in UNITS or (figure == "peak_S" and not plan.study.record.margins):
         raise AmbkitError(f"there is no figure {figure} in this study")

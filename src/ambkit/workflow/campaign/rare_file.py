@@ -9,8 +9,8 @@ from ambkit.base import files
 from ambkit.base.errors import AmbkitError
 from ambkit.base.escaping import json_text
 from ambkit.base.units import engineering
+from ambkit.workflow.campaign.parts import UNITS
 from ambkit.workflow.campaign.rare import Rare
-from ambkit.workflow.campaign.study import UNITS
 
 
 def keep(folder: Path, figure: str, above: float, found: Rare) -> None:

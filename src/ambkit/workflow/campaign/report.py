@@ -9,19 +9,30 @@ from typing import TYPE_CHECKING
 from ambkit.base.errors import AmbkitError, ExtraMissing
 from ambkit.base.escaping import markdown
 from ambkit.base.units import engineering
-from ambkit.show.report.blocks import Block, Chapter, FigureBlock, Remark, Report, TableBlock, Text
+from ambkit.show.report.blocks import (
+    Block,
+    Cell,
+    Chapter,
+    FigureBlock,
+    Remark,
+    Report,
+    TableBlock,
+    Text,
+)
 from ambkit.workflow.campaign import pictures
-from ambkit.workflow.campaign.study import UNITS
+from ambkit.workflow.campaign.parts import UNITS
+from ambkit.workflow.campaign.rare_file import told
+from ambkit.workflow.campaign.sensitivities import indices
 
 if TYPE_CHECKING:
-    from ambkit.workflow.campaign.result import Campaign
+    from ambkit.workflow.campaign.machines import Machines
     from ambkit.workflow.campaign.statistics import Share
 
 DRIVEN = 3
 """Figures that are explained."""
 
 
-def write(campaign: Campaign, path: str | os.PathLike[str]) -> None:
+def write(campaign: Machines, path: str | os.PathLike[str]) -> None:
     """Write the page.
 
     Parameters
@@ -43,7 +54,7 @@ def write(campaign: Campaign, path: str | os.PathLike[str]) -> None:
     write_page(report_of(campaign), path)
 
 
-def report_of(campaign: Campaign) -> Report:
+def report_of(campaign: Machines) -> Report:
     """Build the report of a campaign that has runs."""
     study, plan = campaign.plan.study, campaign.plan
     good = campaign.good
@@ -88,7 +99,7 @@ def said(value: object, unit: str) -> str:
     return f"{number:.4g}" if unit in ("1", "") else engineering(number, unit, digits=4)
 
 
-def _yield(campaign: Campaign) -> Chapter:
+def _yield(campaign: Machines) -> Chapter:
     passes = campaign.plan.study.passes
     wanted = [] if passes.zone is None else [f"zone {passes.zone} or better"]
     wanted += [] if passes.contact else ["no contact"]
@@ -102,19 +113,19 @@ def _yield(campaign: Campaign) -> Chapter:
             else "Any machine counts as good: the study has no criterion."
         )
     ]
-    rows = [["all", share(campaign.good), campaign.good.of]]
+    rows: list[list[Cell]] = [["all", share(campaign.good), campaign.good.of]]
     for name, shares in campaign.by_choice.items():
         rows += [[f"{markdown(name)} {markdown(v)}", share(s), s.of] for v, s in shares.items()]
     blocks.append(TableBlock("shares", "Yield", ["", "good", "machines"], rows, digits=",d"))
     if campaign.fails:
-        failed = [
+        failed: list[list[Cell]] = [
             [markdown(name), count, f"{100 * count / len(campaign):.2f} %"]
             for name, count in campaign.fails.items()
         ]
         heads = ["by", "machines", "share"]
         blocks.append(TableBlock("failures", "What they fail by", heads, failed, digits=",d"))
     if campaign.zones:
-        zones = [
+        zones: list[list[Cell]] = [
             [name or "not told", count, f"{100 * count / len(campaign):.2f} %"]
             for name, count in campaign.zones.items()
         ]
@@ -124,12 +135,12 @@ def _yield(campaign: Campaign) -> Chapter:
                 caption="By the peak of the sensitivity of each machine's linear loop.",
             )
         )  # fmt: skip
-    for text in campaign.rare():
+    for text in told(campaign.folder):
         blocks.append(Remark("Rare failure", markdown(text)))
     return Chapter("good", "How many are good", blocks)
 
 
-def _figures(campaign: Campaign) -> Chapter:
+def _figures(campaign: Machines) -> Chapter:
     quantiles = campaign.quantiles
     heads = ["", *(f"{100 * q:g} %" for q in next(iter(quantiles.values()), {}))]
     rows = [
@@ -143,12 +154,12 @@ def _figures(campaign: Campaign) -> Chapter:
     return Chapter("figures", "How good", [FigureBlock(pictures.cumulative(campaign)), table])
 
 
-def _drives(campaign: Campaign) -> Chapter:
+def _drives(campaign: Machines) -> Chapter:
     blocks: list[Block] = [FigureBlock(pictures.parallel(campaign))]
     for name in campaign.figures[:DRIVEN]:
         blocks.append(FigureBlock(pictures.tornado(campaign, name)))
         try:
-            blocks.append(FigureBlock(pictures.indices(campaign.indices(name))))
+            blocks.append(FigureBlock(pictures.indices(indices(campaign, name))))
         except ExtraMissing as error:
             blocks.append(Remark("Sobol indices", markdown(str(error))))
         except AmbkitError as error:  # which is told where the picture would be
@@ -156,7 +167,7 @@ def _drives(campaign: Campaign) -> Chapter:
     return Chapter("drives", "What drives it", blocks)
 
 
-def _worst(campaign: Campaign) -> Chapter:
+def _worst(campaign: Machines) -> Chapter:
     names, blocks = campaign.plan.names, list[Block]()
     units = [key.unit for key in campaign.plan.keys]
     for figure in campaign.figures[:DRIVEN]:

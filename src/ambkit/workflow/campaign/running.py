@@ -66,7 +66,7 @@ def campaign(
     --------
     >>> found = ambkit.campaign("tolerances.toml", "out")
     >>> found.good
-    Share(count=1968, of=2000, low=0.977, high=0.989)
+    Share(passed=1968, of=2000, low=0.977, high=0.989)
     """
     of_type(Study, str, os.PathLike, study=study)
     if folder is None:

@@ -5,16 +5,15 @@ So runs can be computed in any order, in any number of pieces, on any machine.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.workflow.campaign.varied import LEAST, MOST, OneOf
-
-if TYPE_CHECKING:
-    from ambkit.workflow.campaign.plan import Plan
+from ambkit.workflow.campaign.study import Study
+from ambkit.workflow.campaign.varied import LEAST, MOST, Marginal
 
 Array = NDArray[np.float64]
 
@@ -22,12 +21,36 @@ _WORDS = 4  # that Philox gives for one value of its counter (Salmon et al. 2011
 _RANDOM, _STRATA = 1, 2  # streams of a seed
 
 
-def uniforms(plan: Plan, first: int, stop: int) -> Array:
+class Wanted(Protocol):
+    """What is asked of a :class:`~ambkit.workflow.campaign.plan.Plan` here."""
+
+    @property
+    def study(self) -> Study:
+        """How points are chosen, and the seed."""
+
+    @property
+    def runs(self) -> int:
+        """How many at most."""
+
+    @property
+    def marginals(self) -> Sequence[Marginal]:
+        """Distributions of what varies."""
+
+    @property
+    def levels(self) -> Sequence[int]:
+        """How many values a grid has of each."""
+
+    @property
+    def correlation(self) -> Array | None:
+        """Of the normal scores (k, k)."""
+
+
+def uniforms(plan: Wanted, first: int, stop: int) -> Array:
     """Return the points of runs in the unit cube, before the distributions.
 
     Parameters
     ----------
-    plan : Plan
+    plan : Wanted
         What varies, and how it is drawn.
     first, stop : int
         Runs from the one to before the other.
@@ -74,9 +97,9 @@ def _sobol(seed: int, k: int, first: int, stop: int) -> Array:
     points = qmc.Sobol(k, scramble=True, rng=np.random.default_rng([seed, 2]))
     if first:
         points.fast_forward(first)
-        return np.asarray(points.random(stop - first))
+        return np.asarray(points.random(stop - first), float)
     # SciPy warns of a first piece whose length is no power of 2, as if there were no other.
-    return np.asarray(points.random_base2(max(0, (stop - 1).bit_length()))[:stop])
+    return np.asarray(points.random_base2(max(0, (stop - 1).bit_length()))[:stop], float)
 
 
 def _saltelli(seed: int, k: int, first: int, stop: int) -> Array:
@@ -89,10 +112,10 @@ def _saltelli(seed: int, k: int, first: int, stop: int) -> Array:
     both = _sobol(seed, 2 * k, int(group[0]), int(group[-1]) + 1)[group - group[0]]
     A, B = both[:, :k], both[:, k:]
     from_B = (place[:, None] - 1 == np.arange(k)) | (place == k + 1)[:, None]
-    return np.where(from_B, B, A)
+    return np.asarray(np.where(from_B, B, A), float)
 
 
-def _grid(plan: Plan, first: int, stop: int) -> Array:
+def _grid(plan: Wanted, first: int, stop: int) -> Array:
     """Return the levels of a full grid as shares of their number, the last dimension fastest."""
     at = np.arange(first, stop) // plan.study.repeats
     found = np.empty((stop - first, len(plan.levels)))
@@ -102,12 +125,12 @@ def _grid(plan: Plan, first: int, stop: int) -> Array:
     return found
 
 
-def values(plan: Plan, u: Array) -> Array:
+def values(plan: Wanted, u: Array) -> Array:
     """Return what runs get of each quantity: a value in SI, of a choice its index.
 
     Parameters
     ----------
-    plan : Plan
+    plan : Wanted
         What varies.
     u : ndarray (n, k)
         Of `uniforms`. What is correlated is so by a Gaussian copula: the normal scores of `u` are
@@ -139,7 +162,7 @@ def values(plan: Plan, u: Array) -> Array:
     return found
 
 
-def noise_of(plan: Plan, first: int, stop: int) -> NDArray[np.uint64]:
+def noise_of(plan: Wanted, first: int, stop: int) -> NDArray[np.uint64]:
     """Return which noise runs have, by its number.
 
     Each its own; only the points of one group of Saltelli's have the same, so that they differ by
@@ -149,12 +172,3 @@ def noise_of(plan: Plan, first: int, stop: int) -> NDArray[np.uint64]:
     if plan.study.sampling == "saltelli":
         return run // np.uint64(len(plan.marginals) + 2)
     return run
-
-
-def choices(plan: Plan) -> dict[str, tuple[object, ...]]:
-    """Return the values of each choice, by its key."""
-    return {
-        what: each.values
-        for what, each in zip(plan.names, plan.marginals, strict=True)
-        if isinstance(each, OneOf)
-    }

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError, ExtraMissing
+from ambkit.workflow.campaign.parts import UNITS
 from ambkit.workflow.campaign.salib import problem_of
-from ambkit.workflow.campaign.study import UNITS
 from ambkit.workflow.campaign.varied import OneOf
 
 if TYPE_CHECKING:
-    from ambkit.workflow.campaign.result import Campaign
+    from ambkit.workflow.campaign.machines import Machines
 
 Array = NDArray[np.float64]
 
@@ -62,7 +62,7 @@ class Indices(NamedTuple):
         return np.argsort(-(self.first if self.total is None else self.total), kind="stable")
 
 
-def indices(campaign: Campaign, figure: str) -> Indices:
+def indices(campaign: Machines, figure: str) -> Indices:
     """Return what share of a figure's variance each quantity has.
 
     Of points of Saltelli's by his estimators, first order and total. Of other points the first
@@ -130,7 +130,7 @@ def _enough(figure: str, values: Array, count: int) -> None:
         raise AmbkitError(f"{figure}: is the same for all machines")
 
 
-def _columns(campaign: Campaign) -> Array:
+def _columns(campaign: Machines) -> Array:
     """Return what varied (n, k), of choices the index."""
     parts = [campaign.plan.points(*campaign.plan.span(part)) for part in campaign.parts]
     return np.concatenate(parts)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 class Share(NamedTuple):
     """A share of runs, and its confidence interval."""
 
-    count: int
+    passed: int
     """How many of them."""
     of: int
     """Of how many."""
@@ -21,7 +21,7 @@ class Share(NamedTuple):
     @property
     def value(self) -> float:
         """The share itself [1]; NaN of none."""
-        return self.count / self.of if self.of else math.nan
+        return self.passed / self.of if self.of else math.nan
 
     @property
     def width(self) -> float:

@@ -148,10 +148,10 @@ class Folder:
             return
         files.make_folder(self.path)
         try:
-            lock = open(self.path / LOCK, "w")
+            lock = os.open(self.path / LOCK, os.O_RDWR | os.O_CREAT, 0o666)
         except OSError as error:
             raise AmbkitError(f"{self.path}: cannot be written: {error.strerror}") from None
-        with lock:
+        try:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
@@ -159,6 +159,8 @@ class Folder:
             except OSError:  # a file system without locks
                 pass
             yield
+        finally:
+            os.close(lock)
 
     def _sweep(self) -> None:
         """Take away what a campaign that was killed had not finished writing."""
@@ -188,11 +190,13 @@ class Folder:
 
         for name, table in ((TRACES, rows.traces), (RUNS, rows.runs)):
             if table is not None:
-                with files.replacing(self.file(part, name)) as temporary:
-                    with open(temporary, "wb") as file:
-                        parquet.write_table(table, file)
-                        file.flush()
-                        os.fsync(file.fileno())  # before its name says that it is whole
+                with (
+                    files.replacing(self.file(part, name)) as temporary,
+                    open(temporary, "wb") as file,
+                ):
+                    parquet.write_table(table, file)
+                    file.flush()
+                    os.fsync(file.fileno())  # before its name says that it is whole
 
     def file(self, part: int, name: str = RUNS) -> Path:
         """Return where a part is."""
