@@ -14,7 +14,6 @@ Parquet leave them out.
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import re
@@ -172,7 +171,7 @@ class Folder:
     def done(self) -> set[int]:
         """Return which parts are there."""
         found = set()
-        with contextlib.suppress(FileNotFoundError):
+        with suppress(FileNotFoundError, NotADirectoryError):
             for each in os.scandir(self.path / RUNS):
                 if match := _PART.fullmatch(each.name):
                     found.add(int(match[1]))

@@ -11,11 +11,12 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import (
-    BeforeValidator,
     Field,
     PlainSerializer,
+    PlainValidator,
     SerializationInfo,
     ValidationInfo,
+    WithJsonSchema,
 )
 from pydantic_core import PydanticCustomError
 
@@ -64,7 +65,12 @@ def _written(given: float | str, info: SerializationInfo) -> float | str:
     return to_folder(given, info) if isinstance(given, str) and given.endswith(".toml") else given
 
 
-Value = Annotated[float | str, BeforeValidator(_value), PlainSerializer(_written)]
+Value = Annotated[
+    float | str,
+    PlainValidator(_value),
+    PlainSerializer(_written),
+    WithJsonSchema({"anyOf": [{"type": "string", "examples": ["2 mm"]}, {"type": "number"}]}),
+]
 """A text with its unit, or ``"5 %"`` of the nominal value; in Python also a number in SI."""
 
 
