@@ -8,6 +8,35 @@ struct LoopState {
   amb_loop_state state{};
 };
 
+// A controller in Python, or behind it: a function of y [m], r [m] and whether to fly, that says
+// control current [A], control signal [V], whether it is on, and the mode.
+using Told = nb::typed<nb::tuple, amb_real, amb_real, bool, int>;
+using Asked = nb::typed<nb::callable, Told(amb_real, amb_real, bool)>;
+
+struct Elsewhere {
+  nb::callable asked;
+  nb::object failed; // what it raised, which ends the run when the GIL is there
+  static amb_real ask(void *self, amb_real y, amb_real r, bool fly, amb_control_output *flown)
+  {
+    auto &at = *static_cast<Elsewhere *>(self);
+    *flown = amb_control_output{};
+    flown->mode = AMB_OFF;
+    nb::gil_scoped_acquire acquire;
+    if (at.failed.is_valid())
+      return 0;
+    try {
+      const auto said = nb::cast<nb::tuple>(at.asked(y, r, fly));
+      flown->iu[0] = nb::cast<amb_real>(said[0]);
+      flown->on = nb::cast<bool>(said[2]);
+      flown->mode = static_cast<amb_flight_mode>(nb::cast<int>(said[3]));
+      return nb::cast<amb_real>(said[1]);
+    } catch (nb::python_error &error) {
+      at.failed = nb::borrow(error.value());
+      return 0;
+    }
+  }
+};
+
 Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_real K_sen,
                amb_real T_sen, amb_real travel, int substeps, amb_real k_ui, amb_real iu_min,
                amb_real iu_max, amb_real kp, amb_real ki, amb_real kd, amb_real T_f, amb_real T_t,
@@ -15,7 +44,9 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
                const Vector &r, const Vector &f_d, const Vector &noise_u, const Vector &noise_y,
                const std::optional<Vector> &scale, amb_real f_bias, amb_real x_start,
                LoopState *went, const std::optional<Named> &faults, bool beside,
-               const std::optional<Named> &parts, const Magnet *coil)
+               const std::optional<Named> &parts, const Magnet *coil, Control *control,
+               const std::optional<Vector> &fly, std::optional<amb_real> hover,
+               const std::optional<Asked> &elsewhere)
 {
   const size_t n = r.size();
   same_length(n, f_d.size(), "f_d");
@@ -23,8 +54,13 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
   same_length(n, noise_y.size(), "noise_y");
   if (scale)
     same_length(n, scale->size(), "scale");
-  const LoopOf of(magnet, T, m, f_0, K_sen, T_sen, travel, substeps, k_ui, iu_min, iu_max, kp, ki, kd,
-                  T_f, T_t, weight, feedback_estimate, estimator, parts, coil);
+  if (fly)
+    same_length(n, fly->size(), "fly");
+  LoopOf of(magnet, T, m, f_0, K_sen, T_sen, travel, substeps, k_ui, iu_min, iu_max, kp, ki, kd,
+            T_f, T_t, weight, feedback_estimate, estimator, parts, coil, control);
+  Elsewhere asked{elsewhere ? nb::callable(*elsewhere) : nb::callable(), {}};
+  of.loop.elsewhere = elsewhere ? &Elsewhere::ask : nullptr;
+  of.loop.where = &asked;
   const amb_loop &loop = of.loop;
   const amb_parts &with = of.parts;
   const std::optional<Faults> wrong =
@@ -36,26 +72,33 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
                              noise_y.data(),
                              scale ? scale->data() : nullptr,
                              f_bias,
-                             wrong ? &wrong->to : nullptr};
+                             wrong ? &wrong->to : nullptr,
+                             fly ? fly->data() : nullptr};
   Fresh<amb_real> x({n}), v({n}), x_m({n}), iu({n}), force({n}), y({n}), u({n});
   const Sizes sizes(estimator ? estimator->kf.model : amb_model{});
   History history(estimator ? n : 0, sizes, estimator != nullptr, estimator && estimator->scales());
   const bool volts = with.voltage > 0;
   Fresh<amb_real> first({volts ? n : 0}), second({volts && with.pair ? n : 0});
+  const bool whole = control != nullptr || elsewhere;
+  Fresh<unsigned char> mode({whole ? n : 0});
   amb_loop_output out{
       x.data,     v.data,
       x_m.data,   iu.data,
       force.data, y.data,
       u.data,     history.to,
       0,          {volts ? first.data : nullptr, volts && with.pair ? second.data : nullptr},
-      nullptr};
+      nullptr,    whole ? mode.data : nullptr};
   LoopState fresh;
   amb_loop_state &state = went ? went->state : fresh.state;
   if (!state.sampled)
-    of.settle(state, x_start, integral);
+    of.settle(state, x_start, integral, hover, estimator ? estimator->state() : nullptr);
   {
     nb::gil_scoped_release release;
     amb_loop_run(&loop, &input, &state, estimator ? estimator->state() : nullptr, &out);
+  }
+  if (asked.failed.is_valid()) {
+    PyErr_SetObject(reinterpret_cast<PyObject *>(asked.failed.type().ptr()), asked.failed.ptr());
+    throw nb::python_error();
   }
   nb::dict d;
   d["x"] = x.array;
@@ -70,6 +113,8 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
   if (out.voltage[1] != nullptr)
     d["u_coil_2"] = second.array;
   d["touched"] = out.touched;
+  if (whole)
+    d["mode"] = mode.array;
   if (estimator)
     d["estimate"] = history.arrays;
   return d;
@@ -92,6 +137,10 @@ void bind_loop(nb::module_ &m)
       nb::arg("f_bias") = 0, nb::arg("x_start") = 0, nb::arg("state").none() = nb::none(),
       nb::arg("faults").none() = nb::none(), nb::arg("beside") = false,
       nb::arg("parts").none() = nb::none(), nb::arg("coil").none() = nb::none(),
+      nb::arg("control").none() = nb::none(), nb::arg("fly").none() = nb::none(),
+      nb::arg("hover").none() = nb::none(), nb::arg("elsewhere").none() = nb::none(),
       "A closed-loop run in one call; see sim/loop.h for shapes and units. With a state, an empty "
-      "one at first, the next call goes on where this one ends.");
+      "one at first, the next call goes on where this one ends. A whole controller starts in "
+      "flight, "
+      "with this current [A] (hover), or at power-on.");
 }

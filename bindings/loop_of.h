@@ -1,6 +1,7 @@
 // A closed loop from what Python says of it, for one run and for many.
 #pragma once
 
+#include "control.h"
 #include "plant_parts.h"
 
 extern "C" {
@@ -17,8 +18,10 @@ struct LoopOf {
          amb_real travel, int substeps, amb_real k_ui, amb_real iu_min, amb_real iu_max,
          amb_real kp, amb_real ki, amb_real kd, amb_real T_f, amb_real T_t, amb_real weight,
          bool feedback_estimate, Estimator *estimator, const std::optional<Named> &given,
-         const Magnet *coil)
+         const Magnet *coil, Control *control)
   {
+    if (control != nullptr && &control->estimator != estimator)
+      throw std::invalid_argument("the controller has another estimator than the loop");
     if (feedback_estimate && estimator == nullptr)
       throw std::invalid_argument("feedback from the estimate needs an estimator");
     if (estimator != nullptr)
@@ -35,14 +38,26 @@ struct LoopOf {
             iu_min,
             iu_max,
             estimator ? &estimator->estimator : nullptr,
-            feedback_estimate};
+            feedback_estimate,
+            control ? &control->control : nullptr,
+            nullptr,
+            nullptr};
   }
 
-  // Settled at x, with the integral of the controller at this current [A].
-  void settle(amb_loop_state &state, amb_real x, amb_real integral) const
+  // Settled at x, with the integral of the controller at this current [A]; a whole controller takes
+  // over a rotor that this other current holds, or is at power-on. The estimator has been reset.
+  void settle(amb_loop_state &state, amb_real x, amb_real integral, std::optional<amb_real> hover,
+              void *estimator) const
   {
-    amb_plant_settle(&loop.plant, &state.plant, x, amb_clamp(integral, loop.iu_min, loop.iu_max));
+    const bool whole = loop.control != nullptr || loop.elsewhere != nullptr;
+    const amb_real asked = whole ? hover.value_or(0) : integral;
+    const amb_real held = amb_clamp(asked, loop.iu_min, loop.iu_max);
+    amb_plant_settle(&loop.plant, &state.plant, x, held);
     amb_pid_reset(&state.pid, integral);
+    if (loop.control != nullptr && hover)
+      amb_control_hover(loop.control, &state.control, &held, &integral);
+    else if (loop.control != nullptr)
+      amb_control_init(loop.control, &state.control, estimator);
   }
 };
 

@@ -24,7 +24,8 @@ struct Plan {
   amb_real x_start, integral;
   Vector r, f_d;
   std::optional<Doubles> noise_u, noise_y;
-  std::optional<Vector> scale;
+  std::optional<Vector> scale, fly;
+  std::optional<amb_real> hover;
   std::optional<Faults> faults;
 
   Plan(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_real K_sen, amb_real T_sen,
@@ -35,11 +36,12 @@ struct Plan {
        double std_y, std::optional<Doubles> on_u, std::optional<Doubles> on_y,
        std::optional<Vector> scaled, amb_real f_bias, amb_real x, const std::optional<Named> &wrong,
        bool beside, const std::optional<Named> &parts, const Magnet *coil, size_t first,
-       size_t step_from, size_t step_to, amb_real height, size_t load_from, amb_real band)
+       size_t step_from, size_t step_to, amb_real height, size_t load_from, amb_real band,
+       Control *control, std::optional<Vector> flies, std::optional<amb_real> hovers)
       : of(magnet, T, m, f_0, K_sen, T_sen, travel, substeps, k_ui, iu_min, iu_max, kp, ki, kd, T_f,
-           T_t, weight, feedback_estimate, asked, parts, coil),
+           T_t, weight, feedback_estimate, asked, parts, coil, control),
         estimator(asked), n(reference.size()), x_start(x), integral(integral_), r(reference),
-        f_d(load), noise_u(on_u), noise_y(on_y), scale(scaled)
+        f_d(load), noise_u(on_u), noise_y(on_y), scale(scaled), fly(flies), hover(hovers)
   {
     same_length(n, f_d.size(), "f_d");
     for (const auto &[array, name] : {std::pair{&noise_u, "noise_u"}, {&noise_y, "noise_y"}})
@@ -47,6 +49,8 @@ struct Plan {
         same_length(n, (*array)->size(), name);
     if (scale)
       same_length(n, scale->size(), "scale");
+    if (fly)
+      same_length(n, fly->size(), "fly");
     if (wrong)
       faults.emplace(*wrong, beside, n);
     if (estimator != nullptr) {
@@ -71,8 +75,8 @@ struct Plan {
     run.scale = scale ? scale->data() : nullptr;
     run.f_bias = f_bias;
     run.faults = faults ? &faults->to : nullptr;
+    run.fly = fly ? fly->data() : nullptr;
     run.spans = {first, step_from, step_to, height, load_from, band};
-    of.settle(run.state, x_start, integral);
     if (estimator != nullptr) {
       std::vector<std::max_align_t> tried(memory());
       if (!reset(tried.data()))
@@ -132,8 +136,8 @@ private:
 };
 
 // Runs that go side by side, by their places: alike, and in their order.
-std::vector<std::vector<size_t>> chunks(const std::vector<const Plan *> &plans, const int64_t *which,
-                                        size_t count, size_t lanes)
+std::vector<std::vector<size_t>> chunks(const std::vector<const Plan *> &plans,
+                                        const int64_t *which, size_t count, size_t lanes)
 {
   std::vector<std::pair<unsigned int, size_t>> alike;
   for (const Plan *plan : plans)
@@ -158,9 +162,10 @@ std::vector<std::vector<size_t>> chunks(const std::vector<const Plan *> &plans, 
 using Numbers = nb::ndarray<const uint64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Places = nb::ndarray<const int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
-nb::typed<nb::tuple, Out<double>, Out<int64_t>>
-fly(const std::vector<const Plan *> &plans, const Places &which, const Numbers &numbers,
-    std::optional<std::string> instructions, size_t threads)
+nb::typed<nb::tuple, Out<double>, Out<int64_t>> fly(const std::vector<const Plan *> &plans,
+                                                    const Places &which, const Numbers &numbers,
+                                                    std::optional<std::string> instructions,
+                                                    size_t threads)
 {
   const size_t count = which.size();
   same_length(count, numbers.size(), "numbers");
@@ -186,6 +191,8 @@ fly(const std::vector<const Plan *> &plans, const Places &which, const Numbers &
       runs.back().estimator = states.back().data();
       if (plan.estimator != nullptr)
         plan.reset(states.back().data());
+      plan.of.settle(runs.back().state, plan.x_start, plan.integral, plan.hover,
+                     states.back().data());
       each.push_back(&runs.back());
     }
     const Plan &first = *plans[static_cast<size_t>(which.data()[places[0]])];
@@ -241,7 +248,8 @@ void bind_many(nb::module_ &m)
                     std::optional<Vector>, Vector, Vector, uint64_t, double, double,
                     std::optional<Doubles>, std::optional<Doubles>, std::optional<Vector>, amb_real,
                     amb_real, const std::optional<Named> &, bool, const std::optional<Named> &,
-                    const Magnet *, size_t, size_t, size_t, amb_real, size_t, amb_real>(),
+                    const Magnet *, size_t, size_t, size_t, amb_real, size_t, amb_real, Control *,
+                    std::optional<Vector>, std::optional<amb_real>>(),
            nb::arg("magnet"), nb::kw_only(), nb::arg("T"), nb::arg("m"), nb::arg("f_0"),
            nb::arg("K_sen"), nb::arg("T_sen"), nb::arg("travel"), nb::arg("substeps"),
            nb::arg("k_ui"), nb::arg("iu_min"), nb::arg("iu_max"), nb::arg("kp"), nb::arg("ki"),
@@ -252,11 +260,14 @@ void bind_many(nb::module_ &m)
            nb::arg("scale").none(), nb::arg("f_bias"), nb::arg("x_start"), nb::arg("faults").none(),
            nb::arg("beside"), nb::arg("parts").none(), nb::arg("coil").none(), nb::arg("first"),
            nb::arg("step_from"), nb::arg("step_to"), nb::arg("height"), nb::arg("load_from"),
-           nb::arg("band"), nb::keep_alive<1, 2>(), nb::keep_alive<1, 21>(),
-           nb::keep_alive<1, 37>(), "See sim/many.h for shapes and units.");
-  m.def("fly", &fly, nb::arg("plans"), nb::arg("which"), nb::arg("numbers"), nb::kw_only(),
-        nb::arg("instructions") = nb::none(), nb::arg("threads") = 1,
-        "Runs (runs,) of plans with these numbers: figures (runs, 18), counts of flags (runs, 12).");
+           nb::arg("band"), nb::arg("control").none() = nb::none(),
+           nb::arg("fly").none() = nb::none(), nb::arg("hover").none() = nb::none(),
+           nb::keep_alive<1, 2>(), nb::keep_alive<1, 21>(), nb::keep_alive<1, 37>(),
+           nb::keep_alive<1, 44>(), "See sim/many.h for shapes and units.");
+  m.def(
+      "fly", &fly, nb::arg("plans"), nb::arg("which"), nb::arg("numbers"), nb::kw_only(),
+      nb::arg("instructions") = nb::none(), nb::arg("threads") = 1,
+      "Runs (runs,) of plans with these numbers: figures (runs, 18), counts of flags (runs, 12).");
   m.def("normal_noise", &normal_noise, nb::arg("seed"), nb::arg("run"), nb::arg("stream"),
         nb::arg("n"), "Standard normal noise (n,) of these counters; see sim/noise.h.");
   m.def("philox", &philox, nb::arg("counter"), nb::arg("key"),

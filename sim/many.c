@@ -4,14 +4,16 @@
 #include <string.h>
 
 #if defined(AMB_HAS_LANES) && !defined(AMB_FLOAT)
-/* In lanes: a plant without parts on the closed law of two sides, and an estimator that has lanes. */
+/* In lanes: a plant without parts on the closed law of two sides, a PID and an estimator that has
+ * lanes. */
 unsigned int amb_many_group(const amb_many_run *run)
 {
   const amb_loop *loop = run->loop;
   const amb_plant *plant = &loop->plant;
   const bool closed = (plant->magnet.methods == &amb_law_magnet) &&
                       ((const amb_law *)plant->magnet.self)->two_sided;
-  if (!closed || (plant->parts != NULL) || (run->scale != NULL) || (run->faults != NULL))
+  if (!closed || (loop->control != NULL) || (plant->parts != NULL) || (run->scale != NULL) ||
+      (run->faults != NULL))
     return 0U;
   if ((plant->substeps < 1) || (plant->substeps > 1000) || (loop->estimator == NULL))
     return 0U;
@@ -38,8 +40,8 @@ static void draw(const double *given, const amb_many_run *run, double std, uint3
     if ((given == NULL) && (std > 0))
       amb_many_noise(run->key, stream, first, count, drawn);
     for (size_t i = 0; i < count; i++)
-      to[first + i] = (amb_real)((given != NULL) ? given[first + i]
-                                                 : ((std > 0) ? std * drawn[i] : 0.0));
+      to[first + i] =
+          (amb_real)((given != NULL) ? given[first + i] : ((std > 0) ? std * drawn[i] : 0.0));
   }
 }
 
@@ -85,8 +87,8 @@ void amb_many_alone(amb_many_run *run, size_t n, amb_real *noise_u, amb_real *no
 {
   draw(run->noise_u, run, run->std_u, AMB_NOISE_CONTROL, n, noise_u);
   draw(run->noise_y, run, run->std_y, AMB_NOISE_SENSOR, n, noise_y);
-  const amb_loop_input in = {n,       run->r,     run->f_d,    noise_u,
-                             noise_y, run->scale, run->f_bias, run->faults};
+  const amb_loop_input in = {n,          run->r,      run->f_d,    noise_u, noise_y,
+                             run->scale, run->f_bias, run->faults, run->fly};
   memset(run->flags, 0, sizeof run->flags);
   to->at_stop = touched;
   (void)amb_loop_run(run->loop, &in, &run->state, run->estimator, to);

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.copying import own_version
 from ambkit.base.errors import AmbkitError
 from ambkit.data.record import Record
 from ambkit.estimate.base import Estimator
@@ -200,7 +200,7 @@ def _record(
         "machine": machine.to_toml(),
         "flight": flight.model_dump(mode="json"),
         "seed": flight.seed,
-        "version": version("ambkit"),
+        "version": own_version(),
         "stop_touched": int(out["touched"]),
     }
     return Record(

@@ -1,7 +1,7 @@
 """Noise of a simulated bearing: on the control signal, and on the measured position.
 
 The one is white, the other white, coloured and narrow lines. Each source has a random stream of its
-own, so that one does not change another. Streams are counters (``sim/noise.h``): a sample of the noise
+own, so that one does not change another. Streams are counters (``sim/noise.h``): a sample of it
 is a function of seed, run, stream and its own number, whoever draws it.
 """
 

@@ -6,8 +6,7 @@ import math
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
-from importlib.metadata import version
+from functools import cached_property, lru_cache
 from types import ModuleType
 from typing import Any
 
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from ambkit.base.arrays import real
 from ambkit.base.asked import of_type
+from ambkit.base.copying import own_version
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.data.record import Record
@@ -26,6 +26,7 @@ from ambkit.machine.bearing import Bearing
 from ambkit.machine.hovering import hover_current
 from ambkit.machine.magnets import Law, MagnetModel, core_module, magnet_of
 from ambkit.simulation import parts
+from ambkit.simulation.control import Controller, needs_states
 from ambkit.simulation.noise import drawn, white
 from ambkit.simulation.scenario import Scenario
 
@@ -40,6 +41,10 @@ COIL_UNITS = {"u_coil": "V", "u_coil_2": "V"}
 sample; where the amplifier has a voltage limit."""
 
 
+MODE_UNITS = {"mode": "1"}
+"""What the controller was doing, `ambkit.simulation.sequence.Mode`; where there is a sequence."""
+
+
 INJECTED_UNITS = {"injected": "m"}
 """What was added to the measurement; where the scenario has it."""
 
@@ -50,6 +55,11 @@ class Run:
 
     record: Record
     estimate: Estimate | None
+
+
+Elsewhere = Callable[[float, float, bool], tuple[float, float, bool, int]]
+"""Measurement [m], reference [m], whether to fly: control current [A] and signal [V] that are
+demanded, whether there are currents, and the mode."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,6 +247,9 @@ class Loop:
     ----------
     bearing, scenario, estimator, magnet, imposed
         As for :func:`simulate_run`.
+    elsewhere : callable, optional
+        A whole controller that is not in this process, such as in a processor in the loop; in the
+        place of the scenario's and of the estimator, which then only says the precision.
 
     Raises
     ------
@@ -261,6 +274,7 @@ class Loop:
         estimator: Estimator | None = None,
         magnet: MagnetModel | None = None,
         imposed: Imposed | None = None,
+        elsewhere: Elsewhere | None = None,
     ) -> None:
         of_type(Bearing, bearing=bearing)
         of_type(Scenario, scenario=scenario)
@@ -285,7 +299,8 @@ class Loop:
             # After the sensor's rounding.
             faults = Faults.none(n) if self._faults is None else self._faults
             self._faults = replace(faults, y_plus=faults.y_plus + injected)
-        if estimator is None and scenario.controller.feedback == "estimate":
+        needed = scenario.controller.feedback == "estimate" or scenario.sequence is not None
+        if estimator is None and needed:
             estimator = KalmanFilter(bearing)
         self.bearing, self.scenario, self.estimator = bearing, scenario, estimator
         self._t = t
@@ -298,6 +313,9 @@ class Loop:
         self._start = float(reference[0]) if hover else 0.0
         balance = bearing.weight + self._law.bias_force + float(disturbance[0])
         self._held = hover_current(bearing, self._plant, self._start, balance) if hover else 0.0
+        self._elsewhere = elsewhere
+        self._whole = scenario.sequence is not None or needs_states(scenario.controller)
+        self._fly = None if scenario.sequence is None else scenario.sequence.fly(t)
 
     @property
     def start(self) -> NDArray[np.float64]:
@@ -374,7 +392,30 @@ class Loop:
             "beside": faults is not None and faults.beside,
             "parts": parts.parts_of(bearing, precision),
             "coil": None if self._coil is None else core.Law(**self._coil),
+            **self._whole_controller(given),
         }
+
+    def _whole_controller(
+        self, given: Callable[[NDArray[np.float64]], NDArray[Any]]
+    ) -> dict[str, Any]:
+        """Return what a core is told of a controller that is more than a PID, if it is."""
+        if self.estimator is None or not (self._whole or self._elsewhere):
+            return {}
+        scenario = self.scenario
+        controller = Controller(
+            self.bearing, self.estimator, scenario.controller, scenario.sequence
+        )
+        down = {} if self._place is not None else {"x_start": controller.down}
+        if self._elsewhere is not None:
+            away = {"elsewhere": self._elsewhere, "estimator": None, "feedback_estimate": False}
+            return away | down
+        told = {
+            "control": controller.in_core(),
+            "integral": controller.integral(self._held, self._start),
+            "fly": None if self._fly is None else given(self._fly),
+        }
+        hovering = scenario.start == "hover" or self._fly is None
+        return told | ({"hover": self._held} if hovering else down)
 
     def run(self, until: float | None = None) -> Run:
         """Go on, to the end of the scenario or to a time before it.
@@ -414,6 +455,8 @@ class Loop:
         if self._faults is not None and end < n:
             raise ValueError(f"a loop with faults runs in one go; until must be None, is {until!r}")
         here = slice(self._at, end)
+        if self._elsewhere is not None:
+            estimator = None
         if self._at == 0 and estimator is not None:
             estimator.reset(self.start)
         core = core_module(precision) if estimator is None else estimator.engine.core
@@ -439,24 +482,32 @@ class Loop:
             signals["injected"] = self._injected[here]
         signals["f_mag"] = out["force"] - bearing.weight
         signals |= {k: out[k].astype(float, copy=False) for k in COIL_UNITS if k in out}
+        if self._fly is not None:
+            signals["mode"] = out["mode"].astype(float)
         meta = {
-            "bearing": bearing.to_toml(),
+            "bearing": _said(bearing),
             "scenario": self.scenario.model_dump(mode="json"),
             "seed": self.scenario.seed,
             "run": self.scenario.run,
-            "version": version("ambkit"),
+            "version": own_version(),
             "stop_touched": int(out["touched"]),
         }
         t = self._t[here]
         units = {
             name: unit
-            for name, unit in (UNITS | INJECTED_UNITS | COIL_UNITS).items()
+            for name, unit in (UNITS | INJECTED_UNITS | COIL_UNITS | MODE_UNITS).items()
             if name in signals
         }
         record = Record(t, {name: signals[name] for name in units}, units, meta=meta)
         if estimator is None:
             return Run(record, None)
         return Run(record, Estimate.from_core(t, out["estimate"], estimator.name, estimator.states))
+
+
+@lru_cache(maxsize=64)
+def _said(bearing: Bearing) -> str:
+    """Return a bearing as text, which many runs of it share."""
+    return bearing.to_toml()
 
 
 def _series(imposed: Imposed) -> Iterator[tuple[str, NDArray[np.float64]]]:
