@@ -190,7 +190,11 @@ def _sensor_gain(here: str, varied: Varied, scenario: Any) -> Iterator[Problem]:
     """A controller that is fed by the measurement takes the rotor elsewhere by a wrong gain."""
     from ambkit.simulation.waveforms import Constant
 
-    if varied.what != "sensor.gain" or getattr(scenario, "controller", None) is None:
+    if getattr(scenario, "controller", None) is None:
+        return
+    if varied.what == "amplifier.gain" and scenario.controller.type == "lqg":
+        yield f"{here}.what", "amplifier.gain does not vary under a regulator of the states"
+    if varied.what != "sensor.gain":
         return
     reference = scenario.reference
     rests = isinstance(reference, Constant) and reference.value == 0

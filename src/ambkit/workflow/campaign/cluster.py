@@ -58,34 +58,48 @@ def computed(
         There is no scheduler there, or not for long; a worker has another version of ambkit; a part
         took every worker down with it.
     """
+    with scheduler(where, workers) as there:
+        yield from of(there, plan, parts, patience=0.0 if where == "local" else patience)
+
+
+def of(
+    scheduler: Any, plan: Plan, parts: Iterable[int], patience: float = 0.0
+) -> Iterator[tuple[int, Rows]]:
+    """Yield parts from a cluster that is there; see `computed`.
+
+    Parameters
+    ----------
+    scheduler : str or Cluster
+        Its address, or one of `scheduler`.
+    plan, parts, patience
+        See `computed`.
+    """
     from concurrent.futures import CancelledError
 
-    try:
-        from distributed import Client, KilledWorker
-        from distributed.comm.core import CommClosedError
-    except ImportError:
-        raise ExtraMissing("--cluster", "distributed", "campaign") from None
+    from distributed import Client, KilledWorker
+    from distributed.comm.core import CommClosedError
+
     left = dict.fromkeys(parts)
     pickled = pickle.dumps(plan)
     away = None
-    with _scheduler(where, workers) as scheduler:
-        while left:
-            try:
-                with Client(scheduler, timeout=min(patience, 10.0), set_as_default=False) as client:
-                    for part, rows in _from(client, plan, pickled, list(left)):
-                        away = None
-                        del left[part]
-                        yield part, rows
-            except KilledWorker as error:
-                raise AmbkitError(f"a part took its workers down: {error}") from None
-            except (OSError, CommClosedError, CancelledError) as error:
-                away = away or time.monotonic()
-                if where == "local" or time.monotonic() - away > patience:
-                    raise AmbkitError(
-                        f"{where}: the scheduler does not answer ({type(error).__name__}); "
-                        "finished parts are kept, the same command goes on"
-                    ) from None
-                time.sleep(0.5)
+    while left:
+        try:
+            wait = min(patience, 10.0) or 10.0
+            with Client(scheduler, timeout=wait, set_as_default=False) as client:
+                for part, rows in _from(client, plan, pickled, list(left)):
+                    away = None
+                    del left[part]
+                    yield part, rows
+        except KilledWorker as error:
+            raise AmbkitError(f"a part took its workers down: {error}") from None
+        except (OSError, CommClosedError, CancelledError) as error:
+            away = away or time.monotonic()
+            if time.monotonic() - away >= patience:
+                raise AmbkitError(
+                    f"{scheduler}: the scheduler does not answer ({type(error).__name__}); "
+                    "finished parts are kept, the same command goes on"
+                ) from None
+            time.sleep(0.5)
 
 
 def _from(client: Any, plan: Plan, pickled: bytes, parts: list[int]) -> Iterator[tuple[int, Rows]]:
@@ -117,11 +131,24 @@ def _from(client: Any, plan: Plan, pickled: bytes, parts: list[int]) -> Iterator
 
 
 @contextmanager
-def _scheduler(where: str, workers: int | None) -> Iterator[Any]:
-    """Give a cluster of our own, or the address of one."""
-    if where == "local":
-        from distributed import LocalCluster
+def scheduler(where: str, workers: int | None = None) -> Iterator[Any]:
+    """Give a cluster of our own, or the address of one.
 
+    Parameters
+    ----------
+    where, workers
+        See `computed`.
+
+    Raises
+    ------
+    AmbkitError
+        Dask is not installed, or Slurm's jobs are not described.
+    """
+    try:
+        from distributed import LocalCluster
+    except ImportError:
+        raise ExtraMissing("--cluster", "distributed", "campaign") from None
+    if where == "local":
         count = workers or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (
             workers or os.cpu_count() or 1
         )  # fmt: skip

@@ -17,9 +17,11 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.magnets import ConstantStiffness
-from ambkit.simulation.linear.pieces import WorkPoint, compensator, controller, plant
+from ambkit.simulation.control import needs_states
+from ambkit.simulation.linear.control import compensator, controller
+from ambkit.simulation.linear.pieces import WorkPoint, plant
 from ambkit.simulation.linear.settled import estimator_at, tells
-from ambkit.workflow.loop_of import end_of_range
+from ambkit.workflow.loop_of import LoopOf, end_of_range
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -87,6 +89,12 @@ class Margins:
         self, bearing: Bearing, pid: PID, estimator: Estimator | None
     ) -> tuple[Complex, Complex] | None:
         """Return the poles of plant and compensator, and those of the closed loop."""
+        if needs_states(pid):
+            if estimator is None or not tells(estimator):
+                return None
+            loop = LoopOf(bearing, pid).loop(estimator)
+            opened = np.concatenate([loop.plant.poles(), loop.compensator.poles()])
+            return opened, loop.closed.poles()
         point = WorkPoint.hovering(bearing)
         P = plant(bearing, point)
         fed = pid if estimator is not None else pid.model_copy(update={"feedback": "measurement"})

@@ -32,6 +32,9 @@ from ambkit.workflow.campaign.varied import Marginal, OneOf
 Array = NDArray[np.float64]
 
 
+_GAINS = ("kp", "ki", "kd", "feed_forward")
+
+
 class Drawn(NamedTuple):
     """One machine of a study."""
 
@@ -224,7 +227,7 @@ class Plan:
             ratio *= plant.sensor.gain / nominal.sensor.gain
         if ratio == 1:
             return scenario
-        changes = {name: ratio * getattr(pid, name) for name in ("kp", "ki", "kd")}
+        changes = {name: ratio * getattr(pid, name) for name in _GAINS}
         return scenario.model_copy(update={"controller": pid.model_copy(update=changes)})
 
     def _beyond(self, values: Mapping[str, Any]) -> str:
