@@ -231,14 +231,14 @@ def test_a_scheduler_that_is_started_again_is_given_the_rest(undisturbed: Any) -
 def test_a_scheduler_that_is_not_there_is_said(undisturbed: Any) -> None:
     folder, _ = undisturbed
     from ambkit.base.errors import AmbkitError
-    from ambkit.workflow.campaign.cluster import computed
+    from ambkit.workflow.campaign.cluster import of
     from ambkit.workflow.campaign.plan import Plan
     from ambkit.workflow.campaign.study import Study
 
     plan = Plan(Study.load(folder / "s.toml"))
     where = f"tcp://127.0.0.1:{free_port()}"
     with pytest.raises(AmbkitError, match=r"does not answer .* the same command goes on"):
-        list(computed(plan, [0], where, patience=1.0))
+        list(of(where, plan, [0], patience=1.0))
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # half made

@@ -23,6 +23,9 @@ POINTS = 400
 FAR = 0.995
 """Share of the machines that a curve shows where the rest lies far out."""
 
+BEYOND = 2.0
+"""How far beyond its ceiling, and beyond what was taken, a front is shown."""
+
 LINES = 80
 """Machines of each kind among parallel coordinates."""
 
@@ -318,31 +321,26 @@ def front_figure(
         Which was taken.
     """
     x, y = np.asarray(peak, float), np.asarray(error, float)
-    shown = np.isfinite(x) & np.isfinite(y)
+    right, top = BEYOND * ceiling, BEYOND * max(y[taken], y[0])
+    shown = (x <= right) & (y <= top)
     front = np.flatnonzero(best & shown)
     front = front[np.argsort(x[front])]
     rest = shown & ~best
     items: list[Item] = [
-        Points(x[rest & allowed], y[rest & allowed], signal="constant", label="tried"),
         Points(x[rest & ~allowed], y[rest & ~allowed], signal="measured", label="not allowed"),
+        Points(x[rest & allowed], y[rest & allowed], signal="constant", label="tried"),
         Line(x[front], y[front], signal="series 3", label=""),
         Points(x[front], y[front], signal="series 3", label="nothing is better in both"),
+        Points(x[[0]], y[[0]], signal="start", label="untuned"),
         Points(x[[taken]], y[[taken]], signal="estimate", label="taken"),
         Rule(ceiling, axis="x", signal="limit", label="to stay below"),
     ]
-    right = float(np.quantile(x[shown], 0.9)) if shown.any() else ceiling
-    left = float(x[shown].min()) if shown.any() else 1.0
-    span = (max(0.97 * left, 1.0), max(1.05 * right, 1.05 * ceiling))
+    left_out = int((~shown).sum())
+    left_out_said = f" {left_out} that lie farther out are not shown." if left_out else ""
     return Figure(
         "front",
         title,
         "Each point is a controller with its filter, flown with the same machines and the same "
-        "noise.",
-        [
-            Panel(
-                Axis("peak of |S|", limits=span),
-                Axis("error of the disturbance force, rms", "N"),
-                items,
-            )
-        ],
+        f"noise.{left_out_said}",
+        [Panel(Axis("peak of |S|"), Axis("error of the disturbance force, rms", "N"), items)],
     )

@@ -27,28 +27,22 @@ PATIENCE = 60.0
 """How long a scheduler may be away before the campaign gives up [s]."""
 
 
-def computed(
-    plan: Plan,
-    parts: Iterable[int],
-    where: str,
-    workers: int | None = None,
-    patience: float = PATIENCE,
+def of(
+    scheduler: Any, plan: Plan, parts: Iterable[int], patience: float = 0.0
 ) -> Iterator[tuple[int, Rows]]:
-    """Yield parts as they are finished, in no order.
+    """Yield parts as the workers of a cluster finish them, in no order.
 
     A worker that dies has its parts computed by others; where the scheduler goes away and comes
     back, the parts that were not finished are given to it again.
 
     Parameters
     ----------
+    scheduler : str or Cluster
+        Its address, or one of `scheduler`.
     plan : Plan
         The study.
     parts : iterable of int
         Which.
-    where : str
-        ``"local"``, ``"slurm"``, or the address of a scheduler, such as ``"tcp://10.0.0.1:8786"``.
-    workers : int, optional
-        How many processes; of a scheduler that is there already, those that it has.
     patience : float
         How long a scheduler may be away [s].
 
@@ -57,22 +51,6 @@ def computed(
     AmbkitError
         There is no scheduler there, or not for long; a worker has another version of ambkit; a part
         took every worker down with it.
-    """
-    with scheduler(where, workers) as there:
-        yield from of(there, plan, parts, patience=0.0 if where == "local" else patience)
-
-
-def of(
-    scheduler: Any, plan: Plan, parts: Iterable[int], patience: float = 0.0
-) -> Iterator[tuple[int, Rows]]:
-    """Yield parts from a cluster that is there; see `computed`.
-
-    Parameters
-    ----------
-    scheduler : str or Cluster
-        Its address, or one of `scheduler`.
-    plan, parts, patience
-        See `computed`.
     """
     from concurrent.futures import CancelledError
 
@@ -136,8 +114,11 @@ def scheduler(where: str, workers: int | None = None) -> Iterator[Any]:
 
     Parameters
     ----------
-    where, workers
-        See `computed`.
+    where : str
+        ``"local"``, ``"slurm"``, or the address of a scheduler, such as ``"tcp://10.0.0.1:8786"``.
+    workers : int, optional
+        How many processes, or jobs of Slurm; of a scheduler that is there already, those that it
+        has.
 
     Raises
     ------

@@ -98,13 +98,12 @@ def changed(model: Any, tree: Mapping[str, Any]) -> Any:
     tree : mapping
         Of `nested`, in SI.
     """
+
+    def other(old: Any, name: str) -> Any:
+        if name not in tree:
+            return old
+        return changed(old, tree[name]) if isinstance(tree[name], dict) else tree[name]
+
     if isinstance(model, tuple):
-        return tuple(
-            changed(each, tree[str(at)]) if str(at) in tree else each
-            for at, each in enumerate(model)
-        )
-    update = {
-        name: changed(getattr(model, name), value) if isinstance(value, dict) else value
-        for name, value in tree.items()
-    }
-    return model.model_copy(update=update)
+        return tuple(other(each, str(at)) for at, each in enumerate(model))
+    return model.model_copy(update={name: other(getattr(model, name), name) for name in tree})

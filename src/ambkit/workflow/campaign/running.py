@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -81,10 +82,11 @@ def campaign(
     with place.held():
         place.begin()
         counted = Counted(place)
-        with reporting(done, plan.study.name, plan.runs, unit="runs", begun=counted.runs) as tell:
+        telling = reporting(done, plan.study.name, plan.runs, unit="runs", begun=counted.runs)
+        with telling as tell, _hands(cluster, workers, threads, tell) as computed:
             for end in looks_of(plan):
                 missing = [part for part in range(end) if part not in counted.passed]
-                for part, rows in _computed(plan, missing, cluster, workers, threads, tell):
+                for part, rows in computed(plan, missing):
                     place.write(part, rows)
                     counted.add(part, rows.runs.column("passed").to_numpy(zero_copy_only=False))
                 if counted.enough(end):
@@ -99,35 +101,46 @@ def begun_in(study: Study, folder: str | os.PathLike[str]) -> tuple[int, int]:
     return sum(stop - first for first, stop in map(plan.span, there)), plan.runs
 
 
-def _computed(
-    plan: Plan,
-    parts: list[int],
-    cluster: str | None,
-    workers: int | None,
-    threads: int | None,
-    tell: Told,
-) -> Iterator[tuple[int, Rows]]:
-    """Yield parts as they are finished, and tell of their runs."""
-    if not parts:
+Hands = Callable[[Plan, list[int]], Iterator[tuple[int, Rows]]]
+
+
+@contextmanager
+def _hands(
+    cluster: str | None, workers: int | None, threads: int | None, tell: Told
+) -> Iterator[Hands]:
+    """Give what computes parts, in no order, and tells of their runs: this process or a cluster."""
+    if cluster is None:
+
+        def here(plan: Plan, parts: list[int]) -> Iterator[tuple[int, Rows]]:
+            for part in parts:
+                yield part, _here(plan, part, threads, tell)
+
+        yield here
         return
-    if cluster is not None:
-        from ambkit.workflow.campaign.cluster import computed
+    from ambkit.workflow.campaign.cluster import PATIENCE, of, scheduler
 
-        for part, rows in computed(plan, parts, cluster, workers):
-            yield part, rows
-            tell("", steps=rows.runs.num_rows)
-        return
-    for part in parts:
-        first, stop = plan.span(part)
-        told = 0
+    with scheduler(cluster, workers) as address:
 
-        def count(runs: int) -> None:
-            nonlocal told
-            told += runs
-            tell("", steps=runs)
+        def there(plan: Plan, parts: list[int]) -> Iterator[tuple[int, Rows]]:
+            for part, rows in of(address, plan, parts, 0.0 if cluster == "local" else PATIENCE):
+                yield part, rows
+                tell("", steps=rows.runs.num_rows)
 
-        yield part, compute(plan, first, stop, threads=threads, done=count)
-        tell("", steps=stop - first - told)  # those that cannot be flown
+        yield there
+
+
+def _here(plan: Plan, part: int, threads: int | None, tell: Told) -> Rows:
+    first, stop = plan.span(part)
+    told = 0
+
+    def count(runs: int) -> None:
+        nonlocal told
+        told += runs
+        tell("", steps=runs)
+
+    rows = compute(plan, first, stop, threads=threads, done=count)
+    tell("", steps=stop - first - told)  # those that cannot be flown
+    return rows
 
 
 class Status(NamedTuple):
