@@ -48,10 +48,10 @@ def ishigami(z: Any, _x: Any) -> Any:
 @pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::DeprecationWarning")
 def test_sobol_indices_of_a_known_function() -> None:
     pytest.importorskip("SALib")
-    found = indices(Known(ishigami, "saltelli", 5 * 2048), "f_d_rms")
-    np.testing.assert_allclose(found.first, [0.3139, 0.4424, 0.0], atol=0.03)
+    found = indices(Known(ishigami, "saltelli", 5 * 1024), "f_d_rms")
+    np.testing.assert_allclose(found.first, [0.3139, 0.4424, 0.0], atol=0.05)
     assert found.total is not None
-    np.testing.assert_allclose(found.total, [0.5576, 0.4424, 0.2437], atol=0.03)
+    np.testing.assert_allclose(found.total, [0.5576, 0.4424, 0.2437], atol=0.05)
     assert (found.first_confidence < 0.1).all()
     other = indices(Known(ishigami, "sobol", 4096), "f_d_rms")
     np.testing.assert_allclose(other.first, [0.3139, 0.4424, 0.0], atol=0.05)

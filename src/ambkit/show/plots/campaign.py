@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from textwrap import wrap
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +26,9 @@ FAR = 0.995
 
 BEYOND = 2.0
 """How far beyond its ceiling, and beyond what was taken, a front is shown."""
+
+FOLDED = 14
+"""Characters of a line of a name."""
 
 LINES = 80
 """Machines of each kind among parallel coordinates."""
@@ -67,15 +71,24 @@ def in_words(names: Sequence[str]) -> list[str]:
     """
 
     def last(name: str, steps: int) -> str:
-        return " ".join(name.split(".")[-steps:]).replace("_", " ")
+        told = [each for each in name.split(".") if each not in _SAYS_NOTHING]
+        return " ".join(told[-steps:]).replace("_", " ")
 
     found = []
     for name in names:
-        steps = 2 if name.startswith("scenario.") else 1
+        steps = 1 + name[-1].isdecimal()
         while sum(last(each, steps) == last(name, steps) for each in names) > 1 and steps < 9:
             steps += 1
         found.append(last(name, steps))
     return found
+
+
+_SAYS_NOTHING = ("scenario", "values", "value", "amplitude")
+
+
+def _folded(text: str) -> str:
+    """Return a name in lines that fit beside its neighbours."""
+    return "\n".join(wrap(text, FOLDED)) or text
 
 
 class Quantity(NamedTuple):
@@ -189,7 +202,7 @@ def tornado_figure(id: str, figure: Quantity, middle: float, swings: Sequence[Sw
     order = sorted(swings, key=lambda each: -abs(each.high - each.low))
     ends = [sorted((each.low, each.high)) for each in order]
     rows = Intervals(
-        [each.name for each in order],
+        [_folded(each.name) for each in order],
         np.full(len(order), middle),
         np.array([low for low, _ in ends]),
         np.array([high for _, high in ends]),
@@ -234,7 +247,7 @@ def indices_figure(
     for place, (order, (value, half)) in enumerate(shares.items()):
         texts = [f"{100 * v:.1f} ± {100 * h:.1f} %" for v, h in zip(value, half, strict=True)]
         rows = Intervals(
-            list(names), value, value - half, value + half, texts,
+            [_folded(name) for name in names], value, value - half, value + half, texts,
             signal=f"series {place + 1}", label="",
         )  # fmt: skip
         axis = Axis(f"{order}, share of the variance", "%", 100.0)
@@ -276,7 +289,7 @@ def parallel_figure(
         items += [
             Rule(float(place), axis="x", signal="reference", label=""),
             Note(float(place), 0.0, str(ends[0]), side="below"),
-            Note(float(place), 1.0, f"{of.name}\n{ends[1]}"),
+            Note(float(place), 1.0, f"{_folded(of.name)}\n{ends[1]}"),
         ]
     x = np.append(np.arange(k, dtype=float), np.nan)
     for signal, these in (("passed", passed), ("failed", ~passed)):
@@ -293,7 +306,7 @@ def parallel_figure(
         [
             Panel(
                 Axis("", limits=(-0.5, k - 0.5)),
-                Axis("from the least, 0, to the greatest, 1", limits=(-0.15, 1.3)),
+                Axis("from the least, 0, to the greatest, 1", limits=(-0.15, 1.45)),
                 items,
             )
         ],
