@@ -155,8 +155,9 @@ def campaign_replay(
     estimates: Annotated[
         Path | None, file_option("Write the estimates: .csv or .parquet.", RECORDS, "--estimates")
     ] = None,
-    bearing: Annotated[
-        Path | None, file_option("Write the machine itself.", (".toml",), "--bearing")
+    machine: Annotated[
+        Path | None,
+        file_option("Write the bearing that was drawn.", (".toml",), "--drawn"),
     ] = None,
     plot: Plot = None,
     json: Json = False,
@@ -189,7 +190,7 @@ def campaign_replay(
         [
             (out, found.run.record.save),
             (estimates, lambda path: estimate.save(path) if estimate is not None else None),
-            (bearing, found.planned.bearing.save),
+            (machine, found.planned.bearing.save),
             (plot, lambda path: plots.save_figure(picture, path)),
         ],
         as_json=json,

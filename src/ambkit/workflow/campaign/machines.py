@@ -80,7 +80,7 @@ class Machines:
         return Folder(self.folder, self.plan)
 
     def column(self, name: str) -> NDArray[Any]:
-        """Return a column of all runs (n,), in SI.
+        """Return a column of all runs (n,), in its SI unit.
 
         Parameters
         ----------
@@ -218,7 +218,13 @@ class Machines:
         ]  # fmt: skip
 
     def command(self, run: int) -> str:
-        """Return the command that replays a run with full traces."""
+        """Return the command that replays a run with full traces.
+
+        Parameters
+        ----------
+        run : int
+            Its number.
+        """
         return f"ambkit campaign replay {shlex.quote(str(self.folder))} {run} --out run-{run}.csv"
 
     def frame(self, columns: Sequence[str] | None = None) -> Any:
