@@ -10,6 +10,17 @@ import typer
 from typer.core import TyperCommand, TyperOption
 
 from ambkit.cli.assess import assess
+from ambkit.cli.campaign import (
+    RUN,
+    OfCampaigns,
+    campaign,
+    campaign_problem,
+    campaign_rare,
+    campaign_replay,
+    campaign_report,
+    campaign_run,
+    campaign_status,
+)
 from ambkit.cli.check import check
 from ambkit.cli.compare import compare
 from ambkit.cli.design import design
@@ -57,6 +68,14 @@ _EXPORTS: dict[str, Callable[..., None]] = {
     "fmu": export_fmu,
     "mat": export_mat,
     "ssp": export_ssp,
+}
+_CAMPAIGN: dict[str, Callable[..., None]] = {
+    RUN: campaign_run,
+    "status": campaign_status,
+    "report": campaign_report,
+    "replay": campaign_replay,
+    "rare": campaign_rare,
+    "problem": campaign_problem,
 }
 
 
@@ -125,4 +144,10 @@ _export = typer.Typer(name="export", callback=export, invoke_without_command=Tru
 for _name, _command in _EXPORTS.items():
     _export.command(_name, cls=Command, help=_help(_command))(_command)
 app.add_typer(_export, help=_help(export))
+_campaign = typer.Typer(
+    name="campaign", cls=OfCampaigns, callback=campaign, invoke_without_command=True
+)
+for _name, _command in _CAMPAIGN.items():
+    _campaign.command(_name, cls=Command, help=_help(_command))(_command)
+app.add_typer(_campaign, help=_help(campaign))
 app.callback(help=_help(about), invoke_without_command=True)(about)
