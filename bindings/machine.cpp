@@ -168,6 +168,7 @@ private:
     to.states = static_cast<int>(states);
     to.pids = static_cast<int>(q);
     to.pid = pid.data();
+    to.reference = arrays.numbers("reference", q * p);
     to.position = arrays.numbers("position", q * states);
     to.velocity = arrays.numbers_or_none("velocity", q * states);
     to.turning = arrays.numbers_or_none("turning", q * states);
@@ -209,7 +210,7 @@ Named simulate_machine(const nb::dict &machine, const Samples &r, const Samples 
   }
   const size_t p = whole.p, m = whole.m, n = samples_of(load, p, "load");
   const auto q = static_cast<size_t>(whole.loop.controllers.pids);
-  same_length(n, samples_of(r, q, "r"), "r");
+  same_length(n, samples_of(r, p, "r"), "r");
   same_length(n + 1, speed.size(), "speed");
   same_length(n, samples_of(noise_u, p, "noise_u"), "noise_u");
   same_length(n, samples_of(noise_y, m, "noise_y"), "noise_y");

@@ -237,7 +237,7 @@ void amb_machine_run(const amb_machine_loop *loop, const amb_machine_input *in,
     }
     const amb_real *seen =
         loop->feedback_estimate ? ((const amb_kalman_state *)estimator)->mean : y;
-    (void)amb_controllers_step(controllers, pid, in->r + k * q, seen, in->speed[k], u);
+    (void)amb_controllers_step(controllers, pid, in->r + k * p, seen, in->speed[k], u);
     for (size_t c = 0; c < p; c++) {
       u[c] /= loop->k_ui[c];
       demanded[c] = amb_clamp(loop->k_ui[c] * (u[c] + in->noise_u[k * p + c]),

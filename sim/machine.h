@@ -76,7 +76,7 @@ typedef struct amb_machine_loop {
 /* n samples, row by row; noise is drawn by the caller. */
 typedef struct amb_machine_input {
   size_t n;
-  const amb_real *r;       /* n x PIDs: reference [m] */
+  const amb_real *r;       /* n x axes: reference [m] */
   const amb_real *load;    /* n x axes: disturbance forces [N] */
   const amb_real *speed;   /* n + 1: of rotation [rad/s] */
   const amb_real *noise_u; /* n x axes: on the control signals [V] */

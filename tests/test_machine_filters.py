@@ -17,7 +17,6 @@ from ambkit import (
     Record,
     Status,
 )
-from ambkit.base.errors import AmbkitError
 from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.machine import judge_machine

@@ -11,7 +11,7 @@ import typer
 
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.kinds import NAMES, estimator_option, of_machine, to_export
-from ambkit.cli.options import BearingOrFilter, Json, find_machine, quantity
+from ambkit.cli.options import BearingOrFilter, Json, Synchronous, find_machine, quantity
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -81,6 +81,15 @@ def export_c(
             help="Each number once in the data file; what follows is computed at init.",
         ),
     ] = False,
+    control: Annotated[
+        Path | None,
+        typer.Option(
+            "--control",
+            metavar="FLIGHT",
+            help="Of a machine, a flight in TOML: its controllers are written too.",
+        ),
+    ] = None,
+    synchronous: Synchronous = None,
     cost: Annotated[
         bool, typer.Option("--cost", help="Also print what it costs on a Cortex-M4F.")
     ] = False,
@@ -103,6 +112,7 @@ def export_c(
       ambkit export c zittau_axial --estimator expert.json --out out/
       ambkit export c filter.toml --precision double --out out/
       ambkit export c tum_mlps --estimator extended --out out/
+      ambkit export c tum_mlps --control flight.toml --out out/
     """
     from ambkit.cli import output
     from ambkit.export import c
@@ -114,6 +124,7 @@ def export_c(
     if editable and (cost or clock is not None):
         raise AmbkitError("--cost was measured of constants in flash, which --editable has not")
     model, chosen = _machine_of(bearing, estimator) or to_export(bearing, estimator)
+    options = _of_a_machine(model, control, synchronous)
     written = c.export_c(
         model,
         chosen.magnet,
@@ -125,6 +136,7 @@ def export_c(
         expert_form=expert.value,
         force_bound=force_bound,
         editable=editable,
+        **options,
     )
     data: dict[str, Any] = {
         "folder": str(written.folder),
@@ -158,6 +170,25 @@ def _machine_of(text: str, estimator: str | None) -> tuple[Bearing | Machine, Ch
     """Return a whole machine and its estimator; None where the text names something else."""
     machine = find_machine(text)
     return None if machine is None else (machine, of_machine(estimator, machine))
+
+
+def _of_a_machine(
+    model: Bearing | Machine, control: Path | None, synchronous: list[str] | None
+) -> dict[str, Any]:
+    """Return what only the export of a whole machine takes."""
+    from ambkit.machine.machine import Machine
+    from ambkit.simulation.flight import Flight
+
+    given: dict[str, Any] = {"--control": control, "--synchronous": synchronous}
+    for option, value in given.items():
+        if value and not isinstance(model, Machine):
+            raise AmbkitError(f"{option} is of a whole machine; {model.name} is a bearing")
+    options: dict[str, Any] = {}
+    if control is not None:
+        options["flight"] = Flight.load(control)
+    if synchronous:
+        options["synchronous"] = tuple(synchronous)
+    return options
 
 
 def _cost_table(spent: Cost, clock: float) -> Table:

@@ -128,6 +128,7 @@ class Plant:
         )
         pattern = (model.A != 0) | (model.spin != 0)
         cosine, sine = self._unbalance()
+        dtype = "float32" if core.__name__.endswith("f32") else "float64"
         g = model.b @ self.bias
         if machine.bending is None:
             moved = machine.masses
@@ -153,7 +154,7 @@ class Plant:
             "shows": [index[f"x_m_{r.name}"] for r in readings],
             "gain": [r.sensor.gain for r in readings],
             "lag": [machine.lag_of(r.sensor) for r in readings],
-            "sensor_parts": self._sensors(),
+            "sensor_parts": self._sensors(dtype),
             "rings": self._rings(),
             **({"delay": 0, "delay_rest": 0.0} | parts.delay_of(machine)),
             "substeps": self._substeps(substeps, fastest),
@@ -170,12 +171,12 @@ class Plant:
             found[:, velocities] += amount * geometry.matrix(along, machine.positions) / moved
         return found[0], found[1]
 
-    def _sensors(self) -> list[dict[str, Any]]:
+    def _sensors(self, precision: str) -> list[dict[str, Any]]:
         told = []
         for r in self.machine.readings:
             second = r.sensor.type == "radial" and r.name == f"{r.sensor.name}2"
             around = math.pi / 2 if second else 0.0
-            told.append(parts.of_sensor(r.sensor, r.sensor.runout, "float64", around))
+            told.append(parts.of_sensor(r.sensor, r.sensor.runout, precision, around))
         return told
 
     def _rings(self) -> list[dict[str, Any]]:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from ambkit.estimate.filter_file import FilterFile
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.magnets import MagnetModel
+    from ambkit.simulation.flight import Flight
 
 MOST_COUNTED = 65535
 """What an unsigned int of 16 bits holds, as a TI C2000 has."""
@@ -78,6 +79,7 @@ def export_c(
     loops: bool | None = None,
     filter_file: FilterFile | None = None,
     editable: bool = False,
+    flight: Flight | None = None,
     **options: Any,
 ) -> CExport:
     """Write a folder of C99 that compiles alone.
@@ -111,6 +113,9 @@ def export_c(
     editable : bool
         Whether each number stands once in the data file, where it can be edited, and what follows
         from it is computed at init into the state: more memory and flash. Of the paper's axis.
+    flight : Flight, optional
+        Of a whole machine: its controllers are written too, and estimator and controllers together
+        as one step from readings to currents, equal to the last bit to what the simulation flies.
     **options
         Of the kind; of :class:`ambkit.KalmanFilter` noise, gravity, frozen_limit, gate,
         outlier_limit, as_printed.
@@ -151,7 +156,9 @@ def export_c(
     facts = _facts(magnet, precision) | _cost_facts(spent)
     if estimator.description:
         facts = {"for": estimator.description} | facts
-    content = render.render(estimator, name, precision, facts, loops=loops, editable=editable)
+    content = render.render(
+        estimator, name, precision, facts, loops=loops, editable=editable, flight=flight
+    )
     written = folder.write(Path(out), content.files)
     return CExport(
         written,

@@ -15,7 +15,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.registry import PAPER, InCore
 from ambkit.export import core
-from ambkit.export.c import data, model, vectors
+from ambkit.export.c import control, data, model, vectors
 from ambkit.export.c.crc import Constants, Crc
 from ambkit.export.c.data import MAGNETS, CPrecision, Kind
 from ambkit.machine.bank import alone_of
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from ambkit.data.rig_units import Scaling
     from ambkit.estimate.base import Estimator
     from ambkit.machine.bearing import Bearing
+    from ambkit.simulation.flight import Flight
 
 _BOUNDS: dict[CPrecision, str] = {"float": "1e-3", "double": "1e-9"}
 _BOUND_OF_MACHINES = "2e-2"  # in float: more is added up; a tenth is still seen
@@ -49,6 +50,7 @@ def render(
     *,
     loops: bool | None = None,
     editable: bool = False,
+    flight: Flight | None = None,
 ) -> Content:
     """Write all texts.
 
@@ -67,11 +69,13 @@ def render(
     editable : bool
         Whether the data file has each number once, and the rest is computed at init; of the paper's
         axis alone.
+    flight : Flight, optional
+        Whose controllers are written too.
 
     Raises
     ------
     AmbkitError
-        Another model is to be editable.
+        Another model is to be editable; controllers cannot be had with this estimator.
     """
     if editable and not estimator.engine.built_in:
         raise AmbkitError(
@@ -97,11 +101,19 @@ def render(
             needed += [f"src/{data.called(inner).source}.c"]
     of_model = model.in_c(estimator, loops=loops)
     needed += of_model.sources
+    controlled = None
+    if flight is not None:
+        controlled = control.context(
+            estimator, flight, name, precision, _bound_of_output(estimator)
+        )
+        needed += control.SOURCES
     found = core.closure(needed, instead=of_model.instead)
     core_files = {f"core/{file}": text for file, text in found.items()}
     c_files = tuple(file for file in core_files if file.endswith(".c"))
-    sources = (f"{name}.c", f"{name}_data.c", *c_files)
-    selftest = tuple(f"selftest/{file}" for file in (f"{name}_selftest.c", f"{name}_vectors.c"))
+    more = ("_control", "_control_data") if controlled else ()
+    sources = (*(f"{name}{file}.c" for file in ("", "_data", *more)), *c_files)
+    of_test = ["selftest", "vectors"] + (["control_selftest"] if controlled else [])
+    selftest = tuple(f"selftest/{name}_{file}.c" for file in of_test)
     settling, bound = _settling(estimator), _bound_of_output(estimator)
     tested = vectors.make(estimator, magnets, settling=settling, bound=bound)
     bearing = estimator.bearing
@@ -155,6 +167,8 @@ def render(
         **_stops(estimator, precision),
         "base": "" if in_core is None else in_core.base,
         **_data_context(estimator, magnet, kind, precision, of_model, editable=editable),
+        "controlled": controlled is not None,
+        **(controlled or {}),
         "editable": editable,
         "as_printed": estimator.engine.as_printed,
         "mass": "" if whole else data.number(bearing.rotor.mass, precision),
@@ -182,6 +196,8 @@ def render(
         "README.md": "README.md",
         "misra.txt": "misra.txt",
     }
+    if controlled is not None:
+        made |= {file.format(name=name): template for file, template in control.FILES.items()}
     templates = _templates()
     texts = core_files | {
         file: templates.get_template(f"{template}.j2").render(context)
@@ -424,6 +440,9 @@ def _configuration(
     if context["several"]:
         parts.append(repr(context["several"]))
     parts += [array["text"] for array in context["arrays"]]
+    if context["controlled"]:
+        parts += [array["text"] for array in context["control_arrays"]]
+        parts += [repr(context["pids"]), context["kind"]]
     for part in (*parts, *core_files.values()):
         digest.update(part.encode() + b"\0")
     return digest.hexdigest()[:16]
