@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from ambkit.simulation.scenario import PID as PID
     from ambkit.simulation.scenario import Scenario as Scenario
     from ambkit.simulation.waveforms import Constant as Constant
+    from ambkit.simulation.waveforms import HalfSine as HalfSine
     from ambkit.simulation.waveforms import Impulse as Impulse
     from ambkit.simulation.waveforms import Ramp as Ramp
     from ambkit.simulation.waveforms import Recorded as Recorded
@@ -114,7 +115,16 @@ _HOME = {
     "simulation.flight": ["Flight"],
     "simulation.machine": ["simulate_machine"],
     "simulation.scenario": ["PID", "Scenario"],
-    "simulation.waveforms": ["Constant", "Impulse", "Ramp", "Recorded", "Sequence", "Sine", "Step"],
+    "simulation.waveforms": [
+        "Constant",
+        "HalfSine",
+        "Impulse",
+        "Ramp",
+        "Recorded",
+        "Sequence",
+        "Sine",
+        "Step",
+    ],
     "workflow.comparison": ["compare"],
     "workflow.assessing": ["assess"],
     "workflow.assessing_log": ["assess_log"],

@@ -114,6 +114,7 @@ def simulate_machine(
         )
     loads = _of_axes(machine, [(each.axis, each.force) for each in flight.disturbance], t[:-1])
     wanted = _of_axes(machine, [(each.axis, each.position) for each in flight.reference], t[:-1])
+    base = _of_base(machine, flight, t[:-1])
     if estimator is None and flight.feedback == "estimate":
         estimator = KalmanFilter(machine)
     precision = "float64" if estimator is None else estimator.precision
@@ -134,13 +135,14 @@ def simulate_machine(
     controllers = controllers_of(plant, flight.control, feeding, pids)
     given = (
         plant.arrays(core, flight.substeps, fastest)
+        | {"off": n if flight.off is None else round(flight.off / T)}
         | {"T": T, "k_ui": [axis.bearing.amplifier.gain for axis in machine.axes]}
         | arrays(controllers, plant, feeding)
     )
     follows = None
 
     def flown(samples: int, **of_estimator: Any) -> dict[str, Any]:
-        series = {"r": wanted, "load": loads, "noise_u": noise_u, "noise_y": noise_y}
+        series = {"r": wanted, "load": loads, "base": base, "noise_u": noise_u, "noise_y": noise_y}
         at_once = {"start": plant.state(q, currents), "demanded": currents,
                    "integral": controllers.integrals(*held)}  # fmt: skip
         told = {name: values[:samples] for name, values in series.items()} | at_once
@@ -157,10 +159,23 @@ def simulate_machine(
         follows = estimator.turning(speed, n + 1)
     turning = estimator.engine.model_of_core if estimator and follows is not None else None
     out = flown(n, estimator=None if estimator is None else estimator.core, model=turning)
-    series = {"r": wanted, "f_d": loads, "speed": speed[:-1], "injected": added}
+    series = {"r": wanted, "f_d": loads, "speed": speed[:-1], "injected": added, "base": base}
     record = _record(plant, flight, t[:-1], out, series)
     estimate = None if estimator is None else estimator.told(t[:-1], out["estimate"])
     return MachineRun(machine, record, estimate)
+
+
+def _of_base(machine: Machine, flight: Flight, t: Array) -> Array:
+    """Return the accelerations of the foundation (n, 3) [m/s^2]."""
+    found = np.zeros((len(t), 3))
+    for at, each in enumerate(flight.base):
+        if each.direction not in machine.rigid_positions:
+            raise AmbkitError(
+                f"base[{at}].direction: {machine.name} has no thrust bearing, and does not move "
+                f"along {each.direction}"
+            )
+        found[:, "xyz".index(each.direction)] += each.acceleration.sample(t)
+    return found
 
 
 def _added(what: str, values: Array, more: Array | None) -> Array:
@@ -206,8 +221,9 @@ def _record(
     signals: dict[str, tuple[Array, str]] = {}
     for k, r in enumerate(machine.readings):
         signals[f"y_{r.name}"] = out["y"][:, k], "m"
+    moved = out["X"][:, : len(model.states)] @ model.h.T
     of_axes = {
-        "u": (out["u"], "V"), "r": (series["r"], "m"), "s": (out["X"] @ model.h.T, "m"),
+        "u": (out["u"], "V"), "r": (series["r"], "m"), "s": (moved, "m"),
         "iu": (out["iu"], "A"), "f_mag": (out["force"] + plant.bias, "N"),
         "f_d": (series["f_d"], "N"),
     }  # fmt: skip
@@ -218,6 +234,8 @@ def _record(
     signals |= {f"{at.name}": (out["X"][:, k], at.unit) for k, at in enumerate(model.states)
                 if at.role == "sensor"}  # fmt: skip
     signals["speed"] = series["speed"], "rad/s"
+    for way in {each.direction for each in flight.base}:
+        signals[f"base_{way}"] = series["base"][:, "xyz".index(way)], "m/s^2"
     for each in flight.injection:
         signals[f"injected_{each.axis}"] = series["injected"][:, axes.index(each.axis)], "m"
     meta = {
