@@ -78,6 +78,8 @@ if TYPE_CHECKING:
     from ambkit.workflow.sweeping import sweep as sweep
     from ambkit.workflow.trading_off import trade_off as trade_off
     from ambkit.workflow.tuned_filter import tune as tune
+    from ambkit.workflow.unbalance_response import unbalance_response as unbalance_response
+    from ambkit.workflow.waterfall import waterfall as waterfall
 
     __version__: str
 
@@ -136,6 +138,8 @@ _HOME = {
     "workflow.identifying": ["identify"],
     "workflow.injecting": ["design_injection"],
     "workflow.mode_shapes": ["mode_shapes"],
+    "workflow.unbalance_response": ["unbalance_response"],
+    "workflow.waterfall": ["waterfall"],
     "workflow.sweeping": ["sweep"],
     "workflow.trading_off": ["trade_off"],
     "workflow.simulating": ["scenario_for", "simulate", "simulate_run"],

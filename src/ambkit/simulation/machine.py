@@ -221,6 +221,9 @@ def _record(
     signals: dict[str, tuple[Array, str]] = {}
     for k, r in enumerate(machine.readings):
         signals[f"y_{r.name}"] = out["y"][:, k], "m"
+    if flight.off is not None:
+        bias = [axis.bearing.magnet.bias_current for axis in machine.axes]
+        out["iu"] = np.where((t < flight.off)[:, None], out["iu"], np.negative(bias))
     moved = out["X"][:, : len(model.states)] @ model.h.T
     of_axes = {
         "u": (out["u"], "V"), "r": (series["r"], "m"), "s": (moved, "m"),

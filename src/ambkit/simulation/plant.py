@@ -134,7 +134,7 @@ class Plant:
             "b": np.pad(model.b, down), "B_u": np.pad(model.B_u, down),
             "h": np.pad(model.h, right), "v": np.pad(model.v, right), "seen": np.pad(seen, right),
         }  # fmt: skip
-        cosine, sine = self._unbalance()
+        cosine, sine = self.unbalance()
         dtype = "float32" if core.__name__.endswith("f32") else "float64"
         g = model.b @ self.bias
         if machine.bending is None:
@@ -171,7 +171,7 @@ class Plant:
             "substeps": self._substeps(substeps, fastest),
         }  # fmt: skip
 
-    def _unbalance(self) -> tuple[Array, Array]:
+    def unbalance(self) -> tuple[Array, Array]:
         """Return accelerations by unbalance ahead and across, for 1 rad/s (n,)."""
         machine = self.machine
         moved = machine.masses
