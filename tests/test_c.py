@@ -43,10 +43,15 @@ BUILDS = [
     Build(precision, loops) for precision in ("AMB_DOUBLE", "AMB_FLOAT") for loops in (False, True)
 ]
 ONLY_IN_LOOPS = {"test_loops"}
+# Loops only where nothing else can be, and in the long part: test_loops holds them.
 CASES = [
-    (name, build) for name in PROGRAMS for build in BUILDS
+    pytest.param(name, build, marks=pytest.mark.long)
+    if build.loops and name not in ONLY_IN_LOOPS
+    else (name, build)
+    for name in PROGRAMS
+    for build in BUILDS
     if build.loops or name not in ONLY_IN_LOOPS
-]  # fmt: skip
+]
 # What core and simulation may ask for that is not theirs, and what compilers write themselves.
 LIBC = {"memcpy", "memset", "memcmp", "memmove", "sqrt", "sqrtf"}
 OF_COMPILERS = {"_GLOBAL_OFFSET_TABLE_", "__stack_chk_fail"}

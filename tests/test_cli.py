@@ -152,7 +152,17 @@ def test_each_help_has_an_example_and_json(call, name):
     assert "--json" in found.out
 
 
-@pytest.mark.parametrize("name", [name for name in COMMANDS if name != "reproduce"])
+SLOW_EXAMPLES = {"assess", "compare", "excite"}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.long if name in SLOW_EXAMPLES else ())
+        for name in COMMANDS
+        if name != "reproduce"
+    ],
+)
 def test_the_examples_in_the_help_work(call, made, tmp_path, name):
     examples = re.findall(r"^    (ambkit .*)$", call(name, "--help").out, re.MULTILINE)
     shutil.copytree(made, tmp_path, dirs_exist_ok=True)

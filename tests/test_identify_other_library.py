@@ -15,6 +15,7 @@ from ambkit.identification.maximum_likelihood.search import climb
 from benchmarks.identification import START, TRUTH, closed_loops
 
 
+@pytest.mark.long
 def test_poles_agree_with_an_autoregressive_model_by_instruments_and_likelihood_is_sharper():
     """An ARX model by instrumental variables with NumPy's least squares, on a decimated record.
 

@@ -65,6 +65,7 @@ def found_by(known: Bearing, record: Record, free: tuple):
     return maximum_likelihood(record, start, free, improve_start=False)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", PARTS)
 def test_what_knows_the_part_finds_it_and_the_bearing_and_what_does_not_is_wrong(name: str) -> None:
     part = PARTS[name]

@@ -81,6 +81,7 @@ def test_a_compiler_as_msvc_takes_it(
     assert len(list(tmp_path.glob("*.obj"))) == len(SOURCES) + 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("compiler", COMPILERS)
 @pytest.mark.parametrize("precision", ["-DAMB_DOUBLE", "-DAMB_FLOAT"])
 def test_lanes_without_vectors_have_the_same_bits(

@@ -32,7 +32,8 @@ amb_status amb_controllers_step(const amb_controllers *c, amb_pid_state pid[], c
     iu[f] = fed_back(c, f, x, speed);
   }
   for (int j = 0; j < c->pids; j++) {
-    const amb_real wanted = dot(c->axes, &c->reference[j * c->axes], r);
+    const amb_real wanted =
+        (c->reference != NULL) ? dot(c->axes, &c->reference[j * c->axes], r) : r[j];
     const amb_real at = dot(n, &c->position[j * n], x);
     amb_real e;
     amb_real v = AMB_C(0.0);

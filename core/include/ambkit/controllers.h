@@ -21,7 +21,7 @@ extern "C" {
 typedef struct amb_controllers {
   int axes, states, pids;    /* p, n of x, q */
   const amb_pid *pid;        /* [q] */
-  const amb_real *reference; /* q x p, of the axes' references */
+  const amb_real *reference; /* q x p, of the axes' references; NULL: one for each PID */
   const amb_real *position;  /* q x n [m] or [rad] */
   const amb_real *velocity;  /* q x n, or NULL: each PID's filtered derivative */
   const amb_real *turning;   /* q x n, or NULL: for each rad/s what the velocity has in addition */
@@ -30,7 +30,7 @@ typedef struct amb_controllers {
   const amb_real *iu_min, *iu_max; /* [p]: limits of the currents [A] */
 } amb_controllers;
 
-/* One sample: references r of the axes (p) [m], states or readings x (n), speed [rad/s]. Gives the
+/* One sample: references r of the axes (p) [m], or of the PIDs (q), states or readings x (n), speed [rad/s]. Gives the
  * currents demanded, iu (p) [A], held to their limits. Returns the flags of all PIDs, and
  * AMB_SATURATED where a current is at its limit; a gain that sees a state that is no number gives
  * nothing. */

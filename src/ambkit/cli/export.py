@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from ambkit.export.c import Cost
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
+    from ambkit.simulation.scenario import Scenario
 
 
 class Precision(StrEnum):
@@ -81,12 +82,12 @@ def export_c(
             help="Each number once in the data file; what follows is computed at init.",
         ),
     ] = False,
-    control: Annotated[
+    controller: Annotated[
         Path | None,
         typer.Option(
-            "--control",
-            metavar="FLIGHT",
-            help="Of a machine, a flight in TOML: its controllers are written too.",
+            metavar="SCENARIO.toml",
+            help="Export the whole controller of this scenario, or of a machine's flight: from "
+            "readings to coil currents.",
         ),
     ] = None,
     synchronous: Synchronous = None,
@@ -112,7 +113,8 @@ def export_c(
       ambkit export c zittau_axial --estimator expert.json --out out/
       ambkit export c filter.toml --precision double --out out/
       ambkit export c tum_mlps --estimator extended --out out/
-      ambkit export c tum_mlps --control flight.toml --out out/
+      ambkit export c filter.toml --controller scenario.toml --out out/
+      ambkit export c tum_mlps --controller flight.toml --out out/
     """
     from ambkit.cli import output
     from ambkit.export import c
@@ -123,8 +125,10 @@ def export_c(
         raise AmbkitError(f"--clock must be greater than 0 Hz, is {clock:g} Hz")
     if editable and (cost or clock is not None):
         raise AmbkitError("--cost was measured of constants in flash, which --editable has not")
+    if controller is not None and (cost or clock is not None):
+        raise AmbkitError("--cost was measured of filters; of a whole controller: ambkit pil")
     model, chosen = _machine_of(bearing, estimator) or to_export(bearing, estimator)
-    options = _of_a_machine(model, control, synchronous)
+    options = _flown(model, controller, synchronous)
     written = c.export_c(
         model,
         chosen.magnet,
@@ -166,29 +170,31 @@ def export_c(
     output.note(f"wrote {written.folder}, {len(written.files) + 1} files")
 
 
+def _scenario(path: Path) -> Scenario:
+    from ambkit.simulation.scenario import Scenario
+
+    return Scenario.load(path)
+
+
 def _machine_of(text: str, estimator: str | None) -> tuple[Bearing | Machine, Chosen] | None:
     """Return a whole machine and its estimator; None where the text names something else."""
     machine = find_machine(text)
     return None if machine is None else (machine, of_machine(estimator, machine))
 
 
-def _of_a_machine(
-    model: Bearing | Machine, control: Path | None, synchronous: list[str] | None
+def _flown(
+    model: Bearing | Machine, controller: Path | None, synchronous: list[str] | None
 ) -> dict[str, Any]:
-    """Return what only the export of a whole machine takes."""
+    """Return whose controller is exported, and what else only a whole machine has."""
     from ambkit.machine.machine import Machine
     from ambkit.simulation.flight import Flight
 
-    given: dict[str, Any] = {"--control": control, "--synchronous": synchronous}
-    for option, value in given.items():
-        if value and not isinstance(model, Machine):
-            raise AmbkitError(f"{option} is of a whole machine; {model.name} is a bearing")
-    options: dict[str, Any] = {}
-    if control is not None:
-        options["flight"] = Flight.load(control)
-    if synchronous:
-        options["synchronous"] = tuple(synchronous)
-    return options
+    if not isinstance(model, Machine):
+        if synchronous:
+            raise AmbkitError("--synchronous is of a whole machine, not of one axis")
+        return {"scenario": None if controller is None else _scenario(controller)}
+    options: dict[str, Any] = {"synchronous": tuple(synchronous)} if synchronous else {}
+    return options | {"flight": None if controller is None else Flight.load(controller)}
 
 
 def _cost_table(spent: Cost, clock: float) -> Table:

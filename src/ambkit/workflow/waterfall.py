@@ -88,7 +88,7 @@ def waterfall(
     starts = np.arange(0, len(t) - n + 1, max(1, n // 4))
     parts = np.lib.stride_tricks.sliding_window_view(values, n)[starts]
     parts = parts - parts.mean(axis=1, keepdims=True)
-    frequency = np.fft.rfftfreq(n, T)
+    frequency = np.asarray(np.fft.rfftfreq(n, T), np.float64)
     shown = frequency <= highest
     spectra = 2 / hann.sum() * np.abs(np.fft.rfft(parts * hann, axis=1))
     middle = starts + n // 2

@@ -1,4 +1,4 @@
-"""Estimator and controllers of a machine in one step, as C: what `simulate_machine` flew."""
+"""The whole controller of an axis as C: its constants, and its self-test's vectors."""
 
 from __future__ import annotations
 
@@ -7,224 +7,179 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base.errors import AmbkitError
+from ambkit.estimate.estimate import Status
 from ambkit.export.c import data
+from ambkit.export.c.control_scenes import QUICK, scenes, taken_over
 from ambkit.export.c.crc import Constants
-from ambkit.export.c.vectors import within
-from ambkit.simulation.controllers import Controllers, arrays, controllers_of
-from ambkit.simulation.flight import Disturbance, Flight, Reference
-from ambkit.simulation.machine import simulate_machine
-from ambkit.simulation.plant import Plant
-from ambkit.simulation.waveforms import Step
+from ambkit.export.c.data import CPrecision, Name
+from ambkit.machine.magnets import own_time
+from ambkit.simulation.sequence import Mode
 
 if TYPE_CHECKING:
-    from ambkit.estimate.base import Estimator
-    from ambkit.export.c.data import CPrecision
+    from ambkit.simulation.control import Controller
 
-Array = NDArray[np.float64]
+SOURCES = ("src/control.c", "src/controllers.c", "src/controller.c", "src/sequence.c")
 
-SOURCES = ("src/controllers.c", "src/controller.c")
-"""Files of the core that it needs besides the filter's."""
-FILES = {
-    "{name}_control.h": "control.h", "{name}_control.c": "control.c",
-    "{name}_control_data.c": "control_data.c",
-    "selftest/{name}_control_selftest.c": "control_selftest.c",
+TEMPLATES = {
+    "{}.h": "control.h", "{}.c": "control.c", "README.md": "control.md",
+    "selftest/{}_selftest.h": "control_selftest.h", "selftest/{}_selftest.c": "control_selftest.c",
+    "selftest/{}_vectors.c": "control_vectors.c",
 }  # fmt: skip
-"""What is written, and by which template."""
+"""What stands in the place of a filter's files."""
 
-FLIGHT = 150
-"""Samples of a flight in the self-test."""
-PUSH, PULL = 0.2, 3.0
-"""Loads of the flights, in what an axis can pull with its greatest current."""
-
-
-class Vectors(NamedTuple):
-    """Flights one after the other, N samples."""
-
-    y: Array  # (N, readings) [m]
-    r: Array  # (N, axes) [m]
-    u: Array  # (N, axes): what the controllers gave [V]
-    starts: list[int]  # where flights begin
-    saturated: int  # samples in which a current was at its limit
+_PID = ("kp", "ki", "kd", "T_f", "T_t", "weight", "iu_min", "iu_max")
+_LAW = ("position", "velocity", "turning", "spread", "iu_min", "iu_max")
+_GAINS = ("fed_back", "fed_back_by_speed", "fed_back_by_square")
+_CONTROL = ("start", "start_by", "place", "down", "hold", "hold_by")
+_COUNTS = ("waiting", "lost", "overloaded", "rise", "fall")
 
 
-def context(
-    estimator: Estimator, flight: Flight, name: str, precision: CPrecision, bound: float
-) -> dict[str, Any]:
-    """Return what the templates of the controllers say.
+class _Structs(NamedTuple):
+    """The constants, by their names in C."""
 
-    Parameters
-    ----------
-    estimator : Estimator
-        Of a whole machine, of the precision that is exported.
-    flight : Flight
-        With its ``[control]``, and what feeds it.
-    name : str
-        Prefix.
-    precision : {"float", "double"}
-        Of the numbers.
-    bound : float
-        See `vectors`.
+    arrays: dict[str, NDArray[np.float64]]
+    pids: list[dict[str, float]]
+    law: dict[str, Any]
+    sequence: dict[str, Any]
+    control: dict[str, Any]
 
-    Raises
-    ------
-    AmbkitError
-        There is no whole machine, or the controllers cannot be had with this estimator.
-    """
-    if estimator.whole is None:
-        raise AmbkitError("controllers are exported of a whole machine; this is one axis")
-    machine = estimator.whole.machine
-    fed = estimator if flight.feedback == "estimate" else None
-    plant = Plant(machine)
-    controllers = controllers_of(plant, flight.control, fed)
-    fields = arrays(controllers, plant, fed)
-    named, matrices = _matrices(fields)
-    integral = _integrals(plant, controllers, flight, fed)
-    pids = [[machine.sampling_time, *each] for each in controllers.pids]
-    coils = [(b.magnet.bias_current, b.magnet.type == "two-sided") for b in plant.alone]
-    gains = np.array([axis.bearing.amplifier.gain for axis in machine.axes])
-    numbers = {
-        "k_ui": gains, "integral": integral, "bias": np.array([i0 for i0, _ in coils]),
-        "iu_min": np.array(fields["iu_min"]), "iu_max": np.array(fields["iu_max"]),
+
+def _structs(controller: Controller, name: str) -> _Structs:
+    fields = controller.fields
+    told = {key: fields[key] for key in (*_LAW, *_GAINS, *_CONTROL) if fields[key] is not None}
+    arrays = {f"of_{key}": np.array(values, float) for key, values in told.items()}
+
+    def at(key: str) -> Name:
+        return Name(f"of_{key}" if key in told else "NULL")
+
+    T = controller.bearing.sampling_time
+    pids = [{"T": T} | dict(zip(_PID, gains, strict=True)) for gains in fields["pid"]]
+    states = len(controller.estimator.states) if fields["feedback_estimate"] else 1
+    law = {"axes": 1, "states": states, "pids": len(pids), "pid": Name("of_pid")}
+    law |= {key: at(key) for key in _LAW}
+    law["gain"] = Name("{" + ", ".join(at(key) for key in _GAINS) + "}")
+    control = {
+        "estimator": Name(f"&{name}_estimator"), "law": Name("&law"), "sequence": Name("&sequence"),
+        "feedback_estimate": fields["feedback_estimate"], "settling": fields["settling"],
+        "bound": fields["bound"], "std": Name(f"{name}_std"),
     }  # fmt: skip
-    constants = Constants(precision)
-    for key, values in (numbers | named).items():
-        constants.array(f"control_{key}", values)
-    for j, each in enumerate(pids):
-        constants.fields(f"control_pid[{j}]", dict(zip(_PID, each, strict=True)), arrays=False)
-    tested = vectors(estimator, flight, bound)
-    most = float(np.finfo(np.float32 if precision == "float" else np.float64).max)
+    control |= {key: at(key) for key in _CONTROL}
+    return _Structs(arrays, pids, law, {key: fields[key] for key in _COUNTS}, control)
+
+
+def context(controller: Controller, name: str, precision: CPrecision) -> dict[str, Any]:
+    """Return what the templates say of a controller."""
+    of = _structs(controller, name)
+    tested = vectors(controller)
+    number = np.float32 if precision == "float" else np.float64
+    quick = QUICK | {"settling": min(of.control["settling"], QUICK["settling"])}
+    bearing = controller.bearing
     return {
-        "kind": flight.control.type,
-        "fed": fed is not None,
-        "start": flight.start,
-        "pids": [
-            {key: data.number(v, precision) for key, v in zip(_PID, each, strict=True)}
-            for each in pids
-        ],
-        "control_states": len(estimator.states) if fed else len(machine.readings),
-        "control_arrays": [
-            {"name": f"control_{key}", "length": values.size, "text": data.array(values, precision)}
-            for key, values in (numbers | named).items()
-        ],
-        "matrices": matrices,
-        "two_sided": [two for _, two in coils],
-        "speed": data.number(machine.speed, precision),
-        "control_crc": constants.crc(),
-        "flown": {
-            "steps": len(tested.y),
-            "saturated": tested.saturated,
-            "y": data.array(np.nan_to_num(tested.y, nan=most).ravel(), precision),
-            "r": data.array(tested.r.ravel(), precision),
-            "u": data.array(tested.u.ravel(), precision),
-            "starts": data.array(_marks(tested).astype(np.uint8), precision),
-        },
+        "arrays": data.declared(of.arrays, precision),
+        "pids": [data.struct(pid, precision, {}) for pid in of.pids],
+        "law": data.struct(of.law, precision, {}),
+        "sequence": data.struct(of.sequence, precision, {}),
+        "control": data.struct(of.control, precision, {}),
+        "bias": data.number(bearing.magnet.bias_current, precision),
+        "limit": data.number(float(number(bearing.amplifier.current_limit)), precision),
+        "coils": controller.coils,
+        "law_said": _said(controller),
+        "fed": controller.pid.feedback,
+        "own_time": f"{1e3 * own_time(bearing):.3g} ms",
+        "times": controller.sequence,
+        "taken_with": data.number(float(number(taken_over(controller))), precision),
+        "quick_settling": quick["settling"],
+        "quick": data.struct({key: quick[key] for key in _COUNTS}, precision, {}),
+        "steps": len(tested.y),
+        "columns": tested.expected.shape[1],
+        "y": data.array(tested.y, precision),
+        "r": data.array(tested.r, precision),
+        "told": data.array(tested.expected, precision),
+        "status": data.array(tested.status, precision),
+        "marks": data.array(tested.marks, precision),
+        "runs": tested.runs,
+        "coverage": coverage(controller, tested),
     }
 
 
-_PID = ("T", "kp", "ki", "kd", "T_f", "T_t", "weight", "iu_min", "iu_max")
+def _said(controller: Controller) -> str:
+    pid = controller.pid
+    if pid.type == "lqg":
+        return "linear-quadratic regulator of the estimated states"
+    ahead = f", {pid.feed_forward:g} of the estimated load taken back" if pid.feed_forward else ""
+    return f"PID, fed by the {pid.feedback}{ahead}"
 
 
-def _matrices(fields: dict[str, Any]) -> tuple[dict[str, Array], dict[str, str]]:
-    """Return the matrices that there are, and what the struct says of each."""
-    names = {
-        "position": "position", "velocity": "velocity", "turning": "turning", "spread": "spread",
-        "reference": "reference", "fed_back": "gain_0", "fed_back_by_speed": "gain_1",
-        "fed_back_by_square": "gain_2",
-    }  # fmt: skip
-    there = {to: np.array(fields[of]) for of, to in names.items() if fields[of] is not None}
-    said = {to: f"control_{to}" if to in there else "NULL" for to in names.values()}
-    return there, said
+def constants(controller: Controller, name: str, crc: Constants) -> None:
+    """Take the controller's constants into the CRC."""
+    of = _structs(controller, name)
+    for place, values in of.arrays.items():
+        crc.array(place, values)
+    for k, pid in enumerate(of.pids):
+        crc.fields(f"of_pid[{k}]", pid, arrays=False)
+    crc.fields("law", of.law, arrays=False)
+    crc.fields("sequence", of.sequence, arrays=False)
+    crc.fields(f"{name}_control", of.control, arrays=False)
+    crc.array(f"&{name}_bias", np.array([controller.bearing.magnet.bias_current]))
 
 
-def _integrals(
-    plant: Plant, controllers: Controllers, flight: Flight, fed: Estimator | None
-) -> Array:
-    """Return what the PIDs' integrals begin with: hovering in the middle, or lying at rest."""
-    p = len(plant.axes)
-    nothing = np.zeros(p)
-    if flight.start == "rest" and flight.control.type != "lqg":
-        return controllers.integrals(nothing, nothing, None)
-    q, currents = plant.hovering(nothing, nothing)
-    known = None if fed is None else fed.at_rest(q, current=currents)
-    return controllers.integrals(currents, nothing, known)
+class Vectors(NamedTuple):
+    """N samples of several runs, one after the other."""
+
+    y: NDArray[np.float64]  # (N,), as the rig has them; stand-ins for what is no number
+    r: NDArray[np.float64]  # (N,) [m]
+    expected: NDArray[np.float64]  # (N, columns): coils, iu, u, means
+    status: NDArray[np.uint16]  # (N,)
+    marks: NDArray[np.uint8]  # (N,): mode, and flags
+    runs: list[tuple[str, int]]
 
 
-def vectors(estimator: Estimator, flight: Flight, bound: float = 10.0) -> Vectors:
-    """Fly what the self-test flies, with the plant of the simulation.
+FLY, START, TAKEN, USABLE = 8, 16, 32, 64
+"""Marks of a sample, beside the mode after it: told to fly, a run starts at power-on or by taking
+over, and what is told of whether the estimate can be used."""
 
-    Two flights: a step of the reference with a load, and loads beyond what the magnets hold with
-    readings lost and far away; both at the machine's speed, on all axes in turn.
+
+def vectors(controller: Controller) -> Vectors:
+    """Let a controller live through all scenes, with a quick sequence.
 
     Parameters
     ----------
-    estimator : Estimator
-        Beside the controllers, or feeding them.
-    flight : Flight
-        Its start, feedback and controllers are flown.
-    bound : float
-        Caps beyond which the exported filter starts anew, which the simulation does not: a flight
-        ends before that.
+    controller : Controller
+        Of the precision that is exported.
     """
-    assert estimator.whole is not None
-    machine = estimator.whole.machine
-    parts = []
-    for k, sign in enumerate((1.0, -1.0)):
-        happening = _happening(machine, flight, sign, PUSH if k == 0 else PULL)
-        spoilt = _spoilt(machine, k == 1)
-        run = simulate_machine(
-            machine, happening, estimator=estimator, readings=spoilt, from_readings=True
-        )
-        y = np.column_stack([run.record[f"y_{r.name}"] for r in machine.readings])
-        r, u = (
-            np.column_stack([run.record[f"{which}_{axis.name}"] for axis in machine.axes])
-            for which in "ru"
-        )
-        assert run.estimate is not None
-        n = within(estimator, run.estimate.mean, bound)
-        parts.append((y[:n], r[:n], u[:n]))
-    y, r, u = (np.concatenate(each) for each in zip(*parts, strict=True))
-    gain = np.array([axis.bearing.amplifier.gain for axis in machine.axes])
-    low, high = (
-        np.array([getattr(alone, f"current_{end}") for alone in Plant(machine).alone])
-        for end in ("min", "max")
-    )
-    full = ((u * gain >= high * (1 - 1e-6)) | (u * gain <= low * (1 - 1e-6))).any(axis=1)
-    return Vectors(y, r, u, [0, len(parts[0][0])], int(full.sum()))
+    most = float(np.finfo(controller.estimator.precision).max)
+    settling = min(controller.fields["settling"], QUICK["settling"])
+    found, runs = [], []
+    for scene in scenes(controller):
+        other = QUICK | {"settling": settling}
+        told = controller.run(scene.y, scene.r, scene.fly, taken_over=scene.taken_over, other=other)
+        parts = (told["coil"], told["iu"][:, None], told["u"][:, None], told["mean"])
+        marks = told["mode"].astype(np.uint8) + USABLE * told["usable"].astype(np.uint8)
+        marks += (FLY * scene.fly).astype(np.uint8)
+        marks[0] += START if scene.taken_over is None else TAKEN
+        y = np.nan_to_num(scene.y, nan=most, posinf=most / 2, neginf=-most / 2)
+        r = np.nan_to_num(scene.r, nan=most, posinf=most / 2, neginf=-most / 2)
+        found.append((y, r, np.hstack(parts).astype(float), told["status"], marks))
+        runs.append((scene.name, len(y)))
+    joined = [np.concatenate(each) for each in zip(*found, strict=True)]
+    y, r, expected, status, marked = joined
+    return Vectors(y, r, expected, status, marked, runs)
 
 
-def _happening(machine: Any, flight: Flight, sign: float, share: float) -> Flight:
-    """Return a flight on all axes in turn: references of a twentieth of the travel, and loads."""
-    T = machine.sampling_time
-    references, loads = [], []
-    for k, axis in enumerate(machine.axes):
-        way = sign * (-1.0 if k % 2 else 1.0)
-        law = axis.bearing.magnet
-        most = 4 * law.magnet_constant * law.bias_current * axis.bearing.amplifier.current_limit
-        push = Step(amplitude=way * share * most / law.air_gap**2, time=(50 + 8 * k) * T)
-        wanted = Step(amplitude=0.05 * way * axis.bearing.travel_limit, time=(12 + 7 * k) * T)
-        references.append(Reference(axis=axis.name, position=wanted))
-        loads.append(Disturbance(axis=axis.name, force=push))
-    return Flight(
-        duration=(FLIGHT - 1) * T, start=flight.start, feedback=flight.feedback,
-        control=flight.control, reference=tuple(references), disturbance=tuple(loads),
-        seed=flight.seed,
-    )  # fmt: skip
-
-
-def _spoilt(machine: Any, spoil: bool) -> Array:
-    """Return what is added to the readings: nothing, or losses and readings far away."""
-    m = len(machine.readings)
-    added = np.zeros((FLIGHT, m))
-    if spoil:
-        travel = min(each.travel_limit for each in machine.bearing)
-        added[20:24, 0], added[28, :] = np.nan, np.nan
-        added[34, m - 1], added[38, 0] = 3 * travel, -3 * travel
-    return added
-
-
-def _marks(tested: Vectors) -> NDArray[np.bool_]:
-    """Return where flights begin (N,)."""
-    found = np.zeros(len(tested.y), bool)
-    found[tested.starts] = True
-    return found
+def coverage(controller: Controller, tested: Vectors) -> list[tuple[str, str]]:
+    """Return what the samples visit, in words: what, and how much of it."""
+    rows = [("samples", f"{len(tested.y)}, in {len(tested.runs)} runs, each from a start")]
+    names = [f"current of coil {k}" for k in range(controller.coils)] + ["`iu`", "`u`"]
+    units = ["A"] * (controller.coils + 1) + ["V"]
+    names += [f"`{state.name}`" for state in controller.estimator.states]
+    units += [state.unit for state in controller.estimator.states]
+    for name, unit, values in zip(names, units, tested.expected.T, strict=True):
+        rows.append((name, f"{values.min():.4g} to {values.max():.4g} {unit}"))
+    for mode in Mode:
+        rows.append((f"`AMB_{mode.name}`", f"{int((tested.marks % 8 == mode).sum())} samples"))
+    never = []
+    for flag in Status:
+        count = int(((tested.status & flag) != 0).sum())
+        never += [] if count else [f"`AMB_{flag.name}`"]
+        rows += [(f"`AMB_{flag.name}`", f"{count} samples")] if count else []
+    return [*rows, ("flags that are not raised", ", ".join(never) or "none")]
