@@ -11,10 +11,12 @@ import pytest
 from export_cases import BEARING, INCLUDES, SAME_BITS, STRICT, command
 from machine_cases import machine
 from test_machine_export import compiled
+from typer.testing import CliRunner
 
 from ambkit import AmbkitError, Flight, KalmanFilter, Machine, simulate_machine
+from ambkit.cli.app import app
 from ambkit.export.c import export_c
-from ambkit.export.c.control import vectors
+from ambkit.export.c.machine_control import vectors
 from ambkit.simulation.controllers import Control
 
 CROSSED = Control(type="translation and tilt", cross_feedback=0.5)
@@ -170,3 +172,14 @@ def test_readings_that_are_lost_are_flown() -> None:
     assert np.isfinite(flown["u_A2"]).all()
     with pytest.raises(ValueError, match="readings must be"):
         simulate_machine(one, Flight(duration=0.01), readings=lost[:50])
+
+
+def test_the_command_takes_a_flight(tmp_path: Path) -> None:
+    flight = tmp_path / "flight.toml"
+    flight.write_text('feedback = "estimate"\n[control]\ntype = "lqg"\nunbalance = "still"\n')
+    words = ["tum_mlps", "--controller", str(flight), "--out", str(tmp_path / "c")]
+    told = CliRunner().invoke(app, ["export", "c", *words])
+    assert "synchronous" in str(told.exception)  # what the controllers are to know
+    told = CliRunner().invoke(app, ["export", "c", *words, "--synchronous", "unbalance"])
+    assert told.exit_code == 0, told.output
+    assert "tum_mlps_control_step" in (tmp_path / "c" / "README.md").read_text()
