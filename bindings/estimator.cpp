@@ -29,6 +29,7 @@ void each_setting(Settings &s, const Sizes &of, Visit visit)
   visit("var_u", s.var_u, of.controls);
   visit("var_d", s.var_d, of.noises);
   visit("var_y", s.var_y, of.sensors);
+  visit("rise", s.rise, of.sensors);
   visit("gate", s.gate, 0);
   visit("frozen_limit", s.frozen_limit, 0);
   visit("outlier_limit", s.outlier_limit, 0);

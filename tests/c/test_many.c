@@ -67,7 +67,7 @@ static amb_loop_output output(void)
   const amb_loop_output out = {
       signals[0], signals[1], signals[2], signals[3], signals[4], signals[5], signals[6],
       {mean, NULL, numbers[0], numbers[1], numbers[2], numbers[3], NULL, NULL, status, status},
-      0, {NULL, NULL}, NULL};
+      0, {NULL, NULL}, NULL, NULL};
   return out;
 }
 

@@ -124,7 +124,8 @@ def simulate(
     if whole is not None:
         simulate_machine(
             whole, scenario=scenario, estimator=estimator, duration=duration, load=load, seed=seed,
-            synchronous=synchronous or (), out=out, plot=plot, waterfall=waterfall, json=json,
+            injection=injection, synchronous=synchronous or (), out=out, plot=plot,
+            waterfall=waterfall, json=json,
             others={"expert": expert, "force-map": magnet, "step": step, "reference": reference},
         )  # fmt: skip
         return
