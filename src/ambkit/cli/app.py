@@ -34,6 +34,7 @@ from ambkit.cli.options import keep_inputs
 from ambkit.cli.presets import presets
 from ambkit.cli.read import read
 from ambkit.cli.reproduce import reproduce
+from ambkit.cli.rotor import rotor
 from ambkit.cli.simulate import simulate
 from ambkit.cli.torture import torture
 from ambkit.cli.train import train
@@ -60,6 +61,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "design": design,
     "assess": assess,
     "torture": torture,
+    "rotor": rotor,
     "presets": presets,
     "check": check,
 }

@@ -159,6 +159,7 @@ def arrays(controllers: Controllers, plant: Plant, estimator: Estimator | None) 
     return told | {
         "feedback_estimate": estimator is not None,
         "pid": controllers.pids,
+        "reference": controllers.of_axes.ravel().tolist(),
         "spread": controllers.spread.ravel().tolist(),
         "iu_min": [each.current_min for each in plant.alone],
         "iu_max": [each.current_max for each in plant.alone],

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.magnets import MagnetModel
     from ambkit.simulation.control import Controller
+    from ambkit.simulation.flight import Flight
     from ambkit.simulation.scenario import Scenario
 
 MOST_COUNTED = 65535
@@ -81,6 +82,7 @@ def export_c(
     filter_file: FilterFile | None = None,
     editable: bool = False,
     scenario: Scenario | None = None,
+    flight: Flight | None = None,
     **options: Any,
 ) -> CExport:
     """Write a folder of C99 that compiles alone.
@@ -118,6 +120,9 @@ def export_c(
         Whose controller is exported with the estimator, lift-off and landing: the whole of what
         flies, from readings to currents; what the scenario's sequence does not say is as usual. Of
         one axis.
+    flight : Flight, optional
+        Of a whole machine: its controllers are written too, and estimator and controllers together
+        as one step from readings to currents, equal to the last bit to what the simulation flies.
     **options
         Of the kind; of :class:`ambkit.KalmanFilter` noise, gravity, frozen_limit, gate,
         outlier_limit, as_printed.
@@ -162,7 +167,14 @@ def export_c(
     if estimator.description:
         facts = {"for": estimator.description} | facts
     content = render.render(
-        estimator, name, precision, facts, loops=loops, editable=editable, controller=controller
+        estimator,
+        name,
+        precision,
+        facts,
+        loops=loops,
+        editable=editable,
+        controller=controller,
+        flight=flight,
     )
     written = folder.write(Path(out), content.files)
     return CExport(

@@ -15,7 +15,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.registry import PAPER, InCore
 from ambkit.export import core
-from ambkit.export.c import control, data, model, vectors
+from ambkit.export.c import control, data, machine_control, model, vectors
 from ambkit.export.c.crc import Constants, Crc
 from ambkit.export.c.data import MAGNETS, CPrecision, Kind
 from ambkit.machine.bearing import FILES
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.machine.bearing import Bearing
     from ambkit.simulation.control import Controller
+    from ambkit.simulation.flight import Flight
 
 _BOUNDS: dict[CPrecision, str] = {"float": "1e-3", "double": "1e-9"}
 _BOUND_OF_MACHINES = "2e-2"  # in float: more is added up; a tenth is still seen
@@ -51,6 +52,7 @@ def render(
     loops: bool | None = None,
     editable: bool = False,
     controller: Controller | None = None,
+    flight: Flight | None = None,
 ) -> Content:
     """Write all texts.
 
@@ -71,6 +73,8 @@ def render(
         axis alone.
     controller : Controller, optional
         That flies this estimator; the export is then the whole of it.
+    flight : Flight, optional
+        Of a whole machine: its controllers are written beside the filter, and one step for both.
 
     Raises
     ------
@@ -101,11 +105,17 @@ def render(
             needed += [f"src/{data.called(inner).source}.c"]
     of_model = model.in_c(estimator, loops=loops)
     needed += [*of_model.sources, *(control.SOURCES if controller is not None else ())]
+    flown = {}
+    if flight is not None:
+        flown = machine_control.context(estimator, flight, name, precision, bound_of(estimator))
+        needed += machine_control.SOURCES
     found = core.closure(needed, instead=of_model.instead)
     core_files = {f"core/{file}": text for file, text in found.items()}
     c_files = tuple(file for file in core_files if file.endswith(".c"))
-    sources = (f"{name}.c", f"{name}_data.c", *c_files)
-    selftest = tuple(f"selftest/{file}" for file in (f"{name}_selftest.c", f"{name}_vectors.c"))
+    more = ("_control", "_control_data") if flown else ()
+    sources = (*(f"{name}{file}.c" for file in ("", "_data", *more)), *c_files)
+    of_test = ("selftest", "vectors", *(("control_selftest",) if flown else ()))
+    selftest = tuple(f"selftest/{name}_{file}.c" for file in of_test)
     settling, bound = settling_of(estimator), bound_of(estimator)
     if controller is None:
         tested = vectors.make(estimator, magnets, settling=settling, bound=bound)
@@ -164,6 +174,8 @@ def render(
         **_stops(estimator, precision),
         "base": "" if in_core is None else in_core.base,
         **_data_context(estimator, magnet, kind, precision, of_model, editable=editable),
+        "controlled": bool(flown),
+        **flown,
         "editable": editable,
         "as_printed": estimator.engine.as_printed,
         "mass": "" if whole else data.number(bearing.rotor.mass, precision),
@@ -193,6 +205,9 @@ def render(
     }
     if controller is not None:
         made |= {file.format(name): template for file, template in control.TEMPLATES.items()}
+    if flown:
+        files = machine_control.FILES
+        made |= {file.format(name=name): template for file, template in files.items()}
     templates = _templates()
     texts = core_files | {
         file: templates.get_template(f"{template}.j2").render(context)
@@ -433,6 +448,9 @@ def _configuration(
     if context["several"]:
         parts.append(repr(context["several"]))
     parts += [array["text"] for array in context["arrays"]]
+    if context["controlled"]:
+        parts += [array["text"] for array in context["control_arrays"]]
+        parts += [repr(context["pids"]), context["kind"]]
     for part in (*parts, *core_files.values()):
         digest.update(part.encode() + b"\0")
     return digest.hexdigest()[:16]
