@@ -20,12 +20,18 @@ AMB_INLINE amb_real amb_step_current(const amb_kalman *kf, amb_kalman_state *sta
                                      amb_real u, amb_status *status)
 {
   const amb_kalman_settings *set = &kf->set;
-  amb_real iu = set->k_ui[c] * u;
-  if ((iu >= set->iu_min[c]) && (iu <= set->iu_max[c])) {
+  /* A number, and one that can be multiplied; `u == u` tells the proof that it is no NaN. */
+  const bool near = (u == u) && (u >= -AMB_REAL_ROOT) && (u <= AMB_REAL_ROOT);
+  amb_real iu = near ? (set->k_ui[c] * u) : AMB_C(0.0);
+  if (near && (iu >= set->iu_min[c]) && (iu <= set->iu_max[c])) {
     state->last_u[c] = u;
   } else { /* not finite, or more than there is */
-    if (amb_is_finite(u)) {
+    if (near) {
       state->last_u[c] = u;
+    } else if ((u > AMB_REAL_ROOT) && (u <= AMB_REAL_MAX)) {
+      state->last_u[c] = AMB_REAL_ROOT;
+    } else if ((u < -AMB_REAL_ROOT) && (u >= -AMB_REAL_MAX)) {
+      state->last_u[c] = -AMB_REAL_ROOT;
     } else {
       *status |= AMB_BAD_CONTROL;
     }
@@ -104,7 +110,7 @@ AMB_INLINE amb_status amb_step_predict_with(const amb_kalman *kf, amb_kalman_sta
   const amb_kalman_settings *s = &kf->set;
   AMB_EACH_FORCE(&kf->model)
   {
-    if (!((F[f] * F[f]) <= AMB_REAL_MAX)) { /* not finite, or as good as that */
+    if (!((F[f] >= -AMB_REAL_ROOT) && (F[f] <= AMB_REAL_ROOT))) { /* as good as not finite */
       return AMB_BAD_PARAMETER;
     }
   }
@@ -190,7 +196,7 @@ AMB_INLINE bool amb_step_frozen(const amb_kalman *kf, amb_sensor_state *sensor, 
 AMB_INLINE amb_status amb_step_useless(const amb_kalman *kf, amb_kalman_state *state, int r,
                                        amb_real y)
 {
-  if (!((y * y) <= kf->far_squared[r])) {
+  if (!((y >= -kf->far[r]) && (y <= kf->far[r]))) {
     return AMB_MISSING;
   }
   return amb_step_frozen(kf, &state->sensor[r], y) ? AMB_FROZEN : AMB_OK;
@@ -252,20 +258,24 @@ AMB_INLINE amb_status amb_step_update(const amb_kalman *kf, amb_kalman_state *st
   amb_model_variances(model, state->cov, before);
   e->innovation = AMB_C(0.0);
   e->variance = shown + kf->set.var_y[r];
-  const amb_status useless = amb_step_useless(kf, state, r, y);
-  if (useless != AMB_OK) {
-    return useless;
+  /* In sight of what follows, or the proof does not see it; nor does it without `y == y`. */
+  if (!((y == y) && (y >= -kf->far[r]) && (y <= kf->far[r]))) {
+    return AMB_MISSING;
+  }
+  if (amb_step_frozen(kf, sensor, y)) {
+    return AMB_FROZEN;
   }
   /* Of a variance at least half the digits must be left: after an outage, a sensor much sharper
    * than the estimate is believed step by step. */
   const amb_real least = AMB_ROOT_EPSILON * shown;
   const bool sharp = !(least <= kf->set.var_y[r]);
-  const amb_real var_y = sharp ? least : kf->set.var_y[r];
+  const amb_real var_y = (least <= kf->set.var_y[r]) ? kf->set.var_y[r] : least;
   e->variance = shown + var_y;
   if ((shown > AMB_C(0.0)) && (!sharp || amb_is_finite(e->variance))) {
+    const amb_real S = shown + var_y;
     const amb_real innovation = y - amb_model_shown(model, r, state->mean);
-    const amb_status surprised = amb_step_surprised(sensor, innovation, e->variance);
-    const amb_status outlier = amb_step_outlier(kf, sensor, r, innovation, e->variance);
+    const amb_status surprised = amb_step_surprised(sensor, innovation, S);
+    const amb_status outlier = amb_step_outlier(kf, sensor, r, innovation, S);
     if (outlier != AMB_OK) {
       e->innovation = innovation;
       if (outlier == AMB_RESTARTED) {
@@ -276,7 +286,7 @@ AMB_INLINE amb_status amb_step_update(const amb_kalman *kf, amb_kalman_state *st
       }
       return surprised | outlier;
     }
-    amb_model_update(model, r, y, var_y, state->mean, state->cov, &e->innovation, &e->variance);
+    amb_model_update(model, r, y, S, state->mean, state->cov, &e->innovation);
     sensor->residual = y - amb_model_shown(model, r, state->mean);
     if (amb_model_sound(model, state->cov)) {
       return surprised;
@@ -383,7 +393,6 @@ AMB_INLINE void amb_step_trusted(const amb_kalman *kf, const amb_stiffness k[AMB
   const amb_kalman_settings *set = &kf->set;
   amb_real F[AMB_FORCES];
   amb_real innovation;
-  amb_real variance;
   AMB_EACH_FORCE(&kf->model)
   {
     F[f] = amb_step_linear(kf, k[f], f, iu, state->mean);
@@ -393,8 +402,8 @@ AMB_INLINE void amb_step_trusted(const amb_kalman *kf, const amb_stiffness k[AMB
                                AMB_ROOM(state));
   AMB_EACH_SENSOR(&kf->model)
   {
-    amb_model_update(&kf->model, r, y[r], set->var_y[r], state->mean, state->cov, &innovation,
-                     &variance);
+    const amb_real S = amb_model_shown_variance(&kf->model, r, state->cov) + set->var_y[r];
+    amb_model_update(&kf->model, r, y[r], S, state->mean, state->cov, &innovation);
   }
 }
 

@@ -222,7 +222,8 @@ static amb_status take_in_by_all(const amb_kalman *kf, const amb_multiple_model 
     amb_real e;
     amb_real *S = &h->S[r][j];
     amb_model_variances(model, m->cov, before);
-    amb_model_update(model, r, y, var_y, m->mean, m->cov, &e, S);
+    *S = amb_model_shown_variance(model, r, m->cov) + var_y;
+    amb_model_update(model, r, y, *S, m->mean, m->cov, &e);
     h->square[j] += (e / *S) * e;
     if (!amb_model_sound(model, m->cov)) {
       amb_model_uncorrelated(model, before, m->cov);
