@@ -49,7 +49,7 @@ AMB_INLINE void lanes_law_through_origin(const lanes_law *law, lanes iu, lanes x
   lanes turned_i = *k_i;
   lanes turned_s = *k_s;
   const lanes square = lanes_turn_square(law->ampere, law->metre, iu, x);
-  const lanes_mask away = square >= AMB_REAL_MIN;
+  const lanes_mask away = square >= AMB_TURN_LEAST;
   lanes_turn(law->ampere, law->metre, lanes_law_force(law, iu, x), square, iu, x, &turned_i,
              &turned_s);
   *k_i = lanes_choose(away, turned_i, *k_i);

@@ -28,12 +28,12 @@ bool amb_envelope_bounds(const amb_kalman *kf, amb_real caps, const amb_real mea
   const int n = amb_states(&kf->model);
   for (int i = 0; i < n; i++) {
     const amb_real most = caps * kf->set.cap[i];
-    if (!((mean[i] >= -most) && (mean[i] <= most))) {
+    if (!AMB_WITHIN(mean[i], most)) {
       return false;
     }
   }
   for (int i = 0; i < amb_entry(n, n - 1, n); i++) {
-    if (!((cov[i] >= -kf->most[i]) && (cov[i] <= kf->most[i]))) {
+    if (!AMB_WITHIN(cov[i], kf->most[i])) {
       return false;
     }
   }

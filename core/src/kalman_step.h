@@ -20,8 +20,7 @@ AMB_INLINE amb_real amb_step_current(const amb_kalman *kf, amb_kalman_state *sta
                                      amb_real u, amb_status *status)
 {
   const amb_kalman_settings *set = &kf->set;
-  /* A number, and one that can be multiplied; `u == u` tells the proof that it is no NaN. */
-  const bool near = (u == u) && (u >= -AMB_REAL_ROOT) && (u <= AMB_REAL_ROOT);
+  const bool near = AMB_WITHIN(u, AMB_REAL_ROOT); /* a number, and one that can be multiplied */
   amb_real iu = near ? (set->k_ui[c] * u) : AMB_C(0.0);
   if (near && (iu >= set->iu_min[c]) && (iu <= set->iu_max[c])) {
     state->last_u[c] = u;
@@ -110,7 +109,7 @@ AMB_INLINE amb_status amb_step_predict_with(const amb_kalman *kf, amb_kalman_sta
   const amb_kalman_settings *s = &kf->set;
   AMB_EACH_FORCE(&kf->model)
   {
-    if (!((F[f] >= -AMB_REAL_ROOT) && (F[f] <= AMB_REAL_ROOT))) { /* as good as not finite */
+    if (!AMB_WITHIN(F[f], AMB_REAL_ROOT)) { /* as good as not finite */
       return AMB_BAD_PARAMETER;
     }
   }
@@ -192,11 +191,18 @@ AMB_INLINE bool amb_step_frozen(const amb_kalman *kf, amb_sensor_state *sensor, 
   return (kf->set.frozen_limit > 0U) && (sensor->unchanged >= kf->set.frozen_limit);
 }
 
+/* The measurement y of sensor r where it can be the rotor, else 0: within bounds whatever it is.
+ */
+AMB_INLINE amb_real amb_step_seen(const amb_kalman *kf, int r, amb_real y)
+{
+  return AMB_WITHIN(y, kf->far[r]) ? y : AMB_C(0.0);
+}
+
 /* AMB_MISSING or AMB_FROZEN, where the measurement y of sensor r says nothing. */
 AMB_INLINE amb_status amb_step_useless(const amb_kalman *kf, amb_kalman_state *state, int r,
                                        amb_real y)
 {
-  if (!((y >= -kf->far[r]) && (y <= kf->far[r]))) {
+  if (!AMB_WITHIN(y, kf->far[r])) {
     return AMB_MISSING;
   }
   return amb_step_frozen(kf, &state->sensor[r], y) ? AMB_FROZEN : AMB_OK;
@@ -211,7 +217,8 @@ AMB_INLINE bool amb_step_goes_on(const amb_kalman *kf, const amb_sensor_state *s
   const amb_real since = kf->set.T * ((amb_real)sensor->outliers + AMB_C(1.0));
   const amb_real pushed = AMB_SUDDEN * kf->set.K_sen[r] * since * since;
   const amb_real jump = e - sensor->residual;
-  return (jump * jump) <= (AMB_C(2.0) * kf->gate_squared * kf->set.var_y[r] + pushed * pushed);
+  const amb_real most = AMB_C(2.0) * kf->gate_squared * kf->set.var_y[r] + pushed * pushed;
+  return AMB_WITHIN(jump, AMB_REAL_ROOT) && ((jump * jump) <= most);
 }
 
 /* Whether an innovation e of variance S is AMB_OUTLIER. Only so many in a row are: the others say
@@ -258,8 +265,8 @@ AMB_INLINE amb_status amb_step_update(const amb_kalman *kf, amb_kalman_state *st
   amb_model_variances(model, state->cov, before);
   e->innovation = AMB_C(0.0);
   e->variance = shown + kf->set.var_y[r];
-  /* In sight of what follows, or the proof does not see it; nor does it without `y == y`. */
-  if (!((y == y) && (y >= -kf->far[r]) && (y <= kf->far[r]))) {
+  /* In sight of what follows, or the proof does not see it. */
+  if (!AMB_WITHIN(y, kf->far[r])) {
     return AMB_MISSING;
   }
   if (amb_step_frozen(kf, sensor, y)) {

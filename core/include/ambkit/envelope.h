@@ -37,8 +37,8 @@ bool amb_envelope_within(const amb_kalman *kf, amb_real caps, const amb_real mea
 
 /* Whether an estimate is one at all: the mean within so many caps, and each entry of the covariance
  * within what is left to a rotor, AMB_BOUNDLESS caps of both its states. False for what is not a
- * number. No run comes near it; but from such a state on a step has bounds for all that it computes,
- * whatever its input. */
+ * number. No run comes near it; but from such a state on a step has bounds for all that it
+ * computes, whatever its input. */
 bool amb_envelope_bounds(const amb_kalman *kf, amb_real caps, const amb_real mean[AMB_STATES],
                          const amb_real cov[AMB_TRIANGLE]);
 

@@ -64,11 +64,11 @@ typedef struct amb_kalman_settings {
 typedef struct amb_kalman {
   amb_kalman_settings set;
   amb_model model;
-  amb_real growth[AMB_TRIANGLE];     /* covariance that var_d leaves in a sample; follows it */
-  amb_real far[AMB_SENSORS];         /* the farthest measurement of a rotor [m] */
-  amb_real gate_squared;             /* of the settings' gate [1] */
-  amb_real widest[AMB_STATES];       /* square of the cap: no position is less certain */
-  amb_real most[AMB_TRIANGLE];       /* what no covariance is beyond, by AMB_BOUNDLESS caps */
+  amb_real growth[AMB_TRIANGLE]; /* covariance that var_d leaves in a sample; follows it */
+  amb_real far[AMB_SENSORS];     /* the farthest measurement of a rotor [m] */
+  amb_real gate_squared;         /* of the settings' gate [1] */
+  amb_real widest[AMB_STATES];   /* square of the cap: no position is less certain */
+  amb_real most[AMB_TRIANGLE];   /* what no covariance is beyond, by AMB_BOUNDLESS caps */
 } amb_kalman;
 
 /* The health of a sensor. */

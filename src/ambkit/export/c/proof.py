@@ -2,8 +2,8 @@
 
 The analysis takes the exported C as it is, with the numbers of one rig: ``proof/prove.sh`` of an
 export runs it. What came out for the bearing of the tests is stored in ``proof.json``
-(``python -m firmware.proof``), by what decides over the C that runs; ``tests/test_proof.py`` runs it
-again.
+(``python -m firmware.proof``), by what decides over the C that runs; ``tests/test_proof.py`` runs
+it again.
 """
 
 from __future__ import annotations

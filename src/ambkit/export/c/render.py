@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 
 _BOUNDS: dict[CPrecision, str] = {"float": "1e-3", "double": "1e-9"}
 _PROVED = (
-    "Whatever a NAME_step or NAME_reset is given, NaN and infinities included, and however often: no "
-    "access beyond an object, no read of what was not written, no division by zero, no overflow, no "
-    "other undefined behaviour of C99; and every number in the estimates is finite. Shown by "
-    "abstract interpretation (Frama-C Eva), for these constants."
+    "Whatever NAME_step and NAME_reset are given, NaN and infinities included, and however often: "
+    "no access beyond an object, no read of what was not written, no division by zero, no "
+    "overflow, no other undefined behaviour of C99; and every number in the estimates is finite. "
+    "Shown by abstract interpretation (Frama-C Eva), for these constants."
 )
 _BOUND_OF_MACHINES = "2e-2"  # in float: more is added up; a tenth is still seen
 
