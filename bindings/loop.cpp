@@ -1,8 +1,4 @@
-#include "plant_parts.h"
-
-extern "C" {
-#include "loop.h"
-}
+#include "loop_of.h"
 
 namespace
 {
@@ -12,29 +8,32 @@ struct LoopState {
   amb_loop_state state{};
 };
 
-// The faults of a run: arrays by the names of amb_loop_faults, which are those of the caller.
-class Faults
-{
-public:
-  Faults(const nb::dict &arrays, bool beside, size_t n)
-  {
-    to = {beside,
-          series(arrays, "late", n),
-          series(arrays, "y_times", n),
-          series(arrays, "y_plus", n),
-          series(arrays, "u_times", n),
-          series(arrays, "u_plus", n),
-          series(arrays, "current", n)};
-  }
-  amb_loop_faults to{};
+// A controller in Python, or behind it: a function of y [m], r [m] and whether to fly, that says
+// control current [A], control signal [V], whether it is on, and the mode.
+using Told = nb::typed<nb::tuple, amb_real, amb_real, bool, int>;
+using Asked = nb::typed<nb::callable, Told(amb_real, amb_real, bool)>;
 
-private:
-  std::vector<Vector> kept;
-  const amb_real *series(const nb::dict &arrays, const char *name, size_t n)
+struct Elsewhere {
+  nb::callable asked;
+  nb::object failed; // what it raised, which ends the run when the GIL is there
+  static amb_real ask(void *self, amb_real y, amb_real r, bool fly, amb_control_output *flown)
   {
-    kept.push_back(nb::cast<Vector>(arrays[name]));
-    same_length(n, kept.back().size(), name);
-    return kept.back().data();
+    auto &at = *static_cast<Elsewhere *>(self);
+    *flown = amb_control_output{};
+    flown->mode = AMB_OFF;
+    nb::gil_scoped_acquire acquire;
+    if (at.failed.is_valid())
+      return 0;
+    try {
+      const auto said = nb::cast<nb::tuple>(at.asked(y, r, fly));
+      flown->iu[0] = nb::cast<amb_real>(said[0]);
+      flown->on = nb::cast<bool>(said[2]);
+      flown->mode = static_cast<amb_flight_mode>(nb::cast<int>(said[3]));
+      return nb::cast<amb_real>(said[1]);
+    } catch (nb::python_error &error) {
+      at.failed = nb::borrow(error.value());
+      return 0;
+    }
   }
 };
 
@@ -45,7 +44,9 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
                const Vector &r, const Vector &f_d, const Vector &noise_u, const Vector &noise_y,
                const std::optional<Vector> &scale, amb_real f_bias, amb_real x_start,
                LoopState *went, const std::optional<Named> &faults, bool beside,
-               const std::optional<Named> &parts, const Magnet *coil)
+               const std::optional<Named> &parts, const Magnet *coil, Control *control,
+               const std::optional<Vector> &fly, std::optional<amb_real> hover,
+               const std::optional<Asked> &elsewhere)
 {
   const size_t n = r.size();
   same_length(n, f_d.size(), "f_d");
@@ -53,22 +54,15 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
   same_length(n, noise_y.size(), "noise_y");
   if (scale)
     same_length(n, scale->size(), "scale");
-  if (feedback_estimate && estimator == nullptr)
-    throw std::invalid_argument("feedback from the estimate needs an estimator");
-  if (estimator != nullptr)
-    estimator->must_be_single("the simulated loop");
-  if (feedback_estimate)
-    estimator->must_have({AMB_POSITION, AMB_VELOCITY}, "feedback from the estimate");
-  const amb_parts with = parts ? parts_of(*parts) : amb_parts{};
-  const amb_loop loop{{magnet.magnet, m, f_0, K_sen, T_sen, travel, substeps,
-                       parts ? &with : nullptr, coil ? coil->magnet : amb_magnet{}},
-                      {T, kp, ki, kd, T_f, T_t, weight, iu_min, iu_max},
-                      T,
-                      k_ui,
-                      iu_min,
-                      iu_max,
-                      estimator ? &estimator->estimator : nullptr,
-                      feedback_estimate};
+  if (fly)
+    same_length(n, fly->size(), "fly");
+  LoopOf of(magnet, T, m, f_0, K_sen, T_sen, travel, substeps, k_ui, iu_min, iu_max, kp, ki, kd,
+            T_f, T_t, weight, feedback_estimate, estimator, parts, coil, control);
+  Elsewhere asked{elsewhere ? nb::callable(*elsewhere) : nb::callable(), {}};
+  of.loop.elsewhere = elsewhere ? &Elsewhere::ask : nullptr;
+  of.loop.where = &asked;
+  const amb_loop &loop = of.loop;
+  const amb_parts &with = of.parts;
   const std::optional<Faults> wrong =
       faults ? std::optional<Faults>(Faults(*faults, beside, n)) : std::nullopt;
   const amb_loop_input input{n,
@@ -78,27 +72,33 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
                              noise_y.data(),
                              scale ? scale->data() : nullptr,
                              f_bias,
-                             wrong ? &wrong->to : nullptr};
+                             wrong ? &wrong->to : nullptr,
+                             fly ? fly->data() : nullptr};
   Fresh<amb_real> x({n}), v({n}), x_m({n}), iu({n}), force({n}), y({n}), u({n});
-  const Sizes of(estimator ? estimator->kf.model : amb_model{});
-  History history(estimator ? n : 0, of, estimator != nullptr, estimator && estimator->scales());
+  const Sizes sizes(estimator ? estimator->kf.model : amb_model{});
+  History history(estimator ? n : 0, sizes, estimator != nullptr, estimator && estimator->scales());
   const bool volts = with.voltage > 0;
   Fresh<amb_real> first({volts ? n : 0}), second({volts && with.pair ? n : 0});
+  const bool whole = control != nullptr || elsewhere;
+  Fresh<unsigned char> mode({whole ? n : 0});
   amb_loop_output out{
       x.data,     v.data,
       x_m.data,   iu.data,
       force.data, y.data,
       u.data,     history.to,
-      0,          {volts ? first.data : nullptr, volts && with.pair ? second.data : nullptr}};
+      0,          {volts ? first.data : nullptr, volts && with.pair ? second.data : nullptr},
+      nullptr,    whole ? mode.data : nullptr};
   LoopState fresh;
   amb_loop_state &state = went ? went->state : fresh.state;
-  if (!state.sampled) {
-    amb_plant_settle(&loop.plant, &state.plant, x_start, amb_clamp(integral, iu_min, iu_max));
-    amb_pid_reset(&state.pid, integral);
-  }
+  if (!state.sampled)
+    of.settle(state, x_start, integral, hover, estimator ? estimator->state() : nullptr);
   {
     nb::gil_scoped_release release;
     amb_loop_run(&loop, &input, &state, estimator ? estimator->state() : nullptr, &out);
+  }
+  if (asked.failed.is_valid()) {
+    PyErr_SetObject(reinterpret_cast<PyObject *>(asked.failed.type().ptr()), asked.failed.ptr());
+    throw nb::python_error();
   }
   nb::dict d;
   d["x"] = x.array;
@@ -113,6 +113,8 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
   if (out.voltage[1] != nullptr)
     d["u_coil_2"] = second.array;
   d["touched"] = out.touched;
+  if (whole)
+    d["mode"] = mode.array;
   if (estimator)
     d["estimate"] = history.arrays;
   return d;
@@ -135,6 +137,10 @@ void bind_loop(nb::module_ &m)
       nb::arg("f_bias") = 0, nb::arg("x_start") = 0, nb::arg("state").none() = nb::none(),
       nb::arg("faults").none() = nb::none(), nb::arg("beside") = false,
       nb::arg("parts").none() = nb::none(), nb::arg("coil").none() = nb::none(),
+      nb::arg("control").none() = nb::none(), nb::arg("fly").none() = nb::none(),
+      nb::arg("hover").none() = nb::none(), nb::arg("elsewhere").none() = nb::none(),
       "A closed-loop run in one call; see sim/loop.h for shapes and units. With a state, an empty "
-      "one at first, the next call goes on where this one ends.");
+      "one at first, the next call goes on where this one ends. A whole controller starts in "
+      "flight, "
+      "with this current [A] (hover), or at power-on.");
 }

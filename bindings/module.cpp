@@ -12,7 +12,9 @@ NB_MODULE(AMBKIT_MODULE_NAME, m)
   bind_scale_estimators(m);
   bind_learners(m);
   bind_rls(m);
+  bind_control(m);
   bind_loop(m);
   bind_machine(m);
   bind_batch(m);
+  bind_many(m);
 }

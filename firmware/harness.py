@@ -12,7 +12,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+import ambkit
+
 HERE = Path(__file__).resolve().parent
+BOARD = Path(ambkit.__file__).parent / "export" / "pil" / "c"
 PREFIX = "arm-none-eabi-"
 QEMU = "qemu-system-arm"
 TARGET = ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16")
@@ -110,9 +113,10 @@ def build(export: Path, into: Path, contraction: Contraction = "off") -> Firmwar
     defines = [f"-Dfilter_{word}={name}_{word}" for word in words]
     defines += [f'-DHEADER="{name}_selftest.h"']
     tests = [export / "selftest" / f"{name}_{part}.c" for part in ("selftest", "vectors")]
-    harness = [HERE / file for file in ("startup.c", "semihosting.c", "main.c")]
+    harness = [BOARD / "startup.c", BOARD / "semihosting.c", HERE / "main.c"]
+    flags.append(f"-I{BOARD}")
     elf = into / "firmware.elf"
-    link = ("-nostartfiles", "--specs=nano.specs", f"-T{HERE / 'm.ld'}")
+    link = ("-nostartfiles", "--specs=nano.specs", f"-T{BOARD / 'm.ld'}")
     _call(gcc, *flags, *defines, *link, *harness, *tests, *sorted(objects), "-o", elf)
     return Firmware(elf, partial)
 

@@ -10,7 +10,7 @@
 /* Parameters and states as the core's structs, a vector for each number. */
 typedef struct lanes_parameters {
   lanes_model model;
-  lanes k_ui, f_0, iu_min, iu_max, x_max, var_u, var_y, reach, gate_squared;
+  lanes k_ui, f_0, iu_min, iu_max, x_max, var_u, var_y, rise, reach, gate_squared;
   lanes widest; /* of the position */
   lanes growth[AMB_TRIANGLE];
   lanes k_i, k_s; /* of a constant magnet */
@@ -146,9 +146,13 @@ AMB_INLINE lanes_mask lanes_step_kalman(const lanes_parameters *p, lanes_of of, 
   lanes_model_variances(&p->model, s->cov, variances);
   usual &= variances[AMB_FIRST_POSITION] <= p->widest;
   usual &= lanes_measured(p, s, y) & (shown > AMB_C(0.0));
-  usual &= (AMB_ROOT_EPSILON * shown) <= p->var_y;
-  r->variance = shown + p->var_y;
-  usual &= lanes_expected(p, s, y - lanes_model_shown(&p->model, 0, s->mean), r->variance);
+  const lanes there = lanes_model_shown(&p->model, 0, s->mean);
+  const lanes share = lanes_clamp(AMB_C(1.0) + p->rise * there, lanes_all_equal(AMB_C(0.125)),
+                                  lanes_all_equal(AMB_C(8.0)));
+  const lanes noise = (p->var_y * share) * share;
+  usual &= (AMB_ROOT_EPSILON * shown) <= noise;
+  r->variance = shown + noise;
+  usual &= lanes_expected(p, s, y - there, r->variance);
   lanes_model_update(&p->model, 0, y, r->variance, s->mean, s->cov, &r->innovation);
   s->residual = y - lanes_model_shown(&p->model, 0, s->mean);
   lanes_model_variances(&p->model, s->cov, variances);

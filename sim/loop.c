@@ -1,11 +1,37 @@
 #include "loop.h"
 
+static bool is_whole(const amb_loop *loop)
+{
+  return loop->control != NULL || loop->elsewhere != NULL;
+}
+
+/* The whole controller, with one measurement for all of it; `told` of the control signal [V]. */
+static void control(const amb_loop *loop, amb_loop_state *s, void *estimator,
+                    const amb_loop_sample *sample, amb_real y, amb_real told)
+{
+  const amb_real measured[AMB_SENSORS] = {y};
+  s->sampled = true;
+  if (loop->elsewhere != NULL) {
+    s->u = loop->elsewhere(loop->where, y, sample->r, sample->fly, &s->flown);
+    return;
+  }
+  s->control.u[0] = told;
+  (void)amb_control_step(loop->control, &s->control, estimator, measured, &sample->r, 0,
+                         sample->fly, &s->flown);
+  s->result = s->flown.estimator;
+  s->u = s->control.u[0];
+}
+
 /* A sample at which the controller gets the measurement `direct` [m], and the estimator y [m] and
  * that `told` [V] acted before it. The plant is left where it is. */
 static void sense(const amb_loop *loop, amb_loop_state *s, void *estimator,
                   const amb_loop_sample *sample, amb_real direct, amb_real y, amb_real told)
 {
   s->y = y;
+  if (is_whole(loop)) {
+    control(loop, s, estimator, sample, y, told);
+    return;
+  }
   if (loop->estimator != NULL) {
     const amb_real measured[AMB_SENSORS] = {y}, acted[AMB_CONTROLS] = {told};
     if (s->sampled)
@@ -67,9 +93,10 @@ static amb_real faulted(const amb_plant *plant, const amb_loop_faults *faults, c
   const size_t whole = (late < (amb_real)k) ? (size_t)late : k;
   const amb_real share = (late < (amb_real)k) ? late - (amb_real)whole : 0;
   const size_t at = k - whole;
-  amb_real y = x_m[at] + noise[at];
+  const amb_real rise = (plant->parts != NULL) ? plant->parts->rise : 0;
+  amb_real y = x_m[at] + amb_noise_share(rise, x_m[at]) * noise[at];
   if (share > 0)
-    y += share * (x_m[at - 1] + noise[at - 1] - y);
+    y += share * (x_m[at - 1] + amb_noise_share(rise, x_m[at - 1]) * noise[at - 1] - y);
   return faults->y_times[k] * amb_plant_measure(plant, y, 0) + faults->y_plus[k];
 }
 
@@ -81,7 +108,8 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop
   amb_loop now = *loop;
   scaled_magnet scaled = {loop->plant.magnet, 1}, scaled_coil = {loop->plant.coil, 1};
   amb_parts parts = {0};
-  if (in->scale != NULL) {
+  const bool scaling = in->scale != NULL || is_whole(loop);
+  if (scaling) {
     now.plant.magnet.methods = &scaled_methods;
     now.plant.magnet.self = &scaled;
     if (loop->plant.parts != NULL) {
@@ -97,14 +125,8 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop
   out->touched = 0;
   amb_real told = s.u;
   for (size_t k = 0; k < in->n; k++) {
-    const amb_loop_sample sample = {in->r[k], in->f_d[k], in->noise_u[k], in->noise_y[k]};
-    if (in->scale != NULL) {
-      scaled.scale = in->scale[k];
-      scaled_coil.scale = in->scale[k];
-      if (loop->plant.parts != NULL)
-        parts.k = in->scale[k] * loop->plant.parts->k;
-      now.plant.f_0 = loop->plant.f_0 + (scaled.scale - 1) * in->f_bias;
-    }
+    const bool fly = in->fly == NULL || in->fly[k] > 0;
+    const amb_loop_sample sample = {in->r[k], in->f_d[k], in->noise_u[k], in->noise_y[k], fly};
     out->x[k] = s.plant.x;
     out->v[k] = s.plant.v;
     out->x_m[k] = s.plant.x_m;
@@ -114,13 +136,26 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop
         faults != NULL ? faulted(&now.plant, faults, out->x_m, in->noise_y, k) : direct;
     const bool both = faults != NULL && !faults->beside;
     sense(&now, &s, estimator, &sample, both ? y : direct, y, told);
+    if (scaling) {
+      const bool off = is_whole(loop) && !s.flown.on;
+      const amb_real of = in->scale != NULL ? in->scale[k] : 1;
+      scaled.scale = off ? 0 : of;
+      scaled_coil.scale = scaled.scale;
+      if (loop->plant.parts != NULL)
+        parts.k = of * loop->plant.parts->k;
+      now.plant.f_0 = loop->plant.f_0 + (scaled.scale - 1) * in->f_bias;
+    }
     told = faults != NULL ? faults->u_times[k] * s.u + faults->u_plus[k] : s.u;
-    if (act(&now, &s, &sample, faults != NULL ? faults->current[k] : 1))
-      out->touched++;
+    const bool touched = act(&now, &s, &sample, faults != NULL ? faults->current[k] : 1);
+    out->touched += touched ? 1U : 0U;
+    if (out->at_stop != NULL)
+      out->at_stop[k] = touched ? 1U : 0U;
     out->y[k] = s.y;
     out->u[k] = told;
     out->iu[k] = s.acting.iu;
     out->force[k] = s.acting.force;
+    if (out->mode != NULL)
+      out->mode[k] = (unsigned char)s.flown.mode;
     if (out->voltage[0] != NULL)
       out->voltage[0][k] = s.acting.voltage[0];
     if (out->voltage[1] != NULL)

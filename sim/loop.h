@@ -2,9 +2,14 @@
 #ifndef AMBKIT_SIM_LOOP_H
 #define AMBKIT_SIM_LOOP_H
 
-#include "ambkit/controller.h"
+#include "ambkit/control.h"
 #include "ambkit/estimator_run.h"
 #include "plant.h"
+
+/* A whole controller that is elsewhere, such as in a processor in the loop: it is given a sample
+ * and says what it demands (`iu`, `on`, `mode`); returns its control signal [V]. */
+typedef amb_real amb_elsewhere(void *where, amb_real y, amb_real r, bool fly,
+                               amb_control_output *flown);
 
 typedef struct amb_loop {
   amb_plant plant;
@@ -13,8 +18,12 @@ typedef struct amb_loop {
   amb_real k_ui;                  /* amplifier gain [A/V] */
   amb_real iu_min, iu_max;        /* its limits [A] */
   const amb_estimator *estimator; /* or NULL; of one sensor and one control */
-  bool feedback_estimate; /* controller fed by the estimated position and velocity, which its
-                           * model must have; else by the measurement */
+  bool feedback_estimate;     /* controller fed by the estimated position and velocity, which its
+                               * model must have; else by the measurement */
+  const amb_control *control; /* the whole controller of this estimator, in the place of the PID; or
+                               * NULL. Where it is off, the magnet does not pull. */
+  amb_elsewhere *elsewhere;   /* in its place; or NULL */
+  void *where;
 } amb_loop;
 
 /* What changes in the loop from sample to sample. Start with `sampled` false. */
@@ -26,7 +35,9 @@ typedef struct amb_loop_state {
   amb_real u;               /* control signal from that sample to the next [V] */
   amb_real demanded;        /* control current that it asks for, with noise, limited [A] */
   amb_acting acting; /* what acts just after the sample; iu is what is demanded, without parts */
-  bool sampled;      /* whether there was a sample */
+  amb_control_state control;
+  amb_control_output flown; /* the controller's last word, where it is whole */
+  bool sampled;             /* whether there was a sample */
 } amb_loop_state;
 
 /* What comes from outside at a sample, and is held to the next. */
@@ -35,6 +46,7 @@ typedef struct amb_loop_sample {
   amb_real f_d;     /* disturbance force [N] */
   amb_real noise_u; /* on the control signal [V] */
   amb_real noise_y; /* on the measurement [m] */
+  bool fly;         /* what a whole controller is told */
 } amb_loop_sample;
 
 /* One sample, and the plant on to the next; `estimator` is the state of the loop's estimator.
@@ -57,8 +69,8 @@ typedef struct amb_loop_faults {
   const amb_real *current; /* share of the amplifier's range that is left [1], 0 to 1 */
 } amb_loop_faults;
 
-/* What comes from outside, n samples each. Noise is drawn by the caller, so that a run can be
- * repeated with recorded noise, and random streams are those of a well-known library. */
+/* What comes from outside, n samples each. Noise is drawn by the caller (noise.h), so that a run
+ * can be repeated with recorded noise. */
 typedef struct amb_loop_input {
   size_t n;
   const amb_real *r;       /* reference [m] */
@@ -68,6 +80,7 @@ typedef struct amb_loop_input {
   const amb_real *scale;   /* of the magnet's force, bias force and all [1]; NULL: 1 throughout */
   amb_real f_bias; /* the magnet's bias force, which the plant's f_0 holds; where scaled [N] */
   const amb_loop_faults *faults; /* NULL: none */
+  const amb_real *fly; /* whether it is to fly, 1 or 0, for a whole controller; NULL: it is */
 } amb_loop_input;
 
 /* Where the run goes; n samples each, all wanted. */
@@ -81,6 +94,8 @@ typedef struct amb_loop_output {
   amb_kalman_history estimate; /* used where there is an estimator */
   size_t touched;              /* samples in which a stop was touched */
   amb_real *voltage[2];        /* of each coil just after the sample [V]; NULL: not wanted */
+  unsigned char *at_stop;      /* 1 where one was, else 0; NULL: not wanted */
+  unsigned char *mode;         /* of a whole controller (amb_flight_mode); NULL: not wanted */
 } amb_loop_output;
 
 /* Runs n samples from the state given, which is left at the end of the run, so that another run

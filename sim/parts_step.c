@@ -104,8 +104,9 @@ static amb_real shown(const amb_piece *piece, amb_real x, amb_real t)
   return amb_parts_shown(parts, piece->plant->K_sen, x, c, s);
 }
 
-amb_real amb_parts_rounded(const amb_parts *parts, amb_real y)
+amb_real amb_parts_reading(const amb_parts *parts, amb_real x_m, amb_real noise)
 {
+  const amb_real y = x_m + amb_noise_share(parts->rise, x_m) * noise;
   if (!(parts->step > 0))
     return y;
   const amb_real steps = y / parts->step;

@@ -16,7 +16,8 @@ static bool good_settings(const amb_model *model, const amb_kalman_settings *s)
   bool good = amb_is_positive(s->T) && amb_is_positive(s->gate);
   for (int r = 0; r < amb_sensors(model); r++) {
     good = good && not_zero(s->K_sen[r]) && not_negative(s->lag[r]) &&
-           amb_is_positive(s->travel[r]) && amb_is_positive(s->var_y[r]);
+           amb_is_positive(s->travel[r]) && amb_is_positive(s->var_y[r]) &&
+           amb_is_finite(s->rise[r]);
   }
   for (int c = 0; c < amb_controls(model); c++) {
     good = good && not_zero(s->k_ui[c]) && amb_is_finite(s->iu_min[c]) &&

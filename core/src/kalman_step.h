@@ -208,6 +208,13 @@ AMB_INLINE amb_status amb_step_useless(const amb_kalman *kf, amb_kalman_state *s
   return amb_step_frozen(kf, &state->sensor[r], y) ? AMB_FROZEN : AMB_OK;
 }
 
+/* Variance of the measurement of sensor r [m^2] where a mean of the states has the rotor. */
+AMB_INLINE amb_real amb_step_noise(const amb_kalman *kf, int r, const amb_real mean[AMB_STATES])
+{
+  const amb_real share = amb_noise_share(kf->set.rise[r], amb_model_shown(&kf->model, r, mean));
+  return (kf->set.var_y[r] * share) * share;
+}
+
 /* Whether the measurement of innovation e goes on from the last one that was taken in. A load that
  * sets in drives the rotor off its prediction faster than a quiet filter follows, but step by step;
  * what is no rotor jumps. */
@@ -264,7 +271,8 @@ AMB_INLINE amb_status amb_step_update(const amb_kalman *kf, amb_kalman_state *st
   const amb_real shown = amb_model_shown_variance(model, r, state->cov);
   amb_model_variances(model, state->cov, before);
   e->innovation = AMB_C(0.0);
-  e->variance = shown + kf->set.var_y[r];
+  const amb_real noise = amb_step_noise(kf, r, state->mean);
+  e->variance = shown + noise;
   /* In sight of what follows, or the proof does not see it. */
   if (!AMB_WITHIN(y, kf->far[r])) {
     return AMB_MISSING;
@@ -275,8 +283,8 @@ AMB_INLINE amb_status amb_step_update(const amb_kalman *kf, amb_kalman_state *st
   /* Of a variance at least half the digits must be left: after an outage, a sensor much sharper
    * than the estimate is believed step by step. */
   const amb_real least = AMB_ROOT_EPSILON * shown;
-  const bool sharp = !(least <= kf->set.var_y[r]);
-  const amb_real var_y = (least <= kf->set.var_y[r]) ? kf->set.var_y[r] : least;
+  const bool sharp = !(least <= noise);
+  const amb_real var_y = (least <= noise) ? noise : least;
   e->variance = shown + var_y;
   if ((shown > AMB_C(0.0)) && (!sharp || amb_is_finite(e->variance))) {
     const amb_real S = shown + var_y;
@@ -409,7 +417,8 @@ AMB_INLINE void amb_step_trusted(const amb_kalman *kf, const amb_stiffness k[AMB
                                AMB_ROOM(state));
   AMB_EACH_SENSOR(&kf->model)
   {
-    const amb_real S = amb_model_shown_variance(&kf->model, r, state->cov) + set->var_y[r];
+    const amb_real noise = amb_step_noise(kf, r, state->mean);
+    const amb_real S = amb_model_shown_variance(&kf->model, r, state->cov) + noise;
     amb_model_update(&kf->model, r, y[r], S, state->mean, state->cov, &innovation);
   }
 }

@@ -246,7 +246,8 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
   /* Half the digits of a variance must be left, as in amb_step_update. */
   const amb_real shown = amb_model_shown_variance(model, r, s->base.cov);
   const amb_real least = AMB_ROOT_EPSILON * shown;
-  const amb_real var_y = (least > kf->set.var_y[r]) ? least : kf->set.var_y[r];
+  const amb_real noise = amb_step_noise(kf, r, s->base.mean);
+  const amb_real var_y = (least > noise) ? least : noise;
   told->innovation = AMB_C(0.0);
   told->variance = shown + var_y;
   h->taken[r] = false;

@@ -53,7 +53,8 @@ typedef struct amb_kalman_settings {
   amb_real var_u[AMB_CONTROLS]; /* variance of the control signal [V^2], >= 0 */
   amb_real var_d[AMB_NOISES];   /* what each noise of the model grows by in a sample, such as a
                                    disturbance force's variance [N^2], >= 0 */
-  amb_real var_y[AMB_SENSORS];  /* variance of the measurement [m^2], > 0 */
+  amb_real var_y[AMB_SENSORS];  /* variance of the measurement in the middle [m^2], > 0 */
+  amb_real rise[AMB_SENSORS];   /* by which share its deviation rises a metre shown [1/m] */
   amb_real gate; /* innovations beyond this many of their standard deviations are outliers, > 0 */
   unsigned int frozen_limit;  /* equal measurements in a row that are taken for frozen; 0: never */
   unsigned int outlier_limit; /* outliers in a row that are left out; then the filter starts

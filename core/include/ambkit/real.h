@@ -74,4 +74,11 @@ static inline amb_real amb_clamp(amb_real a, amb_real low, amb_real high)
   return above > high ? high : above;
 }
 
+/* Standard deviation of a sensor's noise where it shows y [m], in parts of that in the middle: it
+ * changes by `rise` of it a metre [1/m], within limits, for a straight line ends below zero. */
+static inline amb_real amb_noise_share(amb_real rise, amb_real y)
+{
+  return amb_clamp(AMB_C(1.0) + rise * y, AMB_C(0.125), AMB_C(8.0));
+}
+
 #endif

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from ambkit.export.c import Cost
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
+    from ambkit.simulation.scenario import Scenario
 
 
 class Precision(StrEnum):
@@ -81,6 +82,13 @@ def export_c(
             help="Each number once in the data file; what follows is computed at init.",
         ),
     ] = False,
+    controller: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="SCENARIO.toml",
+            help="Export the whole controller of this scenario: from readings to coil currents.",
+        ),
+    ] = None,
     cost: Annotated[
         bool, typer.Option("--cost", help="Also print what it costs on a Cortex-M4F.")
     ] = False,
@@ -103,6 +111,7 @@ def export_c(
       ambkit export c zittau_axial --estimator expert.json --out out/
       ambkit export c filter.toml --precision double --out out/
       ambkit export c tum_mlps --estimator extended --out out/
+      ambkit export c filter.toml --controller scenario.toml --out out/
     """
     from ambkit.cli import output
     from ambkit.export import c
@@ -113,7 +122,10 @@ def export_c(
         raise AmbkitError(f"--clock must be greater than 0 Hz, is {clock:g} Hz")
     if editable and (cost or clock is not None):
         raise AmbkitError("--cost was measured of constants in flash, which --editable has not")
+    if controller is not None and (cost or clock is not None):
+        raise AmbkitError("--cost was measured of filters; of a whole controller: ambkit pil")
     model, chosen = _machine_of(bearing, estimator) or to_export(bearing, estimator)
+    scenario = None if controller is None else _scenario(controller)
     written = c.export_c(
         model,
         chosen.magnet,
@@ -125,6 +137,7 @@ def export_c(
         expert_form=expert.value,
         force_bound=force_bound,
         editable=editable,
+        scenario=scenario,
     )
     data: dict[str, Any] = {
         "folder": str(written.folder),
@@ -152,6 +165,12 @@ def export_c(
         tables.append(_cost_table(written.cost, clock))
     output.deliver(data, tables, as_json=json)
     output.note(f"wrote {written.folder}, {len(written.files) + 1} files")
+
+
+def _scenario(path: Path) -> Scenario:
+    from ambkit.simulation.scenario import Scenario
+
+    return Scenario.load(path)
 
 
 def _machine_of(text: str, estimator: str | None) -> tuple[Bearing | Machine, Chosen] | None:

@@ -24,6 +24,7 @@ from ambkit.base.units import engineering
 from ambkit.machine.magnets import MU_0, magnet_of
 from ambkit.machine.parts import (
     SHORTEST_LAG,
+    Coil,
     ColouredNoise,
     Hum,
     Runout,
@@ -224,7 +225,7 @@ class Amplifier(Part):
     voltage_limit: Annotated[float, Quantity("V", "150 V", above=0)] | None = None
     """Greatest voltage of a coil, either way [V]; with bandwidth and resistance."""
     resistance: Annotated[float, Quantity("ohm", "2 ohm", above=0)] | None = None
-    """Resistance R of a coil [ohm]; with voltage_limit."""
+    """Resistance R of a coil [ohm]: what voltage it takes, and what loss."""
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
@@ -234,8 +235,6 @@ class Amplifier(Part):
                 yield "bandwidth", "missing: voltage_limit limits what the current follows with"
             if R is None:
                 yield "resistance", "missing: voltage_limit alone does not give the current's slew"
-        elif R is not None:
-            yield "voltage_limit", "missing: resistance counts only with it"
 
 
 class Sensor(Part):
@@ -250,7 +249,10 @@ class Sensor(Part):
     lag: Annotated[float, Quantity("s", "0.2 ms", above=0)]
     """Time constant T_Sen of the lag [s]."""
     noise_variance: Annotated[float, Quantity("m^2", "83 µm^2", above=0)]
-    """Variance of the noise on the measured position [m^2]."""
+    """Variance of the noise on the measured position [m^2], at x = 0."""
+    noise_rise: Annotated[float, Quantity("1/m", "-90 1/m")] = 0.0
+    """By which share of it the standard deviation of the noise rises with the position shown [1/m];
+    not below an eighth, nor above eight times."""
     quantisation: Annotated[float, Quantity("m", "0.5 µm", above=0)] | None = None
     """Step of the measured position [m]; none without."""
     quadratic: Annotated[float, Quantity("1/m", "20 1/m")] = 0.0
@@ -267,7 +269,7 @@ class Sensor(Part):
     @model_serializer(mode="wrap")
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         data: dict[str, Any] = handler(self)
-        absent = ("quadratic", "cubic", "hum", "runout")
+        absent = ("noise_rise", "quadratic", "cubic", "hum", "runout")
         return {k: each for k, each in data.items() if k not in absent or getattr(self, k)}
 
 
@@ -310,6 +312,8 @@ class Bearing(Shown, Document):
     """The position sensor."""
     stop: Stop | None = None
     """Stops that give way, and bounce; without it the rotor stays where it touches one."""
+    coil: Coil | None = None
+    """How the coils warm; without it nobody asks."""
 
     @classmethod
     def preset(cls, name: str) -> Self:

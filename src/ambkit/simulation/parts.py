@@ -77,6 +77,8 @@ def in_words(bearing: Bearing) -> list[str]:
         told.append(f"delay of {engineering(bearing.delay, 's')}, {samples:.3g} samples")
     if sensor.quantisation is not None:
         told.append(f"quantisation of {engineering(sensor.quantisation, 'm')}")
+    if sensor.noise_rise:
+        told.append("sensor noise that depends on the position")
     if sensor.quadratic or sensor.cubic:
         told.append("non-linear sensor")
     if sensor.coloured_noise is not None:
@@ -152,7 +154,7 @@ def of_sensor(
     Parameters
     ----------
     sensor : Sensor
-        Non-linearity and rounding.
+        Non-linearity, rounding, and how its noise depends on the position.
     runout : iterable of Runout
         What it sees of the rotation.
     dtype : str
@@ -165,6 +167,8 @@ def of_sensor(
         parts |= {"quadratic": sensor.quadratic, "cubic": sensor.cubic}
     if sensor.quantisation is not None:
         parts["step"] = sensor.quantisation
+    if sensor.noise_rise:
+        parts["rise"] = sensor.noise_rise
     told = tuple(runout)
     if told:
         lines = np.zeros(max(line.order for line in told), dtype=complex)

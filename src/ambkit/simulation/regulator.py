@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +13,7 @@ from ambkit.machine.magnets import ConstantStiffness
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
+    from ambkit.machine.bearing import Bearing
     from ambkit.simulation.plant import Plant
 
 Array = NDArray[np.float64]
@@ -44,20 +46,43 @@ def regulator(plant: Plant, estimator: Estimator) -> tuple[Array, Array]:
     AmbkitError
         There is no such regulator.
     """
+    assert estimator.whole is not None
+    along = estimator.whole.along_axes(estimator.states)[0]
+    return regulator_of(plant.alone, estimator, along)
+
+
+def regulator_of(
+    alone: Sequence[Bearing], estimator: Estimator, along: Array
+) -> tuple[Array, Array]:
+    """Return the same of axes.
+
+    Parameters
+    ----------
+    alone : sequence of Bearing (p,)
+        The axes, each by itself.
+    estimator : Estimator
+        Whose model is regulated.
+    along : ndarray (p, n)
+        Displacements along the axes by the estimator's states.
+
+    Raises
+    ------
+    AmbkitError
+        There is no such regulator.
+    """
     from scipy.linalg import solve_discrete_are
 
-    k = [ConstantStiffness.of(alone) for alone in plant.alone]
+    k = [ConstantStiffness.of(each) for each in alone]
     model = estimator.linear_model(np.array([e.k_i for e in k]), np.array([e.k_s for e in k]))
     roles = [state.role for state in estimator.states]
     own = [at for at, role in enumerate(roles) if role in REGULATED]
     loads = [at for at, role in enumerate(roles) if role == "disturbance force"]
-    volts = np.array([alone.amplifier.gain for alone in plant.alone])
+    volts = np.array([each.amplifier.gain for each in alone])
     A, B = model.A[np.ix_(own, own)], model.B[own] / volts
     n, p = len(own), len(volts)
-    assert estimator.whole is not None
-    C = estimator.whole.along_axes(estimator.states)[0][:, own]
-    travel = np.array([alone.rotor.travel_limit for alone in plant.alone])
-    limit = np.array([min(abs(b.current_min), b.current_max) for b in plant.alone])
+    C = along[:, own]
+    travel = np.array([each.rotor.travel_limit for each in alone])
+    limit = np.array([min(abs(each.current_min), each.current_max) for each in alone])
     weight = np.diag(1 / (SHARE * limit) ** 2)
     seen = C / (0.1 * travel)[:, None]
     # States are counted in what the currents make of them, or digits are lost.
@@ -69,7 +94,9 @@ def regulator(plant: Plant, estimator: Estimator) -> tuple[Array, Array]:
     try:
         P = solve_discrete_are(scaled, moved, (seen * size).T @ (seen * size), weight)
     except np.linalg.LinAlgError:
-        raise AmbkitError(f"{plant.machine.name}: there is no regulator of this machine") from None
+        raise AmbkitError(
+            f"{estimator.bearing.name}: there is no regulator of this machine"
+        ) from None
     K_own = np.linalg.solve(weight + moved.T @ P @ moved, moved.T @ P @ scaled)
     # At rest: x = A x + B u + E f with C x = r; with the least currents, where there are more axes
     # than coordinates.

@@ -1,12 +1,14 @@
 """What happens in a run: reference, disturbance, noise, controller."""
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
-from ambkit.base.config import Document, Part
+from ambkit.base.config import Document, Part, Read
 from ambkit.base.config.quantities import Quantity, SignalIn
-from ambkit.simulation.gains import chosen, textbook, two_digits, weight_of
+from ambkit.simulation.gains import Gains, chosen, textbook, two_digits, weight_of
+from ambkit.simulation.sequence import LiftOff
 from ambkit.simulation.waveforms import (
     Constant,
     Impulse,
@@ -60,6 +62,19 @@ class PID(Part):
     """Of the reference, the share that kp sees [1]; the integral always sees all of it."""
     feedback: Literal["measurement", "estimate"] = "estimate"
     """Which position is fed back: the sensor's or the estimator's."""
+    type: Literal["pid", "lqg"] = "pid"
+    """These gains; or, in their place, a linear-quadratic regulator of the estimator's states."""
+    feed_forward: Annotated[float, Quantity("1", "1", at_least=0)] = 0.0
+    """Share of the estimated disturbance force that a current takes back at once [1]."""
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        if read("feedback") != "measurement":
+            return
+        if read("type") == "lqg":
+            yield "type", '"lqg" regulates the estimate: feedback must be "estimate"'
+        if read("feed_forward") > 0:
+            yield "feed_forward", 'is made of the estimate: feedback must be "estimate"'
 
     @model_serializer(mode="wrap")
     def _only_what_was_said(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -101,7 +116,7 @@ class PID(Part):
         bearing : Bearing
             What it is to hold.
         """
-        if self.model_fields_set == type(self).model_fields.keys():
+        if self.model_fields_set >= set(Gains._fields):
             return self
         said = {name: getattr(self, name) for name in self.model_fields_set}
         all_ = vars(type(self).for_bearing(bearing)) | said
@@ -140,11 +155,14 @@ class Scenario(Document):
     duration: Annotated[float, Quantity("s", "0.5 s", above=0)] = 0.5
     """How long the run lasts [s]."""
     start: Literal["hover", "rest"] = "hover"
-    """At the start: in equilibrium at the reference, or released at x = 0 without current."""
+    """At the start: in equilibrium at the reference; or without current, released at x = 0, with a
+    sequence lying on the stop to which its weight pulls it."""
     noise: Annotated[bool, Field(strict=True)] = True
     """Whether amplifier and sensor are noisy."""
     seed: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = 0
     """Seed of the noise."""
+    run: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = 0
+    """Number of the run among those of this seed: with it, the key of the noise."""
     substeps: Annotated[int, Field(strict=True, ge=1, le=1000)] = 4
     """Steps of the integrator in one sample."""
     reference: Annotated[Signal, SignalIn("m", "0.5 mm")] = Constant(value=0.0)
@@ -155,3 +173,10 @@ class Scenario(Document):
     """What is added to the measurement before controller and estimator take it [m]."""
     controller: PID = PID()
     """The position controller. What is not said of it is tuned to the bearing."""
+    sequence: LiftOff | None = None
+    """Lift-off and landing, and what looks after the flight; without, it flies from the start."""
+
+    @model_serializer(mode="wrap")
+    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = handler(self)
+        return {name: value for name, value in data.items() if value is not None}

@@ -16,7 +16,10 @@ if TYPE_CHECKING:
 
 CPrecision = Literal["float", "double"]
 
-_UNSIGNED = ("frozen_limit", "outlier_limit", "window")  # the fields of the structs that are
+_UNSIGNED = (
+    "frozen_limit", "outlier_limit", "window", "waiting", "lost", "overloaded", "settling",
+)  # fmt: skip
+"""The fields of the structs that are."""
 
 
 class Kind(NamedTuple):

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from ambkit.estimate.filter_file import FilterFile
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.magnets import MagnetModel
+    from ambkit.simulation.control import Controller
+    from ambkit.simulation.scenario import Scenario
 
 MOST_COUNTED = 65535
 """What an unsigned int of 16 bits holds, as a TI C2000 has."""
@@ -78,6 +80,7 @@ def export_c(
     loops: bool | None = None,
     filter_file: FilterFile | None = None,
     editable: bool = False,
+    scenario: Scenario | None = None,
     **options: Any,
 ) -> CExport:
     """Write a folder of C99 that compiles alone.
@@ -111,6 +114,10 @@ def export_c(
     editable : bool
         Whether each number stands once in the data file, where it can be edited, and what follows
         from it is computed at init into the state: more memory and flash. Of the paper's axis.
+    scenario : Scenario, optional
+        Whose controller is exported with the estimator, lift-off and landing: the whole of what
+        flies, from readings to currents; what the scenario's sequence does not say is as usual. Of
+        one axis.
     **options
         Of the kind; of :class:`ambkit.KalmanFilter` noise, gravity, frozen_limit, gate,
         outlier_limit, as_printed.
@@ -148,10 +155,15 @@ def export_c(
         called(estimator)
     _check_nodes(estimator)
     spent = cost.of(estimator) if precision == "float" and not editable else None
+    controller = None
+    if scenario is not None:
+        controller, spent = _controller(estimator, scenario, editable=editable), None
     facts = _facts(magnet, precision) | _cost_facts(spent)
     if estimator.description:
         facts = {"for": estimator.description} | facts
-    content = render.render(estimator, name, precision, facts, loops=loops, editable=editable)
+    content = render.render(
+        estimator, name, precision, facts, loops=loops, editable=editable, controller=controller
+    )
     written = folder.write(Path(out), content.files)
     return CExport(
         written,
@@ -181,6 +193,21 @@ def _made(
         raise AmbkitError(str(error)) from error
     called(estimator)
     return estimator
+
+
+def _controller(estimator: Estimator, scenario: Scenario, *, editable: bool) -> Controller:
+    from ambkit.simulation.control import Controller
+    from ambkit.simulation.sequence import LiftOff
+
+    bearing = estimator.bearing
+    if isinstance(bearing, Machine):
+        raise AmbkitError(
+            f"{bearing.name}: the whole controller is exported of one axis; this is a machine"
+        )
+    if editable:
+        raise AmbkitError("editable is for a filter alone, and not for the whole controller")
+    pid = scenario.controller.completed(bearing)
+    return Controller(bearing, estimator, pid, scenario.sequence or LiftOff())
 
 
 def _facts(magnet: MagnetModel | None, precision: CPrecision) -> dict[str, str]:

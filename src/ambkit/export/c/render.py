@@ -15,19 +15,20 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.registry import PAPER, InCore
 from ambkit.export import core
-from ambkit.export.c import data, model, proof, vectors
+from ambkit.export.c import control, data, model, proof, vectors
 from ambkit.export.c.crc import Constants, Crc
 from ambkit.export.c.data import MAGNETS, CPrecision, Kind
-from ambkit.machine.bank import alone_of
 from ambkit.machine.bearing import FILES
 from ambkit.machine.machine import Machine
-from ambkit.machine.magnets import core_module, own_time
+from ambkit.machine.magnets import core_module
+from ambkit.simulation.control import bound_of, settling_of
 
 if TYPE_CHECKING:
     from ambkit._core import Magnet
     from ambkit.data.rig_units import Scaling
     from ambkit.estimate.base import Estimator
     from ambkit.machine.bearing import Bearing
+    from ambkit.simulation.control import Controller
 
 _BOUNDS: dict[CPrecision, str] = {"float": "1e-3", "double": "1e-9"}
 _PROVED = (
@@ -55,6 +56,7 @@ def render(
     *,
     loops: bool | None = None,
     editable: bool = False,
+    controller: Controller | None = None,
 ) -> Content:
     """Write all texts.
 
@@ -73,6 +75,8 @@ def render(
     editable : bool
         Whether the data file has each number once, and the rest is computed at init; of the paper's
         axis alone.
+    controller : Controller, optional
+        That flies this estimator; the export is then the whole of it.
 
     Raises
     ------
@@ -90,7 +94,7 @@ def render(
     called = data.called(estimator)
     whole = estimator.whole is not None
     # Whose step goes through the interface.
-    in_core = None if called is PAPER and not whole else called
+    in_core = None if called is PAPER and not whole and controller is None else called
     # The paper's filter is given its constants, and asks no magnet.
     given = in_core is None and kind is MAGNETS["Constant"]
     needed = ["src/kalman.c", "src/envelope.c", "src/at_rest.c"]
@@ -102,14 +106,18 @@ def render(
         if inner is not None:
             needed += [f"src/{data.called(inner).source}.c"]
     of_model = model.in_c(estimator, loops=loops)
-    needed += of_model.sources
+    needed += [*of_model.sources, *(control.SOURCES if controller is not None else ())]
     found = core.closure(needed, instead=of_model.instead)
     core_files = {f"core/{file}": text for file, text in found.items()}
     c_files = tuple(file for file in core_files if file.endswith(".c"))
     sources = (f"{name}.c", f"{name}_data.c", *c_files)
     selftest = tuple(f"selftest/{file}" for file in (f"{name}_selftest.c", f"{name}_vectors.c"))
-    settling, bound = _settling(estimator), _bound_of_output(estimator)
-    tested = vectors.make(estimator, magnets, settling=settling, bound=bound)
+    settling, bound = settling_of(estimator), bound_of(estimator)
+    if controller is None:
+        tested = vectors.make(estimator, magnets, settling=settling, bound=bound)
+        told = _selftest_context(tested, estimator, precision)
+    else:
+        told = control.context(controller, name, precision)
     bearing = estimator.bearing
     context: dict[str, Any] = {
         "name": name,
@@ -128,10 +136,11 @@ def render(
             for f in core_files
             if f.endswith(("/exponential.h", "/root.h", "/crc.h")) and "/include/" in f
         ],
-        "cast_sources": _casts(kind, in_core, given),
+        "cast_sources": _casts(kind, in_core, given, flown=controller is not None),
         "selftest_sources": ("selftest/main.c", *selftest),
         "bound": _BOUND_OF_MACHINES if whole and precision == "float" else _BOUNDS[precision],
-        **_selftest_context(tested, estimator, precision),
+        **{key: told[key] for key in told if key != "arrays"},
+        "flown": told if controller is not None else None,
         "misra_defines": "-DFLT_MANT_DIG=24" if precision == "float" else "-DDBL_MANT_DIG=53",
         "given": given,
         "in_core": in_core,
@@ -167,7 +176,7 @@ def render(
         "own": "" if in_core is None else data.own(estimator, precision),
         "settling": settling,
         "bound_of_output": f"{bound:.1f}",
-        "crc": _crc(estimator, name, precision, of_model, editable=editable),
+        "crc": _crc(estimator, name, precision, of_model, editable=editable, flown=controller),
         "proof_sentence": _PROVED.replace("NAME", name),
     }
     context["proof"] = _proof(estimator, context, core_files)
@@ -193,6 +202,8 @@ def render(
         "README.md": "README.md",
         "misra.txt": "misra.txt",
     }
+    if controller is not None:
+        made |= {file.format(name): template for file, template in control.TEMPLATES.items()}
     templates = _templates()
     texts = core_files | {
         file: templates.get_template(f"{template}.j2").render(context)
@@ -271,7 +282,13 @@ def _with_stand_ins(values: NDArray[np.float64], precision: CPrecision) -> NDArr
 
 
 def _crc(
-    estimator: Estimator, name: str, precision: CPrecision, of_model: model.InC, *, editable: bool
+    estimator: Estimator,
+    name: str,
+    precision: CPrecision,
+    of_model: model.InC,
+    *,
+    editable: bool,
+    flown: Controller | None,
 ) -> Crc:
     """Return the CRC of the data file, with its names."""
     constants = Constants(precision)
@@ -298,10 +315,13 @@ def _crc(
             constants.fields(f"magnet_{k}", magnet.parameters, arrays=False)
     else:
         (magnet,) = magnets
-        given = data.called(estimator) is PAPER and type(magnet).__name__ == "Constant"
+        paper = data.called(estimator) is PAPER and flown is None
+        given = paper and type(magnet).__name__ == "Constant"
         place = f"{name}_stiffness" if given else "magnet"
         constants.fields(place, magnet.parameters, arrays=False)
     constants.fields("own", estimator.core.own, arrays=True)
+    if flown is not None:
+        control.constants(flown, name, constants)
     return constants.crc()
 
 
@@ -424,26 +444,13 @@ def _hover(estimator: Estimator, precision: CPrecision) -> str:
     return f"{middle} + {per_metre} * x"
 
 
-def _settling(estimator: Estimator) -> int:
-    """Return the plant's own time in samples, at least one, as many as 16 bits count."""
-    alone = alone_of(estimator.bearing)
-    samples = max(own_time(each) for each in alone) / alone[0].sampling_time
-    return min(max(round(samples), 1), 65535)
-
-
-def _bound_of_output(estimator: Estimator) -> float:
-    """Return how many caps a mean may be away: ten, or what an observer's transients reach."""
-    far = estimator.core.own.get("far")
-    if far is None:
-        return 10.0
-    return max(10.0, float((far / estimator.core.parameters["set"]["cap"]).max()))
-
-
-def _casts(kind: Kind, in_core: InCore | None, given: bool) -> tuple[str, ...]:
+def _casts(
+    kind: Kind, in_core: InCore | None, given: bool, *, flown: bool = False
+) -> tuple[str, ...]:
     """Return the files that cast from ``void *``, which MISRA C advises against."""
     stems = [] if given else [kind.source]
     if in_core is not None:
-        stems += ["estimator", *in_core.casts]
+        stems += ["estimator", *in_core.casts, *(["control"] if flown else [])]
     return tuple(f"core/src/{stem}.c" for stem in sorted(stems))
 
 
@@ -457,6 +464,8 @@ def _configuration(
         "title",
     )  # fmt: skip
     parts = [_described(estimator.bearing), *(context[key] for key in numbers)]
+    if context["flown"]:
+        parts += [repr(context["flown"])]
     if context["several"]:
         parts.append(repr(context["several"]))
     parts += [array["text"] for array in context["arrays"]]

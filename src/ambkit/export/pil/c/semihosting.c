@@ -68,6 +68,32 @@ bool semihosting_write(const char *name, const void *from, size_t size)
   return (file >= 0) && (move(SYS_WRITE, file, from, size) == 0);
 }
 
+intptr_t semihosting_open(const char *name, bool to_write)
+{
+  return open_file(name, to_write ? WRITE_BINARY : READ_BINARY);
+}
+
+bool semihosting_take(intptr_t pipe, void *to, size_t size)
+{
+  unsigned char *next = to;
+  size_t left = size;
+  while (left > 0U) {
+    const uintptr_t arguments[] = {(uintptr_t)pipe, (uintptr_t)next, left};
+    const size_t missing = (size_t)call(SYS_READ, arguments);
+    if (missing >= left)
+      return false;
+    next += left - missing;
+    left = missing;
+  }
+  return true;
+}
+
+bool semihosting_give(intptr_t pipe, const void *from, size_t size)
+{
+  const uintptr_t arguments[] = {(uintptr_t)pipe, (uintptr_t)from, size};
+  return call(SYS_WRITE, arguments) == 0;
+}
+
 _Noreturn void semihosting_exit(int code)
 {
   const uintptr_t arguments[] = {APPLICATION_EXIT, (uintptr_t)code};

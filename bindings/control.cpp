@@ -1,0 +1,131 @@
+#include "control.h"
+
+namespace
+{
+
+unsigned int counted(const nb::dict &given, const char *name)
+{
+  const auto value = nb::cast<unsigned int>(given[name]);
+  if (value > 65535U)
+    throw std::invalid_argument(std::string(name) + " must be at most 65535");
+  return value;
+}
+
+// A record through the controller from power-on; the estimator's state is left where it ends.
+Named run(Control &self, const Samples &y, const Samples &r, const Vector &fly, amb_real speed,
+          const std::optional<Vector> &taken_over)
+{
+  const size_t n = samples_of(y, self.m, "y");
+  same_length(n, samples_of(r, self.q, "r"), "r");
+  same_length(n, fly.size(), "fly");
+  if (taken_over)
+    same_length(self.p, taken_over->size(), "taken_over");
+  Fresh<amb_real> iu({n, self.p}), u({n, self.p}), mean({n, self.n}), share({n});
+  Fresh<unsigned short> status({n});
+  Fresh<unsigned char> mode({n}), on({n}), usable({n});
+  {
+    nb::gil_scoped_release release;
+    amb_control_state state;
+    amb_control_output out;
+    void *filter = self.estimator.state();
+    if (taken_over && n > 0)
+      amb_control_take_over(&self.control, &state, filter, y.data(), taken_over->data());
+    else
+      amb_control_init(&self.control, &state, filter);
+    for (size_t k = 0; k < n; k++) {
+      status.data[k] = static_cast<unsigned short>(
+          amb_control_step(&self.control, &state, filter, y.data() + k * self.m,
+                           r.data() + k * self.q, speed, fly.data()[k] > 0, &out));
+      std::copy_n(out.iu, self.p, iu.data + k * self.p);
+      std::copy_n(state.u, self.p, u.data + k * self.p);
+      std::copy_n(self.estimator.base().mean, self.n, mean.data + k * self.n);
+      share.data[k] = state.sequence.share;
+      mode.data[k] = static_cast<unsigned char>(out.mode);
+      on.data[k] = out.on;
+      usable.data[k] = out.usable;
+    }
+  }
+  nb::dict d;
+  d["iu"] = iu.array;
+  d["u"] = u.array;
+  d["mean"] = mean.array;
+  d["share"] = share.array;
+  d["status"] = status.array;
+  d["mode"] = mode.array;
+  d["on"] = on.array;
+  d["usable"] = usable.array;
+  return d;
+}
+
+} // namespace
+
+Control::Control(Estimator &of, const nb::dict &given) : estimator(of)
+{
+  const Sizes sizes = of.sizes();
+  n = sizes.states;
+  m = sizes.sensors;
+  p = sizes.controls;
+  const auto numbers = [&](const char *name, size_t count) -> const amb_real * {
+    kept.push_back(nb::cast<std::vector<amb_real>>(given[name]));
+    same_length(count, kept.back().size(), name);
+    return kept.back().data();
+  };
+  const auto or_none = [&](const char *name, size_t count) -> const amb_real * {
+    return given[name].is_none() ? nullptr : numbers(name, count);
+  };
+  const auto T = of.kf.set.T;
+  for (const auto each : nb::cast<nb::list>(given["pid"])) {
+    const auto gains = nb::cast<std::vector<amb_real>>(each);
+    same_length(8, gains.size(), "pid");
+    pid.push_back(
+        {T, gains[0], gains[1], gains[2], gains[3], gains[4], gains[5], gains[6], gains[7]});
+  }
+  q = pid.size();
+  if (q < 1 || q > AMB_CONTROLS)
+    throw std::invalid_argument("there are more controllers than a machine can have, or none");
+  const bool fed = nb::cast<bool>(given["feedback_estimate"]);
+  const size_t seen = fed ? n : m;
+  law.axes = static_cast<int>(p);
+  law.states = static_cast<int>(seen);
+  law.pids = static_cast<int>(q);
+  law.pid = pid.data();
+  law.position = numbers("position", q * seen);
+  law.velocity = or_none("velocity", q * seen);
+  law.turning = or_none("turning", q * seen);
+  law.spread = numbers("spread", p * q);
+  law.gain[0] = or_none("fed_back", p * seen);
+  law.gain[1] = or_none("fed_back_by_speed", p * seen);
+  law.gain[2] = or_none("fed_back_by_square", p * seen);
+  law.iu_min = numbers("iu_min", p);
+  law.iu_max = numbers("iu_max", p);
+  const bool sequenced = nb::cast<bool>(given["sequenced"]);
+  if (sequenced)
+    sequence = {counted(given, "waiting"), counted(given, "lost"), counted(given, "overloaded"),
+                nb::cast<amb_real>(given["rise"]), nb::cast<amb_real>(given["fall"])};
+  control.estimator = &of.estimator;
+  control.law = &law;
+  control.sequence = sequenced ? &sequence : nullptr;
+  control.feedback_estimate = fed;
+  control.settling = counted(given, "settling");
+  control.bound = nb::cast<amb_real>(given["bound"]);
+  control.std = numbers("std", n);
+  control.start = numbers("start", n);
+  control.start_by = numbers("start_by", n * m);
+  control.place = numbers("place", q * n);
+  control.down = numbers("down", q);
+  control.hold = numbers("hold", q);
+  control.hold_by = numbers("hold_by", q * q);
+}
+
+void bind_control(nb::module_ &m)
+{
+  nb::class_<Control>(m, "Control", "The whole controller (ambkit/control.h).")
+      .def(nb::init<Estimator &, const Named &>(), nb::arg("estimator"), nb::arg("given"),
+           nb::sig("def __init__(self, estimator: Estimator, given: dict[str, Any]) -> None"),
+           nb::keep_alive<1, 2>())
+      .def("run", &run, nb::arg("y"), nb::arg("r"), nb::arg("fly"), nb::arg("speed") = 0,
+           nb::arg("taken_over").none() = nb::none(),
+           "A record from power-on: readings (n, m) [m], references (n, q) [m], and whether it is "
+           "to fly, 1 or 0. Or in flight from the first sample on, taken over with currents (p,) "
+           "[A].");
+}

@@ -1,0 +1,222 @@
+#include "ambkit/control.h"
+#include "ambkit/envelope.h"
+
+static void start_at(const amb_control *c, amb_control_state *s, void *filter,
+                     const amb_real y[AMB_SENSORS])
+{
+  const amb_model *model = &c->estimator->kf->model;
+  const int m = amb_sensors(model);
+  amb_real mean[AMB_STATES];
+  for (int i = 0; i < amb_states(model); i++) {
+    amb_real sum = c->start[i];
+    for (int r = 0; r < m; r++) {
+      sum += c->start_by[(i * m) + r] * y[r];
+    }
+    mean[i] = sum;
+  }
+  (void)c->estimator->methods->reset(c->estimator, filter, mean, c->std);
+  s->doubted = c->settling;
+  s->missed = 0U;
+  s->sampled = false;
+}
+
+/* Nothing is known until there is a reading. */
+static void forget(const amb_control *c, amb_control_state *s, void *filter)
+{
+  const amb_real nothing[AMB_SENSORS] = {AMB_C(0.0)};
+  start_at(c, s, filter, nothing);
+  s->started = false;
+}
+
+void amb_control_init(const amb_control *control, amb_control_state *state, void *filter)
+{
+  for (int f = 0; f < control->law->axes; f++) {
+    state->u[f] = AMB_C(0.0);
+  }
+  for (int j = 0; j < control->law->pids; j++) {
+    amb_pid_reset(&state->pid[j], AMB_C(0.0));
+    state->from[j] = control->down[j];
+  }
+  amb_sequence_init(&state->sequence);
+  state->limited = false;
+  forget(control, state, filter);
+}
+
+void amb_control_hover(const amb_control *control, amb_control_state *state, const amb_real iu[],
+                       const amb_real integral[])
+{
+  const amb_kalman *kf = control->estimator->kf;
+  for (int f = 0; f < control->law->axes; f++) {
+    state->u[f] = iu[f] / kf->set.k_ui[f];
+  }
+  for (int j = 0; j < control->law->pids; j++) {
+    amb_pid_reset(&state->pid[j], integral[j]);
+    state->from[j] = control->down[j];
+  }
+  amb_sequence_hover(&state->sequence);
+  state->limited = false;
+  state->doubted = 0U;
+  state->missed = 0U;
+  state->started = true;
+  state->sampled = false;
+}
+
+/* Set off from where the rotor lies: integrals hold it there. */
+static void lift(const amb_control *c, amb_control_state *s, const amb_real mean[])
+{
+  const int n = amb_states(&c->estimator->kf->model);
+  const int q = c->law->pids;
+  for (int j = 0; j < q; j++) {
+    amb_real at = AMB_C(0.0);
+    for (int i = 0; i < n; i++) {
+      at += c->place[(j * n) + i] * mean[i];
+    }
+    s->from[j] = at;
+  }
+  for (int j = 0; j < q; j++) {
+    amb_real integral = c->hold[j];
+    for (int i = 0; i < q; i++) {
+      integral += c->hold_by[(j * q) + i] * s->from[i];
+    }
+    amb_pid_reset(&s->pid[j], integral);
+  }
+}
+
+void amb_control_take_over(const amb_control *control, amb_control_state *state, void *filter,
+                           const amb_real y[AMB_SENSORS], const amb_real iu[])
+{
+  amb_real integral[AMB_CONTROLS];
+  start_at(control, state, filter, y);
+  lift(control, state, ((const amb_kalman_state *)filter)->mean);
+  for (int j = 0; j < control->law->pids; j++) {
+    integral[j] = state->pid[j].integral;
+  }
+  amb_control_hover(control, state, iu, integral);
+}
+
+/* Where a rotor can be that nothing is known of yet: between the stops, or on one, which noise
+ * shows beyond it by up to four standard deviations. */
+static bool is_between_the_stops(const amb_kalman *kf, const amb_real y[AMB_SENSORS])
+{
+  bool between = true;
+  for (int r = 0; r < amb_sensors(&kf->model); r++) {
+    const amb_real shown = amb_magnitude(kf->set.K_sen[r]) * kf->set.travel[r];
+    const amb_real beyond = amb_magnitude(y[r]) - shown;
+    const bool near = (beyond * beyond) <= (AMB_C(16.0) * kf->set.var_y[r]);
+    between = between && ((beyond <= AMB_C(0.0)) || near);
+  }
+  return between;
+}
+
+/* Start anew where the estimate is no rotor, or where its covariance is none (a bit in memory has
+ * flipped), and say whether it can be used. */
+static amb_status supervise(const amb_control *c, amb_control_state *s, void *filter,
+                            amb_status status, amb_control_output *out)
+{
+  const amb_status unsure = AMB_HELD | AMB_RESTARTED | AMB_BAD_PARAMETER;
+  const amb_kalman *kf = c->estimator->kf;
+  amb_status told = status;
+  bool used = false; /* one reading: where none tells of a coordinate any more, it is held */
+  bool sound = amb_envelope_within(kf, c->bound, ((const amb_kalman_state *)filter)->mean);
+  for (int r = 0; r < amb_sensors(&kf->model); r++) {
+    used = used || ((out->estimator.health[r] & AMB_UNUSED) == 0U);
+    sound = sound && amb_is_finite(out->estimator.variance[r]);
+  }
+  if (!sound) {
+    forget(c, s, filter);
+    told |= AMB_RESTARTED;
+  }
+  if (used) {
+    s->missed = 0U;
+  } else if (s->missed < c->settling) {
+    s->missed++;
+  } else { /* for too long, however long */
+  }
+  if ((told & unsure) != 0U) {
+    s->doubted = c->settling;
+  } else if (used && (s->doubted > 0U)) {
+    s->doubted--;
+  } else { /* as it was */
+  }
+  const bool settled = (s->doubted == 0U) || !c->feedback_estimate;
+  out->usable = s->started && settled && (s->missed < c->settling);
+  return told;
+}
+
+static amb_status estimate(const amb_control *c, amb_control_state *s, void *filter,
+                           const amb_real y[AMB_SENSORS], amb_control_output *out)
+{
+  if (!s->started && is_between_the_stops(c->estimator->kf, y)) {
+    start_at(c, s, filter, y);
+    s->started = true;
+  }
+  const bool first = s->started && !s->sampled;
+  const amb_status status =
+      first ? amb_estimator_start(c->estimator, filter, y, &out->estimator)
+            : amb_estimator_step(c->estimator, filter, y, s->u, &out->estimator);
+  s->sampled = s->started;
+  out->usable = true;
+  return (c->sequence != NULL) ? supervise(c, s, filter, status, out) : status;
+}
+
+/* What the controllers see. The load on a rotor that lies is its bearing's own. */
+static void see(const amb_control *c, const amb_real mean[], const amb_real y[], amb_real way,
+                amb_real x[])
+{
+  const amb_model *model = &c->estimator->kf->model;
+  if (c->feedback_estimate) {
+    for (int i = 0; i < amb_states(model); i++) {
+      x[i] = (amb_model_role(model, i) == AMB_LOAD) ? (way * mean[i]) : mean[i];
+    }
+  } else {
+    for (int r = 0; r < amb_sensors(model); r++) {
+      x[r] = y[r];
+    }
+  }
+}
+
+static amb_status act(const amb_control *c, amb_control_state *s, const amb_real mean[],
+                      const amb_real y[AMB_SENSORS], const amb_real r[], amb_real speed,
+                      amb_real iu[])
+{
+  const amb_real way = amb_sequence_way(&s->sequence);
+  amb_real x[(AMB_STATES > AMB_SENSORS) ? AMB_STATES : AMB_SENSORS];
+  amb_real to[AMB_CONTROLS];
+  see(c, mean, y, way, x);
+  for (int j = 0; j < c->law->pids; j++) {
+    to[j] = (way < AMB_C(1.0)) ? (s->from[j] + (way * (r[j] - s->from[j]))) : r[j];
+  }
+  const amb_status status = amb_controllers_step(c->law, s->pid, to, x, speed, iu);
+  for (int f = 0; f < c->law->axes; f++) {
+    s->u[f] = iu[f] / c->estimator->kf->set.k_ui[f];
+  }
+  return status;
+}
+
+amb_status amb_control_step(const amb_control *control, amb_control_state *state, void *filter,
+                            const amb_real y[AMB_SENSORS], const amb_real r[], amb_real speed,
+                            bool fly, amb_control_output *out)
+{
+  const amb_real *mean = ((const amb_kalman_state *)filter)->mean;
+  amb_status status = estimate(control, state, filter, y, out);
+  if (control->sequence != NULL) {
+    const amb_flight_mode before = state->sequence.mode;
+    const amb_flight_mode now =
+        amb_sequence_step(control->sequence, &state->sequence, fly, out->usable, state->limited);
+    if ((before == AMB_WAITING) && (now == AMB_LIFTING)) {
+      lift(control, state, mean);
+    }
+  }
+  out->mode = state->sequence.mode;
+  out->on = amb_sequence_on(&state->sequence);
+  for (int f = 0; f < control->law->axes; f++) {
+    out->iu[f] = AMB_C(0.0);
+    state->u[f] = AMB_C(0.0);
+  }
+  if (out->on) {
+    const amb_status acted = act(control, state, mean, y, r, speed, out->iu);
+    state->limited = (acted & AMB_SATURATED) != 0U;
+    status |= acted;
+  }
+  return status;
+}

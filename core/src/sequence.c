@@ -1,0 +1,125 @@
+#include "ambkit/sequence.h"
+
+void amb_sequence_init(amb_sequence_state *state)
+{
+  state->mode = AMB_OFF;
+  state->usable = 0U;
+  state->unusable = 0U;
+  state->limited = 0U;
+  state->share = AMB_C(0.0);
+}
+
+void amb_sequence_hover(amb_sequence_state *state)
+{
+  amb_sequence_init(state);
+  state->mode = AMB_FLYING;
+  state->share = AMB_C(1.0);
+}
+
+bool amb_sequence_on(const amb_sequence_state *state)
+{
+  return (state->mode == AMB_LIFTING) || (state->mode == AMB_FLYING) ||
+         (state->mode == AMB_LANDING);
+}
+
+/* One more in a row, or none; never more than what is beyond the limit. */
+static unsigned int counted(unsigned int in_a_row, bool one_more, unsigned int limit)
+{
+  unsigned int found = in_a_row;
+  if (!one_more) {
+    found = 0U;
+  } else if (in_a_row <= limit) {
+    found = in_a_row + 1U;
+  } else { /* beyond, however far */
+  }
+  return found;
+}
+
+static void rise(const amb_sequence *sequence, amb_sequence_state *state)
+{
+  state->share += sequence->rise;
+  if (state->share >= AMB_C(1.0)) {
+    state->share = AMB_C(1.0);
+    state->mode = AMB_FLYING;
+  }
+}
+
+static void fall(const amb_sequence *sequence, amb_sequence_state *state)
+{
+  state->share -= sequence->fall;
+  if (state->share <= AMB_C(0.0)) {
+    amb_sequence_init(state);
+  }
+}
+
+static void wait(const amb_sequence *sequence, amb_sequence_state *state, bool usable)
+{
+  state->usable = counted(state->usable, usable, sequence->waiting);
+  if (state->usable > sequence->waiting) {
+    state->mode = AMB_LIFTING;
+    state->unusable = 0U;
+    state->limited = 0U;
+  }
+}
+
+amb_flight_mode amb_sequence_step(const amb_sequence *sequence, amb_sequence_state *state, bool fly,
+                           bool usable, bool limited)
+{
+  if (amb_sequence_on(state)) {
+    state->unusable = counted(state->unusable, !usable, sequence->lost);
+    state->limited = counted(state->limited, limited, sequence->overloaded);
+    if ((state->unusable > sequence->lost) || (state->limited > sequence->overloaded)) {
+      state->mode = AMB_TRIPPED;
+      state->share = AMB_C(0.0);
+    }
+  }
+  switch (state->mode) {
+  case AMB_OFF:
+    if (fly) {
+      state->mode = AMB_WAITING;
+      state->usable = 0U;
+    }
+    break;
+  case AMB_WAITING:
+    if (fly) {
+      wait(sequence, state, usable);
+    } else {
+      state->mode = AMB_OFF;
+    }
+    break;
+  case AMB_LIFTING:
+    if (fly) {
+      rise(sequence, state);
+    } else {
+      state->mode = AMB_LANDING;
+    }
+    break;
+  case AMB_FLYING:
+    if (!fly) {
+      state->mode = AMB_LANDING;
+    }
+    break;
+  case AMB_LANDING:
+    if (fly) {
+      state->mode = AMB_LIFTING;
+    } else {
+      fall(sequence, state);
+    }
+    break;
+  case AMB_TRIPPED:
+    if (!fly) {
+      amb_sequence_init(state);
+    }
+    break;
+  default: /* a bit in memory has flipped */
+    state->mode = AMB_TRIPPED;
+    break;
+  }
+  return state->mode;
+}
+
+amb_real amb_sequence_way(const amb_sequence_state *state)
+{
+  const amb_real s = state->share;
+  return (s * s) * (AMB_C(3.0) - (AMB_C(2.0) * s));
+}

@@ -1,0 +1,71 @@
+"""Boards: which compiler, which flags, and whether qemu can run what comes out."""
+
+from __future__ import annotations
+
+import shutil
+from typing import NamedTuple
+
+from ambkit.base.errors import AmbkitError
+
+ARM = "arm-none-eabi-"
+QEMU = "qemu-system-arm"
+
+
+class Board(NamedTuple):
+    """What a firmware is built for."""
+
+    about: str
+    compiler: str
+    target: tuple[str, ...]
+    install: str
+
+
+_ARM_PACKAGES = "gcc-arm-none-eabi libnewlib-arm-none-eabi"
+_M4F = ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16")
+
+BOARDS = {
+    "stm32f4": Board("STM32F4, Cortex-M4F", f"{ARM}gcc", (*_M4F, "-O2"), _ARM_PACKAGES),
+    "amdc": Board(
+        "AMDC, Zynq-7000, Cortex-A9", f"{ARM}gcc",
+        ("-mcpu=cortex-a9", "-mfloat-abi=hard", "-mfpu=vfpv3", "-O2"), _ARM_PACKAGES,
+    ),
+    "c2000": Board(
+        "TI C2000, C28x with FPU", "cl2000",
+        ("--silicon_version=28", "--float_support=fpu32", "--abi=eabi", "-O2"),
+        "TI's C2000 code generation tools",
+    ),
+}  # fmt: skip
+"""Boards by name, with what their projects compile with."""
+
+QEMU_BOARD = Board("Cortex-M4F in qemu", f"{ARM}gcc", (*_M4F, "-O3"), _ARM_PACKAGES)
+
+
+def check(board: Board, *, run: bool = True) -> None:
+    """Refuse what there are no tools for.
+
+    Parameters
+    ----------
+    board : Board
+        What is built for.
+    run : bool
+        Whether it is also to run in qemu.
+
+    Raises
+    ------
+    AmbkitError
+        A compiler or qemu is missing; it says what to install.
+    """
+    missing, install = [], []
+    if shutil.which(board.compiler) is None:
+        missing.append(board.compiler)
+        install.append(board.install)
+    if run and shutil.which(QEMU) is None:
+        missing.append(QEMU)
+        install.append("qemu-system-arm")
+    if missing:
+        debian = (
+            "Debian: apt-get install --no-install-recommends " if ARM in missing[0] or run else ""
+        )
+        raise AmbkitError(
+            f"{' and '.join(missing)}: not there; install {debian}{' '.join(install)}"
+        )

@@ -1,0 +1,190 @@
+"""Compile an exported controller for a board: flash, memory, stack; and link it for qemu."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from pathlib import Path
+from typing import NamedTuple
+
+from ambkit.base.errors import AmbkitError
+from ambkit.export.pil.boards import ARM, Board
+
+HERE = Path(__file__).parent / "c"
+FLAGS = ("-std=c99", "-fno-common", "-ffp-contract=off", "-ffunction-sections", "-fdata-sections")
+_CALLS = ("init", "step", "take_over")
+
+
+class Built(NamedTuple):
+    """What the export takes of a controller [bytes]."""
+
+    code: int
+    constants: int
+    variables: int
+    stack: int | None  # at most, by the compiler's figures over all calls; None: not told
+    compiler: str
+
+
+def size(export: Path, name: str, board: Board, into: Path) -> Built:
+    """Compile an export for a board, and say what it takes.
+
+    Parameters
+    ----------
+    export : Path
+        The folder.
+    name : str
+        Its prefix.
+    board : Board
+        What for.
+    into : Path
+        Folder for what is built.
+
+    Raises
+    ------
+    AmbkitError
+        It does not compile.
+    """
+    into.mkdir(parents=True, exist_ok=True)
+    if not board.compiler.startswith(ARM):
+        return _elsewhere(export, board, into)
+    objects = compiled(export, board, into, "-fcallgraph-info=su")
+    partial = into / "export.o"
+    roots = [f"-u{name}_{function}" for function in _CALLS]
+    _call(ARM + "ld", "-r", "--gc-sections", *roots, *map(str, objects), "-o", str(partial))
+    listing = _call(ARM + "size", "-A", str(partial))
+    totals = {".text": 0, ".rodata": 0, ".data": 0, ".bss": 0}
+    for section, count in re.findall(r"^(\.\w+)\S*\s+(\d+)\s", listing, re.MULTILINE):
+        if section in totals:
+            totals[section] += int(count)
+    deepest = stack(sorted(into.glob("*.ci")), f"{name}_step")
+    return Built(
+        totals[".text"], totals[".rodata"], totals[".data"] + totals[".bss"], deepest,
+        " ".join([board.compiler, _call(board.compiler, "-dumpfullversion").strip(),
+                  *board.target, "-ffp-contract=off"]),
+    )  # fmt: skip
+
+
+def _elsewhere(export: Path, board: Board, into: Path) -> Built:
+    """Compile by a compiler whose sizes are not read: that it compiles is the answer."""
+    for source in sources(export):
+        includes = [f"--include_path={export / at}" for at in (".", "core/include", "core")]
+        words = [*board.target, *includes, "--compile_only", f"--obj_directory={into}"]
+        _call(board.compiler, *words, str(source))
+    code = sum(path.stat().st_size for path in into.glob("*.obj"))
+    return Built(code, 0, 0, None, f"{board.compiler} {' '.join(board.target)}, object files")
+
+
+def sources(export: Path) -> list[Path]:
+    """Return what a controller compiles, in alphabetical order."""
+    return sorted([*export.glob("*.c"), *export.glob("core/src/*.c")])
+
+
+def compiled(export: Path, board: Board, into: Path, *flags: str) -> list[Path]:
+    """Compile each file of an export."""
+    includes = [f"-I{export / at}" for at in (".", "core/include", "core")]
+    made = []
+    for source in sources(export):
+        to = into / f"{source.stem}.o"
+        words = [*FLAGS, *board.target, *includes, *flags, "-c", str(source), "-o", str(to)]
+        _call(board.compiler, *words)
+        made.append(to)
+    return made
+
+
+def firmware(export: Path, name: str, means: list[str], board: Board, into: Path) -> Path:
+    """Link an export with the loop, for qemu; returns the image.
+
+    Parameters
+    ----------
+    export : Path
+        The folder.
+    name : str
+        Its prefix.
+    means : list of str
+        Fields of the estimated states in its output.
+    board : Board
+        A Cortex-M4F.
+    into : Path
+        Folder for what is built.
+
+    Raises
+    ------
+    AmbkitError
+        It does not compile.
+    """
+    into.mkdir(parents=True, exist_ok=True)
+    objects = compiled(export, board, into)
+    words = ("state", "output", "init", "step", "selftest", "selftest_result")
+    shown = ", ".join(f"(out)->{field}" for field in means[:4]) + ", 0" * (4 - len(means[:4]))
+    defines = [f"-Drig_{word}={name}_{word}" for word in words]
+    defines += [f'-DHEADER="{name}_selftest.h"', f"-DRIG_COILS={name.upper()}_COILS"]
+    defines += [f"-DMEANS(out)={{{shown}}}"]
+    includes = [f"-I{export / at}" for at in (".", "core/include", "core", "selftest")]
+    tests = [str(export / "selftest" / f"{name}_{part}.c") for part in ("selftest", "vectors")]
+    own = [str(HERE / file) for file in ("startup.c", "semihosting.c", "loop.c")]
+    image = into / "loop.elf"
+    link = ("-nostartfiles", "--specs=nano.specs", f"-T{HERE / 'm.ld'}", f"-I{HERE}")
+    _call(
+        board.compiler, *FLAGS, *board.target, *defines, *includes, *link, *own, *tests,
+        *map(str, objects), "-o", str(image),
+    )  # fmt: skip
+    return image
+
+
+_NODE = re.compile(r'node: \{ title: "([^"]+)" label: "([^"]*)"')
+_EDGE = re.compile(r'edge: \{ sourcename: "([^"]+)" targetname: "([^"]+)"')
+_BYTES = re.compile(r"(\d+) bytes \((\w+)\)")
+
+
+def stack(graphs: list[Path], root: str) -> int | None:
+    """Return how deep a call goes at most [bytes], by gcc's call graph and stack usage.
+
+    A call by a pointer is taken to reach every function that nobody calls by its name, and that is
+    not running already.
+
+    Parameters
+    ----------
+    graphs : list of Path
+        What ``-fcallgraph-info=su`` wrote, of all files.
+    root : str
+        The function that is called.
+
+    Returns
+    -------
+    int or None
+        None where a frame's size is not bounded, or a function can call itself.
+    """
+    own: dict[str, int] = {}
+    calls: dict[str, set[str]] = {}
+    for path in graphs:
+        text = path.read_text(encoding="utf-8")
+        for title, label in _NODE.findall(text):
+            if (found := _BYTES.search(label)) is not None:
+                if found[2] not in ("static", "bounded"):
+                    return None
+                own[title] = int(found[1])
+        for source, target in _EDGE.findall(text):
+            calls.setdefault(source, set()).add(target)
+    named = {target for targets in calls.values() for target in targets}
+    pointed = {title for title in own if title not in named and title != root}
+
+    def depth(title: str, above: frozenset[str]) -> int | None:
+        if title in above:
+            return None
+        most = 0
+        for target in calls.get(title, ()):
+            for each in pointed - above if target == "__indirect_call" else {target}:
+                below = depth(each, above | {title})
+                if below is None:
+                    return None
+                most = max(most, below)
+        return own.get(title, 0) + most
+
+    return depth(root, frozenset())
+
+
+def _call(*command: str) -> str:
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode != 0:
+        raise AmbkitError(f"{command[0]} failed:\n{done.stderr.strip()}")
+    return done.stdout

@@ -1,0 +1,153 @@
+/* An exported controller on a Cortex-M4F in a loop with a plant elsewhere: sample by sample it takes
+ * from one pipe what the sensor shows, and gives into another one what it demands.
+ *
+ * The build says which export, with -DHEADER="\"NAME_selftest.h\"" and -Drig_step=NAME_step and so
+ * on (build.py). */
+#include HEADER
+#include "semihosting.h"
+#include <stdint.h>
+
+/* With `-icount shift=0` an instruction takes 1 ns and SysTick counts every 40 ns: of 40 equal
+ * calls, ticks are instructions a call. */
+#define REPEATS 40U
+#define COILS 2
+
+typedef struct sample {
+  amb_real y; /* as the rig has it */
+  amb_real r; /* [m] */
+  uint32_t fly;
+  uint32_t counted; /* whether the instructions of this step are wanted; 2: the end */
+} sample;
+
+typedef struct answer {
+  amb_real coil[COILS], iu, u, mean[4];
+  uint32_t status, mode, on, usable;
+  uint32_t instructions; /* of this step, where they were wanted */
+  uint32_t stack;        /* bytes that a step has needed below its caller until now, likewise */
+} answer;
+
+typedef struct greeting {
+  uint32_t unequal, wrong_status, wrong; /* of the self-test */
+  uint32_t selftest;                     /* its instructions, in units of 40 */
+  uint32_t state;                        /* bytes of an instance */
+} greeting;
+
+/* SysTick (ARMv7-M, B3.3), 24 bits, downwards, on the clock of the processor. */
+static volatile uint32_t *const systick = (volatile uint32_t *)0xE000E010U;
+static uint32_t deepest;
+
+static uint32_t ticks(void)
+{
+  return systick[2];
+}
+
+static void start_ticks(void)
+{
+  systick[1] = 0xFFFFFFU;
+  systick[2] = 0;
+  systick[0] = 5;
+}
+
+typedef amb_status step_function(rig_state *state, amb_real y, amb_real r, bool fly,
+                                 rig_output *out);
+
+static amb_status nothing(rig_state *state, amb_real y, amb_real r, bool fly, rig_output *out)
+{
+  (void)state;
+  (void)y;
+  (void)r;
+  (void)fly;
+  (void)out;
+  return AMB_OK;
+}
+
+#define INSTRUCTIONS_OF_NOTHING 2U
+
+static uint32_t count(step_function *volatile step, const rig_state *state, const sample *s)
+{
+  rig_state copy;
+  rig_output out;
+  step_function *const call = step;
+  const uint32_t before = ticks();
+  for (unsigned int i = 0; i < REPEATS; i++) {
+    copy = *state;
+    (void)call(&copy, s->y, s->r, s->fly != 0U, &out);
+  }
+  return (before - ticks()) & 0xFFFFFFU;
+}
+
+/* The deepest word of the stack that a step overwrites. */
+#define STACK_WORDS 1024U
+#define UNUSED 0xA5A5A5A5U
+
+__attribute__((noinline)) static uint32_t stack_bytes(const rig_state *state, const sample *s)
+{
+  rig_state copy = *state;
+  rig_output out;
+  volatile uint32_t *top;
+  __asm volatile("mov %0, sp" : "=r"(top));
+  for (unsigned int i = 1; i <= STACK_WORDS; i++)
+    *(top - i) = UNUSED;
+  (void)rig_step(&copy, s->y, s->r, s->fly != 0U, &out);
+  unsigned int depth = STACK_WORDS;
+  while ((depth > 0U) && (*(top - depth) == UNUSED))
+    depth--;
+  return depth * (uint32_t)sizeof *top;
+}
+
+static void look(const rig_state *state, const sample *s, answer *said)
+{
+  said->instructions = count(rig_step, state, s) - count(nothing, state, s);
+  said->instructions += INSTRUCTIONS_OF_NOTHING;
+  const uint32_t stack = stack_bytes(state, s);
+  deepest = (stack > deepest) ? stack : deepest;
+  said->stack = deepest;
+}
+
+static void tell(const rig_output *out, amb_status status, answer *said)
+{
+  const amb_real mean[] = MEANS(out);
+  for (int k = 0; k < RIG_COILS; k++)
+    said->coil[k] = out->coil[k];
+  said->iu = out->iu;
+  said->u = out->u;
+  for (int i = 0; i < 4; i++)
+    said->mean[i] = mean[i];
+  said->status = status;
+  said->mode = (uint32_t)out->mode;
+  said->on = out->on ? 1U : 0U;
+  said->usable = out->usable ? 1U : 0U;
+}
+
+static bool fly(intptr_t from, intptr_t to)
+{
+  rig_state state;
+  sample s;
+  rig_init(&state);
+  while (semihosting_take(from, &s, sizeof s) && (s.counted < 2U)) {
+    answer said = {{0}, 0, 0, {0}, 0, 0, 0, 0, 0, 0};
+    rig_output out;
+    if (s.counted == 1U)
+      look(&state, &s, &said);
+    const amb_status status = rig_step(&state, s.y, s.r, s.fly != 0U, &out);
+    tell(&out, status, &said);
+    if (!semihosting_give(to, &said, sizeof said))
+      return false;
+  }
+  return true;
+}
+
+int main(void)
+{
+  rig_selftest_result selftest;
+  start_ticks();
+  const uint32_t before = ticks();
+  rig_selftest(&selftest);
+  const greeting hello = {selftest.unequal, selftest.wrong_status, selftest.wrong,
+                          (before - ticks()) & 0xFFFFFFU, sizeof(rig_state)};
+  const intptr_t from = semihosting_open("samples", false);
+  const intptr_t to = semihosting_open("answers", true);
+  if ((from < 0) || (to < 0) || !semihosting_give(to, &hello, sizeof hello))
+    return 1;
+  return fly(from, to) ? 0 : 1;
+}
