@@ -340,9 +340,10 @@ Named parameters(const Estimator &self)
   all["set"] = set;
   all["model"] = shown(self.kf.model);
   all["growth"] = numbers(self.kf.growth, of.entries);
-  all["far_squared"] = numbers(self.kf.far_squared, of.sensors);
+  all["far"] = numbers(self.kf.far, of.sensors);
   all["gate_squared"] = self.kf.gate_squared;
   all["widest"] = numbers(self.kf.widest, of.states);
+  all["most"] = numbers(self.kf.most, of.entries);
   return all;
 }
 

@@ -10,7 +10,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import cost, folder, render
-from ambkit.export.c.cost import Cost
+from ambkit.export.c.cost import CYCLES_PER_INSTRUCTION, Cost
 from ambkit.export.c.data import CPrecision, called
 from ambkit.export.c.prefix import checked
 from ambkit.export.tabulate import MOST_NODES, TabulatedExpert, tabulate
@@ -262,6 +262,10 @@ def _cost_facts(spent: Cost | None) -> dict[str, str]:
     return facts | {
         "flash": (
             f"{spent.code} bytes of code, {spent.constants} bytes of constants, by {spent.compiler}"
+        ),
+        "self-test": (
+            f"{spent.selftest / 1e6:.1f} million instructions; at 168 MHz, without wait states, "
+            f"{1e3 * spent.selftest * CYCLES_PER_INSTRUCTION / 168e6:.0f} ms"
         ),
         "memory": f"{spent.state} bytes an instance, {spent.stack} bytes of stack seen",
     }

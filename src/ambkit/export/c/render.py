@@ -15,7 +15,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.registry import PAPER, InCore
 from ambkit.export import core
-from ambkit.export.c import control, data, machine_control, model, vectors
+from ambkit.export.c import control, data, machine_control, model, proof, vectors
 from ambkit.export.c.crc import Constants, Crc
 from ambkit.export.c.data import MAGNETS, CPrecision, Kind
 from ambkit.machine.bearing import FILES
@@ -32,6 +32,12 @@ if TYPE_CHECKING:
     from ambkit.simulation.flight import Flight
 
 _BOUNDS: dict[CPrecision, str] = {"float": "1e-3", "double": "1e-9"}
+_PROVED = (
+    "Whatever NAME_step and NAME_reset are given, NaN and infinities included, and however often: "
+    "no access beyond an object, no read of what was not written, no division by zero, no "
+    "overflow, no other undefined behaviour of C99; and every number in the estimates is finite. "
+    "Shown by abstract interpretation (Frama-C Eva), for these constants."
+)
 _BOUND_OF_MACHINES = "2e-2"  # in float: more is added up; a tenth is still seen
 
 
@@ -183,7 +189,9 @@ def render(
         "settling": settling,
         "bound_of_output": f"{bound:.1f}",
         "crc": _crc(estimator, name, precision, of_model, editable=editable, flown=controller),
+        "proof_sentence": _PROVED.replace("NAME", name),
     }
+    context["proof"] = _proof(estimator, context, core_files)
     for each, si in (("y", "m"), ("u", "V")):
         context[f"{each}_unit"] = context["inputs"][each]["unit"] if context["inputs"][each] else si
     context["inputs_text"] = repr(context["inputs"])
@@ -198,6 +206,9 @@ def render(
         f"selftest/{name}_vectors.c": "vectors.c",
         "selftest/main.c": "main.c",
         "selftest/COVERAGE.md": "COVERAGE.md",
+        f"proof/{name}_proof.c": "proof.c",
+        "proof/prove.sh": "prove.sh",
+        "proof/README.md": "PROOF.md",
         "core/include/ambkit/precision.h": "precision.h",
         "CMakeLists.txt": "CMakeLists.txt",
         "README.md": "README.md",
@@ -234,6 +245,31 @@ def _selftest_context(
         "marks": data.array(marks, precision),
         "runs": list(zip(tested.runs, np.diff([*starts, len(tested.y)]).tolist(), strict=True)),
         "coverage": vectors.coverage(tested, estimator),
+    }
+
+
+def _proof(
+    estimator: Estimator, context: dict[str, Any], core_files: dict[str, str]
+) -> dict[str, Any]:
+    """Return what the files of the proof say."""
+    several = context["several"]
+    axes, sensors = (len(several["axes"]), len(several["readings"])) if several else (0, 0)
+    fields = [state.field for state in context["states"]]
+    asked = {name: text for name, text in core_files.items() if name.endswith(".c")}
+    uses = {
+        called: any(f"{called}(" in text for text in asked.values())
+        for called in ("amb_exp_negative", "amb_root")
+    }
+    contracts = [called for called, used in uses.items() if used]
+    by_contract = f" -eva-use-spec {','.join(contracts)}" if contracts else ""
+    return {
+        "outputs": proof.outputs(fields, axes, sensors),
+        "options": proof.OPTIONS.format(tag=context["tag"]) + by_contract,
+        "recorded": proof.recorded(
+            estimator, context["precision"], editable=bool(context["editable"])
+        ),
+        "uses_exponential": uses["amb_exp_negative"],
+        "uses_root": uses["amb_root"],
     }
 
 
