@@ -41,6 +41,7 @@ private:
 
 // A controller in Python, or behind it: a function of y [m], r [m] and whether to fly, that says
 // control current [A], control signal [V], whether it is on, and the mode.
+using Controlling = nb::typed<nb::callable, nb::object(amb_real, amb_real, bool)>;
 struct Elsewhere {
   nb::callable asked;
   nb::object failed; // what it raised, which ends the run when the GIL is there
@@ -74,7 +75,7 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
                LoopState *went, const std::optional<Named> &faults, bool beside,
                const std::optional<Named> &parts, const Magnet *coil, Control *control,
                const std::optional<Vector> &fly, std::optional<amb_real> hover,
-               const std::optional<nb::callable> &elsewhere)
+               const std::optional<Controlling> &elsewhere)
 {
   const size_t n = r.size();
   same_length(n, f_d.size(), "f_d");
@@ -93,7 +94,7 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
   if (feedback_estimate)
     estimator->must_have({AMB_POSITION, AMB_VELOCITY}, "feedback from the estimate");
   const amb_parts with = parts ? parts_of(*parts) : amb_parts{};
-  Elsewhere asked{elsewhere.value_or(nb::callable()), {}};
+  Elsewhere asked{elsewhere ? nb::callable(*elsewhere) : nb::callable(), {}};
   const amb_loop loop{{magnet.magnet, m, f_0, K_sen, T_sen, travel, substeps,
                        parts ? &with : nullptr, coil ? coil->magnet : amb_magnet{}},
                       {T, kp, ki, kd, T_f, T_t, weight, iu_min, iu_max},

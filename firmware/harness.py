@@ -113,7 +113,7 @@ def build(export: Path, into: Path, contraction: Contraction = "off") -> Firmwar
     harness = [BOARD / "startup.c", BOARD / "semihosting.c", HERE / "main.c"]
     flags.append(f"-I{BOARD}")
     elf = into / "firmware.elf"
-    link = ("-nostartfiles", "--specs=nano.specs", f"-T{BOARD / "m.ld"}")
+    link = ("-nostartfiles", "--specs=nano.specs", f"-T{BOARD / 'm.ld'}")
     _call(gcc, *flags, *defines, *link, *harness, *tests, *sorted(objects), "-o", elf)
     return Firmware(elf, partial)
 

@@ -1,6 +1,6 @@
 """The C core of ambkit."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any, overload
 
 import numpy
@@ -338,11 +338,11 @@ class Rls:
 class Control:
     """The whole controller (ambkit/control.h)."""
 
-    def __init__(self, estimator: Estimator, given: dict) -> None: ...
+    def __init__(self, estimator: Estimator, given: dict[str, Any]) -> None: ...
 
-    def run(self, y: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], r: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], fly: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], speed: float = 0) -> dict[str, Any]:
+    def run(self, y: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], r: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], fly: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], speed: float = 0, taken_over: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None) -> dict[str, Any]:
         """
-        A record from power-on: readings (n, m) [m], references (n, q) [m], and whether it is to fly, 1 or 0.
+        A record from power-on: readings (n, m) [m], references (n, q) [m], and whether it is to fly, 1 or 0. Or in flight from the first sample on, taken over with currents (p,) [A].
         """
 
 class LoopState:
@@ -350,7 +350,7 @@ class LoopState:
 
     def __init__(self) -> None: ...
 
-def simulate(magnet: Magnet, *, T: float, m: float, f_0: float, K_sen: float, T_sen: float, travel: float, substeps: int, k_ui: float, iu_min: float, iu_max: float, kp: float, ki: float, kd: float, T_f: float, T_t: float, weight: float = 1.0, integral: float, feedback_estimate: bool, estimator: Estimator | None, r: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], f_d: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], noise_u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], noise_y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], scale: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, f_bias: float = 0, x_start: float = 0, state: LoopState | None = None, faults: dict[str, Any] | None = None, beside: bool = False, parts: dict[str, Any] | None = None, coil: Magnet | None = None, control: Control | None = None, fly: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, hover: float | None = None) -> dict[str, Any]:
+def simulate(magnet: Magnet, *, T: float, m: float, f_0: float, K_sen: float, T_sen: float, travel: float, substeps: int, k_ui: float, iu_min: float, iu_max: float, kp: float, ki: float, kd: float, T_f: float, T_t: float, weight: float = 1.0, integral: float, feedback_estimate: bool, estimator: Estimator | None, r: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], f_d: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], noise_u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], noise_y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], scale: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, f_bias: float = 0, x_start: float = 0, state: LoopState | None = None, faults: dict[str, Any] | None = None, beside: bool = False, parts: dict[str, Any] | None = None, coil: Magnet | None = None, control: Control | None = None, fly: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, hover: float | None = None, elsewhere: Callable[[float, float, bool], object] | None = None) -> dict[str, Any]:
     """
     A closed-loop run in one call; see sim/loop.h for shapes and units. With a state, an empty one at first, the next call goes on where this one ends. A whole controller starts in flight, with this current [A] (hover), or at power-on.
     """

@@ -20,6 +20,7 @@ from ambkit.cli.export_mat import export_mat
 from ambkit.cli.filter import filter_record
 from ambkit.cli.identify import identify
 from ambkit.cli.options import keep_inputs
+from ambkit.cli.pil import pil
 from ambkit.cli.presets import presets
 from ambkit.cli.read import read
 from ambkit.cli.reproduce import reproduce
@@ -49,6 +50,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "design": design,
     "assess": assess,
     "torture": torture,
+    "pil": pil,
     "presets": presets,
     "check": check,
 }

@@ -225,7 +225,7 @@ def _regulated(plant: Plant, estimator: Estimator) -> Controllers:
     passed = [[1.0, 0.0, 0.0, 0.0, 1.0, 1.0, -FAR, FAR]] * p
     nothing = np.zeros((p, len(estimator.states)))
     return Controllers(
-        passed, np.eye(p), ahead, np.zeros(p),
+        passed, np.eye(p), ahead, -np.ones(p),  # what a PID is ahead is all of the reference
         {"fed_back": -K, "position": nothing, "velocity": nothing},
     )  # fmt: skip
 

@@ -157,12 +157,14 @@ def vectors(controller: Controller) -> Vectors:
         marks = told["mode"].astype(np.uint8) + USABLE * told["usable"].astype(np.uint8)
         marks += (FLY * scene.fly).astype(np.uint8)
         marks[0] += START if scene.taken_over is None else TAKEN
-        y = np.nan_to_num(scene.y, nan=most, posinf=most / 2, neginf=-most / 2)
-        r = np.nan_to_num(scene.r, nan=most, posinf=most / 2, neginf=-most / 2)
-        found.append((y, r, np.hstack(parts).astype(float), told["status"], marks))
-        runs.append((scene.name, len(y)))
-    joined: list[Any] = [np.concatenate(each) for each in zip(*found, strict=True)]
-    return Vectors(*joined, runs)
+        given = [
+            np.nan_to_num(each, nan=most, posinf=most / 2, neginf=-most / 2)
+            for each in (scene.y, scene.r)
+        ]
+        found.append((*given, np.hstack(parts).astype(float), told["status"], marks))
+        runs.append((scene.name, len(scene.y)))
+    y, r, expected, status, marks = (np.concatenate(each) for each in zip(*found, strict=True))
+    return Vectors(y, r, expected, status, marks, runs)
 
 
 def coverage(controller: Controller, tested: Vectors) -> list[tuple[str, str]]:

@@ -241,7 +241,17 @@ def controller(pid: _Gains, bearing: Bearing) -> LinearSystem:
     LinearSystem
         Inputs ``position`` [m] and, with an estimate, ``velocity`` [m/s], then the reference ``r``
         [m]; output ``u`` [V].
+
+    Raises
+    ------
+    AmbkitError
+        It is none, but a regulator, or takes the estimated load back.
     """
+    if getattr(pid, "type", "pid") != "pid" or getattr(pid, "feed_forward", 0):
+        raise AmbkitError(
+            f'{bearing.name}: margins are those of a PID; controller.type must be "pid" and '
+            "controller.feed_forward 0"
+        )
     T, measured = bearing.sampling_time, pid.feedback == "measurement"
     names = ["integral"] if pid.ki > 0 else []
     names += ["derivative", "last"] if measured else []
