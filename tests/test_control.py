@@ -76,7 +76,7 @@ def test_what_simulate_flew_and_the_controller_alone_are_equal_to_the_last_bit(
     np.testing.assert_array_equal(told["coil"][on, 1], bias - told["iu"][on])
     assert not told["coil"][~on].any()
     flying = (record["mode"] == Mode.FLYING) & (record.t > 0.1) & (record.t < 0.16)
-    assert np.abs(record["x"][flying]).max() < 0.2 * GAINED.rotor.travel_limit
+    assert np.abs(record["x"][flying]).max() < 0.4 * GAINED.rotor.travel_limit
     lying = -np.dtype(precision).type(GAINED.rotor.travel_limit)
     assert record["x"][0] == record["x"][-1] == lying
 
@@ -255,7 +255,8 @@ FAULTS = {
     "never trips by overload": ("core/src/sequence.c", "state->limited > sequence->overloaded",
                                 "state->limited > 65535U"),
     "lifts from the middle": ("core/src/control.c", "s->from[j] = at;", "s->from[j] = 0;"),
-    "the load counts as it lies": ("core/src/control.c", "(share * mean[i])", "(share + (AMB_C(1.0) - share)) * mean[i]"),
+    "the load counts as it lies": ("core/src/control.c", "(share * mean[i])",
+                                   "((void)share, mean[i])"),
     "a tripped one flies again": ("core/src/sequence.c", "case AMB_TRIPPED:\n    if (!fly) {",
                                   "case AMB_TRIPPED:\n    if (fly) {"),
     "never settled": ("core/src/control.c", "s->doubted--;", ";"),

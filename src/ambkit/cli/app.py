@@ -15,6 +15,7 @@ from ambkit.cli.compare import compare
 from ambkit.cli.design import design
 from ambkit.cli.excite import excite
 from ambkit.cli.export import export, export_c
+from ambkit.cli.export_a2l import export_a2l
 from ambkit.cli.export_fmu import export_fmu, export_ssp
 from ambkit.cli.export_mat import export_mat
 from ambkit.cli.filter import filter_record
@@ -59,6 +60,7 @@ _EXPORTS: dict[str, Callable[..., None]] = {
     "fmu": export_fmu,
     "mat": export_mat,
     "ssp": export_ssp,
+    "a2l": export_a2l,
 }
 
 

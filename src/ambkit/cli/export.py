@@ -89,6 +89,13 @@ def export_c(
             help="Export the whole controller of this scenario: from readings to coil currents.",
         ),
     ] = None,
+    calibration: Annotated[
+        bool,
+        typer.Option(
+            "--calibration",
+            help="Noise, gate, mass, k and gains of a --controller can be changed while it runs.",
+        ),
+    ] = False,
     cost: Annotated[
         bool, typer.Option("--cost", help="Also print what it costs on a Cortex-M4F.")
     ] = False,
@@ -138,6 +145,7 @@ def export_c(
         force_bound=force_bound,
         editable=editable,
         scenario=scenario,
+        calibrated=calibration,
     )
     data: dict[str, Any] = {
         "folder": str(written.folder),

@@ -15,7 +15,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.registry import PAPER, InCore
 from ambkit.export import core
-from ambkit.export.c import control, data, model, vectors
+from ambkit.export.c import calibration, control, data, model, vectors
 from ambkit.export.c.crc import Constants, Crc
 from ambkit.export.c.data import MAGNETS, CPrecision, Kind
 from ambkit.machine.bearing import FILES
@@ -51,6 +51,7 @@ def render(
     loops: bool | None = None,
     editable: bool = False,
     controller: Controller | None = None,
+    calibrated: bool = False,
 ) -> Content:
     """Write all texts.
 
@@ -71,6 +72,8 @@ def render(
         axis alone.
     controller : Controller, optional
         That flies this estimator; the export is then the whole of it.
+    calibrated : bool
+        Whether numbers of such a controller can be changed while it runs.
 
     Raises
     ------
@@ -101,10 +104,12 @@ def render(
             needed += [f"src/{data.called(inner).source}.c"]
     of_model = model.in_c(estimator, loops=loops)
     needed += [*of_model.sources, *(control.SOURCES if controller is not None else ())]
+    needed += calibration.SOURCES if calibrated else ()
     found = core.closure(needed, instead=of_model.instead)
     core_files = {f"core/{file}": text for file, text in found.items()}
     c_files = tuple(file for file in core_files if file.endswith(".c"))
-    sources = (f"{name}.c", f"{name}_data.c", *c_files)
+    own = (f"{name}.c", *((f"{name}_calibration.c",) if calibrated else ()), f"{name}_data.c")
+    sources = (*own, *c_files)
     selftest = tuple(f"selftest/{file}" for file in (f"{name}_selftest.c", f"{name}_vectors.c"))
     settling, bound = settling_of(estimator), bound_of(estimator)
     if controller is None:
@@ -135,6 +140,7 @@ def render(
         "bound": _BOUND_OF_MACHINES if whole and precision == "float" else _BOUNDS[precision],
         **{key: told[key] for key in told if key != "arrays"},
         "flown": told if controller is not None else None,
+        "base_of_calibration": None,
         "misra_defines": "-DFLT_MANT_DIG=24" if precision == "float" else "-DDBL_MANT_DIG=53",
         "given": given,
         "in_core": in_core,
@@ -170,11 +176,21 @@ def render(
         "own": "" if in_core is None else data.own(estimator, precision),
         "settling": settling,
         "bound_of_output": f"{bound:.1f}",
-        "crc": _crc(estimator, name, precision, of_model, editable=editable, flown=controller),
+        "crc": _crc(
+            estimator,
+            name,
+            precision,
+            of_model,
+            editable=editable,
+            flown=controller,
+            calibrated=calibrated,
+        ),
     }
     for each, si in (("y", "m"), ("u", "V")):
         context[f"{each}_unit"] = context["inputs"][each]["unit"] if context["inputs"][each] else si
     context["inputs_text"] = repr(context["inputs"])
+    if calibrated and controller is not None:
+        context["base_of_calibration"] = calibration.context(controller, name, precision)
     context["configuration"] = _configuration(estimator, context, core_files)
     made = {
         f"{name}.h": "filter.h",
@@ -192,7 +208,12 @@ def render(
         "misra.txt": "misra.txt",
     }
     if controller is not None:
-        made |= {file.format(name): template for file, template in control.TEMPLATES.items()}
+        more = calibration.TEMPLATES if calibrated else {}
+        named = {**control.TEMPLATES, **more}
+        made |= {file.format(name): template for file, template in named.items()}
+        if calibrated:
+            described = calibration.described(controller, name, precision)
+            core_files |= {"calibration.json": described}
     templates = _templates()
     texts = core_files | {
         file: templates.get_template(f"{template}.j2").render(context)
@@ -253,6 +274,7 @@ def _crc(
     *,
     editable: bool,
     flown: Controller | None,
+    calibrated: bool,
 ) -> Crc:
     """Return the CRC of the data file, with its names."""
     constants = Constants(precision)
@@ -286,6 +308,8 @@ def _crc(
     constants.fields("own", estimator.core.own, arrays=True)
     if flown is not None:
         control.constants(flown, name, constants)
+        if calibrated:
+            calibration.constants(flown, name, constants)
     return constants.crc()
 
 
@@ -414,7 +438,7 @@ def _casts(
     """Return the files that cast from ``void *``, which MISRA C advises against."""
     stems = [] if given else [kind.source]
     if in_core is not None:
-        stems += ["estimator", *in_core.casts, *(["control"] if flown else [])]
+        stems += ["estimator", *in_core.casts, *(["calibration", "control"] if flown else [])]
     return tuple(f"core/src/{stem}.c" for stem in sorted(stems))
 
 
