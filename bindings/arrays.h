@@ -96,3 +96,4 @@ void bind_control(nb::module_ &m);
 void bind_loop(nb::module_ &m);
 void bind_machine(nb::module_ &m);
 void bind_batch(nb::module_ &m);
+void bind_many(nb::module_ &m);

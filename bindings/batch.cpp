@@ -1,44 +1,19 @@
 // Many estimators along many records: SIMD lanes (sim/batch.h) and threads.
 #include "estimator.h"
+#include "work.h"
 
-#include <nanobind/stl/string.h>
-
-#include <atomic>
 #include <map>
-#include <thread>
-
-extern "C" {
-#include "batch.h"
-}
 
 namespace
 {
-
-const char *const NAMES[] = {"scalar", "baseline", "avx2", "avx512"};
 
 nb::list instruction_sets()
 {
   nb::list sets;
   for (int i = AMB_SCALAR; i <= AMB_AVX512; i++)
     if (amb_batch_has(static_cast<amb_instructions>(i)))
-      sets.append(NAMES[i]);
+      sets.append(INSTRUCTIONS[i]);
   return sets;
-}
-
-amb_instructions chosen(const std::optional<std::string> &name)
-{
-  amb_instructions best = AMB_BASELINE;
-  for (int i = AMB_SCALAR; i <= AMB_AVX512; i++) {
-    const auto set = static_cast<amb_instructions>(i);
-    if (!amb_batch_has(set))
-      continue;
-    if (name && *name == NAMES[i])
-      return set;
-    best = set;
-  }
-  if (name)
-    throw std::invalid_argument("this processor has no instructions called '" + *name + "'");
-  return best;
 }
 
 using Rows = nb::ndarray<const amb_real, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
@@ -82,35 +57,6 @@ std::vector<std::vector<amb_batch_run *>> chunks(std::vector<amb_batch_run> &run
     if (!chunk.empty())
       full.push_back(std::move(chunk));
   return full;
-}
-
-// All chunks, by several threads; false where the user interrupted it.
-bool work_off(const std::vector<std::vector<amb_batch_run *>> &work, amb_instructions set, size_t n,
-              size_t skip, size_t threads)
-{
-  std::atomic<size_t> next{0};
-  std::atomic<bool> stop{false};
-  const auto one = [&] {
-    const size_t i = next++;
-    if (i >= work.size() || stop)
-      return false;
-    amb_batch_advance(set, work[i].data(), work[i].size(), n, skip);
-    return true;
-  };
-  std::vector<std::thread> helpers;
-  for (size_t i = 1; i < std::min(threads, work.size()); i++)
-    helpers.emplace_back([&] {
-      while (one()) {
-      }
-    });
-  while (one()) {
-    nb::gil_scoped_acquire acquire;
-    if (PyErr_CheckSignals() != 0)
-      stop = true;
-  }
-  for (std::thread &helper : helpers)
-    helper.join();
-  return !stop;
 }
 
 nb::typed<nb::tuple, Out<double>, Out<unsigned int>>
@@ -159,7 +105,9 @@ run_batch(const std::vector<const Estimator *> &estimators, const Rows &y, const
   bool done = false;
   {
     nb::gil_scoped_release release;
-    done = work_off(work, set, n, skip, threads);
+    done = work_off(work.size(), threads, [&](size_t i) {
+      amb_batch_advance(set, work[i].data(), work[i].size(), n, skip);
+    });
   }
   if (!done)
     nb::raise_python_error();

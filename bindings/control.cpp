@@ -101,7 +101,7 @@ Control::Control(Estimator &of, const nb::dict &given) : estimator(of)
   const bool sequenced = nb::cast<bool>(given["sequenced"]);
   if (sequenced)
     sequence = {counted(given, "waiting"), counted(given, "lost"), counted(given, "overloaded"),
-                nb::cast<amb_real>(given["rise"]), nb::cast<amb_real>(given["fall"])};
+                nb::cast<amb_real>(given["rise"]), nb::cast<amb_real>(given["descent"])};
   control.estimator = &of.estimator;
   control.law = &law;
   control.sequence = sequenced ? &sequence : nullptr;
@@ -121,6 +121,7 @@ void bind_control(nb::module_ &m)
 {
   nb::class_<Control>(m, "Control", "The whole controller (ambkit/control.h).")
       .def(nb::init<Estimator &, const Named &>(), nb::arg("estimator"), nb::arg("given"),
+           nb::sig("def __init__(self, estimator: Estimator, given: dict[str, Any]) -> None"),
            nb::keep_alive<1, 2>())
       .def("run", &run, nb::arg("y"), nb::arg("r"), nb::arg("fly"), nb::arg("speed") = 0,
            nb::arg("taken_over").none() = nb::none(),

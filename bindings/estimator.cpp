@@ -1,7 +1,9 @@
 // What every estimator of the family can do, whichever it is.
 #include "estimator.h"
+#include "work.h"
 
 extern "C" {
+#include "fast.h"
 #include "ambkit/smoother.h"
 #include "ambkit/ud.h"
 #include "ambkit/unscented.h"
@@ -120,11 +122,13 @@ void Estimator::must_be_single(const char *who) const
                                 std::to_string(of.sensors) + " and " + std::to_string(of.controls));
 }
 
-Named run_input(Estimator &self, const amb_kalman_input &input, bool covariance)
+Named run_input(Estimator &self, const amb_kalman_input &input, bool covariance,
+                const std::optional<std::string> &instructions)
 {
+  const amb_instructions set = chosen(instructions);
   History history(input.n, self.sizes(), covariance, self.scales());
   nb::gil_scoped_release release;
-  amb_estimator_run(&self.estimator, self.state(), &input, &history.to);
+  amb_fast_run(set, &self.estimator, self.state(), &input, &history.to);
   return history.arrays;
 }
 
@@ -215,9 +219,10 @@ amb_kalman_input input_of(const Estimator &self, const Samples &y, const Samples
   return {n, y.data(), u.data(), nullptr, nullptr};
 }
 
-Named run(Estimator &self, const Samples &y, const Samples &u, bool covariance)
+Named run(Estimator &self, const Samples &y, const Samples &u, bool covariance,
+          const std::optional<std::string> &instructions)
 {
-  return run_input(self, input_of(self, y, u), covariance);
+  return run_input(self, input_of(self, y, u), covariance, instructions);
 }
 
 #if defined(AMB_MODEL_LOOPS)
@@ -397,7 +402,7 @@ void bind_estimator(nb::module_ &m)
       .def("step", &step_one, nb::arg("y"), nb::arg("u"), "Predict with u, update with y.")
       .def("step", &step, nb::arg("y"), nb::arg("u"), "The same with arrays.")
       .def("run", &run, nb::arg("y"), nb::arg("u"), nb::kw_only(), nb::arg("covariance") = false,
-           "A whole record; u[k] acts from sample k to k + 1.")
+           nb::arg("instructions") = nb::none(), "A whole record; u[k] acts from sample k to k + 1.")
       .def("smooth", &smooth, nb::arg("y"), nb::arg("u"),
            "A whole record, mean and covariance by all of it (ambkit/smoother.h).")
       .def("forecast", &forecast, nb::arg("mean"), nb::arg("u"), nb::arg("ahead"),

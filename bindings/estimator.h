@@ -174,5 +174,6 @@ inline void fill(amb_real *to, const Vector &from, size_t n, const char *name)
   std::copy_n(from.data(), n, to);
 }
 
-// A whole record; the history is made here.
-Named run_input(Estimator &self, const amb_kalman_input &input, bool covariance);
+// A whole record, with these instructions or the fastest; the history is made here.
+Named run_input(Estimator &self, const amb_kalman_input &input, bool covariance,
+                const std::optional<std::string> &instructions);

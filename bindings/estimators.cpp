@@ -1,6 +1,8 @@
 // The kinds of the family that know their magnet; those that learn it are in scale_estimators.cpp.
 #include "estimator.h"
 
+#include <nanobind/stl/string.h>
+
 extern "C" {
 #include "ambkit/adaptive_noise.h"
 #include "ambkit/low_pass.h"
@@ -165,7 +167,8 @@ struct AdaptiveNoise : Estimator {
 };
 
 Named run_kalman(Kalman &self, const Samples &y, const Samples &u, std::optional<Samples> k_i,
-                 std::optional<Samples> k_s, bool covariance)
+                 std::optional<Samples> k_s, bool covariance,
+                 const std::optional<std::string> &instructions)
 {
   const Sizes of = self.sizes();
   const size_t n = samples_of(y, of.sensors, "y");
@@ -178,7 +181,7 @@ Named run_kalman(Kalman &self, const Samples &y, const Samples &u, std::optional
   }
   return run_input(
       self, {n, y.data(), u.data(), k_i ? k_i->data() : nullptr, k_s ? k_s->data() : nullptr},
-      covariance);
+      covariance, instructions);
 }
 
 } // namespace
@@ -194,7 +197,7 @@ void bind_estimators(nb::module_ &m)
               "None"))
       .def("run", &run_kalman, nb::arg("y"), nb::arg("u"), nb::arg("k_i") = nb::none(),
            nb::arg("k_s") = nb::none(), nb::kw_only(), nb::arg("covariance") = false,
-           "A whole record, with given stiffnesses (n,) or the magnet's.");
+           nb::arg("instructions") = nb::none(), "A whole record, with given stiffnesses (n,) or the magnet's.");
   nb::class_<Extended, Estimator>(m, "Extended", "Extended Kalman filter.")
       .def(
           nb::init<nb::object, nb::object, nb::kwargs>(), nb::arg("magnet"), nb::arg("model"),

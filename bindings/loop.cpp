@@ -1,9 +1,4 @@
-#include "control.h"
-#include "plant_parts.h"
-
-extern "C" {
-#include "loop.h"
-}
+#include "loop_of.h"
 
 namespace
 {
@@ -13,35 +8,11 @@ struct LoopState {
   amb_loop_state state{};
 };
 
-// The faults of a run: arrays by the names of amb_loop_faults, which are those of the caller.
-class Faults
-{
-public:
-  Faults(const nb::dict &arrays, bool beside, size_t n)
-  {
-    to = {beside,
-          series(arrays, "late", n),
-          series(arrays, "y_times", n),
-          series(arrays, "y_plus", n),
-          series(arrays, "u_times", n),
-          series(arrays, "u_plus", n),
-          series(arrays, "current", n)};
-  }
-  amb_loop_faults to{};
-
-private:
-  std::vector<Vector> kept;
-  const amb_real *series(const nb::dict &arrays, const char *name, size_t n)
-  {
-    kept.push_back(nb::cast<Vector>(arrays[name]));
-    same_length(n, kept.back().size(), name);
-    return kept.back().data();
-  }
-};
-
 // A controller in Python, or behind it: a function of y [m], r [m] and whether to fly, that says
 // control current [A], control signal [V], whether it is on, and the mode.
-using Controlling = nb::typed<nb::callable, nb::object(amb_real, amb_real, bool)>;
+using Told = nb::typed<nb::tuple, amb_real, amb_real, bool, int>;
+using Asked = nb::typed<nb::callable, Told(amb_real, amb_real, bool)>;
+
 struct Elsewhere {
   nb::callable asked;
   nb::object failed; // what it raised, which ends the run when the GIL is there
@@ -75,7 +46,7 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
                LoopState *went, const std::optional<Named> &faults, bool beside,
                const std::optional<Named> &parts, const Magnet *coil, Control *control,
                const std::optional<Vector> &fly, std::optional<amb_real> hover,
-               const std::optional<Controlling> &elsewhere)
+               const std::optional<Asked> &elsewhere)
 {
   const size_t n = r.size();
   same_length(n, f_d.size(), "f_d");
@@ -85,28 +56,13 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
     same_length(n, scale->size(), "scale");
   if (fly)
     same_length(n, fly->size(), "fly");
-  if (control != nullptr && &control->estimator != estimator)
-    throw std::invalid_argument("the controller has another estimator than the loop");
-  if (feedback_estimate && estimator == nullptr)
-    throw std::invalid_argument("feedback from the estimate needs an estimator");
-  if (estimator != nullptr)
-    estimator->must_be_single("the simulated loop");
-  if (feedback_estimate)
-    estimator->must_have({AMB_POSITION, AMB_VELOCITY}, "feedback from the estimate");
-  const amb_parts with = parts ? parts_of(*parts) : amb_parts{};
+  LoopOf of(magnet, T, m, f_0, K_sen, T_sen, travel, substeps, k_ui, iu_min, iu_max, kp, ki, kd,
+            T_f, T_t, weight, feedback_estimate, estimator, parts, coil, control);
   Elsewhere asked{elsewhere ? nb::callable(*elsewhere) : nb::callable(), {}};
-  const amb_loop loop{{magnet.magnet, m, f_0, K_sen, T_sen, travel, substeps,
-                       parts ? &with : nullptr, coil ? coil->magnet : amb_magnet{}},
-                      {T, kp, ki, kd, T_f, T_t, weight, iu_min, iu_max},
-                      T,
-                      k_ui,
-                      iu_min,
-                      iu_max,
-                      estimator ? &estimator->estimator : nullptr,
-                      feedback_estimate,
-                      control ? &control->control : nullptr,
-                      elsewhere ? &Elsewhere::ask : nullptr,
-                      &asked};
+  of.loop.elsewhere = elsewhere ? &Elsewhere::ask : nullptr;
+  of.loop.where = &asked;
+  const amb_loop &loop = of.loop;
+  const amb_parts &with = of.parts;
   const std::optional<Faults> wrong =
       faults ? std::optional<Faults>(Faults(*faults, beside, n)) : std::nullopt;
   const amb_loop_input input{n,
@@ -119,34 +75,23 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
                              wrong ? &wrong->to : nullptr,
                              fly ? fly->data() : nullptr};
   Fresh<amb_real> x({n}), v({n}), x_m({n}), iu({n}), force({n}), y({n}), u({n});
-  const Sizes of(estimator ? estimator->kf.model : amb_model{});
-  History history(estimator ? n : 0, of, estimator != nullptr, estimator && estimator->scales());
+  const Sizes sizes(estimator ? estimator->kf.model : amb_model{});
+  History history(estimator ? n : 0, sizes, estimator != nullptr, estimator && estimator->scales());
   const bool volts = with.voltage > 0;
   Fresh<amb_real> first({volts ? n : 0}), second({volts && with.pair ? n : 0});
   const bool whole = control != nullptr || elsewhere;
   Fresh<unsigned char> mode({whole ? n : 0});
-  amb_loop_output out{x.data,
-                      v.data,
-                      x_m.data,
-                      iu.data,
-                      force.data,
-                      y.data,
-                      u.data,
-                      history.to,
-                      0,
-                      {volts ? first.data : nullptr, volts && with.pair ? second.data : nullptr},
-                      whole ? mode.data : nullptr};
+  amb_loop_output out{
+      x.data,     v.data,
+      x_m.data,   iu.data,
+      force.data, y.data,
+      u.data,     history.to,
+      0,          {volts ? first.data : nullptr, volts && with.pair ? second.data : nullptr},
+      nullptr,    whole ? mode.data : nullptr};
   LoopState fresh;
   amb_loop_state &state = went ? went->state : fresh.state;
-  if (!state.sampled) {
-    const amb_real held = amb_clamp(whole ? hover.value_or(0) : integral, iu_min, iu_max);
-    amb_plant_settle(&loop.plant, &state.plant, x_start, held);
-    amb_pid_reset(&state.pid, integral);
-    if (control != nullptr && hover)
-      amb_control_hover(&control->control, &state.control, &held, &integral);
-    else if (control != nullptr)
-      amb_control_init(&control->control, &state.control, estimator->state());
-  }
+  if (!state.sampled)
+    of.settle(state, x_start, integral, hover, estimator ? estimator->state() : nullptr);
   {
     nb::gil_scoped_release release;
     amb_loop_run(&loop, &input, &state, estimator ? estimator->state() : nullptr, &out);

@@ -16,4 +16,5 @@ NB_MODULE(AMBKIT_MODULE_NAME, m)
   bind_loop(m);
   bind_machine(m);
   bind_batch(m);
+  bind_many(m);
 }

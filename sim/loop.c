@@ -145,8 +145,10 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop
       now.plant.f_0 = loop->plant.f_0 + (scaled.scale - 1) * in->f_bias;
     }
     told = faults != NULL ? faults->u_times[k] * s.u + faults->u_plus[k] : s.u;
-    if (act(&now, &s, &sample, faults != NULL ? faults->current[k] : 1))
-      out->touched++;
+    const bool touched = act(&now, &s, &sample, faults != NULL ? faults->current[k] : 1);
+    out->touched += touched ? 1U : 0U;
+    if (out->at_stop != NULL)
+      out->at_stop[k] = touched ? 1U : 0U;
     out->y[k] = s.y;
     out->u[k] = told;
     out->iu[k] = s.acting.iu;

@@ -94,6 +94,7 @@ typedef struct amb_loop_output {
   amb_kalman_history estimate; /* used where there is an estimator */
   size_t touched;              /* samples in which a stop was touched */
   amb_real *voltage[2];        /* of each coil just after the sample [V]; NULL: not wanted */
+  unsigned char *at_stop;      /* 1 where one was, else 0; NULL: not wanted */
   unsigned char *mode;         /* of a whole controller (amb_flight_mode); NULL: not wanted */
 } amb_loop_output;
 

@@ -1,4 +1,5 @@
 #include "plant.h"
+#include "generated/closed_law.h"
 #include "parts_step.h"
 
 amb_real amb_plant_force(const amb_plant *plant, amb_real iu, amb_real x)
@@ -6,50 +7,24 @@ amb_real amb_plant_force(const amb_plant *plant, amb_real iu, amb_real x)
   return plant->magnet.methods->force(plant->magnet.self, iu, x) + plant->f_0;
 }
 
-/* A stage of Runge-Kutta may look beyond a stop; magnet and sensor do not find the rotor there. */
-static amb_real reachable(const amb_plant *plant, amb_real x)
+/* Where the force of the magnet comes from: the closed law of two sides is known here, and not
+ * asked through a pointer. */
+typedef struct amb_puller {
+  const amb_magnet *magnet;
+  bool closed;
+} amb_puller;
+
+AMB_INLINE amb_real amb_pull(const amb_puller *of, amb_real iu, amb_real x)
 {
-  return amb_clamp(x, -plant->travel, plant->travel);
+  return of->closed ? amb_law_force((const amb_law *)of->magnet->self, iu, x)
+                    : of->magnet->methods->force(of->magnet->self, iu, x);
 }
 
-/* Force of the magnet alone. */
-static amb_real pull(const amb_plant *plant, amb_real iu, amb_real x)
-{
-  return plant->magnet.methods->force(plant->magnet.self, iu, x);
-}
-
-/* One step of length h with control current iu and the constant acceleration g [m/s^2].
- *
- * x'' = F(x)/m + g does not ask for the velocity. So the classical method's stages of v are
- * eliminated (Nystroem 1925), and g's part is the parabola that it is: the same method with a
- * shorter chain of operations that wait for one another, and that is what its time goes into. */
-static void runge_kutta(const amb_plant *plant, amb_plant_state *s, amb_real h, amb_real iu,
-                        amb_real g)
-{
-  const amb_real half = h / 2, sixth = h / 6;
-  const amb_real per_mass = 1 / plant->m, per_lag = 1 / plant->T_sen, K = plant->K_sen;
-  const amb_real x = s->x, v = s->v, x_m = s->x_m;
-
-  const amb_real coasting = x + h * v + h * half * g; /* where it gets without the magnet */
-  const amb_real halfway = x + half * v, x2 = reachable(plant, halfway);
-  const amb_real F1 = pull(plant, iu, x), F2 = pull(plant, iu, x2);
-  const amb_real x3 = reachable(plant, halfway + half * half * g + half * half * per_mass * F1);
-  const amb_real x4 = reachable(plant, coasting + h * half * per_mass * F2);
-  const amb_real F3 = pull(plant, iu, x3), F4 = pull(plant, iu, x4);
-  s->x = coasting + h * sixth * per_mass * (F1 + F2 + F3);
-  s->v = v + h * g + sixth * per_mass * (F1 + 2 * (F2 + F3) + F4);
-
-  const amb_real d1 = (K * x - x_m) * per_lag;
-  const amb_real d2 = (K * x2 - (x_m + half * d1)) * per_lag;
-  const amb_real d3 = (K * x3 - (x_m + half * d2)) * per_lag;
-  const amb_real d4 = (K * x4 - (x_m + h * d3)) * per_lag;
-  s->x_m = x_m + sixth * (d1 + 2 * (d2 + d3) + d4);
-}
+#include "plant_step.h"
 
 /* At a stop the rotor stays until the force pulls it off. Returns true where one is touched. */
-static bool stop(const amb_plant *plant, amb_plant_state *s)
+AMB_INLINE bool stop(amb_real travel, amb_motion *s)
 {
-  const amb_real travel = plant->travel;
   if (!((s->x >= travel) || (s->x <= -travel)))
     return false;
   s->x = amb_clamp(s->x, -travel, travel);
@@ -60,15 +35,18 @@ static bool stop(const amb_plant *plant, amb_plant_state *s)
 }
 
 /* Without parts. The delay line in the state is left alone, not copied: that would cost a tenth. */
-static bool advance(const amb_plant *plant, amb_plant_state *state, amb_real T, amb_real iu,
-                    amb_real f_d)
+AMB_INLINE bool advance(const amb_plant *plant, amb_plant_state *state, amb_real T, amb_real iu,
+                        amb_real f_d, bool closed)
 {
   const amb_real h = T / (amb_real)plant->substeps, g = (plant->f_0 + f_d) / plant->m;
+  const amb_stride of = {h,           h / 2,        h / 6, 1 / plant->m, 1 / plant->T_sen,
+                         plant->K_sen, plant->travel};
+  const amb_puller magnet = {&plant->magnet, closed};
   bool touched = false;
-  amb_plant_state s = {.x = reachable(plant, state->x), .v = state->v, .x_m = state->x_m};
+  amb_motion s = {amb_reachable(&of, state->x), state->v, state->x_m};
   for (int i = 0; i < plant->substeps; i++) {
-    runge_kutta(plant, &s, h, iu, g);
-    touched |= stop(plant, &s);
+    amb_runge_kutta(&of, &magnet, &s, iu, g);
+    touched |= stop(of.travel, &s);
   }
   state->x = s.x;
   state->v = s.v;
@@ -81,7 +59,10 @@ bool amb_plant_advance(const amb_plant *plant, amb_plant_state *state, amb_real 
 {
   if (plant->parts != NULL)
     return amb_parts_advance(plant, state, T, iu, (plant->f_0 + f_d) / plant->m);
-  return advance(plant, state, T, iu, f_d);
+  const bool closed = (plant->magnet.methods == &amb_law_magnet) &&
+                      ((const amb_law *)plant->magnet.self)->two_sided;
+  return closed ? advance(plant, state, T, iu, f_d, true)
+                : advance(plant, state, T, iu, f_d, false);
 }
 
 void amb_plant_settle(const amb_plant *plant, amb_plant_state *state, amb_real x, amb_real iu)

@@ -5,15 +5,30 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from ambkit import Machine
+from ambkit import Machine, Recorded
+from ambkit.estimate.registry import KINDS, learned_magnet
+from ambkit.identification.excitation.signals import sparse_multisine
 from ambkit.machine import presets
+from ambkit.simulation.flight import Flight, Injection
+from ambkit.simulation.machine import simulate_machine
 
 Array = NDArray[np.float64]
 
 PRESETS = presets.machine_names()
+RIGS = ["hindawi_2011", "tum_mlps", "ufu_flexible", "ufu_rig"]
+AND_LONG = [
+    name if name in RIGS else pytest.param(name, marks=pytest.mark.long) for name in PRESETS
+]
+"""All presets, those that are not among the first ones in the long tests alone."""
+OF_KILOGRAMS = [*RIGS, *(pytest.param(name, marks=pytest.mark.long)
+                         for name in ("compressor", "tum_mlps_flexible"))]  # fmt: skip
+"""Those that loads of some newtons do not throw into their backup bearings."""
+
+UFU = Machine.preset("ufu_rig")
 
 MAGNET = {
     "type": "two-sided", "magnet_constant": 3.6e-6, "air_gap": 0.7e-3, "bias_current": 2.0,
@@ -114,3 +129,21 @@ def uncontrolled(one: Machine) -> dict[str, Any]:
             ("velocity", "turning", "fed_back", "fed_back_by_speed", "fed_back_by_square")
         ),
     }  # fmt: skip
+
+
+def made(name: str, machine: Machine, **options: Any) -> Any:
+    """An estimator of a kind for a machine, with what its kind knows of the magnets."""
+    return KINDS[name].make(machine, learned_magnet(name, machine), **options)
+
+
+def injected(seed: int, axis: str = "B1", noise: bool = True) -> tuple[Machine, Any]:
+    """A record of the machine with a multisine at the summing point of an axis."""
+    T = UFU.sampling_time
+    period = sparse_multisine(2000, T, (10.0, 1500.0), per_decade=12).values
+    values = np.concatenate([np.zeros(500), 4e-6 * np.tile(period, 8)])
+    t = T * np.arange(len(values))
+    signal = Recorded.model_construct(times=tuple(t.tolist()), values=tuple(values.tolist()))
+    there = Injection.model_construct(axis=axis, position=signal)
+    flight = Flight(duration=float(t[-1]), noise=noise, seed=seed)
+    still = UFU.model_copy(update={"unbalance": (), "speed": 0.0})
+    return still, simulate_machine(still, flight.model_copy(update={"injection": (there,)})).record

@@ -17,12 +17,8 @@ from ambkit.machine import presets
 from ambkit.models import axis_parts
 from ambkit.models.linear import LinearSystem, Signal, linearised
 from ambkit.simulation.linear.closed import Loop
-from ambkit.simulation.linear.pieces import (
-    WorkPoint,
-    compensator,
-    controller,
-    plant,
-)
+from ambkit.simulation.linear.control import compensator, controller
+from ambkit.simulation.linear.pieces import WorkPoint, plant
 from ambkit.simulation.linear.settled import estimator_at
 from ambkit.simulation.run import Imposed, simulate
 from ambkit.workflow.assessing import MEASUREMENT

@@ -1,184 +1,27 @@
-"""Margins of whole machines: against figures computed independently, the core, and the simulation.
-
-The reference is in complex coordinates: the TUM MLPS rotor with decentralised PD, continuous and
-sampled.
-"""
+"""Margins of whole machines: against the core and the simulation, and what is said of them."""
 
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from machine_cases import PRESETS, uncoupled
-from test_cli import Result
+from machine_cases import PRESETS, made, uncoupled
 
 import ambkit
-from ambkit import PID, Machine, Record, Recorded
-from ambkit.base.errors import AmbkitError, RecordError
-from ambkit.cli.main import main
-from ambkit.estimate.registry import KINDS, learned_magnet
-from ambkit.identification.excitation.signals import sparse_multisine
-from ambkit.judge.loop.bounds import least_peak_of_delay, least_peaks
-from ambkit.judge.loop.margins import bode_integral, grid, highest
-from ambkit.models.linear import LinearSystem, Signal
-from ambkit.simulation.flight import Flight, Injection
-from ambkit.simulation.holding import holding
+from ambkit import Machine
+from ambkit.base.errors import AmbkitError
+from ambkit.simulation.flight import Flight
 from ambkit.simulation.linear.closed import Loop
-from ambkit.simulation.linear.pieces import WorkPoint, plant
+from ambkit.simulation.linear.pieces import WorkPoint
 from ambkit.simulation.linear.settled import estimator_at
 from ambkit.simulation.machine import simulate_machine
 from ambkit.workflow.assessing import MEASUREMENT
 from ambkit.workflow.loop_of import LoopOf
-from ambkit.workflow.over_speed import assess_over_speed, told_speed
+from ambkit.workflow.over_speed import assess_over_speed
 from ambkit.workflow.verdict import verdict, write_verdict
 
 RPM = math.pi / 30
 UFU = Machine.preset("ufu_rig")
-
-
-def made(name, machine, **options):
-    return KINDS[name].make(machine, learned_magnet(name, machine), **options)
-
-
-def reference(**keys):
-    """The TUM rotor of the reference: sensors at the magnets, amplifiers of 1.5 kHz."""
-    tum = Machine.preset("tum_mlps")
-    amplifier = {"bandwidth": 1500.0}
-    bearings = [
-        at.model_copy(update={"amplifier": at.amplifier.model_copy(update=amplifier), "angle": 0.0})
-        for at in tum.bearing
-    ]
-    sensors = [
-        tum.sensor[0].model_copy(update={"name": at.name, "place": at.place, "angle": 0.0,
-                                         "lag": 16e-6})
-        for at in bearings
-    ]  # fmt: skip
-    weightless = tum.rotor.model_copy(update={"gravity": "none"})
-    return tum.model_copy(
-        update={"rotor": weightless, "bearing": tuple(bearings), "sensor": tuple(sensors),
-                "unbalance": (), "speed": 0.0} | keys
-    )  # fmt: skip
-
-
-def of_axes(A, B, C, D, system, T):
-    """The same controller for each axis of a plant."""
-    one = np.eye(4)
-    names = [at.name for at in system.outputs[:4]]
-    return LinearSystem(
-        np.kron(one, A), np.kron(one, B), -np.kron(one, C), -np.kron(one, D), T,
-        tuple(Signal(f"{k}_{n}", "m") for n in names for k in range(len(A))), system.outputs[:4],
-        system.inputs[:4],
-    )  # fmt: skip
-
-
-def continuous_loop(machine, delay, kp, kd, corner, ki=0.0):
-    """PID of a machine in continuous time, its derivative with a corner [rad/s]."""
-    prompt = machine.model_copy(update={"delay": None})
-    system = plant(prompt, WorkPoint.of_machine(prompt), continuous=True)
-    A, B = np.diag([-corner, 0.0]), np.array([[1.0], [ki]])
-    C, D = np.array([[-kd * corner**2, 1.0]]), np.array([[kp + kd * corner]])
-    if not ki:
-        A, B, C = A[:1, :1], B[:1], C[:, :1]
-    return Loop(system, of_axes(A, B, C, D, system, None), 4, delay=delay)
-
-
-# ---- the reference in complex coordinates
-
-
-def test_continuous_reference():
-    machine = reference(sampling_time=1e-6, sensor=tuple(
-        at.model_copy(update={"lag": 1e-12}) for at in reference().sensor
-    ))  # fmt: skip
-    loop = continuous_loop(machine, 1.5e-4, 8000.0, 15.0, 2 * math.pi * 2000)
-    f = np.linspace(50, 500, 901)
-    for axes, peak, where in (((0, 1), 1.3690, 169.4), ((2, 3), 1.3737, 200.8)):
-        for axis in axes:
-            found = highest(lambda at, k=axis: loop.of_axis(k, at), f)
-            assert found == (pytest.approx(peak, abs=5e-5), pytest.approx(where, abs=0.05))
-    assert highest(loop.largest_sensitivity, f)[0] == pytest.approx(1.5802, abs=5e-5)
-    found = bode_integral(loop)
-    # Both planes are twice one plane in complex coordinates.
-    assert 2 * math.pi * found.poles / 2 == pytest.approx(4953.75, rel=1e-6)
-    assert found.integral == pytest.approx(found.poles, rel=1e-6)
-    assert found.holds
-
-
-@pytest.mark.parametrize(
-    ("dead_time", "peaks", "largest"),
-    [(1.0, (1.390, 1.396), 1.602), (1.5, (1.462, 1.473), 1.674)],
-)
-def test_sampled_reference(dead_time, peaks, largest):
-    T = 1e-4
-    machine = reference(delay=dead_time * T)
-    system = plant(machine, WorkPoint.of_machine(machine))
-    steep, corner = 2 / T, 2 * math.pi * 2000  # PD by Tustin
-    pole, D = (steep / corner - 1) / (1 + steep / corner), 15.0 * steep / (1 + steep / corner)
-    pd = of_axes(np.array([[pole]]), np.eye(1), np.array([[D * (pole - 1)]]),
-                 np.array([[8000.0 + D]]), system, T)  # fmt: skip
-    loop = Loop(system, pd, 4)
-    f = grid(loop)
-    found = [highest(lambda at, k=k: loop.of_axis(k, at), f)[0] for k in range(4)]
-    assert found == pytest.approx([peaks[0], peaks[0], peaks[1], peaks[1]], abs=6e-4)
-    assert highest(loop.largest_sensitivity, f)[0] == pytest.approx(largest, abs=6e-4)
-    integral = bode_integral(loop)
-    assert 2 * math.pi * integral.integral == pytest.approx(0.99075025, rel=1e-7)
-    assert integral.holds
-
-
-def test_least_peak_by_the_dead_time_is_that_of_the_fastest_pole():
-    machine = reference()
-    system = plant(machine, WorkPoint.of_machine(machine), continuous=True)
-    y = [at.name for at in system.outputs[:4]]
-    found = least_peak_of_delay(system.select(y, [at.name for at in system.inputs[:4]]), 1.5e-4)
-    assert found == pytest.approx(math.exp(446.106 * 1.5e-4), rel=1e-6)
-    assert found == pytest.approx(1.069, abs=5e-4)
-    # Sampled so fast that neither hold nor lags count, the dead time is what is left.
-    fast = reference(sampling_time=1e-5, delay=1.4e-4, sensor=tuple(
-        at.model_copy(update={"lag": 1e-9}) for at in machine.sensor
-    ), bearing=tuple(
-        at.model_copy(update={"amplifier": at.amplifier.model_copy(update={"bandwidth": None})})
-        for at in machine.bearing
-    ))  # fmt: skip
-    sampled = plant(fast, WorkPoint.of_machine(fast))
-    bounds = least_peaks(sampled.select(y, [at.name for at in sampled.inputs[:4]]))
-    assert bounds == pytest.approx((found, found), rel=2e-3)
-
-
-# ---- Bode's integral
-
-
-@pytest.mark.parametrize("name", PRESETS)
-@pytest.mark.parametrize("rpm", [0.0, 30_000.0])
-def test_bodes_integral_of_presets(name, rpm):
-    preset = Machine.preset(name).model_copy(update={"speed": rpm * RPM, "unbalance": ()})
-    for kind in (None, "linear", "extended"):
-        loop = LoopOf(preset).loop(made(kind, preset) if kind else None)
-        assert loop.is_stable
-        found = bode_integral(loop)
-        assert found.poles > 0.05
-        assert found.integral == pytest.approx(found.poles, rel=1e-6)
-        assert found.holds
-
-
-@pytest.mark.parametrize("name", PRESETS)
-@pytest.mark.parametrize("rpm", [0.0, 30_000.0])
-def test_bodes_integral_of_presets_in_continuous_time(name, rpm):
-    """With an integrator, whose singularity at 0 is handled, and a dead time with its tail."""
-    preset = Machine.preset(name).model_copy(update={"speed": rpm * RPM})
-    pid = holding(preset).pids[0]  # which bending does not shake
-    loop = continuous_loop(
-        preset if len(preset.readings) == 4 else reference(speed=rpm * RPM), 1e-4, pid.kp, pid.kd,
-        1 / pid.derivative_filter, pid.ki,
-    )  # fmt: skip
-    found = bode_integral(loop)
-    assert found.poles > 100
-    assert found.integral == pytest.approx(found.poles, rel=1e-6)
-
-
-def test_bodes_integral_tells_an_unstable_machine():
-    loop = LoopOf(UFU, PID(kp=500.0, ki=0.0, kd=1.0)).loop()
-    assert not loop.is_stable
-    assert not bode_integral(loop).holds
 
 
 # ---- the pieces against what computes
@@ -302,54 +145,6 @@ def test_unbalance_is_answered_as_the_simulation_does(feedback):
             assert axis.demands.current - 3 * axis.current_noise == pytest.approx(current, rel=0.02)
 
 
-# ---- over speed
-
-
-def test_over_speed_goes_through_the_machines_own():
-    own = UFU.model_copy(update={"speed": 600.0})
-    over = assess_over_speed(own, "linear", fastest=1200.0, count=3)
-    found = ambkit.assess(own, "linear").loops["linear"]
-    assert over.speed == pytest.approx([0.0, 600.0, 1200.0])
-    assert over.peaks[1] == pytest.approx([at.peak for at in found.axes.values()], rel=1e-6)
-    assert over.largest[1] == pytest.approx(found.largest[0], rel=1e-6)
-    assert over.orbit[1] == pytest.approx(
-        [at.demands.displacement for at in found.axes.values()], rel=1e-6
-    )
-    assert over.current[1] == pytest.approx(
-        [at.demands.current for at in found.axes.values()], rel=1e-6
-    )
-    assert set(over.integrals) == {0.0, 600.0, 1200.0}
-    assert all(each.holds for each in over.integrals.values())
-    assert over.voltage is None
-    assert len(over.figure().panels) == 3
-    assert len(over.run_up_figure().panels) == 2
-
-
-def test_a_filter_over_speed_is_told_the_speed():
-    fast = UFU.model_copy(update={"speed": 3000.0})
-    still = UFU.model_copy(update={"speed": 0.0})
-    point = WorkPoint.of_machine(still)
-    for name in ("linear", "linear-adaptive-noise"):
-        told, expected = told_speed(made(name, still), fast), made(name, fast)
-        a, b = (estimator_at(each, point) for each in (told, expected))
-        np.testing.assert_allclose(a.A, b.A, rtol=1e-9, atol=1e-12)
-        assert not np.allclose(a.A, estimator_at(made(name, still), point).A, rtol=1e-6)
-
-
-@pytest.mark.parametrize(("options", "message"), [
-    ({"fastest": -1.0}, "greater than 0 rad/s"),
-    ({"fastest": 1e5}, "half a revolution within a sample"),
-    ({"count": 1}, "count must be 2"),
-    ({"filter": ["linear", "extended"]}, "give one filter, not 2"),
-    ({"filter": "observer"}, "cannot take a whole machine"),
-    ({"load": {"Z": 3.0}}, "no axis Z"),
-    ({"load": {"A1": 1e6}}, "holds the rotor"),
-])  # fmt: skip
-def test_refusals(options, message):
-    with pytest.raises(AmbkitError, match=message):
-        assess_over_speed(UFU, **options)
-
-
 # ---- what else is said
 
 
@@ -434,83 +229,6 @@ def test_lqg_of_a_machine_stands_beside_the_loops():
     np.testing.assert_allclose(rest[4:8, wanted], np.eye(4), atol=1e-5)
 
 
-# ---- swept, and measured
-
-
-@pytest.mark.parametrize(("preset", "axis"), [("ufu_rig", "A1"), ("tum_mlps", "B2")])
-@pytest.mark.parametrize("name", [None, "linear"])
-def test_sweep_of_an_axis_is_the_models_within_two_percent(preset, axis, name):
-    found = ambkit.sweep(Machine.preset(preset), name, amplitudes=["1 um"], axis=axis)
-    (swept,) = found.swept
-    assert found.name == f"{preset} {axis}"
-    assert found.model.name == axis
-    assert not swept.limited
-    assert len(swept.frequency) > 30
-    assert swept.deviation < 0.02
-    assert len(found.figure().panels) == 2
-
-
-def test_a_sweep_of_a_loaded_machine_is_that_of_its_work_point():
-    load = {"A1": -25.0}
-    (swept,) = ambkit.sweep(UFU, amplitudes=["0.5 um"], axis="A1", load=load).swept
-    assert swept.deviation < 0.02
-    free = ambkit.assess(UFU).loops[MEASUREMENT].loop.of_axis(0, swept.frequency)
-    assert np.max(np.abs(swept.sensitivity - free) / np.abs(free)) > 0.02
-
-
-def test_a_machine_is_swept_at_an_axis_that_it_has():
-    with pytest.raises(AmbkitError, match="has no axis C; there are A1, A2, B1, B2"):
-        ambkit.sweep(UFU, axis="C")
-
-
-def injected(seed, axis="B1", noise=True):
-    """A record of the machine with a multisine at the summing point of an axis."""
-    T = UFU.sampling_time
-    period = sparse_multisine(2000, T, (10.0, 1500.0), per_decade=12).values
-    values = np.concatenate([np.zeros(500), 4e-6 * np.tile(period, 8)])
-    t = T * np.arange(len(values))
-    signal = Recorded.model_construct(times=tuple(t.tolist()), values=tuple(values.tolist()))
-    there = Injection.model_construct(axis=axis, position=signal)
-    flight = Flight(duration=float(t[-1]), noise=noise, seed=seed)
-    still = UFU.model_copy(update={"unbalance": (), "speed": 0.0})
-    return still, simulate_machine(still, flight.model_copy(update={"injection": (there,)})).record
-
-
-@pytest.mark.long
-def test_intervals_of_a_machines_log_hold_what_they_say():
-    still, truth = injected(0, noise=False)
-    size = np.abs(ambkit.assess_log(truth, still).measured.sensitivity)
-    held = []
-    for seed in range(40):
-        found = ambkit.assess_log(injected(seed)[1], still)
-        assert found.axis == 2
-        low, high = found.measured.interval()
-        held.append((low <= size) & (size <= high))
-    assert 0.92 <= np.mean(held) <= 0.98
-
-
-def test_a_machines_log_lies_on_its_model():
-    still, record = injected(0, noise=False)
-    found = ambkit.assess_log(record, still)
-    assert found.deviation[MEASUREMENT] < 0.02
-    assert found.name == "ufu_rig B1"
-    assert "injected_B1" in record
-    assert len(found.figure().panels) == 4
-
-
-def test_a_log_says_at_which_axis_something_was_injected():
-    still, record = injected(0)
-    signals = {name: record[name] for name in record.signals if not name.startswith("injected")}
-    with pytest.raises(RecordError, match="has none of them"):
-        ambkit.assess_log(Record(record.t, signals, dict.fromkeys(signals, "m")), still)
-    both = signals | {f"injected_{axis}": record["injected_B1"] for axis in ("A1", "B1")}
-    with pytest.raises(RecordError, match="has injected_A1, injected_B1"):
-        ambkit.assess_log(Record(record.t, both, dict.fromkeys(both, "m")), still)
-    few = {"injected_B1": record["injected_B1"], "y_A1": record["y_A1"]}
-    with pytest.raises(RecordError, match="the record has no y_A2, y_B1, y_B2"):
-        ambkit.assess_log(Record(record.t, few, dict.fromkeys(few, "m")), still)
-
-
 # ---- the page, and the command
 
 
@@ -559,52 +277,3 @@ def test_voltage_and_copper_of_a_machine():
     assert over.voltage[0] == pytest.approx(2.0 * (1 + np.abs(LoopOf(wired).point.iu)) / 30.0)
     assert (over.voltage[-1] > over.voltage[0]).all()
     assert len(over.run_up_figure().panels) == 3
-
-
-@pytest.fixture
-def call(capsys, tmp_path, monkeypatch):
-    """Call ambkit in this process, in an empty folder."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*arguments):
-        with pytest.raises(SystemExit) as left:
-            main(["assess", *arguments])
-        return Result(int(left.value.code or 0), *capsys.readouterr())
-
-    return run
-
-
-@pytest.mark.parametrize(("arguments", "said"), [
-    (["ufu_rig"], "Each axis with all other loops closed"),
-    (["ufu_rig", "--filter", "none", "--over-speed", "3000 rpm"], "to 3000 rpm"),
-    (["ufu_rig", "--filter", "none", "--sweep", "1 um", "--axis", "A1"], "ufu_rig A1"),
-])  # fmt: skip
-def test_command(call, tmp_path, arguments, said):
-    done = call(*arguments, "--plot", "p.png")
-    assert done.code == 0, done.err
-    assert said in done.out
-    assert (tmp_path / "p.png").stat().st_size > 10_000
-
-
-def test_command_takes_a_machines_log(call):
-    _, record = injected(0)
-    record.save("log.csv")
-    found = call("log.csv", "--bearing", "ufu_rig", "--filter", "none", "--json").json
-    assert found["zone"] == "A"
-    assert list(found["models"]) == [MEASUREMENT]
-
-
-@pytest.mark.parametrize(("arguments", "message"), [
-    (["ufu_rig", "--position", "1 um"], "--position is of one axis"),
-    (["ufu_rig", "--filter", "observer"], "cannot take a whole machine"),
-    (["ufu_rig", "--axis", "A1"], "--axis says which axis to --sweep"),
-    (["ufu_rig", "--stepped-sine"], "--stepped-sine says how to --sweep"),
-    (["ufu_rig", "--over-speed", "3000 rpm", "--sweep", "1 um"], "one after the other"),
-    (["ufu_rig", "--filter", "linear,ud", "--report", "v.html"], "give one --filter, not 2"),
-    (["zittau_axial", "--over-speed", "3000 rpm"], "--over-speed is of a whole machine"),
-    (["zittau_axial", "--axis", "A1"], "--axis is of a whole machine"),
-])  # fmt: skip
-def test_command_refuses(call, arguments, message):
-    done = call(*arguments)
-    assert done.code == 2
-    assert message in " ".join(done.err.split())

@@ -456,11 +456,6 @@ def test_a_bearing_without_parts_is_written_without_them(zittau: Bearing) -> Non
             "amplifier.resistance: missing: voltage_limit alone does not give the current's slew",
         ),
         (
-            [('voltage_limit = "50 V"\n', "")],
-            "[amplifier]",
-            "amplifier.voltage_limit: missing: resistance counts only with it",
-        ),
-        (
             [('delay = "0.15 ms"', 'delay = "1.7 ms"')],
             "delay",
             "delay: must be at most 16 samples, 1.6 ms; is 1.7 ms",

@@ -21,7 +21,6 @@ from ambkit.data.rig_units import Inputs, Scaling
 from ambkit.estimate.base import Estimator
 from ambkit.export.c import CExport, export_c
 from ambkit.simulation.control import Controller
-from ambkit.simulation.linear import pieces
 from ambkit.simulation.run import Faults, Imposed, simulate, simulate_run
 from ambkit.simulation.scenario import PID
 from ambkit.simulation.sequence import LiftOff, Mode
@@ -161,11 +160,6 @@ def test_no_bump_where_it_takes_over() -> None:
 def test_what_cannot_be_fed_back_is_refused(wrong: dict[str, Any], said: str) -> None:
     with pytest.raises(AmbkitError, match=said):
         PID(**wrong)
-
-
-def test_margins_of_what_is_no_pid_are_refused() -> None:
-    with pytest.raises(AmbkitError, match="margins are those of a PID"):
-        pieces.controller(PID(type="lqg"), BEARING)
 
 
 # ---- The export ----

@@ -16,6 +16,7 @@ from ambkit import Bearing, Estimator, Record
 from ambkit.cli.app import app
 from ambkit.data.channelmap import ChannelMap, inputs_of
 from ambkit.show.pages.maximum_likelihood import annotated_toml
+from ambkit.workflow import design_candidates
 from ambkit.workflow.designing import Design, design
 from ambkit.workflow.identifying import identified_filter
 
@@ -158,10 +159,8 @@ def test_what_was_lost_is_made_again_and_alike(rig: Any) -> None:
 
 
 def test_a_bad_filter_is_not_exported_unasked(rig: Any, monkeypatch: Any) -> None:
-    from ambkit.workflow import designing
-
     folder, _ = rig
-    monkeypatch.setattr(designing, "FAR_FROM_BOUND", 1.5)
+    monkeypatch.setattr(design_candidates, "FAR_FROM_BOUND", 1.5)
     shutil.rmtree(folder / "out" / "c")
     refused = made(folder)
     assert refused.exported is None
@@ -170,14 +169,12 @@ def test_a_bad_filter_is_not_exported_unasked(rig: Any, monkeypatch: Any) -> Non
     assert made(folder, anyway=True).exported is not None
 
 
-def test_a_filter_out_of_zone_a_is_not_exported_unasked(rig: Any, monkeypatch: Any) -> None:
-    from ambkit.workflow import designing
-
+def test_a_filter_out_of_zone_a_is_not_exported_unasked(rig: Any) -> None:
     _, found = rig
     assert all(1 < each.peak < 3 for each in found.candidates)
     assert found.to_dict()["candidates"][0]["peak"] == found.candidates[0].peak
     risky = dataclasses.replace(found.chosen, peak=3.52)
-    (objection,) = designing._objections(risky, found.raw)
+    (objection,) = design_candidates.objections_to(risky, found.raw)
     assert "the peak of |S| is 3.52, zone B of ISO 14839-3" in objection
 
 

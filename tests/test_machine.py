@@ -26,6 +26,9 @@ RPM = math.pi / 30
      [342.318 - 0.025j, 342.318 + 0.025j, 443.757 - 45.596j, 443.757 + 45.596j]),
     ("hindawi_2011", 0.0, [325.105, 325.105, 453.088, 453.088]),
     ("ufu_rig", 0.0, [204.525, 204.525, 248.576, 248.576]),
+    ("heart_pump", 0.0, [401.9052, 401.9052, 485.2912, 485.2912]),
+    # Gyroscopics turn its tilt round before it has fallen far.
+    ("heart_pump", 10_000 * RPM, [391.4457 - 286.8411j, 391.4457 + 286.8411j, 401.9052, 401.9052]),
 ])  # fmt: skip
 def test_open_loop_poles(name: str, speed: float, poles: list[complex]) -> None:
     preset = Machine.preset(name)

@@ -31,10 +31,11 @@ def flexible(**keys: Any) -> Machine:
 # ---- the linear model ----
 
 
+@pytest.mark.parametrize("name", [UFU, "tum_mlps_flexible", "compressor"])
 @pytest.mark.parametrize("speed", [0.0, 1000.0])
-def test_unstable_poles_are_those_of_all_elements(speed: float) -> None:
+def test_unstable_poles_are_those_of_all_elements(speed: float, name: str) -> None:
     """Against the whole matrices with the magnets as springs, nothing reduced or left out."""
-    one = flexible(speed=speed, rotor__damping_ratio=1e-9)
+    one = Machine.preset(name).replace(speed=speed, rotor__damping_ratio=1e-9)
     whole = one.rotor.matrices  # type: ignore[union-attr]
     springs = [k.k_s for k in stiffnesses(one)][::2]
     K, n = whole.K.copy(), len(whole.M)
@@ -56,6 +57,9 @@ def test_unstable_poles_are_those_of_all_elements(speed: float) -> None:
         return np.abs(own / expected - 1)
 
     left_out = errors(one)
+    assert left_out.max() < 3e-3  # what `check` says the magnets feel of the modes left out
+    if name != UFU:
+        return
     assert left_out.max() < 3e-4
     kept = errors(one.replace(rotor__residual=True))
     assert kept.max() < 1e-4

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from machine_cases import PRESETS, machine, uncoupled
+from machine_cases import AND_LONG, PRESETS, machine, uncoupled
 
 from ambkit import (
     AmbkitError,
@@ -21,6 +21,7 @@ from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.machine import judge_machine
 from ambkit.machine.bank import Bank, alone_of, weights_of
+from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.magnets import magnet_of
 from ambkit.simulation.flight import Flight
 from ambkit.simulation.machine import MachineRun, simulate_machine
@@ -31,11 +32,13 @@ LEARNED = ("table", "adaptive")
 TAKEN = [name for name in KINDS if name not in OF_ONE_AXIS + LEARNED]
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", AND_LONG)
 @pytest.mark.parametrize("speed", [0.0, 2000.0])
 def test_filters_are_as_good_as_can_be(name: str, speed: float) -> None:
     """20 seeds, vague starts: in all quantities together and in each, the bound; and honest."""
-    judged = judge_machine(Machine.preset(name).replace(speed=speed), ("extended",), seeds=20)
+    load = 0.03 if name == "tum_mlps_flexible" else 0.1  # a shaft of 8 mm
+    one = Machine.preset(name).replace(speed=speed)
+    judged = judge_machine(one, ("extended",), seeds=20, load=load)
     efficiency = judged.efficiency("extended")
     assert efficiency.mean() > 0.95
     assert efficiency.min() > 0.85  # of one quantity over 2 s, which is no more than its spread
@@ -130,14 +133,15 @@ def test_an_estimate_is_a_record_with_the_names_of_axes_and_readings() -> None:
 @pytest.mark.parametrize("name", PRESETS)
 def test_each_preset_levitates_by_its_estimate(name: str) -> None:
     one = Machine.preset(name)
-    push = {"axis": "B2", "force": Step(amplitude=10.0, time=0.05)}
-    run = simulate_machine(one, Flight(duration=0.4, feedback="estimate", disturbance=[push]))
+    push = 0.2 * one.rotor.mass * GRAVITY
+    load = {"axis": "B2", "force": Step(amplitude=push, time=0.05)}
+    run = simulate_machine(one, Flight(duration=0.4, feedback="estimate", disturbance=[load]))
     assert run.estimate is not None
     late = slice(3000, None)
     for axis in one.axes:
-        assert np.abs(run.record[f"s_{axis.name}"][late]).max() < 0.05 * axis.bearing.travel_limit
+        assert np.abs(run.record[f"s_{axis.name}"][late]).max() < 0.1 * axis.bearing.travel_limit
     assert run.samples_at_the_stop == 0
-    assert np.mean(run.estimate["f_d_B2"][late]) == pytest.approx(10.0, abs=1.0)
+    assert np.mean(run.estimate["f_d_B2"][late]) == pytest.approx(push, rel=0.1)
 
 
 def test_weight_is_known_or_a_disturbance() -> None:
@@ -195,3 +199,9 @@ def test_a_record_of_something_else_is_told() -> None:
     record = Record(t, {"y": t, "u": t}, {"y": "m", "u": "V"})
     with pytest.raises((AmbkitError, KeyError), match="y_A1"):
         KalmanFilter(machine()).run(record)
+
+
+def test_a_rotor_that_lands_is_not_judged() -> None:
+    """Of a backup bearing the models know nothing."""
+    with pytest.raises(AmbkitError, match="comes into a backup bearing"):
+        judge_machine(machine(), seeds=1, load=3.0)

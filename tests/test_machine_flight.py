@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from machine_cases import (
     MAGNET,
+    OF_KILOGRAMS,
     PRESETS,
     Array,
     bearing,
@@ -78,7 +79,7 @@ def truth(one: Machine, iu: Array, growth: float) -> Any:
     return rates
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", OF_KILOGRAMS)
 @pytest.mark.parametrize("growth", [0.0, 4e4])
 def test_the_plant_is_met_in_the_fourth_order(name: str, growth: float) -> None:
     """Nonlinear magnets, weight, loads, unbalance, gyroscopics, a run-up; against 1e-10."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from machine_cases import (
-    PRESETS,
+    OF_KILOGRAMS,
     Array,
     bearing,
     directions,
@@ -59,7 +59,7 @@ class Truth:
         return np.concatenate(out)
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", OF_KILOGRAMS)
 def test_a_sample_is_exact_with_the_forces_held(name: str) -> None:
     one, rng = fast(name), np.random.default_rng(1)
     one = one.replace(rotor__gravity="none")
@@ -87,7 +87,7 @@ def test_a_sample_is_exact_with_the_forces_held(name: str) -> None:
     np.testing.assert_allclose(model.e @ X + model.d @ u, free[4:], rtol=0, atol=1e-8)
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", OF_KILOGRAMS)
 def test_the_nonlinear_machine_is_met_in_the_second_order(name: str) -> None:
     one = fast(name)
     laws = [magnet_of(one.alone(axis.name)) for axis in one.axes]

@@ -24,7 +24,8 @@ from ambkit.judge.comparison.bench import Benches
 from ambkit.show.report.figure import Figure, Panel
 from ambkit.show.report.items import Axis, Heatmap
 from ambkit.workflow.comparing import LoopScores, compare_in_case
-from ambkit.workflow.designing import Candidate, Design
+from ambkit.workflow.design_candidates import Candidate
+from ambkit.workflow.designing import Design
 from tests.hostile import NOT_PRINTABLE, PRINTABLE, Page, called
 
 BEARING = Bearing.preset("zittau_axial")

@@ -163,9 +163,9 @@ def test_lqg_is_that_of_python_control(bearing):
     G, C = np.linalg.inv(unit) @ np.vstack([P.B[:, :1], [[0.0]]]), P.C[:1] @ unit[:n] * 1e6
     Q = 1e-6 * G @ G.T
     Q[-1, -1] += 10.0 * P.T
-    of_filter = control.dlqe(scaled, np.eye(n + 1), C, Q, np.eye(1))[2]
+    of_filter = control.dlqe(scaled, np.eye(n + 1), C, Q, np.eye(1), method="scipy")[2]
     of_regulator = control.dlqr(
-        P.A, P.B[:, :1] * 1e6, P.C[1:2].T @ P.C[1:2], np.eye(1) * weight * 1e12
+        P.A, P.B[:, :1] * 1e6, P.C[1:2].T @ P.C[1:2], np.eye(1) * weight * 1e12, method="scipy"
     )[2]
     expected = np.concatenate([of_filter, of_regulator])
     found = loop.closed.poles()

@@ -26,9 +26,6 @@ static amb_stiffness scaled_tangent(const void *self, amb_real iu, amb_real x)
   return scaled_by(scaled, scaled->of.methods->tangent(scaled->of.self, iu, x));
 }
 
-static const amb_magnet_methods scaled_magnet = {scaled_force, scaled_through_origin,
-                                                 scaled_tangent};
-
 static bool must_be_above_zero(int parameter)
 {
   return (parameter == (int)AMB_VAR_Y) || (parameter == (int)AMB_GATE) ||
@@ -66,7 +63,7 @@ static amb_status filter(const amb_calibration_base *base, const amb_real wanted
   set.var_d[0] = wanted[AMB_VAR_D];
   set.gate = wanted[AMB_GATE];
   set.f_0[0] +=
-      (base->pull * (heavier - AMB_C(1.0))) + (base->bias * (wanted[AMB_STRONG] - AMB_C(1.0)));
+      (base->carried * (heavier - AMB_C(1.0))) + (base->bias * (wanted[AMB_STRONG] - AMB_C(1.0)));
   for (int i = 0; i < amb_states(&model); i++) {
     if (amb_model_role(&model, i) == AMB_LOAD) {
       set.cap[i] *= heavier;
@@ -93,6 +90,8 @@ static void controller(const amb_calibration_base *base, const amb_real wanted[A
 /* A set whose parts point to each other. */
 static void tie(const amb_calibration_base *base, amb_real strong, amb_calibration_set *set)
 {
+  static const amb_magnet_methods scaled_magnet = {scaled_force, scaled_through_origin,
+                                                   scaled_tangent};
   const amb_estimator *exported = base->control->estimator;
   set->scaled.of = exported->magnet[0];
   set->scaled.scale = strong;

@@ -51,6 +51,8 @@ if TYPE_CHECKING:
     from ambkit.machine.stiffness import stiffness_map as stiffness_map
     from ambkit.simulation.flight import Flight as Flight
     from ambkit.simulation.machine import simulate_machine as simulate_machine
+    from ambkit.simulation.many import Planned as Planned
+    from ambkit.simulation.many import simulate_many as simulate_many
     from ambkit.simulation.scenario import PID as PID
     from ambkit.simulation.scenario import Scenario as Scenario
     from ambkit.simulation.waveforms import Constant as Constant
@@ -113,6 +115,7 @@ _HOME = {
     "machine.stiffness": ["StiffnessMap", "stiffness_map"],
     "simulation.flight": ["Flight"],
     "simulation.machine": ["simulate_machine"],
+    "simulation.many": ["Planned", "simulate_many"],
     "simulation.scenario": ["PID", "Scenario"],
     "simulation.waveforms": ["Constant", "Impulse", "Ramp", "Recorded", "Sequence", "Sine", "Step"],
     "workflow.comparison": ["compare"],

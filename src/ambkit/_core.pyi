@@ -134,7 +134,7 @@ class Estimator:
     def step(self, y: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)]) -> int:
         """The same with arrays."""
 
-    def run(self, y: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], *, covariance: bool = False) -> dict[str, Any]:
+    def run(self, y: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], *, covariance: bool = False, instructions: str | None = None) -> dict[str, Any]:
         """A whole record; u[k] acts from sample k to k + 1."""
 
     def smooth(self, y: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)]) -> dict[str, Any]:
@@ -206,7 +206,7 @@ class Kalman(Estimator):
 
     def __init__(self, magnet: Magnet | list[Magnet], model: Model, **settings: Any) -> None: ...
 
-    def run(self, y: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], k_i: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)] | None = None, k_s: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)] | None = None, *, covariance: bool = False) -> dict[str, Any]:
+    def run(self, y: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)], k_i: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)] | None = None, k_s: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu', writable=False)] | None = None, *, covariance: bool = False, instructions: str | None = None) -> dict[str, Any]:
         """A whole record, with given stiffnesses (n,) or the magnet's."""
 
 class Extended(Estimator):
@@ -350,7 +350,7 @@ class LoopState:
 
     def __init__(self) -> None: ...
 
-def simulate(magnet: Magnet, *, T: float, m: float, f_0: float, K_sen: float, T_sen: float, travel: float, substeps: int, k_ui: float, iu_min: float, iu_max: float, kp: float, ki: float, kd: float, T_f: float, T_t: float, weight: float = 1.0, integral: float, feedback_estimate: bool, estimator: Estimator | None, r: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], f_d: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], noise_u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], noise_y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], scale: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, f_bias: float = 0, x_start: float = 0, state: LoopState | None = None, faults: dict[str, Any] | None = None, beside: bool = False, parts: dict[str, Any] | None = None, coil: Magnet | None = None, control: Control | None = None, fly: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, hover: float | None = None, elsewhere: Callable[[float, float, bool], object] | None = None) -> dict[str, Any]:
+def simulate(magnet: Magnet, *, T: float, m: float, f_0: float, K_sen: float, T_sen: float, travel: float, substeps: int, k_ui: float, iu_min: float, iu_max: float, kp: float, ki: float, kd: float, T_f: float, T_t: float, weight: float = 1.0, integral: float, feedback_estimate: bool, estimator: Estimator | None, r: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], f_d: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], noise_u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], noise_y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], scale: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, f_bias: float = 0, x_start: float = 0, state: LoopState | None = None, faults: dict[str, Any] | None = None, beside: bool = False, parts: dict[str, Any] | None = None, coil: Magnet | None = None, control: Control | None = None, fly: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, hover: float | None = None, elsewhere: Callable[[float, float, bool], tuple[float, float, bool, int]] | None = None) -> dict[str, Any]:
     """
     A closed-loop run in one call; see sim/loop.h for shapes and units. With a state, an empty one at first, the next call goes on where this one ends. A whole controller starts in flight, with this current [A] (hover), or at power-on.
     """
@@ -361,4 +361,23 @@ def instruction_sets() -> list[str]:
 def run_batch(estimators: Sequence[Estimator], y: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], u: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], mean: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], std: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], *, truth: Annotated[NDArray[numpy.float64], dict(shape=(None, None, None), order='C', device='cpu', writable=False)] | None = None, skip: int = 0, means: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')] | None = None, innovation: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')] | None = None, variance: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')] | None = None, status: Annotated[NDArray[numpy.uint16], dict(order='C', device='cpu')] | None = None, instructions: str | None = None, threads: int = 1) -> tuple[NDArray[numpy.float64], NDArray[numpy.uint32]]:
     """
     Many runs side by side (sim/batch.h), each from its start mean, std (runs, 4). Arrays that are given are filled. Returns sums of squared errors (runs, 3) and flags (runs,).
+    """
+
+class Plan:
+    """A closed loop that is run many times, all but its number."""
+
+    def __init__(self, magnet: Magnet, *, T: float, m: float, f_0: float, K_sen: float, T_sen: float, travel: float, substeps: int, k_ui: float, iu_min: float, iu_max: float, kp: float, ki: float, kd: float, T_f: float, T_t: float, weight: float, integral: float, feedback_estimate: bool, estimator: Estimator | None, mean: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, std: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, r: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], f_d: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], seed: int, std_u: float, std_y: float, noise_u: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, noise_y: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, scale: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None, f_bias: float, x_start: float, faults: dict[str, Any] | None, beside: bool, parts: dict[str, Any] | None, coil: Magnet | None, first: int, step_from: int, step_to: int, height: float, load_from: int, band: float, control: Control | None = None, fly: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, hover: float | None = None) -> None:
+        """See sim/many.h for shapes and units."""
+
+def fly(plans: Sequence[Plan], which: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], numbers: Annotated[NDArray[numpy.uint64], dict(shape=(None,), order='C', device='cpu', writable=False)], *, instructions: str | None = None, threads: int = 1) -> tuple[NDArray[numpy.float64], NDArray[numpy.int64]]:
+    """
+    Runs (runs,) of plans with these numbers: figures (runs, 18), counts of flags (runs, 12).
+    """
+
+def normal_noise(seed: int, run: int, stream: int, n: int) -> NDArray[numpy.float64]:
+    """Standard normal noise (n,) of these counters; see sim/noise.h."""
+
+def philox(counter: Sequence[int], key: Sequence[int]) -> NDArray[numpy.uint32]:
+    """
+    Philox 4x32-10: four words of a counter (4,) and a key (2,) made random (4,).
     """

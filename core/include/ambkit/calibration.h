@@ -37,9 +37,9 @@ typedef enum amb_parameter {
 typedef struct amb_calibration_base {
   const amb_control *control; /* as exported */
   amb_real exported[AMB_PARAMETERS];
-  amb_real pull;   /* weight of the rotor, as far as the filter knows it [N] ... */
-  amb_real bias;   /* ... and bias force of the magnet [N]: parts of the settings' f_0 */
-  bool as_printed; /* eq. 19 as the paper prints it */
+  amb_real carried; /* weight of the rotor, as far as the filter knows it [N] ... */
+  amb_real bias;    /* ... and bias force of the magnet [N]: parts of the settings' f_0 */
+  bool as_printed;  /* eq. 19 as the paper prints it */
 } amb_calibration_base;
 
 /* A magnet whose force is another's, times a factor. */

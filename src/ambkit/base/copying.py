@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
+from functools import cache
 from importlib.metadata import version
 from typing import Any, Self
+
+
+@cache
+def own_version() -> str:
+    """Return the version of ambkit; asked for anew, a file would be parsed each time."""
+    return version("ambkit")
 
 
 class Copyable:
@@ -30,14 +37,14 @@ class Copyable:
 
     def __reduce__(self) -> tuple[Any, ...]:
         own = {name: value for name, value in vars(self).items() if name not in self._of_core}
-        return _made_anew, (type(self), *self._made), (version("ambkit"), self.core.state, own)
+        return _made_anew, (type(self), *self._made), (own_version(), self.core.state, own)
 
     def __setstate__(self, state: tuple[str, bytes, dict[str, Any]]) -> None:
         writer, live, own = state
-        if writer != version("ambkit"):
+        if writer != own_version():
             raise ValueError(
                 f"{type(self).__name__}: was pickled by ambkit {writer}, this is "
-                f"{version('ambkit')}; make it anew"
+                f"{own_version()}; make it anew"
             )
         vars(self).update(own)
         self.core.state = live

@@ -18,11 +18,13 @@ from ambkit.cli.options import (
     Json,
     MapFile,
     Plot,
+    Synchronous,
     To,
     file_option,
     find_bearing,
     find_machine,
     quantity,
+    read_quantities,
     refuse_of_one_axis,
 )
 
@@ -60,13 +62,17 @@ def assess(
     ] = None,
     expert: ExpertFile = None,
     scenario: Annotated[
-        Path | None,
+        str | None,
         typer.Option(
-            metavar="FILE.toml",
+            "--scenario",
+            "--controller",
+            metavar="FILE.toml|NAME",
             help="Whose [controller] is assessed; what it does not say, all of it without one, is "
-            "tuned for the bearing.",
+            "tuned for the bearing. Of a whole machine also a flight, whose [control] it is, or "
+            "decentralised, 'translation and tilt' or lqg.",
         ),
     ] = None,
+    synchronous: Synchronous = None,
     x: Annotated[
         float | None,
         typer.Option(
@@ -77,10 +83,26 @@ def assess(
         float | None,
         typer.Option(parser=quantity("N"), metavar="FORCE", help="Constant load there."),
     ] = None,
+    orbit: Annotated[
+        str | None,
+        typer.Option(
+            metavar="own|LENGTH",
+            help="Linearise along the orbit that the machine's own unbalance makes at its speed, "
+            "or along one of this half axis, with the mean stiffnesses of a turn.",
+        ),
+    ] = None,
     lqg: Annotated[
         bool,
         typer.Option(
             "--lqg", help="Beside them, the linear-quadratic-Gaussian controller of least control."
+        ),
+    ] = False,
+    hinf: Annotated[
+        bool,
+        typer.Option(
+            "--hinf",
+            help="Beside them, the H-infinity controller of mixed sensitivities, of a machine one "
+            "an axis; it needs slycot (pip install ambkit[hinf]).",
         ),
     ] = False,
     amplitudes: Annotated[
@@ -156,8 +178,10 @@ def assess(
     """
     from ambkit.simulation.scenario import Scenario
 
-    controller = None if scenario is None else Scenario.load(scenario).controller
     whole = find_machine(target)
+    controller: PID | None = None
+    if whole is None and scenario is not None:
+        controller = Scenario.load(scenario).controller
     of_log = Path(target).suffix not in ("", ".toml")
     for_logs = {"--bearing": bearing, "--channels": channel_map, "--logged-before": before or None,
                 "--from": begin, "--to": end}  # fmt: skip
@@ -166,10 +190,14 @@ def assess(
             raise AmbkitError(f"{option} is for records, and {target} is none")
     if of_log and amplitudes is not None:
         raise AmbkitError("--sweep is for bearings, not for records")
-    if lqg and (of_log or amplitudes is not None):
-        raise AmbkitError("--lqg is of a bearing's linear loop, without --sweep")
+    for option, beside in (("--lqg", lqg), ("--hinf", hinf)):
+        if beside and (of_log or amplitudes is not None):
+            raise AmbkitError(f"{option} is of a bearing's linear loop, without --sweep")
     if report is not None and (of_log or amplitudes is not None):
         raise AmbkitError("--report is of a bearing's linear loop, without --sweep")
+    if orbit is not None and of_log:
+        raise AmbkitError("--orbit is of a model, and a record has its own")
+    along = _along(orbit)
     if stepped and amplitudes is None:
         raise AmbkitError("--stepped-sine says how to --sweep: give its amplitudes")
     of_model = (estimator, expert, scenario, x, load)
@@ -183,32 +211,48 @@ def assess(
         return
     if whole is not None:
         assess_machine(
-            whole, estimator, controller, lqg, amplitudes, stepped, axis, fastest, report, plot,
-            json, {"expert": expert, "position": x, "load": load},
+            whole, estimator, scenario, synchronous or (), (lqg, hinf), amplitudes, stepped, axis,
+            fastest, along, report, plot, json, {"expert": expert, "position": x, "load": load},
         )  # fmt: skip
         return
-    for option, given in (("--over-speed", fastest), ("--axis", axis)):
-        if given is not None:
+    of_machines: dict[str, Any] = {
+        "--over-speed": fastest,
+        "--axis": axis,
+        "--synchronous": synchronous,
+    }
+    for option, said_of_it in of_machines.items():
+        if said_of_it is not None:
             raise AmbkitError(f"{option} is of a whole machine, and {target} is none")
     plant, filters = _asked(target, estimator, expert)
     if amplitudes is None:
         if report is not None and len(filters) > 1:
             raise AmbkitError(f"--report is of one loop: give one --filter, not {len(filters)}")
-        _deliver_loops(plant, filters, controller, x, load, lqg, plot, report, json)
+        _deliver_loops(
+            plant, filters, controller, plot, report, json,
+            x=x or 0.0, load=load or 0.0, orbit=along, lqg=lqg, hinf=hinf,
+        )  # fmt: skip
     else:
-        deliver_sweep(plant, filters, controller, amplitudes, stepped, plot, json, x=x, load=load)
+        deliver_sweep(plant, filters, controller, amplitudes, stepped, plot, json, x=x, load=load,
+                      orbit=along)  # fmt: skip
+
+
+def _along(orbit: str | None) -> bool | float:
+    """Return whether a loop is linearised along its orbit, or of which half axis that is [m]."""
+    if orbit in (None, "own"):
+        return orbit is not None
+    return read_quantities(str(orbit), "m", "--orbit", count=1)[0]
 
 
 def _deliver_loops(
-    plant: Bearing, filters: Mapping[str, Estimator], controller: PID | None, x: float | None,
-    load: float | None, lqg: bool, plot: Path | None, report: Path | None, json: bool,
+    plant: Bearing, filters: Mapping[str, Estimator], controller: PID | None, plot: Path | None,
+    report: Path | None, json: bool, **options: Any,
 ) -> None:  # fmt: skip
     from ambkit.cli import output
     from ambkit.show import plots
     from ambkit.workflow.assessing import assess as assessed
     from ambkit.workflow.verdict import write_verdict
 
-    found = assessed(plant, filters, controller, x=x or 0.0, load=load or 0.0, lqg=lqg)
+    found = assessed(plant, filters, controller, **options)
     output.deliver(
         found.to_dict(),
         [*tables(found), *tables_of_shares(found), *said(found)],

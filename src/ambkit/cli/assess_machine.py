@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, get_args
 
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.assess_sweep import deliver_sweep
@@ -11,22 +12,24 @@ from ambkit.cli.kinds import names
 from ambkit.cli.options import refuse_of_one_axis
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
+    from collections.abc import Mapping, Sequence
 
     from ambkit.machine.machine import Machine
+    from ambkit.simulation.controllers import Control
     from ambkit.simulation.scenario import PID
 
 
 def assess_machine(
     machine: Machine,
     estimator: str | None,
-    controller: PID | None,
-    lqg: bool,
+    scenario: str | None,
+    synchronous: Sequence[str],
+    beside: tuple[bool, bool],
     amplitudes: str | None,
     stepped: bool,
     axis: str | None,
     fastest: float | None,
+    orbit: bool | float,
     report: Path | None,
     plot: Path | None,
     json: bool,
@@ -40,10 +43,12 @@ def assess_machine(
         The machine.
     estimator : str, optional
         Whose estimate feeds the controllers: kinds, or none; the linear filter by default.
-    controller : PID, optional
-        What is not said of it is tuned to each axis alone.
-    lqg : bool
-        Beside them, the linear-quadratic-Gaussian controller.
+    scenario : str, optional
+        How it is controlled: a file, a flight's or a scenario's, or a name.
+    synchronous : sequence of str
+        What turns with the rotor and is estimated too.
+    beside : (bool, bool)
+        Whether the linear-quadratic-Gaussian and the H-infinity controller stand beside.
     amplitudes : str, optional
         Sweep with these [m].
     stepped : bool
@@ -52,6 +57,8 @@ def assess_machine(
         Which is swept.
     fastest : float, optional
         Look over speed up to there [rad/s].
+    orbit : bool or float
+        Whether it is linearised along its orbit, or of which half axis that is [m].
     report, plot : Path, optional
         Files for the verdict and for the picture.
     json : bool
@@ -62,29 +69,49 @@ def assess_machine(
     from ambkit.cli import output
     from ambkit.show import plots
     from ambkit.workflow.assessing import assess
+    from ambkit.workflow.given import of_machine
     from ambkit.workflow.over_speed import assess_over_speed
     from ambkit.workflow.verdict import write_verdict
 
     refuse_of_one_axis(machine, others)
     if fastest is not None and amplitudes is not None:
         raise AmbkitError("--over-speed and --sweep are looked at one after the other")
+    controller, load, measured = _control(machine, scenario)
+    estimator = "none" if measured and estimator is None else estimator
     kinds = [] if estimator == "none" else names(estimator or "linear")
     if len(kinds) > 1 and (fastest is not None or amplitudes is not None or report is not None):
         one = "--over-speed, --sweep and --report are of one loop"
         raise AmbkitError(f"{one}: give one --filter, not {len(kinds)}")
+    if fastest is not None and not isinstance(orbit, bool):
+        raise AmbkitError("--over-speed makes the orbit of each speed: give --orbit own")
     if axis is not None and amplitudes is None:
         raise AmbkitError("--axis says which axis to --sweep: give its amplitudes")
+    filters = {kind: of_machine(kind, machine, synchronous=synchronous) for kind in kinds}
+    if synchronous and not filters:
+        raise AmbkitError("--synchronous is of a filter, and none is in the loop")
     if amplitudes is not None:
         if report is not None:
             raise AmbkitError("--report is of the linear loop, without --sweep")
-        deliver_sweep(machine, kinds, controller, amplitudes, stepped, plot, json, axis=axis)
+        deliver_sweep(
+            machine,
+            filters,
+            controller,
+            amplitudes,
+            stepped,
+            plot,
+            json,
+            axis=axis,
+            load=load,
+            orbit=orbit,
+        )
         return
     if stepped:
         raise AmbkitError("--stepped-sine says how to --sweep: give its amplitudes")
     over = None
     if fastest is not None or report is not None:
         with output.progress("looking at one speed after the other"):
-            over = assess_over_speed(machine, kinds, controller, fastest=fastest)
+            over = assess_over_speed(machine, filters, controller, fastest=fastest, load=load,
+                                     orbit=orbit is True)  # fmt: skip
     if fastest is not None and over is not None and report is None:
         output.deliver(
             over.to_dict(),
@@ -93,7 +120,9 @@ def assess_machine(
             as_json=json,
         )
         return
-    found = assess(machine, kinds, controller, lqg=lqg)
+    found = assess(
+        machine, filters, controller, load=load, orbit=orbit, lqg=beside[0], hinf=beside[1]
+    )
     output.deliver(
         found.to_dict(),
         [*tables_of_machine(found), *tables_of_shares(found), *said(found)],
@@ -103,3 +132,36 @@ def assess_machine(
         ],
         as_json=json,
     )
+
+
+def _control(
+    machine: Machine, given: str | None
+) -> tuple[PID | Control | None, dict[str, float], bool]:
+    """Return the controllers, the loads, and whether it is said that a measurement feeds them."""
+    from ambkit.simulation.controllers import Control
+    from ambkit.simulation.flight import Flight
+    from ambkit.simulation.scenario import Scenario
+    from ambkit.simulation.waveforms import Constant
+    from ambkit.workflow.inspection import kind_of_toml
+
+    kinds = get_args(Control.model_fields["type"].annotation)
+    if given is None:
+        return None, {}, False
+    if given in kinds:
+        return Control.model_validate({"type": given}), {}, False
+    if Path(given).suffix != ".toml":
+        raise AmbkitError(
+            f"--controller: {given!r} is none of {', '.join(kinds)}, and no file that ends with "
+            ".toml"
+        )
+    if kind_of_toml(given) == "scenario":
+        return Scenario.load(given).controller, {}, False
+    flight = Flight.load(given)
+    wrong = list(flight.unknown_axes(tuple(axis.name for axis in machine.axes)))
+    if wrong:
+        raise AmbkitError(f"{given}: {'; '.join(wrong)}")
+    loads = {
+        each.axis: each.force.value
+        for each in flight.disturbance if isinstance(each.force, Constant)
+    }  # fmt: skip
+    return flight.control, loads, flight.feedback == "measurement"

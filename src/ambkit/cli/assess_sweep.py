@@ -13,21 +13,23 @@ if TYPE_CHECKING:
 
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
+    from ambkit.simulation.controllers import Control
     from ambkit.simulation.scenario import PID
 
 
 def deliver_sweep(
     plant: Bearing | Machine,
     filters: Collection[Any],
-    controller: PID | None,
+    controller: PID | Control | None,
     amplitudes: str,
     stepped: bool,
     plot: Path | None,
     json: bool,
     *,
     x: float | None = None,
-    load: float | None = None,
+    load: Any = None,
     axis: str | None = None,
+    orbit: bool | float = False,
 ) -> None:
     """Sweep the simulated loop, and print how far it is from the linear one.
 
@@ -37,7 +39,7 @@ def deliver_sweep(
         The plant.
     filters : collection
         In the loop, one at most.
-    controller : PID, optional
+    controller : PID or Control, optional
         What is not said of it is tuned.
     amplitudes : str
         Of the signal [m].
@@ -47,10 +49,12 @@ def deliver_sweep(
         File for the picture.
     json : bool
         Whether machines are to read it.
-    x, load : float, optional
-        Of a bearing, where it is done [m], [N].
+    x, load : optional
+        Where it is done [m], [N]; of a machine loads by the names of its axes.
     axis : str, optional
         Of a machine, which.
+    orbit : bool or float
+        Along an orbit, see `ambkit.assess`.
     """
     from ambkit.cli import output
     from ambkit.show import plots
@@ -64,6 +68,7 @@ def deliver_sweep(
         found = sweep(
             plant, filters, controller, amplitudes=sizes, axis=axis,
             kind="stepped-sine" if stepped else "multisine", x=x or 0.0, load=load or 0.0,
+            orbit=orbit,
         )  # fmt: skip
     rows = [
         [output.value(each.amplitude, "m"), f"{each.peak:.3f}", zone_of(each.peak),

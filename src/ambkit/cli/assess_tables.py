@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
     from ambkit.judge.loop.demands import Demands
     from ambkit.judge.loop.margins import Margins
-    from ambkit.workflow.assessing import Assessment
+    from ambkit.workflow.assessment import Assessment
     from ambkit.workflow.over_speed import OverSpeed
 
 BESIDE = 5
@@ -95,6 +95,7 @@ def tables_over_speed(found: OverSpeed) -> list[Any]:
         What was looked at.
     """
     from ambkit.cli.output import table
+    from ambkit.workflow.verdict import celsius
 
     def at(speed: float) -> str:
         return f"{speed * 30 / math.pi:.5g} rpm"
@@ -110,6 +111,10 @@ def tables_over_speed(found: OverSpeed) -> list[Any]:
         ["displacement, of the clearance, at most", share(found.farthest)],
         ["current, of its limit, at most", share(found.hardest)],
     ]
+    if found.hottest is not None:
+        kelvin, where = found.hottest
+        of = "runs away" if math.isinf(kelvin) else celsius(kelvin)
+        rows.append(["temperature of a coil, at most", f"{of} at {at(where)}"])
     for speed, each in found.integrals.items():
         rows.append([f"check: Bode's integral of ln|det S| at {at(speed)}",
                      f"{each.integral:.8f}"])  # fmt: skip
@@ -127,8 +132,9 @@ def tables_of_shares(found: Assessment) -> list[Any]:
         Of a bearing or a machine.
     """
     from ambkit.cli.output import table
+    from ambkit.workflow.assessing import HINF, LQG
 
-    names = [name for name in found.loops if name != "LQG"]
+    names = [name for name in found.loops if name not in (LQG, HINF)]
     each = {name: found.shares(name) for name in names}
     pieces = list(dict.fromkeys(piece for shares in each.values() for piece in shares))
     rows = [
@@ -193,7 +199,27 @@ def _rows(top: float) -> list[tuple[str, Callable[[Any], str]]]:
         ("least harmonic load that comes to a limit",
          _asked(lambda d: value(d.capacity.least[0], "N", 3))),
         ("  at", _asked(lambda d: value(d.capacity.least[1], "Hz", 3))),
+        ("copper loss", _asked(lambda d: _known(d.copper_loss, "W"))),
+        ("temperature of the hottest coil", _asked(_temperature)),
     ]  # fmt: skip
+
+
+def _known(figure: float | None, unit: str) -> str:
+    from ambkit.cli.output import value
+
+    return "–" if figure is None else value(figure, unit, 3)
+
+
+def _temperature(d: Demands) -> str:
+    from ambkit.workflow.verdict import celsius
+
+    if d.heating is None:
+        return "–"
+    if math.isinf(d.heating.temperature):
+        return "runs away"
+    limit = d.heating.limit
+    of = "" if limit is None else f" of {celsius(limit)}"
+    return f"{celsius(d.heating.temperature)}{of}"
 
 
 CHECKS: list[tuple[str, Callable[[Any], str]]] = [
@@ -220,7 +246,8 @@ def said(found: Assessment) -> list[str]:
     found : Assessment
         Of a bearing or a machine.
     """
-    from ambkit.workflow.assessing import BASIS
+    from ambkit.workflow.assessment import BASIS
+    from ambkit.workflow.verdict import NEEDED
 
     said = []
     several = len(found.of.axes) > 1
@@ -232,6 +259,9 @@ def said(found: Assessment) -> list[str]:
             f"no linear controller brings {S} below {found.least[0]:.3f} here, nor {T} below "
             f"{found.least[1]:.3f}, for the unstable pole{'s' if several else ''} and the dead time"
         )
+    asked = [each.demands for loop in found.loops.values() for each in loop.axes.values()]
+    if any(each.heating is None for each in asked):
+        said.append(f"the temperature of coils is not known: {NEEDED}")
     wrong = [name for name, each in found.loops.items() if not each.integral.holds]
     if wrong:
         said.append(f"the check does not hold, as in an unstable loop: {', '.join(wrong)}")

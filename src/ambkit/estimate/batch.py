@@ -138,7 +138,7 @@ def run_many(
         raise ValueError(f"skip must be within the {n} samples, got {skip}")
     mean, std = _starts(each, _rows("y", y, 2, "float64")) if start is None else start
     kept = _kept(out, history, (runs, n, len(each[0].states)), precision)
-    count = threads if threads is not None else _processors()
+    count = threads if threads is not None else processors()
     if count < 1:
         raise ValueError(f"threads must be 1 or more, got {count}")
     states = len(each[0].states)
@@ -161,7 +161,8 @@ def run_many(
     return Batch(**kept, rmse=rmse, flags=flags)
 
 
-def _processors() -> int:
+def processors() -> int:
+    """Return how many processors this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

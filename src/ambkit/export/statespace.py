@@ -9,6 +9,7 @@ import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.models.linear import LinearSystem, Signal
+from ambkit.simulation.linear import control as control_of
 from ambkit.simulation.linear import pieces, settled
 from ambkit.simulation.linear.closed import Loop
 from ambkit.simulation.linear.pieces import WorkPoint
@@ -119,7 +120,7 @@ def controller(bearing: Bearing, pid: PID) -> control.StateSpace:
         Where python-control is not installed.
     """
     tuned = pid.completed(bearing)
-    return _state_space(pieces.controller(tuned, bearing), f"{_name(bearing)}_pid")
+    return _state_space(control_of.controller(tuned, bearing), f"{_name(bearing)}_pid")
 
 
 def estimator(filter: Estimator, *, point: WorkPoint | None = None) -> control.StateSpace:
@@ -192,7 +193,7 @@ def closed_loop(
     fed = pid.model_copy(update={"feedback": "measurement" if filter is None else "estimate"})
     told = None if filter is None else settled.estimator_at(filter, point)
     shown = np.array([[1 / bearing.sensor.gain]])
-    K = pieces.compensator(pieces.controller(fed, bearing), told, shown)
+    K = control_of.compensator(control_of.controller(fed, bearing), told, shown)
     return _state_space(Loop(pieces.plant(bearing, point), K).closed, name)
 
 

@@ -24,6 +24,7 @@ from ambkit.base.units import engineering
 from ambkit.machine.magnets import MU_0, magnet_of
 from ambkit.machine.parts import (
     SHORTEST_LAG,
+    Coil,
     ColouredNoise,
     Hum,
     Runout,
@@ -224,7 +225,7 @@ class Amplifier(Part):
     voltage_limit: Annotated[float, Quantity("V", "150 V", above=0)] | None = None
     """Greatest voltage of a coil, either way [V]; with bandwidth and resistance."""
     resistance: Annotated[float, Quantity("ohm", "2 ohm", above=0)] | None = None
-    """Resistance R of a coil [ohm]; with voltage_limit."""
+    """Resistance R of a coil [ohm]: what voltage it takes, and what loss."""
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
@@ -234,8 +235,6 @@ class Amplifier(Part):
                 yield "bandwidth", "missing: voltage_limit limits what the current follows with"
             if R is None:
                 yield "resistance", "missing: voltage_limit alone does not give the current's slew"
-        elif R is not None:
-            yield "voltage_limit", "missing: resistance counts only with it"
 
 
 class Sensor(Part):
@@ -310,6 +309,8 @@ class Bearing(Shown, Document):
     """The position sensor."""
     stop: Stop | None = None
     """Stops that give way, and bounce; without it the rotor stays where it touches one."""
+    coil: Coil | None = None
+    """How the coils warm; without it nobody asks."""
 
     @classmethod
     def preset(cls, name: str) -> Self:

@@ -214,6 +214,7 @@ class Machine(Document):
             "delay": self.delay,
             "speed": abs(self.speed),
             "stop": None if one.stop is None else one.stop.model_dump(),
+            "coil": None if one.coil is None else one.coil.model_dump(exclude_none=True),
         }
         return Bearing(**data | {key: each for key, each in further.items() if each is not None})
 

@@ -48,6 +48,35 @@ class Runout(Part):
     """Phase at the start [rad]."""
 
 
+REFERENCE = 293.15
+"""At which the resistance of coils is given: 20 degrees Celsius [K]."""
+
+
+class Coil(Part):
+    """How each coil of an axis warms: one body, cooled by what is about it.
+
+    The amplifier's resistance is that at 293.15 K, and grows in proportion to the temperature.
+    """
+
+    thermal_resistance: Annotated[float, Quantity("K/W", "1.5 K/W", above=0)]
+    """From a coil to what cools it [K/W]."""
+    time_constant: Annotated[float, Quantity("s", "20 min", above=0)] | None = None
+    """With which it warms: its heat capacity times that [s]."""
+    ambient: Annotated[float, Quantity("K", "313 K", above=0)] = REFERENCE
+    """Temperature of what cools it [K]; 273.15 K is 0 degrees Celsius."""
+    temperature_limit: Annotated[float, Quantity("K", "403 K", above=0)] | None = None
+    """Permitted temperature of the winding [K]: of its insulation, with what a hot spot adds."""
+    temperature_coefficient: Annotated[float, Quantity("1/K", "3.93e-3 1/K", at_least=0)] = 3.93e-3
+    """Of its resistance at 293.15 K, by how much a kelvin adds [1/K]: that of annealed copper."""
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        ambient, limit = read("ambient"), read("temperature_limit")
+        if limit is not None and limit <= ambient:
+            shown = f"{engineering(ambient, 'K')}, what cools it; is {engineering(limit, 'K')}"
+            yield "temperature_limit", f"must be greater than {shown}"
+
+
 class Stop(Part):
     """A stop that gives way: ``stiffness d^1.5 (1 + 3/2 damping d')`` in the depth d, and no pull.
 
@@ -72,6 +101,7 @@ def parts_contradictions(read: Read) -> Iterator[tuple[str, str]]:
     T, speed = read("sampling_time"), read("speed")
     yield from delay_contradictions(T, read("delay"))
     yield from voltage_contradictions(read)
+    yield from coil_contradictions(read)
     runout, hum = read("sensor.runout"), read("sensor.hum")
     if isinstance(runout, tuple) and runout and speed is None:
         yield "speed", "missing: sensor.runout is at multiples of it"
@@ -96,6 +126,12 @@ def voltage_contradictions(read: Read) -> Iterator[tuple[str, str]]:
             limit = f"{engineering(needed, 'V')}, which the greatest coil current needs at rest"
             text = f"must be greater than {limit}; is {engineering(voltage, 'V')}"
             yield "amplifier.voltage_limit", text
+
+
+def coil_contradictions(read: Read) -> Iterator[tuple[str, str]]:
+    """Yield what a coil that warms needs beside."""
+    if read("coil") is not None and read("amplifier.resistance") is None:
+        yield "amplifier.resistance", "missing: with it a coil warms by its current"
 
 
 def gap_contradictions(read: Read, travel: str) -> Iterator[tuple[str, str]]:

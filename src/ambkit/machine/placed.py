@@ -21,7 +21,13 @@ from ambkit.base.config import Part, Read
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.units import engineering
 from ambkit.machine.bearing import Amplifier, Magnet, Sensor
-from ambkit.machine.parts import Stop, gap_contradictions, voltage_contradictions
+from ambkit.machine.parts import (
+    Coil,
+    Stop,
+    coil_contradictions,
+    gap_contradictions,
+    voltage_contradictions,
+)
 from ambkit.machine.rotors.described import MatrixRotor, ModalRotor, ShaftRotor
 
 Label = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9]{0,7}$")]
@@ -128,11 +134,14 @@ class PlacedBearing(Part):
     """The amplifier of an axis."""
     stop: Stop | None = None
     """The backup bearing, which gives way and bounces; without it a stiff one."""
+    coil: Coil | None = None
+    """How the coils warm; without it nobody asks."""
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
         yield from gap_contradictions(read, "travel_limit")
         yield from voltage_contradictions(read)
+        yield from coil_contradictions(read)
         if read("type") == "radial" and read("magnet.type") == "one-sided":
             yield "magnet.type", 'must be "two-sided" in a radial bearing; is "one-sided"'
         if read("type") == "thrust" and read("angle") not in (0.0, None):

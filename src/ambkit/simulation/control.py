@@ -66,7 +66,7 @@ class Controller:
     def law(self) -> Controllers:
         """The controllers, as those of a machine with one axis."""
         b, states = self.bearing, self.estimator.states
-        limits, one = (b.current_min, b.current_max), np.eye(1)
+        limits, one, names = (b.current_min, b.current_max), np.eye(1), ("x",)
         if self.pid.feedback == "measurement":
             seen = {"position": one / b.sensor.gain}
         else:
@@ -76,12 +76,12 @@ class Controller:
             passed = [1.0, 0.0, 0.0, 0.0, 1.0, 1.0, -FAR, FAR]
             nothing = np.zeros((1, len(states)))
             fed: dict[str, Array] = {"fed_back": -K, "position": nothing, "velocity": nothing}
-            return Controllers([passed], one, ahead, -np.ones(1), fed)
+            return Controllers([passed], names, one, ahead, -np.ones(1), fed)
         if self.pid.feed_forward:
             k_i = ConstantStiffness.of(b).k_i
             seen["fed_back"] = -self.pid.feed_forward / k_i * _row(states, "disturbance force")
         unseen = np.array([self.pid.unseen(1.0)])
-        return Controllers([gains_of(self.pid, *limits)], one, one, unseen, seen)
+        return Controllers([gains_of(self.pid, *limits)], names, one, one, unseen, seen)
 
     def integral(self, current: float, x: float) -> float:
         """Return the integral with which a rotor is held at rest.

@@ -52,6 +52,8 @@ class Controllers:
     ----------
     pids : list of list
         Gains and limits of each of the q PIDs, as ``amb_pid`` has them after T.
+    names : tuple of str
+        What each PID is of: an axis, or a coordinate of the rigid rotor.
     of_axes : ndarray (q, p)
         Of the axes' positions, what each PID looks at.
     spread : ndarray (p, q)
@@ -63,6 +65,7 @@ class Controllers:
     """
 
     pids: list[list[float]]
+    names: tuple[str, ...]
     of_axes: Array
     spread: Array
     unseen: Array
@@ -180,8 +183,8 @@ def _decentralised(plant: Plant, pids: Sequence[PID]) -> Controllers:
     limits = [(alone.current_min, alone.current_max) for alone in plant.alone]
     one = np.eye(len(pids))
     return Controllers(
-        [gains_of(pid, *ends) for pid, ends in zip(pids, limits, strict=True)], one, one,
-        np.array([pid.unseen(1.0) for pid in pids]),
+        [gains_of(pid, *ends) for pid, ends in zip(pids, limits, strict=True)],
+        _names(plant), one, one, np.array([pid.unseen(1.0) for pid in pids]),
     )  # fmt: skip
 
 
@@ -215,7 +218,11 @@ def _of_translation_and_tilt(plant: Plant) -> Controllers:
         of_axes.append(lever * explained[at])
         spread.append(amperes)
         unseen.append(pid.unseen(1.0))
-    return Controllers(pids, np.array(of_axes), np.array(spread).T, np.array(unseen))
+    return Controllers(pids, tuple(masses), np.array(of_axes), np.array(spread).T, np.array(unseen))
+
+
+def _names(plant: Plant) -> tuple[str, ...]:
+    return tuple(axis.name for axis in plant.axes)
 
 
 def _regulated(plant: Plant, estimator: Estimator) -> Controllers:
@@ -225,7 +232,8 @@ def _regulated(plant: Plant, estimator: Estimator) -> Controllers:
     passed = [[1.0, 0.0, 0.0, 0.0, 1.0, 1.0, -FAR, FAR]] * p
     nothing = np.zeros((p, len(estimator.states)))
     return Controllers(
-        passed, np.eye(p), ahead, -np.ones(p),  # what a PID is ahead is all of the reference
+        # What a PID is ahead is all of the reference.
+        passed, _names(plant), np.eye(p), ahead, -np.ones(p),
         {"fed_back": -K, "position": nothing, "velocity": nothing},
     )  # fmt: skip
 

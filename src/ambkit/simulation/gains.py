@@ -15,7 +15,8 @@ from ambkit.base.errors import AmbkitError
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.magnets import ConstantStiffness, own_time
 from ambkit.simulation.linear.closed import Loop
-from ambkit.simulation.linear.pieces import WorkPoint, compensator, controller, plant
+from ambkit.simulation.linear.control import compensator, controller
+from ambkit.simulation.linear.pieces import WorkPoint, plant
 from ambkit.simulation.linear.settled import estimator_at
 
 if TYPE_CHECKING:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.copying import own_version
 from ambkit.base.errors import AmbkitError
 from ambkit.data.record import Record
 from ambkit.estimate.base import Estimator
@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from ambkit.simulation.scenario import PID
 
 Array = NDArray[np.float64]
+
+STREAMS = 64
+"""Of random numbers that each reading has to itself; the first are of the control signals."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,12 +165,11 @@ def _noise(machine: Machine, flight: Flight, n: int) -> tuple[Array, Array]:
     noise_u, noise_y = np.zeros((n, p)), np.zeros((n, len(readings)))
     if not flight.noise:
         return noise_u, noise_y
-    streams = np.random.SeedSequence(flight.seed).spawn(p + len(readings))
     for k, axis in enumerate(machine.axes):
         std = math.sqrt(axis.bearing.amplifier.noise_variance)
-        noise_u[:, k] = np.random.default_rng(streams[k]).normal(0.0, std, n)
+        noise_u[:, k] = noise.Stream(flight.seed, number=k).normal(std, n)
     for k, r in enumerate(readings):
-        own = [np.random.default_rng(s) for s in streams[p + k].spawn(2 + len(r.sensor.hum))]
+        own = noise.Stream(flight.seed, number=STREAMS * (1 + k))
         noise_y[:, k] = noise.of_sensor(r.sensor, machine.sampling_time, n, own)
     return noise_u, noise_y
 
@@ -198,7 +200,7 @@ def _record(
         "machine": machine.to_toml(),
         "flight": flight.model_dump(mode="json"),
         "seed": flight.seed,
-        "version": version("ambkit"),
+        "version": own_version(),
         "stop_touched": int(out["touched"]),
     }
     return Record(

@@ -1,16 +1,20 @@
 """Noise of a simulated bearing: on the control signal, and on the measured position.
 
 The one is white, the other white, coloured and narrow lines. Each source has a random stream of its
-own, so that one does not change another.
+own, so that one does not change another. Streams are counters (``sim/noise.h``): a sample of it
+is a function of seed, run, stream and its own number, whoever draws it.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ambkit.machine.magnets import core_module
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing, Sensor
@@ -19,19 +23,65 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+CONTROL, SENSOR = 0, 1
+"""Streams of a bearing: on the control signal, and those of the sensor from here on."""
+
+
+@dataclass(frozen=True)
+class Stream:
+    """One stream of random numbers.
+
+    Attributes
+    ----------
+    seed, run : int
+        From 0 to below 2^64.
+    number : int
+        Of the stream.
+    """
+
+    seed: int
+    run: int = 0
+    number: int = 0
+
+    def next(self, by: int = 1) -> Stream:
+        """Return the stream that is so many farther."""
+        return replace(self, number=self.number + by)
+
+    def normal(self, std: float, n: int) -> Array:
+        """Return the first n normal numbers of this standard deviation."""
+        return np.asarray(std * core_module().normal_noise(self.seed, self.run, self.number, n))
+
+    def share(self) -> float:
+        """Return one number from 0 to below 1."""
+        low, high = (each % 2**32 for each in (self.run, self.run >> 32))
+        key = [self.seed % 2**32, self.seed >> 32]
+        return int(core_module().philox([0, self.number, low, high], key)[0]) / 2**32
+
 
 def drawn(bearing: Bearing, scenario: Scenario, n: int) -> tuple[Array, Array]:
     """Return the noise on the control signal [V] and on the measurement [m], n samples each."""
     if not scenario.noise:
         return np.zeros(n), np.zeros(n)
-    sensor, T = bearing.sensor, bearing.sampling_time
-    streams = np.random.SeedSequence(scenario.seed).spawn(3 + len(sensor.hum))
-    on_u, *on_y = (np.random.default_rng(stream) for stream in streams)
-    noise_u = on_u.normal(0.0, np.sqrt(bearing.amplifier.noise_variance), n)
-    return noise_u, of_sensor(sensor, T, n, on_y)
+    stream = Stream(scenario.seed, scenario.run, CONTROL)
+    noise_u = stream.normal(math.sqrt(bearing.amplifier.noise_variance), n)
+    return noise_u, of_sensor(bearing.sensor, bearing.sampling_time, n, stream.next())
 
 
-def of_sensor(sensor: Sensor, T: float, n: int, streams: list[np.random.Generator]) -> Array:
+def white(bearing: Bearing, scenario: Scenario) -> tuple[float, float] | None:
+    """Return the standard deviations of the noise on control signal [V] and measurement [m].
+
+    They are all that there is to know of `drawn`; None where the sensor has noise that is not
+    white.
+    """
+    if not scenario.noise:
+        return 0.0, 0.0
+    sensor = bearing.sensor
+    if sensor.coloured_noise is not None or sensor.hum:
+        return None
+    return math.sqrt(bearing.amplifier.noise_variance), math.sqrt(sensor.noise_variance)
+
+
+def of_sensor(sensor: Sensor, T: float, n: int, stream: Stream) -> Array:
     """Return n samples of the noise of a sensor [m].
 
     Parameters
@@ -42,19 +92,18 @@ def of_sensor(sensor: Sensor, T: float, n: int, streams: list[np.random.Generato
         Sampling time [s].
     n : int
         Samples.
-    streams : list of numpy.random.Generator
-        Of the white noise, of the coloured one, and of each line.
+    stream : Stream
+        Of the white noise; the next ones are of the coloured one, and of each line.
     """
-    on_y, on_coloured, *on_hum = streams
-    noise = on_y.normal(0.0, np.sqrt(sensor.noise_variance), n)
+    noise = stream.normal(math.sqrt(sensor.noise_variance), n)
     if sensor.coloured_noise is not None:
-        noise += coloured(sensor.coloured_noise, T, n, on_coloured)
-    for line, on_line in zip(sensor.hum, on_hum, strict=True):
-        noise += hum(line, T, n, on_line)
+        noise += coloured(sensor.coloured_noise, T, n, stream.next())
+    for place, line in enumerate(sensor.hum):
+        noise += hum(line, T, n, stream.next(2 + place))
     return noise
 
 
-def coloured(noise: ColouredNoise, T: float, n: int, rng: np.random.Generator) -> Array:
+def coloured(noise: ColouredNoise, T: float, n: int, stream: Stream) -> Array:
     """Return n samples of stationary first-order noise, exact at every T [m].
 
     ``z(k+1) = a z(k) + sqrt((1 - a^2) variance) w(k)`` with ``a = exp(-2 pi bandwidth T)``.
@@ -67,16 +116,16 @@ def coloured(noise: ColouredNoise, T: float, n: int, rng: np.random.Generator) -
         Sampling time [s].
     n : int
         Samples.
-    rng : numpy.random.Generator
+    stream : Stream
         The random stream.
     """
-    white = rng.normal(0.0, math.sqrt(noise.variance), n)
+    white = stream.normal(math.sqrt(noise.variance), n)
     rate = 2 * math.pi * noise.bandwidth * T
     white[1:] *= math.sqrt(-math.expm1(-2 * rate))
     return _first_order(math.exp(-rate), white)
 
 
-def hum(line: Hum, T: float, n: int, rng: np.random.Generator) -> Array:
+def hum(line: Hum, T: float, n: int, stream: Stream) -> Array:
     """Return n samples of a narrow line [m].
 
     Without a bandwidth, a sine of random phase. Else a phasor ``z(k+1) = exp((j omega - alpha) T)
@@ -90,15 +139,15 @@ def hum(line: Hum, T: float, n: int, rng: np.random.Generator) -> Array:
         Sampling time [s].
     n : int
         Samples.
-    rng : numpy.random.Generator
+    stream : Stream
         The random stream.
     """
     turning = 2j * math.pi * line.frequency * T
     if line.bandwidth == 0:
-        phase = rng.uniform(0, 2 * math.pi)
+        phase = 2 * math.pi * stream.share()
         return np.asarray(line.amplitude * np.cos(turning.imag * np.arange(n) + phase))
-    spread = line.amplitude / math.sqrt(2)
-    white = rng.normal(0.0, spread, n) + 1j * rng.normal(0.0, spread, n)
+    pairs = stream.normal(line.amplitude / math.sqrt(2), 2 * n)
+    white = pairs[0::2] + 1j * pairs[1::2]
     rate = 2 * math.pi * line.bandwidth * T
     white[1:] *= math.sqrt(-math.expm1(-2 * rate))
     return _first_order(np.exp(turning - rate), white).real

@@ -6,7 +6,8 @@ import math
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from importlib.metadata import version
+from functools import cached_property, lru_cache
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from ambkit.base.arrays import real
 from ambkit.base.asked import of_type
+from ambkit.base.copying import own_version
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.data.record import Record
@@ -23,8 +25,9 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.hovering import hover_current
 from ambkit.machine.magnets import Law, MagnetModel, core_module, magnet_of
-from ambkit.simulation import noise, parts
+from ambkit.simulation import parts
 from ambkit.simulation.control import Controller, needs_states
+from ambkit.simulation.noise import drawn, white
 from ambkit.simulation.scenario import Scenario
 
 UNITS = {
@@ -202,7 +205,8 @@ def simulate_run(
     bearing has: an amplifier's bandwidth and voltage, a dead time, runout, a stop that bounces.
     Demanded control current and disturbance are held over a sample. Noise on the control signal and
     on the measurement is normal, white unless the sensor has coloured noise or hum, from
-    independent PCG64 streams that ``scenario.seed`` seeds.
+    independent streams of counters with ``scenario.seed`` and ``scenario.run`` as their key
+    (``sim/noise.h``).
 
     Parameters
     ----------
@@ -280,34 +284,28 @@ class Loop:
         T, n = bearing.sampling_time, samples(bearing, scenario)
         t: NDArray[np.float64] = T * np.arange(n, dtype=float)
         reference, disturbance = scenario.reference.sample(t), scenario.disturbance.sample(t)
-        noise_u, noise_y = noise.drawn(bearing, scenario, n)
-        scale = faults = place = None
+        self._scale = self._faults = self._place = self._sensor_noise = None
         if imposed is not None:
             for name, values in _series(imposed):
                 if real(f"imposed {name}", values).shape != (n,):
                     raise ValueError(f"imposed {name} must have {n} values, has {np.shape(values)}")
-            faults, place = imposed.faults, imposed.place
+            self._faults, self._place = imposed.faults, imposed.place
             if imposed.disturbance is not None:
                 disturbance = disturbance + imposed.disturbance
-            noise_y = noise_y if imposed.sensor_noise is None else imposed.sensor_noise
-            scale = imposed.magnet_scale
+            self._sensor_noise, self._scale = imposed.sensor_noise, imposed.magnet_scale
         injected = scenario.injection.sample(t)
         self._injected = injected if injected.any() else None
-        if self._injected is not None:
-            # After the sensor's rounding, where it has one.
-            if bearing.sensor.quantisation is None:
-                noise_y = noise_y + injected
-            else:
-                faults = Faults.none(n) if faults is None else faults
-                faults = replace(faults, y_plus=faults.y_plus + injected)
+        if self._injected is not None and bearing.sensor.quantisation is not None:
+            # After the sensor's rounding.
+            faults = Faults.none(n) if self._faults is None else self._faults
+            self._faults = replace(faults, y_plus=faults.y_plus + injected)
         needed = scenario.controller.feedback == "estimate" or scenario.sequence is not None
         if estimator is None and needed:
             estimator = KalmanFilter(bearing)
         self.bearing, self.scenario, self.estimator = bearing, scenario, estimator
-        self._t, self._scale = t, scale
-        self._series = {"r": reference, "f_d": disturbance, "noise_u": noise_u, "noise_y": noise_y}
+        self._t = t
+        self._series = {"r": reference, "f_d": disturbance}
         self._state, self._at = None, 0
-        self._faults, self._place = faults, place
         self._law = magnet if isinstance(magnet, Law) else magnet_of(bearing)
         self._plant = magnet if magnet is not None else self._law
         self._coil = parts.coil_fields(bearing) if magnet is None else None
@@ -318,6 +316,106 @@ class Loop:
         self._elsewhere = elsewhere
         self._whole = scenario.sequence is not None or needs_states(scenario.controller)
         self._fly = None if scenario.sequence is None else scenario.sequence.fly(t)
+
+    @property
+    def start(self) -> NDArray[np.float64]:
+        """The states (n,) from which the estimator goes on [unit of each state]."""
+        assert self.estimator is not None  # who asks has one
+        # What was demanded before the start is the controller's own, and known.
+        current = min(max(self._held, self.bearing.current_min), self.bearing.current_max)
+        return self.estimator.at_rest(self._start, current=current)
+
+    @cached_property
+    def noise(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """On the control signal [V] and on the measurement [m], what is injected among it."""
+        noise_u, noise_y = drawn(self.bearing, self.scenario, self._t.size)
+        if self._sensor_noise is not None:
+            noise_y = self._sensor_noise
+        if self._injected is not None and self.bearing.sensor.quantisation is None:
+            noise_y = noise_y + self._injected
+        return noise_u, noise_y
+
+    @property
+    def white_noise(self) -> tuple[float, float] | None:
+        """Standard deviations of the noise [V], [m], where it is white and nothing else."""
+        if self._sensor_noise is not None or self._injected is not None:
+            return None
+        return white(self.bearing, self.scenario)
+
+    @property
+    def series(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Reference [m] and disturbance force [N], (n,) each."""
+        return self._series["r"], self._series["f_d"]
+
+    def arguments(
+        self, core: ModuleType, given: Callable[[NDArray[np.float64]], NDArray[Any]]
+    ) -> dict[str, Any]:
+        """Return what a core is told of the loop and of what comes from outside, without noise.
+
+        Parameters
+        ----------
+        core : module
+            The build of the core that computes.
+        given : callable
+            Makes of a series what the core takes of it.
+        """
+        bearing, estimator, pid = self.bearing, self.estimator, self.scenario.controller
+        faults, precision = self._faults, "float64" if estimator is None else estimator.precision
+        return {
+            "magnet": self._plant.in_core(core),
+            "T": bearing.sampling_time,
+            "m": bearing.rotor.mass,
+            "f_0": bearing.weight + self._law.bias_force,
+            "K_sen": bearing.sensor.gain,
+            "T_sen": bearing.sensor_lag,
+            "travel": bearing.rotor.travel_limit,
+            "substeps": parts.substeps(bearing, self.scenario.substeps),
+            "k_ui": bearing.amplifier.gain,
+            "iu_min": bearing.current_min,
+            "iu_max": bearing.current_max,
+            "kp": pid.kp,
+            "ki": pid.ki,
+            "kd": pid.kd,
+            "T_f": pid.derivative_filter,
+            "T_t": pid.anti_windup,
+            "weight": pid.setpoint_weight,
+            "integral": self._held + pid.unseen(self._start),
+            "feedback_estimate": pid.feedback == "estimate",
+            "estimator": None if estimator is None else estimator.core,
+            **{name: given(values) for name, values in self._series.items()},
+            "scale": None if self._scale is None else given(self._scale),
+            "f_bias": self._law.bias_force,
+            "x_start": self._start if self._place is None else self._place,
+            "faults": None
+            if faults is None
+            else {k: given(each) for k, each in faults.series.items()},
+            "beside": faults is not None and faults.beside,
+            "parts": parts.parts_of(bearing, precision),
+            "coil": None if self._coil is None else core.Law(**self._coil),
+            **self._whole_controller(given),
+        }
+
+    def _whole_controller(
+        self, given: Callable[[NDArray[np.float64]], NDArray[Any]]
+    ) -> dict[str, Any]:
+        """Return what a core is told of a controller that is more than a PID, if it is."""
+        if self.estimator is None or not (self._whole or self._elsewhere):
+            return {}
+        scenario = self.scenario
+        controller = Controller(
+            self.bearing, self.estimator, scenario.controller, scenario.sequence
+        )
+        down = {} if self._place is not None else {"x_start": controller.down}
+        if self._elsewhere is not None:
+            away = {"elsewhere": self._elsewhere, "estimator": None, "feedback_estimate": False}
+            return away | down
+        told = {
+            "control": controller.in_core(),
+            "integral": controller.integral(self._held, self._start),
+            "fly": None if self._fly is None else given(self._fly),
+        }
+        hovering = scenario.start == "hover" or self._fly is None
+        return told | ({"hover": self._held} if hovering else down)
 
     def run(self, until: float | None = None) -> Run:
         """Go on, to the end of the scenario or to a time before it.
@@ -338,7 +436,7 @@ class Loop:
             Nothing is left to be run until then; a loop with faults is to run in stretches; or the
             estimator has not the precision of the one that the loop began with.
         """
-        bearing, estimator, pid = self.bearing, self.estimator, self.scenario.controller
+        bearing, estimator = self.bearing, self.estimator
         precision = "float64" if estimator is None else estimator.precision
         if self._at == 0:
             self._precision = precision
@@ -360,69 +458,24 @@ class Loop:
         if self._elsewhere is not None:
             estimator = None
         if self._at == 0 and estimator is not None:
-            # What was demanded before the start is the controller's own, and known.
-            current = min(max(self._held, bearing.current_min), bearing.current_max)
-            estimator.reset(estimator.at_rest(self._start, current=current))
+            estimator.reset(self.start)
         core = core_module(precision) if estimator is None else estimator.engine.core
         self._state = self._state or core.LoopState()
 
         def given(values: NDArray[np.float64]) -> NDArray[Any]:
             return np.ascontiguousarray(values[here], dtype=precision)
 
-        faults = self._faults
-        integral, whole = self._held + pid.unseen(self._start), None
-        place = self._start if self._place is None else self._place
-        hovering = self.scenario.start == "hover" or self._fly is None
-        if self._elsewhere is not None and self.estimator is not None and self._place is None:
-            place = Controller(bearing, self.estimator, pid, self.scenario.sequence).down
-        elif self._whole:
-            assert estimator is not None
-            sequence = self.scenario.sequence
-            controller = Controller(bearing, estimator, pid, sequence)
-            integral, whole = controller.integral(self._held, self._start), controller.in_core()
-            if not hovering and self._place is None:
-                place = controller.down
+        noise_u, noise_y = self.noise
         out = core.simulate(
-            self._plant.in_core(core),
-            T=T,
-            m=bearing.rotor.mass,
-            f_0=bearing.weight + self._law.bias_force,
-            K_sen=bearing.sensor.gain,
-            T_sen=bearing.sensor_lag,
-            travel=bearing.rotor.travel_limit,
-            substeps=parts.substeps(bearing, self.scenario.substeps),
-            k_ui=bearing.amplifier.gain,
-            iu_min=bearing.current_min,
-            iu_max=bearing.current_max,
-            kp=pid.kp,
-            ki=pid.ki,
-            kd=pid.kd,
-            T_f=pid.derivative_filter,
-            T_t=pid.anti_windup,
-            weight=pid.setpoint_weight,
-            integral=integral,
-            feedback_estimate=pid.feedback == "estimate" and self._elsewhere is None,
-            estimator=None if estimator is None else estimator.core,
-            **{name: given(values) for name, values in self._series.items()},
-            scale=None if self._scale is None else given(self._scale),
-            f_bias=self._law.bias_force,
-            x_start=place,
+            **self.arguments(core, given),
+            noise_u=given(noise_u),
+            noise_y=given(noise_y),
             state=self._state,
-            faults=None
-            if faults is None
-            else {k: given(each) for k, each in faults.series.items()},
-            beside=faults is not None and faults.beside,
-            parts=parts.parts_of(bearing, precision),
-            coil=None if self._coil is None else core.Law(**self._coil),
-            control=whole,
-            fly=None if self._fly is None else given(self._fly),
-            hover=None if whole is None or not hovering else self._held,
-            elsewhere=self._elsewhere,
         )
         self._at = end
         told = ("x", "v", "x_m", "iu", "y", "u")
         signals = {name: out[name].astype(float, copy=False) for name in told}
-        if faults is not None:  # a record holds no infinities
+        if self._faults is not None:  # a record holds no infinities
             signals |= {k: np.where(np.isinf(signals[k]), np.nan, signals[k]) for k in "yu"}
         signals |= {name: self._series[name][here] for name in ("r", "f_d")}
         if self._injected is not None:
@@ -432,10 +485,11 @@ class Loop:
         if self._fly is not None:
             signals["mode"] = out["mode"].astype(float)
         meta = {
-            "bearing": bearing.to_toml(),
+            "bearing": _said(bearing),
             "scenario": self.scenario.model_dump(mode="json"),
             "seed": self.scenario.seed,
-            "version": version("ambkit"),
+            "run": self.scenario.run,
+            "version": own_version(),
             "stop_touched": int(out["touched"]),
         }
         t = self._t[here]
@@ -448,6 +502,12 @@ class Loop:
         if estimator is None:
             return Run(record, None)
         return Run(record, Estimate.from_core(t, out["estimate"], estimator.name, estimator.states))
+
+
+@lru_cache(maxsize=64)
+def _said(bearing: Bearing) -> str:
+    """Return a bearing as text, which many runs of it share."""
+    return bearing.to_toml()
 
 
 def _series(imposed: Imposed) -> Iterator[tuple[str, NDArray[np.float64]]]:

@@ -161,6 +161,8 @@ class Scenario(Document):
     """Whether amplifier and sensor are noisy."""
     seed: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = 0
     """Seed of the noise."""
+    run: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = 0
+    """Number of the run among those of this seed: with it, the key of the noise."""
     substeps: Annotated[int, Field(strict=True, ge=1, le=1000)] = 4
     """Steps of the integrator in one sample."""
     reference: Annotated[Signal, SignalIn("m", "0.5 mm")] = Constant(value=0.0)

@@ -16,7 +16,8 @@ from ambkit.estimate.whole import Whole
 from ambkit.judge.loop.measured import Logged, MeasuredSensitivity, measured_sensitivity
 from ambkit.machine.machine import Machine
 from ambkit.models.linear import Complex
-from ambkit.workflow.assessing import Assessment, assess
+from ambkit.workflow.assessing import assess
+from ambkit.workflow.assessment import Assessment
 from ambkit.workflow.loop_of import ZONES, end_of_range, zone_of
 
 if TYPE_CHECKING:

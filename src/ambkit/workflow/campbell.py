@@ -46,8 +46,8 @@ class Campbell:
         """Speeds at which a whirl forwards turns as fast as the rotor [rad/s]."""
         found = []
         for mode in self.poles.imag.T[self.forwards]:
-            ahead = mode - self.speed
-            for k in np.flatnonzero((ahead[:-1] > 0) & (ahead[1:] <= 0)):
+            ahead = mode - self.speed  # at rest, of a mode that only creeps, nothing but rounding
+            for k in np.flatnonzero((ahead[:-1] > 1e-9 * self.speed[-1]) & (ahead[1:] <= 0)):
                 share = ahead[k] / (ahead[k] - ahead[k + 1])
                 found.append(float(self.speed[k] + share * (self.speed[k + 1] - self.speed[k])))
         return sorted(found)
@@ -91,7 +91,8 @@ def campbell(machine: Machine, fastest: float | None = None, *, count: int = 121
     poles = np.empty((count, q), complex)
     forwards = np.zeros(q, bool)
     for k in reversed(range(count)):  # at rest nothing tells a whirl forwards from one backwards
-        found, vectors = np.linalg.eig(at_rest + speed[k] * spin)
+        A = at_rest + speed[k] * spin
+        found, vectors = np.linalg.eig(A + _apart(machine, A) if k == count - 1 else A)
         above = np.flatnonzero(found.imag >= 0)
         if k == count - 1:  # the others are filters
             least_damped = above[np.argsort(-(found.imag / np.abs(found))[above])[:q]]
@@ -117,6 +118,21 @@ def _held(machine: Machine) -> tuple[Array, Array]:
     filtered = np.block([[A, -b * (k_i * kd)], [v / slow[:, None], -np.diag(1 / slow)]])
     p = len(pids)
     return filtered, np.pad(spin, ((0, p), (0, p)))
+
+
+def _apart(machine: Machine, A: Array) -> Array:
+    """Return what tells whirls that nothing else does: of one frequency, as of a symmetric rotor.
+
+    Gyroscopics that change a frequency by some 1e-9.
+    """
+    at, n = {name: k for k, name in enumerate(machine.positions)}, len(machine.positions)
+    least = np.zeros_like(A)
+    rate = 1e-9 * float(np.abs(np.linalg.eigvals(A)).max())
+    for name, k in at.items():
+        if name.endswith("x") and not name.startswith("th"):
+            other = at[f"{name[:-1]}y"]
+            least[n + k, n + other], least[n + other, n + k] = -rate, rate
+    return least
 
 
 def _goes_forwards(shapes: NDArray[np.complex128], machine: Machine) -> NDArray[np.bool_]:

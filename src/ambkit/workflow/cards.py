@@ -13,12 +13,12 @@ from ambkit.show.plots.design import design_figure
 from ambkit.show.plots.filters import filter_figure
 from ambkit.show.plots.identification import lift_off_figure
 from ambkit.show.plots.maximum_likelihood import identified_figure
-from ambkit.workflow.assessing import BASIS
 from ambkit.workflow.assessing_log import BASIS as LOG_BASIS
+from ambkit.workflow.assessment import BASIS
 
 if TYPE_CHECKING:
-    from ambkit.workflow.assessing import Assessment
     from ambkit.workflow.assessing_log import AssessedLog
+    from ambkit.workflow.assessment import Assessment
     from ambkit.workflow.comparing import LoopScores
     from ambkit.workflow.designing import Design
     from ambkit.workflow.filtering import Filtering

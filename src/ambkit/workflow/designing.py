@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base import files
 from ambkit.base.asked import of_type
 from ambkit.base.showing import Shown
-from ambkit.base.units import engineering
 from ambkit.data.channelmap import ChannelMap, inputs_of
 from ambkit.data.reading import load_filled
 from ambkit.data.rig_units import Inputs
@@ -21,19 +19,24 @@ from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.registry import KINDS, kind_called
 from ambkit.fuzzy.expert import Expert
 from ambkit.fuzzy.training import train
-from ambkit.judge.comparison.bench import bench
-from ambkit.judge.comparison.cases import CASES
-from ambkit.judge.comparison.contenders import Contender
 from ambkit.judge.evaluation import evaluate
 from ambkit.machine.bearing import Bearing
 from ambkit.show.pages.design import write_design
 from ambkit.show.pages.maximum_likelihood import annotated_toml
 from ambkit.show.plots.filters import filter_figure
+from ambkit.workflow.design_candidates import (
+    Candidate,
+    best_of,
+    candidate_in,
+    judged,
+    objections_to,
+    of_tuning,
+    why_fly,
+)
 from ambkit.workflow.identifying import identified_filter, identify
-from ambkit.workflow.loop_of import ZONE_A, OutOfReachError, zone_of
+from ambkit.workflow.loop_of import ZONE_A, OutOfReachError
 from ambkit.workflow.stages import Stages, read_json, write_json
 from ambkit.workflow.tuned_filter import Tuned, tune
-from ambkit.workflow.tuning import default_disturbance
 from ambkit.workflow.tuning_tasks import AHEAD, JUDGED
 
 if TYPE_CHECKING:
@@ -42,50 +45,6 @@ if TYPE_CHECKING:
 
 KINDS_TRIED = ("linear", "extended", "adaptive")
 """Who is tried where nobody says it: without, with the exact, and with a learned stiffness."""
-
-RUNS = 20
-"""Simulated runs that a filter is judged in."""
-
-FAR_FROM_BOUND = 0.8
-"""A filter whose position is this far from the bound is not exported unasked."""
-
-AS_LIKELY = 3e-3
-"""Difference of log likelihood a sample within which the records do not tell two filters apart."""
-
-AS_GOOD = 0.02
-"""Relative difference of errors within which the simpler of two kinds is taken."""
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """A tuned filter, and how it did.
-
-    Attributes
-    ----------
-    kind : str
-        Of the filter.
-    file : Path
-        The filter.
-    kept : bool
-        Whether tuning was of use.
-    unseen : mapping of str to float
-        Figures on records that it was not tuned on, see `Tuned`.
-    errors : mapping of str to float
-        Root mean square errors of ``x`` [m], ``v`` [m/s], ``f_d`` [N] in simulated runs of the
-        bearing that was found, with the noise that this filter assumes.
-    efficiency : float
-        Bound of the position's error over that error; 1 is what nobody exceeds.
-    peak : float
-        Peak of abs(S) in the loop with the default controller [1]; NaN where it cannot be told.
-    """
-
-    kind: str
-    file: Path
-    kept: bool
-    unseen: Mapping[str, float]
-    errors: Mapping[str, float]
-    efficiency: float
-    peak: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -255,7 +214,7 @@ def design(
                 tuned = tuned_below(None)
             files.make_folder(place / "candidates")
             tuned.save(place / name, bearing=place / "found.toml", magnet=expert)
-            write_json(place / f"candidates/{kind}.json", _of_tuning(tuned))
+            write_json(place / f"candidates/{kind}.json", of_tuning(tuned))
 
         made_from = [found.to_toml(), kind, seed, files.sha256(place / "identified.toml"), *sources]
         made_from.append(max_sensitivity)
@@ -263,19 +222,19 @@ def design(
             made_from.append(files.sha256(place / "expert.json"))
         stages.make(f"tune {kind}", made_from, (name, f"candidates/{kind}.json"), make)
         note(f"judging the {kind} filter")
-        judged = f"candidates/{kind}.judged.json"
+        told = f"candidates/{kind}.judged.json"
         stages.make(
-            f"judge {kind}", [files.sha256(place / name), seed], (judged,),
-            lambda name=name, judged=judged: write_json(  # type: ignore[misc]
-                place / judged, _judged(place / name, seed)
+            f"judge {kind}", [files.sha256(place / name), seed], (told,),
+            lambda name=name, told=told: write_json(  # type: ignore[misc]
+                place / told, judged(place / name, seed)
             ),
         )  # fmt: skip
-        candidates.append(_candidate(place, kind))
-    chosen = _best(candidates)
+        candidates.append(candidate_in(place, kind))
+    chosen = best_of(candidates)
     raw = read_json(place / f"candidates/{chosen.kind}.judged.json")["raw"]
-    objections = tuple(_objections(chosen, raw))
+    objections = tuple(objections_to(chosen, raw))
     notes = tuple(read_json(place / "identified.json")["notes"])
-    why = _why(chosen, candidates, raw)
+    why = why_fly(chosen, candidates, raw)
     Estimator.load(chosen.file).save(
         place / "filter.toml",
         bearing=place / "found.toml",
@@ -360,96 +319,4 @@ def _identified(
     write_json(place / "identified.json", {"notes": found.of_the_zeros})
     identified_filter(found, inputs, source).save(
         place / "identified.toml", bearing=place / "found.toml"
-    )
-
-
-def _of_tuning(tuned: Tuned) -> dict[str, Any]:
-    taken = 1 if tuned.kept else 0
-    unseen = {name: pair[taken] for name, pair in tuned.unseen.items()}
-    return {
-        "kept": tuned.kept,
-        "unseen": unseen,
-        "warnings": list(tuned.warnings),
-        "peak": None if math.isnan(tuned.peak) else tuned.peak,
-    }
-
-
-def _judged(path: Path, seed: int) -> dict[str, Any]:
-    """Judge a filter in runs of its own bearing, noise and load as it assumes them."""
-    file = FilterFile.load(path)
-    made = file.make()
-    usual = made.variances
-    plant = made.bearing.replace(
-        sensor__noise_variance=usual.measurement, amplifier__noise_variance=usual.control
-    )
-    walks = usual.disturbance / default_disturbance(plant)
-    case = replace(CASES["model"], walks=walks)
-    field = {file.kind: Contender(file.kind, file.kind, file.make)}
-    found = bench(plant, case, field, runs=RUNS, seed=seed)
-    figures = found.default[file.kind]
-    gain = plant.sensor.gain
-    return {
-        "errors": {name: figures.mean(name) for name in ("x", "v", "f_d")},
-        "efficiency": found.efficiency(file.kind, "x"),
-        "raw": math.sqrt(usual.measurement) / abs(gain),
-    }
-
-
-def _candidate(place: Path, kind: str) -> Candidate:
-    tuning = read_json(place / f"candidates/{kind}.json")
-    judged = read_json(place / f"candidates/{kind}.judged.json")
-    peak = math.nan if tuning["peak"] is None else tuning["peak"]
-    return Candidate(
-        kind, place / f"candidates/{kind}.toml", tuning["kept"], tuning["unseen"],
-        judged["errors"], judged["efficiency"], peak,
-    )  # fmt: skip
-
-
-def _best(candidates: Sequence[Candidate]) -> Candidate:
-    """Return who errs least among those that unseen records like best; of equals the simplest.
-
-    Where a rotor hardly moves, its records do not tell the kinds apart; simulated truth does.
-    """
-    order = list(KINDS)
-    unlikely = {c.kind: c.unseen[JUDGED["likelihood"]] for c in candidates}
-    least = min(unlikely.values())
-    likely = [c for c in candidates if unlikely[c.kind] <= least + AS_LIKELY]
-    smallest = min(c.errors["x"] for c in likely)
-    equal = [c for c in likely if c.errors["x"] <= (1 + AS_GOOD) * smallest]
-    return min(equal, key=lambda c: order.index(c.kind))
-
-
-def _objections(chosen: Candidate, raw: float) -> list[str]:
-    said = []
-    if not chosen.errors["x"] < raw:
-        error, sensor = (engineering(v, "m", digits=3) for v in (chosen.errors["x"], raw))
-        said.append(f"its position errs by {error}, and that of the raw sensor by {sensor}")
-    if chosen.efficiency < FAR_FROM_BOUND:
-        said.append(
-            f"its position reaches {100 * chosen.efficiency:.0f} % of the bound, less than "
-            f"{100 * FAR_FROM_BOUND:.0f} %"
-        )
-    if zone_of(chosen.peak) != "A" and not math.isnan(chosen.peak):
-        said.append(
-            f"in the loop with the default controller the peak of |S| is {chosen.peak:.3g}, zone "
-            f"{zone_of(chosen.peak)} of ISO 14839-3: another controller may leave more margin"
-        )
-    return said
-
-
-def _why(chosen: Candidate, candidates: Sequence[Candidate], raw: float) -> str:
-    x, f_d = chosen.errors["x"], chosen.errors["f_d"]
-    others = [c for c in candidates if c is not chosen]
-
-    def ahead(candidate: Candidate) -> str:
-        return engineering(candidate.unseen[AHEAD[10]], "m", digits=3)
-
-    beside = "".join(f", the {KINDS[c.kind].label} {ahead(c)}" for c in others)
-    return (
-        f"Fly the {KINDS[chosen.kind].label}: on records that it was not tuned on it foretells "
-        f"the position 10 samples ahead to {ahead(chosen)} rms"
-        f"{beside}; in simulated runs of this bearing it errs by {engineering(x, 'm', digits=3)} "
-        f"in position, {100 * chosen.efficiency:.0f} % of what is possible, and "
-        f"{engineering(f_d, 'N', digits=3)} in the disturbance force, where the raw sensor errs by "
-        f"{engineering(raw, 'm', digits=3)}."
     )

@@ -22,7 +22,8 @@ from ambkit.machine.bearing import Bearing
 from ambkit.simulation.run import samples, simulate_run
 from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.waveforms import Recorded
-from ambkit.workflow.assessing import assess, given_estimators
+from ambkit.workflow.assessing import assess
+from ambkit.workflow.given import given_estimators
 from ambkit.workflow.loop_of import end_of_range
 
 if TYPE_CHECKING:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 from functools import partial
 from typing import Any, Literal
@@ -15,18 +16,25 @@ from ambkit.estimate.base import Estimator
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.whole import Whole
 from ambkit.judge.loop.bounds import least_peaks
+from ambkit.judge.loop.demands import Turned, of_runout, of_unbalance
+from ambkit.judge.loop.hinf import beside_each_other, hinf
 from ambkit.judge.loop.lqg import LQG, Noise
 from ambkit.judge.loop.margins import grid, highest
 from ambkit.machine.bank import alone_of
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
-from ambkit.models.linear import Signal
+from ambkit.machine.placed import Unbalance
+from ambkit.models.linear import LinearSystem, Signal
 from ambkit.models.model import Array
+from ambkit.simulation.control import Controller, needs_states
+from ambkit.simulation.controllers import Control, Controllers, controllers_of
 from ambkit.simulation.holding import holding
 from ambkit.simulation.linear.closed import Loop
-from ambkit.simulation.linear.pieces import WorkPoint, compensator, controllers, plant
-from ambkit.simulation.linear.pieces import controller as controller_of
+from ambkit.simulation.linear.control import compensator, controllers, fed
+from ambkit.simulation.linear.control import controller as controller_of
+from ambkit.simulation.linear.pieces import WorkPoint, plant
 from ambkit.simulation.linear.settled import estimator_at, tells
+from ambkit.simulation.plant import Plant
 from ambkit.simulation.scenario import PID
 
 ZONES = (("A", 3.0), ("B", 4.0), ("C", 5.0))
@@ -110,36 +118,45 @@ class LoopOf:
     ----------
     bearing : Bearing or Machine
         The plant; a machine at its speed.
-    controller : PID, or sequence of PID (p,), optional
+    controller : PID, sequence of PID (p,), or Control, optional
         Of each axis, or one for all; what is not said is tuned to the bearing, or to each axis
-        alone.
+        alone. Or how a machine is controlled.
     x : float, optional
         Displacement at which a bearing is linearised [m].
     load : float, or mapping of str to float, optional
         Constant load there [N]; of a machine by the names of its axes.
     point : WorkPoint, optional
         Where it is linearised, where it is known.
+    flown : Controllers, optional
+        A machine's, where they are made already: of another speed, or for another plant.
 
     Raises
     ------
     AmbkitError
-        Nothing holds the rotor there.
+        Nothing holds the rotor there; or a bearing's controller is a machine's.
     """
 
     def __init__(
         self,
         bearing: Bearing | Machine,
-        controller: PID | Sequence[PID] | None = None,
+        controller: PID | Sequence[PID] | Control | None = None,
         x: float = 0.0,
         load: Any = None,
         *,
         point: WorkPoint | None = None,
+        flown: Controllers | None = None,
     ) -> None:
         self.bearing: Any = bearing
         self.machine = bearing if isinstance(bearing, Machine) else None
         self.alone = alone_of(bearing)
-        self._given = controller
-        self.controllers = self._of(False)
+        self.control = controller if isinstance(controller, Control) else Control()
+        if isinstance(controller, Control) and self.machine is None:
+            raise AmbkitError(
+                f"{bearing.name} is a bearing of one axis: its controller is a PID, and "
+                f'"{controller.type}" is of whole machines'
+            )
+        self._given = None if isinstance(controller, Control) else controller
+        self._flown = flown
         self.axes: tuple[str, ...] = ("x",)
         self.added: Array | None = None
         if isinstance(bearing, Machine):
@@ -154,6 +171,15 @@ class LoopOf:
         self.plant = plant(bearing, self.point)
         self.top = end_of_range(bearing.sampling_time, bearing.speed)
 
+    def turned(self, loop: Loop) -> list[Turned]:
+        """Return what turns with the rotor in a stable loop: runout, and unbalance or the orbit."""
+        found = of_runout(loop, self.bearing)
+        if self.point.orbit is not None:
+            found.append(Turned(self.point.orbit.x, self.point.orbit.demanded))
+        elif self.machine is not None and self.machine.speed and self.machine.unbalance:
+            found.append(of_unbalance(loop, self.machine, self.point))
+        return found
+
     def least(self) -> tuple[float, float]:
         """Return the peaks of S and T that no controller can be below [1]; see `least_peaks`."""
         p, m = len(self.alone), len(self.shown[0])
@@ -164,12 +190,16 @@ class LoopOf:
             replace(from_u, C=self.shown @ from_u.C, D=self.shown @ from_u.D, outputs=names)
         )
 
-    def fed_by(self, estimator: Any) -> list[PID]:
-        """Return the controllers as they are fed: by an estimator, or None, by the measurement."""
-        return self._of(bool(estimator))
+    @property
+    def needs_estimate(self) -> bool:
+        """Whether the controllers cannot be fed by the measurement."""
+        if self.machine is None:
+            return needs_states(self.fed_by(None)[0])
+        return self.control.type == "lqg" or self.control != Control(type=self.control.type)
 
-    def _of(self, by_estimate: bool) -> list[PID]:
-        feedback: Literal["measurement", "estimate"] = "estimate" if by_estimate else "measurement"
+    def fed_by(self, estimator: Any) -> list[PID]:
+        """Return the PIDs of the axes as an estimator feeds them or, None, the measurement."""
+        feedback: Literal["measurement", "estimate"] = "estimate" if estimator else "measurement"
         given = self._given
         if given is None and self.machine is not None:
             found = list(holding(self.machine, feedback).pids)
@@ -178,23 +208,113 @@ class LoopOf:
             found = [pid.completed(b) for pid, b in zip(each, self.alone, strict=True)]
         return [one.model_copy(update={"feedback": feedback}) for one in found]
 
+    def flown_by(self, estimator: Estimator | None) -> Controllers:
+        """Return the controllers as they fly, fed by an estimator or the measurement.
+
+        Raises
+        ------
+        AmbkitError
+            They need an estimate, or other states.
+        """
+        if self._flown is not None:
+            return self._flown
+        if self.machine is None:
+            if estimator is None:
+                raise AmbkitError(f"{self.bearing.name}: its controller is fed by an estimate")
+            return Controller(self.bearing, estimator, self.fed_by(estimator)[0]).law
+        pids = self.fed_by(estimator) if self.control.type == "decentralised" else None
+        return controllers_of(Plant(self.machine), self.control, estimator, pids)
+
+    def pids(self, estimator: Estimator | None = None) -> dict[str, PID]:
+        """Return the PIDs by what each is of: an axis, or a coordinate of the rotor.
+
+        None of a regulator.
+        """
+        if self.machine is None:
+            return dict(zip(self.axes, self.fed_by(estimator), strict=True))
+        if self.control.type == "lqg":
+            return {}
+        found = self.flown_by(estimator)
+        return {
+            name: PID(kp=kp, ki=ki, kd=kd, derivative_filter=T_f, anti_windup=aw, setpoint_weight=b)
+            for name, (kp, ki, kd, T_f, aw, b, *_) in zip(found.names, found.pids, strict=True)
+        }
+
+    def with_plant(self, plant: Bearing | Machine, estimator: Estimator | None) -> LoopOf:
+        """Return the same controllers, as an estimator feeds them, with another plant."""
+        if self.machine is None:
+            return LoopOf(plant, self.fed_by(estimator), point=self.point)
+        return LoopOf(plant, self.control, point=self.point, flown=self.flown_by(estimator))
+
+    def at(self, point: WorkPoint) -> LoopOf:
+        """Return the same loop at another work point."""
+        moved = copy(self)
+        moved.point, moved.plant = point, plant(self.bearing, point)
+        return moved
+
+    def with_unbalance(self, scale: float) -> LoopOf:
+        """Return the same loop of a machine whose unbalance is larger by a factor."""
+        assert self.machine is not None
+        planes = tuple(
+            Unbalance(place=place, amount=scale * amount, angle=angle)
+            for place, amount, angle in self.machine.unbalances()
+        )
+        moved = copy(self)
+        moved.bearing = moved.machine = self.machine.model_copy(update={"unbalance": planes})
+        return moved
+
     def loop(self, estimator: Estimator | None = None) -> Loop:
         """Return the loop whose controllers are fed by an estimator, or by the measurement.
 
         Raises
         ------
         AmbkitError
-            The estimator does not settle to a gain.
+            The estimator does not settle to a gain, or the controllers need another.
         """
-        fed = self.fed_by(estimator)
-        inner = None if estimator is None else estimator_at(estimator, self.point)
         m = len(self.shown[0])
-        control = (
-            controller_of(fed[0], self.bearing) if self.machine is None
-            else controllers(fed, self.machine)
-        )  # fmt: skip
-        K = compensator(control, inner, self.shown, self.plant.outputs[:m])
+        pid = None if self.machine is not None else self.fed_by(estimator)[0]
+        if pid is not None and not needs_states(pid):
+            inner = None if estimator is None else estimator_at(estimator, self.point)
+            control, shown = controller_of(pid, self.bearing), self.shown
+        else:
+            inner, control, shown = self._by_states(estimator)
+        K = compensator(control, inner, shown, self.plant.outputs[:m])
         return Loop(self.plant, K, m, *self._summing())
+
+    def _by_states(
+        self, estimator: Estimator | None
+    ) -> tuple[LinearSystem | None, LinearSystem, Array]:
+        """Return estimator, controllers, and what these look at by the readings (q, m)."""
+        flown = self.flown_by(estimator)
+        control = controllers(flown, self.bearing, measured=estimator is None)
+        shown = flown.of_axes @ self.shown
+        if estimator is None:
+            return None, control, shown
+        rows = fed(flown, len(estimator.states), self.bearing.speed or 0.0)
+        return (
+            estimator_at(estimator, self.point, (rows, control.inputs[: len(rows)])),
+            control,
+            shown,
+        )
+
+    def static_compliance(self) -> float | None:
+        """Return the greatest deflection by a load at rest, if there were no integral [m/N].
+
+        None where the loop would be unstable then, and of a regulator, which has none.
+        """
+        if self.needs_estimate:
+            return None
+        pids = [pid.model_copy(update={"ki": 0.0}) for pid in self.pids().values()]
+        if self.machine is None:
+            loop = LoopOf(self.bearing, pids, point=self.point).loop()
+        else:
+            flown = self.flown_by(None)
+            without = [[kp, 0.0, *rest] for kp, _ki, *rest in flown.pids]
+            flown = replace(flown, pids=without)
+            loop = LoopOf(self.machine, self.control, point=self.point, flown=flown).loop()
+        if not loop.is_stable:
+            return None
+        return float(np.abs(np.diagonal(loop.compliance([0.0])[0])).max())
 
     def lqg(self) -> Loop:
         """Return the loop of the linear-quadratic-Gaussian controller that needs least control.
@@ -207,6 +327,25 @@ class LoopOf:
         noise = Noise(sensors, amplifiers, told.disturbance)
         K = LQG(self.plant, noise).compensator()
         return Loop(self.plant, K, len(sensors), *self._summing())
+
+    def hinf(self) -> Loop:
+        """Return the loop of H-infinity controllers, of each axis one for the axis alone.
+
+        Raises
+        ------
+        AmbkitError
+            What computes them is not installed.
+        """
+        each = []
+        for b in self.alone:
+            of = self if self.machine is None else LoopOf(b)
+            found = hinf(of.plant.select(["y"], ["u"]))
+            gain = b.sensor.gain  # it is fed by the position
+            each.append(replace(found, B=gain * found.B, D=gain * found.D))
+        names = [] if self.machine is None else list(self.axes)
+        K = beside_each_other(each, self.shown, names)
+        K = replace(K, inputs=(*self.plant.outputs[: len(self.shown[0])], *K.inputs[-len(each) :]))
+        return Loop(self.plant, K, len(self.shown[0]), *self._summing())
 
     def noise(self) -> tuple[list[float], list[float]]:
         """Return the variances of the measurements [m^2] and of the control signals [V^2]."""

@@ -18,18 +18,21 @@ from ambkit.estimate.adaptive_noise import AdaptiveNoise
 from ambkit.judge.loop.demands import (
     SIGMAS,
     Turned,
-    of_runout,
-    of_unbalance,
     orbit,
     pairs_of,
+    squares_of_coils,
     voltage,
 )
+from ambkit.judge.loop.heating import heating
 from ambkit.judge.loop.margins import BodeIntegral, bode_integral, grid, highest
 from ambkit.machine.machine import Machine
 from ambkit.machine.placed import Unbalance
+from ambkit.simulation.controllers import Control
 from ambkit.simulation.scenario import PID
-from ambkit.workflow.assessing import MEASUREMENT, given_estimators, given_load
+from ambkit.workflow.assessing import MEASUREMENT
+from ambkit.workflow.given import given_estimators, given_load
 from ambkit.workflow.loop_of import ZONES, LoopOf, zone_of
+from ambkit.workflow.orbiting import on_orbit
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
@@ -76,6 +79,9 @@ class OverSpeed(Shown):
         Greatest control current, likewise [A].
     voltage : ndarray (n, p) or None
         Greatest voltage of a coil without noise, of its limit [1]; None where there is none.
+    temperature : ndarray (n, p) or None
+        Of the hottest coil, where the machine stays at the speed [K], infinite where it runs away;
+        None where it is not known how all of them warm.
     integrals : dict of float to BodeIntegral
         The check, at rest, at the machine's speed, and at the greatest.
     """
@@ -92,6 +98,7 @@ class OverSpeed(Shown):
     orbit: Array
     current: Array
     voltage: Array | None
+    temperature: Array | None
     integrals: dict[float, BodeIntegral]
 
     @property
@@ -103,6 +110,18 @@ class OverSpeed(Shown):
     def current_limit(self) -> Array:
         """Greatest control current of each axis (p,) [A]."""
         return np.array([axis.bearing.amplifier.current_limit for axis in self.machine.axes])
+
+    @property
+    def hottest(self) -> tuple[float, float] | None:
+        """Greatest temperature of a coil [K], and at which speed [rad/s]; None: not known."""
+        return None if self.temperature is None else self._greatest(self.temperature)
+
+    @property
+    def temperature_limit(self) -> float | None:
+        """Least of the permitted temperatures of coils [K]; None: not known."""
+        coils = [axis.bearing.coil for axis in self.machine.axes]
+        limits = [coil.temperature_limit for coil in coils if coil is not None]
+        return min((each for each in limits if each is not None), default=None)
 
     @property
     def worst(self) -> tuple[float, float]:
@@ -153,6 +172,7 @@ class OverSpeed(Shown):
             "current": self.current.tolist(),
             "current_limit": self.current_limit.tolist(),
             "voltage_share": None if self.voltage is None else self.voltage.tolist(),
+            "coil_temperature": None if self.temperature is None else self.temperature.tolist(),
             "poles": [[[float(p.real), float(p.imag)] for p in each] for each in self.poles],
             "bode": [
                 {"speed": at, "integral": each.integral, "poles": each.poles, "holds": each.holds}
@@ -176,11 +196,12 @@ class OverSpeed(Shown):
 def assess_over_speed(
     machine: Machine,
     filter: Any = None,
-    controller: PID | None = None,
+    controller: PID | Control | None = None,
     *,
     fastest: Given | None = None,
     count: int = COUNT,
     load: Mapping[str, Given] | None = None,
+    orbit: bool = False,
 ) -> OverSpeed:
     """Look at a machine's loop over its speed of rotation, whose gyroscopics change it.
 
@@ -194,14 +215,17 @@ def assess_over_speed(
         The whole machine.
     filter : optional
         In the loop, as for `ambkit.assess`, one at most; None: the measurement alone.
-    controller : PID, optional
-        What is not said of it is tuned to each axis alone.
+    controller : PID or Control, optional
+        As for `ambkit.assess`; a regulator has the gains of the machine's own speed.
     fastest : float or str, optional
         Up to where [rad/s]; by default twice the machine's speed, or 1000 rad/s.
     count : int, optional
         Speeds, from rest on.
     load : mapping of str to float or str, optional
         Constant disturbance forces, by the names of the axes [N].
+    orbit : bool, optional
+        Whether the loop is linearised along the orbit of its unbalance at each speed, see
+        `ambkit.assess`.
 
     Returns
     -------
@@ -231,11 +255,12 @@ def assess_over_speed(
             f"one loop is looked at over speed: give one filter, not {len(estimators)}"
         )
     ((name, estimator),) = estimators.items() or [(MEASUREMENT, None)]
-    run = _Run(machine, estimator, controller, given_load(machine, load))
+    run = _Run(machine, estimator, controller, given_load(machine, load), orbit)
     speeds = np.linspace(0.0, fastest, count)
     each = [run.at(float(speed)) for speed in speeds]
     checked = sorted({0.0, fastest, *([machine.speed] if 0 < machine.speed < fastest else [])})
     volts = [one.voltage for one in each if one.voltage is not None]
+    warm = [one.temperature for one in each if one.temperature is not None]
     return OverSpeed(
         machine=machine,
         fed_by=name,
@@ -247,6 +272,7 @@ def assess_over_speed(
         orbit=np.array([one.orbit for one in each]),
         current=np.array([one.current for one in each]),
         voltage=np.array(volts) if len(volts) == count else None,
+        temperature=np.array(warm) if len(warm) == count else None,
         integrals={speed: bode_integral(run.loop(speed)[1]) for speed in checked},
     )
 
@@ -260,28 +286,37 @@ class _AtSpeed(NamedTuple):
     orbit: Array
     current: Array
     voltage: Array | None
+    temperature: Array | None
 
 
 class _Run:
     """A machine and its loop at one speed after the other."""
 
     def __init__(
-        self, machine: Machine, estimator: Estimator | None, controller: PID | None, load: Any
+        self,
+        machine: Machine,
+        estimator: Estimator | None,
+        controller: PID | Control | None,
+        load: Any,
+        orbit: bool,
     ) -> None:
         planes = tuple(
             Unbalance(place=place, amount=amount, angle=angle)
             for place, amount, angle in machine.unbalances()
         )
         self.machine = machine.model_copy(update={"unbalance": planes})
-        self.estimator = estimator
+        self.estimator, self.orbit = estimator, orbit
         of = LoopOf(self.machine, controller, load=load)
-        self.point, self.controllers, self.axes = of.point, of.fed_by(estimator), of.axes
+        self.point, self.axes, self.control = of.point, of.axes, of.control
+        self.flown = of.flown_by(estimator)
 
     def loop(self, speed: float) -> tuple[LoopOf, Loop]:
         """Return the loop at a speed [rad/s], and what it is of."""
         machine = self.machine.model_copy(update={"speed": speed})
-        of = LoopOf(machine, self.controllers, point=self.point)
+        of = LoopOf(machine, self.control, point=self.point, flown=self.flown)
         inner = None if self.estimator is None else told_speed(self.estimator, machine)
+        if self.orbit and speed:
+            of = on_orbit(of, inner)
         return of, of.loop(inner)
 
     def at(self, speed: float) -> _AtSpeed:
@@ -292,33 +327,41 @@ class _Run:
         p = loop.axes
         if not loop.is_stable:
             unknown = np.full(p, math.nan)
-            return _AtSpeed(unknown, math.nan, poles, unknown, unknown, unknown)
+            return _AtSpeed(unknown, math.nan, poles, unknown, unknown, unknown, unknown)
         f = grid(loop, COARSE, NEAR)
         f = np.unique(np.append(f, of.top))
         S, counts = loop.along_axes(f), f <= of.top
         peaks = [highest(partial(loop.of_axis, k), f[counts], S[counts, k, k])[0] for k in range(p)]
         sizes = np.linalg.norm(S, 2, axis=(1, 2))
         largest = highest(loop.largest_sensitivity, f, sizes)[0]
-        turned = of_runout(loop, of.bearing)
-        if speed and of.bearing.unbalance:
-            turned.append(of_unbalance(loop, of.bearing, self.point))
+        turned = of.turned(loop)
         return _AtSpeed(np.array(peaks), largest, poles, *self.asked(of, loop, turned))
 
     def asked(
         self, of: LoopOf, loop: Loop, turned: list[Turned]
-    ) -> tuple[Array, Array, Array | None]:
-        """Return displacement [m], current [A], and voltage of its limit [1] of each axis."""
+    ) -> tuple[Array, Array, Array | None, Array | None]:
+        """Return of each axis displacement [m], current [A], voltage [1] and temperature [K]."""
         p, pairs, point = loop.axes, pairs_of(of.bearing), self.point
         noise = np.sqrt(np.diag(loop.noise_covariance(*of.noise())))
         gains = np.array([b.amplifier.gain for b in of.alone])
         far = orbit(point.x, pairs) + SIGMAS * noise[:p]
         most = np.abs(point.iu) + SIGMAS * gains * noise[p:]
+        square = point.iu**2 + (gains * noise[p:]) ** 2
         for each in turned:
             far = far + orbit(each.x, pairs)
             most = most + np.abs(each.i)
+            square = square + np.abs(each.i) ** 2 / 2
         volts = [self.share(of, k, turned) for k in range(p)]
         known = [each for each in volts if each is not None]
-        return far, most, np.array(known) if len(known) == p else None
+        warm = [
+            heating(b, squares_of_coils(b, float(iu), float(mean)))
+            for b, iu, mean in zip(of.alone, point.iu, square, strict=True)
+        ]
+        temperatures = [each.temperature for each in warm if each is not None]
+        return (
+            far, most, np.array(known) if len(known) == p else None,
+            np.array(temperatures) if len(temperatures) == p else None,
+        )  # fmt: skip
 
     def share(self, of: LoopOf, axis: int, turned: list[Turned]) -> float | None:
         """Return the greatest voltage of an axis's coils, of its limit [1]."""

@@ -18,20 +18,17 @@ from ambkit.identification.excitation.signals import sparse_multisine
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
 from ambkit.models.linear import Complex
+from ambkit.simulation.controllers import Control
 from ambkit.simulation.flight import Disturbance as Load
 from ambkit.simulation.flight import Flight, Injection
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import PID, Scenario
-from ambkit.simulation.waveforms import Constant, Recorded
-from ambkit.workflow.assessing import (
-    AssessedAxis,
-    AssessedLoop,
-    Assessment,
-    assess,
-    given_estimators,
-    given_load,
-)
+from ambkit.simulation.waveforms import Constant, Recorded, Sine
+from ambkit.workflow.assessed_loop import AssessedAxis, AssessedLoop
+from ambkit.workflow.assessing import assess
+from ambkit.workflow.assessment import Assessment
+from ambkit.workflow.given import given_estimators, given_load
 from ambkit.workflow.loop_of import ZONES
 
 if TYPE_CHECKING:
@@ -180,13 +177,14 @@ class Sweep(Shown):
 def sweep(
     bearing: Bearing | Machine,
     filter: Any = None,
-    controller: PID | None = None,
+    controller: PID | Control | None = None,
     *,
     amplitudes: Sequence[Given] | None = None,
     kind: Kind = "multisine",
     axis: str | None = None,
     x: Given = 0.0,
     load: Given | Mapping[str, Given] = 0.0,
+    orbit: Given | bool = False,
 ) -> Sweep:
     """Sweep the simulated loop through the summing point at its measurement.
 
@@ -202,8 +200,9 @@ def sweep(
     filter : optional
         In the loop, as for `ambkit.assess`, one at most; None: the controller is fed by the
         measurement.
-    controller : PID, optional
-        What is not said of it is tuned to the bearing, or to each axis alone.
+    controller : PID or Control, optional
+        What is not said of it is tuned to the bearing, or to each axis alone; or how a machine is
+        controlled.
     amplitudes : sequence of float or str, optional
         Greatest values of what is added to the measurement [m]; by default 0.1 %, 1 % and 3 % of
         the air gap.
@@ -214,6 +213,9 @@ def sweep(
     x, load : float or str, optional
         Displacement [m] and constant load [N] at which it is done; of a machine only loads, by the
         names of its axes.
+    orbit : float, str or bool, optional
+        See `ambkit.assess`; a machine is simulated with the unbalance of that orbit, a bearing with
+        a load at its speed.
 
     Returns
     -------
@@ -229,7 +231,7 @@ def sweep(
     of_type(Bearing, Machine, bearing=bearing)
     if kind not in get_args(Kind):
         raise AmbkitError(f"kind must be one of {', '.join(get_args(Kind))}, is {kind!r}")
-    found = assess(bearing, filter, controller, x=x, load=load)
+    found = assess(bearing, filter, controller, x=x, load=load, orbit=orbit)
     name, loop = list(found.loops.items())[-1]
     if loop.worst is None:
         raise AmbkitError(f"{bearing.name}, controller fed by {name}: the loop is not stable")
@@ -294,11 +296,15 @@ class _Rig:
 
     def multisine(self, amplitude: float) -> Swept:
         """All frequencies at once."""
-        band = SLOWEST / (SIZE * self.T), 0.45 / self.T
-        signal = sparse_multisine(SIZE, self.T, band, per_decade=PER_DECADE["multisine"])
-        line = np.round(signal.frequencies * SIZE * self.T).astype(int)
-        part = self.look(amplitude * signal.values, line)
-        return self.swept(amplitude, signal.frequencies, [part])
+        speed = (self.found.bearing.speed or 0.0) / (2 * math.pi) if self.turns else 0.0
+        turn = abs(speed) * self.T
+        size = round(max(1, round(SIZE * turn)) / turn) if turn else SIZE  # whole turns
+        band = SLOWEST / (size * self.T), 0.45 / self.T
+        signal = sparse_multisine(size, self.T, band, per_decade=PER_DECADE["multisine"])
+        line = np.round(signal.frequencies * size * self.T).astype(int)
+        S, limited = self.look(amplitude * signal.values, line)
+        alone = _alone(line, round(size * turn))
+        return self.swept(amplitude, signal.frequencies[alone], [(S[alone], limited)])
 
     def stepped(self, amplitude: float) -> Swept:
         """One frequency after the other, each from rest."""
@@ -324,16 +330,27 @@ class _BearingRig(_Rig):
         super().__init__(found, filter, loop, 0)
         feedback = "estimate" if filter else "measurement"
         self.scenario = Scenario(
-            controller=found.controller.model_copy(update={"feedback": feedback}),
+            controller=found.of.fed_by(filter)[0].model_copy(update={"feedback": feedback}),
             noise=False,
             reference=Constant(value=x),
-            disturbance=Constant(value=load),
-        )
+            disturbance=Constant(value=load) if loop.of.point.orbit is None
+            else self._turning(loop, load),
+        )  # fmt: skip
+
+    def _turning(self, loop: AssessedLoop, load: float) -> Sine:
+        """Return the load that makes the orbit, about a constant one."""
+        bearing, orbit = self.found.bearing, loop.of.point.orbit
+        assert orbit is not None
+        f = bearing.speed / (2 * math.pi)
+        # Held over each sample as it is simulated; its phase does not matter.
+        force = abs(orbit.x[0] / loop.loop.compliance([f])[0, 0, 0])
+        return Sine(amplitude=float(force), frequency=f, offset=load)
 
     @property
     def turns(self) -> bool:
-        """Whether it has runout."""
-        return bool(self.found.bearing.speed and self.found.bearing.sensor.runout)
+        """Whether it has runout, or an orbit."""
+        b = self.found.bearing
+        return self.loop.of.point.orbit is not None or bool(b.speed and b.sensor.runout)
 
     def answer(self, added: Array, last: slice) -> tuple[Array, bool]:
         """Simulate the bearing."""
@@ -358,6 +375,7 @@ class _MachineRig(_Rig):
         self.flight = Flight(
             noise=False,
             feedback="estimate" if filter else "measurement",
+            control=found.of.control,
             disturbance=tuple(
                 Load(axis=name, force=Constant(value=force)) for name, force in load.items()
             ),
@@ -370,7 +388,7 @@ class _MachineRig(_Rig):
 
     def answer(self, added: Array, last: slice) -> tuple[Array, bool]:
         """Simulate the machine."""
-        of, shown = self.found.of, self.found.of.shown
+        of, shown = self.loop.of, self.loop.of.shown
         t = self.T * np.arange(len(added))
         signal = Recorded.model_construct(times=tuple(t.tolist()), values=tuple(added.tolist()))
         there = Injection.model_construct(axis=of.axes[self.axis], position=signal)
@@ -384,6 +402,19 @@ class _MachineRig(_Rig):
             u = b.amplifier.gain * run.record[f"u_{name}"][last]
             limited = limited or bool(((u >= b.current_max) | (u <= b.current_min)).any())
         return y @ shown[self.axis], limited
+
+
+def _alone(line: NDArray[np.int_], turns: int) -> NDArray[np.bool_]:
+    """Return which lines of a spectrum no other comes to by the rotation.
+
+    Along an orbit the magnets' stiffness swings with the rotation and its double, and passes what
+    is at one frequency on to others, so far away.
+    """
+    kept = np.ones(len(line), bool)
+    for away in (turns, 2 * turns) if turns else ():
+        beside = np.concatenate([line + away, np.abs(line - away)])
+        kept &= np.abs(line[:, None] - beside).min(axis=1) > 1
+    return kept
 
 
 def _refused(estimate: Estimate | None, last: slice) -> bool:

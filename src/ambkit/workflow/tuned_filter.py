@@ -294,7 +294,7 @@ def tune(
         kept,
         of_tried,
         max_sensitivity,
-        loop.controllers[0],
+        loop.fed_by(None)[0],
         tuple(warnings),
     )
 

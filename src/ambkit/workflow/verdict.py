@@ -9,7 +9,9 @@ from typing import NamedTuple
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.judge.loop.demands import ROOM
-from ambkit.workflow.assessing import Assessment
+from ambkit.judge.loop.heating import ZERO
+from ambkit.simulation.controllers import Control
+from ambkit.workflow.assessment import Assessment
 from ambkit.workflow.balance import grade_of
 from ambkit.workflow.loop_of import ZONE_A
 from ambkit.workflow.over_speed import OverSpeed
@@ -56,7 +58,6 @@ def verdict(found: Assessment, filter: str, over: OverSpeed | None = None) -> li
     axis = f", axis {worst.name}" if several else ""
     S = "the largest singular value" if several else "it"
     asked = [each.demands for each in all_of]
-    losses = [each.copper_loss for each in asked if each.copper_loss is not None]
     limits = [b.current_max for b in found.of.alone]
     nearest = max(range(len(asked)), key=lambda k: asked[k].current / limits[k])
     used, limit = asked[nearest].current, limits[nearest]
@@ -106,13 +107,68 @@ def verdict(found: Assessment, filter: str, over: OverSpeed | None = None) -> li
     lines += [
         Line("least harmonic load that comes to a limit",
              f"{least}, axis {frailest.name}" if several else least),
-        Line("copper loss", engineering(sum(losses), "W", 3) if losses else "resistance not known"),
+        *_of_coils(found, filter),
         *_of_balance(found, filter),
         Line("check: Bode's integral of ln|det S|",
              f"{loop.integral.integral:.8f}", f"{loop.integral.poles:.8f}, by the unstable poles",
              loop.integral.holds),
     ]  # fmt: skip
     return lines
+
+
+def _of_coils(found: Assessment, filter: str) -> list[Line]:
+    """Return copper loss and temperature of the coils, or what they need to be known."""
+    axes = found.loops[filter].axes
+    losses = [each.demands.copper_loss for each in axes.values()]
+    known = [each for each in losses if each is not None]
+    lines = [
+        Line("copper loss", engineering(sum(known), "W", 3) if known
+             else "not known: give the amplifier's resistance, of a coil")
+    ]  # fmt: skip
+    warm = {name: each.demands.heating for name, each in axes.items()}
+    if None in warm.values():
+        return [*lines, Line("coil temperature", f"not known: {NEEDED}")]
+    name, hottest = max(
+        ((name, each) for name, each in warm.items() if each is not None),
+        key=lambda one: one[1].temperature,
+    )
+    axis = f", axis {name}" if len(axes) > 1 else ""
+    lines.append(temperature_line(f"coil temperature{axis}", hottest.temperature, hottest.limit))
+    if hottest.until_limit is not None and 0 < hottest.until_limit < math.inf:
+        lines.append(Line("  from there on until the limit, at the greatest current",
+                          engineering(hottest.until_limit, "s", 3)))  # fmt: skip
+    return lines
+
+
+NEEDED = (
+    "give the amplifier's resistance, and under [coil] its thermal_resistance and temperature_limit"
+)
+"""What the temperature of coils is computed from."""
+
+
+def temperature_line(what: str, temperature: float, limit: float | None) -> Line:
+    """Return the line of a coil's temperature.
+
+    Parameters
+    ----------
+    what : str
+        What was looked at.
+    temperature : float
+        Of the coil [K]; infinite where it runs away.
+    limit : float, optional
+        That is permitted [K].
+    """
+    if math.isinf(temperature):
+        return Line(what, "runs away: a warmer coil loses more than is cooled away",
+                    "at rest" if limit is None else f"below {celsius(limit)}", False)  # fmt: skip
+    if limit is None:
+        return Line(what, celsius(temperature))
+    return Line(what, celsius(temperature), f"below {celsius(limit)}", temperature < limit)
+
+
+def celsius(temperature: float) -> str:
+    """Return a temperature [K] in degrees Celsius, as text."""
+    return f"{temperature - ZERO:.1f} °C"
 
 
 PIECES = {
@@ -134,6 +190,10 @@ def _of_run_up(over: OverSpeed) -> list[Line]:
              f"below {100 * limit:g} % for zone A", far < limit),
         Line("  in a slow run-up, current", f"{100 * used:.3g} % of its limit at {rpm(at)}",
              "below 100 %", used < 1),
+        *([] if over.hottest is None else [
+            temperature_line(f"  in a slow run-up, coil at {rpm(over.hottest[1])}",
+                             over.hottest[0], over.temperature_limit)
+        ]),
     ]  # fmt: skip
 
 
@@ -186,8 +246,21 @@ def facts(found: Assessment, filter: str) -> dict[str, str]:
             "speed": rpm(b.speed),
             "held by": ", ".join(f"{name} {engineering(float(iu), 'A', 3)}" for name, iu in held),
         }
+    orbit = found.loops[filter].of.point.orbit
+    if orbit is not None:
+        far = zip(found.of.axes, orbit.x, strict=True)
+        told["along the orbit of"] = ", ".join(
+            f"{engineering(float(abs(x)), 'm', 3)} ({name})" for name, x in far
+        )
     gains: dict[str, list[str]] = {}
-    for name, c in zip(found.of.axes, found.of.controllers, strict=True):
+    if found.of.machine is not None:
+        told |= _control(found.of.control)
+    for name, c in found.of.pids(found.estimators.get(filter)).items():
+        if c.type == "lqg":
+            told["control"] = c.type
+            continue
+        if c.feed_forward:
+            told["feed-forward"] = f"{c.feed_forward:g} of the estimated disturbance force"
         each = ((c.kp, "A/m"), (c.ki, "A/(m s)"), (c.kd, "A s/m"))
         said = ", ".join(f"{value:g} {unit}" for value, unit in each)
         gains.setdefault(f"{said}, derivative filter {engineering(c.derivative_filter, 's', 3)}",
@@ -201,6 +274,18 @@ def facts(found: Assessment, filter: str) -> dict[str, str]:
         f"{engineering(b.delay or 0.0, 's')}",
         "looked at up to": engineering(found.top, "Hz"),
     }
+
+
+def _control(control: Control) -> dict[str, str]:
+    """Return how a machine is controlled, where it is not one PID an axis."""
+    told: dict[str, str] = {}
+    if control.type != "decentralised":
+        told["control"] = control.type
+    if control.cross_feedback:
+        told["cross feedback"] = f"{control.cross_feedback:g} of the gyroscopic torques"
+    if control.unbalance != "fought":
+        told["unbalance"] = control.unbalance
+    return told
 
 
 def write_verdict(

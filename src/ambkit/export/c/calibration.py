@@ -88,7 +88,7 @@ def _fields(controller: Controller, name: str) -> dict[str, Any]:
     return {
         "control": Name(f"&{name}_control"),
         "exported": np.array(list(exported(controller).values())),
-        "pull": known - bias,
+        "carried": known - bias,
         "bias": bias,
         "as_printed": estimator.engine.as_printed,
     }

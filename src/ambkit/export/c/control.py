@@ -31,7 +31,7 @@ _PID = ("kp", "ki", "kd", "T_f", "T_t", "weight", "iu_min", "iu_max")
 _LAW = ("position", "velocity", "turning", "spread", "iu_min", "iu_max")
 _GAINS = ("fed_back", "fed_back_by_speed", "fed_back_by_square")
 _CONTROL = ("start", "start_by", "place", "down", "hold", "hold_by")
-_COUNTS = ("waiting", "lost", "overloaded", "rise", "fall")
+_COUNTS = ("waiting", "lost", "overloaded", "rise", "descent")
 
 
 class _Structs(NamedTuple):
@@ -157,14 +157,13 @@ def vectors(controller: Controller) -> Vectors:
         marks = told["mode"].astype(np.uint8) + USABLE * told["usable"].astype(np.uint8)
         marks += (FLY * scene.fly).astype(np.uint8)
         marks[0] += START if scene.taken_over is None else TAKEN
-        given = [
-            np.nan_to_num(each, nan=most, posinf=most / 2, neginf=-most / 2)
-            for each in (scene.y, scene.r)
-        ]
-        found.append((*given, np.hstack(parts).astype(float), told["status"], marks))
-        runs.append((scene.name, len(scene.y)))
-    y, r, expected, status, marks = (np.concatenate(each) for each in zip(*found, strict=True))
-    return Vectors(y, r, expected, status, marks, runs)
+        y = np.nan_to_num(scene.y, nan=most, posinf=most / 2, neginf=-most / 2)
+        r = np.nan_to_num(scene.r, nan=most, posinf=most / 2, neginf=-most / 2)
+        found.append((y, r, np.hstack(parts).astype(float), told["status"], marks))
+        runs.append((scene.name, len(y)))
+    joined = [np.concatenate(each) for each in zip(*found, strict=True)]
+    y, r, expected, status, marked = joined
+    return Vectors(y, r, expected, status, marked, runs)
 
 
 def coverage(controller: Controller, tested: Vectors) -> list[tuple[str, str]]:

@@ -135,7 +135,9 @@ def render(
             for f in core_files
             if f.endswith(("/exponential.h", "/root.h", "/crc.h")) and "/include/" in f
         ],
-        "cast_sources": _casts(kind, in_core, given, flown=controller is not None),
+        "cast_sources": _casts(
+            kind, in_core, given, flown=controller is not None, calibrated=calibrated
+        ),
         "selftest_sources": ("selftest/main.c", *selftest),
         "bound": _BOUND_OF_MACHINES if whole and precision == "float" else _BOUNDS[precision],
         **{key: told[key] for key in told if key != "arrays"},
@@ -433,12 +435,13 @@ def _hover(estimator: Estimator, precision: CPrecision) -> str:
 
 
 def _casts(
-    kind: Kind, in_core: InCore | None, given: bool, *, flown: bool = False
+    kind: Kind, in_core: InCore | None, given: bool, *, flown: bool, calibrated: bool
 ) -> tuple[str, ...]:
     """Return the files that cast from ``void *``, which MISRA C advises against."""
     stems = [] if given else [kind.source]
     if in_core is not None:
-        stems += ["estimator", *in_core.casts, *(["calibration", "control"] if flown else [])]
+        stems += ["estimator", *in_core.casts, *(["control"] if flown else [])]
+        stems += ["calibration"] if calibrated else []
     return tuple(f"core/src/{stem}.c" for stem in sorted(stems))
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _UNUSED = int(Status.MISSING | Status.FROZEN | Status.OUTLIER)
-_UNSURE = int(Status.HELD | Status.RESTARTED | Status.BAD_PARAMETER | Status.BAD_VARIANCE)
+_UNSURE = int(Status.HELD | Status.RESTARTED | Status.BAD_PARAMETER)
 
 
 class Vectors(NamedTuple):

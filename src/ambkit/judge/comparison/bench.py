@@ -17,9 +17,10 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.comparison.bound import bearing_bound
 from ambkit.judge.comparison.cases import Case, Trial, trials
 from ambkit.judge.comparison.contenders import Contender
-from ambkit.judge.comparison.criteria import CRITERIA, SETTLING, evaluate_run
+from ambkit.judge.comparison.criteria import CRITERIA, OF_THE_LOOP, SETTLING, evaluate_run
 from ambkit.judge.comparison.tuning import SIGNALS, Tuning, errors, tune
 from ambkit.machine.magnets import own_time
+from ambkit.simulation.many import simulate_many
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
@@ -55,7 +56,7 @@ class Standing:
     name: str
     label: str
     values: Mapping[str, float]
-    figures: Mapping[str, Array]
+    figures: dict[str, Array]
     tuning: Tuning | None = None
 
     def mean(self, criterion: str) -> float:
@@ -233,32 +234,24 @@ def bench(
 
             tuned = dict(zip(field, pool.map(search, field.values()), strict=True))
 
-        def evaluated(contender: Contender, tuning: Tuning | None) -> Standing:
+        def evaluated(which: tuple[Contender, Tuning | None]) -> Standing:
+            contender, tuning = which
             values = dict(tuning.values) if tuning else contender.defaults
-
-            def one(trial: Trial) -> dict[str, float]:
-                return evaluate_run(
-                    contender.build(**values),
-                    trial,
-                    bearing,
-                    settling,
-                    in_loop=contender.in_loop,
-                )
-
-            results = list(pool.map(one, valid))
-            figures = {name: np.array([r[name] for r in results]) for name in results[0]}
-            cost = _cost(contender.build(**values), valid[0])
-            figures["cost"] = np.full(len(valid), cost)
+            figures = _figures(contender, values, valid, bearing, settling)
             done()
             return Standing(contender.name, contender.label, values, figures, tuning)
 
+        def standings(found: Mapping[str, Tuning] | None) -> dict[str, Standing]:
+            each = [(c, None if found is None else found[n]) for n, c in field.items()]
+            judged = dict(zip(field, pool.map(evaluated, each), strict=True))
+            for name, standing in judged.items():  # when nothing else goes on
+                cost = _cost(field[name].build(**standing.values), valid[0])
+                standing.figures["cost"] = np.full(len(valid), cost)
+            return judged
+
         wanted = ("default", "tuned") if only is None else only
-        default = {n: evaluated(c, None) for n, c in field.items()} if "default" in wanted else {}
-        better = (
-            {n: evaluated(c, tuned[n]) for n, c in field.items()}
-            if tuned and "tuned" in wanted
-            else {}
-        )
+        default = standings(None) if "default" in wanted else {}
+        better = standings(tuned) if tuned and "tuned" in wanted else {}
     return Bench(
         bearing=bearing,
         case=case,
@@ -276,6 +269,30 @@ def bench(
 def pieces(field: Mapping[str, object], budget: int) -> int:
     """Return how often `bench` calls `done`."""
     return len(field) * (3 if budget else 1)
+
+
+def _figures(
+    contender: Contender,
+    values: Mapping[str, float],
+    valid: Sequence[Trial],
+    bearing: Bearing,
+    settling: float,
+) -> dict[str, Array]:
+    """Judge an estimator along the records and, where it can be there, in the loops, (runs,)."""
+    if not contender.in_loop:
+        rows = [evaluate_run(contender.build(**values), t, bearing, settling) for t in valid]
+        return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    # One for all runs, each of which it begins afresh.
+    estimator = contender.build(**values)
+    rows = [evaluate_run(estimator, trial, bearing, settling) for trial in valid]
+    figures = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    looped = simulate_many([t.planned(estimator) for t in valid], settling=settling, threads=1)
+    touched = looped.figures["touched"] > 0
+    for name, of in OF_THE_LOOP.items():
+        figures[name] = np.where(touched, np.nan, looped.figures[of])
+    figures["settling"][np.isinf(figures["settling"])] = np.nan
+    figures["lost"] = np.maximum(figures["lost"], touched)
+    return figures
 
 
 def _pool(threads: int) -> Any:

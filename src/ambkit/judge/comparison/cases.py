@@ -8,8 +8,8 @@ of half of the travel is 0.5 mm, and 0.6 of the weight is 3 N.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +21,8 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.comparison.spread import CERTAIN, Spread
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.magnets import magnet_of, own_time
-from ambkit.simulation.run import Imposed, Run, samples, simulate_run
+from ambkit.simulation.many import Planned
+from ambkit.simulation.run import Imposed, samples, simulate
 from ambkit.simulation.scenario import PID, Scenario
 from ambkit.simulation.waveforms import Constant, Sequence, Sine, Step
 
@@ -115,12 +116,17 @@ class Trial:
     imposed: Imposed
     magnet: MagnetModel | None
     record: Record
+    _periods: dict[int, int] = field(default_factory=dict, repr=False)
 
-    def with_estimator(self, estimator: Estimator) -> Run:
-        """Repeat the run with another estimator in the loop."""
-        return simulate_run(
-            self.plant, self.scenario, estimator=estimator, magnet=self.magnet, imposed=self.imposed
-        )
+    def period(self, first: int) -> int:
+        """Return the `period_of` the load from a sample on; sought once."""
+        if first not in self._periods:
+            self._periods[first] = period_of(self.record["f_d"][first:])
+        return self._periods[first]
+
+    def planned(self, estimator: Estimator) -> Planned:
+        """Return the same run with another estimator in the loop."""
+        return Planned(self.plant, self.scenario, estimator, self.magnet, self.imposed)
 
     @property
     def lost(self) -> bool:
@@ -129,7 +135,18 @@ class Trial:
 
 
 def trials(case: Case, bearing: Bearing, runs: int, seed: int) -> list[Trial]:
-    """Make the records of a case.
+    """Make the records of a case, see `each_trial`.
+
+    Parameters
+    ----------
+    case, bearing, runs, seed
+        As there.
+    """
+    return list(each_trial(case, bearing, runs, seed))
+
+
+def each_trial(case: Case, bearing: Bearing, runs: int, seed: int) -> Iterator[Trial]:
+    """Make the records of a case, one after another.
 
     Parameters
     ----------
@@ -142,9 +159,9 @@ def trials(case: Case, bearing: Bearing, runs: int, seed: int) -> list[Trial]:
     seed : int
         Of the points of what is uncertain, and of all noise.
 
-    Returns
-    -------
-    list of Trial
+    Yields
+    ------
+    Trial
         In the order of the points; the first are the same however many there are.
 
     Raises
@@ -154,7 +171,7 @@ def trials(case: Case, bearing: Bearing, runs: int, seed: int) -> list[Trial]:
     """
     nominal = case.spread == CERTAIN and case.magnet_constant == 1.0
     fixed = _magnet(case, bearing, bearing) if nominal else None
-    made = []
+    known = KalmanFilter(bearing)
     for run, factors in enumerate(case.spread.factors(runs, seed)):
         plant = factors.plant(bearing)
         if case.magnet_constant != 1.0:
@@ -164,11 +181,8 @@ def trials(case: Case, bearing: Bearing, runs: int, seed: int) -> list[Trial]:
         scenario = scenario.model_copy(update={"seed": 1000 * seed + run})
         imposed, walk = _imposed(case, bearing, plant, scenario)
         magnet = fixed if nominal else _magnet(case, plant, bearing)
-        first = simulate_run(
-            plant, scenario, estimator=KalmanFilter(bearing), magnet=magnet, imposed=imposed
-        )
-        made.append(Trial(plant, scenario, imposed, magnet, _with_walk(first.record, walk)))
-    return made
+        record = simulate(plant, scenario, estimator=known, magnet=magnet, imposed=imposed)
+        yield Trial(plant, scenario, imposed, magnet, _with_walk(record, walk))
 
 
 def _imposed(
@@ -208,6 +222,34 @@ def _with_walk(record: Record, walk: Array | None) -> Record:
     if walk is None:
         return record
     return replace(record, signals={**record.signals, "f_d": walk})
+
+
+def period_of(signal: Array) -> int:
+    """Return after how many samples a signal comes again; its length where it does not.
+
+    Parameters
+    ----------
+    signal : ndarray (n,)
+        Such as a load.
+    """
+    from scipy.signal import correlate
+
+    n = signal.size
+    s = signal - signal.mean()
+    squares = np.concatenate([[0.0], np.cumsum(s**2)])
+    if not squares[-1] > 0:
+        return n
+    lags = np.arange(n // 2)
+    energy = np.sqrt((squares[n] - squares[lags]) * squares[n - lags])
+    alike = correlate(s, s, method="fft")[n - 1 :][: n // 2] / np.maximum(energy, 1e-300)
+    apart = np.flatnonzero(alike < 0.5)
+    if apart.size == 0:
+        return n
+    again = apart[0] + np.flatnonzero(alike[apart[0] :] > 0.95)
+    if again.size == 0:
+        return n
+    end = again[0] + int(np.argmin(np.append(alike[again[0] :], 0.0) > 0.95))
+    return int(again[0] + np.argmax(alike[again[0] : max(end, again[0] + 1)]))
 
 
 def saturating(bearing: Bearing) -> Force:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations_with_replacement
+from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -91,10 +91,17 @@ CRITERIA = {
 """All criteria by name."""
 
 
+OF_THE_LOOP = {
+    "tracking": "tracking_rms", "effort": "effort", "overshoot": "overshoot",
+    "settling": "settling",
+}  # fmt: skip
+"""What is judged in the loop, and what :data:`ambkit.simulation.many.FIGURES` calls it."""
+
+
 def evaluate_run(
-    estimator: Any, trial: Trial, bearing: Bearing, settling: float, *, in_loop: bool
+    estimator: Any, trial: Trial, bearing: Bearing, settling: float
 ) -> dict[str, float]:
-    """Run an estimator along a trial's record, and in its loop, and judge both.
+    """Run an estimator along a trial's record, and judge it.
 
     Parameters
     ----------
@@ -106,13 +113,11 @@ def evaluate_run(
         What the estimator assumes.
     settling : float
         What does not count at the start [s].
-    in_loop : bool
-        Whether it can close the loop.
 
     Returns
     -------
     dict of str to float
-        By the names of `CRITERIA`, in SI, without the cost.
+        By the names of `CRITERIA`, in SI, without the cost; what is judged in the loop is NaN.
     """
     record = trial.record
     first = max(1, round(settling / record.sampling_time))
@@ -130,13 +135,9 @@ def evaluate_run(
         )
         figures["nees"] = nees(estimate, record, first)
         figures |= _innovations(estimate, first)
-        figures["delay"] = delay(estimate.f_d[first:], record["f_d"][first:], record.sampling_time)
-    if in_loop:
-        closed = trial.with_estimator(estimator).record
-        if closed.meta["stop_touched"]:
-            lost = True
-        else:
-            figures |= loop_figures(closed, bearing.amplifier.gain, first)
+        figures["delay"] = delay(
+            estimate.f_d[first:], record["f_d"][first:], record.sampling_time, trial.period(first)
+        )
     figures["lost"] = float(lost)
     return figures
 
@@ -179,31 +180,39 @@ def normalised_errors(estimate: Estimate, record: Record) -> Array:
     """
     if estimate.covariance is None:
         return np.full(len(record), np.nan)
-    upper = np.asarray(estimate.covariance, dtype=float)
+    upper = np.asarray(estimate.covariance, dtype=float).T
     places = [estimate.names.index(name) for name in EVALUATED]
-    P = np.empty((len(record), 3, 3))
-    for i, j in combinations_with_replacement(range(3), 2):
+
+    def P(i: int, j: int) -> Array:
         low, high = sorted((places[i], places[j]))
-        P[:, i, j] = P[:, j, i] = upper[:, packed(low, high, len(estimate.states))]
+        return np.asarray(upper[packed(low, high, len(estimate.states))])
+
     with np.errstate(invalid="ignore", divide="ignore"):
-        std = np.sqrt(np.einsum("kii->ki", P))
-        # In standard deviations, so that what is inverted is a correlation matrix.
-        C = P / (std[:, :, None] * std[:, None, :])
-        e = np.column_stack([estimate[name] - record[name] for name in EVALUATED]) / std
-    found = np.full(len(record), np.nan)
-    valid = np.isfinite(C).all(axis=(1, 2)) & np.isfinite(e).all(axis=1)
-    valid[valid] = np.linalg.det(C[valid]) > 0
-    solved = np.linalg.solve(C[valid], e[valid][..., None])[..., 0]
-    found[valid] = np.einsum("ki,ki->k", e[valid], solved)
-    return found
+        std = [np.sqrt(P(i, i)) for i in range(3)]
+        # In standard deviations, so that what is inverted is a correlation matrix; by its minors.
+        a, b, c = (P(i, j) / (std[i] * std[j]) for i, j in ((0, 1), (0, 2), (1, 2)))
+        x, v, f = (
+            (estimate[name] - record[name]) / each
+            for name, each in zip(EVALUATED, std, strict=True)
+        )
+        determinant = 1 + 2 * a * b * c - a * a - b * b - c * c
+        squares = (1 - c * c) * x * x + (1 - b * b) * v * v + (1 - a * a) * f * f
+        mixed = (b * c - a) * x * v + (a * c - b) * x * f + (a * b - c) * v * f
+        found = (squares + 2 * mixed) / determinant
+    return np.asarray(np.where((determinant > 0) & np.isfinite(found), found, np.nan))
 
 
 def nees(estimate: Estimate, record: Record, first: int) -> float:
     """Share of samples from `first` on whose NEES is within its bound; NaN without covariances."""
+    found = normalised_errors(estimate, record)[first:]
+    return float(np.mean(found <= _nees_bound())) if np.isfinite(found).all() else np.nan
+
+
+@cache
+def _nees_bound() -> float:
     from scipy.stats import chi2
 
-    found = normalised_errors(estimate, record)[first:]
-    return float(np.mean(found <= chi2.ppf(0.95, 3))) if np.isfinite(found).all() else np.nan
+    return float(chi2.ppf(0.95, 3))
 
 
 def _innovations(estimate: Estimate, first: int) -> dict[str, float]:
@@ -220,7 +229,7 @@ def _innovations(estimate: Estimate, first: int) -> dict[str, float]:
     }
 
 
-def delay(estimated: Array, true: Array, T: float) -> float:
+def delay(estimated: Array, true: Array, T: float, period: int) -> float:
     """How late a signal is [s]: the lag of the greatest correlation with the truth.
 
     Found between the samples by a parabola through the three around it. NaN where the truth never
@@ -232,12 +241,14 @@ def delay(estimated: Array, true: Array, T: float) -> float:
         The signal as estimated and as it was.
     T : float
         Sampling time [s].
+    period : int
+        See `period_of` the truth.
     """
     from scipy.signal import correlate
 
     n = estimated.size
     # Of a load that comes again and again nobody can tell more than half of its period.
-    furthest = min(n // 8, _period(true) // 2)
+    furthest = min(n // 8, period // 2)
     if n < 16 or not np.isfinite(estimated).all():
         return float("nan")
     # The same stretch of the estimate for all lags, against the truth so much earlier: with a
@@ -261,60 +272,3 @@ def delay(estimated: Array, true: Array, T: float) -> float:
     bend = before - 2 * peak + after
     between = 0.5 * (before - after) / bend if bend < 0 else 0.0
     return float((at + np.clip(between, -0.5, 0.5)) * T)
-
-
-def _period(signal: Array) -> int:
-    """Return after how many samples a signal comes again; its length where it does not."""
-    from scipy.signal import correlate
-
-    n = signal.size
-    s = signal - signal.mean()
-    squares = np.concatenate([[0.0], np.cumsum(s**2)])
-    if not squares[-1] > 0:
-        return n
-    lags = np.arange(n // 2)
-    energy = np.sqrt((squares[n] - squares[lags]) * squares[n - lags])
-    alike = correlate(s, s, method="fft")[n - 1 :][: n // 2] / np.maximum(energy, 1e-300)
-    apart = np.flatnonzero(alike < 0.5)
-    if apart.size == 0:
-        return n
-    again = apart[0] + np.flatnonzero(alike[apart[0] :] > 0.95)
-    if again.size == 0:
-        return n
-    end = again[0] + int(np.argmin(np.append(alike[again[0] :], 0.0) > 0.95))
-    return int(again[0] + np.argmax(alike[again[0] : max(end, again[0] + 1)]))
-
-
-def loop_figures(record: Record, gain: float, first: int) -> dict[str, float]:
-    """Control error, control effort and step response of a closed loop.
-
-    Parameters
-    ----------
-    record : Record
-        The closed loop.
-    gain : float
-        Of the amplifier [A/V].
-    first : int
-        The first sample that counts.
-    """
-    r, x = record["r"], record["x"]
-    figures = {
-        "tracking": rms((r - x)[first:]),
-        "effort": gain * rms(np.diff(record["u"][first:])),
-    }
-    steps = np.flatnonzero(np.diff(r)) + 1
-    if steps.size == 0:
-        return figures
-    start = int(steps[-1])
-    later = np.flatnonzero(np.diff(record["f_d"][start:]) != 0)
-    # A load that never rests leaves no step response to be seen.
-    stop = start + int(later[0]) + 1 if later.size else len(record)
-    if later.size > 1 or stop - start < 50:
-        return figures
-    height = float(r[start] - r[start - 1])
-    way = (x[start:stop] - r[start]) / height  # -1 before, 0 there
-    outside = np.flatnonzero(np.abs(way) > 0.05)
-    figures["overshoot"] = max(0.0, float(way.max()))
-    if outside.size and outside[-1] < way.size - 1:
-        figures["settling"] = float((outside[-1] + 1) * record.sampling_time)
-    return figures

@@ -18,9 +18,9 @@ from ambkit.judge.comparison.cases import (
     STEPS,
     Case,
     Trial,
+    each_trial,
     saturating,
     step_case,
-    trials,
     walk_case,
 )
 from ambkit.judge.comparison.contenders import Contender, contenders
@@ -156,7 +156,7 @@ def study(
         bearing, case, field, runs=runs, budget=budget, seed=seed, threads=threads,
         done=lambda: done(f"case {case.name}"),
     )  # fmt: skip
-    first = next(t for t in trials(case, bearing, runs, seed) if not t.lost)
+    first = next(t for t in each_trial(case, bearing, runs, seed) if not t.lost)
     if not whole:
         return Study(main, field, first)
     tuned = {name: s.tuning for name, s in main.tuned.items() if s.tuning is not None}
@@ -214,10 +214,22 @@ def across(
     bearing, names, runs, budget, seed, threads, magnets, done
         See `study`.
     """
+    given = dict(magnets or {})
+    asked = [name for name in names if name not in given]
+    maps: list[tuple[Case, dict[str, MagnetModel]]] = []
+
+    def known(case: Case) -> dict[str, MagnetModel]:
+        """What is learned for one case serves all that learn from the same magnet."""
+        for other, found in maps:
+            if (other.saturates, other.magnet) == (case.saturates, case.magnet):
+                return found
+        maps.append((case, learned(case, bearing, asked)))
+        return maps[-1][1]
+
     return Benches(
         (name, study(
             bearing, case, names, runs=runs, budget=budget, seed=seed, threads=threads,
-            magnets=magnets, whole=False, done=done,
+            magnets=known(case) | given, whole=False, done=done,
         ).bench)
         for name, case in cases.items()
     )  # fmt: skip

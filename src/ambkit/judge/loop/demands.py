@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.judge.loop.heating import Heating, heating
 from ambkit.machine.bank import alone_of, weights_of
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import magnet_of
@@ -80,7 +81,9 @@ class Demands:
     current : float
         Greatest control current, likewise [A].
     copper_loss : float or None
-        In the coils [W]; None where the resistance is not known.
+        In the coils [W], warm where it is known how they warm; None without a resistance.
+    heating : Heating or None
+        How warm they become; None where it is not known.
     capacity : Capacity
         What load it bears beside.
 
@@ -94,6 +97,7 @@ class Demands:
     clearance: float
     current: float
     copper_loss: float | None
+    heating: Heating | None
     capacity: Capacity
 
     @property
@@ -150,13 +154,29 @@ def demands(
     capacities = _capacities(loop, of, point, displacement, swing)
     found = []
     for k, b in enumerate(alone):
-        i0, R = b.magnet.bias_current, b.amplifier.resistance
-        two = b.magnet.type == "two-sided"
-        whole = 2 * (i0**2 + square[k]) if two else (i0 + iu[k]) ** 2 + square[k] - iu[k] ** 2
-        loss = None if R is None else float(R * whole)
+        R, coils = b.amplifier.resistance, squares_of_coils(b, float(iu[k]), float(square[k]))
+        warm = heating(b, coils)
+        loss = None if R is None else R * sum(coils) if warm is None else warm.loss
         far, most = float(displacement[k]), float(abs(iu[k]) + swing[k])
-        found.append(Demands(far, b.rotor.travel_limit, most, loss, capacities[k]))
+        found.append(Demands(far, b.rotor.travel_limit, most, loss, warm, capacities[k]))
     return found
+
+
+def squares_of_coils(bearing: Bearing, iu: float, square: float) -> list[float]:
+    """Return the mean squares of the currents of an axis's coils [A^2].
+
+    Parameters
+    ----------
+    bearing : Bearing
+        The axis.
+    iu : float
+        Mean of the control current [A].
+    square : float
+        Its mean square [A^2].
+    """
+    swinging = square - iu**2
+    sides = (1.0, -1.0) if bearing.magnet.type == "two-sided" else (1.0,)
+    return [(bearing.magnet.bias_current + side * iu) ** 2 + swinging for side in sides]
 
 
 def _capacities(

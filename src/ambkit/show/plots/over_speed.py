@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ambkit.base.escaping import markdown
 from ambkit.judge.loop.demands import ROOM
+from ambkit.judge.loop.heating import ZERO
 from ambkit.show.plots.assessment import LOOKS
 from ambkit.show.plots.campbell import SPEED
 from ambkit.show.report.figure import Figure, Panel
@@ -54,6 +55,10 @@ class _OverSpeed(Protocol):
     def current_limit(self) -> Vector: ...
     @property
     def voltage(self) -> Vector | None: ...
+    @property
+    def temperature(self) -> Vector | None: ...
+    @property
+    def temperature_limit(self) -> float | None: ...
 
 
 def over_speed_figure(found: _OverSpeed, zones: Sequence[tuple[str, float]]) -> Figure:
@@ -135,13 +140,21 @@ def run_up_figure(found: _OverSpeed) -> Figure:
                 SPEED, _share("voltage, of its limit", found.voltage, 1.1), volts, title="Voltage"
             )
         )
+    if found.temperature is not None:
+        warm: list[Item] = []
+        if found.temperature_limit is not None:
+            warm.append(Rule(found.temperature_limit - ZERO, signal="limit", label="limit"))
+        kept = np.where(np.isfinite(found.temperature), found.temperature - ZERO, np.nan)
+        highest = max(np.nanmax(kept, initial=0.0), (found.temperature_limit or ZERO) - ZERO)
+        axis = Axis("temperature of a coil", "°C", limits=(0.0, 1.1 * float(highest)))
+        panels.append(Panel(SPEED, axis, [*warm, *_of_axes(found, kept)], title="Coils"))
     return Figure(
         "run-up",
         f"{markdown(found.machine.name)}: run-up through its unbalance, controllers fed by "
         f"{found.fed_by}",
         "What holds the rotor, unbalance and runout, and three times the noise's rms, of the "
-        "voltage without noise; linear, at each speed long enough to settle. Zones after "
-        "ISO 14839-2.",
+        "voltage without noise; linear, at each speed long enough to settle, also of the coils' "
+        "temperature. Zones after ISO 14839-2.",
         panels,
         columns=len(panels),
         panel_height=2.8,

@@ -1,14 +1,11 @@
-"""Plant and controller of a loop as linear systems, at a work point: of one axis, or of several.
-
-The control signals u [V] are what goes between them; an estimator is fed with those that go out.
-"""
+"""The plant of a loop as a linear system, at a work point: of one axis, or of several."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -26,20 +23,48 @@ from ambkit.simulation.plant import Plant
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing, Sensor
-    from ambkit.models.model import Array
     from ambkit.models.plan import Part
+
+TURN = 64
+"""Angles over which means are taken along an orbit."""
 
 POSITION, VELOCITY = Signal("position", "m"), Signal("velocity", "m/s")
 
 
-class WorkPoint(NamedTuple):
-    """Where a loop is linearised: control current [A] and displacement [m].
+class Orbit(NamedTuple):
+    """What turns about a work point: complex amplitudes, of ``Re(amplitude e^(j angle))``.
 
     Numbers of one axis; of a whole machine arrays (p,), one for each axis.
     """
 
     iu: Any
+    """Of the current that flows [A]."""
     x: Any
+    """Of the displacement [m]."""
+    demanded: Any
+    """Of the current that is demanded [A]."""
+
+
+class WorkPoint(NamedTuple):
+    """Where a loop is linearised: control current [A] and displacement [m].
+
+    Numbers of one axis; of a whole machine arrays (p,), one for each axis. With an orbit about it
+    the tangents are their means over a turn: the first term of the harmonic series of a loop whose
+    stiffness swings with the rotation (Wereley 1991).
+    """
+
+    iu: Any
+    x: Any
+    orbit: Orbit | None = None
+
+    def along_orbit(self) -> list[tuple[Any, Any]]:
+        """Return currents [A] and displacements [m] of each axis over a turn; of a rest one."""
+        turn = np.exp(2j * np.pi * np.arange(TURN) / TURN)
+        swing = self.orbit
+        if swing is None:
+            swing, turn = Orbit(0.0 * self.iu, 0.0 * self.x, None), np.ones(1, complex)
+        each = zip(*map(np.atleast_1d, (self.iu, self.x, swing.iu, swing.x)), strict=True)
+        return [(iu + np.real(i * turn), x + np.real(far * turn)) for iu, x, i, far in each]
 
     @classmethod
     def hovering(cls, bearing: Bearing, x: float = 0.0, load: float = 0.0) -> WorkPoint:
@@ -201,157 +226,7 @@ def _linear(
 ) -> LinearSystem:
     """Return the parts of a plant with its magnets' tangents at a work point."""
     k_i, k_s = np.array([
-        [float(k) for k in magnet_of(b).tangent(float(iu), float(x))]
-        for b, iu, x in zip(
-            alone_of(of), np.atleast_1d(point.iu), np.atleast_1d(point.x), strict=True
-        )
+        [float(np.mean(k)) for k in magnet_of(b).tangent(iu, x)]
+        for b, (iu, x) in zip(alone_of(of), point.along_orbit(), strict=True)
     ]).T  # fmt: skip
     return linearised(parts, of.sampling_time, k_i, k_s, continuous=continuous)
-
-
-class _Gains(Protocol):
-    """What is known of a PID: `ambkit.simulation.scenario.PID`, or what is to become one."""
-
-    @property
-    def kp(self) -> float: ...
-    @property
-    def ki(self) -> float: ...
-    @property
-    def kd(self) -> float: ...
-    @property
-    def derivative_filter(self) -> float: ...
-    @property
-    def setpoint_weight(self) -> float: ...
-    @property
-    def feedback(self) -> str: ...
-
-
-def controller(pid: _Gains, bearing: Bearing) -> LinearSystem:
-    """Return the controller as ``core/src/controller.c`` computes it, within its limits.
-
-    Parameters
-    ----------
-    pid : PID
-        Its gains; ``feedback`` says whether it is fed by the measurement or by an estimate.
-    bearing : Bearing
-        Gives sampling time, sensor gain and amplifier gain.
-
-    Returns
-    -------
-    LinearSystem
-        Inputs ``position`` [m] and, with an estimate, ``velocity`` [m/s], then the reference ``r``
-        [m]; output ``u`` [V].
-
-    Raises
-    ------
-    AmbkitError
-        It is none, but a regulator, or takes the estimated load back.
-    """
-    if getattr(pid, "type", "pid") != "pid" or getattr(pid, "feed_forward", 0):
-        raise AmbkitError(
-            f'{bearing.name}: margins are those of a PID; controller.type must be "pid" and '
-            "controller.feed_forward 0"
-        )
-    T, measured = bearing.sampling_time, pid.feedback == "measurement"
-    names = ["integral"] if pid.ki > 0 else []
-    names += ["derivative", "last"] if measured else []
-    units = {"integral": "A", "derivative": "m/s", "last": "m"}
-    inputs = (POSITION, *(() if measured else (VELOCITY,)), Signal("r", "m"))
-    at = {name: k for k, name in enumerate(names)}
-    n, m = len(names), len(inputs)
-    A, B, C, D = np.zeros((n, n)), np.zeros((n, m)), np.zeros((1, n)), np.zeros((1, m))
-    D[0, 0], D[0, -1] = -pid.kp, pid.kp * pid.setpoint_weight
-    if "integral" in at:
-        k = at["integral"]
-        A[k, k] = C[0, k] = 1.0
-        B[k, 0], B[k, -1] = -T * pid.ki, T * pid.ki
-    if measured:
-        # velocity += ((x - last) - T velocity)/(T_f + T), and then last = x
-        d, last, share = at["derivative"], at["last"], 1 / (pid.derivative_filter + T)
-        A[d, d], A[d, last], B[d, 0], B[last, 0] = 1 - T * share, -share, share, 1.0
-        C -= pid.kd * A[d]
-        D[0, 0] -= pid.kd * share
-    else:
-        D[0, 1] = -pid.kd
-    volts = 1 / bearing.amplifier.gain
-    return LinearSystem(
-        A, B, volts * C, volts * D, T, tuple(Signal(name, units[name]) for name in names), inputs,
-        (Signal("u", "V"),),
-    )  # fmt: skip
-
-
-def controllers(pids: Sequence[_Gains], machine: Machine) -> LinearSystem:
-    """Return the controllers of a machine's axes beside each other, see `controller`.
-
-    Parameters
-    ----------
-    pids : sequence of PID (p,)
-        Of each axis; all fed by the measurement, or all by an estimate.
-    machine : Machine
-        Gives sampling time and gains.
-
-    Returns
-    -------
-    LinearSystem
-        Inputs the positions of all axes [m], with an estimate their velocities [m/s], then the
-        references [m]; outputs the control signals [V].
-    """
-    from scipy.linalg import block_diag
-
-    each = [controller(pid, b) for pid, b in zip(pids, alone_of(machine), strict=True)]
-    names = [axis.name for axis in machine.axes]
-    kinds, p = each[0].inputs, len(each)
-    order = [k + len(kinds) * axis for k in range(len(kinds)) for axis in range(p)]
-    A, B, C, D = (block_diag(*(getattr(one, name) for one in each)) for name in "ABCD")
-    states = [
-        Signal(f"{at.name}_{name}", at.unit)
-        for name, one in zip(names, each, strict=True) for at in one.states
-    ]  # fmt: skip
-    inputs = [signal for kind in kinds for signal in of_axes(kind, names)]
-    return LinearSystem(
-        A, B[:, order], C, D[:, order], machine.sampling_time, tuple(states), tuple(inputs),
-        of_axes(Signal("u", "V"), names),
-    )  # fmt: skip
-
-
-def compensator(
-    control: LinearSystem,
-    estimator: LinearSystem | None,
-    shown: Array,
-    readings: Sequence[Signal] = (Signal("y", "m"),),
-) -> LinearSystem:
-    """Return controllers and estimator together, from the measurements to u.
-
-    Parameters
-    ----------
-    control : LinearSystem
-        Of `controller` or `controllers`.
-    estimator : LinearSystem or None
-        Of `estimator_at`, for controllers that are fed by it; None: they are fed by the
-        measurements.
-    shown : ndarray (p, m)
-        Positions of the axes by the measurements [1], which controllers are fed with then.
-    readings : sequence of Signal (m,)
-        The measurements.
-
-    Returns
-    -------
-    LinearSystem
-        Inputs the measurements and the references [m], outputs the control signals [V].
-    """
-    K = control
-    if estimator is None:
-        p = len(shown)
-        B, D = (np.hstack([of[:, :p] @ shown, of[:, p:]]) for of in (K.B, K.D))
-        return replace(K, B=B, D=D, inputs=(*readings, *K.inputs[p:]))
-    E = estimator
-    m, q = len(E.inputs) - len(K.outputs), len(E.outputs)
-    B_y, B_u, D_y = E.B[:, :m], E.B[:, m:], E.D[:, :m]
-    Bq, Br, Dq, Dr = K.B[:, :q], K.B[:, q:], K.D[:, :q], K.D[:, q:]
-    A = np.block([[E.A + B_u @ Dq @ E.C, B_u @ K.C], [Bq @ E.C, K.A]])
-    B = np.block([[B_y + B_u @ Dq @ D_y, B_u @ Dr], [Bq @ D_y, Br]])
-    states = tuple(Signal(f"{at.name}_est", at.unit) for at in E.states) + K.states
-    return LinearSystem(
-        A, B, np.hstack([Dq @ E.C, K.C]), np.hstack([Dq @ D_y, Dr]), K.T, states,
-        (*E.inputs[:m], *K.inputs[q:]), K.outputs,
-    )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,7 +33,9 @@ _BY_RICCATI = (KalmanFilter, ExtendedKalmanFilter, UnscentedKalmanFilter, Augmen
 _OF_CONSTANT_GAIN = (ExtendedStateObserver, SteadyStateKalmanFilter, LowPass)
 
 
-def estimator_at(estimator: Estimator, point: WorkPoint) -> LinearSystem:
+def estimator_at(
+    estimator: Estimator, point: WorkPoint, told: tuple[Array, Sequence[Signal]] | None = None
+) -> LinearSystem:
     """Return an estimator at a work point, with the gain that it settles to.
 
     The force in its mean is linearised by the tangents of what it knows of its magnet; covariances
@@ -46,6 +49,8 @@ def estimator_at(estimator: Estimator, point: WorkPoint) -> LinearSystem:
         Of a kind that settles to a gain.
     point : WorkPoint
         Where.
+    told : (ndarray (k, n), sequence of Signal), optional
+        Of a whole machine, what of the states is asked of it in place of positions and velocities.
 
     Returns
     -------
@@ -60,7 +65,7 @@ def estimator_at(estimator: Estimator, point: WorkPoint) -> LinearSystem:
         Its kind does not settle to a gain, or its model has none.
     """
     if isinstance(estimator, AdaptiveNoise):
-        return estimator_at(estimator.inner, point)
+        return estimator_at(estimator.inner, point, told)
     if isinstance(estimator, LowPass):
         return _low_pass(estimator)
     if not tells(estimator):
@@ -68,6 +73,7 @@ def estimator_at(estimator: Estimator, point: WorkPoint) -> LinearSystem:
     model = estimator.model
     linear = estimator.linear_model(*_asked(estimator.magnet, "tangent", point))
     A, B, H, states = linear.A, linear.B, linear.H, model.states
+    kept: Any = np.arange(len(states))
     if isinstance(estimator, ExtendedStateObserver | SteadyStateKalmanFilter):
         K = estimator.gain[:, None]
     else:
@@ -76,19 +82,22 @@ def estimator_at(estimator: Estimator, point: WorkPoint) -> LinearSystem:
         states = tuple(states[k] for k in kept)
     left = np.eye(len(states)) - K @ H
     whole = estimator.whole
-    if whole is None:
-        roles = [at.role for at in states]
-        told = np.eye(len(states))[[roles.index("position"), roles.index("velocity")]]
-    else:
-        told = np.vstack(whole.along_axes(states))
     axes = [] if whole is None else [axis.name for axis in whole.machine.axes]
+    signals: Sequence[Signal] = (*of_axes(POSITION, axes), *of_axes(VELOCITY, axes))
+    if told is not None:
+        rows, signals = told[0][:, kept], told[1]
+    elif whole is None:
+        roles = [at.role for at in states]
+        rows = np.eye(len(states))[[roles.index("position"), roles.index("velocity")]]
+    else:
+        rows = np.vstack(whole.along_axes(states))
     return LinearSystem(
-        A @ left, np.hstack([A @ K, B]), told @ left,
-        np.hstack([told @ K, np.zeros((len(told), B.shape[1]))]), model.T,
+        A @ left, np.hstack([A @ K, B]), rows @ left,
+        np.hstack([rows @ K, np.zeros((len(rows), B.shape[1]))]), model.T,
         tuple(Signal(at.name, at.unit) for at in states),
         (*(Signal(at.name, at.unit) for at in model.measurements),
          *of_axes(Signal("u", "V"), axes)),
-        (*of_axes(POSITION, axes), *of_axes(VELOCITY, axes)),
+        tuple(signals),
     )  # fmt: skip
 
 
@@ -142,8 +151,7 @@ def _asked(magnet: Any, method: str, point: WorkPoint) -> tuple[Any, Any]:
     held = magnet.in_core(core_module())
     each = held if isinstance(held, list) else [held]
     found = [
-        getattr(one, method)(np.array([iu]), np.array([x]))
-        for one, iu, x in zip(each, np.atleast_1d(point.iu), np.atleast_1d(point.x), strict=True)
+        getattr(one, method)(iu, x) for one, (iu, x) in zip(each, point.along_orbit(), strict=True)
     ]
-    k_i, k_s = (np.array([float(of[k][0]) for of in found]) for k in (0, 1))
+    k_i, k_s = (np.array([float(np.mean(of[k])) for of in found]) for k in (0, 1))
     return (k_i, k_s) if isinstance(held, list) else (float(k_i[0]), float(k_s[0]))

@@ -1,0 +1,400 @@
+/* Closed loops of the nonlinear plant side by side, compiled once for each set of instructions: what
+ * loop.c, plant.c and controller.c do, with masks where they branch. The filter is that of lanes.c.
+ */
+#include "lanes_run.h"
+
+#if defined(AMB_HAS_LANES) && !defined(AMB_FLOAT)
+#include "lanes_team.h"
+#include "many_figures.h"
+#include "noise_drawn.h"
+
+/* ---- The texts once more. ---- */
+
+typedef lanes_law lanes_puller;
+
+AMB_INLINE lanes lanes_pull(const lanes_puller *law, lanes iu, lanes x)
+{
+  return lanes_law_force(law, iu, x);
+}
+
+#define amb_real lanes
+#define amb_clamp lanes_clamp
+#define amb_puller lanes_puller
+#define amb_pull lanes_pull
+#define amb_stride lanes_stride
+#define amb_motion lanes_motion
+#define amb_reachable lanes_reachable
+#define amb_runge_kutta lanes_runge_kutta
+#include "plant_step.h"
+#undef amb_real
+#undef amb_clamp
+#undef amb_puller
+#undef amb_pull
+#undef amb_stride
+#undef amb_motion
+#undef amb_reachable
+#undef amb_runge_kutta
+
+#define amb_judged lanes
+#define amb_judged_mask lanes_mask
+#define amb_judged_choose lanes_choose
+#define amb_judged_where lanes_where
+#define amb_judged_all lanes_all_equal
+#define amb_windows lanes_windows
+#define amb_tally lanes_tally
+#define amb_seen lanes_seen
+#define amb_judged_magnitude lanes_magnitude
+#define amb_judged_most lanes_most
+#define amb_tally_estimate lanes_tally_estimate
+#define amb_tally_loop lanes_tally_loop
+#define amb_tally_response lanes_tally_response
+#include "tally_step.h"
+#undef amb_judged
+#undef amb_judged_mask
+#undef amb_judged_choose
+#undef amb_judged_where
+#undef amb_judged_all
+#undef amb_windows
+#undef amb_tally
+#undef amb_seen
+#undef amb_judged_magnitude
+#undef amb_judged_most
+#undef amb_tally_estimate
+#undef amb_tally_loop
+#undef amb_tally_response
+
+/* ---- Plant, amplifier and controller. ---- */
+
+#define STRETCH AMB_NOISE_DRAWN /* samples whose noise is drawn together; blocks fill it */
+
+typedef struct loops {
+  lanes_stride stride;
+  lanes_puller law;
+  lanes m, f_0, k_ui, iu_min, iu_max, K_sen;
+  lanes T, kp, ki, kd, derivative, T_t, weight, out_min, out_max; /* of the PID */
+  lanes_motion at;
+  lanes integral, last_r, last_x, velocity;
+  lanes_mask started;
+  lanes u; /* control signal from the last sample on */
+  size_t substeps;
+  bool feedback_estimate;
+} loops;
+
+typedef struct flight {
+  team t; /* its filters; the runs of the team are the `filter`s here */
+  loops l;
+  lanes_windows windows;
+  lanes_tally tally;
+  amb_many_run *runs[LANES]; /* the last one again where there are fewer */
+  amb_batch_run filter[LANES];
+  bool steps[LANES];           /* whether it has a step to be judged */
+  double noise[LANES][2][STRETCH];
+  lanes r[BLOCK], f_d[BLOCK], noise_u[BLOCK], noise_y[BLOCK];
+  lanes x[BLOCK], v[BLOCK], u[BLOCK], iu[BLOCK];
+  lanes_mask touched[BLOCK];
+} flight;
+
+static void fill_loop(loops *l, size_t i, const amb_many_run *run)
+{
+  const amb_loop *loop = run->loop;
+  const amb_plant *plant = &loop->plant;
+  const amb_law *law = (const amb_law *)plant->magnet.self;
+  const amb_pid *pid = &loop->pid;
+  const amb_real h = loop->T / (amb_real)plant->substeps;
+  l->stride.h[i] = h;
+  l->stride.half[i] = h / 2;
+  l->stride.sixth[i] = h / 6;
+  l->stride.per_mass[i] = 1 / plant->m;
+  l->stride.per_lag[i] = 1 / plant->T_sen;
+  l->stride.K[i] = plant->K_sen;
+  l->stride.travel[i] = plant->travel;
+  l->law.k[i] = law->k;
+  l->law.s0[i] = law->s0;
+  l->law.i0[i] = law->i0;
+  l->m[i] = plant->m;
+  l->f_0[i] = plant->f_0;
+  l->k_ui[i] = loop->k_ui;
+  l->iu_min[i] = loop->iu_min;
+  l->iu_max[i] = loop->iu_max;
+  l->K_sen[i] = plant->K_sen;
+  l->T[i] = pid->T;
+  l->kp[i] = pid->kp;
+  l->ki[i] = pid->ki;
+  l->kd[i] = pid->kd;
+  l->derivative[i] = pid->T_f + pid->T;
+  l->T_t[i] = pid->T_t;
+  l->weight[i] = pid->weight;
+  l->out_min[i] = pid->iu_min;
+  l->out_max[i] = pid->iu_max;
+  l->at.x[i] = run->state.plant.x;
+  l->at.v[i] = run->state.plant.v;
+  l->at.x_m[i] = run->state.plant.x_m;
+  l->integral[i] = run->state.pid.integral;
+  l->last_r[i] = run->state.pid.last_r;
+  l->last_x[i] = run->state.pid.last_x;
+  l->velocity[i] = run->state.pid.velocity;
+  l->started[i] = run->state.pid.started ? -1 : 0;
+  l->substeps = (size_t)plant->substeps;
+  l->feedback_estimate = loop->feedback_estimate;
+}
+
+static void fill_windows(lanes_windows *to, lanes_tally *tally, size_t i, const amb_many_run *run)
+{
+  const amb_windows at = amb_windows_of(run);
+  const amb_tally none = amb_tally_none(&at);
+  to->first[i] = at.first;
+  to->step_from[i] = at.step_from;
+  to->step_to[i] = at.step_to;
+  to->height[i] = at.height;
+  to->there[i] = at.there;
+  to->load_from[i] = at.load_from;
+  to->band[i] = at.band;
+  tally->outside[i] = none.outside;
+  tally->late[i] = none.late;
+}
+
+AMB_INLINE lanes_mask finite(lanes a)
+{
+  return (a >= -AMB_REAL_MAX) & (a <= AMB_REAL_MAX);
+}
+
+/* amb_pid_step; `known` is the estimated velocity, if the loop has it. */
+AMB_INLINE lanes pid_step(loops *l, lanes r, lanes x, const lanes *known)
+{
+  lanes_mask good = finite(x);
+  if (known != NULL) {
+    good &= finite(*known);
+    l->velocity = lanes_choose(good, *known, l->velocity);
+  } else {
+    const lanes changed =
+        l->velocity + ((x - l->last_x) - l->T * l->velocity) / l->derivative;
+    l->velocity = lanes_choose(good & l->started, changed, l->velocity);
+  }
+  l->last_x = lanes_choose(good, x, l->last_x);
+  l->started |= good;
+  l->last_r = lanes_choose(finite(r), r, l->last_r);
+
+  const lanes error = l->last_r - l->last_x;
+  const lanes weighted = l->weight * l->last_r - l->last_x;
+  const lanes demanded = l->kp * weighted + l->integral - l->kd * l->velocity;
+  const lanes iu = lanes_clamp(demanded, l->out_min, l->out_max);
+  const lanes_mask within = ~((iu < demanded) | (iu > demanded));
+  const lanes tracking = l->integral + l->T * (l->ki * error + (iu - demanded) / l->T_t);
+  const lanes stopping =
+      lanes_choose(within, l->integral + l->T * l->ki * error, l->integral);
+  l->integral = lanes_choose(l->T_t > AMB_C(0.0), tracking, stopping);
+  return iu;
+}
+
+/* stop() of plant.c. */
+AMB_INLINE lanes_mask stop(lanes travel, lanes_motion *s)
+{
+  const lanes_mask touched = (s->x >= travel) | (s->x <= -travel);
+  s->x = lanes_choose(touched, lanes_clamp(s->x, -travel, travel), s->x);
+  const lanes_mask above = s->x > AMB_C(0.0);
+  const lanes_mask outward = (above & (s->v > AMB_C(0.0))) | (~above & (s->v < AMB_C(0.0)));
+  s->v = lanes_choose(touched & outward, lanes_all_equal(AMB_C(0.0)), s->v);
+  return touched;
+}
+
+/* act() and what follows from it: the plant one sample on. */
+AMB_INLINE lanes_mask act(loops *l, lanes iu, lanes f_d)
+{
+  const lanes g = (l->f_0 + f_d) / l->m;
+  lanes_mask touched = iu != iu;
+  touched &= ~touched;
+  lanes_motion s = {lanes_reachable(&l->stride, l->at.x), l->at.v, l->at.x_m};
+  for (size_t i = 0; i < l->substeps; i++) {
+    lanes_runge_kutta(&l->stride, &l->law, &s, iu, g);
+    touched |= stop(l->stride.travel, &s);
+  }
+  l->at = s;
+  return touched;
+}
+
+/* Sample b of the block, the `first` of all or a later one. */
+AMB_INLINE void sample(flight *f, size_t b, lanes_of of, lanes_state *s, bool is_first)
+{
+  loops *l = &f->l;
+  const lanes y = l->at.x_m + f->noise_y[b];
+  f->t.b.y[b] = y;
+  f->t.b.u[b] = l->u;
+  if (is_first) {
+    for (size_t i = 0; i < f->t.count; i++) {
+      const amb_batch_run *run = f->t.runs[i];
+      const amb_kalman_state *state = (const amb_kalman_state *)run->state;
+      const amb_real first_y = y[i];
+      amb_kalman_result r;
+      tell(&f->t, b, i, amb_estimator_start(run->estimator, run->state, &first_y, &r));
+      f->t.b.result[b].innovation[i] = r.innovation[0];
+      f->t.b.result[b].variance[i] = r.variance[0];
+      for (size_t j = 0; j < AMB_STATES; j++)
+        f->t.b.mean[b][j][i] = state->mean[j];
+    }
+    for (size_t i = 0; i < LANES; i++)
+      put(&f->t, s, i);
+  } else {
+    step_at(&f->t, b, of, s);
+  }
+  lanes demanded;
+  if (l->feedback_estimate)
+    demanded = pid_step(l, f->r[b], s->mean[AMB_FIRST_POSITION], &s->mean[AMB_FIRST_VELOCITY]);
+  else
+    demanded = pid_step(l, f->r[b], y / l->K_sen, NULL);
+  l->u = demanded / l->k_ui;
+  const lanes iu = lanes_clamp(l->k_ui * (l->u + f->noise_u[b]), l->iu_min, l->iu_max);
+  f->x[b] = l->at.x;
+  f->v[b] = l->at.v;
+  f->u[b] = l->u;
+  f->iu[b] = iu;
+  f->touched[b] = act(l, iu, f->f_d[b]);
+}
+
+AMB_INLINE void samples(flight *f, bool from_start, size_t count, lanes_kind kind,
+                        lanes_magnet magnet)
+{
+  const lanes_of of = {kind, magnet, f->t.magnets};
+  lanes_state s = f->t.s;
+  if (from_start)
+    sample(f, 0, of, &s, true);
+  for (size_t b = from_start ? 1 : 0; b < count; b++)
+    sample(f, b, of, &s, false);
+  f->t.s = s;
+}
+
+/* ---- What comes from outside, and what is told. ---- */
+
+static void draw(flight *f, size_t first, size_t n)
+{
+  for (size_t i = 0; i < f->t.count; i++) {
+    const amb_many_run *run = f->runs[i];
+    for (uint32_t stream = 0; stream < 2; stream++) {
+      double *to = f->noise[i][stream];
+      const double *given = (stream == AMB_NOISE_CONTROL) ? run->noise_u : run->noise_y;
+      const double std = (stream == AMB_NOISE_CONTROL) ? run->std_u : run->std_y;
+      if (given != NULL) {
+        memcpy(to, given + first, ((n - first < STRETCH) ? n - first : STRETCH) * sizeof *to);
+      } else if (std > 0.0) {
+        amb_noise_drawn(run->key, stream, first, to);
+        for (size_t k = 0; k < STRETCH; k++)
+          to[k] *= std;
+      } else { /* stays 0 */
+      }
+    }
+  }
+}
+
+static void fetch(flight *f, size_t first, size_t count)
+{
+  for (size_t i = 0; i < LANES; i++) {
+    const size_t own = (i < f->t.count) ? i : f->t.count - 1;
+    const amb_real *r = f->runs[i]->r + first, *f_d = f->runs[i]->f_d + first;
+    const double *u = f->noise[own][AMB_NOISE_CONTROL] + first % STRETCH;
+    const double *y = f->noise[own][AMB_NOISE_SENSOR] + first % STRETCH;
+    for (size_t b = 0; b < count; b++) {
+      f->r[b][i] = r[b];
+      f->f_d[b][i] = f_d[b];
+      f->noise_u[b][i] = u[b];
+      f->noise_y[b][i] = y[b];
+    }
+  }
+}
+
+/* Which measurements were taken in, where the block has something to tell; counts the flags. */
+static void flags(flight *f, size_t count, lanes_mask used[BLOCK])
+{
+  for (size_t b = 0; b < count; b++)
+    for (size_t i = 0; i < f->t.count; i++) {
+      const unsigned int status = f->t.b.status[b][i];
+      used[b][i] = ((status & AMB_NOT_USED) == 0U) ? -1 : 0;
+      amb_flags_count(f->runs[i], status);
+    }
+}
+
+static void judge(flight *f, size_t first, size_t count)
+{
+  lanes_mask used[BLOCK];
+  lanes_tally tally = f->tally;
+  bool stepping = false;
+  for (size_t i = 0; i < f->t.count; i++)
+    stepping = stepping || ((first + count > f->runs[i]->spans.step_from) &&
+                            (first < f->runs[i]->spans.step_to));
+  memset(used, 0xFF, sizeof used);
+  if (f->t.b.told)
+    flags(f, count, used);
+  for (size_t b = 0; b < count; b++) {
+    const lanes_seen seen = {
+        lanes_all_equal((double)(first + b)), f->r[b], f->f_d[b], f->x[b], f->v[b], f->u[b],
+        f->iu[b],
+        {f->t.b.mean[b][AMB_FIRST_POSITION], f->t.b.mean[b][AMB_FIRST_VELOCITY],
+         f->t.b.mean[b][AMB_FIRST_LOAD]},
+        f->t.b.result[b].innovation, f->t.b.result[b].variance, used[b], f->touched[b]};
+    lanes_tally_estimate(&f->windows, &tally, &seen);
+    lanes_tally_loop(&f->windows, &tally, &seen);
+    if (stepping)
+      lanes_tally_response(&f->windows, &tally, &seen);
+  }
+  f->tally = tally;
+}
+
+static amb_tally of_lane(const lanes_tally *t, size_t i)
+{
+  const amb_tally one = {
+      {t->squares[0][i], t->squares[1][i], t->squares[2][i]},
+      {t->peaks[0][i], t->peaks[1][i], t->peaks[2][i]},
+      t->nis[i], t->taken[i], t->control[i], t->control_peak[i], t->effort[i], t->last_u[i],
+      t->farthest[i], t->current[i], t->way[i], t->outside[i], t->late[i], t->load[i],
+      t->touched[i], t->landed[i]};
+  return one;
+}
+
+static void start(flight *f, amb_many_run *const runs[], size_t count)
+{
+  memset(f, 0, sizeof *f);
+  f->t.count = count;
+  for (size_t i = 0; i < LANES; i++) {
+    amb_many_run *run = runs[(i < count) ? i : count - 1];
+    f->runs[i] = run;
+    f->filter[i].estimator = run->loop->estimator;
+    f->filter[i].state = run->estimator;
+    f->t.runs[i] = &f->filter[i];
+    f->t.magnets[i] = asked(run->loop->estimator->magnet);
+    fill_parameters(&f->t.p, i, run->loop->estimator);
+    fill_loop(&f->l, i, run);
+    fill_windows(&f->windows, &f->tally, i, run);
+  }
+}
+
+void AMB_LANES_NAME(amb_lanes_many)(amb_many_run *const runs[], size_t count, size_t n)
+{
+  flight f;
+  start(&f, runs, count);
+  const lanes_of of = made_of(&f.t);
+  for (size_t first = 0; first < n; first += BLOCK) {
+    const size_t length = (n - first < BLOCK) ? n - first : BLOCK;
+    if (first % STRETCH == 0)
+      draw(&f, first, n);
+    fetch(&f, first, length);
+#define SAMPLES(kind, magnet) samples(&f, first == 0, length, kind, magnet)
+    FOR_MADE_OF(of, SAMPLES);
+#undef SAMPLES
+    judge(&f, first, length);
+    if (f.t.b.told)
+      memset(f.t.b.status, 0, sizeof f.t.b.status);
+    f.t.b.told = false;
+  }
+  for (size_t i = 0; i < count; i++) {
+    const amb_tally tally = of_lane(&f.tally, i);
+    amb_figures_of(runs[i], n, &tally);
+    get(&f.t, &f.t.s, i);
+  }
+}
+
+#if AMB_LANES_BYTES > 16
+void AMB_LANES_NAME(amb_lanes_noise)(amb_noise_key key, uint32_t stream, size_t first, size_t n,
+                                     double *to)
+{
+  amb_noise_series(key, stream, first, n, to);
+}
+#endif
+#endif

@@ -1,0 +1,242 @@
+/* A team of filters side by side, between the core's structs and lanes, and one sample of it.
+ *
+ * A step computes what is usual for all lanes at once. Where something is not, a measurement that
+ * is missing, frozen or too far, a current at its limit, a variance that is lost, these lanes take
+ * their step again from where they stood, by the core's own function. So what is rare costs nothing
+ * where it does not happen, and each lane is its own run to the last bit.
+ */
+#ifndef AMBKIT_SIM_LANES_TEAM_H
+#define AMBKIT_SIM_LANES_TEAM_H
+
+#include "ambkit/low_pass.h"
+#include "ambkit/observer.h"
+#include "generated/axial_fields.h"
+#include "lanes_step.h"
+#include <string.h>
+
+#define BLOCK AMB_BATCH_BLOCK
+
+/* What goes in and out, sample by sample, a vector for each number. */
+typedef struct block {
+  lanes y[BLOCK];
+  lanes u[BLOCK]; /* that acted since the sample before */
+  lanes mean[BLOCK][AMB_STATES];
+  lanes_result result[BLOCK];
+  unsigned short status[BLOCK][LANES];
+  bool told; /* some of these are not 0 */
+} block;
+
+typedef struct team {
+  lanes_parameters p;
+  lanes_state s;
+  unsigned int unchanged[LANES];
+  unsigned int outliers[LANES];
+  bool counting; /* some of these are not 0 */
+  block b;
+  amb_batch_run *runs[LANES]; /* the last one again where there are fewer */
+  amb_magnet magnets[LANES];
+  size_t count;
+  bool judged; /* all have their truth */
+} team;
+
+/* The fuzzy network is asked lane by lane, and computes its rules side by side itself: with these
+ * instructions. */
+static amb_magnet asked(const amb_magnet *magnet)
+{
+  amb_magnet own = *magnet;
+#if AMB_LANES_BYTES > 16
+  if (own.methods == &amb_fuzzy_magnet)
+    own.methods = &AMB_LANES_NAME(amb_fuzzy_magnet);
+#endif
+  return own;
+}
+
+/* ---- From the core's structs into lanes, and back. ---- */
+
+static void fill_parameters(lanes_parameters *p, size_t i, const amb_estimator *e)
+{
+  const amb_kalman *kf = e->kf;
+#define FILL(field) p->model.field[i] = kf->model.field
+  AMB_MODEL_FIELDS(FILL);
+#undef FILL
+  p->k_ui[i] = kf->set.k_ui[0];
+  p->f_0[i] = kf->set.f_0[0];
+  p->iu_min[i] = kf->set.iu_min[0];
+  p->iu_max[i] = kf->set.iu_max[0];
+  p->x_max[i] = kf->set.x_max[0];
+  p->var_u[i] = kf->set.var_u[0];
+  for (int j = 0; j < AMB_TRIANGLE; j++)
+    p->growth[j][i] = kf->growth[j];
+  p->var_y[i] = kf->set.var_y[0];
+  p->far_squared[i] = kf->far_squared[0];
+  p->gate_squared[i] = kf->gate_squared;
+  p->widest[i] = kf->widest[AMB_FIRST_POSITION];
+  p->K_sen[i] = kf->set.K_sen[0];
+  if (e->magnet->methods == &amb_constant_magnet) {
+    const amb_stiffness *k = (const amb_stiffness *)e->magnet->self;
+    p->k_i[i] = k->k_i;
+    p->k_s[i] = k->k_s;
+  } else if (e->magnet->methods == &amb_law_magnet) {
+    const amb_law *law = (const amb_law *)e->magnet->self;
+    p->law.k[i] = law->k;
+    p->law.s0[i] = law->s0;
+    p->law.i0[i] = law->i0;
+    p->law.ampere[i] = law->ampere;
+    p->law.metre[i] = law->metre;
+  }
+  if (e->methods == &amb_observer_methods) {
+    const amb_observer *own = (const amb_observer *)e->own;
+    for (int j = 0; j < AMB_STATES; j++) {
+      p->gain[j][i] = own->gain[0][j];
+      p->far[j][i] = own->far[j];
+    }
+    p->variance[i] = own->variance[0];
+  } else if (e->methods == &amb_low_pass_methods) {
+    const amb_low_pass *own = (const amb_low_pass *)e->own;
+    p->m[i] = own->m;
+    p->position[i] = own->position;
+    p->velocity[i] = own->velocity;
+    p->force[i] = own->force;
+  }
+}
+
+static void put(team *t, lanes_state *s, size_t i)
+{
+  const amb_kalman_state *from = (const amb_kalman_state *)t->runs[i]->state;
+  for (int j = 0; j < AMB_STATES; j++)
+    s->mean[j][i] = from->mean[j];
+  for (int j = 0; j < AMB_TRIANGLE; j++)
+    s->cov[j][i] = from->cov[j];
+  const amb_sensor_state *sensor = &from->sensor[0];
+  s->last_u[i] = from->last_u[0];
+  s->last_y[i] = sensor->last_y;
+  s->residual[i] = sensor->residual;
+  s->surprise[i] = sensor->surprise;
+  t->unchanged[i] = sensor->unchanged;
+  t->outliers[i] = sensor->outliers;
+  t->counting = t->counting || (sensor->unchanged > 0U) || (sensor->outliers > 0U);
+  if (t->runs[i]->estimator->methods == &amb_low_pass_methods)
+    s->force[i] = ((const amb_low_pass_state *)t->runs[i]->state)->force;
+}
+
+static void get(const team *t, const lanes_state *s, size_t i)
+{
+  amb_kalman_state *to = (amb_kalman_state *)t->runs[i]->state;
+  for (int j = 0; j < AMB_STATES; j++)
+    to->mean[j] = s->mean[j][i];
+  for (int j = 0; j < AMB_TRIANGLE; j++)
+    to->cov[j] = s->cov[j][i];
+  amb_sensor_state *sensor = &to->sensor[0];
+  to->last_u[0] = s->last_u[i];
+  sensor->last_y = s->last_y[i];
+  sensor->residual = s->residual[i];
+  sensor->surprise = s->surprise[i];
+  sensor->unchanged = t->unchanged[i];
+  sensor->outliers = t->outliers[i];
+  if (t->runs[i]->estimator->methods == &amb_low_pass_methods)
+    ((amb_low_pass_state *)t->runs[i]->state)->force = s->force[i];
+}
+
+/* ---- Steps. ---- */
+
+static void tell(team *t, size_t b, size_t i, amb_status status)
+{
+  if ((i < t->count) && (status != AMB_OK)) {
+    t->runs[i]->all |= status;
+    t->b.status[b][i] = (unsigned short)status;
+    t->b.told = true;
+  }
+}
+
+/* What was not usual, once more, lane by lane; and what there is to say. */
+static __attribute__((noinline)) void mend(team *t, size_t b, lanes_mask usual,
+                                           lanes_mask surprised, const lanes_state *before,
+                                           lanes_state *after)
+{
+  t->counting = false;
+  for (size_t i = 0; i < LANES; i++) {
+    amb_status status = (surprised[i] != 0) ? AMB_SURPRISED : AMB_OK;
+    if (usual[i] != 0) {
+      t->unchanged[i] = 0U;
+      t->outliers[i] = 0U;
+    } else {
+      if (i < t->count) { /* beyond, the lanes repeat the last run, which has just been mended */
+        amb_kalman_result r;
+        get(t, before, i);
+        const amb_real y = t->b.y[b][i], u = t->b.u[b][i];
+        status = amb_estimator_step(t->runs[i]->estimator, t->runs[i]->state, &y, &u, &r);
+        t->b.result[b].innovation[i] = r.innovation[0];
+        t->b.result[b].variance[i] = r.variance[0];
+      }
+      put(t, after, i);
+    }
+    tell(t, b, i, status);
+  }
+}
+
+/* Sample b of the block, from the state `s`. What is copied is named, or compilers move the whole
+ * through memory. */
+AMB_INLINE void step_at(team *t, size_t b, lanes_of of, lanes_state *s)
+{
+  lanes_state next = *s;
+  lanes_result r;
+  const lanes_mask usual = lanes_step(&t->p, of, &next, t->b.y[b], t->b.u[b], &r);
+  const lanes_mask surprised = next.surprise > AMB_SURPRISING;
+  t->b.result[b].innovation = r.innovation;
+  t->b.result[b].variance = r.variance;
+  if (__builtin_expect(t->counting || lanes_any(~usual | surprised), 0)) {
+    const lanes_state before = *s;
+    lanes_state after = next;
+    mend(t, b, usual, surprised, &before, &after);
+    next = after;
+  }
+  *s = next;
+  for (int j = 0; j < AMB_STATES; j++)
+    t->b.mean[b][j] = s->mean[j];
+}
+
+/* What the filters of a team are made of, by the first one: they are all alike. */
+static lanes_of made_of(const team *t)
+{
+  const amb_estimator *e = t->runs[0]->estimator;
+  lanes_of of = {LANES_KALMAN, LANES_EACH, t->magnets};
+  if (e->methods == &amb_observer_methods)
+    of.kind = LANES_OBSERVER;
+  else if (e->methods == &amb_low_pass_methods)
+    of.kind = LANES_LOW_PASS;
+  else if (e->methods == &amb_extended_methods)
+    of.kind = LANES_EXTENDED;
+  const bool tangents = of.kind == LANES_EXTENDED;
+  const bool law = (of.kind == LANES_KALMAN) || tangents;
+  if (!tangents && (e->magnet->methods == &amb_constant_magnet))
+    of.magnet = LANES_CONSTANT;
+  else if (law && (e->magnet->methods == &amb_law_magnet) &&
+           ((const amb_law *)e->magnet->self)->two_sided)
+    of.magnet = LANES_LAW;
+  return of;
+}
+
+/* Calls `each` with kind and magnet as constants: what is asked within a step is compiled away. */
+#define FOR_MADE_OF(of, each)                                                                      \
+  do {                                                                                             \
+    if ((of).kind == LANES_OBSERVER && (of).magnet == LANES_CONSTANT)                              \
+      each(LANES_OBSERVER, LANES_CONSTANT);                                                        \
+    else if ((of).kind == LANES_OBSERVER)                                                          \
+      each(LANES_OBSERVER, LANES_EACH);                                                            \
+    else if ((of).kind == LANES_LOW_PASS && (of).magnet == LANES_CONSTANT)                         \
+      each(LANES_LOW_PASS, LANES_CONSTANT);                                                        \
+    else if ((of).kind == LANES_LOW_PASS)                                                          \
+      each(LANES_LOW_PASS, LANES_EACH);                                                            \
+    else if ((of).kind == LANES_EXTENDED && (of).magnet == LANES_LAW)                              \
+      each(LANES_EXTENDED, LANES_LAW);                                                             \
+    else if ((of).kind == LANES_EXTENDED)                                                          \
+      each(LANES_EXTENDED, LANES_EACH);                                                            \
+    else if ((of).magnet == LANES_CONSTANT)                                                        \
+      each(LANES_KALMAN, LANES_CONSTANT);                                                          \
+    else if ((of).magnet == LANES_LAW)                                                             \
+      each(LANES_KALMAN, LANES_LAW);                                                               \
+    else                                                                                           \
+      each(LANES_KALMAN, LANES_EACH);                                                              \
+  } while (0)
+
+#endif

@@ -1,0 +1,132 @@
+#include "many.h"
+#include "lanes_run.h"
+#include "many_figures.h"
+#include <string.h>
+
+#if defined(AMB_HAS_LANES) && !defined(AMB_FLOAT)
+/* In lanes: a plant without parts on the closed law of two sides, a PID and an estimator that has
+ * lanes. */
+unsigned int amb_many_group(const amb_many_run *run)
+{
+  const amb_loop *loop = run->loop;
+  const amb_plant *plant = &loop->plant;
+  const bool closed = (plant->magnet.methods == &amb_law_magnet) &&
+                      ((const amb_law *)plant->magnet.self)->two_sided;
+  if (!closed || (loop->control != NULL) || (plant->parts != NULL) || (run->scale != NULL) ||
+      (run->faults != NULL))
+    return 0U;
+  if ((plant->substeps < 1) || (plant->substeps > 1000) || (loop->estimator == NULL))
+    return 0U;
+  const unsigned int filter = amb_batch_group(loop->estimator);
+  if (filter == 0U)
+    return 0U;
+  return 1U + (loop->feedback_estimate ? 1U : 0U) + 2U * (unsigned int)plant->substeps +
+         2048U * filter;
+}
+#else
+unsigned int amb_many_group(const amb_many_run *run)
+{
+  (void)run;
+  return 0U;
+}
+#endif
+
+static void draw(const double *given, const amb_many_run *run, double std, uint32_t stream,
+                 size_t n, amb_real *to)
+{
+  double drawn[AMB_NOISE_DRAWN];
+  for (size_t first = 0; first < n; first += AMB_NOISE_DRAWN) {
+    const size_t count = (n - first < AMB_NOISE_DRAWN) ? n - first : AMB_NOISE_DRAWN;
+    if ((given == NULL) && (std > 0))
+      amb_many_noise(run->key, stream, first, count, drawn);
+    for (size_t i = 0; i < count; i++)
+      to[first + i] =
+          (amb_real)((given != NULL) ? given[first + i] : ((std > 0) ? std * drawn[i] : 0.0));
+  }
+}
+
+static void judge(amb_many_run *run, size_t n, const unsigned char *touched,
+                  const amb_loop_output *all)
+{
+  const amb_windows at = amb_windows_of(run);
+  const amb_estimator *estimator = run->loop->estimator;
+  amb_tally t = amb_tally_none(&at);
+  const amb_model *model = (estimator != NULL) ? &estimator->kf->model : NULL;
+  const size_t states = (model != NULL) ? (size_t)amb_states(model) : 0;
+  const int place[3] = {(model != NULL) ? amb_first(model, AMB_POSITION) : 0,
+                        (model != NULL) ? amb_first(model, AMB_VELOCITY) : 0,
+                        (model != NULL) ? amb_first(model, AMB_LOAD) : 0};
+  for (size_t k = 0; k < n; k++) {
+    amb_seen seen = {.k = (double)k,
+                     .r = (double)run->r[k],
+                     .f_d = (double)run->f_d[k],
+                     .x = (double)all->x[k],
+                     .v = (double)all->v[k],
+                     .u = (double)all->u[k],
+                     .iu = (double)all->iu[k],
+                     .touched = touched[k] != 0};
+    if (estimator != NULL) {
+      const unsigned int status = all->estimate.status[k];
+      for (int i = 0; i < 3; i++)
+        seen.mean[i] = (double)all->estimate.mean[k * states + (size_t)place[i]];
+      seen.innovation = (double)all->estimate.innovation[k];
+      seen.variance = (double)all->estimate.variance[k];
+      seen.used = (status & AMB_NOT_USED) == 0U;
+      amb_tally_estimate(&at, &t, &seen);
+      amb_flags_count(run, status);
+    }
+    amb_tally_loop(&at, &t, &seen);
+    if ((k >= run->spans.step_from) && (k < run->spans.step_to))
+      amb_tally_response(&at, &t, &seen);
+  }
+  amb_figures_of(run, n, &t);
+}
+
+void amb_many_alone(amb_many_run *run, size_t n, amb_real *noise_u, amb_real *noise_y,
+                    unsigned char *touched, amb_loop_output *to)
+{
+  draw(run->noise_u, run, run->std_u, AMB_NOISE_CONTROL, n, noise_u);
+  draw(run->noise_y, run, run->std_y, AMB_NOISE_SENSOR, n, noise_y);
+  const amb_loop_input in = {n,          run->r,      run->f_d,    noise_u, noise_y,
+                             run->scale, run->f_bias, run->faults, run->fly};
+  memset(run->flags, 0, sizeof run->flags);
+  to->at_stop = touched;
+  (void)amb_loop_run(run->loop, &in, &run->state, run->estimator, to);
+  judge(run, n, touched, to);
+}
+
+void amb_many_advance(amb_instructions instructions, amb_many_run *const runs[], size_t count,
+                      size_t n)
+{
+  (void)instructions, (void)runs, (void)count, (void)n;
+#if defined(AMB_HAS_LANES) && !defined(AMB_FLOAT)
+  for (size_t i = 0; i < count; i++)
+    memset(runs[i]->flags, 0, sizeof runs[i]->flags);
+#if defined(AMB_LANES_X86)
+  if (instructions == AMB_AVX512) {
+    amb_lanes_many_avx512(runs, count, n);
+    return;
+  }
+  if (instructions == AMB_AVX2) {
+    amb_lanes_many_avx2(runs, count, n);
+    return;
+  }
+#endif
+  amb_lanes_many_baseline(runs, count, n);
+#endif
+}
+
+void amb_many_noise(amb_noise_key key, uint32_t stream, size_t first, size_t n, double *to)
+{
+#if defined(AMB_LANES_X86) && defined(AMB_HAS_LANES) && !defined(AMB_FLOAT)
+  if (amb_batch_has(AMB_AVX512)) {
+    amb_lanes_noise_avx512(key, stream, first, n, to);
+    return;
+  }
+  if (amb_batch_has(AMB_AVX2)) {
+    amb_lanes_noise_avx2(key, stream, first, n, to);
+    return;
+  }
+#endif
+  amb_noise_normal(key, stream, first, n, to);
+}

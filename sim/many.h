@@ -1,0 +1,81 @@
+/* Many closed loops, each judged while it runs, none of its samples kept; for the host.
+ *
+ * Noise is drawn here, by counters (noise.h). The numbers are those of amb_loop_run with that
+ * noise, run by run and to the last bit, whatever the instructions and whoever is beside a run.
+ */
+#ifndef AMBKIT_SIM_MANY_H
+#define AMBKIT_SIM_MANY_H
+
+#include "batch.h"
+#include "loop.h"
+#include "noise.h"
+
+/* What a run is judged by; NaN where it does not apply. */
+typedef enum amb_figure {
+  AMB_X_RMS,        /* errors of the estimates, from sample `first` on [m] */
+  AMB_V_RMS,        /* [m/s] */
+  AMB_F_D_RMS,      /* [N] */
+  AMB_X_PEAK,       /* [m] */
+  AMB_V_PEAK,       /* [m/s] */
+  AMB_F_D_PEAK,     /* [N] */
+  AMB_NIS,          /* mean normalised innovation squared of what was taken in [1] */
+  AMB_CONTROL_RMS,  /* reference less position [m] */
+  AMB_CONTROL_PEAK, /* [m] */
+  AMB_EFFORT,       /* RMS change of the current asked for [A] */
+  AMB_FARTHEST,     /* |x|, of all samples [m] */
+  AMB_CURRENT_PEAK, /* |iu|, of all samples [A] */
+  AMB_OVERSHOOT,    /* of the step [1] */
+  AMB_SETTLING,     /* until within 5 % of it [s]; infinity: not within the window */
+  AMB_RECOVERY,     /* after the load, until within the band [s]; infinity: not within the run */
+  AMB_LOAD_KEPT,    /* |f_d| before a stop was first touched [N] */
+  AMB_TOUCHED,      /* samples in which one was */
+  AMB_LANDED,       /* 1 where one was in the last sample */
+  AMB_FIGURES
+} amb_figure;
+
+#define AMB_FLAGS 12 /* of ambkit/status.h */
+
+/* The samples over which a figure is taken. */
+typedef struct amb_spans {
+  size_t first;              /* errors count from there */
+  size_t step_from, step_to; /* the last step of the reference, and what comes next; equal: none */
+  amb_real height;           /* of that step [m] */
+  size_t load_from;          /* the last change of the load; n: none */
+  amb_real band;             /* the rotor has recovered within it [m] */
+} amb_spans;
+
+/* One run of n samples. */
+typedef struct amb_many_run {
+  const amb_loop *loop;    /* the estimator among it, or NULL */
+  amb_loop_state state;    /* settled and reset; left at the end of the run */
+  void *estimator;         /* its state after a reset; left at the end of the run */
+  const amb_real *r, *f_d; /* n each: reference [m], disturbance force [N] */
+  amb_noise_key key;       /* of the noise */
+  double std_u, std_y; /* of the white noise on control signal [V] and measurement [m]; 0: none */
+  const double *noise_u, *noise_y; /* n each, in place of it; or NULL */
+  const amb_real *scale;           /* as in amb_loop_input, or NULL */
+  amb_real f_bias;
+  const amb_loop_faults *faults; /* or NULL */
+  const amb_real *fly;           /* as in amb_loop_input, or NULL */
+  amb_spans spans;
+  double figures[AMB_FIGURES]; /* out */
+  size_t flags[AMB_FLAGS];     /* out: samples in which the estimator said so */
+} amb_many_run;
+
+/* Runs with the same number here, of the same length, can go side by side; 0: by themselves only.
+ */
+unsigned int amb_many_group(const amb_many_run *run);
+
+/* One run by itself, its samples left in `to`, which must have room for all; noise goes to the two
+ * arrays (n,), `touched` gets 1 where a stop was (n,). */
+void amb_many_alone(amb_many_run *run, size_t n, amb_real *noise_u, amb_real *noise_y,
+                    unsigned char *touched, amb_loop_output *to);
+
+/* `count` runs of the same group, at most as many as there are lanes (amb_batch_lanes). */
+void amb_many_advance(amb_instructions instructions, amb_many_run *const runs[], size_t count,
+                      size_t n);
+
+/* Noise as noise.h has it, with the fastest instructions that there are. */
+void amb_many_noise(amb_noise_key key, uint32_t stream, size_t first, size_t n, double *to);
+
+#endif

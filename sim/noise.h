@@ -1,0 +1,34 @@
+/* Normal noise that is a function of four numbers: seed, run, stream and sample. Who draws it, where,
+ * when and beside whom changes nothing, so that runs can be computed in any order.
+ *
+ * Philox 4x32-10 (Salmon, Moraes, Dror and Shaw 2011) with the seed as its key; the counter is made of
+ * run, stream and half of the sample's number. What it gives becomes normal by the inverse of the
+ * distribution (Wichura 1988, AS 241), to some 1e-16; no libm beyond the root.
+ */
+#ifndef AMBKIT_SIM_NOISE_H
+#define AMBKIT_SIM_NOISE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+/* Whose noise it is. */
+typedef struct amb_noise_key {
+  uint64_t seed, run;
+} amb_noise_key;
+
+/* The streams of a bearing; those of others are the caller's. */
+#define AMB_NOISE_CONTROL 0U /* on the control signal */
+#define AMB_NOISE_SENSOR 1U  /* white, on the measurement */
+
+#define AMB_NOISE_DRAWN 64U /* samples that are drawn together */
+
+/* Ten rounds: four words of a counter and two of a key make four that look random. */
+void amb_philox(const uint32_t counter[4], const uint32_t key[2], uint32_t random[4]);
+
+/* Standard normal variate at which the distribution is p, 0 < p < 1, given as q = p - 1/2. */
+double amb_normal_at(double q);
+
+/* Standard normal variates of the samples `first` to `first + n`, n of them into `to`. */
+void amb_noise_normal(amb_noise_key key, uint32_t stream, size_t first, size_t n, double *to);
+
+#endif

@@ -1,0 +1,87 @@
+/* What a closed loop is judged by, sample by sample. No include guard: the text is compiled for
+ * numbers (many_figures.h) and for lanes (lanes_many.c), who say what amb_judged, its masks, and
+ * choosing by them are.
+ */
+
+/* Where, as many.h has it, in the numbers of samples, and what it takes to be inside. */
+typedef struct amb_windows {
+  amb_judged first, step_from, step_to, height, there, load_from, band;
+} amb_windows;
+
+/* Sums, extremes, and the last samples outside. */
+typedef struct amb_tally {
+  amb_judged squares[3], peaks[3]; /* errors of x, v, f_d */
+  amb_judged nis, taken;
+  amb_judged control, control_peak, effort, last_u;
+  amb_judged farthest, current;
+  amb_judged way, outside; /* how far beyond the step it went, in steps; the last sample outside */
+  amb_judged late;         /* the last sample out of the band after the load */
+  amb_judged load, touched, landed;
+} amb_tally;
+
+/* One sample. */
+typedef struct amb_seen {
+  amb_judged k, r, f_d, x, v, u, iu;
+  amb_judged mean[3];              /* x, v, f_d as estimated */
+  amb_judged innovation, variance; /* of the innovation */
+  amb_judged_mask used;            /* the measurement was taken in */
+  amb_judged_mask touched;         /* a stop was, from this sample to the next */
+} amb_seen;
+
+AMB_INLINE amb_judged amb_judged_magnitude(amb_judged a)
+{
+  return amb_judged_choose(a < 0.0, -a, a);
+}
+
+AMB_INLINE amb_judged amb_judged_most(amb_judged so_far, amb_judged a)
+{
+  return amb_judged_choose(a > so_far, a, so_far);
+}
+
+AMB_INLINE void amb_tally_estimate(const amb_windows *at, amb_tally *t, const amb_seen *seen)
+{
+  const amb_judged one = amb_judged_all(1.0);
+  const amb_judged_mask counts = seen->k >= at->first;
+  const amb_judged error[3] = {seen->mean[0] - seen->x, seen->mean[1] - seen->v,
+                               seen->mean[2] - seen->f_d};
+  for (int i = 0; i < 3; i++) {
+    t->squares[i] += amb_judged_where(counts, error[i] * error[i]);
+    const amb_judged most = amb_judged_most(t->peaks[i], amb_judged_magnitude(error[i]));
+    t->peaks[i] = amb_judged_choose(counts, most, t->peaks[i]);
+  }
+  const amb_judged_mask told = counts & seen->used & (seen->variance > 0.0);
+  const amb_judged nis = seen->innovation * seen->innovation / seen->variance;
+  t->nis += amb_judged_where(told, nis);
+  t->taken += amb_judged_where(told, one);
+}
+
+AMB_INLINE void amb_tally_loop(const amb_windows *at, amb_tally *t, const amb_seen *seen)
+{
+  const amb_judged one = amb_judged_all(1.0);
+  const amb_judged_mask counts = seen->k >= at->first;
+  const amb_judged off = seen->r - seen->x, away = amb_judged_magnitude(off);
+  t->control += amb_judged_where(counts, off * off);
+  t->control_peak = amb_judged_choose(counts, amb_judged_most(t->control_peak, away),
+                                      t->control_peak);
+  const amb_judged change = seen->u - t->last_u;
+  t->effort += amb_judged_where(seen->k > at->first, change * change);
+  t->last_u = seen->u;
+  t->farthest = amb_judged_most(t->farthest, amb_judged_magnitude(seen->x));
+  t->current = amb_judged_most(t->current, amb_judged_magnitude(seen->iu));
+  const amb_judged_mask late = (seen->k >= at->load_from) & (away > at->band);
+  t->late = amb_judged_choose(late, seen->k, t->late);
+  t->touched += amb_judged_where(seen->touched, one);
+  t->landed = amb_judged_where(seen->touched, one);
+  const amb_judged borne = amb_judged_most(t->load, amb_judged_magnitude(seen->f_d));
+  t->load = amb_judged_choose(t->touched > 0.0, t->load, borne);
+}
+
+/* Only where the sample can be within the window of the step: there is a division in it. */
+AMB_INLINE void amb_tally_response(const amb_windows *at, amb_tally *t, const amb_seen *seen)
+{
+  const amb_judged_mask within = (seen->k >= at->step_from) & (seen->k < at->step_to);
+  const amb_judged way = (seen->x - at->there) / at->height; /* -1 before, 0 there */
+  t->way = amb_judged_choose(within, amb_judged_most(t->way, way), t->way);
+  const amb_judged_mask out = within & (amb_judged_magnitude(way) > 0.05);
+  t->outside = amb_judged_choose(out, seen->k, t->outside);
+}

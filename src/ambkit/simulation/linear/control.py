@@ -1,0 +1,214 @@
+"""Controllers of a loop as linear systems, and controllers and estimator together.
+
+The control signals u [V] are what goes between plant and controllers; an estimator is fed with
+those that go out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+import numpy as np
+
+from ambkit.machine.bank import alone_of
+from ambkit.machine.machine import Machine
+from ambkit.models.linear import LinearSystem, Signal
+from ambkit.simulation.linear.pieces import POSITION, VELOCITY, of_axes
+
+if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
+    from ambkit.models.model import Array
+    from ambkit.simulation.controllers import Controllers
+
+
+class _Gains(Protocol):
+    """What is known of a PID: `ambkit.simulation.scenario.PID`, or what is to become one."""
+
+    @property
+    def kp(self) -> float: ...
+    @property
+    def ki(self) -> float: ...
+    @property
+    def kd(self) -> float: ...
+    @property
+    def derivative_filter(self) -> float: ...
+    @property
+    def setpoint_weight(self) -> float: ...
+    @property
+    def feedback(self) -> str: ...
+
+
+class Gains(NamedTuple):
+    """Of one PID, within its limits."""
+
+    kp: float
+    ki: float
+    kd: float
+    derivative_filter: float
+    setpoint_weight: float
+
+
+def controller(pid: _Gains, bearing: Bearing) -> LinearSystem:
+    """Return the controller as ``core/src/controller.c`` computes it, within its limits.
+
+    Parameters
+    ----------
+    pid : PID
+        Its gains; ``feedback`` says whether it is fed by the measurement or by an estimate.
+    bearing : Bearing
+        Gives sampling time, sensor gain and amplifier gain.
+
+    Returns
+    -------
+    LinearSystem
+        Inputs ``position`` [m] and, with an estimate, ``velocity`` [m/s], then the reference ``r``
+        [m]; output ``u`` [V].
+    """
+    gains = Gains(pid.kp, pid.ki, pid.kd, pid.derivative_filter, pid.setpoint_weight)
+    found = _pid(gains, bearing.sampling_time, pid.feedback == "measurement")
+    volts = 1 / bearing.amplifier.gain
+    return replace(found, C=volts * found.C, D=volts * found.D, outputs=(Signal("u", "V"),))
+
+
+def _pid(pid: Gains, T: float, measured: bool) -> LinearSystem:
+    """Return a PID with a current [A] as its output."""
+    names = ["integral"] if pid.ki > 0 else []
+    names += ["derivative", "last"] if measured else []
+    units = {"integral": "A", "derivative": "m/s", "last": "m"}
+    inputs = (POSITION, *(() if measured else (VELOCITY,)), Signal("r", "m"))
+    at = {name: k for k, name in enumerate(names)}
+    n, m = len(names), len(inputs)
+    A, B, C, D = np.zeros((n, n)), np.zeros((n, m)), np.zeros((1, n)), np.zeros((1, m))
+    D[0, 0], D[0, -1] = -pid.kp, pid.kp * pid.setpoint_weight
+    if "integral" in at:
+        k = at["integral"]
+        A[k, k] = C[0, k] = 1.0
+        B[k, 0], B[k, -1] = -T * pid.ki, T * pid.ki
+    if measured:
+        # velocity += ((x - last) - T velocity)/(T_f + T), and then last = x
+        d, last, share = at["derivative"], at["last"], 1 / (pid.derivative_filter + T)
+        A[d, d], A[d, last], B[d, 0], B[last, 0] = 1 - T * share, -share, share, 1.0
+        C -= pid.kd * A[d]
+        D[0, 0] -= pid.kd * share
+    else:
+        D[0, 1] = -pid.kd
+    return LinearSystem(
+        A, B, C, D, T, tuple(Signal(name, units[name]) for name in names), inputs,
+        (Signal("iu", "A"),),
+    )  # fmt: skip
+
+
+def controllers(found: Controllers, of: Bearing | Machine, *, measured: bool) -> LinearSystem:
+    """Return controllers as ``core/src/controllers.c`` computes them, within their limits.
+
+    Parameters
+    ----------
+    found : Controllers
+        As they fly.
+    of : Bearing or Machine
+        Gives sampling time, gains and names.
+    measured : bool
+        Whether they are fed by the measurements, or by an estimator.
+
+    Returns
+    -------
+    LinearSystem
+        Inputs what each PID looks at [m]; with an estimate the velocities of that [m/s], and what
+        is fed back of the estimator's states [A]; then the references of the axes [m]. Outputs the
+        control signals [V].
+    """
+    from scipy.linalg import block_diag
+
+    T, q = of.sampling_time, len(found.pids)
+    each = [_pid(Gains(pid[0], pid[1], pid[2], pid[3], pid[5]), T, measured) for pid in found.pids]
+    kinds = each[0].inputs
+    order = [k + len(kinds) * at for k in range(len(kinds)) for at in range(q)]
+    A, B, C, D = (block_diag(*(getattr(one, name) for one in each)) for name in "ABCD")
+    B, D = B[:, order], D[:, order]
+    # Each PID's reference is what it looks at of those of the axes.
+    B, D = (np.hstack([M[:, :-q], M[:, -q:] @ found.of_axes]) for M in (B, D))
+    C, D = found.spread @ C, found.spread @ D
+    axes = [axis.name for axis in of.axes] if isinstance(of, Machine) else []
+    names = found.names if axes else []
+    told = [signal for kind in kinds[:-1] for signal in of_axes(kind, names)]
+    if not measured:
+        p = len(found.spread)
+        at = B.shape[1] - p
+        B = np.hstack([B[:, :at], np.zeros((len(A), p)), B[:, at:]])
+        D = np.hstack([D[:, :at], np.eye(p), D[:, at:]])
+        told += of_axes(Signal("fed_back", "A"), axes)
+    volts = np.array([1 / b.amplifier.gain for b in alone_of(of)])[:, None]
+    states = [
+        Signal(f"{at.name}_{name}", at.unit)
+        for name, one in zip(found.names, each, strict=True) for at in one.states
+    ]  # fmt: skip
+    return LinearSystem(
+        A, B, volts * C, volts * D, T, tuple(states),
+        (*told, *of_axes(Signal("r", "m"), axes)), of_axes(Signal("u", "V"), axes),
+    )  # fmt: skip
+
+
+def fed(found: Controllers, states: int, speed: float) -> Array:
+    """Return what controllers take of an estimator's states (2 q + p, n), see `controllers`.
+
+    Parameters
+    ----------
+    found : Controllers
+        Fed by an estimator.
+    states : int
+        n.
+    speed : float
+        Of rotation [rad/s].
+    """
+    feedback = found.feedback
+    turning = feedback.get("turning")
+    velocity = feedback["velocity"] + (0.0 if turning is None else speed * turning)
+    gain = np.zeros((len(found.spread), states))
+    for power, name in enumerate(("fed_back", "fed_back_by_speed", "fed_back_by_square")):
+        gain += speed**power * feedback.get(name, 0.0)
+    return np.vstack([feedback["position"], velocity, gain])
+
+
+def compensator(
+    control: LinearSystem,
+    estimator: LinearSystem | None,
+    shown: Array,
+    readings: Sequence[Signal] = (Signal("y", "m"),),
+) -> LinearSystem:
+    """Return controllers and estimator together, from the measurements to u.
+
+    Parameters
+    ----------
+    control : LinearSystem
+        Of `controller` or `controllers`.
+    estimator : LinearSystem or None
+        Of `estimator_at`, for controllers that are fed by it; None: they are fed by the
+        measurements.
+    shown : ndarray (q, m)
+        What they look at by the measurements [1], which they are fed with then.
+    readings : sequence of Signal (m,)
+        The measurements.
+
+    Returns
+    -------
+    LinearSystem
+        Inputs the measurements and the references [m], outputs the control signals [V].
+    """
+    K = control
+    if estimator is None:
+        p = len(shown)
+        B, D = (np.hstack([of[:, :p] @ shown, of[:, p:]]) for of in (K.B, K.D))
+        return replace(K, B=B, D=D, inputs=(*readings, *K.inputs[p:]))
+    E = estimator
+    m, q = len(E.inputs) - len(K.outputs), len(E.outputs)
+    B_y, B_u, D_y = E.B[:, :m], E.B[:, m:], E.D[:, :m]
+    Bq, Br, Dq, Dr = K.B[:, :q], K.B[:, q:], K.D[:, :q], K.D[:, q:]
+    A = np.block([[E.A + B_u @ Dq @ E.C, B_u @ K.C], [Bq @ E.C, K.A]])
+    B = np.block([[B_y + B_u @ Dq @ D_y, B_u @ Dr], [Bq @ D_y, Br]])
+    states = tuple(Signal(f"{at.name}_est", at.unit) for at in E.states) + K.states
+    return LinearSystem(
+        A, B, np.hstack([Dq @ E.C, K.C]), np.hstack([Dq @ D_y, Dr]), K.T, states,
+        (*E.inputs[:m], *K.inputs[q:]), K.outputs,
+    )  # fmt: skip

@@ -1,0 +1,361 @@
+"""Many closed loops of the nonlinear plant in one call, for Monte Carlo and campaigns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import islice
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ambkit.estimate.base import Estimator
+from ambkit.estimate.batch import processors
+from ambkit.estimate.estimate import Status
+from ambkit.machine.bearing import Bearing
+from ambkit.machine.magnets import MagnetModel, core_module
+from ambkit.simulation.run import Imposed, Loop, Run, simulate_run
+from ambkit.simulation.scenario import Scenario
+
+Array = NDArray[np.float64]
+Counts = NDArray[np.int64]
+
+LEAST = 50
+"""Samples that a step, or a load, must be followed by to be judged."""
+
+CHUNK = 1024
+"""Runs that are planned and flown together."""
+
+MOST_PLANS = 4096
+"""Of which so many are kept for runs that come later."""
+
+
+class Figure(NamedTuple):
+    """A number that a run is judged by."""
+
+    unit: str
+    """SI."""
+    about: str
+    """What it is, in a sentence."""
+
+
+FIGURES: dict[str, Figure] = {
+    "x_rms": Figure("m", "RMS error of the estimated position."),
+    "v_rms": Figure("m/s", "RMS error of the estimated velocity."),
+    "f_d_rms": Figure("N", "RMS error of the estimated disturbance force."),
+    "x_peak": Figure("m", "Greatest magnitude of the position's error."),
+    "v_peak": Figure("m/s", "Greatest magnitude of the velocity's error."),
+    "f_d_peak": Figure("N", "Greatest magnitude of the disturbance force's error."),
+    "nis": Figure("1", "Mean normalised innovation squared of the measurements taken in."),
+    "tracking_rms": Figure("m", "RMS control error, reference less position."),
+    "tracking_peak": Figure("m", "Greatest magnitude of the control error."),
+    "effort": Figure("A", "RMS change of the current asked for from sample to sample."),
+    "displacement_peak": Figure("m", "Farthest that the rotor was from the centre at a sample."),
+    "current_peak": Figure("A", "Greatest magnitude of the control current just after a sample."),
+    "overshoot": Figure("1", "Overshoot of the last step of the reference, before a load."),
+    "settling": Figure("s", "Time after that step until the rotor stays within 5 % of it; infinity "
+                       "where it does not."),
+    "recovery": Figure("s", "Time after the last change of the load until the rotor stays within "
+                       "the band around the reference; infinity where it does not."),
+    "load_kept": Figure("N", "Greatest magnitude of the load before the rotor first met a stop."),
+    "touched": Figure("1", "Samples in which a stop was touched."),
+    "landed": Figure("1", "1 where the rotor touched a stop in the last sample, else 0."),
+}  # fmt: skip
+"""All figures by name, in the order of the arrays; NaN where one does not apply to a run."""
+
+OF_ESTIMATES = ("x_rms", "v_rms", "f_d_rms", "x_peak", "v_peak", "f_d_peak", "nis")
+"""Those that a run without an estimator has not."""
+
+FLAGS = tuple(str(flag.name).lower() for flag in Status if flag)
+"""Names of what a step had to say."""
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """One run of many: what is simulated, and with which noise.
+
+    Attributes
+    ----------
+    bearing, scenario : Bearing, Scenario
+        The plant, and what happens to it, the controller among it.
+    estimator, magnet, imposed
+        As for :func:`ambkit.simulation.run.simulate_run`. The estimator is not changed, and one may
+        serve all runs: each begins afresh.
+    number : int, optional
+        Number of the run, which is with the scenario's seed the key of its noise, in place of
+        ``scenario.run``.
+    """
+
+    bearing: Bearing
+    scenario: Scenario
+    estimator: Estimator | None = None
+    magnet: MagnetModel | None = None
+    imposed: Imposed | None = None
+    number: int | None = None
+
+    @property
+    def key(self) -> tuple[int, int]:
+        """Seed and number of the run."""
+        return self.scenario.seed, self.scenario.run if self.number is None else self.number
+
+    @property
+    def numbered(self) -> Scenario:
+        """The scenario with the number of the run."""
+        if self.number is None:
+            return self.scenario
+        return self.scenario.model_copy(update={"run": self.number})
+
+    def simulated(self) -> Run:
+        """Simulate it by itself, with every sample kept."""
+        return simulate_run(
+            self.bearing, self.numbered, estimator=self.estimator, magnet=self.magnet,
+            imposed=self.imposed,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Many:
+    """What many runs gave, in their order.
+
+    Attributes
+    ----------
+    figures : mapping of str to ndarray (runs,)
+        By the names of :data:`FIGURES`, in SI; NaN where one does not apply.
+    status : mapping of str to ndarray of int64 (runs,)
+        By the names of :class:`ambkit.Status` in lower case: samples at which it was said.
+    traces : mapping of int to Run
+        Of those that were asked for, by their place, with all samples.
+    """
+
+    figures: Mapping[str, Array]
+    status: Mapping[str, Counts]
+    traces: Mapping[int, Run] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.figures["touched"])
+
+    def columns(self) -> dict[str, Array | Counts]:
+        """Return all figures and, as ``samples_missing`` and so on, the counts of flags."""
+        return {**self.figures, **{f"samples_{name}": n for name, n in self.status.items()}}
+
+
+class Windows(NamedTuple):
+    """Where the figures of a run are taken; sample numbers."""
+
+    first: int
+    """The first that errors count from."""
+    step: tuple[int, int, float] | None
+    """The last step of the reference: begin, end (the next change), height [m]."""
+    load: int | None
+    """The last change of the load."""
+
+
+def windows(r: Array, f_d: Array, first: int) -> Windows:
+    """Find where a step response and a recovery can be seen.
+
+    Parameters
+    ----------
+    r, f_d : ndarray (n,)
+        Reference [m] and load [N].
+    first : int
+        The first sample that errors count from.
+    """
+    n = len(r)
+    steps, loads = np.flatnonzero(np.diff(r)) + 1, np.flatnonzero(np.diff(f_d)) + 1
+    step = load = None
+    if steps.size:
+        start = int(steps[-1])
+        later = loads[loads > start]
+        stop = int(later[0]) if later.size else n
+        # A load that never rests leaves no step response to be seen.
+        if later.size <= 1 and stop - start >= LEAST:
+            step = start, stop, float(r[start] - r[start - 1])
+    if loads.size and n - loads[-1] >= LEAST and not (steps.size and steps[-1] > loads[-1]):
+        load = int(loads[-1])
+    return Windows(first, step, load)
+
+
+def simulate_many(
+    runs: Iterable[Planned],
+    *,
+    settling: float = 0.0,
+    band: float = 0.05,
+    traces: Collection[int] = (),
+    threads: int | None = None,
+    instructions: str | None = None,
+    done: Callable[[int], None] | None = None,
+) -> Many:
+    """Simulate many closed loops and judge each by the truth, without keeping its samples.
+
+    The numbers are those of `simulate_run`, run by run and to the last bit, whatever the order, the
+    threads, the lanes and what else is in the batch.
+
+    Parameters
+    ----------
+    runs : iterable of Planned
+        Any mixture; taken one after another, so that 10^6 of them need not be there at once.
+    settling : float
+        Time at the start of each run that errors leave out [s]; the first sample always is.
+    band : float
+        Control error that a rotor has recovered within, as a share of its travel limit.
+    traces : collection of int
+        Places of runs whose samples are kept.
+    threads : int, optional
+        Default: as many as the process may use.
+    instructions : str, optional
+        One of :func:`ambkit.estimate.batch.instruction_sets`; default: the fastest.
+    done : callable, optional
+        Called now and then with the number of runs that were finished since the last call.
+
+    Returns
+    -------
+    Many
+
+    Raises
+    ------
+    ValueError
+        A run has no sample after the settling, or a trace is asked of a run that is not there.
+
+    Examples
+    --------
+    >>> bearing = ambkit.Bearing.preset("zittau_axial")
+    >>> scenario = ambkit.Scenario(duration=0.1, seed=1)
+    >>> kalman = ambkit.KalmanFilter(bearing)
+    >>> runs = [Planned(bearing, scenario, kalman, number=k) for k in range(20)]
+    >>> simulate_many(runs).figures["f_d_rms"].shape
+    (20,)
+    """
+    engine = _Engine(settling, band, processors() if threads is None else threads, instructions)
+    parts: list[tuple[Array, Counts]] = []
+    kept: dict[int, Run] = {}
+    place = 0
+    for chunk in _chunked(iter(runs), CHUNK):
+        parts.append(engine.flown(chunk))
+        for planned in chunk:
+            if place in traces:
+                kept[place] = planned.simulated()
+            place += 1
+        if done is not None:
+            done(len(chunk))
+    if missing := set(traces) - kept.keys():
+        raise ValueError(f"traces holds {min(missing)}, and there are {place} runs")
+    figures, flags = zip(*parts, strict=True) if parts else ((), ())
+    return Many(_columns(FIGURES, figures, float), _columns(FLAGS, flags, np.int64), kept)
+
+
+def _chunked(runs: Iterator[Planned], size: int) -> Iterator[list[Planned]]:
+    while chunk := list(islice(runs, size)):
+        yield chunk
+
+
+def _columns(names: Iterable[str], parts: Sequence[NDArray[Any]], kind: Any) -> dict[str, Any]:
+    """Return each column of tables that stand one below the other."""
+    return {
+        name: np.concatenate([part[:, k] for part in parts]) if parts else np.empty(0, kind)
+        for k, name in enumerate(names)
+    }
+
+
+class _Engine:
+    """Plans what has not been planned yet, and flies it; see `simulate_many` for the arguments."""
+
+    def __init__(
+        self, settling: float, band: float, threads: int, instructions: str | None
+    ) -> None:
+        if threads < 1:
+            raise ValueError(f"threads must be 1 or more, got {threads}")
+        self.settling, self.band = settling, band
+        self.threads, self.instructions = threads, instructions
+        # By the identity of what a run is made of, which is kept, so that no other takes its place.
+        self._plans: dict[tuple[int, ...], tuple[Planned, ModuleType, Any]] = {}
+
+    def flown(self, runs: Sequence[Planned]) -> tuple[Array, Counts]:
+        """Return figures (runs, figures) and counts of flags (runs, flags)."""
+        if len(self._plans) > MOST_PLANS:
+            self._plans.clear()
+        figures = np.empty((len(runs), len(FIGURES)))
+        counts = np.empty((len(runs), len(FLAGS)), np.int64)
+        by_core: dict[ModuleType, dict[Any, list[int]]] = {}
+        for place, planned in enumerate(runs):
+            core, plan = self._plan(planned)
+            by_core.setdefault(core, {}).setdefault(plan, []).append(place)
+        numbers = np.array([planned.key[1] for planned in runs], np.uint64)
+        for core, plans in by_core.items():
+            places = np.concatenate([np.array(each) for each in plans.values()])
+            which = np.repeat(np.arange(len(plans)), [len(each) for each in plans.values()])
+            order = np.argsort(places)
+            places, which = places[order], np.ascontiguousarray(which[order], np.int64)
+            figures[places], counts[places] = core.fly(
+                list(plans), which, numbers[places], instructions=self.instructions,
+                threads=self.threads,
+            )  # fmt: skip
+        return figures, counts
+
+    def _plan(self, planned: Planned) -> tuple[ModuleType, Any]:
+        made_of = (
+            planned.bearing, planned.scenario, planned.estimator, planned.magnet, planned.imposed,
+        )  # fmt: skip
+        known = tuple(map(id, made_of))
+        found = self._plans.get(known)
+        if found is None:
+            core, plan, general = self._made(planned)
+            if not general:
+                return core, plan
+            found = self._plans[known] = planned, core, plan
+        return found[1:]
+
+    def _made(self, planned: Planned) -> tuple[ModuleType, Any, bool]:
+        """Return a core, its plan of a run, and whether that serves all numbers."""
+        loop = Loop(
+            planned.bearing, planned.numbered, estimator=planned.estimator, magnet=planned.magnet,
+            imposed=planned.imposed,
+        )  # fmt: skip
+        estimator = loop.estimator
+        precision = "float64" if estimator is None else estimator.precision
+        core = core_module(precision) if estimator is None else estimator.engine.core
+
+        def given(values: ArrayLike) -> NDArray[Any]:
+            return np.ascontiguousarray(values, dtype=precision)
+
+        r, f_d = loop.series
+        bearing = planned.bearing
+        at = windows(r, f_d, first_of(self.settling, bearing.sampling_time, len(r)))
+        start, stop, height = at.step or (0, 0, 0.0)
+        stds = loop.white_noise
+        series = (None, None) if stds is not None else loop.noise
+        plan = core.Plan(
+            **loop.arguments(core, given),
+            mean=None if estimator is None else given(loop.start),
+            std=None if estimator is None else given(estimator.default_std()),
+            seed=planned.key[0], std_u=0.0 if stds is None else stds[0],
+            std_y=0.0 if stds is None else stds[1], noise_u=series[0], noise_y=series[1],
+            first=at.first, step_from=start, step_to=stop, height=height,
+            load_from=len(r) if at.load is None else at.load,
+            band=self.band * bearing.rotor.travel_limit,
+        )  # fmt: skip
+        return core, plan, stds is not None
+
+
+def first_of(settling: float, T: float, n: int) -> int:
+    """Return the first sample that errors count from.
+
+    Parameters
+    ----------
+    settling, T : float
+        What is left out, and the sampling time [s].
+    n : int
+        Samples.
+
+    Raises
+    ------
+    ValueError
+        There is none.
+    """
+    first = max(1, round(settling / T))
+    if first >= n:
+        raise ValueError(
+            f"settling must be less than the {(n - 1) * T:g} s of a run, is {settling:g} s"
+        )
+    return first

@@ -1,0 +1,224 @@
+"""One loop, and all that is said of it: margins, noise, and what it asks of the machine."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ambkit.judge.loop.demands import Demands, demands
+from ambkit.judge.loop.margins import BodeIntegral, Margins, bode_integral, grid, highest, margins
+from ambkit.simulation.linear.closed import Loop
+from ambkit.workflow.loop_of import LoopOf, zone_of
+
+
+@dataclass(frozen=True, eq=False)
+class AssessedAxis:
+    """One axis of a stable loop, all other loops closed.
+
+    Attributes
+    ----------
+    name : str
+        Of the axis.
+    margins : Margins
+        Of its loop.
+    peak, peak_frequency : float
+        Greatest of abs(S) within the standard's range [1], and where [Hz].
+    current_noise, position_noise : float
+        Standard deviations of the demanded current [A] and of the position [m] by the sensors'
+        white noise and the amplifiers' noise.
+    demands : Demands
+        What it asks of the machine, and what load it bears.
+    """
+
+    name: str
+    margins: Margins
+    peak: float
+    peak_frequency: float
+    current_noise: float
+    position_noise: float
+    demands: Demands
+
+    @property
+    def zone(self) -> str:
+        """Zone A to D."""
+        return zone_of(self.peak)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as plain data, in SI."""
+        m, d = self.margins, self.demands
+        return {
+            "zone": self.zone,
+            "peak": self.peak,
+            "peak_frequency": self.peak_frequency,
+            "current_noise": self.current_noise,
+            "position_noise": self.position_noise,
+            "peak_to_half_the_sampling_rate": m.peak,
+            "peak_to_half_the_sampling_rate_at": m.peak_frequency,
+            "complementary_peak": m.complementary_peak,
+            "gain_margin_up": m.gain_up,
+            "gain_margin_down": m.gain_down,
+            "phase_margin": m.phase,
+            "delay_margin": m.delay,
+            "disk_margin": m.disk,
+            "crossover": m.crossover,
+            "bandwidth": m.bandwidth,
+            "displacement": d.displacement,
+            "displacement_zone": d.zone,
+            "clearance": d.clearance,
+            "current": d.current,
+            "copper_loss": d.copper_loss,
+            "coil_temperature": None if d.heating is None else d.heating.temperature,
+            "coil_temperature_limit": None if d.heating is None else d.heating.limit,
+            "static_load": list(d.capacity.static),
+            "least_load": d.capacity.least[0],
+            "least_load_at": d.capacity.least[1],
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class AssessedLoop:
+    """One loop, of one axis or of several, and what is said of it.
+
+    Attributes
+    ----------
+    name : str
+        By what its controllers are fed.
+    loop : Loop
+        The linear loop, to be asked for any response.
+    stable : bool
+        Whether it is; nothing below means anything else.
+    axes : dict of str to AssessedAxis
+        By their names; empty of an unstable loop.
+    largest : tuple of float
+        Greatest singular value of S up to half the sampling rate [1], and where [Hz]; NaN of an
+        unstable loop.
+    integral : BodeIntegral
+        The check of all of it.
+    of : LoopOf
+        Plant and work point.
+    """
+
+    name: str
+    loop: Loop
+    stable: bool
+    axes: dict[str, AssessedAxis]
+    largest: tuple[float, float]
+    integral: BodeIntegral
+    of: LoopOf
+
+    @property
+    def worst(self) -> AssessedAxis | None:
+        """The axis that decides the zone: that of the greatest peak; None of an unstable loop."""
+        # Of axes that are alike, the first: rounding does not choose.
+        return max(self.axes.values(), key=lambda each: float(f"{each.peak:.9g}"), default=None)
+
+    @property
+    def margins(self) -> Margins | None:
+        """Those of the worst axis; None of an unstable loop."""
+        return None if self.worst is None else self.worst.margins
+
+    @property
+    def peak(self) -> float:
+        """Greatest of abs(S) of any axis within the standard's range [1]; NaN if unstable."""
+        return math.nan if self.worst is None else self.worst.peak
+
+    @property
+    def peak_frequency(self) -> float:
+        """Where that is [Hz]."""
+        return math.nan if self.worst is None else self.worst.peak_frequency
+
+    @property
+    def current_noise(self) -> float:
+        """Greatest standard deviation of a demanded current by noise [A]; NaN if unstable."""
+        return max((each.current_noise for each in self.axes.values()), default=math.nan)
+
+    @property
+    def position_noise(self) -> float:
+        """Greatest standard deviation of a position by noise [m]; NaN if unstable."""
+        return max((each.position_noise for each in self.axes.values()), default=math.nan)
+
+    @property
+    def demands(self) -> Demands | None:
+        """Those of the axis that goes farthest in its clearance; None of an unstable loop."""
+        each = [axis.demands for axis in self.axes.values()]
+        return max(each, key=lambda one: one.displacement / one.clearance, default=None)
+
+    @property
+    def zone(self) -> str:
+        """Zone A to D; ``"unstable"`` of a loop that is."""
+        return zone_of(self.peak) if self.stable else "unstable"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as plain data, in SI: of the worst axis, and of several of each."""
+        poles = self.loop.closed.poles()
+        with np.errstate(divide="ignore"):
+            rates = np.log(np.abs(poles)) / self.loop.T
+        found: dict[str, Any] = {
+            "stable": self.stable,
+            "zone": self.zone,
+            "peak": self.peak,
+            "peak_frequency": self.peak_frequency,
+            "slowest_pole": float(rates.max()),
+            "current_noise": self.current_noise,
+            "position_noise": self.position_noise,
+            "bode_integral": self.integral.integral,
+            "bode_poles": self.integral.poles,
+            "bode_holds": self.integral.holds,
+            "poles": [[float(at.real), float(at.imag)] for at in poles],
+        }
+        orbit = self.of.point.orbit
+        if orbit is not None:
+            found["orbit"] = [float(each) for each in np.abs(orbit.x)]
+        if self.loop.axes > 1:
+            found |= {
+                "axes": {name: each.to_dict() for name, each in self.axes.items()},
+                "largest_singular_value": self.largest[0],
+                "largest_singular_value_at": self.largest[1],
+                "worst_axis": None if self.worst is None else self.worst.name,
+            }
+        elif self.worst is not None:
+            found |= self.worst.to_dict()
+        return found
+
+
+def assessed(name: str, loop: Loop, of: LoopOf) -> AssessedLoop:
+    """Return a loop with all that is said of it.
+
+    Parameters
+    ----------
+    name : str
+        By what its controllers are fed.
+    loop : Loop
+        Of `of`, or of another controller on its plant.
+    of : LoopOf
+        Gives plant and work point.
+    """
+    integral = bode_integral(loop)
+    if not loop.is_stable:
+        return AssessedLoop(name, loop, False, {}, (math.nan, math.nan), integral, of)
+    f = grid(loop)
+    f = np.unique(np.append(f, of.top))
+    S, counts, p = loop.along_axes(f), f <= of.top, loop.axes
+    noise = np.sqrt(np.diag(loop.noise_covariance(*of.noise())))
+    currents = np.array([b.amplifier.gain for b in of.alone]) * noise[p:]
+    turned = of.turned(loop)
+    asked = demands(loop, of.bearing, of.point, currents, noise[:p], turned)
+    axes = {}
+    for k, axis in enumerate(of.axes):
+        seen = S[:, k, k]
+        peak, where = highest(partial(loop.of_axis, k), f[counts], seen[counts])
+        axes[axis] = AssessedAxis(
+            axis,
+            margins(loop, k, f, seen),
+            peak,
+            where,
+            float(currents[k]),
+            float(noise[k]),
+            asked[k],
+        )
+    largest = highest(loop.largest_sensitivity, f, np.linalg.norm(S, 2, axis=(1, 2)))
+    return AssessedLoop(name, loop, True, axes, largest, integral, of)

@@ -1,0 +1,235 @@
+"""Loops of one bearing or machine, assessed beside each other: figures and pictures."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ambkit.base.showing import Shown
+from ambkit.simulation.linear.pieces import WorkPoint
+from ambkit.simulation.scenario import PID
+from ambkit.workflow.assessed_loop import AssessedLoop
+from ambkit.workflow.balance import Grade, of_grades
+from ambkit.workflow.loop_of import ZONES, LoopOf, ideal_pieces
+
+if TYPE_CHECKING:
+    from ambkit.estimate.base import Estimator
+    from ambkit.show.report.figure import Figure
+
+BASIS = (
+    "Zones after ISO 14839-3, of a linear model: an aid, not a certificate, which asks for a "
+    "measurement on the machine."
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Assessment(Shown):
+    """Loops of one bearing or machine and its controllers, assessed.
+
+    Attributes
+    ----------
+    of : LoopOf
+        Plant, controllers and work point.
+    estimators : dict of str to Estimator
+        Those in the loops.
+    least : tuple of float
+        Peaks of S and T, by their largest singular values, that no controller can be below with
+        this plant.
+    loops : dict of str to AssessedLoop
+        By what the controllers are fed, the measurement first.
+    """
+
+    _card_by = "workflow.cards:assessment"
+
+    of: LoopOf
+    estimators: dict[str, Estimator]
+    least: tuple[float, float]
+    loops: dict[str, AssessedLoop]
+
+    @property
+    def bearing(self) -> Any:
+        """The plant, a `Bearing` or a `Machine`."""
+        return self.of.bearing
+
+    @property
+    def controllers(self) -> dict[str, PID]:
+        """Gains, with what was not said tuned: by axis, or coordinate of a machine's rotor.
+
+        As they are fed in the last of the loops.
+        """
+        return self.of.pids(self.estimators.get(list(self.loops)[-1]))
+
+    @property
+    def controller(self) -> PID:
+        """Those of a bearing, or of a machine's first axis or coordinate."""
+        return next(iter(self.controllers.values()))
+
+    @property
+    def point(self) -> WorkPoint:
+        """Where it is linearised: control current [A] and displacement [m]."""
+        return self.of.point
+
+    @property
+    def top(self) -> float:
+        """End of the range that the zones are taken from [Hz]."""
+        return self.of.top
+
+    def __repr__(self) -> str:
+        said = ", ".join(
+            f"{name}: zone {each.zone}, peak {each.peak:.3g} at {each.peak_frequency:.4g} Hz"
+            if each.stable
+            else f"{name}: unstable"
+            for name, each in self.loops.items()
+        )
+        return f"<Assessment of {self.bearing.name}: {said}>"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all figures as plain data, in SI."""
+        found: dict[str, Any] = {
+            "basis": BASIS,
+            "range": self.top,
+            "half_the_sampling_rate": 0.5 / self.bearing.sampling_time,
+            "least_peak": self.least[0],
+            "least_complementary_peak": self.least[1],
+            "loops": {name: each.to_dict() for name, each in self.loops.items()},
+        }
+        if self.of.machine is None:
+            return found | {
+                "bearing": self.bearing.name,
+                "controller": self.of.pids()["x"].model_dump(mode="json"),
+                "control_current": self.point.iu,
+                "displacement": self.point.x,
+            }
+        held = zip(self.of.axes, self.point.iu, strict=True)
+        return found | {
+            "machine": self.bearing.name,
+            "speed": self.bearing.speed,
+            "control": self.of.control.model_dump(mode="json"),
+            "controllers": {
+                name: pid.model_dump(mode="json") for name, pid in self.controllers.items()
+            },
+            "control_current": {name: float(iu) for name, iu in held},
+            "balance_grades": [each._asdict() for each in self.grades()],
+        }
+
+    def grades(self, filter: str | None = None) -> list[Grade]:
+        """Return what unbalance of each balance quality grade would do at the machine's speed.
+
+        Parameters
+        ----------
+        filter : str, optional
+            By what the controllers of the loop are fed; by default the last one.
+
+        Returns
+        -------
+        list of Grade
+            None of one axis, of a machine that does not turn, or of an unstable loop.
+        """
+        loop = list(self.loops.values())[-1] if filter is None else self.loops[filter]
+        machine = self.of.machine
+        if machine is None or not machine.speed or not loop.stable:
+            return []
+        return of_grades(loop.loop, machine, loop.of.point)
+
+    def shares(self, filter: str | None = None) -> dict[str, float]:
+        """Return the peak of abs(S) as it is, and with each piece of the loop ideal in turn [1].
+
+        The worst axis within the standard's range; controllers, filter and work point stay as they
+        are, so that what is told is the piece's own. Infinite where the loop is unstable then.
+
+        Parameters
+        ----------
+        filter : str, optional
+            By what the controllers of the loop are fed; by default the last one.
+
+        Returns
+        -------
+        dict of str to float
+            ``"as it is"``, and by the pieces that are not ideal already: ``"amplifier"`` without
+            lag, ``"sensor"`` without lag, ``"delay"`` without dead time but for the hold,
+            ``"filter"`` replaced by the measurement.
+        """
+        name = list(self.loops)[-1] if filter is None else filter
+        estimator = self.estimators.get(name)
+        found = {"as it is": self.loops[name].peak if self.loops[name].stable else math.inf}
+        there = self.loops[name].of
+        for piece, plant in ideal_pieces(self.bearing).items():
+            found[piece] = there.with_plant(plant, estimator).peak(estimator)
+        if estimator is not None and not there.needs_estimate:
+            found["filter"] = there.peak()
+        return found
+
+    def figure(self, filter: str | None = None) -> Figure:
+        """Return Bode of S with the zones, Nyquist, compliance and noise as a picture.
+
+        Of one axis with all loops; of a machine with all axes of one loop, singular values, and the
+        determinant of the return difference.
+
+        Parameters
+        ----------
+        filter : str, optional
+            Of a machine, by what the controllers of the loop are fed; by default the last one.
+        """
+        from ambkit.show.plots.assessment import Curves, assessment_figure
+
+        title = f"{self.bearing.name}: sensitivity with the filter in the loop"
+        stable = {name: each.loop for name, each in self.loops.items() if each.stable}
+        whole = None
+        if self.of.machine is None:
+            curves = [Curves(name, loop) for name, loop in stable.items()]
+        else:
+            name = list(self.loops)[-1] if filter is None else filter
+            whole = stable.get(name)
+            curves = [] if whole is None else [
+                Curves(" and ".join(same), whole, self.of.axes.index(same[0]))
+                for same in self.alike(name)
+            ]  # fmt: skip
+            title = f"{self.bearing.name}: sensitivity of each axis, controllers fed by {name}"
+        return assessment_figure(
+            title, curves, zones=ZONES, top=self.top, static=self.of.static_compliance(),
+            gain=self.of.alone[0].amplifier.gain, whole=whole,
+        )  # fmt: skip
+
+    def alike(self, filter: str) -> list[list[str]]:
+        """Return the names of a loop's axes, those together whose curves are the same.
+
+        Parameters
+        ----------
+        filter : str
+            By what the controllers of the loop are fed.
+        """
+        found: list[list[str]] = []
+        axes = self.loops[filter].axes
+        for name, each in axes.items():
+            for same in found:
+                other = axes[same[0]]
+                if math.isclose(each.peak, other.peak, rel_tol=1e-6) and math.isclose(
+                    each.margins.crossover, other.margins.crossover, rel_tol=1e-6
+                ):
+                    same.append(name)
+                    break
+            else:
+                found.append([name])
+        return found
+
+    def capacity_figure(self, filter: str | None = None) -> Figure:
+        """Return the load that each loop, or each axis of a machine, bears over the frequency.
+
+        Parameters
+        ----------
+        filter : str, optional
+            Of a machine, by what the controllers of the loop are fed; by default the last one.
+        """
+        from ambkit.show.plots.capacity import capacity_figure
+
+        if self.of.machine is None:
+            each = {name: loop.demands for name, loop in self.loops.items()}
+        else:
+            name = list(self.loops)[-1] if filter is None else filter
+            axes = self.loops[name].axes
+            each = {" and ".join(same): axes[same[0]].demands for same in self.alike(name)}
+        return capacity_figure(
+            f"{self.bearing.name}: the load that the loop bears",
+            {name: asked.capacity for name, asked in each.items() if asked},
+        )

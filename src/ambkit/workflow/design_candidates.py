@@ -1,0 +1,208 @@
+"""The filters that a design tries: how each is judged, who flies, and what speaks against it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ambkit.base.units import engineering
+from ambkit.estimate.filter_file import FilterFile
+from ambkit.estimate.registry import KINDS
+from ambkit.judge.comparison.bench import bench
+from ambkit.judge.comparison.cases import CASES
+from ambkit.judge.comparison.contenders import Contender
+from ambkit.workflow.loop_of import zone_of
+from ambkit.workflow.stages import read_json
+from ambkit.workflow.tuning import default_disturbance
+from ambkit.workflow.tuning_tasks import AHEAD, JUDGED
+
+if TYPE_CHECKING:
+    from ambkit.workflow.tuned_filter import Tuned
+
+RUNS = 20
+"""Simulated runs that a filter is judged in."""
+
+FAR_FROM_BOUND = 0.8
+"""A filter whose position is this far from the bound is not exported unasked."""
+
+AS_LIKELY = 3e-3
+"""Difference of log likelihood a sample within which the records do not tell two filters apart."""
+
+AS_GOOD = 0.02
+"""Relative difference of errors within which the simpler of two kinds is taken."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A tuned filter, and how it did.
+
+    Attributes
+    ----------
+    kind : str
+        Of the filter.
+    file : Path
+        The filter.
+    kept : bool
+        Whether tuning was of use.
+    unseen : mapping of str to float
+        Figures on records that it was not tuned on, see `Tuned`.
+    errors : mapping of str to float
+        Root mean square errors of ``x`` [m], ``v`` [m/s], ``f_d`` [N] in simulated runs of the
+        bearing that was found, with the noise that this filter assumes.
+    efficiency : float
+        Bound of the position's error over that error; 1 is what nobody exceeds.
+    peak : float
+        Peak of abs(S) in the loop with the default controller [1]; NaN where it cannot be told.
+    """
+
+    kind: str
+    file: Path
+    kept: bool
+    unseen: Mapping[str, float]
+    errors: Mapping[str, float]
+    efficiency: float
+    peak: float = math.nan
+
+
+def of_tuning(tuned: Tuned) -> dict[str, Any]:
+    """Return what is kept of a filter's tuning, as plain data.
+
+    Parameters
+    ----------
+    tuned : Tuned
+        The filter.
+    """
+    taken = 1 if tuned.kept else 0
+    unseen = {name: pair[taken] for name, pair in tuned.unseen.items()}
+    return {
+        "kept": tuned.kept,
+        "unseen": unseen,
+        "warnings": list(tuned.warnings),
+        "peak": None if math.isnan(tuned.peak) else tuned.peak,
+    }
+
+
+def judged(path: Path, seed: int) -> dict[str, Any]:
+    """Judge a filter in runs of its own bearing, noise and load as it assumes them.
+
+    Parameters
+    ----------
+    path : Path
+        Its file.
+    seed : int
+        Of the runs.
+    """
+    file = FilterFile.load(path)
+    made = file.make()
+    usual = made.variances
+    plant = made.bearing.replace(
+        sensor__noise_variance=usual.measurement, amplifier__noise_variance=usual.control
+    )
+    walks = usual.disturbance / default_disturbance(plant)
+    case = replace(CASES["model"], walks=walks)
+    field = {file.kind: Contender(file.kind, file.kind, file.make)}
+    found = bench(plant, case, field, runs=RUNS, seed=seed)
+    figures = found.default[file.kind]
+    gain = plant.sensor.gain
+    return {
+        "errors": {name: figures.mean(name) for name in ("x", "v", "f_d")},
+        "efficiency": found.efficiency(file.kind, "x"),
+        "raw": math.sqrt(usual.measurement) / abs(gain),
+    }
+
+
+def candidate_in(place: Path, kind: str) -> Candidate:
+    """Return a candidate as its files in a folder have it.
+
+    Parameters
+    ----------
+    place : Path
+        The folder of the design.
+    kind : str
+        Of the filter.
+    """
+    tuning = read_json(place / f"candidates/{kind}.json")
+    judged = read_json(place / f"candidates/{kind}.judged.json")
+    peak = math.nan if tuning["peak"] is None else tuning["peak"]
+    return Candidate(
+        kind, place / f"candidates/{kind}.toml", tuning["kept"], tuning["unseen"],
+        judged["errors"], judged["efficiency"], peak,
+    )  # fmt: skip
+
+
+def best_of(candidates: Sequence[Candidate]) -> Candidate:
+    """Return who errs least among those that unseen records like best; of equals the simplest.
+
+    Where a rotor hardly moves, its records do not tell the kinds apart; simulated truth does.
+
+    Parameters
+    ----------
+    candidates : sequence of Candidate
+        Who was tried.
+    """
+    order = list(KINDS)
+    unlikely = {c.kind: c.unseen[JUDGED["likelihood"]] for c in candidates}
+    least = min(unlikely.values())
+    likely = [c for c in candidates if unlikely[c.kind] <= least + AS_LIKELY]
+    smallest = min(c.errors["x"] for c in likely)
+    equal = [c for c in likely if c.errors["x"] <= (1 + AS_GOOD) * smallest]
+    return min(equal, key=lambda c: order.index(c.kind))
+
+
+def objections_to(chosen: Candidate, raw: float) -> list[str]:
+    """Return what speaks against flying a candidate.
+
+    Parameters
+    ----------
+    chosen : Candidate
+        The filter.
+    raw : float
+        What the sensor errs by [m].
+    """
+    said = []
+    if not chosen.errors["x"] < raw:
+        error, sensor = (engineering(v, "m", digits=3) for v in (chosen.errors["x"], raw))
+        said.append(f"its position errs by {error}, and that of the raw sensor by {sensor}")
+    if chosen.efficiency < FAR_FROM_BOUND:
+        said.append(
+            f"its position reaches {100 * chosen.efficiency:.0f} % of the bound, less than "
+            f"{100 * FAR_FROM_BOUND:.0f} %"
+        )
+    if zone_of(chosen.peak) != "A" and not math.isnan(chosen.peak):
+        said.append(
+            f"in the loop with the default controller the peak of |S| is {chosen.peak:.3g}, zone "
+            f"{zone_of(chosen.peak)} of ISO 14839-3: another controller may leave more margin"
+        )
+    return said
+
+
+def why_fly(chosen: Candidate, candidates: Sequence[Candidate], raw: float) -> str:
+    """Return which filter to fly and why, in a sentence.
+
+    Parameters
+    ----------
+    chosen : Candidate
+        That filter.
+    candidates : sequence of Candidate
+        All that were tried.
+    raw : float
+        What the sensor errs by [m].
+    """
+    x, f_d = chosen.errors["x"], chosen.errors["f_d"]
+    others = [c for c in candidates if c is not chosen]
+
+    def ahead(candidate: Candidate) -> str:
+        return engineering(candidate.unseen[AHEAD[10]], "m", digits=3)
+
+    beside = "".join(f", the {KINDS[c.kind].label} {ahead(c)}" for c in others)
+    return (
+        f"Fly the {KINDS[chosen.kind].label}: on records that it was not tuned on it foretells "
+        f"the position 10 samples ahead to {ahead(chosen)} rms"
+        f"{beside}; in simulated runs of this bearing it errs by {engineering(x, 'm', digits=3)} "
+        f"in position, {100 * chosen.efficiency:.0f} % of what is possible, and "
+        f"{engineering(f_d, 'N', digits=3)} in the disturbance force, where the raw sensor errs by "
+        f"{engineering(raw, 'm', digits=3)}."
+    )

@@ -1,0 +1,111 @@
+"""What a caller gives to be assessed, as it is needed: loads in SI, estimators by their names."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from ambkit.base.asked import in_si
+from ambkit.base.errors import AmbkitError
+from ambkit.machine.bearing import Bearing
+from ambkit.machine.machine import Machine
+
+if TYPE_CHECKING:
+    from ambkit.estimate.base import Estimator
+
+
+def given_load(bearing: Bearing | Machine, load: Any) -> Any:
+    """Return a constant load in SI: a number [N], or of a machine a mapping by its axes.
+
+    Parameters
+    ----------
+    bearing : Bearing or Machine
+        What is loaded.
+    load : optional
+        See `assess`.
+
+    Raises
+    ------
+    AmbkitError
+        It is a number and a machine's, or a mapping and a bearing's.
+    """
+    if isinstance(load, Mapping) != isinstance(bearing, Machine) and load not in (0.0, None):
+        kind = "a mapping by axes" if isinstance(bearing, Machine) else "a number"
+        raise AmbkitError(f"load: of {bearing.name} it must be {kind}, is {load!r}")
+    if isinstance(load, Mapping):
+        return {name: in_si(f"load of {name}", each, "N") for name, each in load.items()}
+    return None if isinstance(bearing, Machine) else in_si("load", load, "N")
+
+
+def given_estimators(given: Any, bearing: Bearing | Machine) -> dict[str, Estimator]:
+    """Return the estimators that were given or named, by their names.
+
+    Parameters
+    ----------
+    given : optional
+        See `assess`.
+    bearing : Bearing or Machine
+        What they run on.
+
+    Raises
+    ------
+    AmbkitError
+        There is no such estimator, it has another sampling time, or two have one name.
+    """
+    from ambkit.estimate.base import Estimator
+
+    if given is None:
+        return {}
+    found: dict[str, Estimator] = dict(given) if isinstance(given, Mapping) else {}
+    alone = isinstance(given, Estimator | str | os.PathLike)
+    for each in [given] if alone else () if isinstance(given, Mapping) else given:
+        if isinstance(each, Estimator):
+            if each.name in found:
+                raise AmbkitError(f"two filters are called {each.name}: give them as a mapping")
+            found[each.name] = each
+        else:
+            found |= _named(os.fspath(each), bearing)
+    for name, each in found.items():
+        T = each.bearing.sampling_time
+        if abs(T - bearing.sampling_time) > 1e-9 * T:
+            raise AmbkitError(
+                f"{name}: its sampling_time is {T:g} s, that of {bearing.name} "
+                f"{bearing.sampling_time:g} s"
+            )
+    return found
+
+
+def of_machine(kind: str, machine: Machine, **options: Any) -> Estimator:
+    """Return an estimator of a kind for a machine.
+
+    Parameters
+    ----------
+    kind : str
+        Of :data:`ambkit.estimate.registry.KINDS`.
+    machine : Machine
+        What is filtered.
+    **options
+        Of the kind.
+
+    Raises
+    ------
+    AmbkitError
+        There is no such kind, or it is of one axis alone.
+    """
+    from ambkit.estimate.registry import kind_called, learned_magnet
+
+    found = kind_called(kind)
+    try:
+        return found.make(machine, learned_magnet(kind, machine), **options)
+    except ValueError as error:
+        raise AmbkitError(str(error)) from error
+
+
+def _named(name: str, bearing: Bearing | Machine) -> dict[str, Estimator]:
+    """Return the estimators of a kind or in a file, made anew."""
+    from ambkit.workflow.estimators import factories
+
+    if isinstance(bearing, Machine):
+        return {name: of_machine(name, bearing)}
+    return {name: make() for name, make in factories([name], bearing).items()}

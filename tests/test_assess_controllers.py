@@ -1,0 +1,145 @@
+"""Machines that are controlled by translation and tilt, by a regulator, or past their unbalance."""
+
+import math
+
+import numpy as np
+import pytest
+
+import ambkit
+from ambkit import PID, Bearing, KalmanFilter, Machine
+from ambkit.base.errors import AmbkitError
+from ambkit.cli.main import main
+from ambkit.simulation.controllers import Control
+from ambkit.simulation.flight import Flight
+from ambkit.simulation.machine import simulate_machine
+from ambkit.workflow.assessing import MEASUREMENT
+from ambkit.workflow.loop_of import LoopOf
+from ambkit.workflow.verdict import facts
+
+TUM = Machine.preset("tum_mlps")
+TILT = Control(type="translation and tilt")
+CROSSED = Control(type="translation and tilt", cross_feedback=0.5)
+LQG = Control(type="lqg")
+STILL = Control(type="lqg", unbalance="still")
+FREE = Control(unbalance="force-free")
+
+
+def told(machine, control):
+    synchronous = [] if control.unbalance == "fought" else ["unbalance"]
+    return KalmanFilter(machine, synchronous=synchronous)
+
+
+@pytest.mark.parametrize(
+    ("control", "fed"),
+    [
+        (CROSSED, True),
+        pytest.param(LQG, True, marks=pytest.mark.long),
+        pytest.param(TILT, False, marks=pytest.mark.long),
+        pytest.param(STILL, True, marks=pytest.mark.long),
+        pytest.param(Control(unbalance="still"), True, marks=pytest.mark.long),
+    ],
+)
+def test_the_simulated_loop_is_the_models_within_two_percent(control, fed):
+    found = ambkit.sweep(TUM, told(TUM, control) if fed else None, control, amplitudes=["1 um"])
+    (swept,) = found.swept
+    assert not swept.limited
+    assert swept.deviation < 0.02
+
+
+@pytest.mark.parametrize(
+    ("control", "rpm"),
+    [(TILT, 0.0), (LQG, 0.0), (CROSSED, 20e3), (STILL, 20e3), (FREE, 20e3), (LQG, 20e3)],
+)
+def test_bodes_integral_holds(control, rpm):
+    machine = TUM.model_copy(update={"speed": rpm * math.pi / 30, "unbalance": ()})
+    filter = told(machine, control)
+    found = ambkit.assess(machine, filter, control)
+    assert list(found.loops) == [MEASUREMENT] * (control == TILT) + [filter.name]
+    for loop in found.loops.values():
+        assert loop.stable
+        assert loop.integral.holds
+        assert loop.largest[0] > found.least[0]
+
+
+@pytest.mark.parametrize("control", [FREE, Control(unbalance="still")])
+def test_unbalance_is_answered_as_the_simulation_does(control):
+    """Force-free, still, or fought: orbit and current at the speed, where the estimate has it."""
+    machine = TUM.replace(speed="12000 rpm")
+    filter = told(machine, control)
+    found = ambkit.assess(machine, filter, control).loops[filter.name]
+    flight = Flight(duration=2.5, noise=False, feedback="estimate", control=control)
+    record = simulate_machine(machine, flight, estimator=filter).record
+    turns = round(0.2 * machine.speed / (2 * math.pi))
+    late = slice(-round(turns * 2 * math.pi / machine.speed / machine.sampling_time), None)
+    for name, axis in found.axes.items():
+        i = record[f"u_{name}"][late]
+        swing = (i.max() - i.min()) / 2
+        orbit = np.hypot(record[f"s_{name[0]}1"][late], record[f"s_{name[0]}2"][late]).max()
+        d = axis.demands
+        hold = abs(LoopOf(machine).point.iu[[a.name for a in machine.axes].index(name)])
+        assert d.current - 3 * axis.current_noise - hold == pytest.approx(swing, rel=0.05, abs=1e-3)
+        assert d.displacement - 3 * axis.position_noise == pytest.approx(orbit, rel=0.05, abs=2e-8)
+
+
+def test_over_speed_has_the_gains_of_the_machines_own_speed():
+    over = ambkit.assess_over_speed(TUM, "linear", LQG, fastest=2 * TUM.speed, count=3)
+    own = ambkit.assess(TUM, "linear", LQG).loops["linear"]
+    assert over.peaks[1] == pytest.approx([at.peak for at in own.axes.values()], rel=1e-6)
+    other = ambkit.assess(TUM.model_copy(update={"speed": 2 * TUM.speed}), "linear", LQG)
+    assert over.peaks[2] != pytest.approx(
+        [at.peak for at in other.loops["linear"].axes.values()], rel=1e-9
+    )
+
+
+def test_what_cannot_be_fed_by_the_measurement_needs_a_filter():
+    for control in (LQG, CROSSED):
+        with pytest.raises(AmbkitError, match="fed by an estimate: give a filter"):
+            ambkit.assess(TUM, None, control)
+    with pytest.raises(AmbkitError, match='its controller is a PID, and "lqg" is of whole'):
+        ambkit.assess(ambkit.Bearing.preset("zittau_axial"), "linear", LQG)
+
+
+def test_what_is_said_of_controllers():
+    found = ambkit.assess(TUM, "linear", TILT)
+    assert list(found.controllers) == ["x", "y", "th_x", "th_y"]
+    assert found.to_dict()["control"]["type"] == "translation and tilt"
+    assert facts(found, "linear")["control"] == "translation and tilt"
+    assert "kp, ki, kd of x, y" in facts(found, "linear")
+    assert found.of.static_compliance() > 0
+    assert list(found.shares()) == ["as it is", "sensor", "filter"]
+    regulated = ambkit.assess(TUM, "linear", LQG)
+    assert regulated.controllers == {}
+    assert regulated.of.static_compliance() is None
+    assert list(regulated.shares()) == ["as it is", "sensor"]
+
+
+@pytest.mark.parametrize(("given", "code", "said"), [
+    ("lqg", 0, '"type": "lqg"'),
+    ("flight.toml", 0, '"cross_feedback": 0.5'),
+    ("nothing", 2, "none of decentralised, translation and tilt, lqg"),
+])  # fmt: skip
+def test_command(given, code, said, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "flight.toml").write_text(
+        'duration = "1 s"\nfeedback = "estimate"\n[control]\ntype = "translation and tilt"\n'
+        'cross_feedback = 0.5\n[[disturbance]]\naxis = "A1"\n'
+        'force = {type = "constant", value = "5 N"}\n'
+    )
+    with pytest.raises(SystemExit) as left:
+        main(["assess", "tum_mlps", "--controller", given, "--json"])
+    assert int(left.value.code or 0) == code
+    out = capsys.readouterr()
+    assert said in out.out + " ".join(out.err.split())
+
+
+@pytest.mark.parametrize("pid", [PID(type="lqg"), PID(feed_forward=0.5)])
+def test_a_bearings_regulator_and_feed_forward_are_in_its_loop(pid):
+    zittau = Bearing.preset("zittau_axial")
+    found = ambkit.sweep(zittau, "linear", pid, amplitudes=["2 um"])
+    assert found.loop.integral.holds
+    assert found.swept[0].deviation < 0.02
+    plain = ambkit.assess(zittau, "linear").loops["linear"]
+    assert found.model.peak != pytest.approx(plain.peak, rel=0.01)
+    assert list(ambkit.assess(zittau, "linear", pid).loops) == ["linear"]
+    with pytest.raises(AmbkitError, match="fed by an estimate: give a filter"):
+        ambkit.assess(zittau, None, pid)

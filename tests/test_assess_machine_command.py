@@ -1,0 +1,57 @@
+"""``ambkit assess`` of a whole machine."""
+
+import pytest
+from machine_cases import injected
+from test_cli import Result
+
+from ambkit.cli.main import main
+from ambkit.workflow.assessing import MEASUREMENT
+
+
+@pytest.fixture
+def call(capsys, tmp_path, monkeypatch):
+    """Call ambkit in this process, in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments):
+        with pytest.raises(SystemExit) as left:
+            main(["assess", *arguments])
+        return Result(int(left.value.code or 0), *capsys.readouterr())
+
+    return run
+
+
+@pytest.mark.parametrize(("arguments", "said"), [
+    (["ufu_rig"], "Each axis with all other loops closed"),
+    (["ufu_rig", "--filter", "none", "--over-speed", "3000 rpm"], "to 3000 rpm"),
+    (["ufu_rig", "--filter", "none", "--sweep", "1 um", "--axis", "A1"], "ufu_rig A1"),
+])  # fmt: skip
+def test_command(call, tmp_path, arguments, said):
+    done = call(*arguments, "--plot", "p.png")
+    assert done.code == 0, done.err
+    assert said in done.out
+    assert (tmp_path / "p.png").stat().st_size > 10_000
+
+
+def test_command_takes_a_machines_log(call):
+    _, record = injected(0)
+    record.save("log.csv")
+    found = call("log.csv", "--bearing", "ufu_rig", "--filter", "none", "--json").json
+    assert found["zone"] == "A"
+    assert list(found["models"]) == [MEASUREMENT]
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    (["ufu_rig", "--position", "1 um"], "--position is of one axis"),
+    (["ufu_rig", "--filter", "observer"], "cannot take a whole machine"),
+    (["ufu_rig", "--axis", "A1"], "--axis says which axis to --sweep"),
+    (["ufu_rig", "--stepped-sine"], "--stepped-sine says how to --sweep"),
+    (["ufu_rig", "--over-speed", "3000 rpm", "--sweep", "1 um"], "one after the other"),
+    (["ufu_rig", "--filter", "linear,ud", "--report", "v.html"], "give one --filter, not 2"),
+    (["zittau_axial", "--over-speed", "3000 rpm"], "--over-speed is of a whole machine"),
+    (["zittau_axial", "--axis", "A1"], "--axis is of a whole machine"),
+])  # fmt: skip
+def test_command_refuses(call, arguments, message):
+    done = call(*arguments)
+    assert done.code == 2
+    assert message in " ".join(done.err.split())

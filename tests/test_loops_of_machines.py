@@ -1,0 +1,164 @@
+"""Loops of whole machines against figures computed independently, and Bode's integral.
+
+The reference is in complex coordinates: the TUM MLPS rotor with decentralised PD, continuous and
+sampled.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from machine_cases import AND_LONG, made
+
+from ambkit import PID, Machine
+from ambkit.judge.loop.bounds import least_peak_of_delay, least_peaks
+from ambkit.judge.loop.margins import bode_integral, grid, highest
+from ambkit.models.linear import LinearSystem, Signal
+from ambkit.simulation.holding import holding
+from ambkit.simulation.linear.closed import Loop
+from ambkit.simulation.linear.pieces import WorkPoint, plant
+from ambkit.workflow.loop_of import LoopOf
+
+RPM = math.pi / 30
+UFU = Machine.preset("ufu_rig")
+
+
+def reference(**keys):
+    """The TUM rotor of the reference: sensors at the magnets, amplifiers of 1.5 kHz."""
+    tum = Machine.preset("tum_mlps")
+    amplifier = {"bandwidth": 1500.0}
+    bearings = [
+        at.model_copy(update={"amplifier": at.amplifier.model_copy(update=amplifier), "angle": 0.0})
+        for at in tum.bearing
+    ]
+    sensors = [
+        tum.sensor[0].model_copy(update={"name": at.name, "place": at.place, "angle": 0.0,
+                                         "lag": 16e-6})
+        for at in bearings
+    ]  # fmt: skip
+    weightless = tum.rotor.model_copy(update={"gravity": "none"})
+    return tum.model_copy(
+        update={"rotor": weightless, "bearing": tuple(bearings), "sensor": tuple(sensors),
+                "unbalance": (), "speed": 0.0} | keys
+    )  # fmt: skip
+
+
+def of_axes(A, B, C, D, system, T):
+    """The same controller for each axis of a plant."""
+    one = np.eye(4)
+    names = [at.name for at in system.outputs[:4]]
+    return LinearSystem(
+        np.kron(one, A), np.kron(one, B), -np.kron(one, C), -np.kron(one, D), T,
+        tuple(Signal(f"{k}_{n}", "m") for n in names for k in range(len(A))), system.outputs[:4],
+        system.inputs[:4],
+    )  # fmt: skip
+
+
+def continuous_loop(machine, delay, kp, kd, corner, ki=0.0):
+    """PID of a machine in continuous time, its derivative with a corner [rad/s]."""
+    prompt = machine.model_copy(update={"delay": None})
+    system = plant(prompt, WorkPoint.of_machine(prompt), continuous=True)
+    A, B = np.diag([-corner, 0.0]), np.array([[1.0], [ki]])
+    C, D = np.array([[-kd * corner**2, 1.0]]), np.array([[kp + kd * corner]])
+    if not ki:
+        A, B, C = A[:1, :1], B[:1], C[:, :1]
+    return Loop(system, of_axes(A, B, C, D, system, None), 4, delay=delay)
+
+
+# ---- the reference in complex coordinates
+
+
+def test_continuous_reference():
+    machine = reference(sampling_time=1e-6, sensor=tuple(
+        at.model_copy(update={"lag": 1e-12}) for at in reference().sensor
+    ))  # fmt: skip
+    loop = continuous_loop(machine, 1.5e-4, 8000.0, 15.0, 2 * math.pi * 2000)
+    f = np.linspace(50, 500, 901)
+    for axes, peak, where in (((0, 1), 1.3690, 169.4), ((2, 3), 1.3737, 200.8)):
+        for axis in axes:
+            found = highest(lambda at, k=axis: loop.of_axis(k, at), f)
+            assert found == (pytest.approx(peak, abs=5e-5), pytest.approx(where, abs=0.05))
+    assert highest(loop.largest_sensitivity, f)[0] == pytest.approx(1.5802, abs=5e-5)
+    found = bode_integral(loop)
+    # Both planes are twice one plane in complex coordinates.
+    assert 2 * math.pi * found.poles / 2 == pytest.approx(4953.75, rel=1e-6)
+    assert found.integral == pytest.approx(found.poles, rel=1e-6)
+    assert found.holds
+
+
+@pytest.mark.parametrize(
+    ("dead_time", "peaks", "largest"),
+    [(1.0, (1.390, 1.396), 1.602), (1.5, (1.462, 1.473), 1.674)],
+)
+def test_sampled_reference(dead_time, peaks, largest):
+    T = 1e-4
+    machine = reference(delay=dead_time * T)
+    system = plant(machine, WorkPoint.of_machine(machine))
+    steep, corner = 2 / T, 2 * math.pi * 2000  # PD by Tustin
+    pole, D = (steep / corner - 1) / (1 + steep / corner), 15.0 * steep / (1 + steep / corner)
+    pd = of_axes(np.array([[pole]]), np.eye(1), np.array([[D * (pole - 1)]]),
+                 np.array([[8000.0 + D]]), system, T)  # fmt: skip
+    loop = Loop(system, pd, 4)
+    f = grid(loop)
+    found = [highest(lambda at, k=k: loop.of_axis(k, at), f)[0] for k in range(4)]
+    assert found == pytest.approx([peaks[0], peaks[0], peaks[1], peaks[1]], abs=6e-4)
+    assert highest(loop.largest_sensitivity, f)[0] == pytest.approx(largest, abs=6e-4)
+    integral = bode_integral(loop)
+    assert 2 * math.pi * integral.integral == pytest.approx(0.99075025, rel=1e-7)
+    assert integral.holds
+
+
+def test_least_peak_by_the_dead_time_is_that_of_the_fastest_pole():
+    machine = reference()
+    system = plant(machine, WorkPoint.of_machine(machine), continuous=True)
+    y = [at.name for at in system.outputs[:4]]
+    found = least_peak_of_delay(system.select(y, [at.name for at in system.inputs[:4]]), 1.5e-4)
+    assert found == pytest.approx(math.exp(446.106 * 1.5e-4), rel=1e-6)
+    assert found == pytest.approx(1.069, abs=5e-4)
+    # Sampled so fast that neither hold nor lags count, the dead time is what is left.
+    fast = reference(sampling_time=1e-5, delay=1.4e-4, sensor=tuple(
+        at.model_copy(update={"lag": 1e-9}) for at in machine.sensor
+    ), bearing=tuple(
+        at.model_copy(update={"amplifier": at.amplifier.model_copy(update={"bandwidth": None})})
+        for at in machine.bearing
+    ))  # fmt: skip
+    sampled = plant(fast, WorkPoint.of_machine(fast))
+    bounds = least_peaks(sampled.select(y, [at.name for at in sampled.inputs[:4]]))
+    assert bounds == pytest.approx((found, found), rel=2e-3)
+
+
+# ---- Bode's integral
+
+
+@pytest.mark.parametrize("name", AND_LONG)
+@pytest.mark.parametrize("rpm", [0.0, 30_000.0])
+def test_bodes_integral_of_presets(name, rpm):
+    preset = Machine.preset(name).model_copy(update={"speed": rpm * RPM, "unbalance": ()})
+    for kind in (None, "linear", "extended"):
+        loop = LoopOf(preset).loop(made(kind, preset) if kind else None)
+        assert loop.is_stable
+        found = bode_integral(loop)
+        assert found.poles > 0.05
+        assert found.integral == pytest.approx(found.poles, rel=1e-6)
+        assert found.holds
+
+
+@pytest.mark.parametrize("name", AND_LONG)
+@pytest.mark.parametrize("rpm", [0.0, 30_000.0])
+def test_bodes_integral_of_presets_in_continuous_time(name, rpm):
+    """With an integrator, whose singularity at 0 is handled, and a dead time with its tail."""
+    preset = Machine.preset(name).model_copy(update={"speed": rpm * RPM})
+    pid = holding(preset).pids[0]  # which bending does not shake
+    loop = continuous_loop(
+        preset if len(preset.readings) == 4 else reference(speed=rpm * RPM), 1e-4, pid.kp, pid.kd,
+        1 / pid.derivative_filter, pid.ki,
+    )  # fmt: skip
+    found = bode_integral(loop)
+    assert found.poles > 100
+    assert found.integral == pytest.approx(found.poles, rel=1e-6)
+
+
+def test_bodes_integral_tells_an_unstable_machine():
+    loop = LoopOf(UFU, PID(kp=500.0, ki=0.0, kd=1.0)).loop()
+    assert not loop.is_stable
+    assert not bode_integral(loop).holds

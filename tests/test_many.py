@@ -1,0 +1,236 @@
+"""Many closed loops are `simulate_run` one by one, to the last bit, judged by their truth."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+import ambkit
+from ambkit import Bearing, Planned, Scenario, Status, Step, simulate_many
+from ambkit.estimate.batch import instruction_sets
+from ambkit.estimate.registry import KINDS
+from ambkit.simulation.many import FIGURES, FLAGS, windows
+from ambkit.simulation.noise import Stream
+from ambkit.simulation.run import Faults, Imposed, Run
+
+BEARING = Bearing.preset("zittau_axial")
+PID = ambkit.PID.for_bearing(BEARING)
+KALMAN = ambkit.KalmanFilter(BEARING)
+SCENARIO = Scenario(
+    duration=0.08,
+    seed=3,
+    reference=Step(amplitude=3e-4, time=0.01),
+    disturbance=Step(amplitude=-3.0, time=0.05),
+    controller=PID,
+)
+LOST = SCENARIO.replace(disturbance=Step(amplitude=-40.0, time=0.03))
+MEASURED = SCENARIO.replace(controller=PID.model_copy(update={"feedback": "measurement"}))
+
+
+def columns(runs: list[Planned], **options: Any) -> dict[str, NDArray[Any]]:
+    return simulate_many(runs, **options).columns()
+
+
+def assert_same(got: dict[str, NDArray[Any]], expected: dict[str, NDArray[Any]]) -> None:
+    assert got.keys() == expected.keys()
+    for name, values in expected.items():
+        np.testing.assert_array_equal(got[name], values, err_msg=name)
+
+
+def mixture() -> list[Planned]:
+    """Kinds with lanes and without, plants, feedbacks, stops, parts, faults; not in groups."""
+    runs = []
+    quantised = BEARING.replace(sensor__quantisation="1 um")
+    for name in ("linear", "closed-law", "extended", "observer", "low-pass", "unscented"):
+        kind = KINDS[name].make(BEARING)
+        for k in range(5):
+            plant = BEARING.replace(rotor__mass=BEARING.rotor.mass * (1 + 0.03 * k))
+            runs.append(Planned(plant, (SCENARIO, LOST, MEASURED)[k % 3], kind, number=k))
+    n = 801
+    runs += [
+        Planned(quantised, SCENARIO, KALMAN, number=7),
+        Planned(BEARING, MEASURED),
+        Planned(BEARING, SCENARIO, KALMAN, imposed=Imposed(magnet_scale=np.linspace(1, 0.9, n))),
+        Planned(BEARING, SCENARIO, KALMAN, imposed=Imposed(sensor_noise=np.zeros(n))),
+        Planned(
+            BEARING, MEASURED, KALMAN,
+            imposed=Imposed(faults=Faults(**{**Faults.none(n).series, "late": np.ones(n)})),
+        ),
+        Planned(BEARING, SCENARIO, ambkit.KalmanFilter(BEARING, precision="float32"), number=2),
+    ]  # fmt: skip
+    return runs
+
+
+MIXED = mixture()
+ONE_BY_ONE = columns(MIXED, instructions="scalar", threads=1)
+
+
+@pytest.mark.parametrize("instructions", instruction_sets())
+@pytest.mark.parametrize("threads", [1, 3])
+def test_neither_lanes_nor_threads_change_a_bit(instructions: str, threads: int) -> None:
+    assert_same(columns(MIXED, instructions=instructions, threads=threads), ONE_BY_ONE)
+
+
+@settings(max_examples=10, deadline=None)
+@given(order=st.permutations(range(len(MIXED))), cut=st.integers(0, len(MIXED)))
+def test_neither_order_nor_splitting_changes_a_bit(order: list[int], cut: int) -> None:
+    halves = [columns([MIXED[i] for i in part]) for part in (order[:cut], order[cut:])]
+    joined = {name: np.concatenate([half[name] for half in halves]) for name in ONE_BY_ONE}
+    assert_same(joined, {name: values[order] for name, values in ONE_BY_ONE.items()})
+
+
+def test_runs_of_several_chunks_are_in_their_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ambkit.simulation.many.CHUNK", 7)
+    monkeypatch.setattr("ambkit.simulation.many.MOST_PLANS", 10)
+    told: list[int] = []
+    many = simulate_many(iter(MIXED), done=told.append)
+    assert_same(many.columns(), ONE_BY_ONE)
+    assert (len(many), sum(told), max(told)) == (len(MIXED), len(MIXED), 7)
+
+
+def by_hand(run: Run) -> dict[str, float]:
+    """The figures from the samples of a run, by NumPy."""
+    record, estimate, T = run.record, run.estimate, BEARING.sampling_time
+    where = windows(record["r"], record["f_d"], 1)
+    away = record["r"] - record["x"]
+    found = {
+        "tracking_rms": rms(away[1:]),
+        "tracking_peak": np.abs(away[1:]).max(),
+        "effort": BEARING.amplifier.gain * rms(np.diff(record["u"][1:])),
+        "displacement_peak": np.abs(record["x"]).max(),
+        "current_peak": np.abs(record["iu"]).max(),
+        "touched": record.meta["stop_touched"],
+    }
+    if estimate is not None:
+        for name in ("x", "v", "f_d"):
+            error = (estimate[name] - record[name])[1:]
+            found[f"{name}_rms"], found[f"{name}_peak"] = rms(error), np.abs(error).max()
+        nis = estimate.nis[1:][estimate.used[1:]]
+        found["nis"] = np.nanmean(nis) if np.isfinite(nis).any() else np.nan
+    if where.load is not None:
+        late = np.flatnonzero(np.abs(away)[where.load :] > 0.05 * BEARING.rotor.travel_limit)
+        never = late.size and late[-1] == len(record) - where.load - 1
+        found["recovery"] = np.inf if never else (late[-1] + 1) * T if late.size else 0.0
+    if where.step is not None:
+        start, stop, height = where.step
+        way = (record["x"][start:stop] - record["r"][start]) / height
+        last = np.flatnonzero(np.abs(way) > 0.05)[-1]
+        found["overshoot"] = max(0.0, way.max())
+        found["settling"] = np.inf if last == way.size - 1 else (last + 1) * T
+    return found
+
+
+def rms(error: NDArray[np.float64]) -> float:
+    return float(np.sqrt(np.mean(error**2)))
+
+
+def test_the_figures_are_those_of_the_samples() -> None:
+    places = range(len(MIXED))
+    many = simulate_many(MIXED, traces=places)
+    for place in places:
+        run = many.traces[place]
+        single = (
+            MIXED[place].estimator is not None and MIXED[place].estimator.precision != "float64"
+        )
+        for name, expected in by_hand(run).items():
+            got = many.figures[name][place]
+            tolerance = 1e-5 if single else 1e-12
+            assert got == pytest.approx(expected, rel=tolerance, nan_ok=True), (place, name)
+        if run.estimate is not None:
+            for name, count in many.status.items():
+                flag = np.uint16(Status[name.upper()])
+                assert count[place] == np.count_nonzero(run.estimate.status & flag)
+
+
+def test_what_a_stop_does_to_the_figures() -> None:
+    """The load of 3 N is borne; under 40 N the rotor lands, and no load was borne before."""
+    runs = [Planned(BEARING, scenario, KALMAN) for scenario in (SCENARIO, LOST)]
+    figures = simulate_many(runs).figures
+    assert figures["load_kept"].tolist()[0] == 3.0
+    assert figures["touched"][0] == 0 < figures["touched"][1]
+    assert figures["landed"].tolist() == [0.0, 1.0]
+    # The last step of the reference, and then a load: without one, neither can be seen.
+    still = simulate_many([Planned(BEARING, Scenario(duration=0.02, controller=PID), KALMAN)])
+    assert all(np.isnan(still.figures[name][0]) for name in ("overshoot", "settling", "recovery"))
+    assert tuple(still.figures) == tuple(FIGURES)
+    assert tuple(still.status) == FLAGS == tuple(flag.name.lower() for flag in Status)
+
+
+def test_where_a_step_and_a_load_can_be_judged() -> None:
+    n = np.arange(400)
+    r, f_d = np.where(n >= 100, 2e-4, 0.0), np.where(n >= 300, 3.0, 0.0)
+    assert windows(r, f_d, 1) == (1, (100, 300, 2e-4), 300)
+    assert windows(r, 0 * f_d, 7) == (7, (100, 400, 2e-4), None)
+    assert windows(r, np.sin(n / 50), 1) == (1, None, None)  # a load that never rests
+    assert windows(np.sin(n / 50), f_d, 1) == (1, None, None)  # nor a reference
+    assert windows(r, np.where(n >= 380, 3.0, 0.0), 1) == (1, (100, 380, 2e-4), None)
+
+
+def test_a_number_stands_for_the_run_of_the_scenario() -> None:
+    own = simulate_many([Planned(BEARING, SCENARIO.replace(run=9), KALMAN)])
+    given = simulate_many([Planned(BEARING, SCENARIO, KALMAN, number=9)], traces=[0])
+    assert_same(given.columns(), own.columns())
+    record = ambkit.simulate(BEARING, SCENARIO.replace(run=9), estimator=KALMAN)
+    assert (given.traces[0].record["y"] == record["y"]).all()
+    assert record.meta["run"] == 9
+
+
+def test_what_cannot_be_done_is_said() -> None:
+    run = Planned(BEARING, SCENARIO, KALMAN)
+    with pytest.raises(ValueError, match=r"settling must be less than the 0\.08 s of a run"):
+        simulate_many([run], settling=1.0)
+    with pytest.raises(ValueError, match="traces holds 3, and there are 1 runs"):
+        simulate_many([run], traces=[0, 3])
+    with pytest.raises(ValueError, match="threads must be 1 or more, got 0"):
+        simulate_many([run], threads=0)
+    with pytest.raises(ValueError, match="no instructions called 'sse9'"):
+        simulate_many([run], instructions="sse9")
+    assert len(simulate_many([])) == 0
+
+
+def test_the_noise_is_normal_and_its_streams_are_apart() -> None:
+    """Kolmogorov-Smirnov on 10^6 numbers, tails by their count, and all correlations nil."""
+    from scipy.stats import binom, kstest
+
+    n = 1_000_000
+    z = Stream(1).normal(1.0, n)
+    assert kstest(z, "norm").pvalue > 1e-3
+    beyond = int(np.count_nonzero(np.abs(z) > 4))
+    assert 1e-4 < binom.cdf(beyond, n, 6.334e-5) < 1 - 1e-4
+    others = [Stream(1, 1), Stream(1, 2**32), Stream(2), Stream(2**32), Stream(1, 0, 1)]
+    for other in [stream.normal(1.0, n) for stream in others] + [np.roll(z, 1), np.roll(z, 2)]:
+        assert abs(np.mean(z * other)) < 5e-3
+    assert (Stream(1).normal(2.0, 100) == 2 * z[:100]).all()
+
+
+def test_the_normal_numbers_are_the_inverse_of_the_distribution() -> None:
+    from scipy.special import ndtri
+
+    from ambkit.machine.magnets import core_module
+
+    core = core_module()
+    z = core.normal_noise(5, 6, 7, 2000)
+    words = np.array([core.philox([k, 7, 6, 0], [5, 0]) for k in range(1000)], np.uint64)
+    bits = np.stack([(words[:, 1] << 20) ^ (words[:, 0] >> 12),
+                     (words[:, 3] << 20) ^ (words[:, 2] >> 12)], axis=1).ravel()  # fmt: skip
+    np.testing.assert_allclose(z, ndtri((bits + 0.5) / 2.0**52), rtol=1e-13)
+
+
+def test_a_record_is_filtered_to_the_same_bits_by_all_instructions() -> None:
+    record = ambkit.simulate(BEARING, SCENARIO, estimator=KALMAN)
+    y, u = record["y"].copy(), record["u"].copy()
+    y[100:130], u[200:220] = np.nan, 50.0
+    for precision in ("float64", "float32"):
+        kalman = ambkit.KalmanFilter(BEARING, precision=precision)
+        told = []
+        for instructions in instruction_sets():
+            kalman.reset()
+            given = [each.astype(precision) for each in (y, u)]
+            told.append(kalman.core.run(*given, covariance=True, instructions=instructions))
+        for other in told[1:]:
+            assert all((other[name] == values).all() for name, values in told[0].items())

@@ -1,0 +1,125 @@
+"""Loops along the orbit of an unbalance: against the simulation, whose magnets are not linear."""
+
+import math
+
+import numpy as np
+import pytest
+
+import ambkit
+from ambkit import Bearing, Machine
+from ambkit.base.errors import AmbkitError
+from ambkit.cli.main import main
+from ambkit.machine.magnets import magnet_of
+from ambkit.simulation.flight import Flight
+from ambkit.simulation.linear.pieces import Orbit, WorkPoint, plant
+from ambkit.simulation.machine import simulate_machine
+from ambkit.workflow.assessing import MEASUREMENT
+from ambkit.workflow.loop_of import LoopOf
+from ambkit.workflow.orbiting import on_orbit
+from ambkit.workflow.verdict import facts
+
+TUM = Machine.preset("tum_mlps").replace(speed="6000 rpm")
+GAP = TUM.bearing[0].magnet.air_gap
+ZITTAU = Bearing.preset("zittau_axial").replace(speed="1500 rpm")
+
+
+@pytest.mark.parametrize(
+    ("filter", "share"),
+    [(None, 0.2), pytest.param("linear", 0.2, marks=pytest.mark.long)],
+)
+def test_along_an_orbit_model_and_simulation_agree_within_two_percent(filter, share):
+    """A fifth of the gap: what the rotor at rest would have is a sixth off."""
+    found = ambkit.sweep(TUM, filter, amplitudes=["1 um"], axis="A1", orbit=share * GAP)
+    (swept,) = found.swept
+    assert np.abs(found.loop.of.point.orbit.x).max() == pytest.approx(share * GAP, rel=1e-4)
+    assert not swept.limited
+    assert swept.deviation < 0.02
+    rest = ambkit.assess(TUM, filter).loops[found.loop.name].loop.of_axis(0, swept.frequency)
+    assert np.max(np.abs(swept.sensitivity - rest) / np.abs(rest)) > 0.15
+
+
+def test_of_one_axis_a_load_makes_the_orbit():
+    far = 0.08 * ZITTAU.magnet.air_gap
+    (swept,) = ambkit.sweep(ZITTAU, "linear", amplitudes=["2 um"], orbit=far).swept
+    assert swept.deviation < 0.02
+    rest = ambkit.assess(ZITTAU, "linear").loops["linear"].loop.of_axis(0, swept.frequency)
+    assert np.max(np.abs(swept.sensitivity - rest) / np.abs(rest)) > 0.03
+
+
+def test_the_orbit_is_the_simulations():
+    """By harmonic balance: nearer to it than the linear answer to the same unbalance."""
+    of = on_orbit(LoopOf(TUM), None, 0.2 * GAP)
+    run = simulate_machine(of.bearing, Flight(duration=1.0, noise=False)).record
+    turn = 2 * math.pi / TUM.speed / TUM.sampling_time
+    late = slice(-round(20 * turn), None)
+    turned = np.exp(-1j * TUM.speed * run.t[late])
+    for k, name in enumerate(of.axes):
+        seen = abs(2 * np.mean(run[f"s_{name}"][late] * turned))
+        flows = abs(2 * np.mean(run[f"iu_{name}"][late] * turned))
+        assert abs(of.point.orbit.x[k]) == pytest.approx(seen, rel=0.01)
+        assert abs(of.point.orbit.iu[k]) == pytest.approx(flows, rel=0.01)
+        held = np.mean(run[f"iu_{name}"][late])
+        assert of.point.iu[k] == pytest.approx(held, rel=0.02, abs=2e-3)
+
+
+def test_stiffnesses_are_means_over_a_turn():
+    law, iu, x = magnet_of(ZITTAU), 0.1, 2e-4
+    swing = Orbit(np.array([0.2 + 0.1j]), np.array([3e-4 - 1e-4j]), None)
+    angles = np.linspace(0, 2 * np.pi, 2000, endpoint=False)
+    k_i, k_s = (
+        np.mean(k) for k in law.tangent(
+            iu + np.real(swing.iu[0] * np.exp(1j * angles)),
+            x + np.real(swing.x[0] * np.exp(1j * angles)),
+        )
+    )  # fmt: skip
+    m = ZITTAU.rotor.mass
+    found = plant(ZITTAU, WorkPoint(iu, x, swing))
+    fastest = np.log(np.abs(found.unstable()).max()) / found.T
+    assert fastest == pytest.approx(math.sqrt(k_s / m), rel=1e-6)
+    at_rest = plant(ZITTAU, WorkPoint(iu, x))
+    ratio = found.response([200.0])[0, 0, 0] / at_rest.response([200.0])[0, 0, 0]
+    w2 = (2 * math.pi * 200.0) ** 2
+    rest = [float(k) for k in law.tangent(iu, x)]
+    assert ratio.real == pytest.approx(
+        k_i / rest[0] * (w2 + rest[1] / m) / (w2 + k_s / m), rel=1e-3
+    )
+
+
+def test_what_is_said_of_an_orbit():
+    found = ambkit.assess(TUM, "linear", orbit=0.1 * GAP)
+    loop = found.loops["linear"]
+    assert loop.integral.holds
+    assert loop.to_dict()["orbit"][0] == pytest.approx(0.1 * GAP, rel=1e-4)
+    assert "along the orbit of" in facts(found, "linear")
+    far = max(at.demands.displacement for at in loop.axes.values())
+    assert far == pytest.approx(0.1 * GAP, rel=0.05)
+    own = ambkit.assess(TUM, orbit=True).loops[MEASUREMENT]
+    assert own.peak == pytest.approx(ambkit.assess(TUM).loops[MEASUREMENT].peak, rel=1e-3)
+    over = ambkit.assess_over_speed(TUM, fastest=TUM.speed, count=2, orbit=True)
+    assert over.peaks[1] == pytest.approx([at.peak for at in own.axes.values()], rel=1e-5)
+
+
+@pytest.mark.parametrize(("machine", "orbit", "said"), [
+    (TUM.model_copy(update={"speed": 0.0, "unbalance": ()}), True, "does not turn"),
+    (TUM.model_copy(update={"unbalance": ()}), True, "no unbalance for an orbit"),
+    (ZITTAU, True, "give its amplitude"),
+    (TUM, -1e-6, "greater than 0 m"),
+    (TUM, 0.95 * GAP, "where the air gap is"),
+])  # fmt: skip
+def test_what_has_no_orbit_is_refused(machine, orbit, said):
+    with pytest.raises(AmbkitError, match=said):
+        ambkit.assess(machine, orbit=orbit)
+
+
+@pytest.mark.parametrize(("arguments", "code", "said"), [
+    (["tum_mlps", "--filter", "none", "--orbit", "30 um", "--json"], 0, '"orbit": ['),
+    (["zittau_axial", "--orbit", "own"], 2, "does not turn: it has no orbit"),
+    (["tum_mlps", "--orbit", "far"], 2, "not a number with a unit"),
+    (["tum_mlps", "--orbit", "1 um", "--over-speed", "3000 rpm"], 2, "give --orbit own"),
+])  # fmt: skip
+def test_command(arguments, code, said, capsys):
+    with pytest.raises(SystemExit) as left:
+        main(["assess", *arguments])
+    assert int(left.value.code or 0) == code
+    shown = capsys.readouterr()
+    assert said in shown.out + " ".join(shown.err.split())
