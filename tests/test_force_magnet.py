@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from magnet_at import differences, force, tangent, through_origin
 import ambkit
 from ambkit import Bearing, ClosedLaw, Scenario, magnet_of, train
 from ambkit.base.errors import AmbkitError, ConfigError
+from ambkit.estimate.base import Estimator
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import export_c
 from ambkit.fuzzy.choice import measured_map
@@ -308,7 +310,7 @@ def test_train_shows_what_is_best_at_points_left_out(
     for name in (LAW, REFITTED, SURFACE, NETWORK):
         assert f" {name} " in shown
     assert "the surface is off by" in told
-    assert "write it with --out map.csv" in told
+    assert "the law, refitted, which was asked for, by" in told
     assert Bearing.load("refitted.toml").magnet.air_gap > 0.9e-3
     _, told = said(capsys, "train", "law.toml", "--out", "law.csv", fails=2)
     assert "without --force-map there is an expert only" in told
@@ -382,3 +384,35 @@ def test_an_export_is_the_same_wherever_the_map_lies(bearing: Bearing, tmp_path:
     other = Bearing.load(fe_map.written(tmp_path / "elsewhere"))
     made = [export_c(b, None, tmp_path / f"out{k}") for k, b in enumerate((bearing, other))]
     assert made[0].configuration == made[1].configuration
+
+
+@pytest.fixture
+def fe_of_750(folder: Path) -> Path:
+    """750 points of a saturating law with the scatter of finite elements, and that law beside."""
+    iu, x = (each.ravel() for each in np.meshgrid(
+        np.linspace(-2.5, 2.5, 30), np.linspace(-0.25e-3, 0.25e-3, 25)))  # fmt: skip
+    law = iron.TWO_SIDED.replace(
+        magnet__saturation=1.1, magnet__pole_area="1450 mm^2", rotor__mass=20.0
+    )
+    scatter = 0.1 * np.random.default_rng(7).normal(size=iu.size)
+    ForcePoints(iu, x, np.asarray(magnet_of(law).force(iu, x)) + scatter).save("fe750.csv")
+    law.save("saturating.toml")
+    return folder
+
+
+@pytest.mark.long
+def test_a_law_that_left_out_points_prefer_is_what_the_filter_knows(
+    fe_of_750: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["train", "saturating.toml", "--force-map", "fe750.csv"]
+    shown, told = said(capsys, *words, "--json", "--save-filter", "best.toml")
+    errors = json.loads(shown)["models"]
+    assert errors["taken"] == errors["chosen"] in (LAW, REFITTED)
+    assert errors[LAW]["random"] == pytest.approx(0.1, rel=0.1)
+    assert errors[NETWORK]["random"] > 3 * errors[LAW]["random"]
+    assert "leave it; the law" in told
+    assert type(Estimator.load("best.toml").magnet).__name__ != "Expert"
+    _, told = said(capsys, *words, "--out", "expert.json", "--save-filter", "f.toml")
+    assert "expert.json holds the network, but the law" in told
+    assert "--as network takes the network all the same" in told
+    assert type(Estimator.load("f.toml").magnet).__name__ != "Expert"

@@ -203,7 +203,7 @@ def test_twenty_thousand_columns_are_guessed_at_in_seconds(call, header):
             for i in range(40)]  # fmt: skip
     Path("wide.csv").write_text("\n".join([names, *rows]) + "\n")
     before = time.process_time()
-    assert call("read", "wide.csv", "--guess")[0] == 0
+    assert call("read", "wide.csv", "--guess")[0] == (0 if units else 2)  # nothing floats there
     assert time.process_time() - before < 10
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ambkit.base.errors import RecordError
 from ambkit.cli.main import main
 from ambkit.data.channelmap import ChannelMap
 from ambkit.data.files.formats import read_log
@@ -139,7 +140,7 @@ REFUSED = {
         text('"time\n[s]","pos\n[mm]","current\n[A]"', *rows()), "log.csv:1: has 1 cell instead of",
     ),
     "nothing but times": (
-        text("time,a,b", *(f"{t},1,2" for t in TIME)), "names no signal but the time",
+        text("time,a,b", *(f"{t},1,2" for t in TIME)), "refused: nothing in it floats",
     ),
 }  # fmt: skip
 
@@ -234,8 +235,15 @@ def test_structure_arrays_of_matlab_a_matrix_in_hdf5_and_rates_of_mdf(tmp_path):
     logs.mdf4(tmp_path / "a.mf4", {"time": TIME, "pos": POS},
               {"time": TIME[slow] + 1e-4, "current": CURRENT[slow]},
               {"time": TIME[::50], "temperature": TIME[::50]})  # fmt: skip
+    by_hand = 'array = "log/data"\n' + "".join(
+        f'[signals.{name}]\ncolumn = {n}\nunit = "{unit}"\n'
+        for n, (name, unit) in enumerate({"t": "s", "y": "mm", "u": "V"}.items())
+    )
+    with pytest.raises(RecordError, match="refused: nothing in it floats"):
+        guess(tmp_path / "a.h5")  # its columns have no names, and no rotor moves like these waves
     for name in ("a.mat", "a.h5", "a.mf4"):
-        found = ChannelMap.from_toml(guess(tmp_path / name))
+        text_of_map = by_hand if name == "a.h5" else guess(tmp_path / name)
+        found = ChannelMap.from_toml(text_of_map)
         record = read(tmp_path / name, found, resample=name == "a.mf4").record
         np.testing.assert_allclose(record["y"], POS * 1e-3, atol=1e-15)
         np.testing.assert_allclose(record.t, TIME, atol=1e-12)

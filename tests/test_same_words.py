@@ -142,6 +142,7 @@ def test_an_expert_reaches_as_far_as_it_is_told(call: Any) -> None:
 def test_train_saves_the_filter_of_what_it_wrote(call: Any, out: str | None) -> None:
     force_map(Path("force.csv"))
     written = [] if out is None else ["--out", out]
+    written += ["--as", "network"] if out in ("e.json", None) else []  # the law would be better
     done = call("train", "zittau_axial", "--force-map", "force.csv", "--rules", "3x3", *written,
                 "--save-filter", "f.toml")  # fmt: skip
     assert done.code == 0, done.err
@@ -159,6 +160,25 @@ def test_train_saves_the_filter_of_what_it_wrote(call: Any, out: str | None) -> 
     (said,) = kalman.origin.values()
     assert "; ambkit train " in said
     assert call("check", "f.toml").code == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "asked"),
+    [([], "ClosedLaw"), (["--as", "surface"], "ForceSurface"), (["--out", "e.json"], "ClosedLaw")],
+)
+def test_a_filter_knows_what_points_left_out_prefer(
+    call: Any, options: list[str], asked: str
+) -> None:
+    force_map(Path("force.csv"))
+    words = ("train", "zittau_axial", "--force-map", "force.csv", "--rules", "3x3", *options)
+    done = call(*words, "--save-filter", "f.toml")
+    assert done.code == 0, done.err
+    assert type(Estimator.load("f.toml").magnet).__name__ == asked
+    said = "e.json holds the network, but the law, refitted is better at points left out and f.toml"
+    assert (said in done.err) == ("e.json" in options)
+    refused = call(*words, "--as", "surface", "--out", "b.toml")
+    assert refused.code == 2
+    assert "--as surface is written as .csv or .parquet" in refused.err
 
 
 @pytest.fixture(scope="module")

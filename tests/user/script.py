@@ -133,6 +133,8 @@ def estimates(bearing: ambkit.Bearing, expert: ambkit.Expert, record: ambkit.Rec
 def judged(bearing: ambkit.Bearing, scenario: ambkit.Scenario, record: ambkit.Record) -> None:
     """What compares and what identifies."""
     filters = {"linear": lambda: ambkit.KalmanFilter(bearing)}
+    runs = [ambkit.Planned(bearing, scenario, filters["linear"](), number=k) for k in range(3)]
+    assert_type(ambkit.simulate_many(runs).figures["f_d_rms"], Array)
     loops = ambkit.compare(bearing, scenario=scenario, estimators=filters, runs=2)
     assert_type(loops.scores["scenario"]["linear"].mean("f_d"), float)
     case = ambkit.compare(bearing, "model", ["linear"], runs=2)

@@ -279,7 +279,14 @@ def _warn(found: Filtering) -> None:
             f"{in_a_row} in a row: the filters hold the last one, and are less sure for a while "
             "than they say"
         )
+    gap = found.bearing.magnet.air_gap
     for name, one in found.estimators.items():
+        if any(error > gap for error in one.evaluation.prediction.values()):
+            output.note(
+                f"{name}: predicts beyond the air gap, {output.value(gap, 'm', 4)}: over so long a "
+                "time the rotor does not move as this bearing says; it lies or is held in a part "
+                "of the record, or the record is of another rig ('ambkit check' with --bearing)"
+            )
         if one.outside is not None:
             output.note(_of_the_box(name, one.outside))
 
@@ -343,7 +350,12 @@ def _tables(found: Filtering, title: str) -> list[Any]:
     headers = ["", *(f"{ahead} step{'s' * (ahead > 1)} ahead" for ahead in HORIZONS)]
     ways = {name: evaluation.prediction for name, evaluation in evaluated.items()}
     ways |= {"last measurement held": one.held, **one.logged}
-    errors = [[name, *(value(way[ahead], "m") for ahead in HORIZONS)] for name, way in ways.items()]
+    gap = found.bearing.magnet.air_gap
+    errors = [
+        [name, *(value(way[ahead], "m") if way[ahead] <= gap else "beyond the gap"
+                 for ahead in HORIZONS)]
+        for name, way in ways.items()
+    ]  # fmt: skip
     return [
         table(title, ["", *evaluated], rows),
         table("Error of the predicted measurement, rms", headers, errors),

@@ -115,7 +115,7 @@ def simulate(
     if whole is not None:
         simulate_machine(
             whole, scenario=scenario, estimator=estimator, duration=duration, load=load, seed=seed,
-            synchronous=synchronous or (), out=out, plot=plot, json=json,
+            injection=injection, synchronous=synchronous or (), out=out, plot=plot, json=json,
             others={"expert": expert, "force-map": magnet, "step": step, "reference": reference},
         )  # fmt: skip
         return

@@ -21,6 +21,7 @@ def simulate_machine(
     duration: float | None,
     load: float | None,
     seed: int | None,
+    injection: Path | None,
     synchronous: Sequence[str],
     out: Path | None,
     plot: Path | None,
@@ -39,6 +40,8 @@ def simulate_machine(
         ``"none"``, or a kind; beside the loop unless the flight says otherwise.
     duration, load, seed : optional
         What the user changed in the flight.
+    injection : Path, optional
+        A record whose ``injected_NAME`` is added at the summing point of that axis.
     synchronous : sequence of str
         What turns with the rotor and is estimated too.
     out, plot : Path, optional
@@ -58,7 +61,9 @@ def simulate_machine(
 
     refuse_of_one_axis(machine, others)
     flight = None if scenario is None else Flight.load(scenario)
-    happening = flight_for(machine, flight, duration=duration, load=load, seed=seed)
+    happening = flight_for(
+        machine, flight, duration=duration, load=load, seed=seed, injection=injection
+    )
     if estimator == "none" and happening.feedback == "estimate":
         raise AmbkitError(
             f'{scenario}: the controllers are fed by the estimate (feedback = "estimate"), so '

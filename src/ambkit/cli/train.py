@@ -31,6 +31,14 @@ class Method(StrEnum):
     steepest_gradient = "steepest-gradient"
 
 
+class Take(StrEnum):
+    """Which model of the magnet is taken."""
+
+    network = "network"
+    surface = "surface"
+    law = "law"
+
+
 class Scaling(StrEnum):
     """How an ampere and a millimetre compare."""
 
@@ -102,6 +110,14 @@ def train(
         Scaling,
         typer.Option(help="grid: a step of the grid weighs alike; unit: 1 A weighs as 1 mm."),
     ] = Scaling.grid,
+    take: Annotated[
+        Take | None,
+        typer.Option(
+            "--as",
+            help="With --force-map, the model that is taken, whatever points left out prefer: the "
+            "network, the surface through the points, or the law, refitted where that is better.",
+        ),
+    ] = None,
     out: Annotated[
         Path | None,
         file_option(
@@ -114,8 +130,8 @@ def train(
     save_filter: Annotated[
         Path | None,
         file_option(
-            "Write the filter that asks it as a file (.toml): for 'ambkit filter', 'export' ...; "
-            "with --out force.csv or bearing.toml the filter that knows these.",
+            "Write the filter that knows what is taken (.toml), for 'ambkit filter', 'export' ...: "
+            "the expert, or what points left out prefer to it, or what --as says.",
             (".toml",),
             "--save-filter",
         ),
@@ -129,12 +145,12 @@ def train(
 
     For example:
       ambkit train zittau_axial --out expert.json --plot expert.png
-      ambkit train found.toml --force-map force.csv --rules auto --out expert.json \
-        --save-filter filter.toml
+      ambkit train found.toml --force-map force.csv --rules auto --save-filter filter.toml
     """
     from ambkit.cli import output, train_measured
     from ambkit.machine.forces.file import load_force_points
     from ambkit.show import plots
+    from ambkit.workflow.expert import FORMS
     from ambkit.workflow.expert import save_filter as saved
     from ambkit.workflow.training import RULES, check_within_gap, how_to_train, measured_force
     from ambkit.workflow.training import train_expert as trained
@@ -143,6 +159,7 @@ def train(
     for option, asked in (
         ("--rules auto", shape is None),
         ("--law-error", law_error is not None),
+        ("--as", take is not None),
         ("--channels", channels is not None),
     ):
         if asked and force is None:
@@ -162,6 +179,14 @@ def train(
         raise typer.BadParameter(
             "without --force-map there is an expert only: FILE.json", param_hint="--out"
         )
+    if take is not None and out is not None and out.suffix.lower() not in FORMS[f"the {take}"]:
+        raise typer.BadParameter(
+            f"--as {take} is written as {' or '.join(FORMS[f'the {take}'])}, --out is {out.name}",
+            param_hint="--as",
+        )
+    taken = "best" if take is None else take.value
+    if take is None and out is not None:  # points and bearings are asked for by no one by chance
+        taken = {".json": "best", ".toml": "law"}.get(out.suffix.lower(), "surface")
     model = find_bearing(bearing)
     options = how_to_train(method.value, weights, normalised=not plain, scaling=scaling.value)
     measured = None
@@ -178,14 +203,20 @@ def train(
                 raise AmbkitError(f"{force}: {error}") from None
         with arguments_of_the_user("--"):
             found = trained(
-                model, shape or RULES, reach=reach, measured=measured, note=done, **options
-            )
+                model, shape or RULES, reach=reach, measured=measured,
+                take=taken, note=done, **options,
+            )  # fmt: skip
     data = found.to_dict()
     tables = [_table(data)]
     if force is not None:
         tables = train_measured.tables(force, found, data, tables)
     for name, wrong in found.wrong_signs.items():
         output.note(_of_wrong_sign(name, wrong, measured is not None))
+
+    # What --out holds is what the filter asks only if it is what is taken.
+    holds = out if out is not None and out.suffix.lower() in FORMS[found.taken] else None
+    if measured is not None:
+        train_measured.say_what_is_taken(found, out, save_filter)
 
     def draw(path: Path) -> None:
         figure = plots.training_figure(found.expert, found.stiffness)
@@ -196,7 +227,7 @@ def train(
         tables,
         [
             (out, lambda path: train_measured.save(path, found)),
-            (save_filter, lambda path: saved(found, path, bearing=bearing, written=out)),
+            (save_filter, lambda path: saved(found, path, bearing=bearing, written=holds)),
             (plot, draw),
         ],
         as_json=json,

@@ -26,13 +26,13 @@ def tables(path: Path, found: TrainedExpert, data: dict[str, Any], trained: list
         *([] if choice is None else _choice_table(choice)),
         *trained,
         _points_table(path, found.measured, data["measured"]),
-        *([] if found.models is None else [_models_table(found.models)]),
+        *([] if found.models is None else [_models_table(found.models, found.taken)]),
     ]
 
 
 def save(path: Path, found: TrainedExpert) -> None:
     """Write the network, the points, or the bearing with the law refitted, by the ending."""
-    from ambkit.fuzzy.left_out import refitted
+    from ambkit.fuzzy.left_out import LAW, refitted
 
     ending = path.suffix.lower()
     if found.measured is None or ending == ".json":
@@ -40,9 +40,28 @@ def save(path: Path, found: TrainedExpert) -> None:
         return
     points = found.measured.surface.points
     if ending == ".toml":
-        refitted(found.bearing, points).save(path)
+        law = found.model[0] if found.taken == LAW else refitted(found.bearing, points)
+        law.save(path)
     else:
         points.save(path)
+
+
+def say_what_is_taken(found: TrainedExpert, out: Path | None, save_filter: Path | None) -> None:
+    """Say where a file that was asked for holds another model than the one that is taken."""
+    from ambkit.fuzzy.left_out import NETWORK, SURFACE
+
+    taken = found.taken
+    if taken == NETWORK or (out is not None and out.suffix.lower() != ".json"):
+        return
+    writes = "--out force.csv" if taken == SURFACE else "--out bearing.toml"
+    if out is not None:
+        asks = "" if save_filter is None else f" and {save_filter.name} asks that"
+        output.note(
+            f"{out.name} holds the network, but {taken} is better at points left out{asks}: "
+            f"{writes} writes it, --as network takes the network all the same"
+        )
+    elif save_filter is None:
+        output.note(f"{taken} is better at points left out: {writes} writes it")
 
 
 def with_points(figure: Figure, found: TrainedExpert) -> Figure:
@@ -56,9 +75,9 @@ def with_points(figure: Figure, found: TrainedExpert) -> Figure:
     return shown if measured.choice is None else with_choice(shown, measured.choice)
 
 
-def _models_table(of: ModelChoice) -> Any:
+def _models_table(of: ModelChoice, taken: str) -> Any:
     """Say how the models do at points left out; warn of a network that is worse than a law."""
-    from ambkit.fuzzy.left_out import LAW, NETWORK, SURFACE
+    from ambkit.fuzzy.left_out import LAW, NETWORK
 
     models, chosen = of.models, of.chosen
     network, law = of[NETWORK], of[LAW]
@@ -68,17 +87,14 @@ def _models_table(of: ModelChoice) -> Any:
             f"rms, the law that it started from by {value(law.worse, 'N', 3)}: leave it; "
             f"{chosen.name} has {value(chosen.worse, 'N', 3)}"
         )
-    elif chosen.name != NETWORK:
-        what = "write it" if chosen.name == SURFACE else "write the bearing with it"
-        ending = {SURFACE: "--out map.csv"}.get(chosen.name, "--out bearing.toml")
-        how = "" if chosen.name == LAW else f"; {what} with {ending}"
+    elif taken != chosen.name:
         output.note(
             f"at points left out {chosen.name} is off by {value(chosen.worse, 'N', 3)} rms, "
-            f"the trained expert by {value(network.worse, 'N', 3)}{how}"
+            f"{taken}, which was asked for, by {value(of[taken].worse, 'N', 3)}"
         )
     rows = [
         [m.name, value(m.random, "N", 3), value(m.blocks, "N", 3),
-         "best" if m == chosen else ""]
+         ", ".join(["best"] * (m == chosen) + ["taken"] * (m.name == taken))]
         for m in models
     ]  # fmt: skip
     title = "Error at points left out, rms: here and there, and whole blocks of them"

@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from ambkit.base.units import engineering
 from ambkit.data.reading.clock import instant
 from ambkit.data.reading.faults import noise
+from ambkit.data.reading.roles import LOOKED_AT, filled
+from ambkit.data.reading.rotor import rotor
 from ambkit.data.reading.suspects import longest_run, suspects
-from ambkit.machine.magnets import own_time
+from ambkit.machine.magnets import ConstantStiffness, own_time
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -29,6 +31,12 @@ _START = 0.25  # part of a record that may be a start, with the rotor on its sto
 _NEAR, _AT_STOP = 4.0, 0.005  # standard deviations of the noise, and shares of the travel
 
 _RESTS = 3.0  # in the plant's own time
+
+_LEAST = 400  # samples that tell how a rotor moves
+
+_EXPLAINED = 0.5  # share of its acceleration that these must explain
+
+_OTHER = 3.0  # ratio to the bearing beyond which it is another rig; noise makes 2 at most
 
 _TWICE = 0.25  # how far a load may be from twice the weight
 
@@ -63,6 +71,8 @@ def evaluate_record(record: Record, bearing: Bearing) -> Verdict:
     lying = list(_lies(record, bearing))
     told = suspects(record.t, record.signals, record.units)
     remarks += [*lying, *(text for text in told if not (lying and "lie on" in text))]
+    if not problems:
+        remarks += _motion(record, bearing)
     for wrong, text in (*_position(record, bearing), *_control(record, bearing)):
         (problems if wrong else remarks).append(text)
     return Verdict(tuple(problems), tuple(remarks))
@@ -112,6 +122,31 @@ def _position(record: Record, bearing: Bearing) -> Iterator[tuple[bool, str]]:
             f"the noise of y is about {engineering(rough, 'm', digits=2)} rms, the bearing's "
             f"sensor has {engineering(expected, 'm', digits=2)}{less if rough < expected else ''}",
         )
+
+
+def _motion(record: Record, bearing: Bearing) -> Iterator[str]:
+    """Tell of a rotor that falls, or answers its current, quite otherwise than the bearing's."""
+    if "y" not in record or "u" not in record or len(record) < _LEAST:
+        return
+    rows = np.array([filled(record[name])[:LOOKED_AT] for name in ("y", "u")])
+    if (np.ptp(rows, axis=1) == 0).any() or (found := rotor(rows, 0, 1)) is None:
+        return
+    if not found.fit.sure or found.fit.explained < _EXPLAINED:
+        return
+    at_rest = ConstantStiffness.of(bearing)
+    mass, step = bearing.rotor.mass, record.sampling_time
+    theirs = math.sqrt(abs(at_rest.k_s) / mass)
+    gain = bearing.sensor.gain * bearing.amplifier.gain * at_rest.k_i / mass
+    pole, moved = found.fit.pole / step, found.gain / step**2
+    for what, ours, expected, unit in (
+        ("the rotor falls with an unstable pole of", pole, theirs, "rad/s"),
+        ("a volt of u accelerates it by", moved, gain, "m/s^2"),
+    ):
+        if not 1 / _OTHER < ours / expected < _OTHER:
+            yield (
+                f"{what} {ours:.3g} {unit}, the bearing's rotor {expected:.3g} {unit}: is the "
+                "record of another rig, or a unit or a scale wrong?"
+            )
 
 
 def _lies(record: Record, bearing: Bearing) -> Iterator[str]:

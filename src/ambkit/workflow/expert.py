@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ambkit.base.asked import Given, in_si, of_type
@@ -12,19 +11,17 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import shown_in_notebooks
 from ambkit.estimate.filter_file import made_by
 from ambkit.estimate.kalman import AdaptiveKalmanFilter
-from ambkit.fuzzy.left_out import refitted
+from ambkit.fuzzy.left_out import LAW, NETWORK, REFITTED, SURFACE
 from ambkit.fuzzy.training import train as train_network
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.forces.file import load_force_points
 from ambkit.machine.forces.points import ForcePoints
-from ambkit.machine.magnets import magnet_of
 from ambkit.machine.stiffness import StiffnessMap
 from ambkit.workflow.training import RULES, how_to_train, measured_force, stiffness_of_law
 
 if TYPE_CHECKING:
     from ambkit.fuzzy.choice import Shape
     from ambkit.fuzzy.expert import Expert, Method
-    from ambkit.machine.magnets import MagnetModel
     from ambkit.workflow.training import TrainedExpert
 
 
@@ -80,8 +77,9 @@ def train(
     Returns
     -------
     Expert
-        With its learning curves in ``training``; `ambkit.workflow.training.train_expert` also says
-        how good it is.
+        The network, with its learning curves in ``training``;
+        `ambkit.workflow.training.train_expert` also says how good it is, and whether points left
+        out prefer the law or the surface.
 
     Raises
     ------
@@ -142,27 +140,27 @@ def save_filter(
     bearing : path, optional
         The bearing's file, or a preset's name; without it the file is written beside `path`.
     written : path, optional
-        The expert (.json), which the adaptive filter asks; the points (.csv, .parquet), whose
-        surface it asks; or the bearing with the law refitted (.toml), which it then assumes.
-        Without it the expert is written beside `path`.
+        A file that holds what was taken, in one of its `FORMS`: the expert, which the filter
+        asks; the points, whose surface it asks; or the bearing whose law it assumes. Without it
+        that is written beside `path`.
 
     Raises
     ------
     AmbkitError
         A file cannot be written.
     """
-    ending = "" if written is None else Path(written).suffix.lower()
-    points = None if found.measured is None else found.measured.surface.points
+    law, magnet = found.model
+    made = AdaptiveKalmanFilter(law, magnet)
     said = made_by("train", found.expert.source)
-    if ending == ".toml" and points is not None:
-        law = refitted(found.bearing, points)
-        made = AdaptiveKalmanFilter(law, magnet_of(law))
+    if found.taken in (LAW, REFITTED):
         made.origin = {"bearing.file": said}
-        made.save(path, bearing=written)
+        made.save(path, bearing=written or (bearing if found.taken == LAW else None))
         return
-    asked: MagnetModel = found.expert
-    if ending in (".csv", ".parquet") and found.measured is not None:
-        asked = found.measured.surface
-    made = AdaptiveKalmanFilter(found.bearing, asked)
     made.origin = {"magnet.file": said}
     made.save(path, bearing=bearing, magnet=written)
+
+
+FORMS = {
+    NETWORK: (".json",), SURFACE: (".csv", ".parquet"), LAW: (".toml",), REFITTED: (".toml",),
+}  # fmt: skip
+"""What each model is written as: the expert, the points that its surface goes through, a law."""

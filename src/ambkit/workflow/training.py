@@ -13,7 +13,15 @@ from ambkit.base.progress import shown_in_notebooks
 from ambkit.base.units import engineering
 from ambkit.fuzzy.choice import RuleChoice, Shape, choose_rules, measured_map
 from ambkit.fuzzy.expert import Expert
-from ambkit.fuzzy.left_out import ModelChoice, choose_model
+from ambkit.fuzzy.left_out import (
+    LAW,
+    NETWORK,
+    REFITTED,
+    SURFACE,
+    ModelChoice,
+    choose_model,
+    refitted,
+)
 from ambkit.fuzzy.training import train
 from ambkit.fuzzy.training_set import rms
 from ambkit.machine.forces.surface import ForceSurface
@@ -25,6 +33,7 @@ if TYPE_CHECKING:
 
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.forces.points import ForcePoints
+    from ambkit.machine.magnets import MagnetModel
 
 RULES: Shape = (5, 5)
 """Rules along current and displacement where nobody says it: the paper's."""
@@ -256,6 +265,8 @@ class TrainedExpert:
         None where it was trained on the bearing's law.
     models : ModelChoice or None
         What points left out say of law, surface and network; None where there were too few.
+    asked : {"network", "surface", "law"}, optional
+        What is taken whatever the points say.
     """
 
     bearing: Bearing
@@ -263,6 +274,35 @@ class TrainedExpert:
     stiffness: StiffnessMap
     measured: MeasuredForce | None = None
     models: ModelChoice | None = None
+    asked: str | None = None
+
+    @property
+    def taken(self) -> str:
+        """What is to be believed: what was asked for, else what points left out prefer.
+
+        ``"the law"``, ``"the law, refitted"``, ``"the surface"`` or ``"the network"``; without
+        points, or with too few to leave some out, the network.
+        """
+        models = self.models
+        if self.asked == "law":
+            if models is None:
+                return LAW if self.measured is None else REFITTED
+            return LAW if models[LAW].worse <= models[REFITTED].worse else REFITTED
+        if self.asked is not None:
+            return f"the {self.asked}"
+        return NETWORK if models is None else models.chosen.name
+
+    @property
+    def model(self) -> tuple[Bearing, MagnetModel]:
+        """The bearing and the magnet that a filter then assumes: of a law that is refitted both."""
+        if self.taken == NETWORK or self.measured is None:
+            return self.bearing, self.expert if self.taken == NETWORK else magnet_of(self.bearing)
+        if self.taken == SURFACE:
+            return self.bearing, self.measured.surface
+        law = self.bearing
+        if self.taken == REFITTED:
+            law = refitted(law, self.measured.surface.points)
+        return law, magnet_of(law)
 
     @cached_property
     def error(self) -> dict[str, float]:
@@ -324,7 +364,7 @@ class TrainedExpert:
             if self.measured.choice is not None:
                 data["choice"] = self.measured.choice.to_dict()
         if self.models is not None:
-            data["models"] = {"chosen": self.models.chosen.name} | {
+            data["models"] = {"chosen": self.models.chosen.name, "taken": self.taken} | {
                 m.name: {"random": m.random, "blocks": m.blocks} for m in self.models.models
             }
         return data | {"wrong_sign": {name: vars(w) for name, w in self.wrong_signs.items()}}
@@ -361,6 +401,7 @@ def train_expert(
     *,
     reach: float | None = None,
     measured: MeasuredForce | None = None,
+    take: str = "best",
     note: Callable[[str], None] = lambda _text: None,
     **options: Any,
 ) -> TrainedExpert:
@@ -377,6 +418,8 @@ def train_expert(
     measured : MeasuredForce, optional
         From `measured_force`. Points left out then say whether law, surface or network is to be
         believed.
+    take : {"best", "network", "surface", "law"}
+        What is taken of these: what points left out prefer, or this one.
     note : callable
         Told what is done next.
     **options
@@ -388,11 +431,12 @@ def train_expert(
         The options contradict each other.
     """
     how = how_to_train(**options)
+    asked = None if take == "best" else take
     if measured is None:
         stiffness = stiffness_of_law(bearing, shape, reach)
-        return TrainedExpert(bearing, train(stiffness, **how), stiffness)
+        return TrainedExpert(bearing, train(stiffness, **how), stiffness, asked=asked)
     stiffness = measured.stiffness
     expert = train(stiffness, **how)
     shape = (stiffness.current.size, stiffness.displacement.size)
     models = choose_model(bearing, measured.surface, shape, note, **how)
-    return TrainedExpert(bearing, expert, stiffness, measured, models)
+    return TrainedExpert(bearing, expert, stiffness, measured, models, asked)

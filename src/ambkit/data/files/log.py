@@ -43,6 +43,8 @@ class Log:
         Line of the names in a text file, from 1; 0 where there is none.
     texts : mapping of str to Arrow array of strings
         Columns of times as text, which `ambkit.data.files.timestamps` reads.
+    titles : mapping of str to str
+        What the file calls an array whose name says less, such as the label of a Simulink signal.
     """
 
     name: str
@@ -55,6 +57,7 @@ class Log:
     line_of: Callable[[int], int] | None = None
     header: int = 0
     texts: Mapping[str, Any] = field(default_factory=dict)
+    titles: Mapping[str, str] = field(default_factory=dict)
 
     def place(self, sample: int) -> str:
         """Say where a sample stands: ``log.csv:17``, or the file alone."""

@@ -6,6 +6,7 @@ as ``structure[0].field``.
 
 import math
 import os
+import re
 import struct
 import warnings
 import zlib
@@ -49,6 +50,7 @@ def read(
         for name, values in _flat(key, value)
     }
     cells = {k: pa.array(v.ravel().tolist()) for k, v in arrays.items() if v.dtype.kind == "U"}
+    titles = _titles(arrays)
     arrays = {name: values for name, values in arrays.items() if name not in cells}
     stamped = {k: v for k, v in cells.items() if k in texts or layouts_of(v)}
     remarks: list[str] = []
@@ -59,7 +61,11 @@ def read(
     numbers = {name: np.asarray(values, dtype=np.float64) for name, values in arrays.items()}
     chosen = numbers if wanted is None else {k: v for k, v in numbers.items() if k in wanted}
     found = chosen if wanted is None else _lacking(numbers, chosen, {*wanted} - {*stamped})
-    return Log(os.fspath(path), found, remarks=tuple(remarks), texts=stamped)
+    units = {name: unit for name, (_, unit) in titles.items() if unit and name in found}
+    return Log(
+        os.fspath(path), found, units, remarks=tuple(remarks), texts=stamped,
+        titles={name: title for name, (title, _) in titles.items() if name in found},
+    )  # fmt: skip
 
 
 def content(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -74,6 +80,21 @@ def content(path: str | os.PathLike[str]) -> dict[str, Any]:
     """
     check_readable(path)
     return _content_of_7_3(path) if _is_7_3(path) else _content(path)
+
+
+_TITLE = re.compile(r"(.*?)\s*(?:\[(.*)\])?\s*")
+
+
+def _titles(arrays: dict[str, NDArray[Any]]) -> dict[str, tuple[str, str]]:
+    """Return what the labels of Simulink call values, and the unit in brackets behind it."""
+    found = {}
+    for name, label in arrays.items():
+        place, _, field = name.rpartition(".")
+        text = str(label.ravel()[0]).strip() if label.dtype.kind == "U" and label.size == 1 else ""
+        told = _TITLE.fullmatch(text)
+        if field == "label" and text and told:
+            found[f"{place}.values"] = one_line(told[1]), one_line(told[2] or "")
+    return found
 
 
 def _lacking(
@@ -187,7 +208,10 @@ def _flat(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
             return
         for place, inner in enumerate(elements):
             yield from _flat(name if len(elements) == 1 else f"{name}[{place}]", inner)
-    elif isinstance(value, np.ndarray) and value.dtype.kind in "fiubU" and value.ndim in (1, 2):
-        yield name, value
+    elif isinstance(value, np.ndarray) and value.dtype.kind in "fiubU" and value.ndim > 0:
+        if value.ndim > 2 and value.dtype.kind != "U":  # Simulink: a sample is a matrix of one row
+            value = value.reshape([size for size in value.shape if size > 1] or [1])
+        if value.ndim <= 2:
+            yield name, value
     elif isinstance(value, bool | int | float | np.integer | np.floating):
         yield name, np.array([value], dtype=np.float64)

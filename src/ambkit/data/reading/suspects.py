@@ -1,4 +1,4 @@
-"""What a log may be and should not: an estimate in the place of the sensor, a rotor that lies."""
+"""What a log may be and should not: an estimate or a reference as y, a rotor that lies."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from ambkit.base.units import engineering
 from ambkit.data.reading.clock import instant
 from ambkit.data.reading.faults import noise
+from ambkit.data.reading.resting import NEAR, resting
+from ambkit.data.reading.rotor import NO_NOISE, in_steps
 from ambkit.data.signals import TRUTH
 
 Array = NDArray[np.float64]
@@ -22,6 +24,21 @@ MOVES = 20.0
 
 RESTS = 6.0
 """Standard deviations of its noise within which a position rests."""
+
+MOVED = 0.25
+"""Part of its range through which a control signal goes while a rotor that lies stays."""
+
+LEAST = 200
+"""Samples from which on the noise of a position says where it is from."""
+
+SELDOM = 0.01
+"""Part of the samples in which a reference of steps changes at most."""
+
+SMOOTH = 0.05
+"""Fourth differences in parts of the second ones, below which nothing but a formula is."""
+
+DIFFERENT = 0.95
+"""Different values in parts of the samples, of what was computed and not measured."""
 
 
 def suspects(t: Array, signals: Mapping[str, Array], units: Mapping[str, str]) -> Iterator[str]:
@@ -47,7 +64,9 @@ def suspects(t: Array, signals: Mapping[str, Array], units: Mapping[str, str]) -
                 "of it?"
             )
     if "u" in signals:
-        yield from _lies(t, y, signals["u"], units.get("y", "m"))
+        lying = list(_lies(t, y, signals["u"], units.get("y", "m")))
+        yield from lying or _unmoved(y, signals["u"], units.get("y", "m"))
+    yield from _computed(y, signals)
 
 
 def _same(a: Array, b: Array) -> bool:
@@ -77,6 +96,64 @@ def _lies(t: Array, y: Array, u: Array, unit: str) -> Iterator[str]:
                 f"y rests at its end, {engineering(end, unit, digits=3)}, from {first} to {last}, "
                 "and u stands still: does the rotor lie on a stop there?"
             )
+
+
+def _unmoved(y: Array, u: Array, unit: str) -> Iterator[str]:
+    """Tell of a position that stays at its end while the control signal goes elsewhere."""
+    there = np.isfinite(y) & np.isfinite(u)
+    if np.count_nonzero(there) < LIES or (rests := resting(y[there])) is None:
+        return
+    near = abs(y[there] - rests.end) < max(NEAR * float(np.ptp(y[there])), 4 * noise(y))
+    low, high = np.quantile(u[there], [0.01, 0.99])
+    while_resting = np.quantile(u[there][near], [0.05, 0.95])
+    if np.ptp(while_resting) > MOVED * (high - low) > 0:
+        yield (
+            f"y is {rests.in_words(unit)}, while u goes through "
+            f"{100 * np.ptp(while_resting) / (high - low):.0f} % of its range: does the rotor lie "
+            "on a stop there? Such a part tells nothing of the bearing: cut it out"
+        )
+
+
+def _computed(y: Array, signals: Mapping[str, Array]) -> Iterator[str]:
+    """Tell of a position that no sensor measured: a reference, or what a filter made of it."""
+    there = y[np.isfinite(y)]
+    if there.size < LEAST or np.ptp(there) == 0:
+        return
+    rough, changes = noise(there), np.diff(there)
+    seldom = rough == 0 and np.count_nonzero(changes) < SELDOM * changes.size
+    steps = abs(changes[changes != 0])
+    leaps = seldom and bool(steps.max() > 0.05 * np.ptp(there)) and _few_values(there)
+    if leaps or (not seldom and (rough < NO_NOISE * float(there.std()) or _smooth(there))):
+        yield (
+            "y has no noise at all: is it the controller's reference, or computed, where the "
+            "measurement should be?"
+        )
+        return
+    in_steps_too = [
+        name for name, other in signals.items()
+        if name in ("u", "current", "i", "iu") and other.size >= LEAST and in_steps(_finite(other))
+        and noise(_finite(other)) > 0
+    ]  # fmt: skip
+    if in_steps_too and np.unique(there).size > DIFFERENT * there.size:
+        yield (
+            f"y never repeats a value, though {in_steps_too[0]} comes in the steps of a converter: "
+            "was y filtered before it was logged? Its noise is then no sensor's; log the raw "
+            "measurement"
+        )
+
+
+def _smooth(values: Array) -> bool:
+    """Whether a signal is computed, such as a sine: of noise the fourth differences are larger."""
+    second, fourth = (float(np.median(abs(np.diff(values, order)))) for order in (2, 4))
+    return fourth < SMOOTH * second
+
+
+def _finite(values: Array) -> Array:
+    return values[np.isfinite(values)]
+
+
+def _few_values(values: Array) -> bool:
+    return np.unique(values).size < 0.01 * values.size
 
 
 def longest_run(where: NDArray[np.bool_]) -> tuple[int, int]:

@@ -1,0 +1,245 @@
+"""Which channels move as a levitated rotor and its current do: by physics, not by prediction.
+
+Near its work point a rotor in a magnetic bearing moves by ``x'' = a x + b i + c``, with a > 0: the
+plant is unstable, with a pole at sqrt(a). No other pair of channels does that. A reference swings
+(a < 0); position and reference make a stable loop (a < 0); a current, in the position's place,
+obeys its controller; a velocity does with the difference of the current only. So each pair of
+channels is fitted, in bands of frequency, and holds where neighbouring bands tell the same pole.
+
+The fit never differentiates a sample: channels and their second derivatives pass the same smooth
+kernel, a B-spline of six boxes, whose derivatives are differences of its boxes (Shinbrot 1957,
+modulating functions). All is counted in samples, so neither the sampling rate nor the units matter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+BOXES = 6
+"""Boxes that the kernel is made of: four stay where it is differentiated twice."""
+
+ROWS = 20
+"""Rows, half a box apart, of a block in which the mean is free: offsets and slow loads drop out."""
+
+LEAST_BLOCKS = 8
+"""So many blocks a band has at least: the record is long compared with the pole."""
+
+POLE = (0.1, 1.0)
+"""Pole times box, within which a band can tell it: slower bands only see the balance at rest."""
+
+ALIKE = 1.35
+"""Poles, and gains, of three neighbouring bands are within this ratio."""
+
+AGREE = ((3, ALIKE, 0.1), (2, 2.0, 0.2))
+"""So many neighbouring bands, whose poles and gains are within this ratio, each with this share of
+the acceleration's variance explained: what is sure, and what has to do where nothing is."""
+
+TURNS = 0.97
+"""Correlation of two channels from which on one is a copy of the other, and not its cause."""
+
+TINY = float(np.finfo(np.float64).tiny)
+
+
+@dataclass(frozen=True)
+class Levitated:
+    """Two channels that move as a levitated rotor and its current do.
+
+    Attributes
+    ----------
+    position, control : int
+        Rows of the array that was searched.
+    pole : float
+        The unstable pole [1/sample].
+    gain : float
+        Acceleration [position's unit / sample²] per unit of the control.
+    explained : float
+        Share of the acceleration's variance, from 0 to 1, in the band that tells it best.
+    box : int
+        Length of the kernel's box in that band [samples].
+    evidence : float
+        Sum of these shares over all bands that agree.
+    sure : bool
+        Whether three neighbouring bands tell the same; else it is two, and more loosely.
+    """
+
+    position: int
+    control: int
+    pole: float
+    gain: float
+    explained: float
+    box: int
+    evidence: float
+    sure: bool
+
+
+@dataclass(frozen=True)
+class Band:
+    """Sums over the rows of each block, of smoothed channels S and their derivatives V and A.
+
+    Attributes
+    ----------
+    box : int
+        Length of the kernel's box [samples].
+    ss, as_, vs : ndarray (blocks, m, m)
+        Of S, A and V of the channel in the row with S of the channel in the column.
+    aa, av, vv : ndarray (blocks, m)
+        Of each channel with itself.
+    """
+
+    box: int
+    ss: Array
+    as_: Array
+    vs: Array
+    aa: Array
+    av: Array
+    vv: Array
+
+
+def bands(channels: Array) -> Iterator[Band]:
+    """Sum up channels in bands of frequency, from fast to slow.
+
+    Parameters
+    ----------
+    channels : ndarray (m, n)
+        Finite samples; each channel of about unit size.
+    """
+    for box, thin, values in thinned(channels):
+        step = max(1, box // 2)
+        rows = values.shape[1] - BOXES * (box - 1) - 2
+        blocks = -(-rows // step) // ROWS if rows > 0 else 0
+        if blocks < LEAST_BLOCKS:
+            return
+        four = boxed(values, box, 4)
+        bent = (four[:, 2 * box :] - 2 * four[:, box:-box] + four[:, : -2 * box]) / box**2
+        smooth = boxed(four, box, 2)[:, 1 : 1 + bent.shape[1]]
+        inside, a = (
+            each[:, ::step][:, : blocks * ROWS].reshape(-1, blocks, ROWS).transpose(1, 0, 2)
+            for each in (smooth, bent / thin**2)
+        )
+        v = np.gradient(inside, step * thin, axis=2)
+        s, v, a = (each - each.mean(axis=2, keepdims=True) for each in (inside, np.asarray(v), a))
+        turned = s.transpose(0, 2, 1)
+        own = ((a * a).sum(2), (a * v).sum(2), (v * v).sum(2))
+        yield Band(box * thin, s @ turned, a @ turned, v @ turned, *own)
+
+
+def thinned(channels: Array) -> Iterator[tuple[int, int, Array]]:
+    """Yield boxes from short to long, how much the record is thinned for each, and that record.
+
+    Slow bands need not all samples: they get means of two, of four, and so on.
+    """
+    for box in (2, 3, 4, 5, 6):
+        yield box, 1, channels
+    thin = 1
+    while channels.shape[1] > BOXES * 8:
+        for box in (8, 10, 13):
+            yield box, thin, channels
+        size = channels.shape[1] // 2 * 2
+        channels, thin = 0.5 * (channels[:, :size:2] + channels[:, 1:size:2]), 2 * thin
+
+
+def boxed(values: Array, box: int, times: int) -> Array:
+    """Return running means (m, n - times (box - 1)) over `box` samples, so many times."""
+    for _ in range(times):
+        sums = np.cumsum(values, axis=1)
+        sums = np.concatenate([np.zeros((len(values), 1)), sums], axis=1)
+        values = (sums[:, box:] - sums[:, :-box]) / box
+    return values
+
+
+def fitted(band: Band) -> tuple[Array, Array, Array]:
+    """Fit ``p'' = a p + b c`` to all pairs of channels, robustly over the blocks.
+
+    Returns
+    -------
+    a, b, explained : ndarray (m, m)
+        With the position in the row and the control in the column; a is -1 where a pair has no
+        fit, or where friction explains it as well: with a term in p', a would be less than half.
+    """
+    own = np.einsum("bii->bi", band.ss)
+    pp, cc, pc = own[:, :, None], own[:, None, :], band.ss
+    ap, ac, aa = np.einsum("bii->bi", band.as_)[:, :, None], band.as_, band.aa[:, :, None]
+    usual = 1 / (aa + np.median(aa, axis=0) + TINY)
+    weight = np.broadcast_to(usual, pc.shape)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        for _ in range(8):  # reweighted: blocks where the rotor lies, starts or is hit count less
+            pp_, pc_, cc_, ap_, ac_ = ((weight * each).sum(0) for each in (pp, pc, cc, ap, ac))
+            a, b = _two(pp_, pc_, cc_, ap_, ac_)
+            left = aa - 2 * a * ap - 2 * b * ac + a * a * pp + 2 * a * b * pc + b * b * cc
+            left = np.maximum(left, 0)
+            weight = usual / (1 + left / (np.median(left, axis=0) + TINY) / 9)
+        explained = 1 - (weight * left).sum(0) / ((weight * aa).sum(0) + TINY)
+        none = ~(pp_ * cc_ * 1e-8 < pp_ * cc_ - pc_ * pc_) | ~np.isfinite(a * b)
+        # The same with the velocity, which is taken out of all others first.
+        pv, cv = np.einsum("bii->bi", band.vs)[:, :, None], band.vs
+        pv_, cv_, av_, vv_ = (
+            (weight * each).sum(0) for each in (pv, cv, band.av[:, :, None], band.vv[:, :, None])
+        )
+        free, _ = _two(
+            pp_ - pv_ * pv_ / vv_, pc_ - pv_ * cv_ / vv_, cc_ - cv_ * cv_ / vv_,
+            ap_ - av_ * pv_ / vv_, ac_ - av_ * cv_ / vv_,
+        )  # fmt: skip
+        none |= ~(free > 0.5 * a)
+    return np.where(none, -1.0, a), np.where(none, 0.0, b), np.where(none, 0.0, explained)
+
+
+def _two(pp: Array, pc: Array, cc: Array, ap: Array, ac: Array) -> tuple[Array, Array]:
+    """Solve the normal equations of two regressors."""
+    inverse = 1 / (pp * cc - pc * pc)
+    return inverse * (ap * cc - ac * pc), inverse * (ac * pp - ap * pc)
+
+
+def levitated(listed: Sequence[Band]) -> list[Levitated]:
+    """Find the pairs of channels that move as a levitated rotor and its current.
+
+    Parameters
+    ----------
+    listed : sequence of Band
+        The channels in `bands`.
+
+    Returns
+    -------
+    list of Levitated
+        Each pair once, the sure ones first, and of these what explains most.
+    """
+    if len(listed) < 3:
+        return []
+    a, b, share = (np.array(each) for each in zip(*map(fitted, listed), strict=True))
+    pole = np.sqrt(np.maximum(a, 0))
+    copies = np.array([turning(band) for band in listed])
+    best: dict[tuple[int, int], Levitated] = {}
+    apart = ~np.eye(len(a[0]), dtype=bool)
+    for sure, (count, ratio, least) in zip((True, False), AGREE, strict=True):
+        for k in range(1, len(listed) - 1):
+            near = slice(k - 1, k - 1 + count)
+            p, g, r = pole[near], b[near], share[near]
+            told = p.mean(0) * listed[k].box
+            good = (p.min(0) > 0) & (p.max(0) <= ratio * p.min(0)) & (r.min(0) > least)
+            good &= (abs(g).max(0) <= ratio * abs(g).min(0)) & (abs(np.sign(g).sum(0)) == count)
+            good &= (POLE[0] < told) & (told < POLE[1]) & (copies[k] < TURNS)
+            for i, j in np.argwhere(good & apart).tolist():
+                known = best.get((i, j))
+                if known is not None and known.sure > sure:
+                    continue
+                share_here, before = float(r[:, i, j].mean()), known.evidence if known else 0.0
+                if known is None or share_here > known.explained:
+                    known = Levitated(
+                        i, j, float(p[:, i, j].mean()), float(b[k, i, j]), share_here,
+                        listed[k].box, 0.0, sure,
+                    )  # fmt: skip
+                best[i, j] = replace(known, evidence=before + share_here)
+    return sorted(best.values(), key=lambda each: (each.sure, each.evidence), reverse=True)
+
+
+def turning(band: Band) -> Array:
+    """Return the usual correlation (m, m), without its sign, of channels within a block."""
+    size = np.sqrt(np.einsum("bii->bi", band.ss))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        likeness = abs(band.ss) / (size[:, :, None] * size[:, None, :])
+    return np.asarray(np.median(np.nan_to_num(likeness), axis=0))

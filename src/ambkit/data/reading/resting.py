@@ -1,0 +1,77 @@
+"""A rotor that lies: on a stop, on its pedestal, or against the magnet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.units import engineering
+from ambkit.data.reading.faults import noise
+
+Array = NDArray[np.float64]
+
+NEAR = 0.02
+"""Part of a position's range within which of its ends a rotor lies on a stop."""
+
+MOVES = 20.0
+"""Range of a position over its noise, from which on it moves at all."""
+
+OFTEN = 0.3
+"""Share of the samples from which on that is told."""
+
+
+@dataclass(frozen=True)
+class Resting:
+    """A position that is at one end of its range for long.
+
+    Attributes
+    ----------
+    end : float
+        That end, in the channel's unit.
+    share : float
+        Share of the samples that are there.
+    greatest : bool
+        Whether it is the greater end.
+    """
+
+    end: float
+    share: float
+    greatest: bool
+
+    def in_words(self, unit: str = "") -> str:
+        """Say it in a sentence's part.
+
+        Parameters
+        ----------
+        unit : str
+            Of the position.
+        """
+        end = "greatest" if self.greatest else "least"
+        value = engineering(self.end, unit, digits=3) if unit else f"{self.end:.4g}"
+        return f"at its {end} value, {value}, in {100 * self.share:.0f} % of the samples"
+
+
+def resting(values: Array) -> Resting | None:
+    """Find out whether a position (n,) lies at one of its ends for a good part of the time.
+
+    Parameters
+    ----------
+    values : ndarray (n,)
+        Finite samples.
+    """
+    if values.size < 50:
+        return None
+    least, greatest = np.quantile(values, [0.002, 0.998])
+    rough = noise(values)
+    reach = greatest - least
+    if not reach > MOVES * rough or not reach > 0:
+        return None
+    near = max(NEAR * reach, 4 * rough)
+    found = [
+        Resting(float(end), float(np.mean(abs(values - end) < near)), end == greatest)
+        for end in (least, greatest)
+    ]
+    most = max(found, key=lambda each: each.share)
+    return most if most.share > OFTEN else None

@@ -1,0 +1,143 @@
+"""The guess at channels by physics: disguised logs, other rigs, and what must not be guessed."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+from scipy.signal import lfilter
+
+from ambkit.base.errors import RecordError
+from ambkit.data.channelmap import ChannelMap
+from ambkit.data.reading.guess import guess
+from ambkit.data.reading.reader import read
+from ambkit.data.reading.rotor import rotor, same_numbers
+from tests import disguises
+
+RIG = Path(__file__).parents[2] / "shared" / "data" / "inteco" / "closed_loop"
+needs_rig = pytest.mark.skipif(
+    not RIG.is_dir(), reason="the rig's logs are not here (../shared/data/inteco)"
+)
+
+
+def judged(path, hidden, true):
+    """Write a log in disguise as a matrix without names, and say what the guess made of it."""
+    savemat(path, {"a": hidden.rows})
+    try:
+        signals = ChannelMap.from_toml(guess(path)).signals
+    except RecordError as error:
+        return "refused" if "refused: nothing in it floats" in str(error) else str(error)
+    y, u = signals["y"], signals["u"]
+    right = hidden.is_right(y.row, u.row, y.sign * u.sign < 0, true)
+    return "right" if right and hidden.order[signals["t"].row] == 0 else f"wrong: {hidden.name}"
+
+
+@needs_rig
+def test_disguised_logs_of_the_rig_are_told_apart(tmp_path):
+    found = [judged(tmp_path / "log.mat", *each) for each in disguises.of_the_rig(RIG, 12, seed=1)]
+    assert found.count("right") >= 11
+    assert {*found} <= {"right", "refused"}
+
+
+@pytest.mark.long
+@needs_rig
+def test_of_200_disguises_none_is_silently_wrong(tmp_path):
+    found = [judged(tmp_path / "log.mat", *each) for each in disguises.of_the_rig(RIG, 200, seed=2)]
+    assert {*found} <= {"right", "refused"}
+    assert found.count("right") >= 197
+
+
+@pytest.mark.parametrize("name", disguises.OTHERS)
+def test_rigs_of_other_kinds_are_told_apart(name):
+    log = disguises.simulated(name)
+    names = [n for n in log if n != "t"]
+    order = np.random.default_rng(len(name)).permutation(len(names))
+    names = [names[k] for k in order]
+    found = rotor(np.array([log[n] for n in names]))
+    assert found is not None
+    assert (names[found.position], names[found.control]) == ("y", "u")
+    assert not found.turned  # greater u pulls towards greater y
+
+
+def test_a_volt_is_as_good_as_a_metre():
+    log = disguises.simulated("of the paper")
+    rows = np.array([-4.2 - 3100.0 * log["y"], log["u"]])
+    found = rotor(rows)
+    assert found is not None
+    assert (found.position, found.control, found.turned) == (0, 1, True)
+
+
+def still(n=6000):
+    """Signals of all kinds in which nothing floats."""
+    rng = np.random.default_rng(3)
+    t = 1e-3 * np.arange(n)
+    noise = rng.normal(size=(3, n))
+    waves = np.sin(2 * np.pi * np.array([[3.0], [7.0], [0.5]]) * t)
+    spring = lfilter([1e-4], [1, -1.98, 0.985], noise[0])
+    return {
+        "noise": noise,
+        "walks": np.cumsum(noise, axis=1),
+        "waves": waves + 0.01 * noise,
+        "a spring and its force": np.array([spring + 1e-4 * noise[1], noise[0]]),
+        "in steps": np.round(waves * 20) / 20,
+    }
+
+
+@pytest.mark.parametrize("name", still())
+def test_nothing_is_guessed_where_nothing_floats(name):
+    assert rotor(still()[name]) is None
+
+
+def test_copies_are_one_channel():
+    a = np.random.default_rng(1).normal(size=(2, 500))
+    rows = np.array([a[0], a[1], 3 - 2 * a[0], a[1], a[0] + 1e-3 * a[1]])
+    assert same_numbers(rows) == {2: 0, 3: 1}
+
+
+def names_of(text):
+    return {k: c.array or c.column for k, c in ChannelMap.from_toml(text).signals.items()}
+
+
+def test_of_arrays_of_several_lengths_all_are_considered(tmp_path):
+    log = disguises.simulated("one magnet")
+    rng = np.random.default_rng(4)
+    old = rng.normal(size=(6, log["t"].size + 777))
+    savemat(tmp_path / "log.mat", {
+        "old": old, "sim_time": log["t"], "sim_cur": log["u"], "sim_gap": log["y"],
+        "spare": np.zeros(9),
+    })  # fmt: skip
+    text = guess(tmp_path / "log.mat")
+    assert names_of(text) == {"t": "sim_time", "y": "sim_gap", "u": "sim_cur"}
+    assert len(read(tmp_path / "log.mat", ChannelMap.from_toml(text)).record) == log["t"].size
+
+
+@pytest.mark.parametrize("shape", ["columns", "apart"])
+def test_structures_of_simulink_are_read(tmp_path, shape):
+    log = disguises.simulated("one magnet")
+    y, u, t = log["y"], log["u"], log["t"][:, None]
+
+    def signals(values, label):
+        return {"values": values, "dimensions": float(np.ndim(values) > 1), "label": label}
+
+    if shape == "columns":
+        content = {"out": {"time": t, "signals": signals(np.column_stack([y, u]), ""),
+                           "blockName": "rig/To Workspace"}}  # fmt: skip
+    else:
+        both = np.array([(y[:, None], 1.0, "gap [m]"), (u[None, None], 1.0, "coil current")],
+                        dtype=[("values", "O"), ("dimensions", "O"), ("label", "O")])  # fmt: skip
+        content = {"out": {"time": t, "signals": both, "blockName": "rig/To Workspace"}}
+    savemat(tmp_path / "log.mat", content)
+    text = guess(tmp_path / "log.mat")
+    record = read(tmp_path / "log.mat", ChannelMap.from_toml(text)).record
+    np.testing.assert_array_equal(record["y"], y)
+    np.testing.assert_array_equal(record["u"], u)
+    np.testing.assert_allclose(record.t, t.ravel())
+
+
+def test_a_header_of_comments_is_read_over(tmp_path):
+    log = disguises.simulated("one magnet")
+    rows = zip(log["t"].tolist(), log["u"].tolist(), log["y"].tolist(), strict=True)
+    lines = ["# rig of the second floor", "% 2024-05-03, run 7", "time,coil,gap",
+             *(f"{t!r},{u!r},{y!r}" for t, u, y in rows)]  # fmt: skip
+    (tmp_path / "log.csv").write_text("\n".join(lines) + "\n")
+    assert names_of(guess(tmp_path / "log.csv")) == {"t": "time", "y": "gap", "u": "coil"}
