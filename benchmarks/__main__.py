@@ -13,9 +13,10 @@ from collections.abc import Sequence
 from time import process_time_ns
 
 import ambkit
-from benchmarks import batch, entries
+from benchmarks import batch, entries, many_loops
 from benchmarks.batch import Many
 from benchmarks.closed_loop import ClosedLoop
+from benchmarks.many_loops import Loops
 from benchmarks.report import Limit, limits_table, machine, table, write
 from benchmarks.timing import Times, interleaved
 from benchmarks.work import Work
@@ -30,6 +31,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--few", type=int, default=2_000, help="samples for the slow ones")
     parser.add_argument("--runs", type=int, default=64, help="how many filters go side by side")
     parser.add_argument("--length", type=int, default=5_000, help="samples of each of these")
+    parser.add_argument("--loops", type=int, default=256, help="how many loops go side by side")
+    parser.add_argument("--short", type=int, default=1_001, help="samples of each of these")
     options = parser.parse_args(arguments)
 
     work = Work.simulated(options.samples)
@@ -37,7 +40,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     many, libraries, missing = _measure_many(
         work, options.runs, options.length, options.few, options.rounds
     )
-    limits = _limits(filters + simulations + many)
+    loops = _measure_loops(work, options.loops, options.short, options.rounds)
+    limits = _limits(filters + simulations + many + loops)
     heading = f"Median of {options.rounds} rounds. {machine()}."
     measured = "\n\n".join(
         [
@@ -49,6 +53,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             *_others(libraries, missing),
             "The closed loop, simulated, with the linear filter in it:",
             table(simulations, simulations[0]),
+            f"Many closed loops, {options.loops} runs of {options.short:,} samples, on"
+            f" {batch.CORES} cores, only the errors kept:",
+            table(loops, loops[0]),
             "Held to:",
             limits_table(limits),
         ]
@@ -93,6 +100,19 @@ def _measure_many(
     return fast, slow, missing
 
 
+def _measure_loops(work: Work, runs: int, length: int, rounds: int) -> list[Times]:
+    loops = Loops.of(work, runs, length)
+    return interleaved(
+        [
+            *many_loops.numba_parallel(loops),
+            *many_loops.side_by_side(loops),
+            *many_loops.one_by_one(loops),
+        ],
+        rounds,
+        process_time_ns,
+    )
+
+
 def _others(libraries: Sequence[Times], missing: Sequence[str]) -> list[str]:
     told = []
     if len(libraries) > 1:
@@ -108,6 +128,9 @@ def _limits(times: Sequence[Times]) -> list[Limit]:
     textbook = (by_name[entries.TEXTBOOK],)
     one_by_one = (by_name[batch.HAND],)
     stepped = (by_name[entries.STEP_NUMBA],)
+    arranged = (by_name[entries.ARRANGED],)
+    one, every = (by_name[many_loops.ONE],), by_name[many_loops.ALL]
+    in_numba, simulated = (by_name[many_loops.NUMBA],), (by_name[many_loops.SIMULATE],)
     return [
         Limit("linear filter, k_i and k_s given: hand loop", by_name[entries.GIVEN], hand, 1.2),
         Limit("extended filter: hand loop", by_name[entries.EXTENDED], hand, 2),
@@ -116,6 +139,11 @@ def _limits(times: Sequence[Times]) -> list[Limit]:
         Limit("many filters, errors kept: hand loop", by_name[batch.ERRORS], one_by_one, 1 / 6),
         Limit("`step(y, u)` from Python: numba's", by_name[entries.STEP], stepped, 1),
         Limit("closed loop: numba's, textbook", by_name[entries.LOOP], textbook, 1),
+        Limit("closed loop: numba's, arranged", by_name[entries.LOOP], arranged, 1.1),
+        Limit("linear filter, `run(record)`: hand loop", by_name[entries.CONSTANT], hand, 1),
+        Limit("many closed loops, all cores: one thread", every, one, 1 / (0.9 * batch.CORES)),
+        Limit("many closed loops, all cores: numba's in parallel", every, in_numba, 1 / 2),
+        Limit("many closed loops, all cores: `simulate` in a loop", every, simulated, 1 / 5),
     ]
 
 

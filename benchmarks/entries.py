@@ -17,6 +17,7 @@ from benchmarks.work import NOISE, Work
 HAND = "hand loop in C, into arrays that are there"
 HAND_NEW = "hand loop in C, into new arrays"
 GIVEN = "ambkit `core.run(y, u, k_i, k_s)`"
+CONSTANT = "ambkit `KalmanFilter.run(record)`"
 STEP = "ambkit `KalmanFilter.step(y, u)`, a call a sample"
 STEP_NUMBA = "numba, structured, a call a sample"
 EXTENDED = "ambkit, extended, closed law, `run(record)`"
@@ -90,7 +91,7 @@ def constant(work: Work, samples: int) -> list[Entry]:
         return [first] + [kf.step(*pair) for pair in zip(y[1:], u[:-1], strict=True)]
 
     return [
-        Entry("ambkit `KalmanFilter.run(record)`", work.y.size, lambda: kf.run(work.record).mean),
+        Entry(CONSTANT, work.y.size, lambda: kf.run(work.record).mean),
         Entry(STEP, samples, by_sample),
     ]
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -164,11 +165,11 @@ def closed_loop(step: Callable[..., Plant]) -> Callable[..., Run]:
 TEXTBOOK, ARRANGED = closed_loop(textbook), closed_loop(arranged)
 
 
-def run(loop: ClosedLoop, simulate: Callable[..., Run]) -> Run:
-    """Run `loop` with TEXTBOOK or ARRANGED."""
+def parameters_of(loop: ClosedLoop) -> Loop:
+    """Return what `closed_loop` is told of a loop."""
     b, pid = loop.bearing, loop.scenario.controller
     k = ambkit.ConstantStiffness.of(b)
-    parameters = Loop(
+    return Loop(
         k=b.magnet.magnet_constant,
         s0=b.magnet.air_gap,
         i0=b.magnet.bias_current,
@@ -190,8 +191,40 @@ def run(loop: ClosedLoop, simulate: Callable[..., Run]) -> Run:
         k_s=k.k_s,
         x_max=b.rotor.travel_limit,
     )
+
+
+def started(loop: ClosedLoop) -> Start:
+    """Return mean and covariance with which the filter starts, reset."""
     loop.filter.reset()
     cov = loop.filter.covariance[np.triu_indices(4)]
-    start = (*loop.filter.mean.tolist(), *cov.tolist())
+    return (*loop.filter.mean.tolist(), *cov.tolist())
+
+
+def run(loop: ClosedLoop, simulate: Callable[..., Run]) -> Run:
+    """Run `loop` with TEXTBOOK or ARRANGED."""
+    start = started(loop)
     outside = (loop.r, loop.f_d, loop.noise_u, loop.noise_y)
-    return simulate(parameters, loop.settings, start, 0.0, loop.integral, *outside)
+    return simulate(parameters_of(loop), loop.settings, start, 0.0, loop.integral, *outside)
+
+
+@numba.njit(error_model="numpy", parallel=True)  # type: ignore[untyped-decorator]
+def many(
+    p: Loop,
+    h: Settings,
+    start: Start,
+    integral: float,
+    r: Array,
+    f_d: Array,
+    noise_u: Array,
+    noise_y: Array,
+    errors: Array,
+) -> None:
+    """Run the arranged loop with each row of noise (runs, n); RMS errors of x, v, f_d (runs, 3)."""
+    for i in numba.prange(len(noise_u)):
+        signals, mean, _, _ = ARRANGED(p, h, start, 0.0, integral, r, f_d, noise_u[i], noise_y[i])
+        for j in range(3):
+            total = 0.0
+            for k in range(1, r.size):
+                truth = f_d[k] if j == 2 else signals[j, k]
+                total += (mean[k, j] - truth) ** 2
+            errors[i, j] = np.sqrt(total / (r.size - 1))

@@ -40,6 +40,7 @@ inline amb_parts parts_of(const nb::dict &given)
   take("quadratic", parts.quadratic);
   take("cubic", parts.cubic);
   take("step", parts.step);
+  take("rise", parts.rise);
   take("orders", parts.orders);
   take("speed", parts.speed);
   take("turn_cosine", parts.turn_cosine);

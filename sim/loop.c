@@ -93,9 +93,10 @@ static amb_real faulted(const amb_plant *plant, const amb_loop_faults *faults, c
   const size_t whole = (late < (amb_real)k) ? (size_t)late : k;
   const amb_real share = (late < (amb_real)k) ? late - (amb_real)whole : 0;
   const size_t at = k - whole;
-  amb_real y = x_m[at] + noise[at];
+  const amb_real rise = (plant->parts != NULL) ? plant->parts->rise : 0;
+  amb_real y = x_m[at] + amb_noise_share(rise, x_m[at]) * noise[at];
   if (share > 0)
-    y += share * (x_m[at - 1] + noise[at - 1] - y);
+    y += share * (x_m[at - 1] + amb_noise_share(rise, x_m[at - 1]) * noise[at - 1] - y);
   return faults->y_times[k] * amb_plant_measure(plant, y, 0) + faults->y_plus[k];
 }
 

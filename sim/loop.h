@@ -69,8 +69,8 @@ typedef struct amb_loop_faults {
   const amb_real *current; /* share of the amplifier's range that is left [1], 0 to 1 */
 } amb_loop_faults;
 
-/* What comes from outside, n samples each. Noise is drawn by the caller, so that a run can be
- * repeated with recorded noise, and random streams are those of a well-known library. */
+/* What comes from outside, n samples each. Noise is drawn by the caller (noise.h), so that a run
+ * can be repeated with recorded noise. */
 typedef struct amb_loop_input {
   size_t n;
   const amb_real *r;       /* reference [m] */

@@ -29,6 +29,7 @@ typedef struct amb_parts {
   amb_real quadratic;                      /* [1/m] */
   amb_real cubic;                          /* [1/m^2] */
   amb_real step;                           /* of the rounding [m]; 0: none */
+  amb_real rise;                           /* of the noise, see amb_noise_share [1/m] */
   int orders;                              /* of the speed, 0 to AMB_RUNOUT_MOST */
   amb_real speed;                          /* of rotation; orders * speed * T < pi [rad/s] */
   amb_real turn_cosine, turn_sine;         /* of speed * T */

@@ -47,14 +47,14 @@ amb_acting amb_plant_from_now(const amb_plant *plant, const amb_plant_state *sta
 /* ... and just before a sample, iu demanded at the one before it. */
 amb_acting amb_plant_until_now(const amb_plant *plant, const amb_plant_state *state, amb_real iu);
 
-/* The nearest multiple of the sensor's step [m]. */
-amb_real amb_parts_rounded(const amb_parts *parts, amb_real y);
+/* What a sensor with x_m [m] behind its lag and with this noise shows, a multiple of its step [m].
+ */
+amb_real amb_parts_reading(const amb_parts *parts, amb_real x_m, amb_real noise);
 
 /* Measurement that the sensor gives with this noise [m]. */
 static inline amb_real amb_plant_measure(const amb_plant *plant, amb_real x_m, amb_real noise)
 {
-  const amb_real y = x_m + noise;
-  return plant->parts != NULL ? amb_parts_rounded(plant->parts, y) : y;
+  return plant->parts != NULL ? amb_parts_reading(plant->parts, x_m, noise) : x_m + noise;
 }
 
 /* Advance by the sampling time T [s] with the control current iu [A] demanded at its start and the

@@ -35,7 +35,7 @@ def core_settings(s: oracles.Settings) -> dict[str, Any]:
     own = {
         "K_sen": [s["K_sen"]], "lag": [s["T_sen"]], "travel": [s["x_max"]], "cap": cap,
         **{name: [s[name]] for name in (
-            "k_ui", "iu_min", "iu_max", "f_0", "x_max", "var_u", "var_d", "var_y",
+            "k_ui", "iu_min", "iu_max", "f_0", "x_max", "var_u", "var_d", "var_y", "rise",
         )},
     }  # fmt: skip
     as_they_are = ("T", "gate", "frozen_limit", "outlier_limit")

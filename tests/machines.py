@@ -52,6 +52,7 @@ def wide(model: Model, s: Settings) -> dict[str, Any]:
         "k_ui": s.k_ui.tolist(), "iu_min": [-1e6] * c, "iu_max": [1e6] * c,
         "f_0": np.linspace(-0.3, 0.5, p).tolist(), "x_max": [1e6] * p, "cap": [1e6] * n,
         "var_u": s.var_u.tolist(), "var_d": s.var_noise.tolist(), "var_y": s.var_y.tolist(),
+        "rise": [0.0] * m,
         "gate": 1e6, "frozen_limit": 0, "outlier_limit": 0,
     }  # fmt: skip
 
@@ -92,6 +93,7 @@ def axes_settings(model: Model) -> dict[str, Any]:
         "K_sen": b.sensor.gain, "lag": b.sensor_lag, "travel": TRAVEL, "k_ui": b.amplifier.gain,
         "iu_min": b.current_min, "iu_max": b.current_max, "f_0": KNOWN, "x_max": TRAVEL,
         "var_u": b.amplifier.noise_variance, "var_y": b.sensor.noise_variance,
+        "rise": b.sensor.noise_rise,
     }  # fmt: skip
     return {
         **{name: [value] * p for name, value in each.items()},

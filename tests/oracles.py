@@ -40,6 +40,7 @@ def settings_of(bearing: Bearing, **changes: float) -> Settings:
         "var_u": bearing.amplifier.noise_variance,
         "var_d": bearing.sampling_time * (2 * weight) ** 2,
         "var_y": bearing.sensor.noise_variance,
+        "rise": bearing.sensor.noise_rise,
         "frozen_limit": 10,
         "gate": 8.0,
         "outlier_limit": 3,

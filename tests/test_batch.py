@@ -21,7 +21,7 @@ from ambkit.machine.magnets import MagnetModel, core_module
 Array = NDArray[Any]
 
 TWO_SIDED = Bearing.preset("zittau_axial")
-ONE_SIDED = TWO_SIDED.replace(magnet__type="one-sided")
+ONE_SIDED = TWO_SIDED.replace(magnet__type="one-sided", sensor__noise_rise=-900.0)
 RUNS, N = 19, 700  # no multiple of any number of lanes, nor of a block
 HISTORY = ("mean", "innovation", "innovation_variance", "status")
 SETS = instruction_sets()

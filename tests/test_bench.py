@@ -14,7 +14,7 @@ import ambkit
 from ambkit import AmbkitError, Bearing
 from ambkit.judge.comparison import cases, criteria
 from ambkit.judge.comparison.bench import Sweep, bench, sweep
-from ambkit.judge.comparison.cases import CASES, period_of, trials, walk_case
+from ambkit.judge.comparison.cases import CASES, Load, trials, walk_case
 from ambkit.judge.comparison.contenders import PythonEstimator, contenders, expand
 from ambkit.judge.comparison.spread import CERTAIN, Spread
 from ambkit.judge.comparison.study import learned, pieces_of, study
@@ -176,9 +176,9 @@ def test_the_delay_is_what_the_signal_was_delayed_by(late: float) -> None:
     def signal(t: Any) -> Any:
         return 3 + np.tanh((t - 1500) / 60) + 0.5 * np.sin(t / 150)
 
-    found = criteria.delay(signal(t - late) + noise, signal(t), 1e-4, period_of(signal(t)))
+    found = criteria.delay(signal(t - late) + noise, Load(signal(t)), 1e-4)
     assert found == pytest.approx(1e-4 * late, abs=1e-4)
-    assert np.isnan(criteria.delay(noise, np.ones_like(t), 1e-4, t.size))
+    assert np.isnan(criteria.delay(noise, Load(np.ones_like(t)), 1e-4))
 
 
 @pytest.mark.parametrize("late", [-3.0, 0.0, 7.0, 40.0])
@@ -187,7 +187,7 @@ def test_the_delay_of_what_comes_again_and_again_does_not_wrap(late: float) -> N
     t = np.arange(4000.0)
     noise = 0.02 * np.random.default_rng(0).normal(size=t.size)
     estimated, true = (np.sin(2 * np.pi * at / 100) for at in (t - late, t))
-    found = criteria.delay(estimated + noise, true, 1e-4, period_of(true))
+    found = criteria.delay(estimated + noise, Load(true), 1e-4)
     assert found == pytest.approx(1e-4 * max(late, 0.0), abs=1e-4)
 
 

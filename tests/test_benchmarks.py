@@ -13,11 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 
 import ambkit
 from ambkit.machine.magnets import MagnetModel
-from benchmarks import batch, entries, report
+from benchmarks import batch, entries, many_loops, report
 from benchmarks.batch import Many
 from benchmarks.closed_loop import ClosedLoop
 from benchmarks.entries import Entry
 from benchmarks.hand import HandLoop, Outputs
+from benchmarks.many_loops import Loops
 from benchmarks.timing import Times, interleaved
 from benchmarks.work import NOISE, Work
 
@@ -263,3 +264,14 @@ def test_only_what_is_between_the_markers_is_written(
     assert readme.read_text(encoding="utf-8") == (
         f"{before}{report.BEGIN}\n| new |\n{report.END}{after}"
     )
+
+
+def test_many_closed_loops_have_the_same_errors(work: Work) -> None:
+    """With the same noise; ambkit's alike to the last bit, numba's but for rounding."""
+    pytest.importorskip("numba", reason="numba is in the dependency group benchmarks")
+    loops = Loops.of(work, many_loops.FEW, 300)
+    one, every = (np.asarray(entry.run()) for entry in many_loops.side_by_side(loops))
+    assert (one == every).all()
+    others = [*many_loops.numba_parallel(loops), *many_loops.one_by_one(loops)]
+    for entry in others:
+        np.testing.assert_allclose(np.asarray(entry.run()), one, rtol=1e-9)

@@ -96,7 +96,7 @@ def test_what_is_of_the_log_goes_into_its_channel_map_and_its_delay_into_the_bea
     inner = slice(10, -10)
     acts = acting(ambkit.Bearing.load("found.toml"), read["u"])
     off, before = (u[inner] - right["u"][inner] for u in (acts, late["u"]))
-    assert abs(off.mean()) < 0.01
+    assert abs(off.mean()) < 0.02  # of 0.14 V, drawn towards none by what is known beforehand
     assert off.std() < 0.1 * before.std()
     np.testing.assert_allclose(read["y"], right["y"], atol=1e-12)
     option = re.search(r'--disturbance-noise "(.*)"', text)[1]

@@ -16,7 +16,8 @@ static bool good_settings(const amb_model *model, const amb_kalman_settings *s)
   bool good = amb_is_positive(s->T) && amb_is_positive(s->gate);
   for (int r = 0; r < amb_sensors(model); r++) {
     good = good && not_zero(s->K_sen[r]) && not_negative(s->lag[r]) &&
-           amb_is_positive(s->travel[r]) && amb_is_positive(s->var_y[r]);
+           amb_is_positive(s->travel[r]) && amb_is_positive(s->var_y[r]) &&
+           amb_is_finite(s->rise[r]);
   }
   for (int c = 0; c < amb_controls(model); c++) {
     good = good && not_zero(s->k_ui[c]) && amb_is_finite(s->iu_min[c]) &&
@@ -43,12 +44,18 @@ amb_status amb_kalman_init(amb_kalman *kf, const amb_model *model, const amb_kal
   kf->set = *s;
   kf->model = *model;
   for (int r = 0; r < amb_sensors(model); r++) {
-    const amb_real farthest = AMB_FAR * s->travel[r] * s->K_sen[r];
-    kf->far_squared[r] = farthest * farthest;
+    kf->far[r] = amb_magnitude(AMB_FAR * s->travel[r] * s->K_sen[r]);
   }
   kf->gate_squared = s->gate * s->gate;
   for (int i = 0; i < amb_states(model); i++) {
     kf->widest[i] = s->cap[i] * s->cap[i];
+  }
+  int entry = 0;
+  for (int i = 0; i < amb_states(model); i++) {
+    for (int j = i; j < amb_states(model); j++) {
+      kf->most[entry] = (AMB_BOUNDLESS * s->cap[i]) * (AMB_BOUNDLESS * s->cap[j]);
+      entry++;
+    }
   }
   amb_model_growth(model, s->var_d, kf->growth);
   return AMB_OK;

@@ -162,12 +162,12 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   return status;
 }
 
-/* Bierman's update with a measurement of sensor r: innovation e, of variance S. */
-static void correct(const amb_kalman *kf, amb_ud_state *s, int r, amb_real e)
+/* Bierman's update with a measurement of sensor r of variance var_y: innovation e. */
+static void correct(const amb_kalman *kf, amb_ud_state *s, int r, amb_real e, amb_real var_y)
 {
   const amb_model *model = &kf->model;
   const int n = amb_states(model);
-  amb_real alpha = kf->set.var_y[r];
+  amb_real alpha = var_y;
   amb_real gain[AMB_STATES]; /* times alpha */
   for (int j = 0; j < n; j++) {
     amb_real column[AMB_STATES];
@@ -196,23 +196,25 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
 {
   amb_ud_state *s = (amb_ud_state *)of;
   const amb_model *model = &kf->model;
-  const amb_real S = amb_model_shown_variance(model, r, s->base.cov) + kf->set.var_y[r];
+  const amb_real var_y = amb_step_noise(kf, r, s->base.mean);
+  const amb_real S = amb_model_shown_variance(model, r, s->base.cov) + var_y;
   (void)own;
   told->innovation = AMB_C(0.0);
   told->variance = S;
+  const amb_real seen = amb_step_seen(kf, r, y);
   amb_status status = amb_step_useless(kf, &s->base, r, y);
   if (status == AMB_OK) {
-    const amb_real e = y - amb_model_shown(model, r, s->base.mean);
+    const amb_real e = seen - amb_model_shown(model, r, s->base.mean);
     told->innovation = e;
     status = amb_step_surprised(&s->base.sensor[r], e, S);
     const amb_status outlier = amb_step_outlier(kf, &s->base.sensor[r], r, e, S);
     status |= outlier;
     if (outlier == AMB_RESTARTED) {
-      amb_envelope_restart(kf, &s->base, r, y);
+      amb_envelope_restart(kf, &s->base, r, seen);
       factor_state(amb_states(model), s);
     } else if (outlier == AMB_OK) {
-      correct(kf, s, r, e);
-      s->base.sensor[r].residual = y - amb_model_shown(model, r, s->base.mean);
+      correct(kf, s, r, e, var_y);
+      s->base.sensor[r].residual = seen - amb_model_shown(model, r, s->base.mean);
       multiply_out(amb_states(model), s);
     } else { /* left out */
     }

@@ -20,6 +20,7 @@ typedef float amb_real;
 #define AMB_PRINT "%.9g"
 #define AMB_REAL_MAX FLT_MAX
 #define AMB_REAL_MIN FLT_MIN
+#define AMB_REAL_ROOT 1.8446743e19F    /* its square is still finite */
 #define AMB_ROOT_EPSILON 3.4526698e-4F /* half of the digits */
 #else
 #if DBL_MANT_DIG != 53
@@ -30,7 +31,18 @@ typedef double amb_real;
 #define AMB_PRINT "%.17g"
 #define AMB_REAL_MAX DBL_MAX
 #define AMB_REAL_MIN DBL_MIN
+#define AMB_REAL_ROOT 1.3407807929942596e154 /* its square is still finite */
 #define AMB_ROOT_EPSILON 1.4901161193847656e-8
+#endif
+
+/* |a| <= most, and false for a NaN. In comparisons of `a` itself a static analyser sees its bounds,
+ * and that it is none (`a == a`); where a magnitude is an instruction, one comparison is enough. */
+#if defined(__GNUC__) && !defined(__FRAMAC__) && defined(AMB_FLOAT)
+#define AMB_WITHIN(a, most) (__builtin_fabsf(a) <= (most))
+#elif defined(__GNUC__) && !defined(__FRAMAC__)
+#define AMB_WITHIN(a, most) (__builtin_fabs(a) <= (most))
+#else
+#define AMB_WITHIN(a, most) (((a) == (a)) && ((a) >= -(most)) && ((a) <= (most)))
 #endif
 
 /* For the pieces of a step, so that its state stays in registers. */
@@ -60,6 +72,13 @@ static inline amb_real amb_clamp(amb_real a, amb_real low, amb_real high)
 {
   const amb_real above = a < low ? low : a;
   return above > high ? high : above;
+}
+
+/* Standard deviation of a sensor's noise where it shows y [m], in parts of that in the middle: it
+ * changes by `rise` of it a metre [1/m], within limits, for a straight line ends below zero. */
+static inline amb_real amb_noise_share(amb_real rise, amb_real y)
+{
+  return amb_clamp(AMB_C(1.0) + rise * y, AMB_C(0.125), AMB_C(8.0));
 }
 
 #endif

@@ -76,7 +76,7 @@ def assess_machine(
     refuse_of_one_axis(machine, others)
     if fastest is not None and amplitudes is not None:
         raise AmbkitError("--over-speed and --sweep are looked at one after the other")
-    controller, load, measured = _control(machine, scenario)
+    controller, load, measured = control_of(machine, scenario)
     estimator = "none" if measured and estimator is None else estimator
     kinds = [] if estimator == "none" else names(estimator or "linear")
     if len(kinds) > 1 and (fastest is not None or amplitudes is not None or report is not None):
@@ -134,10 +134,23 @@ def assess_machine(
     )
 
 
-def _control(
+def control_of(
     machine: Machine, given: str | None
 ) -> tuple[PID | Control | None, dict[str, float], bool]:
-    """Return the controllers, the loads, and whether it is said that a measurement feeds them."""
+    """Return the controllers, the loads, and whether it is said that a measurement feeds them.
+
+    Parameters
+    ----------
+    machine : Machine
+        The machine.
+    given : str, optional
+        A kind of control, or a file of a flight or a scenario.
+
+    Raises
+    ------
+    AmbkitError
+        It is none of them.
+    """
     from ambkit.simulation.controllers import Control
     from ambkit.simulation.flight import Flight
     from ambkit.simulation.scenario import Scenario

@@ -8,9 +8,10 @@ from typing import Annotated
 
 import typer
 
+from ambkit.base.errors import AmbkitError
 from ambkit.cli.export import Precision
 from ambkit.cli.kinds import NAMES, known, names
-from ambkit.cli.options import Json, MapFile, find_bearing
+from ambkit.cli.options import Json, MapFile, find_bearing, find_machine
 
 
 def design(
@@ -90,6 +91,13 @@ def design(
     from ambkit.workflow.designing import design as designed
     from ambkit.workflow.tuning_tasks import AHEAD
 
+    whole = find_machine(bearing)
+    if whole is not None:
+        raise AmbkitError(
+            f"{whole.name} is a whole machine, which is not identified from logs in one go: "
+            f"'ambkit tune LOG --bearing {bearing}' tunes its filter below a peak of |S|, 'ambkit "
+            f"assess {bearing}' judges it, 'ambkit export c {bearing}' writes it"
+        )
     with arguments_of_the_user(), output.progress("designing", None) as done:
         found = designed(
             find_bearing(bearing), logs, out, channels=channel_map, validate=validate or (),

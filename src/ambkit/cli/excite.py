@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.kinds import NAMES, known
+from ambkit.cli.excite_sensitivity import DURATION, deliver_injections, excite_machine
+from ambkit.cli.kinds import NAMES, known, names
 from ambkit.cli.options import (
     RECORDS,
     BearingName,
@@ -17,14 +18,13 @@ from ambkit.cli.options import (
     Plot,
     file_option,
     find_bearing,
+    find_machine,
     quantity,
     read_quantities,
 )
 
 if TYPE_CHECKING:
     from ambkit.identification.excitation import Design
-    from ambkit.machine.bearing import Bearing
-    from ambkit.simulation.scenario import Scenario
 
 
 class Purpose(StrEnum):
@@ -33,9 +33,6 @@ class Purpose(StrEnum):
     parameters = "parameters"
     sensitivity = "sensitivity"
 
-
-SENSITIVITY_DURATION = 5.0
-"""Of an experiment for the sensitivity, where nobody says it [s]."""
 
 CERTAIN = 0.95
 """Correlation from which on two parameters are said to hang together."""
@@ -118,6 +115,14 @@ def excite(
             show_default="linear",
         ),
     ] = None,
+    axis: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAMES",
+            help="Of a machine, at which axes a signal is added, one experiment each; or all.",
+            show_default="that which decides its zone",
+        ),
+    ] = None,
     seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="Seed of the noise.")] = None,
     out: Annotated[
         Path | None,
@@ -140,13 +145,25 @@ def excite(
       ambkit excite my.toml --for sensitivity --out injection.csv
       ambkit simulate my.toml --injection injection.csv --out injected.csv
       ambkit assess injected.csv --bearing my.toml
+      ambkit excite tum_mlps --for sensitivity --axis all --out injection.csv
     """
     from ambkit.cli import output
     from ambkit.identification.excitation import Limits, design
     from ambkit.show.plots import save_figure
     from ambkit.show.plots.excitation import excitation_figure
+    from ambkit.workflow.injecting import design_injection
     from ambkit.workflow.simulating import experiment_duration, scenario_for
 
+    whole = find_machine(bearing)
+    if whole is not None:
+        refused = {"--kind": kind, "--parameters": parameters, "--load": load}
+        excite_machine(
+            whole, purpose is Purpose.sensitivity, refused, scenario, duration, estimator, seed,
+            names(axis or ""), (limit_current, limit_displacement), _ends(band), out, plot, json,
+        )  # fmt: skip
+        return
+    if axis is not None:
+        raise AmbkitError(f"--axis is of a whole machine, and {bearing} is none")
     plant = find_bearing(bearing)
     only = {"--kind": kind, "--parameters": parameters, "--load": load}
     if purpose is Purpose.parameters:
@@ -155,19 +172,20 @@ def excite(
         if given is not None:
             raise AmbkitError(f"{option} is not for --for {purpose.value}")
     if purpose is Purpose.sensitivity and duration is None and scenario is None:
-        duration = SENSITIVITY_DURATION
+        duration = DURATION
     if duration is None and scenario is None:
         duration = experiment_duration(plant)
     happening = scenario_for(
         plant, scenario, duration=duration, seed=seed, from_estimate=estimator != "none"
     )
-    ends = None
-    if band is not None:
-        low, high = read_quantities(band, "Hz", "--band", count=2)
-        ends = low, high
+    ends = _ends(band)
     if purpose is Purpose.sensitivity:
-        most = limit_current, limit_displacement
-        _for_sensitivity(plant, happening, estimator, most, ends, out, plot, json)
+        with output.progress("trying amplitudes"):
+            found_by = design_injection(
+                plant, happening, estimator, current=limit_current,
+                displacement=limit_displacement, band=ends,
+            )  # fmt: skip
+        deliver_injections([found_by], out, plot, json)
         return
     free = [part.strip() for part in parameters.split(",")] if parameters else None
     with output.progress("comparing bands") as step:
@@ -192,45 +210,11 @@ def excite(
     )
 
 
-def _for_sensitivity(
-    plant: Bearing, happening: Scenario, estimator: str | None,
-    most: tuple[float | None, float | None], ends: tuple[float, float] | None, out: Path | None,
-    plot: Path | None, json: bool,
-) -> None:  # fmt: skip
-    import numpy as np
-
-    from ambkit.cli import output
-    from ambkit.cli.output import table, value
-    from ambkit.show.plots import save_figure
-    from ambkit.workflow.injecting import design_injection
-
-    with output.progress("trying amplitudes"):
-        found = design_injection(
-            plant, happening, estimator, current=most[0], displacement=most[1], band=ends
-        )
-    record, limits = found.record, found.limits
-    current, far = (float(np.abs(record[name]).max()) for name in ("iu", "x"))
-    low, high = found.expected.peak_interval()
-    rows = [
-        ["duration", f"{value(record.t[-1], 's')}, {len(record)} samples"],
-        ["period", f"{value(found.period, 's')}, {found.periods} times"],
-        ["frequencies", f"{len(found.excitation.frequencies)}, {value(found.band[0], 'Hz', 3)} to "
-                        f"{value(found.band[1], 'Hz', 3)}"],
-        ["added to the measurement, greatest", value(found.amplitude, "m")],
-        ["control current, greatest",
-         f"{value(current, 'A', like=limits.current)} of {value(limits.current, 'A')}"],
-        ["displacement, greatest",
-         f"{value(far, 'm', like=limits.displacement)} of {value(limits.displacement, 'm')}"],
-        ["peak of |S|, expected", f"{low:.3f} to {high:.3f}"],
-        ["half width of the 95 % interval, median", f"{100 * np.median(found.error):.2g} %"],
-        ["  at worst", f"{100 * np.max(found.error):.2g} %"],
-    ]  # fmt: skip
-    output.deliver(
-        found.to_dict(),
-        [table(f"Sensitivity of {plant.name}: multisine", ["", ""], rows)],
-        [(out, found.file().save), (plot, lambda path: save_figure(found.figure(), path))],
-        as_json=json,
-    )
+def _ends(band: str | None) -> tuple[float, float] | None:
+    if band is None:
+        return None
+    low, high = read_quantities(band, "Hz", "--band", count=2)
+    return low, high
 
 
 def _experiment(found: Design) -> Any:

@@ -62,7 +62,7 @@ def identify(
             metavar="NAMES",
             help="What to look for: magnet_constant or mass, air_gap, sensor_lag, delay, "
             "current_lag, position_offset, current_offset, sensor_gain, amplifier_gain, "
-            "measurement_noise, control_noise, load_growth.",
+            "measurement_noise, noise_rise, control_noise, load_growth.",
             show_default="what a record usually tells",
         ),
     ] = None,
@@ -92,6 +92,14 @@ def identify(
         list[Path] | None,
         typer.Option(metavar="RECORD", help="Judge the result on this record; again for more."),
     ] = None,
+    together: Annotated[
+        bool,
+        typer.Option(
+            "--together",
+            help="Three RECORDs or more: take them for one sample. Else each is identified alone, "
+            "they are pooled with a scatter between them, and each is judged by the others.",
+        ),
+    ] = False,
     begin: From = None,
     end: To = None,
     start: Annotated[
@@ -123,6 +131,14 @@ def identify(
             "--channels names distance z and coil current i.",
         ),
     ] = False,
+    coil: Annotated[
+        bool,
+        typer.Option(
+            "--coil",
+            help="The RECORDs are of a coil whose control signal steps, the rotor held; --channels "
+            "names control u, coil current i and distance z.",
+        ),
+    ] = False,
     gap_range: Annotated[
         str | None,
         typer.Option(metavar="FROM,TO", help='Of lift-off points, fit those within: "4 mm,16 mm".'),
@@ -132,7 +148,8 @@ def identify(
         typer.Option(
             parser=quantity("m"),
             metavar="LENGTH",
-            help="With lift-off points: distance at x = 0; gives air gap and bias current.",
+            help="With lift-off points: distance at x = 0; gives air gap and bias current. With "
+            "--coil the lag there.",
         ),
     ] = None,
     out: Annotated[
@@ -177,15 +194,34 @@ def identify(
 
     For example:
       ambkit identify run.csv --bearing my.toml --out found.toml --save-filter filter.toml
+      ambkit identify logs/*.mat --channels rig.toml --bearing my.toml --report rig.html
       ambkit identify run.csv --bearing my.toml --method online --plot online.png
       ambkit identify --lift-off points.csv --bearing inteco_ml --working-point "10 mm"
+      ambkit identify --coil steps/*.mat --channels coil.toml --bearing inteco_ml
     """
     from ambkit.cli.belonging import say_what_is_odd
+    from ambkit.cli.identify_corpus import LEAST, by_corpus
     from ambkit.cli.identify_lift_off import by_lift_off
     from ambkit.cli.identify_likelihood import Options, by_likelihood
     from ambkit.cli.identify_online import learn_online
     from ambkit.cli.logs import load_log
 
+    if coil:
+        _for_a_coil(
+            record,
+            {
+                "--lift-off": lift_off, "--lifting-off": lifting_off or None,
+                "--gap-range": gap_range, "--method": method, "--free": free,
+                "--load-at-start": load_std, "--rest": rest, "--validate": validate or None,
+                "--start": start, "--disturbance": disturbance, "--save-filter": filter_file,
+                "--save-force-map": force_map, "--report": report,
+            },
+        )  # fmt: skip
+        from ambkit.cli.identify_coil import by_coil
+
+        by_coil(record or [], channel_map, begin, end, find_bearing(bearing), working_point, out,
+                plot, json)  # fmt: skip
+        return
     if bool(record) == (lift_off is not None):
         raise AmbkitError("give either a RECORD or --lift-off POINTS.csv")
     if lifting_off and not record:
@@ -229,7 +265,8 @@ def identify(
         return
     assert record
     if method is Method.likelihood:
-        by_likelihood(
+        search = by_corpus if len(record) >= LEAST and not together else by_likelihood
+        search(
             Options(record, validate or [], rest, rest_map or channel_map, channel_map, begin, end,
                   free, load_std, out, filter_file, force_map, _nodes(force_map_nodes), report,
                   plot, json),
@@ -241,6 +278,15 @@ def identify(
     log = load_log(record[0], channel_map, begin, end)
     say_what_is_odd(record[0], log, known)
     learn_online(log, known, method, start, disturbance, out, plot, json)
+
+
+def _for_a_coil(record: list[Path] | None, others: dict[str, object]) -> None:
+    """Refuse what is not asked of a coil's logs."""
+    if not record:
+        raise AmbkitError("--coil needs RECORDs of a coil whose control signal steps")
+    for option, given in others.items():
+        if given is not None:
+            raise AmbkitError(f"{option} is not for --coil")
 
 
 def _nodes(text: str | None) -> tuple[int, int] | None:

@@ -43,6 +43,15 @@ class Options:
     json: bool
 
 
+def refuse_parts(options: Options) -> None:
+    """Refuse what is not for many logs, which are judged by each other."""
+    for option, given in {
+        "--validate": options.validate or None, "--save-force-map": options.force_map,
+    }.items():  # fmt: skip
+        if given is not None:
+            raise AmbkitError(f"{option} is for one or two RECORDs, or --together")
+
+
 def by_likelihood(options: Options, known: Bearing) -> None:
     """Identify, validate, and deliver."""
     import os
@@ -121,7 +130,7 @@ def by_likelihood(options: Options, known: Bearing) -> None:
         output.note(
             f"{options.out} says what to put into the channel map before filtering such a log"
         )
-    for said in found.of_the_zeros:
+    for said in (*found.of_the_zeros, *likelihood.touched):
         output.note(said)
     if not likelihood.converged:
         output.note("the search did not end at a maximum: take a closer start, or free less")
@@ -178,12 +187,36 @@ def _tables(identified: Identified) -> list[Any]:
         tangent = stiffness[name]["value"]
         error = value(stiffness[name]["standard_error"], unit, 2, like=tangent)
         rows.append([f"{name} at {where}", "", value(tangent, unit), error, ""])
-    shown = [
+    shown: list[Any] = [
         output.table(
             f"{found.bearing.name}: identified from {found.samples} measurements",
             ["", "start", "found", "std. error", "95 % interval"],
             rows,
         )
+    ]
+    known = [
+        [
+            p.name.replace("_", " "),
+            f"{value(found.model.known[p.name][0], p.unit)} ± "
+            f"{value(found.model.known[p.name][1], p.unit, 2)}: the records tell "
+            f"{100 * found.told[i]:.0f} % of what the found value rests on",
+        ]
+        for i, p in enumerate(found.parameters)
+        if p.name in found.model.known
+    ]
+    if known:
+        shown.append(output.table("Taken to be known beforehand", ["", ""], known, wide=True))
+    if found.profiles:
+        names = ", ".join(found.profiles).replace("_", " ")
+        shown.append(
+            f"Not near to quadratic over {names}: intervals by the profile of the likelihood, "
+            "1.96 standard errors would mislead."
+        )
+    shown += [
+        f"A line at {value(line.frequency, 'Hz')} in the position, of "
+        f"{value(line.amplitude, 'm', 2)}: taken in as an oscillator of the sensor, which filters "
+        "of the bearing carry."
+        for line in found.lines
     ]
     if found.held:
         held = [[name.replace("_", " "), why] for name, why in found.held.items()]

@@ -11,6 +11,8 @@ from ambkit.cli.options import refuse_of_one_axis
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
+    from ambkit.simulation.machine import MachineRun
+    from ambkit.workflow.waterfall import Waterfall
 
 
 def simulate_machine(
@@ -21,9 +23,11 @@ def simulate_machine(
     duration: float | None,
     load: float | None,
     seed: int | None,
+    injection: Path | None,
     synchronous: Sequence[str],
     out: Path | None,
     plot: Path | None,
+    waterfall: Path | None,
     json: bool,
     others: dict[str, Any],
 ) -> None:
@@ -39,10 +43,12 @@ def simulate_machine(
         ``"none"``, or a kind; beside the loop unless the flight says otherwise.
     duration, load, seed : optional
         What the user changed in the flight.
+    injection : Path, optional
+        A record whose ``injected_NAME`` is added at the summing point of that axis.
     synchronous : sequence of str
         What turns with the rotor and is estimated too.
-    out, plot : Path, optional
-        Files for the record and the picture.
+    out, plot, waterfall : Path, optional
+        Files for the record and the pictures.
     json : bool
         Whether machines are to read it.
     others : dict
@@ -58,7 +64,9 @@ def simulate_machine(
 
     refuse_of_one_axis(machine, others)
     flight = None if scenario is None else Flight.load(scenario)
-    happening = flight_for(machine, flight, duration=duration, load=load, seed=seed)
+    happening = flight_for(
+        machine, flight, duration=duration, load=load, seed=seed, injection=injection
+    )
     if estimator == "none" and happening.feedback == "estimate":
         raise AmbkitError(
             f'{scenario}: the controllers are fed by the estimate (feedback = "estimate"), so '
@@ -81,6 +89,7 @@ def simulate_machine(
         [
             (out, run.record.save),
             (plot, lambda path: plots.save_figure(plots.machine_figure(run), path)),
+            (waterfall, lambda path: plots.save_figure(_waterfall(run).figure(), path)),
         ],
         as_json=json,
     )
@@ -89,6 +98,15 @@ def simulate_machine(
         output.note(f"the rotor touched a backup bearing in {touched} of {len(run.record)} samples")
         if not holding(machine, happening.feedback).held:
             output.note("no PID of each axis that was tried holds it; ambkit check says more")
+
+
+def _waterfall(run: MachineRun) -> Waterfall:
+    """Return the spectra of the first axis, in stretches of at most a tenth of a second."""
+    from ambkit.workflow.waterfall import waterfall
+
+    t = run.record.t
+    window = min(0.1, float(t[-1] - t[0]) / 4)
+    return waterfall(run.record, f"s_{run.machine.axes[0].name}", window=window)
 
 
 def _table(data: dict[str, Any], units: Mapping[str, str]) -> Any:

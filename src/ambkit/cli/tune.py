@@ -10,11 +10,24 @@ import typer
 
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.kinds import NAMES, is_a_name
-from ambkit.cli.options import From, Json, MapFile, Plot, To, file_option, find_bearing
+from ambkit.cli.options import (
+    From,
+    Json,
+    MapFile,
+    Plot,
+    To,
+    file_option,
+    find_bearing,
+    find_machine,
+    refuse_of_one_axis,
+)
+from ambkit.cli.tune_robust import tune_robust
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.data.rig_units import Inputs
+    from ambkit.simulation.controllers import Control
+    from ambkit.simulation.scenario import PID
     from ambkit.workflow.trading_off import TradeOff
     from ambkit.workflow.tuned_filter import Tuned
 
@@ -23,8 +36,9 @@ def tune(
     target: Annotated[
         list[str],
         typer.Argument(
-            metavar="LOG|BEARING",
-            help="Records of the loop, with --bearing; or a bearing, to be simulated.",
+            metavar="LOG|BEARING|STUDY",
+            help="Records of the loop, with --bearing; a bearing, to be simulated; with --robust a "
+            "study.",
         ),
     ],
     bearing: Annotated[
@@ -34,6 +48,23 @@ def tune(
         ),
     ] = None,
     channel_map: MapFile = None,
+    robust: Annotated[
+        bool,
+        typer.Option(
+            "--robust",
+            help="Tune controller and filter over the machines of a study: its filter, a quantile "
+            "of the force's error small, that of the peak of |S| below --max-sensitivity.",
+        ),
+    ] = False,
+    quantile: Annotated[
+        float, typer.Option(min=0.01, max=0.999, metavar="SHARE", help="Of the machines.")
+    ] = 0.95,
+    storage: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Keeps what --robust tried, to be interrupted and gone on with."
+        ),
+    ] = None,
     estimator: Annotated[
         str, typer.Option(callback=is_a_name, metavar="NAME", help=f"One of {', '.join(NAMES)}.")
     ] = "extended",
@@ -84,7 +115,8 @@ def tune(
         Path | None,
         typer.Option(
             metavar="FILE.toml",
-            help="Whose [controller] the loop has; what it does not say is tuned for the bearing.",
+            help="Whose [controller] the loop has; what it does not say is tuned for the bearing. "
+            "Of a whole machine a flight, whose [control] it is.",
         ),
     ] = None,
     begin: From = None,
@@ -109,9 +141,12 @@ def tune(
       ambkit tune zittau_axial --estimator linear --out filter.toml
       ambkit tune run.csv --bearing my.toml --validate other.csv --out filter.toml --plot tune.png
       ambkit tune run.csv --bearing my.toml --max-sensitivity 2.5 --out filter.toml
+      ambkit tune tolerances.toml --robust --storage search.log --out filter.toml
+      ambkit tune tum_mlps --estimator linear --trade-off 1.7,2,2.5 --plot trade.png
       ambkit export c filter.toml --out out/
     """
     from ambkit.cli import output
+    from ambkit.cli.assess_machine import control_of
     from ambkit.cli.kinds import read_expert
     from ambkit.cli.options import arguments_of_the_user
     from ambkit.show import plots
@@ -119,6 +154,22 @@ def tune(
     from ambkit.workflow.trading_off import trade_off
     from ambkit.workflow.tuned_filter import tune as tuned
 
+    if robust:
+        refused = {"--bearing": bearing, "--channels": channel_map, "--expert": expert,
+                   "--validate": validate or None, "--trade-off": ceilings, "--from": begin,
+                   "--to": end, "--scenario": scenario}  # fmt: skip
+        for option, taken in refused.items():
+            if taken is not None:
+                raise AmbkitError(f"{option} does not go with --robust: the study says all")
+        if len(target) > 1:
+            raise AmbkitError(f"one study is tuned over, {len(target)} are given")
+        tune_robust(
+            target[0], quantile=quantile, ceiling=max_sensitivity, free=free, storage=storage,
+            evaluations=evaluations, seed=seed, out=out, plot=plot, json=json,
+        )  # fmt: skip
+        return
+    if storage is not None:
+        raise AmbkitError("--storage is for --robust")
     simulated = bearing is None
     if simulated and any(Path(name).suffix not in ("", ".toml") for name in target):
         raise AmbkitError(f"{target[0]} is a record: --bearing says what it is of")
@@ -134,13 +185,26 @@ def tune(
         if simulated and given is not None:
             raise AmbkitError(f"{option} is for records, and there is none")
     name = target[0] if bearing is None else bearing
-    known = find_bearing(name)
+    whole = find_machine(name)
+    known: Any = find_bearing(name) if whole is None else whole
+    if whole is not None:
+        refuse_of_one_axis(whole, {"expert": expert})
+        if out is not None:
+            raise AmbkitError(
+                f"--out: the filter of a whole machine has no file; --json tells the values, for "
+                f"ambkit.FilterNoise and {estimator} of {whole.name}"
+            )
     magnet = None if expert is None else read_expert(expert, known)
     records = [] if simulated else [_load(Path(p), channel_map, known, begin, end) for p in target]
     others = [_load(path, channel_map, known, None, None) for path in validate or ()]
     inputs = None if channel_map is None else _inputs(channel_map)
     span = "" if begin is None and end is None else f", {_shown(begin)} to {_shown(end)}"
-    pid = None if scenario is None else Scenario.load(scenario).controller
+    pid: PID | Control | None = None
+    if scenario is not None:
+        pid = (
+            Scenario.load(scenario).controller if whole is None
+            else control_of(whole, str(scenario))[0]
+        )  # fmt: skip
     if ceilings is not None:
         alone = {"--max-sensitivity": max_sensitivity, "--out": out, "--free": free,
                  "--validate": validate or None}  # fmt: skip
@@ -167,7 +231,7 @@ def tune(
         )  # fmt: skip
     output.deliver(
         found.to_dict(),
-        _tables(found),
+        _tables(found, known.name),
         [
             (out, lambda path: found.save(path, bearing=name, magnet=expert)),
             (plot, lambda path: plots.save_figure(found.figure(), path)),
@@ -204,9 +268,11 @@ def _load(
 ) -> Record:
     from ambkit.cli.belonging import say_what_is_odd
     from ambkit.cli.logs import load_log
+    from ambkit.machine.machine import Machine
 
     record = load_log(path, channel_map, begin, end)
-    say_what_is_odd(path, record, bearing)
+    if not isinstance(bearing, Machine):
+        say_what_is_odd(path, record, bearing)
     return record
 
 
@@ -235,7 +301,7 @@ def _in_the_loop(found: Tuned) -> list[str]:
     ]
 
 
-def _tables(found: Tuned) -> list[Any]:
+def _tables(found: Tuned, bearing: str) -> list[Any]:
     from ambkit.base.units import engineering
     from ambkit.cli import output
 
@@ -247,7 +313,7 @@ def _tables(found: Tuned) -> list[Any]:
          f"{number(r.low, r.unit)} to {number(r.high, r.unit)}"]
         for r in found.free
     ]  # fmt: skip
-    name, bearing = found.estimator.name, found.estimator.bearing.name
+    name = found.estimator.name
     how = f"{len(found.trace)} evaluations, by {found.by}"
     return [
         output.table(f"{name} for {bearing}: {how}", ["", "untuned", "tuned", "bounds"], rows),

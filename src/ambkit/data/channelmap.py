@@ -23,7 +23,8 @@
 Of each number in the log, ``value = sign * scale * number * unit + offset``, in SI. So what ties a
 log to a bearing, such as the point around which the bearing is described, is data, not code.
 
-A channel that the logger wrote too late has a ``delay``, and is shifted by it. A channel with a
+A channel that the logger wrote too late has a ``delay``, and is shifted by it. A ``u`` that is the
+current as a sensor showed it is ``measured``, and is not held between samples. A channel with a
 clock of its own names that with ``time``; a log without times has ``sampling_time``.
 """
 
@@ -84,6 +85,9 @@ class Channel(Scaling):
     """How much later than it was the logger wrote it [s]; the signal is shifted back by that."""
     format: Line = ""
     """Of times as text, how they are written, such as "%d.%m.%Y %H:%M:%S.%f"; most are known."""
+    measured: Annotated[bool, Field(strict=True)] = False
+    """Of u: whether it is the current as a sensor showed it, which goes on a line between two
+    samples; without it a control signal, which is held."""
     time: Name | None = None
     """The signal of this map that has the times of its samples, where that is not ``t``."""
 
@@ -240,7 +244,8 @@ class ChannelMap(Document):
             clocks,
             clock_of,
             {name: c.delay for name, c in self.signals.items() if c.delay and name in signals},
-            {key: text for key, text in about.items() if text},
+            {key: text for key, text in about.items() if text}
+            | ({"measured": ["u"]} if "u" in signals and self.signals["u"].measured else {}),
             tuple(dict.fromkeys(remarks)),
         )
         return mapped, problems

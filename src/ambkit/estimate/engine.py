@@ -186,6 +186,7 @@ def core_settings(engine: Engine, variances: Variances) -> dict[str, Any]:
         "var_u": [variances.control],
         "var_d": variances.growth(T, engine.noises),
         "var_y": [variances.measurement],
+        "rise": [bearing.sensor.noise_rise],
     }
 
 

@@ -25,14 +25,16 @@ class FilterNoise:
 
     Parameters
     ----------
-    measurement : float or str, optional
+    measurement : float or str, or sequence of them, optional
         R, variance of the measured position [m^2], such as ``"83 µm^2"``.
-    control : float or str, optional
+    control : float or str, or sequence of them, optional
         Variance of the control signal [V^2]; enters as ``B var B'`` (paper, below eq. 21).
-    disturbance : float or str, optional
+    disturbance : float or str, or sequence of them, optional
         Growth of the disturbance force's variance [N^2/s]; times T a sample. Default ``(2 m g)^2``:
         a force that wanders by twice the rotor's weight in a second. The paper leaves it to
         experiment: larger follows a load faster and lets more noise through.
+
+    Of a whole machine one number is for all readings or axes, several are for each.
 
     Raises
     ------
@@ -40,19 +42,26 @@ class FilterNoise:
         One is neither a number nor a text with its unit.
     """
 
-    measurement: float | None = None
-    control: float | None = None
-    disturbance: float | None = None
+    measurement: float | tuple[float, ...] | None = None
+    control: float | tuple[float, ...] | None = None
+    disturbance: float | tuple[float, ...] | None = None
 
     def __init__(
         self,
-        measurement: Given | None = None,
-        control: Given | None = None,
-        disturbance: Given | None = None,
+        measurement: Given | Sequence[Given] | None = None,
+        control: Given | Sequence[Given] | None = None,
+        disturbance: Given | Sequence[Given] | None = None,
     ) -> None:
         given = {"measurement": measurement, "control": control, "disturbance": disturbance}
         for name, unit in UNITS.items():
-            object.__setattr__(self, name, in_si(f"noise.{name}", given[name], unit))
+            told: Any = given[name]
+            several = isinstance(told, Sequence) and not isinstance(told, str)
+            value = (
+                tuple(in_si(f"noise.{name}", each, unit) for each in told)
+                if several
+                else in_si(f"noise.{name}", told, unit)
+            )
+            object.__setattr__(self, name, value)
 
 
 class Variances(NamedTuple):
@@ -87,6 +96,9 @@ def completed(bearing: Bearing, noise: FilterNoise) -> Variances:
     ValueError
         Where a variance is negative or not finite, with its name, limit and value.
     """
+    for name in UNITS:
+        if isinstance(getattr(noise, name), tuple):
+            raise ValueError(f"noise.{name} must be one number for one axis, got several")
     weight = bearing.rotor.mass * GRAVITY
     full = Variances(
         bearing.sensor.noise_variance if noise.measurement is None else noise.measurement,

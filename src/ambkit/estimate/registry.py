@@ -7,6 +7,7 @@ and must not wait for numpy.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -111,7 +112,10 @@ def _noise(name: str) -> Callable[[Bearing], float]:
     def value(bearing: Bearing) -> float:
         from ambkit.estimate.kalman import KalmanFilter
 
-        return float(getattr(KalmanFilter(bearing).variances, name))
+        own = getattr(KalmanFilter(bearing).variances, name)
+        if not isinstance(own, tuple):
+            return float(own)
+        return math.exp(math.fsum(map(math.log, own)) / len(own))  # of a machine, their mean
 
     return value
 

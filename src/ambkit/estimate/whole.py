@@ -75,13 +75,18 @@ class Whole:
         """Return what a filter assumes, one number for each reading and axis."""
         readings, axes = self.machine.readings, self.alone
 
-        def each(given: float | None, own: Sequence[float]) -> tuple[float, ...]:
+        def each(name: str, own: Sequence[float]) -> tuple[float, ...]:
+            given = getattr(noise, name)
+            if isinstance(given, tuple) and len(given) != len(own):
+                raise ValueError(f"noise.{name} must be {len(own)} numbers, got {len(given)}")
+            if isinstance(given, tuple):
+                return given
             return tuple(own) if given is None else (given,) * len(own)
 
         full = Variances(
-            each(noise.measurement, [r.sensor.noise_variance for r in readings]),
-            each(noise.control, [b.amplifier.noise_variance for b in axes]),
-            each(noise.disturbance, [(2 * b.rotor.mass * GRAVITY) ** 2 for b in axes]),
+            each("measurement", [r.sensor.noise_variance for r in readings]),
+            each("control", [b.amplifier.noise_variance for b in axes]),
+            each("disturbance", [(2 * b.rotor.mass * GRAVITY) ** 2 for b in axes]),
         )
         check_variances(full)
         return full
@@ -112,6 +117,7 @@ class Whole:
             "var_u": list(variances.control),
             "var_d": self.growth(variances, noises),
             "var_y": list(variances.measurement),
+            "rise": [each.sensor.noise_rise for each in self.machine.readings],
         }
 
     def caps(self, states: Sequence[Descriptor]) -> list[float]:

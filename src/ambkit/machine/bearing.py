@@ -249,7 +249,10 @@ class Sensor(Part):
     lag: Annotated[float, Quantity("s", "0.2 ms", above=0)]
     """Time constant T_Sen of the lag [s]."""
     noise_variance: Annotated[float, Quantity("m^2", "83 µm^2", above=0)]
-    """Variance of the noise on the measured position [m^2]."""
+    """Variance of the noise on the measured position [m^2], at x = 0."""
+    noise_rise: Annotated[float, Quantity("1/m", "-90 1/m")] = 0.0
+    """By which share of it the standard deviation of the noise rises with the position shown [1/m];
+    not below an eighth, nor above eight times."""
     quantisation: Annotated[float, Quantity("m", "0.5 µm", above=0)] | None = None
     """Step of the measured position [m]; none without."""
     quadratic: Annotated[float, Quantity("1/m", "20 1/m")] = 0.0
@@ -266,7 +269,7 @@ class Sensor(Part):
     @model_serializer(mode="wrap")
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         data: dict[str, Any] = handler(self)
-        absent = ("quadratic", "cubic", "hum", "runout")
+        absent = ("noise_rise", "quadratic", "cubic", "hum", "runout")
         return {k: each for k, each in data.items() if k not in absent or getattr(self, k)}
 
 

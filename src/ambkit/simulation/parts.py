@@ -55,7 +55,7 @@ def parts_of(bearing: Bearing, dtype: str = "float64") -> dict[str, Any] | None:
     dtype : str
         Of the arrays.
     """
-    parts = _amplifier(bearing) | delay_of(bearing) | _sensor(bearing, dtype) | _contact(bearing)
+    parts = amplifier_of(bearing) | delay_of(bearing) | _sensor(bearing, dtype) | _contact(bearing)
     return parts or None
 
 
@@ -77,6 +77,8 @@ def in_words(bearing: Bearing) -> list[str]:
         told.append(f"delay of {engineering(bearing.delay, 's')}, {samples:.3g} samples")
     if sensor.quantisation is not None:
         told.append(f"quantisation of {engineering(sensor.quantisation, 'm')}")
+    if sensor.noise_rise:
+        told.append("sensor noise that depends on the position")
     if sensor.quadratic or sensor.cubic:
         told.append("non-linear sensor")
     if sensor.coloured_noise is not None:
@@ -104,7 +106,14 @@ def coil_fields(bearing: Bearing) -> dict[str, Any] | None:
     return fields | {"two_sided": False}
 
 
-def _amplifier(bearing: Bearing) -> dict[str, Any]:
+def amplifier_of(bearing: Bearing) -> dict[str, Any]:
+    """Return what an amplifier does, by the names of ``amb_parts``; nothing where it is at once.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        Whose amplifier, and coils.
+    """
     amplifier, magnet = bearing.amplifier, bearing.magnet
     if amplifier.bandwidth is None:
         return {}
@@ -152,7 +161,7 @@ def of_sensor(
     Parameters
     ----------
     sensor : Sensor
-        Non-linearity and rounding.
+        Non-linearity, rounding, and how its noise depends on the position.
     runout : iterable of Runout
         What it sees of the rotation.
     dtype : str
@@ -165,6 +174,8 @@ def of_sensor(
         parts |= {"quadratic": sensor.quadratic, "cubic": sensor.cubic}
     if sensor.quantisation is not None:
         parts["step"] = sensor.quantisation
+    if sensor.noise_rise:
+        parts["rise"] = sensor.noise_rise
     told = tuple(runout)
     if told:
         lines = np.zeros(max(line.order for line in told), dtype=complex)

@@ -130,6 +130,11 @@ class Imposed:
     place: float | None = None
 
 
+def _adds_noise(bearing: Bearing) -> bool:
+    """Whether a sensor adds its noise, and neither rounds it nor has more of it at some places."""
+    return bearing.sensor.quantisation is None and not bearing.sensor.noise_rise
+
+
 def samples(bearing: Bearing, scenario: Scenario) -> int:
     """Return how many samples a run has.
 
@@ -295,8 +300,8 @@ class Loop:
             self._sensor_noise, self._scale = imposed.sensor_noise, imposed.magnet_scale
         injected = scenario.injection.sample(t)
         self._injected = injected if injected.any() else None
-        if self._injected is not None and bearing.sensor.quantisation is not None:
-            # After the sensor's rounding.
+        if self._injected is not None and not _adds_noise(bearing):
+            # After what the sensor does to its noise.
             faults = Faults.none(n) if self._faults is None else self._faults
             self._faults = replace(faults, y_plus=faults.y_plus + injected)
         needed = scenario.controller.feedback == "estimate" or scenario.sequence is not None
@@ -331,7 +336,7 @@ class Loop:
         noise_u, noise_y = drawn(self.bearing, self.scenario, self._t.size)
         if self._sensor_noise is not None:
             noise_y = self._sensor_noise
-        if self._injected is not None and self.bearing.sensor.quantisation is None:
+        if self._injected is not None and _adds_noise(self.bearing):
             noise_y = noise_y + self._injected
         return noise_u, noise_y
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ambkit.workflow.designing import Design
     from ambkit.workflow.filtering import Filtering
     from ambkit.workflow.identifying import Identified, LiftedOff
-    from ambkit.workflow.injecting import Injection
+    from ambkit.workflow.injection import Injection
     from ambkit.workflow.over_speed import OverSpeed
     from ambkit.workflow.sweeping import Sweep
     from ambkit.workflow.trading_off import TradeOff

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ambkit.base.errors import AmbkitError
+from ambkit.data.record import Record
 from ambkit.judge.machine import errors_along
 from ambkit.simulation.flight import Flight
 from ambkit.workflow.simulating import LOAD_AT
@@ -23,6 +26,7 @@ def flight_for(
     duration: float | None = None,
     load: float | None = None,
     seed: int | None = None,
+    injection: Path | None = None,
 ) -> Flight:
     """Return a flight with what the user changed in it.
 
@@ -38,8 +42,18 @@ def flight_for(
         Force along the first axis, after half of the run [N].
     seed : int, optional
         Seed of the noise.
+    injection : Path, optional
+        A record whose ``injected_NAME`` is added at the summing point of that axis; without
+        `duration` the run is as long as it.
+
+    Raises
+    ------
+    AmbkitError
+        It cannot be read, or nothing in it is added at an axis of the machine.
     """
     happening = Flight() if flight is None else flight
+    if injection is not None:
+        happening = _along(injection, machine, happening)
     if duration is not None:
         happening = happening.replace(duration=duration)
     if seed is not None:
@@ -49,6 +63,23 @@ def flight_for(
         one = {"axis": machine.axes[0].name, "force": force}
         happening = happening.replace(disturbance=(one,))
     return happening
+
+
+def _along(path: Path, machine: Machine, flight: Flight) -> Flight:
+    """Return a flight that takes what is added from a record."""
+    record = Record.load(path)
+    names = [f"injected_{axis.name}" for axis in machine.axes]
+    told = [name for name in names if name in record]
+    if not told:
+        raise AmbkitError(
+            f"{path}: it has none of {', '.join(names)}, which are added at axes of {machine.name}"
+        )
+    added = [
+        {"axis": name.removeprefix("injected_"),
+         "position": {"type": "recorded", "file": str(path), "signal": name}}
+        for name in told
+    ]  # fmt: skip
+    return flight.replace(injection=(*flight.injection, *added), duration=float(record.t[-1]))
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,7 @@ from ambkit.machine.stiffness import work_points
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
+    from ambkit.identification.corpus.corpus import Corpus
     from ambkit.identification.forces.lift_off import LiftOff
 
 
@@ -198,6 +199,23 @@ def identified_filter(
     return made
 
 
+def corpus_filter(corpus: Corpus) -> Estimator:
+    """Return the extended filter of what many logs say together.
+
+    Parameters
+    ----------
+    corpus : Corpus
+        From :func:`ambkit.identification.corpus.corpus.identify_corpus`.
+    """
+    model = corpus.model
+    noise = FilterNoise(disturbance=model.load_growth)
+    made = ExtendedKalmanFilter(model.late_bearing(), noise=noise)
+    said = made_by("identify", f"likelihood of {len(corpus.found)} logs")
+    keys = ("noise.measurement", "noise.control", "noise.disturbance")
+    made.origin = dict.fromkeys(keys, said)
+    return made
+
+
 def starting_model(
     bearing: Bearing, *, rest: AtRest | None = None, load_std: Given | None = None
 ) -> LoopModel:
@@ -302,7 +320,7 @@ def identify(
             "a record is to be identified from and validated on: a model is judged on a record "
             "that it has not seen"
         )
-    found = maximum_likelihood(records, start, looked_for, note=note)
+    found = maximum_likelihood(records, start, looked_for, lines=True, note=note)
     judged_on = others or records
     names = names or [f"record {number}" for number in range(1, len(judged_on) + 1)]
     checks = [

@@ -3,37 +3,38 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
-from ambkit.base.showing import Shown
 from ambkit.base.units import engineering
 from ambkit.data.record import Record
-from ambkit.estimate.estimate import Status
+from ambkit.estimate.estimate import Estimate, Status
 from ambkit.identification.excitation import Limits
 from ambkit.identification.excitation.signals import Excitation, sparse_multisine
-from ambkit.judge.loop.measured import MeasuredSensitivity, measured_sensitivity
+from ambkit.judge.loop.measured import measured_sensitivity
 from ambkit.machine.bearing import Bearing
+from ambkit.machine.machine import Machine
+from ambkit.simulation.flight import Flight
+from ambkit.simulation.flight import Injection as Added
+from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.run import samples, simulate_run
 from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.waveforms import Recorded
 from ambkit.workflow.assessing import assess
+from ambkit.workflow.assessing_log import of_one_axis
 from ambkit.workflow.given import given_estimators
+from ambkit.workflow.injection import PERIODS, Injection
 from ambkit.workflow.loop_of import end_of_range
 
 if TYPE_CHECKING:
-    from ambkit.show.report.figure import Figure
-    from ambkit.simulation.run import Run
+    from ambkit.workflow.assessment import Assessment
 
 Array = NDArray[np.float64]
-
-PERIODS = 10
-"""Of the signal: the first is left out, as the loop settles in it."""
 
 REST = 0.05
 """Of the experiment, before the signal begins."""
@@ -52,100 +53,12 @@ FILLED = 0.97
 """Part of a limit that is near enough to it."""
 
 
-@dataclass(frozen=True, eq=False)
-class Injection(Shown):
-    """An experiment for the sensitivity, and what it would tell.
-
-    Attributes
-    ----------
-    name : str
-        Of the bearing.
-    excitation : Excitation
-        One period, of amplitude 1.
-    added : ndarray (n,)
-        What is to be added to the measurement [m].
-    band : tuple of float
-        Lowest and highest frequency [Hz].
-    record : Record
-        The experiment, simulated, with the noise of the bearing.
-    limits : Limits
-        What it keeps within.
-    expected : MeasuredSensitivity
-        What that record tells.
-    """
-
-    _card_by = "workflow.cards:injection"
-
-    name: str
-    excitation: Excitation
-    added: Array
-    band: tuple[float, float]
-    record: Record
-    limits: Limits
-    expected: MeasuredSensitivity
-
-    @property
-    def amplitude(self) -> float:
-        """Greatest value of the signal [m]."""
-        return float(np.abs(self.added).max())
-
-    @property
-    def period(self) -> float:
-        """How long a period is [s]."""
-        return len(self.excitation.values) * self.expected.sampling_time
-
-    @property
-    def periods(self) -> int:
-        """How often it comes."""
-        return PERIODS
-
-    @property
-    def error(self) -> Array:
-        """Half width (k,) of the expected 95 % interval of abs(S), of its value [1]."""
-        low, high = self.expected.interval()
-        return np.asarray((high - low) / 2 / np.abs(self.expected.sensitivity))
-
-    def file(self) -> Record:
-        """Return the signal as a record, to be saved and run: ``t`` and ``injected``."""
-        low, high = self.band
-        source = f"ambkit excite --for sensitivity, {low:.4g} to {high:.4g} Hz, for {self.name}"
-        return Record(self.record.t, {"injected": self.added}, meta={"source": source})
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data, in SI."""
-        expected, (low, high) = self.expected, self.expected.peak_interval()
-        return {
-            "bearing": self.name,
-            "kind": self.excitation.kind,
-            "band": list(self.band),
-            "lines": len(self.excitation.frequencies),
-            "period": self.period,
-            "periods": self.periods,
-            "amplitude": self.amplitude,
-            "crest_factor": self.excitation.crest_factor,
-            "samples": len(self.record),
-            "limit_current": self.limits.current,
-            "limit_displacement": self.limits.displacement,
-            "greatest_current": float(np.abs(self.record["iu"]).max()),
-            "greatest_displacement": float(np.abs(self.record["x"]).max()),
-            "expected_peak": expected.peak,
-            "expected_peak_low": low,
-            "expected_peak_high": high,
-            "expected_error": float(np.median(self.error)),
-        }
-
-    def figure(self) -> Figure:
-        """Return the experiment over time, and the error that is expected, as a picture."""
-        from ambkit.show.plots.injection import injection_figure
-
-        return injection_figure(self.name, self.record, self.limits, self.expected)
-
-
 def design_injection(
-    bearing: Bearing,
-    scenario: Scenario,
+    bearing: Bearing | Machine,
+    scenario: Scenario | Flight,
     filter: Any = None,
     *,
+    axis: str | None = None,
     current: Given | None = None,
     displacement: Given | None = None,
     band: tuple[float, float] | None = None,
@@ -160,12 +73,15 @@ def design_injection(
 
     Parameters
     ----------
-    bearing : Bearing
+    bearing : Bearing or Machine
         The plant.
-    scenario : Scenario
-        Duration, controller, reference, load, and seed of the noise.
+    scenario : Scenario or Flight
+        Duration, controller, reference, load, and seed of the noise; of a machine a flight.
     filter : Estimator, str or path, optional
         What feeds the controller, where the scenario lets an estimate do so.
+    axis : str, optional
+        Of a machine, by its name; by default that which decides its zone. All axes keep within
+        their limits.
     current : float or str, optional
         Greatest control current [A]; by default 80 % of what it can be.
     displacement : float or str, optional
@@ -181,39 +97,62 @@ def design_injection(
         The experiment is too short for the band, the loop is not stable, or exceeds a limit even
         without a signal.
     """
-    of_type(Bearing, bearing=bearing)
-    of_type(Scenario, scenario=scenario)
+    of_type(Bearing, Machine, bearing=bearing)
     current = in_si("current", current, "A")
     displacement = in_si("displacement", displacement, "m")
-    return _Experiment(bearing, scenario, filter, current, displacement).designed(band)
+    if isinstance(bearing, Machine):
+        of_type(Flight, scenario=scenario)
+        assert isinstance(scenario, Flight)
+        of: _Experiment = _OfMachine(bearing, scenario, filter, axis, current, displacement)
+    else:
+        of_type(Scenario, scenario=scenario)
+        assert isinstance(scenario, Scenario)
+        if axis is not None:
+            raise AmbkitError(f"axis is of a whole machine, and {bearing.name} is none")
+        of = _OfBearing(bearing, scenario, filter, current, displacement)
+    return of.designed(band)
+
+
+class _Run(NamedTuple):
+    """One simulation: the record of the axis, what it takes of all limits, and the estimate."""
+
+    record: Record
+    level: float
+    estimate: Estimate | None
 
 
 class _Experiment:
     """The simulated loop, with noise, and a signal that is added to its measurement."""
 
     def __init__(
-        self, bearing: Bearing, scenario: Scenario, filter: Any, current: float | None,
-        displacement: float | None,
-    ) -> None:  # fmt: skip
-        self.bearing, self.T = bearing, bearing.sampling_time
-        pid = scenario.controller.completed(bearing)
-        self.scenario = scenario.replace(noise=True, controller=pid)
-        self.filter = (filter or "linear") if pid.feedback == "estimate" else None
-        self.n = samples(bearing, scenario)
-        self.t = self.T * np.arange(self.n)
-        self.rest = math.ceil(REST * self.n)
-        self.period = (self.n - self.rest) // PERIODS
-        held = float(np.abs(scenario.reference.sample(self.t)).max())
-        travel = bearing.rotor.travel_limit
-        far = min(held + LINEAR * bearing.magnet.air_gap, 0.5 * (held + travel))
-        far = far if displacement is None else displacement
-        self.limits = Limits.of(bearing, current, far)
-        loop = list(assess(bearing, self.filter, pid).loops.values())[-1]
-        if not loop.stable:
+        self,
+        found: Assessment,
+        n: int,
+        held: float,
+        axis: str | None,
+        limits: Sequence[float | None],
+    ) -> None:
+        self.bearing: Any = found.bearing
+        self.T, self.n = self.bearing.sampling_time, n
+        self.t = self.T * np.arange(n)
+        self.rest = math.ceil(REST * n)
+        self.period = (n - self.rest) // PERIODS
+        loop = list(found.loops.values())[-1]
+        if loop.worst is None:
             raise AmbkitError(
-                f"{bearing.name}: the loop is not stable, there is nothing to measure"
+                f"{self.bearing.name}: the loop is not stable, there is nothing to measure"
             )
-        self.loop = loop
+        self.loop, axes = loop, list(loop.axes)
+        chosen = loop.worst.name if axis is None else axis
+        if chosen not in axes:
+            raise AmbkitError(
+                f"{self.bearing.name} has no axis {chosen}; there are {', '.join(axes)}"
+            )
+        self.at = axes.index(chosen)
+        self.axis = chosen if found.of.machine is not None else ""
+        self.name = f"{self.bearing.name} {self.axis}".strip()
+        self.all_limits = [_limits(b, held, limits[0], limits[1]) for b in found.of.alone]
+        self.limits = self.all_limits[self.at]
 
     def designed(self, band: tuple[float, float] | None) -> Injection:
         """Return the experiment in a band [Hz]."""
@@ -222,7 +161,9 @@ class _Experiment:
         record = self.run(added).record
         ends = float(excitation.frequencies[0]), float(excitation.frequencies[-1])
         expected = measured_sensitivity(record)
-        return Injection(self.bearing.name, excitation, added, ends, record, self.limits, expected)
+        return Injection(
+            self.name, self.axis, excitation, added, ends, record, self.limits, expected
+        )
 
     def checked(self, band: tuple[float, float] | None) -> tuple[float, float]:
         """Return the band, given or not [Hz]."""
@@ -238,19 +179,27 @@ class _Experiment:
 
     def signal(self, band: tuple[float, float]) -> Excitation:
         """Return one period in a band [Hz]."""
-        loop, bearing = self.loop.loop, self.bearing
-        orders = (bearing.speed or 0.0) / (2 * math.pi) * np.arange(1, 21)
-        hum = [line.frequency for line in bearing.sensor.hum]
-        peak = np.array([self.loop.peak_frequency])
-        there = float(np.abs(loop.noise_to_control(peak)).item())
+        loop, of, k = self.loop.loop, self.loop.of, self.at
+        orders = (self.bearing.speed or 0.0) / (2 * math.pi) * np.arange(1, 21)
+        sensors = self.bearing.sensor if of.machine is not None else (self.bearing.sensor,)
+        hum = [line.frequency for each in sensors for line in each.hum]
+        peak = self.loop.axes[list(self.loop.axes)[k]].peak_frequency
+        m, p = loop.measurements, len(of.alone)
+        seen = np.eye(m)[k] if of.added is None else of.shown[k]
+        shaken = np.eye(m)[k] if of.added is None else of.added[:, k]
 
-        u_to_y = loop.plant.select(["y"], ["u"])
-        of_y, of_u = bearing.sensor.noise_variance, bearing.amplifier.noise_variance
+        def demanded(f: Array) -> Array:
+            return np.asarray(np.abs(loop.noise_to_control(f)[:, k] @ shaken))
+
+        of_y, of_u = (np.array(each) for each in of.noise())
+        there, sensed = float(demanded(np.array([peak]))[0]), float(seen**2 @ of_y)
 
         def weight(f: Array) -> Array:
-            current = np.abs(loop.noise_to_control(f)[:, 0, 0])
-            noise = 1 + np.abs(u_to_y.response(f)[:, 0, 0]) ** 2 * of_u / (of_y or 1.0)
-            return np.sqrt(noise) * np.where(f > peak, np.minimum(1.0, there / current), 1.0)
+            by_u = np.abs(seen @ loop.plant.response(f)[:, :m, :p]) ** 2 @ of_u
+            noise = 1 + by_u / (sensed or 1.0)
+            return np.asarray(
+                np.sqrt(noise) * np.where(f > peak, np.minimum(1.0, there / demanded(f)), 1.0)
+            )
 
         found = sparse_multisine(
             self.period, self.T, band, without=[*hum, *orders[orders > 0]], weight=weight
@@ -261,27 +210,28 @@ class _Experiment:
             )
         return found
 
-    def run(self, added: Array, other: int = 0) -> Run:
-        """Simulate with a signal (n,) [m], and with other noise than the scenario's seed's."""
-        times, values = tuple(self.t.tolist()), tuple(added.tolist())
-        signal = Recorded.model_construct(times=times, values=values)
-        scenario = self.scenario.model_copy(
-            update={"seed": self.scenario.seed + other, "injection": signal}
-        )
-        inner = next(iter(given_estimators(self.filter, self.bearing).values()), None)
-        return simulate_run(self.bearing, scenario, estimator=inner)
+    def run(self, added: Array, other: int = 0) -> _Run:
+        """Simulate with a signal (n,) [m], and with other noise than the seed's."""
+        raise NotImplementedError
 
     def level(self, added: Array) -> float:
         """How far the loop goes towards its limits under several noises; 1: up to one."""
         most = 0.0
         for other in range(SEEDS):
             run = self.run(added, other)
-            current, far = (float(np.abs(run.record[name]).max()) for name in ("iu", "x"))
-            most = max(most, current / self.limits.current, far / self.limits.displacement)
+            most = max(most, run.level)
             if run.estimate is not None:
                 refused = float(np.mean((run.estimate.status & Status.OUTLIER) > 0))
                 most = max(most, refused / REFUSED)
         return most
+
+    def taken(self, currents: Sequence[Array], displacements: Sequence[Array]) -> float:
+        """Return what a run takes of the limits of all axes; 1: up to one."""
+        each = zip(currents, displacements, self.all_limits, strict=True)
+        return max(
+            max(float(np.abs(iu).max()) / of.current, float(np.abs(x).max()) / of.displacement)
+            for iu, x, of in each
+        )
 
     def at_the_limit(self, excitation: Excitation) -> Array:
         """Return the signal as large as the limits allow, (n,) [m]."""
@@ -307,3 +257,72 @@ class _Experiment:
         if best == 0:
             raise AmbkitError("no signal was found that keeps within the limits")
         return best * unit
+
+
+class _OfBearing(_Experiment):
+    """Of one axis."""
+
+    def __init__(
+        self, bearing: Bearing, scenario: Scenario, filter: Any, *limits: float | None
+    ) -> None:
+        pid = scenario.controller.completed(bearing)
+        self.scenario = scenario.replace(noise=True, controller=pid)
+        self.filter = (filter or "linear") if pid.feedback == "estimate" else None
+        n = samples(bearing, scenario)
+        held = scenario.reference.sample(bearing.sampling_time * np.arange(n))
+        far = float(np.abs(held).max())
+        super().__init__(assess(bearing, self.filter, pid), n, far, None, limits)
+
+    def run(self, added: Array, other: int = 0) -> _Run:
+        """Simulate the bearing."""
+        scenario = self.scenario.model_copy(
+            update={"seed": self.scenario.seed + other, "injection": _recorded(self.t, added)}
+        )
+        inner = next(iter(given_estimators(self.filter, self.bearing).values()), None)
+        run = simulate_run(self.bearing, scenario, estimator=inner)
+        level = self.taken([run.record["iu"]], [run.record["x"]])
+        return _Run(run.record, level, run.estimate)
+
+
+class _OfMachine(_Experiment):
+    """Of one axis of a machine, all others closed."""
+
+    def __init__(
+        self, machine: Machine, flight: Flight, filter: Any, axis: str | None,
+        *limits: float | None,
+    ) -> None:  # fmt: skip
+        self.flight = flight.replace(noise=True)
+        self.filter = (filter or "linear") if flight.feedback == "estimate" else None
+        n = max(2, round(flight.duration / machine.sampling_time) + 1)
+        t = machine.sampling_time * np.arange(n)
+        held = [float(np.abs(at.position.sample(t)).max()) for at in flight.reference]
+        found = assess(machine, self.filter, flight.control)
+        super().__init__(found, n, max(held, default=0.0), axis, limits)
+
+    def run(self, added: Array, other: int = 0) -> _Run:
+        """Simulate the machine."""
+        there = Added.model_construct(axis=self.axis, position=_recorded(self.t, added))
+        flight = self.flight.model_copy(
+            update={"seed": self.flight.seed + other,
+                    "injection": (*self.flight.injection, there)}
+        )  # fmt: skip
+        inner = next(iter(given_estimators(self.filter, self.bearing).values()), None)
+        run = simulate_machine(self.bearing, flight, estimator=inner)
+        names = list(self.loop.axes)
+        level = self.taken(*([run.record[f"{of}_{name}"] for name in names] for of in ("iu", "s")))
+        _, told = of_one_axis(run.record, self.bearing)
+        own = {"iu": run.record[f"iu_{self.axis}"], "x": run.record[f"s_{self.axis}"]}
+        signals = {"y": told["y"], "injected": told["injected"]} | own
+        return _Run(Record(run.record.t, signals), level, run.estimate)
+
+
+def _limits(
+    bearing: Bearing, held: float, current: float | None, displacement: float | None
+) -> Limits:
+    """Return the limits of an axis; by default of displacements within which magnets are linear."""
+    far = min(held + LINEAR * bearing.magnet.air_gap, 0.5 * (held + bearing.rotor.travel_limit))
+    return Limits.of(bearing, current, far if displacement is None else displacement)
+
+
+def _recorded(t: Array, values: Array) -> Recorded:
+    return Recorded.model_construct(times=tuple(t.tolist()), values=tuple(values.tolist()))

@@ -12,9 +12,12 @@ from ambkit.base.escaping import markdown
 from ambkit.base.showing import Shown
 from ambkit.data.record import Record
 from ambkit.machine.bearing import Bearing
+from ambkit.machine.machine import Machine
+from ambkit.simulation.controllers import Control
 from ambkit.simulation.scenario import PID
 from ambkit.workflow.loop_of import OutOfReachError, zone_of
 from ambkit.workflow.tuned_filter import BUDGET, RUNS, Tuned, tune
+from ambkit.workflow.tuning_machine import MachineByTruth
 from ambkit.workflow.tuning_tasks import ByTruth
 
 if TYPE_CHECKING:
@@ -58,7 +61,7 @@ class TradeOff(Shown):
 
     Attributes
     ----------
-    bearing : Bearing
+    bearing : Bearing or Machine
         What is filtered.
     kind : str
         Of the filters.
@@ -68,7 +71,7 @@ class TradeOff(Shown):
 
     _card_by = "workflow.cards:trade_off"
 
-    bearing: Bearing
+    bearing: Bearing | Machine
     kind: str
     points: tuple[Traded, ...]
 
@@ -111,12 +114,12 @@ class TradeOff(Shown):
 
 
 def trade_off(
-    bearing: Bearing,
+    bearing: Bearing | Machine,
     ceilings: Sequence[float],
     records: Record | Sequence[Record] = (),
     kind: str = "extended",
     *,
-    controller: PID | None = None,
+    controller: PID | Control | None = None,
     magnet: MagnetModel | None = None,
     runs: int = RUNS,
     budget: int = BUDGET,
@@ -130,8 +133,8 @@ def trade_off(
 
     Parameters
     ----------
-    bearing : Bearing
-        What is filtered.
+    bearing : Bearing or Machine
+        What is filtered; a machine's errors are those along its axes.
     ceilings : sequence of float
         What the peak of abs(S) must stay below [1].
     records, kind, controller, magnet, runs, budget, seed, done : optional
@@ -147,10 +150,13 @@ def trade_off(
     AmbkitError
         There is no ceiling; or none of them can be kept.
     """
-    of_type(Bearing, bearing=bearing)
+    of_type(Bearing, Machine, bearing=bearing)
     if not ceilings:
         raise AmbkitError("ceilings must be one value or more")
-    judge = ByTruth(bearing, runs, seed)
+    judge = (
+        MachineByTruth(bearing, runs, seed) if isinstance(bearing, Machine)
+        else ByTruth(bearing, runs, seed)
+    )  # fmt: skip
     points, refused = list[Traded](), None
     for ceiling in sorted(ceilings):
         try:

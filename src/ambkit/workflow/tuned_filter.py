@@ -20,9 +20,13 @@ from ambkit.estimate.registry import kind_called, learned_magnet
 from ambkit.judge.comparison.contenders import Contender, Range, contender_of_kind
 from ambkit.judge.comparison.tuning import Tried, search
 from ambkit.machine.bearing import Bearing
+from ambkit.machine.machine import Machine
+from ambkit.simulation.controllers import Control
 from ambkit.simulation.linear.settled import tells
 from ambkit.simulation.scenario import PID
+from ambkit.workflow.given import of_machine
 from ambkit.workflow.loop_of import LoopOf, OutOfReachError, zone_of
+from ambkit.workflow.tuning_machine import MachineByLikelihood, MachineByTruth, check_records
 from ambkit.workflow.tuning_tasks import JUDGED, By, ByLikelihood, ByTruth
 
 if TYPE_CHECKING:
@@ -78,8 +82,8 @@ class Tuned(Shown):
         of a kind that settles to no gain.
     max_sensitivity : float or None
         What the peak of abs(S) was to stay below.
-    controller : PID
-        Of that loop.
+    controller : PID or Control or None
+        Of that loop; None: each axis of a machine has its own.
     warnings : tuple of str
         What is odd about the result.
     """
@@ -96,7 +100,7 @@ class Tuned(Shown):
     kept: bool
     peaks: tuple[float, ...]
     max_sensitivity: float | None
-    controller: PID
+    controller: PID | Control | None
     warnings: tuple[str, ...] = field(default=())
 
     def save(
@@ -120,7 +124,7 @@ class Tuned(Shown):
         """Peak of abs(S) in the loop with `estimator` [1]; NaN where it cannot be told."""
         if not tells(self.estimator):
             return math.nan
-        return LoopOf(self.estimator.bearing, self.controller).peak(self.estimator)
+        return LoopOf(plant_of(self.estimator), self.controller).peak(self.estimator)
 
     @property
     def outcome(self) -> str:
@@ -157,14 +161,19 @@ class Tuned(Shown):
         }  # fmt: skip
 
 
+def plant_of(estimator: Estimator) -> Bearing | Machine:
+    """Return what an estimator filters."""
+    return estimator.bearing if estimator.whole is None else estimator.whole.machine
+
+
 def tune(
-    bearing: Bearing,
+    bearing: Bearing | Machine,
     records: Record | Sequence[Record] = (),
     kind: str = "extended",
     *,
     validate: Sequence[Record] = (),
     max_sensitivity: float | None = None,
-    controller: PID | None = None,
+    controller: PID | Control | None = None,
     free: Iterable[str] | None = None,
     magnet: MagnetModel | None = None,
     inputs: Inputs | None = None,
@@ -182,10 +191,10 @@ def tune(
 
     Parameters
     ----------
-    bearing : Bearing
-        What is filtered.
+    bearing : Bearing or Machine
+        What is filtered. Of a machine the variances of all axes are tuned together.
     records : Record or sequence of Record, optional
-        With ``y`` [m] and ``u`` [V].
+        With ``y`` [m] and ``u`` [V]; of a machine with those of all readings and axes.
     kind : str
         One of :data:`ambkit.estimate.registry.KINDS`.
     validate : sequence of Record, optional
@@ -193,8 +202,8 @@ def tune(
     max_sensitivity : float, optional
         What the peak of abs(S) in the loop with this filter must stay below [1], as `ambkit.assess`
         has it; 3 is the end of zone A of ISO 14839-3.
-    controller : PID, optional
-        Of that loop; what is not said of it is tuned to the bearing.
+    controller : PID or Control, optional
+        Of that loop; what is not said of it is tuned to the bearing, or to each axis.
     free : iterable of str, optional
         What may change, by the names of the kind's tunables, such as ``noise.disturbance``; by
         default what the records tell, or with simulated runs all.
@@ -229,13 +238,15 @@ def tune(
     >>> tuned.kept, tuned.estimator.name
     (False, 'linear Kalman filter')
     """
-    of_type(Bearing, bearing=bearing)
+    of_type(Bearing, Machine, bearing=bearing)
     kind_called(kind)
+    if isinstance(bearing, Machine):
+        of_machine(kind, bearing)  # which not every kind is
     given = all_of_type(Record, records=records)
     validate = all_of_type(Record, validate=validate)
     magnet = learned_magnet(kind, bearing) if magnet is None else magnet
     contender = contender_of_kind(kind, bearing, magnet, whole=True)
-    task = ByLikelihood(bearing, given, validate) if given else ByTruth(bearing, runs, seed)
+    task = _task(bearing, given, validate, runs, seed)
 
     def build(values: Mapping[str, float]) -> Estimator:
         made: Estimator = contender.build(**values)
@@ -267,7 +278,8 @@ def tune(
             f"{max_sensitivity:g}, the least is {min(of_tried):.4g}: allow more, or take another "
             "controller"
         )
-    best = task.cautious(found.best, chosen, cost)
+    within = [each for each, peak in zip(found.tried, of_tried, strict=True) if not peak >= ceiling]
+    best = task.cautious(min(within, key=lambda each: each.cost), chosen, cost)
     before = task.figures(lambda: build({}))
     after = task.figures(lambda: build(best.values))
     kept = (
@@ -294,9 +306,22 @@ def tune(
         kept,
         of_tried,
         max_sensitivity,
-        loop.fed_by(None)[0],
+        controller if loop.machine is not None else loop.fed_by(None)[0],
         tuple(warnings),
     )
+
+
+def _task(
+    bearing: Bearing | Machine, records: Sequence[Record], validate: Sequence[Record], runs: int,
+    seed: int,
+) -> ByLikelihood | ByTruth:  # fmt: skip
+    """Return what a filter is tuned by."""
+    if isinstance(bearing, Machine):
+        check_records(bearing, [*records, *validate])
+        if records:
+            return MachineByLikelihood(bearing, records, validate)
+        return MachineByTruth(bearing, runs, seed)
+    return ByLikelihood(bearing, records, validate) if records else ByTruth(bearing, runs, seed)
 
 
 def _chosen(contender: Contender, names: tuple[str, ...]) -> tuple[Range, ...]:

@@ -46,8 +46,13 @@ def log_likelihood(estimate: Estimate, first: int = 1) -> float:
     `first`. An outlier does: a filter that leaves out what it did not expect is not the more likely
     for it. What a filter has no idea of, as a low-pass, does not count.
     """
-    taken = _taken(estimate) & (estimate.innovation_variance > 0)
+    taken = _taken(estimate)
     taken[: max(1, first)] = False
+    if estimate.innovation_variance.ndim > 1:  # one reading after another, each given those before
+        e, S = estimate.innovation[taken], estimate.innovation_variance[taken]
+        told = S > 0
+        return float(-0.5 * np.sum(np.log(S[told]) + e[told] ** 2 / S[told]))
+    taken &= estimate.innovation_variance > 0
     return float(-0.5 * np.sum(np.log(estimate.innovation_variance[taken]) + estimate.nis[taken]))
 
 

@@ -11,9 +11,10 @@ import numpy as np
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.kalman import KalmanFilter
-from ambkit.judge.comparison.cases import CASES, Trial, trials
+from ambkit.judge.comparison.cases import CASES, trials
 from ambkit.judge.comparison.tuning import SIGNALS, Tried, errors
 from ambkit.judge.evaluation import evaluate
+from ambkit.machine.bank import alone_of
 from ambkit.machine.magnets import own_time
 from ambkit.workflow.tuning import MUCH_LESS_LIKELY, TOO_LARGE, log_likelihood
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from ambkit.estimate.estimate import Estimate
     from ambkit.judge.comparison.contenders import Contender, Range
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Machine
 
 By = Literal["likelihood", "truth"]
 
@@ -49,6 +51,11 @@ AHEAD = {1: "error 1 step ahead [m]", 10: "error 10 steps ahead [m]"}
 """Figures of how well a record is foretold, by the number of samples."""
 
 
+def slowest_time(bearing: Bearing | Machine) -> float:
+    """Return the plant's own time [s]; of a machine that of its slowest axis."""
+    return max(map(own_time, alone_of(bearing)))
+
+
 class ByLikelihood:
     """Tuning by the likelihood of records."""
 
@@ -56,10 +63,10 @@ class ByLikelihood:
     judge = JUDGED["likelihood"]
 
     def __init__(
-        self, bearing: Bearing, records: Sequence[Record], validate: Sequence[Record]
+        self, bearing: Bearing | Machine, records: Sequence[Record], validate: Sequence[Record]
     ) -> None:
         self.bearing = bearing
-        self.settling = SETTLING * own_time(bearing)
+        self.settling = SETTLING * slowest_time(bearing)
         spans = [float(each.t[-1] - each.t[0]) for each in records]
         shortest = 4 * self.settling
         if min(spans) < shortest:
@@ -170,16 +177,20 @@ class ByTruth:
     by: By = "truth"
     judge = JUDGED["truth"]
 
-    def __init__(self, bearing: Bearing, runs: int, seed: int) -> None:
+    def __init__(self, bearing: Any, runs: int, seed: int) -> None:
         self.bearing, self.runs = bearing, runs
-        self.first = round(SETTLING * own_time(bearing) / bearing.sampling_time)
+        self.first = round(SETTLING * slowest_time(bearing) / bearing.sampling_time)
         self.seen = self._trials(2 * seed + 1)
         self.unseen = self._trials(2 * seed + 2)
         if not (self.seen and self.unseen):
             raise AmbkitError(f"{bearing.name}: the rotor met a stop in all simulated runs")
-        self.reference = errors(lambda: KalmanFilter(bearing), self.seen, self.first).mean(axis=0)
+        self.reference = self.errors(lambda: KalmanFilter(bearing), self.seen).mean(axis=0)
 
-    def _trials(self, seed: int) -> list[Trial]:
+    def errors(self, build: Callable[[], Estimator], trials: Sequence[Any]) -> Any:
+        """Return the errors of x, v and f_d in each run (runs, 3)."""
+        return errors(build, trials, self.first)
+
+    def _trials(self, seed: int) -> Sequence[Any]:
         made = trials(CASES["paper"], self.bearing, self.runs, seed)
         return [each for each in made if not each.lost]
 
@@ -199,7 +210,7 @@ class ByTruth:
 
     def cost(self, build: Callable[[], Estimator]) -> float:
         """Return what the search makes small, for the filters that `build` makes."""
-        return self._share(errors(build, self.seen, self.first))
+        return self._share(self.errors(build, self.seen))
 
     def _share(self, found: Any) -> float:
         shares = found.mean(axis=0) / self.reference
@@ -208,11 +219,19 @@ class ByTruth:
 
     def figures(self, build: Callable[[], Estimator]) -> dict[str, float]:
         """Return how such filters do on what they were not tuned on."""
-        found = errors(build, self.unseen, self.first)
+        found = self.errors(build, self.unseen)
         by_signal = dict(zip(SIGNALS, found.mean(axis=0).tolist(), strict=True))
         return {self.judge: self._share(found)} | {
             f"error of {name}": value for name, value in by_signal.items()
         }
+
+    def raw(self) -> float:
+        """Return what the sensor errs by in the runs that judge [m]."""
+        each = [
+            (t.record["y"] / self.bearing.sensor.gain - t.record["x"])[self.first :]
+            for t in self.unseen
+        ]
+        return float(np.mean([np.sqrt(np.mean(error**2)) for error in each]))
 
     def said(self, source: str) -> str:
         """Return what the filter was tuned on."""
@@ -222,10 +241,7 @@ class ByTruth:
         self, estimator: Estimator, kept: bool, after: Mapping[str, float]
     ) -> Iterable[str]:
         """Tell what is odd about the filter that is taken."""
-        raw = float(np.mean([
-            np.sqrt(np.mean((t.record["y"] / self.bearing.sensor.gain - t.record["x"])[self.first:]
-                            ** 2)) for t in self.unseen
-        ]))  # fmt: skip
+        raw = self.raw()
         if not after["error of x"] < raw:
             yield (
                 f"its position errs by {engineering(after['error of x'], 'm', digits=3)}, and the "

@@ -20,7 +20,8 @@ from ambkit.base.showing import Shown
 from ambkit.estimate.base import check_sampling
 from ambkit.identification.maximum_likelihood.information import doubtful
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood, settling_time
-from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+from ambkit.identification.maximum_likelihood.lines import with_lines
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel, goes_on_a_line
 from ambkit.identification.maximum_likelihood.parameters import (
     ALIKE,
     NOISES,
@@ -28,23 +29,28 @@ from ambkit.identification.maximum_likelihood.parameters import (
     USUAL,
     Coordinates,
     Parameter,
+    beforehand,
     named,
     searchable,
 )
+from ambkit.identification.maximum_likelihood.profile import intervals
 from ambkit.identification.maximum_likelihood.restricted import restricted
 from ambkit.identification.maximum_likelihood.search import (
     RULED_OUT,
     WALL,
     climb,
     hold,
+    narrowed,
     not_needed,
     ran_away,
+    with_room,
 )
 from ambkit.identification.maximum_likelihood.start import best_start
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.parts import Hum
 
 Array = NDArray[np.float64]
 
@@ -69,12 +75,22 @@ class MaximumLikelihood(Shown):
         Their values, SI.
     errors : ndarray (p,)
         Their standard errors in the search: relative (of the logarithm) for a positive parameter,
-        otherwise SI.
+        otherwise SI. Each is the larger of what the likelihood's curvature says and of
+        `robust_errors`; what is known beforehand of the current's offset is in it, and nothing
+        that was not known is taken for known.
     robust_errors : ndarray (p,)
         The same as the scatter of the scores has them (White 1982): right to first order even
         where the model is not, and then larger.
     covariance : ndarray (p, p)
         Of what `errors` are the roots of.
+    told : ndarray (p,)
+        What part of each parameter's precision is the records' own and not known beforehand: 1
+        where nothing was, near 0 of an offset of which the records tell nothing.
+    profiles : mapping of str to (float, float)
+        Ends of the 95 % intervals in the parameter's own unit where the likelihood is not near to
+        quadratic, and so `errors` would not do: by the profile of the likelihood.
+    touched : list of str
+        Limits that the search came to, in sentences.
     correlation : ndarray (p, p)
         Of the estimates.
     held : mapping of str to str
@@ -108,12 +124,20 @@ class MaximumLikelihood(Shown):
     begun_from: str
     steps: int
     converged: bool
+    told: Array
+    profiles: Mapping[str, tuple[float, float]]
+    touched: Sequence[str]
     settling: float = field(default=0.0)
 
     @property
     def bearing(self) -> Bearing:
         """The bearing found, with its delay where `delay_counts`, and its current's lag."""
         return self.model.late_bearing(delay=self.delay_counts)
+
+    @property
+    def lines(self) -> Sequence[Hum]:
+        """Lines in the position that were found, beside those that the bearing had."""
+        return self.model.bearing.sensor.hum[len(self.start.bearing.sensor.hum) :]
 
     @property
     def delay_counts(self) -> bool:
@@ -169,6 +193,8 @@ class MaximumLikelihood(Shown):
             The parameter.
         """
         at = self._place(name)
+        if name in self.profiles:
+            return self.profiles[name]
         value, half = float(self.values[at]), CONFIDENCE * float(self.errors[at])
         if self.parameters[at].positive:
             return value * math.exp(-half), value * math.exp(half)
@@ -229,6 +255,8 @@ class MaximumLikelihood(Shown):
                     "standard_error": self.standard_error(p.name),
                     "robust_standard_error": self.standard_error(p.name, robust=True),
                     "interval_95": list(self.interval(p.name)),
+                    "interval_by": "profile" if p.name in self.profiles else "standard error",
+                    "told_by_records": float(self.told[i]),
                     "start": p.of(self.start),
                 }
                 for i, p in enumerate(self.parameters)
@@ -241,6 +269,15 @@ class MaximumLikelihood(Shown):
             "begun_from": self.begun_from,
             "steps": self.steps,
             "converged": self.converged,
+            "known_beforehand": {
+                name: {"value": value, "standard_deviation": std}
+                for name, (value, std) in self.model.known.items()
+            },
+            "touched": list(self.touched),
+            "lines": [
+                {"frequency": h.frequency, "amplitude": h.amplitude, "bandwidth": h.bandwidth}
+                for h in self.lines
+            ],
         }
 
     def _place(self, name: str) -> int:
@@ -258,6 +295,8 @@ def maximum_likelihood(
     *,
     settling: float | None = None,
     improve_start: bool = True,
+    profile: bool = True,
+    lines: bool = False,
     note: Callable[[str], object] = lambda _: None,
 ) -> MaximumLikelihood:
     """Find the parameters under which records are most likely.
@@ -278,6 +317,10 @@ def maximum_likelihood(
         ``sqrt(m/k_s)``.
     improve_start : bool
         Try ADALINE and least squares for a better start; else the search begins at `start`.
+    profile : bool
+        Look whether errors do, and where not take intervals by the profile; else errors stand.
+    lines : bool
+        Look for lines in the position, such as the hum of the mains, which then are the sensor's.
     note : callable
         Told what is being done.
 
@@ -302,12 +345,18 @@ def maximum_likelihood(
         settling = settling_time(given.bearing)
     _check_records(several, given, settling)
     asked, given = given, _movable(given, parameters)
+    if all(goes_on_a_line(record) for record in several):
+        asked, given = (model.replace(line=True) for model in (asked, given))
+    known = beforehand(given)
+    names = {p.name for p in parameters}
+    given = given.replace(known={name: known[name] for name in known if name in names})
+    given = with_room(several, given, parameters)
     begin, begun_from = given, "the bearing given"
     if improve_start:
         note("looking for a start")
         begin, begun_from = best_start(several, given, parameters, settling)
         # With a wrong idea of the noise, the information misleads; and offsets run away first.
-        sure = [p for p in parameters if p.name in (*NOISES, "delay")]
+        sure = [p for p in parameters if p.name in (*NOISES, "noise_rise", "delay")]
         if 0 < len(sure) < len(parameters):
             begin = climb(several, begin, sure, settling).model
     held = {name: f"{why}; held at {named([name])[0].text(given)}" for name, why in alike.items()}
@@ -317,7 +366,7 @@ def maximum_likelihood(
         found = climb(several, begin, parameters, settling)
         steps += found.steps
         worst = doubtful(found.local.information, parameters)
-        worst = worst or ran_away(several, given, found.model, parameters)
+        worst = worst or ran_away(found.model, parameters)
         worst = worst or not_needed(several, found, parameters, settling)
         if worst is None:
             break
@@ -330,14 +379,28 @@ def maximum_likelihood(
             raise AmbkitError(
                 "the records tell nothing: " + "; ".join(f"{n}: {w}" for n, w in held.items())
             )
+    if lines:
+        note("looking for lines")
+        hum = with_lines(several, found.model, parameters, settling, note).bearing.sensor.hum
+        if hum != found.model.bearing.sensor.hum:
+            begin = found.model.replace(sensor__hum=hum)
+            found = climb(several, begin, parameters, settling)
+            steps += found.steps
     note("correcting what is biased")
     model = restricted(several, found.model, found.local, parameters, settling)
     coordinates = Coordinates(model, parameters)
     local = Likelihood(several, coordinates, settling).local(np.zeros(len(parameters)))
     unit = np.outer(coordinates.unit_steps(), coordinates.unit_steps())
-    inverse = np.linalg.inv(local.information)
-    covariance, robust = inverse * unit, inverse @ local.scatter @ inverse * unit
+    inverse = np.asarray(np.linalg.inv(local.information), float)
+    curved, robust = inverse * unit, inverse @ local.scatter @ inverse * unit
+    larger = np.sqrt(np.maximum(np.diag(robust) / np.diag(curved), 1.0))
+    covariance = curved * np.outer(larger, larger)
     errors = np.sqrt(np.diag(covariance))
+    profiles: dict[str, tuple[float, float]] = {}
+    if profile:
+        note("looking how far the errors hold")
+        profiles = intervals(several, model, parameters, inverse, larger, settling)
+    model, touched = narrowed(several, asked, model)
     return MaximumLikelihood(
         start=given,
         model=model,
@@ -347,6 +410,9 @@ def maximum_likelihood(
         robust_errors=np.sqrt(np.diag(robust)),
         covariance=covariance,
         correlation=covariance / np.outer(errors, errors),
+        told=np.diag(inverse @ local.told),
+        profiles=profiles,
+        touched=touched,
         held=held,
         log_likelihood=local.value,
         start_log_likelihood=Likelihood(several, Coordinates(given, []), settling).value(

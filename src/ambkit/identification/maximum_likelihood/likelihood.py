@@ -17,12 +17,19 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.data.record import Record
-from ambkit.identification.maximum_likelihood.parameters import Coordinates
+from ambkit.identification.maximum_likelihood.parameters import Coordinates, log_prior
 
 if TYPE_CHECKING:
+    from ambkit.identification.maximum_likelihood.loop_model import LoopModel
     from ambkit.machine.bearing import Bearing
 
 Array = NDArray[np.float64]
+
+BLOCK = 20
+"""The plant's own times in a block: half a second of a rig whose rotor falls within 25 ms."""
+
+FEWEST_BLOCKS = 30
+"""That a scatter is estimated from; of short records they are shorter."""
 
 STEP = 1e-4
 """Of the differences, in the coordinates of the search: their error is of its square."""
@@ -35,22 +42,26 @@ class Local:
     Attributes
     ----------
     value : float
-        Log likelihood.
+        Log likelihood, with what is known beforehand.
     score : ndarray (p,)
         Its gradient.
     information : ndarray (p, p)
         Fisher's information along the records, ``sum(e' e'^T / S + S' S'^T / (2 S^2))`` with the
         derivatives of innovation and variance (Gupta and Mehra 1974): what the second derivatives
-        expect to be, never indefinite.
+        expect to be, never indefinite. What is known beforehand counts.
     scatter : ndarray (p, p)
-        What the scores of the samples scatter by, with their correlation over neighbouring
-        samples (Newey and West 1987). Equal to the information where the model is right.
+        What the scores scatter by, summed over blocks of `BLOCK` of the plant's own times, so
+        that whatever correlates them within one is in it (White 1982 for the form, Liang and Zeger
+        1986 for the blocks). Equal to the information where the model is right.
+    told : ndarray (p, p)
+        The information of the records alone.
     """
 
     value: float
     score: Array
     information: Array
     scatter: Array
+    told: Array
 
 
 class Likelihood:
@@ -75,7 +86,9 @@ class Likelihood:
 
     def innovations(self, z: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Innovations [m], variances [m^2] and whether they count, of all records in a row."""
-        model = self.coordinates.model_at(z)
+        return self._of(self.coordinates.model_at(z))
+
+    def _of(self, model: LoopModel) -> tuple[Array, Array, NDArray[np.bool_]]:
         parts = []
         for record in self.records:
             e, S, used = model.innovations(record)
@@ -87,12 +100,13 @@ class Likelihood:
     def value(self, z: Array) -> float:
         """Log likelihood; minus infinity where the model would contradict itself."""
         try:
-            e, S, used = self.innovations(z)
+            model = self.coordinates.model_at(z)
+            e, S, used = self._of(model)
         except (ConfigError, ValueError, OverflowError):
             return -math.inf
         if not used.any():
             return -math.inf
-        return _log_likelihood(e[used], S[used])
+        return _log_likelihood(e[used], S[used]) + log_prior(model)
 
     def slopes(self, z: Array) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
         """Differentiate the innovations, by central differences.
@@ -151,12 +165,28 @@ class Likelihood:
         e, S, by_e, by_S, _ = self.slopes(z)
         r = e / np.sqrt(S)
         scores = -(by_e * r + 0.5 * by_S * (1 - r**2))
+        model, told = self.coordinates.model_at(z), by_e @ by_e.T + 0.5 * by_S @ by_S.T
+        slope, known = self._known_beforehand(model)
+        own = settling_time(model.bearing) / model.bearing.sampling_time
         return Local(
-            _log_likelihood(e, S),
-            scores.sum(axis=1),
-            by_e @ by_e.T + 0.5 * by_S @ by_S.T,
-            _long_run(scores),
+            _log_likelihood(e, S) + log_prior(model),
+            scores.sum(axis=1) + slope,
+            told + known,
+            _between_blocks(scores, round(BLOCK * own)) + known,
+            told,
         )
+
+    def _known_beforehand(self, model: LoopModel) -> tuple[Array, Array]:
+        """Score (p,) and information (p, p) of what is known before any record."""
+        unit = self.coordinates.unit_steps()
+        slope, precision = np.zeros(unit.size), np.zeros(unit.size)
+        for at, parameter in enumerate(self.coordinates.parameters):
+            if parameter.name in model.known:
+                value, std = model.known[parameter.name]
+                now = parameter.of(model)
+                step = (now if parameter.positive else unit[at]) / std
+                slope[at], precision[at] = -step * (now - value) / std, step**2
+        return slope, np.diag(precision)
 
 
 def settling_time(bearing: Bearing) -> float:
@@ -170,13 +200,10 @@ def _log_likelihood(e: Array, S: Array) -> float:
     return float(-0.5 * np.sum(np.log(2 * np.pi * S) + e**2 / S))
 
 
-def _long_run(scores: Array) -> Array:
-    """Covariance of the sum of correlated scores (p, n), after Newey and West (1987)."""
+def _between_blocks(scores: Array, length: int) -> Array:
+    """Covariance of the sum of scores (p, n), from their sums over blocks of so many samples."""
     n = scores.shape[1]
-    # Their rule of thumb for the number of lags (Newey and West 1994), generously.
-    lags = min(n - 1, math.ceil(4 * (n / 100) ** (1 / 3)))
-    total = scores @ scores.T
-    for lag in range(1, lags + 1):
-        part = scores[:, lag:] @ scores[:, :-lag].T
-        total = total + (1 - lag / (lags + 1)) * (part + part.T)
-    return np.asarray(total)
+    blocks = max(FEWEST_BLOCKS, n // max(length, 1))
+    edges = np.linspace(0, n, min(blocks, n) + 1).astype(int)[:-1]
+    sums = np.add.reduceat(scores, edges, axis=1)
+    return np.asarray(sums @ sums.T)

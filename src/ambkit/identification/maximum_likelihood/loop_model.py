@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -56,6 +56,13 @@ class LoopModel:
         than the weight.
     magnet : MagnetModel, optional
         The magnet, where it is not the bearing's own.
+    line : bool
+        Whether the logged control signal is a current as a sensor showed it: between two samples it
+        goes on a line. A control signal is held. The delay is counted from that line, or from the
+        steps; half a sample lies between the two, and is no delay.
+    known : mapping of str to (float, float)
+        What is known of parameters before any record, by their names: value and standard deviation
+        [SI]; see `beforehand`.
     substeps : int
         Steps of the filter in a sample. The paper's discretisation holds the magnet's force over
         a step, though the rotor moves: with one step a sample the estimates would be off by part
@@ -71,6 +78,8 @@ class LoopModel:
     load_std: float = math.nan
     magnet: MagnetModel | None = None
     substeps: int = 4
+    line: bool = False
+    known: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         b, weight = self.bearing, self.bearing.rotor.mass * GRAVITY
@@ -97,9 +106,10 @@ class LoopModel:
             Without: only with the lag. Nor has it a delay that no bearing can have: one below zero,
             or a very long one.
         """
-        longest = LONGEST_DELAY * self.bearing.sampling_time
-        known = delay and 0 < self.delay <= longest
-        return _late(self.bearing, self.delay if known else 0.0, self.current_lag)
+        T = self.bearing.sampling_time
+        held = self.delay - (0.5 * T if self.line else 0.0)  # a filter is told of steps
+        known = delay and 0 < held <= LONGEST_DELAY * T
+        return _late(self.bearing, held if known else 0.0, self.current_lag)
 
     def kalman(self) -> Estimator:
         """Return the filter whose innovations judge this model, in the C core, with its steps."""
@@ -142,12 +152,19 @@ class LoopModel:
             With ``y`` [m] and ``u`` [V]; its other signals stay as they are.
         """
         T, b = self.bearing.sampling_time, self.bearing
-        acting = delayed(lagged(record["u"], T, self.current_lag), self.delay / T)
+        acting = delayed(lagged(self.between(record["u"]), T, self.current_lag), self.delay / T)
         signals = {name: record[name] for name in record} | {
             "y": record["y"] - self.position_offset,
             "u": acting + self.current_offset / b.amplifier.gain,
         }
         return Record(record.t, signals, record.units, record.meta)
+
+    def between(self, u: Array) -> Array:
+        """Return the mean of a logged control signal (n,) from each sample to the next."""
+        if not self.line:
+            return u
+        following = np.append(u[1:], u[-1:])
+        return np.where(np.isfinite(following), 0.5 * (u + following), u)
 
     def mean_point(self, records: Sequence[Record]) -> tuple[float, float]:
         """Return control current [A] and displacement [m] in the mean of some records.
@@ -183,6 +200,18 @@ class LoopModel:
         used = out["status"][every] & NOT_USED == 0
         return out["innovation"][every], out["variance"][every], used
 
+    def states(self, record: Record) -> dict[str, Array]:
+        """Return the filtered states along a record by their names, (n,) each, SI.
+
+        Parameters
+        ----------
+        record : Record
+            With ``y`` [m] and ``u`` [V].
+        """
+        out, _, kalman = self._run(record)
+        means = out["mean"][:: self.substeps]
+        return {state.name: means[:, k] for k, state in enumerate(kalman.states)}
+
     def predict(self, record: Record, ahead: int) -> Array:
         """Predict the measurement some samples after each one, with the control signals since.
 
@@ -207,7 +236,7 @@ class LoopModel:
     def _run(self, record: Record) -> tuple[dict[str, Any], Array, Estimator]:
         """Run the filter with its finer steps; between two samples no measurement comes."""
         h = self.bearing.sampling_time / self.substeps
-        held = np.repeat(self._within_limits(filled(record["u"])), self.substeps)
+        held = np.repeat(self._within_limits(self.between(filled(record["u"]))), self.substeps)
         acting = lagged(held, h, self.current_lag)
         u = delayed(acting, self.delay / h)
         y = np.full(u.size, np.nan)
@@ -275,6 +304,11 @@ class LoopModel:
             constant = float(of_bearing.pop("magnet__magnet_constant"))  # type: ignore[arg-type]
             of_bearing |= self.bearing.magnet.with_constant(constant)
         return replace(model, bearing=self.bearing.replace(**of_bearing))
+
+
+def goes_on_a_line(record: Record) -> bool:
+    """Whether the control signal of a record is a measured current, as its channel map says."""
+    return "u" in record.meta.get("measured", ())
 
 
 def _late(bearing: Bearing, delay: float, current_lag: float) -> Bearing:

@@ -87,6 +87,8 @@ PARAMETERS: dict[str, Parameter] = {
         Parameter("sensor_gain", r"K_\mathrm{Sen}", "1", "sensor__gain", True, _one),
         Parameter("amplifier_gain", r"k_\mathrm{ui}", "A/V", "amplifier__gain", True, _one),
         Parameter("measurement_noise", "R", "m^2", "sensor__noise_variance", True, _one),
+        Parameter("noise_rise", r"\kappa", "1/m", "sensor__noise_rise", False,
+                  lambda m: 1 / m.bearing.rotor.travel_limit),
         Parameter("control_noise", "Q_u", "V^2", "amplifier__noise_variance", True, _one),
         Parameter("load_growth", "Q_d", "N^2/s", "load_growth", True, _one),
     )
@@ -101,7 +103,7 @@ OFFSETS = ("position_offset", "current_offset")
 
 USUAL = (
     "magnet_constant", "air_gap", "sensor_lag", "delay", "position_offset", "current_offset",
-    "measurement_noise", "control_noise", "load_growth",
+    "measurement_noise", "noise_rise", "control_noise", "load_growth",
 )  # fmt: skip
 """Looked for where the user does not say what to look for, see `usual`."""
 
@@ -120,6 +122,39 @@ def usual(model: LoopModel) -> tuple[str, ...]:
         "air_gap": magnet.force_map is not None,
     }
     return tuple(name for name in names if not idle.get(name, False))
+
+
+OFFSET_SHARE = 0.05
+"""Of the bias current: how well the zero of a measured current is known where nobody says."""
+
+
+def beforehand(model: LoopModel) -> dict[str, tuple[float, float]]:
+    """Return what is known of parameters before any record: value and standard deviation [SI].
+
+    Of some, a record may tell nothing. A load that nobody knows takes the condition that the magnet
+    carries the weight away, and with it the offset of the current: two stiffnesses are left for
+    magnet constant, gap and offset, and the gap moves by metres per ampere. And at one place the
+    noise of a sensor does not show how it depends on the place. Taken for known, either would make
+    the errors of all others too small.
+
+    Parameters
+    ----------
+    model : LoopModel
+        As the user has described it; what it says in `LoopModel.known` stands.
+    """
+    b = model.bearing
+    return {
+        "current_offset": (model.current_offset, OFFSET_SHARE * b.magnet.bias_current),
+        "noise_rise": (b.sensor.noise_rise, 1 / b.rotor.travel_limit),
+    } | dict(model.known)
+
+
+def log_prior(model: LoopModel) -> float:
+    """How likely a model's parameters were before any record, up to a constant."""
+    return sum(
+        -0.5 * ((PARAMETERS[name].of(model) - value) / std) ** 2
+        for name, (value, std) in model.known.items()
+    )
 
 
 def named(names: Sequence[str]) -> list[Parameter]:

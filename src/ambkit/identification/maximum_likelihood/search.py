@@ -39,6 +39,10 @@ NO_LAG = 0.01
 NEAR_LIMIT, FAR_FROM_LIMIT = 3.0, 10.0
 """Standard deviations of the control noise within which a current is near its limit, or far off."""
 
+MORE, LEAST_ROOM = 1.5, 20
+"""The stops stand at so many times as far as a record goes; but at no less than that part of the
+travel that the description has."""
+
 WALL = "its search ended at a wall only"
 """In the reason why a parameter is held."""
 
@@ -171,14 +175,10 @@ def not_needed(
     return None
 
 
-def ran_away(
-    records: Sequence[Record], given: LoopModel, found: LoopModel, parameters: Sequence[Parameter]
-) -> tuple[Parameter, str] | None:
+def ran_away(found: LoopModel, parameters: Sequence[Parameter]) -> tuple[Parameter, str] | None:
     """Name a parameter that only a wall has stopped, and the wall; None where there is none.
 
-    Slow motion about one place tells two stiffnesses. Air gap, magnet constant and offset of the
-    current then go on along a line with hardly a change of the likelihood, until the first sample
-    touches the limit of the current, or the rotor's travel no longer fits into the gap.
+    Beyond it no bearing can be: a hovering current that no amplifier gives.
     """
     for parameter in parameters:
         try:
@@ -186,9 +186,44 @@ def ran_away(
                 Coordinates(found, [parameter]).model_at(np.array([step]))
         except ConfigError as error:
             return parameter, f"{WALL}: {error}"
-    moved = [p for p in parameters if p.name == "current_offset"]
-    near = [min(m.nearest_limit(record) for record in records) for m in (given, found)]
-    if moved and near[0] > FAR_FROM_LIMIT and near[1] < NEAR_LIMIT:
-        limit = engineering(found.bearing.current_max, "A", 3)
-        return moved[0], f"{WALL}: the control current's limit of {limit}, far off as given"
     return None
+
+
+def with_room(
+    records: Sequence[Record], given: LoopModel, parameters: Sequence[Parameter]
+) -> LoopModel:
+    """Return a model whose stops are only as far as the records go.
+
+    A rotor's travel is less than its air gap. What a description takes the travel to be is no
+    reason for a gap to be larger than it is.
+    """
+    if not any(p.name == "air_gap" for p in parameters):
+        return given
+    b = given.bearing
+    gone = max(float(np.nanmax(np.abs(record["y"]))) for record in records) / abs(b.sensor.gain)
+    room = min(b.rotor.travel_limit, max(MORE * gone, b.rotor.travel_limit / LEAST_ROOM))
+    return given.replace(rotor__travel_limit=room)
+
+
+def narrowed(
+    records: Sequence[Record], given: LoopModel, found: LoopModel
+) -> tuple[LoopModel, list[str]]:
+    """Return what was found with the stops of the description, and what limits it touches."""
+    touched = []
+    travel, gap = given.bearing.rotor.travel_limit, found.bearing.magnet.air_gap
+    if gap <= travel:
+        touched.append(
+            f"the air gap found, {engineering(gap, 'm', 4)}, leaves no room for the travel of "
+            f"{engineering(travel, 'm', 4)} that the description has: that is taken to be "
+            f"{engineering(found.bearing.rotor.travel_limit, 'm', 4)}, as far as the records go"
+        )
+    else:
+        found = found.replace(rotor__travel_limit=travel)
+    near = [min(model.nearest_limit(record) for record in records) for model in (given, found)]
+    if near[0] > FAR_FROM_LIMIT and near[1] < NEAR_LIMIT:
+        limit = engineering(found.bearing.current_max, "A", 3)
+        touched.append(
+            f"with the offset found the control current comes to its limit of {limit}, from which "
+            "it is far with that given"
+        )
+    return found, touched

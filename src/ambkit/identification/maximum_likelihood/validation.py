@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import RecordError
-from ambkit.estimate.innovations import Whiteness, whiteness
+from ambkit.base.units import engineering
+from ambkit.estimate.innovations import Whiteness, prediction_error, whiteness
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -27,6 +28,12 @@ LAGS = 50
 
 ORDER = 30
 """Samples of its own past from which the control signal is predicted, see `cross_correlation`."""
+
+AS_GOOD = 1.02
+"""Times a baseline's error that still count as no worse."""
+
+LEFT = 0.05
+"""Share of a residual's variance that may be foretold, and the model is still good."""
 
 WHITE = 0.9
 """Share of lags within the 95 % bounds from which residuals pass for white."""
@@ -60,6 +67,10 @@ class Validation:
         Mean normalised innovation squared; 1 where the noise is right.
     gain : float
         Log likelihood per sample over that of the start; NaN without one.
+    unmodelled : mapping of int to float
+        RMS errors of a constant-velocity Kalman filter that is tuned to this very record [m].
+    left : float
+        Share of the residuals' variance that their past and the control signal's foretell.
     """
 
     name: str
@@ -72,6 +83,8 @@ class Validation:
     cross: Whiteness
     nis: float
     gain: float
+    unmodelled: Mapping[int, float]
+    left: float
 
     @property
     def farthest(self) -> int:
@@ -80,12 +93,19 @@ class Validation:
 
     @property
     def good(self) -> bool:
-        """Whether nothing speaks against the model on this record."""
+        """Whether nothing knows more of this record than the model.
+
+        It foretells better than the last measurement and than a filter without a magnet, its noise
+        is what it expects, hardly anything of what it leaves could be foretold, and the start was
+        not more likely. That residuals fail a test of whiteness does not count by itself: in a long
+        record the test finds what is of no importance.
+        """
+        k = self.farthest
         return (
-            self.fit[self.farthest] > self.held[self.farthest]
-            and self.residual.share_within >= WHITE
-            and self.cross.share_within >= WHITE
+            self.fit[k] > self.held[k]
+            and self.error[k] <= AS_GOOD * self.unmodelled[k]
             and 0.8 < self.nis < 1.25
+            and self.left < LEFT
             and not self.gain < 0
         )
 
@@ -99,6 +119,11 @@ class Validation:
             f"It predicts {k} samples ahead with a fit of {self.fit[k]:.1f} %"
             + (", better than" if better else ", no better than")
             + f" holding the last measurement ({self.held[k]:.1f} %)."
+        )
+        naive = self.unmodelled[k]
+        said.append(
+            f"Its error there is {engineering(self.error[k], 'm', 3)} rms, that of a filter "
+            f"without a magnet {engineering(naive, 'm', 3, like=self.error[k])}."
         )
         if self.of_start and not math.isnan(self.gain):
             if self.gain >= 0:
@@ -126,6 +151,10 @@ class Validation:
                 f"They depend on the control signal ({cross:.0f} % within): force law, delay or "
                 "lag miss something."
             )
+        said.append(
+            f"Of what it leaves, {100 * self.left:.1f} % could be foretold"
+            + (": little." if self.left < LEFT else ": a better model would gain.")
+        )
         if not 0.8 < self.nis < 1.25:
             more = "larger" if self.nis > 1 else "smaller"
             said.append(f"They are {more} than expected: mean NIS {self.nis:.2f}, should be 1.")
@@ -144,6 +173,8 @@ class Validation:
             "cross_share": self.cross.share_within,
             "nis": self.nis,
             "gain_per_sample": self.gain,
+            "rms_error_without_a_magnet": {str(k): v for k, v in self.unmodelled.items()},
+            "predictable_share": self.left,
             "good": self.good,
             "verdict": self.verdict,
         }
@@ -211,7 +242,20 @@ def validate(
         cross=cross_correlation(np.where(used, e / np.sqrt(S), 0.0)[first:], record["u"][first:]),
         nis=float(np.mean(r**2)),
         gain=gain,
+        unmodelled=_without_a_magnet(record, horizons, first),
+        left=predictable((e / np.sqrt(S))[used], record["u"][used]),
     )
+
+
+def _without_a_magnet(record: Record, horizons: Sequence[int], first: int) -> dict[int, float]:
+    """Errors of the constant-velocity filter, tuned to the record itself [m]."""
+    from ambkit.estimate.constant_velocity import tune
+
+    y = record["y"]
+    naive = tune(y, record.sampling_time)
+    return {
+        ahead: prediction_error(naive.predict(y, ahead), record, ahead, first) for ahead in horizons
+    }
 
 
 def cross_correlation(residual: Array, u: Array, lags: int = LAGS) -> Whiteness:
@@ -236,6 +280,28 @@ def cross_correlation(residual: Array, u: Array, lags: int = LAGS) -> Whiteness:
         return Whiteness(np.zeros(lags), 1.96 / math.sqrt(e.size))
     correlation = np.array([float(e[lag:] @ w[:-lag]) / scale for lag in range(1, lags + 1)])
     return Whiteness(correlation, 1.96 / math.sqrt(e.size))
+
+
+def predictable(residual: Array, u: Array) -> float:
+    """Return the share of a residual's variance that a line through the past foretells.
+
+    Through `ORDER` residuals before and as many of what was new in the control signal. A test of
+    whiteness finds any departure, however small, once a record is long; this says how much a better
+    model could gain. What so many weights explain of anything is taken off.
+
+    Parameters
+    ----------
+    residual, u : ndarray (n,)
+        Residuals, and what acted.
+    """
+    w = _prewhitened(u)
+    e = (residual - residual.mean())[residual.size - w.size :]
+    windows = np.lib.stride_tricks.sliding_window_view
+    past = np.column_stack([windows(one, ORDER)[:-1] for one in (e, w)])
+    target = e[ORDER:]
+    solution, *_ = np.linalg.lstsq(past, target, rcond=1e-12)
+    left = float(np.sum((target - past @ solution) ** 2)) / max(target.size - 2 * ORDER, 1)
+    return float(max(0.0, 1 - left / np.mean(target**2)))
 
 
 def _prewhitened(u: Array) -> Array:

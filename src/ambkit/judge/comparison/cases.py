@@ -116,13 +116,13 @@ class Trial:
     imposed: Imposed
     magnet: MagnetModel | None
     record: Record
-    _periods: dict[int, int] = field(default_factory=dict, repr=False)
+    _loads: dict[int, Load] = field(default_factory=dict, repr=False)
 
-    def period(self, first: int) -> int:
-        """Return the `period_of` the load from a sample on; sought once."""
-        if first not in self._periods:
-            self._periods[first] = period_of(self.record["f_d"][first:])
-        return self._periods[first]
+    def load(self, first: int) -> Load:
+        """Return the load from a sample on."""
+        if first not in self._loads:
+            self._loads[first] = Load(self.record["f_d"][first:])
+        return self._loads[first]
 
     def planned(self, estimator: Estimator) -> Planned:
         """Return the same run with another estimator in the loop."""
@@ -222,6 +222,46 @@ def _with_walk(record: Record, walk: Array | None) -> Record:
     if walk is None:
         return record
     return replace(record, signals={**record.signals, "f_d": walk})
+
+
+class Load:
+    """A load that estimates of it are compared with, lag by lag.
+
+    Parameters
+    ----------
+    signal : ndarray (n,)
+        The load [N].
+
+    Attributes
+    ----------
+    furthest : int
+        The greatest lag [samples]: of what comes again and again nobody can tell more than half of
+        its period.
+    moves : bool
+        Whether it does, at all.
+    transform : ndarray
+        Discrete Fourier transform of its deviation from the mean.
+    transform_size : int
+        Samples of that, with zeros.
+    spread, still : ndarray (furthest + 1,)
+        Root of its variance in the stretch that each lag sees, and where that is but rounding.
+    """
+
+    def __init__(self, signal: Array) -> None:
+        from scipy.fft import next_fast_len, rfft
+
+        n, deviation = signal.size, signal - signal.mean()
+        self.furthest = min(n // 8, period_of(signal) // 2)
+        self.moves = bool(np.ptp(signal) > 0)
+        self.transform_size = next_fast_len(n, real=True)
+        self.transform = rfft(deviation, self.transform_size)
+        sums, squares = (np.concatenate([[0.0], np.cumsum(deviation**k)]) for k in (1, 2))
+        starts = self.furthest - np.arange(self.furthest + 1)
+        length = n - self.furthest
+        mean = (sums[starts + length] - sums[starts]) / length
+        variance = (squares[starts + length] - squares[starts]) / length - mean**2
+        self.still = variance <= 1e-9 * variance.max()
+        self.spread = np.sqrt(np.where(self.still, 1.0, variance))
 
 
 def period_of(signal: Array) -> int:

@@ -18,6 +18,7 @@ from ambkit.estimate.filter_file import FilterFile
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.noise import FilterNoise
 from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, Tunable
+from ambkit.machine.machine import Machine
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -153,7 +154,7 @@ def _unknown(name: str) -> AmbkitError:
 
 
 def contender_of_kind(
-    name: str, bearing: Bearing, magnet: MagnetModel | None = None, *, whole: bool = False
+    name: str, bearing: Bearing | Machine, magnet: MagnetModel | None = None, *, whole: bool = False
 ) -> Contender:
     """Return a kind of estimator as one who takes part.
 
@@ -161,8 +162,9 @@ def contender_of_kind(
     ----------
     name : str
         Of :data:`ambkit.estimate.registry.KINDS`.
-    bearing : Bearing
-        What it assumes.
+    bearing : Bearing or Machine
+        What it assumes; of a machine variances are tuned together, and each keeps its ratio to
+        their geometric mean.
     magnet : optional
         What it knows of its magnet.
     whole : bool
@@ -172,17 +174,27 @@ def contender_of_kind(
     kind = KINDS[name]
 
     def build(**values: float) -> Any:
-        noise = {key.removeprefix("noise."): v for key, v in values.items() if "noise." in key}
+        noise: dict[str, Any] = {
+            key.removeprefix("noise."): v for key, v in values.items() if "noise." in key
+        }
+        if isinstance(bearing, Machine) and noise:
+            own = KalmanFilter(bearing).variances._asdict()
+            means = {each.name.removeprefix("noise."): each.default for each in ranges}
+            noise = {
+                key: tuple(value / means[key] * each for each in own[key])
+                for key, value in noise.items()
+            }
         rest = {key: value for key, value in values.items() if "noise." not in key}
         return kind.make(bearing, magnet, noise=FilterNoise(**noise), **rest)
 
     free = {t.name: t for t in kind.tunable}
     if not whole and {"noise.control", "noise.disturbance"} <= free.keys():
         free.pop("noise.measurement", None)
-    return Contender(name, kind.label, build, tuple(_range(t, bearing) for t in free.values()))
+    ranges = tuple(_range(t, bearing) for t in free.values())
+    return Contender(name, kind.label, build, ranges)
 
 
-def _range(tunable: Tunable, bearing: Bearing) -> Range:
+def _range(tunable: Tunable, bearing: Any) -> Range:
     default, reach = tunable.default(bearing), 10**tunable.decades
     return Range(tunable.name, tunable.unit, default, default / reach, default * reach)
 

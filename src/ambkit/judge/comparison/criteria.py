@@ -16,7 +16,7 @@ from ambkit.machine.magnets import evaluate_force, magnet_of
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.estimate.estimate import Estimate
-    from ambkit.judge.comparison.cases import Trial
+    from ambkit.judge.comparison.cases import Load, Trial
     from ambkit.machine.bearing import Bearing
 
 Array = NDArray[np.float64]
@@ -135,9 +135,7 @@ def evaluate_run(
         )
         figures["nees"] = nees(estimate, record, first)
         figures |= _innovations(estimate, first)
-        figures["delay"] = delay(
-            estimate.f_d[first:], record["f_d"][first:], record.sampling_time, trial.period(first)
-        )
+        figures["delay"] = delay(estimate.f_d[first:], trial.load(first), record.sampling_time)
     figures["lost"] = float(lost)
     return figures
 
@@ -229,7 +227,7 @@ def _innovations(estimate: Estimate, first: int) -> dict[str, float]:
     }
 
 
-def delay(estimated: Array, true: Array, T: float, period: int) -> float:
+def delay(estimated: Array, load: Load, T: float) -> float:
     """How late a signal is [s]: the lag of the greatest correlation with the truth.
 
     Found between the samples by a parabola through the three around it. NaN where the truth never
@@ -237,34 +235,26 @@ def delay(estimated: Array, true: Array, T: float, period: int) -> float:
 
     Parameters
     ----------
-    estimated, true : ndarray (n,)
-        The signal as estimated and as it was.
+    estimated : ndarray (n,)
+        The signal as estimated.
+    load : Load
+        As it was.
     T : float
         Sampling time [s].
-    period : int
-        See `period_of` the truth.
     """
-    from scipy.signal import correlate
+    from scipy.fft import irfft, rfft
 
-    n = estimated.size
-    # Of a load that comes again and again nobody can tell more than half of its period.
-    furthest = min(n // 8, period // 2)
+    n, furthest = estimated.size, load.furthest
     if n < 16 or not np.isfinite(estimated).all():
         return float("nan")
     # The same stretch of the estimate for all lags, against the truth so much earlier: with a
     # stretch that shrinks, the greatest correlation of a step would be at no lag at all.
     e = estimated[furthest:] - estimated[furthest:].mean()
-    t = true - true.mean()
-    if not (np.ptp(e) > 0 and np.ptp(t) > 0):
+    if not (np.ptp(e) > 0 and load.moves):
         return float("nan")
-    product = correlate(t, e, mode="valid", method="fft")[::-1]  # lags 0 ... furthest
-    sums, squares = (np.concatenate([[0.0], np.cumsum(t**power)]) for power in (1, 2))
-    ends = n - np.arange(furthest + 1)
-    starts = furthest - np.arange(furthest + 1)
-    mean = (sums[ends] - sums[starts]) / e.size
-    variance = (squares[ends] - squares[starts]) / e.size - mean**2
-    still = variance <= 1e-9 * variance.max()  # rounding, of a truth that does not move
-    found = np.where(still, -1.0, product / np.sqrt(np.where(still, 1.0, variance)))
+    size = load.transform_size
+    product = irfft(load.transform * rfft(e, size).conj(), size)[furthest::-1]  # lags 0, 1, ...
+    found = np.where(load.still, -1.0, product / load.spread)
     at = int(np.argmax(found))
     if not 0 < at < furthest:
         return float(at * T)

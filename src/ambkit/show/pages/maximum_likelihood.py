@@ -194,12 +194,23 @@ def _found(found: MaximumLikelihood) -> list[Block]:
             title="Parameters",
             headers=["", "start", "found", "standard error", "robust", "95 % interval"],
             rows=rows,
-            caption="Robust: as the scores scatter (White 1982). Much larger than the one beside "
-            "it, and the model is not right.",
+            caption="Robust: as the scores scatter over blocks (White 1982). The standard error is "
+            "the larger of it and of what the likelihood's curvature says.",
         ),
         FigureBlock(figures.estimates_figure(found)),
         FigureBlock(figures.correlation_figure(found)),
     ]
+    given = [
+        f"- **{p.name}**: {engineering(found.model.known[p.name][0], p.unit, 3)} ± "
+        f"{engineering(found.model.known[p.name][1], p.unit, 2)}; the records tell "
+        f"{100 * found.told[i]:.0f} % of what the found value rests on."
+        for i, p in enumerate(found.parameters)
+        if p.name in found.model.known
+    ]
+    if given:
+        blocks.append(Remark("Taken to be known beforehand", "\n".join(given)))
+    if found.touched:
+        blocks.append(Remark("Limits", "\n".join(f"- {said}." for said in found.touched)))
     if found.held:
         said = "\n".join(f"- **{name}**: {why}." for name, why in found.held.items())
         blocks.append(Remark("Not found", said))

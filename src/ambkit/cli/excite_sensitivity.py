@@ -1,0 +1,141 @@
+"""``ambkit excite --for sensitivity``: of machines, and what is printed of experiments."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from ambkit.base.errors import AmbkitError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from ambkit.machine.machine import Machine
+    from ambkit.workflow.injection import Injection
+
+DURATION = 5.0
+"""Of an experiment for the sensitivity, where nobody says it [s]."""
+
+
+def excite_machine(
+    machine: Machine, for_sensitivity: bool, refused: Mapping[str, Any], scenario: Path | None,
+    duration: float | None, estimator: str | None, seed: int | None, axes: list[str],
+    most: tuple[float | None, float | None], ends: tuple[float, float] | None, out: Path | None,
+    plot: Path | None, json: bool,
+) -> None:  # fmt: skip
+    """Design an experiment for each of the axes of a machine.
+
+    Parameters
+    ----------
+    machine : Machine
+        The machine.
+    for_sensitivity : bool
+        Whether it is for that, or for parameters.
+    refused : mapping
+        Options that are not for machines, by their names, which must not be given.
+    scenario : Path, optional
+        A flight in TOML.
+    duration, estimator, seed : optional
+        What the user changed in it.
+    axes : list of str
+        Which; ``[""]`` for the worst, ``["all"]`` for each.
+    most : tuple
+        Limits of current [A] and displacement [m]; None where not given.
+    ends : tuple of float, optional
+        Band [Hz].
+    out, plot : Path, optional
+        Files for the signals and the pictures.
+    json : bool
+        Whether machines are to read it.
+    """
+    from ambkit.cli import output
+    from ambkit.simulation.flight import Flight
+    from ambkit.workflow.flying import flight_for
+    from ambkit.workflow.injecting import design_injection
+
+    if not for_sensitivity:
+        raise AmbkitError(
+            f"{machine.name} is a whole machine: its parameters are excited axis by axis; take "
+            "--for sensitivity, or a bearing of one axis"
+        )
+    for option, given in refused.items():
+        if given is not None:
+            raise AmbkitError(f"{option} is not for --for sensitivity")
+    known = None if scenario is None else Flight.load(scenario)
+    if duration is None and known is None:
+        duration = DURATION
+    flight = flight_for(machine, known, duration=duration, seed=seed)
+    if estimator is not None:
+        fed = "measurement" if estimator == "none" else "estimate"
+        flight = flight.replace(feedback=fed)
+    every = [each.name for each in machine.axes]
+    wanted: list[Any] = every if axes == ["all"] else [each or None for each in axes]
+    found = []
+    with output.progress("trying amplitudes"):
+        for name in wanted:
+            found.append(
+                design_injection(
+                    machine, flight, None if estimator == "none" else estimator, axis=name,
+                    current=most[0], displacement=most[1], band=ends,
+                )
+            )  # fmt: skip
+    deliver_injections(found, out, plot, json)
+
+
+def deliver_injections(
+    found: list[Injection], out: Path | None, plot: Path | None, json: bool
+) -> None:
+    """Print experiments, and write each; of several with the name of its axis in the file's.
+
+    Parameters
+    ----------
+    found : list of Injection
+        The experiments.
+    out, plot : Path, optional
+        Files for the signals and the pictures.
+    json : bool
+        Whether machines are to read it.
+    """
+    from functools import partial
+
+    from ambkit.cli import output
+    from ambkit.show.plots import save_figure
+
+    def named(path: Path | None, one: Injection) -> Path | None:
+        if path is None or len(found) == 1:
+            return path
+        return path.with_name(f"{path.stem}_{one.axis}{path.suffix}")
+
+    def drawn(one: Injection, path: Path) -> None:
+        save_figure(one.figure(), path)
+
+    files: list[Any] = [(named(out, one), one.file().save) for one in found]
+    files += [(named(plot, one), partial(drawn, one)) for one in found]
+    data = found[0].to_dict() if len(found) == 1 else {one.axis: one.to_dict() for one in found}
+    output.deliver(data, [_injected(one) for one in found], files, as_json=json)
+
+
+def _injected(found: Injection) -> Any:
+    """Return the table of an experiment for the sensitivity."""
+    import numpy as np
+
+    from ambkit.cli.output import table, value
+
+    record, limits = found.record, found.limits
+    current, far = (float(np.abs(record[name]).max()) for name in ("iu", "x"))
+    low, high = found.expected.peak_interval()
+    rows = [
+        ["duration", f"{value(record.t[-1], 's')}, {len(record)} samples"],
+        ["period", f"{value(found.period, 's')}, {found.periods} times"],
+        ["frequencies", f"{len(found.excitation.frequencies)}, {value(found.band[0], 'Hz', 3)} to "
+                        f"{value(found.band[1], 'Hz', 3)}"],
+        ["added to the measurement, greatest", value(found.amplitude, "m")],
+        ["control current, greatest",
+         f"{value(current, 'A', like=limits.current)} of {value(limits.current, 'A')}"],
+        ["displacement, greatest",
+         f"{value(far, 'm', like=limits.displacement)} of {value(limits.displacement, 'm')}"],
+        ["peak of |S|, expected", f"{low:.3f} to {high:.3f}"],
+        ["half width of the 95 % interval, median", f"{100 * np.median(found.error):.2g} %"],
+        ["  at worst", f"{100 * np.max(found.error):.2g} %"],
+    ]  # fmt: skip
+    return table(f"Sensitivity of {found.name}: multisine", ["", ""], rows)

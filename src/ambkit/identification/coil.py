@@ -1,0 +1,303 @@
+"""The coil of a magnet: from the control signal to its current, and by how much it lags.
+
+A switched amplifier with a diode in parallel to the coil pulls the current towards what the control
+signal asks for, and lets it die away by itself::
+
+    tau(z) di/dt = G (u - u0) - i,     i >= 0,     tau(z) = L/R = a + b exp(-z/c)
+
+The inductance falls with the distance z of what is pulled. The diode holds the current at zero, and
+what the control asks for may be below it: a target that were cut at zero would let the current die
+away too slowly. Told is what logs tell: ``G = V/R`` and ``tau = L/R`` go together, so neither the
+resistance nor the voltage of full control can be had from control and current alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import RecordError
+from ambkit.data.record import Record
+
+if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
+
+Array = NDArray[np.float64]
+
+BLOCK = 0.5
+"""Seconds in which errors may be alike; the standard errors count each such block once."""
+
+LEAST_RANGE = 20.0
+"""Of a current over its noise: below it a log tells nothing of a coil."""
+
+
+@dataclass(frozen=True)
+class Coil:
+    """A coil and its amplifier.
+
+    Attributes
+    ----------
+    gain : float
+        G, current at rest for a control signal of 1 V [A/V].
+    dead_zone : float
+        u0, control signal up to which no current flows [V].
+    far_time, near_time, length : float
+        a, b [s] and c [m] of the time constant ``a + b exp(-z/c)``.
+    delay : float
+        From a control signal to the change of the current [s].
+    zero : float
+        What the current's sensor shows without any current [A].
+    """
+
+    gain: float
+    dead_zone: float
+    far_time: float
+    near_time: float
+    length: float
+    delay: float
+    zero: float = 0.0
+
+    def time_constant(self, z: Array | float) -> Any:
+        """Return L/R [s] with the rotor at a distance z [m] from the magnet."""
+        return self.far_time + self.near_time * np.exp(-np.asarray(z) / self.length)
+
+    def current(self, record: Record) -> Array:
+        """Return what the sensor would show along a record without noise (n,) [A].
+
+        Exact for a control signal that is held and a rotor that is still within a sample. The first
+        current is the record's own.
+
+        Parameters
+        ----------
+        record : Record
+            With ``u`` [V], ``z`` [m] and ``i`` [A].
+        """
+        T = record.sampling_time
+        tau = self.time_constant(record["z"])
+        target = self.gain * (record["u"] - self.dead_zone)
+        whole = math.floor(self.delay / T)
+        part = self.delay / T - whole
+        k = np.arange(target.size)
+        now, before = (target[np.clip(k - whole - more, 0, k.size - 1)] for more in (0, 1))
+        keep_before, keep_now = np.exp(-part * T / tau), np.exp(-(1 - part) * T / tau)
+        pulls = zip(
+            keep_before.tolist(), ((1 - keep_before) * before).tolist(),
+            keep_now.tolist(), ((1 - keep_now) * now).tolist(), strict=True,
+        )  # fmt: skip
+        i, found = max(float(record["i"][0]) - self.zero, 0.0), []
+        for keep_1, pull_1, keep_2, pull_2 in pulls:
+            found.append(i)
+            i = max(keep_1 * i + pull_1, 0.0)  # the diode
+            i = max(keep_2 * i + pull_2, 0.0)
+        return np.array(found) + self.zero
+
+
+@dataclass(frozen=True, eq=False)
+class CoilFit:
+    """A coil from logs, with its errors.
+
+    Attributes
+    ----------
+    coil : Coil
+        What was found.
+    standard_errors : mapping of str to float
+        By the names of `Coil`, SI; from blocks of half a second.
+    residual_rms : float
+        Current that is left unexplained, in all logs together [A].
+    noise : float
+        Of the current's sensor, from neighbouring samples while nothing is switched [A].
+    each : mapping of str to float
+        The same by the names of the logs, in what the coil was found from.
+    left_out : mapping of str to float
+        The same where the coil comes from all other logs; empty with fewer than three.
+    distance : mapping of str to float
+        Mean of z in each log [m].
+    """
+
+    coil: Coil
+    standard_errors: Mapping[str, float]
+    residual_rms: float
+    noise: float
+    each: Mapping[str, float]
+    left_out: Mapping[str, float]
+    distance: Mapping[str, float]
+
+    def bearing(self, known: Bearing, working_point: float) -> Bearing:
+        """Return a bearing that is driven by the control signal through this coil.
+
+        Its amplifier lags by the time constant at the working point, and its loop is late by the
+        coil's delay. `offset` says what is to be added to the control signal.
+
+        Parameters
+        ----------
+        known : Bearing
+            All else.
+        working_point : float
+            Distance z at x = 0 [m].
+        """
+        tau = float(self.coil.time_constant(working_point))
+        gain = self.coil.gain
+        return known.replace(
+            amplifier__gain=gain,
+            amplifier__bandwidth=1 / (2 * math.pi * tau),
+            amplifier__noise_variance=(self.residual_rms / gain) ** 2,
+            delay=max(self.coil.delay, 0.0) or None,
+        )
+
+    def offset(self, known: Bearing) -> float:
+        """Return what a channel map adds to the control signal, so that 0 is the bias current [V].
+
+        Parameters
+        ----------
+        known : Bearing
+            With the bias current.
+        """
+        return -(self.coil.dead_zone + known.magnet.bias_current / self.coil.gain)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as plain data, in SI."""
+        return {
+            "coil": asdict(self.coil),
+            "standard_errors": dict(self.standard_errors),
+            "residual_rms": self.residual_rms,
+            "noise": self.noise,
+            "each": dict(self.each),
+            "left_out": dict(self.left_out),
+            "distance": dict(self.distance),
+        }
+
+
+NAMES = tuple(field.name for field in fields(Coil))
+
+
+def fit_coil(
+    records: Sequence[Record],
+    names: Sequence[str] | None = None,
+    *,
+    note: Callable[[str], object] = lambda _: None,
+) -> CoilFit:
+    """Find a coil by least squares of the current that it would have, along whole logs.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        With the control signal ``u`` [V], the measured current ``i`` [A], and ``z`` [m], the
+        distance of the rotor, which is still or moves slowly.
+    names : sequence of str, optional
+        Of the records; by default they are numbered.
+    note : callable
+        Told what is being done.
+
+    Raises
+    ------
+    RecordError
+        There is no record, one lacks a signal or has gaps, or its current never moves.
+    """
+    names = list(names or (f"log {number}" for number in range(1, len(records) + 1)))
+    if not records:
+        raise RecordError("there is no log to find a coil from")
+    for name, record in zip(names, records, strict=True):
+        _check(name, record)
+    note("fitting the coil")
+    began = _begin(records)
+    coil, misses, slopes = _least_squares(records, began)
+    inverse = np.linalg.pinv(slopes.T @ slopes)
+    scores = _blocks(slopes * np.concatenate(misses)[:, None], records)
+    errors = np.sqrt(np.diag(inverse @ (scores.T @ scores) @ inverse))
+    left_out = {}
+    if len(records) > 2:
+        note("leaving out one log after the other")
+        ends = np.cumsum([len(record) for record in records])
+        for name, record, end in zip(names, records, ends, strict=True):
+            others = np.ones(ends[-1], bool)
+            others[end - len(record) : end] = False
+            # Gauss and Newton's step from what all logs say: hardly a standard error long.
+            step, *_ = np.linalg.lstsq(slopes[others], -np.concatenate(misses)[others], rcond=None)
+            theta = np.array([getattr(coil, at) for at in NAMES]) + step
+            left_out[name] = _rms(Coil(*theta.tolist()).current(record) - record["i"])
+    return CoilFit(
+        coil,
+        dict(zip(NAMES, errors.tolist(), strict=True)),
+        _rms(np.concatenate(misses)),
+        float(np.median([_quiet_noise(record) for record in records])),
+        {name: _rms(miss) for name, miss in zip(names, misses, strict=True)},
+        left_out,
+        {name: float(np.mean(r["z"])) for name, r in zip(names, records, strict=True)},
+    )
+
+
+def _check(name: str, record: Record) -> None:
+    for signal, unit in (("z", "m"), ("i", "A"), ("u", "V")):
+        if signal not in record:
+            raise RecordError(f"{name}: lacks {signal} [{unit}], which a coil is found from")
+        if not np.isfinite(record[signal]).all():
+            raise RecordError(f"{name}: samples of {signal} are missing")
+    if len(record) < 50 or np.ptp(record["u"]) == 0:
+        raise RecordError(f"{name}: the control signal never changes, which tells nothing")
+    if np.ptp(record["i"]) < LEAST_RANGE * _quiet_noise(record):
+        raise RecordError(f"{name}: the current hardly moves, which tells nothing of a coil")
+
+
+def _begin(records: Sequence[Record]) -> Coil:
+    """Start from what the current comes to, and a lag of some samples."""
+    u, i, z = (np.concatenate([r[name] for r in records]) for name in ("u", "i", "z"))
+    most = float(u.max())
+    gain = float(np.quantile(i[u > 0.95 * most], 0.9)) / most
+    zero = float(np.median(i[u <= 0.02 * most])) if (u <= 0.02 * most).any() else 0.0
+    T = records[0].sampling_time
+    # From the area between what is asked for and what flows: of a first-order lag its time.
+    area = sum(float(np.abs(gain * r["u"] + zero - r["i"]).sum()) for r in records)
+    jumps = sum(float(np.abs(gain * np.diff(r["u"])).sum()) for r in records)
+    tau = max(T * area / max(jumps, 1e-12), T)
+    spread = max(float(np.ptp(z)), 1e-3)
+    return Coil(gain, 0.01 * most, 0.8 * tau, 0.2 * tau, 0.3 * spread, 0.3 * T, zero)
+
+
+def _least_squares(records: Sequence[Record], begin: Coil) -> tuple[Coil, list[Array], Array]:
+    """Return the best coil, what each record is missed by, and the slopes of that (n, 7)."""
+    from scipy.optimize import least_squares
+
+    size = np.array([
+        begin.gain, 0.1 * abs(begin.gain), begin.far_time, begin.far_time,
+        max(begin.length, 1e-4), records[0].sampling_time, 0.05 * abs(begin.gain),
+    ])  # fmt: skip
+    low = np.full(size.size, -np.inf)
+    low[[0, 2, 4, 5]] = 1e-3 * size[[0, 2, 4, 5]]
+
+    def misses(theta: Array) -> list[Array]:
+        coil = Coil(*theta.tolist())
+        return [coil.current(record) - record["i"] for record in records]
+
+    def in_a_row(theta: Array) -> Array:
+        return np.concatenate(misses(theta))
+
+    first = np.maximum(np.array([getattr(begin, name) for name in NAMES]), low + 1e-3 * size)
+    found = least_squares(
+        in_a_row, first, x_scale=size, bounds=(low, np.inf), diff_step=np.full(size.size, 1e-5),
+        xtol=1e-7, ftol=1e-7,
+    )  # fmt: skip
+    return Coil(*found.x.tolist()), misses(found.x), np.asarray(found.jac)
+
+
+def _blocks(scores: Array, records: Sequence[Record]) -> Array:
+    """Sum rows (n, p) over blocks of `BLOCK` seconds of each record."""
+    edges, at = [], 0
+    for record in records:
+        length = max(1, round(BLOCK / record.sampling_time))
+        edges += list(range(at, at + len(record), length))
+        at += len(record)
+    return np.asarray(np.add.reduceat(scores, edges, axis=0))
+
+
+def _quiet_noise(record: Record) -> float:
+    """Noise of the current from second differences; half of them see no switching."""
+    return float(np.median(np.abs(np.diff(record["i"], 2)))) / (0.6745 * math.sqrt(6))
+
+
+def _rms(values: Array) -> float:
+    return math.sqrt(float(np.mean(values**2)))

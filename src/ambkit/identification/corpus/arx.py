@@ -1,0 +1,86 @@
+"""The baseline that knows no physics: an ARX model, straight at so many samples ahead.
+
+``y[k+h] - y[k]`` by least squares from the last positions and controls (Ljung 1999, ch. 4; directly
+for h samples as Marcellino, Stock and Watson 2006). Only controls up to sample k enter: in a loop
+those that come later have the measurements in them that are to be predicted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.data.record import Record
+
+Array = NDArray[np.float64]
+
+ORDER = 30
+"""Past samples of each signal."""
+
+
+@dataclass(frozen=True, eq=False)
+class ARX:
+    """An ARX model, h samples ahead.
+
+    Attributes
+    ----------
+    ahead : int
+        How many samples.
+    weights : ndarray (2 ORDER,)
+        Of past positions less the last one, of the controls, and of a constant.
+    """
+
+    ahead: int
+    weights: Array
+
+    def predict(self, record: Record) -> Array:
+        """Return predictions of ``y[k + ahead]`` from sample k on [m], NaN for the first ones."""
+        rows, last = _rows(record, self.ahead)
+        found = np.full(len(record) - self.ahead, np.nan)
+        found[ORDER - 1 :] = last + rows @ self.weights
+        return found
+
+
+def normal_of(records: Sequence[Record], ahead: int) -> Array:
+    """Return the normal equations of records (2 ORDER, 2 ORDER + 1), which add up over logs.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        With ``y`` [m] and ``u`` [V], without gaps.
+    ahead : int
+        How many samples ahead.
+    """
+    total = np.zeros((2 * ORDER, 2 * ORDER + 1))
+    for record in records:
+        rows, last = _rows(record, ahead)
+        target = record["y"][ORDER - 1 + ahead :] - last
+        total += rows.T @ np.column_stack([rows, target])
+    return total
+
+
+def fit_arx(normal: Array, ahead: int) -> ARX:
+    """Fit one.
+
+    Parameters
+    ----------
+    normal : ndarray (2 ORDER, 2 ORDER + 1)
+        Sum of what `normal_of` gives of each log.
+    ahead : int
+        How many samples ahead.
+    """
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    left, right = normal[:, :-1] / np.outer(scale, scale), normal[:, -1] / scale
+    weights, *_ = np.linalg.lstsq(left, right, rcond=1e-12)
+    return ARX(ahead, weights / scale)
+
+
+def _rows(record: Record, ahead: int) -> tuple[Array, Array]:
+    """Return regressors (m, 2 ORDER) and the last positions (m,), k from ORDER - 1 on."""
+    windows = np.lib.stride_tricks.sliding_window_view
+    y, u = (windows(record[name], ORDER)[: len(record) - ORDER + 1 - ahead] for name in ("y", "u"))
+    last = y[:, -1]
+    return np.column_stack([y[:, :-1] - last[:, None], u, np.ones(len(last))]), last

@@ -1,0 +1,399 @@
+"""All logs of a rig: each identified alone, pooled, and each foretold by what the others say."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import AmbkitError, RecordError
+from ambkit.base.units import engineering
+from ambkit.estimate.constant_velocity import ConstantVelocityFilter, tune
+from ambkit.estimate.innovations import whiteness
+from ambkit.identification.corpus.arx import ORDER, fit_arx, normal_of
+from ambkit.identification.corpus.cutting import SMOOTHED, Stretch, cut, flights, noise_of
+from ambkit.identification.corpus.pooling import Pooled, pool
+from ambkit.identification.maximum_likelihood.estimate import MaximumLikelihood, maximum_likelihood
+from ambkit.identification.maximum_likelihood.likelihood import settling_time
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel, goes_on_a_line
+from ambkit.identification.maximum_likelihood.parameters import beforehand, usual
+from ambkit.identification.maximum_likelihood.validation import (
+    AS_GOOD,
+    LEFT,
+    predictable,
+)
+from ambkit.machine.parts import Hum
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+
+Array = NDArray[np.float64]
+
+AHEAD = (1, 10)
+"""Samples ahead that are foretold."""
+
+LAGS = 50
+"""Of the correlation of the residuals."""
+
+SAME_LINE = 0.02
+"""By which share frequencies of one line may differ between logs: the mains keep to 1 %."""
+
+FEWEST = 2
+"""Logs that can be pooled."""
+
+
+@dataclass(frozen=True)
+class Foretold:
+    """How a log is foretold by a model of the others.
+
+    Attributes
+    ----------
+    name : str
+        Of the log.
+    samples : int
+        Measurements that count.
+    error, held, unmodelled, arx : mapping of int to float
+        Samples ahead, and the RMS error [m]: of the model; of the last measurement, held; of the
+        constant-velocity filter; of the ARX model. These two are fitted to the others as well.
+    floor : float
+        Noise of the measurement itself, as the model has it along this log, rms [m].
+    nis : float
+        Mean normalised innovation squared; 1 where the noise is right.
+    white : float
+        Share of 50 lags at which the residuals correlate no more than white ones would.
+    left : float
+        Share of the residuals' variance that their own past and the control's foretell.
+    """
+
+    name: str
+    samples: int
+    error: Mapping[int, float]
+    held: Mapping[int, float]
+    unmodelled: Mapping[int, float]
+    arx: Mapping[int, float]
+    floor: float
+    nis: float
+    white: float
+    left: float
+
+    @property
+    def good(self) -> bool:
+        """Whether nothing knows more of this log than the model.
+
+        No baseline foretells it better, its noise is what the model expects, and hardly anything of
+        what is left could be foretold.
+        """
+        others = (self.held, self.unmodelled, self.arx)
+        beaten = all(self.error[k] <= AS_GOOD * other[k] for k in AHEAD for other in others)
+        return beaten and 0.8 < self.nis < 1.25 and self.left < LEFT
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as plain data, in SI."""
+        kinds = {"error": self.error, "held": self.held, "without_a_magnet": self.unmodelled,
+                 "arx": self.arx}  # fmt: skip
+        return {
+            "log": self.name, "samples": self.samples,
+            **{name: {str(k): v for k, v in of.items()} for name, of in kinds.items()},
+            "noise_floor": self.floor, "nis": self.nis, "white_share": self.white,
+            "predictable_share": self.left, "good": self.good,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Corpus:
+    """What many logs say of a rig.
+
+    Attributes
+    ----------
+    start : LoopModel
+        What was known before.
+    model : LoopModel
+        With what the logs say together.
+    pooled : Pooled
+        Their figures, errors, and scatter between logs.
+    found : mapping of str to MaximumLikelihood
+        What each log says alone.
+    foretold : list of Foretold
+        Each log by a model of the others.
+    stretches : mapping of str to list of Stretch
+        How each log was cut.
+    left_out : mapping of str to str
+        Logs that nothing is identified from, and why.
+    """
+
+    start: LoopModel
+    model: LoopModel
+    pooled: Pooled
+    found: Mapping[str, MaximumLikelihood]
+    foretold: Sequence[Foretold]
+    stretches: Mapping[str, Sequence[Stretch]]
+    left_out: Mapping[str, str]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as plain data, in SI."""
+        p = self.pooled
+        return {
+            "foretold": [each.to_dict() for each in self.foretold],
+            "parameters": {
+                one.name: {
+                    "value": float(p.values[k]), "unit": one.unit,
+                    "standard_error": float(p.errors[k] * (p.values[k] if one.positive else 1)),
+                    "scatter_between_logs": float(p.scatter[k]),
+                    "scatter_is_relative": one.positive,
+                    "each": {name: float(p.each[row, k]) for row, name in enumerate(self.found)},
+                    "each_standard_error": {
+                        name: float(p.each_error[row, k] * (p.each[row, k] if one.positive else 1))
+                        for row, name in enumerate(self.found)
+                    },
+                }
+                for k, one in enumerate(p.parameters)
+            },
+            "stretches": {
+                name: [{"kind": s.kind, "from": s.begin, "to": s.end} for s in cuts]
+                for name, cuts in self.stretches.items()
+            },
+            "lines": [h.model_dump() for h in self.model.bearing.sensor.hum],
+            "left_out": dict(self.left_out),
+        }  # fmt: skip
+
+
+def identify_corpus(
+    records: Mapping[str, Record],
+    start: LoopModel,
+    free: Sequence[str] | None = None,
+    *,
+    threads: int = 2,
+    note: Callable[[str], object] = lambda _: None,
+) -> Corpus:
+    """Identify a rig from all of its logs.
+
+    Parameters
+    ----------
+    records : mapping of str to Record
+        Whole logs with ``y`` [m] and ``u`` [V], by name.
+    start : LoopModel
+        What is known.
+    free : sequence of str, optional
+        What is looked for in each log; by default what a record usually tells.
+    threads : int
+        Logs that are searched at a time.
+    note : callable
+        Told what is being done.
+
+    Raises
+    ------
+    AmbkitError
+        Fewer than two logs have a flight to identify from.
+    """
+    note("cutting the logs")
+    stretches = {name: cut(record, start.bearing) for name, record in records.items()}
+    flown, left_out = _flown(records, stretches, start)
+    if len(flown) < FEWEST:
+        why = "; ".join(f"{name}: {text}" for name, text in left_out.items())
+        raise AmbkitError(f"a corpus needs {FEWEST} logs of a flight, {len(flown)} are left: {why}")
+    free = usual(start) if free is None else free
+    if all(goes_on_a_line(r) for parts in flown.values() for r in parts):
+        start = start.replace(line=True)
+    # The sampled model is exact, but for the part of a sample in a delay: nanometres.
+    start = start.replace(substeps=1)
+    start = start.replace(known={n: v for n, v in beforehand(start).items() if n in free})
+    names = list(flown)
+    found = _each(flown, start, free, threads, note)
+    for name in [name for name in names if isinstance(found[name], str)]:
+        left_out[name] = str(found.pop(name))
+        names.remove(name)
+    likelihoods = {name: one for name, one in found.items() if isinstance(one, MaximumLikelihood)}
+    if len(names) < FEWEST:
+        raise AmbkitError(f"a corpus needs {FEWEST} logs that tell something: {left_out}")
+    baselines = {name: Baselines.of(flown[name]) for name in names}
+    foretold = []
+    for at, name in enumerate(names):
+        note(f"foretelling {at + 1} of {len(names)}: {name}")
+        rest = [other for other in names if other != name]
+        _, model = _together([likelihoods[other] for other in rest], start)
+        others = Baselines.together([baselines[other] for other in rest])
+        foretold.append(foretell(name, flown[name], model, others))
+    together, model = _together(list(likelihoods.values()), start)
+    return Corpus(start, model, together, likelihoods, foretold, stretches, left_out)
+
+
+def _together(found: Sequence[MaximumLikelihood], start: LoopModel) -> tuple[Pooled, LoopModel]:
+    """Pool what logs say, and give the model the lines that more than half of them have."""
+    pooled = pool(found)
+    lines = [line for one in found for line in one.lines]
+    shared: list[Hum] = []
+    while lines:
+        near = [h for h in lines if abs(h.frequency / lines[0].frequency - 1) < SAME_LINE]
+        lines = [h for h in lines if h not in near]
+        if 2 * len(near) > len(found):
+            frequencies = [h.frequency for h in near]
+            shared.append(
+                Hum(
+                    frequency=float(np.median(frequencies)),
+                    amplitude=_rms(np.array([h.amplitude for h in near])),
+                    # A line that is elsewhere in each log wanders as far.
+                    bandwidth=max(float(np.median([h.bandwidth for h in near])),
+                                  float(np.std(frequencies))),
+                )
+            )  # fmt: skip
+    return pooled, pooled.applied_to(start).replace(
+        sensor__hum=(*start.bearing.sensor.hum, *shared)
+    )
+
+
+def _flown(
+    records: Mapping[str, Record], stretches: Mapping[str, list[Stretch]], start: LoopModel
+) -> tuple[dict[str, list[Record]], dict[str, str]]:
+    """Return the flights of each log that has such, and why of the others there are none."""
+    bearing = start.bearing
+    cuts = {name: flights(record, stretches[name], bearing) for name, record in records.items()}
+    noise = {
+        name: float(np.median([noise_of(each) for each in parts]))
+        for name, parts in cuts.items() if parts
+    }  # fmt: skip
+    usual_noise = float(np.median([*noise.values(), math.sqrt(bearing.sensor.noise_variance)]))
+    flown, left_out = {}, {}
+    for name, parts in cuts.items():
+        if not parts:
+            kinds = sorted({s.kind for s in stretches[name]})
+            left_out[name] = f"no flight that is long enough, only {', '.join(kinds) or 'samples'}"
+        elif noise[name] < SMOOTHED * usual_noise:
+            left_out[name] = (
+                f"smoothed before it was logged: its position has a noise of "
+                f"{engineering(noise[name], 'm', 2)}, elsewhere it is "
+                f"{engineering(usual_noise, 'm', 2, like=noise[name])}"
+            )
+        else:
+            flown[name] = parts
+    return flown, left_out
+
+
+def _each(
+    flown: Mapping[str, list[Record]],
+    start: LoopModel,
+    free: Sequence[str],
+    threads: int,
+    note: Callable[[str], object],
+) -> dict[str, MaximumLikelihood | str]:
+    """Identify from each log alone; the first one finds where the others begin."""
+    names = list(flown)
+    done = 0
+
+    def searched(
+        name: str, begin: LoopModel, free: Sequence[str], improve: bool
+    ) -> MaximumLikelihood | str:
+        nonlocal done
+        try:
+            return maximum_likelihood(
+                flown[name], begin, free, improve_start=improve, profile=False, lines=True
+            )
+        except (AmbkitError, RecordError) as error:
+            return str(error)
+        finally:
+            done += 1
+            note(f"identified from {done} of {len(names)}: {name}")
+
+    note(f"identifying from {names[0]}")
+    first = searched(names[0], start, free, improve=True)
+    begin, told = start, list(free)
+    if isinstance(first, MaximumLikelihood):
+        told = [name for name in free if name not in first.held]  # as of a lag: not of any log
+        begin = first.model.replace(
+            known=start.known, current_offset=start.current_offset,
+            position_offset=start.position_offset, sensor__hum=start.bearing.sensor.hum,
+        )  # fmt: skip
+    with ThreadPoolExecutor(threads) as workers:
+        rest = workers.map(lambda name: searched(name, begin, told, improve=False), names[1:])
+        return {names[0]: first, **dict(zip(names[1:], rest, strict=True))}
+
+
+@dataclass(frozen=True, eq=False)
+class Baselines:
+    """What foretells without knowing a magnet, fitted to some logs.
+
+    Attributes
+    ----------
+    naive : ConstantVelocityFilter
+        Tuned by the likelihood.
+    normal : mapping of int to ndarray
+        Samples ahead, and the normal equations of an ARX model.
+    """
+
+    naive: ConstantVelocityFilter
+    normal: Mapping[int, Array]
+
+    @classmethod
+    def of(cls, records: Sequence[Record]) -> Baselines:
+        """Fit them to the flights of one log."""
+        T = records[0].sampling_time
+        naive = tune([record["y"] for record in records], T)
+        return cls(naive, {k: normal_of(records, k) for k in AHEAD})
+
+    @classmethod
+    def together(cls, several: Sequence[Baselines]) -> Baselines:
+        """Return those of several logs: one ARX model, and what they tune to in the mean."""
+        q, R = (
+            math.exp(float(np.mean([math.log(getattr(one.naive, name)) for one in several])))
+            for name in ("q", "R")
+        )
+        normal = {k: np.sum([one.normal[k] for one in several], axis=0) for k in AHEAD}
+        return cls(ConstantVelocityFilter(several[0].naive.T, q, R), normal)
+
+
+def foretell(name: str, records: Sequence[Record], model: LoopModel, others: Baselines) -> Foretold:
+    """Foretell a log by a model that has not seen it, beside what knows no magnet.
+
+    Parameters
+    ----------
+    name : str
+        Of the log.
+    records : sequence of Record
+        Its flights.
+    model : LoopModel
+        What the others say.
+    others : Baselines
+        Fitted to the others.
+    """
+    naive = others.naive
+    first = max(round(settling_time(model.bearing) / records[0].sampling_time) * 4, ORDER)
+    misses: dict[str, dict[int, list[Array]]] = {
+        kind: {k: [] for k in AHEAD} for kind in ("model", "held", "naive", "arx")
+    }
+    residuals, squares, variances, controls = [], [], [], []
+    linear = {k: fit_arx(others.normal[k], k) for k in AHEAD}
+    for record in records:
+        y = record["y"]
+        e, S, used = model.innovations(record)
+        used[:first] = False
+        residuals.append((e / np.sqrt(S))[used])
+        controls.append(record["u"][used])
+        squares.append((e**2 / S)[used])
+        share = 1 + model.bearing.sensor.noise_rise * (y - model.position_offset)
+        variances.append(model.bearing.sensor.noise_variance * np.clip(share, 1 / 8, 8)[used] ** 2)
+        for k in AHEAD:
+            target = y[k:]
+            for kind, guess in (
+                ("model", model.predict(record, k)), ("held", y[:-k]),
+                ("naive", naive.predict(y, k)), ("arx", linear[k].predict(record)),
+            ):  # fmt: skip
+                misses[kind][k].append((target - guess)[first:])
+    rms = {
+        kind: {k: _rms(np.concatenate(parts)) for k, parts in by.items()}
+        for kind, by in misses.items()
+    }
+    residual = np.concatenate(residuals)
+    return Foretold(
+        name, residual.size, rms["model"], rms["held"], rms["naive"], rms["arx"],
+        _rms(np.sqrt(np.concatenate(variances))), float(np.mean(np.concatenate(squares))),
+        whiteness(residual, LAGS).share_within,
+        predictable(residual, np.concatenate(controls)),
+    )  # fmt: skip
+
+
+def _rms(values: Array) -> float:
+    return math.sqrt(float(np.nanmean(values**2)))

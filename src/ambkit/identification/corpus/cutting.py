@@ -1,0 +1,159 @@
+"""Where in a log a rotor flies, and where it rests, lies on a stop or drives something to its end.
+
+A rotor flies where its acceleration is what magnet and weight say. That holds as well where it
+hardly moves, and it is no question of how quiet a log is.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.data.record import Record
+from ambkit.machine.magnets import magnet_of, own_time
+
+if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
+
+Array = NDArray[np.float64]
+
+UNEXPLAINED = 0.5
+"""Acceleration that magnet and weight do not explain, in parts of what holds the rotor, from which
+on it does not fly."""
+
+AFTER = 40
+"""The plant's own times that are left out after something else than flight, as it is fetched."""
+
+SHORTEST = 40
+"""The plant's own times that a flight must have to be told anything from."""
+
+SMOOTHED = 0.25
+"""Of the noise that other logs or the bearing have: a position with less was smoothed before."""
+
+KINDS = ("flight", "fetched", "saturated", "landed", "rest")
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A part of a log.
+
+    Attributes
+    ----------
+    kind : str
+        One of `KINDS`. ``saturated``: sensor or current at its end; ``landed``: still at a stop;
+        ``rest``: still elsewhere, and not carried; ``fetched``: just after one of these, or not
+        explained by magnet and weight.
+    begin, end : float
+        Times of its first sample and of the one after its last [s].
+    """
+
+    kind: str
+    begin: float
+    end: float
+
+
+def cut(record: Record, bearing: Bearing) -> list[Stretch]:
+    """Cut a log into stretches.
+
+    Parameters
+    ----------
+    record : Record
+        With ``y`` [m] and ``u`` [V].
+    bearing : Bearing
+        As it is described; its figures need not be exact.
+    """
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+    from scipy.signal import savgol_filter
+
+    T = record.sampling_time
+    y, u = _whole(record["y"]), _whole(record["u"])
+    own = max(own_time(bearing) / T, 2.0)
+    width = 2 * round(own) + 1
+    if y.size < 2 * width:
+        return []
+    gap = 0.98 * bearing.magnet.air_gap
+    x = np.clip(y / bearing.sensor.gain, -gap, gap)
+    current = np.clip(bearing.amplifier.gain * u, bearing.current_min, bearing.current_max)
+    force = np.asarray(magnet_of(bearing).force(current, x)) + bearing.weight
+    acceleration = savgol_filter(x, width, 3, deriv=2, delta=T)
+    push = savgol_filter(force / bearing.rotor.mass, width, 2)
+    hold = abs(bearing.weight) or _typical_force(bearing)
+    astray = np.abs(acceleration - push) > UNEXPLAINED * hold / bearing.rotor.mass
+
+    saturated = _at_its_end(y, bearing.sensor.gain * bearing.rotor.travel_limit)
+    i = bearing.amplifier.gain * u
+    saturated |= (i >= 0.999 * bearing.current_max) | (i <= 0.97 * bearing.current_min)
+    saturated = maximum_filter1d(saturated, width)
+    reach = maximum_filter1d(y, width) - minimum_filter1d(y, width)
+    still = reach < 10 * max(noise_of(record), 1e-12)
+    ends = (y <= y.min() + 0.02 * np.ptp(y)) | (y >= y.max() - 0.02 * np.ptp(y))
+    kind = np.zeros(y.size, int)
+    kind[astray] = KINDS.index("fetched")
+    kind[astray & still] = KINDS.index("rest")
+    kind[astray & still & ends] = KINDS.index("landed")
+    kind[saturated] = KINDS.index("saturated")
+    other = np.flatnonzero(kind > 0)
+    for last in other[np.diff(np.append(other, y.size)) > 1] if other.size else ():
+        after = kind[last + 1 : last + 1 + round(AFTER * own)]
+        after[after == 0] = KINDS.index("fetched")
+    edges = np.r_[0, np.flatnonzero(np.diff(kind)) + 1, y.size]
+    t = np.append(record.t, record.t[-1] + T)
+    return [Stretch(KINDS[kind[a]], float(t[a]), float(t[b])) for a, b in pairwise(edges.tolist())]
+
+
+def flights(record: Record, stretches: list[Stretch], bearing: Bearing) -> list[Record]:
+    """Return the flights of a log that are long enough to be identified from.
+
+    Parameters
+    ----------
+    record : Record
+        The log.
+    stretches : list of Stretch
+        From `cut`.
+    bearing : Bearing
+        Whose own time it is that counts.
+    """
+    least = SHORTEST * own_time(bearing)
+    return [
+        record.between(s.begin, s.end)
+        for s in stretches
+        if s.kind == "flight" and s.end - s.begin >= least
+    ]
+
+
+def noise_of(record: Record) -> float:
+    """Return the standard deviation of a position's noise, from its second differences [m].
+
+    Of white noise they have six times its variance; the median does not see what moves fast.
+    """
+    bend = np.diff(record["y"], 2)
+    bend = bend[np.isfinite(bend)]
+    if bend.size < 10:
+        return math.nan
+    return float(np.median(np.abs(bend))) / (0.6745 * math.sqrt(6))
+
+
+def _whole(values: Array) -> Array:
+    known = np.isfinite(values)
+    if known.all() or not known.any():
+        return np.nan_to_num(values)
+    at = np.arange(values.size)
+    return np.interp(at, at[known], values[known])
+
+
+def _at_its_end(y: Array, travel: float) -> NDArray[np.bool_]:
+    """Where a sensor shows its least or greatest number several times in a row, or a stop."""
+    still = np.r_[False, np.diff(y) == 0]
+    ends = (y == y.min()) | (y == y.max())
+    return np.asarray((still & ends) | (np.abs(y) >= 0.99 * abs(travel)))
+
+
+def _typical_force(bearing: Bearing) -> float:
+    from ambkit.machine.magnets import ConstantStiffness
+
+    return 0.2 * ConstantStiffness.of(bearing).k_i * bearing.amplifier.current_limit

@@ -1,0 +1,147 @@
+"""What several logs say together, where each is a little different: random effects.
+
+Each log has its own estimate of the parameters, with an error. Physics is one, but the loops that
+excite it, the room's temperature and what a model leaves out are not: logs scatter by more than
+their errors. So ``theta_l ~ N(mu, C_l + T)`` with T diagonal, found by the restricted likelihood
+(DerSimonian and Laird 1986 for the model, Harville 1977 for the likelihood), and mu with an error
+that has the scatter in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.identification.maximum_likelihood.estimate import MaximumLikelihood
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+from ambkit.identification.maximum_likelihood.parameters import OFFSETS, PARAMETERS, Parameter
+
+Array = NDArray[np.float64]
+
+LEAST_SCATTER = 1e-4
+"""Between logs, in the coordinates: below it they are as good as equal."""
+
+FEWEST = 3
+"""Logs from which on a scatter between them can be told."""
+
+COORDINATE = {"delay": 1e-3, "noise_rise": 100.0}
+"""What a parameter that is no logarithm is counted in [SI]: all coordinates are of the size 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pooled:
+    """Parameters of several logs together.
+
+    Attributes
+    ----------
+    parameters : list of Parameter
+        Which, p.
+    values, errors : ndarray (p,)
+        In the mean over logs, SI, with standard errors: of the logarithm for a positive one.
+    scatter : ndarray (p,)
+        Standard deviation between logs beyond their own errors, in the same units.
+    each, each_error : ndarray (logs, p)
+        Of each log alone; NaN where a log holds the parameter.
+    """
+
+    parameters: list[Parameter]
+    values: Array
+    errors: Array
+    scatter: Array
+    each: Array
+    each_error: Array
+
+    def applied_to(self, model: LoopModel) -> LoopModel:
+        """Return a model with these values."""
+        return model.replace(
+            **{p.place: float(value) for p, value in zip(self.parameters, self.values, strict=True)}
+        )
+
+    def __getitem__(self, name: str) -> float:
+        """Return a value [SI]."""
+        return float(self.values[[p.name for p in self.parameters].index(name)])
+
+
+def pool(found: Sequence[MaximumLikelihood]) -> Pooled:
+    """Pool what was found of several logs.
+
+    Offsets are of a log: each has its own, as far from what is known beforehand as that may be, and
+    with the error that this leaves in all others.
+
+    Parameters
+    ----------
+    found : sequence of MaximumLikelihood
+        Of each log.
+    """
+    seen = {p.name for one in found for p in one.parameters} - set(OFFSETS)
+    names = [name for name in PARAMETERS if name in seen]
+    parameters = [PARAMETERS[name] for name in names]
+    size = np.array([1.0 if p.positive else COORDINATE.get(p.name, 1.0) for p in parameters])
+    each, each_error = (np.full((len(found), len(names)), np.nan) for _ in range(2))
+    alone = []
+    for row, one in enumerate(found):
+        own = [k for k, p in enumerate(one.parameters) if p.name in seen]
+        at = [names.index(one.parameters[k].name) for k in own]
+        each[row, at], each_error[row, at] = one.values[own], one.errors[own]
+        theta = np.zeros(len(names))
+        theta[at] = [_coordinate(one.parameters[k], one.values[k]) for k in own]
+        whole = np.zeros((len(names), len(names)))
+        covariance = one.covariance[np.ix_(own, own)] / np.outer(size[at], size[at])
+        whole[np.ix_(at, at)] = np.linalg.inv(covariance)
+        alone.append((whole, theta))
+    scatter = _between(alone)
+    mean, covariance = _mean(alone, scatter)
+    values = np.array([_value(p, m) for p, m in zip(parameters, mean, strict=True)])
+    return Pooled(
+        parameters, values, size * np.sqrt(np.diag(covariance)),
+        np.where(scatter > 2 * LEAST_SCATTER, size * scatter, 0.0), each, each_error,
+    )  # fmt: skip
+
+
+def _coordinate(p: Parameter, value: float) -> float:
+    return float(np.log(value)) if p.positive else value / COORDINATE.get(p.name, 1.0)
+
+
+def _value(p: Parameter, coordinate: float) -> float:
+    return float(np.exp(coordinate)) if p.positive else coordinate * COORDINATE.get(p.name, 1.0)
+
+
+def _weight(J: Array, scatter: Array) -> Array:
+    """Return (J^-1 + T)^-1; J need not have an inverse, where a log does not tell all."""
+    return np.asarray(np.linalg.solve(np.eye(J.shape[0]) + J * scatter**2, J), float)
+
+
+def _mean(alone: Sequence[tuple[Array, Array]], scatter: Array) -> tuple[Array, Array]:
+    weights = [_weight(J, scatter) for J, _ in alone]
+    covariance = np.asarray(np.linalg.inv(sum(weights)), float)
+    total = sum(W @ theta for W, (_, theta) in zip(weights, alone, strict=True))
+    return covariance @ total, covariance
+
+
+def _between(alone: Sequence[tuple[Array, Array]]) -> Array:
+    """Scatter between logs that the restricted likelihood prefers, in the coordinates (p,)."""
+    from scipy.optimize import minimize
+
+    size = alone[0][1].size
+    if len(alone) < FEWEST:
+        return np.full(size, LEAST_SCATTER)
+
+    def cost(logs: Array) -> float:
+        scatter = np.exp(logs)
+        mean, covariance = _mean(alone, scatter)
+        total = -np.linalg.slogdet(covariance)[1]
+        for J, theta in alone:
+            off = theta - mean
+            total += np.linalg.slogdet(np.eye(size) + J * scatter**2)[1]
+            total += off @ _weight(J, scatter) @ off
+        return float(total)
+
+    limits = [(np.log(LEAST_SCATTER), np.log(10.0))] * size
+    found = [
+        minimize(cost, np.full(size, np.log(begin)), method="L-BFGS-B", bounds=limits)
+        for begin in (0.05, 0.3)
+    ]
+    return np.exp(min(found, key=lambda one: one.fun).x)

@@ -1,0 +1,123 @@
+"""Intervals by the profile of the likelihood, where its curvature at the maximum does not do.
+
+A parameter is moved aside, and the others go to where the records are most likely then: at the ends
+of the 95 % interval the log likelihood is less by 1.92 (Venzon and Moolgavkar 1988). Near a maximum
+that is a parabola, and the ends are 1.96 standard errors away. Where it is not, as over a gap that
+the records hardly tell, an interval by standard errors would be too short on one side.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import ConfigError
+from ambkit.identification.maximum_likelihood.likelihood import Likelihood
+from ambkit.identification.maximum_likelihood.parameters import Coordinates, Parameter
+from ambkit.identification.maximum_likelihood.search import climb
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+    from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+
+Array = NDArray[np.float64]
+
+ASIDE = 1.959964
+"""Standard errors to the ends of a 95 % interval."""
+
+NEAR = 0.35
+"""By which share the loss there may differ from that of a parabola, and still pass for one."""
+
+ROUNDS = 4
+"""Of the secant's, each a search over all other parameters."""
+
+
+def intervals(
+    records: Sequence[Record],
+    model: LoopModel,
+    parameters: list[Parameter],
+    covariance: Array,
+    larger: Array,
+    settling: float,
+) -> dict[str, tuple[float, float]]:
+    """Return the ends of the intervals for which standard errors would not do.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        With ``y`` [m] and ``u`` [V].
+    model : LoopModel
+        The most likely one.
+    parameters : list of Parameter
+        What was found, p.
+    covariance : ndarray (p, p)
+        By the curvature, in the coordinates of the search.
+    larger : ndarray (p,)
+        By how much each standard error is larger than the curvature's: the profile is stretched by
+        as much.
+    settling : float
+        Time at the start of each record that does not count [s].
+    """
+    coordinates = Coordinates(model, parameters)
+    likelihood = Likelihood(records, coordinates, settling)
+    top = likelihood.value(np.zeros(len(parameters)))
+    found = {}
+    for at, parameter in enumerate(parameters):
+        error = math.sqrt(covariance[at, at])
+        along = covariance[:, at] / error  # where the others go, if all is quadratic
+        ends = [likelihood.value(side * ASIDE * along) for side in (-1, 1)]
+        least = 0.5 * ASIDE**2
+        # More lost there than a parabola would: the others may go elsewhere yet, and lose less.
+        if all(abs(top - end - least) <= NEAR * least for end in ends):
+            continue
+        sides = [
+            _end(records, coordinates, at, side * error, top, settling) * larger[at]
+            for side in (-1, 1)
+        ]
+        value = parameter.of(model)
+        step = parameter.coarse(model)
+        low, high = (
+            (value * math.exp(sides[0]), value * math.exp(sides[1]))
+            if parameter.positive
+            else (value + step * sides[0], value + step * sides[1])
+        )
+        found[parameter.name] = (float(low), float(high))
+    return found
+
+
+def _end(
+    records: Sequence[Record],
+    coordinates: Coordinates,
+    at: int,
+    error: float,
+    top: float,
+    settling: float,
+) -> float:
+    """Return how far one coordinate goes until the profile has lost what 95 % may; by secants.
+
+    Over the root of the loss a parabola is a line, and few steps suffice.
+    """
+    parameter = coordinates.parameters[at]
+    rest = [p for p in coordinates.parameters if p is not parameter]
+    far, model = ASIDE * error, coordinates.model
+    past: tuple[float, float] = (0.0, 0.0)
+    for _ in range(ROUNDS):
+        try:
+            moved = Coordinates(coordinates.model, [parameter]).model_at(np.array([far]))
+            begin = model.replace(**{parameter.place: parameter.of(moved)})
+        except ConfigError:  # no bearing can be there: the interval ends before
+            far = 0.5 * (past[0] + far)
+            continue
+        model = climb(records, begin, rest, settling).model if rest else begin
+        value = Likelihood(records, Coordinates(model, []), settling).value(np.zeros(0))
+        root = math.sqrt(2 * max(top - value, 0.0))
+        if abs(root - ASIDE) < 0.05 * ASIDE:
+            break
+        slope = (far - past[0]) / (root - past[1]) if root > past[1] else 2 * far / ASIDE
+        past = (far, root)
+        far = math.copysign(min(abs(far + slope * (ASIDE - root)), 3 * abs(far)), error)
+    return far

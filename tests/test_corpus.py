@@ -1,0 +1,190 @@
+"""Many logs at once: cut, pooled with a scatter between them, each foretold by the others."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import ambkit
+from ambkit import Bearing, Record, Scenario, Sine, simulate
+from ambkit.base.errors import AmbkitError
+from ambkit.cli.main import main
+from ambkit.data import recordings
+from ambkit.identification.corpus.arx import ORDER, fit_arx, normal_of
+from ambkit.identification.corpus.corpus import Corpus, Foretold, identify_corpus
+from ambkit.identification.corpus.cutting import cut, flights
+from ambkit.identification.corpus.pooling import pool
+from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+from ambkit.identification.maximum_likelihood.parameters import named
+
+RIG = Path(__file__).parents[2] / "shared" / "data" / "inteco" / "closed_loop"
+BALL = Bearing.preset("inteco_ml").replace(sensor__noise_rise=-90.0)
+FREE = ("magnet_constant", "air_gap", "current_offset", "measurement_noise", "noise_rise",
+        "load_growth")  # fmt: skip
+Array = NDArray[np.float64]
+
+
+def flown(seed: int, k: float = 1.0, duration: float = 3.0) -> Record:
+    plant = BALL.replace(magnet__magnet_constant=k * BALL.magnet.magnet_constant)
+    reference = Sine(amplitude=1.5e-3, frequency=0.6 + 0.3 * seed)
+    return simulate(plant, Scenario(duration=duration, seed=seed, reference=reference))
+
+
+def smoothed(record: Record) -> Record:
+    kernel = np.ones(41) / 41
+    padded = np.pad(record["y"], 20, mode="edge")
+    return Record(record.t, {"y": np.convolve(padded, kernel, "valid"), "u": record["u"]})
+
+
+@pytest.fixture(scope="module")
+def corpus() -> Corpus:
+    logs = {f"log {seed}": flown(seed) for seed in range(3)} | {"quiet": smoothed(flown(5))}
+    level = BALL.replace(
+        sensor__noise_rise=0.0, magnet__magnet_constant=0.8 * BALL.magnet.magnet_constant
+    )
+    return identify_corpus(logs, LoopModel(level, load_growth=1e-4), FREE)
+
+
+def test_logs_say_what_is_true_and_a_smoothed_one_is_named(corpus: Corpus) -> None:
+    assert list(corpus.found) == ["log 0", "log 1", "log 2"]
+    assert "smoothed before it was logged" in corpus.left_out["quiet"]
+    for name, true in (
+        ("magnet_constant", BALL.magnet.magnet_constant), ("air_gap", BALL.magnet.air_gap),
+        ("measurement_noise", BALL.sensor.noise_variance), ("noise_rise", -90.0),
+    ):  # fmt: skip
+        at = [p.name for p in corpus.pooled.parameters].index(name)
+        positive = corpus.pooled.parameters[at].positive
+        off = np.log(corpus.pooled[name] / true) if positive else corpus.pooled[name] - true
+        assert abs(off) < 3.5 * corpus.pooled.errors[at], name
+
+
+def test_each_is_foretold_by_the_others(corpus: Corpus) -> None:
+    for each in corpus.foretold:
+        assert each.error[10] < each.unmodelled[10]
+        assert each.error[10] < each.held[10]
+        assert each.nis == pytest.approx(1.0, abs=0.12)
+        assert each.error[1] > each.floor
+        assert each.left < 0.05
+    assert json.dumps(corpus.to_dict())
+
+
+def test_good_is_what_no_baseline_knows_more_of() -> None:
+    errors = {
+        "error": {1: 18e-6, 10: 21e-6}, "held": {1: 24e-6, 10: 30e-6},
+        "unmodelled": {1: 19e-6, 10: 28e-6}, "arx": {1: 19e-6, 10: 27e-6},
+    }  # fmt: skip
+    well = Foretold("log", 10_000, **errors, floor=17e-6, nis=1.05, white=0.5, left=0.01)
+    assert well.good  # whiteness alone does not count: in a long log little shows
+    for worse in ({"nis": 1.4}, {"nis": 0.7}, {"left": 0.2}, {"arx": {1: 19e-6, 10: 20e-6}},
+                  {"held": {1: 17e-6, 10: 30e-6}}):  # fmt: skip
+        assert not replace(well, **worse).good
+
+
+def test_a_log_is_cut_where_it_does_not_fly() -> None:
+    record = flown(0, duration=5.0)
+    y, u = record["y"].copy(), record["u"].copy()
+    lies = record.t < 1.0
+    y[lies] = -9.0e-3 + 1e-6 * np.random.default_rng(0).standard_normal(lies.sum())
+    u[lies] = 0.05
+    ends = record.t > 4.6
+    u[ends] = 1.7
+    made = Record(record.t, {"y": y, "u": u})
+    stretches = cut(made, BALL)
+    assert stretches[0].begin == 0
+    assert {s.kind for s in stretches if s.end <= 1.0} <= {"landed", "fetched", "rest"}
+    assert "landed" in {s.kind for s in stretches}
+    assert stretches[-1].kind == "saturated"
+    (flight,) = flights(made, stretches, BALL)
+    assert 1.9 < flight.t[0] < 2.2  # fetched first
+    assert 4.4 < flight.t[-1] < 4.6
+    assert all(a.end == b.begin for a, b in pairwise(stretches))
+
+
+def test_pooling_finds_the_scatter_between_logs_and_its_error() -> None:
+    """Truth: logs scatter by 0.2 about 1, each known to 0.05; 200 times 8 logs."""
+    parameters = named(["magnet_constant", "delay"])
+    rng = np.random.default_rng(1)
+    off, scatter, error = [], [], []
+    for _ in range(200):
+        found: list[Any] = []
+        for _ in range(8):
+            k = np.exp(0.2 * rng.standard_normal() + 0.05 * rng.standard_normal())
+            delay = 1e-3 + 1e-4 * rng.standard_normal()
+            found.append(SimpleNamespace(
+                parameters=parameters, values=np.array([k, delay]),
+                errors=np.array([0.05, 1e-4]), covariance=np.diag([0.05**2, 1e-8]),
+            ))  # fmt: skip
+        pooled = pool(found)
+        off.append(np.log(pooled["magnet_constant"]))
+        scatter.append(pooled.scatter)
+        error.append(pooled.errors[0])
+    assert np.mean(np.array(scatter)[:, 0] ** 2) ** 0.5 == pytest.approx(0.2, rel=0.1)
+    assert np.median(np.array(scatter)[:, 1]) < 0.5e-4
+    assert np.std(off) == pytest.approx(np.mean(error), rel=0.15)
+    assert abs(np.mean(off)) < 3 * np.std(off) / 200**0.5
+
+
+def test_an_arx_model_finds_one_and_knows_only_the_past() -> None:
+    rng = np.random.default_rng(0)
+    n = 3000
+    u, e = rng.standard_normal(n), 0.1 * rng.standard_normal(n)
+    y = np.zeros(n)
+    for k in range(2, n):
+        y[k] = 1.6 * y[k - 1] - 0.7 * y[k - 2] + 0.5 * u[k - 1] + e[k]
+    record = Record(1e-3 * np.arange(n), {"y": y, "u": u})
+    one = fit_arx(normal_of([record], 1), 1)
+    miss = y[1:] - one.predict(record)
+    assert np.isnan(miss[: ORDER - 1]).all()
+    assert np.nanstd(miss) == pytest.approx(0.1, rel=0.03)
+    later = Record(record.t, {"y": y, "u": np.where(np.arange(n) > 2000, 9.0, u)})
+    assert one.predict(later)[2000] == one.predict(record)[2000]  # from 2000 to 2001
+
+
+def test_what_is_no_corpus_is_refused() -> None:
+    still = Record(1e-3 * np.arange(3000), {"y": np.full(3000, -9e-3), "u": np.full(3000, -0.9)})
+    with pytest.raises(AmbkitError, match="no flight that is long enough"):
+        identify_corpus({"a": still, "b": still}, LoopModel(BALL))
+
+
+def test_three_logs_on_the_command_line_are_a_corpus(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for seed in range(3):
+        flown(seed, duration=3.0).save(f"{seed}.csv")
+    with pytest.raises(SystemExit) as left:
+        main(["identify", "0.csv", "1.csv", "2.csv", "--bearing", "inteco_ml", "--free",
+              "magnet_constant,measurement_noise,noise_rise,load_growth", "--out", "found.toml",
+              "--report", "all.html", "--save-filter", "kf.toml"])  # fmt: skip
+    out, err = capsys.readouterr()
+    assert not left.value.code, err
+    assert "Each log, foretold by a model of the others" in out
+    assert "scatter between logs" in out
+    found = Bearing.load("found.toml")
+    assert found.sensor.noise_rise == pytest.approx(-90, abs=25)
+    assert "Each log by the others" in Path("all.html").read_text()
+    assert ambkit.Filter.load("kf.toml").run(flown(7)).nis[300:].mean() < 1.3
+
+
+@pytest.mark.skipif(not RIG.is_dir(), reason="the rig's logs are not here (../shared/data/inteco)")
+@pytest.mark.long
+def test_four_logs_of_a_rig_foretell_another_and_the_smoothed_one_is_named() -> None:
+    channels = recordings.folder() / "closed_loop.toml"
+    names = ("sinusoidal_slow-MPC-KF", "step-PID_anti_windup-KF", "sinusoidal_fast-LQI-KF")
+    logs = {name: ambkit.load(RIG / f"{name}.mat", channels) for name in names}
+    found = identify_corpus(logs, LoopModel(Bearing.preset("inteco_ml"), load_growth=1e-4))
+    assert "smoothed" in found.left_out["step-PID_anti_windup-KF"]
+    for each in found.foretold:
+        assert each.good
+        assert each.error[10] < 24.5e-6
+        assert 0.9 < each.nis < 1.15
+    (hum,) = found.model.bearing.sensor.hum
+    assert hum.frequency == pytest.approx(50, abs=0.2)

@@ -1,0 +1,72 @@
+"""The experiment for the sensitivity of a machine's axis: within its limits, and what it tells."""
+
+import numpy as np
+import pytest
+
+import ambkit
+from ambkit import Machine
+from ambkit.base.errors import AmbkitError
+from ambkit.cli.main import main
+from ambkit.simulation.flight import Flight
+
+TUM = Machine.preset("tum_mlps").replace(unbalance=[], speed="0 rpm")
+
+
+@pytest.fixture(scope="module")
+def designed():
+    return ambkit.design_injection(TUM, Flight(duration=1.0), axis="B1", band=(20.0, 1500.0))
+
+
+def test_it_keeps_within_the_limits_of_all_axes(designed):
+    gap, travel = TUM.bearing[1].magnet.air_gap, TUM.bearing[1].travel_limit
+    assert designed.name == "tum_mlps B1"
+    assert designed.limits.displacement == pytest.approx(min(0.05 * gap, 0.5 * travel))
+    assert np.abs(designed.record["x"]).max() <= designed.limits.displacement
+    assert np.abs(designed.record["x"]).max() > 0.9 * designed.limits.displacement
+    assert np.abs(designed.record["iu"]).max() <= designed.limits.current
+
+
+def test_what_it_tells_is_the_models(designed):
+    found = designed.expected
+    S = np.abs(ambkit.assess(TUM).loops["measurement"].loop.of_axis(2, found.frequency))
+    distance = np.abs(np.abs(found.sensitivity) - S) / S
+    assert np.median(distance) < 0.02  # noise, and what the amplitude adds
+    assert distance.max() < 0.08
+    assert designed.file()["injected_B1"].max() == pytest.approx(designed.added.max())
+
+
+def test_commands_design_play_and_assess_it(designed, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    designed.file().save("injection.csv")
+    (tmp_path / "still.toml").write_text(TUM.to_toml())
+
+    def call(*arguments):
+        with pytest.raises(SystemExit) as left:
+            main(list(arguments))
+        return int(left.value.code or 0), capsys.readouterr()
+
+    assert call("simulate", "still.toml", "--injection", "injection.csv", "--out", "l.csv")[0] == 0
+    code, shown = call("assess", "l.csv", "--bearing", "still.toml", "--filter", "none")
+    assert code == 0
+    assert "tum_mlps B1" in shown.out
+    code, shown = call("simulate", "ufu_rig", "--injection", "l.csv")
+    assert code == 0  # its axes have these names as well
+    designed.record.save("other.csv")
+    code, shown = call("simulate", "still.toml", "--injection", "other.csv")
+    assert code == 2
+    assert "which are added at axes of tum_mlps" in " ".join(shown.err.split())
+    for arguments, said in (
+        (["tum_mlps"], "--for sensitivity"),
+        (["tum_mlps", "--for", "sensitivity", "--load", "1 N"], "--load is not for"),
+        (["zittau_axial", "--axis", "A1"], "--axis is of a whole machine"),
+    ):
+        code, shown = call("excite", *arguments)
+        assert code == 2
+        assert said in " ".join(shown.err.split())
+
+
+def test_what_cannot_be_is_refused():
+    with pytest.raises(AmbkitError, match="no axis Q; there are A1"):
+        ambkit.design_injection(TUM, Flight(duration=1.0), axis="Q")
+    with pytest.raises(AmbkitError, match="the limit of the current"):
+        ambkit.design_injection(TUM, Flight(duration=1.0), current="99 A")

@@ -1,0 +1,100 @@
+"""Filters of whole machines, tuned by records or truth, below a peak of the sensitivity."""
+
+import math
+
+import numpy as np
+import pytest
+
+import ambkit
+from ambkit import FilterNoise, KalmanFilter, Machine
+from ambkit.base.errors import AmbkitError
+from ambkit.cli.main import main
+from ambkit.judge.comparison.contenders import contender_of_kind
+from ambkit.simulation.flight import Flight
+from ambkit.simulation.machine import simulate_machine
+from ambkit.workflow.tuning import log_likelihood
+
+TUM = Machine.preset("tum_mlps")
+
+
+@pytest.fixture(scope="module")
+def record():
+    return simulate_machine(TUM, Flight(duration=0.4)).record
+
+
+def test_variances_of_axes_keep_their_ratios():
+    contender = contender_of_kind("linear", TUM, whole=True)
+    own = KalmanFilter(TUM).variances
+    (growth,) = (each for each in contender.tunable if each.name == "noise.disturbance")
+    assert growth.default == pytest.approx(np.exp(np.mean(np.log(own.disturbance))))
+    made = contender.build(**{"noise.disturbance": 3 * growth.default}).variances
+    assert made.disturbance == pytest.approx([3 * each for each in own.disturbance])
+    assert made.measurement == own.measurement
+    assert contender.build(**contender.defaults).variances.disturbance == pytest.approx(
+        own.disturbance
+    )
+    with pytest.raises(ValueError, match=r"noise.control must be 4 numbers, got 2"):
+        KalmanFilter(TUM, noise=FilterNoise(control=[1e-6, 1e-6]))
+    with pytest.raises(ValueError, match="must be one number for one axis"):
+        KalmanFilter(ambkit.Bearing.preset("zittau_axial"), noise=FilterNoise(control=[1e-6]))
+
+
+def test_the_likelihood_is_that_of_all_readings(record):
+    estimate = KalmanFilter(TUM).run(record)
+    e, S = estimate.innovation[5:], estimate.innovation_variance[5:]
+    expected = -0.5 * np.sum(np.log(S) + e**2 / S)
+    assert log_likelihood(estimate, 5) == pytest.approx(expected, rel=1e-9)
+    # Of all scales of R the true one is about the likeliest.
+    R = KalmanFilter(TUM).variances.measurement[0]
+    scales = np.geomspace(0.25, 4, 9)
+    told = [
+        log_likelihood(KalmanFilter(TUM, noise=FilterNoise(measurement=k * R)).run(record), 500)
+        for k in scales
+    ]
+    assert 0.7 < scales[int(np.argmax(told))] < 1.5
+
+
+def test_a_records_likelihood_tunes_below_a_ceiling(record):
+    free = ambkit.tune(TUM, record, "linear", budget=8)
+    assert free.peak > free.peaks[0]  # a load that rests: slower, and with less margin
+    held = ambkit.tune(TUM, record, "linear", budget=8, max_sensitivity=1.8)
+    assert held.peak < 1.8
+    assert (
+        free.unseen["minus log likelihood a sample"][1]
+        <= (held.unseen["minus log likelihood a sample"][1])
+    )
+    assert len(free.estimator.variances.disturbance) == 4
+
+
+def test_what_margin_costs_a_machine():
+    traded = ambkit.trade_off(TUM, [1.72, 2.2], kind="linear", runs=2, budget=8)
+    low, high = traded.points
+    assert low.peak < 1.72
+    assert high.peak < 2.2
+    assert high.errors["f_d"] < low.errors["f_d"]
+    assert len(traded.figure().panels) == 2
+    assert math.isfinite(high.errors["x"])
+
+
+def test_what_cannot_be_tuned_is_refused(record):
+    with pytest.raises(AmbkitError, match="cannot take a whole machine"):
+        ambkit.tune(TUM, record, "observer")
+    one = ambkit.simulate(ambkit.Bearing.preset("zittau_axial"))
+    with pytest.raises(AmbkitError, match="the record has no y_"):
+        ambkit.tune(TUM, one, "linear")
+
+
+@pytest.mark.parametrize(("arguments", "code", "said"), [
+    (["tune", "tum_mlps", "--estimator", "linear", "--evaluations", "3", "--runs", "1"], 0,
+     "Peak of |S| in the loop"),
+    (["tune", "tum_mlps", "--out", "f.toml"], 2, "has no file; --json tells the values"),
+    (["tune", "tum_mlps", "--estimator", "low-pass"], 2, "cannot take a whole machine"),
+    (["design", "log.csv", "--bearing", "tum_mlps", "--out", "d"], 2, "'ambkit tune LOG"),
+])  # fmt: skip
+def test_commands(arguments, code, said, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as left:
+        main(arguments)
+    shown = capsys.readouterr()
+    assert int(left.value.code or 0) == code, shown.err
+    assert said in " ".join((shown.out + shown.err).split())
