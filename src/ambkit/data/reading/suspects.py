@@ -11,6 +11,7 @@ from ambkit.base.units import engineering
 from ambkit.data.reading.clock import instant
 from ambkit.data.reading.faults import noise
 from ambkit.data.reading.resting import NEAR, resting
+from ambkit.data.reading.roles import slow
 from ambkit.data.reading.rotor import NO_NOISE, in_steps
 from ambkit.data.signals import TRUTH
 
@@ -104,8 +105,10 @@ def _unmoved(y: Array, u: Array, unit: str) -> Iterator[str]:
     if np.count_nonzero(there) < LIES or (rests := resting(y[there])) is None:
         return
     near = abs(y[there] - rests.end) < max(NEAR * float(np.ptp(y[there])), 4 * noise(y))
+    if np.count_nonzero(near) < LIES:
+        return
     low, high = np.quantile(u[there], [0.01, 0.99])
-    while_resting = np.quantile(u[there][near], [0.05, 0.95])
+    while_resting = np.quantile(slow(u[there][near]), [0.05, 0.95])  # without its noise
     if np.ptp(while_resting) > MOVED * (high - low) > 0:
         yield (
             f"y is {rests.in_words(unit)}, while u goes through "
