@@ -69,6 +69,7 @@ def scenarios(bearing: ambkit.Bearing) -> ambkit.Scenario:
         ambkit.Constant(value=1.0),
         ambkit.Impulse(area=0.01, time=0.05, duration=1e-3),
         ambkit.Ramp(slope=10.0, start=0.05),
+        ambkit.HalfSine(amplitude=1.0, duration=0.01),
         ambkit.Sequence(times=(0.0, 0.1), values=(0.0, 1.0)),
         ambkit.Recorded(times=(0.0, 0.1), values=(0.0, 1.0)),
     ):

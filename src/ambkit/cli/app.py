@@ -26,14 +26,17 @@ from ambkit.cli.compare import compare
 from ambkit.cli.design import design
 from ambkit.cli.excite import excite
 from ambkit.cli.export import export, export_c
+from ambkit.cli.export_a2l import export_a2l
 from ambkit.cli.export_fmu import export_fmu, export_ssp
 from ambkit.cli.export_mat import export_mat
 from ambkit.cli.filter import filter_record
 from ambkit.cli.identify import identify
 from ambkit.cli.options import keep_inputs
+from ambkit.cli.pil import pil
 from ambkit.cli.presets import presets
 from ambkit.cli.read import read
 from ambkit.cli.reproduce import reproduce
+from ambkit.cli.rotor import rotor
 from ambkit.cli.simulate import simulate
 from ambkit.cli.torture import torture
 from ambkit.cli.train import train
@@ -60,6 +63,8 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "design": design,
     "assess": assess,
     "torture": torture,
+    "rotor": rotor,
+    "pil": pil,
     "presets": presets,
     "check": check,
 }
@@ -68,6 +73,7 @@ _EXPORTS: dict[str, Callable[..., None]] = {
     "fmu": export_fmu,
     "mat": export_mat,
     "ssp": export_ssp,
+    "a2l": export_a2l,
 }
 _CAMPAIGN: dict[str, Callable[..., None]] = {
     RUN: campaign_run,
