@@ -103,6 +103,9 @@ struct Whole {
     at.h = arrays.sparse("h", p, n);
     at.v = arrays.sparse("v", p, n);
     at.current = arrays.places("current", p, n, -1);
+    at.second = arrays.places("second", p, n, -1);
+    at.base = arrays.places("base", 3, n, -1);
+    at.none = arrays.numbers("none", p);
     at.farthest = arrays.numbers("farthest", p);
     at.g = arrays.numbers("g", n);
     at.cosine = arrays.numbers("cosine", n);
@@ -115,6 +118,17 @@ struct Whole {
       magnets.push_back(nb::cast<const Magnet &>(each).magnet);
     same_length(p, magnets.size(), "magnets");
     at.magnet = magnets.data();
+    for (const auto each : nb::cast<nb::list>(arrays["coils"]))
+      coils.push_back(each.is_none() ? amb_magnet{} : nb::cast<const Magnet &>(each).magnet);
+    same_length(p, coils.size(), "coils");
+    at.coil = coils.data();
+    for (const auto each : nb::cast<nb::list>(arrays["amplifiers"]))
+      amplifiers.push_back(parts_of(nb::cast<nb::dict>(each)));
+    same_length(p, amplifiers.size(), "amplifiers");
+    for (size_t f = 0; f < p; f++)
+      if ((amplifiers[f].voltage > 0 || at.second[f] >= 0) && at.current[f] < 0)
+        throw std::invalid_argument("an amplifier whose voltage is limited has no current");
+    at.amplifier = amplifiers.data();
     for (const auto each : nb::cast<nb::list>(arrays["sensor_parts"]))
       sensors.push_back(parts_of(nb::cast<nb::dict>(each)));
     same_length(m, sensors.size(), "sensor_parts");
@@ -168,6 +182,7 @@ private:
     to.states = static_cast<int>(states);
     to.pids = static_cast<int>(q);
     to.pid = pid.data();
+    to.reference = arrays.numbers("reference", q * p);
     to.position = arrays.numbers("position", q * states);
     to.velocity = arrays.numbers_or_none("velocity", q * states);
     to.turning = arrays.numbers_or_none("turning", q * states);
@@ -179,7 +194,8 @@ private:
     to.iu_max = arrays.numbers("iu_max", p);
   }
 
-  std::vector<amb_magnet> magnets;
+  std::vector<amb_magnet> magnets, coils;
+  std::vector<amb_parts> amplifiers;
   std::vector<amb_parts> sensors;
   std::vector<amb_ring> rings;
   std::vector<amb_pid> pid;
@@ -197,9 +213,9 @@ struct Turning {
 };
 
 Named simulate_machine(const nb::dict &machine, const Samples &r, const Samples &load,
-                       const Vector &speed, const Samples &noise_u, const Samples &noise_y,
-                       const Vector &start, const Vector &demanded, const Vector &integral,
-                       Estimator *estimator, Model *model)
+                       const Samples &base, const Vector &speed, const Samples &noise_u,
+                       const Samples &noise_y, const Vector &start, const Vector &demanded,
+                       const Vector &integral, Estimator *estimator, Model *model)
 {
   Whole whole(machine, estimator);
   Turning turning{estimator, model};
@@ -209,7 +225,8 @@ Named simulate_machine(const nb::dict &machine, const Samples &r, const Samples 
   }
   const size_t p = whole.p, m = whole.m, n = samples_of(load, p, "load");
   const auto q = static_cast<size_t>(whole.loop.controllers.pids);
-  same_length(n, samples_of(r, q, "r"), "r");
+  same_length(n, samples_of(r, p, "r"), "r");
+  same_length(n, samples_of(base, 3, "base"), "base");
   same_length(n + 1, speed.size(), "speed");
   same_length(n, samples_of(noise_u, p, "noise_u"), "noise_u");
   same_length(n, samples_of(noise_y, m, "noise_y"), "noise_y");
@@ -224,8 +241,14 @@ Named simulate_machine(const nb::dict &machine, const Samples &r, const Samples 
   Fresh<amb_real> X({n, whole.n}), iu({n, p}), force({n, p}), y({n, m}), u({n, p});
   const Sizes of(estimator ? estimator->kf.model : amb_model{});
   History history(estimator ? n : 0, of, estimator != nullptr, estimator && estimator->scales());
-  const amb_machine_input input{
-      n, r.data(), load.data(), speed.data(), noise_u.data(), noise_y.data()};
+  const amb_machine_input input{n,
+                                nb::cast<size_t>(machine["off"]),
+                                r.data(),
+                                load.data(),
+                                base.data(),
+                                speed.data(),
+                                noise_u.data(),
+                                noise_y.data()};
   amb_machine_output out{X.data, iu.data, force.data, y.data, u.data, history.to, 0};
   {
     nb::gil_scoped_release release;
@@ -250,10 +273,11 @@ void bind_machine(nb::module_ &m)
 {
   m.def(
       "simulate_machine", &simulate_machine, nb::arg("machine"), nb::kw_only(), nb::arg("r"),
-      nb::arg("load"), nb::arg("speed"), nb::arg("noise_u"), nb::arg("noise_y"), nb::arg("start"),
-      nb::arg("demanded"), nb::arg("integral"), nb::arg("estimator").none() = nb::none(),
-      nb::arg("model").none() = nb::none(),
-      nb::sig("def simulate_machine(machine: dict[str, Any], *, r: Any, load: Any, speed: Any, "
+      nb::arg("load"), nb::arg("base"), nb::arg("speed"), nb::arg("noise_u"), nb::arg("noise_y"),
+      nb::arg("start"), nb::arg("demanded"), nb::arg("integral"),
+      nb::arg("estimator").none() = nb::none(), nb::arg("model").none() = nb::none(),
+      nb::sig("def simulate_machine(machine: dict[str, Any], *, r: Any, load: Any, base: Any, "
+              "speed: Any, "
               "noise_u: Any, noise_y: Any, start: Any, demanded: Any, integral: Any, estimator: "
               "Estimator | None = None, model: Model | None = None) -> dict[str, Any]"),
       "A closed-loop run of a whole machine in one call; see sim/machine.h for shapes and units.");

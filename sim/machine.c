@@ -11,7 +11,8 @@
 /* What does not change within a stretch: the demand, loads, and the rotation at the sample. */
 typedef struct amb_stretch {
   const amb_machine *machine;
-  const amb_real *demanded, *load;
+  const amb_real *demanded, *load, *base;
+  bool off;
   amb_real speed, growth; /* [rad/s], [rad/s^2] */
   amb_real cosine, sine;
 } amb_stretch;
@@ -42,12 +43,42 @@ amb_real amb_machine_displacement(const amb_machine *machine, const amb_real X[]
   return times(&machine->h, f, X);
 }
 
+amb_real amb_machine_current(const amb_machine *machine, const amb_real X[], int f, amb_real iu)
+{
+  const int first = machine->current[f], second = machine->second[f];
+  if (first < 0)
+    return iu;
+  return second < 0 ? X[first] : (X[first] + X[second]) / 2;
+}
+
 amb_real amb_machine_force(const amb_machine *machine, const amb_real X[], int f, amb_real iu)
 {
-  const amb_real i = machine->current[f] < 0 ? iu : X[machine->current[f]];
   const amb_real end = machine->farthest[f];
   const amb_real s = amb_clamp(amb_machine_displacement(machine, X, f), -end, end);
+  const amb_magnet *coil = &machine->coil[f];
+  if ((machine->second[f] >= 0) && (coil->methods != NULL))
+    return coil->methods->force(coil->self, X[machine->current[f]], s) -
+           coil->methods->force(coil->self, -X[machine->second[f]], -s);
+  const amb_real i = amb_machine_current(machine, X, f, iu);
   return machine->magnet[f].methods->force(machine->magnet[f].self, i, s);
+}
+
+/* Currents of amplifiers whose voltage is limited. */
+static void set_rates(const amb_machine *machine, const amb_real X[], const amb_real demanded[],
+                      amb_real slope[])
+{
+  for (int f = 0; f < machine->axes; f++) {
+    const amb_parts *parts = &machine->amplifier[f];
+    if (parts->voltage > 0) {
+      const int first = machine->current[f], second = machine->second[f];
+      const amb_real end = machine->farthest[f];
+      const amb_real s = amb_clamp(amb_machine_displacement(machine, X, f), -end, end);
+      const amb_real v = times(&machine->v, f, X);
+      slope[first] = amb_parts_rate(parts, X[first], demanded[f], s, v);
+      if (second >= 0)
+        slope[second] = -amb_parts_rate(parts, -X[second], -demanded[f], -s, -v);
+    }
+  }
 }
 
 /* How deep the rotor is in a ring [m], negative where it is clear of it, and the direction. */
@@ -99,7 +130,8 @@ static void slope(const amb_stretch *s, const amb_real X[], amb_real t, amb_real
   const amb_turned now = turned(s, t);
   amb_real F[AMB_FORCES];
   for (int f = 0; f < machine->axes; f++)
-    F[f] = s->load[f] + amb_machine_force(machine, X, f, s->demanded[f]);
+    F[f] =
+        s->load[f] + (s->off ? machine->none[f] : amb_machine_force(machine, X, f, s->demanded[f]));
   add_contact(machine, X, F);
   const amb_real square = now.speed * now.speed;
   const amb_real ahead = square * now.cosine + s->growth * now.sine;
@@ -111,6 +143,10 @@ static void slope(const amb_stretch *s, const amb_real X[], amb_real t, amb_real
     sum += times(&machine->b, i, F) + times(&machine->B_u, i, s->demanded);
     d[i] = sum;
   }
+  set_rates(machine, X, s->demanded, d);
+  for (int k = 0; k < 3; k++)
+    if (machine->base[k] >= 0)
+      d[machine->base[k]] -= s->base[k];
   add_seen(machine, X, &now, d);
 }
 
@@ -174,7 +210,7 @@ static int steps_in(const amb_machine *machine, amb_real stretch, amb_real T)
 
 bool amb_machine_advance(const amb_machine *machine, amb_machine_state *state, amb_real T,
                          amb_real speed, amb_real next_speed, const amb_real demanded[],
-                         const amb_real load[])
+                         const amb_real load[], const amb_real base[3])
 {
   for (int n = machine->delay + 1; n > 0; n--)
     for (int c = 0; c < machine->axes; c++)
@@ -182,13 +218,15 @@ bool amb_machine_advance(const amb_machine *machine, amb_machine_state *state, a
   for (int c = 0; c < machine->axes; c++)
     state->demanded[0][c] = demanded[c];
   const amb_real rest = machine->delay_rest;
-  amb_stretch s = {machine,
-                   state->demanded[machine->delay + 1],
-                   load,
-                   speed,
-                   (next_speed - speed) / T,
-                   state->cosine,
-                   state->sine};
+  amb_stretch s = {.machine = machine,
+                   .demanded = state->demanded[machine->delay + 1],
+                   .load = load,
+                   .base = base,
+                   .off = state->off,
+                   .speed = speed,
+                   .growth = (next_speed - speed) / T,
+                   .cosine = state->cosine,
+                   .sine = state->sine};
   bool touched = false;
   if (rest > 0)
     touched = go(&s, state->X, 0, rest, steps_in(machine, rest, T));
@@ -219,6 +257,7 @@ void amb_machine_run(const amb_machine_loop *loop, const amb_machine_input *in,
   out->touched = 0;
   for (size_t k = 0; k < in->n; k++) {
     amb_real demanded[AMB_CONTROLS];
+    state->off = k >= in->off;
     amb_real *y = out->y + k * m, *u = out->u + k * p;
     for (size_t i = 0; i < n; i++)
       out->X[k * n + i] = state->X[i];
@@ -237,16 +276,17 @@ void amb_machine_run(const amb_machine_loop *loop, const amb_machine_input *in,
     }
     const amb_real *seen =
         loop->feedback_estimate ? ((const amb_kalman_state *)estimator)->mean : y;
-    (void)amb_controllers_step(controllers, pid, in->r + k * q, seen, in->speed[k], u);
+    (void)amb_controllers_step(controllers, pid, in->r + k * p, seen, in->speed[k], u);
     for (size_t c = 0; c < p; c++) {
       u[c] /= loop->k_ui[c];
       demanded[c] = amb_clamp(loop->k_ui[c] * (u[c] + in->noise_u[k * p + c]),
                               controllers->iu_min[c], controllers->iu_max[c]);
-      out->iu[k * p + c] = machine->current[c] < 0 ? demanded[c] : state->X[machine->current[c]];
-      out->force[k * p + c] = amb_machine_force(machine, state->X, (int)c, demanded[c]);
+      out->iu[k * p + c] = amb_machine_current(machine, state->X, (int)c, demanded[c]);
+      out->force[k * p + c] =
+          state->off ? machine->none[c] : amb_machine_force(machine, state->X, (int)c, demanded[c]);
     }
     if (amb_machine_advance(machine, state, loop->T, in->speed[k], in->speed[k + 1], demanded,
-                            in->load + k * p))
+                            in->load + k * p, in->base + 3 * k))
       out->touched++;
   }
 }

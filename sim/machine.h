@@ -30,11 +30,16 @@ typedef struct amb_machine {
   amb_sparse h;                  /* axes x states: displacements [m] ... */
   amb_sparse v;                  /* ... and their velocities [m/s] */
   const int *current;            /* [axes]: its state, or -1: the demanded one at once */
+  const int *second;             /* [axes]: state of the other coil's control current, or -1 */
+  const amb_parts *amplifier;    /* [axes]: corner, and voltage where it is limited */
   const amb_magnet *magnet;      /* [axes] */
+  const amb_magnet *coil;        /* [axes]: one coil alone where both differ, or methods NULL */
+  const amb_real *none;          /* [axes]: what is told of a magnet without any current [N] */
   const amb_real *farthest;      /* [axes]: no magnet finds the rotor farther away [m] */
   const amb_real *g;             /* [states]: by forces that are always there */
   const amb_real *cosine, *sine; /* [states]: unbalance, by its force ahead and across */
   amb_sparse seen;               /* sensors x states: displacement where it looks [m] */
+  const int *base;               /* [3]: states of the velocities along x, y, z, or -1 */
   const int *shows;              /* [sensors]: state of the reading */
   const amb_real *gain, *lag;    /* [sensors]: [1], [s] */
   const amb_parts *sensor;       /* [sensors]: runout, non-linearity, rounding */
@@ -49,16 +54,20 @@ typedef struct amb_machine_state {
   amb_real X[AMB_STATES];
   amb_real cosine, sine;                               /* of the angle of rotation */
   amb_real demanded[AMB_DELAY_MOST + 2][AMB_CONTROLS]; /* the last one first [A] */
+  bool off;                                            /* no magnet has any current */
 } amb_machine_state;
 
 /* On by a sample of T [s], the speed growing from one to the other [rad/s], with the demanded
- * currents [A] and the loads at the axes [N] held. Returns whether a ring was touched. */
+ * currents [A], the loads at the axes [N] and the accelerations of the foundation along x, y, z
+ * [m/s^2] held. Returns whether a ring was touched. */
 bool amb_machine_advance(const amb_machine *machine, amb_machine_state *state, amb_real T,
                          amb_real speed, amb_real next_speed, const amb_real demanded[],
-                         const amb_real load[]);
+                         const amb_real load[], const amb_real base[3]);
 
-/* Displacement [m] of axis f, and the force of its magnet there [N] while iu [A] is demanded. */
+/* Displacement [m] of axis f, its control current [A], the mean of both coils, and the force of its
+ * magnet there [N] while iu [A] is demanded. */
 amb_real amb_machine_displacement(const amb_machine *machine, const amb_real X[], int f);
+amb_real amb_machine_current(const amb_machine *machine, const amb_real X[], int f, amb_real iu);
 amb_real amb_machine_force(const amb_machine *machine, const amb_real X[], int f, amb_real iu);
 
 /* The closed loop. */
@@ -75,9 +84,10 @@ typedef struct amb_machine_loop {
 
 /* n samples, row by row; noise is drawn by the caller. */
 typedef struct amb_machine_input {
-  size_t n;
-  const amb_real *r;       /* n x PIDs: reference [m] */
+  size_t n, off;           /* samples; and from which on the magnets are off, the bias too */
+  const amb_real *r;       /* n x axes: reference [m] */
   const amb_real *load;    /* n x axes: disturbance forces [N] */
+  const amb_real *base;    /* n x 3: accelerations of the foundation [m/s^2] */
   const amb_real *speed;   /* n + 1: of rotation [rad/s] */
   const amb_real *noise_u; /* n x axes: on the control signals [V] */
   const amb_real *noise_y; /* n x sensors: on the readings [m] */

@@ -34,9 +34,8 @@ static amb_real coil_voltage(const amb_parts *parts, amb_real i, amb_real rate, 
   return L * rate + (parts->R + L * v / gap) * whole;
 }
 
-/* Rate of that current [A/s]. */
-static amb_real coil_rate(const amb_parts *parts, amb_real i, amb_real demanded, amb_real x,
-                          amb_real v)
+amb_real amb_parts_rate(const amb_parts *parts, amb_real i, amb_real demanded, amb_real x,
+                        amb_real v)
 {
   const amb_real rate = parts->corner * (demanded - i);
   if (!(parts->voltage > 0))
@@ -159,8 +158,8 @@ static amb_point slope(const amb_piece *piece, const amb_point *at, amb_real t)
   if (parts->corner > 0) {
     i[0] = at->i[0];
     i[1] = at->i[1];
-    d.i[0] = coil_rate(parts, i[0], piece->iu, x, at->v);
-    d.i[1] = parts->pair ? -coil_rate(parts, -i[1], -piece->iu, -x, -at->v) : d.i[0];
+    d.i[0] = amb_parts_rate(parts, i[0], piece->iu, x, at->v);
+    d.i[1] = parts->pair ? -amb_parts_rate(parts, -i[1], -piece->iu, -x, -at->v) : d.i[0];
   }
   d.v = (pull(plant, i, x) + contact(plant, x, at->v)) / plant->m + piece->g;
   return d;
@@ -327,10 +326,10 @@ amb_acting amb_parts_acting(const amb_plant *plant, const amb_plant_state *state
   const amb_real *i = state->i;
   amb_acting acting = {.iu = (i[0] + i[1]) / 2, .force = pull(plant, i, x) + plant->f_0};
   if (parts->voltage > 0) {
-    const amb_real rate = coil_rate(parts, i[0], iu, x, v);
+    const amb_real rate = amb_parts_rate(parts, i[0], iu, x, v);
     acting.voltage[0] = coil_voltage(parts, i[0], rate, x, v);
     if (parts->pair) {
-      const amb_real other = coil_rate(parts, -i[1], -iu, -x, -v);
+      const amb_real other = amb_parts_rate(parts, -i[1], -iu, -x, -v);
       acting.voltage[1] = coil_voltage(parts, -i[1], other, -x, -v);
     }
   }

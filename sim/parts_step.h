@@ -14,6 +14,11 @@ amb_acting amb_parts_acting(const amb_plant *plant, const amb_plant_state *state
 /* The demanded current that counts just after a sample at which iu is demanded [A]. */
 amb_real amb_parts_next(const amb_parts *parts, const amb_plant_state *state, amb_real iu);
 
+/* Rate of the control current of the coil towards +x [A/s], within its voltage; that of the other
+ * one is -amb_parts_rate of its negative current and demand, at -x and -v. */
+amb_real amb_parts_rate(const amb_parts *parts, amb_real i, amb_real demanded, amb_real x,
+                        amb_real v);
+
 /* Cosine and sine of an angle, |angle| < pi, by the series of an eighth of it. */
 void amb_parts_turn(amb_real angle, amb_real *cosine, amb_real *sine);
 

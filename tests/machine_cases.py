@@ -124,6 +124,7 @@ def uncontrolled(one: Machine) -> dict[str, Any]:
     return {
         "T": one.sampling_time, "k_ui": [1.0] * p, "feedback_estimate": False,
         "pid": [[0.0, 0.0, 0.0, 0.0, 1.0, 1.0, -9.0, 9.0]] * p, "position": [0.0] * (p * m),
+        "reference": np.eye(p).ravel().tolist(),
         "spread": np.eye(p).ravel().tolist(), "iu_min": [-9.0] * p, "iu_max": [9.0] * p,
         **dict.fromkeys(
             ("velocity", "turning", "fed_back", "fed_back_by_speed", "fed_back_by_square")

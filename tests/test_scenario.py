@@ -30,6 +30,7 @@ from ambkit.simulation.scenario import (
     Sum,
     Waveform,
 )
+from ambkit.simulation.waveforms import HalfSine
 
 T = 1e-3
 t = T * np.arange(101)
@@ -184,7 +185,7 @@ seed = 3
         "s.toml:7: reference.times: must increase, but 0.01 s follows 0.02 s",
         's.toml:8: reference.values[1]: "3 N": N cannot be converted to m, write it like "0.5 mm"',
         's.toml:10: disturbance.type: must be one of "constant", "step", "ramp", "sine", '
-        '"impulse", "sequence", "recorded", "sum", is "stp"; did you mean "step"?',
+        '"impulse", "half-sine", "sequence", "recorded", "sum", is "stp"; did you mean "step"?',
         's.toml:12: controller.kp: "3000 A": A cannot be converted to A/m, '
         'write it like "3000 A/m"',
         "s.toml:13: controller.seed: unknown key here, it belongs above the first [table]",
@@ -299,3 +300,12 @@ def test_the_json_schema_gives_defaults_as_a_file_would() -> None:
 
 def test_docstring_examples() -> None:
     assert doctest.testmod(scenario_module).failed == 0
+
+
+def test_half_sine_is_half_a_period() -> None:
+    shock = HalfSine(amplitude=3.0, time=0.01, duration=0.02)
+    t = np.linspace(0, 0.05, 5001)
+    value = shock.sample(t)
+    assert value.max() == pytest.approx(3.0, rel=1e-6)
+    assert not value[(t < 0.01) | (t > 0.03)].any()
+    assert np.trapezoid(value, t) == pytest.approx(3.0 * 0.02 * 2 / np.pi, rel=1e-5)

@@ -3,9 +3,9 @@
 void amb_pid_reset(amb_pid_state *state, amb_real integral)
 {
   state->integral = integral;
-  state->last_r = 0;
-  state->last_x = 0;
-  state->velocity = 0;
+  state->last_r = AMB_C(0.0);
+  state->last_x = AMB_C(0.0);
+  state->velocity = AMB_C(0.0);
   state->started = false;
 }
 
@@ -16,26 +16,31 @@ amb_status amb_pid_step(const amb_pid *pid, amb_pid_state *state, amb_real r, am
   if (!amb_is_finite(x) || ((velocity != NULL) && !amb_is_finite(*velocity))) {
     status |= AMB_MISSING;
   } else {
-    if (velocity != NULL)
+    if (velocity != NULL) {
       state->velocity = *velocity;
-    else if (state->started)
+    } else if (state->started) {
       state->velocity += ((x - state->last_x) - pid->T * state->velocity) / (pid->T_f + pid->T);
+    } else { /* nothing to compare it with */
+    }
     state->last_x = x;
     state->started = true;
   }
-  if (amb_is_finite(r))
+  if (amb_is_finite(r)) {
     state->last_r = r;
-  else
+  } else {
     status |= AMB_BAD_CONTROL;
+  }
 
   const amb_real error = state->last_r - state->last_x;
   const amb_real weighted = pid->weight * state->last_r - state->last_x;
   const amb_real demanded = pid->kp * weighted + state->integral - pid->kd * state->velocity;
   *iu = amb_clamp(demanded, pid->iu_min, pid->iu_max);
   const bool saturated = (*iu < demanded) || (*iu > demanded);
-  if (pid->T_t > 0)
+  if (pid->T_t > AMB_C(0.0)) {
     state->integral += pid->T * (pid->ki * error + (*iu - demanded) / pid->T_t);
-  else if (!saturated)
+  } else if (!saturated) {
     state->integral += pid->T * pid->ki * error;
-  return saturated ? status | AMB_SATURATED : status;
+  } else { /* at the limit it stands */
+  }
+  return saturated ? (status | AMB_SATURATED) : status;
 }

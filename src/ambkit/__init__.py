@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from ambkit.simulation.scenario import PID as PID
     from ambkit.simulation.scenario import Scenario as Scenario
     from ambkit.simulation.waveforms import Constant as Constant
+    from ambkit.simulation.waveforms import HalfSine as HalfSine
     from ambkit.simulation.waveforms import Impulse as Impulse
     from ambkit.simulation.waveforms import Ramp as Ramp
     from ambkit.simulation.waveforms import Recorded as Recorded
@@ -64,6 +65,10 @@ if TYPE_CHECKING:
     from ambkit.simulation.waveforms import Step as Step
     from ambkit.workflow.assessing import assess as assess
     from ambkit.workflow.assessing_log import assess_log as assess_log
+    from ambkit.workflow.campaign.result import Campaign as Campaign
+    from ambkit.workflow.campaign.robust import tune_robust as tune_robust
+    from ambkit.workflow.campaign.running import campaign as campaign
+    from ambkit.workflow.campaign.study import Study as Study
     from ambkit.workflow.campbell import campbell as campbell
     from ambkit.workflow.comparison import compare as compare
     from ambkit.workflow.designing import design as design
@@ -79,6 +84,8 @@ if TYPE_CHECKING:
     from ambkit.workflow.sweeping import sweep as sweep
     from ambkit.workflow.trading_off import trade_off as trade_off
     from ambkit.workflow.tuned_filter import tune as tune
+    from ambkit.workflow.unbalance_response import unbalance_response as unbalance_response
+    from ambkit.workflow.waterfall import waterfall as waterfall
 
     __version__: str
 
@@ -117,11 +124,24 @@ _HOME = {
     "simulation.machine": ["simulate_machine"],
     "simulation.many": ["Planned", "simulate_many"],
     "simulation.scenario": ["PID", "Scenario"],
-    "simulation.waveforms": ["Constant", "Impulse", "Ramp", "Recorded", "Sequence", "Sine", "Step"],
+    "simulation.waveforms": [
+        "Constant",
+        "HalfSine",
+        "Impulse",
+        "Ramp",
+        "Recorded",
+        "Sequence",
+        "Sine",
+        "Step",
+    ],
     "workflow.comparison": ["compare"],
     "workflow.assessing": ["assess"],
     "workflow.assessing_log": ["assess_log"],
     "workflow.over_speed": ["assess_over_speed"],
+    "workflow.campaign.result": ["Campaign"],
+    "workflow.campaign.robust": ["tune_robust"],
+    "workflow.campaign.running": ["campaign"],
+    "workflow.campaign.study": ["Study"],
     "workflow.campbell": ["campbell"],
     "workflow.designing": ["design"],
     "workflow.expert": ["train"],
@@ -129,6 +149,8 @@ _HOME = {
     "workflow.identifying": ["identify"],
     "workflow.injecting": ["design_injection"],
     "workflow.mode_shapes": ["mode_shapes"],
+    "workflow.unbalance_response": ["unbalance_response"],
+    "workflow.waterfall": ["waterfall"],
     "workflow.sweeping": ["sweep"],
     "workflow.trading_off": ["trade_off"],
     "workflow.simulating": ["scenario_for", "simulate", "simulate_run"],

@@ -21,5 +21,5 @@ class Model:  # type: ignore[no-redef]
 def run_turning(estimator: Estimator, y: Any, u: Any, speed: Any, model: Model, *, covariance: bool = False) -> dict[str, Any]:
     """A whole record while the speed of rotation changes (n,) [rad/s], of its own model."""
 
-def simulate_machine(machine: dict[str, Any], *, r: Any, load: Any, speed: Any, noise_u: Any, noise_y: Any, start: Any, demanded: Any, integral: Any, estimator: Estimator | None = None, model: Model | None = None) -> dict[str, Any]:
+def simulate_machine(machine: dict[str, Any], *, r: Any, load: Any, base: Any, speed: Any, noise_u: Any, noise_y: Any, start: Any, demanded: Any, integral: Any, estimator: Estimator | None = None, model: Model | None = None) -> dict[str, Any]:
     """A closed-loop run of a whole machine in one call; see sim/machine.h for shapes and units."""

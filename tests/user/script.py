@@ -69,6 +69,7 @@ def scenarios(bearing: ambkit.Bearing) -> ambkit.Scenario:
         ambkit.Constant(value=1.0),
         ambkit.Impulse(area=0.01, time=0.05, duration=1e-3),
         ambkit.Ramp(slope=10.0, start=0.05),
+        ambkit.HalfSine(amplitude=1.0, duration=0.01),
         ambkit.Sequence(times=(0.0, 0.1), values=(0.0, 1.0)),
         ambkit.Recorded(times=(0.0, 0.1), values=(0.0, 1.0)),
     ):
@@ -184,6 +185,19 @@ def designed(bearing: ambkit.Bearing, record: ambkit.Record) -> None:
         assert_type(found.why, str)
 
 
+def many_machines() -> None:
+    """Out of tolerances."""
+    study = ambkit.Study.from_toml(
+        'name = "a"\nbearing = "zittau_axial"\nruns = 8\nscenario.duration = "10 ms"\n'
+        '[[vary]]\nwhat = "rotor.mass"\ntype = "uniform"\ntolerance = "2 %"\n'
+    )
+    with TemporaryDirectory() as folder:
+        found = ambkit.campaign(study, Path(folder, "out"))
+        assert isinstance(found, ambkit.Campaign)
+        assert_type(found.good.value, float)
+    assert_type(ambkit.tune_robust(study, evaluations=1).taken, int)
+
+
 if __name__ == "__main__":
     print(ambkit.__version__)
     plant = bearings()
@@ -194,3 +208,4 @@ if __name__ == "__main__":
     judged(plant, happening, log)
     designed(plant, log)
     whole_machine()
+    many_machines()

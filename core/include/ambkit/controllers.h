@@ -1,7 +1,7 @@
 /* The controllers of a whole machine: PIDs of combinations of positions, whose currents are spread
  * over its axes, and feedback of an estimator's states beside them.
  *
- *   e_j  = PID j of the reference, position_j x, and (velocity_j + speed turning_j) x
+ *   e_j  = PID j of reference_j r, position_j x, and (velocity_j + speed turning_j) x
  *   iu_f = sum over j of spread_fj e_j + (gain_0f + speed gain_1f + speed^2 gain_2f) x
  *
  * One PID an axis is decentralised control; PIDs of translation and tilt decouple them; rows of
@@ -19,19 +19,21 @@ extern "C" {
 #endif
 
 typedef struct amb_controllers {
-  int axes, states, pids;   /* p, n of x, q */
-  const amb_pid *pid;       /* [q] */
-  const amb_real *position; /* q x n [m] or [rad] */
-  const amb_real *velocity; /* q x n, or NULL: each PID's filtered derivative */
-  const amb_real *turning;  /* q x n, or NULL: for each rad/s what the velocity has in addition */
-  const amb_real *spread;   /* p x q */
-  const amb_real *gain[3];  /* p x n each, or NULL: [A], [A s], [A s^2] for each unit of a state */
+  int axes, states, pids;    /* p, n of x, q */
+  const amb_pid *pid;        /* [q] */
+  const amb_real *reference; /* q x p, of the axes' references; NULL: one for each PID */
+  const amb_real *position;  /* q x n [m] or [rad] */
+  const amb_real *velocity;  /* q x n, or NULL: each PID's filtered derivative */
+  const amb_real *turning;   /* q x n, or NULL: for each rad/s what the velocity has in addition */
+  const amb_real *spread;    /* p x q */
+  const amb_real *gain[3];   /* p x n each, or NULL: [A], [A s], [A s^2] for each unit of a state */
   const amb_real *iu_min, *iu_max; /* [p]: limits of the currents [A] */
 } amb_controllers;
 
-/* One sample: references r (q), states or readings x (n), speed [rad/s]. Gives the currents
- * demanded, iu (p) [A], held to their limits. Returns the flags of all PIDs, and AMB_SATURATED
- * where a current is at its limit; a gain that sees a state that is no number gives nothing. */
+/* One sample: references r of the axes (p) [m], or of the PIDs (q), states or readings x (n), speed [rad/s]. Gives the
+ * currents demanded, iu (p) [A], held to their limits. Returns the flags of all PIDs, and
+ * AMB_SATURATED where a current is at its limit; a gain that sees a state that is no number gives
+ * nothing. */
 amb_status amb_controllers_step(const amb_controllers *controllers, amb_pid_state pid[],
                                 const amb_real r[], const amb_real x[], amb_real speed,
                                 amb_real iu[]);

@@ -49,3 +49,28 @@ class Shown:
             There is no such panel, or `ax` is no axes.
         """
         return self._card().plot(ax=ax, panel=panel, static=static)
+
+
+class Drawn:
+    """An object with a figure, that can be plotted."""
+
+    __slots__ = ()
+
+    def figure(self) -> Any:
+        """Return its figure."""
+        raise NotImplementedError
+
+    def plot(self, *, ax: Any = None, panel: int | str = 0, static: bool = False) -> Any:
+        """Draw it, as `Shown.plot` does.
+
+        Parameters
+        ----------
+        ax : matplotlib axes, or a sequence of such; optional
+            Draw into these.
+        panel : int or str
+            Number of the panel, or a part of its name; for `ax`.
+        static : bool
+            Draw a figure of matplotlib, rather than an interactive one.
+        """
+        drawing = import_module("ambkit.show.notebook.drawing")
+        return drawing.plot(self.figure(), ax=ax, panel=panel, static=static)

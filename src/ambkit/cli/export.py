@@ -11,7 +11,7 @@ import typer
 
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.kinds import NAMES, estimator_option, of_machine, to_export
-from ambkit.cli.options import BearingOrFilter, Json, find_machine, quantity
+from ambkit.cli.options import BearingOrFilter, Json, Synchronous, find_machine, quantity
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -86,9 +86,18 @@ def export_c(
         Path | None,
         typer.Option(
             metavar="SCENARIO.toml",
-            help="Export the whole controller of this scenario: from readings to coil currents.",
+            help="Export the whole controller of this scenario, or of a machine's flight: from "
+            "readings to coil currents.",
         ),
     ] = None,
+    synchronous: Synchronous = None,
+    calibration: Annotated[
+        bool,
+        typer.Option(
+            "--calibration",
+            help="Noise, gate, mass, k and gains of a --controller can be changed while it runs.",
+        ),
+    ] = False,
     cost: Annotated[
         bool, typer.Option("--cost", help="Also print what it costs on a Cortex-M4F.")
     ] = False,
@@ -112,6 +121,7 @@ def export_c(
       ambkit export c filter.toml --precision double --out out/
       ambkit export c tum_mlps --estimator extended --out out/
       ambkit export c filter.toml --controller scenario.toml --out out/
+      ambkit export c tum_mlps --controller flight.toml --out out/
     """
     from ambkit.cli import output
     from ambkit.export import c
@@ -125,7 +135,7 @@ def export_c(
     if controller is not None and (cost or clock is not None):
         raise AmbkitError("--cost was measured of filters; of a whole controller: ambkit pil")
     model, chosen = _machine_of(bearing, estimator) or to_export(bearing, estimator)
-    scenario = None if controller is None else _scenario(controller)
+    options = _flown(model, controller, synchronous)
     written = c.export_c(
         model,
         chosen.magnet,
@@ -137,7 +147,8 @@ def export_c(
         expert_form=expert.value,
         force_bound=force_bound,
         editable=editable,
-        scenario=scenario,
+        **options,
+        calibrated=calibration,
     )
     data: dict[str, Any] = {
         "folder": str(written.folder),
@@ -177,6 +188,21 @@ def _machine_of(text: str, estimator: str | None) -> tuple[Bearing | Machine, Ch
     """Return a whole machine and its estimator; None where the text names something else."""
     machine = find_machine(text)
     return None if machine is None else (machine, of_machine(estimator, machine))
+
+
+def _flown(
+    model: Bearing | Machine, controller: Path | None, synchronous: list[str] | None
+) -> dict[str, Any]:
+    """Return whose controller is exported, and what else only a whole machine has."""
+    from ambkit.machine.machine import Machine
+    from ambkit.simulation.flight import Flight
+
+    if not isinstance(model, Machine):
+        if synchronous:
+            raise AmbkitError("--synchronous is of a whole machine, not of one axis")
+        return {"scenario": None if controller is None else _scenario(controller)}
+    options: dict[str, Any] = {"synchronous": tuple(synchronous)} if synchronous else {}
+    return options | {"flight": None if controller is None else Flight.load(controller)}
 
 
 def _cost_table(spent: Cost, clock: float) -> Table:

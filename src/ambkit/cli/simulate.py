@@ -9,6 +9,7 @@ import typer
 
 from ambkit.cli.kinds import NAMES, one_of
 from ambkit.cli.options import (
+    PICTURES,
     RECORDS,
     BearingName,
     ExpertFile,
@@ -93,6 +94,14 @@ def simulate(
         Path | None, file_option("Write the record: .csv or .parquet.", RECORDS, "--out")
     ] = None,
     plot: Plot = None,
+    waterfall: Annotated[
+        Path | None,
+        file_option(
+            "Of a whole machine: the spectrum over the run, in its first axis.",
+            PICTURES,
+            "--waterfall",
+        ),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Simulate a bearing or a whole machine in closed loop.
@@ -115,10 +124,13 @@ def simulate(
     if whole is not None:
         simulate_machine(
             whole, scenario=scenario, estimator=estimator, duration=duration, load=load, seed=seed,
-            injection=injection, synchronous=synchronous or (), out=out, plot=plot, json=json,
+            injection=injection, synchronous=synchronous or (), out=out, plot=plot,
+            waterfall=waterfall, json=json,
             others={"expert": expert, "force-map": magnet, "step": step, "reference": reference},
         )  # fmt: skip
         return
+    if waterfall is not None:
+        raise AmbkitError("--waterfall is of a whole machine, not of one axis")
     if synchronous:
         raise AmbkitError("--synchronous is of a whole machine, not of one axis")
     plant = find_bearing(bearing)

@@ -11,6 +11,8 @@ from ambkit.cli.options import refuse_of_one_axis
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
+    from ambkit.simulation.machine import MachineRun
+    from ambkit.workflow.waterfall import Waterfall
 
 
 def simulate_machine(
@@ -25,6 +27,7 @@ def simulate_machine(
     synchronous: Sequence[str],
     out: Path | None,
     plot: Path | None,
+    waterfall: Path | None,
     json: bool,
     others: dict[str, Any],
 ) -> None:
@@ -44,8 +47,8 @@ def simulate_machine(
         A record whose ``injected_NAME`` is added at the summing point of that axis.
     synchronous : sequence of str
         What turns with the rotor and is estimated too.
-    out, plot : Path, optional
-        Files for the record and the picture.
+    out, plot, waterfall : Path, optional
+        Files for the record and the pictures.
     json : bool
         Whether machines are to read it.
     others : dict
@@ -86,6 +89,7 @@ def simulate_machine(
         [
             (out, run.record.save),
             (plot, lambda path: plots.save_figure(plots.machine_figure(run), path)),
+            (waterfall, lambda path: plots.save_figure(_waterfall(run).figure(), path)),
         ],
         as_json=json,
     )
@@ -94,6 +98,15 @@ def simulate_machine(
         output.note(f"the rotor touched a backup bearing in {touched} of {len(run.record)} samples")
         if not holding(machine, happening.feedback).held:
             output.note("no PID of each axis that was tried holds it; ambkit check says more")
+
+
+def _waterfall(run: MachineRun) -> Waterfall:
+    """Return the spectra of the first axis, in stretches of at most a tenth of a second."""
+    from ambkit.workflow.waterfall import waterfall
+
+    t = run.record.t
+    window = min(0.1, float(t[-1] - t[0]) / 4)
+    return waterfall(run.record, f"s_{run.machine.axes[0].name}", window=window)
 
 
 def _table(data: dict[str, Any], units: Mapping[str, str]) -> Any:

@@ -159,6 +159,7 @@ def arrays(controllers: Controllers, plant: Plant, estimator: Estimator | None) 
     return told | {
         "feedback_estimate": estimator is not None,
         "pid": controllers.pids,
+        "reference": controllers.of_axes.ravel().tolist(),
         "spread": controllers.spread.ravel().tolist(),
         "iu_min": [each.current_min for each in plant.alone],
         "iu_max": [each.current_max for each in plant.alone],
@@ -232,7 +233,8 @@ def _regulated(plant: Plant, estimator: Estimator) -> Controllers:
     passed = [[1.0, 0.0, 0.0, 0.0, 1.0, 1.0, -FAR, FAR]] * p
     nothing = np.zeros((p, len(estimator.states)))
     return Controllers(
-        passed, _names(plant), np.eye(p), ahead, np.zeros(p),
+        # What a PID is ahead is all of the reference.
+        passed, _names(plant), np.eye(p), ahead, -np.ones(p),
         {"fed_back": -K, "position": nothing, "velocity": nothing},
     )  # fmt: skip
 

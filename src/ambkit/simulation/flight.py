@@ -40,6 +40,15 @@ class Injection(Part):
     """What is added to the readings, as if the rotor were there [m]."""
 
 
+class Base(Part):
+    """A motion of the foundation, with which bearings and sensors go: earthquake, ship, shock."""
+
+    direction: Literal["x", "y", "z"]
+    """Along which direction of the machine."""
+    acceleration: Annotated[Signal, SignalIn("m/s^2", "5 m/s^2")]
+    """The acceleration [m/s^2]."""
+
+
 class Flight(Document):
     """A run of a whole machine: how fast it turns, what disturbs it, and who controls it.
 
@@ -68,11 +77,16 @@ class Flight(Document):
     """Positions that the rotor is to take; else the middle."""
     injection: tuple[Injection, ...] = ()
     """What is added to the readings before controllers and estimator take them."""
+    off: Annotated[float, Quantity("s", "0.3 s", at_least=0)] | None = None
+    """From when on no magnet has any current, as where the power fails: the rotor drops into its
+    backup bearings [s]."""
+    base: tuple[Base, ...] = ()
+    """How the foundation moves; displacements and readings are relative to it."""
 
     @model_serializer(mode="wrap")
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         data: dict[str, Any] = handler(self)
-        lists = ("disturbance", "reference", "injection")
+        lists = ("disturbance", "reference", "injection", "base")
         return {k: each for k, each in data.items() if k not in lists or each}
 
     def unknown_axes(self, axes: tuple[str, ...]) -> Iterator[str]:

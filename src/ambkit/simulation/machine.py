@@ -65,7 +65,9 @@ def simulate_machine(
     *,
     estimator: Estimator | None = None,
     disturbance: Array | None = None,
+    readings: Array | None = None,
     pids: Sequence[PID] | None = None,
+    from_readings: bool = False,
 ) -> MachineRun:
     """Simulate a whole machine with its controllers.
 
@@ -83,13 +85,18 @@ def simulate_machine(
         it is the linear filter if none is given.
     disturbance : ndarray (n, p), optional
         Forces along the axes, sample by sample, added to the flight's [N].
+    readings : ndarray (n, m), optional
+        Added to the readings, sample by sample [m]; NaN: lost.
     pids : sequence of PID (p,), optional
         Of each axis, where each has its own; by default they are tuned to the axes alone.
+    from_readings : bool
+        Whether the estimator starts where its first readings show the rotor, as an exported one
+        does; by default it starts where the rotor is.
 
     Raises
     ------
     ValueError
-        `disturbance` has not a row a sample.
+        `disturbance` or `readings` have not a row a sample.
     AmbkitError
         A load or a reference is of an axis that the machine has not; a run-up is too fast for the
         sampling time.
@@ -97,7 +104,7 @@ def simulate_machine(
     wrong = list(flight.unknown_axes(tuple(axis.name for axis in machine.axes)))
     if wrong:
         raise AmbkitError("; ".join(wrong))
-    plant, core = Plant(machine), core_module(any_model=True)
+    plant = Plant(machine)
     T = machine.sampling_time
     n = max(2, round(flight.duration / T) + 1)
     t: Array = T * np.arange(n + 1, dtype=float)
@@ -110,12 +117,12 @@ def simulate_machine(
         )
     loads = _of_axes(machine, [(each.axis, each.force) for each in flight.disturbance], t[:-1])
     wanted = _of_axes(machine, [(each.axis, each.position) for each in flight.reference], t[:-1])
-    if disturbance is not None:
-        if disturbance.shape != loads.shape:
-            raise ValueError(f"disturbance must be {loads.shape}, is {disturbance.shape}")
-        loads = loads + disturbance
+    base = _of_base(machine, flight, t[:-1])
     if estimator is None and flight.feedback == "estimate":
         estimator = KalmanFilter(machine)
+    precision = "float64" if estimator is None else estimator.precision
+    core = core_module(precision, any_model=True)
+    loads = _added("disturbance", loads, disturbance)
     q, currents = plant.hovering(wanted[0], loads[0])
     known = None if estimator is None else estimator.at_rest(q, current=currents)
     held = currents, wanted[0], known
@@ -126,28 +133,60 @@ def simulate_machine(
     noise_u, noise_y = _noise(machine, flight, n)
     added = _of_axes(machine, [(each.axis, each.position) for each in flight.injection], t[:-1])
     noise_y = noise_y + added @ np.linalg.pinv(shown_along_axes(machine)).T
+    noise_y = _added("readings", noise_y, readings)
     feeding = estimator if flight.feedback == "estimate" else None
     controllers = controllers_of(plant, flight.control, feeding, pids)
     given = (
         plant.arrays(core, flight.substeps, fastest)
+        | {"off": n if flight.off is None else round(flight.off / T)}
         | {"T": T, "k_ui": [axis.bearing.amplifier.gain for axis in machine.axes]}
         | arrays(controllers, plant, feeding)
     )
     follows = None
+
+    def flown(samples: int, **of_estimator: Any) -> dict[str, Any]:
+        series = {"r": wanted, "load": loads, "base": base, "noise_u": noise_u, "noise_y": noise_y}
+        at_once = {"start": plant.state(q, currents), "demanded": currents,
+                   "integral": controllers.integrals(*held)}  # fmt: skip
+        told = {name: values[:samples] for name, values in series.items()} | at_once
+        told["speed"] = speed[: samples + 1]
+        inputs = {name: np.ascontiguousarray(v, precision) for name, v in told.items()}
+        found: dict[str, Any] = core.simulate_machine(given, **inputs, **of_estimator)
+        return found
+
     if estimator is not None:
         estimator.reset(estimator.at_rest(q, current=currents))
+        if from_readings:
+            first = flown(1, estimator=estimator.core)["y"]
+            estimator.reset(estimator.at_first(np.asarray(first, float)))
         follows = estimator.turning(speed, n + 1)
-    out = core.simulate_machine(
-        given, r=wanted @ controllers.of_axes.T, load=loads, speed=speed,
-        noise_u=noise_u, noise_y=noise_y, start=plant.state(q, currents), demanded=currents,
-        integral=controllers.integrals(*held),
-        estimator=None if estimator is None else estimator.core,
-        model=estimator.engine.model_of_core if estimator and follows is not None else None,
-    )  # fmt: skip
-    series = {"r": wanted, "f_d": loads, "speed": speed[:-1], "injected": added}
+    turning = estimator.engine.model_of_core if estimator and follows is not None else None
+    out = flown(n, estimator=None if estimator is None else estimator.core, model=turning)
+    series = {"r": wanted, "f_d": loads, "speed": speed[:-1], "injected": added, "base": base}
     record = _record(plant, flight, t[:-1], out, series)
     estimate = None if estimator is None else estimator.told(t[:-1], out["estimate"])
     return MachineRun(machine, record, estimate)
+
+
+def _of_base(machine: Machine, flight: Flight, t: Array) -> Array:
+    """Return the accelerations of the foundation (n, 3) [m/s^2]."""
+    found = np.zeros((len(t), 3))
+    for at, each in enumerate(flight.base):
+        if each.direction not in machine.rigid_positions:
+            raise AmbkitError(
+                f"base[{at}].direction: {machine.name} has no thrust bearing, and does not move "
+                f"along {each.direction}"
+            )
+        found[:, "xyz".index(each.direction)] += each.acceleration.sample(t)
+    return found
+
+
+def _added(what: str, values: Array, more: Array | None) -> Array:
+    if more is None:
+        return values
+    if more.shape != values.shape:
+        raise ValueError(f"{what} must be {values.shape}, is {more.shape}")
+    return np.asarray(values + more)
 
 
 def _of_axes(machine: Machine, given: list[tuple[str, Any]], t: Array) -> Array:
@@ -178,12 +217,18 @@ def _record(
     plant: Plant, flight: Flight, t: Array, out: dict[str, Any], series: dict[str, Array]
 ) -> Record:
     machine, model = plant.machine, plant.model
+    told = ("X", "iu", "force", "y", "u")
+    out = out | {name: np.asarray(out[name], float) for name in told}
     axes = [axis.name for axis in machine.axes]
     signals: dict[str, tuple[Array, str]] = {}
     for k, r in enumerate(machine.readings):
         signals[f"y_{r.name}"] = out["y"][:, k], "m"
+    if flight.off is not None:
+        bias = [axis.bearing.magnet.bias_current for axis in machine.axes]
+        out["iu"] = np.where((t < flight.off)[:, None], out["iu"], np.negative(bias))
+    moved = out["X"][:, : len(model.states)] @ model.h.T
     of_axes = {
-        "u": (out["u"], "V"), "r": (series["r"], "m"), "s": (out["X"] @ model.h.T, "m"),
+        "u": (out["u"], "V"), "r": (series["r"], "m"), "s": (moved, "m"),
         "iu": (out["iu"], "A"), "f_mag": (out["force"] + plant.bias, "N"),
         "f_d": (series["f_d"], "N"),
     }  # fmt: skip
@@ -194,6 +239,8 @@ def _record(
     signals |= {f"{at.name}": (out["X"][:, k], at.unit) for k, at in enumerate(model.states)
                 if at.role == "sensor"}  # fmt: skip
     signals["speed"] = series["speed"], "rad/s"
+    for way in {each.direction for each in flight.base}:
+        signals[f"base_{way}"] = series["base"][:, "xyz".index(way)], "m/s^2"
     for each in flight.injection:
         signals[f"injected_{each.axis}"] = series["injected"][:, axes.index(each.axis)], "m"
     meta = {

@@ -55,7 +55,7 @@ def parts_of(bearing: Bearing, dtype: str = "float64") -> dict[str, Any] | None:
     dtype : str
         Of the arrays.
     """
-    parts = _amplifier(bearing) | delay_of(bearing) | _sensor(bearing, dtype) | _contact(bearing)
+    parts = amplifier_of(bearing) | delay_of(bearing) | _sensor(bearing, dtype) | _contact(bearing)
     return parts or None
 
 
@@ -106,7 +106,14 @@ def coil_fields(bearing: Bearing) -> dict[str, Any] | None:
     return fields | {"two_sided": False}
 
 
-def _amplifier(bearing: Bearing) -> dict[str, Any]:
+def amplifier_of(bearing: Bearing) -> dict[str, Any]:
+    """Return what an amplifier does, by the names of ``amb_parts``; nothing where it is at once.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        Whose amplifier, and coils.
+    """
     amplifier, magnet = bearing.amplifier, bearing.magnet
     if amplifier.bandwidth is None:
         return {}

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.base.errors import AmbkitError
 from ambkit.machine import geometry
 from ambkit.machine.bank import weights_of
 from ambkit.machine.bearing import GRAVITY
@@ -49,6 +48,15 @@ class Plant:
         self.H = geometry.matrix([axis.line for axis in machine.axes], machine.positions)
 
     @property
+    def pairs(self) -> list[int]:
+        """Axes whose two coils have currents of their own, as their voltage is limited."""
+        return [
+            k
+            for k, each in enumerate(self.alone)
+            if each.amplifier.voltage_limit is not None and each.magnet.type == "two-sided"
+        ]
+
+    @property
     def axes(self) -> tuple[Axis, ...]:
         """The axes of its bearings."""
         return self.machine.axes
@@ -86,7 +94,8 @@ class Plant:
 
     def state(self, q: Array, currents: Array) -> Array:
         """Return X (n,) of a rotor at rest, which its sensors have long seen."""
-        X, place = np.zeros(len(self.model.states)), self.model.place
+        place = self.model.place
+        X = np.zeros(len(self.model.states) + len(self.pairs))
         X[: len(q)] = q
         rows = geometry.matrix([r.line for r in self.machine.readings], self.machine.positions)
         for r, seen in zip(self.machine.readings, rows @ q, strict=True):
@@ -94,6 +103,7 @@ class Plant:
         for name, current in zip(self.model.current, currents, strict=True):
             if name is not None:
                 X[place[name]] = current
+        X[len(self.model.states) :] = [currents[k] for k in self.pairs]
         return X
 
     def arrays(self, core: ModuleType, substeps: int, fastest: float) -> dict[str, Any]:
@@ -108,26 +118,24 @@ class Plant:
         fastest : float
             Greatest speed of rotation in the run [rad/s].
 
-        Raises
-        ------
-        AmbkitError
-            It has what is simulated of one axis only: an amplifier's voltage limit.
         """
         machine, model = self.machine, self.model
-        for at, each in enumerate(machine.bearing):
-            if each.amplifier.voltage_limit is not None:
-                raise AmbkitError(
-                    f"{machine.name}: bearing[{at}].amplifier.voltage_limit is simulated of one "
-                    "axis alone, not of a whole machine; leave it out"
-                )
         n, readings = len(model.states), machine.readings
-        index = model.place
+        index, more = model.place, len(self.pairs)
         seen = np.zeros((len(readings), n))
         seen[:, : len(machine.positions)] = geometry.matrix(
             [r.line for r in readings], machine.positions
         )
-        pattern = (model.A != 0) | (model.spin != 0)
-        cosine, sine = self._unbalance()
+        # What the currents of second coils do stands in the amplifiers alone.
+        A, spin = np.pad(model.A, (0, more)), np.pad(model.spin, (0, more))
+        pattern = (A != 0) | (spin != 0)
+        down, right = ((0, more), (0, 0)), ((0, 0), (0, more))
+        sparse = {
+            "b": np.pad(model.b, down), "B_u": np.pad(model.B_u, down),
+            "h": np.pad(model.h, right), "v": np.pad(model.v, right), "seen": np.pad(seen, right),
+        }  # fmt: skip
+        cosine, sine = self.unbalance()
+        dtype = "float32" if core.__name__.endswith("f32") else "float64"
         g = model.b @ self.bias
         if machine.bending is None:
             moved = machine.masses
@@ -135,31 +143,35 @@ class Plant:
             g[len(moved) : 2 * len(moved)] += weight / moved
         else:  # what its bearings bend it by at rest is no displacement, see geometry.py
             g += model.b @ np.array(weights_of(machine))
+        constant = {"g": g, "cosine": cosine, "sine": sine}
+        second = {axis: n + k for k, axis in enumerate(self.pairs)}
         return {
-            "states": n, "axes": len(self.axes), "sensors": len(readings),
-            "A": compressed_rows(model.A, pattern),
-            "spin": model.spin[pattern].tolist(),
-            **{
-                name: compressed_rows(values, values != 0)
-                for name, values in (
-                    ("b", model.b), ("B_u", model.B_u), ("h", model.h), ("v", model.v),
-                    ("seen", seen),
-                )
-            },
+            "states": n + more, "axes": len(self.axes), "sensors": len(readings),
+            "A": compressed_rows(A, pattern),
+            "spin": spin[pattern].tolist(),
+            **{name: compressed_rows(values, values != 0) for name, values in sparse.items()},
+            **{name: np.pad(values, (0, more)).tolist() for name, values in constant.items()},
+            "second": [second.get(k, -1) for k in range(len(self.axes))],
+            "amplifiers": [parts.amplifier_of(alone) for alone in self.alone],
+            "coils": [
+                None if fields is None else core.Law(**fields)
+                for fields in map(parts.coil_fields, self.alone)
+            ],
+            "base": [index.get(f"v_{way}", -1) for way in "xyz"],
             "current": [-1 if each is None else index[each] for each in model.current],
             "magnets": [law.in_core(core) for law in self.laws],
+            "none": (-self.bias).tolist(),
             "farthest": [_farthest(axis) for axis in self.axes],
-            "g": g.tolist(), "cosine": cosine.tolist(), "sine": sine.tolist(),
             "shows": [index[f"x_m_{r.name}"] for r in readings],
             "gain": [r.sensor.gain for r in readings],
             "lag": [machine.lag_of(r.sensor) for r in readings],
-            "sensor_parts": self._sensors(),
+            "sensor_parts": self._sensors(dtype),
             "rings": self._rings(),
             **({"delay": 0, "delay_rest": 0.0} | parts.delay_of(machine)),
             "substeps": self._substeps(substeps, fastest),
         }  # fmt: skip
 
-    def _unbalance(self) -> tuple[Array, Array]:
+    def unbalance(self) -> tuple[Array, Array]:
         """Return accelerations by unbalance ahead and across, for 1 rad/s (n,)."""
         machine = self.machine
         moved = machine.masses
@@ -170,12 +182,12 @@ class Plant:
             found[:, velocities] += amount * geometry.matrix(along, machine.positions) / moved
         return found[0], found[1]
 
-    def _sensors(self) -> list[dict[str, Any]]:
+    def _sensors(self, precision: str) -> list[dict[str, Any]]:
         told = []
         for r in self.machine.readings:
             second = r.sensor.type == "radial" and r.name == f"{r.sensor.name}2"
             around = math.pi / 2 if second else 0.0
-            told.append(parts.of_sensor(r.sensor, r.sensor.runout, "float64", around))
+            told.append(parts.of_sensor(r.sensor, r.sensor.runout, precision, around))
         return told
 
     def _rings(self) -> list[dict[str, Any]]:

@@ -145,6 +145,22 @@ class Impulse(Waveform):
         return np.diff(area) / np.diff(edges)
 
 
+class HalfSine(Waveform):
+    """Half a period of a sine and nothing before and after it: the shock of IEC 60068-2-27."""
+
+    type: Literal["half-sine"] = "half-sine"
+    amplitude: Value
+    """Greatest value."""
+    time: Time = 0.0
+    """Time at which it begins [s]."""
+    duration: Annotated[float, Quantity("s", "11 ms", above=0)]
+    """How long it lasts [s]."""
+
+    def _at(self, t: Array) -> Any:
+        part = (t - self.time) / self.duration
+        return np.where((part > 0) & (part < 1), self.amplitude * np.sin(np.pi * part), 0.0)
+
+
 class Sequence(Waveform):
     """One value after the other, each held until the next; zero before the first."""
 
@@ -217,7 +233,7 @@ class Sum(Waveform):
 
 
 Signal = Annotated[
-    Constant | Step | Ramp | Sine | Impulse | Sequence | Recorded | Sum,
+    Constant | Step | Ramp | Sine | Impulse | HalfSine | Sequence | Recorded | Sum,
     Field(discriminator="type"),
 ]
 Sum.model_rebuild()

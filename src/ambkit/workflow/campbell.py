@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.showing import Drawn
 from ambkit.models.continuous import continuous
 from ambkit.simulation.holding import holding
 from ambkit.workflow.machines import stiffnesses
@@ -21,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Campbell:
+class Campbell(Drawn):
     """Poles of a rotor in its magnets, over the speed of rotation.
 
     Attributes
@@ -51,6 +52,19 @@ class Campbell:
                 share = ahead[k] / (ahead[k] - ahead[k + 1])
                 found.append(float(self.speed[k] + share * (self.speed[k + 1] - self.speed[k])))
         return sorted(found)
+
+    def to_dict(self) -> dict[str, object]:
+        """Return the speeds at which unbalance meets a whirl [rad/s], and the modes at rest."""
+        poles, last = self.poles[0], self.poles[-1]
+        return {
+            "machine": self.machine,
+            "fastest": float(self.speed[-1]),
+            "critical": self.critical,
+            "modes": [
+                {"forwards": bool(ahead), "frequency": [float(a.imag), float(b.imag)]}
+                for a, b, ahead in zip(poles, last, self.forwards, strict=True)
+            ],
+        }
 
     def figure(self) -> Figure:
         """Show frequencies and damping over the speed."""
@@ -86,7 +100,7 @@ def campbell(machine: Machine, fastest: float | None = None, *, count: int = 121
     if count < 2:
         raise ValueError(f"count must be 2 or more, got {count!r}")
     q = len(machine.positions)
-    at_rest, spin = _held(machine)
+    at_rest, spin = held(machine)
     speed = np.linspace(0.0, fastest, count)
     poles = np.empty((count, q), complex)
     forwards = np.zeros(q, bool)
@@ -104,8 +118,14 @@ def campbell(machine: Machine, fastest: float | None = None, *, count: int = 121
     return Campbell(machine.name, speed, poles[:, order], forwards[order])
 
 
-def _held(machine: Machine) -> tuple[Array, Array]:
-    """Return A at rest, and what it gains by 1 rad/s, of the rotor on its controllers."""
+def held(machine: Machine) -> tuple[Array, Array]:
+    """Return A at rest, and what it gains by 1 rad/s, of the rotor on its controllers.
+
+    Parameters
+    ----------
+    machine : Machine
+        The whole machine.
+    """
     of, q2 = continuous(machine), 2 * len(machine.positions)
     A, spin = of.A[:q2, :q2], of.spin[:q2, :q2]
     pids = holding(machine).pids

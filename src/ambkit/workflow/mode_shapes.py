@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
+from ambkit.base.showing import Drawn
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
@@ -23,7 +24,7 @@ POINTS = 401
 
 
 @dataclass(frozen=True, eq=False)
-class ModeShapes:
+class ModeShapes(Drawn):
     """Bending modes of the free rotor that its model keeps.
 
     Attributes

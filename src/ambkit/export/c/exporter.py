@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.registry import KINDS
-from ambkit.export.c import cost, folder, render
+from ambkit.export.c import calibration, cost, folder, render
 from ambkit.export.c.cost import CYCLES_PER_INSTRUCTION, Cost
 from ambkit.export.c.data import CPrecision, called
 from ambkit.export.c.prefix import checked
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.magnets import MagnetModel
     from ambkit.simulation.control import Controller
+    from ambkit.simulation.flight import Flight
     from ambkit.simulation.scenario import Scenario
 
 MOST_COUNTED = 65535
@@ -81,6 +82,8 @@ def export_c(
     filter_file: FilterFile | None = None,
     editable: bool = False,
     scenario: Scenario | None = None,
+    flight: Flight | None = None,
+    calibrated: bool = False,
     **options: Any,
 ) -> CExport:
     """Write a folder of C99 that compiles alone.
@@ -118,6 +121,12 @@ def export_c(
         Whose controller is exported with the estimator, lift-off and landing: the whole of what
         flies, from readings to currents; what the scenario's sequence does not say is as usual. Of
         one axis.
+    flight : Flight, optional
+        Of a whole machine: its controllers are written too, and estimator and controllers together
+        as one step from readings to currents, equal to the last bit to what the simulation flies.
+    calibrated : bool
+        Whether noise, gate, mass, magnet constant and gains of such a controller can be changed
+        while it runs.
     **options
         Of the kind; of :class:`ambkit.KalmanFilter` noise, gravity, frozen_limit, gate,
         outlier_limit, as_printed.
@@ -158,11 +167,23 @@ def export_c(
     controller = None
     if scenario is not None:
         controller, spent = _controller(estimator, scenario, editable=editable), None
+    if calibrated:
+        if controller is None:
+            raise AmbkitError("calibration is for a whole controller; give a scenario")
+        calibration.check(controller)
     facts = _facts(magnet, precision) | _cost_facts(spent)
     if estimator.description:
         facts = {"for": estimator.description} | facts
     content = render.render(
-        estimator, name, precision, facts, loops=loops, editable=editable, controller=controller
+        estimator,
+        name,
+        precision,
+        facts,
+        loops=loops,
+        editable=editable,
+        controller=controller,
+        flight=flight,
+        calibrated=calibrated,
     )
     written = folder.write(Path(out), content.files)
     return CExport(

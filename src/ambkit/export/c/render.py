@@ -15,7 +15,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.registry import PAPER, InCore
 from ambkit.export import core
-from ambkit.export.c import control, data, model, proof, vectors
+from ambkit.export.c import calibration, control, data, machine_control, model, proof, vectors
 from ambkit.export.c.crc import Constants, Crc
 from ambkit.export.c.data import MAGNETS, CPrecision, Kind
 from ambkit.machine.bearing import FILES
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.machine.bearing import Bearing
     from ambkit.simulation.control import Controller
+    from ambkit.simulation.flight import Flight
 
 _BOUNDS: dict[CPrecision, str] = {"float": "1e-3", "double": "1e-9"}
 _PROVED = (
@@ -57,6 +58,8 @@ def render(
     loops: bool | None = None,
     editable: bool = False,
     controller: Controller | None = None,
+    flight: Flight | None = None,
+    calibrated: bool = False,
 ) -> Content:
     """Write all texts.
 
@@ -77,6 +80,10 @@ def render(
         axis alone.
     controller : Controller, optional
         That flies this estimator; the export is then the whole of it.
+    flight : Flight, optional
+        Of a whole machine: its controllers are written beside the filter, and one step for both.
+    calibrated : bool
+        Whether numbers of such a controller can be changed while it runs.
 
     Raises
     ------
@@ -107,11 +114,19 @@ def render(
             needed += [f"src/{data.called(inner).source}.c"]
     of_model = model.in_c(estimator, loops=loops)
     needed += [*of_model.sources, *(control.SOURCES if controller is not None else ())]
+    needed += calibration.SOURCES if calibrated else ()
+    flown = {}
+    if flight is not None:
+        flown = machine_control.context(estimator, flight, name, precision, bound_of(estimator))
+        needed += machine_control.SOURCES
     found = core.closure(needed, instead=of_model.instead)
     core_files = {f"core/{file}": text for file, text in found.items()}
     c_files = tuple(file for file in core_files if file.endswith(".c"))
-    sources = (f"{name}.c", f"{name}_data.c", *c_files)
-    selftest = tuple(f"selftest/{file}" for file in (f"{name}_selftest.c", f"{name}_vectors.c"))
+    more = ("_control", "_control_data") if flown else ()
+    changed = ("_calibration",) if calibrated else ()
+    sources = (*(f"{name}{file}.c" for file in ("", *changed, "_data", *more)), *c_files)
+    of_test = ("selftest", "vectors", *(("control_selftest",) if flown else ()))
+    selftest = tuple(f"selftest/{name}_{file}.c" for file in of_test)
     settling, bound = settling_of(estimator), bound_of(estimator)
     if controller is None:
         tested = vectors.make(estimator, magnets, settling=settling, bound=bound)
@@ -136,11 +151,14 @@ def render(
             for f in core_files
             if f.endswith(("/exponential.h", "/root.h", "/crc.h")) and "/include/" in f
         ],
-        "cast_sources": _casts(kind, in_core, given, flown=controller is not None),
+        "cast_sources": _casts(
+            kind, in_core, given, flown=controller is not None, calibrated=calibrated
+        ),
         "selftest_sources": ("selftest/main.c", *selftest),
         "bound": _BOUND_OF_MACHINES if whole and precision == "float" else _BOUNDS[precision],
         **{key: told[key] for key in told if key != "arrays"},
         "flown": told if controller is not None else None,
+        "base_of_calibration": None,
         "misra_defines": "-DFLT_MANT_DIG=24" if precision == "float" else "-DDBL_MANT_DIG=53",
         "given": given,
         "in_core": in_core,
@@ -170,19 +188,31 @@ def render(
         **_stops(estimator, precision),
         "base": "" if in_core is None else in_core.base,
         **_data_context(estimator, magnet, kind, precision, of_model, editable=editable),
+        "controlled": bool(flown),
+        **flown,
         "editable": editable,
         "as_printed": estimator.engine.as_printed,
         "mass": "" if whole else data.number(bearing.rotor.mass, precision),
         "own": "" if in_core is None else data.own(estimator, precision),
         "settling": settling,
         "bound_of_output": f"{bound:.1f}",
-        "crc": _crc(estimator, name, precision, of_model, editable=editable, flown=controller),
+        "crc": _crc(
+            estimator,
+            name,
+            precision,
+            of_model,
+            editable=editable,
+            flown=controller,
+            calibrated=calibrated,
+        ),
         "proof_sentence": _PROVED.replace("NAME", name),
     }
     context["proof"] = _proof(estimator, context, core_files)
     for each, si in (("y", "m"), ("u", "V")):
         context[f"{each}_unit"] = context["inputs"][each]["unit"] if context["inputs"][each] else si
     context["inputs_text"] = repr(context["inputs"])
+    if calibrated and controller is not None:
+        context["base_of_calibration"] = calibration.context(controller, name, precision)
     context["configuration"] = _configuration(estimator, context, core_files)
     made = {
         f"{name}.h": "filter.h",
@@ -203,7 +233,15 @@ def render(
         "misra.txt": "misra.txt",
     }
     if controller is not None:
-        made |= {file.format(name): template for file, template in control.TEMPLATES.items()}
+        more_files = calibration.TEMPLATES if calibrated else {}
+        named = {**control.TEMPLATES, **more_files}
+        made |= {file.format(name): template for file, template in named.items()}
+        if calibrated:
+            described = calibration.described(controller, name, precision)
+            core_files |= {"calibration.json": described}
+    if flown:
+        files = machine_control.FILES
+        made |= {file.format(name=name): template for file, template in files.items()}
     templates = _templates()
     texts = core_files | {
         file: templates.get_template(f"{template}.j2").render(context)
@@ -289,6 +327,7 @@ def _crc(
     *,
     editable: bool,
     flown: Controller | None,
+    calibrated: bool,
 ) -> Crc:
     """Return the CRC of the data file, with its names."""
     constants = Constants(precision)
@@ -322,6 +361,8 @@ def _crc(
     constants.fields("own", estimator.core.own, arrays=True)
     if flown is not None:
         control.constants(flown, name, constants)
+        if calibrated:
+            calibration.constants(flown, name, constants)
     return constants.crc()
 
 
@@ -445,12 +486,13 @@ def _hover(estimator: Estimator, precision: CPrecision) -> str:
 
 
 def _casts(
-    kind: Kind, in_core: InCore | None, given: bool, *, flown: bool = False
+    kind: Kind, in_core: InCore | None, given: bool, *, flown: bool, calibrated: bool
 ) -> tuple[str, ...]:
     """Return the files that cast from ``void *``, which MISRA C advises against."""
     stems = [] if given else [kind.source]
     if in_core is not None:
         stems += ["estimator", *in_core.casts, *(["control"] if flown else [])]
+        stems += ["calibration"] if calibrated else []
     return tuple(f"core/src/{stem}.c" for stem in sorted(stems))
 
 
@@ -469,6 +511,9 @@ def _configuration(
     if context["several"]:
         parts.append(repr(context["several"]))
     parts += [array["text"] for array in context["arrays"]]
+    if context["controlled"]:
+        parts += [array["text"] for array in context["control_arrays"]]
+        parts += [repr(context["pids"]), context["kind"]]
     for part in (*parts, *core_files.values()):
         digest.update(part.encode() + b"\0")
     return digest.hexdigest()[:16]

@@ -51,7 +51,7 @@ def make(estimator: Estimator, magnets: list[Magnet], *, settling: int, bound: f
     for scene in scenes.of(estimator, magnets, settling):
         y, u, si = _as_read(estimator, scene)
         told = scenes.run(estimator, *si)
-        n = _within(estimator, told["mean"], bound)
+        n = within(estimator, told["mean"], bound)
         told = {name: values[:n].reshape(n, -1) for name, values in told.items()}
         parts.append((scene.name, y[:n], u[:n], told))
     columns = [_columns(estimator, told) for *_, told in parts]
@@ -89,8 +89,18 @@ def _as_read(estimator: Estimator, scene: scenes.Scene) -> tuple[Array, Array, t
     return y, u, estimator.in_si(y, u)
 
 
-def _within(estimator: Estimator, mean: Array, bound: float) -> int:
-    """Return how many samples there are before the output is no rotor."""
+def within(estimator: Estimator, mean: Array, bound: float) -> int:
+    """Return how many samples there are before the output is no rotor.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        Whose.
+    mean : ndarray (N, n)
+        Its states, each in its unit [m, m/s, N ...].
+    bound : float
+        Caps beyond which it is none.
+    """
     caps = estimator.core.parameters["set"]["cap"]
     beyond = np.flatnonzero((np.abs(mean) > 0.99 * bound * caps).any(axis=1))
     return int(beyond[0]) if beyond.size else len(mean)

@@ -1,0 +1,96 @@
+"""The spectrum of a rotor's motion over the speed: what a run-up excites."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.showing import Drawn
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+    from ambkit.show.report.figure import Figure
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Waterfall(Drawn):
+    """Amplitude spectra of stretches of a run, one after the other.
+
+    Attributes
+    ----------
+    signal : str
+        Whose.
+    unit : str
+        Its unit.
+    t : ndarray (n,)
+        Middle of each stretch [s].
+    speed : ndarray (n,)
+        Speed of rotation there [rad/s].
+    frequency : ndarray (m,)
+        [Hz].
+    amplitude : ndarray (n, m)
+        Of each line, in the signal's unit.
+    """
+
+    signal: str
+    unit: str
+    t: Array
+    speed: Array
+    frequency: Array
+    amplitude: Array
+
+    def figure(self) -> Figure:
+        """Show the amplitudes over time and frequency, with the speed of rotation."""
+        from ambkit.show.plots.waterfall import waterfall_figure
+
+        return waterfall_figure(self)
+
+
+def waterfall(
+    record: Record, signal: str, *, window: float = 0.1, highest: float | None = None
+) -> Waterfall:
+    """Return the spectra of a run's signal over time.
+
+    Hann windows that overlap by three quarters; a line of a steady sine is as high as the sine.
+
+    Parameters
+    ----------
+    record : Record
+        With `signal`, and ``speed`` [rad/s].
+    signal : str
+        Such as ``"s_A1"``.
+    window : float
+        Length of a stretch [s]: longer tells frequencies apart better, shorter times.
+    highest : float, optional
+        Highest frequency [Hz]; by default four times the greatest speed, and 100 Hz at least.
+
+    Raises
+    ------
+    RecordError
+        The record has no such signal.
+    ValueError
+        `window` is not within the record's length and eight samples.
+    """
+    values, speed, t = record[signal], record["speed"], record.t
+    T = float(t[1] - t[0])
+    n = round(window / T)
+    if not 8 <= n <= len(t):
+        raise ValueError(f"window must be {8 * T:g} s to {len(t) * T:g} s, got {window!r}")
+    fastest = float(np.abs(speed).max()) / (2 * math.pi)
+    highest = max(4 * fastest, 100.0) if highest is None else highest
+    hann = np.hanning(n + 1)[:-1]
+    starts = np.arange(0, len(t) - n + 1, max(1, n // 4))
+    parts = np.lib.stride_tricks.sliding_window_view(values, n)[starts]
+    parts = parts - parts.mean(axis=1, keepdims=True)
+    frequency = np.asarray(np.fft.rfftfreq(n, T), np.float64)
+    shown = frequency <= highest
+    spectra = 2 / hann.sum() * np.abs(np.fft.rfft(parts * hann, axis=1))
+    middle = starts + n // 2
+    unit = record.units.get(signal, "1")
+    return Waterfall(signal, unit, t[middle], speed[middle], frequency[shown], spectra[:, shown])

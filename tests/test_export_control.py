@@ -1,0 +1,185 @@
+"""Estimator and controllers in one step, as C: what the simulation flew, to the last bit."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from export_cases import BEARING, INCLUDES, SAME_BITS, STRICT, command
+from machine_cases import machine
+from test_machine_export import compiled
+from typer.testing import CliRunner
+
+from ambkit import AmbkitError, Flight, KalmanFilter, Machine, simulate_machine
+from ambkit.cli.app import app
+from ambkit.export.c import export_c
+from ambkit.export.c.machine_control import vectors
+from ambkit.simulation.controllers import Control
+
+CROSSED = Control(type="translation and tilt", cross_feedback=0.5)
+UNBALANCE = {"synchronous": ("unbalance",)}
+FLIGHTS = {
+    "readings": (Flight(), {}),
+    "from rest": (Flight(start="rest"), {}),
+    "cross feedback": (Flight(feedback="estimate", control=CROSSED), {}),
+    "force-free": (
+        Flight(feedback="estimate", control=Control(unbalance="force-free")), UNBALANCE,
+    ),
+    "lqg, still": (
+        Flight(feedback="estimate", control=Control(type="lqg", unbalance="still")), UNBALANCE,
+    ),
+}  # fmt: skip
+
+
+def run(folder: Path, *defines: str) -> str:
+    sources = [str(path.relative_to(folder)) for path in folder.rglob("*.c")]
+    build = [*command("gcc"), *defines, *sources, "-o", "test.out"]
+    subprocess.run(build, cwd=folder, check=True, timeout=120)
+    return subprocess.run([folder / "test.out"], capture_output=True, text=True).stdout
+
+
+@compiled
+@pytest.mark.parametrize("name", FLIGHTS)
+@pytest.mark.parametrize("precision", ["float", "double"])
+def test_currents_are_those_of_the_simulation(name: str, precision: Any, tmp_path: Path) -> None:
+    flight, options = FLIGHTS[name]
+    one = machine(speed=600.0)
+    export_c(one, None, tmp_path / "c", prefix="f", precision=precision, flight=flight, **options)
+    told = run(tmp_path / "c")
+    assert "pass: f with its controllers, 300 samples flown: equal to the last bit" in told
+
+
+@compiled
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["ufu_flexible", "compressor", "tum_mlps_flexible", "heart_pump"])
+@pytest.mark.parametrize("kind", ["decentralised", "translation and tilt", "lqg"])
+def test_those_of_presets(name: str, kind: Any, tmp_path: Path) -> None:
+    flight = Flight(feedback="estimate", control=Control(type=kind))
+    export_c(Machine.preset(name), None, tmp_path / "c", prefix="f", flight=flight)
+    assert "samples flown: equal to the last bit" in run(tmp_path / "c")
+
+
+def test_what_is_flown_visits_limits_and_losses() -> None:
+    flight, _ = FLIGHTS["cross feedback"]
+    one = machine(speed=600.0)
+    tested = vectors(KalmanFilter(one, precision="float32"), flight)
+    assert tested.saturated > 20
+    assert np.isnan(tested.y).any()
+    assert (np.abs(np.diff(tested.r, axis=0)) > 0).any(axis=0).all()
+    held = np.abs(tested.u[tested.starts[1] :]).max(axis=0)
+    np.testing.assert_allclose(held, [b.amplifier.current_limit for b in one.bearing for _ in "12"])
+
+
+FAULTS = {
+    "f_control.c": [("state->u[f] = command->iu[f]", "state->u[f] = command->iu[0]")],
+    "core/src/controllers.c": [
+        ("sum += power *", "sum -= power *"), ("power *= speed", "power += speed"),
+        ("+= c->spread[", "-= c->spread["),
+        ("c->iu_min[f], c->iu_max[f]", "c->iu_min[0], 2 * c->iu_max[f]"),
+        ("v += speed *", "v -= speed *"),
+    ],
+    "core/src/controller.c": [
+        ("pid->weight *", "AMB_C(1.0) *"), ("* error +", "* error -"), ("- pid->kd", "+ pid->kd"),
+    ],
+}  # fmt: skip
+
+
+@compiled
+@pytest.mark.long
+def test_faults_are_noticed(tmp_path: Path) -> None:
+    """Planted one by one; the control signal that the filter is told is the one that acted."""
+    one, folder = machine(speed=600.0), tmp_path / "c"
+    control = Control(type="translation and tilt", unbalance="force-free", cross_feedback=0.5)
+    flight = Flight(feedback="estimate", control=control)
+    export_c(one, None, folder, prefix="f", flight=flight, **UNBALANCE)
+    for file, faults in FAULTS.items():
+        right = (folder / file).read_text()
+        for old, new in faults:
+            assert old in right, old
+            (folder / file).write_text(right.replace(old, new, 1))
+            told = run(folder, "-Wno-error")
+            assert "FAIL: f with its controllers" in told, (file, old)
+        (folder / file).write_text(right)
+    constants = folder / "f_control_data.c"
+    constants.write_text(constants.read_text().replace(".kp = ", ".kp = 1.1F * ", 1))
+    assert "FAIL: f with its controllers" in run(folder, "-Wno-error")
+
+
+USER = """#include "f_control.h"
+#include <math.h>
+#include <stdio.h>
+int main()
+{
+  static f_control_state control;
+  f_command now;
+  amb_real y[AMB_SENSORS], r[AMB_CONTROLS] = {0, 0, 0, 0};
+  int bad = 0;
+  f_control_init(&control);
+  for (int k = 0; k < 500; k++) {
+    for (int s = 0; s < AMB_SENSORS; s++)
+      y[s] = (amb_real)(k % 7 == 3 ? NAN : k % 11 == 5 ? INFINITY : 1e-5 * (s - 1));
+    r[0] = k % 13 == 2 ? (amb_real)NAN : 0;
+    f_control_step(&control, y, r, k % 17 == 4 ? (amb_real)NAN : 600, &now);
+    for (int f = 0; f < AMB_CONTROLS; f++) {
+      const bool within = now.iu[f] >= -2 && now.iu[f] <= 2;
+      const bool coils = now.coil[f][0] == 2 + now.iu[f] && now.coil[f][1] == 2 - now.iu[f];
+      bad += !within || !coils || now.u[f] != now.iu[f];
+    }
+  }
+  printf("%d\\n", bad);
+  return 0;
+}
+"""
+
+
+@compiled
+@pytest.mark.parametrize("name", ["force-free", "lqg, still"])
+def test_currents_stay_within_limits_whatever_is_given(name: str, tmp_path: Path) -> None:
+    """And C++ takes the headers."""
+    flight, options = FLIGHTS[name]
+    folder = tmp_path / "c"
+    export_c(machine(speed=600.0), None, folder, prefix="f", flight=flight, **options)
+    main = tmp_path / "main.cpp"
+    main.write_text(USER)
+    sources = [str(p.relative_to(folder)) for p in folder.rglob("*.c") if "selftest" not in str(p)]
+    build = ["gcc", "-std=c99", *STRICT, *SAME_BITS, *INCLUDES, "-c", *sources]
+    subprocess.run(build, cwd=folder, check=True, timeout=120)
+    objects = [path.name for path in folder.glob("*.o")]
+    link = ["g++", "-std=c++17", *INCLUDES, str(main), *objects, "-o", "user.out"]
+    subprocess.run(link, cwd=folder, check=True, timeout=120)
+    told = subprocess.run([folder / "user.out"], capture_output=True, text=True)
+    assert told.stdout == "0\n"
+
+
+def test_what_has_no_controllers_says_so(tmp_path: Path) -> None:
+    with pytest.raises(AmbkitError, match="of a whole machine"):
+        export_c(BEARING, None, tmp_path / "c", flight=Flight())
+    flight = Flight(feedback="estimate", control=Control(unbalance="still"))
+    with pytest.raises(AmbkitError, match="synchronous"):
+        export_c(machine(), None, tmp_path / "c", flight=flight)
+    assert not (tmp_path / "c").exists()
+
+
+def test_readings_that_are_lost_are_flown() -> None:
+    one = machine()
+    lost = np.zeros((101, len(one.readings)))
+    lost[50, 1] = np.nan
+    flown = simulate_machine(one, Flight(duration=0.01), readings=lost).record
+    assert np.isnan(flown["y_A2"]).sum() == 1
+    assert np.isfinite(flown["u_A2"]).all()
+    with pytest.raises(ValueError, match="readings must be"):
+        simulate_machine(one, Flight(duration=0.01), readings=lost[:50])
+
+
+def test_the_command_takes_a_flight(tmp_path: Path) -> None:
+    flight = tmp_path / "flight.toml"
+    flight.write_text('feedback = "estimate"\n[control]\ntype = "lqg"\nunbalance = "still"\n')
+    words = ["tum_mlps", "--controller", str(flight), "--out", str(tmp_path / "c")]
+    told = CliRunner().invoke(app, ["export", "c", *words])
+    assert "synchronous" in str(told.exception)  # what the controllers are to know
+    told = CliRunner().invoke(app, ["export", "c", *words, "--synchronous", "unbalance"])
+    assert told.exit_code == 0, told.output
+    assert "tum_mlps_control_step" in (tmp_path / "c" / "README.md").read_text()

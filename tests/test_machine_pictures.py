@@ -1,0 +1,83 @@
+"""Modes, unbalance response and run-ups of whole machines, as pictures and as figures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from machine_cases import machine
+from typer.testing import CliRunner
+
+import ambkit
+from ambkit import AmbkitError, Flight, Machine
+from ambkit.cli.app import app
+from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.waveforms import Ramp
+
+UNBALANCE = [{"place": 0.1, "amount": 5e-6, "angle": 0.4}]
+
+
+def test_the_unbalance_response_is_that_of_a_flight() -> None:
+    """At a speed above the rigid criticals, to what sensor lag and sampling change."""
+    one = machine(speed=900.0, unbalance=UNBALANCE)
+    found = ambkit.unbalance_response(one, 1800.0, count=180)
+    at = int(np.argmin(np.abs(found.speed - 900.0)))
+    record = simulate_machine(one, Flight(duration=0.8, noise=False)).record
+    late = record.t >= record.t[-1] - 50 * 2 * np.pi / 900.0
+    for k, axis in enumerate(one.axes):
+        turning = record[f"s_{axis.name}"][late] * np.exp(-900j * record.t[late])
+        assert found.amplitude[at, k] == pytest.approx(2 * abs(turning.mean()), rel=0.15)
+    assert found.to_dict()["amplitude"].keys() == {"A1", "A2", "B1", "B2"}
+
+
+def test_far_above_the_criticals_a_rotor_turns_about_its_axis_of_inertia() -> None:
+    one = machine(unbalance=[{"place": 0.0, "amount": 8e-6}], rotor={
+        "mass": 4.0, "transverse_inertia": 0.16, "polar_inertia": 1e-6,
+    })  # fmt: skip
+    found = ambkit.unbalance_response(one, 1e5, count=50)
+    np.testing.assert_allclose(found.amplitude[-1], 2e-6, rtol=0.01)
+
+
+def test_a_run_up_stands_on_the_speed_of_rotation() -> None:
+    one = machine(unbalance=[{"place": 0.1, "amount": 5e-5}])
+    flight = Flight(duration=1.0, noise=False, speed=Ramp(slope=1000.0))
+    found = ambkit.waterfall(simulate_machine(one, flight).record, "s_A1", window=0.1)
+    highest = found.frequency[found.amplitude.argmax(axis=1)]
+    later = found.speed > 300.0
+    assert np.abs(highest - found.speed / (2 * np.pi))[later].max() < 12.0
+    assert found.unit == "m"
+
+
+def test_a_steady_sine_is_as_high_as_it_is() -> None:
+    t = np.arange(4000) * 1e-3
+    record = ambkit.Record(
+        t, {"s_A1": 3e-6 * np.sin(2 * np.pi * 50 * t), "speed": 0 * t + 300.0},
+        {"s_A1": "m", "speed": "rad/s"},
+    )  # fmt: skip
+    found = ambkit.waterfall(record, "s_A1", window=0.2)
+    np.testing.assert_allclose(found.amplitude.max(axis=1), 3e-6, rtol=1e-3)
+    with pytest.raises(ValueError, match="window must be"):
+        ambkit.waterfall(record, "s_A1", window=10.0)
+
+
+def test_without_unbalance_there_is_no_response() -> None:
+    with pytest.raises(AmbkitError, match="no response"):
+        ambkit.unbalance_response(machine())
+    with pytest.raises(ValueError, match="fastest"):
+        ambkit.unbalance_response(machine(unbalance=UNBALANCE), -1.0)
+
+
+def test_each_is_drawn(tmp_path: Path) -> None:
+    names = {each: tmp_path / f"{each}.png" for each in ("campbell", "modes", "unbalance")}
+    words = [word for name, path in names.items() for word in (f"--{name}", str(path))]
+    told = CliRunner().invoke(app, ["rotor", "ufu_flexible", "--fastest", "9000 rpm", *words])
+    assert told.exit_code == 0, told.output
+    assert "critical speeds" in told.output
+    assert all(path.read_bytes()[:4] == b"\x89PNG" for path in names.values())
+    picture = tmp_path / "waterfall.png"
+    words = ["tum_mlps", "--duration", "0.2 s", "--estimator", "none", "--waterfall", str(picture)]
+    assert CliRunner().invoke(app, ["simulate", *words]).exit_code == 0
+    assert picture.exists()
+    drawn = ambkit.campbell(Machine.preset("tum_mlps"), count=11).plot(static=True)
+    assert np.size(drawn) == 2
