@@ -47,8 +47,8 @@ class Cost:
         Memory of each instance [bytes]; the caller's.
     stack : int
         Memory that a step borrows [bytes].
-    selftest : int
-        Instructions of the whole self-test.
+    selftest : int or None
+        Instructions of the whole self-test; None where they were not counted.
     compiler : str
         Name, version and flags of the compiler.
     """
@@ -60,7 +60,7 @@ class Cost:
     constants: int
     state: int
     stack: int
-    selftest: int
+    selftest: int | None
     compiler: str
 
     def highest_rate(self, clock: float) -> float:
