@@ -105,8 +105,9 @@ void run(long steps, double *mean, double *cov, const double *growth)
     amb_model_predict_mean(&model, F, iu, mean);
     amb_model_predict_covariance(&model, k, k_ui, var_u, growth, cov, work);
     for (int r = 0; r < amb_sensors(&model); r++) {
-      double e, S;
-      amb_model_update(&model, r, 1e-6 * (double)(s %% 3), 1e-10, mean, cov, &e, &S);
+      double e;
+      const double S = amb_model_shown_variance(&model, r, cov) + 1e-10;
+      amb_model_update(&model, r, 1e-6 * (double)(s %% 3), S, mean, cov, &e);
     }
   }
 }

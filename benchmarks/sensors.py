@@ -21,10 +21,10 @@ from scipy.optimize import minimize_scalar
 
 from ambkit import Bearing, FilterNoise, Record
 from ambkit.base.errors import AmbkitError
+from ambkit.estimate.constant_velocity import tune as constant_velocity
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.bench import bench
 from ambkit.judge.comparison.cases import CASES, trials
-from ambkit.judge.comparison.constant_velocity import tune as constant_velocity
 from ambkit.judge.comparison.contenders import contenders
 from ambkit.machine.magnets import own_time
 

@@ -101,7 +101,7 @@ Control::Control(Estimator &of, const nb::dict &given) : estimator(of)
   const bool sequenced = nb::cast<bool>(given["sequenced"]);
   if (sequenced)
     sequence = {counted(given, "waiting"), counted(given, "lost"), counted(given, "overloaded"),
-                nb::cast<amb_real>(given["rise"]), nb::cast<amb_real>(given["fall"])};
+                nb::cast<amb_real>(given["rise"]), nb::cast<amb_real>(given["descent"])};
   control.estimator = &of.estimator;
   control.law = &law;
   control.sequence = sequenced ? &sequence : nullptr;

@@ -3,10 +3,10 @@
 #include "work.h"
 
 extern "C" {
-#include "fast.h"
 #include "ambkit/smoother.h"
 #include "ambkit/ud.h"
 #include "ambkit/unscented.h"
+#include "fast.h"
 }
 
 namespace
@@ -340,9 +340,10 @@ Named parameters(const Estimator &self)
   all["set"] = set;
   all["model"] = shown(self.kf.model);
   all["growth"] = numbers(self.kf.growth, of.entries);
-  all["far_squared"] = numbers(self.kf.far_squared, of.sensors);
+  all["far"] = numbers(self.kf.far, of.sensors);
   all["gate_squared"] = self.kf.gate_squared;
   all["widest"] = numbers(self.kf.widest, of.states);
+  all["most"] = numbers(self.kf.most, of.entries);
   return all;
 }
 
@@ -403,7 +404,8 @@ void bind_estimator(nb::module_ &m)
       .def("step", &step_one, nb::arg("y"), nb::arg("u"), "Predict with u, update with y.")
       .def("step", &step, nb::arg("y"), nb::arg("u"), "The same with arrays.")
       .def("run", &run, nb::arg("y"), nb::arg("u"), nb::kw_only(), nb::arg("covariance") = false,
-           nb::arg("instructions") = nb::none(), "A whole record; u[k] acts from sample k to k + 1.")
+           nb::arg("instructions") = nb::none(),
+           "A whole record; u[k] acts from sample k to k + 1.")
       .def("smooth", &smooth, nb::arg("y"), nb::arg("u"),
            "A whole record, mean and covariance by all of it (ambkit/smoother.h).")
       .def("forecast", &forecast, nb::arg("mean"), nb::arg("u"), nb::arg("ahead"),

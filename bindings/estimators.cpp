@@ -197,7 +197,8 @@ void bind_estimators(nb::module_ &m)
               "None"))
       .def("run", &run_kalman, nb::arg("y"), nb::arg("u"), nb::arg("k_i") = nb::none(),
            nb::arg("k_s") = nb::none(), nb::kw_only(), nb::arg("covariance") = false,
-           nb::arg("instructions") = nb::none(), "A whole record, with given stiffnesses (n,) or the magnet's.");
+           nb::arg("instructions") = nb::none(),
+           "A whole record, with given stiffnesses (n,) or the magnet's.");
   nb::class_<Extended, Estimator>(m, "Extended", "Extended Kalman filter.")
       .def(
           nb::init<nb::object, nb::object, nb::kwargs>(), nb::arg("magnet"), nb::arg("model"),

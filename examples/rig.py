@@ -15,6 +15,7 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter, savgol_filter
 
 import ambkit
+from ambkit.estimate.constant_velocity import tune
 from ambkit.estimate.innovations import prediction_error
 from ambkit.identification.forces.lift_off import find_lift_off
 from ambkit.identification.forces.lift_off_fit import fit_lift_off
@@ -22,7 +23,6 @@ from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel, delayed
 from ambkit.identification.maximum_likelihood.validation import validate
 from ambkit.identification.noise import measurement_noise
-from ambkit.judge.comparison.constant_velocity import tune
 from ambkit.show import plots
 from ambkit.show.plots import maximum_likelihood as figures
 from ambkit.show.report.figure import Figure, Panel

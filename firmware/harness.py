@@ -28,7 +28,9 @@ Contraction = Literal["off", "fast"]
 _ANSWER = np.dtype(
     [("mean", "<f4", 4), ("status", "<u4"), ("instructions", "<u4"), ("trusted", "<u4")]
 )
-_SUMMARY = np.dtype([(name, "<u4") for name in ("unequal", "wrong_status", "stack", "state")])
+_SUMMARY = np.dtype(
+    [(name, "<u4") for name in ("unequal", "wrong_status", "stack", "state", "selftest")]
+)
 
 
 class Firmware(NamedTuple):
@@ -55,6 +57,7 @@ class Run(NamedTuple):
     trusted: NDArray[np.uint32]  # (n - 1,), of the step that trusts its input; 0 without one
     stack: int  # bytes that a step needs
     state: int  # bytes of an instance
+    selftest: int  # instructions of the self-test
     unequal: int  # states of the self-test that are not equal to the last bit
     wrong_status: int  # statuses of the self-test
     text: str  # what it printed
@@ -163,6 +166,7 @@ def run(firmware: Firmware, y: ArrayLike, u: ArrayLike) -> Run:
         trusted=answers["trusted"][1:],
         stack=int(summary["stack"]),
         state=int(summary["state"]),
+        selftest=int(summary["selftest"]),
         unequal=int(summary["unequal"]),
         wrong_status=int(summary["wrong_status"]),
         text=done.stderr,

@@ -87,6 +87,7 @@ def figures(measured: Case) -> dict[str, Any]:
         "constants_without_arrays": size.constants - cost.bytes_of_arrays(measured.estimator),
         "state": run.state,
         "stack": run.stack,
+        "selftest": run.selftest,
     }
 
 

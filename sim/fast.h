@@ -1,6 +1,6 @@
-/* One estimator along a record, with the instructions that the processor has; for the host. The core
- * is compiled for any processor; here its loop is compiled once more for each set of instructions.
- * No multiplication is fused with an addition in any of them: the bits are the same.
+/* One estimator along a record, with the instructions that the processor has; for the host. The
+ * core is compiled for any processor; here its loop is compiled once more for each set of
+ * instructions. No multiplication is fused with an addition in any of them: the bits are the same.
  */
 #ifndef AMBKIT_SIM_FAST_H
 #define AMBKIT_SIM_FAST_H

@@ -1,5 +1,6 @@
-/* Closed loops of the nonlinear plant side by side, compiled once for each set of instructions: what
- * loop.c, plant.c and controller.c do, with masks where they branch. The filter is that of lanes.c.
+/* Closed loops of the nonlinear plant side by side, compiled once for each set of instructions:
+ * what loop.c, plant.c and controller.c do, with masks where they branch. The filter is that of
+ * lanes.c.
  */
 #include "lanes_run.h"
 
@@ -87,7 +88,7 @@ typedef struct flight {
   lanes_tally tally;
   amb_many_run *runs[LANES]; /* the last one again where there are fewer */
   amb_batch_run filter[LANES];
-  bool steps[LANES];           /* whether it has a step to be judged */
+  bool steps[LANES]; /* whether it has a step to be judged */
   double noise[LANES][2][STRETCH];
   lanes r[BLOCK], f_d[BLOCK], noise_u[BLOCK], noise_y[BLOCK];
   lanes x[BLOCK], v[BLOCK], u[BLOCK], iu[BLOCK];
@@ -166,8 +167,7 @@ AMB_INLINE lanes pid_step(loops *l, lanes r, lanes x, const lanes *known)
     good &= finite(*known);
     l->velocity = lanes_choose(good, *known, l->velocity);
   } else {
-    const lanes changed =
-        l->velocity + ((x - l->last_x) - l->T * l->velocity) / l->derivative;
+    const lanes changed = l->velocity + ((x - l->last_x) - l->T * l->velocity) / l->derivative;
     l->velocity = lanes_choose(good & l->started, changed, l->velocity);
   }
   l->last_x = lanes_choose(good, x, l->last_x);
@@ -180,8 +180,7 @@ AMB_INLINE lanes pid_step(loops *l, lanes r, lanes x, const lanes *known)
   const lanes iu = lanes_clamp(demanded, l->out_min, l->out_max);
   const lanes_mask within = ~((iu < demanded) | (iu > demanded));
   const lanes tracking = l->integral + l->T * (l->ki * error + (iu - demanded) / l->T_t);
-  const lanes stopping =
-      lanes_choose(within, l->integral + l->T * l->ki * error, l->integral);
+  const lanes stopping = lanes_choose(within, l->integral + l->T * l->ki * error, l->integral);
   l->integral = lanes_choose(l->T_t > AMB_C(0.0), tracking, stopping);
   return iu;
 }
@@ -323,12 +322,19 @@ static void judge(flight *f, size_t first, size_t count)
   if (f->t.b.told)
     flags(f, count, used);
   for (size_t b = 0; b < count; b++) {
-    const lanes_seen seen = {
-        lanes_all_equal((double)(first + b)), f->r[b], f->f_d[b], f->x[b], f->v[b], f->u[b],
-        f->iu[b],
-        {f->t.b.mean[b][AMB_FIRST_POSITION], f->t.b.mean[b][AMB_FIRST_VELOCITY],
-         f->t.b.mean[b][AMB_FIRST_LOAD]},
-        f->t.b.result[b].innovation, f->t.b.result[b].variance, used[b], f->touched[b]};
+    const lanes_seen seen = {lanes_all_equal((double)(first + b)),
+                             f->r[b],
+                             f->f_d[b],
+                             f->x[b],
+                             f->v[b],
+                             f->u[b],
+                             f->iu[b],
+                             {f->t.b.mean[b][AMB_FIRST_POSITION],
+                              f->t.b.mean[b][AMB_FIRST_VELOCITY], f->t.b.mean[b][AMB_FIRST_LOAD]},
+                             f->t.b.result[b].innovation,
+                             f->t.b.result[b].variance,
+                             used[b],
+                             f->touched[b]};
     lanes_tally_estimate(&f->windows, &tally, &seen);
     lanes_tally_loop(&f->windows, &tally, &seen);
     if (stepping)
@@ -339,12 +345,22 @@ static void judge(flight *f, size_t first, size_t count)
 
 static amb_tally of_lane(const lanes_tally *t, size_t i)
 {
-  const amb_tally one = {
-      {t->squares[0][i], t->squares[1][i], t->squares[2][i]},
-      {t->peaks[0][i], t->peaks[1][i], t->peaks[2][i]},
-      t->nis[i], t->taken[i], t->control[i], t->control_peak[i], t->effort[i], t->last_u[i],
-      t->farthest[i], t->current[i], t->way[i], t->outside[i], t->late[i], t->load[i],
-      t->touched[i], t->landed[i]};
+  const amb_tally one = {{t->squares[0][i], t->squares[1][i], t->squares[2][i]},
+                         {t->peaks[0][i], t->peaks[1][i], t->peaks[2][i]},
+                         t->nis[i],
+                         t->taken[i],
+                         t->control[i],
+                         t->control_peak[i],
+                         t->effort[i],
+                         t->last_u[i],
+                         t->farthest[i],
+                         t->current[i],
+                         t->way[i],
+                         t->outside[i],
+                         t->late[i],
+                         t->load[i],
+                         t->touched[i],
+                         t->landed[i]};
   return one;
 }
 

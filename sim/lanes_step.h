@@ -10,7 +10,7 @@
 /* Parameters and states as the core's structs, a vector for each number. */
 typedef struct lanes_parameters {
   lanes_model model;
-  lanes k_ui, f_0, iu_min, iu_max, x_max, var_u, var_y, rise, far_squared, gate_squared;
+  lanes k_ui, f_0, iu_min, iu_max, x_max, var_u, var_y, rise, reach, gate_squared;
   lanes widest; /* of the position */
   lanes growth[AMB_TRIANGLE];
   lanes k_i, k_s; /* of a constant magnet */
@@ -49,7 +49,7 @@ AMB_INLINE void lanes_law_through_origin(const lanes_law *law, lanes iu, lanes x
   lanes turned_i = *k_i;
   lanes turned_s = *k_s;
   const lanes square = lanes_turn_square(law->ampere, law->metre, iu, x);
-  const lanes_mask away = square >= AMB_REAL_MIN;
+  const lanes_mask away = square >= AMB_TURN_LEAST;
   lanes_turn(law->ampere, law->metre, lanes_law_force(law, iu, x), square, iu, x, &turned_i,
              &turned_s);
   *k_i = lanes_choose(away, turned_i, *k_i);
@@ -109,7 +109,7 @@ AMB_INLINE lanes lanes_force(const lanes_parameters *p, lanes_of of, lanes iu, l
 /* A measurement within reach that moves. */
 AMB_INLINE lanes_mask lanes_measured(const lanes_parameters *p, lanes_state *s, lanes y)
 {
-  const lanes_mask usual = ((y * y) <= p->far_squared) & (y != s->last_y);
+  const lanes_mask usual = (y <= p->reach) & (y >= -p->reach) & (y != s->last_y);
   s->last_y = y;
   return usual;
 }
@@ -136,7 +136,7 @@ AMB_INLINE lanes_mask lanes_step_kalman(const lanes_parameters *p, lanes_of of, 
     lanes_ask(p, of, iu, at, &k_i, &k_s);
     f = k_i * iu + k_s * at + p->f_0;
   }
-  lanes_mask usual = (f * f) <= AMB_REAL_MAX;
+  lanes_mask usual = (f <= AMB_REAL_ROOT) & (f >= -AMB_REAL_ROOT);
   const lanes_stiffness k = {k_i, k_s};
   lanes_model_predict_mean(&p->model, &f, &iu, s->mean);
   lanes_model_predict_covariance(&p->model, &k, &p->k_ui, &p->var_u, p->growth, s->cov, NULL);
@@ -151,8 +151,9 @@ AMB_INLINE lanes_mask lanes_step_kalman(const lanes_parameters *p, lanes_of of, 
                                   lanes_all_equal(AMB_C(8.0)));
   const lanes noise = (p->var_y * share) * share;
   usual &= (AMB_ROOT_EPSILON * shown) <= noise;
-  usual &= lanes_expected(p, s, y - there, shown + noise);
-  lanes_model_update(&p->model, 0, y, noise, s->mean, s->cov, &r->innovation, &r->variance);
+  r->variance = shown + noise;
+  usual &= lanes_expected(p, s, y - there, r->variance);
+  lanes_model_update(&p->model, 0, y, r->variance, s->mean, s->cov, &r->innovation);
   s->residual = y - lanes_model_shown(&p->model, 0, s->mean);
   lanes_model_variances(&p->model, s->cov, variances);
   for (int i = 0; i < AMB_STATES; i++) {

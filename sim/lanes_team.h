@@ -69,7 +69,7 @@ static void fill_parameters(lanes_parameters *p, size_t i, const amb_estimator *
     p->growth[j][i] = kf->growth[j];
   p->var_y[i] = kf->set.var_y[0];
   p->rise[i] = kf->set.rise[0];
-  p->far_squared[i] = kf->far_squared[0];
+  p->reach[i] = kf->far[0];
   p->gate_squared[i] = kf->gate_squared;
   p->widest[i] = kf->widest[AMB_FIRST_POSITION];
   p->K_sen[i] = kf->set.K_sen[0];

@@ -85,8 +85,7 @@ static inline void amb_figures_of(amb_many_run *run, size_t n, const amb_tally *
   const bool stepped = s->step_from < s->step_to;
   to[AMB_OVERSHOOT] = stepped ? t->way : unknown;
   to[AMB_SETTLING] = stepped ? amb_stays(at.step_from, at.step_to, t->outside, T) : unknown;
-  to[AMB_RECOVERY] =
-      (s->load_from < n) ? amb_stays(at.load_from, (double)n, t->late, T) : unknown;
+  to[AMB_RECOVERY] = (s->load_from < n) ? amb_stays(at.load_from, (double)n, t->late, T) : unknown;
   to[AMB_LOAD_KEPT] = t->load;
   to[AMB_TOUCHED] = t->touched;
   to[AMB_LANDED] = t->landed;

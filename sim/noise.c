@@ -1,6 +1,6 @@
 #include "noise.h"
-#include "noise_drawn.h"
 #include "ambkit/real.h"
+#include "noise_drawn.h"
 
 void amb_philox(const uint32_t counter[4], const uint32_t key[2], uint32_t random[4])
 {

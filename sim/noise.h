@@ -1,9 +1,9 @@
-/* Normal noise that is a function of four numbers: seed, run, stream and sample. Who draws it, where,
- * when and beside whom changes nothing, so that runs can be computed in any order.
+/* Normal noise that is a function of four numbers: seed, run, stream and sample. Who draws it,
+ * where, when and beside whom changes nothing, so that runs can be computed in any order.
  *
- * Philox 4x32-10 (Salmon, Moraes, Dror and Shaw 2011) with the seed as its key; the counter is made of
- * run, stream and half of the sample's number. What it gives becomes normal by the inverse of the
- * distribution (Wichura 1988, AS 241), to some 1e-16; no libm beyond the root.
+ * Philox 4x32-10 (Salmon, Moraes, Dror and Shaw 2011) with the seed as its key; the counter is made
+ * of run, stream and half of the sample's number. What it gives becomes normal by the inverse of
+ * the distribution (Wichura 1988, AS 241), to some 1e-16; no libm beyond the root.
  */
 #ifndef AMBKIT_SIM_NOISE_H
 #define AMBKIT_SIM_NOISE_H

@@ -1,11 +1,11 @@
-/* Noise of several samples at once, in loops that compilers make vectors of; noise.h says what it is.
- * Inline, so that each set of instructions has its own.
+/* Noise of several samples at once, in loops that compilers make vectors of; noise.h says what it
+ * is. Inline, so that each set of instructions has its own.
  */
 #ifndef AMBKIT_SIM_NOISE_DRAWN_H
 #define AMBKIT_SIM_NOISE_DRAWN_H
 
-#include "noise.h"
 #include "ambkit/real.h"
+#include "noise.h"
 #include <math.h>
 
 #define AMB_PHILOX_ROUNDS 10
@@ -14,7 +14,7 @@
 #define AMB_PHILOX_W0 UINT32_C(0x9E3779B9)
 #define AMB_PHILOX_W1 UINT32_C(0xBB67AE85)
 
-#define AMB_NORMAL_CENTRAL 0.425 /* of q = p - 1/2, either way */
+#define AMB_NORMAL_CENTRAL 0.425              /* of q = p - 1/2, either way */
 #define AMB_NORMAL_FAR 1.3887943864964021e-11 /* exp(-25) */
 
 /* A number and its bits; always in double, whatever the core computes in. */
@@ -23,8 +23,8 @@ typedef union amb_noise_bits {
   uint64_t bits;
 } amb_noise_bits;
 
-/* Natural logarithm of a normal number a > 0, to about one machine epsilon: a = 2^e m with m between
- * the roots of 1/2 and 2, and log m = 2 artanh(s), s = (m - 1)/(m + 1), by its series. */
+/* Natural logarithm of a normal number a > 0, to about one machine epsilon: a = 2^e m with m
+ * between the roots of 1/2 and 2, and log m = 2 artanh(s), s = (m - 1)/(m + 1), by its series. */
 AMB_INLINE double amb_noise_log(double a)
 {
   amb_noise_bits of;
@@ -77,32 +77,30 @@ AMB_INLINE double amb_normal_central(double q)
 AMB_INLINE double amb_normal_near(double share)
 {
   const double r = sqrt(-amb_noise_log(share)) - 1.6;
-  const double above =
-      (((((((7.74545014278341407640e-4 * r + 2.27238449892691845833e-2) * r +
-            2.41780725177450611770e-1) *
-               r +
-           1.27045825245236838258e0) *
-              r +
-          3.64784832476320460504e0) *
-             r +
-         5.76949722146069140550e0) *
-            r +
-        4.63033784615654529590e0) *
-           r +
-       1.42343711074968357734e0);
-  const double below =
-      (((((((1.05075007164441684324e-9 * r + 5.47593808499534494600e-4) * r +
-            1.51986665636164571966e-2) *
-               r +
-           1.48103976427480074590e-1) *
-              r +
-          6.89767334985100004550e-1) *
-             r +
-         1.67638483018380384940e0) *
-            r +
-        2.05319162663775882187e0) *
-           r +
-       1.0);
+  const double above = (((((((7.74545014278341407640e-4 * r + 2.27238449892691845833e-2) * r +
+                             2.41780725177450611770e-1) *
+                                r +
+                            1.27045825245236838258e0) *
+                               r +
+                           3.64784832476320460504e0) *
+                              r +
+                          5.76949722146069140550e0) *
+                             r +
+                         4.63033784615654529590e0) *
+                            r +
+                        1.42343711074968357734e0);
+  const double below = (((((((1.05075007164441684324e-9 * r + 5.47593808499534494600e-4) * r +
+                             1.51986665636164571966e-2) *
+                                r +
+                            1.48103976427480074590e-1) *
+                               r +
+                           6.89767334985100004550e-1) *
+                              r +
+                          1.67638483018380384940e0) *
+                             r +
+                         2.05319162663775882187e0) *
+                            r +
+                        1.0);
   return above / below;
 }
 
@@ -110,32 +108,30 @@ AMB_INLINE double amb_normal_near(double share)
 AMB_INLINE double amb_normal_far(double share)
 {
   const double r = sqrt(-amb_noise_log(share)) - 5.0;
-  const double above =
-      (((((((2.01033439929228813265e-7 * r + 2.71155556874348757815e-5) * r +
-            1.24266094738807843860e-3) *
-               r +
-           2.65321895265761230930e-2) *
-              r +
-          2.96560571828504891230e-1) *
-             r +
-         1.78482653991729133580e0) *
-            r +
-        5.46378491116411436990e0) *
-           r +
-       6.65790464350110377720e0);
-  const double below =
-      (((((((2.04426310338993978564e-15 * r + 1.42151175831644588870e-7) * r +
-            1.84631831751005468180e-5) *
-               r +
-           7.86869131145613259100e-4) *
-              r +
-          1.48753612908506148525e-2) *
-             r +
-         1.36929880922735805310e-1) *
-            r +
-        5.99832206555887937690e-1) *
-           r +
-       1.0);
+  const double above = (((((((2.01033439929228813265e-7 * r + 2.71155556874348757815e-5) * r +
+                             1.24266094738807843860e-3) *
+                                r +
+                            2.65321895265761230930e-2) *
+                               r +
+                           2.96560571828504891230e-1) *
+                              r +
+                          1.78482653991729133580e0) *
+                             r +
+                         5.46378491116411436990e0) *
+                            r +
+                        6.65790464350110377720e0);
+  const double below = (((((((2.04426310338993978564e-15 * r + 1.42151175831644588870e-7) * r +
+                             1.84631831751005468180e-5) *
+                                r +
+                            7.86869131145613259100e-4) *
+                               r +
+                           1.48753612908506148525e-2) *
+                              r +
+                          1.36929880922735805310e-1) *
+                             r +
+                         5.99832206555887937690e-1) *
+                            r +
+                        1.0);
   return above / below;
 }
 

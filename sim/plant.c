@@ -39,8 +39,8 @@ AMB_INLINE bool advance(const amb_plant *plant, amb_plant_state *state, amb_real
                         amb_real f_d, bool closed)
 {
   const amb_real h = T / (amb_real)plant->substeps, g = (plant->f_0 + f_d) / plant->m;
-  const amb_stride of = {h,           h / 2,        h / 6, 1 / plant->m, 1 / plant->T_sen,
-                         plant->K_sen, plant->travel};
+  const amb_stride of = {
+      h, h / 2, h / 6, 1 / plant->m, 1 / plant->T_sen, plant->K_sen, plant->travel};
   const amb_puller magnet = {&plant->magnet, closed};
   bool touched = false;
   amb_motion s = {amb_reachable(&of, state->x), state->v, state->x_m};

@@ -1,5 +1,6 @@
 /* The plant without parts, one step of Runge-Kutta. No include guard: the text is compiled for
- * numbers (plant.c) and for lanes (lanes_many.c), who say what amb_real, amb_puller and amb_pull are.
+ * numbers (plant.c) and for lanes (lanes_many.c), who say what amb_real, amb_puller and amb_pull
+ * are.
  */
 
 /* What a step of the length h takes from plant and sampling time. */

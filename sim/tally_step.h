@@ -61,8 +61,8 @@ AMB_INLINE void amb_tally_loop(const amb_windows *at, amb_tally *t, const amb_se
   const amb_judged_mask counts = seen->k >= at->first;
   const amb_judged off = seen->r - seen->x, away = amb_judged_magnitude(off);
   t->control += amb_judged_where(counts, off * off);
-  t->control_peak = amb_judged_choose(counts, amb_judged_most(t->control_peak, away),
-                                      t->control_peak);
+  t->control_peak =
+      amb_judged_choose(counts, amb_judged_most(t->control_peak, away), t->control_peak);
   const amb_judged change = seen->u - t->last_u;
   t->effort += amb_judged_where(seen->k > at->first, change * change);
   t->last_u = seen->u;

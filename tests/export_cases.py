@@ -50,7 +50,8 @@ def estimator(kind: str, made: CExport) -> Estimator:
 
 def flight_files(made: CExport) -> list[str]:
     """The C files and headers that a controller's firmware takes."""
-    return [f for f in made.files if f.endswith((".c", ".h")) and not f.startswith("selftest/")]
+    others = ("selftest/", "proof/")
+    return [f for f in made.files if f.endswith((".c", ".h")) and not f.startswith(others)]
 
 
 def command(compiler: str, flags: tuple[str, ...] = SAME_BITS) -> list[str]:

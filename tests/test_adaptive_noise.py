@@ -219,7 +219,8 @@ def test_nothing_is_learned_from_what_is_not_used() -> None:
 
 def test_the_end_of_the_range_is_told() -> None:
     seen, whole = found("linear", noise=(1e-3, 1.0), most=10.0)
-    assert seen[-1, 0] == pytest.approx(1e-2)
+    assert seen[:, 0].max() == pytest.approx(1e-2)
+    assert seen[-1, 0] == pytest.approx(1e-2, rel=1e-3)  # what is found moves a little below it
     assert (whole.status[-1000:] & Status.NOISE_LIMIT).any()
     assert np.mean(whole.nis[-1000:]) > 2
 

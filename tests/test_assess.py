@@ -414,7 +414,7 @@ def test_assessment_says_it_all():
     assert data["loops"]["linear"]["zone"] == "A"
     assert data["loops"]["linear"]["bode_holds"]
     assert data["loops"]["linear"]["slowest_pole"] < 0
-    assert len(found.figure().panels) == 4
+    assert len(found.figure().panels) == 5
     assert ambkit.assess(ZITTAU.replace(sampling_time=5e-4)).top == 1000.0
 
 

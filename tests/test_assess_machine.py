@@ -16,6 +16,7 @@ from ambkit.simulation.linear.pieces import WorkPoint
 from ambkit.simulation.linear.settled import estimator_at
 from ambkit.simulation.machine import simulate_machine
 from ambkit.workflow.assessing import MEASUREMENT
+from ambkit.workflow.balance import unbalance_forces
 from ambkit.workflow.loop_of import LoopOf
 from ambkit.workflow.over_speed import assess_over_speed
 from ambkit.workflow.verdict import verdict, write_verdict
@@ -182,6 +183,16 @@ def test_grades_of_balance():
     assert ambkit.assess(still).grades() == []
 
 
+def test_the_force_of_an_unbalance_between_bearings_is_shared_by_them():
+    (plane,) = UFU.unbalance
+    forces = unbalance_forces(UFU)
+    assert forces[0] + forces[2] == pytest.approx(plane.amount * UFU.speed**2, rel=1e-9)
+    assert forces[:2] == pytest.approx([forces[0]] * 2)
+    a, b = (bearing.place for bearing in UFU.bearing)
+    share = (b - plane.place) / (b - a)
+    assert forces[0] == pytest.approx(share * plane.amount * UFU.speed**2, rel=1e-9)
+
+
 def test_a_load_moves_the_work_point():
     free, loaded = (LoopOf(UFU, load=load) for load in (None, {"A1": -20.0}))
     moved = loaded.point.iu - free.point.iu
@@ -205,7 +216,7 @@ def test_assessment_of_a_machine_says_it_all():
     assert loop["worst_axis"] == found.loops["linear"].worst.name == "A1"
     assert set(loop["axes"]) == {"A1", "A2", "B1", "B2"}
     assert found.alike("linear") == [["A1", "A2"], ["B1", "B2"]]
-    assert len(found.figure().panels) == 6
+    assert len(found.figure().panels) == 7
     assert len(found.capacity_figure().panels) == 2
     with pytest.raises(AmbkitError, match="x is of one axis"):
         ambkit.assess(UFU, x="1 um")

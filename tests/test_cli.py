@@ -27,7 +27,7 @@ from ambkit.machine.stiffness import stiffness_map
 
 COMMANDS = (
     "reproduce", "simulate", "excite", "read", "identify", "train", "filter", "compare",
-    "assess", "torture", "presets", "check",
+    "assess", "torture", "pil", "presets", "check",
 )  # fmt: skip
 
 

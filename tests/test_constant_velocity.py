@@ -7,9 +7,9 @@ import pytest
 
 import ambkit
 from ambkit.data.recordings import folder
+from ambkit.estimate.constant_velocity import tune
 from ambkit.estimate.innovations import prediction_error
 from ambkit.judge.comparison import ConstantVelocityFilter
-from ambkit.judge.comparison.constant_velocity import tune
 
 T = 1e-4
 

@@ -237,10 +237,13 @@ class Loops:
     ) -> tuple[Array, Array, float, float]:
         """Mean, triangle, innovation and its variance."""
         mean, cov = at.mean.copy(), at.cov[np.triu_indices(self.n)]
-        e, S = ctypes.c_double(), ctypes.c_double()
-        self.call("update", r, ctypes.c_double(y), ctypes.c_double(var_y), pointer(mean),
-                  pointer(cov), ctypes.byref(e), ctypes.byref(S))  # fmt: skip
-        return mean, cov, e.value, S.value
+        e = ctypes.c_double()
+        shown = self._library["amb_model_shown_variance"]
+        shown.restype = ctypes.c_double
+        S = float(shown(ctypes.byref(self._model), r, pointer(cov))) + var_y
+        self.call("update", r, ctypes.c_double(y), ctypes.c_double(S), pointer(mean),
+                  pointer(cov), ctypes.byref(e))  # fmt: skip
+        return mean, cov, e.value, S
 
 
 def pointer(numbers: Array) -> Any:

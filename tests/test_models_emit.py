@@ -98,7 +98,8 @@ class Compiled:
         }  # fmt: skip
         for r in range(m):
             call[f"update_{r}(double y, double var_y, double *mean, double *cov, double *out)"] = (
-                f"amb_model_update(&model, {r}, y, var_y, mean, cov, &out[0], &out[1])"
+                f"out[1] = amb_model_shown_variance(&model, {r}, cov) + var_y; "
+                f"amb_model_update(&model, {r}, y, out[1], mean, cov, &out[0])"
             )
         functions = "".join(f"void {head};\nvoid {head}\n{{ {body}; }}\n"
                             for head, body in call.items())  # fmt: skip

@@ -20,6 +20,7 @@ from ambkit.machine.magnets import core_module
 from ambkit.machine.parts import ColouredNoise, Hum
 from ambkit.simulation import noise as plant_noise
 from ambkit.simulation import parts as plant_parts
+from ambkit.simulation.noise import Stream
 from ambkit.simulation.run import Loop
 
 M, K, S0, I0 = 0.518, 6.7e-6, 2e-3, 1.5
@@ -374,11 +375,10 @@ def test_what_is_no_number_stays_what_it_is_in_the_rounding() -> None:
 
 
 def test_the_white_noise_is_what_it_was_whatever_stands_beside_it() -> None:
-    scenario, n = ambkit.Scenario(seed=7), 500
-    streams = [np.random.default_rng(s) for s in np.random.SeedSequence(7).spawn(2)]
+    scenario, n = ambkit.Scenario(seed=7, run=3), 500
     white_u, white_y = (
-        rng.normal(0.0, np.sqrt(variance), n)
-        for rng, variance in zip(streams, (8e-5, 8.3e-11), strict=True)
+        Stream(7, 3, number).normal(np.sqrt(variance), n)
+        for number, variance in enumerate((8e-5, 8.3e-11))
     )
     noise_u, noise_y = plant_noise.drawn(BEARING, scenario, n)
     assert (noise_u == white_u).all()
@@ -402,13 +402,11 @@ def test_coloured_noise_has_the_autocovariance_of_first_order() -> None:
     T, n = 1e-4, 200_000
     noise = ColouredNoise(variance="1 um^2", bandwidth="200 Hz")
     seeds = range(20)
-    z = np.array([plant_noise.coloured(noise, T, n, np.random.default_rng(s)) for s in seeds])
+    z = np.array([plant_noise.coloured(noise, T, n, Stream(s)) for s in seeds])
     lags = range(0, 40, 4)
     expected = 1e-12 * np.exp(-2 * np.pi * 200 * T * np.arange(0, 40, 4))
     np.testing.assert_allclose(autocovariance(z, lags), expected, atol=0.01e-12)
-    start = np.array(
-        [plant_noise.coloured(noise, T, 1, np.random.default_rng(s)) for s in range(4000)]
-    )
+    start = np.array([plant_noise.coloured(noise, T, 1, Stream(s)) for s in range(4000)])
     assert start.var() == pytest.approx(1e-12, rel=5 * np.sqrt(2 / 4000))  # stationary at once
 
 
@@ -416,7 +414,7 @@ def test_coloured_noise_has_the_autocovariance_of_first_order() -> None:
 def test_hum_has_its_line(bandwidth: str) -> None:
     T, n, f, A = 1e-4, 100_000, 50.0, 5e-6
     line = Hum(frequency=f, amplitude=A, bandwidth=bandwidth)
-    z = np.array([plant_noise.hum(line, T, n, np.random.default_rng(s)) for s in range(40)])
+    z = np.array([plant_noise.hum(line, T, n, Stream(s)) for s in range(40)])
     lags = range(0, 400, 50)
     at = T * np.arange(0, 400, 50)
     wide = 2 * np.pi * line.bandwidth

@@ -176,9 +176,14 @@ def test_a_filter_knows_what_points_left_out_prefer(
     assert type(Estimator.load("f.toml").magnet).__name__ == asked
     said = "e.json holds the network, but the law, refitted is better at points left out and f.toml"
     assert (said in done.err) == ("e.json" in options)
-    refused = call(*words, "--as", "surface", "--out", "b.toml")
+
+
+def test_what_is_asked_for_fits_the_file_that_it_goes_to(call: Any) -> None:
+    force_map(Path("force.csv"))
+    words = ("train", "zittau_axial", "--force-map", "force.csv", "--as", "surface")
+    refused = call(*words, "--out", "b.toml")
     assert refused.code == 2
-    assert "--as surface is written as .csv or .parquet" in refused.err
+    assert "--as surface is written as .csv or .parquet, --out is b.toml" in refused.err
 
 
 @pytest.fixture(scope="module")

@@ -366,15 +366,14 @@ AMB_INLINE void amb_model_predict_covariance(const amb_model *model,
 }
 
 /* Eq. 11-13 for the scalar measurement of eq. 21; S must be positive. */
-AMB_INLINE void amb_model_update(const amb_model *model, int r, amb_real y, amb_real var_y,
+AMB_INLINE void amb_model_update(const amb_model *model, int r, amb_real y, amb_real S,
                                  amb_real mean[AMB_STATES], amb_real cov[AMB_TRIANGLE],
-                                 amb_real *innovation, amb_real *variance)
+                                 amb_real *innovation)
 {
   (void)model;
   (void)r;
-  *variance = cov[9] + var_y;
   *innovation = y - mean[3];
-  const amb_real inverse = AMB_C(1.0) / (*variance);
+  const amb_real inverse = AMB_C(1.0) / S;
   const amb_real e = *innovation;
   const amb_real P00 = cov[0];
   const amb_real P01 = cov[1];

@@ -159,14 +159,17 @@ static amb_status estimate(const amb_control *c, amb_control_state *s, void *fil
   return (c->sequence != NULL) ? supervise(c, s, filter, status, out) : status;
 }
 
-/* What the controllers see. The load on a rotor that lies is its bearing's own. */
+/* What the controllers see. The load on a rotor that lies is its bearing's own, and who takes that
+ * back never lifts: loads count from half of the way on. */
 static void see(const amb_control *c, const amb_real mean[], const amb_real y[], amb_real way,
                 amb_real x[])
 {
   const amb_model *model = &c->estimator->kf->model;
+  const amb_real counts = (AMB_C(2.0) * way) - AMB_C(1.0);
+  const amb_real share = (counts > AMB_C(0.0)) ? counts : AMB_C(0.0);
   if (c->feedback_estimate) {
     for (int i = 0; i < amb_states(model); i++) {
-      x[i] = (amb_model_role(model, i) == AMB_LOAD) ? (way * mean[i]) : mean[i];
+      x[i] = (amb_model_role(model, i) == AMB_LOAD) ? (share * mean[i]) : mean[i];
     }
   } else {
     for (int r = 0; r < amb_sensors(model); r++) {

@@ -22,6 +22,24 @@ bool amb_envelope_clamp(const amb_kalman *kf, amb_real mean[AMB_STATES])
   return !within;
 }
 
+bool amb_envelope_bounds(const amb_kalman *kf, amb_real caps, const amb_real mean[AMB_STATES],
+                         const amb_real cov[AMB_TRIANGLE])
+{
+  const int n = amb_states(&kf->model);
+  for (int i = 0; i < n; i++) {
+    const amb_real most = caps * kf->set.cap[i];
+    if (!AMB_WITHIN(mean[i], most)) {
+      return false;
+    }
+  }
+  for (int i = 0; i < amb_entry(n, n - 1, n); i++) {
+    if (!AMB_WITHIN(cov[i], kf->most[i])) {
+      return false;
+    }
+  }
+  return true;
+}
+
 /* The only sensor: the rotor is at rest where it shows it. */
 static void place_there(const amb_kalman *kf, int r, amb_real y, amb_real mean[AMB_STATES])
 {
@@ -206,7 +224,7 @@ amb_status amb_envelope_hold(const amb_kalman *kf, amb_kalman_state *state)
     const amb_role role = amb_model_role(model, i);
     variance[i] = state->cov[amb_entry(n, i, i)];
     sound = sound && ((role == AMB_SHOWN) || amb_is_finite(variance[i]));
-    if (role == AMB_POSITION) {
+    if ((role == AMB_POSITION) && (variance[i] > kf->widest[i])) {
       share = at_most(kf->widest[i] / variance[i], share);
     }
   }
@@ -275,11 +293,11 @@ static void believe(const amb_kalman *kf, amb_kalman_state *state, int r, amb_re
                     amb_real variance)
 {
   amb_real e;
-  amb_real S;
-  const amb_real least = AMB_ROOT_EPSILON * amb_model_shown_variance(&kf->model, r, state->cov);
+  const amb_real shown = amb_model_shown_variance(&kf->model, r, state->cov);
+  const amb_real least = AMB_ROOT_EPSILON * shown;
   const amb_real most = (variance > kf->set.var_y[r]) ? variance : kf->set.var_y[r];
-  amb_model_update(&kf->model, r, y, (least > most) ? least : most, state->mean, state->cov, &e,
-                   &S);
+  const amb_real var_y = (least > most) ? least : most;
+  amb_model_update(&kf->model, r, y, shown + var_y, state->mean, state->cov, &e);
 }
 
 /* What the estimate says that sensor r shows, once more, until it is as sure as it `was`. */

@@ -44,12 +44,18 @@ amb_status amb_kalman_init(amb_kalman *kf, const amb_model *model, const amb_kal
   kf->set = *s;
   kf->model = *model;
   for (int r = 0; r < amb_sensors(model); r++) {
-    const amb_real farthest = AMB_FAR * s->travel[r] * s->K_sen[r];
-    kf->far_squared[r] = farthest * farthest;
+    kf->far[r] = amb_magnitude(AMB_FAR * s->travel[r] * s->K_sen[r]);
   }
   kf->gate_squared = s->gate * s->gate;
   for (int i = 0; i < amb_states(model); i++) {
     kf->widest[i] = s->cap[i] * s->cap[i];
+  }
+  int entry = 0;
+  for (int i = 0; i < amb_states(model); i++) {
+    for (int j = i; j < amb_states(model); j++) {
+      kf->most[entry] = (AMB_BOUNDLESS * s->cap[i]) * (AMB_BOUNDLESS * s->cap[j]);
+      entry++;
+    }
   }
   amb_model_growth(model, s->var_d, kf->growth);
   return AMB_OK;

@@ -20,12 +20,17 @@ AMB_INLINE amb_real amb_step_current(const amb_kalman *kf, amb_kalman_state *sta
                                      amb_real u, amb_status *status)
 {
   const amb_kalman_settings *set = &kf->set;
-  amb_real iu = set->k_ui[c] * u;
-  if ((iu >= set->iu_min[c]) && (iu <= set->iu_max[c])) {
+  const bool near = AMB_WITHIN(u, AMB_REAL_ROOT); /* a number, and one that can be multiplied */
+  amb_real iu = near ? (set->k_ui[c] * u) : AMB_C(0.0);
+  if (near && (iu >= set->iu_min[c]) && (iu <= set->iu_max[c])) {
     state->last_u[c] = u;
   } else { /* not finite, or more than there is */
-    if (amb_is_finite(u)) {
+    if (near) {
       state->last_u[c] = u;
+    } else if ((u > AMB_REAL_ROOT) && (u <= AMB_REAL_MAX)) {
+      state->last_u[c] = AMB_REAL_ROOT;
+    } else if ((u < -AMB_REAL_ROOT) && (u >= -AMB_REAL_MAX)) {
+      state->last_u[c] = -AMB_REAL_ROOT;
     } else {
       *status |= AMB_BAD_CONTROL;
     }
@@ -104,7 +109,7 @@ AMB_INLINE amb_status amb_step_predict_with(const amb_kalman *kf, amb_kalman_sta
   const amb_kalman_settings *s = &kf->set;
   AMB_EACH_FORCE(&kf->model)
   {
-    if (!((F[f] * F[f]) <= AMB_REAL_MAX)) { /* not finite, or as good as that */
+    if (!AMB_WITHIN(F[f], AMB_REAL_ROOT)) { /* as good as not finite */
       return AMB_BAD_PARAMETER;
     }
   }
@@ -186,11 +191,18 @@ AMB_INLINE bool amb_step_frozen(const amb_kalman *kf, amb_sensor_state *sensor, 
   return (kf->set.frozen_limit > 0U) && (sensor->unchanged >= kf->set.frozen_limit);
 }
 
+/* The measurement y of sensor r where it can be the rotor, else 0: within bounds whatever it is.
+ */
+AMB_INLINE amb_real amb_step_seen(const amb_kalman *kf, int r, amb_real y)
+{
+  return AMB_WITHIN(y, kf->far[r]) ? y : AMB_C(0.0);
+}
+
 /* AMB_MISSING or AMB_FROZEN, where the measurement y of sensor r says nothing. */
 AMB_INLINE amb_status amb_step_useless(const amb_kalman *kf, amb_kalman_state *state, int r,
                                        amb_real y)
 {
-  if (!((y * y) <= kf->far_squared[r])) {
+  if (!AMB_WITHIN(y, kf->far[r])) {
     return AMB_MISSING;
   }
   return amb_step_frozen(kf, &state->sensor[r], y) ? AMB_FROZEN : AMB_OK;
@@ -212,7 +224,8 @@ AMB_INLINE bool amb_step_goes_on(const amb_kalman *kf, const amb_sensor_state *s
   const amb_real since = kf->set.T * ((amb_real)sensor->outliers + AMB_C(1.0));
   const amb_real pushed = AMB_SUDDEN * kf->set.K_sen[r] * since * since;
   const amb_real jump = e - sensor->residual;
-  return (jump * jump) <= (AMB_C(2.0) * kf->gate_squared * kf->set.var_y[r] + pushed * pushed);
+  const amb_real most = AMB_C(2.0) * kf->gate_squared * kf->set.var_y[r] + pushed * pushed;
+  return AMB_WITHIN(jump, AMB_REAL_ROOT) && ((jump * jump) <= most);
 }
 
 /* Whether an innovation e of variance S is AMB_OUTLIER. Only so many in a row are: the others say
@@ -260,20 +273,24 @@ AMB_INLINE amb_status amb_step_update(const amb_kalman *kf, amb_kalman_state *st
   e->innovation = AMB_C(0.0);
   const amb_real noise = amb_step_noise(kf, r, state->mean);
   e->variance = shown + noise;
-  const amb_status useless = amb_step_useless(kf, state, r, y);
-  if (useless != AMB_OK) {
-    return useless;
+  /* In sight of what follows, or the proof does not see it. */
+  if (!AMB_WITHIN(y, kf->far[r])) {
+    return AMB_MISSING;
+  }
+  if (amb_step_frozen(kf, sensor, y)) {
+    return AMB_FROZEN;
   }
   /* Of a variance at least half the digits must be left: after an outage, a sensor much sharper
    * than the estimate is believed step by step. */
   const amb_real least = AMB_ROOT_EPSILON * shown;
   const bool sharp = !(least <= noise);
-  const amb_real var_y = sharp ? least : noise;
+  const amb_real var_y = (least <= noise) ? noise : least;
   e->variance = shown + var_y;
   if ((shown > AMB_C(0.0)) && (!sharp || amb_is_finite(e->variance))) {
+    const amb_real S = shown + var_y;
     const amb_real innovation = y - amb_model_shown(model, r, state->mean);
-    const amb_status surprised = amb_step_surprised(sensor, innovation, e->variance);
-    const amb_status outlier = amb_step_outlier(kf, sensor, r, innovation, e->variance);
+    const amb_status surprised = amb_step_surprised(sensor, innovation, S);
+    const amb_status outlier = amb_step_outlier(kf, sensor, r, innovation, S);
     if (outlier != AMB_OK) {
       e->innovation = innovation;
       if (outlier == AMB_RESTARTED) {
@@ -284,7 +301,7 @@ AMB_INLINE amb_status amb_step_update(const amb_kalman *kf, amb_kalman_state *st
       }
       return surprised | outlier;
     }
-    amb_model_update(model, r, y, var_y, state->mean, state->cov, &e->innovation, &e->variance);
+    amb_model_update(model, r, y, S, state->mean, state->cov, &e->innovation);
     sensor->residual = y - amb_model_shown(model, r, state->mean);
     if (amb_model_sound(model, state->cov)) {
       return surprised;
@@ -391,7 +408,6 @@ AMB_INLINE void amb_step_trusted(const amb_kalman *kf, const amb_stiffness k[AMB
   const amb_kalman_settings *set = &kf->set;
   amb_real F[AMB_FORCES];
   amb_real innovation;
-  amb_real variance;
   AMB_EACH_FORCE(&kf->model)
   {
     F[f] = amb_step_linear(kf, k[f], f, iu, state->mean);
@@ -402,7 +418,8 @@ AMB_INLINE void amb_step_trusted(const amb_kalman *kf, const amb_stiffness k[AMB
   AMB_EACH_SENSOR(&kf->model)
   {
     const amb_real noise = amb_step_noise(kf, r, state->mean);
-    amb_model_update(&kf->model, r, y[r], noise, state->mean, state->cov, &innovation, &variance);
+    const amb_real S = amb_model_shown_variance(&kf->model, r, state->cov) + noise;
+    amb_model_update(&kf->model, r, y[r], S, state->mean, state->cov, &innovation);
   }
 }
 

@@ -487,13 +487,12 @@ static void take_two(int count, const amb_real K[2], const amb_real *restrict wi
   }
 }
 
-void amb_model_update(const amb_model *model, int r, amb_real y, amb_real var_y, amb_real mean[],
-                      amb_real cov[], amb_real *innovation, amb_real *variance)
+void amb_model_update(const amb_model *model, int r, amb_real y, amb_real S, amb_real mean[],
+                      amb_real cov[], amb_real *innovation)
 {
   const int n = model->states;
   amb_real with_y[AMB_STATES];
   amb_model_shown_with(model, r, cov, with_y);
-  const amb_real S = amb_sparse_times(&model->c, model->c.value, r, with_y) + var_y;
   const amb_real e = y - amb_model_shown(model, r, mean);
   const amb_real inverse = AMB_C(1.0) / S;
   for (int i = 0; i < n; i++) {
@@ -507,7 +506,6 @@ void amb_model_update(const amb_model *model, int r, amb_real y, amb_real var_y,
     cov[amb_entry(n, n - 1, n - 1)] -= (with_y[n - 1] * inverse) * with_y[n - 1];
   }
   *innovation = e;
-  *variance = S;
 }
 
 void amb_model_pushed(const amb_model *model, int f, amb_real moved[])

@@ -61,6 +61,7 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
   const amb_low_pass *own = (const amb_low_pass *)self->own;
   amb_low_pass_state *s = (amb_low_pass_state *)state;
   amb_real *mean = s->base.mean;
+  const amb_real seen = amb_step_seen(kf, 0, y[0]);
   const amb_status status = amb_step_useless(kf, &s->base, 0, y[0]);
   result->innovation[0] = AMB_C(0.0);
   result->variance[0] = AMB_C(0.0);
@@ -70,8 +71,8 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
     const int load = amb_first(&kf->model, AMB_LOAD);
     const amb_real T = kf->set.T;
     const amb_real v_before = mean[v];
-    result->innovation[0] = y[0] - amb_model_shown(&kf->model, 0, mean);
-    const amb_real dx = own->position * (y[0] / kf->set.K_sen[0] - mean[x]);
+    result->innovation[0] = seen - amb_model_shown(&kf->model, 0, mean);
+    const amb_real dx = own->position * (seen / kf->set.K_sen[0] - mean[x]);
     const amb_real dv = own->velocity * (dx / T - v_before);
     const amb_real f_d = own->m * (dv / T) - s->force;
     mean[x] += dx;

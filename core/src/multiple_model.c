@@ -222,7 +222,8 @@ static amb_status take_in_by_all(const amb_kalman *kf, const amb_multiple_model 
     amb_real e;
     amb_real *S = &h->S[r][j];
     amb_model_variances(model, m->cov, before);
-    amb_model_update(model, r, y, var_y, m->mean, m->cov, &e, S);
+    *S = amb_model_shown_variance(model, r, m->cov) + var_y;
+    amb_model_update(model, r, y, *S, m->mean, m->cov, &e);
     h->square[j] += (e / *S) * e;
     if (!amb_model_sound(model, m->cov)) {
       amb_model_uncorrelated(model, before, m->cov);
@@ -250,17 +251,18 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
   told->innovation = AMB_C(0.0);
   told->variance = shown + var_y;
   h->taken[r] = false;
+  const amb_real seen = amb_step_seen(kf, r, y);
   amb_status status = amb_step_useless(kf, &s->base, r, y);
   if (status == AMB_OK) {
-    told->innovation = y - amb_model_shown(model, r, s->base.mean);
+    told->innovation = seen - amb_model_shown(model, r, s->base.mean);
     status = amb_step_surprised(sensor, told->innovation, told->variance);
     const amb_status outlier = amb_step_outlier(kf, sensor, r, told->innovation, told->variance);
     status |= outlier;
     if (outlier == AMB_RESTARTED) {
-      amb_envelope_restart(kf, &s->base, r, y);
+      amb_envelope_restart(kf, &s->base, r, seen);
       agree(amb_states(model), models->n, s);
     } else if (outlier == AMB_OK) {
-      status |= take_in_by_all(kf, models, h, r, y, var_y);
+      status |= take_in_by_all(kf, models, h, r, seen, var_y);
       if ((r + 1) < amb_sensors(model)) { /* for the next sensor, before any is weighed */
         combine(amb_states(model), models->n, s);
       }

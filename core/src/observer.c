@@ -55,11 +55,12 @@ static amb_status take_in(const amb_kalman *kf, const void *constants, void *of,
   const amb_observer *observer = (const amb_observer *)constants;
   amb_kalman_state *s = (amb_kalman_state *)of;
   const amb_real S = observer->variance[r];
+  const amb_real seen = amb_step_seen(kf, r, y);
   amb_status status = amb_step_useless(kf, s, r, y);
   told->innovation = AMB_C(0.0);
   told->variance = S;
   if (status == AMB_OK) {
-    const amb_real e = y - amb_model_shown(&kf->model, r, s->mean);
+    const amb_real e = seen - amb_model_shown(&kf->model, r, s->mean);
     told->innovation = e;
     status = amb_step_surprised(&s->sensor[r], e, S);
     /* After too many outliers it is the estimate that is wrong: a constant gain leads it back. */
@@ -69,9 +70,9 @@ static amb_status take_in(const amb_kalman *kf, const void *constants, void *of,
       for (int i = 0; i < amb_states(&kf->model); i++) {
         s->mean[i] += observer->gain[r][i] * e;
       }
-      s->sensor[r].residual = y - amb_model_shown(&kf->model, r, s->mean);
+      s->sensor[r].residual = seen - amb_model_shown(&kf->model, r, s->mean);
       if (is_far(kf, observer, s->mean)) {
-        amb_envelope_place(kf, r, y, s->mean);
+        amb_envelope_place(kf, r, seen, s->mean);
         status |= AMB_RESTARTED;
       }
     }

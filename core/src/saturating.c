@@ -23,8 +23,10 @@ static amb_stiffness saturating_through_origin(const void *self, amb_real iu, am
   const amb_saturating_law *law = (const amb_saturating_law *)self;
   amb_stiffness k = saturating_tangent(self, iu, x);
   const amb_real square = amb_turn_square(law->ampere, law->metre, iu, x);
-  if (square >= AMB_REAL_MIN) {
+  if (square >= AMB_TURN_LEAST) {
     amb_turn(law->ampere, law->metre, saturating_force(self, iu, x), square, iu, x, &k.k_i, &k.k_s);
+    k.k_i = amb_clamp(k.k_i, -AMB_STIFFEST, AMB_STIFFEST);
+    k.k_s = amb_clamp(k.k_s, -AMB_STIFFEST, AMB_STIFFEST);
   }
   return k;
 }

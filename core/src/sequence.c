@@ -44,9 +44,9 @@ static void rise(const amb_sequence *sequence, amb_sequence_state *state)
   }
 }
 
-static void fall(const amb_sequence *sequence, amb_sequence_state *state)
+static void sink(const amb_sequence *sequence, amb_sequence_state *state)
 {
-  state->share -= sequence->fall;
+  state->share -= sequence->descent;
   if (state->share <= AMB_C(0.0)) {
     amb_sequence_init(state);
   }
@@ -63,7 +63,7 @@ static void wait(const amb_sequence *sequence, amb_sequence_state *state, bool u
 }
 
 amb_flight_mode amb_sequence_step(const amb_sequence *sequence, amb_sequence_state *state, bool fly,
-                           bool usable, bool limited)
+                                  bool usable, bool limited)
 {
   if (amb_sequence_on(state)) {
     state->unusable = counted(state->unusable, !usable, sequence->lost);
@@ -103,7 +103,7 @@ amb_flight_mode amb_sequence_step(const amb_sequence *sequence, amb_sequence_sta
     if (fly) {
       state->mode = AMB_LIFTING;
     } else {
-      fall(sequence, state);
+      sink(sequence, state);
     }
     break;
   case AMB_TRIPPED:

@@ -108,8 +108,10 @@ static amb_stiffness surface_through_origin(const void *self, amb_real iu, amb_r
   if (square < NEAR) {
     force = surface_force(self, iu, x);
   }
-  if (square >= AMB_REAL_MIN) {
+  if (square >= AMB_TURN_LEAST) {
     amb_turn(s->ampere, s->metre, force, square, iu, x, &k.k_i, &k.k_s);
+    k.k_i = amb_clamp(k.k_i, -AMB_STIFFEST, AMB_STIFFEST);
+    k.k_s = amb_clamp(k.k_s, -AMB_STIFFEST, AMB_STIFFEST);
   }
   return k;
 }

@@ -5,6 +5,12 @@
 
 #include "ambkit/magnet.h"
 
+#if defined(AMB_FLOAT)
+#define AMB_TURN_LEAST 1e-24F
+#else
+#define AMB_TURN_LEAST 1e-60
+#endif
+
 /* Square of the distance from the origin, p . p with p = (iu / ampere, x / metre). */
 AMB_INLINE amb_real amb_turn_square(amb_real ampere, amb_real metre, amb_real iu, amb_real x)
 {
@@ -16,7 +22,7 @@ AMB_INLINE amb_real amb_turn_square(amb_real ampere, amb_real metre, amb_real iu
 /* Tangents become the through-origin form: k . p = F and k . p' = grad F . p', where p' is p turned
  * by 90 degrees. It is the limit of the paper's least squares (eq. 28-31) for small steps: F itself
  * along the ray through the origin, the tangent across it. `square` is amb_turn_square; below
- * AMB_REAL_MIN the tangent is this form to all digits, and the result is of no use. */
+ * AMB_TURN_LEAST the tangent is this form to all digits, and the result is of no use. */
 AMB_INLINE void amb_turn(amb_real ampere, amb_real metre, amb_real force, amb_real square,
                          amb_real iu, amb_real x, amb_real *k_i, amb_real *k_s)
 {
@@ -29,5 +35,8 @@ AMB_INLINE void amb_turn(amb_real ampere, amb_real metre, amb_real force, amb_re
   *k_i = (along * p - across * q) / ampere;
   *k_s = (along * q + across * p) / metre;
 }
+
+/* No magnet is as stiff [N/A], [N/m]: a bound for the proof, where a quotient has none. */
+#define AMB_STIFFEST AMB_C(1e9)
 
 #endif

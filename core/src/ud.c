@@ -201,19 +201,20 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
   (void)own;
   told->innovation = AMB_C(0.0);
   told->variance = S;
+  const amb_real seen = amb_step_seen(kf, r, y);
   amb_status status = amb_step_useless(kf, &s->base, r, y);
   if (status == AMB_OK) {
-    const amb_real e = y - amb_model_shown(model, r, s->base.mean);
+    const amb_real e = seen - amb_model_shown(model, r, s->base.mean);
     told->innovation = e;
     status = amb_step_surprised(&s->base.sensor[r], e, S);
     const amb_status outlier = amb_step_outlier(kf, &s->base.sensor[r], r, e, S);
     status |= outlier;
     if (outlier == AMB_RESTARTED) {
-      amb_envelope_restart(kf, &s->base, r, y);
+      amb_envelope_restart(kf, &s->base, r, seen);
       factor_state(amb_states(model), s);
     } else if (outlier == AMB_OK) {
       correct(kf, s, r, e, var_y);
-      s->base.sensor[r].residual = y - amb_model_shown(model, r, s->base.mean);
+      s->base.sensor[r].residual = seen - amb_model_shown(model, r, s->base.mean);
       multiply_out(amb_states(model), s);
     } else { /* left out */
     }

@@ -65,6 +65,10 @@ if TYPE_CHECKING:
     from ambkit.simulation.waveforms import Step as Step
     from ambkit.workflow.assessing import assess as assess
     from ambkit.workflow.assessing_log import assess_log as assess_log
+    from ambkit.workflow.campaign.result import Campaign as Campaign
+    from ambkit.workflow.campaign.robust import tune_robust as tune_robust
+    from ambkit.workflow.campaign.running import campaign as campaign
+    from ambkit.workflow.campaign.study import Study as Study
     from ambkit.workflow.campbell import campbell as campbell
     from ambkit.workflow.comparison import compare as compare
     from ambkit.workflow.designing import design as design
@@ -134,6 +138,10 @@ _HOME = {
     "workflow.assessing": ["assess"],
     "workflow.assessing_log": ["assess_log"],
     "workflow.over_speed": ["assess_over_speed"],
+    "workflow.campaign.result": ["Campaign"],
+    "workflow.campaign.robust": ["tune_robust"],
+    "workflow.campaign.running": ["campaign"],
+    "workflow.campaign.study": ["Study"],
     "workflow.campbell": ["campbell"],
     "workflow.designing": ["design"],
     "workflow.expert": ["train"],

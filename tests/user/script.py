@@ -185,6 +185,19 @@ def designed(bearing: ambkit.Bearing, record: ambkit.Record) -> None:
         assert_type(found.why, str)
 
 
+def many_machines() -> None:
+    """Out of tolerances."""
+    study = ambkit.Study.from_toml(
+        'name = "a"\nbearing = "zittau_axial"\nruns = 8\nscenario.duration = "10 ms"\n'
+        '[[vary]]\nwhat = "rotor.mass"\ntype = "uniform"\ntolerance = "2 %"\n'
+    )
+    with TemporaryDirectory() as folder:
+        found = ambkit.campaign(study, Path(folder, "out"))
+        assert isinstance(found, ambkit.Campaign)
+        assert_type(found.good.value, float)
+    assert_type(ambkit.tune_robust(study, evaluations=1).taken, int)
+
+
 if __name__ == "__main__":
     print(ambkit.__version__)
     plant = bearings()
@@ -195,3 +208,4 @@ if __name__ == "__main__":
     judged(plant, happening, log)
     designed(plant, log)
     whole_machine()
+    many_machines()

@@ -2,7 +2,7 @@
  * estimator, what looks after it, controllers, lift-off and landing. The same text is simulated and
  * flies.
  *
- *   x   = estimates, of which loads count by the share of the way up; or readings
+ *   x   = estimates, of which loads count from half of the way up on; or readings
  *   iu  = controllers of the reference and x (ambkit/controllers.h), where the currents are on
  *
  * The estimator starts at the first readings between the stops, starts anew where it is no rotor,

@@ -35,6 +35,13 @@ extern "C" {
 /* Whether all of the mean is within so many caps; false for what is not a number. */
 bool amb_envelope_within(const amb_kalman *kf, amb_real caps, const amb_real mean[AMB_STATES]);
 
+/* Whether an estimate is one at all: the mean within so many caps, and each entry of the covariance
+ * within what is left to a rotor, AMB_BOUNDLESS caps of both its states. False for what is not a
+ * number. No run comes near it; but from such a state on a step has bounds for all that it
+ * computes, whatever its input. */
+bool amb_envelope_bounds(const amb_kalman *kf, amb_real caps, const amb_real mean[AMB_STATES],
+                         const amb_real cov[AMB_TRIANGLE]);
+
 /* Hold a mean to the caps. True where it was beyond. */
 bool amb_envelope_clamp(const amb_kalman *kf, amb_real mean[AMB_STATES]);
 

@@ -26,6 +26,9 @@ extern "C" {
 /* A measurement beyond this many travel limits cannot be the rotor: it counts as missing. */
 #define AMB_FAR AMB_C(10.0)
 
+/* Standard deviations of so many caps are none, and correlations of such neither. */
+#define AMB_BOUNDLESS AMB_C(1000.0)
+
 /* An acceleration that nobody reckoned with, that of a load of ten weights [m/s^2]: what a rotor
  * under it can do within a sample is no outlier. */
 #define AMB_SUDDEN AMB_C(100.0)
@@ -62,10 +65,11 @@ typedef struct amb_kalman_settings {
 typedef struct amb_kalman {
   amb_kalman_settings set;
   amb_model model;
-  amb_real growth[AMB_TRIANGLE];     /* covariance that var_d leaves in a sample; follows it */
-  amb_real far_squared[AMB_SENSORS]; /* square of the farthest measurement of a rotor [m^2] */
-  amb_real gate_squared;             /* of the settings' gate [1] */
-  amb_real widest[AMB_STATES];       /* square of the cap: no position is less certain */
+  amb_real growth[AMB_TRIANGLE]; /* covariance that var_d leaves in a sample; follows it */
+  amb_real far[AMB_SENSORS];     /* the farthest measurement of a rotor [m] */
+  amb_real gate_squared;         /* of the settings' gate [1] */
+  amb_real widest[AMB_STATES];   /* square of the cap: no position is less certain */
+  amb_real most[AMB_TRIANGLE];   /* what no covariance is beyond, by AMB_BOUNDLESS caps */
 } amb_kalman;
 
 /* The health of a sensor. */

@@ -117,8 +117,8 @@ void amb_model_variances(const amb_model *model, const amb_real cov[], amb_real 
 bool amb_model_sound(const amb_model *model, const amb_real cov[]);
 bool amb_model_known(const amb_model *model, const amb_real cov[], const amb_real widest[]);
 void amb_model_uncorrelated(const amb_model *model, const amb_real variances[], amb_real cov[]);
-void amb_model_update(const amb_model *model, int r, amb_real y, amb_real var_y, amb_real mean[],
-                      amb_real cov[], amb_real *innovation, amb_real *variance);
+void amb_model_update(const amb_model *model, int r, amb_real y, amb_real S, amb_real mean[],
+                      amb_real cov[], amb_real *innovation);
 void amb_model_pushed(const amb_model *model, int f, amb_real moved[]);
 void amb_model_growth(const amb_model *model, const amb_real var[], amb_real growth[]);
 bool amb_model_drives(const amb_model *model, int k, int i);

@@ -112,10 +112,10 @@ AMB_INLINE int amb_first(const amb_model *model, amb_role role)
  *   bool amb_model_known(const amb_model *model, const amb_real cov[], const amb_real widest[]);
  *   void amb_model_uncorrelated(const amb_model *model, const amb_real variances[],
  *                               amb_real cov[]);
- * Take in a measurement of sensor r (eq. 11-13); the variance must be positive:
- *   void amb_model_update(const amb_model *model, int r, amb_real y, amb_real var_y,
- *                         amb_real mean[], amb_real cov[], amb_real *innovation,
- *                         amb_real *variance);
+ * Take in a measurement of sensor r (eq. 11-13); S: variance of the innovation, which is that of
+ * what the sensor shows and the measurement's own, and must be positive:
+ *   void amb_model_update(const amb_model *model, int r, amb_real y, amb_real S, amb_real mean[],
+ *                         amb_real cov[], amb_real *innovation);
  * How a force of 1 N at magnet f moves the states within a sample:
  *   void amb_model_pushed(const amb_model *model, int f, amb_real moved[]);
  * Covariance that noises of these variances leave in a sample, upper triangle:

@@ -20,6 +20,7 @@ typedef float amb_real;
 #define AMB_PRINT "%.9g"
 #define AMB_REAL_MAX FLT_MAX
 #define AMB_REAL_MIN FLT_MIN
+#define AMB_REAL_ROOT 1.8446743e19F    /* its square is still finite */
 #define AMB_ROOT_EPSILON 3.4526698e-4F /* half of the digits */
 #else
 #if DBL_MANT_DIG != 53
@@ -30,7 +31,18 @@ typedef double amb_real;
 #define AMB_PRINT "%.17g"
 #define AMB_REAL_MAX DBL_MAX
 #define AMB_REAL_MIN DBL_MIN
+#define AMB_REAL_ROOT 1.3407807929942596e154 /* its square is still finite */
 #define AMB_ROOT_EPSILON 1.4901161193847656e-8
+#endif
+
+/* |a| <= most, and false for a NaN. In comparisons of `a` itself a static analyser sees its bounds,
+ * and that it is none (`a == a`); where a magnitude is an instruction, one comparison is enough. */
+#if defined(__GNUC__) && !defined(__FRAMAC__) && defined(AMB_FLOAT)
+#define AMB_WITHIN(a, most) (__builtin_fabsf(a) <= (most))
+#elif defined(__GNUC__) && !defined(__FRAMAC__)
+#define AMB_WITHIN(a, most) (__builtin_fabs(a) <= (most))
+#else
+#define AMB_WITHIN(a, most) (((a) == (a)) && ((a) >= -(most)) && ((a) <= (most)))
 #endif
 
 /* For the pieces of a step, so that its state stays in registers. */

@@ -22,12 +22,15 @@ typedef struct amb_sequence {
   unsigned int waiting;    /* samples in a row that can be used, until it lifts */
   unsigned int lost;       /* samples in a row that cannot be used, beyond which it trips */
   unsigned int overloaded; /* samples in a row with a current at its limit, beyond which it trips */
-  amb_real rise, fall;     /* of the way up and down, the share of a sample [1] */
+  amb_real rise;           /* of the way up, the share of a sample [1] ... */
+  amb_real descent;        /* ... and of the way down */
 } amb_sequence;
 
 typedef struct amb_sequence_state {
   amb_flight_mode mode;
-  unsigned int usable, unusable, limited; /* samples in a row */
+  unsigned int usable; /* samples in a row ... */
+  unsigned int unusable;
+  unsigned int limited;
   amb_real share; /* of the way to the reference [1]: 0 where it lies, 1 there */
 } amb_sequence_state;
 
@@ -43,7 +46,7 @@ bool amb_sequence_on(const amb_sequence_state *state);
 /* One sample: whether it is to fly, whether what feeds the controllers can be used, and whether a
  * current was at its limit in the last sample. Returns the mode. */
 amb_flight_mode amb_sequence_step(const amb_sequence *sequence, amb_sequence_state *state, bool fly,
-                           bool usable, bool limited);
+                                  bool usable, bool limited);
 
 /* The share of the way, without a jump of the velocity at its ends [1]. */
 amb_real amb_sequence_way(const amb_sequence_state *state);

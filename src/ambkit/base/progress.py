@@ -22,7 +22,9 @@ _REDRAWN = 0.1  # s between two pictures in a notebook; each one is a message to
 
 
 @contextmanager
-def progress(what: str, total: int | None = None) -> Iterator[Told]:
+def progress(
+    what: str, total: int | None = None, *, unit: str = "", begun: int = 0
+) -> Iterator[Told]:
     """Show how far the work is: in a notebook below its cell, else on stderr if it is a terminal.
 
     Parameters
@@ -31,21 +33,37 @@ def progress(what: str, total: int | None = None) -> Iterator[Told]:
         What is done, until a step says what is next.
     total : int, optional
         Number of steps; without it the bar only moves.
+    unit : str
+        What the steps are, in the plural: then also their number, their rate and the time left are
+        shown.
+    begun : int
+        Steps that were done before, which say nothing of the rate.
 
     Yields
     ------
     callable
-        To be called after each of the `total` steps, with a text that says what is done next.
+        To be called after each of the `total` steps, with a text that says what is done next; with
+        ``steps=`` where there were several.
     """
     notebook = in_notebook()
     if not notebook and not sys.stderr.isatty():
         yield _silent
         return
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        ProgressColumn,
+        SpinnerColumn,
+        TextColumn,
+        TimeElapsedColumn,
+    )
 
     text = TextColumn("{task.description}", markup=False)
-    columns = [text, BarColumn(), TimeElapsedColumn()]
+    columns: list[ProgressColumn] = [text, BarColumn(), TimeElapsedColumn()]
+    rate = Rate(unit)
+    if unit:
+        columns.append(TextColumn("{task.fields[rate]}", markup=False))
     if notebook:
         bar = Progress(*columns, disable=True)  # rich itself would need widgets there
         shown: AbstractContextManager[Callable[[], None]] = _below_the_cell(bar)
@@ -54,18 +72,62 @@ def progress(what: str, total: int | None = None) -> Iterator[Told]:
         bar = Progress(SpinnerColumn(), *columns, console=console, transient=True)
         shown = nullcontext(lambda: None)
     with bar, shown as redraw:
-        task = bar.add_task(escaping.one_line(what), total=total)
+        task = bar.add_task(escaping.one_line(what), total=total, completed=begun, rate="")
         redraw()
 
-        def tell(text: str = "") -> None:
-            bar.update(task, advance=1, description=escaping.one_line(text or what))
+        def tell(text: str = "", steps: int = 1) -> None:
+            told = rate.told(steps, total, begun)
+            shown = escaping.one_line(text or what)
+            bar.update(task, advance=steps, description=shown, rate=told)
             redraw()
 
         yield tell
 
 
+class Rate:
+    """How fast steps are done, and how long the rest will take.
+
+    Parameters
+    ----------
+    unit : str
+        What they are, in the plural.
+    """
+
+    def __init__(self, unit: str) -> None:
+        self.unit, self.start, self.done = unit, time.monotonic(), 0
+
+    def told(self, steps: int, total: int | None, begun: int = 0) -> str:
+        """Count steps, and return their number, rate and the time left in words.
+
+        Parameters
+        ----------
+        steps : int
+            That were done since the last call.
+        total : int, optional
+            Of all.
+        begun : int
+            That were done before the first call.
+        """
+        self.done += steps
+        rate = self.done / max(time.monotonic() - self.start, 1e-9)
+        of = "" if total is None else f" of {total:,}"
+        text = f"{begun + self.done:,}{of} {self.unit}, {rate:,.3g}/s"
+        if total is None:
+            return text
+        return f"{text}, {duration((total - begun - self.done) / rate)} left"
+
+
+def duration(seconds: float) -> str:
+    """Return a time as people say it: 45 s, 3 min, 2 h 05 min."""
+    whole = round(seconds)
+    if whole < 120:
+        return f"{whole} s"
+    hours, minutes = divmod(round(seconds / 60), 60)
+    return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min"
+
+
 def reporting(
-    done: Callable[..., None] | None, what: str, total: int | None = None
+    done: Callable[..., None] | None, what: str, total: int | None = None, **shown: Any
 ) -> AbstractContextManager[Told]:
     """Give what the caller of a function wants to be told by; in a notebook a bar, else nothing.
 
@@ -73,11 +135,11 @@ def reporting(
     ----------
     done : callable, optional
         The caller's own.
-    what, total
+    what, total, **shown
         See `progress`.
     """
     if done is None and in_notebook():
-        return progress(what, total)
+        return progress(what, total, **shown)
     return nullcontext(done or _silent)
 
 
@@ -114,7 +176,7 @@ def in_notebook() -> bool:
     return ask is not None and getattr(ask(), "kernel", None) is not None
 
 
-def _silent(_text: str = "") -> None:
+def _silent(_text: str = "", steps: int = 1) -> None:
     pass
 
 

@@ -10,16 +10,29 @@ import typer
 from typer.core import TyperCommand, TyperOption
 
 from ambkit.cli.assess import assess
+from ambkit.cli.campaign import (
+    RUN,
+    OfCampaigns,
+    campaign,
+    campaign_problem,
+    campaign_rare,
+    campaign_replay,
+    campaign_report,
+    campaign_run,
+    campaign_status,
+)
 from ambkit.cli.check import check
 from ambkit.cli.compare import compare
 from ambkit.cli.design import design
 from ambkit.cli.excite import excite
 from ambkit.cli.export import export, export_c
+from ambkit.cli.export_a2l import export_a2l
 from ambkit.cli.export_fmu import export_fmu, export_ssp
 from ambkit.cli.export_mat import export_mat
 from ambkit.cli.filter import filter_record
 from ambkit.cli.identify import identify
 from ambkit.cli.options import keep_inputs
+from ambkit.cli.pil import pil
 from ambkit.cli.presets import presets
 from ambkit.cli.read import read
 from ambkit.cli.reproduce import reproduce
@@ -51,6 +64,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "assess": assess,
     "torture": torture,
     "rotor": rotor,
+    "pil": pil,
     "presets": presets,
     "check": check,
 }
@@ -59,6 +73,15 @@ _EXPORTS: dict[str, Callable[..., None]] = {
     "fmu": export_fmu,
     "mat": export_mat,
     "ssp": export_ssp,
+    "a2l": export_a2l,
+}
+_CAMPAIGN: dict[str, Callable[..., None]] = {
+    RUN: campaign_run,
+    "status": campaign_status,
+    "report": campaign_report,
+    "replay": campaign_replay,
+    "rare": campaign_rare,
+    "problem": campaign_problem,
 }
 
 
@@ -127,4 +150,10 @@ _export = typer.Typer(name="export", callback=export, invoke_without_command=Tru
 for _name, _command in _EXPORTS.items():
     _export.command(_name, cls=Command, help=_help(_command))(_command)
 app.add_typer(_export, help=_help(export))
+_campaign = typer.Typer(
+    name="campaign", cls=OfCampaigns, callback=campaign, invoke_without_command=True
+)
+for _name, _command in _CAMPAIGN.items():
+    _campaign.command(_name, cls=Command, help=_help(_command))(_command)
+app.add_typer(_campaign, help=_help(campaign))
 app.callback(help=_help(about), invoke_without_command=True)(about)

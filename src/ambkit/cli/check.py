@@ -19,6 +19,7 @@ class Schema(StrEnum):
     machine = "machine"
     scenario = "scenario"
     flight = "flight"
+    study = "study"
     map = "map"
     filter = "filter"
     force = "force"
@@ -29,8 +30,8 @@ def check(
         list[Path] | None,
         typer.Argument(
             metavar="FILE",
-            help="Bearings, machines, scenarios, channel maps, filters, experts, records, measured "
-            "forces.",
+            help="Bearings, machines, scenarios, studies, channel maps, filters, experts, records, "
+            "measured forces.",
         ),
     ] = None,
     schema: Annotated[

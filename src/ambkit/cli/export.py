@@ -91,6 +91,13 @@ def export_c(
         ),
     ] = None,
     synchronous: Synchronous = None,
+    calibration: Annotated[
+        bool,
+        typer.Option(
+            "--calibration",
+            help="Noise, gate, mass, k and gains of a --controller can be changed while it runs.",
+        ),
+    ] = False,
     cost: Annotated[
         bool, typer.Option("--cost", help="Also print what it costs on a Cortex-M4F.")
     ] = False,
@@ -141,6 +148,7 @@ def export_c(
         force_bound=force_bound,
         editable=editable,
         **options,
+        calibrated=calibration,
     )
     data: dict[str, Any] = {
         "folder": str(written.folder),

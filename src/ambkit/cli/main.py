@@ -125,6 +125,10 @@ def _interrupted() -> None:
     """Say what was written so far, in a line."""
     from ambkit.cli import output
 
+    left = output.left_by_interrupt()
+    if left is not None:
+        output.note(f"\ninterrupted; {left}")
+        return
     written = output.written
     files = f"wrote {', '.join(map(str, written))}" if written else "nothing was written"
     if len(written) > 3:

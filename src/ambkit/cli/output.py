@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +21,27 @@ File = tuple[Path | None, Callable[[Path], object]]
 
 written: list[Path] = []
 """The files that this call has written so far, for the message when it is interrupted."""
+
+_said: list[str] = []
+
+
+@contextmanager
+def interrupted_says(text: str) -> Iterator[None]:
+    """Where a command is interrupted within this, let it say so.
+
+    Parameters
+    ----------
+    text : str
+        What is left, and how it goes on.
+    """
+    _said.append(text)
+    yield
+    _said.pop()
+
+
+def left_by_interrupt() -> str | None:
+    """Return what an interrupted command said that it leaves; None where it said nothing."""
+    return _said.pop() if _said else None
 
 
 def deliver(

@@ -21,6 +21,7 @@ from ambkit.cli.options import (
     find_machine,
     refuse_of_one_axis,
 )
+from ambkit.cli.tune_robust import tune_robust
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -35,8 +36,9 @@ def tune(
     target: Annotated[
         list[str],
         typer.Argument(
-            metavar="LOG|BEARING",
-            help="Records of the loop, with --bearing; or a bearing, to be simulated.",
+            metavar="LOG|BEARING|STUDY",
+            help="Records of the loop, with --bearing; a bearing, to be simulated; with --robust a "
+            "study.",
         ),
     ],
     bearing: Annotated[
@@ -46,6 +48,23 @@ def tune(
         ),
     ] = None,
     channel_map: MapFile = None,
+    robust: Annotated[
+        bool,
+        typer.Option(
+            "--robust",
+            help="Tune controller and filter over the machines of a study: its filter, a quantile "
+            "of the force's error small, that of the peak of |S| below --max-sensitivity.",
+        ),
+    ] = False,
+    quantile: Annotated[
+        float, typer.Option(min=0.01, max=0.999, metavar="SHARE", help="Of the machines.")
+    ] = 0.95,
+    storage: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Keeps what --robust tried, to be interrupted and gone on with."
+        ),
+    ] = None,
     estimator: Annotated[
         str, typer.Option(callback=is_a_name, metavar="NAME", help=f"One of {', '.join(NAMES)}.")
     ] = "extended",
@@ -122,6 +141,7 @@ def tune(
       ambkit tune zittau_axial --estimator linear --out filter.toml
       ambkit tune run.csv --bearing my.toml --validate other.csv --out filter.toml --plot tune.png
       ambkit tune run.csv --bearing my.toml --max-sensitivity 2.5 --out filter.toml
+      ambkit tune tolerances.toml --robust --storage search.log --out filter.toml
       ambkit tune tum_mlps --estimator linear --trade-off 1.7,2,2.5 --plot trade.png
       ambkit export c filter.toml --out out/
     """
@@ -134,6 +154,22 @@ def tune(
     from ambkit.workflow.trading_off import trade_off
     from ambkit.workflow.tuned_filter import tune as tuned
 
+    if robust:
+        refused = {"--bearing": bearing, "--channels": channel_map, "--expert": expert,
+                   "--validate": validate or None, "--trade-off": ceilings, "--from": begin,
+                   "--to": end, "--scenario": scenario}  # fmt: skip
+        for option, taken in refused.items():
+            if taken is not None:
+                raise AmbkitError(f"{option} does not go with --robust: the study says all")
+        if len(target) > 1:
+            raise AmbkitError(f"one study is tuned over, {len(target)} are given")
+        tune_robust(
+            target[0], quantile=quantile, ceiling=max_sensitivity, free=free, storage=storage,
+            evaluations=evaluations, seed=seed, out=out, plot=plot, json=json,
+        )  # fmt: skip
+        return
+    if storage is not None:
+        raise AmbkitError("--storage is for --robust")
     simulated = bearing is None
     if simulated and any(Path(name).suffix not in ("", ".toml") for name in target):
         raise AmbkitError(f"{target[0]} is a record: --bearing says what it is of")

@@ -76,7 +76,7 @@ class Controller:
             passed = [1.0, 0.0, 0.0, 0.0, 1.0, 1.0, -FAR, FAR]
             nothing = np.zeros((1, len(states)))
             fed: dict[str, Array] = {"fed_back": -K, "position": nothing, "velocity": nothing}
-            return Controllers([passed], names, one, ahead, np.zeros(1), fed)
+            return Controllers([passed], names, one, ahead, -np.ones(1), fed)
         if self.pid.feed_forward:
             k_i = ConstantStiffness.of(b).k_i
             seen["fed_back"] = -self.pid.feed_forward / k_i * _row(states, "disturbance force")
@@ -110,18 +110,18 @@ class Controller:
         return travel if self.bearing.weight > 0 else -travel
 
     def held(self, x: float) -> float:
-        """Return the current that holds the rotor in the middle, and further on by its slope [A].
+        """Return the current [A] that holds the rotor: in the middle, where it lies, and the line.
 
         Parameters
         ----------
         x : float
             Displacement [m].
         """
-        b = self.bearing
-        law, step = magnet_of(b), 0.1 * b.rotor.travel_limit
+        b, down = self.bearing, self.down
+        law = magnet_of(b)
         balance = b.weight + bias_force_of(law, b)
-        less, middle, more = (hover_current(b, law, at, balance) for at in (-step, 0.0, step))
-        return middle + (more - less) / (2 * step) * x
+        middle, lying = (hover_current(b, law, at, balance) for at in (0.0, down))
+        return middle + (lying - middle) * x / down
 
     @property
     def fields(self) -> dict[str, Any]:

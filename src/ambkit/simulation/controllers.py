@@ -233,7 +233,8 @@ def _regulated(plant: Plant, estimator: Estimator) -> Controllers:
     passed = [[1.0, 0.0, 0.0, 0.0, 1.0, 1.0, -FAR, FAR]] * p
     nothing = np.zeros((p, len(estimator.states)))
     return Controllers(
-        passed, _names(plant), np.eye(p), ahead, np.zeros(p),
+        # What a PID is ahead is all of the reference.
+        passed, _names(plant), np.eye(p), ahead, -np.ones(p),
         {"fed_back": -K, "position": nothing, "velocity": nothing},
     )  # fmt: skip
 

@@ -79,7 +79,7 @@ class LiftOff(Part):
             "lost": _samples(self.lost, T),
             "overloaded": _samples(self.overload, T),
             "rise": min(1.0, T / self.lift),
-            "fall": min(1.0, T / self.land),
+            "descent": min(1.0, T / self.land),
         }
 
 

@@ -10,7 +10,7 @@ from ambkit.base.showing import Shown
 from ambkit.simulation.linear.pieces import WorkPoint
 from ambkit.simulation.scenario import PID
 from ambkit.workflow.assessed_loop import AssessedLoop
-from ambkit.workflow.balance import Grade, of_grades
+from ambkit.workflow.balance import Grade, of_grades, unbalance_forces
 from ambkit.workflow.loop_of import ZONES, LoopOf, ideal_pieces
 
 if TYPE_CHECKING:
@@ -223,13 +223,21 @@ class Assessment(Shown):
         """
         from ambkit.show.plots.capacity import capacity_figure
 
+        demands: dict[str, tuple[float, float]] = {}
         if self.of.machine is None:
             each = {name: loop.demands for name, loop in self.loops.items()}
         else:
             name = list(self.loops)[-1] if filter is None else filter
             axes = self.loops[name].axes
             each = {" and ".join(same): axes[same[0]].demands for same in self.alike(name)}
+            forces = dict(zip(self.of.axes, unbalance_forces(self.of.machine), strict=True))
+            f = abs(self.of.machine.speed) / (2 * math.pi)
+            demands = {
+                " and ".join(same): (f, float(forces[same[0]]))
+                for same in self.alike(name) if forces[same[0]] > 0
+            }  # fmt: skip
         return capacity_figure(
             f"{self.bearing.name}: the load that the loop bears",
             {name: asked.capacity for name, asked in each.items() if asked},
+            demands,
         )

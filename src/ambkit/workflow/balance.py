@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ambkit.judge.loop.demands import of_unbalance, orbit, pairs_of
+from ambkit.machine import geometry
 from ambkit.machine.bank import alone_of
 from ambkit.machine.placed import Unbalance
 from ambkit.models.machine import unbalance_planes
@@ -103,3 +106,24 @@ def grade_of(machine: Machine) -> float | None:
         return None
     whole = sum(amount for _, amount, _ in machine.unbalances())
     return whole * abs(machine.speed) / machine.rotor.mass
+
+
+def unbalance_forces(machine: Machine) -> NDArray[np.float64]:
+    """Return the amplitudes of the forces along the axes that do what the unbalance does (p,) [N].
+
+    To the rigid rotor, at the machine's speed.
+
+    Parameters
+    ----------
+    machine : Machine
+        Gives speed and unbalance.
+    """
+    positions = machine.rigid_positions
+    H = geometry.matrix([axis.line for axis in machine.axes], positions)
+    pushed = np.zeros(len(positions), complex)
+    for place, amount, angle in machine.unbalances():
+        ahead, across = geometry.matrix(
+            [geometry.Line.across(place, turn) for turn in (angle, angle + math.pi / 2)], positions
+        )
+        pushed += amount * machine.speed**2 * (ahead - 1j * across)
+    return np.asarray(np.abs(np.linalg.pinv(H.T) @ pushed), float)

@@ -25,9 +25,9 @@ class Finding:
     path : Path
         The file.
     kind : str
-        ``"bearing"``, ``"machine"``, ``"scenario"``, ``"flight"``, ``"filter"``, ``"channel map"``,
-        ``"expert"``, ``"record"``, ``"lift-off points"``, ``"measured force"``; ``"file"`` where
-        that cannot be told.
+        ``"bearing"``, ``"machine"``, ``"scenario"``, ``"flight"``, ``"study"``, ``"filter"``,
+        ``"channel map"``, ``"expert"``, ``"record"``, ``"lift-off points"``, ``"measured force"``;
+        ``"file"`` where that cannot be told.
     about : str
         What it holds, in a few words; empty where it is not valid.
     problems : tuple of str
@@ -127,10 +127,12 @@ def _documents() -> dict[str, Any]:
     from ambkit.machine.machine import Machine
     from ambkit.simulation.flight import Flight
     from ambkit.simulation.scenario import Scenario
+    from ambkit.workflow.campaign.study import Study
 
     return {
         "bearing": Bearing, "machine": Machine, "scenario": Scenario, "flight": Flight,
         "channel map": ChannelMap, "filter": FilterFile, _SHORT["force"]: ForceChannels,
+        "study": Study,
     }  # fmt: skip
 
 
@@ -160,8 +162,8 @@ def kind_of_toml(path: str | os.PathLike[str]) -> str:
     best = max(shared, key=lambda kind: shared[kind])
     if shared[best] == 0:
         raise AmbkitError(
-            f"{path}: is neither a bearing, nor a machine, nor a scenario, nor a channel map, nor "
-            f"a filter: none of its keys is known in those "
+            f"{path}: is neither a bearing, nor a machine, nor a scenario, nor a study, nor a "
+            f"channel map, nor a filter: none of its keys is known in those "
             f"({', '.join(toml.data) or 'it is empty'})"
         )
     return best
@@ -190,6 +192,8 @@ def _describe_document(kind: str, path: Path) -> _Described:
     if kind == "flight":
         speed = "the machine's" if found.speed is None else found.speed.type
         return _Described(f"{engineering(found.duration, 's')} of a machine, speed {speed}")
+    if kind == "study":
+        return _Described(_of_study(found))
     if kind == "scenario":
         return _Described(
             f"{engineering(found.duration, 's')}, reference {found.reference.type}, "
@@ -197,6 +201,16 @@ def _describe_document(kind: str, path: Path) -> _Described:
         )
     mass = engineering(found.rotor.mass, "kg")
     return _Described("; ".join([f"{found.name}, {found.magnet.type}, {mass}", *in_words(found)]))
+
+
+def _of_study(study: Any) -> str:
+    """Say of how many machines a study is, and what varies."""
+    from ambkit.workflow.campaign.plan import Plan
+
+    plan = Plan(study)
+    plan.check()
+    varies = ", ".join(plan.names) or "nothing"
+    return f"{plan.runs} machines of {plan.bearing.name}, {study.sampling}; what varies: {varies}"
 
 
 def _describe_expert(path: Path) -> _Described:

@@ -89,6 +89,18 @@ class Part(BaseModel, metaclass=_OwnNames):
         """
         yield from ()
 
+    def contradictions(self) -> Iterator[str]:
+        """Yield what is wrong with a copy whose values were changed unchecked (`model_copy`).
+
+        Values are not held to limits of their own again, only to each other.
+        """
+        for key, text in self._contradictions(reader(self)):
+            yield f"{key}: {text}"
+        for name in type(self).model_fields:
+            inner = getattr(self, name)
+            if isinstance(inner, Part):
+                yield from (f"{name}.{text}" for text in inner.contradictions())
+
     @classmethod
     def __get_pydantic_json_schema__(
         cls, schema: CoreSchema, handler: GetJsonSchemaHandler

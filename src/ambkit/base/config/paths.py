@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, PlainSerializer, SerializationInfo, ValidationInfo
 
 
-def _from_folder(value: Any, info: ValidationInfo) -> Any:
+def from_folder(value: Any, info: ValidationInfo) -> Any:
     """Take a relative name from where the description lies."""
     folder = (info.context or {}).get("folder")
     if folder is not None and isinstance(value, str):
@@ -15,7 +15,7 @@ def _from_folder(value: Any, info: ValidationInfo) -> Any:
     return os.fspath(value) if isinstance(value, os.PathLike) else value
 
 
-def _to_folder(value: str, info: SerializationInfo) -> str:
+def to_folder(value: str, info: SerializationInfo) -> str:
     """Write the name as seen from where the description will lie, so that both can move."""
     folder = (info.context or {}).get("folder")
     if folder is None:
@@ -26,5 +26,5 @@ def _to_folder(value: str, info: SerializationInfo) -> str:
         return str(Path(value).absolute())
 
 
-FilePath = Annotated[str, BeforeValidator(_from_folder), PlainSerializer(_to_folder)]
+FilePath = Annotated[str, BeforeValidator(from_folder), PlainSerializer(to_folder)]
 """The name of a file."""

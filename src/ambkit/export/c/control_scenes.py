@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 QUICK: dict[str, Any] = {
-    "waiting": 5, "lost": 30, "overloaded": 12, "rise": 0.012, "fall": 0.018, "settling": 17,
+    "waiting": 5, "lost": 30, "overloaded": 12, "rise": 0.012, "descent": 0.018, "settling": 17,
 }  # fmt: skip
 """The sequence of the self-test: fields of ``amb_sequence``, and the settling at most."""
 
@@ -69,7 +69,7 @@ def _flown(controller: Controller, sign: float) -> Scene:
     n = 420
     times = LiftOff(
         start=8 * T, stop=330 * T, wait=QUICK["waiting"] * T, lift=T / QUICK["rise"],
-        land=T / QUICK["fall"], lost=QUICK["lost"] * T, overload=1.0,
+        land=T / QUICK["descent"], lost=QUICK["lost"] * T, overload=1.0,
     )  # fmt: skip
     reference = Sequence(times=(0.0, 170 * T), values=(0.0, sign * travel / 5))
     load = Step(amplitude=0.2 * sign * abs(bearing.weight or 1.0), time=250 * T)

@@ -47,6 +47,8 @@ class Cost:
         Memory of each instance [bytes]; the caller's.
     stack : int
         Memory that a step borrows [bytes].
+    selftest : int
+        Instructions of the whole self-test.
     compiler : str
         Name, version and flags of the compiler.
     """
@@ -58,6 +60,7 @@ class Cost:
     constants: int
     state: int
     stack: int
+    selftest: int
     compiler: str
 
     def highest_rate(self, clock: float) -> float:
@@ -91,6 +94,7 @@ def of(estimator: Estimator) -> Cost | None:
         constants=figures["constants_without_arrays"] + bytes_of_arrays(estimator),
         state=figures["state"],
         stack=figures["stack"],
+        selftest=figures["selftest"],
         compiler=stored["compiler"],
     )
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Literal
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.registry import KINDS
-from ambkit.export.c import cost, folder, render
-from ambkit.export.c.cost import Cost
+from ambkit.export.c import calibration, cost, folder, render
+from ambkit.export.c.cost import CYCLES_PER_INSTRUCTION, Cost
 from ambkit.export.c.data import CPrecision, called
 from ambkit.export.c.prefix import checked
 from ambkit.export.tabulate import MOST_NODES, TabulatedExpert, tabulate
@@ -83,6 +83,7 @@ def export_c(
     editable: bool = False,
     scenario: Scenario | None = None,
     flight: Flight | None = None,
+    calibrated: bool = False,
     **options: Any,
 ) -> CExport:
     """Write a folder of C99 that compiles alone.
@@ -123,6 +124,9 @@ def export_c(
     flight : Flight, optional
         Of a whole machine: its controllers are written too, and estimator and controllers together
         as one step from readings to currents, equal to the last bit to what the simulation flies.
+    calibrated : bool
+        Whether noise, gate, mass, magnet constant and gains of such a controller can be changed
+        while it runs.
     **options
         Of the kind; of :class:`ambkit.KalmanFilter` noise, gravity, frozen_limit, gate,
         outlier_limit, as_printed.
@@ -163,6 +167,10 @@ def export_c(
     controller = None
     if scenario is not None:
         controller, spent = _controller(estimator, scenario, editable=editable), None
+    if calibrated:
+        if controller is None:
+            raise AmbkitError("calibration is for a whole controller; give a scenario")
+        calibration.check(controller)
     facts = _facts(magnet, precision) | _cost_facts(spent)
     if estimator.description:
         facts = {"for": estimator.description} | facts
@@ -175,6 +183,7 @@ def export_c(
         editable=editable,
         controller=controller,
         flight=flight,
+        calibrated=calibrated,
     )
     written = folder.write(Path(out), content.files)
     return CExport(
@@ -262,6 +271,10 @@ def _cost_facts(spent: Cost | None) -> dict[str, str]:
     return facts | {
         "flash": (
             f"{spent.code} bytes of code, {spent.constants} bytes of constants, by {spent.compiler}"
+        ),
+        "self-test": (
+            f"{spent.selftest / 1e6:.1f} million instructions; at 168 MHz, without wait states, "
+            f"{1e3 * spent.selftest * CYCLES_PER_INSTRUCTION / 168e6:.0f} ms"
         ),
         "memory": f"{spent.state} bytes an instance, {spent.stack} bytes of stack seen",
     }

@@ -15,7 +15,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.registry import PAPER, InCore
 from ambkit.export import core
-from ambkit.export.c import control, data, machine_control, model, vectors
+from ambkit.export.c import calibration, control, data, machine_control, model, proof, vectors
 from ambkit.export.c.crc import Constants, Crc
 from ambkit.export.c.data import MAGNETS, CPrecision, Kind
 from ambkit.machine.bearing import FILES
@@ -32,6 +32,12 @@ if TYPE_CHECKING:
     from ambkit.simulation.flight import Flight
 
 _BOUNDS: dict[CPrecision, str] = {"float": "1e-3", "double": "1e-9"}
+_PROVED = (
+    "Whatever NAME_step and NAME_reset are given, NaN and infinities included, and however often: "
+    "no access beyond an object, no read of what was not written, no division by zero, no "
+    "overflow, no other undefined behaviour of C99; and every number in the estimates is finite. "
+    "Shown by abstract interpretation (Frama-C Eva), for these constants."
+)
 _BOUND_OF_MACHINES = "2e-2"  # in float: more is added up; a tenth is still seen
 
 
@@ -53,6 +59,7 @@ def render(
     editable: bool = False,
     controller: Controller | None = None,
     flight: Flight | None = None,
+    calibrated: bool = False,
 ) -> Content:
     """Write all texts.
 
@@ -75,6 +82,8 @@ def render(
         That flies this estimator; the export is then the whole of it.
     flight : Flight, optional
         Of a whole machine: its controllers are written beside the filter, and one step for both.
+    calibrated : bool
+        Whether numbers of such a controller can be changed while it runs.
 
     Raises
     ------
@@ -105,6 +114,7 @@ def render(
             needed += [f"src/{data.called(inner).source}.c"]
     of_model = model.in_c(estimator, loops=loops)
     needed += [*of_model.sources, *(control.SOURCES if controller is not None else ())]
+    needed += calibration.SOURCES if calibrated else ()
     flown = {}
     if flight is not None:
         flown = machine_control.context(estimator, flight, name, precision, bound_of(estimator))
@@ -113,7 +123,8 @@ def render(
     core_files = {f"core/{file}": text for file, text in found.items()}
     c_files = tuple(file for file in core_files if file.endswith(".c"))
     more = ("_control", "_control_data") if flown else ()
-    sources = (*(f"{name}{file}.c" for file in ("", "_data", *more)), *c_files)
+    changed = ("_calibration",) if calibrated else ()
+    sources = (*(f"{name}{file}.c" for file in ("", *changed, "_data", *more)), *c_files)
     of_test = ("selftest", "vectors", *(("control_selftest",) if flown else ()))
     selftest = tuple(f"selftest/{name}_{file}.c" for file in of_test)
     settling, bound = settling_of(estimator), bound_of(estimator)
@@ -140,11 +151,14 @@ def render(
             for f in core_files
             if f.endswith(("/exponential.h", "/root.h", "/crc.h")) and "/include/" in f
         ],
-        "cast_sources": _casts(kind, in_core, given, flown=controller is not None),
+        "cast_sources": _casts(
+            kind, in_core, given, flown=controller is not None, calibrated=calibrated
+        ),
         "selftest_sources": ("selftest/main.c", *selftest),
         "bound": _BOUND_OF_MACHINES if whole and precision == "float" else _BOUNDS[precision],
         **{key: told[key] for key in told if key != "arrays"},
         "flown": told if controller is not None else None,
+        "base_of_calibration": None,
         "misra_defines": "-DFLT_MANT_DIG=24" if precision == "float" else "-DDBL_MANT_DIG=53",
         "given": given,
         "in_core": in_core,
@@ -182,11 +196,23 @@ def render(
         "own": "" if in_core is None else data.own(estimator, precision),
         "settling": settling,
         "bound_of_output": f"{bound:.1f}",
-        "crc": _crc(estimator, name, precision, of_model, editable=editable, flown=controller),
+        "crc": _crc(
+            estimator,
+            name,
+            precision,
+            of_model,
+            editable=editable,
+            flown=controller,
+            calibrated=calibrated,
+        ),
+        "proof_sentence": _PROVED.replace("NAME", name),
     }
+    context["proof"] = _proof(estimator, context, core_files)
     for each, si in (("y", "m"), ("u", "V")):
         context[f"{each}_unit"] = context["inputs"][each]["unit"] if context["inputs"][each] else si
     context["inputs_text"] = repr(context["inputs"])
+    if calibrated and controller is not None:
+        context["base_of_calibration"] = calibration.context(controller, name, precision)
     context["configuration"] = _configuration(estimator, context, core_files)
     made = {
         f"{name}.h": "filter.h",
@@ -198,13 +224,21 @@ def render(
         f"selftest/{name}_vectors.c": "vectors.c",
         "selftest/main.c": "main.c",
         "selftest/COVERAGE.md": "COVERAGE.md",
+        f"proof/{name}_proof.c": "proof.c",
+        "proof/prove.sh": "prove.sh",
+        "proof/README.md": "PROOF.md",
         "core/include/ambkit/precision.h": "precision.h",
         "CMakeLists.txt": "CMakeLists.txt",
         "README.md": "README.md",
         "misra.txt": "misra.txt",
     }
     if controller is not None:
-        made |= {file.format(name): template for file, template in control.TEMPLATES.items()}
+        more_files = calibration.TEMPLATES if calibrated else {}
+        named = {**control.TEMPLATES, **more_files}
+        made |= {file.format(name): template for file, template in named.items()}
+        if calibrated:
+            described = calibration.described(controller, name, precision)
+            core_files |= {"calibration.json": described}
     if flown:
         files = machine_control.FILES
         made |= {file.format(name=name): template for file, template in files.items()}
@@ -234,6 +268,31 @@ def _selftest_context(
         "marks": data.array(marks, precision),
         "runs": list(zip(tested.runs, np.diff([*starts, len(tested.y)]).tolist(), strict=True)),
         "coverage": vectors.coverage(tested, estimator),
+    }
+
+
+def _proof(
+    estimator: Estimator, context: dict[str, Any], core_files: dict[str, str]
+) -> dict[str, Any]:
+    """Return what the files of the proof say."""
+    several = context["several"]
+    axes, sensors = (len(several["axes"]), len(several["readings"])) if several else (0, 0)
+    fields = [state.field for state in context["states"]]
+    asked = {name: text for name, text in core_files.items() if name.endswith(".c")}
+    uses = {
+        called: any(f"{called}(" in text for text in asked.values())
+        for called in ("amb_exp_negative", "amb_root")
+    }
+    contracts = [called for called, used in uses.items() if used]
+    by_contract = f" -eva-use-spec {','.join(contracts)}" if contracts else ""
+    return {
+        "outputs": proof.outputs(fields, axes, sensors),
+        "options": proof.OPTIONS.format(tag=context["tag"]) + by_contract,
+        "recorded": proof.recorded(
+            estimator, context["precision"], editable=bool(context["editable"])
+        ),
+        "uses_exponential": uses["amb_exp_negative"],
+        "uses_root": uses["amb_root"],
     }
 
 
@@ -268,6 +327,7 @@ def _crc(
     *,
     editable: bool,
     flown: Controller | None,
+    calibrated: bool,
 ) -> Crc:
     """Return the CRC of the data file, with its names."""
     constants = Constants(precision)
@@ -301,6 +361,8 @@ def _crc(
     constants.fields("own", estimator.core.own, arrays=True)
     if flown is not None:
         control.constants(flown, name, constants)
+        if calibrated:
+            calibration.constants(flown, name, constants)
     return constants.crc()
 
 
@@ -424,12 +486,13 @@ def _hover(estimator: Estimator, precision: CPrecision) -> str:
 
 
 def _casts(
-    kind: Kind, in_core: InCore | None, given: bool, *, flown: bool = False
+    kind: Kind, in_core: InCore | None, given: bool, *, flown: bool, calibrated: bool
 ) -> tuple[str, ...]:
     """Return the files that cast from ``void *``, which MISRA C advises against."""
     stems = [] if given else [kind.source]
     if in_core is not None:
         stems += ["estimator", *in_core.casts, *(["control"] if flown else [])]
+        stems += ["calibration"] if calibrated else []
     return tuple(f"core/src/{stem}.c" for stem in sorted(stems))
 
 

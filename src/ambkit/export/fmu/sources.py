@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.base import escaping
+from ambkit.base.errors import AmbkitError
 from ambkit.export import core
 from ambkit.export.c import data
 from ambkit.export.c.data import MAGNETS, CPrecision
@@ -212,7 +213,17 @@ def rig_data(bearing: Bearing) -> dict[str, Any]:
 
 
 def pid_data(bearing: Bearing, controller: PID) -> str:
-    """Return a controller as an initialiser."""
+    """Return a controller as an initialiser.
+
+    Raises
+    ------
+    AmbkitError
+        It is no PID alone.
+    """
+    if controller.type != "pid" or controller.feed_forward:
+        raise AmbkitError(
+            'an FMU has a PID alone: controller.type must be "pid" and controller.feed_forward 0'
+        )
     fields = {
         "T": bearing.sampling_time,
         "kp": controller.kp,

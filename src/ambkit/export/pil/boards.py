@@ -64,8 +64,9 @@ def check(board: Board, *, run: bool = True) -> None:
         install.append("qemu-system-arm")
     if missing:
         debian = (
-            "Debian: apt-get install --no-install-recommends " if ARM in missing[0] or run else ""
+            "apt-get install --no-install-recommends " if board.compiler.startswith(ARM) else ""
         )
         raise AmbkitError(
-            f"{' and '.join(missing)}: not there; install {debian}{' '.join(install)}"
+            f"a processor in the loop needs {' and '.join(missing)}, which is not there: "
+            f"{debian}{' '.join(install)}"
         )

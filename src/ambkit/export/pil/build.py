@@ -56,7 +56,9 @@ def size(export: Path, name: str, board: Board, into: Path) -> Built:
     for section, count in re.findall(r"^(\.\w+)\S*\s+(\d+)\s", listing, re.MULTILINE):
         if section in totals:
             totals[section] += int(count)
-    deepest = stack(sorted(into.glob("*.ci")), f"{name}_step")
+    moved = _call(ARM + "objdump", "-r", str(partial))
+    taken = set(re.findall(r"R_ARM_ABS32\s+(?:\.text\.)?(\w+)", moved))
+    deepest = stack(sorted(into.glob("*.ci")), f"{name}_step", taken)
     return Built(
         totals[".text"], totals[".rodata"], totals[".data"] + totals[".bss"], deepest,
         " ".join([board.compiler, _call(board.compiler, "-dumpfullversion").strip(),
@@ -136,11 +138,11 @@ _EDGE = re.compile(r'edge: \{ sourcename: "([^"]+)" targetname: "([^"]+)"')
 _BYTES = re.compile(r"(\d+) bytes \((\w+)\)")
 
 
-def stack(graphs: list[Path], root: str) -> int | None:
+def stack(graphs: list[Path], root: str, taken: set[str]) -> int | None:
     """Return how deep a call goes at most [bytes], by gcc's call graph and stack usage.
 
-    A call by a pointer is taken to reach every function that nobody calls by its name, and that is
-    not running already.
+    A call by a pointer is taken to reach every function whose address is taken, and that is not
+    running already: no function here calls itself by a pointer.
 
     Parameters
     ----------
@@ -148,6 +150,8 @@ def stack(graphs: list[Path], root: str) -> int | None:
         What ``-fcallgraph-info=su`` wrote, of all files.
     root : str
         The function that is called.
+    taken : set of str
+        Functions whose address is taken.
 
     Returns
     -------
@@ -155,6 +159,7 @@ def stack(graphs: list[Path], root: str) -> int | None:
         None where a frame's size is not bounded, or a function can call itself.
     """
     own: dict[str, int] = {}
+    nodes: dict[str, int] = {}  # more than one: gcc has split a function, which calls its part
     calls: dict[str, set[str]] = {}
     for path in graphs:
         text = path.read_text(encoding="utf-8")
@@ -162,18 +167,19 @@ def stack(graphs: list[Path], root: str) -> int | None:
             if (found := _BYTES.search(label)) is not None:
                 if found[2] not in ("static", "bounded"):
                     return None
-                own[title] = int(found[1])
+                own[title] = own.get(title, 0) + int(found[1])
+                nodes[title] = nodes.get(title, 0) + 1
         for source, target in _EDGE.findall(text):
             calls.setdefault(source, set()).add(target)
-    named = {target for targets in calls.values() for target in targets}
-    pointed = {title for title in own if title not in named and title != root}
+    pointed = {title for title in own if title.rpartition(":")[2] in taken}
 
     def depth(title: str, above: frozenset[str]) -> int | None:
         if title in above:
             return None
         most = 0
-        for target in calls.get(title, ()):
-            for each in pointed - above if target == "__indirect_call" else {target}:
+        parts = {title} if nodes.get(title, 0) > 1 else set()
+        for target in calls.get(title, set()) - parts:
+            for each in pointed - above - {title} if target == "__indirect_call" else {target}:
                 below = depth(each, above | {title})
                 if below is None:
                     return None

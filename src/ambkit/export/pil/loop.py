@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.registry import KINDS
@@ -42,6 +43,8 @@ class Pil:
     ----------
     record : Record
         The flight: what the plant did while the processor flew it.
+    answers : ndarray (n,)
+        All that the processor told, sample by sample, by the names in ``processor.ANSWER``.
     samples : int
         How many.
     unequal : int
@@ -72,6 +75,7 @@ class Pil:
     """
 
     record: Record
+    answers: NDArray[np.void]
     samples: int
     unequal: int
     unequal_flight: int | None
@@ -93,8 +97,8 @@ class Pil:
         return self.unequal == 0 and self.selftest == 0 and not self.unequal_flight
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all but the record."""
-        told = {name: value for name, value in vars(self).items() if name != "record"}
+        """Return all but the record and the answers."""
+        told = {k: each for k, each in vars(self).items() if k not in ("record", "answers")}
         return told | {"passed": self.passed, "built": self.built._asdict()}
 
 
@@ -224,6 +228,7 @@ def _judged(
     travel = bearing.rotor.travel_limit
     return Pil(
         record=record,
+        answers=told,
         samples=len(mode),
         unequal=unequal,
         unequal_flight=flight,

@@ -113,9 +113,7 @@ class Processor:
             elif self._process.poll() is not None or time.monotonic() > until:
                 said = ""
                 if self._process.poll() is not None and self._process.stdout is not None:
-                    said = self._process.stdout.read().decode(errors="replace").strip()
-                raise AmbkitError(
-                    f"the firmware in {QEMU} does not answer{': ' * bool(said)}{said}"
-                )
+                    said = ": " + self._process.stdout.read().decode(errors="replace").strip()
+                raise AmbkitError(f"the firmware in {QEMU} does not answer{said}")
         answer: np.void = np.frombuffer(got, what)[0]
         return answer

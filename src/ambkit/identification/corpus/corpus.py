@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.base.units import engineering
+from ambkit.estimate.constant_velocity import ConstantVelocityFilter, tune
 from ambkit.estimate.innovations import whiteness
 from ambkit.identification.corpus.arx import ORDER, fit_arx, normal_of
 from ambkit.identification.corpus.cutting import SMOOTHED, Stretch, cut, flights, noise_of
@@ -26,7 +27,6 @@ from ambkit.identification.maximum_likelihood.validation import (
     LEFT,
     predictable,
 )
-from ambkit.judge.comparison.constant_velocity import ConstantVelocityFilter, tune
 from ambkit.machine.parts import Hum
 
 if TYPE_CHECKING:

@@ -249,7 +249,7 @@ def validate(
 
 def _without_a_magnet(record: Record, horizons: Sequence[int], first: int) -> dict[int, float]:
     """Errors of the constant-velocity filter, tuned to the record itself [m]."""
-    from ambkit.judge.comparison.constant_velocity import tune
+    from ambkit.estimate.constant_velocity import tune
 
     y = record["y"]
     naive = tune(y, record.sampling_time)

@@ -1,6 +1,6 @@
 """Estimators compared: over seeds in their own loops, and along the same records."""
 
-from ambkit.judge.comparison.constant_velocity import ConstantVelocityFilter
+from ambkit.estimate.constant_velocity import ConstantVelocityFilter
 from ambkit.judge.comparison.seeds import EVALUATED, Score, compare, rmse
 
 __all__ = [

@@ -45,7 +45,7 @@ def shown_with(names: Names) -> str:
 def update(names: Names) -> str:
     """Return the function that takes in a measurement: K = P c'/S, X += K e, P -= K (P c')'."""
     arguments = [
-        "amb_real y", "amb_real var_y", MEAN, COV, "amb_real *innovation", "amb_real *variance",
+        "amb_real y", "amb_real S", MEAN, COV, "amb_real *innovation",
     ]  # fmt: skip
     doc = "Eq. 11-13 for the scalar measurement of {}; S must be positive."
     if names.m == 1:
@@ -55,7 +55,7 @@ def update(names: Names) -> str:
     for r, measurement in enumerate(names.model.measurements):
         what = doc.format(measurement.name)
         functions.append(names.function(what, f"update_{r}", arguments, _update(names, r)))
-        given = "model, y, var_y, mean, cov, innovation, variance"
+        given = "model, y, S, mean, cov, innovation"
         cases.append([f"amb_model_update_{r}({given});"])
     last = names.function(
         doc.format("one sensor"), "update", [SENSOR, *arguments], switched(SENSOR, cases)
@@ -69,9 +69,8 @@ def _update(names: Names, r: int) -> list[str]:
     loads, lines, PH = _with_sensor(names, r, list(states), all_of_P=True)
     seen = _of_mean(names, r)
     head = [
-        f"*variance = {_variance(names, r, PH)} + var_y;",
         f"*innovation = y - {seen if len(names.entries('c', r)) == 1 else f'({seen})'};",
-        "const amb_real inverse = AMB_C(1.0) / (*variance);",  # one division for all of K
+        "const amb_real inverse = AMB_C(1.0) / S;",  # one division for all of K
         "const amb_real e = *innovation;",
     ]
     # Where PH is a column of P the long way to K begins at once.

@@ -75,9 +75,11 @@ def assessment_figure(
     nyquist_items: list[Item] = [circle(1 / limit) for _, limit in zones]
     nyquist_items.append(Points(np.array([-1.0]), np.array([0.0]), signal="spike", label=""))
     compliance: list[Item] = []
+    stiffness: list[Item] = []
     noise: list[Item] = []
     if static is not None:
         compliance.append(Rule(static, signal="bound", label="static, without the integral"))
+        stiffness.append(Rule(1 / static, signal="bound", label="static, without the integral"))
     peaks, softest = list[float](), 0.0
     for k, (name, loop, axis) in enumerate(loops):
         look = LOOKS[k % len(LOOKS)]
@@ -91,8 +93,11 @@ def assessment_figure(
         yielding = np.abs(loop.compliance(f)[:, axis, axis])
         softest = max(softest, float(yielding.max()))
         compliance.append(Line(f, yielding, signal=look, label=name))
+        stiffness.append(Line(f, 1 / yielding, signal=look, label=name))
         noise.append(Line(f, gain * _noise(loop, axis, f), signal=look, label=name))
     yields = Axis("compliance", "µm/N", 1e6, scale="log", limits=(2e-4 * softest, 3 * softest))
+    limits = (1 / (3 * softest), 1 / (2e-4 * softest))
+    withstands = Axis("dynamic stiffness", "N/µm", 1e-6, scale="log", limits=limits)
     passes = Axis("current by noise", "A/µm", 1e-6, scale="log")
     heights = Axis("sensitivity |S|", "dB", limits=(-14.0, max(16.0, 2 + max(peaks))))
     real = Axis("real part of L", limits=NYQUIST_REAL)
@@ -107,6 +112,7 @@ def assessment_figure(
             Panel(frequency, heights, bode, title="Sensitivity"),
             Panel(real, imaginary, nyquist_items, title="Open loop"),
             Panel(frequency, yields, compliance, title="Compliance"),
+            Panel(frequency, withstands, stiffness, title="Dynamic stiffness"),
             Panel(frequency, passes, noise, title="Noise to current"),
             *([] if whole is None else _of_whole(whole, frequency, zones, top)),
         ],

@@ -5,15 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ambkit.show.plots.assessment import LOOKS
 from ambkit.show.report.figure import Figure, Panel
-from ambkit.show.report.items import Axis, Item, Line
+from ambkit.show.report.items import Axis, Item, Line, Points
 
 if TYPE_CHECKING:
     from ambkit.judge.loop.demands import Capacity
 
 
-def capacity_figure(title: str, loops: Mapping[str, Capacity]) -> Figure:
+def capacity_figure(
+    title: str,
+    loops: Mapping[str, Capacity],
+    demands: Mapping[str, tuple[float, float]] | None = None,
+) -> Figure:
     """Show at which harmonic load current, displacement and voltage come to their limits.
 
     Parameters
@@ -21,7 +27,9 @@ def capacity_figure(title: str, loops: Mapping[str, Capacity]) -> Figure:
     title : str
         Of which bearing.
     loops : mapping of str to Capacity
-        By what the controllers are fed.
+        By what the controllers are fed, or the axes of a machine.
+    demands : mapping of str to (float, float), optional
+        What the machine asks: frequency [Hz] and amplitude [N] of a load, by the same names.
 
     Raises
     ------
@@ -45,13 +53,18 @@ def capacity_figure(title: str, loops: Mapping[str, Capacity]) -> Figure:
             if getattr(each, kind) is not None
         ]
         if items:
+            items += [
+                Points(np.array([at]), np.array([force]), signal="spike",
+                       label="force of the unbalance" if k == 0 else "")
+                for k, (at, force) in enumerate((demands or {}).values())
+            ]  # fmt: skip
             panels.append(Panel(frequency, load, items, title=heading[0].upper() + heading[1:]))
     return Figure(
         "capacity",
         title,
         "Amplitude of a harmonic load beside the constant one at which a limit is reached; what "
-        "noise, runout and the constant load take is taken off, of the voltage the last alone. "
-        "Linear, in closed loop.",
+        "noise, unbalance, runout and the constant load take is taken off, of the voltage the last "
+        "alone. Linear, in closed loop. Marks: the own force of the unbalance, at the speed.",
         panels,
         columns=len(panels),
         panel_height=2.8,

@@ -101,6 +101,8 @@ SIGNALS = {
     "frozen": Style("frozen", OCHRE, SOLID, 2.6, layer=5),
     "spike": Style("spike", RED, SOLID, 1.4, "circle", hollow=True, layer=6),
     "missing": Style("missing", VERMILION, SOLID, 1.4, layer=2),
+    "passed": Style("good", PALE, SOLID, 0.6, layer=1),
+    "failed": Style("not good", RED, SOLID, 0.5, layer=3),
     "series 1": Style("series 1", BLUE, SOLID, 1.4, "circle", layer=6),
     "series 2": Style("series 2", VERMILION, DASH, 1.4, "square", layer=5),
     "series 3": Style("series 3", GREEN, DASH_DOT, 1.4, "triangle", layer=4),

@@ -20,7 +20,6 @@ from ambkit.simulation.linear.pieces import POSITION, VELOCITY, of_axes
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
     from ambkit.models.model import Array
-    from ambkit.simulation.controllers import Controllers
 
 
 class _Gains(Protocol):
@@ -38,6 +37,21 @@ class _Gains(Protocol):
     def setpoint_weight(self) -> float: ...
     @property
     def feedback(self) -> str: ...
+
+
+class _Flown(Protocol):
+    """What is known of controllers as they fly, `ambkit.simulation.controllers.Controllers`."""
+
+    @property
+    def pids(self) -> list[list[float]]: ...
+    @property
+    def names(self) -> tuple[str, ...]: ...
+    @property
+    def of_axes(self) -> Array: ...
+    @property
+    def spread(self) -> Array: ...
+    @property
+    def feedback(self) -> dict[str, Array]: ...
 
 
 class Gains(NamedTuple):
@@ -100,7 +114,7 @@ def _pid(pid: Gains, T: float, measured: bool) -> LinearSystem:
     )  # fmt: skip
 
 
-def controllers(found: Controllers, of: Bearing | Machine, *, measured: bool) -> LinearSystem:
+def controllers(found: _Flown, of: Bearing | Machine, *, measured: bool) -> LinearSystem:
     """Return controllers as ``core/src/controllers.c`` computes them, within their limits.
 
     Parameters
@@ -150,7 +164,7 @@ def controllers(found: Controllers, of: Bearing | Machine, *, measured: bool) ->
     )  # fmt: skip
 
 
-def fed(found: Controllers, states: int, speed: float) -> Array:
+def fed(found: _Flown, states: int, speed: float) -> Array:
     """Return what controllers take of an estimator's states (2 q + p, n), see `controllers`.
 
     Parameters

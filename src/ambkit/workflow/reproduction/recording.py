@@ -10,6 +10,7 @@ import numpy as np
 
 from ambkit.data.record import Record
 from ambkit.data.recordings import folder
+from ambkit.estimate.constant_velocity import tune
 from ambkit.estimate.innovations import Whiteness, prediction_error, whiteness
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.estimate.noise import FilterNoise
@@ -18,7 +19,6 @@ from ambkit.fuzzy.training import train
 from ambkit.identification.forces.lift_off import LiftOff, load_points
 from ambkit.identification.forces.lift_off_fit import LiftOffFit, fit_lift_off
 from ambkit.judge.comparison import ConstantVelocityFilter
-from ambkit.judge.comparison.constant_velocity import tune
 from ambkit.judge.evaluation import LAGS, Evaluation, evaluate
 from ambkit.machine.bearing import GRAVITY, Bearing
 from ambkit.machine.magnets import ClosedLaw, ConstantStiffness, MagnetModel

@@ -63,7 +63,8 @@ void amb_unit_sample(amb_unit *model, const double value[AMB_VARIABLES])
   model->between.before = model->state.plant;
   model->between.T = model->rig.T;
   model->between.share = 1;
-  const amb_loop_sample sample = {value[VR_r], value[VR_f_d], value[VR_noise_u], value[VR_noise_y]};
+  const amb_loop_sample sample = {value[VR_r], value[VR_f_d], value[VR_noise_u], value[VR_noise_y],
+                                  true};
   (void)amb_loop_step(&loop, &model->state, &model->estimate, &sample);
 }
 

@@ -1,0 +1,85 @@
+/* Calibration on the running rig: numbers that a tool writes, checked, worked into a second set of
+ * constants by a slower task, and taken over between two samples. One axis, whose model is built
+ * in.
+ *
+ * `wanted` is written by the tool, then `request` is counted up. amb_calibration_update, called by
+ * a task that the sampling interrupts and never the other way about, looks at it: what is good is
+ * worked into the set that does not fly, and the pointer that is then given out is all that the
+ * caller changes. The sample that follows flies by it. `in_use` is what flies, `answered` the last
+ * request that was looked at, `refused` what of it was not good. */
+#ifndef AMBKIT_CALIBRATION_H
+#define AMBKIT_CALIBRATION_H
+
+#include "ambkit/control.h"
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef enum amb_parameter {
+  AMB_VAR_Y,  /* variance of the measurement [m^2], > 0 */
+  AMB_VAR_U,  /* variance of the control signal [V^2], >= 0 */
+  AMB_VAR_D,  /* what the disturbance force's variance grows by in a sample [N^2], >= 0 */
+  AMB_GATE,   /* innovations beyond so many standard deviations are outliers [1], > 0 */
+  AMB_MASS,   /* of the rotor [kg], > 0 */
+  AMB_STRONG, /* the magnet's force over that of the export [1], > 0: k over the exported k */
+  AMB_KP,     /* gains of the PID: [A/m], */
+  AMB_KI,     /* [A/(m s)], */
+  AMB_KD,     /* [A s/m], */
+  AMB_T_F,    /* derivative filter [s], */
+  AMB_T_T,    /* tracking time [s], */
+  AMB_WEIGHT, /* set-point weight [1]; all >= 0 */
+  AMB_PARAMETERS
+} amb_parameter;
+
+/* What does not change. */
+typedef struct amb_calibration_base {
+  const amb_control *control; /* as exported */
+  amb_real exported[AMB_PARAMETERS];
+  amb_real carried; /* weight of the rotor, as far as the filter knows it [N] ... */
+  amb_real bias;    /* ... and bias force of the magnet [N]: parts of the settings' f_0 */
+  bool as_printed;  /* eq. 19 as the paper prints it */
+} amb_calibration_base;
+
+/* A magnet whose force is another's, times a factor. */
+typedef struct amb_scaled {
+  amb_magnet of;
+  amb_real scale; /* [1] */
+} amb_scaled;
+
+/* A set of constants that flies, or is worked on. */
+typedef struct amb_calibration_set {
+  amb_kalman kf;
+  amb_scaled scaled;
+  amb_magnet magnet;
+  amb_estimator estimator;
+  amb_pid pid;
+  amb_controllers law;
+  amb_control control;
+} amb_calibration_set;
+
+/* All that a tool sees stands first: numbers, then counts of 32 bits. */
+typedef struct amb_calibration {
+  amb_real wanted[AMB_PARAMETERS];
+  amb_real in_use[AMB_PARAMETERS];
+  uint32_t request;
+  uint32_t answered;
+  uint32_t
+      refused; /* 0; or a sum of 1 << amb_parameter, of all bits where they do not go together */
+  uint32_t flying; /* 0: as exported; else the set that flies */
+  amb_calibration_set set[2];
+} amb_calibration;
+
+/* At power-on: what was exported flies. */
+void amb_calibration_init(const amb_calibration_base *base, amb_calibration *calibration);
+
+/* Look at a request. Returns the constants to fly by from now on. */
+const amb_control *amb_calibration_update(const amb_calibration_base *base,
+                                          amb_calibration *calibration);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,301 @@
+"""``ambkit campaign``: thousands of machines out of their tolerances."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from ambkit.base.errors import AmbkitError
+from ambkit.cli.options import RECORDS, Json, Plot, file_option
+
+if TYPE_CHECKING:
+    from ambkit.workflow.campaign.result import Campaign
+    from ambkit.workflow.campaign.running import Status
+
+RUN = "run"
+"""The command that is meant where a study follows at once."""
+
+
+class OfCampaigns(TyperGroup):
+    """Commands of which `RUN` is meant where none is named."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Put the command in where a study, or an option of it, follows at once."""
+        if args and args[0] not in self.commands and args[0] not in ctx.help_option_names:
+            args = [RUN, *args]
+        return super().parse_args(ctx, args)
+
+
+FolderName = Annotated[Path, typer.Argument(metavar="FOLDER", help="Of the campaign.")]
+StudyName = Annotated[
+    Path, typer.Argument(metavar="STUDY.toml", help="What varies, what is asked.")
+]
+Threads = Annotated[
+    int | None,
+    typer.Option(min=1, metavar="N", help="Of this process.", show_default="all it may use"),
+]
+
+
+def campaign(context: typer.Context) -> None:
+    """Simulate thousands of machines out of their tolerances.
+
+    Which share is good, which is the worst, and what drives it. 'ambkit campaign STUDY.toml' is
+    short for 'ambkit campaign run STUDY.toml'.
+
+    For example:
+      ambkit campaign tolerances.toml --out out --report out.html
+      ambkit campaign status out
+      ambkit campaign replay out 417 --plot run-417.png
+    """
+    if context.invoked_subcommand is None:
+        print(context.get_help())
+
+
+def campaign_run(
+    study: StudyName,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="FOLDER",
+            help="Where the rows are kept.",
+            show_default="the study's name, here",
+        ),
+    ] = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            metavar="WHERE",
+            help="Dask: local for processes of this machine, the address of a scheduler "
+            "(tcp://...), or slurm.",
+            show_default="threads of this process",
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(min=1, metavar="N", help="Processes, or jobs of slurm, of that cluster."),
+    ] = None,
+    threads: Threads = None,
+    report: Annotated[
+        Path | None, file_option("Write a report with pictures.", (".html",), "--report")
+    ] = None,
+    plot: Plot = None,
+    json: Json = False,
+) -> None:
+    """Simulate the machines of a study, or go on where that was interrupted.
+
+    The rows follow from the study alone, to the last bit, whatever computes them and in whatever
+    order. They are Parquet, in FOLDER/runs.
+
+    For example:
+      ambkit campaign run tolerances.toml --out out --report out.html
+      ambkit campaign run tolerances.toml --out out --cluster local
+    """
+    from ambkit.cli import output
+    from ambkit.workflow.campaign.running import begun_in
+    from ambkit.workflow.campaign.running import campaign as simulated
+    from ambkit.workflow.campaign.study import load
+
+    known = load(study)
+    folder = out or Path(study.with_suffix("").name)
+    begun, of = begun_in(known, folder)
+    again = f"finished parts are kept in {folder}, the same command goes on"
+    with (
+        output.interrupted_says(again),
+        output.progress(known.name, of, unit="runs", begun=begun) as done,
+    ):
+        found = simulated(
+            known, folder, cluster=cluster, workers=workers, threads=threads, done=done
+        )
+    _deliver(found, report, plot, json)
+    output.note(f"rows in {found.runs}")
+
+
+def campaign_report(
+    folder: FolderName,
+    out: Annotated[
+        Path | None, file_option("Write a report with pictures.", (".html",), "--out")
+    ] = None,
+    plot: Plot = None,
+    json: Json = False,
+) -> None:
+    """Say what a campaign came to, finished or not.
+
+    For example:
+      ambkit campaign report out --out report.html
+    """
+    from ambkit.workflow.campaign.result import Campaign
+
+    _deliver(Campaign.load(folder), out, plot, json)
+
+
+def campaign_status(folder: FolderName, json: Json = False) -> None:
+    """Say how far a campaign is, also while it is at work.
+
+    For example:
+      ambkit campaign status out
+    """
+    from ambkit.cli import output
+    from ambkit.workflow.campaign.running import status
+
+    found = status(folder)
+    data = found._asdict() | {"good": found.good._asdict()}
+    output.deliver(data, [_of_status(found)], as_json=json)
+
+
+def campaign_replay(
+    folder: FolderName,
+    run: Annotated[int, typer.Argument(min=0, metavar="RUN", help="Number of the run.")],
+    out: Annotated[
+        Path | None, file_option("Write the record: .csv or .parquet.", RECORDS, "--out")
+    ] = None,
+    estimates: Annotated[
+        Path | None, file_option("Write the estimates: .csv or .parquet.", RECORDS, "--estimates")
+    ] = None,
+    machine: Annotated[
+        Path | None,
+        file_option("Write the bearing that was drawn.", (".toml",), "--drawn"),
+    ] = None,
+    plot: Plot = None,
+    json: Json = False,
+) -> None:
+    """Simulate one run of a campaign again, with every sample.
+
+    For example:
+      ambkit campaign replay out 417 --out run-417.csv --plot run-417.png
+    """
+    from ambkit.cli import output
+    from ambkit.show import plots
+    from ambkit.workflow.campaign.parts import UNITS
+    from ambkit.workflow.campaign.report import said
+    from ambkit.workflow.campaign.result import Campaign
+
+    of = Campaign.load(folder)
+    found = of.replay(run)
+    estimate = found.run.estimate
+    if estimates is not None and estimate is None:
+        raise AmbkitError(f"run {run} has no estimator, so there are no --estimates")
+    units = dict(zip(of.plan.names, (key.unit for key in of.plan.keys), strict=True)) | UNITS
+    rows = [
+        [name, said(value, units.get(name, ""))]
+        for name, value in found.row.items() if value is not None and not name.startswith("samples")
+    ]  # fmt: skip
+    picture = plots.simulation_figure(found.run, found.planned.bearing)
+    output.deliver(
+        {"run": run, "row": dict(found.row)},
+        [output.table(f"{of.plan.study.name}, run {run}", ["", ""], rows)],
+        [
+            (out, found.run.record.save),
+            (estimates, lambda path: estimate.save(path) if estimate is not None else None),
+            (machine, found.planned.bearing.save),
+            (plot, lambda path: plots.save_figure(picture, path)),
+        ],
+        as_json=json,
+    )
+
+
+def campaign_rare(
+    folder: FolderName,
+    figure: Annotated[str, typer.Option(metavar="NAME", help="Figure of a run, such as peak_S.")],
+    above: Annotated[
+        str, typer.Option(metavar="LIMIT", help='It fails at or above this, such as 5 or "0.8 mm".')
+    ],
+    runs: Annotated[int, typer.Option(min=20, metavar="N", help="Of each level.")] = 1000,
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Of all that is drawn.")] = 0,
+    threads: Threads = None,
+    json: Json = False,
+) -> None:
+    """Say how likely a failure is that hardly a machine has.
+
+    By subset simulation, with what varies in the campaign's study. The report has it then.
+
+    For example:
+      ambkit campaign rare out --figure peak_S --above 5
+    """
+    from ambkit.base.units import parse
+    from ambkit.cli import output
+    from ambkit.workflow.campaign import rare_file
+    from ambkit.workflow.campaign.parts import UNITS
+    from ambkit.workflow.campaign.rare import rare_failure
+    from ambkit.workflow.campaign.store import Folder
+
+    plan = Folder.existing(folder).plan
+    if figure not in UNITS:
+        raise AmbkitError(f"--figure: there is no figure {figure}; there are {', '.join(UNITS)}")
+    try:
+        limit = parse(above, UNITS[figure])
+    except ValueError as error:
+        raise AmbkitError(f"--above: {error}") from None
+    with output.progress("levels of rare failures", unit="runs") as done:
+        found = rare_failure(plan, figure, limit, runs=runs, seed=seed, threads=threads, done=done)
+    rare_file.keep(folder, figure, limit, found)
+    data = {"figure": figure, "above": limit} | found._asdict()
+    output.deliver(data, [rare_file.sentence(figure, limit, found)], as_json=json)
+
+
+def campaign_problem(study: StudyName) -> None:
+    """Print what varies as SALib's problem dictionary, in JSON and SI.
+
+    For example:
+      ambkit campaign problem tolerances.toml > problem.json
+    """
+    from ambkit.cli import output
+    from ambkit.workflow.campaign.plan import Plan
+    from ambkit.workflow.campaign.salib import problem_of
+    from ambkit.workflow.campaign.study import load
+
+    output.deliver(problem_of(Plan(load(study))), [], as_json=True)
+
+
+def _deliver(found: Campaign, report: Path | None, plot: Path | None, json: bool) -> None:
+    from ambkit.cli import output
+    from ambkit.show import plots
+
+    files: list[Any] = [
+        (report, found.save),
+        (plot, lambda path: plots.save_figure(found.figure(), path)),
+    ]
+    output.deliver(found.to_dict(), [] if json else _tables(found), files, as_json=json)
+
+
+def _tables(found: Campaign) -> list[Any]:
+    from ambkit.cli.output import table
+    from ambkit.workflow.campaign.parts import UNITS
+    from ambkit.workflow.campaign.report import said, share
+
+    if not len(found):
+        return [f"{found.folder}: no part is finished yet"]
+    rows = [["all", share(found.good)]]
+    for name, shares in found.by_choice.items():
+        rows += [[f"{name} {value}", share(each)] for value, each in shares.items()]
+    rows += [[f"fail by {name}", f"{count:,}"] for name, count in found.fails.items()]
+    level = f"{100 * found.plan.study.confidence:g} %"
+    tables = [
+        table(f"{found.plan.study.name}: {len(found):,} machines, {level}", ["", "good"], rows)
+    ]
+    quantiles = [
+        [name, *(said(value, UNITS[name]) for value in of.values())]
+        for name, of in found.quantiles.items()
+    ]
+    heads = ["", *(f"{100 * q:g} %" for q in next(iter(found.quantiles.values()), {}))]
+    tables.append(table("That share is at or below", heads, quantiles))
+    worst = [[str(each.run), said(each.value, UNITS[each.figure]), each.command]
+             for each in found.worst()]  # fmt: skip
+    if worst:
+        by = found.worst(count=1)[0].figure
+        tables.append(table(f"The worst by {by}", ["run", by, "replay"], worst, wide=True))
+    return [*tables, *found.rare()]
+
+
+def _of_status(found: Status) -> str:
+    from ambkit.workflow.campaign.report import share
+
+    state = "finished" if found.complete else "not finished"
+    left = "" if found.complete else f" of {found.of:,}"
+    return (
+        f"{found.name}: {state}, {found.runs:,}{left} runs in {found.parts} parts, "
+        f"good {share(found.good)}"
+    )

@@ -1,0 +1,102 @@
+"""``ambkit pil``: processor in the loop."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ambkit.base.errors import AmbkitError
+from ambkit.cli.kinds import NAMES, estimator_option, to_export
+from ambkit.cli.options import BearingOrFilter, Json, file_option, find_machine
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from ambkit.export.pil import Pil
+
+
+def pil(
+    bearing: BearingOrFilter,
+    estimator: Annotated[str | None, estimator_option(NAMES)] = None,
+    scenario: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.toml",
+            help="What happens, and whose controller flies; a second in the middle if not given.",
+        ),
+    ] = None,
+    board: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="Flash, memory and stack for a board: stm32f4, amdc or c2000."
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, file_option("Also write the flight as a record.", (".csv", ".npz"), "--out")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Fly a simulated bearing by its exported controller, on a Cortex-M4F in qemu.
+
+    Sample by sample the plant here, estimator and controller there. Said are whether all bits are
+    Python's, instructions, stack, flash, memory, and how the rotor flew. Exit code 1 where bits
+    differ. Needs gcc-arm-none-eabi and qemu-system-arm.
+
+    For example:
+      ambkit pil zittau_axial
+      ambkit pil filter.toml --scenario lift_off.toml --board stm32f4
+    """
+    from ambkit.cli import output
+    from ambkit.export import pil as loop
+    from ambkit.simulation.scenario import Scenario
+
+    if find_machine(bearing) is not None:
+        raise AmbkitError(f"{bearing}: only one axis can be flown by a processor in the loop")
+    model, chosen = to_export(bearing, estimator)
+    found = loop.pil(
+        model,
+        chosen.magnet,
+        scenario=None if scenario is None else Scenario.load(scenario),
+        kind=chosen.kind,
+        filter_file=chosen.file,
+        board=board,
+    )
+    output.deliver(found.to_dict(), [_table(found)], as_json=json)
+    if out is not None:
+        found.record.save(out)
+        output.note(f"wrote {out}")
+    if not found.passed:
+        raise typer.Exit(1)
+
+
+def _table(found: Pil) -> Table:
+    from ambkit.base.units import engineering
+    from ambkit.cli import output
+
+    if found.unequal_flight is None:
+        flight = "not compared: the sensor's number is rounded for the rig"
+    else:
+        flight = f"{found.unequal_flight} of {found.samples} samples differ from simulate's"
+    built = found.built
+    rows: list[tuple[str, Any]] = [
+        ("bits", f"{found.unequal} numbers differ from Python's, of {found.samples} samples"),
+        ("flight", flight),
+        ("self-test there", "pass" if found.selftest == 0 else f"{found.selftest} are wrong"),
+        ("modes", ", ".join(f"{name} {engineering(t, 's', 4)}" for t, name in found.modes)),
+        ("off the reference in flight, at most", engineering(found.worst, "m", 3)),
+        ("off the reference in flight, rms", engineering(found.rms, "m", 3)),
+        ("samples on a stop in flight", f"{found.touched}"),
+        ("instructions a step", f"{found.instructions}, the most seen {found.most}"),
+        ("stack of a step, the most seen", f"{found.stack_seen} bytes"),
+        ("memory of an instance", f"{found.state} bytes"),
+        ("built for", f"{found.board}: {built.compiler}"),
+        ("flash", f"{built.code} bytes of code, {built.constants} bytes of constants"),
+        ("memory besides", f"{built.variables} bytes"),
+        (
+            "stack of a step, at most by the call graph",
+            "not told" if built.stack is None else f"{built.stack} bytes",
+        ),
+    ]
+    return output.table("Processor in the loop", ("", ""), rows)

@@ -1,0 +1,176 @@
+"""An A2L file (ASAM MCD-2 MC, ASAP2 1.6) for the calibration of an exported controller."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ambkit.base import files
+from ambkit.base.errors import AmbkitError
+
+READERS = ("readelf", "arm-none-eabi-readelf")
+FAR = 1e30
+"""Upper limit of what has none."""
+
+_COUNTS = {
+    "request": "count up, and what is wanted is looked at",
+    "answered": "the last request that was looked at",
+    "refused": "sum of 1 << parameter of those that cannot be; 0 where all is taken over",
+    "flying": "0: as exported; else the set that flies",
+}
+
+
+class Symbol(NamedTuple):
+    """A variable of a program."""
+
+    address: int
+    size: int
+    big_endian: bool
+
+
+def symbol(elf: Path, name: str) -> Symbol:
+    """Return where the linker has put a variable.
+
+    Parameters
+    ----------
+    elf : Path
+        The program.
+    name : str
+        Of the variable; it may be static, in one file only.
+
+    Raises
+    ------
+    AmbkitError
+        There is no tool that reads ELF files, no such file, or not one such variable.
+    """
+    reader = next((found for found in map(shutil.which, READERS) if found), None)
+    if reader is None:
+        raise AmbkitError(f"{READERS[0]} is needed and not there: apt-get install binutils")
+    words = [reader, "--wide", "--file-header", "--symbols", str(elf)]
+    done = subprocess.run(words, capture_output=True, text=True)
+    if done.returncode != 0 or "ELF Header" not in done.stdout:
+        raise AmbkitError(f"{elf}: is no ELF file that {reader} reads")
+    row = rf"^\s*\d+: ([0-9a-f]+)\s+(\w+) OBJECT\s+\w+\s+\w+\s+\d+ {re.escape(name)}$"
+    found = re.findall(row, done.stdout, re.MULTILINE)
+    if len(found) != 1:
+        count = "no variable" if not found else f"{len(found)} variables"
+        raise AmbkitError(f"{elf}: has {count} {name}; one is wanted")
+    address, size = found[0]
+    return Symbol(int(address, 16), int(size, 0), "big endian" in done.stdout)
+
+
+def export_a2l(folder: str | Path, elf: str | Path, variable: str, out: str | Path) -> Path:
+    """Write an A2L file for the ``amb_calibration`` of a program.
+
+    Parameters
+    ----------
+    folder : path
+        An export with calibration: what its parameters are.
+    elf : path
+        The program that was linked with it: where they are.
+    variable : str
+        Name of its ``amb_calibration``.
+    out : path
+        The file, ``.a2l``.
+
+    Returns
+    -------
+    Path
+        What was written.
+
+    Raises
+    ------
+    AmbkitError
+        The export has no calibration; the program has no such variable, or one of another size.
+    """
+    described = Path(folder) / "calibration.json"
+    if not described.is_file():
+        raise AmbkitError(
+            f"{folder}: is no export with --calibration; {described.name} is not there"
+        )
+    told: dict[str, Any] = json.loads(files.read_text(described))
+    at = symbol(Path(elf), variable)
+    real = 4 if told["precision"] == "float" else 8
+    n = len(told["parameters"])
+    least = 2 * n * real + 4 * len(_COUNTS)
+    if at.size < least:
+        raise AmbkitError(
+            f"{elf}: {variable} has {at.size} bytes; an amb_calibration has more than {least}"
+        )
+    files.write_text(Path(out), text(told, at, variable))
+    return Path(out)
+
+
+def text(told: dict[str, Any], at: Symbol, variable: str) -> str:
+    """Return the A2L file.
+
+    Parameters
+    ----------
+    told : dict
+        What ``calibration.json`` says.
+    at : Symbol
+        Where the ``amb_calibration`` is.
+    variable : str
+        Its name.
+    """
+    prefix, parameters = told["prefix"], told["parameters"]
+    kind, real = ("FLOAT32_IEEE", 4) if told["precision"] == "float" else ("FLOAT64_IEEE", 8)
+    n = len(parameters)
+    body = []
+    for k, each in enumerate(parameters):
+        low = 1e-30 if each["above_zero"] else 0
+        place = at.address + k * real
+        body += [
+            f'/begin CHARACTERISTIC {variable}.wanted.{each["name"]} "{each["about"]}"',
+            f"  VALUE 0x{place:08X} Real 0 {prefix}.{each['name']} {low:g} {FAR:g}",
+            "/end CHARACTERISTIC",
+        ]
+        body += _measured(
+            f"{variable}.in_use.{each['name']}", f"{each['about']}: what flies", kind,
+            f"{prefix}.{each['name']}", (0, FAR), place + n * real,
+        )  # fmt: skip
+        body += [
+            f'/begin COMPU_METHOD {prefix}.{each["name"]} ""',
+            f'  IDENTICAL "%12.6" "{each["unit"]}"',
+            "/end COMPU_METHOD",
+        ]
+    for k, (name, about) in enumerate(_COUNTS.items()):
+        place = at.address + 2 * n * real + 4 * k
+        if name == "request":
+            body += [
+                f'/begin CHARACTERISTIC {variable}.{name} "{about}"',
+                f"  VALUE 0x{place:08X} Count 0 NO_COMPU_METHOD 0 4294967295",
+                "/end CHARACTERISTIC",
+            ]
+        else:
+            body += _measured(
+                f"{variable}.{name}", about, "ULONG", "NO_COMPU_METHOD", (0, 4294967295), place
+            )
+    order = "MSB_FIRST" if at.big_endian else "MSB_LAST"
+    lines = [
+        "ASAP2_VERSION 1 60",
+        f'/begin PROJECT {prefix} ""',
+        f'  /begin MODULE {prefix} "calibration, written by ambkit"',
+        f'    /begin MOD_COMMON "" BYTE_ORDER {order} /end MOD_COMMON',
+        f"    /begin RECORD_LAYOUT Real FNC_VALUES 1 {kind} ROW_DIR DIRECT /end RECORD_LAYOUT",
+        "    /begin RECORD_LAYOUT Count FNC_VALUES 1 ULONG ROW_DIR DIRECT /end RECORD_LAYOUT",
+        *(f"    {line}" for line in body),
+        "  /end MODULE",
+        "/end PROJECT",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _measured(
+    name: str, about: str, kind: str, method: str, limits: tuple[float, float], place: int
+) -> list[str]:
+    return [
+        f'/begin MEASUREMENT {name} "{about}"',
+        f"  {kind} {method} 0 0 {limits[0]:g} {limits[1]:.10g}",
+        f"  ECU_ADDRESS 0x{place:08X}",
+        "/end MEASUREMENT",
+    ]

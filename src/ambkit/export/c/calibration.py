@@ -1,0 +1,112 @@
+"""What can be changed on the running rig: ``core/include/ambkit/calibration.h``."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ambkit.base.errors import AmbkitError
+from ambkit.export.c import data
+from ambkit.export.c.crc import Constants
+from ambkit.export.c.data import CPrecision, Name
+from ambkit.machine.magnets import bias_force_of
+
+if TYPE_CHECKING:
+    from ambkit.simulation.control import Controller
+
+SOURCES = ("src/calibration.c",)
+TEMPLATES = {"{}_calibration.h": "calibration.h", "{}_calibration.c": "calibration.c"}
+
+
+class Parameter(NamedTuple):
+    """One number of ``amb_parameter``."""
+
+    name: str
+    unit: str
+    about: str
+    above_zero: bool = False
+
+
+PARAMETERS = (
+    Parameter("var_y", "m^2", "variance of the measurement", above_zero=True),
+    Parameter("var_u", "V^2", "variance of the control signal"),
+    Parameter("var_d", "N^2", "growth of the disturbance force's variance in a sample"),
+    Parameter("gate", "1", "innovations beyond so many standard deviations are outliers",
+              above_zero=True),
+    Parameter("mass", "kg", "mass of the rotor", above_zero=True),
+    Parameter("strong", "1", "magnet constant k over the exported one", above_zero=True),
+    Parameter("kp", "A/m", "proportional gain"),
+    Parameter("ki", "A/(m s)", "integral gain"),
+    Parameter("kd", "A s/m", "derivative gain"),
+    Parameter("T_f", "s", "derivative filter"),
+    Parameter("T_t", "s", "tracking time of the integral"),
+    Parameter("weight", "1", "set-point weight"),
+)  # fmt: skip
+"""In the order of ``amb_parameter``."""
+
+
+def check(controller: Controller) -> None:
+    """Refuse what cannot be calibrated.
+
+    Parameters
+    ----------
+    controller : Controller
+        What is exported.
+
+    Raises
+    ------
+    AmbkitError
+        Its constants are not made of these numbers alone.
+    """
+    estimator = controller.estimator
+    called = data.called(estimator)
+    if not estimator.engine.built_in or called.has_own or called.has_state:
+        raise AmbkitError(
+            f"{estimator.name}: what it works by is made of more than noise, gate, mass and k; "
+            "calibration is for linear, adaptive and extended filters of an axis without parts"
+        )
+    if controller.pid.type != "pid":
+        raise AmbkitError("calibration has the gains of a PID; this controller has a regulator")
+
+
+def exported(controller: Controller) -> dict[str, float]:
+    """Return the values that are exported, by the names in `PARAMETERS`."""
+    estimator, bearing = controller.estimator, controller.bearing
+    set_ = estimator.core.parameters["set"]
+    found = {name: float(set_[name][0]) for name in ("var_y", "var_u", "var_d")}
+    found |= {"gate": float(set_["gate"]), "mass": bearing.rotor.mass, "strong": 1.0}
+    gains = ("kp", "ki", "kd", "T_f", "T_t", "weight")
+    return found | dict(zip(gains, controller.law.pids[0], strict=False))
+
+
+def _fields(controller: Controller, name: str) -> dict[str, Any]:
+    estimator, bearing = controller.estimator, controller.bearing
+    bias = bias_force_of(estimator.magnet, bearing)
+    known = float(estimator.core.parameters["set"]["f_0"][0])
+    return {
+        "control": Name(f"&{name}_control"),
+        "exported": np.array(list(exported(controller).values())),
+        "carried": known - bias,
+        "bias": bias,
+        "as_printed": estimator.engine.as_printed,
+    }
+
+
+def context(controller: Controller, name: str, precision: CPrecision) -> str:
+    """Return the base as an initialiser."""
+    return data.struct_with_arrays(_fields(controller, name), precision)
+
+
+def constants(controller: Controller, name: str, crc: Constants) -> None:
+    """Take it into the CRC."""
+    crc.fields(f"{name}_base", _fields(controller, name), arrays=True)
+
+
+def described(controller: Controller, name: str, precision: CPrecision) -> str:
+    """Return what the A2L file is made of, as JSON."""
+    values = exported(controller)
+    parameters = [each._asdict() | {"exported": values[each.name]} for each in PARAMETERS]
+    told = {"prefix": name, "precision": precision, "parameters": parameters}
+    return json.dumps(told, indent=2) + "\n"

@@ -1,0 +1,257 @@
+"""A part of a study computed: hundreds of machines drawn, flown, judged, and put into a table."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import AmbkitError
+from ambkit.simulation.many import FIGURES, FLAGS, Many, simulate_many
+from ambkit.workflow.campaign.margins import Margins
+from ambkit.workflow.campaign.parts import ZONES, limit_of
+from ambkit.workflow.campaign.plan import Drawn, Plan
+from ambkit.workflow.campaign.varied import OneOf
+from ambkit.workflow.loop_of import zone_of
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from ambkit.simulation.run import Run
+
+Array = NDArray[np.float64]
+
+
+class Rows(NamedTuple):
+    """What a part gave."""
+
+    runs: pa.Table
+    """A row for each run."""
+    traces: pa.Table | None
+    """A row for each sample of those runs whose traces are kept."""
+
+
+def part_of(pickled: bytes, part: int, version: str) -> Rows:
+    """Compute a part in a worker of a cluster, in one thread.
+
+    Parameters
+    ----------
+    pickled : bytes
+        The plan.
+    part : int
+        Which.
+    version : str
+        Of ambkit, which must be this one.
+
+    Raises
+    ------
+    AmbkitError
+        It is not.
+    """
+    from importlib.metadata import version as own
+
+    if own("ambkit") != version:
+        raise AmbkitError(f"a worker has ambkit {own('ambkit')}, and this is {version}")
+    plan = _plan_in(pickled)
+    return compute(plan, *plan.span(part), threads=1)
+
+
+@lru_cache(maxsize=4)
+def _plan_in(pickled: bytes) -> Plan:
+    found: Plan = pickle.loads(pickled)
+    return found
+
+
+def compute(
+    plan: Plan,
+    first: int,
+    stop: int,
+    *,
+    threads: int | None = None,
+    done: Callable[[int], None] | None = None,
+) -> Rows:
+    """Compute runs of a study.
+
+    Parameters
+    ----------
+    plan : Plan
+        The study.
+    first, stop : int
+        Runs from the one to before the other.
+    threads : int, optional
+        Of the engine; by default as many as the process may use.
+    done : callable, optional
+        Told now and then how many runs more are flown.
+    """
+    points, noise = plan.points(first, stop), plan.noise(first, stop)
+    every = plan.study.record.every if plan.study.record.traces else 0
+    wanted = [run for run in range(first, stop) if every and run % every == 0]
+    flown = fly(plan, points, noise, first, traced=wanted, threads=threads, done=done)
+    columns: dict[str, Any] = {"run": np.arange(first, stop)}
+    for name, of, column in zip(plan.names, plan.marginals, points.T, strict=True):
+        columns[name] = [of.values[int(at)] for at in column] if isinstance(of, OneOf) else column
+    columns |= flown.columns
+    runs = table(plan, columns)
+    return Rows(runs, traces_table(plan, flown.traces) if every else None)
+
+
+class Flown(NamedTuple):
+    """What became of machines."""
+
+    columns: dict[str, Any]
+    """Figures, counts, margins and verdict, by name."""
+    traces: dict[int, Run]
+    """By the numbers of the runs."""
+    wrong: list[str]
+    """Why a machine cannot be; empty where it can."""
+
+
+def fly(
+    plan: Plan,
+    points: Array,
+    noise: NDArray[np.uint64],
+    first: int = 0,
+    *,
+    traced: Sequence[int] = (),
+    threads: int | None = None,
+    done: Callable[[int], None] | None = None,
+) -> Flown:
+    """Draw machines at points, fly and judge them.
+
+    Parameters
+    ----------
+    plan : Plan
+        The study.
+    points : ndarray (n, k)
+        What varies, of `Plan.points`.
+    noise : ndarray of uint64 (n,)
+        Numbers of the noise.
+    first : int
+        Number of the first run.
+    traced : sequence of int
+        Numbers of the runs whose samples are kept.
+    threads, done
+        See `compute`.
+    """
+    drawn = list(plan.machines(points, noise, first))
+    can = [at for at, each in enumerate(drawn) if not each.wrong]
+    record, keep = plan.study.record, {run - first for run in traced}
+    many = simulate_many(
+        (drawn[at].planned for at in can), settling=record.settling, band=record.band,
+        traces=[place for place, at in enumerate(can) if at in keep], threads=threads, done=done,
+    )  # fmt: skip
+    columns = _spread(many, can, len(drawn))
+    if record.margins:
+        peaks = np.full(len(drawn), np.inf)
+        peaks[can] = Margins().peaks([_loop(drawn[at]) for at in can])
+        columns["peak_S"] = peaks
+        columns["zone"] = ["" if np.isnan(each) else zone_of(float(each)) for each in peaks]
+    fails = _fails(plan, columns, drawn)
+    columns["passed"] = np.array([not each for each in fails])
+    columns["fails"] = fails
+    traces = {first + can[place]: run for place, run in many.traces.items()}
+    return Flown(columns, traces, [each.wrong for each in drawn])
+
+
+def _loop(drawn: Drawn) -> tuple[Any, Any, Any]:
+    planned = drawn.planned
+    controller = planned.scenario.controller
+    fed = planned.estimator if controller.feedback == "estimate" else None
+    return planned.bearing, controller, fed
+
+
+def _spread(many: Many, can: Sequence[int], n: int) -> dict[str, Any]:
+    """Return the columns of all machines, where some cannot be."""
+    columns: dict[str, Any] = {}
+    for name, values in many.columns().items():
+        empty: Any = np.zeros(n, values.dtype)
+        if values.dtype.kind == "f":
+            empty[:] = np.nan
+        empty[can] = values
+        columns[name] = empty
+    return columns
+
+
+def _fails(plan: Plan, columns: Mapping[str, Any], drawn: Sequence[Drawn]) -> list[str]:
+    """Return by which of its criteria each machine fails, with commas between; empty: by none."""
+    passes = plan.study.passes
+    against: dict[str, NDArray[np.bool_]] = {
+        "impossible": np.array([bool(each.wrong) for each in drawn], bool)
+    }
+    if passes.zone is not None:
+        allowed = ZONES[: ZONES.index(passes.zone) + 1]
+        against["zone"] = ~np.isin(columns["zone"], allowed)
+    if not passes.contact:
+        against["contact"] = ~(np.asarray(columns["touched"]) == 0)
+    for name, given in passes.at_most.items():  # what does not apply is not below its limit
+        against[name] = ~(np.asarray(columns[name]) <= limit_of(name, given))
+    named = np.array(list(against))
+    return [",".join(named[row]) for row in np.column_stack(list(against.values()))]
+
+
+def schema(plan: Plan) -> pa.Schema:
+    """Return the columns of the rows, each with its unit."""
+    import pyarrow as pa
+
+    fields = [("run", pa.int64(), "")]
+    for name, of, key in zip(plan.names, plan.marginals, plan.keys, strict=True):
+        words = isinstance(of, OneOf) and not key.unit
+        fields.append((name, pa.string() if words else pa.float64(), key.unit))
+    fields += [(name, pa.float64(), figure.unit) for name, figure in FIGURES.items()]
+    fields += [(f"samples_{name}", pa.int64(), "1") for name in FLAGS]
+    if plan.study.record.margins:
+        fields += [("peak_S", pa.float64(), "1"), ("zone", pa.string(), "")]
+    fields += [("passed", pa.bool_(), ""), ("fails", pa.string(), "")]
+    return pa.schema([pa.field(name, of, metadata={"unit": unit}) for name, of, unit in fields])
+
+
+def table(plan: Plan, columns: Mapping[str, Any]) -> pa.Table:
+    """Return columns as a table."""
+    import pyarrow as pa
+
+    wanted = schema(plan)
+    arrays = [pa.array(columns[field.name], type=field.type) for field in wanted]
+    return pa.Table.from_arrays(arrays, schema=wanted)
+
+
+def traces_table(plan: Plan, runs: Mapping[int, Run]) -> pa.Table:
+    """Return chosen signals of runs as one table, a row for each sample."""
+    import pyarrow as pa
+
+    names = plan.study.record.traces
+    parts: dict[str, list[Any]] = {name: [] for name in ("run", "t", *names)}
+    for number, run in sorted(runs.items()):
+        t = run.record.t
+        parts["run"].append(np.full(len(t), number))
+        parts["t"].append(t)
+        for name in names:
+            parts[name].append(signal(run, name))
+    empty = {"run": np.zeros(0, np.int64)}
+    whole = {
+        name: np.concatenate(values) if values else empty.get(name, np.zeros(0))
+        for name, values in parts.items()
+    }
+    return pa.table(whole)
+
+
+def signal(run: Run, name: str) -> Array:
+    """Return a signal of a run by its name in a study.
+
+    Raises
+    ------
+    AmbkitError
+        Its estimator has no such state, or there is none.
+    """
+    state = name.removesuffix("_estimate")
+    if state == name:
+        return np.asarray(run.record[name])
+    if run.estimate is None:
+        return np.full(len(run.record), np.nan)
+    try:
+        return np.asarray(run.estimate[state])
+    except KeyError as error:
+        raise AmbkitError(f"{name}: {error}") from None

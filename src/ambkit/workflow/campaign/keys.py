@@ -1,0 +1,109 @@
+"""Numbers of a bearing and of a run by their dotted keys, such as ``magnet.air_gap``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from pydantic import BaseModel
+
+from ambkit.base.config.problems import quantity_of
+from ambkit.base.config.quantities import Quantity, SignalIn
+from ambkit.base.errors import AmbkitError
+
+OF_RUN = "scenario."
+"""How keys of the scenario begin; all others are the bearing's."""
+
+
+class Key(NamedTuple):
+    """What stands at a key.
+
+    Attributes
+    ----------
+    value : object
+        Now, in SI; None where it is not said.
+    unit : str
+        SI unit of a number; empty of a word.
+    above, at_least : float or None
+        Limits of a number.
+    """
+
+    value: Any
+    unit: str
+    above: float | None = None
+    at_least: float | None = None
+
+    def allows(self, number: float) -> bool:
+        """Whether a number is within the limits."""
+        above = self.above is None or number > self.above
+        return above and (self.at_least is None or number >= self.at_least)
+
+
+def key_in(model: BaseModel, key: str) -> Key:
+    """Return what stands at a key of a description.
+
+    Parameters
+    ----------
+    model : BaseModel
+        Bearing or scenario.
+    key : str
+        With dots; a number is the place in a list.
+
+    Raises
+    ------
+    AmbkitError
+        There is no such key, or a table stands there.
+    """
+    here: Any = model
+    place: SignalIn | None = None
+    quantity: Quantity | None = None
+    for step in key.split("."):
+        if isinstance(here, tuple) and step.isdecimal() and int(step) < len(here):
+            here = here[int(step)]
+            continue
+        if not isinstance(here, BaseModel) or step not in type(here).model_fields:
+            known = list(type(here).model_fields) if isinstance(here, BaseModel) else []
+            about = f"; known there: {', '.join(known)}" if known else ""
+            raise AmbkitError(f"there is no key {key} to vary{about}")
+        field = type(here).model_fields[step]
+        place = next((mark for mark in field.metadata if isinstance(mark, SignalIn)), place)
+        quantity, here = quantity_of(field), getattr(here, step)
+    if isinstance(here, BaseModel | tuple | dict):
+        raise AmbkitError(f"{key} is a table: name one of its keys")
+    if quantity is None:
+        return Key(here, "1" if isinstance(here, float) else "")
+    unit = quantity.unit.replace("@", place.unit if place else "1")
+    return Key(here, unit, quantity.above, quantity.at_least)
+
+
+def nested(changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values by dotted keys as tables within tables."""
+    tree: dict[str, Any] = {}
+    for key, value in changes.items():
+        *tables, name = key.split(".")
+        at = tree
+        for table in tables:
+            at = at.setdefault(table, {})
+        at[name] = value
+    return tree
+
+
+def changed(model: Any, tree: Mapping[str, Any]) -> Any:
+    """Return a copy of a frozen description with some of its values changed, unchecked.
+
+    Parameters
+    ----------
+    model : BaseModel or tuple
+        As it is.
+    tree : mapping
+        Of `nested`, in SI.
+    """
+
+    def other(old: Any, name: str) -> Any:
+        if name not in tree:
+            return old
+        return changed(old, tree[name]) if isinstance(tree[name], dict) else tree[name]
+
+    if isinstance(model, tuple):
+        return tuple(other(each, str(at)) for at, each in enumerate(model))
+    return model.model_copy(update={name: other(getattr(model, name), name) for name in tree})

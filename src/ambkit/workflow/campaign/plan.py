@@ -1,0 +1,365 @@
+"""A study made ready: from the number of a run to the machine that it is of."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from importlib.metadata import version
+from pathlib import PurePath
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base import files, units
+from ambkit.base.errors import AmbkitError
+from ambkit.base.escaping import json_text
+from ambkit.estimate.base import Estimator
+from ambkit.estimate.registry import FILTER_SUFFIX
+from ambkit.machine.bearing import FILES, Bearing, magnet_constant
+from ambkit.simulation.many import Planned
+from ambkit.simulation.scenario import PID, Scenario
+from ambkit.workflow.campaign import sampling
+from ambkit.workflow.campaign.checks import bearing_of, completed, key_of
+from ambkit.workflow.campaign.keys import OF_RUN, Key, changed, nested
+from ambkit.workflow.campaign.parts import UNITS
+from ambkit.workflow.campaign.study import Study
+from ambkit.workflow.campaign.varied import Marginal, OneOf
+
+Array = NDArray[np.float64]
+
+
+_GAINS = ("kp", "ki", "kd", "feed_forward")
+
+
+class Drawn(NamedTuple):
+    """One machine of a study."""
+
+    run: int
+    """Its number."""
+    values: Mapping[str, Any]
+    """What varies, by key: in SI, of a choice what was chosen."""
+    planned: Planned
+    """Plant, run, estimator."""
+    wrong: str
+    """Why there can be no such machine; empty where there can."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A study with its bearing, its distributions and what is made once for all runs.
+
+    Parameters
+    ----------
+    study : Study
+        Checked.
+    """
+
+    study: Study
+
+    @cached_property
+    def bearing(self) -> Bearing:
+        """The nominal bearing, which controller and estimator know."""
+        found: Bearing = bearing_of(self.study.bearing)
+        return found
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Keys of what varies."""
+        return tuple(each.what for each in self.study.vary)
+
+    @cached_property
+    def keys(self) -> tuple[Key, ...]:
+        """What stands there: units, nominal values, limits."""
+        study = self.study
+        return tuple(
+            key_of(each, self.bearing, study.scenario, study.estimator) for each in study.vary
+        )
+
+    @cached_property
+    def marginals(self) -> tuple[Marginal, ...]:
+        """Their distributions."""
+        pairs = zip(self.study.vary, self.keys, strict=True)
+        return tuple(each.marginal(key) for each, key in pairs)
+
+    @cached_property
+    def levels(self) -> tuple[int, ...]:
+        """How many values a grid has of each."""
+        return tuple(
+            len(of.values) if isinstance(of, OneOf) else each.levels or 1
+            for each, of in zip(self.study.vary, self.marginals, strict=True)
+        )
+
+    @cached_property
+    def runs(self) -> int:
+        """How many at most."""
+        if self.study.sampling == "grid":
+            return math.prod(self.levels) * self.study.repeats
+        return self.study.runs or 0
+
+    @property
+    def parts(self) -> int:
+        """How many pieces they are computed in."""
+        return -(-self.runs // self.study.part)
+
+    def span(self, part: int) -> tuple[int, int]:
+        """Return the runs of a part, from the one to before the other."""
+        size = self.study.part
+        return part * size, min((part + 1) * size, self.runs)
+
+    @cached_property
+    def correlation(self) -> Array | None:
+        """Correlation matrix (k, k) of the normal scores; None where nothing is correlated."""
+        if not self.study.correlation:
+            return None
+        matrix = np.eye(len(self.names))
+        for each in self.study.correlation:
+            i, j = (self.names.index(name) for name in each.between)
+            matrix[i, j] = matrix[j, i] = each.coefficient
+        return matrix
+
+    @cached_property
+    def scenario(self) -> Scenario:
+        """The run, with the study's seed and a controller that is tuned to the nominal bearing."""
+        whole: Scenario = completed(self.study.scenario, self.bearing)
+        alone = "feedback" not in self.study.scenario.controller.model_fields_set
+        update: dict[str, Any] = {"seed": self.study.seed}
+        if alone and self.study.estimator == "none":
+            fed = whole.controller.model_copy(update={"feedback": "measurement"})
+            update["controller"] = fed
+        return whole.model_copy(update=update)
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Hash of all that the rows follow from, files that the study names among it."""
+        named = [self.study.estimator, *map(str, self._choices("estimator"))]
+        magnet = self.bearing.magnet
+        told = {
+            "study": self.described.model_dump(
+                mode="json", exclude={"name", "description", "stop", "bearing"}
+            ),
+            "bearing": self.bearing.model_dump(mode="json", exclude={"magnet": {*FILES}}),
+            "filters": [files.sha256(name) for name in named if name.endswith(FILTER_SUFFIX)],
+            "force_map": [files.sha256(each) for each in (magnet.force_map, magnet.force_channels)
+                          if each is not None],
+        }  # fmt: skip
+        text = json_text(_without_folders(told), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    @cached_property
+    def described(self) -> Study:
+        """The study as it can stand in a file: numbers that were given in SI have their units."""
+        study, passes = self.study, self.study.passes
+        vary = tuple(each.in_units(key) for each, key in zip(study.vary, self.keys, strict=True))
+        at_most = {
+            name: units.engineering(given, UNITS[name], digits=None)
+            if type(given) is float and UNITS[name] != "1" else given
+            for name, given in passes.at_most.items()
+        }  # fmt: skip
+        told = passes.model_copy(update={"at_most": at_most})
+        return study.model_copy(update={"vary": vary, "passes": told})
+
+    def _choices(self, what: str) -> tuple[Any, ...]:
+        of = dict(zip(self.names, self.marginals, strict=True)).get(what)
+        return of.values if isinstance(of, OneOf) else ()
+
+    def points(self, first: int, stop: int) -> Array:
+        """Return what runs get of each quantity (n, k), in SI, of choices their index."""
+        return sampling.values(self, sampling.uniforms(self, first, stop))
+
+    def noise(self, first: int, stop: int) -> NDArray[np.uint64]:
+        """Return the numbers (n,) of the noise of runs."""
+        return sampling.noise_of(self, first, stop)
+
+    def machines(self, points: Array, noise: NDArray[np.uint64], first: int) -> Iterator[Drawn]:
+        """Yield the machines at points, one after the other.
+
+        Parameters
+        ----------
+        points : ndarray (n, k)
+            Of `points`.
+        noise : ndarray (n,)
+            Numbers of their noise.
+        first : int
+            Number of the first run.
+        """
+        allowed = np.ones(len(points), bool)
+        for place, (key, of) in enumerate(zip(self.keys, self.marginals, strict=True)):
+            if not isinstance(of, OneOf) and key.unit:
+                column = points[:, place]
+                allowed &= np.ones(len(column), bool) if key.above is None else column > key.above
+                allowed &= (
+                    np.ones(len(column), bool) if key.at_least is None else column >= key.at_least
+                )
+        for at, row in enumerate(points):
+            values = {
+                name: of.values[int(value)] if isinstance(of, OneOf) else float(value)
+                for name, of, value in zip(self.names, self.marginals, row, strict=True)
+            }
+            yield self._drawn(first + at, values, int(noise[at]), bool(allowed[at]))
+
+    def _drawn(self, run: int, values: Mapping[str, Any], noise: int, allowed: bool) -> Drawn:
+        scenario = self._scenario(values)
+        estimator = self.estimators[str(values.get("estimator", self.study.estimator))]
+        own = {
+            name: value for name, value in values.items()
+            if name not in ("estimator", "controller") and not name.startswith(OF_RUN)
+        }  # fmt: skip
+        wrong = "" if allowed else self._beyond(values)
+        plant = self.bearing
+        if own and not wrong:
+            plant = with_values(self.bearing, own)
+            wrong = next(iter(plant.contradictions()), "")
+            scenario = self._as_controlled(scenario, plant)
+        return Drawn(run, values, Planned(plant, scenario, estimator, number=noise), wrong)
+
+    def _as_controlled(self, scenario: Scenario, plant: Bearing) -> Scenario:
+        """Return a run whose controller goes by the nominal gains of amplifier and sensor.
+
+        The simulated one divides by the plant's. What it lacks is a factor on its gains.
+        """
+        pid, nominal = scenario.controller, self.bearing
+        ratio = plant.amplifier.gain / nominal.amplifier.gain
+        if pid.feedback == "measurement":
+            ratio *= plant.sensor.gain / nominal.sensor.gain
+        if ratio == 1:
+            return scenario
+        changes = {name: ratio * getattr(pid, name) for name in _GAINS}
+        return scenario.model_copy(update={"controller": pid.model_copy(update=changes)})
+
+    def _beyond(self, values: Mapping[str, Any]) -> str:
+        for name, key in zip(self.names, self.keys, strict=True):
+            if isinstance(values[name], float) and not key.allows(values[name]):
+                return f"{name} is {values[name]:.4g} {key.unit}"
+        return "a value is out of its range"
+
+    @cached_property
+    def _of_run(self) -> tuple[str, ...]:
+        return tuple(n for n in self.names if n == "controller" or n.startswith(OF_RUN))
+
+    def _scenario(self, values: Mapping[str, Any]) -> Scenario:
+        """Return the run; where nothing of it varies always the same object."""
+        told = tuple((name, values[name]) for name in self._of_run)
+        return self._scenarios(told) if told else self.scenario
+
+    @cached_property
+    def _scenarios(self) -> Any:
+        @lru_cache(maxsize=256)
+        def made(told: tuple[tuple[str, Any], ...]) -> Scenario:
+            values = dict(told)
+            scenario = self.scenario
+            chosen = values.pop("controller", None)
+            if chosen is not None:
+                controller = self.controllers[str(chosen)]
+                scenario = scenario.model_copy(update={"controller": controller})
+            of_run = {name.removeprefix(OF_RUN): value for name, value in values.items()}
+            return changed(scenario, nested(of_run))  # type: ignore[no-any-return]
+
+        return made
+
+    @cached_property
+    def controllers(self) -> dict[str, PID]:
+        """The controllers to choose from, tuned to the nominal bearing."""
+        fed = {"feedback": self.scenario.controller.feedback}
+        found = {
+            "tuned": self.scenario.controller,
+            "textbook": PID.textbook(self.bearing).model_copy(update=fed),
+        }
+        for name, pid in self.study.controllers.items():
+            whole = pid.completed(self.bearing)
+            said = "feedback" in pid.model_fields_set
+            found[name] = whole if said else whole.model_copy(update=fed)
+        return found
+
+    @cached_property
+    def estimators(self) -> dict[str, Estimator | None]:
+        """The estimators by name, each knowing the nominal bearing; None for ``"none"``.
+
+        Raises
+        ------
+        AmbkitError
+            A file cannot be read.
+        """
+        from ambkit.workflow.estimators import factories
+
+        chosen = self._choices("estimator") or (self.study.estimator,)
+        built = factories([str(name) for name in chosen if name != "none"], self.bearing)
+        made: dict[str, Estimator | None] = {name: make() for name, make in built.items()}
+        return made | ({"none": None} if "none" in chosen else {})
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what another process cannot find again by itself: no file has to be there."""
+        return {name: getattr(self, name) for name in ("study", "bearing", "estimators")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+
+    def with_design(self, estimator: Estimator, controller: PID) -> Plan:
+        """Return the plan with another filter and another controller for all machines."""
+        other = Plan(self.study)
+        scenario = self.scenario.model_copy(update={"controller": controller})
+        vars(other).update(
+            bearing=self.bearing, marginals=self.marginals, keys=self.keys, scenario=scenario,
+            estimators={self.study.estimator: estimator},
+        )  # fmt: skip
+        return other
+
+    def check(self) -> None:
+        """Make all that is made once, so that what cannot be is said before any run.
+
+        Raises
+        ------
+        AmbkitError
+            An estimator's file cannot be read; the controller is to be fed by an estimate and
+            there is none.
+        """
+        if "none" in self.estimators and self.scenario.controller.feedback == "estimate":
+            raise AmbkitError(
+                f"{self.study.name}: the controller is fed by the estimate, so the estimator "
+                'cannot be none; say scenario.controller.feedback = "measurement"'
+            )
+        self.points(0, 1)
+
+    @property
+    def version(self) -> str:
+        """Of ambkit."""
+        return version("ambkit")
+
+
+def _without_folders(told: Any) -> Any:
+    """Return plain data with files by their names alone: a study may move with its files."""
+    if isinstance(told, dict):
+        return {key: _without_folders(each) for key, each in told.items()}
+    if isinstance(told, list):
+        return [_without_folders(each) for each in told]
+    is_file = isinstance(told, str) and told.endswith(FILTER_SUFFIX)
+    return PurePath(told).name if is_file else told
+
+
+def with_values(bearing: Bearing, values: Mapping[str, Any]) -> Bearing:
+    """Return a bearing with other values, unchecked.
+
+    A magnet's coil and its constant stay one: the constant follows turns and area, and where the
+    constant is what varies, the coil is left out.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        The nominal one.
+    values : mapping
+        By key, in SI.
+    """
+    tree = nested(values)
+    magnet = dict(tree.get("magnet", {}))
+    if "magnet_constant" in magnet:
+        told = bearing.magnet.with_constant(magnet.pop("magnet_constant"))
+        tree["magnet"] = magnet | {key.removeprefix("magnet__"): v for key, v in told.items()}
+    plant: Bearing = changed(bearing, tree)
+    coil = plant.magnet
+    if coil.turns is not None and coil.pole_area is not None and magnet:
+        k = magnet_constant(coil.turns, coil.pole_area, coil.pole_angle or 0.0)
+        plant = plant.model_copy(update={"magnet": coil.model_copy(update={"magnet_constant": k})})
+    return plant

@@ -1,0 +1,64 @@
+"""One run of a study simulated again, with all its samples."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ambkit.base.errors import AmbkitError
+
+if TYPE_CHECKING:
+    from ambkit.simulation.many import Planned
+    from ambkit.simulation.run import Run
+    from ambkit.workflow.campaign.plan import Plan
+
+
+class Replayed(NamedTuple):
+    """A run of a study.
+
+    Attributes
+    ----------
+    number : int
+        Its number.
+    values : mapping of str to object
+        What varied, in SI.
+    planned : Planned
+        Plant, run and estimator.
+    run : Run
+        Record, with truth, and estimate.
+    row : mapping of str to object
+        Figures and verdict, as they stand in the campaign's rows.
+    """
+
+    number: int
+    values: Mapping[str, Any]
+    planned: Planned
+    run: Run
+    row: Mapping[str, Any]
+
+
+def replay(plan: Plan, number: int) -> Replayed:
+    """Simulate a run of a study again, with all its samples.
+
+    Parameters
+    ----------
+    plan : Plan
+        The study.
+    number : int
+        Of the run.
+
+    Raises
+    ------
+    AmbkitError
+        There is no such run, or no such machine can be.
+    """
+    from ambkit.workflow.campaign.compute import compute
+
+    if not 0 <= number < plan.runs:
+        raise AmbkitError(f"there is no run {number}; the study has runs 0 to {plan.runs - 1}")
+    points, noise = plan.points(number, number + 1), plan.noise(number, number + 1)
+    (drawn,) = plan.machines(points, noise, number)
+    if drawn.wrong:
+        raise AmbkitError(f"run {number}: there can be no such machine: {drawn.wrong}")
+    (row,) = compute(plan, number, number + 1).runs.to_pylist()
+    return Replayed(number, drawn.values, drawn.planned, drawn.planned.simulated(), row)

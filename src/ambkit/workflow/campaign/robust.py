@@ -1,0 +1,377 @@
+"""Controller and filter tuned over the tolerances: a search over whole batches of machines."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import AmbkitError, ExtraMissing
+from ambkit.base.escaping import markdown
+from ambkit.base.showing import Shown
+from ambkit.estimate.registry import KINDS, learned_magnet
+from ambkit.judge.comparison.contenders import Range, contender_of_kind
+from ambkit.simulation.scenario import PID, Scenario
+from ambkit.workflow.campaign.compute import fly
+from ambkit.workflow.campaign.plan import Plan
+from ambkit.workflow.campaign.study import Study, load
+from ambkit.workflow.loop_of import ZONE_A
+
+if TYPE_CHECKING:
+    from ambkit.estimate.base import Estimator
+    from ambkit.show.report.figure import Figure
+
+Array = NDArray[np.float64]
+
+EVALUATIONS = 60
+"""Where nobody says it."""
+
+QUANTILE = 0.95
+"""Of the machines: so many are no worse than what is made small."""
+
+GAINS = {"controller.kp": "A/m", "controller.ki": "A/(m s)", "controller.kd": "A s/m"}
+"""Gains that the search may change, and their units."""
+
+FACTOR = 2.5
+"""How far from the tuned controller it looks, either way."""
+
+RULES = "expert.rules"
+"""Size of an expert: rules along current and along displacement."""
+
+SIZES = (3, 5, 7)
+
+WORST = 1e3
+"""In place of an infinite peak, and of an infinite error over the usual one's."""
+
+
+class Tried(NamedTuple):
+    """A controller with its filter."""
+
+    values: Mapping[str, float]
+    """What was changed, by name, in SI."""
+    error: float
+    """Quantile of the error of the disturbance force, rms [N]."""
+    peak: float
+    """Quantile of the peak of abs(S) [1]."""
+    touched: float
+    """Share of the machines that touch a stop, or cannot be [1]."""
+    allowed: bool
+    """Whether it keeps the peak below its ceiling, and enough rotors away from their stops."""
+
+
+@dataclass(frozen=True, eq=False)
+class Robust(Shown):
+    """A search over controllers and filters, each flown with all machines of a study.
+
+    Attributes
+    ----------
+    plan : Plan
+        The study.
+    kind : str
+        Of the filter.
+    quantile, max_sensitivity : float
+        Which quantile over the machines was made small; what that of the peak stays below.
+    free : tuple of Range
+        What was changed, and within which bounds.
+    tried : tuple of Tried
+        All of it, in its order; the first is as it was without tuning.
+    taken : int
+        Which was taken: the one with the least error among those that are allowed.
+    estimator : Estimator
+        Its filter, which knows the nominal bearing.
+    controller : PID
+        Its controller.
+    """
+
+    _card_by = "workflow.campaign.robust_card:card"
+
+    plan: Plan
+    kind: str
+    quantile: float
+    max_sensitivity: float
+    free: tuple[Range, ...]
+    tried: tuple[Tried, ...]
+    taken: int
+    estimator: Estimator
+    controller: PID
+
+    def __repr__(self) -> str:
+        before, after = self.tried[0], self.tried[self.taken]
+        return (
+            f"<Robust {self.kind} for {self.plan.study.name}: error {before.error:.3g} -> "
+            f"{after.error:.3g} N, peak {before.peak:.3g} -> {after.peak:.3g}>"
+        )
+
+    @property
+    def front(self) -> NDArray[np.bool_]:
+        """Whether nothing that was tried is better in both error and peak (n,)."""
+        return pareto([(each.error, each.peak) for each in self.tried])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all figures as plain data, in SI."""
+        front = self.front
+        return {
+            "study": self.plan.study.name,
+            "kind": self.kind,
+            "quantile": self.quantile,
+            "max_sensitivity": self.max_sensitivity,
+            "taken": self.taken,
+            "values": dict(self.tried[self.taken].values),
+            "bounds": {r.name: {"low": r.low, "high": r.high, "default": r.default,
+                                "unit": r.unit} for r in self.free},
+            "tried": [each._asdict() | {"values": dict(each.values), "front": bool(on)}
+                      for each, on in zip(self.tried, front, strict=True)],
+        }  # fmt: skip
+
+    def figure(self) -> Figure:
+        """Return the Pareto front as a picture."""
+        from ambkit.show.plots.campaign import front_figure
+
+        return front_figure(
+            f"{markdown(self.plan.study.name)}: {100 * self.quantile:g} % of the machines are no "
+            "worse",
+            [each.error for each in self.tried], [each.peak for each in self.tried], self.front,
+            np.array([each.allowed for each in self.tried]), self.max_sensitivity, self.taken,
+        )  # fmt: skip
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the filter, and beside it a scenario with the controller, NAME.scenario.toml.
+
+        Parameters
+        ----------
+        path : path
+            The filter's file.
+
+        Raises
+        ------
+        AmbkitError
+            A file cannot be written.
+        """
+        self.estimator.save(path, bearing=self.plan.study.bearing)
+        Scenario(controller=self.controller).save(self.beside(path))
+
+    @staticmethod
+    def beside(path: str | os.PathLike[str]) -> Path:
+        """Return where the controller of a filter in a file is written."""
+        return Path(path).with_suffix(".scenario.toml")
+
+
+def tune_robust(
+    study: Study | str | os.PathLike[str],
+    *,
+    quantile: float = QUANTILE,
+    max_sensitivity: float = ZONE_A,
+    free: Sequence[str] | None = None,
+    evaluations: int = EVALUATIONS,
+    storage: str | os.PathLike[str] | None = None,
+    seed: int = 0,
+    threads: int | None = None,
+    done: Callable[..., None] = lambda text="", steps=1: None,
+) -> Robust:
+    """Tune controller and filter over the machines of a study, as ``ambkit tune --robust`` does.
+
+    What is made small is a quantile over the machines of the force's error, and beside it that of
+    the peak of abs(S); by Optuna's tree-structured Parzen estimator (Bergstra et al. 2011). All are
+    flown with the same machines and the same noise.
+
+    Parameters
+    ----------
+    study : Study or path
+        What varies; all its runs are flown at each evaluation: some hundred are enough.
+    quantile : float
+        Of the machines, the share that is no worse.
+    max_sensitivity : float
+        What that quantile of the peak of abs(S) has to stay below [1].
+    free : sequence of str, optional
+        What may change: of `GAINS`, of the kind's tunables such as ``noise.disturbance``, and of
+        the adaptive filter ``expert.rules``; by default all.
+    evaluations : int
+        How many are made.
+    storage : path, optional
+        A file that keeps what was tried, so that the search can be interrupted and gone on with.
+    seed : int
+        Of the search.
+    threads : int, optional
+        Of the engine.
+    done : callable
+        Called after each evaluation.
+
+    Raises
+    ------
+    AmbkitError
+        Optuna is not installed; the study is not valid, or has no margins or no filter of one kind;
+        the storage is of another search; nothing that was tried is allowed.
+    """
+    try:
+        import optuna
+    except ImportError:
+        raise ExtraMissing("tune --robust", "optuna", "campaign") from None
+    plan = Plan(load(study))
+    plan.check()
+    task = _Task(plan, quantile, max_sensitivity, threads)
+    ranges = task.chosen(free)
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    search = _opened(optuna, storage, task, ranges, seed)
+    for number in range(len(search.trials), evaluations):
+        trial = search.ask()
+        if number == 0:  # as it is without tuning
+            values = {each.name: each.default for each in ranges}
+            trial.set_user_attr("values", values)
+        else:
+            values = {each.name: _suggested(trial, each) for each in ranges}
+        found = task.tried(values)
+        trial.set_constraint("peak", found.peak - max_sensitivity)
+        trial.set_constraint("touched", found.touched - (1 - quantile))
+        trial.set_user_attr("tried", [found.error, found.peak, found.touched, found.allowed])
+        search.tell(trial, [found.error, found.peak])
+        done()
+    tried = tuple(
+        Tried(each.user_attrs.get("values", each.params), *each.user_attrs["tried"])
+        for each in search.trials if "tried" in each.user_attrs
+    )  # fmt: skip
+    errors = [each.error if each.allowed else math.inf for each in tried]
+    taken = int(np.argmin(errors))
+    if not tried[taken].allowed:
+        least = min(each.peak for each in tried)
+        raise AmbkitError(
+            f"of {len(tried)} that were tried none keeps {100 * quantile:g} % of the machines "
+            f"below a peak of {max_sensitivity:g} and away from their stops; the least peak is "
+            f"{least:.3g}"
+        )
+    estimator, controller = task.design(tried[taken].values)
+    return Robust(
+        plan, task.kind, quantile, max_sensitivity, ranges, tried, taken, estimator, controller
+    )
+
+
+def pareto(points: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:
+    """Return which points (n, 2) no other is better than in both (n,)."""
+    found = np.zeros(len(points), bool)
+    least = math.inf
+    for at in sorted(range(len(points)), key=lambda k: points[k]):
+        if points[at][1] < least:
+            found[at], least = True, points[at][1]
+    return found
+
+
+def _suggested(trial: Any, of: Range) -> float:
+    if of.name == RULES:
+        return float(trial.suggest_categorical(of.name, list(SIZES)))
+    return float(trial.suggest_float(of.name, of.low, of.high, log=True))
+
+
+def _opened(optuna: Any, storage: Any, task: _Task, free: Sequence[Range], seed: int) -> Any:
+    """Return Optuna's study, with what the storage has of it already."""
+    of = "|".join([task.plan.fingerprint, task.kind, f"{task.quantile:g}",
+                   f"{task.ceiling:g}", *(each.name for each in free)])  # fmt: skip
+    kept = None
+    if storage is not None:
+        from optuna.storages import JournalStorage
+        from optuna.storages.journal import JournalFileBackend
+
+        path = Path(storage)
+        if path.is_dir() or not path.parent.is_dir():
+            raise AmbkitError(f"{path}: cannot be written: it is a folder, or in none")
+        try:
+            kept = JournalStorage(JournalFileBackend(str(path)))
+        except (OSError, ValueError, KeyError) as error:
+            raise AmbkitError(f"{path}: holds no search of Optuna: {error}") from None
+    search = optuna.create_study(
+        storage=kept, study_name="ambkit", directions=["minimize", "minimize"], load_if_exists=True
+    )
+    if search.user_attrs.get("of", of) != of:
+        raise AmbkitError(
+            f"{storage}: is of another search: study, quantile, ceiling or what is free has "
+            "changed; give another file"
+        )
+    search.set_user_attr("of", of)
+    for each in search.trials:
+        if not each.state.is_finished():  # it was interrupted
+            search.tell(each.number, state=optuna.trial.TrialState.FAIL)
+    # A search that is gone on with draws on, rather than again what it drew first.
+    search.sampler = optuna.samplers.TPESampler(seed=seed + len(search.trials))
+    return search
+
+
+class _Task:
+    """Machines, and what is made of them by a controller and a filter."""
+
+    def __init__(self, plan: Plan, quantile: float, ceiling: float, threads: int | None) -> None:
+        study = plan.study
+        if not 0 < quantile < 1:
+            raise AmbkitError(f"quantile must be between 0 and 1, is {quantile:g}")
+        if not study.record.margins:
+            raise AmbkitError(f"{study.name}: the search needs record.margins = true")
+        if study.estimator not in KINDS:
+            raise AmbkitError(
+                f"{study.name}: the filter that is tuned must be a kind, {', '.join(KINDS)}, is "
+                f"{study.estimator}"
+            )
+        for what in ("estimator", "controller"):
+            if what in plan.names:
+                raise AmbkitError(f"{study.name}: {what} varies, and is what is to be tuned")
+        if any(name.startswith("scenario.controller.") for name in plan.names):
+            raise AmbkitError(f"{study.name}: gains vary, and are what is to be tuned")
+        self.plan, self.kind, self.quantile, self.ceiling = plan, study.estimator, quantile, ceiling
+        self.threads = threads
+        self.points, self.noise = plan.points(0, plan.runs), plan.noise(0, plan.runs)
+        self._magnets = lru_cache(maxsize=None)(self._magnet)
+
+    def chosen(self, free: Sequence[str] | None) -> tuple[Range, ...]:
+        """Return what may change, and how far."""
+        pid = self.plan.scenario.controller
+        known = {}
+        for name, unit in GAINS.items():
+            gain = getattr(pid, name.partition(".")[2])
+            if gain > 0:
+                known[name] = Range(name, unit, gain, gain / FACTOR, gain * FACTOR)
+        contender = contender_of_kind(self.kind, self.plan.bearing, self._magnets(5))
+        known |= {each.name: each for each in contender.tunable}
+        if self.kind == "adaptive":
+            known[RULES] = Range(RULES, "1", 5.0, float(SIZES[0]), float(SIZES[-1]))
+        for name in free or ():
+            if name not in known:
+                raise AmbkitError(f"free: there is no {name}; there are {', '.join(known)}")
+        return tuple(known[name] for name in (free or known))
+
+    def _magnet(self, rules: int) -> Any:
+        """Return what the filter asks of its magnet: an expert of so many rules, or its kind's."""
+        if self.kind != "adaptive":
+            return learned_magnet(self.kind, self.plan.bearing)
+        from ambkit.workflow.expert import train
+
+        return train(self.plan.bearing, rules=(rules, rules))
+
+    def design(self, values: Mapping[str, float]) -> tuple[Estimator, PID]:
+        """Return filter and controller with values."""
+        magnet = self._magnets(int(values.get(RULES, 5)))
+        of_filter = {
+            name: value for name, value in values.items() if name not in GAINS and name != RULES
+        }
+        estimator = contender_of_kind(self.kind, self.plan.bearing, magnet).build(**of_filter)
+        gains = {name.partition(".")[2]: values[name] for name in values if name in GAINS}
+        return estimator, self.plan.scenario.controller.model_copy(update=gains)
+
+    def tried(self, values: Mapping[str, float]) -> Tried:
+        """Fly all machines with a controller and a filter."""
+        estimator, controller = self.design(values)
+        designed = self.plan.with_design(estimator, controller)
+        found = fly(designed, self.points, self.noise, threads=self.threads).columns
+        error = min(_quantile(found["f_d_rms"], self.quantile), WORST)
+        peak = min(_quantile(found["peak_S"], self.quantile), WORST)
+        touched = float(np.mean(~(np.asarray(found["touched"]) == 0)))
+        allowed = peak < self.ceiling and touched <= 1 - self.quantile
+        return Tried(dict(values), error, peak, touched, allowed)
+
+
+def _quantile(values: Any, share: float) -> float:
+    """Return the least value that a share of the machines is at or below; of none infinity."""
+    at = np.sort(np.where(np.isnan(values), np.inf, values))
+    return float(at[min(max(math.ceil(share * at.size) - 1, 0), at.size - 1)])

@@ -1,0 +1,164 @@
+"""What drives machines, how rarely they fail, and what is tuned over them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.special import ndtr
+
+import ambkit
+from ambkit.base.errors import AmbkitError
+from ambkit.workflow.campaign.machines import Machines
+from ambkit.workflow.campaign.plan import Plan
+from ambkit.workflow.campaign.rare import rare_failure, subset
+from ambkit.workflow.campaign.robust import pareto
+from ambkit.workflow.campaign.sensitivities import indices
+from ambkit.workflow.campaign.study import Study
+from ambkit.workflow.campaign.varied import Choice, Uniform
+
+KEYS = ("rotor.mass", "magnet.air_gap", "sensor.lag")
+
+
+class Known(Machines):
+    """Machines whose figure is a known function of what varies."""
+
+    def __init__(self, of: Any, way: str, runs: int, *more: Any) -> None:
+        vary = (*(Uniform(what=key, tolerance="10 %") for key in KEYS), *more)
+        made = Study(
+            name="a", bearing="zittau_axial", sampling=way, runs=runs, vary=vary, part=runs
+        )
+        super().__init__(Path(), Plan(made), (0,))
+        self.of = of
+
+    def column(self, name: str) -> Any:
+        x = self.plan.points(0, len(self))
+        nominal = np.array([float(key.value or 0) for key in self.plan.keys[:3]])
+        return self.of(np.pi * (x[:, :3] / nominal - 1) / 0.1, x)
+
+
+def ishigami(z: Any, _x: Any) -> Any:
+    """The function of Ishigami and Homma (1990), whose indices are known."""
+    return np.sin(z[:, 0]) + 7 * np.sin(z[:, 1]) ** 2 + 0.1 * z[:, 2] ** 4 * np.sin(z[:, 0])
+
+
+@pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::DeprecationWarning")
+def test_sobol_indices_of_a_known_function() -> None:
+    pytest.importorskip("SALib")
+    found = indices(Known(ishigami, "saltelli", 5 * 1024), "f_d_rms")
+    np.testing.assert_allclose(found.first, [0.3139, 0.4424, 0.0], atol=0.05)
+    assert found.total is not None
+    np.testing.assert_allclose(found.total, [0.5576, 0.4424, 0.2437], atol=0.05)
+    assert (found.first_confidence < 0.1).all()
+    other = indices(Known(ishigami, "sobol", 4096), "f_d_rms")
+    np.testing.assert_allclose(other.first, [0.3139, 0.4424, 0.0], atol=0.05)
+    assert other.total is None
+    assert list(other.order[:2]) == [1, 0]
+
+
+@pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::DeprecationWarning")
+def test_the_share_of_a_choice_is_that_of_its_means() -> None:
+    """Two values 1 apart, beside a uniform spread of variance 1/3."""
+    pytest.importorskip("SALib")
+    who = Choice(what="estimator", values=("linear", "extended"))
+    made = Known(lambda z, x: z[:, 0] / np.pi + x[:, 3], "random", 4000, who)
+    found = indices(made, "f_d_rms")
+    share = 0.25 / (0.25 + 1 / 3)
+    assert found.first[3] == pytest.approx(share, abs=0.03)
+    assert found.first[0] == pytest.approx(1 - share, abs=0.05)
+    constant = Known(lambda z, x: np.ones(len(x)), "random", 100)
+    with pytest.raises(AmbkitError, match="is the same for all machines"):
+        indices(constant, "f_d_rms")
+
+
+@pytest.mark.parametrize("beta", [3.0, 4.5])
+def test_rare_failures_of_a_known_probability(beta: float) -> None:
+    """A plane at the distance beta from the origin: P = Phi(-beta); over 40 seeds."""
+    found = [
+        subset(lambda u: u.sum(axis=1) / np.sqrt(10), 10, beta, runs=1000, seed=seed)
+        for seed in range(40)
+    ]
+    P = float(ndtr(-beta))
+    estimates = np.array([each.probability for each in found])
+    spread = estimates.std() / P
+    assert estimates.mean() == pytest.approx(P, rel=4 * spread / np.sqrt(40))
+    told = np.mean([each.variation for each in found])
+    assert 0.5 < told / spread < 1.5
+    assert np.mean([each.low <= P <= each.high for each in found]) > 0.75
+    assert found[0].runs < 20 / P
+
+
+def test_a_figure_without_a_way_to_failure_is_refused() -> None:
+    with pytest.raises(AmbkitError, match="does not say how far"):
+        subset(lambda u: (u[:, 0] > 6).astype(float), 2, 1.0, runs=100)
+
+
+STUDY = """
+name = "tuned"
+bearing = "zittau_axial"
+runs = 24
+scenario.duration = "30 ms"
+scenario.disturbance = { type = "step", amplitude = "3 N", time = "5 ms" }
+
+[[vary]]
+what = "magnet.magnet_constant"
+type = "uniform"
+tolerance = "10 %"
+
+[[vary]]
+what = "rotor.mass"
+type = "normal"
+std = "3 %"
+"""
+
+
+def test_rare_failures_of_machines() -> None:
+    """The likelihood agrees with that of plain runs, where it is not small."""
+    plan = Plan(Study.from_toml(STUDY))
+    limit = 1.85
+    found = rare_failure(plan, "peak_S", limit, runs=100)
+    many = Plan(Study.from_toml(STUDY.replace("runs = 24", "runs = 400")))
+    from ambkit.workflow.campaign.compute import compute
+
+    share = np.mean(compute(many, 0, 400).runs.column("peak_S").to_numpy() >= limit)
+    assert 0.002 < share < 0.5
+    assert found.low / 2 < share < 2 * found.high
+    with pytest.raises(AmbkitError, match="there is no figure nothing"):
+        rare_failure(plan, "nothing", 1.0)
+
+
+def test_a_front_has_what_nothing_is_better_than() -> None:
+    points = [(1.0, 5.0), (2.0, 3.0), (2.0, 4.0), (3.0, 3.0), (4.0, 1.0)]
+    assert pareto(points).tolist() == [True, True, False, False, True]
+
+
+@pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::UserWarning")
+def test_tuned_over_the_machines_it_is_gone_on_with_and_written(tmp_path: Path) -> None:
+    pytest.importorskip("optuna")
+    study = Study.from_toml(STUDY)
+    kept = tmp_path / "search.log"
+    first = ambkit.tune_robust(study, evaluations=3, storage=kept, max_sensitivity=4.0)
+    assert len(first.tried) == 3
+    found = ambkit.tune_robust(study, evaluations=6, storage=kept, max_sensitivity=4.0)
+    assert [each.error for each in found.tried[:3]] == [each.error for each in first.tried]
+    assert len(found.tried) == 6
+    before, after = found.tried[0], found.tried[found.taken]
+    assert before.values["controller.kp"] == found.plan.scenario.controller.kp
+    assert after.allowed
+    assert after.error <= before.error
+    json.dumps(found.to_dict())
+    found.save(tmp_path / "filter.toml")
+    again = ambkit.FilterFile.load(tmp_path / "filter.toml").make()
+    assert again.variances == found.estimator.variances
+    controller = ambkit.Scenario.load(tmp_path / "filter.scenario.toml").controller
+    assert controller.kp == found.controller.kp
+    assert "tuned" in found._repr_html_()
+    with pytest.raises(AmbkitError, match="is of another search"):
+        ambkit.tune_robust(study, evaluations=6, storage=kept, max_sensitivity=3.0)
+    with pytest.raises(AmbkitError, match=r"none keeps 95 % of .* below a peak of 1\.01"):
+        ambkit.tune_robust(study, evaluations=1, max_sensitivity=1.01)
+    with pytest.raises(AmbkitError, match=r"there is no controller\.kx"):
+        ambkit.tune_robust(study, free=["controller.kx"])

@@ -1,0 +1,361 @@
+"""The whole controller of an axis: as it is simulated, exported and seen by its self-test."""
+
+from __future__ import annotations
+
+import random
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import mutants
+import numpy as np
+import pytest
+from export_cases import SAME_BITS, STRICT, program, understood
+
+from ambkit import Bearing, ExtendedKalmanFilter, KalmanFilter, Scenario, Step
+from ambkit.base.errors import AmbkitError
+from ambkit.cli.main import main
+from ambkit.data.rig_units import Inputs, Scaling
+from ambkit.estimate.base import Estimator
+from ambkit.export.c import CExport, export_c
+from ambkit.simulation.control import Controller
+from ambkit.simulation.run import Faults, Imposed, simulate, simulate_run
+from ambkit.simulation.scenario import PID
+from ambkit.simulation.sequence import LiftOff, Mode
+
+BEARING = Bearing.preset("zittau_axial")
+GAINED = BEARING.replace(sensor__gain=0.8, amplifier__gain=1.6)
+ONE_SIDED = Bearing.preset("inteco_ml")
+PIDS = {
+    "pid": PID(),
+    "measured": PID(feedback="measurement", derivative_filter=2e-4),
+    "ahead": PID(feed_forward=0.8),
+    "lqg": PID(type="lqg"),
+}
+TIMES = LiftOff(start=5e-3, stop=0.16, wait=5e-3, lift=0.04, land=0.03, lost=0.02, overload=0.02)
+
+
+def flight(controller: PID, bearing: Bearing = BEARING, **other: Any) -> Scenario:
+    said = {"duration": 0.22, "start": "rest", "sequence": TIMES} | other
+    return Scenario(controller=controller.completed(bearing), **said)
+
+
+def replayed(
+    bearing: Bearing, scenario: Scenario, estimator: Estimator, y: Any, r: Any, t: Any
+) -> Any:
+    assert scenario.sequence is not None
+    controller = Controller(bearing, estimator, scenario.controller, scenario.sequence)
+    return controller.run(y, r, scenario.sequence.fly(t))
+
+
+def modes(record: Any) -> list[str]:
+    found = record["mode"].astype(int)
+    return [Mode(found[k]).name for k in np.flatnonzero(np.diff(found, prepend=-1))]
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+@pytest.mark.parametrize("name", PIDS)
+def test_what_simulate_flew_and_the_controller_alone_are_equal_to_the_last_bit(
+    name: str, precision: Any
+) -> None:
+    scenario = flight(PIDS[name], GAINED)
+    estimator = KalmanFilter(GAINED, precision=precision)
+    run = simulate_run(GAINED, scenario, estimator=estimator)
+    assert run.estimate is not None
+    record = run.record
+    assert modes(record) == ["OFF", "WAITING", "LIFTING", "FLYING", "LANDING", "OFF"]
+    told = replayed(GAINED, scenario, estimator, record["y"], record["r"], record.t)
+    np.testing.assert_array_equal(told["u"], record["u"])
+    np.testing.assert_array_equal(told["mean"], run.estimate.mean)
+    np.testing.assert_array_equal(told["mode"], record["mode"])
+    on = told["on"].astype(bool)
+    bias = np.dtype(precision).type(GAINED.magnet.bias_current)
+    np.testing.assert_array_equal(told["coil"][on, 1], bias - told["iu"][on])
+    assert not told["coil"][~on].any()
+    flying = (record["mode"] == Mode.FLYING) & (record.t > 0.1) & (record.t < 0.16)
+    assert np.abs(record["x"][flying]).max() < 0.4 * GAINED.rotor.travel_limit
+    lying = -np.dtype(precision).type(GAINED.rotor.travel_limit)
+    assert record["x"][0] == record["x"][-1] == lying
+
+
+def test_a_rotor_on_one_magnet_lifts_too() -> None:
+    T = ONE_SIDED.sampling_time
+    long = LiftOff(wait=20 * T, lift=300 * T, land=300 * T, stop=900 * T)
+    scenario = flight(PID(), ONE_SIDED, duration=1400 * T, sequence=long)
+    record = simulate(ONE_SIDED, scenario, estimator=ExtendedKalmanFilter(ONE_SIDED))
+    assert modes(record) == ["WAITING", "LIFTING", "FLYING", "LANDING", "OFF"]
+    flying = (record["mode"] == Mode.FLYING) & (record.t > 600 * T)
+    assert np.abs(record["x"][flying]).max() < 0.1 * ONE_SIDED.rotor.travel_limit
+
+
+def test_a_flight_from_hovering_is_the_one_without_a_sequence() -> None:
+    """Nobody who looks after a good flight changes it."""
+    plain = Scenario(duration=0.1, reference=Step(amplitude=2e-4, time=0.02), controller=PID())
+    a = simulate(BEARING, plain, estimator=KalmanFilter(BEARING))
+    b = simulate(BEARING, plain.replace(sequence=LiftOff()), estimator=KalmanFilter(BEARING))
+    np.testing.assert_array_equal(a["x"], b["x"])
+
+
+def test_feed_forward_takes_a_load_back_at_once() -> None:
+    load = Step(amplitude=3.0, time=0.02)
+    worst = [
+        np.abs(
+            simulate(BEARING, Scenario(duration=0.1, disturbance=load, controller=pid))["x"]
+        ).max()
+        for pid in (PID(), PID(feed_forward=1.0))
+    ]
+    assert worst[1] < 0.5 * worst[0]
+
+
+def test_a_lost_sensor_trips_and_no_one_flies_until_told_not_to() -> None:
+    scenario = flight(PID())
+    n = round(scenario.duration / BEARING.sampling_time) + 1
+    faults = Faults.none(n)
+    faults.y_plus[1000:] = np.nan
+    record = simulate(BEARING, scenario, imposed=Imposed(faults=faults))
+    assert modes(record) == ["OFF", "WAITING", "LIFTING", "FLYING", "TRIPPED", "OFF"]
+    tripped = int(np.flatnonzero(record["mode"] == Mode.TRIPPED)[0])
+    settling = 83  # samples that an estimate is used for without a reading: own time
+    assert tripped == pytest.approx(1000 + settling + 200, abs=2)
+    assert not record["u"][tripped:].any()
+
+
+def test_a_current_that_stays_at_its_limit_trips() -> None:
+    """The reference is beyond the upper stop, and the load pushes down."""
+    scenario = flight(
+        PID(), disturbance=Step(amplitude=-100.0, time=0.08),
+        reference=Step(amplitude=3e-3, time=0.08), sequence=TIMES.model_copy(update={"lost": 1.0}),
+    )  # fmt: skip
+    record = simulate(BEARING, scenario)
+    assert modes(record)[:5] == ["OFF", "WAITING", "LIFTING", "FLYING", "TRIPPED"]
+    tripped = int(np.flatnonzero(record["mode"] == Mode.TRIPPED)[0])
+    assert 1000 <= tripped <= 1300
+    assert (np.abs(record["u"][tripped - 190 : tripped]) == BEARING.current_max).all()
+
+
+def test_no_bump_where_it_takes_over() -> None:
+    """A rotor that another controller holds: the first current is close to the one that acted."""
+    plain = Scenario(duration=0.1, start="hover", noise=False, controller=PID())
+    estimator = KalmanFilter(BEARING)
+    record = simulate(BEARING, plain, estimator=estimator)
+    controller = Controller(
+        BEARING, KalmanFilter(BEARING), plain.controller.completed(BEARING), LiftOff()
+    )
+    acting = float(record["iu"][500])
+    told = controller.run(record["y"][500:], record["r"][500:], np.ones(501), taken_over=acting)
+    assert told["iu"][0] == pytest.approx(acting, abs=0.02)
+    assert (told["mode"] == Mode.FLYING).all()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"type": "lqg", "feedback": "measurement"}, 'feedback must be "estimate"'),
+        ({"feed_forward": 1.0, "feedback": "measurement"}, 'feedback must be "estimate"'),
+        ({"feed_forward": -1.0}, "feed_forward"),
+    ],
+)
+def test_what_cannot_be_fed_back_is_refused(wrong: dict[str, Any], said: str) -> None:
+    with pytest.raises(AmbkitError, match=said):
+        PID(**wrong)
+
+
+# ---- The export ----
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, CExport]:
+    """Exports by their names; made when asked."""
+    of: dict[str, CExport] = {}
+    place = tmp_path_factory.mktemp("controllers")
+
+    class Made(dict):  # type: ignore[type-arg]
+        def __missing__(self, name: str) -> CExport:
+            precision: Any = "double" if name == "double" else "float"
+            pid = PIDS.get(name, PIDS["pid"])
+            self[name] = export_c(
+                GAINED, None, place / name, prefix="rig", precision=precision,
+                kind="extended" if name == "extended" else None,
+                scenario=Scenario(controller=pid),
+            )  # fmt: skip
+            return self[name]
+
+    return Made(of)
+
+
+def passes(folder: Path, out: Path, compiler: str = "gcc") -> str:
+    done = program(compiler, folder, out)
+    assert done.returncode == 0, done.stderr
+    return subprocess.run([out], capture_output=True, text=True, timeout=60).stdout
+
+
+@pytest.mark.parametrize("name", ["pid", "measured", "lqg", "double", "extended"])
+def test_the_self_test_passes_to_the_last_bit(
+    name: str, folders: dict[str, CExport], tmp_path: Path
+) -> None:
+    said = passes(folders[name].folder, tmp_path / "a.out")
+    assert said.startswith("pass"), said
+    assert "equal to the last bit" in said
+
+
+@pytest.mark.parametrize("compiler", ["clang", "tcc"])
+def test_other_compilers(compiler: str, folders: dict[str, CExport], tmp_path: Path) -> None:
+    if shutil.which(compiler) is None:
+        pytest.skip(f"{compiler} is not installed")
+    folder = folders["pid"].folder
+    if compiler == "clang":
+        assert passes(folder, tmp_path / "a.out", "clang").startswith("pass")
+        return
+    files = sorted(str(path.relative_to(folder)) for path in folder.rglob("*.c"))
+    includes = ("-I.", "-Icore/include", "-Icore", "-Iselftest")
+    words = ["tcc", "-std=c99", "-DAMB_NO_CONTRACTION", *includes, *files]
+    subprocess.run([*words, "-o", str(tmp_path / "a.out")], cwd=folder, check=True)
+    done = subprocess.run([tmp_path / "a.out"], capture_output=True, text=True, timeout=60)
+    assert done.stdout.startswith("pass")
+
+
+@pytest.mark.skipif(shutil.which("g++") is None, reason="g++ is not installed")
+def test_cpp_takes_the_headers(folders: dict[str, CExport], tmp_path: Path) -> None:
+    folder, source = folders["pid"].folder, tmp_path / "main.cpp"
+    source.write_text('#include "rig_selftest.h"\nint main() { rig_state s; rig_init(&s); }\n')
+    words = ["g++", "-std=c++17", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", str(source)]
+    subprocess.run(
+        [*words, "-I.", "-Icore/include", "-Icore", "-Iselftest"], cwd=folder, check=True
+    )
+
+
+def test_the_rigs_own_numbers(tmp_path: Path) -> None:
+    """Volts of the sensor in; the same bits as in Python."""
+    estimator = KalmanFilter(GAINED, precision="float32")
+    estimator.inputs = Inputs(y=Scaling(unit="V", scale="0.2 mm/V", sign=-1, offset="1 mm"))
+    estimator.save(tmp_path / "filter.toml")
+    from ambkit.estimate.filter_file import FilterFile
+
+    file = FilterFile.load(tmp_path / "filter.toml")
+    made = export_c(
+        GAINED, None, tmp_path / "out", prefix="rig", filter_file=file, scenario=Scenario()
+    )
+    assert passes(made.folder, tmp_path / "a.out").startswith("pass")
+
+
+FAULTS = {
+    "coils swapped": ("rig.c", "rig_bias + now.iu[0]", "rig_bias - now.iu[0]"),
+    "a coil keeps its bias": ("rig.c", "(rig_bias - now.iu[0]) : AMB_C(0.0)",
+                              "(rig_bias - now.iu[0]) : rig_bias"),
+    "never trips by a lost sensor": ("core/src/sequence.c", "state->unusable > sequence->lost",
+                                     "state->unusable > 65535U"),
+    "never trips by overload": ("core/src/sequence.c", "state->limited > sequence->overloaded",
+                                "state->limited > 65535U"),
+    "lifts from the middle": ("core/src/control.c", "s->from[j] = at;", "s->from[j] = 0;"),
+    "the load counts as it lies": ("core/src/control.c", "(share * mean[i])",
+                                   "((void)share, mean[i])"),
+    "a tripped one flies again": ("core/src/sequence.c", "case AMB_TRIPPED:\n    if (!fly) {",
+                                  "case AMB_TRIPPED:\n    if (fly) {"),
+    "never settled": ("core/src/control.c", "s->doubted--;", ";"),
+    "integrals from nothing": ("core/src/control.c", "amb_pid_reset(&s->pid[j], integral);",
+                               "amb_pid_reset(&s->pid[j], AMB_C(0.0)); (void)integral;"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_planted_faults_are_seen(fault: str, folders: dict[str, CExport], tmp_path: Path) -> None:
+    file, old, new = FAULTS[fault]
+    # The load counts where it is fed back.
+    folder = folders["ahead" if "load" in fault else "pid"].folder
+    shutil.copytree(folder, tmp_path / "out")
+    path = tmp_path / "out" / file
+    assert path.read_text().count(old) == 1, "the fault cannot be planted"
+    path.write_text(path.read_text().replace(old, new))
+    flags = tuple(flag for flag in SAME_BITS if "CONTRACTION" not in flag)
+    done = program("gcc", tmp_path / "out", tmp_path / "a.out", flags)
+    assert done.returncode == 0, done.stderr
+    said = subprocess.run([tmp_path / "a.out"], capture_output=True, text=True, timeout=60).stdout
+    assert said.startswith("FAIL"), fault
+
+
+@pytest.fixture(scope="module")
+def benches(folders: dict[str, CExport]) -> Iterator[dict[str, mutants.Bench]]:
+    of = {name: mutants.Bench(folders[name].folder, "rig") for name in PIDS}
+    yield of
+    for bench in of.values():
+        bench.close()
+
+
+def test_a_tenth_of_any_constant_is_seen(benches: dict[str, mutants.Bench]) -> None:
+    bench = benches["pid"]
+    found = list(mutants.of_constants("rig_data.c", bench.text("rig_data.c")))
+    some = random.Random(0).sample(found, 20)
+    alive = [str(m) for m in some if bench.judge(m).exact]
+    assert alive == []
+
+
+# Text of mutants that make no difference to one axis, or ever, and why; the whole score:
+# python tests/mutants_control.py
+EXPLAINED = {
+    "out->usable = true;": "with a sequence the supervisor says it",
+    "state->limited = false;": "counted only where there were currents, and set by each such step",
+    "told |= AMB_RESTARTED;": "the envelope in the core has said so already",
+    "for (int f = 0; f < control->law->axes; f++) {": "a step sets what acts, where it is off",
+    "for (int j = 0; j < control->law->pids; j++) {": "set again as it lifts",
+    "j * n": "one PID", "axis * c->states": "one axis", "j + way": "one PID",
+    "turning": "a machine's", "c->spread[f * c->pids + j]": "one axis",
+    "power *= speed": "a machine's",
+    "for (int k = 0; k < 3; k++)": "a machine's second and third",
+    "else if (!saturated)": "without a tracking time", "pid->T * pid->ki * error;": "likewise",
+    "state->started = false;": "a first sample after another, of a PID that is fed by readings",
+    "default:": "no mode is another",
+    "amb_is_finite(*velocity)": "estimates are finite",
+    "status |= AMB_MISSING;": "the estimator has said so",
+}  # fmt: skip
+
+
+@pytest.mark.long
+def test_operators_that_became_others_are_seen(benches: dict[str, mutants.Bench]) -> None:
+    """A sample of all operators, each by the four kinds of controllers together."""
+    one = benches["pid"]
+    files = [f"core/src/{stem}.c" for stem in ("control", "controllers", "controller", "sequence")]
+    found = [m for file in [*files, "rig.c"] for m in mutants.of_operators(file, one.text(file))]
+    some = random.Random(0).sample(found, 60)
+    alive = []
+    for mutant in some:
+        if any(text in mutant.text for text in EXPLAINED):
+            continue
+        if all(bench.judge(mutant).exact for bench in benches.values()):
+            alive += [] if one.is_the_same(mutant) else [str(mutant)]
+    assert alive == []
+
+
+def test_the_command_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "s.toml"
+    path.write_text('[controller]\ntype = "lqg"\n[sequence]\nlift = "0.1 s"\n')
+    words = ["export", "c", "zittau_axial", "--out", str(tmp_path / "out")]
+    with pytest.raises(SystemExit) as left:
+        main([*words, "--controller", str(path)])
+    assert not left.value.code
+    readme = (tmp_path / "out" / "README.md").read_text()
+    assert "linear-quadratic regulator" in readme
+    assert "in 0.1 s" in readme
+    assert understood("gcc", tmp_path / "out", tmp_path / "out" / "zittau_axial.c").returncode == 0
+    assert STRICT
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["tum_mlps"], "the whole controller is exported of one axis"),
+        (["zittau_axial", "--editable"], "editable is for a filter alone"),
+        (["zittau_axial", "--cost"], "ambkit pil"),
+    ],
+)
+def test_what_is_not_exported_is_said(
+    words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "s.toml"
+    path.write_text('duration = "0.1 s"\n')
+    asked = ["export", "c", *words, "--out", str(tmp_path / "out"), "--controller", str(path)]
+    with pytest.raises(SystemExit) as left:
+        main(asked)
+    assert left.value.code == 2
+    assert said in capsys.readouterr().err

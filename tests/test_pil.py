@@ -1,0 +1,164 @@
+"""Processor in the loop: an exported controller on a Cortex-M4F in qemu flies the plant."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ambkit
+from ambkit import Bearing, KalmanFilter, Record, Scenario, Step
+from ambkit.base.errors import AmbkitError
+from ambkit.cli.main import main
+from ambkit.data.rig_units import Inputs, Scaling
+from ambkit.estimate.filter_file import FilterFile
+from ambkit.export.pil import boards, build, pil
+from ambkit.simulation.scenario import PID
+from ambkit.simulation.sequence import LiftOff, Mode
+
+BEARING = Bearing.preset("zittau_axial")
+TOOLS = (boards.QEMU_BOARD.compiler, boards.QEMU)
+needs_tools = pytest.mark.skipif(
+    not all(map(shutil.which, TOOLS)), reason=f"not there: one of {', '.join(TOOLS)}"
+)
+SEQUENCE = LiftOff(start=5e-3, stop=0.16, wait=5e-3, lift=0.04, land=0.03)
+SCENARIO = Scenario(
+    duration=0.2, start="rest", sequence=SEQUENCE, controller=PID(feed_forward=1.0),
+    disturbance=Step(amplitude=2.0, time=0.1),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("tool", TOOLS)
+def test_what_is_missing_is_said_with_what_to_install(
+    tool: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(boards.shutil, "which", lambda name: None if name == tool else name)
+    with pytest.raises(SystemExit) as left:
+        main(["pil", "zittau_axial"])
+    assert left.value.code == 2
+    said = capsys.readouterr().err
+    assert f"needs {tool}, which is not there: apt-get install" in said
+    assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["tum_mlps"], "only one axis"),
+        (["zittau_axial", "--board", "arduino"], "must be one of stm32f4, amdc, c2000"),
+        (["zittau_axial", "--board", "c2000"], "TI's C2000 code generation tools"),
+    ],
+)
+def test_what_cannot_be_flown_is_said(
+    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if "c2000" in words and shutil.which("cl2000"):
+        pytest.skip("there is a compiler for it")
+    with pytest.raises(SystemExit) as left:
+        main(["pil", *words])
+    assert left.value.code == 2
+    assert said in capsys.readouterr().err
+
+
+def test_the_deepest_call_is_found(tmp_path: Path) -> None:
+    """By names, by pointers; not where a function calls itself or a frame has no bound."""
+    text = """node: { title: "a" label: "a\\n16 bytes (static)" }
+node: { title: "b" label: "b\\n8 bytes (static)" }
+node: { title: "x.c:p" label: "p\\n40 bytes (static)" }
+node: { title: "x.c:q" label: "q\\n100 bytes (static)" }
+edge: { sourcename: "a" targetname: "b" label: "" }
+edge: { sourcename: "b" targetname: "__indirect_call" label: "" }
+edge: { sourcename: "x.c:p" targetname: "__indirect_call" label: "" }
+"""
+    path = tmp_path / "x.ci"
+    path.write_text(text)
+    assert build.stack([path], "a", set()) == 24
+    assert build.stack([path], "a", {"p"}) == 64
+    assert build.stack([path], "a", {"p", "q"}) == 164
+    path.write_text(text + 'edge: { sourcename: "x.c:p" targetname: "a" label: "" }\n')
+    assert build.stack([path], "a", {"p"}) is None
+    path.write_text(text.replace("8 bytes (static)", "8 bytes (dynamic)"))
+    assert build.stack([path], "a", set()) is None
+
+
+@pytest.mark.long
+@needs_tools
+def test_a_record_has_the_same_bits_at_every_stage(tmp_path: Path) -> None:
+    """Flown there, written as a log, read, filtered, and run through the controller here."""
+    found = pil(BEARING, scenario=SCENARIO, board="stm32f4")
+    assert (found.unequal, found.unequal_flight, found.selftest) == (0, 0, 0)
+    assert [mode for _, mode in found.modes] == [
+        "OFF", "WAITING", "LIFTING", "FLYING", "LANDING", "OFF",
+    ]  # fmt: skip
+    record = found.record
+    Record(record.t, {"y": record["y"], "u": record["u"]}, {"y": "m", "u": "V"}).save(
+        tmp_path / "log.csv"
+    )
+    read = ambkit.read(tmp_path / "log.csv")
+    np.testing.assert_array_equal(read["y"], record["y"])
+    means = found.answers["mean"]
+    filtered = KalmanFilter(BEARING, precision="float32").run(read)
+    assert filtered.mean.astype("<f4").tobytes() == np.ascontiguousarray(means).tobytes()
+    flying = record["mode"] == Mode.FLYING
+    assert flying.sum() > 800
+    assert found.worst < 0.2 * BEARING.rotor.travel_limit
+    assert found.stack_seen <= (found.built.stack or 0) < 2000
+    assert found.instructions <= found.most < 3000
+    assert found.built.variables == 0
+
+
+@pytest.mark.long
+@needs_tools
+def test_the_rigs_own_numbers_go_there(tmp_path: Path) -> None:
+    estimator = KalmanFilter(BEARING)
+    estimator.inputs = Inputs(y=Scaling(unit="V", scale="0.2 mm/V", sign=-1, offset="0.1 mm"))
+    estimator.save(tmp_path / "filter.toml")
+    file = FilterFile.load(tmp_path / "filter.toml")
+    found = pil(BEARING, scenario=SCENARIO, filter_file=file)
+    assert (found.unequal, found.selftest, found.unequal_flight) == (0, 0, None)
+    assert "FLYING" in [mode for _, mode in found.modes]
+
+
+@pytest.mark.long
+@needs_tools
+def test_the_command_says_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, out = tmp_path / "s.toml", tmp_path / "flight.csv"
+    path.write_text(SCENARIO.to_toml())
+    with pytest.raises(SystemExit) as left:
+        main(["pil", "zittau_axial", "--scenario", str(path), "--json", "--out", str(out)])
+    assert not left.value.code
+    told = json.loads(capsys.readouterr().out)
+    assert told["passed"] is True
+    assert told["samples"] == 2001
+    assert ambkit.Record.load(out).t.size == 2001
+
+
+@pytest.mark.long
+@needs_tools
+def test_other_bits_would_be_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The check must be able to fail: the firmware is told to contract."""
+    monkeypatch.setattr(
+        build, "FLAGS", tuple(f.replace("contract=off", "contract=fast") for f in build.FLAGS)
+    )
+    found = pil(BEARING, scenario=SCENARIO)
+    assert not found.passed
+    assert found.unequal > 100
+
+
+@pytest.mark.long
+@needs_tools
+def test_a_firmware_that_does_not_answer_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(build, "HERE", build.HERE)
+    original = build.firmware
+
+    def broken(*given: object) -> Path:
+        image = original(*given)  # type: ignore[arg-type]
+        image.write_bytes(b"nothing that runs")
+        return image
+
+    monkeypatch.setattr("ambkit.export.pil.loop.build.firmware", broken)
+    with pytest.raises(AmbkitError, match="does not answer"):
+        pil(BEARING, scenario=SCENARIO)
