@@ -111,7 +111,7 @@ def context(
         "two_sided": [two for _, two in coils],
         "speed": data.number(machine.speed, precision),
         "control_crc": constants.crc(),
-        "flown": {
+        "in_flight": {
             "steps": len(tested.y),
             "saturated": tested.saturated,
             "y": data.array(np.nan_to_num(tested.y, nan=most).ravel(), precision),
