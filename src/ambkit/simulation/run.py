@@ -413,7 +413,7 @@ class Loop:
         down = {} if self._place is not None else {"x_start": controller.down}
         if self._elsewhere is not None:
             away = {"elsewhere": self._elsewhere, "estimator": None, "feedback_estimate": False}
-            return away | down
+            return away | down | {"fly": None if self._fly is None else given(self._fly)}
         told = {
             "control": controller.in_core(),
             "integral": controller.integral(self._held, self._start),

@@ -89,6 +89,8 @@ class Processor:
             except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.wait()
+        if self._process.stdout is not None:
+            self._process.stdout.close()
         for pipe in self._pipes:
             os.close(pipe)
         self._pipes = []
