@@ -263,7 +263,7 @@ void amb_machine_run(const amb_machine_loop *loop, const amb_machine_input *in,
       out->X[k * n + i] = state->X[i];
     for (size_t r = 0; r < m; r++)
       y[r] = amb_parts_reading(&machine->sensor[r], state->X[machine->shows[r]],
-                             in->noise_y[k * m + r]);
+                               in->noise_y[k * m + r]);
     if (loop->estimator != NULL) {
       if (k == 0) {
         (void)amb_estimator_start(loop->estimator, estimator, y, &result);

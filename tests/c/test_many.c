@@ -78,7 +78,10 @@ static amb_loop_output output(void)
       {NULL, NULL},
       NULL};
 =======
-      0, {NULL, NULL}, NULL, NULL};
+      0,
+      {NULL, NULL},
+      NULL,
+      NULL};
 >>>>>>> main
   return out;
 }

@@ -38,7 +38,8 @@ static amb_loop_output output(void)
       x_m,   iu,
       force, y,
       u,     {mean, cov, innovation, variance, k_i, k_s, NULL, NULL, status, status},
-      0,     {NULL, NULL}, NULL, NULL};
+      0,     {NULL, NULL},
+      NULL,  NULL};
   return out;
 }
 

@@ -30,10 +30,10 @@ typedef struct amb_controllers {
   const amb_real *iu_min, *iu_max; /* [p]: limits of the currents [A] */
 } amb_controllers;
 
-/* One sample: references r of the axes (p) [m], or of the PIDs (q), states or readings x (n), speed [rad/s]. Gives the
- * currents demanded, iu (p) [A], held to their limits. Returns the flags of all PIDs, and
- * AMB_SATURATED where a current is at its limit; a gain that sees a state that is no number gives
- * nothing. */
+/* One sample: references r of the axes (p) [m], or of the PIDs (q), states or readings x (n), speed
+ * [rad/s]. Gives the currents demanded, iu (p) [A], held to their limits. Returns the flags of all
+ * PIDs, and AMB_SATURATED where a current is at its limit; a gain that sees a state that is no
+ * number gives nothing. */
 amb_status amb_controllers_step(const amb_controllers *controllers, amb_pid_state pid[],
                                 const amb_real r[], const amb_real x[], amb_real speed,
                                 amb_real iu[]);

@@ -1,5 +1,5 @@
-/* An exported controller on a Cortex-M4F in a loop with a plant elsewhere: sample by sample it takes
- * from one pipe what the sensor shows, and gives into another one what it demands.
+/* An exported controller on a Cortex-M4F in a loop with a plant elsewhere: sample by sample it
+ * takes from one pipe what the sensor shows, and gives into another one what it demands.
  *
  * The build says which export, with -DHEADER="\"NAME_selftest.h\"" and -Drig_step=NAME_step and so
  * on (build.py). */
