@@ -171,7 +171,7 @@ def test_three_logs_on_the_command_line_are_a_corpus(
     found = Bearing.load("found.toml")
     assert found.sensor.noise_rise == pytest.approx(-90, abs=25)
     assert "Each log by the others" in Path("all.html").read_text()
-    assert ambkit.Filter.load("kf.toml").run(flown(7)).nis[300:].mean() < 1.3
+    assert ambkit.Estimator.load("kf.toml").run(flown(7)).nis[300:].mean() < 1.3
 
 
 @pytest.mark.skipif(not RIG.is_dir(), reason="the rig's logs are not here (../shared/data/inteco)")

@@ -11,7 +11,8 @@ from ambkit.base.errors import RecordError
 from ambkit.data.channelmap import ChannelMap
 from ambkit.data.reading.guess import guess
 from ambkit.data.reading.reader import read
-from ambkit.data.reading.rotor import rotor, same_numbers
+from ambkit.data.reading.levitation import bands
+from ambkit.data.reading.rotor import estimates, gains, rotor, same_numbers, standardised
 from tests import disguises
 
 RIG = Path(__file__).parents[2] / "shared" / "data" / "inteco" / "closed_loop"
@@ -141,3 +142,14 @@ def test_a_header_of_comments_is_read_over(tmp_path):
              *(f"{t!r},{u!r},{y!r}" for t, u, y in rows)]  # fmt: skip
     (tmp_path / "log.csv").write_text("\n".join(lines) + "\n")
     assert names_of(guess(tmp_path / "log.csv")) == {"t": "time", "y": "gap", "u": "coil"}
+
+
+def test_a_band_that_instruments_alone_reach_is_held_against_the_nearest():
+    """In a short record the slow bands have too few blocks to be listed."""
+    log = disguises.simulated("one magnet")
+    unit = standardised(np.array([log["y"], log["u"]])[:, :1000])
+    listed = list(bands(unit))
+    slowest = listed[-1].box
+    near, beyond = (gains(listed, 0, box) for box in (slowest, 10 * slowest))
+    np.testing.assert_array_equal(beyond, near)
+    assert estimates(listed, 0, 10 * slowest) == []

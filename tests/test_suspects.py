@@ -92,3 +92,15 @@ def test_the_longest_run() -> None:
     assert longest_run(np.array([False, True, True, False, True, True, True])) == (4, 3)
     assert longest_run(np.zeros(3, bool)) == (0, 0)
     assert longest_run(np.zeros(0, bool)) == (0, 0)
+
+
+def test_a_rotor_that_a_load_pushed_away_and_that_came_back_does_not_lie() -> None:
+    """It floats at its least place, before the load and after it: with two currents, but not on a
+    stop, where the current would change in one visit.
+    """
+    for seed in range(6):
+        record = ambkit.simulate(BEARING, ambkit.Scenario(
+            seed=seed, controller=ambkit.PID.textbook(BEARING),
+            disturbance=ambkit.Step(amplitude=3.0, time=0.25),
+        ))  # fmt: skip
+        assert of_suspects(record) == []

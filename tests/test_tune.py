@@ -30,7 +30,9 @@ def test_likelihood_finds_the_noise_that_there_was(walks: list[Record]) -> None:
     assert found.trace[0].values["noise.measurement"] == pytest.approx(usual.measurement)
 
 
-def test_what_is_wrong_is_mended_on_records_that_it_did_not_see(walks: list[Record]) -> None:
+def test_what_is_wrong_is_mended_on_records_that_it_did_not_see() -> None:
+    """In the mean over eight records: on a single one the error of x may be luck."""
+    walks = [each.record for each in trials(CASES["model"], BEARING, 10, 5)]
     wrong = BEARING.replace(sensor__noise_variance=9 * BEARING.sensor.noise_variance)
     found = ambkit.tune(wrong, walks[:2], "linear", validate=walks[2:], budget=40)
     assert found.kept

@@ -235,9 +235,15 @@ def _clipped(values: Array) -> Array:
 
 
 def gains(listed: Sequence[Band], of: int, box: int) -> Array:
-    """Return how much each channel moves where one of them does, in the band of `box` (m,)."""
-    (band,) = (each for each in listed if each.box == box)
-    return _ratios(band, of)
+    """Return how much each channel moves where one of them does, in the band nearest to `box` (m,).
+
+    Instruments tell a pair in a short record's slow bands too, which are not all among the listed.
+    """
+    return _ratios(_nearest(listed, box), of)
+
+
+def _nearest(listed: Sequence[Band], box: int) -> Band:
+    return min(listed, key=lambda band: abs(np.log(band.box / box)))
 
 
 def _ratios(band: Band, of: int) -> Array:
@@ -252,6 +258,7 @@ def estimates(listed: Sequence[Band], of: int, box: int) -> list[int]:
     A current goes with its position too; but the faster, the more of it.
     """
     near = [band for band in listed if box / 2 <= band.box <= 4 * box]
+    near = near or [_nearest(listed, box)]
     ratio = np.array([_ratios(band, of) for band in near])
     steady = abs(ratio).max(0) < SAME_GAIN * abs(ratio).min(0)
     steady &= abs(np.sign(ratio).sum(0)) == len(near)

@@ -104,15 +104,18 @@ def _unmoved(y: Array, u: Array, unit: str) -> Iterator[str]:
     there = np.isfinite(y) & np.isfinite(u)
     if np.count_nonzero(there) < LIES or (rests := resting(y[there])) is None:
         return
-    near = abs(y[there] - rests.end) < max(NEAR * float(np.ptp(y[there])), 4 * noise(y))
-    if np.count_nonzero(near) < LIES:
-        return
+    y_, u_ = slow(y[there]), slow(u[there])  # without their noise
+    near = abs(y_ - rests.end) < max(NEAR * float(np.ptp(y[there])), 4 * noise(y))
     low, high = np.quantile(u[there], [0.01, 0.99])
-    while_resting = np.quantile(slow(u[there][near]), [0.05, 0.95])  # without its noise
-    if np.ptp(while_resting) > MOVED * (high - low) > 0:
+    # In one visit: a rotor that floats there takes another current too, once a load has pushed it
+    # away and its controller has brought it back.
+    visits = np.split(u_, np.flatnonzero(np.diff(near)) + 1)[0 if near[0] else 1 :: 2]
+    least = LIES * y_.size / y[there].size
+    went = max((np.ptp(np.quantile(v, [0.05, 0.95])) for v in visits if v.size >= least), default=0)
+    if went > MOVED * (high - low) > 0:
         yield (
             f"y is {rests.in_words(unit)}, while u goes through "
-            f"{100 * np.ptp(while_resting) / (high - low):.0f} % of its range: does the rotor lie "
+            f"{100 * went / (high - low):.0f} % of its range: does the rotor lie "
             "on a stop there? Such a part tells nothing of the bearing: cut it out"
         )
 
