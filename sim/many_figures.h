@@ -2,8 +2,8 @@
 #ifndef AMBKIT_SIM_MANY_FIGURES_H
 #define AMBKIT_SIM_MANY_FIGURES_H
 
+#include "doubles.h"
 #include "many.h"
-#include <math.h>
 
 typedef double amb_judged;
 typedef bool amb_judged_mask;
@@ -61,14 +61,14 @@ static inline void amb_flags_count(amb_many_run *run, unsigned int status)
 /* After which time it stays inside [s], the last sample outside being `last`. */
 static inline double amb_stays(double from, double to, double last, double T)
 {
-  return (last >= to - 1.0) ? (double)INFINITY : (last - from + 1.0) * T;
+  return (last >= to - 1.0) ? amb_double_infinity() : (last - from + 1.0) * T;
 }
 
 static inline void amb_figures_of(amb_many_run *run, size_t n, const amb_tally *t)
 {
   const amb_spans *s = &run->spans;
   const amb_windows at = amb_windows_of(run);
-  const double unknown = (double)NAN, T = (double)run->loop->T, counted = (double)(n - s->first);
+  const double unknown = amb_double_nan(), T = (double)run->loop->T, counted = (double)(n - s->first);
   double *to = run->figures;
   for (int i = 0; i < 3; i++) {
     const bool known = run->loop->estimator != NULL;

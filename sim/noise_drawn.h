@@ -5,8 +5,8 @@
 #define AMBKIT_SIM_NOISE_DRAWN_H
 
 #include "ambkit/real.h"
+#include "doubles.h"
 #include "noise.h"
-#include <math.h>
 
 #define AMB_PHILOX_ROUNDS 10
 #define AMB_PHILOX_M0 UINT32_C(0xD2511F53)
@@ -17,17 +17,11 @@
 #define AMB_NORMAL_CENTRAL 0.425              /* of q = p - 1/2, either way */
 #define AMB_NORMAL_FAR 1.3887943864964021e-11 /* exp(-25) */
 
-/* A number and its bits; always in double, whatever the core computes in. */
-typedef union amb_noise_bits {
-  double number;
-  uint64_t bits;
-} amb_noise_bits;
-
 /* Natural logarithm of a normal number a > 0, to about one machine epsilon: a = 2^e m with m
  * between the roots of 1/2 and 2, and log m = 2 artanh(s), s = (m - 1)/(m + 1), by its series. */
 AMB_INLINE double amb_noise_log(double a)
 {
-  amb_noise_bits of;
+  amb_double_bits of;
   of.number = a;
   const uint64_t root_half = UINT64_C(0x3FE6A09E667F3BCD);
   const uint64_t moved = of.bits + (UINT64_C(0x3FF0000000000000) - root_half);
@@ -160,7 +154,7 @@ AMB_INLINE void amb_noise_drawn(amb_noise_key key, uint32_t stream, size_t first
   }
   double q[AMB_NOISE_DRAWN];
   for (size_t i = 0; i < PAIRS; i++) {
-    amb_noise_bits first_word, second_word; /* 52 bits of the four words, as 1 to 2 */
+    amb_double_bits first_word, second_word; /* 52 bits of the four words, as 1 to 2 */
     first_word.bits = (((uint64_t)b[i] << 20) ^ (a[i] >> 12)) | UINT64_C(0x3FF0000000000000);
     second_word.bits = (((uint64_t)d[i] << 20) ^ (c[i] >> 12)) | UINT64_C(0x3FF0000000000000);
     q[2 * i] = (first_word.number - 1.5) + 1.1102230246251565e-16; /* never 1/2, never 0 */

@@ -22,7 +22,7 @@ def bearing():
 
 @pytest.fixture(scope="module")
 def stiffness(bearing):
-    return [float(k) for k in magnet_of(bearing).tangent(*WorkPoint.hovering(bearing))]
+    return [float(k) for k in magnet_of(bearing).tangent(*WorkPoint.hovering(bearing)[:2])]
 
 
 def test_poles_of_the_plant_are_those_of_the_unstable_rotor_and_the_sensor(bearing, stiffness):

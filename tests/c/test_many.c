@@ -73,16 +73,10 @@ static amb_loop_output output(void)
       signals[5],
       signals[6],
       {mean, NULL, numbers[0], numbers[1], numbers[2], numbers[3], NULL, NULL, status, status},
-<<<<<<< HEAD
-      0,
-      {NULL, NULL},
-      NULL};
-=======
       0,
       {NULL, NULL},
       NULL,
       NULL};
->>>>>>> main
   return out;
 }
 

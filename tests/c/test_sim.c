@@ -92,7 +92,7 @@ static amb_status loop_run(size_t n, const amb_kalman *kf, bool fed_by_estimate,
 {
   const amb_estimator estimator = {&amb_kalman_methods, kf, &closed, NULL};
   const amb_loop loop = loop_of(kf != NULL ? &estimator : NULL, fed_by_estimate);
-  const amb_loop_input in = {n, r, f_d, noise_u, noise_y, NULL, 0, NULL};
+  const amb_loop_input in = {n, r, f_d, noise_u, noise_y, NULL, 0, NULL, NULL};
   amb_loop_state state = {0};
   amb_pid_reset(&state.pid, 0);
   return amb_loop_run(&loop, &in, &state, kalman, out);
@@ -151,7 +151,7 @@ static void test_steps(bool fed_by_estimate)
   const amb_loop loop = loop_of(&estimator, fed_by_estimate);
   int different = 0;
   for (int k = 0; k < N; k++) {
-    const amb_loop_sample sample = {r[k], f_d[k], noise_u[k], noise_y[k]};
+    const amb_loop_sample sample = {r[k], f_d[k], noise_u[k], noise_y[k], true};
     different += !same(step.plant.x, x[k]);
     CHECK(!amb_loop_step(&loop, &step, &own, &sample));
     different += !same(step.u, u[k]) + !same(own.mean[2], mean[4 * k + 2]);

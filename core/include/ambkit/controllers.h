@@ -27,7 +27,8 @@ typedef struct amb_controllers {
   const amb_real *turning;   /* q x n, or NULL: for each rad/s what the velocity has in addition */
   const amb_real *spread;    /* p x q */
   const amb_real *gain[3];   /* p x n each, or NULL: [A], [A s], [A s^2] for each unit of a state */
-  const amb_real *iu_min, *iu_max; /* [p]: limits of the currents [A] */
+  const amb_real *iu_min; /* [p]: limits of the currents [A] */
+  const amb_real *iu_max;
 } amb_controllers;
 
 /* One sample: references r of the axes (p) [m], or of the PIDs (q), states or readings x (n), speed
