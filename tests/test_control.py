@@ -344,7 +344,8 @@ def test_the_command_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["tum_mlps"], "the whole controller is exported of one axis"),
+        (["tum_mlps", "--calibration"], "calibration is for a whole controller"),
+        (["zittau_axial", "--synchronous", "unbalance"], "--synchronous is of a whole machine"),
         (["zittau_axial", "--editable"], "editable is for a filter alone"),
         (["zittau_axial", "--cost"], "ambkit pil"),
     ],

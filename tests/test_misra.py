@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from export_cases import CASES
+from export_cases import BEARING, CASES
 
-from ambkit.export.c import CExport
+from ambkit import PID, Scenario
+from ambkit.export.c import CExport, export_c
 
 BIN = Path(sys.executable).parent
 MUST_FAIL = Path(__file__).parent / "export" / "must_fail_misra.c"
@@ -122,6 +123,18 @@ def test_each_deviation_occurs_and_has_its_reason(case: tuple[CExport, set[Findi
         assert deviation in occurring, f"{deviation} is nowhere"
         assert deviation[0].removeprefix("misra-c2012-") in (*ADVISORY.split(), *FEARED)
         assert len(reason) > 40, f"{deviation} has no reason"
+
+
+@pytest.mark.parametrize("calibrated", [False, True])
+def test_a_whole_controller_keeps_the_rules_too(calibrated: bool, tmp_path: Path) -> None:
+    scenario = Scenario(duration=0.1, controller=PID.for_bearing(BEARING))
+    made = export_c(
+        BEARING, None, tmp_path / "out", prefix="rig", scenario=scenario, calibrated=calibrated
+    )
+    define, includes, files = command_of(made)
+    expanded = sorted(str(p.relative_to(made.folder)) for f in files for p in made.folder.glob(f))
+    found = findings(made.folder, define, *includes, *expanded)
+    assert [f for f in found if not explained(f, made.folder / "misra.txt")] == []
 
 
 def test_the_command_in_misra_txt_finds_nothing(exported: Callable[..., CExport]) -> None:

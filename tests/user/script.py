@@ -170,6 +170,8 @@ def whole_machine() -> None:
     assert_type(ambkit.campbell(machine, count=3).critical, list[float])
     over = ambkit.assess_over_speed(machine, fastest="3000 rpm", count=2)
     assert_type(over.farthest, tuple[float, float])
+    assert_type(ambkit.waterfall(run.record, "s_A1", window=0.01).amplitude, Array)
+    assert_type(ambkit.unbalance_response(machine, 500.0, count=3).amplitude, Array)
     bending = ambkit.mode_shapes(ambkit.Machine.preset("ufu_flexible"))
     assert_type(bending.to_dict(), dict[str, object])
 

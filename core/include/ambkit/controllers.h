@@ -19,7 +19,9 @@ extern "C" {
 #endif
 
 typedef struct amb_controllers {
-  int axes, states, pids;    /* p, n of x, q */
+  int axes;                  /* p */
+  int states;                /* n of x */
+  int pids;                  /* q */
   const amb_pid *pid;        /* [q] */
   const amb_real *reference; /* q x p, of the axes' references; NULL: one for each PID */
   const amb_real *position;  /* q x n [m] or [rad] */
@@ -27,7 +29,7 @@ typedef struct amb_controllers {
   const amb_real *turning;   /* q x n, or NULL: for each rad/s what the velocity has in addition */
   const amb_real *spread;    /* p x q */
   const amb_real *gain[3];   /* p x n each, or NULL: [A], [A s], [A s^2] for each unit of a state */
-  const amb_real *iu_min; /* [p]: limits of the currents [A] */
+  const amb_real *iu_min;    /* [p]: limits of the currents [A] */
   const amb_real *iu_max;
 } amb_controllers;
 
