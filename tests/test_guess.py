@@ -10,8 +10,8 @@ from scipy.signal import lfilter
 from ambkit.base.errors import RecordError
 from ambkit.data.channelmap import ChannelMap
 from ambkit.data.reading.guess import guess
-from ambkit.data.reading.reader import read
 from ambkit.data.reading.levitation import bands
+from ambkit.data.reading.reader import read
 from ambkit.data.reading.rotor import estimates, gains, rotor, same_numbers, standardised
 from tests import disguises
 

@@ -46,7 +46,7 @@ def pil(
 
     For example:
       ambkit pil zittau_axial
-      ambkit pil filter.toml --scenario lift_off.toml --board stm32f4
+      ambkit pil filter.toml --scenario scenario.toml --board stm32f4
     """
     from ambkit.cli import output
     from ambkit.export import pil as loop
