@@ -98,7 +98,8 @@ def test_lanes_without_vectors_have_the_same_bits(
     said = {}
     for name, way in (("vectors", []), ("alone", ["-DAMB_NO_VECTORS"])):
         program = tmp_path / name
-        done = run(compiler, *flags, *way, *both, tests / "test_batch.c", *objects, "-lm", "-o", program)
+        sources = [*both, tests / "test_batch.c", *objects]
+        done = run(compiler, *flags, *way, *sources, "-lm", "-o", program)
         assert done.returncode == 0, done.stderr
         done = run(program)
         assert done.returncode == 0, done.stderr
