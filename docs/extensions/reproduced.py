@@ -7,6 +7,7 @@ shows figure ``fig15`` of the chapter ``adaptive``; so do the ids of its tables,
 shows its lines of ``summary.json``.
 """
 
+import re
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -23,6 +24,7 @@ from ambkit.show.report.summary import SummaryRow, number, ours, runs, verdict_o
 from ambkit.workflow.reproduction.study import Part, Study
 
 FOLDER = "_build/figures"
+PAPER = Path(__file__).parent.parent / "paper"
 
 
 @cache
@@ -59,9 +61,16 @@ class Reproduced(SphinxDirective):
                 lines += _figure(blocks[name], Path(self.env.srcdir))
             else:
                 lines += _table(blocks[name])
+        lines = [re.sub(r"\]\(#(\w+)\)", _link, line) for line in lines]
         holder = nodes.container()
         self.state.nested_parse(StringList(lines, source="reproduced"), self.content_offset, holder)
         return holder.children
+
+
+def _link(to: re.Match[str]) -> str:
+    """Return the link to a chapter, which has a page of its own here, as one to that page."""
+    name = to[1]
+    return f"](/paper/{name}.md)" if (PAPER / f"{name}.md").exists() else to[0]
 
 
 def _figure(figure: Figure, source: Path) -> list[str]:

@@ -205,7 +205,7 @@ def simulate_many(
     threads : int, optional
         Default: as many as the process may use.
     instructions : str, optional
-        One of :func:`ambkit.estimate.batch.instruction_sets`; default: the fastest.
+        One of `ambkit.estimate.batch.instruction_sets`; default: the fastest.
     done : callable, optional
         Called now and then with the number of runs that were finished since the last call.
 

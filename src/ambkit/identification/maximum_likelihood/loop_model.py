@@ -114,11 +114,9 @@ class LoopModel:
     def kalman(self) -> Estimator:
         """Return the filter whose innovations judge this model, in the C core, with its steps."""
         b = _late(self.with_mean_force, 0.0, 0.0)
-        finer = b.replace(
-            sampling_time=b.sampling_time / self.substeps,
-            # Drawn anew in each step, and as much in the sum.
-            amplifier__noise_variance=self.substeps * b.amplifier.noise_variance,
-        )
+        # Drawn anew in each step, and as much in the sum.
+        noise = {"noise_variance": self.substeps * b.amplifier.noise_variance}
+        finer = _changed(b, amplifier=noise, sampling_time=b.sampling_time / self.substeps)
         return ExtendedKalmanFilter(
             finer,
             self.magnet or magnet_of(b),
@@ -139,9 +137,8 @@ class LoopModel:
         if self.magnet is not None or b.magnet.force_map is not None or not i0 > 0:
             return b
         raised = math.hypot(i0, b.amplifier.gain * math.sqrt(b.amplifier.noise_variance))
-        return b.replace(
-            magnet__bias_current=raised, amplifier__gain=b.amplifier.gain * i0 / raised
-        )
+        gain = b.amplifier.gain * i0 / raised
+        return _changed(b, magnet={"bias_current": raised}, amplifier={"gain": gain})
 
     def corrected(self, record: Record) -> Record:
         """Return the record as it would be without offsets, delay and current lag.
@@ -320,10 +317,21 @@ def _late(bearing: Bearing, delay: float, current_lag: float) -> Bearing:
             bandwidth = amplifier.bandwidth  # to the last bit, as it was given
     if (delay or None, bandwidth) == (bearing.delay, amplifier.bandwidth):
         return bearing
-    changes: dict[str, float | None] = {"delay": delay or None, "amplifier__bandwidth": bandwidth}
+    changes: dict[str, float | None] = {"bandwidth": bandwidth}
     if bandwidth is None:  # a limit of the voltage limits what the current follows with
-        changes |= {"amplifier__voltage_limit": None, "amplifier__resistance": None}
-    return bearing.replace(**changes)
+        changes |= {"voltage_limit": None, "resistance": None}
+    return _changed(bearing, amplifier=changes, delay=delay or None)
+
+
+def _changed(bearing: Bearing, **changes: Any) -> Bearing:
+    """Return a copy with some values changed, in its tables too, and not checked.
+
+    Each evaluation of the likelihood needs some; to check them took most of its time.
+    """
+    for name, values in changes.items():
+        if isinstance(values, dict):
+            changes[name] = getattr(bearing, name).model_copy(update=values)
+    return bearing.model_copy(update=changes)
 
 
 NOT_USED = int(Status.MISSING | Status.FROZEN | Status.BAD_VARIANCE | Status.OUTLIER)
