@@ -271,8 +271,8 @@ def _cost_facts(spent: Cost | None) -> dict[str, str]:
     if spent.selftest is not None:
         time = 1e3 * spent.selftest * CYCLES_PER_INSTRUCTION / 168e6
         facts["self-test (Cortex-M4F, in qemu)"] = (
-            f"{spent.selftest / 1e6:.1f} million instructions: at 168 MHz, without wait states, "
-            f"{time:.0f} ms"
+            f"about {spent.selftest / 1e6:.1f} million instructions: at 168 MHz, without wait "
+            f"states, {time:.0f} ms"
         )
     return facts | {
         "flash": (
