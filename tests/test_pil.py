@@ -97,7 +97,7 @@ def test_a_record_has_the_same_bits_at_every_stage(tmp_path: Path) -> None:
     Record(record.t, {"y": record["y"], "u": record["u"]}, {"y": "m", "u": "V"}).save(
         tmp_path / "log.csv"
     )
-    read = ambkit.read(tmp_path / "log.csv")
+    read = ambkit.read(tmp_path / "log.csv").record
     np.testing.assert_array_equal(read["y"], record["y"])
     means = found.answers["mean"]
     filtered = KalmanFilter(BEARING, precision="float32").run(read)
