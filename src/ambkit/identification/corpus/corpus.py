@@ -22,7 +22,7 @@ from ambkit.identification.corpus.pooling import Pooled, pool
 from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
 from ambkit.identification.maximum_likelihood.likelihood import settling_time
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel, goes_on_a_line
-from ambkit.identification.maximum_likelihood.parameters import beforehand, usual
+from ambkit.identification.maximum_likelihood.parameters import NOISES, beforehand, usual
 from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 from ambkit.identification.maximum_likelihood.validation import (
     AS_GOOD,
@@ -312,7 +312,8 @@ def _each(
     first = searched(names[0], start, free, improve=True)
     begin, told = start, list(free)
     if isinstance(first, MaximumLikelihood):
-        told = [name for name in free if name not in first.held]  # as of a lag: not of any log
+        # What one log does not tell none does, as of a lag; but noises are each log's own.
+        told = [name for name in free if name not in first.held or name in NOISES]
         begin = first.model.replace(
             known=start.known, current_offset=start.current_offset,
             position_offset=start.position_offset, sensor__hum=start.bearing.sensor.hum,
