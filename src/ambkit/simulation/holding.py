@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, Literal
@@ -106,6 +107,23 @@ def holding(
         the axes is taken for right: in a linear loop it moves no pole but its own.
     """
     return _held(machine, feedback)
+
+
+def overshoot_of(
+    machine: Machine,
+    pids: Sequence[PID],
+    feedback: Literal["measurement", "estimate"] = "measurement",
+) -> float:
+    """Return how far an axis goes beyond a step of its reference, of all axes the most [1].
+
+    Parameters
+    ----------
+    machine, feedback
+        See `holding`.
+    pids : sequence of PID (p,)
+        Of the axes.
+    """
+    return _Loop(machine, feedback).overshoot(tuple(pids))
 
 
 @lru_cache(maxsize=64)
