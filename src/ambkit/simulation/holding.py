@@ -39,7 +39,7 @@ BOUNDS = np.log([(0.3, 0.2, 0.5), (1.25, 1.5, 32.0)])
 """Logarithms of the least and the greatest of these shares."""
 ENOUGH = 2.0
 """Peak of abs(S) from which on others are looked for."""
-STRIDE, TRIES, UNHELD = 0.2, 300, 1e3
+STRIDE, TRIES, UNHELD = 0.2, 250, 1e3
 """Of the search for the lowest peak: its first steps, its evaluations, the cost of what falls."""
 OVERSHOOT, WEIGHTS = 0.13, (0.85, 0.7, 0.55, 0.4, 0.25, 0.0)
 """Of a step of a reference, at most; and shares of the set-point weight that are tried for it."""
@@ -207,11 +207,16 @@ class _Search:
                 told = zip(self.usual, alone_of(self.machine), every, strict=True)
                 return tuple(_changed(pid, alone, *map(float, each)) for pid, alone, each in told)
 
-            def cost(at: Array, made: Any = made) -> float:
+            lowest = [math.inf]
+
+            def cost(at: Array, made: Any = made, lowest: list[float] = lowest) -> float:
                 pids = made(at)
-                if not self.loop.with_(pids).held:
-                    return UNHELD
-                return max(PEAK, float(margins.peaks(pids).max()))
+                peak = max(PEAK, float(margins.peaks(pids).max()))
+                if peak < lowest[0]:  # poles take longer, and are asked of the best alone
+                    if not self.loop.with_(pids).held:
+                        return UNHELD
+                    lowest[0] = peak
+                return peak
 
             simplex = np.vstack([start, start + STRIDE * np.eye(len(start))])
             options = {"maxfev": TRIES * bearings, "xatol": 1e-2, "fatol": 1e-3}
