@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import pickle
 import threading
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -80,11 +80,10 @@ class PlannedMachine:
 
 
 def simulate_machines(
-    runs: Sequence[PlannedMachine],
+    runs: Iterable[PlannedMachine],
     *,
     settling: float = 0.0,
     band: float = 0.05,
-    traces: Collection[int] = (),
     threads: int | None = None,
     done: Callable[[int], None] | None = None,
 ) -> Many:
@@ -94,14 +93,12 @@ def simulate_machines(
 
     Parameters
     ----------
-    runs : sequence of PlannedMachine
+    runs : iterable of PlannedMachine
         Any mixture.
     settling : float
         Time at the start of each run that errors leave out [s]; the first sample always is.
     band : float
         Control error that a rotor has recovered within, as a share of its travel limit.
-    traces : collection of int
-        Places of runs whose samples are kept.
     threads : int, optional
         Default: as many as the process may use.
     done : callable, optional
@@ -118,8 +115,7 @@ def simulate_machines(
     """
     own = threading.local()  # an estimator has a state: each thread has its own
 
-    def fly(place: int) -> tuple[list[float], list[int], MachineRun | None]:
-        planned = runs[place]
+    def fly(planned: PlannedMachine) -> tuple[list[float], list[int]]:
         if not hasattr(own, "estimators"):
             own.estimators = {}
         estimator = planned.estimator
@@ -130,24 +126,21 @@ def simulate_machines(
             planned.machine, planned.flight, estimator=estimator, controllers=planned.controllers
         )
         found = figures_of(run, planned.estimator, settling, band)
-        return (
-            [found[name] for name in FIGURES], _flags(run), run if place in traces else None
-        )  # fmt: skip
+        return [found[name] for name in FIGURES], _flags(run)
 
-    figures = np.empty((len(runs), len(FIGURES)))
-    flags = np.empty((len(runs), len(FLAGS)), np.int64)
-    kept: dict[int, MachineRun] = {}
+    rows, flags = [], []
     with ThreadPoolExecutor(threads or processors()) as pool:
-        for place, (row, said, run) in enumerate(pool.map(fly, range(len(runs)))):
-            figures[place], flags[place] = row, said
-            if run is not None:
-                kept[place] = run
+        for row, said in pool.map(fly, runs):
+            rows.append(row)
+            flags.append(said)
             if done is not None:
                 done(1)
+    figures = np.array(rows).reshape(-1, len(FIGURES))
+    counts = np.array(flags, np.int64).reshape(-1, len(FLAGS))
     return Many(
         {name: figures[:, k] for k, name in enumerate(FIGURES)},
-        {name: flags[:, k] for k, name in enumerate(FLAGS)}, kept,
-    )  # fmt: skip
+        {name: counts[:, k] for k, name in enumerate(FLAGS)},
+    )
 
 
 def _copied(estimator: Estimator) -> Estimator:

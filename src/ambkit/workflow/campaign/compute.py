@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -139,28 +139,36 @@ def fly(
     threads, done
         See `compute`.
     """
-    drawn = list(plan.machines(points, noise, first))
-    can = [at for at, each in enumerate(drawn) if not each.wrong]
-    record, keep = plan.study.record, {run - first for run in traced}
-    planned = [drawn[at].planned for at in can]
+    drawn: list[Drawn] = []
+    record = plan.study.record
+
+    def possible() -> Iterator[Any]:
+        for each in plan.machines(points, noise, first):
+            drawn.append(each)
+            if not each.wrong:
+                yield each.planned
+
     simulated: Any = simulate_many if plan.study.machine is None else simulate_machines
     many = simulated(
-        planned, settling=record.settling, band=record.band, threads=threads, done=done,
-        traces=[place for place, at in enumerate(can) if at in keep],
-    )  # fmt: skip
+        possible(), settling=record.settling, band=record.band, threads=threads, done=done
+    )
+    can = [at for at, each in enumerate(drawn) if not each.wrong]
     columns = _spread(many, can, len(drawn))
     if record.margins:
         peaks = np.full(len(drawn), np.inf)
         if plan.study.machine is None:
             peaks[can] = Margins().peaks([_loop(drawn[at]) for at in can])
         else:
-            peaks[can] = peaks_of_machines(planned, threads)
+            peaks[can] = peaks_of_machines([drawn[at].planned for at in can], threads)
         columns["peak_S"] = peaks
         columns["zone"] = ["" if np.isnan(each) else zone_of(float(each)) for each in peaks]
     fails = _fails(plan, columns, drawn)
     columns["passed"] = np.array([not each for each in fails])
     columns["fails"] = fails
-    traces = {first + can[place]: run for place, run in many.traces.items()}
+    traces = {
+        run: drawn[run - first].planned.simulated()
+        for run in traced if not drawn[run - first].wrong
+    }  # fmt: skip
     return Flown(columns, traces, [each.wrong for each in drawn])
 
 
