@@ -53,7 +53,8 @@ class MachineJudgement:
         Of each filter, error squared over what it believes, of s, v and f_d together, over the
         number of these: 1 where it is honest (seeds,).
     finer : ndarray (seeds, quantities) or None
-        Root mean square errors of a filter with ten steps in a sample, on the same noise.
+        Root mean square errors of a filter with ten steps in a sample, on the same noise, each in
+        its unit [m, m/s, N, A, kg m].
     """
 
     quantities: tuple[str, ...]
