@@ -113,8 +113,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
         each = 1e3 * used / options.runs
         print(f"{options.runs:,} runs of {options.duration:g} ms in {seconds:.0f} s, "
-              f"{options.runs / seconds:,.0f} a second, {each:.3f} ms of a "
-              f"processor each; at most {most / 1e9:.2f} GB; limit {MEMORY / 1e9:g} GB")  # fmt: skip
+              f"{options.runs / seconds:,.0f} a second, {each:.3f} ms of a processor each; "
+              f"at most {most / 1e9:.2f} GB; limit {MEMORY / 1e9:g} GB")  # fmt: skip
         return int(most > MEMORY)
     by_processor, by_wall = dask_share(Plan(made))
     share = median(by_processor)

@@ -10,6 +10,7 @@ import pytest
 
 import ambkit
 from ambkit.base.errors import AmbkitError, ConfigError
+from ambkit.show.plots.campaign import in_words
 from ambkit.simulation.controllers import Control
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.many_machines import FIGURES, figures_of
@@ -203,6 +204,15 @@ def test_parts_of_a_machine_are_named_or_counted() -> None:
         assert wide.bearing[0] == machine.bearing[0]
     with pytest.raises(AmbkitError, match="known there: A, B"):
         key_in(machine, "bearing.C.place")
+
+
+def test_quantities_are_called_by_what_they_are_of() -> None:
+    names = ["rotor.mass", "bearing.A.magnet.air_gap", "bearing.B.magnet.air_gap",
+             "unbalance.0.amount", "flight.disturbance.0.force.amplitude"]  # fmt: skip
+    assert in_words(names) == ["mass", "bearing A air gap", "bearing B air gap",
+                               "unbalance 0 amount", "force"]  # fmt: skip
+    of_a_bearing = ["magnet.air_gap", "sensor.lag", "scenario.disturbance.values.0"]
+    assert in_words(of_a_bearing) == ["air gap", "lag", "disturbance 0"]
 
 
 def test_a_machine_that_cannot_be_is_told() -> None:
