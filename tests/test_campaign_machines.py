@@ -238,6 +238,7 @@ def test_a_machine_that_cannot_be_is_told() -> None:
         ("runs = 6", 'bearing = "zittau_axial"\nruns = 6', "either a bearing or a machine"),
         ("[flight]", '[scenario]\nduration = "1 s"\n[flight]', "to a machine is its flight"),
         ("rotor.mass", "bearing.A.magnet.type", "cannot vary: it"),
+        ("bearing.B.place", "bearing.0.magnet.air_gap", "varies already, in vary.2."),
         ("rotor.mass", "sampling_time", "cannot vary: it is the controller's"),
         ("rotor.mass", "flight.duration", "cannot vary: it is one for all runs"),
         ('"s_A1"', '"s_C1"', "there is no signal s_C1; known: s_A1, s_A2"),
