@@ -3,8 +3,10 @@
 
 #include "magnets.h"
 
+#include <atomic>
 #include <cstddef>
 #include <initializer_list>
+#include <memory>
 
 extern "C" {
 #include "ambkit/estimator_run.h"
@@ -20,8 +22,9 @@ struct Model {
 
   // The same machine at speeds `first`, `first` + `step` and so on [rad/s], four at least; from
   // then on it can turn: its numbers are those of any speed in between, by cubic interpolation.
-  void nodes(amb_real first, amb_real step, const nb::list &arrays_at);
-  void turn(amb_real speed);
+  // `growing`: what the entries of L gain there for each rad/s^2 by which the speed grows.
+  void nodes(amb_real first, amb_real step, const nb::list &arrays_at, const nb::list &growing);
+  void turn(amb_real speed, amb_real growth);
   bool turns() const
   {
     return !at_nodes.empty();
@@ -30,6 +33,7 @@ struct Model {
 private:
   amb_real first_node = 0, node_step = 1;
   std::vector<std::vector<std::vector<amb_real>>> at_nodes;
+  std::vector<std::vector<amb_real>> growing_at;
   std::vector<std::vector<unsigned short>> places;
   std::vector<std::vector<amb_real>> numbers;
   std::vector<unsigned char> roles;
@@ -53,9 +57,40 @@ struct Sizes {
   }
 };
 
-// Where a filter writes its history: arrays for n samples, in one block of memory. One block,
-// because the allocator gives a block that was freed as a whole back at the next run, while many
-// large ones would be fetched from the system page by page, which costs as much as the filter.
+// Memory of a history. It is megabytes, and fetched from the system page by page it would cost a
+// tenth of the filter's time or more: the last that was let go of is taken again where it fits.
+struct Memory {
+  size_t size;
+  std::unique_ptr<amb_real[]> data;
+
+  static Memory *of(size_t size)
+  {
+    if (size >= LEAST) {
+      std::unique_ptr<Memory> last(spare().exchange(nullptr));
+      if (last && last->size >= size && last->size / 2 <= size)
+        return last.release();
+    }
+    return new Memory{size, std::unique_ptr<amb_real[]>(new amb_real[size])};
+  }
+  static void let_go(Memory *memory) noexcept
+  {
+    if (memory->size >= LEAST && memory->size <= MOST)
+      memory = spare().exchange(memory);
+    delete memory;
+  }
+
+private:
+  // From 128 kB, below which the allocator keeps it anyway, to 32 MB.
+  static constexpr size_t LEAST = (size_t{128} << 10) / sizeof(amb_real);
+  static constexpr size_t MOST = (size_t{32} << 20) / sizeof(amb_real);
+  static std::atomic<Memory *> &spare()
+  {
+    static std::atomic<Memory *> kept{nullptr};
+    return kept;
+  }
+};
+
+// Where a filter writes its history: arrays for n samples, in one block of memory.
 class History
 {
 public:
@@ -64,8 +99,9 @@ public:
     const size_t columns = of.states + 2 * of.sensors + 2 * of.forces +
                            (with_covariance ? of.entries : 0) + (with_scale ? 2 : 0);
     const size_t flags = n * (1 + of.sensors); // a status is at most half a real
-    amb_real *next = new amb_real[n * columns + flags / 2 + 1];
-    owner = nb::capsule(next, [](void *p) noexcept { delete[] static_cast<amb_real *>(p); });
+    Memory *memory = Memory::of(n * columns + flags / 2 + 1);
+    owner = nb::capsule(memory, [](void *p) noexcept { Memory::let_go(static_cast<Memory *>(p)); });
+    amb_real *next = memory->data.get();
     to.mean = place("mean", next, n, of.states, true);
     to.cov = with_covariance ? place("covariance", next, n, of.entries, true) : nullptr;
     to.innovation = place("innovation", next, n, of.sensors, false);
@@ -145,10 +181,10 @@ struct Estimator {
     return estimator.methods->scale != nullptr;
   }
 #if defined(AMB_MODEL_LOOPS)
-  // The model that it was made of at another speed of rotation [rad/s].
-  void turn(Model &model, amb_real speed)
+  // The model that it was made of while the rotor gets from one speed to another [rad/s].
+  void turn(Model &model, amb_real before, amb_real after)
   {
-    model.turn(speed);
+    model.turn((before + after) / 2, (after - before) / kf.set.T);
     amb_model_growth(&kf.model, kf.set.var_d, kf.growth);
   }
 #endif

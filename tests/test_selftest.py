@@ -133,6 +133,18 @@ def test_operators_that_became_others_are_seen(bench: mutants.Bench) -> None:
     assert [str(m) for m in left if not bench.is_the_same(m)] == []
 
 
+def test_what_is_explained_stands_in_the_sources(exported: Exported) -> None:
+    folder = exported("linear").folder
+    texts = {path.name: path.read_text() for path in folder.rglob("*.[ch]")}
+    known = mutants.EQUIVALENT
+    gone = [
+        (file, old)
+        for file, old in known
+        if not any(old in text for name, text in texts.items() if name.endswith(file))
+    ]
+    assert gone == []
+
+
 def test_the_bench_can_fail(bench: mutants.Bench) -> None:
     """What changes nothing passes, and is known for the same program."""
     file = f"{bench.name}.c"

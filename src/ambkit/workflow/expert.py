@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import shown_in_notebooks
-from ambkit.estimate.filter_file import made_by
+from ambkit.estimate.filter_saving import made_by
 from ambkit.estimate.kalman import AdaptiveKalmanFilter
 from ambkit.fuzzy.left_out import LAW, NETWORK, REFITTED, SURFACE, choose_model
 from ambkit.fuzzy.training import train as train_network

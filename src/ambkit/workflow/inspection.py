@@ -180,7 +180,7 @@ def _describe_document(kind: str, path: Path) -> _Described:
         return _Described(f"signals {', '.join(found.signals)}")
     if kind == "filter":
         found.make()  # what only the whole tells: starts, options, the magnet's file
-        return _Described(f"{found.kind}, for {found.bearing.bearing.name}")
+        return _Described(f"{found.kind}, for {found.plant.name}")
     if kind == "machine":
         about, remarks = machines.described(found)
         lines = toml_text.parse(files.read_text(path))
@@ -205,9 +205,9 @@ def _describe_document(kind: str, path: Path) -> _Described:
 
 def _of_study(study: Any) -> str:
     """Say of how many machines a study is, and what varies."""
-    from ambkit.workflow.campaign.plan import Plan
+    from ambkit.workflow.campaign.whole import plan_of
 
-    plan = Plan(study)
+    plan = plan_of(study)
     plan.check()
     varies = ", ".join(plan.names) or "nothing"
     return f"{plan.runs} machines of {plan.bearing.name}, {study.sampling}; what varies: {varies}"
