@@ -308,14 +308,17 @@ class Estimator(Copyable):
 
     def default_std(self) -> tuple[float, ...]:
         """Return the standard deviations with which a filter starts; see :meth:`reset`."""
-        of = self.whole
-        usual = (
-            start_std(self.bearing, self.variances, self.states)
-            if of is None
-            else of.start_std(self.variances, self.states)
-        )
         names = [state.name for state in self.states]
-        return tuple((dict(zip(names, usual, strict=True)) | dict(self.start_std)).values())
+        return tuple(
+            (dict(zip(names, self._usual_std, strict=True)) | dict(self.start_std)).values()
+        )
+
+    @cached_property
+    def _usual_std(self) -> tuple[float, ...]:
+        """Those of its kind, for a bearing and the variances that it was made with."""
+        if self.whole is not None:
+            return self.whole.start_std(self.variances, self.states)
+        return start_std(self.bearing, self.variances, self.states)
 
     def at_rest(
         self,

@@ -25,7 +25,8 @@ from ambkit.identification.maximum_likelihood.parameters import beforehand, usua
 from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 from ambkit.identification.maximum_likelihood.validation import (
     AS_GOOD,
-    LEFT,
+    as_expected,
+    little_left,
     predictable,
 )
 from ambkit.machine.parts import Hum
@@ -91,7 +92,7 @@ class Foretold:
         """
         others = (self.held, self.unmodelled, self.arx)
         beaten = all(self.error[k] <= AS_GOOD * other[k] for k in AHEAD for other in others)
-        return beaten and 0.8 < self.nis < 1.25 and self.left < LEFT
+        return beaten and as_expected(self.nis) and little_left(self.left)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data, in SI."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,7 +70,7 @@ class WholePlan(Plan):
     def _described_nominal(self) -> tuple[dict[str, Any], list[Any]]:
         """Return the nominal machine without the files that it names, and these."""
         machine: Machine = self.bearing
-        without = {"bearing": {"__all__": {"magnet": {*FILES}}}, "rotor": {"file"}}
+        without: Any = {"bearing": {"__all__": {"magnet": {*FILES}}}, "rotor": {"file"}}
         there = [getattr(each.magnet, name) for each in machine.bearing for name in FILES]
         return (
             machine.model_dump(mode="json", exclude=without),
@@ -120,9 +120,9 @@ class WholePlan(Plan):
     @cached_property
     def controls(self) -> dict[str, Control]:
         """The ways to control that there are to choose from."""
-        usual = ("decentralised", "translation and tilt", "lqg")
-        own = {self.flight.control.type: self.flight.control}
-        return {name: Control(type=name) for name in usual} | own | self.study.controls
+        usual = [Control(type=name) for name in get_args(Control.model_fields["type"].annotation)]
+        own = self.flight.control
+        return {each.type: each for each in (*usual, own)} | self.study.controls
 
     def _for(self, plant: Machine, estimator: Estimator | None, flight: Flight) -> Controllers:
         """Return the nominal machine's controllers at amplifiers of other gains."""
