@@ -7,8 +7,9 @@
 #include <stdint.h>
 
 #define MOST_SAMPLES 2000U
-#define REPEATS 40U /* instructions a tick: of so many equal calls, ticks are instructions a call  \
-                     */
+#define REPEATS                                                                                    \
+  40U /* instructions a tick: of so many equal calls, ticks are instructions a call                \
+       */
 
 typedef struct sample {
   amb_real y[AMB_SENSORS];
