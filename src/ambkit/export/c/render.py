@@ -105,7 +105,8 @@ def render(
     # The paper's filter is given its constants, and asks no magnet.
     given = in_core is None and kind is MAGNETS["Constant"]
     needed = ["src/kalman.c", "src/envelope.c", "src/at_rest.c"]
-    needed += ["include/ambkit/crc.h", "include/ambkit/root.h"]
+    needed += ["include/ambkit/crc.h"]
+    needed += ["include/ambkit/root.h"] if controller is None else []  # of standard deviations
     needed += [] if given else [f"src/{each.source}.c" for each in kinds]
     if in_core is not None:
         needed += [f"src/{stem}.c" for stem in ("estimator", in_core.source, *in_core.calls)]
