@@ -249,7 +249,7 @@ Named simulate_machine(const nb::dict &machine, const Samples &r, const Samples 
                                 speed.data(),
                                 noise_u.data(),
                                 noise_y.data()};
-  amb_machine_output out{X.data, iu.data, force.data, y.data, u.data, history.to, 0};
+  amb_machine_output out{X.data, iu.data, force.data, y.data, u.data, history.to, 0, n};
   {
     nb::gil_scoped_release release;
     amb_machine_run(&whole.loop, &input, &state, integral.data(),
@@ -262,6 +262,7 @@ Named simulate_machine(const nb::dict &machine, const Samples &r, const Samples 
   d["y"] = y.array;
   d["u"] = u.array;
   d["touched"] = out.touched;
+  d["first"] = out.first;
   if (estimator)
     d["estimate"] = history.arrays;
   return d;

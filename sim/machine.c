@@ -255,6 +255,7 @@ void amb_machine_run(const amb_machine_loop *loop, const amb_machine_input *in,
   for (size_t c = 0; c < q; c++)
     amb_pid_reset(&pid[c], integral[c]);
   out->touched = 0;
+  out->first = in->n;
   for (size_t k = 0; k < in->n; k++) {
     amb_real demanded[AMB_CONTROLS];
     state->off = k >= in->off;
@@ -286,8 +287,10 @@ void amb_machine_run(const amb_machine_loop *loop, const amb_machine_input *in,
           state->off ? machine->none[c] : amb_machine_force(machine, state->X, (int)c, demanded[c]);
     }
     if (amb_machine_advance(machine, state, loop->T, in->speed[k], in->speed[k + 1], demanded,
-                            in->load + k * p, in->base + 3 * k))
+                            in->load + k * p, in->base + 3 * k)) {
       out->touched++;
+      out->first = k < out->first ? k : out->first;
+    }
   }
 }
 

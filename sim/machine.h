@@ -101,6 +101,7 @@ typedef struct amb_machine_output {
   amb_real *u;     /* n x axes: control signals from this sample to the next [V] */
   amb_kalman_history estimate;
   size_t touched; /* samples in which a backup bearing was touched */
+  size_t first;   /* of these the first; n: none */
 } amb_machine_output;
 
 /* From the state given, with the PIDs' integrals at these currents [A]. */

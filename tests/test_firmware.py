@@ -27,9 +27,9 @@ pytestmark = [
 
 # Instructions of a usual step that trusts its input, and of one that checks it; the latter also
 # where the compiler may contract. See firmware/README.md.
-TRUSTED = {"linear": 295, "closed-law": 395, "table": 360, "adaptive": 3000}
-LIMITS = {"linear": 535, "closed-law": 645, "table": 615, "adaptive": 3280}
-LIMITS_CONTRACTED = {"linear": 475, "closed-law": 575, "table": 550, "adaptive": 2850}
+TRUSTED = {"linear": 260, "closed-law": 380, "table": 350, "adaptive": 2950}
+LIMITS = {"linear": 525, "closed-law": 635, "table": 605, "adaptive": 3200}
+LIMITS_CONTRACTED = {"linear": 460, "closed-law": 565, "table": 535, "adaptive": 2810}
 CONTRACTED = 1e-3  # of each state's standard deviation; as the exports' own self-test
 HELPERS = {"memcpy", "memset"}  # what any C compiler may call of itself
 # What is steady-state is an observer: the same C with other numbers.

@@ -151,7 +151,7 @@ def test_other_bits_would_be_seen(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.long
 @needs_tools
 def test_a_firmware_that_does_not_answer_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(build, "HERE", build.HERE)
+    monkeypatch.setattr("ambkit.export.pil.processor.PATIENCE", 2.0)  # seconds
     original = build.firmware
 
     def broken(*given: object) -> Path:

@@ -156,7 +156,7 @@ typedef struct hearing {
 } hearing;
 
 static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r, amb_real y,
-                          amb_step_surprise *told)
+                          amb_real noise, amb_step_surprise *told)
 {
   const int n = amb_states(&kf->model);
   hearing *h = (hearing *)of;
@@ -166,7 +166,7 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
   amb_model_shown_with(&kf->model, r, s->cov, with_y);
   h->on_y[r] = amb_model_shown(&kf->model, r, s->excitation.slope);
   copy(n, s->cov, s->base.cov);
-  const amb_status status = amb_step_update(kf, &s->base, r, y, told);
+  const amb_status status = amb_step_update(kf, &s->base, r, y, noise, told);
   copy(n, s->base.cov, s->cov);
   h->S[r] = told->variance;
   told->variance += h->on_y[r] * s->var * h->on_y[r];
@@ -211,7 +211,7 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
   hearing h;
   h.s = (amb_augmented_state *)state;
   amb_augmented_state *s = h.s;
-  amb_status status = amb_step_each(take_in, kf, own, &h, y, result);
+  amb_status status = amb_step_each(take_in, kf, own, &h, s->base.mean, y, result);
   if (!amb_step_tells(&kf->model, result)) {
     amb_excitation_miss(&s->excitation);
   } else if (amb_excitation_learns(&s->excitation, &own->learn, kf, s->base.mean)) {

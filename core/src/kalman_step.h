@@ -211,8 +211,22 @@ AMB_INLINE amb_status amb_step_useless(const amb_kalman *kf, amb_kalman_state *s
 /* Variance of the measurement of sensor r [m^2] where a mean of the states has the rotor. */
 AMB_INLINE amb_real amb_step_noise(const amb_kalman *kf, int r, const amb_real mean[AMB_STATES])
 {
-  const amb_real share = amb_noise_share(kf->set.rise[r], amb_model_shown(&kf->model, r, mean));
+  const amb_real rise = kf->set.rise[r];
+  if (rise == AMB_C(0.0)) { /* nearly every sensor */
+    return kf->set.var_y[r];
+  }
+  const amb_real share = amb_noise_share(rise, amb_model_shown(&kf->model, r, mean));
   return (kf->set.var_y[r] * share) * share;
+}
+
+/* The same for all sensors, which all measure the rotor of one prediction. */
+AMB_INLINE void amb_step_noises(const amb_kalman *kf, const amb_real mean[AMB_STATES],
+                                amb_real noise[AMB_SENSORS])
+{
+  AMB_EACH_SENSOR(&kf->model)
+  {
+    noise[r] = amb_step_noise(kf, r, mean);
+  }
 }
 
 /* Whether the measurement of innovation e goes on from the last one that was taken in. A load that
@@ -261,9 +275,9 @@ typedef struct amb_step_surprise {
   amb_real variance;   /* of the innovation [m^2] */
 } amb_step_surprise;
 
-/* Take in the measurement y [m] of sensor r. */
+/* Take in the measurement y [m] of sensor r, of variance noise [m^2]. */
 AMB_INLINE amb_status amb_step_update(const amb_kalman *kf, amb_kalman_state *state, int r,
-                                      amb_real y, amb_step_surprise *e)
+                                      amb_real y, amb_real noise, amb_step_surprise *e)
 {
   const amb_model *model = &kf->model;
   amb_sensor_state *sensor = &state->sensor[r];
@@ -271,7 +285,6 @@ AMB_INLINE amb_status amb_step_update(const amb_kalman *kf, amb_kalman_state *st
   const amb_real shown = amb_model_shown_variance(model, r, state->cov);
   amb_model_variances(model, state->cov, before);
   e->innovation = AMB_C(0.0);
-  const amb_real noise = amb_step_noise(kf, r, state->mean);
   e->variance = shown + noise;
   /* In sight of what follows, or the proof does not see it. */
   if (!AMB_WITHIN(y, kf->far[r])) {
@@ -313,22 +326,24 @@ AMB_INLINE amb_status amb_step_update(const amb_kalman *kf, amb_kalman_state *st
   return AMB_BAD_VARIANCE;
 }
 
-/* How a kind takes in the measurement y [m] of sensor r; own: what only this kind has; of: its
- * state, and whatever else it is to leave its mark on. */
+/* How a kind takes in the measurement y [m] of sensor r, of variance noise [m^2]; own: what only
+ * this kind has; of: its state, and whatever else it is to leave its mark on. */
 typedef amb_status (*amb_step_one)(const amb_kalman *kf, const void *own, void *of, int r,
-                                   amb_real y, amb_step_surprise *e);
+                                   amb_real y, amb_real noise, amb_step_surprise *e);
 
 /* The measurements of all sensors, one after the other. Writes all of the result but its
  * stiffnesses and its status, which it returns. */
 AMB_INLINE amb_status amb_step_each(amb_step_one take_in, const amb_kalman *kf, const void *own,
-                                    void *of, const amb_real y[AMB_SENSORS],
-                                    amb_kalman_result *result)
+                                    void *of, const amb_real mean[AMB_STATES],
+                                    const amb_real y[AMB_SENSORS], amb_kalman_result *result)
 {
   amb_status all = AMB_OK;
+  amb_real noise[AMB_SENSORS];
+  amb_step_noises(kf, mean, noise);
   AMB_EACH_SENSOR(&kf->model)
   {
     amb_step_surprise e;
-    const amb_status status = take_in(kf, own, of, r, y[r], &e);
+    const amb_status status = take_in(kf, own, of, r, y[r], noise[r], &e);
     result->innovation[r] = e.innovation;
     result->variance[r] = e.variance;
     result->health[r] = status;
@@ -339,16 +354,16 @@ AMB_INLINE amb_status amb_step_each(amb_step_one take_in, const amb_kalman *kf, 
 
 /* What the filters do whose state is an amb_kalman_state. */
 AMB_INLINE amb_status amb_step_plain(const amb_kalman *kf, const void *own, void *of, int r,
-                                     amb_real y, amb_step_surprise *e)
+                                     amb_real y, amb_real noise, amb_step_surprise *e)
 {
   (void)own;
-  return amb_step_update(kf, (amb_kalman_state *)of, r, y, e);
+  return amb_step_update(kf, (amb_kalman_state *)of, r, y, noise, e);
 }
 
 AMB_INLINE amb_status amb_step_update_all(const amb_kalman *kf, amb_kalman_state *state,
                                           const amb_real y[AMB_SENSORS], amb_kalman_result *result)
 {
-  return amb_step_each(amb_step_plain, kf, NULL, state, y, result);
+  return amb_step_each(amb_step_plain, kf, NULL, state, state->mean, y, result);
 }
 
 /* Whether parameters can be learned from what the sensors said of a sample: some were taken in, and
@@ -407,18 +422,19 @@ AMB_INLINE void amb_step_trusted(const amb_kalman *kf, const amb_stiffness k[AMB
 {
   const amb_kalman_settings *set = &kf->set;
   amb_real F[AMB_FORCES];
+  amb_real noise[AMB_SENSORS];
   amb_real innovation;
   AMB_EACH_FORCE(&kf->model)
   {
     F[f] = amb_step_linear(kf, k[f], f, iu, state->mean);
   }
   amb_model_predict_mean(&kf->model, F, iu, state->mean);
+  amb_step_noises(kf, state->mean, noise);
   amb_model_predict_covariance(&kf->model, k, set->k_ui, set->var_u, kf->growth, state->cov,
                                AMB_ROOM(state));
   AMB_EACH_SENSOR(&kf->model)
   {
-    const amb_real noise = amb_step_noise(kf, r, state->mean);
-    const amb_real S = amb_model_shown_variance(&kf->model, r, state->cov) + noise;
+    const amb_real S = amb_model_shown_variance(&kf->model, r, state->cov) + noise[r];
     amb_model_update(&kf->model, r, y[r], S, state->mean, state->cov, &innovation);
   }
 }

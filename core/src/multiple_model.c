@@ -236,7 +236,7 @@ static amb_status take_in_by_all(const amb_kalman *kf, const amb_multiple_model 
 }
 
 static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r, amb_real y,
-                          amb_step_surprise *told)
+                          amb_real noise, amb_step_surprise *told)
 {
   const amb_model *model = &kf->model;
   const amb_multiple_model *models = (const amb_multiple_model *)own;
@@ -246,7 +246,6 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
   /* Half the digits of a variance must be left, as in amb_step_update. */
   const amb_real shown = amb_model_shown_variance(model, r, s->base.cov);
   const amb_real least = AMB_ROOT_EPSILON * shown;
-  const amb_real noise = amb_step_noise(kf, r, s->base.mean);
   const amb_real var_y = (least > noise) ? least : noise;
   told->innovation = AMB_C(0.0);
   told->variance = shown + var_y;
@@ -315,7 +314,7 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
   for (int j = 0; j < own->n; j++) {
     h.square[j] = AMB_C(0.0);
   }
-  amb_status status = amb_step_each(take_in, kf, own, &h, y, result);
+  amb_status status = amb_step_each(take_in, kf, own, &h, s->base.mean, y, result);
   bool taken = false;
   for (int r = 0; r < amb_sensors(model); r++) {
     taken = taken || h.taken[r];

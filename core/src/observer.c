@@ -50,13 +50,14 @@ static bool is_far(const amb_kalman *kf, const amb_observer *observer,
 }
 
 static amb_status take_in(const amb_kalman *kf, const void *constants, void *of, int r, amb_real y,
-                          amb_step_surprise *told)
+                          amb_real noise, amb_step_surprise *told)
 {
   const amb_observer *observer = (const amb_observer *)constants;
   amb_kalman_state *s = (amb_kalman_state *)of;
   const amb_real S = observer->variance[r];
   const amb_real seen = amb_step_seen(kf, r, y);
   amb_status status = amb_step_useless(kf, s, r, y);
+  (void)noise;
   told->innovation = AMB_C(0.0);
   told->variance = S;
   if (status == AMB_OK) {
@@ -86,7 +87,8 @@ static amb_status take_in(const amb_kalman *kf, const void *constants, void *of,
 static amb_status update(const amb_estimator *self, void *state, const amb_real y[AMB_SENSORS],
                          amb_kalman_result *result)
 {
-  result->status = amb_step_each(take_in, self->kf, self->own, state, y, result);
+  const amb_kalman_state *s = (const amb_kalman_state *)state;
+  result->status = amb_step_each(take_in, self->kf, self->own, state, s->mean, y, result);
   return result->status;
 }
 

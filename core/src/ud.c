@@ -192,12 +192,11 @@ static void correct(const amb_kalman *kf, amb_ud_state *s, int r, amb_real e, am
 }
 
 static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r, amb_real y,
-                          amb_step_surprise *told)
+                          amb_real noise, amb_step_surprise *told)
 {
   amb_ud_state *s = (amb_ud_state *)of;
   const amb_model *model = &kf->model;
-  const amb_real var_y = amb_step_noise(kf, r, s->base.mean);
-  const amb_real S = amb_model_shown_variance(model, r, s->base.cov) + var_y;
+  const amb_real S = amb_model_shown_variance(model, r, s->base.cov) + noise;
   (void)own;
   told->innovation = AMB_C(0.0);
   told->variance = S;
@@ -213,7 +212,7 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
       amb_envelope_restart(kf, &s->base, r, seen);
       factor_state(amb_states(model), s);
     } else if (outlier == AMB_OK) {
-      correct(kf, s, r, e, var_y);
+      correct(kf, s, r, e, noise);
       s->base.sensor[r].residual = seen - amb_model_shown(model, r, s->base.mean);
       multiply_out(amb_states(model), s);
     } else { /* left out */
@@ -225,7 +224,8 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
 static amb_status update(const amb_estimator *self, void *state, const amb_real y[AMB_SENSORS],
                          amb_kalman_result *result)
 {
-  result->status = amb_step_each(take_in, self->kf, NULL, state, y, result);
+  const amb_ud_state *s = (const amb_ud_state *)state;
+  result->status = amb_step_each(take_in, self->kf, NULL, state, s->base.mean, y, result);
   return result->status;
 }
 

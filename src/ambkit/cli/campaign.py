@@ -157,7 +157,7 @@ def campaign_replay(
     ] = None,
     machine: Annotated[
         Path | None,
-        file_option("Write the bearing that was drawn.", (".toml",), "--drawn"),
+        file_option("Write the bearing, or the machine, that was drawn.", (".toml",), "--drawn"),
     ] = None,
     plot: Plot = None,
     json: Json = False,
@@ -183,14 +183,14 @@ def campaign_replay(
         [name, said(value, units.get(name, ""))]
         for name, value in found.row.items() if value is not None and not name.startswith("samples")
     ]  # fmt: skip
-    picture = plots.simulation_figure(found.run, found.planned.bearing)
+    picture = found.figure()
     output.deliver(
         {"run": run, "row": dict(found.row)},
         [output.table(f"{of.plan.study.name}, run {run}", ["", ""], rows)],
         [
             (out, found.run.record.save),
             (estimates, lambda path: estimate.save(path) if estimate is not None else None),
-            (machine, found.planned.bearing.save),
+            (machine, found.plant.save),
             (plot, lambda path: plots.save_figure(picture, path)),
         ],
         as_json=json,
@@ -243,11 +243,11 @@ def campaign_problem(study: StudyName) -> None:
       ambkit campaign problem tolerances.toml > problem.json
     """
     from ambkit.cli import output
-    from ambkit.workflow.campaign.plan import Plan
     from ambkit.workflow.campaign.salib import problem_of
     from ambkit.workflow.campaign.study import load
+    from ambkit.workflow.campaign.whole import plan_of
 
-    output.deliver(problem_of(Plan(load(study))), [], as_json=True)
+    output.deliver(problem_of(plan_of(load(study))), [], as_json=True)
 
 
 def _deliver(found: Campaign, report: Path | None, plot: Path | None, json: bool) -> None:

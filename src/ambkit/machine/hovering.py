@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ambkit.machine.laws import MagnetModel, evaluate_force
+import numpy as np
+
+from ambkit.machine.laws import MagnetModel, core_module
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
@@ -14,11 +16,16 @@ def hover_current(bearing: Bearing, plant: MagnetModel, x: float, balance: float
     """Control current [A] that holds the rotor at x [m] against ``balance`` [N], within limits."""
     from scipy.optimize import brentq
 
+    # Asked a dozen times, for each of a million machines: the C magnet itself, in place.
+    magnet, i, s = plant.in_core(core_module()), np.empty(1), np.array([x], float)
+
     def force(iu: float) -> float:
-        return float(evaluate_force(plant, iu, x)) + balance
+        i[0] = iu
+        return float(magnet.force(i, s)[0]) + balance
 
     low, high = bearing.current_min, bearing.current_max
-    if force(low) * force(high) > 0:
+    at_low, at_high = force(low), force(high)
+    if at_low * at_high > 0:
         # No current can hold it there: start from the end that comes closest.
-        return low if abs(force(low)) < abs(force(high)) else high
+        return low if abs(at_low) < abs(at_high) else high
     return float(brentq(force, low, high, xtol=1e-15 * (high - low)))

@@ -102,7 +102,8 @@ class Machine(Document):
             Whether what it holds is copied as well.
         """
         copy = super().model_copy(update=update, deep=deep)
-        copy.__dict__.pop("shaft", None)  # of another rotor, perhaps
+        for made in ("shaft", "made_alone"):  # of another rotor, perhaps
+            copy.__dict__.pop(made, None)
         return copy
 
     @property
@@ -190,6 +191,16 @@ class Machine(Document):
         AmbkitError
             There is no such axis.
         """
+        if axis not in self.made_alone:
+            self.made_alone[axis] = self._made_alone(axis)
+        return self.made_alone[axis]
+
+    @cached_property
+    def made_alone(self) -> dict[str, Bearing]:
+        """The axes that `alone` has made, by their names: many ask for the same ones."""
+        return {}
+
+    def _made_alone(self, axis: str) -> Bearing:
         names = [each.name for each in self.axes]
         if axis not in names:
             raise AmbkitError(f"{self.name} has no axis {axis}; there are {', '.join(names)}")

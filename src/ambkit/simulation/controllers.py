@@ -153,7 +153,7 @@ def arrays(controllers: Controllers, plant: Plant, estimator: Estimator | None) 
     told = dict.fromkeys(
         ("velocity", "turning", "fed_back", "fed_back_by_speed", "fed_back_by_square"), None
     ) | {name: values.ravel().tolist() for name, values in controllers.feedback.items()}
-    if estimator is None:
+    if told.get("position") is None:
         shown = shown_along_axes(plant.machine)
         told["position"] = (controllers.of_axes @ shown).ravel().tolist()
     return told | {

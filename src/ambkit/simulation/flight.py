@@ -63,6 +63,8 @@ class Flight(Document):
     """Whether amplifiers and sensors are noisy."""
     seed: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = 0
     """Seed of the noise."""
+    run: Annotated[int, Field(strict=True, ge=0, lt=2**63)] = 0
+    """Number of the run among those of this seed: with it, the key of the noise."""
     substeps: Annotated[int, Field(strict=True, ge=1, le=1000)] = 4
     """Steps of the integrator in one sample."""
     feedback: Literal["measurement", "estimate"] = "measurement"

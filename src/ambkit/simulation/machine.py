@@ -18,7 +18,7 @@ from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.magnets import core_module
 from ambkit.simulation import noise
-from ambkit.simulation.controllers import arrays, controllers_of
+from ambkit.simulation.controllers import Controllers, arrays, controllers_of
 from ambkit.simulation.holding import shown_along_axes
 from ambkit.simulation.plant import Plant
 
@@ -58,6 +58,12 @@ class MachineRun:
         """Samples in which a backup bearing was touched."""
         return int(self.record.meta["stop_touched"])
 
+    @property
+    def first_touch(self) -> int | None:
+        """The first of those samples; None where there is none."""
+        found = self.record.meta["first_touch"]
+        return None if found is None else int(found)
+
 
 def simulate_machine(
     machine: Machine,
@@ -67,6 +73,7 @@ def simulate_machine(
     disturbance: Array | None = None,
     readings: Array | None = None,
     pids: Sequence[PID] | None = None,
+    controllers: Controllers | None = None,
     from_readings: bool = False,
 ) -> MachineRun:
     """Simulate a whole machine with its controllers.
@@ -89,6 +96,8 @@ def simulate_machine(
         Added to the readings, sample by sample [m]; NaN: lost.
     pids : sequence of PID (p,), optional
         Of each axis, where each has its own; by default they are tuned to the axes alone.
+    controllers : Controllers, optional
+        All of them, where they are made already, as of another machine that was to be this one.
     from_readings : bool
         Whether the estimator starts where its first readings show the rotor, as an exported one
         does; by default it starts where the rotor is.
@@ -135,7 +144,8 @@ def simulate_machine(
     noise_y = noise_y + added @ np.linalg.pinv(shown_along_axes(machine)).T
     noise_y = _added("readings", noise_y, readings)
     feeding = estimator if flight.feedback == "estimate" else None
-    controllers = controllers_of(plant, flight.control, feeding, pids)
+    if controllers is None:
+        controllers = controllers_of(plant, flight.control, feeding, pids)
     given = (
         plant.arrays(core, flight.substeps, fastest)
         | {"off": n if flight.off is None else round(flight.off / T)}
@@ -206,9 +216,9 @@ def _noise(machine: Machine, flight: Flight, n: int) -> tuple[Array, Array]:
         return noise_u, noise_y
     for k, axis in enumerate(machine.axes):
         std = math.sqrt(axis.bearing.amplifier.noise_variance)
-        noise_u[:, k] = noise.Stream(flight.seed, number=k).normal(std, n)
+        noise_u[:, k] = noise.Stream(flight.seed, flight.run, k).normal(std, n)
     for k, r in enumerate(readings):
-        own = noise.Stream(flight.seed, number=STREAMS * (1 + k))
+        own = noise.Stream(flight.seed, flight.run, STREAMS * (1 + k))
         noise_y[:, k] = noise.of_sensor(r.sensor, machine.sampling_time, n, own)
     return noise_u, noise_y
 
@@ -249,6 +259,7 @@ def _record(
         "seed": flight.seed,
         "version": own_version(),
         "stop_touched": int(out["touched"]),
+        "first_touch": int(out["first"]) if out["touched"] else None,
     }
     return Record(
         t,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from itertools import islice
 from types import ModuleType
@@ -16,7 +17,7 @@ from ambkit.estimate.batch import processors
 from ambkit.estimate.estimate import Status
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.magnets import MagnetModel, core_module
-from ambkit.simulation.run import Imposed, Loop, Run, simulate_run
+from ambkit.simulation.run import Imposed, Loop, Run, Sampled, simulate_run
 from ambkit.simulation.scenario import Scenario
 
 Array = NDArray[np.float64]
@@ -25,8 +26,8 @@ Counts = NDArray[np.int64]
 LEAST = 50
 """Samples that a step, or a load, must be followed by to be judged."""
 
-CHUNK = 1024
-"""Runs that are planned and flown together."""
+CHUNK = 256
+"""Runs that are planned and flown together: many times as many as there are lanes."""
 
 MOST_PLANS = 4096
 """Of which so many are kept for runs that come later."""
@@ -231,14 +232,26 @@ def simulate_many(
     parts: list[tuple[Array, Counts]] = []
     kept: dict[int, Run] = {}
     place = 0
-    for chunk in _chunked(iter(runs), CHUNK):
-        parts.append(engine.flown(chunk))
-        for planned in chunk:
-            if place in traces:
-                kept[place] = planned.simulated()
-            place += 1
-        if done is not None:
-            done(len(chunk))
+    # While some are flown, the next ones are planned: C needs no interpreter.
+    ahead: Future[tuple[Array, Counts]] | None = None
+    last = 0
+    with ThreadPoolExecutor(1) as pilot:
+
+        def landed() -> None:
+            if ahead is not None:
+                parts.append(ahead.result())
+                if done is not None:
+                    done(last)
+
+        for chunk in _chunked(iter(runs), CHUNK):
+            ready = engine.ready(chunk)
+            landed()
+            ahead, last = pilot.submit(engine.flown, ready), len(chunk)
+            for planned in chunk:
+                if place in traces:
+                    kept[place] = planned.simulated()
+                place += 1
+        landed()
     if missing := set(traces) - kept.keys():
         raise ValueError(f"traces holds {min(missing)}, and there are {place} runs")
     figures, flags = zip(*parts, strict=True) if parts else ((), ())
@@ -258,6 +271,15 @@ def _columns(names: Iterable[str], parts: Sequence[NDArray[Any]], kind: Any) -> 
     }
 
 
+class Ready(NamedTuple):
+    """Runs that are planned."""
+
+    numbers: NDArray[np.uint64]
+    """Of each run (runs,)."""
+    by_core: dict[ModuleType, dict[Any, list[int]]]
+    """Places of the runs of each plan, by the core that flies it."""
+
+
 class _Engine:
     """Plans what has not been planned yet, and flies it; see `simulate_many` for the arguments."""
 
@@ -270,19 +292,26 @@ class _Engine:
         self.threads, self.instructions = threads, instructions
         # By the identity of what a run is made of, which is kept, so that no other takes its place.
         self._plans: dict[tuple[int, ...], tuple[Planned, ModuleType, Any]] = {}
+        self._signals: dict[tuple[int, float], tuple[Scenario, Sampled]] = {}
+        self._stds: dict[int, tuple[Estimator, tuple[float, ...]]] = {}
+        self._last: tuple[Any, tuple[Array, Array], Windows] | None = None
 
-    def flown(self, runs: Sequence[Planned]) -> tuple[Array, Counts]:
-        """Return figures (runs, figures) and counts of flags (runs, flags)."""
+    def ready(self, runs: Sequence[Planned]) -> Ready:
+        """Return runs as cores want them."""
         if len(self._plans) > MOST_PLANS:
             self._plans.clear()
-        figures = np.empty((len(runs), len(FIGURES)))
-        counts = np.empty((len(runs), len(FLAGS)), np.int64)
         by_core: dict[ModuleType, dict[Any, list[int]]] = {}
         for place, planned in enumerate(runs):
             core, plan = self._plan(planned)
             by_core.setdefault(core, {}).setdefault(plan, []).append(place)
-        numbers = np.array([planned.key[1] for planned in runs], np.uint64)
-        for core, plans in by_core.items():
+        return Ready(np.array([planned.key[1] for planned in runs], np.uint64), by_core)
+
+    def flown(self, ready: Ready) -> tuple[Array, Counts]:
+        """Return figures (runs, figures) and counts of flags (runs, flags)."""
+        numbers = ready.numbers
+        figures = np.empty((len(numbers), len(FIGURES)))
+        counts = np.empty((len(numbers), len(FLAGS)), np.int64)
+        for core, plans in ready.by_core.items():
             places = np.concatenate([np.array(each) for each in plans.values()])
             which = np.repeat(np.arange(len(plans)), [len(each) for each in plans.values()])
             order = np.argsort(places)
@@ -306,12 +335,45 @@ class _Engine:
             found = self._plans[known] = planned, core, plan
         return found[1:]
 
+    def _std(self, estimator: Estimator) -> tuple[float, ...]:
+        """Return with which doubt an estimator begins, which is the same for all bearings."""
+        if id(estimator) not in self._stds:
+            if len(self._stds) > MOST_PLANS:
+                self._stds.clear()
+            self._stds[id(estimator)] = estimator, estimator.default_std()
+        return self._stds[id(estimator)][1]
+
+    def _sampled(self, planned: Planned) -> Sampled:
+        """Return the signals of a scenario, which many bearings share."""
+        key = id(planned.scenario), planned.bearing.sampling_time
+        if key not in self._signals:
+            if len(self._signals) > MOST_PLANS:
+                self._signals.clear()
+            told = Sampled.of(planned.bearing, planned.scenario)
+            self._signals[key] = planned.scenario, told
+        return self._signals[key][1]
+
+    def _windows(self, bearing: Bearing, r: Array, f_d: Array, sampled: Sampled) -> Windows:
+        """Return where figures are taken; of signals that nothing was added to they are shared."""
+        first = first_of(self.settling, bearing.sampling_time, len(r))
+        if r is not sampled.reference or f_d is not sampled.disturbance:
+            return windows(r, f_d, first)
+        key = id(r), id(f_d), first
+        if self._last is None or self._last[0] != key:
+            self._last = key, (r, f_d), windows(r, f_d, first)
+        return self._last[2]
+
     def _made(self, planned: Planned) -> tuple[ModuleType, Any, bool]:
         """Return a core, its plan of a run, and whether that serves all numbers."""
-        loop = Loop(
-            planned.bearing, planned.numbered, estimator=planned.estimator, magnet=planned.magnet,
-            imposed=planned.imposed,
-        )  # fmt: skip
+        sampled = self._sampled(planned)
+
+        def of(scenario: Scenario) -> Loop:
+            return Loop(
+                planned.bearing, scenario, estimator=planned.estimator, magnet=planned.magnet,
+                imposed=planned.imposed, sampled=sampled,
+            )  # fmt: skip
+
+        loop = of(planned.scenario)
         estimator = loop.estimator
         precision = "float64" if estimator is None else estimator.precision
         core = core_module(precision) if estimator is None else estimator.engine.core
@@ -321,14 +383,14 @@ class _Engine:
 
         r, f_d = loop.series
         bearing = planned.bearing
-        at = windows(r, f_d, first_of(self.settling, bearing.sampling_time, len(r)))
+        at = self._windows(bearing, r, f_d, sampled)
         start, stop, height = at.step or (0, 0, 0.0)
         stds = loop.white_noise
-        series = (None, None) if stds is not None else loop.noise
+        series = (None, None) if stds is not None else of(planned.numbered).noise
         plan = core.Plan(
             **loop.arguments(core, given),
             mean=None if estimator is None else given(loop.start),
-            std=None if estimator is None else given(estimator.default_std()),
+            std=None if estimator is None else given(self._std(estimator)),
             seed=planned.key[0], std_u=0.0 if stds is None else stds[0],
             std_y=0.0 if stds is None else stds[1], noise_u=series[0], noise_y=series[1],
             first=at.first, step_from=start, step_to=stop, height=height,

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -241,6 +241,26 @@ def simulate_run(
     return Loop(bearing, scenario, estimator=estimator, magnet=magnet, imposed=imposed).run()
 
 
+class Sampled(NamedTuple):
+    """The signals of a scenario at the samples, (n,) each."""
+
+    t: NDArray[np.float64]
+    """[s]."""
+    reference: NDArray[np.float64]
+    """[m]."""
+    disturbance: NDArray[np.float64]
+    """[N]."""
+    injected: NDArray[np.float64]
+    """[m]."""
+
+    @classmethod
+    def of(cls, bearing: Bearing, scenario: Scenario) -> Sampled:
+        """Sample a scenario as often as a bearing is sampled."""
+        t = bearing.sampling_time * np.arange(samples(bearing, scenario), dtype=float)
+        signals = (scenario.reference, scenario.disturbance, scenario.injection)
+        return cls(t, *(each.sample(t) for each in signals))
+
+
 class Loop:
     """A closed loop that can stop between two samples, and go on with another estimator.
 
@@ -255,6 +275,8 @@ class Loop:
     elsewhere : callable, optional
         A whole controller that is not in this process, such as in a processor in the loop; in the
         place of the scenario's and of the estimator, which then only says the precision.
+    sampled : Sampled, optional
+        Of the scenario with this sampling time, where it is known already.
 
     Raises
     ------
@@ -280,15 +302,17 @@ class Loop:
         magnet: MagnetModel | None = None,
         imposed: Imposed | None = None,
         elsewhere: Elsewhere | None = None,
+        sampled: Sampled | None = None,
     ) -> None:
         of_type(Bearing, bearing=bearing)
         of_type(Scenario, scenario=scenario)
-        scenario = scenario.model_copy(
-            update={"controller": scenario.controller.completed(bearing)}
-        )
-        T, n = bearing.sampling_time, samples(bearing, scenario)
-        t: NDArray[np.float64] = T * np.arange(n, dtype=float)
-        reference, disturbance = scenario.reference.sample(t), scenario.disturbance.sample(t)
+        controller = scenario.controller.completed(bearing)
+        if controller is not scenario.controller:
+            scenario = scenario.model_copy(update={"controller": controller})
+        T = bearing.sampling_time
+        told = Sampled.of(bearing, scenario) if sampled is None else sampled
+        t, reference, disturbance, injected = told.t, told.reference, told.disturbance, told.injected
+        n = len(t)
         self._scale = self._faults = self._place = self._sensor_noise = None
         if imposed is not None:
             for name, values in _series(imposed):
@@ -298,7 +322,6 @@ class Loop:
             if imposed.disturbance is not None:
                 disturbance = disturbance + imposed.disturbance
             self._sensor_noise, self._scale = imposed.sensor_noise, imposed.magnet_scale
-        injected = scenario.injection.sample(t)
         self._injected = injected if injected.any() else None
         if self._injected is not None and not _adds_noise(bearing):
             # After what the sensor does to its noise.

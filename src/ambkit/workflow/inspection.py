@@ -205,9 +205,9 @@ def _describe_document(kind: str, path: Path) -> _Described:
 
 def _of_study(study: Any) -> str:
     """Say of how many machines a study is, and what varies."""
-    from ambkit.workflow.campaign.plan import Plan
+    from ambkit.workflow.campaign.whole import plan_of
 
-    plan = Plan(study)
+    plan = plan_of(study)
     plan.check()
     varies = ", ".join(plan.names) or "nothing"
     return f"{plan.runs} machines of {plan.bearing.name}, {study.sampling}; what varies: {varies}"

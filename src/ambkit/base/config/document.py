@@ -89,17 +89,30 @@ class Part(BaseModel, metaclass=_OwnNames):
         """
         yield from ()
 
-    def contradictions(self) -> Iterator[str]:
+    def contradictions(self, known: Any = None) -> Iterator[str]:
         """Yield what is wrong with a copy whose values were changed unchecked (`model_copy`).
 
         Values are not held to limits of their own again, only to each other.
+
+        Parameters
+        ----------
+        known : Part, optional
+            What it is a copy of: tables that are the very same are not looked at again.
         """
         for key, text in self._contradictions(reader(self)):
             yield f"{key}: {text}"
         for name in type(self).model_fields:
-            inner = getattr(self, name)
+            inner, old = getattr(self, name), getattr(known, name, None)
+            if inner is old:
+                continue
             if isinstance(inner, Part):
-                yield from (f"{name}.{text}" for text in inner.contradictions())
+                yield from (f"{name}.{text}" for text in inner.contradictions(old))
+            elif isinstance(inner, tuple):
+                before = old if isinstance(old, tuple) else ()
+                for at, each in enumerate(inner):
+                    same = before[at] if at < len(before) else None
+                    if isinstance(each, Part) and each is not same:
+                        yield from (f"{name}[{at}].{text}" for text in each.contradictions(same))
 
     @classmethod
     def __get_pydantic_json_schema__(

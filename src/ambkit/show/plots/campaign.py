@@ -51,6 +51,8 @@ LABELS = {
     "effort": "change of the current, rms",
     "displacement_peak": "greatest displacement",
     "current_peak": "greatest control current",
+    "orbit_peak": "farthest from the middle",
+    "orbit_share": "farthest, of the travel",
     "overshoot": "overshoot",
     "settling": "settling time",
     "recovery": "time to recover from the load",

@@ -9,7 +9,8 @@ import numpy as np
 
 from ambkit.base.config import Read
 from ambkit.base.errors import AmbkitError
-from ambkit.workflow.campaign.keys import OF_RUN, Key, key_in
+from ambkit.machine.machine import Machine
+from ambkit.workflow.campaign.keys import OF_FLIGHT, OF_RUN, Key, key_in
 from ambkit.workflow.campaign.varied import Choice, Varied, Wrong
 
 Problem = tuple[str, str]
@@ -19,6 +20,9 @@ MOST_DIMENSIONS = 1000
 
 CHOSEN = ("tuned", "textbook")
 """Controllers that every bearing has."""
+
+CONTROLS = ("decentralised", "translation and tilt", "lqg")
+"""Ways to control that every machine has."""
 
 NOT_VARIED = {
     "sampling_time": "is the controller's, and no tolerance",
@@ -35,18 +39,23 @@ NOT_VARIED = {
 
 def contradictions(read: Read) -> Iterator[Problem]:
     """Yield (key, what is wrong) of a study."""
+    plant = None
     try:
-        bearing = bearing_of(read("bearing")) if isinstance(read("bearing"), str) else None
+        if isinstance(read("machine"), str):
+            plant = machine_of(read("machine"))
+        elif isinstance(read("bearing"), str):
+            plant = bearing_of(read("bearing"))
     except AmbkitError as error:
-        yield "bearing", str(error)
-        bearing = None
+        yield "machine" if isinstance(read("machine"), str) else "bearing", str(error)
+    yield from _of_what(read)
     if isinstance(read("estimator"), str):
         yield from _estimator("estimator", read("estimator"))
     yield from _how_many(read)
-    yield from _recorded(read)
+    yield from _recorded(read, plant)
     vary = read("vary")
-    if bearing is None or not isinstance(vary, tuple):
+    if plant is None or not isinstance(vary, tuple):
         return
+    run = read("scenario" if read("machine") is None else "flight")
     seen = dict[str, int]()
     for at, each in enumerate(vary):
         here = f"vary.{at}"
@@ -54,7 +63,7 @@ def contradictions(read: Read) -> Iterator[Problem]:
             yield f"{here}.what", f"{each.what} varies already, in vary[{seen[each.what]}]"
         seen[each.what] = at
         try:
-            key = key_of(each, bearing, read("scenario"), read("estimator"))
+            key = key_of(each, plant, run, read("estimator"))
             each.marginal(key)
         except Wrong as error:
             yield f"{here}.{error.key}", str(error)
@@ -63,9 +72,39 @@ def contradictions(read: Read) -> Iterator[Problem]:
             yield f"{here}.what", str(error)
             continue
         yield from _grid(here, each, read("sampling"))
-        yield from _sensor_gain(here, each, read("scenario"))
-        yield from _choices(here, each, key, bearing, read)
+        if read("machine") is None:
+            yield from _sensor_gain(here, each, read("scenario"))
+        yield from _choices(here, each, key, plant, run, read)
     yield from _correlated(read, list(seen))
+
+
+def _of_what(read: Read) -> Iterator[Problem]:
+    """Check that what is said goes with a bearing, or with a machine."""
+    from ambkit.simulation.flight import Flight
+    from ambkit.simulation.scenario import Scenario
+
+    bearing, machine = read("bearing"), read("machine")
+    if bearing is None and machine is None:
+        yield "bearing", "missing: a preset or a file; or a machine, whose rotor has several axes"
+    if isinstance(bearing, str) and isinstance(machine, str):
+        yield "machine", "give either a bearing or a machine"
+    if isinstance(machine, str):
+        if read("scenario") != Scenario():
+            yield "scenario", "is of a bearing: what happens to a machine is its flight"
+        if read("controllers"):
+            yield "controllers", "are of a bearing; ways to control a machine are controls"
+    elif isinstance(bearing, str):
+        for name, usual in (("flight", Flight()), ("controls", {}), ("synchronous", ())):
+            if read(name) != usual:
+                yield name, "is of a machine; a bearing has scenario and controllers"
+
+
+def machine_of(name: str) -> Any:
+    """Return a preset, or the machine in a file."""
+    from ambkit.machine import presets
+    from ambkit.machine.machine import Machine
+
+    return Machine.preset(name) if name in presets.machine_names() else Machine.load(name)
 
 
 def bearing_of(name: str) -> Any:
@@ -76,8 +115,19 @@ def bearing_of(name: str) -> Any:
     return Bearing.preset(name) if name in presets.names() else Bearing.load(name)
 
 
-def key_of(varied: Varied, bearing: Any, scenario: Any, estimator: Any) -> Key:
+def key_of(varied: Varied, plant: Any, run: Any, estimator: Any) -> Key:
     """Return what stands at the key of what varies.
+
+    Parameters
+    ----------
+    varied : Varied
+        Which key.
+    plant : Bearing or Machine
+        The nominal one.
+    run : Scenario or Flight
+        What happens to it.
+    estimator : str
+        The study's.
 
     Raises
     ------
@@ -89,11 +139,26 @@ def key_of(varied: Varied, bearing: Any, scenario: Any, estimator: Any) -> Key:
         if not isinstance(varied, Choice):
             raise AmbkitError(f'{what} is no number: let it vary by type = "choice"')
         return Key(estimator if what == "estimator" else "tuned", "")
+    if isinstance(plant, Machine):
+        return _of_machine(what, plant, run)
     if what in NOT_VARIED:
         raise AmbkitError(f"{what} cannot vary: it {NOT_VARIED[what]}")
     if what.startswith(OF_RUN):
-        return key_in(completed(scenario, bearing), what.removeprefix(OF_RUN))
-    return key_in(bearing, what)
+        return key_in(completed(run, plant), what.removeprefix(OF_RUN))
+    return key_in(plant, what)
+
+
+def _of_machine(what: str, machine: Machine, flight: Any) -> Key:
+    """Return what stands at a key of a whole machine or of its flight."""
+    *tables, name = what.split(".")
+    if what.startswith(OF_FLIGHT):
+        if name in ("seed", "run", "duration") and len(tables) == 1:
+            raise AmbkitError(f"{what} cannot vary: it {NOT_VARIED[f'{OF_RUN}{name}']}")
+        return key_in(flight, what.removeprefix(OF_FLIGHT))
+    if name in ("name", "description", "source", "type", "file") or what == "sampling_time":
+        why = NOT_VARIED.get(name, "says what the machine is, and is no tolerance")
+        raise AmbkitError(f"{what} cannot vary: it {why}")
+    return key_in(machine, what)
 
 
 def completed(scenario: Any, bearing: Any) -> Any:
@@ -148,22 +213,25 @@ def _how_many(read: Read) -> Iterator[Problem]:
         )
 
 
-def _recorded(read: Read) -> Iterator[Problem]:
+def _recorded(read: Read, plant: Any) -> Iterator[Problem]:
+    from ambkit.simulation.flight import Flight
     from ambkit.simulation.scenario import Scenario
-    from ambkit.workflow.campaign.parts import TRACES, Passes, Recorded, limit_of
+    from ambkit.workflow.campaign.parts import Passes, Recorded, limit_of, traces_of
 
-    record, passes, scenario = read("record"), read("passes"), read("scenario")
+    record, passes, whole = read("record"), read("passes"), read("machine") is not None
+    scenario = read("flight" if whole else "scenario")
+    there = traces_of(plant)
     if isinstance(record, Recorded):
         for at, name in enumerate(record.traces):
-            if name not in TRACES and not name.endswith("_estimate"):
-                known = f"{', '.join(TRACES)}, and states of the estimator as x_estimate"
+            if name not in there and not name.endswith("_estimate") and plant is not None:
+                known = f"{', '.join(there)}, and states of the estimator as {there[0]}_estimate"
                 yield f"record.traces.{at}", f"there is no signal {name}; known: {known}"
-        if isinstance(scenario, Scenario) and record.settling >= scenario.duration:
+        if isinstance(scenario, Scenario | Flight) and record.settling >= scenario.duration:
             yield "record.settling", "must be less than the duration of a run"
     if isinstance(passes, Passes):
         for name, given in passes.at_most.items():
             try:
-                limit_of(name, given)
+                limit_of(name, given, whole=whole)
             except ValueError as error:
                 yield f"passes.at_most.{name}", str(error)
         if isinstance(record, Recorded) and not record.margins:
@@ -171,10 +239,11 @@ def _recorded(read: Read) -> Iterator[Problem]:
                 yield "passes.zone", "needs record.margins = true"
             if "peak_S" in passes.at_most:
                 yield "passes.at_most.peak_S", "needs record.margins = true"
-    if isinstance(scenario, Scenario):
+    if isinstance(scenario, Scenario | Flight):
+        here = "flight" if whole else "scenario"
         for name in ("seed", "run"):
             if name in scenario.model_fields_set and getattr(scenario, name):
-                yield f"scenario.{name}", "the study has its own: leave it out"
+                yield f"{here}.{name}", "the study has its own: leave it out"
 
 
 def _grid(here: str, varied: Varied, sampling: Any) -> Iterator[Problem]:
@@ -202,11 +271,14 @@ def _sensor_gain(here: str, varied: Varied, scenario: Any) -> Iterator[Problem]:
         yield f"{here}.what", "sensor.gain varies only about a reference of 0 without an estimate"
 
 
-def _choices(here: str, varied: Varied, key: Key, bearing: Any, read: Read) -> Iterator[Problem]:
+def _choices(
+    here: str, varied: Varied, key: Key, plant: Any, run: Any, read: Read
+) -> Iterator[Problem]:
     """Check words to choose from, each where it would stand."""
     if not isinstance(varied, Choice) or key.unit:
         return
-    controllers = read("controllers")
+    whole = isinstance(plant, Machine)
+    controllers = read("controls" if whole else "controllers")
     for at, value in enumerate(varied.values):
         there = f"{here}.values.{at}"
         if not isinstance(value, str):
@@ -214,13 +286,15 @@ def _choices(here: str, varied: Varied, key: Key, bearing: Any, read: Read) -> I
         elif varied.what == "estimator":
             yield from _estimator(there, value)
         elif varied.what == "controller":
-            known = [*CHOSEN, *(controllers if isinstance(controllers, dict) else ())]
+            usual = CONTROLS if whole else CHOSEN
+            known = [*usual, *(controllers if isinstance(controllers, dict) else ())]
             if value not in known:
                 yield there, f'there is no controller "{value}"; known: {", ".join(known)}'
         else:
-            of = read("scenario") if varied.what.startswith(OF_RUN) else bearing
+            begins = OF_FLIGHT if whole else OF_RUN
+            of = run if varied.what.startswith(begins) else plant
             try:
-                of.replace(**{varied.what.removeprefix(OF_RUN): value})
+                of.replace(**{varied.what.removeprefix(begins): value})
             except AmbkitError as error:
                 yield there, str(error)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
-from ambkit.simulation.many import FIGURES, FLAGS, Many, simulate_many
+from ambkit.simulation.many import FLAGS, Many, simulate_many
+from ambkit.simulation.many_machines import simulate_machines
+from ambkit.workflow.campaign.machine_margins import peaks_of_machines
 from ambkit.workflow.campaign.margins import Margins
-from ambkit.workflow.campaign.parts import ZONES, limit_of
+from ambkit.workflow.campaign.parts import ZONES, figures_of, limit_of
 from ambkit.workflow.campaign.plan import Drawn, Plan
 from ambkit.workflow.campaign.varied import OneOf
 from ambkit.workflow.loop_of import zone_of
@@ -137,23 +139,36 @@ def fly(
     threads, done
         See `compute`.
     """
-    drawn = list(plan.machines(points, noise, first))
+    drawn: list[Drawn] = []
+    record = plan.study.record
+
+    def possible() -> Iterator[Any]:
+        for each in plan.machines(points, noise, first):
+            drawn.append(each)
+            if not each.wrong:
+                yield each.planned
+
+    simulated: Any = simulate_many if plan.study.machine is None else simulate_machines
+    many = simulated(
+        possible(), settling=record.settling, band=record.band, threads=threads, done=done
+    )
     can = [at for at, each in enumerate(drawn) if not each.wrong]
-    record, keep = plan.study.record, {run - first for run in traced}
-    many = simulate_many(
-        (drawn[at].planned for at in can), settling=record.settling, band=record.band,
-        traces=[place for place, at in enumerate(can) if at in keep], threads=threads, done=done,
-    )  # fmt: skip
     columns = _spread(many, can, len(drawn))
     if record.margins:
         peaks = np.full(len(drawn), np.inf)
-        peaks[can] = Margins().peaks([_loop(drawn[at]) for at in can])
+        if plan.study.machine is None:
+            peaks[can] = Margins().peaks([_loop(drawn[at]) for at in can])
+        else:
+            peaks[can] = peaks_of_machines([drawn[at].planned for at in can], threads)
         columns["peak_S"] = peaks
         columns["zone"] = ["" if np.isnan(each) else zone_of(float(each)) for each in peaks]
     fails = _fails(plan, columns, drawn)
     columns["passed"] = np.array([not each for each in fails])
     columns["fails"] = fails
-    traces = {first + can[place]: run for place, run in many.traces.items()}
+    traces = {
+        run: drawn[run - first].planned.simulated()
+        for run in traced if not drawn[run - first].wrong
+    }  # fmt: skip
     return Flown(columns, traces, [each.wrong for each in drawn])
 
 
@@ -201,7 +216,8 @@ def schema(plan: Plan) -> pa.Schema:
     for name, of, key in zip(plan.names, plan.marginals, plan.keys, strict=True):
         words = isinstance(of, OneOf) and not key.unit
         fields.append((name, pa.string() if words else pa.float64(), key.unit))
-    fields += [(name, pa.float64(), figure.unit) for name, figure in FIGURES.items()]
+    figures = figures_of(whole=plan.study.machine is not None)
+    fields += [(name, pa.float64(), figure.unit) for name, figure in figures.items()]
     fields += [(f"samples_{name}", pa.int64(), "1") for name in FLAGS]
     if plan.study.record.margins:
         fields += [("peak_S", pa.float64(), "1"), ("zone", pa.string(), "")]

@@ -14,6 +14,9 @@ from ambkit.base.errors import AmbkitError
 OF_RUN = "scenario."
 """How keys of the scenario begin; all others are the bearing's."""
 
+OF_FLIGHT = "flight."
+"""How keys of a whole machine's flight begin; all others are the machine's."""
+
 
 class Key(NamedTuple):
     """What stands at a key.
@@ -47,7 +50,7 @@ def key_in(model: BaseModel, key: str) -> Key:
     model : BaseModel
         Bearing or scenario.
     key : str
-        With dots; a number is the place in a list.
+        With dots; in a list stands the name of one of its parts, or its place there from 0 on.
 
     Raises
     ------
@@ -58,8 +61,8 @@ def key_in(model: BaseModel, key: str) -> Key:
     place: SignalIn | None = None
     quantity: Quantity | None = None
     for step in key.split("."):
-        if isinstance(here, tuple) and step.isdecimal() and int(step) < len(here):
-            here = here[int(step)]
+        if isinstance(here, tuple):
+            here = _part(here, step, key)
             continue
         if not isinstance(here, BaseModel) or step not in type(here).model_fields:
             known = list(type(here).model_fields) if isinstance(here, BaseModel) else []
@@ -74,6 +77,21 @@ def key_in(model: BaseModel, key: str) -> Key:
         return Key(here, "1" if isinstance(here, float) else "")
     unit = quantity.unit.replace("@", place.unit if place else "1")
     return Key(here, unit, quantity.above, quantity.at_least)
+
+
+def _part(parts: tuple[Any, ...], step: str, key: str) -> Any:
+    """Return a part of a list by its name or its place."""
+    for at, each in enumerate(parts):
+        if step in _called(each, at):
+            return each
+    known = [_called(each, at)[0] for at, each in enumerate(parts)]
+    raise AmbkitError(f"there is no key {key} to vary; known there: {', '.join(known)}")
+
+
+def _called(part: Any, at: int) -> tuple[str, ...]:
+    """Return what a part of a list is called: by its name, if it has one, and by its place."""
+    name = getattr(part, "name", None)
+    return (str(at),) if name is None else (str(name), str(at))
 
 
 def nested(changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -105,5 +123,10 @@ def changed(model: Any, tree: Mapping[str, Any]) -> Any:
         return changed(old, tree[name]) if isinstance(tree[name], dict) else tree[name]
 
     if isinstance(model, tuple):
-        return tuple(other(each, str(at)) for at, each in enumerate(model))
+        found = []
+        for at, each in enumerate(model):
+            for name in _called(each, at):
+                each = other(each, name)
+            found.append(each)
+        return tuple(found)
     return model.model_copy(update={name: other(getattr(model, name), name) for name in tree})

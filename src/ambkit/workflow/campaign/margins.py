@@ -47,6 +47,7 @@ class Margins:
 
     def __init__(self) -> None:
         self._settled: dict[Any, LinearSystem | None] = {}
+        self._compensators: dict[Any, tuple[Any, LinearSystem, Complex]] = {}
 
     def peaks(self, loops: Sequence[tuple[Bearing, PID, Estimator | None]]) -> Array:
         """Return the peak of abs(S) of each loop within the standard's range (n,) [1].
@@ -60,54 +61,71 @@ class Margins:
             Plant, controller with all its gains, and what feeds it: None of the measurement.
         """
         found = np.full(len(loops), np.nan)
-        poles: dict[tuple[int, int, float, float], list[tuple[int, Complex, Complex]]] = {}
+        alike: dict[tuple[int, int, float, float], list[tuple[int, Array, Complex, Array]]] = {}
         for at, (bearing, pid, estimator) in enumerate(loops):
             try:
-                both = self._poles(bearing, pid, estimator)
+                of = self._matrices(bearing, pid, estimator)
             except AmbkitError:  # nothing holds the rotor
                 found[at] = math.inf
                 continue
-            if both is None:
-                continue
-            opened, closed = both
-            if not (np.abs(closed) < 1).all():
-                found[at] = math.inf
-                continue
-            top = end_of_range(bearing.sampling_time, bearing.speed)
-            key = len(opened), len(closed), bearing.sampling_time, top
-            poles.setdefault(key, []).append((at, opened, closed))
-        for (_, _, T, top), group in poles.items():
+            if of is not None:
+                top = end_of_range(bearing.sampling_time, bearing.speed)
+                key = len(of[0]), len(of[2]), bearing.sampling_time, top
+                alike.setdefault(key, []).append((at, *of))
+        for (_, _, T, top), group in alike.items():
             for start in range(0, len(group), AT_ONCE):
-                some = group[start : start + AT_ONCE]
-                found[[at for at, _, _ in some]] = highest(
-                    np.array([each for _, each, _ in some]),
-                    np.array([each for _, _, each in some]), T, top,
-                )  # fmt: skip
+                places, plants, inner, loop = zip(*group[start : start + AT_ONCE], strict=True)
+                opened = np.hstack([np.linalg.eigvals(plants), inner]).astype(complex)
+                closed = np.linalg.eigvals(loop).astype(complex)
+                stable = (np.abs(closed) < 1).all(axis=1)
+                peaks = np.full(len(places), np.inf)
+                if stable.any():
+                    peaks[stable] = highest(opened[stable], closed[stable], T, top)
+                found[list(places)] = peaks
         return found
 
-    def _poles(
+    def _matrices(
         self, bearing: Bearing, pid: PID, estimator: Estimator | None
-    ) -> tuple[Complex, Complex] | None:
-        """Return the poles of plant and compensator, and those of the closed loop."""
+    ) -> tuple[Array, Complex, Array] | None:
+        """Return A of the plant, the poles of the compensator, and A of the closed loop."""
         if needs_states(pid):
             if estimator is None or not tells(estimator):
                 return None
             loop = LoopOf(bearing, pid).loop(estimator)
-            opened = np.concatenate([loop.plant.poles(), loop.compensator.poles()])
-            return opened, loop.closed.poles()
+            return loop.plant.A, loop.compensator.poles(), loop.closed.A
         point = WorkPoint.hovering(bearing)
         P = plant(bearing, point)
-        fed = pid if estimator is not None else pid.model_copy(update={"feedback": "measurement"})
+        fed = pid
+        if estimator is None and pid.feedback != "measurement":
+            fed = pid.model_copy(update={"feedback": "measurement"})
         inner = None
         if fed.feedback == "estimate" and estimator is not None:
             inner = self._at(estimator, point)
             if inner is None:
                 return None
-        K = compensator(controller(fed, bearing), inner, np.array([[1 / bearing.sensor.gain]]))
+        K, poles = self._compensated(bearing, fed, inner)
         B_u, C_y, B_y, D_y = P.B[:, :1], P.C[:1], K.B[:, :1], K.D[:, :1]
-        closed = np.block([[P.A + B_u @ D_y @ C_y, B_u @ K.C], [B_y @ C_y, K.A]])
-        opened = np.concatenate([np.linalg.eigvals(P.A), np.linalg.eigvals(K.A)])
-        return opened.astype(complex), np.linalg.eigvals(closed).astype(complex)
+        n = len(P.A)
+        closed = np.empty((n + len(K.A),) * 2)
+        closed[:n, :n], closed[:n, n:] = P.A + B_u @ D_y @ C_y, B_u @ K.C
+        closed[n:, :n], closed[n:, n:] = B_y @ C_y, K.A
+        return P.A, poles, closed
+
+    def _compensated(
+        self, bearing: Bearing, fed: PID, inner: LinearSystem | None
+    ) -> tuple[LinearSystem, Complex]:
+        """Return the compensator and its poles; what the bearing is besides, it does not know."""
+        # Identities of what is kept with the result, so that no other takes its place.
+        key = (id(fed), id(inner), bearing.sensor.gain, bearing.amplifier.gain,
+               bearing.sampling_time)  # fmt: skip
+        if key not in self._compensators:
+            if len(self._compensators) > 1000:
+                self._compensators.clear()
+            shown = np.array([[1 / bearing.sensor.gain]])
+            K = compensator(controller(fed, bearing), inner, shown)
+            self._compensators[key] = (fed, inner), K, K.poles()
+        _, K, poles = self._compensators[key]
+        return K, poles
 
     def _at(self, estimator: Estimator, point: WorkPoint) -> LinearSystem | None:
         """Return an estimator with its gain; of one with constant stiffness it is one for all."""

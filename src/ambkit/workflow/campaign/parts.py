@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -10,7 +10,9 @@ from ambkit.base import units
 from ambkit.base.config import Part
 from ambkit.base.config.quantities import Quantity
 from ambkit.base.config.texts import Line, Name
-from ambkit.simulation.many import FIGURES
+from ambkit.machine.machine import Machine
+from ambkit.simulation.many import FIGURES, Figure
+from ambkit.simulation.many_machines import FIGURES as OF_MACHINES
 from ambkit.workflow.campaign.varied import Value
 
 ZONES = ("A", "B", "C", "D")
@@ -19,8 +21,25 @@ ZONES = ("A", "B", "C", "D")
 TRACES = ("r", "y", "u", "x", "v", "f_d", "x_m", "iu", "f_mag")
 """Signals of a run, and with ``_estimate`` behind it each state of its estimator."""
 
-UNITS = {name: figure.unit for name, figure in FIGURES.items()} | {"peak_S": "1"}
-"""Of the figures of a run."""
+UNITS = {
+    name: figure.unit for name, figure in (OF_MACHINES | FIGURES).items()
+} | {"peak_S": "1"}  # fmt: skip
+"""Of the figures of a run, of bearings and of machines."""
+
+
+def figures_of(*, whole: bool) -> dict[str, Figure]:
+    """Return the figures of a run of a machine, or of a bearing."""
+    return OF_MACHINES if whole else FIGURES
+
+
+def traces_of(plant: Any) -> tuple[str, ...]:
+    """Return the signals that a run of a bearing, or of a machine, has."""
+    if not isinstance(plant, Machine):
+        return TRACES
+    axes = [axis.name for axis in plant.axes]
+    found = [f"{of}_{name}" for of in ("s", "r", "u", "iu", "f_mag", "f_d") for name in axes]
+    found += [f"y_{reading.name}" for reading in plant.readings]
+    return (*found, *(f"q_{name}" for name in plant.positions), "speed")
 
 
 class Correlated(Part):
@@ -67,16 +86,26 @@ class Stop(Part):
     """But so many runs at least."""
 
 
-def limit_of(name: str, given: float | str) -> float:
+def limit_of(name: str, given: float | str, *, whole: bool | None = None) -> float:
     """Return a limit of a figure in SI.
+
+    Parameters
+    ----------
+    name : str
+        Of the figure.
+    given : float or str
+        The limit.
+    whole : bool, optional
+        Whether it is to be one of a machine, or of a bearing.
 
     Raises
     ------
     ValueError
         There is no such figure, or it has another unit.
     """
-    if name not in UNITS:
-        raise ValueError(f"there is no figure {name}; there are {', '.join(UNITS)}")
+    known = UNITS if whole is None else [*figures_of(whole=whole), "peak_S"]
+    if name not in known:
+        raise ValueError(f"there is no figure {name}; there are {', '.join(known)}")
     unit = UNITS[name]
     if isinstance(given, str):
         return units.parse(given, unit)

@@ -63,6 +63,7 @@ class Plan:
     @cached_property
     def bearing(self) -> Bearing:
         """The nominal bearing, which controller and estimator know."""
+        assert self.study.bearing is not None
         found: Bearing = bearing_of(self.study.bearing)
         return found
 
@@ -76,8 +77,13 @@ class Plan:
         """What stands there: units, nominal values, limits."""
         study = self.study
         return tuple(
-            key_of(each, self.bearing, study.scenario, study.estimator) for each in study.vary
+            key_of(each, self.bearing, self._told, study.estimator) for each in study.vary
         )
+
+    @property
+    def _told(self) -> Any:
+        """What the study says of a run."""
+        return self.study.scenario
 
     @cached_property
     def marginals(self) -> tuple[Marginal, ...]:
@@ -136,18 +142,23 @@ class Plan:
     def fingerprint(self) -> str:
         """Hash of all that the rows follow from, files that the study names among it."""
         named = [self.study.estimator, *map(str, self._choices("estimator"))]
-        magnet = self.bearing.magnet
+        described, named_there = self._described_nominal()
         told = {
             "study": self.described.model_dump(
-                mode="json", exclude={"name", "description", "stop", "bearing"}
+                mode="json", exclude={"name", "description", "stop", "bearing", "machine"}
             ),
-            "bearing": self.bearing.model_dump(mode="json", exclude={"magnet": {*FILES}}),
+            "bearing": described,
             "filters": [files.sha256(name) for name in named if name.endswith(FILTER_SUFFIX)],
-            "force_map": [files.sha256(each) for each in (magnet.force_map, magnet.force_channels)
-                          if each is not None],
-        }  # fmt: skip
+            "force_map": [files.sha256(each) for each in named_there if each is not None],
+        }
         text = json_text(_without_folders(told), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
+
+    def _described_nominal(self) -> tuple[dict[str, Any], list[Any]]:
+        """Return the nominal bearing without the files that it names, and these."""
+        magnet = self.bearing.magnet
+        described = self.bearing.model_dump(mode="json", exclude={"magnet": {*FILES}})
+        return described, [magnet.force_map, magnet.force_channels]
 
     @cached_property
     def described(self) -> Study:
@@ -186,20 +197,28 @@ class Plan:
         first : int
             Number of the first run.
         """
+        allowed = self.allowed(points)
+        for at, row in enumerate(points):
+            yield self._drawn(first + at, self.valued(row), int(noise[at]), bool(allowed[at]))
+
+    def valued(self, row: Array) -> dict[str, Any]:
+        """Return a point (k,) by the keys: in SI, of a choice what was chosen."""
+        return {
+            name: of.values[int(value)] if isinstance(of, OneOf) else float(value)
+            for name, of, value in zip(self.names, self.marginals, row, strict=True)
+        }
+
+    def allowed(self, points: Array) -> NDArray[np.bool_]:
+        """Return at which points (n, k) each number is within the limits of its key (n,)."""
         allowed = np.ones(len(points), bool)
         for place, (key, of) in enumerate(zip(self.keys, self.marginals, strict=True)):
             if not isinstance(of, OneOf) and key.unit:
                 column = points[:, place]
-                allowed &= np.ones(len(column), bool) if key.above is None else column > key.above
-                allowed &= (
-                    np.ones(len(column), bool) if key.at_least is None else column >= key.at_least
-                )
-        for at, row in enumerate(points):
-            values = {
-                name: of.values[int(value)] if isinstance(of, OneOf) else float(value)
-                for name, of, value in zip(self.names, self.marginals, row, strict=True)
-            }
-            yield self._drawn(first + at, values, int(noise[at]), bool(allowed[at]))
+                if key.above is not None:
+                    allowed &= column > key.above
+                if key.at_least is not None:
+                    allowed &= column >= key.at_least
+        return allowed
 
     def _drawn(self, run: int, values: Mapping[str, Any], noise: int, allowed: bool) -> Drawn:
         scenario = self._scenario(values)
@@ -208,11 +227,11 @@ class Plan:
             name: value for name, value in values.items()
             if name not in ("estimator", "controller") and not name.startswith(OF_RUN)
         }  # fmt: skip
-        wrong = "" if allowed else self._beyond(values)
+        wrong = "" if allowed else self.beyond(values)
         plant = self.bearing
         if own and not wrong:
             plant = with_values(self.bearing, own)
-            wrong = next(iter(plant.contradictions()), "")
+            wrong = next(iter(plant.contradictions(self.bearing)), "")
             scenario = self._as_controlled(scenario, plant)
         return Drawn(run, values, Planned(plant, scenario, estimator, number=noise), wrong)
 
@@ -230,7 +249,8 @@ class Plan:
         changes = {name: ratio * getattr(pid, name) for name in _GAINS}
         return scenario.model_copy(update={"controller": pid.model_copy(update=changes)})
 
-    def _beyond(self, values: Mapping[str, Any]) -> str:
+    def beyond(self, values: Mapping[str, Any]) -> str:
+        """Say which value is out of its range."""
         for name, key in zip(self.names, self.keys, strict=True):
             if isinstance(values[name], float) and not key.allows(values[name]):
                 return f"{name} is {values[name]:.4g} {key.unit}"

@@ -8,7 +8,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ambkit.base.errors import AmbkitError
 
 if TYPE_CHECKING:
+    from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Machine
+    from ambkit.show.report.figure import Figure
+    from ambkit.simulation.machine import MachineRun
     from ambkit.simulation.many import Planned
+    from ambkit.simulation.many_machines import PlannedMachine
     from ambkit.simulation.run import Run
     from ambkit.workflow.campaign.plan import Plan
 
@@ -22,9 +27,9 @@ class Replayed(NamedTuple):
         Its number.
     values : mapping of str to object
         What varied, in SI.
-    planned : Planned
+    planned : Planned or PlannedMachine
         Plant, run and estimator.
-    run : Run
+    run : Run or MachineRun
         Record, with truth, and estimate.
     row : mapping of str to object
         Figures and verdict, as they stand in the campaign's rows.
@@ -32,9 +37,24 @@ class Replayed(NamedTuple):
 
     number: int
     values: Mapping[str, Any]
-    planned: Planned
-    run: Run
+    planned: Planned | PlannedMachine
+    run: Run | MachineRun
     row: Mapping[str, Any]
+
+    @property
+    def plant(self) -> Bearing | Machine:
+        """The bearing, or the machine, that was drawn."""
+        whole = getattr(self.planned, "machine", None)
+        return whole if whole is not None else self.planned.bearing
+
+    def figure(self) -> Figure:
+        """Return the run as a picture."""
+        from ambkit.show import plots
+        from ambkit.simulation.machine import MachineRun
+
+        if isinstance(self.run, MachineRun):
+            return plots.machine_figure(self.run)
+        return plots.simulation_figure(self.run, self.plant)
 
 
 def replay(plan: Plan, number: int) -> Replayed:

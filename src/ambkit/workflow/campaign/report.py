@@ -64,7 +64,7 @@ def report_of(campaign: Machines) -> Report:
     chapters.append(_worst(campaign))
     return Report(
         title=f"{markdown(study.name)}: {good.of:,} machines",
-        subtitle=f"bearing {markdown(plan.bearing.name)}",
+        subtitle=f"{'bearing' if study.machine is None else 'machine'} {markdown(plan.bearing.name)}",
         lead=f"**{share(good)}** of the machines are good. {markdown(study.description)}",
         version=version("ambkit"),
         chapters=chapters,

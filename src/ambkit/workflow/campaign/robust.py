@@ -22,6 +22,7 @@ from ambkit.simulation.scenario import PID, Scenario
 from ambkit.workflow.campaign.compute import fly
 from ambkit.workflow.campaign.plan import Plan
 from ambkit.workflow.campaign.study import Study, load
+from ambkit.workflow.campaign.whole import plan_of
 from ambkit.workflow.loop_of import ZONE_A
 
 if TYPE_CHECKING:
@@ -213,7 +214,7 @@ def tune_robust(
         import optuna
     except ImportError:
         raise ExtraMissing("tune --robust", "optuna", "campaign") from None
-    plan = Plan(load(study))
+    plan = plan_of(load(study))
     plan.check()
     task = _Task(plan, quantile, max_sensitivity, threads)
     ranges = task.chosen(free)

@@ -41,6 +41,8 @@ from ambkit.base.config import Document, Read
 from ambkit.base.config.paths import from_folder, to_folder
 from ambkit.base.config.texts import Description, Name
 from ambkit.base.errors import AmbkitError
+from ambkit.simulation.controllers import Control
+from ambkit.simulation.flight import Flight
 from ambkit.simulation.scenario import PID, Scenario
 from ambkit.workflow.campaign.parts import Correlated, Passes, Recorded, Stop
 from ambkit.workflow.campaign.varied import Vary
@@ -62,6 +64,22 @@ def _written(value: str, info: SerializationInfo) -> str:
 
     return value if value in presets.names() else to_folder(value, info)
 
+
+def _machine_or_file(value: Any, info: ValidationInfo) -> Any:
+    from ambkit.machine import presets
+
+    return value if value in presets.machine_names() else from_folder(value, info)
+
+
+def _machine_written(value: str, info: SerializationInfo) -> str:
+    from ambkit.machine import presets
+
+    return value if value in presets.machine_names() else to_folder(value, info)
+
+
+MachineName = Annotated[
+    str, BeforeValidator(_machine_or_file), PlainSerializer(_machine_written)
+]
 
 BearingName = Annotated[str, BeforeValidator(_preset_or_file), PlainSerializer(_written)]
 
@@ -92,11 +110,15 @@ class Study(Document):
     """Short name."""
     description: Description = ""
     """What it is to find out."""
-    bearing: BearingName
+    bearing: BearingName | None = None
     """The nominal bearing: a preset, or a file. Controller and estimator know it and no other."""
+    machine: MachineName | None = None
+    """Or the nominal machine, whose rotor has several axes: a preset, or a file."""
     estimator: EstimatorName = "linear"
     """In the loop, or beside it where the controller is fed by the measurement: a kind, a filter's
     file, or none."""
+    synchronous: tuple[Literal["unbalance", "runout"], ...] = ()
+    """What turns with a machine's rotor and is estimated too."""
     runs: Annotated[int, Field(ge=1, le=MOST_RUNS, strict=True)] | None = None
     """How many at most; a grid has as many as it has points."""
     repeats: Annotated[int, Field(ge=1, strict=True)] = 1
@@ -110,9 +132,13 @@ class Study(Document):
     part: Annotated[int, Field(ge=1, le=100_000, strict=True)] = 1000
     """Runs that are computed and written together."""
     scenario: Scenario = Scenario()
-    """What happens in a run."""
+    """What happens in a run of a bearing."""
+    flight: Flight = Flight()
+    """What happens in a run of a machine."""
     controllers: dict[Name, PID] = Field(default_factory=dict)
     """Controllers to choose from, by names; what is not said of one is tuned to the bearing."""
+    controls: dict[Name, Control] = Field(default_factory=dict)
+    """Ways to control a machine to choose from, by names."""
     vary: tuple[Vary, ...] = ()
     """What varies from run to run."""
     correlation: tuple[Correlated, ...] = ()

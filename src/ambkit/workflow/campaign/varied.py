@@ -62,7 +62,9 @@ def _value(given: Any, info: ValidationInfo) -> Any:
 
 
 def _written(given: float | str, info: SerializationInfo) -> float | str:
-    return to_folder(given, info) if isinstance(given, str) and given.endswith(".toml") else given
+    if isinstance(given, float):
+        return float(given)
+    return to_folder(given, info) if given.endswith(".toml") else given
 
 
 Value = Annotated[

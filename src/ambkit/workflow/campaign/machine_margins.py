@@ -1,0 +1,108 @@
+"""The peak of the sensitivity of whole machines: what `LoopOf.peak` says of one, for many.
+
+Seen along an axis, with all other loops closed, S is ``d + sum_j c_j b_j/(z - z_j)`` over the poles
+z_j of the closed loop: one set of eigenvectors serves all axes and all frequencies.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.errors import AmbkitError
+from ambkit.estimate.batch import processors
+from ambkit.simulation.linear.settled import tells
+from ambkit.workflow.campaign.margins import GRID, LOWEST, REFINED, TOPS
+from ambkit.workflow.loop_of import LoopOf
+
+if TYPE_CHECKING:
+    from ambkit.simulation.linear.closed import Loop
+    from ambkit.simulation.many_machines import PlannedMachine
+
+Array = NDArray[np.float64]
+
+
+def peaks_of_machines(runs: Sequence[PlannedMachine], threads: int | None = None) -> Array:
+    """Return the peak of abs(S) of each machine's loop within the standard's range (n,) [1].
+
+    At the machine's own speed, of the worst axis. Infinite where the loop is unstable or nothing
+    holds the rotor; NaN where the estimator settles to no gain.
+
+    Parameters
+    ----------
+    runs : sequence of PlannedMachine
+        With their controllers.
+    threads : int, optional
+        Default: as many as the process may use.
+    """
+    with ThreadPoolExecutor(threads or processors()) as pool:
+        return np.array(list(pool.map(peak_of, runs)), float)
+
+
+def peak_of(planned: PlannedMachine) -> float:
+    """Return the peak of one, see `peaks_of_machines`.
+
+    Parameters
+    ----------
+    planned : PlannedMachine
+        The run.
+    """
+    machine, flight = planned.machine, planned.flight
+    fed = planned.estimator if flight.feedback == "estimate" else None
+    if fed is not None and not tells(fed):
+        return math.nan
+    try:
+        of = LoopOf(machine, flight.control, flown=planned.controllers)
+        loop = of.loop(fed)
+    except AmbkitError:  # nothing holds the rotor
+        return math.inf
+    return highest(loop, of.top)
+
+
+def highest(loop: Loop, top: float) -> float:
+    """Return the highest abs(S) of the axes of a loop up to a frequency [Hz]; of unstable ones inf.
+
+    Parameters
+    ----------
+    loop : Loop
+        Of a machine.
+    top : float
+        End of the range [Hz].
+    """
+    closed, m = loop.closed, loop.measurements
+    poles, V = np.linalg.eig(closed.A)
+    if not (np.abs(poles) < 1).all():
+        return math.inf
+    seen, added = loop.shown, loop.added
+    of: Any = np.eye(m) if seen is None else seen
+    to: Any = np.eye(m) if added is None else added
+    C = of @ closed.C[:m] @ V
+    B = np.linalg.solve(V, closed.B[:, :m] @ to)
+    residues = C * B.T  # (axes, poles)
+    through = np.diag(of @ (np.eye(m) + closed.D[:m, :m]) @ to)
+
+    def gain(f: Array) -> Array:
+        """Return abs(S) of each axis at frequencies of its own (axes, k)."""
+        z = np.exp(2j * np.pi * loop.T * f)[..., None]
+        return np.asarray(np.abs(through[:, None] + (residues[:, None] / (z - poles)).sum(axis=2)))
+
+    own = np.unique(np.abs(np.angle(poles)) / (2 * np.pi * loop.T))
+    near = np.outer(own, [0.97, 1.0, 1.03]).ravel()
+    grid = np.concatenate([np.geomspace(LOWEST * top, top, GRID), near])
+    f = np.unique(np.clip(grid, LOWEST * top, top))
+    at = gain(np.broadcast_to(f, (len(residues), len(f))))
+    beside = np.pad(at, ((0, 0), (1, 1)), constant_values=-np.inf)
+    tops = np.where((at >= beside[:, :-2]) & (at >= beside[:, 2:]), at, -np.inf)
+    best = np.argsort(-tops, axis=1, kind="stable")[:, :TOPS]
+    low, high = f[np.maximum(best - 1, 0)], f[np.minimum(best + 1, len(f) - 1)]
+    share = (math.sqrt(5) - 1) / 2
+    for _ in range(REFINED):
+        a, b = high - share * (high - low), low + share * (high - low)
+        left = gain(a) > gain(b)
+        low, high = np.where(left, low, a), np.where(left, b, high)
+    return float(max(gain(0.5 * (low + high)).max(), at.max()))
