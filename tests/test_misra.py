@@ -142,8 +142,9 @@ def unexplained(made: CExport) -> list[Finding | str]:
 def test_a_whole_controller_keeps_the_rules_too(calibrated: bool, tmp_path: Path) -> None:
     scenario = Scenario(duration=0.1, controller=PID.for_bearing(BEARING))
     made = export_c(
-        BEARING, None, tmp_path / "out", prefix="rig", scenario=scenario, calibrated=calibrated
-    )
+        BEARING, None, tmp_path / "out", prefix="rig", scenario=scenario, calibrated=calibrated,
+        telemetry=calibrated,
+    )  # fmt: skip
     assert unexplained(made) == []
 
 

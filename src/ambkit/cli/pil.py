@@ -80,8 +80,10 @@ def _table(found: Pil) -> Table:
     else:
         flight = f"{found.unequal_flight} of {found.samples} samples differ from simulate's"
     built = found.built
+    bound = found.bound.instructions or f"no bound: {found.bound.why}"
     rows: list[tuple[str, Any]] = [
         ("bits", f"{found.unequal} numbers differ from Python's, of {found.samples} samples"),
+        ("telemetry", f"{found.unequal_frames} numbers differ from what it answered"),
         ("flight", flight),
         ("self-test there", "pass" if found.selftest == 0 else f"{found.selftest} are wrong"),
         ("modes", ", ".join(f"{name} {engineering(t, 's', 4)}" for t, name in found.modes)),
@@ -89,6 +91,7 @@ def _table(found: Pil) -> Table:
         ("off the reference in flight, rms", engineering(found.rms, "m", 3)),
         ("samples on a stop in flight", f"{found.touched}"),
         ("instructions a step", f"{found.instructions}, the most seen {found.most}"),
+        ("instructions a step, at most on any path", f"{bound}"),
         ("stack of a step, the most seen", f"{found.stack_seen} bytes"),
         ("memory of an instance", f"{found.state} bytes"),
         ("built for", f"{found.board}: {built.compiler}"),

@@ -143,7 +143,7 @@ class _Walk:
         def push(path: _Path) -> None:
             heapq.heappush(open_, (graph.place(path.at, path.rounds), next(order), path))
 
-        push(_Path(entry, {}, state.copy(), 0))
+        push(_Path(entry, graph.entered({}, _RETURN, entry), state.copy(), 0))
         while open_:
             place, _, path = heapq.heappop(open_)
             most = path.count
@@ -167,9 +167,7 @@ class _Walk:
         state.take(after)
         return max(most for _, most in ends)
 
-    def stretch(
-        self, state: State, at: int, graph: _Graph
-    ) -> list[tuple[State, int | None, int]]:
+    def stretch(self, state: State, at: int, graph: _Graph) -> list[tuple[State, int | None, int]]:
         """Follow to where ways part or meet: the states there, where they go on, what it took."""
         taken = 0
         while True:

@@ -385,8 +385,8 @@ def _field(state: State, insn: Instruction) -> None:
     """Take a part of a register, or all of it as a number of fewer bits."""
     name, operands = insn.name, insn.operands
     into = _NAMES[operands[0]]
-    if name in ("uxtb", "uxth", "sxtb", "sxth"):
-        bits, low, of = (8 if name[3] == "b" else 16), 0, operands[-1]
+    if name[1:3] == "xt":
+        bits, low, of = (8 if name.endswith("b") else 16), 0, operands[-1]
     elif name in ("ubfx", "sbfx"):
         bits, low, of = int(operands[3][1:], 0), int(operands[2][1:], 0), operands[1]
     else:  # bfi, bfc: some bits are others
@@ -397,6 +397,9 @@ def _field(state: State, insn: Instruction) -> None:
         value = value >> low & (1 << bits) - 1
         if name[0] == "s" and value >> bits - 1:
             value = (value - (1 << bits)) & MASK
+    if name[3:4] == "a" and value is not None:  # and added to another one
+        other = state.r[_NAMES[operands[1]]]
+        value = None if other is None else (value + other) & MASK
     state.r[into] = value
 
 
@@ -428,7 +431,7 @@ _DONE: tuple[tuple[re.Pattern[str], Callable[[State, Instruction], None]], ...] 
         (r"v?(push|pop)|v?(ldm|stm)(|ia|db)", _many), (r"v.*", _float),
         (r"(add|sub)[sw]?|(adc|sbc|rsb)s?|cmp|cmn", _sum),
         (r"(mov|mvn|and|orr|eor|bic|orn|lsl|lsr|asr|ror)s?|movw|tst|teq", _logic),
-        (r"[us]xt[bh]|[us]bfx|bfi|bfc", _field), (r"muls?|mla|mls|[us]div|[us]mull", _product),
+        (r"[us]xta?[bh]|[us]bfx|bfi|bfc", _field), (r"muls?|mla|mls|[us]div|[us]mull", _product),
     )
 )  # fmt: skip
 

@@ -4,11 +4,13 @@
  * The build says which export, with -DHEADER="\"NAME_selftest.h\"" and -Drig_step=NAME_step and so
  * on (build.py). */
 #include HEADER
+#include TELEMETRY
 #include "counting.h"
 #include "semihosting.h"
 #include <stdint.h>
 
 #define COILS 2
+#define SENT_EVERY 10U /* samples; fewer than the ring has room for */
 
 typedef struct sample {
   amb_real y; /* as the rig has it */
@@ -31,6 +33,7 @@ typedef struct greeting {
 } greeting;
 
 static uint32_t deepest;
+static rig_telemetry frames;
 
 typedef amb_status step_function(rig_state *state, amb_real y, amb_real r, bool fly,
                                  rig_output *out);
@@ -92,22 +95,38 @@ static void tell(const rig_output *out, amb_status status, answer *said)
   said->usable = out->usable ? 1U : 0U;
 }
 
-static bool fly(intptr_t from, intptr_t to)
+/* What a slower task does: send all frames that there are. */
+static bool send(intptr_t file)
+{
+  uint32_t words[RIG_TELEMETRY_WORDS];
+  while (rig_telemetry_take(&frames, words)) {
+    if (!semihosting_give(file, words, sizeof words))
+      return false;
+  }
+  return true;
+}
+
+static bool fly(intptr_t from, intptr_t to, intptr_t file)
 {
   rig_state state;
   sample s;
+  unsigned int waiting = 0;
   rig_init(&state);
+  rig_telemetry_init(&frames);
   while (semihosting_take(from, &s, sizeof s) && (s.counted < 2U)) {
     answer said = {{0}, 0, 0, {0}, 0, 0, 0, 0, 0, 0};
     rig_output out;
     if (s.counted == 1U)
       look(&state, &s, &said);
     const amb_status status = rig_step(&state, s.y, s.r, s.fly != 0U, &out);
+    (void)rig_telemetry_put(&frames, &out, status);
+    if ((++waiting % SENT_EVERY) == 0U && !send(file))
+      return false;
     tell(&out, status, &said);
     if (!semihosting_give(to, &said, sizeof said))
       return false;
   }
-  return true;
+  return send(file);
 }
 
 int main(void)
@@ -120,7 +139,8 @@ int main(void)
                           ticks_since(before), sizeof(rig_state)};
   const intptr_t from = semihosting_open("samples", false);
   const intptr_t to = semihosting_open("answers", true);
-  if ((from < 0) || (to < 0) || !semihosting_give(to, &hello, sizeof hello))
+  const intptr_t file = semihosting_open("frames", true);
+  if ((from < 0) || (to < 0) || (file < 0) || !semihosting_give(to, &hello, sizeof hello))
     return 1;
-  return fly(from, to) ? 0 : 1;
+  return fly(from, to, file) ? 0 : 1;
 }
