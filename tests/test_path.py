@@ -38,6 +38,10 @@ COUNTED = {
         ".type g, %function\n.thumb_func\ng: nop\nbx lr",
         2 + 3 * (3 + 2) + 1,
     ),
+    "by a table": (
+        "tbb [pc, r0]\n1: .byte (2f-1b)/2, (3f-1b)/2\n2: nop\nbx lr\n3: nop\nnop\nnop\nbx lr",
+        5,
+    ),
     "a counter in memory": (
         "sub sp, #8\nmovs r3, #6\nstr r3, [sp, #4]\n1: ldr r3, [sp, #4]\nsubs r3, r3, #1\n"
         "str r3, [sp, #4]\nbne 1b\nadd sp, #8\nbx lr",

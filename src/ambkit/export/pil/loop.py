@@ -165,7 +165,9 @@ def pil(
         fields = [state.field for state in states(estimator.states)]
         image = build.firmware(export, _NAME, fields, boards.QEMU_BOARD, folder / "qemu")
         built = build.size(export, _NAME, for_board, folder / "board")
-        bound = path.bound(image, f"{_NAME}_step", objects=0b101)  # state and output
+        # The state and the output; the first word of the state leads to what it works by.
+        works_by = {(0, 0): f"{_NAME}_control"}
+        bound = path.bound(image, f"{_NAME}_step", objects=0b101, points=works_by)
         (folder / "pipes").mkdir()
         with Processor(image, folder / "pipes") as processor:
             greeting = processor.greeting

@@ -13,6 +13,7 @@ from __future__ import annotations
 import heapq
 import re
 import subprocess
+from collections.abc import Mapping
 from itertools import count
 from pathlib import Path
 from typing import NamedTuple
@@ -90,7 +91,9 @@ def _operands(text: str) -> tuple[str, ...]:
     return tuple(part.strip() for part in parts if part.strip())
 
 
-def bound(image: Path, function: str, objects: int) -> Bound:
+def bound(
+    image: Path, function: str, objects: int, points: Mapping[tuple[int, int], str] | None = None
+) -> Bound:
     """Return how many instructions a call of a function takes at most.
 
     Parameters
@@ -102,17 +105,30 @@ def bound(image: Path, function: str, objects: int) -> Bound:
     objects : int
         How many arguments in core registers are pointers to objects of the caller, which do not
         overlap; a bit for each, the lowest one for the first.
+    points : mapping, optional
+        What is known of these objects: by argument and byte in it, the name of the constant that a
+        pointer there leads to.
     """
     program = load(image)
     state = State(program.constants)
     state.r[SP], state.r[LR] = _STACK, _RETURN
     for k in range(4):
         state.r[k] = _OBJECTS + _APART * k if objects >> k & 1 else None
+    for (k, offset), name in (points or {}).items():
+        state.store(_OBJECTS + _APART * k + offset, _place(image, name))
     (entry,) = [at for at, name in program.names.items() if name == function]
     try:
         return Bound(_Walk(program).call(state, entry), "")
     except Unknown as error:
         return Bound(None, str(error))
+
+
+def _place(image: Path, name: str) -> int:
+    """Return the address of a constant."""
+    found = re.search(rf"^(\w+) . {name}$", _call("nm", str(image)), re.MULTILINE)
+    if found is None:
+        raise AmbkitError(f"{image}: has no {name}")
+    return int(found[1], 16)
 
 
 class _Path(NamedTuple):
@@ -265,11 +281,13 @@ class _Walk:
         return [insn.at + 4 + 2 * entry]
 
     def table(self, insn: Instruction) -> list[int]:
-        """Return all ways of a table, which ends where the first of them begins."""
+        """Return all ways of a table, which ends where code goes on, or where they lead."""
         wide = 2 if insn.name == "tbh" else 1
         base = at = insn.at + 4
         found: list[int] = []
-        end = len(self.program.constants)
+        end = base
+        while end in self.program.instructions and self.program.instructions[end].name[0] == ".":
+            end += self.program.instructions[end].size
         while at < end:
             entry = int.from_bytes(self.program.constants[at : at + wide], "little")
             if entry == 0:
