@@ -39,7 +39,7 @@ COUNTED = {
         2 + 3 * (3 + 2) + 1,
     ),
     "by a table": (
-        "tbb [pc, r0]\n1: .byte (2f-1b)/2, (3f-1b)/2\n2: nop\nbx lr\n3: nop\nnop\nnop\nbx lr",
+        "tbb [pc, r1]\n1: .byte (2f-1b)/2, (3f-1b)/2\n2: nop\nbx lr\n3: nop\nnop\nnop\nbx lr",
         5,
     ),
     "a counter in memory": (

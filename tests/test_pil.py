@@ -127,15 +127,20 @@ def test_the_rigs_own_numbers_go_there(tmp_path: Path) -> None:
 @pytest.mark.long
 @needs_tools
 def test_the_command_says_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path, out = tmp_path / "s.toml", tmp_path / "flight.csv"
+    path, out, page = tmp_path / "s.toml", tmp_path / "flight.csv", tmp_path / "pil.html"
     path.write_text(SCENARIO.to_toml())
     with pytest.raises(SystemExit) as left:
-        main(["pil", "zittau_axial", "--scenario", str(path), "--json", "--out", str(out)])
+        main(["pil", "zittau_axial", "--scenario", str(path), "--json", "--out", str(out),
+              "--report", str(page)])  # fmt: skip
     assert not left.value.code
     told = json.loads(capsys.readouterr().out)
     assert told["passed"] is True
     assert told["samples"] == 2001
+    assert told["bound"]["instructions"] > told["most"]
     assert ambkit.Record.load(out).t.size == 2001
+    text = page.read_text(encoding="utf-8")
+    assert "Every number that the processor gave is Python" in text
+    assert f"{told['bound']['instructions']}" in text
 
 
 @pytest.mark.long

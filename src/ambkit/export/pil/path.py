@@ -137,7 +137,7 @@ class _Path(NamedTuple):
     at: int
     rounds: dict[int, int]  # of the loops that it is in, by their headers
     state: State
-    count: int
+    taken: int  # instructions
 
 
 class _Walk:
@@ -162,11 +162,11 @@ class _Walk:
         push(_Path(entry, graph.entered({}, _RETURN, entry), state.copy(), 0))
         while open_:
             place, _, path = heapq.heappop(open_)
-            most = path.count
+            most = path.taken
             while open_ and open_[0][0] == place:  # they meet
                 other = heapq.heappop(open_)[2]
                 path.state.join(other.state)
-                most = max(most, other.count)
+                most = max(most, other.taken)
             for there, to, taken in self.stretch(path.state, path.at, graph):
                 if to is None:
                     if there.r[PC] != back:
