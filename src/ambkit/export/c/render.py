@@ -117,8 +117,7 @@ def render(
     # The paper's filter is given its constants, and asks no magnet.
     given = in_core is None and kind is MAGNETS["Constant"]
     needed = ["src/kalman.c", "src/envelope.c", "src/at_rest.c"]
-    needed += ["include/ambkit/crc.h"]
-    needed += ["include/ambkit/root.h"] if controller is None else []  # of standard deviations
+    needed += ["include/ambkit/crc.h", "include/ambkit/root.h"]
     needed += [] if given else [f"src/{each.source}.c" for each in kinds]
     if in_core is not None:
         needed += [f"src/{stem}.c" for stem in ("estimator", in_core.source, *in_core.calls)]
@@ -161,11 +160,7 @@ def render(
         "y_given": "const amb_real y[AMB_SENSORS]" if whole else "amb_real y",
         "u_given": "const amb_real u[AMB_CONTROLS]" if whole else "amb_real u",
         "sources": sources,
-        "bit_headers": [
-            f
-            for f in core_files
-            if f.endswith(("/exponential.h", "/root.h", "/crc.h")) and "/include/" in f
-        ],
+        "bit_headers": _bit_headers(core_files, alone=controller is None),
         "cast_sources": _casts(
             kind, in_core, given, flown=controller is not None, calibrated=calibrated
         ),
@@ -521,6 +516,14 @@ def _casts(
         stems += ["estimator", *in_core.casts, *(["control"] if flown else [])]
         stems += ["calibration"] if calibrated else []
     return tuple(f"core/src/{stem}.c" for stem in sorted(stems))
+
+
+def _bit_headers(core_files: dict[str, str], *, alone: bool) -> list[str]:
+    """Return the headers in flight that look at a number's bits; `alone`: of a filter alone."""
+    # A filter tells standard deviations; of a controller perhaps its self-test alone takes a root.
+    root = alone or any('"ambkit/root.h"' in text for text in core_files.values())
+    names = ("/exponential.h", "/crc.h", *(["/root.h"] if root else []))
+    return [file for file in core_files if file.endswith(names) and "/include/" in file]
 
 
 def _configuration(
