@@ -228,7 +228,7 @@ Named run(Estimator &self, const Samples &y, const Samples &u, bool covariance,
 
 #if defined(AMB_MODEL_LOOPS)
 
-// A whole record in which the rotor's speed changes: between samples it is the mean of both.
+// A whole record in which the rotor's speed changes: between samples it grows evenly.
 Named run_turning(Estimator &self, const Samples &y, const Samples &u, const Vector &speed,
                   Model &model, bool covariance)
 {
@@ -243,7 +243,7 @@ Named run_turning(Estimator &self, const Samples &y, const Samples &u, const Vec
     if (k == 0) {
       (void)amb_estimator_start(&self.estimator, self.state(), in.y, &self.result);
     } else {
-      self.turn(model, (speed.data()[k - 1] + speed.data()[k]) / 2);
+      self.turn(model, speed.data()[k - 1], speed.data()[k]);
       (void)amb_estimator_step(&self.estimator, self.state(), in.y + k * m, in.u + (k - 1) * c,
                                &self.result);
     }

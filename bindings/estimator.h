@@ -20,8 +20,9 @@ struct Model {
 
   // The same machine at speeds `first`, `first` + `step` and so on [rad/s], four at least; from
   // then on it can turn: its numbers are those of any speed in between, by cubic interpolation.
-  void nodes(amb_real first, amb_real step, const nb::list &arrays_at);
-  void turn(amb_real speed);
+  // `growing`: what the entries of L gain there for each rad/s^2 by which the speed grows.
+  void nodes(amb_real first, amb_real step, const nb::list &arrays_at, const nb::list &growing);
+  void turn(amb_real speed, amb_real growth);
   bool turns() const
   {
     return !at_nodes.empty();
@@ -30,6 +31,7 @@ struct Model {
 private:
   amb_real first_node = 0, node_step = 1;
   std::vector<std::vector<std::vector<amb_real>>> at_nodes;
+  std::vector<std::vector<amb_real>> growing_at;
   std::vector<std::vector<unsigned short>> places;
   std::vector<std::vector<amb_real>> numbers;
   std::vector<unsigned char> roles;
@@ -145,10 +147,10 @@ struct Estimator {
     return estimator.methods->scale != nullptr;
   }
 #if defined(AMB_MODEL_LOOPS)
-  // The model that it was made of at another speed of rotation [rad/s].
-  void turn(Model &model, amb_real speed)
+  // The model that it was made of while the rotor gets from one speed to another [rad/s].
+  void turn(Model &model, amb_real before, amb_real after)
   {
-    model.turn(speed);
+    model.turn((before + after) / 2, (after - before) / kf.set.T);
     amb_model_growth(&kf.model, kf.set.var_d, kf.growth);
   }
 #endif

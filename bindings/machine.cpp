@@ -205,10 +205,10 @@ private:
 struct Turning {
   Estimator *estimator;
   Model *model;
-  static void turn(void *self, amb_real speed)
+  static void turn(void *self, amb_real before, amb_real after)
   {
     const auto &both = *static_cast<Turning *>(self);
-    both.estimator->turn(*both.model, speed);
+    both.estimator->turn(*both.model, before, after);
   }
 };
 

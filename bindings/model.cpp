@@ -69,8 +69,9 @@ Model::Model(const nb::dict &arrays)
   model.role = roles.data();
 }
 
-void Model::nodes(amb_real first, amb_real step, const nb::list &arrays_at)
+void Model::nodes(amb_real first, amb_real step, const nb::list &arrays_at, const nb::list &growing)
 {
+  const std::vector<amb_real> &L = numbers.front();
   if (nb::len(arrays_at) < 4 || !(step > 0))
     throw std::invalid_argument("a model turns between four speeds or more, one after the other");
   std::vector<std::vector<std::vector<amb_real>>> found;
@@ -80,12 +81,17 @@ void Model::nodes(amb_real first, amb_real step, const nb::list &arrays_at)
       throw std::invalid_argument("models at different speeds must have one pattern");
     found.push_back(there.numbers);
   }
+  const auto more = nb::cast<std::vector<std::vector<amb_real>>>(growing);
+  same_length(found.size(), more.size(), "growing");
+  for (const auto &each : more)
+    same_length(L.size(), each.size(), "growing, its entries of L,");
+  growing_at = more;
   first_node = first;
   node_step = step;
   at_nodes = std::move(found);
 }
 
-void Model::turn(amb_real speed)
+void Model::turn(amb_real speed, amb_real growth)
 {
   const auto last = static_cast<amb_real>(at_nodes.size() - 1);
   const amb_real at = std::clamp((speed - first_node) / node_step, amb_real(0), last);
@@ -97,6 +103,10 @@ void Model::turn(amb_real speed)
     for (size_t i = 0; i < numbers[a].size(); i++)
       numbers[a][i] = w[0] * at_nodes[k][a][i] + w[1] * at_nodes[k + 1][a][i] +
                       w[2] * at_nodes[k + 2][a][i] + w[3] * at_nodes[k + 3][a][i];
+  std::vector<amb_real> &L = numbers.front();
+  for (size_t i = 0; i < L.size(); i++)
+    L[i] += growth * (w[0] * growing_at[k][i] + w[1] * growing_at[k + 1][i] +
+                      w[2] * growing_at[k + 2][i] + w[3] * growing_at[k + 3][i]);
 }
 
 nb::dict shown(const amb_model &)
@@ -110,10 +120,13 @@ void bind_model(nb::module_ &m)
       .def(nb::init<const nb::dict &>(), nb::arg("arrays"),
            nb::sig("def __init__(self, arrays: dict[str, Any]) -> None"))
       .def("nodes", &Model::nodes, nb::arg("first"), nb::arg("step"), nb::arg("arrays"),
-           nb::sig("def nodes(self, first: float, step: float, arrays: list[dict[str, Any]]) -> "
-                   "None"),
-           "The same machine at speeds one after the other [rad/s]; then it can turn.")
-      .def("turn", &Model::turn, nb::arg("speed"), "Take the numbers of a speed [rad/s].");
+           nb::arg("growing"),
+           nb::sig("def nodes(self, first: float, step: float, arrays: list[dict[str, Any]], "
+                   "growing: list[list[float]]) -> None"),
+           "The same machine at speeds one after the other [rad/s], and what the entries of L gain "
+           "there for each rad/s^2 by which the speed grows; then it can turn.")
+      .def("turn", &Model::turn, nb::arg("speed"), nb::arg("growth"),
+           "Take the numbers of a speed [rad/s] that grows [rad/s^2].");
   m.attr("MOST_STATES") = AMB_STATES;
   m.attr("MOST_FORCES") = AMB_FORCES;
   m.attr("MOST_SENSORS") = AMB_SENSORS;

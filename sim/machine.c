@@ -270,7 +270,7 @@ void amb_machine_run(const amb_machine_loop *loop, const amb_machine_input *in,
         (void)amb_estimator_start(loop->estimator, estimator, y, &result);
       } else {
         if (loop->turn != NULL)
-          loop->turn(loop->model, (in->speed[k - 1] + in->speed[k]) / 2);
+          loop->turn(loop->model, in->speed[k - 1], in->speed[k]);
         (void)amb_estimator_step(loop->estimator, estimator, y, u - p, &result);
       }
       amb_estimator_note(loop->estimator, estimator, &result, k, &out->estimate);

@@ -78,7 +78,8 @@ typedef struct amb_machine_loop {
   amb_real T;                     /* sampling time [s] */
   const amb_real *k_ui;           /* [axes]: amplifier gain [A/V] */
   const amb_estimator *estimator; /* or NULL */
-  void (*turn)(void *model, amb_real speed); /* tells the estimator's model the speed, or NULL */
+  void (*turn)(void *model, amb_real before, amb_real after); /* tells the estimator's model the
+                                                                 speeds of two samples, or NULL */
   void *model;
 } amb_machine_loop;
 

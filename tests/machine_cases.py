@@ -81,7 +81,8 @@ def directions(machine: Machine, lines: Any) -> Array:
 def slopes(machine: Machine, q: Array, w: Array, F: Array) -> Array:
     """Second derivatives of q, by the equations of the issue: both planes as x + j y.
 
-    In a plane ``M q'' + (D - j speed G) q' + K q`` over x, tilt and the modes.
+    In a plane ``M q'' + (D - j speed G) q' + K q`` over x, tilt and the modes, and of what damps
+    within the rotor ``D_internal (q' - j speed q)``.
     """
     rotor, bending = machine.rotor, machine.bending
     modes = 0 if bending is None else len(bending.frequency)
@@ -91,6 +92,7 @@ def slopes(machine: Machine, q: Array, w: Array, F: Array) -> Array:
     if bending is not None:
         M[2:], K[2:] = bending.mass, bending.stiffness
         G[1:, 1:], D = bending.polar, bending.damping
+        inner = np.pad(bending.internal, (2, 0))
     H = directions(machine, machine.axes)
     weight = np.array([-rotor.mass * 9.81 if rotor.gravity == "-x" else 0.0, 0, 0, 0])
     push = H.T @ F
@@ -99,8 +101,10 @@ def slopes(machine: Machine, q: Array, w: Array, F: Array) -> Array:
     else:  # as forces along the axes: it bends the rotor no more than when it hangs in them
         push += H.T @ np.linalg.solve(H[:, :4].T, weight)
     p, u, v = _in_planes(push), _in_planes(q), _in_planes(w)
-    a = (p - D @ v + 1j * machine.speed * G @ v - K * u if modes else
-         p + 1j * machine.speed * G @ v) / M  # fmt: skip
+    a = p + 1j * machine.speed * G @ v
+    if modes:
+        a = a - D @ v - K * u - inner @ (v - 1j * machine.speed * u)
+    a = a / M
     found = np.empty_like(q)
     found[0], found[1], found[2], found[3] = a[0].real, a[0].imag, -a[1].imag, a[1].real
     found[4::2], found[5::2] = a[2:].real, a[2:].imag

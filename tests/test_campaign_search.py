@@ -162,3 +162,19 @@ def test_tuned_over_the_machines_it_is_gone_on_with_and_written(tmp_path: Path) 
         ambkit.tune_robust(study, evaluations=1, max_sensitivity=1.01)
     with pytest.raises(AmbkitError, match=r"there is no controller\.kx"):
         ambkit.tune_robust(study, free=["controller.kx"])
+
+
+@pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::UserWarning")
+def test_the_size_of_the_expert_is_searched_and_is_that_of_the_filter(tmp_path: Path) -> None:
+    pytest.importorskip("optuna")
+    study = Study.from_toml(STUDY).model_copy(update={"estimator": "adaptive", "runs": 6})
+    found = ambkit.tune_robust(study, free=["expert.rules"], evaluations=6, max_sensitivity=4.0)
+    tried = {each.values["expert.rules"]: each.error for each in found.tried}
+    assert tried.keys() >= {5.0, 3.0} or tried.keys() >= {5.0, 7.0}
+    assert len(set(tried.values())) == len(tried)  # another size is another filter
+    rules = int(found.tried[found.taken].values["expert.rules"])
+    assert found.tried[found.taken].error == min(tried.values())
+    assert len(found.estimator.magnet.weights) == rules**2
+    found.save(tmp_path / "filter.toml")
+    again = ambkit.FilterFile.load(tmp_path / "filter.toml").make()
+    assert len(again.magnet.weights) == rules**2

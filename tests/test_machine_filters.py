@@ -48,6 +48,35 @@ def test_filters_are_as_good_as_can_be(name: str, speed: float) -> None:
     assert (own[:4] < 0.7 * raw[:4]).all()
 
 
+def test_over_a_run_up_unbalance_and_runout_are_as_good_as_with_finer_steps() -> None:
+    """By the paired ratio to ten steps in a sample, on the same noise."""
+    judged = judge_machine(
+        Machine.preset("tum_mlps"), ("extended",), seeds=2, duration=0.3, speed=Ramp(slope=1500.0),
+        synchronous=("unbalance", "runout"), balance=0.2, finer=True,
+    )  # fmt: skip
+    assert {"U1_x", "r1_La_s"} <= set(judged.quantities)
+    assert judged.paired("extended").min() > 0.95
+    assert 0.7 < judged.nees["extended"].mean() < 1.3
+    assert "paired" in judged.to_dict()
+
+
+@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("turns", [True, False])
+@pytest.mark.long
+def test_every_preset_over_a_run_up(name: str, turns: bool) -> None:
+    """20 seeds, vague starts: the bound without unbalance and runout, the paired ratio with."""
+    one, load = Machine.preset(name), 0.03 if name.endswith("flexible") else 0.1
+    keys = {"load": load, "speed": Ramp(slope=3 * one.speed), "duration": 0.3}
+    if turns:
+        judged = judge_machine(one, ("extended",), seeds=6, synchronous=("unbalance", "runout"),
+                               balance=0.2, finer=True, **keys)  # fmt: skip
+        assert judged.paired("extended").min() > 0.95
+    else:
+        judged = judge_machine(one, ("extended",), seeds=20, **keys)
+        assert judged.efficiency("extended").mean() > 0.95
+        assert 0.9 < judged.nees["extended"].mean() < 1.1
+
+
 def flown(one: Machine, **keys: Any) -> MachineRun:
     return simulate_machine(one, Flight(duration=0.1, seed=5, **keys))
 

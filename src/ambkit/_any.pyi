@@ -12,10 +12,12 @@ class Model:  # type: ignore[no-redef]
     """Any model (ambkit/loops.h)."""
 
     def __init__(self, arrays: dict[str, Any]) -> None: ...
-    def nodes(self, first: float, step: float, arrays: list[dict[str, Any]]) -> None:
-        """The same machine at speeds one after the other [rad/s]; then it can turn."""
+    def nodes(self, first: float, step: float, arrays: list[dict[str, Any]], growing: list[list[float]]) -> None:
+        """
+        The same machine at speeds one after the other [rad/s], and what the entries of L gain there for each rad/s^2 by which the speed grows; then it can turn.
+        """
 
-    def turn(self, speed: float) -> None:
+    def turn(self, speed: float, growth: float) -> None:
         """Take the numbers of a speed [rad/s]."""
 
 def run_turning(estimator: Estimator, y: Any, u: Any, speed: Any, model: Model, *, covariance: bool = False) -> dict[str, Any]:

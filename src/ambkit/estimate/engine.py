@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 
 NODE = 0.02
 """Radians a sample between the speeds at which a model that turns is computed."""
+GROWTH = 1e3
+"""Growth of the speed by which it is told what unbalance does across [rad/s^2]."""
 
 
 class Engine:
@@ -92,22 +94,24 @@ class Engine:
         """Let the core's model take any speed of rotation between two [rad/s].
 
         Its numbers are computed at speeds `NODE` of a radian a sample apart, and interpolated by
-        cubics in between: what turns then keeps its phase to some 1e-8 rad a sample.
+        cubics in between: what turns then keeps its phase to some 1e-8 rad a sample. What unbalance
+        does across while the speed grows is linear in that growth.
         """
         step = NODE / self.bearing.sampling_time
         first = step * math.floor(slowest / step)
         count = max(4, math.ceil((fastest - first) / step) + 1)
-        at = [
-            arrays(
+        at, growing = [], []
+        for k in range(count):
+            there = self.bearing.model_copy(update={"speed": first + k * step})
+            still, faster = (
                 machine_model(
-                    self.bearing.model_copy(update={"speed": first + k * step}),
-                    noise=self.noise,
-                    synchronous=self.synchronous,
+                    there, noise=self.noise, synchronous=self.synchronous, speeding=speeding
                 )
+                for speeding in (0.0, GROWTH)
             )
-            for k in range(count)
-        ]
-        self.model_of_core.nodes(first, step, at)
+            at.append(arrays(still))
+            growing.append((faster.L - still.L)[still.pattern["L"] > 0] / GROWTH)
+        self.model_of_core.nodes(first, step, at, [each.tolist() for each in growing])
         self.turned = True
 
     @cached_property

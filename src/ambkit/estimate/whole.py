@@ -23,6 +23,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+VAGUE = 3.0
+"""At the start unbalance and runout are anywhere within so many times what is expected: in a run-up
+the speeds tell them, and not the start."""
+
 
 class Whole:
     """A machine as its estimators see it.
@@ -142,12 +146,27 @@ class Whole:
         bent = np.array([state.size for state in states if state.role == "bending"])
         unseen = (shown @ (self.gains[:, None] * self.C[:, self.rigid :])) ** 2 @ bent**2
         by_role = {
-            "position": np.sqrt(shown**2 @ sigma**2 + unseen),
+            "position": np.sqrt(shown**2 @ (sigma**2 + self._run_out(states)) + unseen),
             "velocity": 0.1 * self.travel * pole,
             "disturbance force": np.array([b.rotor.mass * GRAVITY for b in self.alone]),
             "sensor": sigma,
         }
-        return tuple(self._each(states, by_role, 1.0, [state.size for state in states]))
+        others = [(VAGUE if s.role in ("unbalance", "runout") else 1.0) * s.size for s in states]
+        return tuple(self._each(states, by_role, 1.0, others))
+
+    def _run_out(self, states: Sequence[Descriptor]) -> Array:
+        """Return what runout adds to the readings' variance, where it is among the states [m^2].
+
+        A start from the first readings is no surer than that of where the rotor is; else it would
+        tell unbalance from runout at a constant speed, where nothing does.
+        """
+        found = np.zeros(len(self.gains))
+        for state in states:
+            if state.role == "runout" and state.name.endswith("_c"):
+                sensor = state.name.split("_", 1)[1].removesuffix("_c")
+                seen = [r.sensor.name == sensor for r in self.machine.readings]
+                found[seen] += (VAGUE * self.gains[seen] * state.size) ** 2
+        return found
 
     def _each(
         self, states: Sequence[Descriptor], by_role: dict[str, Array], currents: float,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.noise import FilterNoise
 from ambkit.estimate.registry import KINDS, learned_magnet
+from ambkit.judge import machine_reference
 from ambkit.machine.bank import alone_of, weights_of
 from ambkit.machine.magnets import magnet_of
-from ambkit.models.machine import velocity_of
+from ambkit.machine.parts import Runout
+from ambkit.models.machine import unbalance_planes, velocity_of
 from ambkit.simulation.flight import Flight
 from ambkit.simulation.machine import MachineRun, simulate_machine
 
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.estimate.estimate import Estimate
     from ambkit.machine.machine import Machine
+    from ambkit.simulation.waveforms import Signal
 
 Array = NDArray[np.float64]
 
@@ -40,7 +43,7 @@ class MachineJudgement:
     ----------
     quantities : tuple of str
         ``s_A1`` displacement at an axis [m], ``v_A1`` its velocity [m/s], ``f_d_A1`` load [N],
-        and ``i_A1`` current where the amplifier lags [A].
+        and ``i_A1`` current where the amplifier lags [A]; of unbalance and runout the states.
     errors : mapping
         Of each contender, root mean square errors (seeds, quantities), each in its unit; those of
         the raw sensor are NaN where it says nothing.
@@ -49,12 +52,16 @@ class MachineJudgement:
     nees : mapping
         Of each filter, error squared over what it believes, of s, v and f_d together, over the
         number of these: 1 where it is honest (seeds,).
+    finer : ndarray (seeds, quantities) or None
+        Root mean square errors of a filter with ten steps in a sample, on the same noise, each in
+        its unit [m, m/s, N, A, kg m].
     """
 
     quantities: tuple[str, ...]
     errors: Mapping[str, Array]
     bound: Array
     nees: Mapping[str, Array]
+    finer: Array | None = None
 
     def efficiency(self, contender: str) -> Array:
         """Return the bound's variance over the mean square error, (quantities,) [1].
@@ -65,6 +72,26 @@ class MachineJudgement:
             Name of a filter.
         """
         return np.asarray(self.bound**2 / np.mean(self.errors[contender] ** 2, axis=0))
+
+    def paired(self, contender: str) -> Array:
+        """Return the finer filter's mean square error over a filter's, (quantities,) [1].
+
+        On the same noise both err alike, so that few seeds tell what the bound would need many for.
+
+        Parameters
+        ----------
+        contender : str
+            Name of a filter.
+
+        Raises
+        ------
+        ValueError
+            No finer filter was asked for.
+        """
+        if self.finer is None:
+            raise ValueError("no finer filter was run: judge_machine(..., finer=True)")
+        own = np.mean(self.errors[contender] ** 2, axis=0)
+        return np.asarray(np.mean(self.finer**2, axis=0) / own)
 
     def to_dict(self) -> dict[str, object]:
         """Return the figures as plain data, in SI."""
@@ -77,7 +104,11 @@ class MachineJudgement:
             },
             "efficiency": {name: self.efficiency(name).tolist() for name in self.nees},
             "nees": {name: float(np.mean(each)) for name, each in self.nees.items()},
-        }
+        } | (
+            {}
+            if self.finer is None
+            else {"paired": {name: self.paired(name).tolist() for name in self.nees}}
+        )
 
 
 def judge_machine(
@@ -89,13 +120,18 @@ def judge_machine(
     settled: float = 0.1,
     first_seed: int = 0,
     load: float = 0.1,
+    speed: Signal | None = None,
+    synchronous: Sequence[str] = (),
+    balance: float = 1.0,
+    finer: bool = False,
 ) -> MachineJudgement:
     """Judge estimators of a machine whose truth follows their model.
 
     The loads are random walks that come to a share of what the magnets have to spare, with the
-    growth that the filters assume, the noise is that of the machine; unbalance and runout, which
-    these filters do not know, are left out. The filters start from their first readings, with their
-    usual doubt.
+    growth that the filters assume, the noise is that of the machine. Unbalance and runout are left
+    out where the filters do not know them; where they do, they are drawn anew for each run, as
+    large as the filters expect. The filters start from their first readings, with their usual
+    doubt.
 
     Parameters
     ----------
@@ -113,54 +149,128 @@ def judge_machine(
         Of the first run.
     load : float
         That share [1]; a rotor that bends easily bears less.
+    speed : Signal, optional
+        Of rotation, such as a run-up [rad/s]; by default the machine's own.
+    synchronous : sequence of str
+        What the filters estimate besides: ``"unbalance"``, ``"runout"``.
+    balance : float
+        How large these are and are expected to be, in typical sizes [1].
+    finer : bool
+        Whether a filter with ten steps in a sample is run beside them.
 
     Raises
     ------
     AmbkitError
         A run comes into a backup bearing, of which the model knows nothing.
     """
-    plain = _known(machine)
+    plain = _known(machine, synchronous)
     noise = FilterNoise(disturbance=_growth(plain, duration, load))
     filters = {
-        kind: KINDS[kind].make(plain, learned_magnet(kind, plain), noise=noise) for kind in kinds
+        kind: KINDS[kind].make(
+            plain, learned_magnet(kind, plain), noise=noise, synchronous=synchronous
+        )
+        for kind in kinds
     }
     first = next(iter(filters.values()))
+    drawn = {s.name: balance * s.size for s in first.states if s.role in ("unbalance", "runout")}
+    other = machine_reference.finer(first) if finer else None
+    for each in [*filters.values(), *([other] if other else [])]:
+        each.start_std = dict(drawn)
     W, quantities = _quantities(first)
+    judged = np.array([k for k, q in enumerate(quantities) if q.startswith(("s_", "v_", "f_d_"))])
     T = plain.sampling_time
     start = round(settled / T)
     errors: dict[str, list[Array]] = {name: [] for name in (*filters, RAW)}
     nees: dict[str, list[float]] = {name: [] for name in filters}
-    bound: Array | None = None
+    bounds: list[Array] = []
+    finest: list[Array] = []
     for seed in range(first_seed, first_seed + seeds):
-        run, walks = _flown(plain, first, seed, duration)
+        turned, rotor = _drawn(plain, drawn, seed)
+        run, walks = _flown(turned, first, seed, Flight(duration=duration, seed=seed, speed=speed))
         if run.samples_at_the_stop:
             raise AmbkitError(
                 f"{plain.name}: with loads of {load:g} of what the magnets have to spare the rotor "
                 f"comes into a backup bearing (seed {seed}); judge with less load"
             )
-        truth = np.column_stack([_truth(run, walks, name) for name in quantities])[start:]
+        angle = _angle(run.record["speed"], T)
+        truth = np.column_stack([
+            _state_of(rotor, name, angle) if name in drawn else _truth(run, walks, name)
+            for name in quantities
+        ])[start:]  # fmt: skip
         for name, estimator in filters.items():
             estimate = estimator.run(run.record, covariance=True)
             assert estimate.covariance is not None
             wrong = (estimate.mean @ W.T)[start:] - truth
             errors[name].append(np.sqrt(np.mean(wrong**2, axis=0)))
-            nees[name].append(_nees(wrong, estimate.covariance[start:], W, quantities))
+            nees[name].append(_nees(wrong, estimate, W, start, judged))
         errors[RAW].append(_raw(plain, first, run, quantities, truth, start))
-        if bound is None:
-            bound = _bound(first, run, W, start)
-    assert bound is not None
+        if not bounds or synchronous:
+            bounds.append(machine_reference.bound(first, run.record, W, start))
+        if other:
+            delay = plain.delay or 0.0
+            fine = machine_reference.run_finer(other, run.record, delay)
+            finest.append(_finer_errors(other, fine, quantities, truth, start))
     return MachineJudgement(
         quantities,
         {name: np.array(each) for name, each in errors.items()},
-        bound,
+        np.sqrt(np.mean(np.square(bounds), axis=0)),
         {name: np.array(each) for name, each in nees.items()},
+        np.array(finest) if other else None,
     )
 
 
-def _known(machine: Machine) -> Machine:
-    """Return the machine without unbalance and runout."""
+def _known(machine: Machine, synchronous: Sequence[str]) -> Machine:
+    """Return the machine without unbalance and runout, but for those that filters estimate."""
     sensors = [each.model_copy(update={"runout": ()}) for each in machine.sensor]
-    return machine.replace(unbalance=[], sensor=sensors)
+    without: dict[str, Any] = {"unbalance": [], "sensor": sensors}
+    left = {"unbalance": "unbalance", "runout": "sensor"}
+    for name in synchronous:
+        without.pop(left[name], None)
+    return machine.replace(**without)
+
+
+def _drawn(
+    machine: Machine, sizes: Mapping[str, float], seed: int
+) -> tuple[Machine, dict[str, complex]]:
+    """Return the machine with unbalance and runout of its own, and these by states, at angle 0."""
+    rng = np.random.default_rng([seed, 41])
+    rotor: dict[str, complex] = {}
+    for name, size in sizes.items():
+        if name.endswith(("_x", "_c")):
+            rotor[name[:-2]] = complex(*(size * rng.normal(size=2)))
+    planes = [
+        {"place": z, "amount": abs(rotor[f"U{k}"]), "angle": float(np.angle(rotor[f"U{k}"]))}
+        for k, z in enumerate(unbalance_planes(machine), 1) if f"U{k}" in rotor
+    ]  # fmt: skip
+    sensors = []
+    for each in machine.sensor:
+        lines = [
+            Runout(order=int(name[1:].split("_")[0]), amplitude=abs(r), phase=float(np.angle(r)))
+            for name, r in rotor.items() if name[0] == "r" and name.split("_", 1)[1] == each.name
+        ]  # fmt: skip
+        sensors.append(each.model_copy(update={"runout": tuple(lines) or each.runout}))
+    return machine.replace(unbalance=planes, sensor=sensors), rotor
+
+
+def _angle(speed: Array, T: float) -> Array:
+    return np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2) * T])
+
+
+def _state_of(rotor: Mapping[str, complex], name: str, angle: Array) -> Array:
+    """Return an unbalance's or runout's state (n,) while the rotor turns."""
+    order = int(name[1:].split("_")[0]) if name[0] == "r" else 1
+    turned = rotor[name[:-2]] * np.exp(1j * order * angle)
+    return np.asarray(turned.real if name.endswith(("_x", "_c")) else turned.imag)
+
+
+def _finer_errors(
+    other: Estimator, estimate: Estimate, quantities: tuple[str, ...], truth: Array, start: int
+) -> Array:
+    W, names = _quantities(other)
+    rows = [W[names.index(name)] if name in names else np.full(W.shape[1], np.nan)
+            for name in quantities]  # fmt: skip
+    said = estimate.mean[:: machine_reference.FINER] @ np.array(rows).T
+    return np.asarray(np.sqrt(np.mean((said[start:] - truth) ** 2, axis=0)))
 
 
 def _growth(machine: Machine, duration: float, load: float) -> float:
@@ -174,15 +284,14 @@ def _growth(machine: Machine, duration: float, load: float) -> float:
 
 
 def _flown(
-    machine: Machine, filters: Estimator, seed: int, duration: float
+    machine: Machine, filters: Estimator, seed: int, flight: Flight
 ) -> tuple[MachineRun, Array]:
     """Return a run, and the loads at its samples: what acts is their mean until the next one."""
-    T, n = machine.sampling_time, round(duration / machine.sampling_time) + 1
+    T, n = machine.sampling_time, round(flight.duration / machine.sampling_time) + 1
     rng = np.random.default_rng([seed, 14])
     growth = np.sqrt(T / WITHIN * np.array(filters.variances.disturbance))
     walks = np.cumsum(rng.normal(0.0, growth, (n * WITHIN, len(growth))), axis=0)
     parts = walks.reshape(n, WITHIN, -1)
-    flight = Flight(duration=duration, seed=seed)
     return simulate_machine(machine, flight, disturbance=parts.mean(axis=1)), parts[:, 0]
 
 
@@ -195,9 +304,9 @@ def _quantities(estimator: Estimator) -> tuple[Array, tuple[str, ...]]:
     for label, block in zip("sv", whole.along_axes(states), strict=True):
         rows.append(block)
         quantities += [f"{label}_{name}" for name in names]
-    for role in ("disturbance force", "current"):
+    for roles in (("disturbance force",), ("current",), ("unbalance", "runout")):
         for k, state in enumerate(states):
-            if state.role == role:
+            if state.role in roles:
                 rows.append(np.eye(len(states))[k : k + 1])
                 quantities.append(state.name)
     return np.concatenate(rows), tuple(quantities)
@@ -214,15 +323,15 @@ def _truth(run: MachineRun, walks: Array, quantity: str) -> Array:
     return np.asarray(record[{"i": f"iu_{axis}"}.get(label, quantity)])
 
 
-def _nees(wrong: Array, covariance: Array, W: Array, quantities: tuple[str, ...]) -> float:
+def _nees(wrong: Array, estimate: Estimate, W: Array, start: int, judged: Array) -> float:
     """Return the mean normalised error squared of s, v and f_d, over their number."""
-    judged = [k for k, name in enumerate(quantities) if not name.startswith("i_")]
+    assert estimate.covariance is not None
     n = W.shape[1]
     rows, columns = np.triu_indices(n)
     found = []
     for k in range(0, len(wrong), 20):  # neighbours say the same
         P = np.zeros((n, n))
-        P[rows, columns] = covariance[k]
+        P[rows, columns] = estimate.covariance[start + k]
         P = P + np.triu(P, 1).T
         part = W[judged] @ P @ W[judged].T
         size = np.sqrt(np.diag(part))
@@ -244,37 +353,6 @@ def _raw(
     p = len(machine.axes)
     found[:p] = np.sqrt(np.mean((shown - truth[:, :p]) ** 2, axis=0))
     return found
-
-
-def _bound(estimator: Estimator, run: MachineRun, W: Array, start: int) -> Array:
-    """Return the least standard deviations once settled.
-
-    With the tangents of the magnets where the rotor hovers the machine is linear and its noise
-    normal: the Cramer-Rao bound is then the Kalman filter's own covariance (Tichavsky 1998).
-    """
-    whole = estimator.whole
-    assert whole is not None
-    tangents = []
-    for axis, alone in zip(whole.machine.axes, whole.alone, strict=True):
-        iu, s = (float(np.mean(run.record[f"{of}_{axis.name}"])) for of in ("iu", "s"))
-        tangents.append([float(each) for each in magnet_of(alone).tangent(iu, s)])
-    k_i, k_s = np.array(tangents).T
-    linear = estimator.linear_model(k_i, k_s)
-    unit = np.array(estimator.default_std())
-    scaled = linear.scaled(unit)
-    R = np.diag(np.atleast_1d(linear.R))
-    size = np.sqrt(np.diag(R))
-    H = scaled.H / size[:, None]
-    P = np.eye(len(unit))
-    for _ in range(start):
-        P = scaled.A @ P @ scaled.A.T + scaled.Q
-        S = H @ P @ H.T + np.eye(len(size))
-        K = np.linalg.solve(S, H @ P).T
-        left = np.eye(len(unit)) - K @ H
-        P = left @ P @ left.T + K @ K.T
-        P = (P + P.T) / 2
-    rows = W * unit
-    return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", rows, P, rows)))
 
 
 def errors_along(estimate: Estimate, record: Record, first: int = 0) -> dict[str, float]:

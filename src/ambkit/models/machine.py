@@ -47,7 +47,12 @@ MEMORY = 1e5
 
 
 def machine_parts(
-    machine: Any, *, noise: bool = True, delay: bool = True, synchronous: Sequence[str] = ()
+    machine: Any,
+    *,
+    noise: bool = True,
+    delay: bool = True,
+    synchronous: Sequence[str] = (),
+    speeding: float = 0.0,
 ) -> list[Part]:
     """Return the parts of a machine, as its keys give them.
 
@@ -62,6 +67,8 @@ def machine_parts(
     synchronous : sequence of str
         Of `SYNCHRONOUS`, which are states: the unbalance in two planes, and the runout of each
         sensor.
+    speeding : float, optional
+        By how much the machine's speed grows meanwhile [rad/s^2].
     """
     axes, sizes = machine.axes, [_typical(machine, axis.name) for axis in machine.axes]
     parts: list[Part] = [rotor_part(machine, sizes)]
@@ -79,7 +86,7 @@ def machine_parts(
     if machine.delay and delay:
         parts += [Delay(machine.delay, s.current, f"u_{a.name}") for a, s in each]
     if "unbalance" in synchronous:
-        parts += _unbalance(machine)
+        parts += _unbalance(machine, speeding)
     if "runout" in synchronous:
         parts += _runout(machine)
     return parts + (_noises(machine) if noise else [])
@@ -98,14 +105,14 @@ def unbalance_planes(machine: Any) -> list[float]:
     return [places[0], places[-1]]
 
 
-def _unbalance(machine: Any) -> list[Part]:
+def _unbalance(machine: Any, speeding: float) -> list[Part]:
     planes = unbalance_planes(machine)
     speed, usual = machine.speed, max(abs(machine.speed), SLOWEST)
     size = machine.rotor.mass * GRADE / usual / len(planes)
     return [
         SynchronousForce(
             size, size * math.sqrt(machine.sampling_time / MEMORY), speed, f"U{k}",
-            place(machine.line(z, 0.0).form), place(machine.line(z, math.pi / 2).form),
+            place(machine.line(z, 0.0).form), place(machine.line(z, math.pi / 2).form), speeding,
         )
         for k, z in enumerate(planes, 1)
     ]  # fmt: skip
@@ -138,12 +145,14 @@ def rotor_part(machine: Any, sizes: list[Typical]) -> Rotor:
     polar = {("th_x", "th_y"): machine.rotor.polar_inertia}
     stiffness: dict[str, float] = {}
     damping: dict[tuple[str, str], float] = {}
+    circulatory: dict[tuple[str, str], float] = {}
     bends: dict[str, tuple[float, float]] = {}
     bending = machine.bending
     if bending is not None:
         stiffness = dict(zip(modal_positions(bending), bending.stiffness.repeat(2), strict=True))
         bends = _typical_bendings(machine, sizes)
         polar, damping = _coupled(bending)
+        circulatory = _circulatory(bending)
     return Rotor(
         {(k, k): value for k, value in enumerate(machine.masses.tolist())}, way, fast, positions,
         tuple(map(velocity_of, positions)), speed=machine.speed,
@@ -151,6 +160,7 @@ def rotor_part(machine: Any, sizes: list[Typical]) -> Rotor:
         | {(at[j], at[i]): -g for (i, j), g in polar.items()},
         stiffness={(at[q], at[q]): float(k) for q, k in stiffness.items()},
         damping={(at[i], at[j]): d for (i, j), d in damping.items()},
+        circulatory={(at[i], at[j]): n for (i, j), n in circulatory.items()},
         turns=tuple(q.startswith("th") for q in positions), lever=reach, bends=bends,
     )  # fmt: skip
 
@@ -172,14 +182,29 @@ def _coupled(
         for m, (j, sj) in enumerate(planes[1][1:])
         if bending.polar[k, m]
     }
+    every = bending.damping.copy()
+    every[2:, 2:] += bending.internal
     damping = {
-        (i, j): float(bending.damping[k, m] * si * sj)
+        (i, j): float(every[k, m] * si * sj)
         for plane in planes
         for k, (i, si) in enumerate(plane)
         for m, (j, sj) in enumerate(plane)
-        if bending.damping[k, m]
+        if every[k, m]
     }
     return polar, damping
+
+
+def _circulatory(bending: Bending) -> dict[tuple[str, str], float]:
+    """Return entries of N: of D_internal (q' - speed J q), what is not of q'.
+
+    J turns from x towards y. What stands still for a rotor that turns moves for its material, which
+    so drives a whirl that is slower than the rotor.
+    """
+    found: dict[tuple[str, str], float] = {}
+    for k, m in np.argwhere(bending.internal):
+        one, other, value = bending.names[k], bending.names[m], float(bending.internal[k, m])
+        found |= {(f"{one}_x", f"{other}_y"): value, (f"{one}_y", f"{other}_x"): -value}
+    return found
 
 
 LEAST_BENT = 1 / 30
@@ -231,15 +256,16 @@ def machine_model(
     T: float | None = None,
     noise: bool = True,
     synchronous: Sequence[str] = (),
+    speeding: float = 0.0,
 ) -> Model:
     """Return the sampled model of a whole machine.
 
     Parameters
     ----------
-    machine, noise, synchronous
+    machine, noise, synchronous, speeding
         See `machine_parts`.
     T : float, optional
         Sampling time [s]; the machine's own by default.
     """
-    parts = machine_parts(machine, noise=noise, synchronous=synchronous)
+    parts = machine_parts(machine, noise=noise, synchronous=synchronous, speeding=speeding)
     return compose(parts, machine.sampling_time if T is None else T, name="machine")

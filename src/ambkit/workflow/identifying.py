@@ -19,9 +19,10 @@ from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.noise import FilterNoise
 from ambkit.identification.forces.lift_off_fit import LiftOffFit, fit_lift_off
 from ambkit.identification.forces.map import ForceMap, force_map
-from ambkit.identification.maximum_likelihood.estimate import MaximumLikelihood, maximum_likelihood
+from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import OFFSETS, named, usual
+from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 from ambkit.identification.maximum_likelihood.validation import Validation, validate
 from ambkit.identification.noise import Noise, measurement_noise
 from ambkit.machine.bearing import Bearing

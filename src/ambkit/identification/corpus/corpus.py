@@ -18,10 +18,11 @@ from ambkit.estimate.innovations import whiteness
 from ambkit.identification.corpus.arx import ORDER, fit_arx, normal_of
 from ambkit.identification.corpus.cutting import SMOOTHED, Stretch, cut, flights, noise_of
 from ambkit.identification.corpus.pooling import Pooled, pool
-from ambkit.identification.maximum_likelihood.estimate import MaximumLikelihood, maximum_likelihood
+from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
 from ambkit.identification.maximum_likelihood.likelihood import settling_time
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel, goes_on_a_line
 from ambkit.identification.maximum_likelihood.parameters import beforehand, usual
+from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 from ambkit.identification.maximum_likelihood.validation import (
     AS_GOOD,
     LEFT,

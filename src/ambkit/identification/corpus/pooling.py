@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.identification.maximum_likelihood.estimate import MaximumLikelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 from ambkit.identification.maximum_likelihood.parameters import OFFSETS, PARAMETERS, Parameter
+from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 
 Array = NDArray[np.float64]
 

@@ -7,16 +7,13 @@ noises as the restricted likelihood has them.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError, RecordError
-from ambkit.base.showing import Shown
 from ambkit.estimate.base import check_sampling
 from ambkit.identification.maximum_likelihood.information import doubtful
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood, settling_time
@@ -25,7 +22,6 @@ from ambkit.identification.maximum_likelihood.loop_model import LoopModel, goes_
 from ambkit.identification.maximum_likelihood.parameters import (
     ALIKE,
     NOISES,
-    OFFSETS,
     USUAL,
     Coordinates,
     Parameter,
@@ -35,9 +31,10 @@ from ambkit.identification.maximum_likelihood.parameters import (
 )
 from ambkit.identification.maximum_likelihood.profile import intervals
 from ambkit.identification.maximum_likelihood.restricted import restricted
+from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 from ambkit.identification.maximum_likelihood.search import (
-    RULED_OUT,
     WALL,
+    Climbed,
     climb,
     hold,
     narrowed,
@@ -50,242 +47,11 @@ from ambkit.identification.maximum_likelihood.start import best_start
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.machine.bearing import Bearing
-    from ambkit.machine.parts import Hum
 
 Array = NDArray[np.float64]
 
-CONFIDENCE = 1.959964
-"""Standard errors to either side that hold 95 %."""
-
 LEAST_SAMPLES = 100
 """That a record must have after the filter has settled."""
-
-
-@dataclass(frozen=True, eq=False)
-class MaximumLikelihood(Shown):
-    """What records say about a bearing, p parameters found.
-
-    Attributes
-    ----------
-    start, model : LoopModel
-        Where the search began, as the user gave it, and what it found.
-    parameters : list of Parameter
-        What was found.
-    values : ndarray (p,)
-        Their values, SI.
-    errors : ndarray (p,)
-        Their standard errors in the search: relative (of the logarithm) for a positive parameter,
-        otherwise SI. Each is the larger of what the likelihood's curvature says and of
-        `robust_errors`; what is known beforehand of the current's offset is in it, and nothing
-        that was not known is taken for known.
-    robust_errors : ndarray (p,)
-        The same as the scatter of the scores has them (White 1982): right to first order even
-        where the model is not, and then larger.
-    covariance : ndarray (p, p)
-        Of what `errors` are the roots of.
-    told : ndarray (p,)
-        What part of each parameter's precision is the records' own and not known beforehand: 1
-        where nothing was, near 0 of an offset of which the records tell nothing.
-    profiles : mapping of str to (float, float)
-        Ends of the 95 % intervals in the parameter's own unit where the likelihood is not near to
-        quadratic, and so `errors` would not do: by the profile of the likelihood.
-    touched : list of str
-        Limits that the search came to, in sentences.
-    correlation : ndarray (p, p)
-        Of the estimates.
-    held : mapping of str to str
-        Parameters that were looked for and could not be found, with the reason.
-    log_likelihood, start_log_likelihood : float
-        At the model and at the start.
-    samples : int
-        Measurements that count.
-    begun_from : str
-        Which start the search went up from: the bearing given, ADALINE or least squares.
-    steps : int
-        Steps of the search.
-    converged : bool
-        Whether it ended at a maximum.
-    """
-
-    _card_by = "show.notebook.results:maximum_likelihood"
-
-    start: LoopModel
-    model: LoopModel
-    parameters: list[Parameter]
-    values: Array
-    errors: Array
-    robust_errors: Array
-    covariance: Array
-    correlation: Array
-    held: Mapping[str, str]
-    log_likelihood: float
-    start_log_likelihood: float
-    samples: int
-    begun_from: str
-    steps: int
-    converged: bool
-    told: Array
-    profiles: Mapping[str, tuple[float, float]]
-    touched: Sequence[str]
-    settling: float = field(default=0.0)
-
-    @property
-    def bearing(self) -> Bearing:
-        """The bearing found, with its delay where `delay_counts`, and its current's lag."""
-        return self.model.late_bearing(delay=self.delay_counts)
-
-    @property
-    def lines(self) -> Sequence[Hum]:
-        """Lines in the position that were found, beside those that the bearing had."""
-        return self.model.bearing.sensor.hum[len(self.start.bearing.sensor.hum) :]
-
-    @property
-    def delay_counts(self) -> bool:
-        """Whether the delay is the bearing's: it was given, or found and surely not zero."""
-        if self.model.late_bearing().delay is None:
-            return False  # below zero, or longer than any bearing's
-        free = any(p.name == "delay" for p in self.parameters)
-        given = self.start.bearing.delay is not None or not free
-        return given or self.interval("delay")[0] > 0
-
-    @property
-    def offsets_count(self) -> bool:
-        """Whether the offsets are the log's: none is ruled out, all of them taken together.
-
-        A load that nobody knows hides them: what is found may be many times the sensor's noise, and
-        as likely 0. Offsets that were given and not looked for count.
-        """
-        at = [i for i, p in enumerate(self.parameters) if p.name in OFFSETS]
-        if not at:
-            return True
-        off = self.values[at]
-        return float(off @ np.linalg.solve(self.covariance[np.ix_(at, at)], off)) > 2 * RULED_OUT
-
-    def __getitem__(self, name: str) -> float:
-        """Return the value of a parameter, found or held [SI]."""
-        return named([name])[0].of(self.model)
-
-    def standard_error(self, name: str, *, robust: bool = False) -> float:
-        """Return the standard error of a parameter that was found, in its own unit.
-
-        Parameters
-        ----------
-        name : str
-            The parameter.
-        robust : bool
-            That of `robust_errors`.
-
-        Raises
-        ------
-        AmbkitError
-            It was not found.
-        """
-        at = self._place(name)
-        error = float((self.robust_errors if robust else self.errors)[at])
-        return error * float(self.values[at]) if self.parameters[at].positive else error
-
-    def interval(self, name: str) -> tuple[float, float]:
-        """Return the ends of a parameter's 95 % interval, in its own unit.
-
-        Parameters
-        ----------
-        name : str
-            The parameter.
-        """
-        at = self._place(name)
-        if name in self.profiles:
-            return self.profiles[name]
-        value, half = float(self.values[at]), CONFIDENCE * float(self.errors[at])
-        if self.parameters[at].positive:
-            return value * math.exp(-half), value * math.exp(half)
-        return value - half, value + half
-
-    def stiffness(self, iu: float = 0.0, x: float = 0.0) -> dict[str, tuple[float, float]]:
-        """Return k_i [N/A] and k_s [N/m] at a work point, tangents, each with its standard error.
-
-        Parameters
-        ----------
-        iu, x : float
-            Control current [A] and displacement [m].
-        """
-        at = self.stiffness_map([iu], [x])
-        return {name: (float(v[0, 0]), float(e[0, 0])) for name, (v, e) in at.items()}
-
-    def stiffness_map(
-        self, currents: ArrayLike, displacements: ArrayLike
-    ) -> dict[str, tuple[Array, Array]]:
-        """Return k_i [N/A] and k_s [N/m] over work points, tangents, each with its standard error.
-
-        Parameters
-        ----------
-        currents : array_like (ni,)
-            Control currents [A].
-        displacements : array_like (nx,)
-            Displacements [m].
-
-        Returns
-        -------
-        dict
-            For ``k_i`` and ``k_s`` the values and their errors, (nx, ni). Where the records have
-            not been, they are those of the law.
-        """
-        from ambkit.machine.magnets import magnet_of
-
-        coordinates = Coordinates(self.model, self.parameters)
-        iu, x = np.meshgrid(currents, displacements)
-
-        def at(z: Array) -> Array:
-            return np.array(magnet_of(coordinates.model_at(z).bearing).tangent(iu, x))
-
-        steps = 1e-5 * np.eye(len(self.parameters))
-        slopes = np.array([(at(step) - at(-step)) / 2e-5 for step in steps])
-        unit = coordinates.unit_steps()
-        covariance = self.covariance / np.outer(unit, unit)
-        errors = np.sqrt(np.einsum("p...,pq,q...->...", slopes, covariance, slopes))
-        values = at(np.zeros(len(self.parameters)))
-        return {"k_i": (values[0], errors[0]), "k_s": (values[1], errors[1])}
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures as plain data, SI, ready for JSON."""
-        return {
-            "parameters": {
-                p.name: {
-                    "value": float(self.values[i]),
-                    "unit": p.unit,
-                    "standard_error": self.standard_error(p.name),
-                    "robust_standard_error": self.standard_error(p.name, robust=True),
-                    "interval_95": list(self.interval(p.name)),
-                    "interval_by": "profile" if p.name in self.profiles else "standard error",
-                    "told_by_records": float(self.told[i]),
-                    "start": p.of(self.start),
-                }
-                for i, p in enumerate(self.parameters)
-            },
-            "correlation": self.correlation.tolist(),
-            "held": dict(self.held),
-            "log_likelihood": self.log_likelihood,
-            "start_log_likelihood": self.start_log_likelihood,
-            "samples": self.samples,
-            "begun_from": self.begun_from,
-            "steps": self.steps,
-            "converged": self.converged,
-            "known_beforehand": {
-                name: {"value": value, "standard_deviation": std}
-                for name, (value, std) in self.model.known.items()
-            },
-            "touched": list(self.touched),
-            "lines": [
-                {"frequency": h.frequency, "amplitude": h.amplitude, "bandwidth": h.bandwidth}
-                for h in self.lines
-            ],
-        }
-
-    def _place(self, name: str) -> int:
-        for at, parameter in enumerate(self.parameters):
-            if parameter.name == name:
-                return at
-        why = self.held.get(name, "it was not looked for")
-        raise AmbkitError(f"{name} was not found: {why}")
 
 
 def maximum_likelihood(
@@ -360,32 +126,17 @@ def maximum_likelihood(
         if 0 < len(sure) < len(parameters):
             begin = climb(several, begin, sure, settling).model
     held = {name: f"{why}; held at {named([name])[0].text(given)}" for name, why in alike.items()}
-    steps = 0
-    while True:
-        note(f"searching {len(parameters)} parameters")
-        found = climb(several, begin, parameters, settling)
-        steps += found.steps
-        worst = doubtful(found.local.information, parameters)
-        worst = worst or ran_away(found.model, parameters)
-        worst = worst or not_needed(several, found, parameters, settling)
-        if worst is None:
-            break
-        parameter, why = worst
-        parameters = [p for p in parameters if p is not parameter]
-        from_start = begin if ALIKE in why or WALL in why else None
-        begin, at = hold(several, found, parameter, parameters, asked, settling, from_start)
-        held[parameter.name] = f"{why}; held at {at}"
-        if not parameters:
-            raise AmbkitError(
-                "the records tell nothing: " + "; ".join(f"{n}: {w}" for n, w in held.items())
-            )
+    search = _Search(several, asked, settling, note)
+    found, told, missed = search.up(begin, parameters)
     if lines:
         note("looking for lines")
-        hum = with_lines(several, found.model, parameters, settling, note).bearing.sensor.hum
+        hum = with_lines(several, found.model, told, settling, note).bearing.sensor.hum
         if hum != found.model.bearing.sensor.hum:
-            begin = found.model.replace(sensor__hum=hum)
-            found = climb(several, begin, parameters, settling)
-            steps += found.steps
+            # What could not be told beside lines that nobody knew of may be told now; and what
+            # took their place is no start for it.
+            begin = (begin if missed else found.model).replace(sensor__hum=hum)
+            found, told, missed = search.up(begin, parameters)
+    parameters, held = told, held | missed
     note("correcting what is biased")
     model = restricted(several, found.model, found.local, parameters, settling)
     coordinates = Coordinates(model, parameters)
@@ -420,10 +171,65 @@ def maximum_likelihood(
         ),
         samples=found.samples,
         begun_from=begun_from,
-        steps=steps,
+        steps=search.steps,
         converged=found.converged,
         settling=settling,
     )
+
+
+class _Search:
+    """A search of records, in which what they do not tell is held."""
+
+    def __init__(
+        self,
+        records: Sequence[Record],
+        asked: LoopModel,
+        settling: float,
+        note: Callable[[str], object],
+    ) -> None:
+        self.records, self.asked, self.settling, self.note = records, asked, settling, note
+        self.steps = 0
+
+    def up(
+        self, begin: LoopModel, parameters: list[Parameter]
+    ) -> tuple[Climbed, list[Parameter], dict[str, str]]:
+        """Go up, hold one parameter that is not told after the other, and go up again.
+
+        Returns
+        -------
+        found : Climbed
+            The most likely one.
+        parameters : list of Parameter
+            What is left of them.
+        held : dict of str to str
+            The others, and why.
+
+        Raises
+        ------
+        AmbkitError
+            Nothing is left.
+        """
+        held: dict[str, str] = {}
+        while True:
+            self.note(f"searching {len(parameters)} parameters")
+            found = climb(self.records, begin, parameters, self.settling)
+            self.steps += found.steps
+            worst = doubtful(found.local.information, parameters)
+            worst = worst or ran_away(found.model, parameters)
+            worst = worst or not_needed(self.records, found, parameters, self.settling)
+            if worst is None:
+                return found, parameters, held
+            parameter, why = worst
+            parameters = [p for p in parameters if p is not parameter]
+            from_start = begin if ALIKE in why or WALL in why else None
+            begin, at = hold(
+                self.records, found, parameter, parameters, self.asked, self.settling, from_start
+            )
+            held[parameter.name] = f"{why}; held at {at}"
+            if not parameters:
+                raise AmbkitError(
+                    "the records tell nothing: " + "; ".join(f"{n}: {w}" for n, w in held.items())
+                )
 
 
 def _check_records(records: Sequence[Record], given: LoopModel, settling: float) -> None:

@@ -46,8 +46,8 @@ FIGURES = 3
 SLOWEST = 2.0
 """Times the rate at which a rotor falls: no line is looked for below."""
 
-NARROWEST = 0.05
-"""Of a record's inverse duration: a line that wanders less is not to be told from one that does."""
+NARROWEST = 0.001
+"""Of a record's inverse duration: what a line wanders less by is no more than its noise."""
 
 AROUND = 101
 """Neighbouring frequencies whose median is what the residuals have there without a line."""

@@ -122,6 +122,8 @@ class Matrices:
     """Places of the nodes along the shaft, rising (nodes,) [m]."""
     shear: Array
     """Phi of each element between them (nodes - 1,); 0: the turn of a node is w's slope."""
+    D_internal: Array | None = None
+    """Dampings of what turns with the rotor: ``D_internal (q' - j speed q)``."""
 
     @cached_property
     def free_modes(self) -> tuple[Array, Array]:

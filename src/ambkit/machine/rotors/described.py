@@ -36,7 +36,11 @@ class _OfMatrices(Part):
     modes_up_to: Frequency
     """Up to which frequency bending modes are kept [Hz]; what is left out is told."""
     damping_ratio: Ratio | None = None
-    """Damping ratio of each bending mode [1]; without it by the damping of the matrices."""
+    """Damping ratio of each bending mode, by what stands still [1]; without it by the damping of
+    the matrices."""
+    internal_damping_ratio: Ratio | None = None
+    """And by what turns with the rotor: fits, laminations, its material [1]. Above the critical
+    speed of a mode it drives the whirl."""
     residual: Annotated[bool, Field(strict=True)] = False
     """Whether the static compliance of the modes left out is kept at the magnets, by one more
     shape for each: where a stiff magnet or a high gain feels it."""
@@ -100,7 +104,9 @@ class _OfMatrices(Part):
         places = magnets if self.residual else ()
         if places not in known:
             highest = 2 * math.pi * self.modes_up_to
-            known[places] = reduced(self.matrices, highest, self.damping_ratio, places)
+            known[places] = reduced(
+                self.matrices, highest, self.damping_ratio, places, self.internal_damping_ratio
+            )
         return known[places]
 
     @cached_property
@@ -136,7 +142,7 @@ class ShaftRotor(_OfMatrices):
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
         sections, discs, materials = (read(key) for key in ("section", "disc", "material"))
-        if read("damping_ratio") is None:
+        if read("damping_ratio") is None and read("internal_damping_ratio") is None:
             yield "damping_ratio", "missing: damping ratio of the bending modes, such as 0.002"
         if not all(isinstance(each, tuple) for each in (sections, discs, materials)):
             return
@@ -159,6 +165,7 @@ class ShaftRotor(_OfMatrices):
         rotor = cls.model_construct(
             type="shaft", section=sections, disc=discs, material=materials,
             modes_up_to=read("modes_up_to"), damping_ratio=read("damping_ratio") or 0.01,
+            internal_damping_ratio=read("internal_damping_ratio"),
         )  # fmt: skip
         yield from _no_mode(rotor, "section")
 
@@ -200,14 +207,18 @@ class MatrixRotor(_OfMatrices):
         if not isinstance(file, str) or math.isnan(highest):
             return
         rotor = cls.model_construct(
-            type="matrices", file=file, modes_up_to=highest, damping_ratio=read("damping_ratio")
+            type="matrices",
+            file=file,
+            modes_up_to=highest,
+            damping_ratio=read("damping_ratio"),
+            internal_damping_ratio=read("internal_damping_ratio"),
         )
         try:
-            given = rotor.matrices.D
+            given = rotor.matrices.D, rotor.matrices.D_internal
         except AmbkitError as error:
             yield "file", str(error)
             return
-        if given is None and rotor.damping_ratio is None:
+        if all(each is None for each in (*given, *_ratios(rotor).values())):
             text = "missing: damping ratio of the bending modes, such as 0.002; the file has no D"
             yield "damping_ratio", text
             return
@@ -232,12 +243,21 @@ def _no_mode(rotor: ShaftRotor | MatrixRotor, key: str) -> Iterator[tuple[str, s
         polar = engineering(body.polar_inertia, "kg m^2")
         most = f"twice the transverse one, {engineering(body.transverse_inertia, 'kg m^2')}"
         yield key, f"gives a polar inertia of {polar}, which is more than {most}"
-    if rotor.damping_ratio is not None and rotor.damping_ratio >= 1:
-        yield "damping_ratio", f"must be less than 1, is {rotor.damping_ratio:g}"
+    yield from _overdamped(_ratios(rotor))
     first = math.sqrt(squares[0]) / (2 * math.pi)
     if rotor.modes_up_to < first:
         limit = f"at least {engineering(first, 'Hz')}, the first bending mode of the free rotor"
         yield "modes_up_to", f"must be {limit}; is {engineering(rotor.modes_up_to, 'Hz')}"
+
+
+def _ratios(described: ShaftRotor | MatrixRotor) -> dict[str, float | None]:
+    return {key: getattr(described, key) for key in ("damping_ratio", "internal_damping_ratio")}
+
+
+def _overdamped(ratios: Mapping[str, float | None]) -> Iterator[tuple[str, str]]:
+    for key, ratio in ratios.items():
+        if ratio is not None and ratio >= 1:
+            yield key, f"must be less than 1, is {ratio:g}"
 
 
 class MeasuredMode(Part):
@@ -246,7 +266,9 @@ class MeasuredMode(Part):
     frequency: Frequency
     """Frequency, at rest [Hz]."""
     damping_ratio: Ratio
-    """Damping ratio [1]."""
+    """Damping ratio by what stands still [1]."""
+    internal_damping_ratio: Ratio | None = None
+    """And by what turns with the rotor [1]."""
     mass: Annotated[float, Quantity("kg", "1.45 kg", above=0)]
     """Modal mass: of the shape as it stands here [kg]."""
     places: Annotated[
@@ -258,10 +280,15 @@ class MeasuredMode(Part):
     ]
     """Deflection at these places [1]; between them by a cubic spline."""
 
+    @model_serializer(mode="wrap")
+    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = handler(self)
+        return {key: each for key, each in data.items() if each is not None}
+
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
-        if read("damping_ratio") >= 1:
-            yield "damping_ratio", f"must be less than 1, is {read('damping_ratio'):g}"
+        keys = ("damping_ratio", "internal_damping_ratio")
+        yield from _overdamped({key: read(key) for key in keys})
         places, shape = read("places"), read("shape")
         if not (isinstance(places, tuple) and isinstance(shape, tuple)):
             return
@@ -324,12 +351,15 @@ class ModalRotor(Part):
         mass = np.array([each.mass for each in self.mode]) / largest**2
         frequency = 2 * math.pi * np.array([each.frequency for each in self.mode])
         ratios = np.array([each.damping_ratio for each in self.mode])
+        inner = np.array([each.internal_damping_ratio or 0.0 for each in self.mode])
         polar = np.zeros((1 + len(mass), 1 + len(mass)))
         polar[0, 0] = self.polar_inertia
         points = [(each.places, each.shape) for each in self.mode]
         damping = np.diag(np.concatenate([[0.0, 0.0], 2 * ratios * mass * frequency]))
         ends = self.first_end, self.second_end
-        return Bending(frequency, mass, damping, polar, ThroughPoints(points, largest), ends)
+        internal = np.diag(2 * inner * mass * frequency)
+        shape = ThroughPoints(points, largest)
+        return Bending(frequency, mass, damping, polar, shape, ends, internal)
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:

@@ -1,8 +1,9 @@
 """Matrices of a rotor at nodes, from a file: NumPy's ``.npz`` or MATLAB's ``.mat``.
 
-It holds M, K, G and perhaps D, square matrices whose row i is the `direction` (x, y, th_x, th_y; z
-and th_z are left aside) of the node `node` (0 for the first), and the `place` of each node along
-the shaft. Turns are right-handed: th_y grows the deflection along x, th_x shrinks that along y.
+It holds M, K, G and perhaps D and D_internal, square matrices whose row i is the `direction` (x, y,
+th_x, th_y; z and th_z are left aside) of the node `node` (0 for the first), and the `place` of each
+node along the shaft. Turns are right-handed: th_y grows the deflection along x, th_x shrinks that along y.
+D is of what stands still, D_internal of what turns with the rotor, as the fit of a wheel.
 Units are consistent, seconds and radians; `unit_of_length` and `unit_of_mass` name the others.
 """
 
@@ -28,6 +29,7 @@ from ambkit.machine.rotors.beam import Matrices
 Array = NDArray[np.float64]
 
 NEEDED = ("M", "K", "G", "node", "direction", "place")
+OPTIONAL = ("D", "D_internal")
 DIRECTIONS = ("x", "y", "z", "th_x", "th_y", "th_z")
 MOST_NODES = 1000
 SAME = 1e-6
@@ -141,8 +143,8 @@ class _Whole:
         in_si = np.where(turns, length, 1.0)  # a force of one unit of length a second squared
         scale = mass * np.outer(in_si, in_si)
         self.matrices: dict[str, Array] = {}
-        for name in ("M", "K", "G", "D"):
-            if name not in found and name == "D":
+        for name in ("M", "K", "G", *OPTIONAL):
+            if name not in found and name in OPTIONAL:
                 continue
             values = _numbers(found[name], name)
             if values.shape != (n, n):
@@ -206,8 +208,24 @@ def _in_one_plane(whole: _Whole) -> Matrices:
             "G has the sign of a rotation from y to x, or of the other side: it must be that of "
             "M q'' + (D + speed G) q' + K q, from x to y"
         )
+    internal = of.get("D_internal")
+    if internal is not None:
+        _strains_only(internal, place)
     shear = np.zeros(len(place) - 1)
-    return Matrices(of["M"], of["K"], of["G"], of.get("D"), place, shear)
+    return Matrices(of["M"], of["K"], of["G"], of.get("D"), place, shear, internal)
+
+
+def _strains_only(internal: Array, place: Array) -> None:
+    """Raise ValueError where a motion of the rigid rotor is damped by what turns with it."""
+    rigid = np.zeros((2, len(internal)))
+    rigid[0, ::2] = 1.0
+    rigid[1, ::2], rigid[1, 1::2] = place - place.mean(), 1.0
+    left = np.abs(rigid) @ np.abs(internal)
+    if (np.abs(rigid @ internal) > SAME * left.max(axis=1, keepdims=True)).any():
+        raise ValueError(
+            "D_internal must leave the rigid body free: what turns with the rotor feels its "
+            "bending alone"
+        )
 
 
 def _sizes(A: Array, rows: list[int]) -> Array:

@@ -39,6 +39,9 @@ class Bending:
         Modal masses, of shapes that are 1 where they are largest [kg].
     damping : ndarray (2 + modes, 2 + modes)
         Of what stands still, over x, tilt and the modes [N s/m], [N s].
+    internal : ndarray (modes, modes)
+        Of what turns with the rotor, over the modes [N s/m]: of the velocity that is left where one
+        turns with it.
     polar : ndarray (1 + modes, 1 + modes)
         Polar inertias over tilt and the modes [kg m^2], [kg m], [kg].
     shape : Shape
@@ -60,6 +63,7 @@ class Bending:
     polar: Array
     shape: Shape
     ends: tuple[float, float]
+    internal: Array
     left_out: tuple[float, ...] = ()
     residual: Residual | None = None
     attached: int = 0
@@ -71,8 +75,9 @@ class Bending:
 
     @property
     def damping_ratio(self) -> Array:
-        """Of each mode alone (modes,) [1]."""
-        return np.asarray(np.diag(self.damping)[2:] / (2 * self.mass * self.frequency))
+        """Of each mode alone, at rest (modes,) [1]."""
+        both = np.diag(self.damping)[2:] + np.diag(self.internal)
+        return np.asarray(both / (2 * self.mass * self.frequency))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -172,6 +177,7 @@ def reduced(
     highest: float,
     damping_ratio: float | None,
     attachments: Sequence[float] = (),
+    internal_ratio: float | None = None,
 ) -> Bending:
     """Return the modes of a rotor up to a frequency.
 
@@ -187,6 +193,8 @@ def reduced(
         Places [m] of forces whose static compliance is kept: for each one a shape more, with what
         the modes left out give way there (Rubin, Improved component-mode representation for
         structural dynamic analysis, 1975).
+    internal_ratio : float, optional
+        Of each mode, by what turns with the rotor [1]; by default by the matrices' own.
 
     Raises
     ------
@@ -219,14 +227,27 @@ def reduced(
         damping = np.diag(np.concatenate([[0.0, 0.0], of_modes]))
     elif matrices.D is not None:
         damping = with_rigid.T @ matrices.D @ with_rigid
+    elif internal_ratio is not None or matrices.D_internal is not None:
+        damping = np.zeros((2 + len(mass), 2 + len(mass)))
     else:
         raise ValueError("missing: nothing is said of how the modes are damped")
     return Bending(
         frequencies, mass, (damping + damping.T) / 2, (polar + polar.T) / 2,
         OverNodes(vectors, matrices.place, matrices.shear), body.ends,
+        _internal(matrices, vectors, internal_ratio, mass * frequencies),
         tuple(np.sqrt(squares[kept : kept + 3]).tolist()),
         Residual(over, modes, squares, len(squares) if attached else kept), attached,
     )  # fmt: skip
+
+
+def _internal(matrices: Matrices, vectors: Array, ratio: float | None, sizes: Array) -> Array:
+    """Return the damping of what turns with the rotor, over modes with these m omega."""
+    if ratio is not None:
+        return np.diag(2 * ratio * sizes)
+    if matrices.D_internal is None:
+        return np.zeros((len(sizes), len(sizes)))
+    found = vectors.T @ matrices.D_internal @ vectors
+    return np.asarray((found + found.T) / 2)
 
 
 def _attached(

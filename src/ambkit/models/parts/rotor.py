@@ -1,4 +1,4 @@
-"""The rotor: ``M q'' + (D + speed G) q' + K q`` = what pushes it."""
+"""The rotor: ``M q'' + (D + speed G) q' + (K + speed N) q`` = what pushes it."""
 
 from __future__ import annotations
 
@@ -41,6 +41,8 @@ class Rotor:
     """Entries of G [N s^2/m]."""
     stiffness: Entries = field(default_factory=dict)
     """Entries of K [N/m]."""
+    circulatory: Entries = field(default_factory=dict)
+    """Entries of N [N s/m]: what damps within the rotor turns with it."""
     speed: float = 0.0
     """Speed of rotation [rad/s]."""
 
@@ -73,6 +75,7 @@ class Rotor:
             (self.damping, self.velocities, 1.0),
             (self.gyroscopic, self.velocities, self.speed),
             (self.stiffness, self.positions, 1.0),
+            (self.circulatory, self.positions, self.speed),
         )
         for entries, sources, scale in driven:
             for (k, j), value in entries.items():

@@ -11,9 +11,10 @@ from ambkit.models.plan import Place, Plan, row
 class SynchronousForce:
     """Unbalance in a plane, which goes round with the rotor: two states, along x and along y.
 
-    It pushes with the square of the speed, and keeps its size but for a random walk, slow against
-    everything else. In the frame of the sensors it is a pair that turns by the speed, as that of a
-    generalised notch (Herzog et al., Unbalance compensation using generalized notch filters, 1996).
+    It pushes with the square of the speed, across with the speed's growth, and keeps its size but
+    for a random walk, slow against everything else. In the frame of the sensors it is a pair that
+    turns by the speed, as that of a generalised notch (Herzog et al., Unbalance compensation using
+    generalized notch filters, 1996).
     """
 
     size: float
@@ -28,13 +29,20 @@ class SynchronousForce:
     """The place in its plane, moved along x."""
     along_y: Place
     """And along y."""
+    speeding: float = 0.0
+    """By how much the speed grows [rad/s^2]."""
 
     def declare(self, plan: Plan) -> None:
         """Add both states, where they push, and their noise."""
         x, y = f"{self.name}_x", f"{self.name}_y"
-        for state, place in ((x, self.along_x), (y, self.along_y)):
+        for state, place, across, way in (
+            (x, self.along_x, self.along_y, -1.0), (y, self.along_y, self.along_x, 1.0)
+        ):  # fmt: skip
             plan.state(state, "kg m", self.size, "unbalance")
-            plan.push(state, {q: self.speed**2 * each for q, each in row(place).items()})
+            pushed = {q: self.speed**2 * each for q, each in row(place).items()}
+            if self.speeding:
+                pushed |= {q: way * self.speeding * each for q, each in row(across).items()}
+            plan.push(state, pushed)
         _turn(plan, x, y, self.speed)
         grown = dict.fromkeys((x, y), 1 / plan.T)
         plan.noise(self.name, "kg m", self.growth, grown, walk=False)

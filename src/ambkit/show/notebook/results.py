@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ambkit.base.units import engineering, typeset
-from ambkit.identification.maximum_likelihood.estimate import MaximumLikelihood
+from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 from ambkit.identification.online.side_by_side import NAMES
 from ambkit.judge.comparison.criteria import CRITERIA
 from ambkit.judge.comparison.seeds import EVALUATED

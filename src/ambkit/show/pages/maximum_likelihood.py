@@ -14,8 +14,8 @@ from ambkit.show.report.blocks import Block, Chapter, FigureBlock, Remark, Repor
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
-    from ambkit.identification.maximum_likelihood.estimate import MaximumLikelihood
     from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+    from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
     from ambkit.identification.maximum_likelihood.validation import Validation
     from ambkit.machine.bearing import Bearing
 

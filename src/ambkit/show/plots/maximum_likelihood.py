@@ -17,8 +17,8 @@ from ambkit.show.report.items import Axis, Cells, Intervals, Item, Line, Points,
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
-    from ambkit.identification.maximum_likelihood.estimate import MaximumLikelihood
     from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+    from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
     from ambkit.identification.maximum_likelihood.validation import Validation
 
 RECORDS = ("record 1", "record 2", "record 3", "record 4")

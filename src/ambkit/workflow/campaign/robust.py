@@ -87,8 +87,8 @@ class Robust(Shown):
         Which was taken: the one with the least error among those that are allowed.
     estimator : Estimator
         Its filter, which knows the nominal bearing.
-    controller : PID
-        Its controller.
+    controller : PID or None
+        Its controller; a machine's are those of its flight.
     """
 
     _card_by = "workflow.campaign.robust_card:card"
@@ -101,7 +101,7 @@ class Robust(Shown):
     tried: tuple[Tried, ...]
     taken: int
     estimator: Estimator
-    controller: PID
+    controller: PID | None
 
     def __repr__(self) -> str:
         before, after = self.tried[0], self.tried[self.taken]
@@ -143,7 +143,7 @@ class Robust(Shown):
         )  # fmt: skip
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the filter, and beside it a scenario with the controller, NAME.scenario.toml.
+        """Write the filter, and beside it a bearing's controller as NAME.scenario.toml.
 
         Parameters
         ----------
@@ -153,8 +153,12 @@ class Robust(Shown):
         Raises
         ------
         AmbkitError
-            A file cannot be written.
+            A file cannot be written; or it is of a whole machine, of which there is none.
         """
+        if self.controller is None:
+            raise AmbkitError(
+                f"{path}: the filter of a whole machine has no file; its values tell how to make it"
+            )
         self.estimator.save(path, bearing=self.plan.study.bearing)
         Scenario(controller=self.controller).save(self.beside(path))
 
@@ -318,45 +322,53 @@ class _Task:
         for what in ("estimator", "controller"):
             if what in plan.names:
                 raise AmbkitError(f"{study.name}: {what} varies, and is what is to be tuned")
-        if any(name.startswith("scenario.controller.") for name in plan.names):
+        if any(name.startswith(("scenario.controller.", "flight.control.")) for name in plan.names):
             raise AmbkitError(f"{study.name}: gains vary, and are what is to be tuned")
         self.plan, self.kind, self.quantile, self.ceiling = plan, study.estimator, quantile, ceiling
-        self.threads = threads
+        self.threads, self.whole = threads, study.machine is not None
+        if study.synchronous:
+            raise AmbkitError(f"{study.name}: synchronous does not go with the search for a filter")
         self.points, self.noise = plan.points(0, plan.runs), plan.noise(0, plan.runs)
         self._magnets = lru_cache(maxsize=None)(self._magnet)
 
     def chosen(self, free: Sequence[str] | None) -> tuple[Range, ...]:
         """Return what may change, and how far."""
-        pid = self.plan.scenario.controller
         known = {}
-        for name, unit in GAINS.items():
-            gain = getattr(pid, name.partition(".")[2])
+        for name, unit in {} if self.whole else GAINS.items():
+            gain = getattr(self.plan.scenario.controller, name.partition(".")[2])
             if gain > 0:
                 known[name] = Range(name, unit, gain, gain / FACTOR, gain * FACTOR)
         contender = contender_of_kind(self.kind, self.plan.bearing, self._magnets(5))
         known |= {each.name: each for each in contender.tunable}
-        if self.kind == "adaptive":
+        if self.kind == "adaptive" and not self.whole:
             known[RULES] = Range(RULES, "1", 5.0, float(SIZES[0]), float(SIZES[-1]))
         for name in free or ():
+            if self.whole and name in GAINS:
+                raise AmbkitError(
+                    f"free: {name} is of a bearing; a machine's controllers are those that its "
+                    "flight says, made for the nominal machine: the search is for the filter"
+                )
             if name not in known:
                 raise AmbkitError(f"free: there is no {name}; there are {', '.join(known)}")
         return tuple(known[name] for name in (free or known))
 
     def _magnet(self, rules: int) -> Any:
         """Return what the filter asks of its magnet: an expert of so many rules, or its kind's."""
-        if self.kind != "adaptive":
+        if self.kind != "adaptive" or self.whole:
             return learned_magnet(self.kind, self.plan.bearing)
         from ambkit.workflow.expert import train
 
         return train(self.plan.bearing, rules=(rules, rules))
 
-    def design(self, values: Mapping[str, float]) -> tuple[Estimator, PID]:
-        """Return filter and controller with values."""
+    def design(self, values: Mapping[str, float]) -> tuple[Estimator, PID | None]:
+        """Return filter and controller with values; no controller of a machine."""
         magnet = self._magnets(int(values.get(RULES, 5)))
         of_filter = {
             name: value for name, value in values.items() if name not in GAINS and name != RULES
         }
         estimator = contender_of_kind(self.kind, self.plan.bearing, magnet).build(**of_filter)
+        if self.whole:
+            return estimator, None
         gains = {name.partition(".")[2]: values[name] for name in values if name in GAINS}
         return estimator, self.plan.scenario.controller.model_copy(update=gains)
 

@@ -174,12 +174,11 @@ class WholePlan(Plan):
         }
 
     def with_design(self, estimator: Any, controller: Any) -> Plan:
-        """Return the plan with another filter and other controllers for all machines."""
+        """Return the plan with another filter for all machines; controllers are the flight's."""
         other = WholePlan(self.study)
         vars(other).update(
             bearing=self.bearing, marginals=self.marginals, keys=self.keys,
             estimators={self.study.estimator: estimator},
-            _made={(id(estimator), self.flight.control, self.flight.feedback): controller},
         )  # fmt: skip
         return other
 

@@ -1,0 +1,261 @@
+"""Campaigns of whole machines: drawn, flown and judged with what knows the nominal one alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ambkit
+from ambkit.base.errors import AmbkitError, ConfigError
+from ambkit.simulation.controllers import Control
+from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.many_machines import FIGURES, figures_of
+from ambkit.workflow.campaign.compute import compute
+from ambkit.workflow.campaign.keys import changed, key_in, nested
+from ambkit.workflow.campaign.machine_margins import peak_of
+from ambkit.workflow.campaign.result import Campaign
+from ambkit.workflow.campaign.running import campaign
+from ambkit.workflow.campaign.study import Study
+from ambkit.workflow.campaign.whole import plan_of
+from ambkit.workflow.given import of_machine
+from ambkit.workflow.loop_of import LoopOf
+
+STUDY = """
+name = "a spindle"
+machine = "tum_mlps"
+runs = 6
+seed = 3
+part = 4
+
+[flight]
+duration = "12 ms"
+disturbance = [{ axis = "A1", force = { type = "step", amplitude = "5 N", time = "4 ms" } }]
+
+[record]
+traces = ["s_A1", "f_d_A1_estimate"]
+every = 3
+
+[[vary]]
+what = "rotor.mass"
+type = "uniform"
+tolerance = "5 %"
+
+[[vary]]
+what = "rotor.transverse_inertia"
+type = "normal"
+std = "2 %"
+
+[[vary]]
+what = "bearing.A.magnet.air_gap"
+type = "normal"
+std = "2 %"
+
+[[vary]]
+what = "bearing.B.place"
+type = "uniform"
+tolerance = "1 mm"
+
+[[vary]]
+what = "sensor.0.noise_variance"
+type = "uniform"
+tolerance = "20 %"
+
+[[vary]]
+what = "flight.disturbance.0.force.amplitude"
+type = "uniform"
+low = "2 N"
+high = "8 N"
+
+[[vary]]
+what = "estimator"
+type = "choice"
+values = ["linear", "extended"]
+
+[[correlation]]
+between = ["rotor.mass", "rotor.transverse_inertia"]
+coefficient = 0.8
+
+[passes]
+zone = "A"
+
+[passes.at_most]
+orbit_share = 0.5
+"""
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: Any) -> Campaign:
+    return campaign(Study.from_toml(STUDY), tmp_path_factory.mktemp("a") / "out", threads=2)
+
+
+def test_rows_are_the_same_by_any_threads_and_in_any_pieces(found: Campaign) -> None:
+    plan = plan_of(Study.from_toml(STUDY))
+    for first, stop in ((3, 6), (0, 3)):
+        alone = compute(plan, first, stop, threads=1).runs
+        for name in ("x_rms", "f_d_rms", "orbit_peak", "peak_S", "passed", "rotor.mass"):
+            there = found.column(name)[first:stop]
+            np.testing.assert_array_equal(alone.column(name).to_numpy(zero_copy_only=False), there)
+    assert len(set(found.column("x_rms"))) == 6
+
+
+def test_a_replayed_machine_is_the_one_of_its_row(found: Campaign, tmp_path: Path) -> None:
+    again = found.replay(3)
+    assert again.row["orbit_peak"] == found.column("orbit_peak")[3]
+    assert again.row["estimator"] == found.column("estimator")[3]
+    assert again.plant.rotor.mass == found.column("rotor.mass")[3]
+    s = np.hypot(again.run.record["s_A1"], again.run.record["s_A2"])
+    t = np.hypot(again.run.record["s_B1"], again.run.record["s_B2"])
+    assert again.row["orbit_peak"] == max(s[1:].max(), t[1:].max())
+    again.plant.save(tmp_path / "m.toml")
+    assert ambkit.Machine.load(tmp_path / "m.toml") == again.plant
+    import pyarrow.parquet as pq
+
+    traces = pq.read_table(found.folder / "traces" / "part-000000.parquet").to_pydict()
+    here = np.array(traces["run"]) == 3
+    np.testing.assert_array_equal(np.array(traces["s_A1"])[here], again.run.record["s_A1"])
+    assert len(again.figure().panels) > 1
+
+
+def test_what_is_shown_of_a_machine_is_that_of_a_bearing(found: Campaign, tmp_path: Path) -> None:
+    found.save(tmp_path / "r.html")
+    page = (tmp_path / "r.html").read_text(encoding="utf-8")
+    assert "machine tum" in page
+    assert "farthest, of the travel" in page
+    assert found.to_dict()["machine"] == "tum_mlps"
+    assert found.good.of == 6
+
+
+def test_controllers_and_filters_know_the_nominal_machine_alone() -> None:
+    plan = plan_of(Study.from_toml(STUDY))
+    drawn = list(plan.machines(plan.points(0, 6), plan.noise(0, 6), 0))
+    assert len({id(each.planned.controllers) for each in drawn}) == 2  # of each filter
+    nominal = ambkit.Machine.preset("tum_mlps")
+    for each in drawn:
+        assert each.planned.estimator.whole.machine == nominal
+        assert each.planned.machine != nominal
+
+
+def test_an_amplifier_of_another_gain_changes_the_loops_gain() -> None:
+    text = STUDY.partition("[record]")[0] + """
+        [[vary]]
+        what = "bearing.A.amplifier.gain"
+        type = "choice"
+        values = ["ONE A/V", "MORE A/V"]
+        """
+    gain = ambkit.Machine.preset("tum_mlps").bearing[0].amplifier.gain
+    text = text.replace("ONE", f"{gain}").replace("MORE", f"{1.2 * gain}")
+    plan = plan_of(Study.from_toml(text))
+    points = np.array([[0.0], [1.0]])
+    one, more = (each.planned for each in plan.machines(points, plan.noise(0, 2), 0))
+    np.testing.assert_allclose(
+        np.diag(more.controllers.spread) / np.diag(one.controllers.spread), [1.2, 1.2, 1, 1]
+    )
+    assert peak_of(more) != pytest.approx(peak_of(one), rel=1e-3)
+
+
+@pytest.mark.parametrize("feedback", ["measurement", "estimate"])
+@pytest.mark.parametrize("control", ["decentralised", "translation and tilt"])
+def test_peaks_are_those_that_assess_finds(feedback: str, control: str) -> None:
+    text = f'name = "a"\nmachine = "tum_mlps"\nruns = 1\n[flight]\nfeedback = "{feedback}"\n'
+    plan = plan_of(Study.from_toml(f'{text}control = {{ type = "{control}" }}\n'))
+    (drawn,) = plan.machines(plan.points(0, 1), plan.noise(0, 1), 0)
+    machine = ambkit.Machine.preset("tum_mlps")
+    fed = of_machine("linear", machine) if feedback == "estimate" else None
+    expected = LoopOf(machine, Control(type=control)).peak(fed)
+    assert peak_of(drawn.planned) == pytest.approx(expected, rel=1e-6)
+
+
+def test_figures_of_a_nominal_run() -> None:
+    """The nominal machine flies as it does alone, and its figures are what its record shows."""
+    machine = ambkit.Machine.preset("tum_mlps")
+    flight = ambkit.Flight(duration=0.02, seed=1, disturbance=[
+        {"axis": "A2", "force": {"type": "step", "amplitude": 5.0, "time": 0.01}},
+    ])  # fmt: skip
+    kalman = of_machine("linear", machine)
+    run = simulate_machine(machine, flight, estimator=kalman)
+    assert run.first_touch is None
+    figures = figures_of(run, kalman, settling=0.002)
+    assert list(figures) == list(FIGURES)
+    f_d = [run.estimate[f"f_d_{a}"] - run.record[f"f_d_{a}"] for a in ("A1", "A2", "B1", "B2")]
+    worst = max(np.sqrt(np.mean(each[20:] ** 2)) for each in f_d)
+    assert figures["f_d_rms"] == pytest.approx(worst, rel=1e-12)
+    assert figures["load_kept"] == 5.0
+    assert 0.5 < figures["nis"] < 2
+    other = simulate_machine(machine, flight.replace(run=1), estimator=kalman)
+    y = f"y_{machine.readings[0].name}"
+    assert (other.record[y] != run.record[y]).all()
+
+
+def test_parts_of_a_machine_are_named_or_counted() -> None:
+    machine = ambkit.Machine.preset("tum_mlps")
+    assert key_in(machine, "bearing.A.magnet.air_gap") == key_in(machine, "bearing.0.magnet.air_gap")
+    for name in ("B", "1"):
+        wide = changed(machine, nested({f"bearing.{name}.magnet.air_gap": 1e-3}))
+        assert wide.bearing[1].magnet.air_gap == 1e-3
+        assert wide.bearing[0] == machine.bearing[0]
+    with pytest.raises(AmbkitError, match="known there: A, B"):
+        key_in(machine, "bearing.C.place")
+
+
+def test_a_machine_that_cannot_be_is_told() -> None:
+    text = STUDY.partition("[[vary]]")[0].replace("12 ms", "3 ms") + """
+        [[vary]]
+        what = "bearing.A.travel_limit"
+        type = "uniform"
+        low = "0.1 mm"
+        high = "1 m"
+        """
+    plan = plan_of(Study.from_toml(text.replace('traces = ["s_A1", "f_d_A1_estimate"]', "")))
+    rows = compute(plan, 0, 6).runs.to_pydict()
+    assert "impossible" in rows["fails"][int(np.argmax(rows["bearing.A.travel_limit"]))]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('machine = "tum_mlps"', "", "bearing: missing"),
+        ("runs = 6", 'bearing = "zittau_axial"\nruns = 6', "either a bearing or a machine"),
+        ("[flight]", '[scenario]\nduration = "1 s"\n[flight]', "happens to a machine is its flight"),
+        ("rotor.mass", "bearing.A.magnet.type", "cannot vary: it"),
+        ("rotor.mass", "sampling_time", "cannot vary: it is the controller's"),
+        ("rotor.mass", "flight.duration", "cannot vary: it is one for all runs"),
+        ('"s_A1"', '"s_C1"', "there is no signal s_C1; known: s_A1, s_A2"),
+        ("orbit_share = 0.5", 'overshoot = "5 %"', "there is no figure overshoot"),
+        ('"linear", "extended"', '"linear", "f.toml"', "filter of a whole machine has no file"),
+        ('"tum_mlps"', '"zittau_axial"', "machine: "),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_said(old: str, new: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        Study.from_toml(STUDY.replace(old, new))
+
+
+def test_what_does_not_go_together_is_said_before_any_run() -> None:
+    plan = plan_of(Study.from_toml(STUDY.replace('axis = "A1"', 'axis = "C1"')))
+    with pytest.raises(AmbkitError, match="no axis C1"):
+        plan.check()
+    lqg = STUDY.replace("[flight]", '[flight]\ncontrol = { type = "lqg" }')
+    with pytest.raises(AmbkitError, match='feedback must be "estimate"'):
+        plan_of(Study.from_toml(lqg)).check()
+
+
+@pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::UserWarning")
+def test_a_machines_filter_is_tuned_over_its_tolerances(tmp_path: Path) -> None:
+    pytest.importorskip("optuna")
+    text = STUDY.partition("[record]")[0].replace("runs = 6", "runs = 3") + """
+        [[vary]]
+        what = "rotor.mass"
+        type = "uniform"
+        tolerance = "5 %"
+        """
+    study = Study.from_toml(text)
+    found = ambkit.tune_robust(study, evaluations=2)
+    assert {each.name for each in found.free} == {"noise.control", "noise.disturbance"}
+    assert found.tried[found.taken].error <= found.tried[0].error
+    with pytest.raises(AmbkitError, match="has no file"):
+        found.save(tmp_path / "f.toml")
+    with pytest.raises(AmbkitError, match=r"controller\.kp is of a bearing"):
+        ambkit.tune_robust(study, free=["controller.kp"])
