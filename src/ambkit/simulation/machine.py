@@ -19,7 +19,7 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.magnets import core_module
 from ambkit.simulation import noise
 from ambkit.simulation.controllers import Controllers, arrays, controllers_of
-from ambkit.simulation.holding import shown_along_axes
+from ambkit.simulation.holding_margins import shown_along_axes
 from ambkit.simulation.plant import Plant
 
 if TYPE_CHECKING:
@@ -145,7 +145,7 @@ def simulate_machine(
     noise_y = _added("readings", noise_y, readings)
     feeding = estimator if flight.feedback == "estimate" else None
     if controllers is None:
-        controllers = controllers_of(plant, flight.control, feeding, pids)
+        controllers = controllers_of(plant, flight.control, feeding, pids, fastest)
     given = (
         plant.arrays(core, flight.substeps, fastest)
         | {"off": n if flight.off is None else round(flight.off / T)}

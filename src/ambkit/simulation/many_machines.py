@@ -211,7 +211,9 @@ def errors_of(run: MachineRun, estimator: Estimator) -> dict[str, Array]:
     assert estimate is not None
     assert estimator.whole is not None
     names = [axis.name for axis in machine.axes]
-    x, v = (np.asarray(estimate.mean) @ rows.T for rows in estimator.whole.along_axes(estimate.states))
+    x, v = (
+        np.asarray(estimate.mean) @ rows.T for rows in estimator.whole.along_axes(estimate.states)
+    )
     velocities = [record[f"q_{velocity_of(position)}"] for position in machine.positions]
     H = geometry.matrix([axis.line for axis in machine.axes], machine.positions)
     found = {

@@ -309,9 +309,13 @@ class Loop:
         controller = scenario.controller.completed(bearing)
         if controller is not scenario.controller:
             scenario = scenario.model_copy(update={"controller": controller})
-        T = bearing.sampling_time
         told = Sampled.of(bearing, scenario) if sampled is None else sampled
-        t, reference, disturbance, injected = told.t, told.reference, told.disturbance, told.injected
+        t, reference, disturbance, injected = (
+            told.t,
+            told.reference,
+            told.disturbance,
+            told.injected,
+        )
         n = len(t)
         self._scale = self._faults = self._place = self._sensor_noise = None
         if imposed is not None:
