@@ -103,8 +103,8 @@ def _figure(
     return Figure(
         id="pil",
         title="Position, currents and instructions",
-        caption="Estimate and currents are those of the telemetry; instructions are counted in some "
-        "of the samples.",
+        caption="Estimate and currents are those of the telemetry; instructions are counted in "
+        "some of the samples.",
         panels=[
             Panel(
                 TIME, POSITION,
