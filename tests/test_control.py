@@ -19,6 +19,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
 from ambkit.data.rig_units import Inputs, Scaling
 from ambkit.estimate.base import Estimator
+from ambkit.estimate.estimate import Status
 from ambkit.export.c import CExport, export_c
 from ambkit.simulation.control import Controller
 from ambkit.simulation.run import Faults, Imposed, simulate, simulate_run
@@ -333,6 +334,15 @@ def test_operators_that_became_others_are_seen(benches: dict[str, mutants.Bench]
         if all(bench.judge(mutant).exact for bench in benches.values()):
             alive += [] if one.is_the_same(mutant) else [str(mutant)]
     assert alive == []
+
+
+def test_its_readme_says_what_to_do_for_each_flag(folders: dict[str, CExport]) -> None:
+    text = (folders["pid"].folder / "README.md").read_text()
+    rows = [line for line in text.splitlines() if line.startswith("| `AMB_")]
+    for flag in Status:
+        assert any(f"`AMB_{flag.name}`" in row for row in rows), flag
+    for words in ("void look(rig_output *copy)", "`rig_take_over` with the reading"):
+        assert words in text
 
 
 def test_the_command_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

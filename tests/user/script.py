@@ -91,6 +91,7 @@ def records(bearing: ambkit.Bearing, scenario: ambkit.Scenario) -> ambkit.Record
         assert_type(ambkit.load(path), ambkit.Record)
         try:
             ambkit.read(path, path)
+            assert_type(ambkit.read_telemetry(b"AMBF", path), ambkit.Record)
         except (ambkit.ConfigError, ambkit.RecordError) as error:
             print(error)
     return record
