@@ -1,10 +1,12 @@
 """Is the identification unbiased, and are its intervals honest? Records whose truth is known.
 
-``python -m benchmarks.identification [slow|fast] [seeds] [records] [first]`` simulates closed loops
-with a slow sensor or a fast one, with delay, offsets and noise side by side, identifies from some
-records of a second at a time, and prints bias and coverage. The search begins at the truth, which
-saves two thirds of the time; that it ends at the same place from a start that is far off is tested
-in ``tests/test_maximum_likelihood.py``.
+``python -m benchmarks.identification [slow|fast|coloured|quiet] [seeds] [records] [first]``
+simulates closed loops with a slow sensor, a fast one or one whose noise has colour, with delay,
+offsets and noise side by side, identifies from some records of a second at a time, and prints bias
+and coverage. ``quiet`` is a ball that hardly moves below one magnet, whose current is measured with
+noise (`benchmarks.quiet_rig`): one record of 8 seconds at a time. The search begins at the truth,
+which saves two thirds of the time; that it ends at the same place from a start that is far off is
+tested in ``tests/test_maximum_likelihood.py``.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from ambkit import Bearing, Record
 from ambkit.identification.maximum_likelihood import MaximumLikelihood, maximum_likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+from ambkit.machine.parts import ColouredNoise
 
 Array = NDArray[np.float64]
 
@@ -31,6 +34,7 @@ TRUTH = LoopModel(
     current_offset=-40e-3,
     load_growth=2.0,
     load_std=0.05,
+    substeps=1,
 )
 """The paper's bearing with a slower, sharper sensor and a noisier amplifier, so that a record of
 one second tells lag from delay and both noises from the load. The loop adds 2.3 samples of delay,
@@ -39,7 +43,10 @@ offsets, and a load that wanders."""
 FAST = TRUTH.replace(sensor__lag=16e-6, sensor__noise_variance=0.25e-12)
 """The same with an ordinary eddy-current probe: 0.16 of a sample late, 0.5 µm."""
 
-TRUTHS = {"slow": TRUTH, "fast": FAST}
+COLOURED = TRUTH.replace(sensor__coloured_noise=ColouredNoise(variance=4e-12, bandwidth=300.0))
+"""The slow one with as much noise again whose spectrum ends at 300 Hz, which is known."""
+
+TRUTHS = {"slow": TRUTH, "fast": FAST, "coloured": COLOURED}
 
 OFFSET = 40e-3
 """How well the offset of the current is known beforehand in a study [A]: so it is drawn."""
@@ -102,6 +109,7 @@ def closed_loops(
 
     noise_y = drawn(b.sensor.noise_variance**0.5)
     noise_u = drawn(b.amplifier.noise_variance**0.5)
+    noise_y += _coloured(b, drawn(1.0))
     load = np.cumsum(drawn((model.load_growth * T) ** 0.5), axis=0)
     load += drawn(model.load_std)[0] - load[0]
     reference, dither = binary(REFERENCE, 150), binary(0.1, 7)
@@ -153,6 +161,19 @@ def closed_loops(
         raise ValueError("a simulated rotor has left the gap")
     t = T * np.arange(n)
     return [Record(t, {"y": y[:, s], "u": u[:, s]}, meta={"seed": first + s}) for s in range(seeds)]
+
+
+def _coloured(bearing: Bearing, white: Array) -> Array:
+    """Return the coloured part of the sensor's noise from white noise (n, seeds)."""
+    part = bearing.sensor.coloured_noise
+    if part is None:
+        return np.zeros_like(white)
+    from scipy.signal import lfilter
+
+    keep = math.exp(-2 * math.pi * part.bandwidth * bearing.sampling_time)
+    driven = math.sqrt(part.variance * (1 - keep**2)) * white
+    driven[0] = math.sqrt(part.variance) * white[0]
+    return np.asarray(lfilter([1.0], [1.0, -keep], driven, axis=0))
 
 
 def study(
@@ -238,13 +259,19 @@ def _in_its_errors(off: Array) -> float:
 def main() -> None:
     """Print the study as a table."""
     asked = [int(argument) for argument in sys.argv[2:]]
-    truth = TRUTHS[sys.argv[1] if len(sys.argv) > 1 else "slow"]
+    which = sys.argv[1] if len(sys.argv) > 1 else "slow"
     heads = (
         "found", "mean error", "its s.e.", "in s.e.", "own unit", "95 % hold", "s.e.",
         "scatter/s.e.",
     )  # fmt: skip
     print(f"{'parameter':18}" + "".join(f"{head:>13}" for head in heads))
-    for name, row in study(truth, *asked).items():
+    if which == "quiet":
+        from benchmarks import quiet_rig
+
+        table = quiet_rig.study(*asked[:1], *asked[2:])  # of one record each
+    else:
+        table = study(TRUTHS[which], *asked)
+    for name, row in table.items():
         figures = (
             f"{row['found']:g}",
             f"{row['mean_error']:.3g}",

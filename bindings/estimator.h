@@ -3,8 +3,10 @@
 
 #include "magnets.h"
 
+#include <atomic>
 #include <cstddef>
 #include <initializer_list>
+#include <memory>
 
 extern "C" {
 #include "ambkit/estimator_run.h"
@@ -55,9 +57,40 @@ struct Sizes {
   }
 };
 
-// Where a filter writes its history: arrays for n samples, in one block of memory. One block,
-// because the allocator gives a block that was freed as a whole back at the next run, while many
-// large ones would be fetched from the system page by page, which costs as much as the filter.
+// Memory of a history. It is megabytes, and fetched from the system page by page it would cost a
+// tenth of the filter's time or more: the last that was let go of is taken again where it fits.
+struct Memory {
+  size_t size;
+  std::unique_ptr<amb_real[]> data;
+
+  static Memory *of(size_t size)
+  {
+    if (size >= LEAST) {
+      std::unique_ptr<Memory> last(spare().exchange(nullptr));
+      if (last && last->size >= size && last->size / 2 <= size)
+        return last.release();
+    }
+    return new Memory{size, std::unique_ptr<amb_real[]>(new amb_real[size])};
+  }
+  static void let_go(Memory *memory) noexcept
+  {
+    if (memory->size >= LEAST && memory->size <= MOST)
+      memory = spare().exchange(memory);
+    delete memory;
+  }
+
+private:
+  // From 128 kB, below which the allocator keeps it anyway, to 32 MB.
+  static constexpr size_t LEAST = (size_t{128} << 10) / sizeof(amb_real);
+  static constexpr size_t MOST = (size_t{32} << 20) / sizeof(amb_real);
+  static std::atomic<Memory *> &spare()
+  {
+    static std::atomic<Memory *> kept{nullptr};
+    return kept;
+  }
+};
+
+// Where a filter writes its history: arrays for n samples, in one block of memory.
 class History
 {
 public:
@@ -66,8 +99,9 @@ public:
     const size_t columns = of.states + 2 * of.sensors + 2 * of.forces +
                            (with_covariance ? of.entries : 0) + (with_scale ? 2 : 0);
     const size_t flags = n * (1 + of.sensors); // a status is at most half a real
-    amb_real *next = new amb_real[n * columns + flags / 2 + 1];
-    owner = nb::capsule(next, [](void *p) noexcept { delete[] static_cast<amb_real *>(p); });
+    Memory *memory = Memory::of(n * columns + flags / 2 + 1);
+    owner = nb::capsule(memory, [](void *p) noexcept { Memory::let_go(static_cast<Memory *>(p)); });
+    amb_real *next = memory->data.get();
     to.mean = place("mean", next, n, of.states, true);
     to.cov = with_covariance ? place("covariance", next, n, of.entries, true) : nullptr;
     to.innovation = place("innovation", next, n, of.sensors, false);

@@ -14,6 +14,7 @@ from ambkit.simulation.flight import Flight
 from ambkit.simulation.machine import simulate_machine
 from ambkit.workflow.assessing import MEASUREMENT
 from ambkit.workflow.loop_of import LoopOf
+from ambkit.workflow.sweeping import _MachineRig
 from ambkit.workflow.verdict import facts
 
 TUM = Machine.preset("tum_mlps")
@@ -37,6 +38,7 @@ def told(machine, control):
         pytest.param(TILT, False, marks=pytest.mark.long),
         pytest.param(STILL, True, marks=pytest.mark.long),
         pytest.param(Control(unbalance="still"), True, marks=pytest.mark.long),
+        pytest.param(FREE, True, marks=pytest.mark.long),
     ],
 )
 def test_the_simulated_loop_is_the_models_within_two_percent(control, fed):
@@ -143,3 +145,15 @@ def test_a_bearings_regulator_and_feed_forward_are_in_its_loop(pid):
     assert list(ambkit.assess(zittau, "linear", pid).loops) == ["linear"]
     with pytest.raises(AmbkitError, match="fed by an estimate: give a filter"):
         ambkit.assess(zittau, None, pid)
+
+
+def test_a_sine_beside_the_speed_tells_itself_from_what_still_settles():
+    """An unbalance that the estimator is told little of settles in 5 s, at the speed: 50 Hz."""
+    filter = told(TUM, FREE)
+    found = ambkit.assess(TUM, filter, FREE)
+    rig = _MachineRig(found, filter, found.loops[filter.name], 0, {})
+    assert np.abs(rig.slow).max() ** (1 / TUM.sampling_time) > math.exp(-1 / 5)
+    f, part = rig.sine(1e-6, 48.4)
+    swept = rig.swept(1e-6, np.array([f]), [part])
+    assert f == pytest.approx(48.4, rel=1e-3)
+    assert swept.deviation < 0.01  # 2.8 % if that is taken for the answer

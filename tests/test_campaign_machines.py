@@ -10,6 +10,7 @@ import pytest
 
 import ambkit
 from ambkit.base.errors import AmbkitError, ConfigError
+from ambkit.show.plots.campaign import in_words
 from ambkit.simulation.controllers import Control
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.many_machines import FIGURES, figures_of
@@ -139,12 +140,15 @@ def test_controllers_and_filters_know_the_nominal_machine_alone() -> None:
 
 
 def test_an_amplifier_of_another_gain_changes_the_loops_gain() -> None:
-    text = STUDY.partition("[record]")[0] + """
+    text = (
+        STUDY.partition("[record]")[0]
+        + """
         [[vary]]
         what = "bearing.A.amplifier.gain"
         type = "choice"
         values = ["ONE A/V", "MORE A/V"]
         """
+    )
     gain = ambkit.Machine.preset("tum_mlps").bearing[0].amplifier.gain
     text = text.replace("ONE", f"{gain}").replace("MORE", f"{1.2 * gain}")
     plan = plan_of(Study.from_toml(text))
@@ -191,7 +195,9 @@ def test_figures_of_a_nominal_run() -> None:
 
 def test_parts_of_a_machine_are_named_or_counted() -> None:
     machine = ambkit.Machine.preset("tum_mlps")
-    assert key_in(machine, "bearing.A.magnet.air_gap") == key_in(machine, "bearing.0.magnet.air_gap")
+    assert key_in(machine, "bearing.A.magnet.air_gap") == key_in(
+        machine, "bearing.0.magnet.air_gap"
+    )
     for name in ("B", "1"):
         wide = changed(machine, nested({f"bearing.{name}.magnet.air_gap": 1e-3}))
         assert wide.bearing[1].magnet.air_gap == 1e-3
@@ -200,14 +206,26 @@ def test_parts_of_a_machine_are_named_or_counted() -> None:
         key_in(machine, "bearing.C.place")
 
 
+def test_quantities_are_called_by_what_they_are_of() -> None:
+    names = ["rotor.mass", "bearing.A.magnet.air_gap", "bearing.B.magnet.air_gap",
+             "unbalance.0.amount", "flight.disturbance.0.force.amplitude"]  # fmt: skip
+    assert in_words(names) == ["mass", "bearing A air gap", "bearing B air gap",
+                               "unbalance 0 amount", "force"]  # fmt: skip
+    of_a_bearing = ["magnet.air_gap", "sensor.lag", "scenario.disturbance.values.0"]
+    assert in_words(of_a_bearing) == ["air gap", "lag", "disturbance 0"]
+
+
 def test_a_machine_that_cannot_be_is_told() -> None:
-    text = STUDY.partition("[[vary]]")[0].replace("12 ms", "3 ms") + """
+    text = (
+        STUDY.partition("[[vary]]")[0].replace("12 ms", "3 ms")
+        + """
         [[vary]]
         what = "bearing.A.travel_limit"
         type = "uniform"
         low = "0.1 mm"
         high = "1 m"
         """
+    )
     plan = plan_of(Study.from_toml(text.replace('traces = ["s_A1", "f_d_A1_estimate"]', "")))
     rows = compute(plan, 0, 6).runs.to_pydict()
     assert "impossible" in rows["fails"][int(np.argmax(rows["bearing.A.travel_limit"]))]
@@ -218,13 +236,14 @@ def test_a_machine_that_cannot_be_is_told() -> None:
     [
         ('machine = "tum_mlps"', "", "bearing: missing"),
         ("runs = 6", 'bearing = "zittau_axial"\nruns = 6', "either a bearing or a machine"),
-        ("[flight]", '[scenario]\nduration = "1 s"\n[flight]', "happens to a machine is its flight"),
+        ("[flight]", '[scenario]\nduration = "1 s"\n[flight]', "to a machine is its flight"),
         ("rotor.mass", "bearing.A.magnet.type", "cannot vary: it"),
+        ("bearing.B.place", "bearing.0.magnet.air_gap", "varies already, in vary.2."),
         ("rotor.mass", "sampling_time", "cannot vary: it is the controller's"),
         ("rotor.mass", "flight.duration", "cannot vary: it is one for all runs"),
         ('"s_A1"', '"s_C1"', "there is no signal s_C1; known: s_A1, s_A2"),
         ("orbit_share = 0.5", 'overshoot = "5 %"', "there is no figure overshoot"),
-        ('"linear", "extended"', '"linear", "f.toml"', "filter of a whole machine has no file"),
+        ('"linear", "extended"', '"linear", "nobody"', "there is no estimator"),
         ('"tum_mlps"', '"zittau_axial"', "machine: "),
     ],
 )  # fmt: skip
@@ -245,17 +264,25 @@ def test_what_does_not_go_together_is_said_before_any_run() -> None:
 @pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::UserWarning")
 def test_a_machines_filter_is_tuned_over_its_tolerances(tmp_path: Path) -> None:
     pytest.importorskip("optuna")
-    text = STUDY.partition("[record]")[0].replace("runs = 6", "runs = 3") + """
+    text = (
+        STUDY.partition("[record]")[0].replace("runs = 6", "runs = 3")
+        + """
         [[vary]]
         what = "rotor.mass"
         type = "uniform"
         tolerance = "5 %"
         """
+    )
     study = Study.from_toml(text)
     found = ambkit.tune_robust(study, evaluations=2)
     assert {each.name for each in found.free} == {"noise.control", "noise.disturbance"}
     assert found.tried[found.taken].error <= found.tried[0].error
-    with pytest.raises(AmbkitError, match="has no file"):
-        found.save(tmp_path / "f.toml")
+    found.save(tmp_path / "f.toml")
+    assert not (tmp_path / "f.scenario.toml").exists()
+    again = ambkit.tune_robust(study, evaluations=1)  # untuned, beside the tuned one
+    tuned = study.model_copy(update={"estimator": str(tmp_path / "f.toml")})
+    rows = compute(plan_of(tuned), 0, 3).runs.column("f_d_rms").to_numpy()
+    assert max(rows) == pytest.approx(found.tried[found.taken].error)
+    assert again.tried[0].error == found.tried[0].error
     with pytest.raises(AmbkitError, match=r"controller\.kp is of a bearing"):
         ambkit.tune_robust(study, free=["controller.kp"])

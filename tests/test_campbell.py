@@ -40,8 +40,9 @@ def test_presets_have_as_many_whirls_forwards_as_backwards(name: str) -> None:
     forwards, backwards = (found.poles[-1].imag[found.forwards == way] for way in (True, False))
     assert forwards.sum() > backwards.sum()
     assert (found.poles.real < 0).all()
-    # One that bends is stiffened by gyroscopics: its third mode stays ahead of the rotation.
-    crossed = {"compressor": 3, "tum_mlps_flexible": 5, "ufu_flexible": 4}
+    # One that bends is stiffened by gyroscopics: its third mode stays ahead of the rotation. And a
+    # mode of the compressor is damped so much that it swings no more.
+    crossed = {"compressor": 2, "tum_mlps_flexible": 5, "ufu_flexible": 4}
     assert len(found.critical) == crossed.get(name, pairs)
     for speed in found.critical:
         near = np.argmin(np.abs(found.speed - speed))

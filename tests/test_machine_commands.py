@@ -43,7 +43,6 @@ def test_the_commands_take_a_machine(call: Any) -> None:
         (("simulate", "zittau_axial", "--synchronous", "runout"), "of a whole machine"),
         (("filter", "run.csv", "--bearing", "ufu_rig"), "the record has no y_A1"),
         (("filter", "run.csv", "--bearing", "tum_mlps", "--out", "e.csv"), "one estimator"),
-        (("tune", "tum_mlps", "--out", "f.toml"), "the filter of a whole machine has no file"),
     ):
         done = call(*refused)
         assert (done.code, text in done.err) == (2, True), done.err

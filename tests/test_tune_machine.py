@@ -87,9 +87,7 @@ def test_what_cannot_be_tuned_is_refused(record):
 @pytest.mark.parametrize(("arguments", "code", "said"), [
     (["tune", "tum_mlps", "--estimator", "linear", "--evaluations", "3", "--runs", "1"], 0,
      "Peak of |S| in the loop"),
-    (["tune", "tum_mlps", "--out", "f.toml"], 2, "has no file; --json tells the values"),
     (["tune", "tum_mlps", "--estimator", "low-pass"], 2, "cannot take a whole machine"),
-    (["design", "log.csv", "--bearing", "tum_mlps", "--out", "d"], 2, "'ambkit tune LOG"),
 ])  # fmt: skip
 def test_commands(arguments, code, said, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

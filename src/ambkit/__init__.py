@@ -72,6 +72,7 @@ if TYPE_CHECKING:
     from ambkit.workflow.campbell import campbell as campbell
     from ambkit.workflow.comparison import compare as compare
     from ambkit.workflow.designing import design as design
+    from ambkit.workflow.designing_machine import design_machine as design_machine
     from ambkit.workflow.expert import train as train
     from ambkit.workflow.filtering import filter as filter
     from ambkit.workflow.identifying import identify as identify
@@ -144,6 +145,7 @@ _HOME = {
     "workflow.campaign.study": ["Study"],
     "workflow.campbell": ["campbell"],
     "workflow.designing": ["design"],
+    "workflow.designing_machine": ["design_machine"],
     "workflow.expert": ["train"],
     "workflow.filtering": ["filter"],
     "workflow.identifying": ["identify"],

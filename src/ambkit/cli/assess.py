@@ -11,7 +11,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.cli.assess_machine import assess_machine
 from ambkit.cli.assess_sweep import deliver_sweep
 from ambkit.cli.assess_tables import said, tables, tables_of_shares
-from ambkit.cli.kinds import NAMES, is_filter, known, names
+from ambkit.cli.kinds import NAMES, is_filter, known, machine_of, names
 from ambkit.cli.options import (
     ExpertFile,
     From,
@@ -179,6 +179,10 @@ def assess(
     from ambkit.simulation.scenario import Scenario
 
     whole = find_machine(target)
+    if whole is None and (whole := machine_of(target)) is not None:
+        if estimator is not None:
+            raise AmbkitError(f"{target} is a filter already: leave out --estimator")
+        estimator = target
     controller: PID | None = None
     if whole is None and scenario is not None:
         controller = Scenario.load(scenario).controller
@@ -277,6 +281,10 @@ def _deliver_log(
     filters: Any = {}
     if bearing is not None:
         plant = find_machine(bearing)
+        if plant is None and (plant := machine_of(bearing)) is not None:
+            if estimator is not None:
+                raise AmbkitError(f"{bearing} is a filter already: leave out --estimator")
+            estimator = bearing
         if plant is None:
             plant, filters = _asked(bearing, estimator, expert)
         else:
@@ -334,7 +342,7 @@ def _asked(
     if is_filter(target):
         if estimator is not None:
             raise AmbkitError(f"{target} is a filter already: leave out --estimator")
-        plant, estimator = FilterFile.load(target).bearing.bearing, target
+        plant, estimator = FilterFile.load(target).plant, target
     else:
         plant, estimator = find_bearing(target), estimator or "linear"
     built = factories([] if estimator == "none" else names(estimator), plant, expert)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,17 +13,22 @@ from ambkit.cli.export import Precision
 from ambkit.cli.kinds import NAMES, known, names
 from ambkit.cli.options import Json, MapFile, find_bearing, find_machine
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ambkit.machine.machine import Machine
+
+_USUAL = "linear,extended,adaptive"  # of one axis
+
 
 def design(
-    logs: Annotated[
-        list[Path], typer.Argument(metavar="LOG", help="Runs in closed loop: any format.")
-    ],
     bearing: Annotated[
         str,
         typer.Option(
             "--bearing",
             metavar="BEARING",
-            help="What is known already: a preset's name, or a TOML file.",
+            help="What is known already: a preset's name, or a TOML file; of a bearing, or of a "
+            "whole machine.",
         ),
     ],
     out: Annotated[
@@ -34,6 +39,15 @@ def design(
             help="The folder for all of it; an older design goes on.",
         ),
     ],
+    logs: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="LOG",
+            help="Runs in closed loop: any format. A whole machine needs none: its filter is then "
+            "tuned on simulated flights.",
+            show_default=False,
+        ),
+    ] = None,
     channel_map: MapFile = None,
     validate: Annotated[
         list[Path] | None,
@@ -41,7 +55,7 @@ def design(
     ] = None,
     estimator: Annotated[
         str, typer.Option(callback=known, metavar="NAMES", help=f"Some of {', '.join(NAMES)}.")
-    ] = "linear,extended,adaptive",
+    ] = _USUAL,
     free: Annotated[
         str | None,
         typer.Option(
@@ -81,9 +95,15 @@ def design(
     The folder gets found.toml, expert.json, filter.toml, the C in c/, and design.html, which says
     which filter to fly and why. A second call goes on where the first was interrupted.
 
+    Of a whole machine controllers and filter are chosen on the margins of its loop: the folder gets
+    flight.toml, filter.toml, verdict.html, and both as C. What is identified of it is for 'ambkit
+    identify'.
+
     For example:
       ambkit design run.csv --bearing my.toml --out design/
       ambkit design log.mat --channels rig.toml --bearing my.toml --validate other.mat --out design/
+      ambkit design --bearing tum_mlps --max-sensitivity 2 --out design/
+      ambkit assess design/filter.toml --controller design/flight.toml
     """
     from ambkit.cli import output
     from ambkit.cli.options import arguments_of_the_user
@@ -93,11 +113,17 @@ def design(
 
     whole = find_machine(bearing)
     if whole is not None:
-        raise AmbkitError(
-            f"{whole.name} is a whole machine, which is not identified from logs in one go: "
-            f"'ambkit tune LOG --bearing {bearing}' tunes its filter below a peak of |S|, 'ambkit "
-            f"assess {bearing}' judges it, 'ambkit export c {bearing}' writes it"
-        )
+        if free is not None:
+            raise AmbkitError("--free says what is identified of a bearing, and this is a machine")
+        design_whole(
+            whole, logs or (), out, channels=channel_map, validate=validate or (),
+            kinds=("linear", "extended") if estimator == _USUAL else names(estimator),
+            max_sensitivity=max_sensitivity if math.isfinite(max_sensitivity) else None,
+            precision=precision.value, prefix=prefix, anyway=anyway, seed=seed, json=json,
+        )  # fmt: skip
+        return
+    if not logs:
+        raise AmbkitError("a bearing is designed from its logs: give at least one")
     with arguments_of_the_user(), output.progress("designing", None) as done:
         found = designed(
             find_bearing(bearing), logs, out, channels=channel_map, validate=validate or (),
@@ -127,6 +153,62 @@ def design(
         as_json=json,
     )
     for said in (*found.objections, *found.notes):
+        output.note(f"note: {said}")
+    output.note(f"wrote {found.folder}: {', '.join(found.made)}")
+    if found.exported is None:
+        output.note("nothing was exported: --anyway does it all the same")
+        raise typer.Exit(1)
+
+
+def design_whole(
+    machine: Machine, logs: Sequence[Path], out: Path, *, json: bool, **options: Any
+) -> None:
+    """Design controllers and filter of a whole machine, and say what their loop comes to.
+
+    Parameters
+    ----------
+    machine : Machine
+        The machine.
+    logs, out, **options
+        See `ambkit.workflow.designing_machine.design_machine`.
+    json : bool
+        Whether machines are to read it.
+    """
+    from ambkit.cli import output
+    from ambkit.cli.options import arguments_of_the_user
+    from ambkit.estimate.registry import KINDS
+    from ambkit.workflow.designing_machine import design_machine
+
+    with arguments_of_the_user(), output.progress("designing", None) as done:
+        found = design_machine(machine, logs, out, note=done, **options)
+    gains = [
+        [name, output.value(pid.kp, "A/m", 3), output.value(pid.ki, "A/(m s)", 3),
+         output.value(pid.kd, "A s/m", 3), output.value(pid.derivative_filter, "s", 3),
+         f"{pid.setpoint_weight:g}"]
+        for name, pid in found.control.pid.items()
+    ]  # fmt: skip
+    loops = [
+        [f"fed by {name}", each.zone, f"{each.peak:.3f}", f"{each.largest[0]:.3f}",
+         output.value(each.current_noise, "A", 3)]
+        for name, each in found.assessed.loops.items() if each.stable
+    ]  # fmt: skip
+    tried = [
+        [KINDS[kind].label, "tuned" if each.kept else "untuned", f"{each.peak:.3f}"]
+        for kind, each in found.tuned.items()
+    ]
+    heads = ["axis", "kp", "ki", "kd", "derivative filter", "set-point weight"]
+    seen = ["these controllers", "zone", "peak of |S|", "largest singular value", "noise's current"]
+    output.deliver(
+        found.to_dict(),
+        [
+            output.table(f"Controllers of {machine.name}", heads, gains),
+            output.table("Filters that were tried", ["", "", "peak of |S|"], tried),
+            output.table("The loop", seen, loops),
+            found.why,
+        ],
+        as_json=json,
+    )
+    for said in found.objections:
         output.note(f"note: {said}")
     output.note(f"wrote {found.folder}: {', '.join(found.made)}")
     if found.exported is None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.kinds import NAMES, estimator_option, of_machine, to_export
+from ambkit.cli.kinds import NAMES, estimator_option, machine_of, of_machine, to_export
 from ambkit.cli.options import BearingOrFilter, Json, Synchronous, find_machine, quantity
 
 if TYPE_CHECKING:
@@ -135,6 +135,8 @@ def export_c(
     if controller is not None and (cost or clock is not None):
         raise AmbkitError("--cost was measured of filters; of a whole controller: ambkit pil")
     model, chosen = _machine_of(bearing, estimator) or to_export(bearing, estimator)
+    if synchronous and chosen.file is not None:
+        raise AmbkitError("--synchronous: the filter's file says what it estimates")
     options = _flown(model, controller, synchronous)
     written = c.export_c(
         model,
@@ -187,6 +189,10 @@ def _scenario(path: Path) -> Scenario:
 def _machine_of(text: str, estimator: str | None) -> tuple[Bearing | Machine, Chosen] | None:
     """Return a whole machine and its estimator; None where the text names something else."""
     machine = find_machine(text)
+    if machine is None and (machine := machine_of(text)) is not None:
+        if estimator is not None:
+            raise AmbkitError(f"{text} is a filter already: leave out --estimator")
+        estimator = text
     return None if machine is None else (machine, of_machine(estimator, machine))
 
 

@@ -27,13 +27,14 @@ from ambkit.cli.options import (
 from ambkit.estimate.registry import FILTER_SUFFIX
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from ambkit.data.channelmap import ChannelMap
     from ambkit.data.record import Record
     from ambkit.estimate.filter_file import FilterFile
     from ambkit.judge.evaluation import Evaluation
     from ambkit.machine.bearing import Bearing
+    from ambkit.machine.machine import Machine
     from ambkit.workflow.filtering import Filtered, Filtering, Stretch
     from ambkit.workflow.oddities import OutsideOfBox
 
@@ -148,7 +149,8 @@ def filter_record(
     if tune is not None and not tune > 0:
         raise AmbkitError(f"--tune must be greater than 0 s, is {tune:g} s")
     chosen = names(estimator)
-    whole = None if bearing is None else find_machine(bearing)
+    files = {name: FilterFile.load(name) for name in chosen if name.endswith(FILTER_SUFFIX)}
+    whole = next(_machines_of(files), None) if bearing is None else find_machine(bearing)
     if whole is not None:
         filter_machine(
             whole,
@@ -165,7 +167,6 @@ def filter_record(
         return
     if synchronous:
         raise AmbkitError("--synchronous is of a whole machine, not of one axis")
-    files = {name: FilterFile.load(name) for name in chosen if name.endswith(FILTER_SUFFIX)}
     model = find_bearing(bearing) if bearing is not None else _bearing_of(files)
     log = load_log(record, _channels(files, channel_map), begin, end)
     say_what_is_odd(record, log, model)
@@ -208,8 +209,16 @@ def filter_record(
 def _bearing_of(files: Mapping[str, FilterFile]) -> Bearing:
     """Return the bearing of the first filter that is a file."""
     for file in files.values():
-        return file.bearing.bearing
+        if file.bearing is not None:
+            return file.bearing.bearing
     raise AmbkitError("--bearing is missing: a preset's name, or a TOML file")
+
+
+def _machines_of(files: Mapping[str, FilterFile]) -> Iterator[Machine]:
+    """Yield the whole machines of filters that are files."""
+    for file in files.values():
+        if file.machine is not None:
+            yield file.machine.machine
 
 
 def _channels(files: Mapping[str, FilterFile], channel_map: Path | None) -> ChannelMap | None:

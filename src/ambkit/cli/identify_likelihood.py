@@ -130,7 +130,7 @@ def by_likelihood(options: Options, known: Bearing) -> None:
         output.note(
             f"{options.out} says what to put into the channel map before filtering such a log"
         )
-    for said in (*found.of_the_zeros, *likelihood.touched):
+    for said in (*found.of_the_zeros, *likelihood.touched, *likelihood.remarks):
         output.note(said)
     if not likelihood.converged:
         output.note("the search did not end at a maximum: take a closer start, or free less")

@@ -193,13 +193,24 @@ def to_export(
 def of_machine(estimator: str | None, machine: Machine) -> Chosen:
     """Return the estimator of a whole machine that a user wants to export: a kind, linear if none.
 
+    Parameters
+    ----------
+    estimator : str, optional
+        A kind, or a filter's file.
+    machine : Machine
+        What is filtered.
+
     Raises
     ------
     AmbkitError
-        There is no such kind.
+        There is no such kind, or the file's filter is not of such a machine.
     """
+    from ambkit.estimate.filter_file import FilterFile
     from ambkit.estimate.registry import KINDS, kind_called, learned_magnet
 
+    if estimator is not None and estimator.endswith(FILTER_SUFFIX):
+        found = FilterFile.load_for(estimator, machine)
+        return Chosen(found.kind, found.asked(), found)
     kind = kind_called(estimator or "linear").name
     law = KINDS[kind].magnet
     magnet = learned_magnet(kind, machine) if law is None else law(machine)
@@ -213,7 +224,25 @@ def _in_file(path: str, choice: Iterable[str]) -> tuple[Bearing, Chosen]:
     found = FilterFile.load(path)
     if found.kind not in choice:
         raise AmbkitError(f"{path}: {found.kind} cannot be exported so; {', '.join(choice)} can")
+    if found.bearing is None:
+        raise AmbkitError(f"{path} is the filter of a whole machine; this takes one of one axis")
     return found.bearing.bearing, Chosen(found.kind, found.asked(), found)
+
+
+def machine_of(path: str) -> Machine | None:
+    """Return the whole machine that a filter's file is of; None of any other file.
+
+    Raises
+    ------
+    ConfigError
+        The file is a filter's and not valid.
+    """
+    from ambkit.estimate.filter_file import FilterFile
+
+    if not is_filter(path):
+        return None
+    of = FilterFile.load(path).machine
+    return None if of is None else of.machine
 
 
 def is_filter(text: str) -> bool:

@@ -40,7 +40,7 @@ def simulate_machine(
     scenario : Path, optional
         A flight in TOML.
     estimator : str
-        ``"none"``, or a kind; beside the loop unless the flight says otherwise.
+        ``"none"``, a kind, or a filter's file; beside the loop unless the flight says otherwise.
     duration, load, seed : optional
         What the user changed in the flight.
     injection : Path, optional
@@ -55,12 +55,12 @@ def simulate_machine(
         Options of one axis, by their names, which must not be given.
     """
     from ambkit.cli import output
-    from ambkit.estimate.registry import kind_called, learned_magnet
     from ambkit.show import plots
     from ambkit.simulation.flight import Flight
     from ambkit.simulation.holding import holding
     from ambkit.simulation.machine import simulate_machine as fly
     from ambkit.workflow.flying import FlightSummary, flight_for
+    from ambkit.workflow.given import of_machine
 
     refuse_of_one_axis(machine, others)
     flight = None if scenario is None else Flight.load(scenario)
@@ -72,14 +72,8 @@ def simulate_machine(
             f'{scenario}: the controllers are fed by the estimate (feedback = "estimate"), so '
             "--estimator cannot be none"
         )
-    kalman = None
-    if estimator != "none":
-        try:
-            kalman = kind_called(estimator).make(
-                machine, learned_magnet(estimator, machine), synchronous=synchronous
-            )
-        except ValueError as error:
-            raise AmbkitError(str(error)) from error
+    named = estimator != "none"
+    kalman = of_machine(estimator, machine, synchronous=synchronous) if named else None
     with output.progress("simulating"):
         run = fly(machine, happening, estimator=kalman)
     data = FlightSummary(run).to_dict()

@@ -77,21 +77,9 @@ def with_points(figure: Figure, found: TrainedExpert) -> Figure:
 
 def _models_table(of: ModelChoice, taken: str) -> Any:
     """Say how the models do at points left out; warn of a network that is worse than a law."""
-    from ambkit.fuzzy.left_out import LAW, NETWORK
-
     models, chosen = of.models, of.chosen
-    network, law = of[NETWORK], of[LAW]
-    if network.worse > law.worse:
-        output.note(
-            f"at points left out the trained expert is off by {value(network.worse, 'N', 3)} "
-            f"rms, the law that it started from by {value(law.worse, 'N', 3)}: leave it; "
-            f"{chosen.name} has {value(chosen.worse, 'N', 3)}"
-        )
-    elif taken != chosen.name:
-        output.note(
-            f"at points left out {chosen.name} is off by {value(chosen.worse, 'N', 3)} rms, "
-            f"{taken}, which was asked for, by {value(of[taken].worse, 'N', 3)}"
-        )
+    if said := of.against(taken):
+        output.note(said)
     rows = [
         [m.name, value(m.random, "N", 3), value(m.blocks, "N", 3),
          ", ".join(["best"] * (m == chosen) + ["taken"] * (m.name == taken))]

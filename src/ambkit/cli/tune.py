@@ -189,11 +189,6 @@ def tune(
     known: Any = find_bearing(name) if whole is None else whole
     if whole is not None:
         refuse_of_one_axis(whole, {"expert": expert})
-        if out is not None:
-            raise AmbkitError(
-                f"--out: the filter of a whole machine has no file; --json tells the values, for "
-                f"ambkit.FilterNoise and {estimator} of {whole.name}"
-            )
     magnet = None if expert is None else read_expert(expert, known)
     records = [] if simulated else [_load(Path(p), channel_map, known, begin, end) for p in target]
     others = [_load(path, channel_map, known, None, None) for path in validate or ()]

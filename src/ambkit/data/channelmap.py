@@ -24,8 +24,9 @@ Of each number in the log, ``value = sign * scale * number * unit + offset``, in
 log to a bearing, such as the point around which the bearing is described, is data, not code.
 
 A channel that the logger wrote too late has a ``delay``, and is shifted by it. A ``u`` that is the
-current as a sensor showed it is ``measured``, and is not held between samples. A channel with a
-clock of its own names that with ``time``; a log without times has ``sampling_time``.
+current as a sensor showed it is ``measured``, and is not held between samples. What drives it is
+the channel ``control``, in any unit: identification tells the sensor's noise by it. A channel with
+a clock of its own names that with ``time``; a log without times has ``sampling_time``.
 """
 
 from collections.abc import Iterator, Mapping

@@ -173,7 +173,8 @@ class Estimator(Copyable):
         AmbkitError
             The file cannot be read, or what it says cannot be built.
         """
-        made: Estimator = _files().FilterFile.load(path).make(precision=precision)
+        files = import_module("ambkit.estimate.filter_file")  # which imports this module
+        made: Estimator = files.FilterFile.load(path).make(precision=precision)
         return made
 
     def save(
@@ -199,7 +200,7 @@ class Estimator(Copyable):
         AmbkitError
             A file cannot be written; or it knows its magnet by what has no file.
         """
-        _files().save(self, path, bearing, magnet)
+        import_module("ambkit.estimate.filter_saving").save(self, path, bearing, magnet)
 
     @property
     def states(self) -> tuple[Descriptor, ...]:
@@ -307,14 +308,17 @@ class Estimator(Copyable):
 
     def default_std(self) -> tuple[float, ...]:
         """Return the standard deviations with which a filter starts; see :meth:`reset`."""
-        of = self.whole
-        usual = (
-            start_std(self.bearing, self.variances, self.states)
-            if of is None
-            else of.start_std(self.variances, self.states)
-        )
         names = [state.name for state in self.states]
-        return tuple((dict(zip(names, usual, strict=True)) | dict(self.start_std)).values())
+        return tuple(
+            (dict(zip(names, self._usual_std, strict=True)) | dict(self.start_std)).values()
+        )
+
+    @cached_property
+    def _usual_std(self) -> tuple[float, ...]:
+        """Those of its kind, for a bearing and the variances that it was made with."""
+        if self.whole is not None:
+            return self.whole.start_std(self.variances, self.states)
+        return start_std(self.bearing, self.variances, self.states)
 
     def at_rest(
         self,
@@ -684,11 +688,6 @@ class Estimator(Copyable):
     def status(self) -> Status:
         """What the last step had to say."""
         return Status(self.core.status)
-
-
-def _files() -> Any:
-    """Return the module of filters' files, which knows all kinds and so stands above this one."""
-    return import_module("ambkit.estimate.filter_file")
 
 
 def check_sampling(bearing: Bearing | Machine, record: Record) -> None:

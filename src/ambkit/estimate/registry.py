@@ -177,14 +177,20 @@ class Kind:
         """
         if magnet is None and self.magnet is not None:
             magnet = self.magnet(bearing)
-        module, called = self.of.split(".")
-        of = getattr(import_module(f"ambkit.estimate.{module}"), called)
+        of: Any = self.estimator
         if self.finds_noise is None:
             return of(bearing, magnet, **options)  # type: ignore[no-any-return]
         from ambkit.estimate.adaptive_noise import AdaptiveNoise
 
         outer = {name: options.pop(name) for name in _OUTER if name in options}
         return AdaptiveNoise(of(bearing, magnet, **options), **self.finds_noise, **outer)
+
+    @property
+    def estimator(self) -> type[Estimator]:
+        """Its class; around it may come an :class:`ambkit.AdaptiveNoise`."""
+        module, called = self.of.split(".")
+        found: type[Estimator] = getattr(import_module(f"ambkit.estimate.{module}"), called)
+        return found
 
     @property
     def option_units(self) -> dict[str, str]:
@@ -349,11 +355,16 @@ def kind_of(estimator: Estimator) -> str:
     AmbkitError
         It is of none.
     """
+    from ambkit.machine.bank import Bank
+
     inner = getattr(estimator, "inner", estimator)
     of = f"{type(inner).__module__.rpartition('.')[2]}.{type(inner).__name__}"
     around = inner is not estimator
     found = [k.name for k in KINDS.values() if k.of == of and (k.finds_noise is not None) == around]
-    asked = {"Expert": "adaptive", "StiffnessMap": "table"}.get(type(estimator.magnet).__name__)
+    magnet: Any = estimator.magnet
+    if isinstance(magnet, Bank):  # the axes of a machine are asked alike
+        magnet = magnet.models[0]
+    asked = {"Expert": "adaptive", "StiffnessMap": "table"}.get(type(magnet).__name__)
     if asked in found:
         return str(asked)
     if not found:

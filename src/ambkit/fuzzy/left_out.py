@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ambkit.base.units import engineering
 from ambkit.fuzzy.choice import BLOCKS, EPOCHS, FEWEST, FOLDS, Shape, box_of, map_of, numbered
 from ambkit.fuzzy.training import train
 from ambkit.machine.forces.surface import ForceSurface
@@ -71,6 +72,28 @@ class ModelChoice:
 
     def __getitem__(self, name: str) -> LeftOut:
         return next(model for model in self.models if model.name == name)
+
+    def against(self, taken: str) -> str:
+        """Say in a sentence what speaks against a model; nothing where it is the one to take.
+
+        Parameters
+        ----------
+        taken : str
+            Its name.
+        """
+        best, network, law = self.chosen, self[NETWORK], self[LAW]
+        worst = [engineering(model.worse, "N", 3) for model in (network, law, best, self[taken])]
+        if network.worse > law.worse:
+            return (
+                f"at points left out the trained expert is off by {worst[0]} rms, the law that it "
+                f"started from by {worst[1]}: leave it; {best.name} has {worst[2]}"
+            )
+        if taken != best.name:
+            return (
+                f"at points left out {best.name} is off by {worst[2]} rms, {taken}, which was "
+                f"asked for, by {worst[3]}"
+            )
+        return ""
 
 
 def refitted(bearing: Bearing, points: ForcePoints) -> Bearing:

@@ -9,20 +9,23 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import SerializerFunctionWrapHandler, model_serializer
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from ambkit.base.config import Part, Read
 from ambkit.base.config.quantities import Quantity
+from ambkit.base.config.texts import Name
 from ambkit.base.errors import AmbkitError
 from ambkit.machine import geometry
 from ambkit.machine.magnets import ConstantStiffness
-from ambkit.simulation.holding import holding, shown_along_axes
+from ambkit.simulation.holding import holding
+from ambkit.simulation.holding_margins import shown_along_axes
 from ambkit.simulation.let_turn import LetTurn, check_unbalance, let_turn, let_turn_fields
 from ambkit.simulation.regulator import regulator
-from ambkit.simulation.scenario import PID
+from ambkit.simulation.scenario import GAINS, PID
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
+    from ambkit.machine.machine import Machine
     from ambkit.simulation.plant import Plant
 
 Array = NDArray[np.float64]
@@ -47,17 +50,53 @@ class Control(Part):
     unbalance_from: Annotated[float, Quantity("rad/s", "2000 rpm", above=0)] | None = None
     """Speed below which it is fought all the same [rad/s]; without, of a rotor that bends 100 rad/s
     or half the machine's own."""
-
-    @model_serializer(mode="wrap")
-    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        data: dict[str, Any] = handler(self)
-        return {key: each for key, each in data.items() if each is not None}
+    pid: dict[Name, PID] = Field(default_factory=dict)
+    """PIDs by what each is of: an axis, or with "translation and tilt" a coordinate of the rotor
+    such as x or th_y. What is not said of one is tuned to it."""
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
         if read("unbalance_from") is not None and read("unbalance") == "fought":
             text = 'unbalance = "fought" is so at any speed; give "force-free" or "still"'
             yield "unbalance_from", text
+        given = read("pid")
+        if not isinstance(given, dict) or not given:
+            return
+        if read("type") == "lqg":
+            yield "pid", 'type = "lqg" has no PID: its gains are of all states'
+        for name, pid in given.items():
+            for key in ("feedback", "type", "feed_forward"):
+                if key in pid.model_fields_set:
+                    yield f"pid.{name}.{key}", "is of one axis alone; a flight says feedback"
+
+    @model_serializer(mode="wrap")
+    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = handler(self)
+        return {key: each for key, each in data.items() if each is not None and each != {}}
+
+    @property
+    def needs_estimate(self) -> bool:
+        """Whether the measurement alone cannot feed it."""
+        return self.type == "lqg" or self.cross_feedback > 0 or self.unbalance != "fought"
+
+    def check_names(self, known: Sequence[str]) -> None:
+        """Refuse PIDs of what the machine has not.
+
+        Parameters
+        ----------
+        known : sequence of str
+            Its axes, or the coordinates of its rotor.
+
+        Raises
+        ------
+        AmbkitError
+            One is of something else.
+        """
+        for name in self.pid:
+            if name not in known:
+                raise AmbkitError(
+                    f"control.pid.{name}: there is no {name}; known: {', '.join(known)}"
+                )
 
 
 @dataclass(frozen=True)
@@ -136,7 +175,7 @@ def controllers_of(
     AmbkitError
         What is asked needs an estimator that is in the loop, or states that it has not.
     """
-    if estimator is None and control != Control(type=control.type):
+    if estimator is None and control.needs_estimate and control.type != "lqg":
         asked = "cross_feedback" if control.cross_feedback else f'unbalance = "{control.unbalance}"'
         raise AmbkitError(f'{asked} is made of the estimate: feedback must be "estimate"')
     if control.type == "lqg":
@@ -145,9 +184,9 @@ def controllers_of(
         found = _regulated(plant, estimator)
     elif control.type == "decentralised":
         fed: Literal["measurement", "estimate"] = "estimate" if estimator else "measurement"
-        found = _decentralised(plant, pids or holding(plant.machine, fed).pids)
+        found = _decentralised(plant, pids or pids_of(plant.machine, control, fed))
     else:
-        found = _of_translation_and_tilt(plant)
+        found = _of_translation_and_tilt(plant, control)
     if estimator is None:
         return found
     feedback = _fed(plant, found, estimator) | found.feedback
@@ -164,6 +203,36 @@ def controllers_of(
     elif control.unbalance == "force-free":
         _leave_out(plant, estimator, feedback)
     return replace(found, feedback=feedback)
+
+
+def pids_of(
+    machine: Machine, control: Control, feedback: Literal["measurement", "estimate"]
+) -> list[PID]:
+    """Return the PID of each axis of decentralised control, with what is not said tuned.
+
+    Parameters
+    ----------
+    machine : Machine
+        The machine.
+    control : Control
+        What is said.
+    feedback : {"measurement", "estimate"}
+        What feeds them.
+
+    Raises
+    ------
+    AmbkitError
+        A PID is of an axis that there is not.
+    """
+    names = [axis.name for axis in machine.axes]
+    control.check_names(names)
+    if set(names) <= {n for n, pid in control.pid.items() if pid.model_fields_set >= GAINS}:
+        return [control.pid[name] for name in names]
+    usual = holding(machine, feedback).pids
+    return [
+        pid.overlaid(control.pid[name], machine.alone(name)) if name in control.pid else pid
+        for name, pid in zip(names, usual, strict=True)
+    ]
 
 
 def arrays(controllers: Controllers, plant: Plant, estimator: Estimator | None) -> dict[str, Any]:
@@ -221,13 +290,14 @@ def _decentralised(plant: Plant, pids: Sequence[PID]) -> Controllers:
     )  # fmt: skip
 
 
-def _of_translation_and_tilt(plant: Plant) -> Controllers:
+def _of_translation_and_tilt(plant: Plant, control: Control) -> Controllers:
     """One PID for each coordinate of the rigid rotor, tuned to its own mass and stiffness.
 
     Each counts in metres at the radius at which the magnets are, and in amperes of a first axis
     that were to hold the coordinate alone.
     """
     masses = dict(zip(plant.machine.rigid_positions, plant.machine.masses, strict=False))
+    control.check_names(list(masses))
     k = [ConstantStiffness.of(alone) for alone in plant.alone]
     k_i, k_s = np.array([each.k_i for each in k]), np.array([each.k_s for each in k])
     H, first = _rigid(plant), plant.alone[0]
@@ -240,7 +310,7 @@ def _of_translation_and_tilt(plant: Plant) -> Controllers:
             across = float(explained[at] @ explained[at])
             lever = 1 / math.sqrt(across * len(k_s) / 2)
         alike = first.replace(rotor__mass=mass * k_s[0] / stiffness, rotor__gravity="none")
-        pid = PID.for_bearing(alike)
+        pid = control.pid.get(name, PID()).completed(alike)
         amperes = to_axes[:, at] * k_i[0] * stiffness / (k_s[0] * lever)
         room = min(
             abs(end / share)

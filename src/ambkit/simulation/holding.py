@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
-from functools import lru_cache
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ambkit.machine import geometry
 from ambkit.machine.bank import alone_of, weights_of
 from ambkit.machine.hovering import hover_current
-from ambkit.machine.magnets import magnet_of
+from ambkit.machine.magnets import magnet_of, own_time
 from ambkit.models.linear import linearised
 from ambkit.models.machine import machine_parts, velocity_of
-from ambkit.simulation.gains import weight_of
+from ambkit.simulation.gains import PEAK, weight_of
+from ambkit.simulation.holding_margins import Sensitivities, sensitivities, shown_along_axes
 from ambkit.simulation.scenario import PID
 
 if TYPE_CHECKING:
@@ -34,6 +35,16 @@ LESS_DAMPED = (1.5, 1.0, 0.75, 0.5, 0.35, 0.2)
 """Shares of the derivative gain."""
 SLOWER = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 """By how much the derivative is filtered more."""
+BOUNDS = np.log([(0.3, 0.2, 0.5), (1.25, 1.5, 32.0)])
+"""Logarithms of the least and the greatest of these shares."""
+ENOUGH = 2.0
+"""Peak of abs(S) from which on others are looked for."""
+STRIDE, TRIES, UNHELD = 0.2, 250, 1e3
+"""Of the search for the lowest peak: its first steps, its evaluations, the cost of what falls."""
+OVERSHOOT, WEIGHTS = 0.13, (0.85, 0.7, 0.55, 0.4, 0.25, 0.0)
+"""Of a step of a reference, at most; and shares of the set-point weight that are tried for it."""
+TIMES = 300
+"""Points at which a step is looked at."""
 NEARBY, FINER = (0.87, 1.0, 1.15), 2
 """What is tried next to the best of these, and how often."""
 STIFF = 0.4
@@ -82,7 +93,10 @@ def holding(
     Each is tuned to its axis alone, see `PID.for_bearing`. Where that shakes a bending mode, by the
     loop's delay or a sensor on the other side of a node, softer gains and slower derivatives are
     tried, the same for all axes, and those are taken that leave most damping: to the rigid body up
-    to `WELL_DAMPED`, to a bending mode up to `LEFT_TO_IT` of its own.
+    to `WELL_DAMPED`, to a bending mode up to `LEFT_TO_IT` of its own. Where the peak of abs(S) of
+    an axis with all others closed is `ENOUGH` or more then, those that bring it down to that of one
+    axis alone, `PEAK`, with most stiffness; or the lowest that is found. Where a step of a
+    reference overshoots by more than `OVERSHOOT`, kp sees less of it.
 
     Parameters
     ----------
@@ -92,29 +106,141 @@ def holding(
         What the controllers are fed by. An estimator that knows displacements and velocities along
         the axes is taken for right: in a linear loop it moves no pole but its own.
     """
+    return _held(machine, feedback)
+
+
+def overshoot_of(
+    machine: Machine,
+    pids: Sequence[PID],
+    feedback: Literal["measurement", "estimate"] = "measurement",
+) -> float:
+    """Return how far an axis goes beyond a step of its reference, of all axes the most [1].
+
+    Parameters
+    ----------
+    machine, feedback
+        See `holding`.
+    pids : sequence of PID (p,)
+        Of the axes.
+    """
+    return _Loop(machine, feedback).overshoot(tuple(pids))
+
+
+@lru_cache(maxsize=64)
+def _held(machine: Machine, feedback: Literal["measurement", "estimate"]) -> Holding:
     usual = tuple(map(PID.for_bearing, alone_of(machine)))
-    if machine.bending is None:
-        return Holding(usual, np.zeros(0, complex), 1.0)
-    return _searched(machine, usual, feedback)
+    search = _Search(machine, usual, feedback)
+    found = Holding(usual, np.zeros(0, complex), 1.0)
+    if machine.bending is not None:
+        found = search.most_damped()
+    margins = sensitivities(machine, estimated=feedback == "estimate")
+    if margins is None or not found.held:
+        return found
+    if margins.peaks(found.pids).max() >= ENOUGH:
+        found = search.on_margins(found, margins)
+    return search.calm(found)
 
 
-@lru_cache(maxsize=32)
-def _searched(machine: Machine, usual: tuple[PID, ...], feedback: str) -> Holding:
-    loop = _Loop(machine, feedback)
-    best = loop.with_(usual)
-    if best.score >= 1:
-        return best
-    slower = SLOWER if feedback == "measurement" else (1.0,)  # a velocity is not filtered again
-    for p, d, f in itertools.product(SOFTER, LESS_DAMPED, slower):
-        softer = (_changed(*each, p, d, f) for each in zip(usual, loop.alone, strict=True))
-        tried = loop.with_(tuple(softer))
-        best = tried if tried.score > best.score else best
-    for _ in range(FINER):
-        for p, d, f in itertools.product(NEARBY, NEARBY, NEARBY if len(slower) > 1 else (1.0,)):
-            near = (_changed(*each, p, d, f) for each in zip(best.pids, loop.alone, strict=True))
-            tried = loop.with_(tuple(near))
+class _Search:
+    """Controllers that are softer, less damped and slower than the usual ones, all axes alike."""
+
+    def __init__(self, machine: Machine, usual: tuple[PID, ...], feedback: str) -> None:
+        self.machine, self.usual, self.feedback = machine, usual, feedback
+        # A velocity is not filtered again.
+        self.slower = SLOWER if feedback == "measurement" else (1.0,)
+
+    @cached_property
+    def loop(self) -> _Loop:
+        """The machine, and what controllers make of it."""
+        return _Loop(self.machine, self.feedback)
+
+    def of(self, pids: tuple[PID, ...], p: float, d: float, f: float) -> tuple[PID, ...]:
+        """Return controllers with these shares of gains and filter."""
+        return tuple(_changed(*each, p, d, f) for each in zip(pids, self.loop.alone, strict=True))
+
+    def most_damped(self) -> Holding:
+        """Return those that leave most damping."""
+        best = self.loop.with_(self.usual)
+        if best.score >= 1:
+            return best
+        for shares in itertools.product(SOFTER, LESS_DAMPED, self.slower):
+            tried = self.loop.with_(self.of(self.usual, *shares))
             best = tried if tried.score > best.score else best
-    return best
+        for _ in range(FINER):
+            nearby = NEARBY if len(self.slower) > 1 else (1.0,)
+            for shares in itertools.product(NEARBY, NEARBY, nearby):
+                tried = self.loop.with_(self.of(best.pids, *shares))
+                best = tried if tried.score > best.score else best
+        return best
+
+    def on_margins(self, found: Holding, margins: Sensitivities) -> Holding:
+        """Return the stiffest whose peaks of abs(S) are at most `PEAK`, or those of the lowest."""
+        best, lowest = found, float(margins.peaks(found.pids).max())
+        near: Array = np.zeros(3)
+        for p, d, f in itertools.product(SOFTER, LESS_DAMPED, self.slower):
+            pids = self.of(self.usual, p, d, f)
+            peak = float(margins.peaks(pids).max())
+            if peak < lowest and (tried := self.loop.with_(pids)).held:
+                best, lowest, near = tried, peak, np.log([p, d, f])
+                if peak <= PEAK:
+                    return best
+        return self._refined(best, near, margins) if best is not found else best
+
+    def _refined(self, best: Holding, near: Array, margins: Sensitivities) -> Holding:
+        """Look for a lower peak beside what was tried: of all axes alike, then of each bearing.
+
+        By the simplex of Nelder and Mead, in the logarithms of the shares.
+        """
+        from scipy.optimize import minimize
+
+        names = list(dict.fromkeys(axis.bearing.name for axis in self.machine.axes))
+        of_axis = np.array([names.index(axis.bearing.name) for axis in self.machine.axes])
+        free = 3 if len(self.slower) > 1 else 2
+        shares = near[None, :]
+        for bearings in (1, len(names)):
+            start = np.broadcast_to(shares, (bearings, 3))[:, :free].ravel()
+
+            def made(at: Array, bearings: int = bearings) -> tuple[PID, ...]:
+                every = np.zeros((bearings, 3))
+                every[:, :free] = at.reshape(bearings, free)
+                every = np.exp(np.clip(every, *BOUNDS))[of_axis % bearings]
+                told = zip(self.usual, alone_of(self.machine), every, strict=True)
+                return tuple(_changed(pid, alone, *map(float, each)) for pid, alone, each in told)
+
+            lowest = [math.inf]
+
+            def cost(at: Array, made: Any = made, lowest: list[float] = lowest) -> float:
+                pids = made(at)
+                peak = max(PEAK, float(margins.peaks(pids).max()))
+                if peak < lowest[0]:  # poles take longer, and are asked of the best alone
+                    if not self.loop.with_(pids).held:
+                        return UNHELD
+                    lowest[0] = peak
+                return peak
+
+            simplex = np.vstack([start, start + STRIDE * np.eye(len(start))])
+            options: Any = {"maxfev": TRIES * bearings, "xatol": 1e-2, "fatol": 1e-3}
+            options["initial_simplex"] = simplex
+            found: Any = minimize(cost, start, method="Nelder-Mead", options=options)
+            if found.fun < cost(start):
+                best = self.loop.with_(made(found.x))
+                shares = np.zeros((bearings, 3))
+                shares[:, :free] = found.x.reshape(bearings, free)
+            if found.fun < ENOUGH:
+                break
+        return best
+
+    def calm(self, found: Holding) -> Holding:
+        """Return the same with less of the references to kp, where a step overshoots by much."""
+        pids = found.pids
+        for share in WEIGHTS:
+            if self.loop.overshoot(pids) <= OVERSHOOT:
+                break
+            pids = tuple(
+                pid.model_copy(update={"setpoint_weight": share * pid.setpoint_weight})
+                for pid in found.pids
+            )
+        return replace(found, pids=pids)
 
 
 def _changed(pid: PID, alone: Bearing, p: float, d: float, f: float) -> PID:
@@ -123,18 +249,6 @@ def _changed(pid: PID, alone: Bearing, p: float, d: float, f: float) -> PID:
         kp=kp, ki=ki, kd=kd, derivative_filter=pid.derivative_filter * f,
         anti_windup=pid.anti_windup, setpoint_weight=weight_of(alone, kp, ki, kd),
     )  # fmt: skip
-
-
-def shown_along_axes(machine: Machine) -> Array:
-    """Return the displacements along the axes (p, m), by the readings.
-
-    It is that of the rigid rotor which explains all readings best.
-    """
-    positions = machine.rigid_positions
-    H = geometry.matrix([axis.line for axis in machine.axes], positions)
-    C = geometry.matrix([r.line for r in machine.readings], positions)
-    gains = np.array([r.sensor.gain for r in machine.readings])
-    return np.asarray(H @ np.linalg.pinv(gains[:, None] * C))
 
 
 def _hovering(machine: Machine) -> tuple[Array, Array]:
@@ -167,13 +281,34 @@ class _Loop:
             for k, axis in enumerate(machine.axes):
                 for q, value in axis.line.form.items():
                     self.seen[k, at[q]] = self.velocity[k, at[velocity_of(q)]] = value
-        bending = machine.bending
-        assert bending is not None
-        self.slowest = 0.7 * float(bending.frequency[0])
-        self.own = bending
+        self.own = machine.bending
+        self.slowest = math.inf if self.own is None else 0.7 * float(self.own.frequency[0])
 
     def with_(self, pids: tuple[PID, ...]) -> Holding:
-        """Return the loop with controllers as ``core/src/controller.c`` computes them."""
+        """Return the loop with controllers."""
+        z = np.linalg.eigvals(self._closed(pids)).astype(complex)
+        poles = np.log(z[np.abs(z) > math.exp(-3)]) / self.T  # what is gone at once is no motion
+        springs = np.array([pid.kp for pid in pids]) * self.k_i / self.k_s - 1
+        return Holding(pids, poles, min(self._score(poles), float(springs.min()) / STIFF))
+
+    def overshoot(self, pids: tuple[PID, ...]) -> float:
+        """Return how far an axis goes beyond a step of its reference, of all axes the most [1]."""
+        F, n, p = self._closed(pids), len(self.A), len(pids)
+        B = np.zeros((len(F), p))
+        for k, pid in enumerate(pids):
+            B[n + 3 * k, k] = self.T * pid.ki
+            B[:n, k] = self.B[:, k] * pid.kp * pid.setpoint_weight
+        samples = max(1, round(30 * max(map(own_time, self.alone)) / self.T / TIMES))
+        step = np.block([[F, B], [np.zeros((p, len(F))), np.eye(p)]])
+        several, state = np.linalg.matrix_power(step, samples), np.eye(len(step))[:, -p:]
+        most = 0.0
+        for _ in range(TIMES):
+            state = several @ state
+            most = max(most, float(np.diagonal(self.seen @ state[:n]).max()) - 1)
+        return most
+
+    def _closed(self, pids: tuple[PID, ...]) -> Array:
+        """Return the states' matrix with controllers as ``core/src/controller.c`` has them."""
         n, p, T = len(self.A), len(pids), self.T
         F = np.zeros((n + 3 * p, n + 3 * p))
         F[:n, :n] = self.A
@@ -190,13 +325,12 @@ class _Loop:
             demanded = -pid.kp * F[last] - pid.kd * F[velocity]
             demanded[integral] += 1.0
             F[:n] += np.outer(self.B[:, k], demanded)
-        z = np.linalg.eigvals(F).astype(complex)
-        poles = np.log(z[np.abs(z) > math.exp(-3)]) / T  # what is gone in a sample is no motion
-        springs = np.array([pid.kp for pid in pids]) * self.k_i / self.k_s - 1
-        return Holding(pids, poles, min(self._score(poles), float(springs.min()) / STIFF))
+        return F
 
     def _score(self, poles: Complex) -> float:
         ratio = -poles.real / np.abs(poles)
+        if self.own is None:
+            return float(np.minimum(ratio / WELL_DAMPED, 1.0).min())
         bends = np.abs(poles.imag) > self.slowest
         nearest = np.abs(np.abs(poles.imag)[:, None] - self.own.frequency).argmin(axis=1)
         wanted = np.where(bends, LEFT_TO_IT * self.own.damping_ratio[nearest], WELL_DAMPED)

@@ -19,7 +19,7 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.magnets import core_module
 from ambkit.simulation import noise
 from ambkit.simulation.controllers import Controllers, arrays, controllers_of
-from ambkit.simulation.holding import shown_along_axes
+from ambkit.simulation.holding_margins import shown_along_axes
 from ambkit.simulation.plant import Plant
 
 if TYPE_CHECKING:

@@ -309,7 +309,6 @@ class Loop:
         controller = scenario.controller.completed(bearing)
         if controller is not scenario.controller:
             scenario = scenario.model_copy(update={"controller": controller})
-        T = bearing.sampling_time
         told = Sampled.of(bearing, scenario) if sampled is None else sampled
         t, reference, disturbance, injected = (
             told.t,

@@ -116,10 +116,22 @@ class PID(Part):
         bearing : Bearing
             What it is to hold.
         """
-        if self.model_fields_set >= set(Gains._fields):
+        if self.model_fields_set >= {*GAINS, "feedback"}:
             return self
-        said = {name: getattr(self, name) for name in self.model_fields_set}
-        all_ = vars(type(self).for_bearing(bearing)) | said
+        return type(self).for_bearing(bearing).overlaid(self, bearing)
+
+    def overlaid(self, given: Self, bearing: "Bearing") -> Self:
+        """Return the controller with what was given of another in the place of its own.
+
+        Parameters
+        ----------
+        given : PID
+            The other.
+        bearing : Bearing
+            What both are to hold: the set-point weight is its, where it was not given.
+        """
+        said = {name: getattr(given, name) for name in given.model_fields_set}
+        all_ = vars(self) | said
         if said.keys() & {"kp", "ki", "kd"} and "setpoint_weight" not in said:
             weight = weight_of(bearing, all_["kp"], all_["ki"], all_["kd"])
             all_["setpoint_weight"] = two_digits(weight)
@@ -134,6 +146,10 @@ class PID(Part):
             The reference there [m].
         """
         return (1 - self.setpoint_weight) * self.kp * r
+
+
+GAINS = frozenset(Gains._fields) - {"feedback"}
+"""What is to be known of a PID."""
 
 
 class Scenario(Document):

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from ambkit.workflow.assessment import Assessment
     from ambkit.workflow.comparing import LoopScores
     from ambkit.workflow.designing import Design
+    from ambkit.workflow.designing_machine import MachineDesign
     from ambkit.workflow.filtering import Filtering
     from ambkit.workflow.identifying import Identified, LiftedOff
     from ambkit.workflow.injection import Injection
@@ -188,6 +189,20 @@ def injection(of: Injection) -> Card:
         ("peak of |S|, expected", f"{low:.3f} to {high:.3f}"),
     ]
     return Card(f"Experiment for the sensitivity of {of.name}", rows, of.figure())
+
+
+def machine_design(of: MachineDesign) -> Card:
+    """Describe the design of a machine by the gains of its axes, and what their loop comes to."""
+    rows = [
+        [name, *(value(getattr(pid, key), unit, 3) for key, unit in _GAINS.items())]
+        for name, pid in of.control.pid.items()
+    ]
+    notes = [of.why, *of.objections, f"All of it lies in {of.folder}."]
+    figure = of.assessed.figure(of.chosen)
+    return Card(f"Design of {of.machine.name}", rows, figure, ["", *_GAINS], notes)
+
+
+_GAINS = {"kp": "A/m", "ki": "A/(m s)", "kd": "A s/m", "derivative_filter": "s"}
 
 
 def design(of: Design) -> Card:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Literal
 
 from ambkit.base.asked import Given, in_si, of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.base.progress import shown_in_notebooks
-from ambkit.estimate.filter_file import made_by
+from ambkit.estimate.filter_saving import made_by
 from ambkit.estimate.kalman import AdaptiveKalmanFilter
-from ambkit.fuzzy.left_out import LAW, NETWORK, REFITTED, SURFACE
+from ambkit.fuzzy.left_out import LAW, NETWORK, REFITTED, SURFACE, choose_model
 from ambkit.fuzzy.training import train as train_network
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.forces.file import load_force_points
@@ -77,9 +78,9 @@ def train(
     Returns
     -------
     Expert
-        The network, with its learning curves in ``training``;
-        `ambkit.workflow.training.train_expert` also says how good it is, and whether points left
-        out prefer the law or the surface.
+        The network, with its learning curves in ``training``. Where points of a `force_map` that
+        were left out prefer the law or the surface, a warning says so, with the errors;
+        `ambkit.workflow.training.train_expert` returns them, and takes what is better.
 
     Raises
     ------
@@ -119,7 +120,12 @@ def train(
     off = in_si("law_error", law_error, "N")
     options = {name: how[name] for name in ("method", "weights", "normalised", "scaling")}
     measured = measured_force(source, points, rules, law_error=off, note=note, **options)
-    return train_network(measured.stiffness, **how)
+    stiffness = measured.stiffness
+    shape = (stiffness.current.size, stiffness.displacement.size)
+    models = choose_model(source, measured.surface, shape, note, **how)
+    if models is not None and (said := models.against(NETWORK)):
+        warnings.warn(said, stacklevel=3)  # beyond what shows the progress
+    return train_network(stiffness, **how)
 
 
 def save_filter(

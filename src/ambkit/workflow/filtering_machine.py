@@ -11,8 +11,8 @@ import numpy as np
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.estimate import Status
 from ambkit.estimate.noise import FilterNoise
-from ambkit.estimate.registry import KINDS, kind_called, learned_magnet
 from ambkit.judge.machine import errors_along
+from ambkit.workflow.given import of_machine
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -91,7 +91,7 @@ def filter_machine(
         With ``y_NAME`` of each reading [m], ``u_NAME`` of each axis [V], and where it changes the
         ``speed`` of rotation [rad/s].
     kinds : sequence of str
-        Of ``ambkit.estimate.registry.KINDS``.
+        Of ``ambkit.estimate.registry.KINDS``, or filters' files.
     synchronous : sequence of str
         Of unbalance and runout, which are estimated too.
     noise : FilterNoise, optional
@@ -118,11 +118,8 @@ def filter_machine(
         raise AmbkitError(f"the record has no {', '.join(lacking)}, which {machine.name} gives")
     estimates = {}
     for kind in kinds:
-        kind_called(kind)
+        estimator = of_machine(kind, machine, synchronous=synchronous, noise=noise)
         try:
-            estimator = KINDS[kind].make(
-                machine, learned_magnet(kind, machine), noise=noise, synchronous=synchronous
-            )
             estimates[kind] = estimator.smooth(record) if smooth else estimator.run(record)
         except ValueError as error:
             raise AmbkitError(str(error)) from error

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base.asked import in_si
@@ -76,28 +76,40 @@ def given_estimators(given: Any, bearing: Bearing | Machine) -> dict[str, Estima
     return found
 
 
-def of_machine(kind: str, machine: Machine, **options: Any) -> Estimator:
-    """Return an estimator of a kind for a machine.
+def of_machine(
+    name: str, machine: Machine, *, synchronous: Sequence[str] = (), noise: Any = None
+) -> Estimator:
+    """Return an estimator for a machine, of a kind or in a file.
 
     Parameters
     ----------
-    kind : str
-        Of :data:`ambkit.estimate.registry.KINDS`.
+    name : str
+        Of :data:`ambkit.estimate.registry.KINDS`, or a filter's file.
     machine : Machine
         What is filtered.
-    **options
-        Of the kind.
+    synchronous : sequence of str
+        What turns with its rotor and is estimated too; a file says so itself.
+    noise : FilterNoise, optional
+        What a kind assumes; a filter in a file assumes its own.
 
     Raises
     ------
     AmbkitError
-        There is no such kind, or it is of one axis alone.
+        There is no such kind, or it is of one axis alone; or the file is not of such a machine.
     """
-    from ambkit.estimate.registry import kind_called, learned_magnet
+    from ambkit.estimate.registry import FILTER_SUFFIX, kind_called, learned_magnet
 
-    found = kind_called(kind)
+    if name.endswith(FILTER_SUFFIX):
+        from ambkit.estimate.filter_file import FilterFile
+
+        if synchronous:
+            raise AmbkitError(f"--synchronous is of kinds; {name} says itself what it estimates")
+        return FilterFile.load_for(name, machine).make()
+    kind = kind_called(name)
     try:
-        return found.make(machine, learned_magnet(kind, machine), **options)
+        return kind.make(
+            machine, learned_magnet(name, machine), noise=noise, synchronous=synchronous
+        )
     except ValueError as error:
         raise AmbkitError(str(error)) from error
 

@@ -14,7 +14,7 @@ from ambkit.base.showing import Shown
 from ambkit.base.units import engineering
 from ambkit.data.record import Record
 from ambkit.data.rig_units import Inputs
-from ambkit.estimate.filter_file import made_by
+from ambkit.estimate.filter_saving import made_by
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.noise import FilterNoise
 from ambkit.identification.forces.lift_off_fit import LiftOffFit, fit_lift_off

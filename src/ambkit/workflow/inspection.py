@@ -180,7 +180,7 @@ def _describe_document(kind: str, path: Path) -> _Described:
         return _Described(f"signals {', '.join(found.signals)}")
     if kind == "filter":
         found.make()  # what only the whole tells: starts, options, the magnet's file
-        return _Described(f"{found.kind}, for {found.bearing.bearing.name}")
+        return _Described(f"{found.kind}, for {found.plant.name}")
     if kind == "machine":
         about, remarks = machines.described(found)
         lines = toml_text.parse(files.read_text(path))

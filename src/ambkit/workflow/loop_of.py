@@ -27,8 +27,7 @@ from ambkit.machine.placed import Unbalance
 from ambkit.models.linear import LinearSystem, Signal
 from ambkit.models.model import Array
 from ambkit.simulation.control import Controller, needs_states
-from ambkit.simulation.controllers import Control, Controllers, controllers_of
-from ambkit.simulation.holding import holding
+from ambkit.simulation.controllers import Control, Controllers, controllers_of, pids_of
 from ambkit.simulation.linear.closed import Loop
 from ambkit.simulation.linear.control import compensator, controllers, fed
 from ambkit.simulation.linear.control import controller as controller_of
@@ -195,14 +194,14 @@ class LoopOf:
         """Whether the controllers cannot be fed by the measurement."""
         if self.machine is None:
             return needs_states(self.fed_by(None)[0])
-        return self.control.type == "lqg" or self.control != Control(type=self.control.type)
+        return self.control.needs_estimate
 
     def fed_by(self, estimator: Any) -> list[PID]:
         """Return the PIDs of the axes as an estimator feeds them or, None, the measurement."""
         feedback: Literal["measurement", "estimate"] = "estimate" if estimator else "measurement"
         given = self._given
         if given is None and self.machine is not None:
-            found = list(holding(self.machine, feedback).pids)
+            found = pids_of(self.machine, self.control, feedback)
         else:
             each = given if isinstance(given, Sequence) else [given or PID()] * len(self.alone)
             found = [pid.completed(b) for pid, b in zip(each, self.alone, strict=True)]

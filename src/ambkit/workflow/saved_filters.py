@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from ambkit.base import files
 from ambkit.base.errors import AmbkitError
-from ambkit.estimate.filter_file import NoFile, made_by, origin_of, preset_of
+from ambkit.estimate.filter_saving import NoFile, made_by, origin_of, preset_of
 from ambkit.estimate.registry import KINDS
 from ambkit.judge.comparison.bench import TRAINING
 

@@ -55,6 +55,10 @@ PER_DECADE = {"multisine": 20, "stepped-sine": 10}
 SIZE = 20_000
 """Samples of a period of a multisine."""
 
+STEP, APART = 2000, 1.5
+"""Samples that one sine of many is looked at; and periods of its beat with the rotation, at least.
+"""
+
 
 @dataclass(frozen=True, eq=False)
 class Swept:
@@ -261,8 +265,10 @@ class _Rig:
     def __init__(self, found: Assessment, filter: Any, loop: AssessedLoop, axis: int) -> None:
         self.found, self.filter, self.loop, self.axis = found, filter, loop, axis
         self.T = found.bearing.sampling_time
-        rate = -math.log(float(np.abs(loop.loop.closed.poles()).max())) / self.T
+        poles = loop.loop.closed.poles()
+        rate = -math.log(float(np.abs(poles).max())) / self.T
         self.settling = math.ceil(min(LONGEST, -math.log(SETTLED) / rate) / self.T)
+        self.slow = poles[np.abs(poles) ** self.settling > SETTLED]
 
     @property
     def inner(self) -> Any:
@@ -286,7 +292,21 @@ class _Rig:
         y, limited = self.answer(added, last)
         if self.turns:
             y = y - self.answer(np.zeros_like(added), last)[0]
-        return np.asarray(np.fft.rfft(y[last])[line] / np.fft.rfft(period)[line]), limited
+        given = np.fft.rfft(period)[line] * 2 / whole
+        return np.asarray(self._at_lines(y[last], line) / given), limited
+
+    def _at_lines(self, y: Array, line: NDArray[np.int_]) -> Complex:
+        """Return the amplitudes of lines of a spectrum, beside what has not decayed yet.
+
+        A mode that is slower than anybody waits, such as that of an unbalance that an estimator
+        still learns, would leak into a line nearby: it is fitted with the lines.
+        """
+        n = np.arange(len(y))
+        waves = np.exp(2j * np.pi * np.outer(n, line) / len(y))
+        slow = np.power.outer(self.slow, n).T
+        fitted = [waves.real, -waves.imag, slow.real, slow.imag]
+        found = np.linalg.lstsq(np.hstack(fitted), y, rcond=None)[0]
+        return np.asarray(found[: len(line)] + 1j * found[len(line) : 2 * len(line)], complex)
 
     def swept(self, amplitude: float, frequency: Array, parts: list[tuple[Complex, bool]]) -> Swept:
         """Return what simulated pieces say."""
@@ -310,15 +330,19 @@ class _Rig:
         """One frequency after the other, each from rest."""
         low, high = SLOWEST / (SIZE * self.T), 0.45 / self.T
         count = round(PER_DECADE["stepped-sine"] * math.log10(high / low)) + 1
-        frequencies, parts = [], []
-        for f in np.geomspace(low, high, count):
-            # A whole number of samples in whole periods, some 2000 of them.
-            periods = max(1, round(2000 * f * self.T))
-            whole = round(periods / (f * self.T))
-            sine = amplitude * np.sin(2 * np.pi * periods * np.arange(whole) / whole)
-            parts.append(self.look(sine, np.array([periods])))
-            frequencies.append(periods / (whole * self.T))
-        return self.swept(amplitude, np.array(frequencies), parts)
+        each = [self.sine(amplitude, float(f)) for f in np.geomspace(low, high, count)]
+        return self.swept(amplitude, np.array([f for f, _ in each]), [part for _, part in each])
+
+    def sine(self, amplitude: float, f: float) -> tuple[float, tuple[Complex, bool]]:
+        """Return what one sine of about a frequency [Hz] says, and of which exactly."""
+        # A whole number of samples in whole periods, some 2000 of them; beside the rotation enough
+        # to tell both apart.
+        turn = abs(self.found.bearing.speed or 0.0) / (2 * math.pi) if self.turns else 0.0
+        beat = 1 / max(abs(f - turn) * self.T, 1 / SIZE) if turn else 0.0
+        periods = max(1, round(max(STEP, APART * beat) * f * self.T))
+        whole = round(periods / (f * self.T))
+        sine = amplitude * np.sin(2 * np.pi * periods * np.arange(whole) / whole)
+        return periods / (whole * self.T), self.look(sine, np.array([periods]))
 
 
 class _BearingRig(_Rig):

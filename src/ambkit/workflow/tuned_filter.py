@@ -15,7 +15,7 @@ from ambkit.base.escaping import markdown
 from ambkit.base.showing import Shown
 from ambkit.data.record import Record
 from ambkit.data.rig_units import Inputs
-from ambkit.estimate.filter_file import made_by, origin_of
+from ambkit.estimate.filter_saving import made_by, origin_of
 from ambkit.estimate.registry import kind_called, learned_magnet
 from ambkit.judge.comparison.contenders import Contender, Range, contender_of_kind
 from ambkit.judge.comparison.tuning import Tried, search

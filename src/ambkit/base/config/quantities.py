@@ -179,6 +179,34 @@ class WordOrQuantity(Quantity):
 
 
 @dataclass(frozen=True)
+class OneOrEach(Quantity):
+    """Marks what is one quantity for all, or a list with one for each.
+
+    Used as ``Annotated[float | tuple[float, ...], OneOrEach("m^2", "225 µm^2")]``.
+    """
+
+    def read(self, value: Any, info: ValidationInfo) -> Any:
+        """Give the value in SI, or a tuple of them; or say what is wrong with it."""
+        if not isinstance(value, list | tuple):
+            return super().read(value, info)
+        if not value:
+            raise self._wrong(f"must not be empty, write it like {self.shown_example()}")
+        return tuple(super(OneOrEach, self).read(each, info) for each in value)
+
+    def write(self, value: Any) -> Any:
+        """Give what a file has, which reads back as exactly `value`."""
+        if isinstance(value, tuple):
+            return [super(OneOrEach, self).write(each) for each in value]
+        return super().write(value)
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        one = super().__get_pydantic_json_schema__(schema, handler)
+        return {"anyOf": [one, {"type": "array", "items": one, "minItems": 1}]}
+
+
+@dataclass(frozen=True)
 class SignalIn:
     """Marks where a signal is used, and so its unit: ``Annotated[Signal, SignalIn("N", "3 N")]``.
 

@@ -263,10 +263,8 @@ def _hanging(
         or u is not found[moves.control]
     ):
         return None
-    seconds = factor(t.unit or _unit_of_time(log, t), "s")
-    step = abs(float(np.nanmedian(np.diff(t.values)))) * seconds
     current = (-1 if signs.u else 1) * seen(u.values)
-    return hanging(moves, seen(y.values), current, step)
+    return hanging(moves, seen(y.values), current, _step(log, t))
 
 
 def _step(log: Log, t: Candidate) -> float:
@@ -285,9 +283,7 @@ def _of_rotor(
     t = chosen.get("t")
     per = f"{moves.fit.pole:.3g} per sample"
     if t is not None:
-        step = abs(float(np.nanmedian(np.diff(t.values)))) * factor(
-            t.unit or _unit_of_time(log, t), "s"
-        )
+        step = _step(log, t)
         per = f"{moves.fit.pole / step:.3g} rad/s" if step > 0 else per
     yield f"# Unstable, as a rotor in a magnetic bearing is: its pole is near {per}."
 

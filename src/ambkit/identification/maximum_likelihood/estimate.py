@@ -15,6 +15,11 @@ from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.estimate.base import check_sampling
+from ambkit.identification.maximum_likelihood.current import (
+    TOO_QUIET,
+    flowing,
+    too_quiet,
+)
 from ambkit.identification.maximum_likelihood.information import doubtful
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood, settling_time
 from ambkit.identification.maximum_likelihood.lines import with_lines
@@ -31,7 +36,7 @@ from ambkit.identification.maximum_likelihood.parameters import (
 )
 from ambkit.identification.maximum_likelihood.profile import intervals
 from ambkit.identification.maximum_likelihood.restricted import restricted
-from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
+from ambkit.identification.maximum_likelihood.result import CONFIDENCE, MaximumLikelihood
 from ambkit.identification.maximum_likelihood.search import (
     WALL,
     Climbed,
@@ -63,6 +68,7 @@ def maximum_likelihood(
     improve_start: bool = True,
     profile: bool = True,
     lines: bool = False,
+    use_control: bool = True,
     note: Callable[[str], object] = lambda _: None,
 ) -> MaximumLikelihood:
     """Find the parameters under which records are most likely.
@@ -87,6 +93,10 @@ def maximum_likelihood(
         Look whether errors do, and where not take intervals by the profile; else errors stand.
     lines : bool
         Look for lines in the position, such as the hum of the mains, which then are the sensor's.
+    use_control : bool
+        Where a measured current has its ``control`` beside it in all records: find from both what
+        flows (:mod:`~ambkit.identification.maximum_likelihood.current`); else the current counts
+        as it was measured.
     note : callable
         Told what is being done.
 
@@ -111,8 +121,17 @@ def maximum_likelihood(
         settling = settling_time(given.bearing)
     _check_records(several, given, settling)
     asked, given = given, _movable(given, parameters)
+    current, remarks = None, []
     if all(goes_on_a_line(record) for record in several):
         asked, given = (model.replace(line=True) for model in (asked, given))
+        current = flowing(several, given.bearing.amplifier.gain) if use_control else None
+    if current is not None:
+        note("the current that flows, from control and measurement")
+        several = list(current.records)
+        asked, given = (current.driving(model) for model in (asked, given))
+        remarks.append(current.text)
+    elif given.line and too_quiet(several, settling_time(given.bearing)):
+        remarks.append(TOO_QUIET)
     known = beforehand(given)
     names = {p.name for p in parameters}
     given = given.replace(known={name: known[name] for name in known if name in names})
@@ -146,11 +165,19 @@ def maximum_likelihood(
     curved, robust = inverse * unit, inverse @ local.scatter @ inverse * unit
     larger = np.sqrt(np.maximum(np.diag(robust) / np.diag(curved), 1.0))
     covariance = curved * np.outer(larger, larger)
-    errors = np.sqrt(np.diag(covariance))
     profiles: dict[str, tuple[float, float]] = {}
     if profile:
         note("looking how far the errors hold")
         profiles = intervals(several, model, parameters, inverse, larger, settling)
+    if current is not None:
+        searched, model = model, current.measuring(model)
+        one = np.array([_relative(p, searched, model) for p in parameters])
+        covariance, robust = (c * np.outer(one, one) for c in (covariance, robust))
+        profiles.pop("control_noise", None)  # of what control and measurement leave unknown
+    errors = np.sqrt(np.diag(covariance))
+    delay = [k for k, p in enumerate(parameters) if p.name == "delay"]
+    if delay and CONFIDENCE * errors[delay[0]] > given.bearing.sampling_time:
+        remarks.append("the loop is too quiet to tell the delay to a sample")
     model, touched = narrowed(several, asked, model)
     return MaximumLikelihood(
         start=given,
@@ -164,6 +191,8 @@ def maximum_likelihood(
         told=np.diag(inverse @ local.told),
         profiles=profiles,
         touched=touched,
+        remarks=remarks,
+        current=current,
         held=held,
         log_likelihood=local.value,
         start_log_likelihood=Likelihood(several, Coordinates(given, []), settling).value(
@@ -175,6 +204,11 @@ def maximum_likelihood(
         converged=found.converged,
         settling=settling,
     )
+
+
+def _relative(p: Parameter, before: LoopModel, after: LoopModel) -> float:
+    """By how much a standard error changes with the value that it is relative to."""
+    return p.of(before) / p.of(after) if p.positive else 1.0
 
 
 class _Search:

@@ -60,6 +60,11 @@ class LoopModel:
         Whether the logged control signal is a current as a sensor showed it: between two samples it
         goes on a line. A control signal is held. The delay is counted from that line, or from the
         steps; half a sample lies between the two, and is no delay.
+    memory : float
+        Time in which what flows forgets how it strayed from the control signal of a record [s],
+        where that is a current found from control and measurement
+        (:mod:`~ambkit.identification.maximum_likelihood.current`); 0: noise of the control is new
+        in each sample.
     known : mapping of str to (float, float)
         What is known of parameters before any record, by their names: value and standard deviation
         [SI]; see `beforehand`.
@@ -79,6 +84,7 @@ class LoopModel:
     magnet: MagnetModel | None = None
     substeps: int = 4
     line: bool = False
+    memory: float = 0.0
     known: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -113,7 +119,7 @@ class LoopModel:
 
     def kalman(self) -> Estimator:
         """Return the filter whose innovations judge this model, in the C core, with its steps."""
-        b = _late(self.with_mean_force, 0.0, 0.0)
+        b = _late(self.with_mean_force, 0.0, self.memory)
         # Drawn anew in each step, and as much in the sum.
         noise = {"noise_variance": self.substeps * b.amplifier.noise_variance}
         finer = _changed(b, amplifier=noise, sampling_time=b.sampling_time / self.substeps)
@@ -233,9 +239,7 @@ class LoopModel:
     def _run(self, record: Record) -> tuple[dict[str, Any], Array, Estimator]:
         """Run the filter with its finer steps; between two samples no measurement comes."""
         h = self.bearing.sampling_time / self.substeps
-        held = np.repeat(self._within_limits(self.between(filled(record["u"]))), self.substeps)
-        acting = lagged(held, h, self.current_lag)
-        u = delayed(acting, self.delay / h)
+        u = delayed(lagged(self._at_steps(record["u"]), h, self.current_lag), self.delay / h)
         y = np.full(u.size, np.nan)
         y[:: self.substeps] = record["y"] - self.position_offset
         kalman = self.kalman()
@@ -250,6 +254,19 @@ class LoopModel:
             return kalman.core.run(y, u), u, kalman
         unknown = delayed(np.repeat(missing, self.substeps).astype(float), self.delay / h) > 0
         return run_with_gaps(kalman, self.bearing, y, u, unknown, record["u"], h), u, kalman
+
+    def _at_steps(self, u: Array) -> Array:
+        """Return what the filter is told at its steps, from a control signal (n,) [V].
+
+        With a `memory` the filter has a current that follows with a lag, and so strays as long as
+        that lasts; it is told what brings it to the recorded one at the end of each step.
+        """
+        if not self.memory > 0:
+            return np.repeat(self._within_limits(self.between(filled(u))), self.substeps)
+        recorded, at = self._within_limits(u), np.arange(u.size)
+        fine = np.interp(np.arange(u.size * self.substeps + 1) / self.substeps, at, recorded)
+        keep = math.exp(-self.bearing.sampling_time / self.substeps / self.memory)
+        return np.asarray(fine[:-1] + np.diff(fine) / (1 - keep))
 
     def _within_limits(self, u: Array) -> Array:
         """Return the control signal [V] with its offset, and what the current's limits leave of it.

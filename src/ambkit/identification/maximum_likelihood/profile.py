@@ -35,6 +35,9 @@ NEAR = 0.35
 ROUNDS = 4
 """Of the secant's, each a search over all other parameters."""
 
+ENOUGH = 0.1
+"""Newton's decrement that ends such a search: what is left of it is added, to second order."""
+
 
 def intervals(
     records: Sequence[Record],
@@ -75,7 +78,8 @@ def intervals(
         if all(abs(top - end - least) <= NEAR * least for end in ends):
             continue
         sides = [
-            _end(records, coordinates, at, side * error, top, settling) * larger[at]
+            _end(records, coordinates, at, side * covariance[:, at] / error, top, settling)
+            * larger[at]
             for side in (-1, 1)
         ]
         value = parameter.of(model)
@@ -93,27 +97,36 @@ def _end(
     records: Sequence[Record],
     coordinates: Coordinates,
     at: int,
-    error: float,
+    along: Array,
     top: float,
     settling: float,
 ) -> float:
     """Return how far one coordinate goes until the profile has lost what 95 % may; by secants.
 
-    Over the root of the loss a parabola is a line, and few steps suffice.
+    Over the root of the loss a parabola is a line, and few steps suffice. Each search for the
+    others begins where they would be if all were quadratic, a standard error `along`.
     """
     parameter = coordinates.parameters[at]
     rest = [p for p in coordinates.parameters if p is not parameter]
-    far, model = ASIDE * error, coordinates.model
+    error, model, there = float(along[at]), coordinates.model, 0.0
+    far = ASIDE * error
     past: tuple[float, float] = (0.0, 0.0)
     for _ in range(ROUNDS):
         try:
-            moved = Coordinates(coordinates.model, [parameter]).model_at(np.array([far]))
-            begin = model.replace(**{parameter.place: parameter.of(moved)})
-        except ConfigError:  # no bearing can be there: the interval ends before
+            moved = Coordinates(model, coordinates.parameters).model_at(
+                along * ((far - there) / error)
+            )
+            climbed = climb(records, moved, rest, settling, ENOUGH) if rest else None
+        except (ConfigError, OverflowError):  # no bearing can be there: the interval ends before
             far = 0.5 * (past[0] + far)
             continue
-        model = climb(records, begin, rest, settling).model if rest else begin
-        value = Likelihood(records, Coordinates(model, []), settling).value(np.zeros(0))
+        if climbed is None:
+            value = Likelihood(records, Coordinates(moved, []), settling).value(np.zeros(0))
+        else:
+            model, there, local = climbed.model, far, climbed.local
+            value = local.value + 0.5 * float(
+                local.score @ np.linalg.solve(local.information, local.score)
+            )
         root = math.sqrt(2 * max(top - value, 0.0))
         if abs(root - ASIDE) < 0.05 * ASIDE:
             break

@@ -22,6 +22,7 @@ from ambkit.identification.maximum_likelihood.parameters import (
 from ambkit.identification.maximum_likelihood.search import RULED_OUT
 
 if TYPE_CHECKING:
+    from ambkit.identification.maximum_likelihood.current import FlowingCurrent
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.parts import Hum
 
@@ -61,6 +62,10 @@ class MaximumLikelihood(Shown):
         quadratic, and so `errors` would not do: by the profile of the likelihood.
     touched : list of str
         Limits that the search came to, in sentences.
+    remarks : list of str
+        What is to be known of the records, in sentences.
+    current : FlowingCurrent or None
+        What control signal and measured current said of each other, where records have both.
     correlation : ndarray (p, p)
         Of the estimates.
     held : mapping of str to str
@@ -97,6 +102,8 @@ class MaximumLikelihood(Shown):
     told: Array
     profiles: Mapping[str, tuple[float, float]]
     touched: Sequence[str]
+    remarks: Sequence[str]
+    current: FlowingCurrent | None
     settling: float = field(default=0.0)
 
     @property
@@ -244,6 +251,8 @@ class MaximumLikelihood(Shown):
                 for name, (value, std) in self.model.known.items()
             },
             "touched": list(self.touched),
+            "remarks": list(self.remarks),
+            "current": None if self.current is None else self.current.to_dict(),
             "lines": [
                 {"frequency": h.frequency, "amplitude": h.amplitude, "bandwidth": h.bandwidth}
                 for h in self.lines

@@ -80,9 +80,15 @@ class Climbed:
 
 
 def climb(
-    records: Sequence[Record], begin: LoopModel, parameters: list[Parameter], settling: float
+    records: Sequence[Record],
+    begin: LoopModel,
+    parameters: list[Parameter],
+    settling: float,
+    enough: float = CONVERGED,
 ) -> Climbed:
     """Go up to the maximum by Fisher's scoring, damped after Marquardt (1963).
+
+    Newton's decrement ends it that is less than `enough`.
 
     SciPy's trust regions are balls in the coordinates; here one coordinate is known a thousand
     times as well as another, and only a region in units of the errors gets anywhere.
@@ -95,7 +101,7 @@ def climb(
         # Ten times its coarse error holds what the records do not tell near where it was.
         information = at.information + 0.01 * np.eye(z.size)
         left = float(at.score @ np.linalg.solve(information, at.score))
-        converged = left < CONVERGED
+        converged = left < enough
         if converged:
             break
         while damping < MOST_DAMPING:

@@ -35,6 +35,9 @@ AS_GOOD = 1.02
 LEFT = 0.05
 """Share of a residual's variance that may be foretold, and the model is still good."""
 
+NIS = (0.8, 1.25)
+"""Mean normalised innovation squared of a noise that is what the model expects."""
+
 WHITE = 0.9
 """Share of lags within the 95 % bounds from which residuals pass for white."""
 
@@ -104,8 +107,8 @@ class Validation:
         return (
             self.fit[k] > self.held[k]
             and self.error[k] <= AS_GOOD * self.unmodelled[k]
-            and 0.8 < self.nis < 1.25
-            and self.left < LEFT
+            and as_expected(self.nis)
+            and little_left(self.left)
             and not self.gain < 0
         )
 
@@ -153,9 +156,9 @@ class Validation:
             )
         said.append(
             f"Of what it leaves, {100 * self.left:.1f} % could be foretold"
-            + (": little." if self.left < LEFT else ": a better model would gain.")
+            + (": little." if little_left(self.left) else ": a better model would gain.")
         )
-        if not 0.8 < self.nis < 1.25:
+        if not as_expected(self.nis):
             more = "larger" if self.nis > 1 else "smaller"
             said.append(f"They are {more} than expected: mean NIS {self.nis:.2f}, should be 1.")
         return " ".join(said)
@@ -178,6 +181,16 @@ class Validation:
             "good": self.good,
             "verdict": self.verdict,
         }
+
+
+def as_expected(nis: float) -> bool:
+    """Whether the noise is what a model expects."""
+    return NIS[0] < nis < NIS[1]
+
+
+def little_left(share: float) -> bool:
+    """Whether so little of what a model leaves could be foretold that it is good all the same."""
+    return share < LEFT
 
 
 def validate(

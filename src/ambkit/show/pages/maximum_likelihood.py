@@ -211,6 +211,8 @@ def _found(found: MaximumLikelihood) -> list[Block]:
         blocks.append(Remark("Taken to be known beforehand", "\n".join(given)))
     if found.touched:
         blocks.append(Remark("Limits", "\n".join(f"- {said}." for said in found.touched)))
+    if found.remarks:
+        blocks.append(Remark("Records", "\n".join(f"- {said}." for said in found.remarks)))
     if found.held:
         said = "\n".join(f"- **{name}**: {why}." for name, why in found.held.items())
         blocks.append(Remark("Not found", said))

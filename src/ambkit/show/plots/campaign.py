@@ -73,8 +73,9 @@ def in_words(names: Sequence[str]) -> list[str]:
     """
 
     def last(name: str, steps: int) -> str:
-        told = [each for each in name.split(".") if each not in _SAYS_NOTHING]
-        return " ".join(told[-steps:]).replace("_", " ")
+        whose, rest = _whose(name)
+        told = [each for each in rest.split(".") if each not in _SAYS_NOTHING]
+        return whose + " ".join(told[-steps:]).replace("_", " ")
 
     found = []
     for name in names:
@@ -83,6 +84,15 @@ def in_words(names: Sequence[str]) -> list[str]:
             steps += 1
         found.append(last(name, steps))
     return found
+
+
+def _whose(name: str) -> tuple[str, str]:
+    """Return which bearing, sensor or plane of a machine a key is of, and the rest of the key."""
+    kind, which, rest = (*name.split(".", 2), "", "")[:3]
+    counted = which.isdecimal() or which[:1].isupper()
+    if kind in ("bearing", "sensor", "unbalance") and counted and rest:
+        return f"{kind} {which} ", rest
+    return "", name
 
 
 _SAYS_NOTHING = ("scenario", "values", "value", "amplitude")

@@ -308,6 +308,8 @@ def _draw_panel(axes: "Axes", panel: Panel, labelled: bool, own_layout: bool = T
     for axis, set_limits in ((panel.x, axes.set_xlim), (panel.y, axes.set_ylim)):
         if axis.limits:
             set_limits(axis.limits[0] * axis.factor, axis.limits[1] * axis.factor)
+    if panel.x.scale == "linear" and not panel.categories and max(map(abs, axes.get_xlim())) >= 1e4:
+        axes.locator_params(axis="x", nbins=4)  # long numbers would touch each other
     for scale, drawn in ((panel.x.scale, axes.xaxis), (panel.y.scale, axes.yaxis)):
         if scale == "log":
             _plain_numbers(drawn)

@@ -10,7 +10,7 @@ import numpy as np
 from ambkit.base.config import Read
 from ambkit.base.errors import AmbkitError
 from ambkit.machine.machine import Machine
-from ambkit.workflow.campaign.keys import OF_FLIGHT, OF_RUN, Key, key_in
+from ambkit.workflow.campaign.keys import OF_FLIGHT, OF_RUN, Key, by_places, key_in
 from ambkit.workflow.campaign.varied import Choice, Varied, Wrong
 
 Problem = tuple[str, str]
@@ -50,7 +50,7 @@ def contradictions(read: Read) -> Iterator[Problem]:
     yield from _of_what(read)
     whole = isinstance(read("machine"), str)
     if isinstance(read("estimator"), str):
-        yield from _estimator("estimator", read("estimator"), whole=whole)
+        yield from _estimator("estimator", read("estimator"))
     yield from _how_many(read)
     yield from _recorded(read, plant)
     vary = read("vary")
@@ -60,9 +60,6 @@ def contradictions(read: Read) -> Iterator[Problem]:
     seen = dict[str, int]()
     for at, each in enumerate(vary):
         here = f"vary.{at}"
-        if each.what in seen:
-            yield f"{here}.what", f"{each.what} varies already, in vary[{seen[each.what]}]"
-        seen[each.what] = at
         try:
             key = key_of(each, plant, run, read("estimator"))
             each.marginal(key)
@@ -72,11 +69,18 @@ def contradictions(read: Read) -> Iterator[Problem]:
         except AmbkitError as error:
             yield f"{here}.what", str(error)
             continue
+        quantity = each.what
+        if whole and quantity not in ("estimator", "controller"):
+            of_run = quantity.startswith(OF_FLIGHT)
+            quantity = by_places(run if of_run else plant, quantity.removeprefix(OF_FLIGHT))
+        if quantity in seen:
+            yield f"{here}.what", f"{each.what} varies already, in vary[{seen[quantity]}]"
+        seen.setdefault(quantity, at)
         yield from _grid(here, each, read("sampling"))
         if read("machine") is None:
             yield from _sensor_gain(here, each, read("scenario"))
         yield from _choices(here, each, key, plant, run, read)
-    yield from _correlated(read, list(seen))
+    yield from _correlated(read, [each.what for each in vary])
 
 
 def _of_what(read: Read) -> Iterator[Problem]:
@@ -171,16 +175,14 @@ def completed(scenario: Any, bearing: Any) -> Any:
     return scenario.model_copy(update={"controller": scenario.controller.completed(bearing)})
 
 
-def _estimator(key: str, name: str, *, whole: bool) -> Iterator[Problem]:
-    from ambkit.estimate.registry import FILTER_SUFFIX, check_named
+def _estimator(key: str, name: str) -> Iterator[Problem]:
+    from ambkit.estimate.registry import check_named
 
     if name == "none":
         return
     try:
         if name == "all":
             raise AmbkitError("a loop has one estimator; let it vary to compare several")
-        if whole and name.endswith(FILTER_SUFFIX):
-            raise AmbkitError("the filter of a whole machine has no file: name a kind")
         check_named(name)
     except AmbkitError as error:
         yield key, str(error)
@@ -287,7 +289,7 @@ def _choices(
         if not isinstance(value, str):
             yield there, f"must be a text, is {value:g}"
         elif varied.what == "estimator":
-            yield from _estimator(there, value, whole=whole)
+            yield from _estimator(there, value)
         elif varied.what == "controller":
             usual = CONTROLS if whole else CHOSEN
             known = [*usual, *(controllers if isinstance(controllers, dict) else ())]

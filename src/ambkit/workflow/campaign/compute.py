@@ -159,7 +159,8 @@ def fly(
         if plan.study.machine is None:
             peaks[can] = Margins().peaks([_loop(drawn[at]) for at in can])
         else:
-            peaks[can] = peaks_of_machines([drawn[at].planned for at in can], threads)
+            whole: list[Any] = [drawn[at].planned for at in can]
+            peaks[can] = peaks_of_machines(whole, threads)
         columns["peak_S"] = peaks
         columns["zone"] = ["" if np.isnan(each) else zone_of(float(each)) for each in peaks]
     fails = _fails(plan, columns, drawn)

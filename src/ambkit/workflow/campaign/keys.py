@@ -79,6 +79,20 @@ def key_in(model: BaseModel, key: str) -> Key:
     return Key(here, unit, quantity.above, quantity.at_least)
 
 
+def by_places(model: BaseModel, key: str) -> str:
+    """Return a key that is there with places in the place of names: one quantity, one key."""
+    here: Any = model
+    told = []
+    for step in key.split("."):
+        if isinstance(here, tuple):
+            at = next(at for at, each in enumerate(here) if step in _called(each, at))
+            here, step = here[at], str(at)
+        else:
+            here = getattr(here, step)
+        told.append(step)
+    return ".".join(told)
+
+
 def _part(parts: tuple[Any, ...], step: str, key: str) -> Any:
     """Return a part of a list by its name or its place."""
     for at, each in enumerate(parts):

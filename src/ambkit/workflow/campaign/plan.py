@@ -76,9 +76,7 @@ class Plan:
     def keys(self) -> tuple[Key, ...]:
         """What stands there: units, nominal values, limits."""
         study = self.study
-        return tuple(
-            key_of(each, self.bearing, self._told, study.estimator) for each in study.vary
-        )
+        return tuple(key_of(each, self.bearing, self._told, study.estimator) for each in study.vary)
 
     @property
     def _told(self) -> Any:
@@ -317,7 +315,7 @@ class Plan:
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
 
-    def with_design(self, estimator: Estimator, controller: PID) -> Plan:
+    def with_design(self, estimator: Estimator, controller: PID | None) -> Plan:
         """Return the plan with another filter and another controller for all machines."""
         other = Plan(self.study)
         scenario = self.scenario.model_copy(update={"controller": controller})

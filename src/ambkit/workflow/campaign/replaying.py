@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ambkit.base.errors import AmbkitError
+from ambkit.simulation.many import Planned
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
     from ambkit.show.report.figure import Figure
     from ambkit.simulation.machine import MachineRun
-    from ambkit.simulation.many import Planned
     from ambkit.simulation.many_machines import PlannedMachine
     from ambkit.simulation.run import Run
     from ambkit.workflow.campaign.plan import Plan
@@ -44,8 +44,8 @@ class Replayed(NamedTuple):
     @property
     def plant(self) -> Bearing | Machine:
         """The bearing, or the machine, that was drawn."""
-        whole = getattr(self.planned, "machine", None)
-        return whole if whole is not None else self.planned.bearing
+        planned = self.planned
+        return planned.bearing if isinstance(planned, Planned) else planned.machine
 
     def figure(self) -> Figure:
         """Return the run as a picture."""
@@ -54,7 +54,8 @@ class Replayed(NamedTuple):
 
         if isinstance(self.run, MachineRun):
             return plots.machine_figure(self.run)
-        return plots.simulation_figure(self.run, self.plant)
+        assert isinstance(self.planned, Planned)  # as its run is one of a bearing
+        return plots.simulation_figure(self.run, self.planned.bearing)
 
 
 def replay(plan: Plan, number: int) -> Replayed:

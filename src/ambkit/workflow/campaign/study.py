@@ -77,9 +77,7 @@ def _machine_written(value: str, info: SerializationInfo) -> str:
     return value if value in presets.machine_names() else to_folder(value, info)
 
 
-MachineName = Annotated[
-    str, BeforeValidator(_machine_or_file), PlainSerializer(_machine_written)
-]
+MachineName = Annotated[str, BeforeValidator(_machine_or_file), PlainSerializer(_machine_written)]
 
 BearingName = Annotated[str, BeforeValidator(_preset_or_file), PlainSerializer(_written)]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from ambkit.machine.bearing import FILES
 from ambkit.machine.machine import Machine
 from ambkit.simulation.controllers import Control, Controllers, controllers_of
 from ambkit.simulation.flight import Flight
-from ambkit.simulation.holding import shown_along_axes
+from ambkit.simulation.holding_margins import shown_along_axes
 from ambkit.simulation.many_machines import PlannedMachine
 from ambkit.simulation.plant import Plant
 from ambkit.workflow.campaign.checks import machine_of
@@ -70,7 +70,7 @@ class WholePlan(Plan):
     def _described_nominal(self) -> tuple[dict[str, Any], list[Any]]:
         """Return the nominal machine without the files that it names, and these."""
         machine: Machine = self.bearing
-        without = {"bearing": {"__all__": {"magnet": {*FILES}}}, "rotor": {"file"}}
+        without: Any = {"bearing": {"__all__": {"magnet": {*FILES}}}, "rotor": {"file"}}
         there = [getattr(each.magnet, name) for each in machine.bearing for name in FILES]
         return (
             machine.model_dump(mode="json", exclude=without),
@@ -120,13 +120,13 @@ class WholePlan(Plan):
     @cached_property
     def controls(self) -> dict[str, Control]:
         """The ways to control that there are to choose from."""
-        usual = ("decentralised", "translation and tilt", "lqg")
-        own = {self.flight.control.type: self.flight.control}
-        return {name: Control(type=name) for name in usual} | own | self.study.controls
+        usual = [Control(type=name) for name in get_args(Control.model_fields["type"].annotation)]
+        own = self.flight.control
+        return {each.type: each for each in (*usual, own)} | self.study.controls
 
     def _for(self, plant: Machine, estimator: Estimator | None, flight: Flight) -> Controllers:
         """Return the nominal machine's controllers at amplifiers of other gains."""
-        made = self._controllers((id(estimator), flight.control, flight.feedback), estimator)
+        made = self._controllers(flight, estimator)
         ratio = np.array([
             own.bearing.amplifier.gain / nominal.bearing.amplifier.gain
             for own, nominal in zip(plant.axes, self.bearing.axes, strict=True)
@@ -143,12 +143,11 @@ class WholePlan(Plan):
     def _made(self) -> dict[Any, Controllers]:
         return {}
 
-    def _controllers(self, key: Any, estimator: Estimator | None) -> Controllers:
+    def _controllers(self, flight: Flight, estimator: Estimator | None) -> Controllers:
+        key = id(estimator), flight.feedback, flight.control.model_dump_json()
         if key not in self._made:
-            _, control, feedback = key
-            fed = estimator if feedback == "estimate" else None
-            plant = Plant(self.bearing)
-            found = controllers_of(plant, control, fed)
+            fed = estimator if flight.feedback == "estimate" else None
+            found = controllers_of(Plant(self.bearing), flight.control, fed)
             if fed is None:  # by the readings, as the nominal sensors show the axes
                 shown = found.of_axes @ shown_along_axes(self.bearing)
                 found = replace(found, feedback=found.feedback | {"position": shown})

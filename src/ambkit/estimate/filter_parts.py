@@ -1,0 +1,153 @@
+"""What stands in a filter's file: what it is of, which files belong to it, its noise."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from functools import cached_property
+from typing import Annotated, Any, ClassVar, Self
+
+from ambkit.base import files
+from ambkit.base.config import Part, Read
+from ambkit.base.config.paths import FilePath
+from ambkit.base.config.quantities import OneOrEach
+from ambkit.base.config.texts import Line, Name
+from ambkit.base.errors import AmbkitError
+from ambkit.machine import presets
+from ambkit.machine.bearing import Bearing
+from ambkit.machine.machine import Machine
+
+
+class Reference(Part):
+    """A file that belongs to a filter, and what it was when the filter was made."""
+
+    file: FilePath
+    """Its name, from where the filter's file lies."""
+    sha256: Line = ""
+    """Hash of its content; without it any content will do."""
+
+    @classmethod
+    def to(cls, path: str | os.PathLike[str]) -> Self:
+        """Return a reference to a file as it is now.
+
+        Parameters
+        ----------
+        path : path
+            The file.
+
+        Raises
+        ------
+        AmbkitError
+            It cannot be read.
+        """
+        return cls(file=os.fspath(path), sha256=files.sha256(path))
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        yield from _changed(read("file"), read("sha256"))
+
+
+class _PlantOf(Part):
+    """What a filter assumes of its plant: a preset, or a file."""
+
+    _kind: ClassVar[Any]
+
+    preset: Name | None = None
+    """Its name, where it comes with ambkit."""
+    file: FilePath | None = None
+    """Its TOML file."""
+    sha256: Line = ""
+    """Hash of that file; without it any content will do."""
+
+    @cached_property
+    def plant(self) -> Any:
+        """The bearing or the machine itself."""
+        kind = self._kind
+        return kind.load(self.file) if self.file else kind.preset(self.preset or "")
+
+    @classmethod
+    def of(cls, name: str | os.PathLike[str]) -> Self:
+        """Return what a user names: a preset, or a file as it is now."""
+        if isinstance(name, str) and name in presets_of(cls._kind):
+            return cls(preset=name)
+        return cls(file=os.fspath(name), sha256=files.sha256(name))
+
+    @classmethod
+    def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        file, preset = read("file"), read("preset")
+        if (file is None) == (preset is None):
+            yield "file", "give either file or preset"
+            return
+        yield from _changed(file, read("sha256"))
+        try:
+            cls.model_construct(file=file, preset=preset).plant  # noqa: B018
+        except AmbkitError as error:
+            yield "file" if file else "preset", str(error)
+
+
+class BearingOf(_PlantOf):
+    """The bearing that a filter assumes: a preset, or a file."""
+
+    _kind = Bearing
+
+    @property
+    def bearing(self) -> Bearing:
+        """The bearing itself."""
+        found: Bearing = self.plant
+        return found
+
+
+class MachineOf(_PlantOf):
+    """The whole machine that a filter assumes: a preset, or a file."""
+
+    _kind = Machine
+
+    @property
+    def machine(self) -> Machine:
+        """The machine itself."""
+        found: Machine = self.plant
+        return found
+
+
+class Assumed(Part):
+    """Variances that a filter assumes; the bearing's own where one is not given.
+
+    Of a whole machine one number is for all readings or axes, a list has one for each.
+    """
+
+    measurement: (
+        Annotated[float | tuple[float, ...], OneOrEach("m^2", "225 µm^2", at_least=0)] | None
+    ) = None
+    """R, of the measured position [m^2]."""
+    control: (
+        Annotated[float | tuple[float, ...], OneOrEach("V^2", "100 mV^2", at_least=0)] | None
+    ) = None
+    """Of the control signal [V^2]."""
+    disturbance: (
+        Annotated[float | tuple[float, ...], OneOrEach("N^2/s", "77 N^2/s", at_least=0)] | None
+    ) = None
+    """Q: growth of the disturbance force's variance [N^2/s]."""
+
+
+def presets_of(kind: type[Bearing] | type[Machine]) -> tuple[str, ...]:
+    """Return the names of the presets of bearings, or of machines."""
+    return presets.names() if kind is Bearing else presets.machine_names()
+
+
+def _changed(file: Any, sha256: Any) -> Iterator[tuple[str, str]]:
+    """Tell of a file that is not there, or not what it was."""
+    if not isinstance(file, str):
+        return
+    try:
+        now = files.sha256(file)
+    except AmbkitError as error:
+        yield "file", str(error)
+        return
+    if isinstance(sha256, str) and sha256 and sha256 != now:
+        yield (
+            "sha256",
+            (
+                f"{file} is not what it was when this filter was made (its hash begins {now[:8]}, "
+                f"not {sha256:.8}); make it anew, or leave out sha256 to take the file as it is"
+            ),
+        )

@@ -1,0 +1,198 @@
+"""An estimator written as a file, with what it needs beside it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ambkit.base.errors import AmbkitError
+from ambkit.estimate.filter_file import FilterFile, written
+from ambkit.estimate.filter_parts import Assumed, BearingOf, MachineOf, Reference, presets_of
+from ambkit.estimate.noise import UNITS
+from ambkit.estimate.registry import KINDS, kind_of, learned_magnet
+from ambkit.machine.bank import Bank
+from ambkit.machine.bearing import Bearing
+from ambkit.machine.machine import Machine
+
+if TYPE_CHECKING:
+    from ambkit.estimate.base import Estimator
+    from ambkit.machine.magnets import MagnetModel
+
+
+def described(
+    estimator: Estimator,
+    bearing: str | os.PathLike[str],
+    magnet: str | os.PathLike[str] | Mapping[str, Path] | None = None,
+) -> FilterFile:
+    """Return what makes an estimator, for a file.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        Which.
+    bearing : path
+        A preset's name, or the file of its bearing or machine.
+    magnet : path or mapping, optional
+        The expert or force map that it asks, where that is not its kind's own; of a machine one for
+        each bearing, by their names.
+    """
+    kind = kind_of(estimator)
+    own = KINDS[kind].option_units
+    given = {**getattr(estimator, "inner", estimator).options, **estimator.options}
+    options = {name: written(value, own[name]) for name, value in given.items()
+               if name in own and value is not None}  # fmt: skip
+    limits = {name: v for name, v in given.items() if name in FilterFile.model_fields}
+    of: dict[str, Any]
+    if estimator.whole is None:
+        of = {"bearing": BearingOf.of(bearing)}
+    else:
+        of = {"machine": MachineOf.of(bearing)}
+    if isinstance(magnet, Mapping):
+        of["magnets"] = {name: Reference.to(path) for name, path in magnet.items()}
+    elif magnet is not None:
+        of["magnet"] = Reference.to(magnet)
+    by_name = {state.name: state.unit for state in estimator.states}
+    return FilterFile(
+        kind=kind,
+        description=estimator.description,
+        sampling_time=estimator.bearing.sampling_time,
+        noise=Assumed(**{name: _one_or_each(getattr(estimator.variances, name)) for name in UNITS}),
+        options=options,
+        start={name: written(std, by_name[name]) for name, std in estimator.start_std.items()},
+        inputs=estimator.inputs,
+        origin=dict(estimator.origin),
+        **limits,
+        **of,
+    )
+
+
+def _one_or_each(variances: Any) -> Any:
+    """Return the one number that all are, if it is one."""
+    alike = isinstance(variances, tuple) and len(set(variances)) == 1
+    return variances[0] if alike else variances
+
+
+def made_by(command: str, what: str) -> str:
+    """Return where a number came from, as a filter's file tells it: from what, by which command."""
+    return f"{what}; ambkit {command} {version('ambkit')}"
+
+
+def origin_of(values: Iterable[str], said: str) -> dict[str, str]:
+    """Return where numbers came from, by their keys in a file, for the names of tunables."""
+    return {name if "." in name else f"options.{name}": said for name in values}
+
+
+class NoFile(AmbkitError):
+    """What a filter knows of its magnet cannot be written."""
+
+
+def save(
+    estimator: Estimator,
+    path: str | os.PathLike[str],
+    bearing: str | os.PathLike[str] | None = None,
+    magnet: str | os.PathLike[str] | None = None,
+) -> None:
+    """Write an estimator, and beside it what it needs and has no file yet.
+
+    Parameters
+    ----------
+    estimator, path, bearing, magnet
+        See `ambkit.Estimator.save`.
+    """
+    path, known = Path(path), estimator.bearing
+    machine = None if estimator.whole is None else estimator.whole.machine
+    if bearing is None:
+        bearing = preset_of(known)
+    if bearing is None:
+        bearing = path.with_suffix(".bearing.toml" if machine is None else ".machine.toml")
+        known.save(bearing)
+    if magnet is not None and machine is not None:
+        raise NoFile(f"{path}: of a machine what its filter asks is written beside it")
+    asked: str | os.PathLike[str] | Mapping[str, Path] | None = magnet
+    if magnet is None and not _asks_its_own(estimator):
+        asked = (
+            _written_beside(path, estimator.magnet) if machine is None
+            else _each_beside(path, machine, estimator.magnet)
+        )  # fmt: skip
+    described(estimator, bearing, asked).save(path)
+
+
+def preset_of(known: Bearing | Machine) -> str | None:
+    """Return the name of the preset that a bearing or a machine is, if it is one."""
+    kind = type(known)
+    return (
+        known.name if known.name in presets_of(kind) and kind.preset(known.name) == known else None
+    )
+
+
+def _asks_its_own(estimator: Estimator) -> bool:
+    """Whether an estimator knows of its magnet what its kind does by itself."""
+    kind = kind_of(estimator)
+    if KINDS[kind].magnet is None and kind != "table":
+        return False
+    made = KINDS[kind].make(estimator.bearing, learned_magnet(kind, estimator.bearing))
+    own, its = (_in_core(each, made) for each in (made, estimator))
+    return all(
+        type(one) is type(other) and _alike(one.parameters, other.parameters)
+        for one, other in zip(own, its, strict=True)
+    )
+
+
+def _in_core(estimator: Estimator, made: Estimator) -> Sequence[Any]:
+    """Return the magnets of all axes in the core of another estimator."""
+    found = estimator.magnet.in_core(made.engine.core)
+    return found if isinstance(found, list) else [found]
+
+
+def _alike(a: Mapping[str, Any], b: Mapping[str, Any]) -> bool:
+    return a.keys() == b.keys() and all(
+        _alike(a[key], b[key]) if isinstance(a[key], Mapping) else np.array_equal(a[key], b[key])
+        for key in a
+    )
+
+
+def _each_beside(path: Path, machine: Machine, magnet: MagnetModel) -> dict[str, Path]:
+    """Write what a machine's filter asks beside its file: for each bearing, by their names.
+
+    Raises
+    ------
+    AmbkitError
+        There is no file of such, or two axes of a bearing ask something else.
+    """
+    assert isinstance(magnet, Bank)
+    each: dict[str, MagnetModel] = {}
+    for axis, model in zip(machine.axes, magnet.models, strict=True):
+        if each.setdefault(axis.bearing.name, model) is not model:
+            raise NoFile(f"{path}: the axes of bearing {axis.bearing.name} know it by two magnets")
+    return {
+        name: _written_beside(path.with_suffix(f".{name}{path.suffix}"), model)
+        for name, model in each.items()
+    }
+
+
+def _written_beside(path: Path, magnet: MagnetModel) -> Path:
+    """Write what a filter asks beside its file, and return where.
+
+    Raises
+    ------
+    AmbkitError
+        There is no file of such.
+    """
+    from ambkit.fuzzy.expert import Expert
+    from ambkit.machine.forces.surface import ForceSurface
+
+    if isinstance(magnet, Expert):
+        magnet.save(beside := path.with_suffix(".expert.json"))
+        return beside
+    if isinstance(magnet, ForceSurface):
+        magnet.points.save(beside := path.with_suffix(".forces.csv"))
+        return beside
+    raise NoFile(
+        f"{path}: this filter knows its magnet by a {type(magnet).__name__} that is not its "
+        "bearing's own, and there is no file of such; save a filter with an expert or a force map"
+    )

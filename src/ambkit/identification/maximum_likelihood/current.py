@@ -1,0 +1,318 @@
+"""The current as a state that is measured and driven: what a noisy sensor shows, and what flows.
+
+A control signal drives the current through the coil, and a sensor shows it with noise. Taken for
+what flows, the sensor's noise moves no rotor: a quiet loop, in which hardly anything else is new in
+the current, then seems to have a weaker magnet and a force before its current. So where a record
+has both, the current that flows is found from both::
+
+    i+ = a i + (1 - a) (G (u - u0)) + w,      a = exp(-T/tau),      i_m = i + v
+
+by the stationary Kalman filter, its figures as likely as can be, and smoothed (Rauch, Tung and
+Striebel 1965). That looks ahead, and tells nothing of the position's noise all the same: given the
+control signal, the current depends on ``w`` alone, whatever made the control signal. What is left
+unknown is a deviation that is forgotten within `FlowingCurrent.memory`; given the measurements it
+is a process of first order again. With it as a state of the filter along the position, the
+likelihood of both signals is exact for a coil whose time constant stands still.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.units import engineering
+from ambkit.data.record import Record
+
+if TYPE_CHECKING:
+    from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+
+Array = NDArray[np.float64]
+
+CONTROL = "control"
+"""The signal that drives the measured current, by its name in a record."""
+
+LAGS, DELAYS = (3.0, 10.0, 30.0, 100.0), (-0.5, 0.3, 1.5, 2.5, 3.5, 5.5)
+"""Samples from which the search may begin."""
+
+LEAST_STRAY = math.log(1e-4)
+"""Variance by which a current strays in a sample, over that of the sensor: no coil is exact."""
+
+LONGEST_TIME = 2000
+"""Samples of a coil's time constant beyond which its control drives no current."""
+
+LEAST_SAMPLES = 500
+"""Of all records together, that a coil is found from."""
+
+FIGURES = 3
+"""That a control has beyond the current's own past: gain, zero and delay."""
+
+TOO_QUIET = (
+    "the noise of the measured current is a good part of what the current does: it passes for a "
+    "delay below zero and biases the magnet; with the signal that drives the current, control in "
+    "the channel map, what flows could be told"
+)
+
+QUIET = 0.1
+"""Of what a current changes by within the plant's own time: what its noise may be, rms."""
+
+
+@dataclass(frozen=True, eq=False)
+class FlowingCurrent:
+    """What control signals and measured currents say of each other, and what flowed.
+
+    Attributes
+    ----------
+    records : list of Record
+        With the current that flows for the one that was measured.
+    gain : float
+        G, current at rest for a control signal of one [A].
+    zero : float
+        ``-G u0``: control current at a control signal of zero [A].
+    lag : float
+        tau, time constant of the coil [s].
+    delay : float
+        From the control signal to the change of the current [s].
+    noise : float
+        Of the current's sensor, standard deviation [A].
+    unknown : float
+        Of the current that flows, from both signals, standard deviation [A].
+    memory : float
+        Time in which a deviation from it is forgotten [s].
+    amplifier_gain : float
+        Of the bearing: control current per control signal of the record [A/V].
+    """
+
+    records: Sequence[Record]
+    gain: float
+    zero: float
+    lag: float
+    delay: float
+    noise: float
+    unknown: float
+    memory: float
+    amplifier_gain: float
+
+    @property
+    def text(self) -> str:
+        """What was found, as a sentence."""
+        return (
+            f"the measured current has a noise of {engineering(self.noise, 'A', 2)}; from the "
+            f"control signal, which a coil follows with {engineering(self.lag, 's', 3)} after "
+            f"{engineering(self.delay, 's', 2)}, and the measurement it is known to "
+            f"{engineering(self.unknown, 'A', 2)}"
+        )
+
+    def driving(self, model: LoopModel) -> LoopModel:
+        """Return a model whose filter has the current that flows as a state."""
+        T = model.bearing.sampling_time
+        return model.replace(memory=self.memory, amplifier__noise_variance=self._strays(T))
+
+    def measuring(self, model: LoopModel) -> LoopModel:
+        """Return a model for the current as it is measured, with all of its noise."""
+        found, T = model.bearing.amplifier.noise_variance, model.bearing.sampling_time
+        sensor = (self.noise / self.amplifier_gain) ** 2
+        noise = max(sensor + found - self._strays(T), 0.1 * sensor)
+        return model.replace(memory=0.0, amplifier__noise_variance=noise)
+
+    def _strays(self, T: float) -> float:
+        """Return the variance of what strays from the control in each sample of T [s], [V^2].
+
+        What follows it with the lag `memory` strays by `unknown`.
+        """
+        keep = math.exp(-T / self.memory)
+        return (self.unknown / self.amplifier_gain) ** 2 * (1 + keep) / (1 - keep)
+
+    def to_dict(self) -> dict[str, float]:
+        """Return the figures as plain data, SI."""
+        names = ("gain", "zero", "lag", "delay", "noise", "unknown", "memory")
+        return {name: float(getattr(self, name)) for name in names}
+
+
+def too_quiet(records: Sequence[Record], own_time: float) -> bool:
+    """Whether noise is a good part of what measured currents do within a plant's own time [s]."""
+    changes, noise = [], []
+    for record in records:
+        u = record["u"][np.isfinite(record["u"])]
+        ahead = max(2, round(own_time / record.sampling_time))
+        if u.size > 2 * ahead:
+            changes.append(u[ahead:] - u[:-ahead])
+            noise.append(np.diff(u, 3))
+    if not noise:
+        return False
+    white = float(np.mean(np.concatenate(noise) ** 2)) / 20
+    return white > QUIET**2 * float(np.var(np.concatenate(changes)))
+
+
+def flowing(records: Sequence[Record], amplifier_gain: float = 1.0) -> FlowingCurrent | None:
+    """Find the current that flows from a measured current and what drives it.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        With ``u``, a measured current, and ``control``, what drives it, in any unit.
+    amplifier_gain : float
+        Control current [A] for a ``u`` of 1 V.
+
+    Returns
+    -------
+    FlowingCurrent or None
+        None where a record has no control signal or misses samples, or where the current does not
+        follow the control signal.
+    """
+    whole = all(
+        CONTROL in record and np.isfinite(record[CONTROL]).all() and np.isfinite(record["u"]).all()
+        for record in records
+    )
+    if not whole or sum(len(record) for record in records) < LEAST_SAMPLES:
+        return None
+    T, scale = records[0].sampling_time, abs(amplifier_gain)
+    pairs = [(record["u"], record[CONTROL]) for record in records]
+    if not all(np.ptp(i) > 0 and np.ptp(u) > 0 for i, u in pairs):
+        return None
+    coil = _fitted(pairs)
+    if coil is None or not _follows(coil, pairs):
+        return None
+    settled = round(5 * coil.lag)
+    innovations = np.concatenate([coil.predicted(i, u)[1][settled:] for i, u in pairs])
+    if innovations.size < LEAST_SAMPLES / 2:
+        return None
+    sensor = float(np.mean(innovations**2)) / (coil.before + 1)
+    back = coil.back
+    unknown = (coil.before / (coil.before + 1) - back**2 * coil.before) / (1 - back**2)
+    flows = [
+        {name: r[name] for name in r} | {"u": coil.smoothed(r["u"], r[CONTROL])} for r in records
+    ]
+    return FlowingCurrent(
+        [Record(r.t, each, r.units, r.meta) for r, each in zip(records, flows, strict=True)],
+        coil.gain * amplifier_gain, coil.zero * amplifier_gain, coil.lag * T, coil.delay * T,
+        scale * math.sqrt(sensor), scale * math.sqrt(sensor * max(unknown, 0.0)),
+        -T / math.log(max(back, 1e-300)), amplifier_gain,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Coil:
+    """A coil with the stationary filter of its current, times in samples."""
+
+    lag: float
+    delay: float
+    gain: float
+    zero: float
+    stray: float
+    """Variance of w, in parts of that of the sensor's noise."""
+
+    @property
+    def keep(self) -> float:
+        return math.exp(-1 / self.lag)
+
+    @property
+    def before(self) -> float:
+        """Variance of the predicted current, in parts of that of the sensor's noise.
+
+        The root of ``P = a^2 P/(P + 1) + q``.
+        """
+        half = 0.5 * (self.keep**2 + self.stray - 1)
+        return half + math.sqrt(half**2 + self.stray)
+
+    @property
+    def gain_of_filter(self) -> float:
+        return self.before / (self.before + 1)
+
+    @property
+    def back(self) -> float:
+        """Gain of the smoother: also, what is left after a sample of how the current strays."""
+        return self.keep / (self.before + 1)
+
+    def predicted(self, measured: Array, control: Array) -> tuple[Array, Array]:
+        """Predict a measured current (n,) from its past; with the innovations."""
+        from scipy.signal import lfilter
+
+        a, K, whole = self.keep, self.gain_of_filter, math.floor(self.delay)
+        part, k = self.delay - whole, np.arange(measured.size)
+        now, earlier = (
+            self.gain * control[np.clip(k - whole - more, 0, k[-1])] + self.zero for more in (0, 1)
+        )
+        first, then = math.exp(-part / self.lag), math.exp(-(1 - part) / self.lag)
+        drive = then * (1 - first) * earlier + (1 - then) * now
+        known = a * K * measured + drive
+        predicted = np.empty(measured.size)
+        predicted[0] = measured[0]
+        start = [a * (1 - K) * measured[0]]
+        predicted[1:], _ = lfilter([1.0], [1.0, -a * (1 - K)], known[:-1], zi=start)
+        return predicted, measured - predicted
+
+    def smoothed(self, measured: Array, control: Array) -> Array:
+        """Return the current (n,) from all of its measurements."""
+        from scipy.signal import lfilter
+
+        predicted, innovation = self.predicted(measured, control)
+        filtered = predicted + self.gain_of_filter * innovation
+        back = self.back
+        filtered[:-1] -= back * predicted[1:]
+        last = predicted[-1] + self.gain_of_filter * innovation[-1]
+        backwards, _ = lfilter([1.0], [1.0, -back], filtered[-2::-1], zi=[back * last])
+        return np.append(backwards[::-1], last)
+
+
+def _fitted(pairs: Sequence[tuple[Array, Array]]) -> _Coil | None:
+    """Return the coil whose filter foretells the measured currents best; None where none does."""
+    from scipy.optimize import least_squares
+
+    def coil(theta: Array) -> _Coil:
+        lag, strays = np.exp(np.clip(theta[[0, 4]], [-20, LEAST_STRAY], 20)).tolist()
+        delay, gain, zero = theta[1:4].tolist()  # below zero, too, or it would pull at the lag
+        return _Coil(min(lag, LONGEST_TIME), min(max(delay, -5.0), 50.0), gain, zero, strays)
+
+    def misses(theta: Array) -> Array:
+        one = coil(theta)
+        return np.concatenate([one.predicted(i, u)[1][1:] for i, u in pairs])
+
+    def begin(lag: float, delay: float) -> Array:
+        driven = _Coil(lag, delay, 1.0, 0.0, 1e-9)  # by the control alone
+        current, unit = (
+            np.concatenate(column)
+            for column in zip(*((i, driven.predicted(i, u)[0]) for i, u in pairs), strict=True)
+        )
+        gain, zero = np.polyfit(unit, current, 1).tolist()
+        return np.array([math.log(lag), delay, gain, zero, math.log(0.01)])
+
+    begins = [theta for lag in LAGS for delay in DELAYS if (theta := begin(lag, delay))[2] > 0]
+    if not begins:
+        return None
+    begins.sort(key=lambda theta: float(np.sum(misses(theta) ** 2)))
+    # Within a sample the delay moves freely; from one to the next there are kinks.
+    others = [theta for theta in begins if math.floor(theta[1]) != math.floor(begins[0][1])]
+    ends = [
+        least_squares(
+            misses,
+            theta,
+            x_scale=np.array([0.1, 0.3, *(0.1 * max(theta[2], abs(theta[3])),) * 2, 1.0]),
+            diff_step=np.full(5, 1e-4),
+            max_nfev=60,
+        )
+        for theta in (begins[0], *others[:1])
+    ]
+    found = min(ends, key=lambda one: one.cost)
+    best = coil(found.x)
+    return best if best.gain > 0 and best.lag < 0.9 * LONGEST_TIME else None
+
+
+def _follows(coil: _Coil, pairs: Sequence[tuple[Array, Array]]) -> bool:
+    """Whether the control signal foretells the current better than its own past (Schwarz 1978)."""
+    from scipy.optimize import least_squares
+
+    def misses(theta: Array) -> Array:
+        lag, stray = np.exp(np.clip(theta[:2], -20, 20)).tolist()
+        alone = replace(coil, lag=min(lag, LONGEST_TIME), gain=0.0, zero=theta[2], stray=stray)
+        return np.concatenate([alone.predicted(i, u)[1][1:] for i, u in pairs])
+
+    begin = np.array([math.log(coil.lag), math.log(coil.stray) + 3, float(np.mean(pairs[0][0]))])
+    alone = least_squares(misses, begin, diff_step=np.full(3, 1e-4), xtol=1e-4, ftol=1e-5)
+    driven = np.concatenate([coil.predicted(i, u)[1][1:] for i, u in pairs])
+    gained = 0.5 * driven.size * math.log(2 * alone.cost / float(driven @ driven))
+    return gained > FIGURES * math.log(driven.size)

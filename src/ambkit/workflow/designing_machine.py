@@ -1,0 +1,284 @@
+"""Controllers and a filter for a whole machine, chosen on the margins of its loop; and the C."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ambkit.base import files
+from ambkit.base.asked import of_type
+from ambkit.base.showing import Shown
+from ambkit.data.reading import load_filled
+from ambkit.machine.machine import Machine
+from ambkit.simulation.controllers import Control
+from ambkit.simulation.flight import Flight
+from ambkit.simulation.holding import holding, overshoot_of
+from ambkit.simulation.scenario import GAINS, PID
+from ambkit.workflow.assessing import assess
+from ambkit.workflow.loop_of import ZONE_A, OutOfReachError, zone_of
+from ambkit.workflow.over_speed import assess_over_speed
+from ambkit.workflow.tuned_filter import BUDGET, RUNS, Tuned, tune
+from ambkit.workflow.tuning_tasks import JUDGED
+from ambkit.workflow.verdict import write_verdict
+
+if TYPE_CHECKING:
+    from ambkit.estimate.base import Estimator
+    from ambkit.export.c import CExport
+    from ambkit.workflow.assessed_loop import AssessedLoop
+    from ambkit.workflow.assessment import Assessment
+
+KINDS_TRIED = ("linear", "extended")
+"""Who is tried where nobody says it: with the constant and with the exact stiffness."""
+
+DIGITS = 3
+"""Of the gains that are written down."""
+
+AS_GOOD = 0.01
+"""By how much a simpler filter may be worse and is taken all the same."""
+
+FILES = {
+    "machine.toml": "the machine",
+    "filter.toml": "the filter to fly",
+    "candidates": "the filters that were tried, tuned",
+    "flight.toml": "its controllers, with all their gains",
+    "verdict.html": "the verdict on the loop, to be signed off",
+    "c": "filter and controllers as C, from readings to currents",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class MachineDesign(Shown):
+    """Controllers and a filter for a whole machine, and what their loop comes to.
+
+    Attributes
+    ----------
+    folder : Path
+        Where all of it lies.
+    machine : Machine
+        The machine.
+    control : Control
+        The controllers, with all their gains.
+    tuned : dict of str to Tuned
+        The filters that were tried, by kind.
+    chosen : str
+        The kind that is to fly.
+    assessed : Assessment
+        The loop with it, and the one with the same controllers on the measurement.
+    overshoot : float
+        Of a step of a reference, of all axes the greatest [1].
+    objections : tuple of str
+        What speaks against flying it; empty if nothing does.
+    exported : CExport or None
+        The C; None where objections kept it from being written.
+    made : mapping of str to str
+        Its files in the folder, and what they are.
+    """
+
+    _card_by = "workflow.cards:machine_design"
+
+    folder: Path
+    machine: Machine
+    control: Control
+    tuned: Mapping[str, Tuned]
+    chosen: str
+    assessed: Assessment
+    overshoot: float
+    objections: tuple[str, ...]
+    exported: CExport | None
+    made: Mapping[str, str]
+
+    @property
+    def loop(self) -> AssessedLoop:
+        """The loop with the chosen filter."""
+        return self.assessed.loops[self.chosen]
+
+    @property
+    def why(self) -> str:
+        """Which filter is to fly, and what the loop comes to, in a sentence."""
+        return (
+            f"Fly the {self.chosen} filter: the peak of |S| is {self.loop.peak:.4g}, zone "
+            f"{self.loop.zone} of ISO 14839-3, and a step overshoots by "
+            f"{100 * max(0.0, self.overshoot):.2g} %."
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures as plain data, in SI."""
+        return {
+            "folder": str(self.folder),
+            "machine": self.machine.name,
+            "chosen": self.chosen,
+            "why": self.why,
+            "objections": list(self.objections),
+            "peak": self.loop.peak,
+            "zone": self.loop.zone,
+            "overshoot": self.overshoot,
+            "controllers": {name: {key: getattr(pid, key) for key in sorted(GAINS)}
+                            for name, pid in self.control.pid.items()},
+            "candidates": {
+                kind: {"kept": each.kept, "by": each.by, "peak": each.peak,
+                       "unseen": {name: b for name, (_, b) in each.unseen.items()}}
+                for kind, each in self.tuned.items()
+            },
+            "exported": self.exported is not None,
+            "files": list(self.made),
+        }  # fmt: skip
+
+
+def design_machine(
+    machine: Machine,
+    logs: Sequence[str | os.PathLike[str]],
+    folder: str | os.PathLike[str],
+    *,
+    channels: str | os.PathLike[str] | None = None,
+    validate: Sequence[str | os.PathLike[str]] = (),
+    kinds: Sequence[str] = KINDS_TRIED,
+    max_sensitivity: float | None = ZONE_A,
+    precision: str = "float",
+    prefix: str | None = None,
+    anyway: bool = False,
+    seed: int = 0,
+    runs: int = RUNS,
+    budget: int = BUDGET,
+    note: Callable[[str], None] = lambda _text: None,
+) -> MachineDesign:
+    """Choose controllers and a filter for a machine on the margins of its loop, and export both.
+
+    The controllers of the axes are those that `ambkit.simulation.holding.holding` chooses for an
+    estimate: stiff, the peak of abs(S) low, a step calm. Each kind of filter is then tuned in the
+    loop with them below `max_sensitivity`, by its logs or by simulated flights, and of those the
+    best on what they did not see is taken. The folder gets ``flight.toml`` and ``filter.toml``,
+    which `ambkit.assess` and the simulation read back, ``verdict.html`` and ``c/``.
+
+    Parameters
+    ----------
+    machine : Machine
+        As it is known.
+    logs : sequence of path
+        Records of the loop; without any the filters are tuned on simulated flights.
+    folder : path
+        Where all of it goes.
+    channels : path, optional
+        Channel map of the logs.
+    validate : sequence of path, optional
+        Logs to judge by; without them the second half of each log.
+    kinds : sequence of str
+        Estimators that are tried.
+    max_sensitivity : float, optional
+        What the peak of abs(S) in the loop is to stay below [1], see `ambkit.tune`; None for no
+        limit. A kind that cannot be held to it is tuned without.
+    precision, prefix : str
+        Of the exported C.
+    anyway : bool
+        Export also what is out of zone A.
+    seed, runs, budget : int
+        Of all that is drawn; simulated flights, and evaluations of each kind, see `ambkit.tune`.
+    note : callable
+        Told what is done next.
+
+    Returns
+    -------
+    MachineDesign
+        What was chosen, and why.
+
+    Raises
+    ------
+    AmbkitError
+        A log cannot be read, a kind is unknown or of one axis, or the folder cannot be written.
+    """
+    of_type(Machine, machine=machine)
+    records = [load_filled(path, channels) for path in logs]
+    others = [load_filled(path, channels) for path in validate]
+    place = files.make_folder(folder)
+    note("choosing the controllers")
+    control = Control(pid=controllers_for(machine))
+    machine.save(place / "machine.toml")
+    tuned = {}
+    for kind in kinds:
+        note(f"tuning the {kind} filter")
+
+        def below(ceiling: float | None, kind: str = kind) -> Tuned:
+            return tune(
+                machine, records, kind, validate=others, controller=control, seed=seed,
+                max_sensitivity=ceiling, runs=runs, budget=budget,
+                source=", ".join(Path(path).name for path in logs),
+            )  # fmt: skip
+
+        try:
+            tuned[kind] = below(max_sensitivity)
+        except OutOfReachError:
+            tuned[kind] = below(None)
+        files.make_folder(place / "candidates")
+        tuned[kind].save(place / f"candidates/{kind}.toml", bearing=place / "machine.toml")
+    chosen = _best(tuned)
+    estimator = tuned[chosen].estimator
+    estimator.save(place / "filter.toml", bearing=place / "machine.toml")
+    flight = Flight(feedback="estimate", control=control)
+    flight.save(place / "flight.toml")
+    note("assessing the loop")
+    assessed = assess(machine, {chosen: estimator}, control)
+    loop = assessed.loops[chosen]
+    if loop.stable:
+        note("looking at one speed after the other")
+        over = assess_over_speed(machine, {chosen: estimator}, control)
+        write_verdict(assessed, place / "verdict.html", chosen, over=over)
+    step = overshoot_of(machine, [control.pid[axis.name] for axis in machine.axes], "estimate")
+    objections = tuple(_objections(loop, max_sensitivity))
+    exported = None
+    if anyway or not objections:
+        note("exporting")
+        exported = _exported(machine, estimator, place, flight, precision, prefix)
+    made = {name: what for name, what in FILES.items() if (place / name).exists()}
+    return MachineDesign(
+        place, machine, control, tuned, chosen, assessed, step, objections, exported, made
+    )
+
+
+def controllers_for(machine: Machine) -> dict[str, PID]:
+    """Return the controllers of a machine's axes that an estimate feeds, as they are written down.
+
+    Parameters
+    ----------
+    machine : Machine
+        The machine.
+    """
+    found = {}
+    for axis, pid in zip(machine.axes, holding(machine, "estimate").pids, strict=True):
+        gains: dict[str, Any] = {key: float(f"{getattr(pid, key):.{DIGITS}g}") for key in GAINS}
+        found[axis.name] = PID(**gains)
+    return found
+
+
+def _best(tuned: Mapping[str, Tuned]) -> str:
+    """Return the kind that does best on what it was not tuned on; of equals the first."""
+    each = {kind: one.unseen[JUDGED[one.by]][1] for kind, one in tuned.items()}
+    least = min(each.values())
+    return next(kind for kind, cost in each.items() if cost <= least + AS_GOOD * abs(least))
+
+
+def _objections(loop: AssessedLoop, ceiling: float | None) -> list[str]:
+    """Return what speaks against flying a loop."""
+    if not loop.stable:
+        return ["the loop is not stable"]
+    said = []
+    if zone_of(loop.peak) != "A":
+        said.append(f"the peak of |S| is {loop.peak:.3g}, zone {zone_of(loop.peak)} of ISO 14839-3")
+    elif ceiling is not None and loop.peak >= ceiling:
+        said.append(f"the peak of |S| is {loop.peak:.3g}, and is to be below {ceiling:g}")
+    return said
+
+
+def _exported(
+    machine: Machine, estimator: Estimator, place: Path, flight: Flight, precision: str,
+    prefix: str | None,
+) -> CExport:  # fmt: skip
+    from ambkit.estimate.filter_file import FilterFile
+    from ambkit.export.c import export_c
+
+    file = FilterFile.load(place / "filter.toml")
+    return export_c(
+        machine, file.asked(), place / "c", filter_file=file, flight=flight, prefix=prefix,
+        precision="double" if precision == "double" else "float",
+    )  # fmt: skip

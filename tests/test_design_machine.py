@@ -1,0 +1,165 @@
+"""Controllers and filter of a whole machine, chosen on the margins of its loop, and read back."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import ambkit
+from ambkit import Machine
+from ambkit.base.errors import AmbkitError, ConfigError
+from ambkit.cli.main import main
+from ambkit.machine import presets
+from ambkit.simulation.controllers import Control
+from ambkit.simulation.flight import Flight, Reference
+from ambkit.simulation.holding import holding, overshoot_of
+from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.scenario import PID
+from ambkit.simulation.waveforms import Step
+from ambkit.workflow.cards import machine_design
+from ambkit.workflow.designing_machine import FILES, design_machine
+from ambkit.workflow.loop_of import LoopOf
+
+TUM = Machine.preset("tum_mlps")
+
+
+@pytest.fixture(scope="module")
+def designed(tmp_path_factory):
+    place = tmp_path_factory.mktemp("design")
+    return design_machine(
+        TUM, [], place / "d", kinds=["linear"], max_sensitivity=2.0, runs=1, budget=3
+    )
+
+
+def test_what_is_written_reads_back_as_the_loop_that_was_chosen(designed):
+    assert designed.loop.peak < 2
+    assert designed.overshoot < 0.15
+    assert designed.objections == ()
+    assert {path.name for path in designed.folder.iterdir()} == set(FILES)
+    flight = Flight.load(designed.folder / "flight.toml")
+    assert flight.control == designed.control
+    again = ambkit.assess(
+        Machine.load(designed.folder / "machine.toml"), designed.folder / "filter.toml",
+        flight.control,
+    )  # fmt: skip
+    assert list(again.loops.values())[-1].peak == pytest.approx(designed.loop.peak, rel=1e-9)
+    assert json.loads(json.dumps(designed.to_dict()))["controllers"]["A1"]["kp"] > 0
+    card = machine_design(designed)
+    assert "Fly the linear filter" in card.html()
+
+
+def test_what_is_beyond_the_ceiling_is_said_and_not_exported(tmp_path):
+    found = design_machine(
+        TUM, [], tmp_path / "d", kinds=["linear"], max_sensitivity=1.5, runs=1, budget=2
+    )
+    assert found.exported is None
+    assert "is to be below 1.5" in found.objections[0]
+
+
+def run(arguments, capsys):
+    with pytest.raises(SystemExit) as left:
+        main(arguments)
+    shown = capsys.readouterr()
+    return int(left.value.code or 0), shown.out, " ".join((shown.out + shown.err).split())
+
+
+@pytest.mark.parametrize(("arguments", "code", "said"), [
+    (["assess", "d/filter.toml", "--controller", "d/flight.toml"], 0, "Bode"),
+    (["simulate", "d/machine.toml", "--scenario", "d/flight.toml", "--estimator", "d/filter.toml",
+      "--duration", "20 ms"], 0, "RMSE"),
+    (["check", "d/flight.toml"], 0, "ok, flight"),
+    (["design", "--bearing", "tum_mlps", "--free", "mass", "--out", "e"], 2, "--free says"),
+    (["design", "--bearing", "zittau_axial", "--out", "e"], 2, "give at least one"),
+    (["design", "--bearing", "tum_mlps", "--estimator", "observer", "--out", "e"], 2,
+     "cannot take a whole machine"),
+])  # fmt: skip
+def test_commands(arguments, code, said, designed, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(designed.folder.parent)
+    left, _, told = run(arguments, capsys)
+    assert left == code, told
+    assert said in told
+
+
+# ---- PIDs that are stated
+
+
+def test_stated_gains_are_flown_and_the_rest_is_tuned():
+    usual = LoopOf(TUM).pids()
+    stated = LoopOf(TUM, Control(pid={"B1": PID(kd=14.0)})).pids()
+    assert stated["A1"] == usual["A1"]
+    assert stated["B1"].kd == 14.0
+    assert stated["B1"].kp == usual["B1"].kp
+    assert stated["B1"].setpoint_weight != usual["B1"].setpoint_weight
+    step = Reference(axis="B1", position=Step(amplitude=1e-6, time=1e-3))
+    of = dict(duration=0.01, noise=False, reference=(step,))
+    softly, hard = (
+        simulate_machine(TUM, Flight(**of, control=Control(pid=pid))).record["s_B1"]
+        for pid in ({}, {"B1": PID(setpoint_weight=1.0)})
+    )
+    assert hard.max() > 1.05 * softly.max()
+    tilted = LoopOf(TUM, Control(type="translation and tilt", pid={"th_x": PID(kd=14.0)}))
+    assert tilted.pids()["th_x"].kd == 14.0
+
+
+@pytest.mark.parametrize(("text", "told"), [
+    ('[control]\ntype = "lqg"\n[control.pid.A1]\nkd = "1 A s/m"\n', "has no PID"),
+    ('[control.pid.A1]\nkd = "1 A s/m"\nfeed_forward = 0.5\n', "is of one axis alone"),
+    ('[control.pid.A1]\nkd = "1 A/m"\n', "2: control.pid.A1.kd"),
+])  # fmt: skip
+def test_what_cannot_be_stated_is_told_with_its_line(text, told):
+    with pytest.raises(ConfigError, match="<text>:") as error:
+        Flight.from_toml(text)
+    assert told in str(error.value)
+
+
+@pytest.mark.parametrize(("kind", "known"), [
+    ("decentralised", "A1, A2, B1, B2"), ("translation and tilt", "x, y, th_x, th_y"),
+])  # fmt: skip
+def test_a_pid_is_of_what_there_is(kind, known):
+    control = Control(type=kind, pid={"C": PID(kd=1.0)})
+    with pytest.raises(AmbkitError, match=f"there is no C; known: {known}"):
+        ambkit.assess(TUM, None, control)
+
+
+# ---- the default, on every preset
+
+ALLOWED = {  # what decentralised PIDs come to where they cannot be below 2
+    ("compressor", "estimate"): 2.25,
+    ("tum_mlps_flexible", "measurement"): 3.3,
+    ("ufu_flexible", "measurement"): 2.25,
+}
+
+
+def on_margins(machine, feedback):
+    filter = ambkit.KalmanFilter(machine) if feedback == "estimate" else None
+    of = LoopOf(machine)
+    return of.peak(filter), filter, of
+
+
+@pytest.mark.parametrize("feedback", ["measurement", "estimate"])
+@pytest.mark.parametrize("name", [
+    pytest.param(name, marks=pytest.mark.long if "flexible" in name else ())
+    for name in presets.machine_names()
+])  # fmt: skip
+def test_the_default_is_chosen_on_margins(name, feedback):
+    machine = Machine.preset(name)
+    peak, filter, of = on_margins(machine, feedback)
+    assert peak < ALLOWED.get((name, feedback), 2.0)
+    pids = holding(machine, feedback).pids
+    assert overshoot_of(machine, pids, feedback) < 0.15
+    loop = of.loop(filter)  # that step, of the loop as it flies
+    A, p, m = loop.closed.A, loop.axes, loop.measurements
+    state, most = np.zeros((len(A), p)), 0.0
+    for _ in range(round(0.2 / machine.sampling_time)):
+        state = A @ state + loop.closed.B[:, -p:]
+        most = max(most, float(np.diagonal(loop.closed.C[m : m + p] @ state).max()) - 1)
+    assert most < 0.15
+
+
+@pytest.mark.parametrize("name", presets.names())
+def test_that_of_a_bearing_too(name):
+    bearing = ambkit.Bearing.preset(name)
+    for feedback in ("measurement", "estimate"):
+        assert on_margins(bearing, feedback)[0] < 2
