@@ -5,8 +5,7 @@
 Both in straight-line C of the same model, ``hindawi_2011``, compiled alike (see `model_step`).
 Bare: nothing checked, k_i and k_s given. Exported: the linear filter as ``ambkit export c`` writes
 it, with readings and controls of a flight, each looked at, with limits, statuses and supervisor.
-Ends with
-status 1 where the exported step takes more than `MOST` of the bare one.
+Ends with status 1 where the exported step takes more than `MOST` of the bare one.
 """
 
 from __future__ import annotations
