@@ -53,6 +53,18 @@ def corpus() -> Corpus:
     return identify_corpus(logs, LoopModel(level, load_growth=1e-4), FREE)
 
 
+def test_a_magnet_that_is_not_as_described_is_told_beside_the_amplitude(corpus: Corpus) -> None:
+    told = corpus.weakened
+    assert told is not None
+    assert list(told.flights) == list(corpus.found)
+    assert abs(np.log(told.factor / 0.8)) < 3 * told.factor_error
+    assert told.factor_error < 0.1
+    assert abs(told.slope) < 3 * told.slope_error  # there is no hysteresis
+    assert all(1e-3 < one.amplitude < 0.2 for one in told.flights.values())
+    assert "over 0." in told.text
+    assert corpus.to_dict()["in_flight"]["factor"] == told.factor
+
+
 def test_logs_say_what_is_true_and_a_smoothed_one_is_named(corpus: Corpus) -> None:
     assert list(corpus.found) == ["log 0", "log 1", "log 2"]
     assert "smoothed before it was logged" in corpus.left_out["quiet"]

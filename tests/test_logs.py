@@ -4,13 +4,14 @@ import sys
 
 import numpy as np
 import pytest
+import scipy.io
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import ambkit
 from ambkit.base.errors import AmbkitError, ExtraMissing, RecordError
 from ambkit.data.channelmap import ChannelMap
-from ambkit.data.files import csv_dialect
+from ambkit.data.files import csv_dialect, mat
 from ambkit.data.files.formats import read_log
 from ambkit.data.record import Record
 from tests import logs
@@ -232,3 +233,36 @@ def test_dates_in_a_parquet_are_seconds_from_the_first(tmp_path):
     lenient = read_log(tmp_path / "a.parquet", lenient=True)
     assert "who" not in lenient.arrays
     assert "column who holds no numbers: not read" in lenient.remarks
+
+
+def test_objects_that_only_matlab_opens_are_named(tmp_path, monkeypatch):
+    """As SciPy gives a timeseries of Simulink: a name, a class, and numbers that mean nothing."""
+    from scipy.io.matlab import MatlabOpaque
+
+    parts = [(part, "O") for part in ("s0", "s1", "s2", "arr")]
+    inside = np.zeros((6, 1), np.uint32)
+    ball = MatlabOpaque(np.array([(b"ball", b"MCOS", b"timeseries", inside)], dtype=parts))
+    numbers = {"t": np.arange(5.0)}
+    path = tmp_path / "log.mat"
+    scipy.io.savemat(path, numbers)
+    for beside in ({}, numbers):
+        monkeypatch.setattr(mat, "content", lambda _, beside=beside: {"None": ball} | beside)
+        if beside:
+            log = mat.read(path)
+            assert list(log.arrays) == ["t"]
+            said = " ".join(log.remarks)
+        else:
+            with pytest.raises(RecordError) as refused:
+                mat.read(path)
+            said = str(refused.value)
+        assert "ball is an object of the class timeseries, which only MATLAB opens" in said
+        assert "ball.Data" in said
+
+
+@pytest.mark.parametrize("mark", ["#", "%"])
+def test_names_in_a_comment_above_the_numbers_are_names(tmp_path, mark):
+    lines = ["# rig 3", f"{mark} run of monday", f"{mark} t [s], y [mm], u [V]"]
+    (tmp_path / "log.csv").write_text("\n".join([*lines, "0,1,2", "0.001,2,3", "0.002,3,4"]) + "\n")
+    log = read_log(tmp_path / "log.csv")
+    assert {"t", "y", "u"} <= set(log.arrays)
+    assert log.units["y"] == "mm"

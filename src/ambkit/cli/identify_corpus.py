@@ -86,6 +86,20 @@ def _tables(corpus: Corpus) -> list[Any]:
             ],
         ),
     ]  # fmt: skip
+    if corpus.weakened is not None:
+        shown.append(
+            output.table(
+                "The magnet in flight, the gap as described",
+                ["", "amplitude of the current", "described over found", "std. error"],
+                [
+                    [name, value(one.amplitude, "A", 2), f"{one.factor:.3g}",
+                     f"{one.factor * one.error:.2g}"]
+                    for name, one in corpus.weakened.flights.items()
+                ],
+            )
+        )  # fmt: skip
+        said = corpus.weakened.text
+        shown.append(f"{said[0].upper()}{said[1:]}.")
     shown += [
         f"A line at {value(h.frequency, 'Hz')} in the position, of "
         f"{value(h.amplitude, 'm', 2)}, in more than half of the logs."

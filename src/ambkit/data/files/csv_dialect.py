@@ -118,6 +118,10 @@ def number_of(cell: str, decimal: str = ".") -> float | None:
 _EXPONENT = str.maketrans("dD", "ee")  # as Fortran writes it
 
 
+COMMENTS = ("#", "%")
+"""What a line begins with that is a comment, NumPy's and MATLAB's way."""
+
+
 def find(lines: Sequence[str]) -> Dialect | None:
     """Find out how a CSV is written.
 
@@ -135,7 +139,7 @@ def find(lines: Sequence[str]) -> Dialect | None:
     numbered = [
         (n, line)
         for n, line in enumerate(lines)
-        if line.strip() and line[0] != "#" and not (said and n == 0)
+        if line.strip() and line[0] not in COMMENTS and not (said and n == 0)
     ]
     if not numbered:
         return None
@@ -163,10 +167,10 @@ def _few(rows: Sequence[Any]) -> Sequence[Any]:
 
 def _named_by_a_comment(found: Dialect, lines: Sequence[str]) -> Dialect:
     """Take the names from the comment above the numbers, where they stand there (NumPy's way)."""
-    above = next((n for n in range(found.body - 1, -1, -1) if lines[n].startswith("#")), None)
+    above = next((n for n in range(found.body - 1, -1, -1) if lines[n][:1] in COMMENTS), None)
     if above is None:
         return found
-    cells = split(lines[above].lstrip("# "), found.separator)
+    cells = split(lines[above].lstrip("#% "), found.separator)
     if len(cells) != found.width or found.width < 2 or ":" in lines[above]:
         return found
     if not all(cells) or any(_is_number(cell, found.decimal) for cell in cells):

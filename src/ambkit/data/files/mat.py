@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base import budget
-from ambkit.base.errors import AmbkitError, ExtraMissing
+from ambkit.base.errors import AmbkitError, ExtraMissing, RecordError
 from ambkit.base.escaping import one_line
 from ambkit.data.files.hdf5 import check_within, memory_of
 from ambkit.data.files.log import Log, check_readable, damaged, whole_numbers
@@ -43,17 +43,20 @@ def read(
     """Read all arrays of numbers, and times as text; see `ambkit.data.files.formats.read_log`."""
     import pyarrow as pa
 
+    inside = {k: v for k, v in content(path).items() if not k.startswith("__")}
     arrays = {
         one_line(name): values
-        for key, value in content(path).items()
-        if not key.startswith("__")
+        for key, value in inside.items()
         for name, values in _flat(key, value)
     }
+    closed = [said for key, value in inside.items() for said in _objects(key, value)]
+    if closed and not arrays:
+        raise RecordError(f"{os.fspath(path)}: {'; '.join(closed)}")
     cells = {k: pa.array(v.ravel().tolist()) for k, v in arrays.items() if v.dtype.kind == "U"}
     titles = _titles(arrays)
     arrays = {name: values for name, values in arrays.items() if name not in cells}
     stamped = {k: v for k, v in cells.items() if k in texts or layouts_of(v)}
-    remarks: list[str] = []
+    remarks = closed
     for name, values in arrays.items():
         if values.dtype.kind in "iu" and values.size == max(values.shape):
             arrays[name], remark = whole_numbers(name, values.ravel())
@@ -187,11 +190,42 @@ def _is_text(value: Any) -> bool:
     return isinstance(value, np.ndarray) and value.dtype.kind == "U"
 
 
+_PARTS_OF_OBJECT = ("s0", "s1", "s2", "arr")
+"""What SciPy makes of an object whose class is MATLAB's own: its name, how it is kept, its class."""
+
+
+def _is_object(value: Any) -> bool:
+    return isinstance(value, np.ndarray) and value.dtype.names == _PARTS_OF_OBJECT
+
+
+def _objects(name: str, value: Any) -> Iterator[str]:
+    """Say which objects only MATLAB can open, such as a timeseries of Simulink."""
+    if not isinstance(value, np.ndarray) or not value.dtype.names:
+        return
+    for element in value.ravel():
+        if _is_object(value):
+            own, kind = (
+                one_line(part.decode("latin-1") if isinstance(part, bytes) else str(part))
+                for part in (element["s0"], element["s2"])
+            )
+            own = own if name == "None" else name
+            yield (
+                f"{own} is an object of the class {kind}, which only MATLAB opens: save its "
+                f"numbers there, as in {own}_t = {own}.Time; {own}_y = {own}.Data, or log as a "
+                "structure with time"
+            )
+        else:
+            for key in value.dtype.names:
+                yield from _objects(f"{name}.{key}", element[key])
+
+
 def _flat(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
     """Yield the arrays of numbers, and of text, within a value, by their full names."""
     if isinstance(value, dict):
         for key, inner in value.items():
             yield from _flat(f"{name}.{key}", inner)
+    elif _is_object(value):
+        return
     elif isinstance(value, np.ndarray) and value.dtype.names:
         for place, element in enumerate(value.ravel()):
             whole = name if value.size == 1 else f"{name}[{place}]"

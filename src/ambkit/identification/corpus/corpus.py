@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,13 +15,14 @@ from ambkit.base.errors import AmbkitError, RecordError
 from ambkit.base.units import engineering
 from ambkit.estimate.constant_velocity import ConstantVelocityFilter, tune
 from ambkit.estimate.innovations import whiteness
+from ambkit.identification.corpus.amplitude import Weakened, weakened
 from ambkit.identification.corpus.arx import ORDER, fit_arx, normal_of
 from ambkit.identification.corpus.cutting import SMOOTHED, Stretch, cut, flights, noise_of
 from ambkit.identification.corpus.pooling import Pooled, pool
 from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
 from ambkit.identification.maximum_likelihood.likelihood import settling_time
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel, goes_on_a_line
-from ambkit.identification.maximum_likelihood.parameters import beforehand, usual
+from ambkit.identification.maximum_likelihood.parameters import NOISES, beforehand, usual
 from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
 from ambkit.identification.maximum_likelihood.validation import (
     AS_GOOD,
@@ -126,6 +127,9 @@ class Corpus:
         How each log was cut.
     left_out : mapping of str to str
         Logs that nothing is identified from, and why.
+    weakened : Weakened or None
+        How much weaker a one-sided magnet is in flight than it was described, and at what
+        amplitude.
     """
 
     start: LoopModel
@@ -135,6 +139,7 @@ class Corpus:
     foretold: Sequence[Foretold]
     stretches: Mapping[str, Sequence[Stretch]]
     left_out: Mapping[str, str]
+    weakened: Weakened | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data, in SI."""
@@ -161,6 +166,7 @@ class Corpus:
             },
             "lines": [h.model_dump() for h in self.model.bearing.sensor.hum],
             "left_out": dict(self.left_out),
+            "in_flight": None if self.weakened is None else asdict(self.weakened),
         }  # fmt: skip
 
 
@@ -221,7 +227,9 @@ def identify_corpus(
         others = Baselines.together([baselines[other] for other in rest])
         foretold.append(foretell(name, flown[name], model, others))
     together, model = _together(list(likelihoods.values()), start)
-    return Corpus(start, model, together, likelihoods, foretold, stretches, left_out)
+    note("the magnet in flight and as described")
+    weaker = weakened(flown, likelihoods, start)
+    return Corpus(start, model, together, likelihoods, foretold, stretches, left_out, weaker)
 
 
 def _together(found: Sequence[MaximumLikelihood], start: LoopModel) -> tuple[Pooled, LoopModel]:
@@ -304,7 +312,8 @@ def _each(
     first = searched(names[0], start, free, improve=True)
     begin, told = start, list(free)
     if isinstance(first, MaximumLikelihood):
-        told = [name for name in free if name not in first.held]  # as of a lag: not of any log
+        # What one log does not tell none does, as of a lag; but noises are each log's own.
+        told = [name for name in free if name not in first.held or name in NOISES]
         begin = first.model.replace(
             known=start.known, current_offset=start.current_offset,
             position_offset=start.position_offset, sensor__hum=start.bearing.sensor.hum,

@@ -1,0 +1,169 @@
+"""Whether a magnet is as strong in flight as it is described, and how that goes with the amplitude.
+
+Where the law comes from lift-off, the force at rest is known: what a flight then finds with the
+same gap differs by what the iron does when the current goes to and fro. Minor loops of hysteresis
+are flatter than the way up from zero, most so where they are small. Nothing is made to agree.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ambkit.base.errors import AmbkitError
+from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
+from ambkit.identification.maximum_likelihood.likelihood import settling_time
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+    from ambkit.identification.maximum_likelihood.loop_model import LoopModel
+    from ambkit.identification.maximum_likelihood.result import MaximumLikelihood
+
+FEWEST = 3
+"""Flights from which on a slope over the amplitude has an error."""
+
+LOOSE = 10.0
+"""By which the offset of a current is known less well here: the gap that is held tells it."""
+
+
+@dataclass(frozen=True)
+class InFlight:
+    """A magnet in one flight.
+
+    Attributes
+    ----------
+    amplitude : float
+        Of the control current within the time in which the rotor falls, rms [A].
+    factor : float
+        Magnet constant as described over that of the flight, the gap being as described.
+    error : float
+        Standard error of its logarithm.
+    """
+
+    amplitude: float
+    factor: float
+    error: float
+
+
+@dataclass(frozen=True)
+class Weakened:
+    """A magnet in several flights.
+
+    Attributes
+    ----------
+    flights : mapping of str to InFlight
+        By the names of the logs.
+    factor, factor_error : float
+        In the mean, and the standard error of its logarithm with the scatter between flights in it.
+    slope, slope_error : float
+        Of the factor's logarithm over that of the amplitude; NaN for fewer than three flights.
+    """
+
+    flights: Mapping[str, InFlight]
+    factor: float
+    factor_error: float
+    slope: float
+    slope_error: float
+
+    @property
+    def text(self) -> str:
+        """What was found, as a sentence."""
+        said = (
+            f"with the gap as described, flights tell a magnet constant that is the described one "
+            f"over {self.factor:.3g} ± {self.factor * self.factor_error:.2g}"
+        )
+        if math.isnan(self.slope):
+            return said
+        if abs(self.slope) < 2 * self.slope_error:
+            return f"{said}, whatever the amplitude of the current, as far as they tell"
+        ends = [
+            end(self.flights.values(), key=lambda one: one.amplitude) for end in (min, max)
+        ]  # fmt: skip
+        way = "less" if self.slope < 0 else "more"
+        seen = ", ".join(f"{one.factor:.3g} at {1e3 * one.amplitude:.2g} mA" for one in ends)
+        return f"{said}; {way} the larger the amplitude: {seen}"
+
+
+def weakened(
+    flown: Mapping[str, Sequence[Record]],
+    found: Mapping[str, MaximumLikelihood],
+    start: LoopModel,
+) -> Weakened | None:
+    """Say how much weaker a one-sided magnet is in flight than it is described.
+
+    Parameters
+    ----------
+    flown : mapping of str to sequence of Record
+        Flights by the names of the logs.
+    found : mapping of str to MaximumLikelihood
+        What each log tells alone; the lines in its position are taken for known.
+    start : LoopModel
+        The description.
+
+    Returns
+    -------
+    Weakened or None
+        None where the magnet is two-sided, or no flight tells.
+    """
+    if start.bearing.magnet.type != "one-sided":
+        return None
+    described = start.bearing.magnet.magnet_constant
+    flights = {}
+    for name, one in found.items():
+        if not any(p.name == "magnet_constant" for p in one.parameters):
+            continue
+        free = [p.name for p in one.parameters if p.name != "air_gap"]
+        known = {
+            at: (value, std * (LOOSE if at == "current_offset" else 1.0))
+            for at, (value, std) in start.known.items()
+        }
+        begin = one.model.replace(magnet__air_gap=start.bearing.magnet.air_gap, known=known)
+        try:
+            held = maximum_likelihood(
+                list(flown[name]), begin, free, improve_start=False, profile=False
+            )
+            k, error = held["magnet_constant"], held.standard_error("magnet_constant")
+        except AmbkitError:
+            continue
+        flights[name] = InFlight(_amplitude(flown[name], one.model), described / k, error / k)
+    if not flights:
+        return None
+    a, y, e = np.array([
+        (math.log(one.amplitude), math.log(one.factor), one.error) for one in flights.values()
+    ]).T  # fmt: skip
+    mean, mean_error = _line(np.ones((y.size, 1)), y, e)
+    slope, slope_error = math.nan, math.nan
+    if y.size >= FEWEST and np.ptp(a) > 0:
+        line, errors = _line(np.column_stack([np.ones_like(a), a - a.mean()]), y, e)
+        slope, slope_error = float(line[1]), float(errors[1])
+    return Weakened(flights, math.exp(float(mean[0])), float(mean_error[0]), slope, slope_error)
+
+
+def _line(A: np.ndarray, y: np.ndarray, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Weighted least squares; errors that the residuals exceed are as large as they say."""
+    inverse = np.linalg.inv((A.T / e**2) @ A)
+    solution = inverse @ ((A.T / e**2) @ y)
+    left = float(np.sum(((y - A @ solution) / e) ** 2)) / max(y.size - A.shape[1], 1)
+    return solution, np.sqrt(np.diag(inverse) * max(left, 1.0))
+
+
+def _amplitude(records: Sequence[Record], model: LoopModel) -> float:
+    """Rms of the control current between the plant's own time and twenty of it [A]."""
+    from scipy.signal import savgol_filter
+
+    own = settling_time(model.bearing) / model.bearing.sampling_time
+    short, long = (2 * max(1, round(part * own)) + 1 for part in (0.8, 10.0))
+    squares = []
+    for record in records:
+        u = record["u"][np.isfinite(record["u"])]
+        if u.size > long:
+            band = savgol_filter(u, max(short, 5), 2) - savgol_filter(u, long, 2)
+            squares.append(band**2)
+    if not squares:
+        return math.nan
+    mean = math.sqrt(float(np.mean(np.concatenate(squares))))
+    return abs(model.bearing.amplifier.gain) * mean
