@@ -74,6 +74,9 @@ class Control(Part):
         data: dict[str, Any] = handler(self)
         return {key: each for key, each in data.items() if each is not None and each != {}}
 
+    def __hash__(self) -> int:
+        return hash((self.type, self.cross_feedback, self.unbalance, *self.pid.items()))
+
     @property
     def needs_estimate(self) -> bool:
         """Whether the measurement alone cannot feed it."""
