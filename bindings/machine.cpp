@@ -192,6 +192,27 @@ private:
     to.gain[2] = arrays.numbers_or_none("fed_back_by_square", p * states);
     to.iu_min = arrays.numbers("iu_min", p);
     to.iu_max = arrays.numbers("iu_max", p);
+    if (!nb::cast<nb::object>(arrays["let_turn_motion"]).is_none())
+      left(states);
+  }
+  void left(size_t states)
+  {
+    const auto at = [&](const char *name) { return static_cast<size_t>(arrays.count(name)); };
+    const size_t nodes = at("let_turn_nodes"), from = at("let_turn_from");
+    const size_t width = at("let_turn_width"), moved = at("let_turn_moved");
+    const amb_real step = arrays.number("let_turn_step");
+    if (nodes < 2 || states > AMB_LET_TURN_STATES || from + width > states || moved > states ||
+        (!(step > 0) && !(step < 0)))
+      throw std::invalid_argument("a motion that is left to the rotor: there are not these states");
+    let_turn = {static_cast<int>(nodes),
+                static_cast<int>(from),
+                static_cast<int>(width),
+                static_cast<int>(moved),
+                arrays.number("let_turn_first"),
+                step,
+                arrays.numbers("let_turn_motion", nodes * moved * width),
+                arrays.numbers("let_turn_current", nodes * p * width)};
+    loop.controllers.let_turn = &let_turn;
   }
 
   std::vector<amb_magnet> magnets, coils;
@@ -199,6 +220,7 @@ private:
   std::vector<amb_parts> sensors;
   std::vector<amb_ring> rings;
   std::vector<amb_pid> pid;
+  amb_let_turn let_turn{};
 };
 
 // An estimator, and the model that turns with the rotor.

@@ -75,7 +75,12 @@ def compiler() -> str:
     return " ".join([f"{PREFIX}gcc {version}", *FLAGS, "-ffp-contract=off"])
 
 
-def build(export: Path, into: Path, contraction: Contraction = "off") -> Firmware:
+def build(
+    export: Path,
+    into: Path,
+    contraction: Contraction = "off",
+    main: Path = HERE / "main.c",
+) -> Firmware:
     """Compile and link an exported folder with the harness.
 
     Parameters
@@ -86,6 +91,8 @@ def build(export: Path, into: Path, contraction: Contraction = "off") -> Firmwar
         Folder for what is built.
     contraction : {"off", "fast"}
         Whether the compiler may fuse a multiplication and an addition, which rounds once less.
+    main : Path
+        What runs it.
 
     Raises
     ------
@@ -113,7 +120,7 @@ def build(export: Path, into: Path, contraction: Contraction = "off") -> Firmwar
     defines = [f"-Dfilter_{word}={name}_{word}" for word in words]
     defines += [f'-DHEADER="{name}_selftest.h"']
     tests = [export / "selftest" / f"{name}_{part}.c" for part in ("selftest", "vectors")]
-    harness = [BOARD / "startup.c", BOARD / "semihosting.c", HERE / "main.c"]
+    harness = [BOARD / "startup.c", BOARD / "semihosting.c", main]
     flags.append(f"-I{BOARD}")
     elf = into / "firmware.elf"
     link = ("-nostartfiles", "--specs=nano.specs", f"-T{BOARD / 'm.ld'}")

@@ -3,15 +3,11 @@
  * The build says which export, with -DHEADER="\"NAME_selftest.h\"" and -Dfilter_step=NAME_step and
  * so on (firmware/harness.py). Reads input.bin, writes output.bin; the text is for people. */
 #include HEADER
+#include "counting.h"
 #include "semihosting.h"
 #include <stdint.h>
 
 #define MOST_SAMPLES 20000U
-
-/* With `-icount shift=0` an instruction takes 1 ns and SysTick counts every 40 ns: of 40 equal
- * calls, ticks are instructions a call. */
-#define INSTRUCTIONS_A_TICK 40U
-#define REPEATS INSTRUCTIONS_A_TICK
 
 typedef struct sample {
   amb_real y; /* measurement [m] */
@@ -38,21 +34,6 @@ typedef amb_status step_function(filter_state *state, amb_real y, amb_real u,
 static sample input[MOST_SAMPLES];
 static answer output[MOST_SAMPLES];
 
-/* SysTick (ARMv7-M, B3.3), 24 bits, downwards, on the clock of the processor. */
-static volatile uint32_t *const systick = (volatile uint32_t *)0xE000E010U;
-
-static uint32_t ticks(void)
-{
-  return systick[2];
-}
-
-static void start_ticks(void)
-{
-  systick[1] = 0xFFFFFFU;
-  systick[2] = 0;
-  systick[0] = 5;
-}
-
 /* Twice the ticks' grain would be lost if the compiler moved work across the readings: it calls
  * through a pointer that it cannot see through. */
 static uint32_t count(step_function *volatile step, const filter_state *state, const sample *s)
@@ -65,7 +46,7 @@ static uint32_t count(step_function *volatile step, const filter_state *state, c
     copy = *state;
     (void)call(&copy, s->y, s->u, &now);
   }
-  return (before - ticks()) & 0xFFFFFFU;
+  return ticks_since(before);
 }
 
 /* Two instructions: what is counted around it is the loop. */
@@ -77,8 +58,6 @@ static amb_status nothing(filter_state *state, amb_real y, amb_real u, filter_es
   (void)estimates;
   return AMB_OK;
 }
-
-#define INSTRUCTIONS_OF_NOTHING 2U
 
 static uint32_t instructions(const filter_state *state, const sample *s)
 {
@@ -122,23 +101,14 @@ static uint32_t trusted_instructions(const filter_state *state, const sample *s)
 }
 #endif
 
-/* The deepest word of the stack that a step overwrites. */
-#define STACK_WORDS 1024U
-#define UNUSED 0xA5A5A5A5U
-
+/* Bytes of stack that a step needs below its caller. */
 __attribute__((noinline)) static uint32_t stack_bytes(const filter_state *state, const sample *s)
 {
   filter_state copy = *state;
   filter_estimates now;
-  volatile uint32_t *top;
-  __asm volatile("mov %0, sp" : "=r"(top));
-  for (unsigned int i = 1; i <= STACK_WORDS; i++)
-    *(top - i) = UNUSED;
+  volatile uint32_t *const top = painted();
   (void)filter_step(&copy, s->y, s->u, &now);
-  unsigned int depth = STACK_WORDS;
-  while ((depth > 0U) && (*(top - depth) == UNUSED))
-    depth--;
-  return depth * (uint32_t)sizeof *top;
+  return used_below(top);
 }
 
 static void keep(answer *to, const filter_estimates *now, amb_status status)
@@ -174,7 +144,7 @@ int main(void)
   start_ticks();
   const uint32_t before = ticks();
   filter_selftest(&selftest);
-  found.selftest = ((before - ticks()) & 0xFFFFFFU) * INSTRUCTIONS_A_TICK;
+  found.selftest = ticks_since(before) * INSTRUCTIONS_A_TICK;
   found.unequal = selftest.unequal;
   found.wrong_status = selftest.wrong_status;
   semihosting_print_number(found.unequal, " states of the self-test differ\n");

@@ -12,6 +12,7 @@ from ambkit import Bearing, Record, stiffness_map
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import cost, export_c
+from ambkit.export.pil import path
 from ambkit.export.tabulate import tabulate
 from ambkit.fuzzy.expert import Expert
 from ambkit.machine.magnets import MagnetModel
@@ -82,6 +83,7 @@ def figures(measured: Case) -> dict[str, Any]:
     return {
         "instructions": int(np.median(run.instructions)),
         "most": int(run.instructions.max()),
+        "bound": bound(measured.firmware),
         "trusted": int(np.median(run.trusted)) if run.trusted.any() else None,
         "code": size.code,
         "constants_without_arrays": size.constants - cost.bytes_of_arrays(measured.estimator),
@@ -89,6 +91,14 @@ def figures(measured: Case) -> dict[str, Any]:
         "stack": run.stack,
         "selftest": run.selftest,
     }
+
+
+def bound(firmware: harness.Firmware) -> int:
+    """Return how many instructions a step takes at most, along any path."""
+    found = path.bound(firmware.elf, "filter_step", objects=0b11)  # state and estimates
+    if found.instructions is None:
+        raise RuntimeError(f"no bound: {found.why}")
+    return found.instructions
 
 
 def measure(folder: Path) -> dict[str, Any]:
@@ -103,6 +113,9 @@ def measure(folder: Path) -> dict[str, Any]:
     fuzzy["instructions_a_rule"] = round(rule, 2)
     for name in ("instructions", "most", "trusted"):
         fuzzy[name] = round(fuzzy[name] - rule * len(whole.rules))
+    rule = (fuzzy["bound"] - few["bound"]) / (len(whole.rules) - FEW)
+    fuzzy["bound_a_rule"] = round(rule, 2)
+    fuzzy["bound"] = round(fuzzy["bound"] - rule * len(whole.rules))
     return {"compiler": harness.compiler(), "estimators": found}
 
 

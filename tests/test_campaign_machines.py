@@ -243,7 +243,7 @@ def test_a_machine_that_cannot_be_is_told() -> None:
         ("rotor.mass", "flight.duration", "cannot vary: it is one for all runs"),
         ('"s_A1"', '"s_C1"', "there is no signal s_C1; known: s_A1, s_A2"),
         ("orbit_share = 0.5", 'overshoot = "5 %"', "there is no figure overshoot"),
-        ('"linear", "extended"', '"linear", "f.toml"', "filter of a whole machine has no file"),
+        ('"linear", "extended"', '"linear", "nobody"', "there is no estimator"),
         ('"tum_mlps"', '"zittau_axial"', "machine: "),
     ],
 )  # fmt: skip
@@ -277,7 +277,12 @@ def test_a_machines_filter_is_tuned_over_its_tolerances(tmp_path: Path) -> None:
     found = ambkit.tune_robust(study, evaluations=2)
     assert {each.name for each in found.free} == {"noise.control", "noise.disturbance"}
     assert found.tried[found.taken].error <= found.tried[0].error
-    with pytest.raises(AmbkitError, match="has no file"):
-        found.save(tmp_path / "f.toml")
+    found.save(tmp_path / "f.toml")
+    assert not (tmp_path / "f.scenario.toml").exists()
+    again = ambkit.tune_robust(study, evaluations=1)  # untuned, beside the tuned one
+    tuned = study.model_copy(update={"estimator": str(tmp_path / "f.toml")})
+    rows = compute(plan_of(tuned), 0, 3).runs.column("f_d_rms").to_numpy()
+    assert max(rows) == pytest.approx(found.tried[found.taken].error)
+    assert again.tried[0].error == found.tried[0].error
     with pytest.raises(AmbkitError, match=r"controller\.kp is of a bearing"):
         ambkit.tune_robust(study, free=["controller.kp"])

@@ -19,6 +19,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
 from ambkit.data.rig_units import Inputs, Scaling
 from ambkit.estimate.base import Estimator
+from ambkit.estimate.estimate import Status
 from ambkit.export.c import CExport, export_c
 from ambkit.simulation.control import Controller
 from ambkit.simulation.run import Faults, Imposed, simulate, simulate_run
@@ -301,6 +302,9 @@ EXPLAINED = {
     "j * n": "one PID", "axis * c->states": "one axis",
     "turning": "a machine's", "c->spread[(f * c->pids) + j]": "one axis",
     "power *= speed": "a machine's",
+    "turn->": "a machine's that is let turn", "where->": "likewise", "turned(": "likewise",
+    "others": "likewise", "sum += (one[j]": "likewise", "at > AMB_C(0.0)": "likewise",
+    "int node = (int)at": "likewise",
     "for (int k = 0; k < 3; k++)": "a machine's second and third",
     "else if (!saturated)": "without a tracking time", "pid->T * pid->ki * error;": "likewise",
     "state->started = false;": "a first sample after another, of a PID that is fed by readings",
@@ -333,6 +337,15 @@ def test_operators_that_became_others_are_seen(benches: dict[str, mutants.Bench]
         if all(bench.judge(mutant).exact for bench in benches.values()):
             alive += [] if one.is_the_same(mutant) else [str(mutant)]
     assert alive == []
+
+
+def test_its_readme_says_what_to_do_for_each_flag(folders: dict[str, CExport]) -> None:
+    text = (folders["pid"].folder / "README.md").read_text()
+    rows = [line for line in text.splitlines() if line.startswith("| `AMB_")]
+    for flag in Status:
+        assert any(f"`AMB_{flag.name}`" in row for row in rows), flag
+    for words in ("void look(rig_output *copy)", "`rig_take_over` with the reading"):
+        assert words in text
 
 
 def test_the_command_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -99,6 +99,7 @@ def test_stated_gains_are_flown_and_the_rest_is_tuned():
         for pid in ({}, {"B1": PID(setpoint_weight=1.0)})
     )
     assert hard.max() > 1.05 * softly.max()
+    assert hash(Control(pid={"B1": PID(kd=14.0)})) == hash(Control(pid={"B1": PID(kd=14.0)}))
     tilted = LoopOf(TUM, Control(type="translation and tilt", pid={"th_x": PID(kd=14.0)}))
     assert tilted.pids()["th_x"].kd == 14.0
 

@@ -21,6 +21,7 @@ from ambkit.simulation.controllers import Control
 
 CROSSED = Control(type="translation and tilt", cross_feedback=0.5)
 UNBALANCE = {"synchronous": ("unbalance",)}
+LET_TURN = Control(unbalance="force-free", unbalance_from=200.0)
 FLIGHTS = {
     "readings": (Flight(), {}),
     "from rest": (Flight(start="rest"), {}),
@@ -28,6 +29,7 @@ FLIGHTS = {
     "force-free": (
         Flight(feedback="estimate", control=Control(unbalance="force-free")), UNBALANCE,
     ),
+    "force-free, from a speed": (Flight(feedback="estimate", control=LET_TURN), UNBALANCE),
     "lqg, still": (
         Flight(feedback="estimate", control=Control(type="lqg", unbalance="still")), UNBALANCE,
     ),
@@ -59,6 +61,15 @@ def test_currents_are_those_of_the_simulation(name: str, precision: Any, tmp_pat
 def test_those_of_presets(name: str, kind: Any, tmp_path: Path) -> None:
     flight = Flight(feedback="estimate", control=Control(type=kind))
     export_c(Machine.preset(name), None, tmp_path / "c", prefix="f", flight=flight)
+    assert "samples flown: equal to the last bit" in run(tmp_path / "c")
+
+
+@compiled
+@pytest.mark.long
+def test_a_rotor_that_bends_is_let_turn_as_in_the_simulation(tmp_path: Path) -> None:
+    one = Machine.preset("ufu_flexible").replace(speed="9000 rpm")
+    flight = Flight(feedback="estimate", control=Control(unbalance="force-free"))
+    export_c(one, None, tmp_path / "c", prefix="f", flight=flight, **UNBALANCE)
     assert "samples flown: equal to the last bit" in run(tmp_path / "c")
 
 
@@ -136,7 +147,7 @@ int main()
 
 
 @compiled
-@pytest.mark.parametrize("name", ["force-free", "lqg, still"])
+@pytest.mark.parametrize("name", ["force-free", "force-free, from a speed", "lqg, still"])
 def test_currents_stay_within_limits_whatever_is_given(name: str, tmp_path: Path) -> None:
     """And C++ takes the headers."""
     flight, options = FLIGHTS[name]

@@ -6,14 +6,16 @@ import pytest
 
 import ambkit
 from ambkit import KalmanFilter, Machine
-from ambkit.base.errors import AmbkitError
+from ambkit.base.errors import AmbkitError, ConfigError
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.simulation.controllers import Control, controllers_of
 from ambkit.simulation.flight import Disturbance, Flight, Reference
+from ambkit.simulation.let_turn import let_turn
 from ambkit.simulation.machine import simulate_machine
 from ambkit.simulation.plant import Plant
 from ambkit.simulation.regulator import regulator
-from ambkit.simulation.waveforms import Step
+from ambkit.simulation.waveforms import Ramp, Step
+from ambkit.workflow.loop_of import LoopOf
 
 MACHINES = ("hindawi_2011", "tum_mlps", "ufu_rig")
 KINDS = [
@@ -84,6 +86,85 @@ def test_unbalance_is_let_turn_or_kept_still(name, kind):
     assert orbit["still"] < 0.5 * orbit["fought"]
 
 
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("ufu_flexible", "decentralised"),
+        pytest.param("ufu_flexible", "lqg", marks=pytest.mark.long),
+        pytest.param("tum_mlps_flexible", "decentralised", marks=pytest.mark.long),
+    ],
+)
+def test_a_rotor_that_bends_is_let_turn_or_kept_still(name, kind):
+    """At 9,000 rpm, beyond its first bending mode."""
+    machine = Machine.preset(name).replace(speed="9000 rpm")
+    axis = machine.axes[0].name
+    force, orbit = {}, {}
+    for unbalance in ("fought", "force-free", "still"):
+        control = Control(type=kind, unbalance=unbalance)
+        flight = Flight(duration=1.0, feedback="estimate", control=control)
+        filter = KalmanFilter(machine, synchronous=["unbalance"])
+        run = simulate_machine(machine, flight, estimator=filter)
+        assert run.samples_at_the_stop == 0
+        force[unbalance] = round_turns(run, f"f_mag_{axis}", 0.7)
+        orbit[unbalance] = round_turns(run, f"s_{axis}", 0.7)
+    small = 0.05 if name == "ufu_flexible" else 0.4  # of 0.03 N there is not much to be had
+    assert force["force-free"] < small * force["fought"]
+    assert orbit["still"] < 0.25 * orbit["fought"]
+
+
+def test_through_the_bending_mode_it_is_fought_and_let_turn_beyond():
+    machine = Machine.preset("ufu_flexible").replace(speed="9000 rpm")
+    speed = Ramp(slope=machine.speed / 1.2, end=1.2)
+    runs = {}
+    for told in (Control(), Control(unbalance="force-free", unbalance_from="7000 rpm")):
+        flight = Flight(duration=1.5, feedback="estimate", control=told, speed=speed)
+        filter = KalmanFilter(machine, synchronous=["unbalance"])
+        runs[told.unbalance] = simulate_machine(machine, flight, estimator=filter)
+    below = np.searchsorted(runs["fought"].record["speed"], 7000 * np.pi / 30)
+    fought, free = (displacements(run) for run in runs.values())
+    np.testing.assert_array_equal(free[:, :below], fought[:, :below])
+    assert np.abs(free).max() < 1.05 * np.abs(fought).max()
+    late = slice(-2000, None)
+    shaken, less = (np.std(run.record["f_mag_A1"][late]) for run in runs.values())
+    assert less < 0.6 * shaken  # what is left is noise
+
+
+def test_a_free_rigid_rotor_is_that_of_the_polynomials():
+    machine = Machine.preset("tum_mlps").replace(speed="12000 rpm")
+    plant, filter = Plant(machine), KalmanFilter(machine, synchronous=["unbalance"])
+    told = controllers_of(plant, Control(unbalance="force-free"), filter).feedback
+    turn = let_turn(plant, filter, "force-free", 50.0)
+    plain = controllers_of(plant, Control(), filter).feedback
+    for speed in (200.0, 900.0, machine.speed):
+        motion, current = turn.at(speed)
+        q, at = len(motion) // 2, slice(turn.start, turn.start + motion.shape[1])
+        left = -plain["position"][:, :q] @ motion[:q]
+        size = np.abs(left).max()
+        assert told["position"][:, at] == pytest.approx(left, rel=0, abs=1e-9 * size)
+        quick = -plain["velocity"][:, q : 2 * q] @ motion[q:]
+        assert speed * told["turning"][:, at] == pytest.approx(
+            quick, rel=0, abs=1e-9 * np.abs(quick).max()
+        )
+        # Ahead by half of a sample, for the hold.
+        pairs = current[:, ::2] - 1j * current[:, 1::2]
+        own = told["fed_back"][:, at]
+        ahead = np.exp(0.5j * speed * machine.sampling_time)
+        expected = (own[:, ::2] - 1j * own[:, 1::2]) * ahead
+        near = 2e-3 * np.abs(expected).max()
+        assert pairs == pytest.approx(expected, rel=0, abs=near)
+
+
+def test_poles_of_the_loop_do_not_move_by_what_is_left_to_turn():
+    machine = Machine.preset("ufu_flexible").replace(speed="6300 rpm", unbalance=[])
+    filter = KalmanFilter(machine, synchronous=["unbalance"])
+    poles = []
+    for told in (Control(), Control(unbalance="still")):
+        poles.append(LoopOf(machine, told).loop(filter).closed.poles())
+    away = np.abs(poles[0][:, None] - poles[1][None, :]).min(axis=1)
+    assert away.max() < 1e-5  # of double ones the digits are half as many
+    assert np.abs(poles[1]).max() < 1
+
+
 def test_cross_feedback_takes_the_gyroscopics_back():
     """All of it, and the rotor in its magnets has the dynamics that it has at rest."""
     plant, machine = Plant(Machine.preset("tum_mlps")), Machine.preset("tum_mlps")
@@ -147,12 +228,32 @@ def test_the_regulator_is_controls_own():
         (Control(cross_feedback=0.5), "measurement", "cross_feedback"),
         (Control(unbalance="still"), "measurement", 'unbalance = "still"'),
         (Control(unbalance="force-free"), "estimate", "no unbalance among its states"),
+        (
+            Control(unbalance="still", unbalance_from=50.0),
+            "estimate",
+            "no unbalance among its states",
+        ),
     ],
 )
 def test_what_cannot_be_is_refused(control, feedback, said):
     flight = Flight(duration=0.1, feedback=feedback, control=control)
     with pytest.raises(AmbkitError, match=said):
         simulate_machine(Machine.preset("tum_mlps"), flight)
+
+
+def test_what_cannot_be_let_turn_is_refused():
+    one = Machine.preset("ufu_flexible")
+    bending = one.replace(speed=one.bending.frequency[0] * 1.035, unbalance=[
+        {"place": one.unbalance[0].place, "amount": 1e-3}])  # fmt: skip
+    for turned, told, said in (
+        (bending, Control(unbalance="force-free"), "of the travel or of the greatest current"),
+        (one, Control(unbalance="still", unbalance_from=500.0), "is not below the greatest speed"),
+    ):
+        filter = KalmanFilter(turned, synchronous=["unbalance"])
+        with pytest.raises(AmbkitError, match=said):
+            controllers_of(Plant(turned), told, filter)
+    with pytest.raises(ConfigError, match="unbalance_from"):
+        Control(unbalance_from=50.0)
 
 
 def test_a_flight_s_file_says_how_the_machine_is_controlled(tmp_path):

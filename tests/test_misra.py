@@ -12,13 +12,15 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 from export_cases import BEARING, CASES
+from machine_cases import machine
 
-from ambkit import PID, Scenario
+from ambkit import PID, Flight, Scenario
 from ambkit.export.c import CExport, export_c
+from ambkit.simulation.controllers import Control
 
 BIN = Path(sys.executable).parent
 MUST_FAIL = Path(__file__).parent / "export" / "must_fail_misra.c"
@@ -125,16 +127,38 @@ def test_each_deviation_occurs_and_has_its_reason(case: tuple[CExport, set[Findi
         assert len(reason) > 40, f"{deviation} has no reason"
 
 
+def unexplained(made: CExport) -> list[Finding | str]:
+    """Return what is found and not in misra.txt, and what is there and nowhere found."""
+    define, includes, files = command_of(made)
+    expanded = sorted(str(p.relative_to(made.folder)) for f in files for p in made.folder.glob(f))
+    found = findings(made.folder, define, *includes, *expanded)
+    misra = made.folder / "misra.txt"
+    occurring = {(f.rule, file) for f in found for file in ("", f.file)}
+    nowhere = [":".join(each) for each in deviations(misra) if each not in occurring]
+    return [*(f for f in found if not explained(f, misra)), *nowhere]
+
+
 @pytest.mark.parametrize("calibrated", [False, True])
 def test_a_whole_controller_keeps_the_rules_too(calibrated: bool, tmp_path: Path) -> None:
     scenario = Scenario(duration=0.1, controller=PID.for_bearing(BEARING))
     made = export_c(
-        BEARING, None, tmp_path / "out", prefix="rig", scenario=scenario, calibrated=calibrated
-    )
-    define, includes, files = command_of(made)
-    expanded = sorted(str(p.relative_to(made.folder)) for f in files for p in made.folder.glob(f))
-    found = findings(made.folder, define, *includes, *expanded)
-    assert [f for f in found if not explained(f, made.folder / "misra.txt")] == []
+        BEARING, None, tmp_path / "out", prefix="rig", scenario=scenario, calibrated=calibrated,
+        telemetry=calibrated,
+    )  # fmt: skip
+    assert unexplained(made) == []
+
+
+MACHINES: dict[str, dict[str, Any]] = {
+    "filter": {"kind": "augmented"},
+    "controllers": {"flight": Flight(feedback="estimate", control=Control(type="lqg"))},
+}
+
+
+@pytest.mark.parametrize("of", MACHINES)
+def test_a_machine_keeps_the_rules_too(of: str, tmp_path: Path) -> None:
+    made = export_c(machine(), None, tmp_path / "out", prefix="rig", **MACHINES[of])
+    assert "core/src/loops.c" in made.sources
+    assert unexplained(made) == []
 
 
 def test_the_command_in_misra_txt_finds_nothing(exported: Callable[..., CExport]) -> None:

@@ -90,6 +90,7 @@ def test_a_record_has_the_same_bits_at_every_stage(tmp_path: Path) -> None:
     """Flown there, written as a log, read, filtered, and run through the controller here."""
     found = pil(BEARING, scenario=SCENARIO, board="stm32f4")
     assert (found.unequal, found.unequal_flight, found.selftest) == (0, 0, 0)
+    assert (found.unequal_frames, found.frames.meta["missing"]) == (0, 0)
     assert [mode for _, mode in found.modes] == [
         "OFF", "WAITING", "LIFTING", "FLYING", "LANDING", "OFF",
     ]  # fmt: skip
@@ -106,7 +107,8 @@ def test_a_record_has_the_same_bits_at_every_stage(tmp_path: Path) -> None:
     assert flying.sum() > 800
     assert found.worst < 0.2 * BEARING.rotor.travel_limit
     assert found.stack_seen <= (found.built.stack or 0) < 2000
-    assert found.instructions <= found.most < 3000
+    assert found.bound.instructions is not None, found.bound.why
+    assert found.instructions <= found.most < found.bound.instructions < 8000
     assert found.built.variables == 0
 
 
@@ -125,15 +127,20 @@ def test_the_rigs_own_numbers_go_there(tmp_path: Path) -> None:
 @pytest.mark.long
 @needs_tools
 def test_the_command_says_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path, out = tmp_path / "s.toml", tmp_path / "flight.csv"
+    path, out, page = tmp_path / "s.toml", tmp_path / "flight.csv", tmp_path / "pil.html"
     path.write_text(SCENARIO.to_toml())
     with pytest.raises(SystemExit) as left:
-        main(["pil", "zittau_axial", "--scenario", str(path), "--json", "--out", str(out)])
+        main(["pil", "zittau_axial", "--scenario", str(path), "--json", "--out", str(out),
+              "--report", str(page)])  # fmt: skip
     assert not left.value.code
     told = json.loads(capsys.readouterr().out)
     assert told["passed"] is True
     assert told["samples"] == 2001
+    assert told["bound"]["instructions"] > told["most"]
     assert ambkit.Record.load(out).t.size == 2001
+    text = page.read_text(encoding="utf-8")
+    assert "Every number that the processor gave is Python" in text
+    assert f"{told['bound']['instructions']}" in text
 
 
 @pytest.mark.long

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import portability
 import pytest
-from export_cases import BEARING, CASES, INCLUDES, STRICT, flight_files
+from export_cases import BEARING, CASES, INCLUDES, SAME_BITS, STRICT, flight_files, program
+from machine_cases import machine
 
 import ambkit
 from ambkit.base.errors import AmbkitError
@@ -155,6 +156,36 @@ def test_that_compiler_would_find_what_others_do_not(
     usual = [word for word in MSP430 if "msp430" not in word]
     here = subprocess.run([*usual, "a.c"], cwd=tmp_path, capture_output=True, text=True)
     assert (here.returncode, here.stderr) == (0, "")
+
+
+# ---- The other byte order ----
+
+BIG_ENDIAN = ("s390x-linux-gnu-gcc", "qemu-s390x")
+
+
+@pytest.mark.long
+@pytest.mark.skipif(
+    not all(map(shutil.which, BIG_ENDIAN)), reason=f"not there: one of {', '.join(BIG_ENDIAN)}"
+)
+@pytest.mark.parametrize("of", ["linear", "double", "tabulated", "controller", "machine"])
+def test_the_other_byte_order_gives_the_same_bits(
+    exported: Callable[..., CExport], of: str, tmp_path: Path
+) -> None:
+    if of == "controller":
+        made = export_c(BEARING, None, tmp_path / "c", prefix="f", scenario=ambkit.Scenario())
+    elif of == "machine":
+        made = export_c(machine(), None, tmp_path / "c", prefix="f", flight=ambkit.Flight())
+    else:
+        made = exported("adaptive", "double") if of == "double" else exported(of)
+    compiler, emulator = BIG_ENDIAN
+    # In ISO mode gcc has float computed as double on this machine alone.
+    words = ["-static", "-fexcess-precision=fast", *SAME_BITS]
+    done = program(compiler, made.folder, tmp_path / "test.out", tuple(words))
+    assert done.returncode == 0, done.stderr
+    run = [emulator, str(tmp_path / "test.out")]
+    said = subprocess.run(run, capture_output=True, text=True, timeout=120).stdout
+    assert said.startswith("pass")
+    assert "equal to the last bit" in said
 
 
 def test_a_table_that_an_int_of_16_bits_cannot_count_is_refused(tmp_path: Path) -> None:

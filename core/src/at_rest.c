@@ -53,8 +53,8 @@ bool amb_rest_sees(const amb_model *model, int r, const bool these[AMB_STATES])
 /* The position that velocity j moves most within a sample, or else the first one. */
 static int moved_by(const amb_model *model, int j)
 {
-  const amb_real iu[AMB_CONTROLS] = {AMB_C(0.0)};
-  const amb_real F[AMB_FORCES] = {AMB_C(0.0)};
+  const amb_real iu[AMB_CONTROLS] = {0};
+  const amb_real F[AMB_FORCES] = {0};
   amb_real states[AMB_STATES];
   int most = -1;
   only(model, j, states);

@@ -23,7 +23,7 @@ static void start_at(const amb_control *c, amb_control_state *s, void *filter,
 /* Nothing is known until there is a reading. */
 static void forget(const amb_control *c, amb_control_state *s, void *filter)
 {
-  const amb_real nothing[AMB_SENSORS] = {AMB_C(0.0)};
+  const amb_real nothing[AMB_SENSORS] = {0};
   start_at(c, s, filter, nothing);
   s->started = false;
 }

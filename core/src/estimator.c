@@ -15,7 +15,7 @@ amb_status amb_estimator_start(const amb_estimator *estimator, void *state,
                                const amb_real y[AMB_SENSORS], amb_kalman_result *result)
 {
   const amb_kalman_state *base = (const amb_kalman_state *)state;
-  const amb_real none[AMB_CONTROLS] = {AMB_C(0.0)};
+  const amb_real none[AMB_CONTROLS] = {0};
   amb_step_ask_all(estimator->kf, estimator->magnet, none, base->mean, result->stiffness);
   return estimator->methods->update(estimator, state, y, result);
 }

@@ -34,7 +34,7 @@ bool amb_excitation_doubt(amb_excitation *e, const amb_excitation_settings *sett
 void amb_excitation_predict(amb_excitation *e, const amb_model *model,
                             const amb_stiffness k[AMB_FORCES], const amb_real known[AMB_FORCES])
 {
-  const amb_real none[AMB_CONTROLS] = {AMB_C(0.0)};
+  const amb_real none[AMB_CONTROLS] = {0};
   amb_real F[AMB_FORCES];
   for (int f = 0; f < amb_forces(model); f++) {
     const amb_real i = amb_model_current(model, f, e->slope, none);

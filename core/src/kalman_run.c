@@ -114,7 +114,7 @@ amb_status amb_kalman_run(const amb_kalman *kf, const amb_magnet magnet[AMB_FORC
     return AMB_OK;
   }
   /* The first sample, which is only taken in, with the stiffnesses that come first. */
-  const amb_real none[AMB_CONTROLS] = {AMB_C(0.0)};
+  const amb_real none[AMB_CONTROLS] = {0};
   amb_kalman_result first;
   if (given) {
     given_at(&own, &in, 0, first.stiffness);

@@ -21,7 +21,7 @@ static void add_row(sum_of_rows *sum, amb_real value, const amb_real *row)
 
 /* BLOCK columns of the sum, from `at` on, one row after the other in each. Written out, for
  * compilers make vectors across the columns of this, but along the rows of a loop. */
-static void add_block(const sum_of_rows *sum, int at, amb_real *restrict to)
+static void add_block(const sum_of_rows *sum, int at, amb_real *to)
 {
   amb_real a = sum->value[0];
   const amb_real *p = &sum->row[0][at];
@@ -58,7 +58,7 @@ static void add_block(const sum_of_rows *sum, int at, amb_real *restrict to)
 /* The first `wanted` of n columns of the sum. The last block is moved back such that it ends with
  * the rows: what it shares with the one before is added up twice, to the same. Columns past
  * `wanted` may be written too. */
-static void add_up(const sum_of_rows *sum, int n, int wanted, amb_real *restrict to)
+static void add_up(const sum_of_rows *sum, int n, int wanted, amb_real *to)
 {
   if (sum->count == 0) {
     for (int j = 0; j < wanted; j++) {
@@ -83,8 +83,8 @@ static void add_up(const sum_of_rows *sum, int n, int wanted, amb_real *restrict
 /* The rows of X, n wide, that row i of A asks for. */
 static void add_rows_of(const amb_sparse *A, int i, const amb_real *X, int n, sum_of_rows *sum)
 {
-  for (int k = A->start[i]; k < A->start[i + 1]; k++) {
-    add_row(sum, A->value[k], &X[A->column[k] * n]);
+  for (int k = A->start[i]; k < (int)A->start[i + 1]; k++) {
+    add_row(sum, A->value[k], &X[(int)A->column[k] * n]);
   }
 }
 
@@ -92,13 +92,13 @@ void amb_model_predict_mean(const amb_model *model, const amb_real F[], const am
                             amb_real mean[])
 {
   const int n = model->states;
-  amb_real all[AMB_FORCES];
+  amb_real force[AMB_FORCES];
   amb_real before[AMB_STATES];
-  all[0] = AMB_C(0.0); /* compilers do not know that there is one */
+  force[0] = AMB_C(0.0); /* compilers do not know that there is one */
   for (int f = 0; f < model->forces; f++) {
-    all[f] = F[f];
-    for (int k = model->h.start[f]; k < model->h.start[f + 1]; k++) {
-      all[f] += model->r[k] * mean[model->h.column[k]];
+    force[f] = F[f];
+    for (int k = model->h.start[f]; k < (int)model->h.start[f + 1]; k++) {
+      force[f] += model->r[k] * mean[model->h.column[k]];
     }
   }
   for (int i = 0; i < n; i++) {
@@ -106,11 +106,11 @@ void amb_model_predict_mean(const amb_model *model, const amb_real F[], const am
   }
   for (int i = 0; i < n; i++) {
     amb_real sum = amb_sparse_times(&model->L, model->L.value, i, before);
-    for (int k = model->B_u.start[i]; k < model->B_u.start[i + 1]; k++) {
+    for (int k = model->B_u.start[i]; k < (int)model->B_u.start[i + 1]; k++) {
       sum += model->B_u.value[k] * iu[model->B_u.column[k]];
     }
-    for (int k = model->b.start[i]; k < model->b.start[i + 1]; k++) {
-      sum += model->b.value[k] * all[model->b.column[k]];
+    for (int k = model->b.start[i]; k < (int)model->b.start[i + 1]; k++) {
+      sum += model->b.value[k] * force[model->b.column[k]];
     }
     mean[i] = sum;
   }
@@ -133,7 +133,7 @@ static void noise_of_controls(const amb_model *model, const amb_stiffness k[],
     for (int c = 0; c < controls; c++) {
       noise->gain[f][c] = AMB_C(0.0);
     }
-    for (int j = model->d.start[f]; j < model->d.start[f + 1]; j++) {
+    for (int j = model->d.start[f]; j < (int)model->d.start[f + 1]; j++) {
       const int c = model->d.column[j];
       noise->gain[f][c] = (k[f].k_i * model->d.value[j]) * k_ui[c];
     }
@@ -208,7 +208,7 @@ static void turn(int rows, const amb_real *const row[], int first, int end, int 
   }
 }
 
-static int at_most(int a, int b)
+static int smaller(int a, int b)
 {
   return (a < b) ? a : b;
 }
@@ -217,7 +217,7 @@ static int at_most(int a, int b)
 static void mirror(int n, const amb_real cov[], amb_real *P)
 {
   for (int i = 0; i < n; i += 4) {
-    const int end = at_most(i + 4, n);
+    const int end = smaller(i + 4, n);
     const amb_real *row[4];
     for (int r = i; r < end; r++) {
       row[r - i] = &cov[amb_entry(n, r, 0)];
@@ -244,7 +244,7 @@ static void unfold(int n, const amb_real cov[], amb_real *P)
 static void transpose(int n, const amb_real *from, amb_real *to)
 {
   for (int i = 0; i < n; i += 4) {
-    const int end = at_most(i + 4, n);
+    const int end = smaller(i + 4, n);
     const amb_real *row[4];
     for (int r = i; r < end; r++) {
       row[r - i] = &from[r * n];
@@ -264,7 +264,7 @@ static void of_forces(const amb_model *model, const amb_stiffness k[], const roo
     sum.count = 0;
     for (int a = (int)h->start[f + 1] - 1; a >= (int)h->start[f]; a--) {
       row[a] = k[f].k_s * h->value[a] + k[f].k_i * model->e[a] + model->r[a];
-      add_row(&sum, row[a], &room->P[h->column[a] * n]);
+      add_row(&sum, row[a], &room->P[(int)h->column[a] * n]);
     }
     add_up(&sum, n, n, &room->w[f * n]);
   }
@@ -281,12 +281,12 @@ static void pushes(const amb_model *model, const amb_real k_ui[], int direct, co
     room->u[j] = AMB_C(0.0);
   }
   for (int i = 0; i < n; i++) {
-    for (int a = model->b.start[i]; a < model->b.start[i + 1]; a++) {
-      room->w[model->b.column[a] * n + i] = model->b.value[a];
+    for (int a = model->b.start[i]; a < (int)model->b.start[i + 1]; a++) {
+      room->w[((int)model->b.column[a] * n) + i] = model->b.value[a];
     }
-    for (int a = model->B_u.start[i]; a < model->B_u.start[i + 1]; a++) {
+    for (int a = model->B_u.start[i]; a < (int)model->B_u.start[i + 1]; a++) {
       const int c = model->B_u.column[a];
-      room->u[c * n + i] = model->B_u.value[a] * k_ui[c];
+      room->u[(c * n) + i] = model->B_u.value[a] * k_ui[c];
     }
   }
 }
@@ -322,12 +322,12 @@ static void with_next_state(const amb_model *model, int f, const control_noise *
   for (int g = 0; g < model->forces; g++) {
     add_row(&sum, noise->variance[g][f], &room->w[g * n]);
   }
-  for (int a = model->d.start[f]; (direct > 0) && (a < model->d.start[f + 1]); a++) {
+  for (int a = model->d.start[f]; (direct > 0) && (a < (int)model->d.start[f + 1]); a++) {
     const int c = model->d.column[a];
     add_row(&sum, noise->gain[f][c], &room->u[c * n]);
   }
   for (int a = (int)h->start[f + 1] - 1; a >= (int)h->start[f]; a--) {
-    add_row(&sum, row[a], &room->P[h->column[a] * n]);
+    add_row(&sum, row[a], &room->P[(int)h->column[a] * n]);
   }
   add_up(&sum, n, n, &room->z[f * n]);
 }
@@ -341,7 +341,7 @@ static void next_column(const amb_model *model, int j, const amb_real k_ui[], co
   sum.count = 0;
   add_rows_of(&model->L, j, room->P, n, &sum);
   add_row(&sum, AMB_C(1.0), &room->M[j * n]);
-  for (int a = model->B_u.start[j]; a < model->B_u.start[j + 1]; a++) {
+  for (int a = model->B_u.start[j]; a < (int)model->B_u.start[j + 1]; a++) {
     const int c = model->B_u.column[a];
     add_row(&sum, model->B_u.value[a] * k_ui[c], &room->v[c * n]);
   }
@@ -378,7 +378,7 @@ void amb_model_predict_covariance(const amb_model *model, const amb_stiffness k[
   }
   mirror(n, growth, room.M);
   for (int j = 0; j < n; j += 4) {
-    const int end = at_most(j + 4, n);
+    const int end = smaller(j + 4, n);
     amb_real column[4][AMB_STATES];
     const amb_real *const columns[] = {column[0], column[1], column[2], column[3]};
     for (int c = j; c < end; c++) {
@@ -397,7 +397,7 @@ amb_real amb_model_shown(const amb_model *model, int r, const amb_real mean[])
 }
 
 /* to += value times row k of the symmetric matrix of which `cov` is the upper triangle. */
-static void add_row_of(int n, int k, const amb_real cov[], amb_real value, amb_real *restrict to)
+static void add_row_of(int n, int k, const amb_real cov[], amb_real value, amb_real *to)
 {
   const amb_real *row = &cov[amb_entry(n, k, k)];
   int entry = k; /* down the column the rows get shorter */
@@ -416,7 +416,7 @@ void amb_model_shown_with(const amb_model *model, int r, const amb_real cov[], a
   for (int j = 0; j < n; j++) {
     with_y[j] = AMB_C(0.0);
   }
-  for (int a = model->c.start[r]; a < model->c.start[r + 1]; a++) {
+  for (int a = model->c.start[r]; a < (int)model->c.start[r + 1]; a++) {
     add_row_of(n, model->c.column[a], cov, model->c.value[a], with_y);
   }
 }
@@ -425,9 +425,9 @@ amb_real amb_model_shown_variance(const amb_model *model, int r, const amb_real 
 {
   const int n = model->states;
   amb_real sum = AMB_C(0.0);
-  for (int b = model->c.start[r]; b < model->c.start[r + 1]; b++) {
+  for (int b = model->c.start[r]; b < (int)model->c.start[r + 1]; b++) {
     amb_real with = AMB_C(0.0);
-    for (int a = model->c.start[r]; a < model->c.start[r + 1]; a++) {
+    for (int a = model->c.start[r]; a < (int)model->c.start[r + 1]; a++) {
       with += cov[amb_place(n, model->c.column[a], model->c.column[b])] * model->c.value[a];
     }
     sum += model->c.value[b] * with;
@@ -475,15 +475,14 @@ void amb_model_uncorrelated(const amb_model *model, const amb_real variances[], 
 }
 
 /* Two rows of the covariance, of which the first has one entry more, at the front. */
-static void take_two(int count, const amb_real K[2], const amb_real *restrict with_y,
-                     amb_real *restrict row, amb_real *restrict next)
+static void take_two(int count, const amb_real K[2], const amb_real *with_y, amb_real *row,
+                     amb_real *next)
 {
   row[0] -= K[0] * with_y[0];
-  row = &row[1];
-  with_y = &with_y[1];
   for (int j = 0; j < count; j++) {
-    row[j] -= K[0] * with_y[j];
-    next[j] -= K[1] * with_y[j];
+    const amb_real with = with_y[j + 1];
+    row[j + 1] -= K[0] * with;
+    next[j] -= K[1] * with;
   }
 }
 
@@ -512,7 +511,7 @@ void amb_model_pushed(const amb_model *model, int f, amb_real moved[])
 {
   for (int i = 0; i < model->states; i++) {
     moved[i] = AMB_C(0.0);
-    for (int a = model->b.start[i]; a < model->b.start[i + 1]; a++) {
+    for (int a = model->b.start[i]; a < (int)model->b.start[i + 1]; a++) {
       if ((int)model->b.column[a] == f) {
         moved[i] = model->b.value[a];
       }
@@ -527,7 +526,7 @@ void amb_model_growth(const amb_model *model, const amb_real var[], amb_real gro
     growth[i] = AMB_C(0.0);
   }
   for (int k = 0; k < model->noises; k++) {
-    for (int a = model->N.start[k]; a < model->N.start[k + 1]; a++) {
+    for (int a = model->N.start[k]; a < (int)model->N.start[k + 1]; a++) {
       growth[model->N.column[a]] += model->N.value[a] * var[k];
     }
   }
@@ -537,7 +536,7 @@ bool amb_model_drives(const amb_model *model, int k, int i)
 {
   const int diagonal = amb_entry(model->states, i, i);
   bool driven = false;
-  for (int a = model->N.start[k]; a < model->N.start[k + 1]; a++) {
+  for (int a = model->N.start[k]; a < (int)model->N.start[k + 1]; a++) {
     driven = driven || ((int)model->N.column[a] == diagonal);
   }
   return driven;

@@ -24,7 +24,7 @@ static amb_status reset(const amb_estimator *self, void *state, const amb_real m
 static void follow(const amb_model *model, const amb_real iu[AMB_CONTROLS],
                    amb_real mean[AMB_STATES])
 {
-  const amb_real none[AMB_FORCES] = {AMB_C(0.0)};
+  const amb_real none[AMB_FORCES] = {0};
   amb_real next[AMB_STATES];
   const int n = amb_states(model);
   for (int i = 0; i < n; i++) {

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from ambkit.data.reading.reader import load as load
     from ambkit.data.reading.reader import read as read
     from ambkit.data.record import Record as Record
+    from ambkit.data.telemetry import read_telemetry as read_telemetry
     from ambkit.estimate.adaptive_noise import AdaptiveNoise as AdaptiveNoise
     from ambkit.estimate.base import Estimator as Estimator
     from ambkit.estimate.batch import run_many as run_many
@@ -94,6 +95,7 @@ _HOME = {
     "base.errors": ["AmbkitError", "ConfigError", "RecordError"],
     "data.reading.reader": ["load", "read"],
     "data.record": ["Record"],
+    "data.telemetry": ["read_telemetry"],
     "estimate.adaptive_noise": ["AdaptiveNoise"],
     "estimate.base": ["Estimator"],
     "estimate.batch": ["run_many"],

@@ -18,7 +18,7 @@ class Model:  # type: ignore[no-redef]
         """
 
     def turn(self, speed: float, growth: float) -> None:
-        """Take the numbers of a speed [rad/s]."""
+        """Take the numbers of a speed [rad/s] that grows [rad/s^2]."""
 
 def run_turning(estimator: Estimator, y: Any, u: Any, speed: Any, model: Model, *, covariance: bool = False) -> dict[str, Any]:
     """A whole record while the speed of rotation changes (n,) [rad/s], of its own model."""

@@ -72,8 +72,47 @@ static void test_limits_and_no_numbers(void)
   CHECK(amb_is_finite(iu[0]) && amb_is_finite(iu[1]));
 }
 
+/* Two nodes from 10 to 30 rad/s, of the third state: 4 of the first, 2 of the second; 6 and 8 A. */
+static void test_what_is_left_to_turn(void)
+{
+  const amb_real motion[] = {0, 0, 4, 2}, current[] = {0, 0, 6, 8};
+  const amb_let_turn turn = {.nodes = 2,
+                             .from = 2,
+                             .width = 1,
+                             .moved = 2,
+                             .first = 10,
+                             .step = 20,
+                             .motion = motion,
+                             .current = current};
+  const amb_real x[] = {4, 2, AMB_C(0.5)}, r[] = {5};
+  const struct {
+    amb_real speed, share;
+  } at[] = {{-30, 0}, {0, 0}, {10, 0}, {15, AMB_C(0.25)}, {30, 1}, {90, 1}};
+  for (size_t k = 0; k < sizeof at / sizeof at[0]; k++) {
+    amb_real iu[2];
+    amb_pid_state s;
+    amb_controllers c = made();
+    c.let_turn = &turn;
+    c.gain[0] = still;
+    amb_pid_reset(&s, 0);
+    CHECK(amb_controllers_step(&c, &s, r, x, at[k].speed, iu) == AMB_OK);
+    const amb_real mean = 3 - at[k].share * (2 + 1) / 2, e = 2 * (5 - mean);
+    CHECK_NEAR(iu[0], 4 - at[k].share * 2 + at[k].share * 3 + e);
+    CHECK_NEAR(iu[1], at[k].share * 4 - 3 * e);
+  }
+  const amb_real lost[] = {4, 2, NOT_A_NUMBER};
+  amb_real iu[2];
+  amb_pid_state s;
+  amb_controllers c = made();
+  c.let_turn = &turn;
+  amb_pid_reset(&s, 0);
+  (void)amb_controllers_step(&c, &s, r, lost, 30, iu);
+  CHECK(amb_is_finite(iu[0]) && amb_is_finite(iu[1]));
+}
+
 int main(void)
 {
+  test_what_is_left_to_turn();
   test_terms();
   test_limits_and_no_numbers();
   return failures;

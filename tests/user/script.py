@@ -91,6 +91,7 @@ def records(bearing: ambkit.Bearing, scenario: ambkit.Scenario) -> ambkit.Record
         assert_type(ambkit.load(path), ambkit.Record)
         try:
             ambkit.read(path, path)
+            assert_type(ambkit.read_telemetry(b"AMBF", path), ambkit.Record)
         except (ambkit.ConfigError, ambkit.RecordError) as error:
             print(error)
     return record
@@ -184,6 +185,14 @@ def designed(bearing: ambkit.Bearing, record: ambkit.Record) -> None:
         found = ambkit.design(
             bearing, [log], Path(folder, "out"), kinds=["linear"], free=["magnet_constant"]
         )
+        assert_type(found.why, str)
+
+
+def designed_whole(machine: ambkit.Machine) -> None:
+    """A whole machine's controllers and filter."""
+    with TemporaryDirectory() as folder:
+        found = ambkit.design_machine(machine, [], folder, kinds=["linear"], runs=1, budget=1)
+        assert_type(found.loop.peak, float)
         assert_type(found.why, str)
 
 

@@ -4,6 +4,9 @@
  *   e_j  = PID j of reference_j r, position_j x, and (velocity_j + speed turning_j) x
  *   iu_f = sum over j of spread_fj e_j + (gain_0f + speed gain_1f + speed^2 gain_2f) x
  *
+ * where x is an estimator's mean without the motion that is left to the rotor, if any is, and iu_f
+ * has what balances that besides.
+ *
  * One PID an axis is decentralised control; PIDs of translation and tilt decouple them; rows of
  * tilt velocities in gain_1 are cross feedback against gyroscopics; gain_0 alone is the feedback of
  * a linear-quadratic regulator; rows of the unbalance in gain_2 hold the rotor's centre still or,
@@ -18,6 +21,24 @@
 extern "C" {
 #endif
 
+/* A motion that goes round with the rotor and is left to it, with the currents that it needs: by
+ * the `width` states of the unbalance u, from x[from] on, of the first `moved` states. Both are
+ * known at speeds `first`, `first` + `step` and so on, linear in between; before the first there is
+ * none, past the last it is that of the last. A rotor that turns backwards has a step below 0. */
+typedef struct amb_let_turn {
+  int nodes; /* >= 2 */
+  int from;
+  int width;
+  int moved;
+  amb_real first; /* [rad/s] */
+  amb_real step;
+  const amb_real *motion;  /* nodes x moved x width [m] or [rad], [m/s] or [rad/s], for 1 kg m */
+  const amb_real *current; /* nodes x axes x width [A] */
+} amb_let_turn;
+
+/* The most states of which a motion can be left out. */
+#define AMB_LET_TURN_STATES 64
+
 typedef struct amb_controllers {
   int axes;                  /* p */
   int states;                /* n of x */
@@ -31,6 +52,7 @@ typedef struct amb_controllers {
   const amb_real *gain[3];   /* p x n each, or NULL: [A], [A s], [A s^2] for each unit of a state */
   const amb_real *iu_min;    /* [p]: limits of the currents [A] */
   const amb_real *iu_max;
+  const amb_let_turn *let_turn; /* or NULL */
 } amb_controllers;
 
 /* One sample: references r of the axes (p) [m], or of the PIDs (q), states or readings x (n), speed

@@ -79,7 +79,7 @@ static inline amb_real amb_sparse_times(const amb_sparse *A, const amb_real *val
                                         const amb_real x[])
 {
   amb_real sum = AMB_C(0.0);
-  for (int k = A->start[row]; k < A->start[row + 1]; k++) {
+  for (int k = A->start[row]; k < (int)A->start[row + 1]; k++) {
     sum += value[k] * x[A->column[k]];
   }
   return sum;
@@ -94,7 +94,7 @@ static inline amb_real amb_model_current(const amb_model *model, int f, const am
                                          const amb_real iu[])
 {
   amb_real sum = amb_sparse_times(&model->h, model->e, f, mean);
-  for (int k = model->d.start[f]; k < model->d.start[f + 1]; k++) {
+  for (int k = model->d.start[f]; k < (int)model->d.start[f + 1]; k++) {
     sum += model->d.value[k] * iu[model->d.column[k]];
   }
   return sum;

@@ -98,6 +98,13 @@ def export_c(
             help="Noise, gate, mass, k and gains of a --controller can be changed while it runs.",
         ),
     ] = False,
+    telemetry: Annotated[
+        bool,
+        typer.Option(
+            "--telemetry",
+            help="Also a ring of frames: states, innovations and status of each sample.",
+        ),
+    ] = False,
     cost: Annotated[
         bool, typer.Option("--cost", help="Also print what it costs on a Cortex-M4F.")
     ] = False,
@@ -151,6 +158,7 @@ def export_c(
         editable=editable,
         **options,
         calibrated=calibration,
+        telemetry=telemetry,
     )
     data: dict[str, Any] = {
         "folder": str(written.folder),
@@ -219,6 +227,7 @@ def _cost_table(spent: Cost, clock: float) -> Table:
     rows = [
         ("instructions a step, as a rule", f"{spent.instructions}"),
         ("instructions a step, the most seen", f"{spent.most}"),
+        ("instructions a step, at most on any path", f"{spent.bound}"),
         (
             "instructions of the step that trusts its input",
             "no such step" if spent.trusted is None else f"{spent.trusted}",

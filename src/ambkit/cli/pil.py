@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,8 +12,6 @@ from ambkit.cli.kinds import NAMES, estimator_option, to_export
 from ambkit.cli.options import BearingOrFilter, Json, file_option, find_machine
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from ambkit.export.pil import Pil
 
 
@@ -36,6 +34,9 @@ def pil(
     out: Annotated[
         Path | None, file_option("Also write the flight as a record.", (".csv", ".npz"), "--out")
     ] = None,
+    report: Annotated[
+        Path | None, file_option("Also write a report with a picture.", (".html",), "--report")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Fly a simulated bearing by its exported controller, on a Cortex-M4F in qemu.
@@ -46,7 +47,7 @@ def pil(
 
     For example:
       ambkit pil zittau_axial
-      ambkit pil filter.toml --scenario scenario.toml --board stm32f4
+      ambkit pil filter.toml --scenario scenario.toml --board stm32f4 --report pil.html
     """
     from ambkit.cli import output
     from ambkit.export import pil as loop
@@ -63,25 +64,39 @@ def pil(
         filter_file=chosen.file,
         board=board,
     )
-    output.deliver(found.to_dict(), [_table(found)], as_json=json)
-    if out is not None:
-        found.record.save(out)
-        output.note(f"wrote {out}")
+    rows = _rows(found)
+    output.deliver(
+        found.to_dict(),
+        [output.table("Processor in the loop", ("", ""), rows)],
+        [
+            (out, found.record.save),
+            (report, lambda path: _write(path, model.name, found, rows)),
+        ],
+        as_json=json,
+    )
     if not found.passed:
         raise typer.Exit(1)
 
 
-def _table(found: Pil) -> Table:
+def _write(path: Path, bearing: str, found: Pil, rows: list[tuple[str, str]]) -> None:
+    from ambkit.show.pages.pil import write_pil
+
+    counted, most = found.answers["instructions"], found.bound.instructions
+    write_pil(path, bearing, found.passed, rows, found.record, found.frames, counted, most)
+
+
+def _rows(found: Pil) -> list[tuple[str, str]]:
     from ambkit.base.units import engineering
-    from ambkit.cli import output
 
     if found.unequal_flight is None:
         flight = "not compared: the sensor's number is rounded for the rig"
     else:
         flight = f"{found.unequal_flight} of {found.samples} samples differ from simulate's"
     built = found.built
-    rows: list[tuple[str, Any]] = [
+    bound = found.bound.instructions or f"no bound: {found.bound.why}"
+    return [
         ("bits", f"{found.unequal} numbers differ from Python's, of {found.samples} samples"),
+        ("telemetry", f"{found.unequal_frames} numbers differ from what it answered"),
         ("flight", flight),
         ("self-test there", "pass" if found.selftest == 0 else f"{found.selftest} are wrong"),
         ("modes", ", ".join(f"{name} {engineering(t, 's', 4)}" for t, name in found.modes)),
@@ -89,6 +104,7 @@ def _table(found: Pil) -> Table:
         ("off the reference in flight, rms", engineering(found.rms, "m", 3)),
         ("samples on a stop in flight", f"{found.touched}"),
         ("instructions a step", f"{found.instructions}, the most seen {found.most}"),
+        ("instructions a step, at most on any path", f"{bound}"),
         ("stack of a step, the most seen", f"{found.stack_seen} bytes"),
         ("memory of an instance", f"{found.state} bytes"),
         ("built for", f"{found.board}: {built.compiler}"),
@@ -99,4 +115,3 @@ def _table(found: Pil) -> Table:
             "not told" if built.stack is None else f"{built.stack} bytes",
         ),
     ]
-    return output.table("Processor in the loop", ("", ""), rows)

@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from ambkit.base.errors import AmbkitError
-
 
 def tune_robust(
     study: str,
@@ -37,14 +35,8 @@ def tune_robust(
     from ambkit.cli import output
     from ambkit.show import plots
     from ambkit.workflow.campaign import robust
-    from ambkit.workflow.campaign.study import load
     from ambkit.workflow.loop_of import ZONE_A
 
-    if out is not None and load(study).machine is not None:
-        raise AmbkitError(
-            "--out: the filter of a whole machine has no file; --json tells the values, for "
-            "FilterNoise in Python"
-        )
     again = "nothing was kept: --storage FILE keeps what was tried"
     if storage is not None:
         again = f"what was tried is kept in {storage}, the same command goes on"
@@ -66,7 +58,7 @@ def tune_robust(
         ],
         as_json=json,
     )
-    if out is not None:
+    if out is not None and found.controller is not None:
         output.note(f"wrote {found.beside(out)}: the controller, for --scenario")
 
 

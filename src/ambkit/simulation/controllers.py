@@ -19,6 +19,7 @@ from ambkit.machine import geometry
 from ambkit.machine.magnets import ConstantStiffness
 from ambkit.simulation.holding import holding
 from ambkit.simulation.holding_margins import shown_along_axes
+from ambkit.simulation.let_turn import LetTurn, check_unbalance, let_turn, let_turn_fields
 from ambkit.simulation.regulator import regulator
 from ambkit.simulation.scenario import GAINS, PID
 
@@ -46,12 +47,18 @@ class Control(Part):
     """Whether the controllers answer to the synchronous motion as to any other; let the rotor turn
     about its axis of inertia, without a synchronous force of the bearings; or keep its geometric
     axis still. The last two need an estimator with the unbalance among its states."""
+    unbalance_from: Annotated[float, Quantity("rad/s", "2000 rpm", above=0)] | None = None
+    """Speed below which it is fought all the same [rad/s]; without, of a rotor that bends 100 rad/s
+    or half the machine's own."""
     pid: dict[Name, PID] = Field(default_factory=dict)
     """PIDs by what each is of: an axis, or with "translation and tilt" a coordinate of the rotor
     such as x or th_y. What is not said of one is tuned to it."""
 
     @classmethod
     def _contradictions(cls, read: Read) -> Iterator[tuple[str, str]]:
+        if read("unbalance_from") is not None and read("unbalance") == "fought":
+            text = 'unbalance = "fought" is so at any speed; give "force-free" or "still"'
+            yield "unbalance_from", text
         given = read("pid")
         if not isinstance(given, dict) or not given:
             return
@@ -65,7 +72,10 @@ class Control(Part):
     @model_serializer(mode="wrap")
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         data: dict[str, Any] = handler(self)
-        return {key: each for key, each in data.items() if key != "pid" or each}
+        return {key: each for key, each in data.items() if each is not None and each != {}}
+
+    def __hash__(self) -> int:
+        return hash((self.type, self.cross_feedback, self.unbalance, *self.pid.items()))
 
     @property
     def needs_estimate(self) -> bool:
@@ -110,6 +120,8 @@ class Controllers:
         What each integral is ahead at a reference of 1 [A/m], see `PID.unseen`.
     feedback : dict
         Matrices (q, n) and (p, n) of the estimator's states, by the names in ``amb_controllers``.
+    let_turn : LetTurn or None
+        The synchronous motion that they leave to a rotor that bends.
     """
 
     pids: list[list[float]]
@@ -118,6 +130,7 @@ class Controllers:
     spread: Array
     unseen: Array
     feedback: dict[str, Array] = field(default_factory=dict)
+    let_turn: LetTurn | None = None
 
     def integrals(self, currents: Array, place: Array, states: Array | None) -> Array:
         """Return the integrals (q,) of a rotor that is held.
@@ -142,6 +155,7 @@ def controllers_of(
     control: Control,
     estimator: Estimator | None,
     pids: Sequence[PID] | None = None,
+    fastest: float | None = None,
 ) -> Controllers:
     """Return the controllers that a machine is flown with.
 
@@ -155,6 +169,9 @@ def controllers_of(
         That feeds them; without, the readings do.
     pids : sequence of PID (p,), optional
         Of each axis, for decentralised control; by default they are tuned to the axes alone.
+    fastest : float, optional
+        Speed up to which the unbalance is let turn or kept still [rad/s]; the machine's own by
+        default.
 
     Raises
     ------
@@ -179,6 +196,11 @@ def controllers_of(
     if control.cross_feedback:
         torques = _against_gyroscopics(plant, estimator)
         feedback["fed_back_by_speed"] = control.cross_feedback * torques
+    if control.unbalance != "fought" and (
+        plant.machine.bending is not None or control.unbalance_from is not None
+    ):
+        turn = let_turn(plant, estimator, control.unbalance, control.unbalance_from, fastest)
+        return replace(found, feedback=feedback, let_turn=turn)
     if control.unbalance == "still":
         feedback["fed_back_by_square"] = -_synchronous(plant, estimator)[1]
     elif control.unbalance == "force-free":
@@ -234,14 +256,18 @@ def arrays(controllers: Controllers, plant: Plant, estimator: Estimator | None) 
     if told.get("position") is None:
         shown = shown_along_axes(plant.machine)
         told["position"] = (controllers.of_axes @ shown).ravel().tolist()
-    return told | {
-        "feedback_estimate": estimator is not None,
-        "pid": controllers.pids,
-        "reference": controllers.of_axes.ravel().tolist(),
-        "spread": controllers.spread.ravel().tolist(),
-        "iu_min": [each.current_min for each in plant.alone],
-        "iu_max": [each.current_max for each in plant.alone],
-    }
+    return (
+        told
+        | let_turn_fields(controllers.let_turn)
+        | {
+            "feedback_estimate": estimator is not None,
+            "pid": controllers.pids,
+            "reference": controllers.of_axes.ravel().tolist(),
+            "spread": controllers.spread.ravel().tolist(),
+            "iu_min": [each.current_min for each in plant.alone],
+            "iu_max": [each.current_max for each in plant.alone],
+        }
+    )
 
 
 def gains_of(pid: PID, low: float, high: float) -> list[float]:
@@ -365,16 +391,7 @@ def _synchronous(plant: Plant, estimator: Estimator) -> tuple[Array, Array]:
     q = X u leaves S = -M X + G X J.
     """
     states, machine = _places(estimator, "unbalance"), plant.machine
-    if machine.bending is not None:
-        raise AmbkitError(
-            f"{machine.name}: its rotor bends, and where it turns freely depends on the speed; "
-            'unbalance must be "fought"'
-        )
-    if not states:
-        raise AmbkitError(
-            f"{estimator.name}: it has no unbalance among its states, which the controllers are "
-            'to know: it needs synchronous = ["unbalance"]'
-        )
+    check_unbalance(estimator)
     from ambkit.models.machine import unbalance_planes
 
     forms = [

@@ -219,10 +219,9 @@ class _Search:
                 return peak
 
             simplex = np.vstack([start, start + STRIDE * np.eye(len(start))])
-            options = {"maxfev": TRIES * bearings, "xatol": 1e-2, "fatol": 1e-3}
-            found: Any = minimize(
-                cost, start, method="Nelder-Mead", options=options | {"initial_simplex": simplex}
-            )
+            options: Any = {"maxfev": TRIES * bearings, "xatol": 1e-2, "fatol": 1e-3}
+            options["initial_simplex"] = simplex
+            found: Any = minimize(cost, start, method="Nelder-Mead", options=options)
             if found.fun < cost(start):
                 best = self.loop.with_(made(found.x))
                 shares = np.zeros((bearings, 3))

@@ -145,7 +145,7 @@ def simulate_machine(
     noise_y = _added("readings", noise_y, readings)
     feeding = estimator if flight.feedback == "estimate" else None
     if controllers is None:
-        controllers = controllers_of(plant, flight.control, feeding, pids)
+        controllers = controllers_of(plant, flight.control, feeding, pids, fastest)
     given = (
         plant.arrays(core, flight.substeps, fastest)
         | {"off": n if flight.off is None else round(flight.off / T)}

@@ -246,7 +246,7 @@ def controllers_for(machine: Machine) -> dict[str, PID]:
     """
     found = {}
     for axis, pid in zip(machine.axes, holding(machine, "estimate").pids, strict=True):
-        gains = {key: float(f"{getattr(pid, key):.{DIGITS}g}") for key in GAINS}
+        gains: dict[str, Any] = {key: float(f"{getattr(pid, key):.{DIGITS}g}") for key in GAINS}
         found[axis.name] = PID(**gains)
     return found
 

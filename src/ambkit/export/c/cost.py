@@ -38,7 +38,9 @@ class Cost:
     Attributes
     ----------
     instructions, most : int
-        Of a step, as a rule; and the most that was seen, where something was the matter: no bound.
+        Of a step, as a rule; and the most that was seen, where something was the matter.
+    bound : int
+        Of a step, at most, along any path through its code: no input and no state takes more.
     trusted : int or None
         Of the step that trusts its input, which only the paper's filter has.
     code, constants : int
@@ -55,6 +57,7 @@ class Cost:
 
     instructions: int
     most: int
+    bound: int
     trusted: int | None
     code: int
     constants: int
@@ -85,10 +88,12 @@ def of(estimator: Estimator) -> Cost | None:
         return None
     held = _held(estimator).parameters
     of_rules = round(held.get("rules", 0) * figures.get("instructions_a_rule", 0))
+    bound = figures["bound"] + round(held.get("rules", 0) * figures.get("bound_a_rule", 0))
     trusted = figures["trusted"]
     return Cost(
         instructions=figures["instructions"] + of_rules,
         most=figures["most"] + of_rules,
+        bound=bound,
         trusted=None if trusted is None else trusted + of_rules,
         code=figures["code"],
         constants=figures["constants_without_arrays"] + bytes_of_arrays(estimator),

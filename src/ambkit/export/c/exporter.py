@@ -84,6 +84,7 @@ def export_c(
     scenario: Scenario | None = None,
     flight: Flight | None = None,
     calibrated: bool = False,
+    telemetry: bool = False,
     **options: Any,
 ) -> CExport:
     """Write a folder of C99 that compiles alone.
@@ -127,6 +128,9 @@ def export_c(
     calibrated : bool
         Whether noise, gate, mass, magnet constant and gains of such a controller can be changed
         while it runs.
+    telemetry : bool
+        Whether a small ring of frames is written too: states, innovations and status of each
+        sample, which :func:`ambkit.read_telemetry` reads as they were sent.
     **options
         Of the kind; of :class:`ambkit.KalmanFilter` noise, gravity, frozen_limit, gate,
         outlier_limit, as_printed.
@@ -184,6 +188,7 @@ def export_c(
         controller=controller,
         flight=flight,
         calibrated=calibrated,
+        framed=telemetry,
     )
     written = folder.write(Path(out), content.files)
     return CExport(
@@ -263,7 +268,7 @@ def _cost_facts(spent: Cost | None) -> dict[str, str]:
         return {}
     facts = {
         "instructions a step (Cortex-M4F, in qemu)": (
-            f"{spent.instructions}, the most seen {spent.most}"
+            f"{spent.instructions}, the most seen {spent.most}; on no path more than {spent.bound}"
         )
     }
     if spent.trusted is not None:

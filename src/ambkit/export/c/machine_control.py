@@ -20,6 +20,7 @@ from ambkit.simulation.waveforms import Step
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
     from ambkit.export.c.data import CPrecision
+    from ambkit.simulation.let_turn import LetTurn
 
 Array = NDArray[np.float64]
 
@@ -87,6 +88,9 @@ def context(
         "k_ui": gains, "integral": integral, "bias": np.array([i0 for i0, _ in coils]),
         "iu_min": np.array(fields["iu_min"]), "iu_max": np.array(fields["iu_max"]),
     }  # fmt: skip
+    turn = controllers.let_turn
+    if turn is not None:
+        named |= {"motion": turn.motion.ravel(), "current": turn.current.ravel()}
     constants = Constants(precision)
     for key, values in (numbers | named).items():
         constants.array(f"control_{key}", values)
@@ -108,6 +112,7 @@ def context(
             for key, values in (numbers | named).items()
         ],
         "matrices": matrices,
+        "let_turn": _let_turn(turn, precision),
         "two_sided": [two for _, two in coils],
         "speed": data.number(machine.speed, precision),
         "control_crc": constants.crc(),
@@ -120,6 +125,13 @@ def context(
             "starts": data.array(_marks(tested).astype(np.uint8), precision),
         },
     }
+
+
+def _let_turn(turn: LetTurn | None, precision: CPrecision) -> dict[str, str] | None:
+    if turn is None:
+        return None
+    counts = {key: str(value) for key, value in turn.counts.items()}
+    return counts | {key: data.number(getattr(turn, key), precision) for key in ("first", "step")}
 
 
 _PID = ("T", "kp", "ki", "kd", "T_f", "T_t", "weight", "iu_min", "iu_max")

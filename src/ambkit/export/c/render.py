@@ -15,7 +15,16 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.registry import PAPER, InCore
 from ambkit.export import core
-from ambkit.export.c import calibration, control, data, machine_control, model, proof, vectors
+from ambkit.export.c import (
+    calibration,
+    control,
+    data,
+    machine_control,
+    model,
+    proof,
+    telemetry,
+    vectors,
+)
 from ambkit.export.c.crc import Constants, Crc
 from ambkit.export.c.data import MAGNETS, CPrecision, Kind
 from ambkit.machine.bearing import FILES
@@ -60,6 +69,7 @@ def render(
     controller: Controller | None = None,
     flight: Flight | None = None,
     calibrated: bool = False,
+    framed: bool = False,
 ) -> Content:
     """Write all texts.
 
@@ -84,6 +94,8 @@ def render(
         Of a whole machine: its controllers are written beside the filter, and one step for both.
     calibrated : bool
         Whether numbers of such a controller can be changed while it runs.
+    framed : bool
+        Whether a ring of telemetry frames is written too.
 
     Raises
     ------
@@ -115,6 +127,7 @@ def render(
     of_model = model.in_c(estimator, loops=loops)
     needed += [*of_model.sources, *(control.SOURCES if controller is not None else ())]
     needed += calibration.SOURCES if calibrated else ()
+    needed += telemetry.SOURCES if framed else ()
     flown = {}
     if flight is not None:
         flown = machine_control.context(estimator, flight, name, precision, bound_of(estimator))
@@ -123,6 +136,7 @@ def render(
     core_files = {f"core/{file}": text for file, text in found.items()}
     c_files = tuple(file for file in core_files if file.endswith(".c"))
     more = ("_control", "_control_data") if flown else ()
+    more = (*more, "_telemetry") if framed else more
     changed = ("_calibration",) if calibrated else ()
     sources = (*(f"{name}{file}.c" for file in ("", *changed, "_data", *more)), *c_files)
     of_test = ("selftest", "vectors", *(("control_selftest",) if flown else ()))
@@ -146,11 +160,7 @@ def render(
         "y_given": "const amb_real y[AMB_SENSORS]" if whole else "amb_real y",
         "u_given": "const amb_real u[AMB_CONTROLS]" if whole else "amb_real u",
         "sources": sources,
-        "bit_headers": [
-            f
-            for f in core_files
-            if f.endswith(("/exponential.h", "/root.h", "/crc.h")) and "/include/" in f
-        ],
+        "bit_headers": _bit_headers(core_files, alone=controller is None),
         "cast_sources": _casts(
             kind, in_core, given, flown=controller is not None, calibrated=calibrated
         ),
@@ -191,6 +201,7 @@ def render(
         "controlled": bool(flown),
         **flown,
         "editable": editable,
+        "framed": framed,
         "as_printed": estimator.engine.as_printed,
         "mass": "" if whole else data.number(bearing.rotor.mass, precision),
         "own": "" if in_core is None else data.own(estimator, precision),
@@ -214,6 +225,12 @@ def render(
     if calibrated and controller is not None:
         context["base_of_calibration"] = calibration.context(controller, name, precision)
     context["configuration"] = _configuration(estimator, context, core_files)
+    context["frame"] = telemetry.frame(
+        estimator.states,
+        context["states"],
+        context["several"]["readings"] if whole else (),
+        None if controller is None else controller.coils,
+    )
     made = {
         f"{name}.h": "filter.h",
         f"{name}.c": "filter.c" if in_core is None else "estimator.c",
@@ -239,6 +256,11 @@ def render(
         if calibrated:
             described = calibration.described(controller, name, precision)
             core_files |= {"calibration.json": described}
+    if framed:
+        made |= {file.format(name): template for file, template in telemetry.TEMPLATES.items()}
+        T = estimator.bearing.sampling_time
+        of_frame = (name, context["configuration"], T, context["frame"])
+        core_files |= {"telemetry.json": telemetry.described(*of_frame)}
     if flown:
         files = machine_control.FILES
         made |= {file.format(name=name): template for file, template in files.items()}
@@ -494,6 +516,14 @@ def _casts(
         stems += ["estimator", *in_core.casts, *(["control"] if flown else [])]
         stems += ["calibration"] if calibrated else []
     return tuple(f"core/src/{stem}.c" for stem in sorted(stems))
+
+
+def _bit_headers(core_files: dict[str, str], *, alone: bool) -> list[str]:
+    """Return the headers in flight that look at a number's bits; `alone`: of a filter alone."""
+    # A filter tells standard deviations; of a controller perhaps its self-test alone takes a root.
+    root = alone or any('"ambkit/root.h"' in text for text in core_files.values())
+    names = ("/exponential.h", "/crc.h", *(["/root.h"] if root else []))
+    return [file for file in core_files if file.endswith(names) and "/include/" in file]
 
 
 def _configuration(

@@ -116,10 +116,12 @@ def firmware(export: Path, name: str, means: list[str], board: Board, into: Path
     """
     into.mkdir(parents=True, exist_ok=True)
     objects = compiled(export, board, into)
-    words = ("state", "output", "init", "step", "selftest", "selftest_result")
+    words = ["state", "output", "init", "step", "selftest", "selftest_result"]
     shown = ", ".join(f"(out)->{field}" for field in means[:4]) + ", 0" * (4 - len(means[:4]))
+    words += [f"telemetry{end}" for end in ("", "_init", "_put", "_take")]
     defines = [f"-Drig_{word}={name}_{word}" for word in words]
-    defines += [f'-DHEADER="{name}_selftest.h"', f"-DRIG_COILS={name.upper()}_COILS"]
+    defines += [f"-DRIG_{word}={name.upper()}_{word}" for word in ("COILS", "TELEMETRY_WORDS")]
+    defines += [f'-DHEADER="{name}_selftest.h"', f'-DTELEMETRY="{name}_telemetry.h"']
     defines += [f"-DMEANS(out)={{{shown}}}"]
     includes = [f"-I{export / at}" for at in (".", "core/include", "core", "selftest")]
     tests = [str(export / "selftest" / f"{name}_{part}.c") for part in ("selftest", "vectors")]

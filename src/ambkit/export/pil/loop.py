@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
+from ambkit.data.telemetry import read_telemetry
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c.exporter import export_c
 from ambkit.export.c.model import states
-from ambkit.export.pil import boards, build
+from ambkit.export.pil import boards, build, path
 from ambkit.export.pil.processor import ANSWER, Processor
 from ambkit.machine.machine import Machine
 from ambkit.simulation.control import Controller
@@ -49,6 +50,10 @@ class Pil:
         How many.
     unequal : int
         Numbers, of all that the processor told, that are not Python's to the last bit.
+    frames : Record
+        What its telemetry sent.
+    unequal_frames : int
+        Of the same numbers, how many are others there.
     unequal_flight : int
         Samples whose place is not the one of the flight that `simulate` gives; None where the
         rig's own numbers go to the processor, which round what the sensor shows.
@@ -63,7 +68,9 @@ class Pil:
     touched : int
         Samples on a stop while it flew.
     instructions, most : int
-        Of a step, in the median and the most seen: no bound.
+        Of a step, in the median and the most seen.
+    bound : Bound
+        Of a step at most, along any path through what qemu runs.
     stack_seen : int
         Bytes that a step has used.
     state : int
@@ -78,6 +85,8 @@ class Pil:
     answers: NDArray[np.void]
     samples: int
     unequal: int
+    frames: Record
+    unequal_frames: int
     unequal_flight: int | None
     selftest: int
     modes: tuple[tuple[float, str], ...]
@@ -86,6 +95,7 @@ class Pil:
     touched: int
     instructions: int
     most: int
+    bound: path.Bound
     stack_seen: int
     state: int
     board: str
@@ -94,12 +104,15 @@ class Pil:
     @property
     def passed(self) -> bool:
         """Whether all bits are the same."""
-        return self.unequal == 0 and self.selftest == 0 and not self.unequal_flight
+        wrong = self.unequal + self.unequal_frames + self.selftest + (self.unequal_flight or 0)
+        return wrong == 0
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all but the record and the answers."""
-        told = {k: each for k, each in vars(self).items() if k not in ("record", "answers")}
-        return told | {"passed": self.passed, "built": self.built._asdict()}
+        """Return all but the records and the answers."""
+        left = ("record", "answers", "frames")
+        told = {k: each for k, each in vars(self).items() if k not in left}
+        told |= {"passed": self.passed, "built": self.built._asdict()}
+        return told | {"bound": self.bound._asdict()}
 
 
 def pil(
@@ -146,17 +159,23 @@ def pil(
         folder = Path(place)
         export = export_c(
             bearing, magnet, folder / "export", kind=kind, filter_file=filter_file, prefix=_NAME,
-            scenario=flown,
+            scenario=flown, telemetry=True,
         ).folder  # fmt: skip
         estimator = _estimator(bearing, magnet, kind, filter_file)
         fields = [state.field for state in states(estimator.states)]
         image = build.firmware(export, _NAME, fields, boards.QEMU_BOARD, folder / "qemu")
         built = build.size(export, _NAME, for_board, folder / "board")
+        # The state and the output; the first word of the state leads to what it works by.
+        works_by = {(0, 0): f"{_NAME}_control"}
+        bound = path.bound(image, f"{_NAME}_step", objects=0b101, points=works_by)
         (folder / "pipes").mkdir()
         with Processor(image, folder / "pipes") as processor:
             greeting = processor.greeting
             record, told = _fly(bearing, flown, estimator, processor)
-    return _judged(bearing, flown, estimator, record, told, greeting, for_board, built)
+        frames = read_telemetry(folder / "pipes" / "frames", export / "telemetry.json")
+    return _judged(
+        bearing, flown, estimator, record, told, greeting, for_board, built, bound, frames
+    )
 
 
 def _from_rest(scenario: Scenario) -> Scenario:
@@ -204,6 +223,8 @@ def _judged(
     greeting: np.void,
     board: boards.Board,
     built: build.Built,
+    bound: path.Bound,
+    frames: Record,
 ) -> Pil:
     sequence = scenario.sequence
     assert sequence is not None
@@ -239,8 +260,23 @@ def _judged(
         touched=int((np.abs(record["x"][flying]) >= travel).sum()),
         instructions=int(np.median(counted)),
         most=int(counted.max()),
+        bound=bound,
+        frames=frames,
+        unequal_frames=_others(told, frames, estimator),
         stack_seen=int(told["stack"].max()),
         state=int(greeting["state"]),
         board=board.about,
         built=built,
     )
+
+
+def _others(told: Any, frames: Record, estimator: Estimator) -> int:
+    """Return how many numbers the telemetry has otherwise than the answers."""
+    if frames.t.size != len(told):
+        return len(told)
+    names = [state.name for state in estimator.states][:4]
+    pairs = [(told["mean"][:, k], frames[name]) for k, name in enumerate(names)]
+    pairs += [(told[name], frames[name]) for name in ("iu", "u", "status", "mode", "usable")]
+    coils = sum(name.startswith("coil_") for name in frames.signals)
+    pairs += [(told["coil"][:, k], frames[f"coil_{k}"]) for k in range(coils)]
+    return sum(int((there != sent).sum()) for there, sent in pairs)

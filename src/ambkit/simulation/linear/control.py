@@ -20,6 +20,7 @@ from ambkit.simulation.linear.pieces import POSITION, VELOCITY, of_axes
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
     from ambkit.models.model import Array
+    from ambkit.simulation.let_turn import LetTurn
 
 
 class _Gains(Protocol):
@@ -52,6 +53,8 @@ class _Flown(Protocol):
     def spread(self) -> Array: ...
     @property
     def feedback(self) -> dict[str, Array]: ...
+    @property
+    def let_turn(self) -> LetTurn | None: ...
 
 
 class Gains(NamedTuple):
@@ -182,7 +185,13 @@ def fed(found: _Flown, states: int, speed: float) -> Array:
     gain = np.zeros((len(found.spread), states))
     for power, name in enumerate(("fed_back", "fed_back_by_speed", "fed_back_by_square")):
         gain += speed**power * feedback.get(name, 0.0)
-    return np.vstack([feedback["position"], velocity, gain])
+    rows = np.vstack([feedback["position"], velocity, gain])
+    if found.let_turn is not None:
+        motion, current = found.let_turn.at(speed)
+        at = slice(found.let_turn.start, found.let_turn.start + motion.shape[1])
+        rows[:, at] -= rows[:, : len(motion)] @ motion
+        rows[-len(current) :, at] += current
+    return rows
 
 
 def compensator(

@@ -50,7 +50,7 @@ def contradictions(read: Read) -> Iterator[Problem]:
     yield from _of_what(read)
     whole = isinstance(read("machine"), str)
     if isinstance(read("estimator"), str):
-        yield from _estimator("estimator", read("estimator"), whole=whole)
+        yield from _estimator("estimator", read("estimator"))
     yield from _how_many(read)
     yield from _recorded(read, plant)
     vary = read("vary")
@@ -175,16 +175,14 @@ def completed(scenario: Any, bearing: Any) -> Any:
     return scenario.model_copy(update={"controller": scenario.controller.completed(bearing)})
 
 
-def _estimator(key: str, name: str, *, whole: bool) -> Iterator[Problem]:
-    from ambkit.estimate.registry import FILTER_SUFFIX, check_named
+def _estimator(key: str, name: str) -> Iterator[Problem]:
+    from ambkit.estimate.registry import check_named
 
     if name == "none":
         return
     try:
         if name == "all":
             raise AmbkitError("a loop has one estimator; let it vary to compare several")
-        if whole and name.endswith(FILTER_SUFFIX):
-            raise AmbkitError("the filter of a whole machine has no file: name a kind")
         check_named(name)
     except AmbkitError as error:
         yield key, str(error)
@@ -291,7 +289,7 @@ def _choices(
         if not isinstance(value, str):
             yield there, f"must be a text, is {value:g}"
         elif varied.what == "estimator":
-            yield from _estimator(there, value, whole=whole)
+            yield from _estimator(there, value)
         elif varied.what == "controller":
             usual = CONTROLS if whole else CHOSEN
             known = [*usual, *(controllers if isinstance(controllers, dict) else ())]

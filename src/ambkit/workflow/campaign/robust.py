@@ -155,12 +155,10 @@ class Robust(Shown):
         AmbkitError
             A file cannot be written; or it is of a whole machine, of which there is none.
         """
-        if self.controller is None:
-            raise AmbkitError(
-                f"{path}: the filter of a whole machine has no file; its values tell how to make it"
-            )
-        self.estimator.save(path, bearing=self.plan.study.bearing)
-        Scenario(controller=self.controller).save(self.beside(path))
+        study = self.plan.study
+        self.estimator.save(path, bearing=study.bearing or study.machine)
+        if self.controller is not None:
+            Scenario(controller=self.controller).save(self.beside(path))
 
     @staticmethod
     def beside(path: str | os.PathLike[str]) -> Path:

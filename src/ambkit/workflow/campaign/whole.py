@@ -126,7 +126,7 @@ class WholePlan(Plan):
 
     def _for(self, plant: Machine, estimator: Estimator | None, flight: Flight) -> Controllers:
         """Return the nominal machine's controllers at amplifiers of other gains."""
-        made = self._controllers((id(estimator), flight.control, flight.feedback), estimator)
+        made = self._controllers(flight, estimator)
         ratio = np.array([
             own.bearing.amplifier.gain / nominal.bearing.amplifier.gain
             for own, nominal in zip(plant.axes, self.bearing.axes, strict=True)
@@ -143,12 +143,11 @@ class WholePlan(Plan):
     def _made(self) -> dict[Any, Controllers]:
         return {}
 
-    def _controllers(self, key: Any, estimator: Estimator | None) -> Controllers:
+    def _controllers(self, flight: Flight, estimator: Estimator | None) -> Controllers:
+        key = id(estimator), flight.feedback, flight.control.model_dump_json()
         if key not in self._made:
-            _, control, feedback = key
-            fed = estimator if feedback == "estimate" else None
-            plant = Plant(self.bearing)
-            found = controllers_of(plant, control, fed)
+            fed = estimator if flight.feedback == "estimate" else None
+            found = controllers_of(Plant(self.bearing), flight.control, fed)
             if fed is None:  # by the readings, as the nominal sensors show the axes
                 shown = found.of_axes @ shown_along_axes(self.bearing)
                 found = replace(found, feedback=found.feedback | {"position": shown})

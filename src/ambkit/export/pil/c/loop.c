@@ -4,13 +4,13 @@
  * The build says which export, with -DHEADER="\"NAME_selftest.h\"" and -Drig_step=NAME_step and so
  * on (build.py). */
 #include HEADER
+#include TELEMETRY
+#include "counting.h"
 #include "semihosting.h"
 #include <stdint.h>
 
-/* With `-icount shift=0` an instruction takes 1 ns and SysTick counts every 40 ns: of 40 equal
- * calls, ticks are instructions a call. */
-#define REPEATS 40U
 #define COILS 2
+#define SENT_EVERY 10U /* samples; fewer than the ring has room for */
 
 typedef struct sample {
   amb_real y; /* as the rig has it */
@@ -32,21 +32,8 @@ typedef struct greeting {
   uint32_t state;                        /* bytes of an instance */
 } greeting;
 
-/* SysTick (ARMv7-M, B3.3), 24 bits, downwards, on the clock of the processor. */
-static volatile uint32_t *const systick = (volatile uint32_t *)0xE000E010U;
 static uint32_t deepest;
-
-static uint32_t ticks(void)
-{
-  return systick[2];
-}
-
-static void start_ticks(void)
-{
-  systick[1] = 0xFFFFFFU;
-  systick[2] = 0;
-  systick[0] = 5;
-}
+static rig_telemetry frames;
 
 typedef amb_status step_function(rig_state *state, amb_real y, amb_real r, bool fly,
                                  rig_output *out);
@@ -61,8 +48,6 @@ static amb_status nothing(rig_state *state, amb_real y, amb_real r, bool fly, ri
   return AMB_OK;
 }
 
-#define INSTRUCTIONS_OF_NOTHING 2U
-
 static uint32_t count(step_function *volatile step, const rig_state *state, const sample *s)
 {
   rig_state copy;
@@ -73,26 +58,17 @@ static uint32_t count(step_function *volatile step, const rig_state *state, cons
     copy = *state;
     (void)call(&copy, s->y, s->r, s->fly != 0U, &out);
   }
-  return (before - ticks()) & 0xFFFFFFU;
+  return ticks_since(before);
 }
 
-/* The deepest word of the stack that a step overwrites. */
-#define STACK_WORDS 1024U
-#define UNUSED 0xA5A5A5A5U
-
+/* Bytes of stack that a step needs below its caller. */
 __attribute__((noinline)) static uint32_t stack_bytes(const rig_state *state, const sample *s)
 {
   rig_state copy = *state;
   rig_output out;
-  volatile uint32_t *top;
-  __asm volatile("mov %0, sp" : "=r"(top));
-  for (unsigned int i = 1; i <= STACK_WORDS; i++)
-    *(top - i) = UNUSED;
+  volatile uint32_t *const top = painted();
   (void)rig_step(&copy, s->y, s->r, s->fly != 0U, &out);
-  unsigned int depth = STACK_WORDS;
-  while ((depth > 0U) && (*(top - depth) == UNUSED))
-    depth--;
-  return depth * (uint32_t)sizeof *top;
+  return used_below(top);
 }
 
 static void look(const rig_state *state, const sample *s, answer *said)
@@ -119,22 +95,38 @@ static void tell(const rig_output *out, amb_status status, answer *said)
   said->usable = out->usable ? 1U : 0U;
 }
 
-static bool fly(intptr_t from, intptr_t to)
+/* What a slower task does: send all frames that there are. */
+static bool send(intptr_t file)
+{
+  uint32_t words[RIG_TELEMETRY_WORDS];
+  while (rig_telemetry_take(&frames, words)) {
+    if (!semihosting_give(file, words, sizeof words))
+      return false;
+  }
+  return true;
+}
+
+static bool fly(intptr_t from, intptr_t to, intptr_t file)
 {
   rig_state state;
   sample s;
+  unsigned int waiting = 0;
   rig_init(&state);
+  rig_telemetry_init(&frames);
   while (semihosting_take(from, &s, sizeof s) && (s.counted < 2U)) {
     answer said = {{0}, 0, 0, {0}, 0, 0, 0, 0, 0, 0};
     rig_output out;
     if (s.counted == 1U)
       look(&state, &s, &said);
     const amb_status status = rig_step(&state, s.y, s.r, s.fly != 0U, &out);
+    (void)rig_telemetry_put(&frames, &out, status);
+    if ((++waiting % SENT_EVERY) == 0U && !send(file))
+      return false;
     tell(&out, status, &said);
     if (!semihosting_give(to, &said, sizeof said))
       return false;
   }
-  return true;
+  return send(file);
 }
 
 int main(void)
@@ -144,10 +136,11 @@ int main(void)
   const uint32_t before = ticks();
   rig_selftest(&selftest);
   const greeting hello = {selftest.unequal, selftest.wrong_status, selftest.wrong,
-                          (before - ticks()) & 0xFFFFFFU, sizeof(rig_state)};
+                          ticks_since(before), sizeof(rig_state)};
   const intptr_t from = semihosting_open("samples", false);
   const intptr_t to = semihosting_open("answers", true);
-  if ((from < 0) || (to < 0) || !semihosting_give(to, &hello, sizeof hello))
+  const intptr_t file = semihosting_open("frames", true);
+  if ((from < 0) || (to < 0) || (file < 0) || !semihosting_give(to, &hello, sizeof hello))
     return 1;
-  return fly(from, to) ? 0 : 1;
+  return fly(from, to, file) ? 0 : 1;
 }

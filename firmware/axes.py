@@ -1,0 +1,78 @@
+"""What a step of a whole machine's filter takes on a Cortex-M4F: ``python -m firmware.axes``.
+
+Of the preset ``hindawi_2011``, four axes and 16 states, in single precision: straight line, and
+loops over the entries of its model.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from ambkit import Flight, Machine, simulate_machine
+from ambkit.export.c import export_c
+from firmware import harness
+
+SAMPLES = 300
+KINDS = ("linear", "extended")
+
+
+def measure(kind: str, loops: bool, folder: Path) -> tuple[int, int, int, int]:
+    """Return median and most instructions, and bytes of code and constants.
+
+    Parameters
+    ----------
+    kind : str
+        Of the registry.
+    loops : bool
+        Loops over the model, or straight-line code.
+    folder : Path
+        Takes what is made.
+
+    Raises
+    ------
+    RuntimeError
+        The self-test says that bits differ.
+    """
+    machine = Machine.preset("hindawi_2011")
+    export = export_c(
+        machine, None, folder / "export", kind=kind, prefix="filter", loops=loops, precision="float"
+    ).folder
+    firmware = harness.build(export, folder / "build", main=harness.HERE / "axes.c")
+    record = simulate_machine(machine, Flight(duration=SAMPLES * machine.sampling_time)).record
+    y = np.column_stack([record[f"y_{r.name}"] for r in machine.readings])
+    u = np.column_stack([record[f"u_{axis.name}"] for axis in machine.axes])
+    samples = np.hstack([y[1:], u[:-1]]).astype("<f4")
+    samples.tofile(folder / "input.bin")
+    board = ("-M", "mps2-an386", "-nographic", "-icount", "shift=0")
+    outside = ("-semihosting-config", "enable=on,target=native")
+    command = [harness.QEMU, *board, *outside, "-kernel", str(firmware.elf)]
+    done = subprocess.run(
+        command, cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, text=True,
+        timeout=harness.SECONDS,
+    )  # fmt: skip
+    if done.returncode != 0:
+        raise RuntimeError(f"{kind}: the firmware ended with {done.returncode}: {done.stderr}")
+    counted = np.fromfile(folder / "instructions.bin", "<u4")[1:]
+    size = harness.size(firmware)
+    return int(np.median(counted)), int(counted.max()), size.code, size.constants
+
+
+def main() -> int:
+    """Print a table."""
+    print("| filter | code | instructions | most | code [bytes] | constants [bytes] |")
+    print("| --- | --- | --: | --: | --: | --: |")
+    for kind in KINDS:
+        for loops in (False, True):
+            with tempfile.TemporaryDirectory() as folder:
+                figures = " | ".join(map(str, measure(kind, loops, Path(folder))))
+            print(f"| {kind} | {'loops' if loops else 'straight line'} | {figures} |", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,127 @@
+"""The report on a processor in the loop: whether its bits are right, what it costs, how it flew."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from importlib.metadata import version
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.base.escaping import markdown
+from ambkit.data.record import Record
+from ambkit.show.plots.looks import CURRENT, POSITION, TIME
+from ambkit.show.report.blocks import Chapter, FigureBlock, Remark, Report, TableBlock
+from ambkit.show.report.figure import Figure, Panel
+from ambkit.show.report.items import Axis, Item, Line, Points, Rule
+
+_COUNT = Axis("instructions of a step")
+
+
+def write_pil(
+    path: str | os.PathLike[str],
+    bearing: str,
+    passed: bool,
+    rows: Sequence[tuple[str, str]],
+    flight: Record,
+    frames: Record,
+    instructions: NDArray[np.uint32],
+    bound: int | None,
+) -> None:
+    """Write the page.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    bearing : str
+        Its name.
+    passed : bool
+        Whether all bits are the same.
+    rows : sequence of (str, str)
+        What there is to say, and that.
+    flight : Record
+        What the plant did, n samples.
+    frames : Record
+        What the processor sent of the same samples.
+    instructions : ndarray (n,)
+        Counted of a step; 0 where they were not.
+    bound : int, optional
+        Instructions of a step at most; None where that is not known.
+
+    Raises
+    ------
+    AmbkitError
+        The file cannot be written; an older one is left as it was.
+    """
+    from ambkit.show.report.page import write_page
+
+    said = (
+        "Every number that the processor gave is Python's, to the last bit."
+        if passed
+        else "The processor gave other numbers than Python: the table says which."
+    )
+    report = Report(
+        title=f"{bearing} flown by a processor",
+        subtitle=f"{flight.t.size:,} samples",
+        lead="The plant was simulated; estimator, controller, lift-off and landing ran as compiled "
+        "for the processor, sample by sample.",
+        version=version("ambkit"),
+        chapters=[
+            Chapter(
+                "result", "What came out",
+                [
+                    Remark("Pass" if passed else "Fail", said),
+                    TableBlock(
+                        id="figures", title="Bits, cost and flight", headers=["", ""],
+                        rows=[[markdown(what), markdown(value)] for what, value in rows],
+                    ),
+                ],
+            ),
+            Chapter(
+                "flight", "The flight",
+                [FigureBlock(_figure(flight, frames, instructions, bound))],
+            ),
+        ],
+    )  # fmt: skip
+    write_page(report, path)
+
+
+def _figure(
+    flight: Record, frames: Record, instructions: NDArray[np.uint32], bound: int | None
+) -> Figure:
+    t = flight.t
+    coils = [name for name in frames.signals if name.startswith("coil_")]
+    looks = ("estimate", "control")
+    counted = instructions > 0
+    cost: list[Item] = [
+        Points(t[counted], instructions[counted].astype(float), signal="estimate", label="counted")
+    ]
+    if bound is not None:
+        cost.append(Rule(float(bound), signal="limit", label="at most on any path"))
+    return Figure(
+        id="pil",
+        title="Position, currents and instructions",
+        caption="Estimate and currents are those of the telemetry; instructions are counted in "
+        "some of the samples.",
+        panels=[
+            Panel(
+                TIME, POSITION,
+                [
+                    Line(t, flight["y"], signal="measured"),
+                    Line(t, flight["r"], signal="reference"),
+                    Line(t, flight["x"], signal="truth"),
+                    Line(frames.t, frames["x"], signal="estimate"),
+                ],
+            ),
+            Panel(
+                TIME, CURRENT,
+                [
+                    Line(frames.t, frames[name], signal=look, label=name.replace("_", " "))
+                    for name, look in zip(coils, looks, strict=False)
+                ],
+            ),
+            Panel(TIME, _COUNT, cost),
+        ],
+    )  # fmt: skip
