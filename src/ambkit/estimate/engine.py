@@ -115,7 +115,7 @@ class Engine:
         self.turned = True
 
     def stand(self, estimator: Any) -> None:
-        """Let the core's model, and an estimator that asks it, be of the machine's own speed again."""
+        """Let the core's model be of the machine's own speed again, and an estimator of it."""
         if self.turned:
             self.core.stand(estimator, self.model_of_core, arrays(self.model))
             self.turned = False
