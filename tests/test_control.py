@@ -303,7 +303,7 @@ EXPLAINED = {
     "turning": "a machine's", "c->spread[(f * c->pids) + j]": "one axis",
     "power *= speed": "a machine's",
     "turn->": "a machine's that is let turn", "where->": "likewise", "turned(": "likewise",
-    "others": "likewise", "sum += (one[j]": "likewise", "at > AMB_C(0.0)": "likewise",
+    "others": "likewise", "i < c->states": "likewise", "sum += (one[j]": "likewise", "at > AMB_C(0.0)": "likewise",
     "int node = (int)at": "likewise",
     "for (int k = 0; k < 3; k++)": "a machine's second and third",
     "else if (!saturated)": "without a tracking time", "pid->T * pid->ki * error;": "likewise",

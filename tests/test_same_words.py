@@ -106,7 +106,11 @@ def test_train_makes_the_expert_that_the_command_writes(
 ) -> None:
     force_map(Path("force.csv"))
     assert call("train", "zittau_axial", *arguments.split(), "--out", "e.json").code == 0
-    assert Expert.load("e.json") == ambkit.train(BEARING, **options)
+    if "force_map" not in options:
+        assert Expert.load("e.json") == ambkit.train(BEARING, **options)
+        return
+    with pytest.warns(UserWarning, match="at points left out the law, refitted is off by .* N rms"):
+        assert Expert.load("e.json") == ambkit.train(BEARING, **options)
 
 
 @pytest.mark.parametrize(("options", "told"), [

@@ -64,7 +64,7 @@ amb_status amb_controllers_step(const amb_controllers *c, amb_pid_state pid[], c
   const bool turning = (c->let_turn != NULL) && find(c->let_turn, speed, &where);
   if (turning) {
     const amb_let_turn *turn = c->let_turn;
-    for (int i = 0; i < n; i++) {
+    for (int i = 0; i < c->states; i++) {
       others[i] = state[i];
     }
     for (int i = 0; i < turn->moved; i++) {
