@@ -34,7 +34,6 @@ TRUTH = LoopModel(
     current_offset=-40e-3,
     load_growth=2.0,
     load_std=0.05,
-    substeps=1,
 )
 """The paper's bearing with a slower, sharper sensor and a noisier amplifier, so that a record of
 one second tells lag from delay and both noises from the load. The loop adds 2.3 samples of delay,
@@ -46,7 +45,10 @@ FAST = TRUTH.replace(sensor__lag=16e-6, sensor__noise_variance=0.25e-12)
 COLOURED = TRUTH.replace(sensor__coloured_noise=ColouredNoise(variance=4e-12, bandwidth=300.0))
 """The slow one with as much noise again whose spectrum ends at 300 Hz, which is known."""
 
-TRUTHS = {"slow": TRUTH, "fast": FAST, "coloured": COLOURED}
+TRUTHS = {
+    name: truth.replace(substeps=1)  # the sampled model is exact without
+    for name, truth in {"slow": TRUTH, "fast": FAST, "coloured": COLOURED}.items()
+}
 
 OFFSET = 40e-3
 """How well the offset of the current is known beforehand in a study [A]: so it is drawn."""
@@ -109,7 +111,8 @@ def closed_loops(
 
     noise_y = drawn(b.sensor.noise_variance**0.5)
     noise_u = drawn(b.amplifier.noise_variance**0.5)
-    noise_y += _coloured(b, drawn(1.0))
+    if b.sensor.coloured_noise is not None:  # drawn only there: the others keep their records
+        noise_y += _coloured(b.sensor.coloured_noise, b.sampling_time, drawn(1.0))
     load = np.cumsum(drawn((model.load_growth * T) ** 0.5), axis=0)
     load += drawn(model.load_std)[0] - load[0]
     reference, dither = binary(REFERENCE, 150), binary(0.1, 7)
@@ -163,14 +166,11 @@ def closed_loops(
     return [Record(t, {"y": y[:, s], "u": u[:, s]}, meta={"seed": first + s}) for s in range(seeds)]
 
 
-def _coloured(bearing: Bearing, white: Array) -> Array:
-    """Return the coloured part of the sensor's noise from white noise (n, seeds)."""
-    part = bearing.sensor.coloured_noise
-    if part is None:
-        return np.zeros_like(white)
+def _coloured(part: ColouredNoise, T: float, white: Array) -> Array:
+    """Return the coloured part of a sensor's noise from white noise (n, seeds)."""
     from scipy.signal import lfilter
 
-    keep = math.exp(-2 * math.pi * part.bandwidth * bearing.sampling_time)
+    keep = math.exp(-2 * math.pi * part.bandwidth * T)
     driven = math.sqrt(part.variance * (1 - keep**2)) * white
     driven[0] = math.sqrt(part.variance) * white[0]
     return np.asarray(lfilter([1.0], [1.0, -keep], driven, axis=0))

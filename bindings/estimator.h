@@ -25,6 +25,7 @@ struct Model {
   // `growing`: what the entries of L gain there for each rad/s^2 by which the speed grows.
   void nodes(amb_real first, amb_real step, const nb::list &arrays_at, const nb::list &growing);
   void turn(amb_real speed, amb_real growth);
+  void stand(const nb::dict &arrays);
   bool turns() const
   {
     return !at_nodes.empty();
@@ -185,6 +186,12 @@ struct Estimator {
   void turn(Model &model, amb_real before, amb_real after)
   {
     model.turn((before + after) / 2, (after - before) / kf.set.T);
+    amb_model_growth(&kf.model, kf.set.var_d, kf.growth);
+  }
+  // The same at the speed that it was made for, to the last bit, wherever it has been since.
+  void stand(Model &model, const nb::dict &arrays)
+  {
+    model.stand(arrays);
     amb_model_growth(&kf.model, kf.set.var_d, kf.growth);
   }
 #endif

@@ -3,6 +3,8 @@
 
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
+
 #if defined(AMB_MODEL_LOOPS)
 
 amb_sparse Model::sparse(const nb::dict &arrays, const char *name, size_t rows, size_t columns)
@@ -107,6 +109,15 @@ void Model::turn(amb_real speed, amb_real growth)
   for (size_t i = 0; i < L.size(); i++)
     L[i] += growth * (w[0] * growing_at[k][i] + w[1] * growing_at[k + 1][i] +
                       w[2] * growing_at[k + 2][i] + w[3] * growing_at[k + 3][i]);
+}
+
+void Model::stand(const nb::dict &arrays)
+{
+  const Model there(arrays);
+  if (there.places != places)
+    throw std::invalid_argument("a model stands as it was made: with one pattern");
+  for (size_t a = 0; a < numbers.size(); a++) // in place, as the core's model points there
+    std::copy(there.numbers[a].begin(), there.numbers[a].end(), numbers[a].begin());
 }
 
 nb::dict shown(const amb_model &)

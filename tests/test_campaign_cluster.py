@@ -30,8 +30,8 @@ pytestmark = [
 STUDY = """
 name = "killed"
 bearing = "zittau_axial"
-runs = 300
-part = 20
+runs = 2400
+part = 160
 seed = 1
 estimator = "linear"
 

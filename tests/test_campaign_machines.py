@@ -92,6 +92,19 @@ def found(tmp_path_factory: Any) -> Campaign:
     return campaign(Study.from_toml(STUDY), tmp_path_factory.mktemp("a") / "out", threads=2)
 
 
+def test_a_filter_that_followed_other_speeds_is_as_one_that_did_not() -> None:
+    machine = ambkit.Machine.preset("tum_mlps")
+    flight = ambkit.Flight(duration=0.02)
+    one = ambkit.KalmanFilter(machine)
+    for speed in (330.0, 296.0, machine.speed):
+        turning = machine.model_copy(update={"speed": speed})
+        been = simulate_machine(turning, flight, estimator=one).estimate
+        fresh = simulate_machine(turning, flight, estimator=ambkit.KalmanFilter(machine)).estimate
+        assert been is not None
+        assert fresh is not None
+        np.testing.assert_array_equal(been.mean, fresh.mean)
+
+
 def test_rows_are_the_same_by_any_threads_and_in_any_pieces(found: Campaign) -> None:
     plan = plan_of(Study.from_toml(STUDY))
     for first, stop in ((3, 6), (0, 3)):

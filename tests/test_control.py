@@ -299,7 +299,7 @@ EXPLAINED = {
     "told |= AMB_RESTARTED;": "the envelope in the core has said so already",
     "for (int f = 0; f < control->law->axes; f++) {": "a step sets what acts, where it is off",
     "for (int j = 0; j < control->law->pids; j++) {": "set again as it lifts",
-    "j * n": "one PID", "axis * c->states": "one axis",
+    "j * n": "one PID", "j * c->axes": "one PID", "axis * c->states": "one axis",
     "turning": "a machine's", "c->spread[(f * c->pids) + j]": "one axis",
     "power *= speed": "a machine's",
     "turn->": "a machine's that is let turn", "where->": "likewise", "turned(": "likewise",

@@ -124,8 +124,10 @@ def test_the_selftest_fails_where_something_is_wrong(
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_example_of_its_readme_compiles(exported: Exported, tmp_path: Path, kind: str) -> None:
     made = exported(kind)
-    (example,) = re.findall(r"```c\n(.*?)```", (made.folder / "README.md").read_text(), re.DOTALL)
-    (tmp_path / "example.c").write_text(example.replace("now);", "now); (void)status;"))
+    examples = re.findall(r"```c\n(.*?)```", (made.folder / "README.md").read_text(), re.DOTALL)
+    assert len(examples) == 2
+    text = "\n".join(examples).replace("now);", "now); (void)status;")
+    (tmp_path / "example.c").write_text(text)
     done = understood("gcc", made.folder, tmp_path / "example.c")
     assert (done.returncode, done.stderr) == (0, "")
 

@@ -16,6 +16,7 @@ from ambkit.cli.main import main
 from ambkit.data.rig_units import Inputs, Scaling
 from ambkit.estimate.filter_file import FilterFile
 from ambkit.export.pil import boards, build, pil
+from ambkit.export.pil.processor import Processor
 from ambkit.simulation.scenario import PID
 from ambkit.simulation.sequence import LiftOff, Mode
 
@@ -159,13 +160,11 @@ def test_other_bits_would_be_seen(monkeypatch: pytest.MonkeyPatch) -> None:
 @needs_tools
 def test_a_firmware_that_does_not_answer_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ambkit.export.pil.processor.PATIENCE", 2.0)  # seconds
-    original = build.firmware
 
-    def broken(*given: object) -> Path:
-        image = original(*given)  # type: ignore[arg-type]
+    def broken(image: Path, folder: Path) -> Processor:
         image.write_bytes(b"nothing that runs")
-        return image
+        return Processor(image, folder)
 
-    monkeypatch.setattr("ambkit.export.pil.loop.build.firmware", broken)
+    monkeypatch.setattr("ambkit.export.pil.loop.Processor", broken)
     with pytest.raises(AmbkitError, match="does not answer"):
         pil(BEARING, scenario=SCENARIO)

@@ -18,10 +18,10 @@ typedef struct amb_between {
 /* Whether it is past the first node. */
 static bool find(const amb_let_turn *turn, amb_real speed, amb_between *where)
 {
-  const amb_real last = (amb_real)(turn->nodes - 1);
-  const amb_real at = amb_clamp((speed - turn->first) / turn->step, AMB_C(0.0), last);
+  const int last = turn->nodes - 1;
+  const amb_real at = amb_clamp((speed - turn->first) / turn->step, AMB_C(0.0), (amb_real)last);
   const int node = (int)at;
-  where->node = (node < (turn->nodes - 1)) ? node : (turn->nodes - 2);
+  where->node = (node < last) ? node : (last - 1);
   where->share = at - (amb_real)where->node;
   return at > AMB_C(0.0);
 }
@@ -54,28 +54,28 @@ static amb_real fed_back(const amb_controllers *c, int axis, const amb_real x[],
 }
 
 amb_status amb_controllers_step(const amb_controllers *c, amb_pid_state pid[], const amb_real r[],
-                                const amb_real all[], amb_real speed, amb_real iu[])
+                                const amb_real state[], amb_real speed, amb_real iu[])
 {
   amb_status status = AMB_OK;
   const int n = c->states;
-  const amb_real *x = all;
+  const amb_real *x = state;
   amb_real others[AMB_LET_TURN_STATES];
   amb_between where;
   const bool turning = (c->let_turn != NULL) && find(c->let_turn, speed, &where);
   if (turning) {
     const amb_let_turn *turn = c->let_turn;
     for (int i = 0; i < n; i++) {
-      others[i] = all[i];
+      others[i] = state[i];
     }
     for (int i = 0; i < turn->moved; i++) {
-      others[i] -= turned(turn, &where, turn->motion, i, turn->moved, all);
+      others[i] -= turned(turn, &where, turn->motion, i, turn->moved, state);
     }
     x = others;
   }
   for (int f = 0; f < c->axes; f++) {
     iu[f] = fed_back(c, f, x, speed);
     if (turning) {
-      iu[f] += turned(c->let_turn, &where, c->let_turn->current, f, c->axes, all);
+      iu[f] += turned(c->let_turn, &where, c->let_turn->current, f, c->axes, state);
     }
   }
   for (int j = 0; j < c->pids; j++) {

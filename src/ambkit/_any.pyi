@@ -20,6 +20,9 @@ class Model:  # type: ignore[no-redef]
     def turn(self, speed: float, growth: float) -> None:
         """Take the numbers of a speed [rad/s] that grows [rad/s^2]."""
 
+def stand(estimator: Estimator, model: Model, arrays: dict[str, Any]) -> None:
+    """An estimator and its model as they were before they turned."""
+
 def run_turning(estimator: Estimator, y: Any, u: Any, speed: Any, model: Model, *, covariance: bool = False) -> dict[str, Any]:
     """A whole record while the speed of rotation changes (n,) [rad/s], of its own model."""
 

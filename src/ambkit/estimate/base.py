@@ -516,15 +516,18 @@ class Estimator(Copyable):
         Returns
         -------
         ndarray (n,) or None
-            The speed that it follows [rad/s]; None where it is the machine's own, and always was.
+            The speed that it follows [rad/s]; None where it is the machine's own.
         """
         if self.whole is None:
             return None
         own = self.whole.machine.speed
         given = np.full(n, own) if speed is None else np.asarray(speed, float)
-        if not self.engine.turned and bool((given == own).all()):
+        if bool((given == own).all()):
+            self.engine.stand(self.core)
             return None
         self.engine.let_turn(float(given.min()), float(given.max()))
+        # From the first sample on: nothing is left of where the model was before.
+        self.engine.model_of_core.turn(float(given[0]), 0.0)
         return np.ascontiguousarray(given, self.precision)
 
     def run_raw(self, y: ArrayLike, u: ArrayLike, *, covariance: bool = False) -> Estimate:

@@ -114,6 +114,12 @@ class Engine:
         self.model_of_core.nodes(first, step, at, [each.tolist() for each in growing])
         self.turned = True
 
+    def stand(self, estimator: Any) -> None:
+        """Let the core's model be of the machine's own speed again, and an estimator of it."""
+        if self.turned:
+            self.core.stand(estimator, self.model_of_core, arrays(self.model))
+            self.turned = False
+
     @cached_property
     def model(self) -> Model:
         """The model as data, sampled when it is first asked for."""

@@ -175,11 +175,11 @@ def simulate_machine(
         return found
 
     if estimator is not None:
+        follows = estimator.turning(speed, n + 1)
         estimator.reset(estimator.at_rest(q, current=currents))
         if from_readings:
             first = flown(1, estimator=estimator.core)["y"]
             estimator.reset(estimator.at_first(np.asarray(first, float)))
-        follows = estimator.turning(speed, n + 1)
     turning = estimator.engine.model_of_core if estimator and follows is not None else None
     out = flown(n, estimator=None if estimator is None else estimator.core, model=turning)
     series = {"r": wanted, "f_d": loads, "speed": speed[:-1], "injected": added, "base": base}

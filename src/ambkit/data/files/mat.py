@@ -191,7 +191,7 @@ def _is_text(value: Any) -> bool:
 
 
 _PARTS_OF_OBJECT = ("s0", "s1", "s2", "arr")
-"""What SciPy makes of an object of a class of MATLAB's own: its name, how it is kept, its class."""
+"""What SciPy makes of an object whose class is MATLAB's own: name, kind, class, and references."""
 
 
 def _is_object(value: Any) -> bool:
