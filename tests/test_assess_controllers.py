@@ -14,6 +14,7 @@ from ambkit.simulation.flight import Flight
 from ambkit.simulation.machine import simulate_machine
 from ambkit.workflow.assessing import MEASUREMENT
 from ambkit.workflow.loop_of import LoopOf
+from ambkit.workflow.machines import stiffnesses
 from ambkit.workflow.sweeping import _MachineRig
 from ambkit.workflow.verdict import facts
 
@@ -113,6 +114,20 @@ def test_what_is_said_of_controllers():
     assert regulated.controllers == {}
     assert regulated.of.static_compliance() is None
     assert list(regulated.shares()) == ["as it is", "sensor"]
+
+
+def test_the_static_compliance_is_that_of_the_gains_that_fly():
+    """A rotor that bends is held more firmly by an estimate, and gives way to a load less."""
+    machine = Machine.preset("ufu_flexible")
+    kalman = KalmanFilter(machine)
+    loop = LoopOf(machine)
+    softest = max(
+        1 / (magnet.k_i * pid.kp - magnet.k_s)
+        for magnet, pid in zip(stiffnesses(machine), loop.pids(kalman).values(), strict=True)
+    )
+    # Its own weight and the bending make it a little softer.
+    assert loop.static_compliance(kalman) == pytest.approx(softest, rel=0.1)
+    assert loop.static_compliance(kalman) < 0.7 * loop.static_compliance()
 
 
 @pytest.mark.parametrize(("given", "code", "said"), [

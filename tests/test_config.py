@@ -62,6 +62,7 @@ def test_a_good_file_is_read_in_si() -> None:
         ('"30 cm"', '"30 cm"\nspokes = "x"', "4: wheel.spokes: must be a valid integer"),
         ("radius", "raduis", "3: wheel.raduis: unknown key, did you mean radius?"),
         ("[wheel]", "[wheels]", "2: wheels: unknown key, did you mean wheel?"),
+        ("[wheel]", "[[wheels]]", "2: wheels: unknown key, did you mean wheel?"),
         ("radius", "drag = 1\nradius", "3: wheel.drag: unknown key here, it belongs above the"),
         ('"mine"', '"mine"\nspokes = 3', "2: spokes: unknown key here, it belongs to [wheel]"),
         ('"mine"', '"mine"\nxyz = 3', "2: xyz: unknown key, known here: name, colour, drag, wheel"),

@@ -134,6 +134,8 @@ def test_five_axes() -> None:
      ["14: rotor.transverse_inertia: must be at most 0.404"]),
     ('first_end = "-364.602551 mm"', 'first_end = "-0.25 m"',
      ["bearing[0].place: -0.251603 m is beyond the rotor", "sensor[0].place"]),
+    ('name = "La"', 'name = "La"\nrunout = "3 um"',
+     ["61: sensor[0].runout: must be a list of tables, each written in double brackets"]),
     ('current_limit = "2.5 A"', 'current_limit = "0.1 A"',
      ["36: bearing[0].amplifier.current_limit: must be at least 0.192188 A, which carries"]),
     ('current_limit = "2.5 A"', 'current_limit = "3 A"',

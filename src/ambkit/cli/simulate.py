@@ -43,7 +43,7 @@ def simulate(
             callback=lambda name: name if name == "none" else one_of(name),
             metavar="NAME",
             help=f"none, {', '.join(NAMES)}; the controller is fed by it unless the scenario "
-            "says otherwise.",
+            "says otherwise, the controllers of a machine where its flight says so.",
         ),
     ] = "linear",
     expert: ExpertFile = None,

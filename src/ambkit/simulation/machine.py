@@ -54,6 +54,16 @@ class MachineRun:
     estimate: Estimate | None = None
 
     @property
+    def fed(self) -> slice:
+        """The samples in which magnets have current: up to where the power fails.
+
+        From then on no control current says so: it takes from one side what it gives the other.
+        """
+        off = self.record.meta["flight"].get("off")
+        t = self.record.t
+        return slice(None) if off is None else slice(int(np.searchsorted(t, off)))
+
+    @property
     def samples_at_the_stop(self) -> int:
         """Samples in which a backup bearing was touched."""
         return int(self.record.meta["stop_touched"])

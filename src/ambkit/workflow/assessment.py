@@ -175,19 +175,19 @@ class Assessment(Shown):
 
         title = f"{self.bearing.name}: sensitivity with the filter in the loop"
         stable = {name: each.loop for name, each in self.loops.items() if each.stable}
-        whole = None
+        whole, feeding = None, None
         if self.of.machine is None:
             curves = [Curves(name, loop) for name, loop in stable.items()]
         else:
             name = list(self.loops)[-1] if filter is None else filter
-            whole = stable.get(name)
+            whole, feeding = stable.get(name), self.estimators.get(name)
             curves = [] if whole is None else [
                 Curves(" and ".join(same), whole, self.of.axes.index(same[0]))
                 for same in self.alike(name)
             ]  # fmt: skip
             title = f"{self.bearing.name}: sensitivity of each axis, controllers fed by {name}"
         return assessment_figure(
-            title, curves, zones=ZONES, top=self.top, static=self.of.static_compliance(),
+            title, curves, zones=ZONES, top=self.top, static=self.of.static_compliance(feeding),
             gain=self.of.alone[0].amplifier.gain, whole=whole,
         )  # fmt: skip
 

@@ -97,14 +97,14 @@ class FlightSummary:
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data, in SI."""
         machine, record, estimate = self.run.machine, self.run.record, self.run.estimate
-        names = [axis.name for axis in machine.axes]
+        names, on = [axis.name for axis in machine.axes], self.run.fed
         found: dict[str, Any] = {
             "machine": machine.name,
             "samples": len(record),
             "duration": record.t[-1],
             "seed": record.meta["seed"],
             "greatest_displacement": {n: np.abs(record[f"s_{n}"]).max() for n in names},
-            "greatest_current": {n: np.abs(record[f"iu_{n}"]).max() for n in names},
+            "greatest_current": {n: np.abs(record[f"iu_{n}"][on]).max(initial=0.0) for n in names},
             "samples_at_the_stop": self.run.samples_at_the_stop,
         }
         if estimate is not None:

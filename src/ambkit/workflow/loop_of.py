@@ -296,21 +296,26 @@ class LoopOf:
             shown,
         )
 
-    def static_compliance(self) -> float | None:
+    def static_compliance(self, estimator: Estimator | None = None) -> float | None:
         """Return the greatest deflection by a load at rest, if there were no integral [m/N].
 
         None where the loop would be unstable then, and of a regulator, which has none.
+
+        Parameters
+        ----------
+        estimator : Estimator, optional
+            Of a machine, what feeds the controllers: a rotor that bends has other gains with it.
         """
         if self.needs_estimate:
             return None
-        pids = [pid.model_copy(update={"ki": 0.0}) for pid in self.pids().values()]
         if self.machine is None:
+            pids = [pid.model_copy(update={"ki": 0.0}) for pid in self.pids().values()]
             loop = LoopOf(self.bearing, pids, point=self.point).loop()
         else:
-            flown = self.flown_by(None)
+            flown = self.flown_by(estimator)
             without = [[kp, 0.0, *rest] for kp, _ki, *rest in flown.pids]
             flown = replace(flown, pids=without)
-            loop = LoopOf(self.machine, self.control, point=self.point, flown=flown).loop()
+            loop = LoopOf(self.machine, self.control, point=self.point, flown=flown).loop(estimator)
         if not loop.is_stable:
             return None
         return float(np.abs(np.diagonal(loop.compliance([0.0])[0])).max())

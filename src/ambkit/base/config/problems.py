@@ -64,7 +64,7 @@ def in_words(model: type[BaseModel], error: Mapping[str, Any]) -> Problem:
             return problem._replace(text=_choice(value, context["expected"]))
         case "model_type" | "model_attributes_type":
             return problem._replace(text=f"must be a table, is {_shown(value)}")
-        case "tuple_type" | "list_type" if isinstance(value, dict):
+        case "tuple_type" | "list_type" if isinstance(value, dict) or _of_tables(model, path):
             text = "must be a list of tables, each written in double brackets: [[...]]"
             return problem._replace(text=text)
     text = re.sub(r"^\w+ should", "must", problem.text)
@@ -78,6 +78,13 @@ def _unknown(model: type[BaseModel], problem: Problem) -> Problem:
     text = f"did you mean {near}?" if near else f"known here: {', '.join(model.model_fields)}"
     meant = (*around, near or "")
     return _find_home(model, problem._replace(text=f"unknown key, {text}", meant=meant))
+
+
+def _of_tables(model: type[BaseModel], path: Path) -> bool:
+    """Say whether a key of `model` is a list of tables."""
+    field = model.model_fields.get(str(path[-1]))
+    inner = get_args(field.annotation)[:1] if field else ()
+    return any(isinstance(each, type) and issubclass(each, BaseModel) for each in inner)
 
 
 def _nearest(name: str, keys: list[str]) -> str | None:

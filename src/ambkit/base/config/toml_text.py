@@ -46,9 +46,12 @@ class TomlText:
 
     def line(self, path: Path) -> int:
         """Return the line of `path`, or of the nearest table around it that is written down."""
-        while path and path not in self.lines:
+        while path:
+            for written in (path, (*path, 0)):  # an array of tables begins with its first
+                if written in self.lines:
+                    return self.lines[written]
             path = path[:-1]
-        return self.lines.get(path, 1)
+        return 1
 
 
 def parse(text: str) -> TomlText:

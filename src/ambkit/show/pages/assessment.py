@@ -10,7 +10,7 @@ from ambkit.base.escaping import markdown
 from ambkit.show.report.blocks import Chapter, FigureBlock, Remark, Report, TableBlock, Text
 from ambkit.show.report.figure import Figure
 
-SIGNS = {True: "✓ kept", False: "✗ not kept", None: ""}
+SIGNS = {True: "✓\N{NO-BREAK SPACE}kept", False: "✗ not\N{NO-BREAK SPACE}kept", None: ""}
 """How a line of the verdict ends."""
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,17 +39,18 @@ def machine_figure(run: MachineRun) -> Figure:
             for k, name in enumerate(names, 1)
         ]
         panels.append(Panel(TIME, DISPLACEMENT, moved, title=f"In bearing {label(each.name)}"))
+    on, whole = run.fed, replace(TIME, limits=(float(t[0]), float(t[-1])))
     for each in machine.bearing:
         names = [axis.name for axis in machine.axes if axis.bearing is each]
         limit = each.amplifier.current_limit
-        most = max(float(np.abs(record[f"iu_{name}"]).max()) for name in names)
+        most = max(float(np.abs(record[f"iu_{name}"][on]).max(initial=0.0)) for name in names)
         fed: list[Item] = [
-            Line(t, record[f"iu_{name}"], signal=f"series {k}", label=_of(k))
+            Line(t[on], record[f"iu_{name}"][on], signal=f"series {k}", label=_of(k))
             for k, name in enumerate(names, 1)
         ]
         if most > 0.5 * limit:
             fed += [Rule(end, signal="limit", label="limit") for end in (-limit, limit)]
-        panels.append(Panel(TIME, CURRENT, fed, title=f"Of bearing {label(each.name)}"))
+        panels.append(Panel(whole, CURRENT, fed, title=f"Of bearing {label(each.name)}"))
     speed = record["speed"]
     rpm = f"{speed[-1] * 30 / math.pi:.6g} rpm"
     if speed.max() != speed.min():
@@ -57,6 +59,8 @@ def machine_figure(run: MachineRun) -> Figure:
         f"The rotor at {rpm}; orbits over the whole run, and dark over its last {TURNS} "
         "revolutions; the circle is the backup bearing where it is near."
     )
+    if on.stop is not None:
+        caption += " The currents end where the power fails."
     return Figure(
         id="machine", title=f"Simulated run of {markdown(machine.name)}", caption=caption,
         panels=panels, columns=max(1, min(2, len(radial))), panel_height=2.1,

@@ -90,17 +90,17 @@ def over_speed_figure(found: _OverSpeed, zones: Sequence[tuple[str, float]]) -> 
     at = np.array(speeds)
     turning = found.speed[found.speed <= top]
     modes: list[Item] = [
-        Points(at, np.array(frequencies), signal="estimate", label="modes of the closed loop"),
+        Points(at, np.array(frequencies), signal="mode", label="modes of the closed loop"),
         Line(turning, turning, signal="constant", label="speed of rotation"),
     ]
-    damping: list[Item] = [Points(at, np.array(ratios), signal="estimate", label="")]
+    damping: list[Item] = [Points(at, np.array(ratios), signal="mode", label="")]
     highest = max(3.5, 1.1 * float(np.nanmax(np.append(found.largest, found.peaks))))
     return Figure(
         "over-speed",
         f"{markdown(found.machine.name)}: closed loop over speed, controllers fed by "
         f"{found.fed_by}",
-        "Each axis with all other loops closed; the worst decides its zone of ISO 14839-3. Below, "
-        "the modes of rotor, controllers and filter together, as far as they swing.",
+        "Each axis with all other loops closed; the worst decides its zone of ISO 14839-3. Beside "
+        "it, the modes of rotor, controllers and filter together, as far as they swing.",
         [
             Panel(SPEED, Axis("peak of |S|", limits=(1.0, highest)), peaks, title="Sensitivity"),
             Panel(SPEED, Axis("frequency", "Hz", 1 / (2 * math.pi)), modes, title="Campbell"),

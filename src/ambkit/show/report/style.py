@@ -69,6 +69,7 @@ SIGNALS = {
     "measurement": Style("measurement", GREY, SOLID, 1.0, layer=4),
     "place": Style("measurement", GREY, SOLID, 1.0, layer=4, size=1.4),
     "estimate": Style("estimate", BLUE, SOLID, 1.2, layer=5),
+    "mode": Style("mode", BLUE, SOLID, 1.2, layer=5, size=1.4),
     # Often the same curve: the later ones are thinner and broken, and let the others show.
     "smoothed": Style("smoothed", OCHRE, SOLID, 2.6, layer=7),
     "smoothed 2": Style("smoothed", PURPLE, LONG, 1.6, layer=8),
