@@ -109,7 +109,7 @@ def test_train_makes_the_expert_that_the_command_writes(
     if "force_map" not in options:
         assert Expert.load("e.json") == ambkit.train(BEARING, **options)
         return
-    with pytest.warns(UserWarning, match="at points left out the law, refitted is off by .* N rms"):
+    with pytest.warns(UserWarning, match="at points left out the law, refitted is off by"):
         assert Expert.load("e.json") == ambkit.train(BEARING, **options)
 
 
