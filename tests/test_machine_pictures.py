@@ -83,3 +83,14 @@ def test_each_is_drawn(tmp_path: Path) -> None:
     assert picture.exists()
     drawn = ambkit.campbell(Machine.preset("tum_mlps"), count=11).plot(static=True)
     assert np.size(drawn) == 2
+
+
+def test_a_notebook_shows_a_run_and_what_has_a_figure() -> None:
+    run = simulate_machine(machine(), Flight(duration=0.02))
+    for shown, said in (
+        (run, "Simulated run"),
+        (ambkit.campbell(Machine.preset("tum_mlps")), "rpm"),
+    ):
+        html = shown._repr_html_()
+        assert html.startswith("<img")
+        assert said in html

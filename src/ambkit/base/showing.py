@@ -60,6 +60,11 @@ class Drawn:
         """Return its figure."""
         raise NotImplementedError
 
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows."""
+        html: str = import_module("ambkit.show.notebook.card").image(self.figure())
+        return html
+
     def plot(self, *, ax: Any = None, panel: int | str = 0, static: bool = False) -> Any:
         """Draw it, as `Shown.plot` does.
 

@@ -112,7 +112,7 @@ def excite(
             metavar="NAME",
             help=f"For sensitivity, whose estimate feeds the controller: none, {', '.join(NAMES)}, "
             "or a filter's file (.toml).",
-            show_default="linear",
+            show_default="linear; of a machine none",
         ),
     ] = None,
     axis: Annotated[

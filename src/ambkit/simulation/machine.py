@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from ambkit.base.copying import own_version
 from ambkit.base.errors import AmbkitError
+from ambkit.base.showing import Drawn
 from ambkit.data.record import Record
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Estimate
@@ -34,7 +36,7 @@ STREAMS = 64
 
 
 @dataclass(frozen=True, eq=False)
-class MachineRun:
+class MachineRun(Drawn):
     """A simulated run of a whole machine.
 
     Attributes
@@ -52,6 +54,11 @@ class MachineRun:
     machine: Machine
     record: Record
     estimate: Estimate | None = None
+
+    def figure(self) -> Any:
+        """Return orbits, displacements and currents."""
+        # Pictures are made above the rooms of what they show.
+        return import_module("ambkit.show.plots.machine").machine_figure(self)
 
     @property
     def fed(self) -> slice:

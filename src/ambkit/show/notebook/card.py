@@ -50,16 +50,13 @@ class Card:
 
     def html(self) -> str:
         """Return table and picture as HTML that loads and runs nothing."""
-        picture = base64.b64encode(light(self.figure)).decode()
         # The classes keep MathJax from reading other people's names as formulas.
         return "\n".join(
             [
                 '<div class="tex2jax_ignore mathjax_ignore">',
                 self._table(),
                 *(f"<p>{_text(note)}</p>" for note in self.notes),
-                f'<img style="max-width:100%;width:{100 * WIDTH:.0f}px;background:#fff"'
-                f' alt="{escape(one_line(self.figure.description()))}"'
-                f' src="data:image/png;base64,{picture}">',
+                image(self.figure),
                 "</div>",
             ]
         )
@@ -84,6 +81,22 @@ class Card:
         if left > 0:
             lines.append(f"<tr><th{_LEFT}>and {left} more</th></tr>")
         return "\n".join([*lines, "</tbody>", "</table>"])
+
+
+def image(figure: Figure) -> str:
+    """Return a figure as an image of HTML, with its description for those who do not see it.
+
+    Parameters
+    ----------
+    figure : Figure
+        What to draw.
+    """
+    picture = base64.b64encode(light(figure)).decode()
+    return (
+        f'<img style="max-width:100%;width:{100 * WIDTH:.0f}px;background:#fff"'
+        f' alt="{escape(one_line(figure.description()))}"'
+        f' src="data:image/png;base64,{picture}">'
+    )
 
 
 def _text(text: str) -> str:
