@@ -135,10 +135,11 @@ def export(out: Path, kind: str, text: str) -> None:
 
 
 def export_controllers(out: Path, text: str) -> None:
-    """Write whole controllers in C, of an axis with calibration and of a machine."""
+    """Write whole controllers in C, of an axis with calibration and telemetry, and of a machine."""
     scenario = Scenario(duration=0.1, controller=PID.for_bearing(BEARING))
     axis = called(BEARING, text)
-    export_c(axis, None, out / "axis", prefix="flt", scenario=scenario, calibrated=True)
+    export_c(axis, None, out / "axis", prefix="flt", scenario=scenario, calibrated=True,
+             telemetry=True)  # fmt: skip
     update = {"name": text, "description": text, "source": text}
     machine = Machine.preset("hindawi_2011").model_copy(update=update)
     export_c(machine, None, out / "machine", prefix="flt", flight=Flight(duration=0.05))
