@@ -95,7 +95,7 @@ def maximum_likelihood(
         Look for lines in the position, such as the hum of the mains, which then are the sensor's.
     use_control : bool
         Where a measured current has its ``control`` beside it in all records: find from both what
-        flows (:mod:`~ambkit.identification.maximum_likelihood.current`); else the current counts
+        flows (``current.py``); else the current counts
         as it was measured.
     note : callable
         Told what is being done.

@@ -63,7 +63,7 @@ class LoopModel:
     memory : float
         Time in which what flows forgets how it strayed from the control signal of a record [s],
         where that is a current found from control and measurement
-        (:mod:`~ambkit.identification.maximum_likelihood.current`); 0: noise of the control is new
+        (``current.py``); 0: noise of the control is new
         in each sample.
     known : mapping of str to (float, float)
         What is known of parameters before any record, by their names: value and standard deviation
