@@ -136,7 +136,11 @@ def test_killed_at_random_moments_it_ends_with_the_same_rows(undisturbed: Any) -
 
 def test_ctrl_c_leaves_what_is_gone_on_with(undisturbed: Any) -> None:
     folder, expected = undisturbed
-    process = started(folder, "--out", "stopped", "--threads", "1")
+    process = started(
+        folder, "--out", "stopped", "--threads", "1",
+        # A test that runs in the background inherits that SIGINT is ignored.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
     until(lambda: parts(folder / "stopped"))
     os.killpg(process.pid, signal.SIGINT)
     code, err = finished(process)
