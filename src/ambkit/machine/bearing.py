@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Annotated, Any, ClassVar, Literal, Self, cast
 
-import numpy as np
 from pydantic import (
     ConfigDict,
     Field,
@@ -22,7 +21,7 @@ from ambkit.base.config.texts import Description, Name
 from ambkit.base.errors import AmbkitError
 from ambkit.base.showing import Shown
 from ambkit.base.units import engineering
-from ambkit.machine.magnets import MU_0, core_module, magnet_of
+from ambkit.machine.magnets import MU_0, magnet_of
 from ambkit.machine.parts import (
     SHORTEST_LAG,
     Coil,
@@ -374,7 +373,7 @@ class Bearing(Shown, Document):
             yield "rotor.gravity", text
 
         current = read("amplifier.current_limit")
-        hover = 0.0 if _surely_carried(read) else abs(_hover_current(read))
+        hover = abs(_hover_current(read))
         if hover > current:
             limit = f"at least {engineering(hover, 'A')}, which carries the rotor at x = 0"
             if math.isinf(hover):
@@ -395,19 +394,6 @@ def _along_x(gravity: Any) -> float:
         return _DIRECTION.get(gravity, math.nan)
     share = -math.cos(gravity) if isinstance(gravity, float) else math.nan
     return 0.0 if abs(share) < 1e-12 else share  # across
-
-
-def _surely_carried(read: Read) -> bool:
-    """Whether the greatest current carries the rotor by far, so that nobody need look for less."""
-    current, magnet = read("amplifier.current_limit"), read("magnet")
-    weight = _along_x(read("rotor.gravity")) * read("rotor.mass") * GRAVITY
-    if not isinstance(magnet, Magnet) or magnet.force_map is not None:
-        return False
-    if not (weight < 0 and 0 < current <= magnet.bias_current):
-        return False
-    law = magnet_of(cast("Bearing", SimpleNamespace(magnet=magnet)))
-    pull = law.in_core(core_module()).force(np.array([current]), np.zeros(1))[0] + law.bias_force
-    return bool(pull > -1.001 * weight)
 
 
 def _hover_current(read: Read) -> float:
