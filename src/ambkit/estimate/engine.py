@@ -66,6 +66,7 @@ class Engine:
     ) -> None:
         self.bearing: Any = bearing
         self.turned = False  # whether the core's model has been at another speed
+        self._nodes: dict[int, tuple[dict[str, Any], list[float]]] = {}  # by number of steps
         self.as_printed, self.noise, self.synchronous = as_printed, noise, tuple(synchronous)
         unknown = [name for name in synchronous if name not in SYNCHRONOUS]
         if unknown:
@@ -98,21 +99,30 @@ class Engine:
         does across while the speed grows is linear in that growth.
         """
         step = NODE / self.bearing.sampling_time
-        first = step * math.floor(slowest / step)
-        count = max(4, math.ceil((fastest - first) / step) + 1)
-        at, growing = [], []
-        for k in range(count):
-            there = self.bearing.model_copy(update={"speed": first + k * step})
+        lowest = math.floor(slowest / step)
+        count = max(4, math.ceil(fastest / step) - lowest + 1)
+        at, growing = zip(
+            *(self._node(number, step) for number in range(lowest, lowest + count)), strict=True
+        )
+        self.model_of_core.nodes(lowest * step, step, list(at), list(growing))
+        self.turned = True
+
+    def _node(self, number: int, step: float) -> tuple[dict[str, Any], list[float]]:
+        """Return the model's arrays at a node, and what growth of the speed does there.
+
+        They are kept, as one run of a campaign after the other asks for the same nodes.
+        """
+        if number not in self._nodes:
+            there = self.bearing.model_copy(update={"speed": number * step})
             still, faster = (
                 machine_model(
                     there, noise=self.noise, synchronous=self.synchronous, speeding=speeding
                 )
                 for speeding in (0.0, GROWTH)
             )
-            at.append(arrays(still))
-            growing.append((faster.L - still.L)[still.pattern["L"] > 0] / GROWTH)
-        self.model_of_core.nodes(first, step, at, [each.tolist() for each in growing])
-        self.turned = True
+            grown = (faster.L - still.L)[still.pattern["L"] > 0] / GROWTH
+            self._nodes[number] = arrays(still), grown.tolist()
+        return self._nodes[number]
 
     def stand(self, estimator: Any) -> None:
         """Let the core's model be of the machine's own speed again, and an estimator of it."""
