@@ -65,6 +65,7 @@ def filter_machine(
 
 
 def _table(data: dict[str, Any], units: Mapping[str, str]) -> Any:
+    from ambkit.cli import harmonics
     from ambkit.cli.output import table, value
 
     all_of = data["estimators"]
@@ -83,5 +84,8 @@ def _table(data: dict[str, Any], units: Mapping[str, str]) -> Any:
     for name in told[0]["rmse"]:
         errors = (value(j["rmse"][name], units[name]) for j in told)
         rows.append([f"error of {name}, rms", *errors])
+    turning = [dict(harmonics.rows(j.get("synchronous", {}))) for j in told]
+    for what in dict.fromkeys(what for each in turning for what in each):
+        rows.append([what, *(each.get(what, "–") for each in turning)])
     title = f"{data['machine']}, {data['samples']} samples"
     return table(title, ["", *all_of], rows)
