@@ -12,13 +12,15 @@ import pytest
 from export_cases import SAME_BITS, command, program
 from machine_cases import AND_LONG, Array
 
-from ambkit import AmbkitError, Flight, KalmanFilter, Machine, Record
+from ambkit import AmbkitError, Flight, KalmanFilter, Machine, Record, harmonics
 from ambkit.export.c import CExport, export_c
 from ambkit.simulation.controllers import Control
 from ambkit.simulation.flight import Disturbance
 from ambkit.simulation.machine import MachineRun, simulate_machine
 from ambkit.simulation.sequence import LiftOff, Mode
 from ambkit.simulation.waveforms import Ramp, Step
+from ambkit.workflow.filtering_machine import filter_machine
+from ambkit.workflow.flying import FlightSummary
 
 COMPILER = shutil.which("gcc") or shutil.which("clang")
 compiled = pytest.mark.skipif(COMPILER is None, reason="no C compiler (gcc or clang) here")
@@ -125,6 +127,33 @@ def test_the_flight_file_says_so(tmp_path: Path) -> None:
     (tmp_path / "flight.toml").write_text(text.replace("0.3 s", "0 s"))
     with pytest.raises(AmbkitError, match=r"flight.toml.*sequence.stop.*after start"):
         Flight.load(tmp_path / "flight.toml")
+
+
+def test_what_lies_is_left_out_of_what_is_filtered() -> None:
+    """Magnets are off there, which no filter is told: NIS would be several times too large."""
+    machine = Machine.preset("tum_mlps").replace(speed=0.0)
+    record = lifted(machine, feedback="estimate").record
+    found = filter_machine(machine, record, ("linear",))
+    on = np.isin(record["mode"], (Mode.LIFTING, Mode.FLYING, Mode.LANDING))
+    assert len(found.record) == on.sum()
+    assert found.to_dict()["estimators"]["linear"]["nis"] < 1.3
+    assert float(np.mean(KalmanFilter(machine).run(record).nis[1:])) > 1.3
+
+
+@pytest.mark.parametrize("stop", [0.25, None])
+def test_a_summary_is_of_the_flight(stop: float | None) -> None:
+    machine = Machine.preset("tum_mlps")
+    flight = Flight(
+        duration=0.35, start="rest", sequence=LiftOff(stop=stop, lift=0.05, land=0.05),
+        feedback="estimate", speed=Ramp(slope=2000.0, start=0.1),
+    )  # fmt: skip
+    kalman = KalmanFilter(machine, synchronous=("unbalance",))
+    run = simulate_machine(machine, flight, estimator=kalman)
+    found = FlightSummary(run, harmonics(kalman, run.record)).to_dict()
+    modes = [each["mode"] for each in found["modes"]]
+    assert modes[:3] == ["waiting", "lifting", "flying"]
+    assert found["rmse"]["x"] < 2e-6
+    assert ("synchronous" in found) == (stop is None)  # a rotor that lies says nothing of it
 
 
 # ---- As C ----

@@ -59,6 +59,11 @@ def filter_machine(
             machine, log, kinds, synchronous=synchronous, noise=noise, settling=settling,
             smooth=smooth,
         )  # fmt: skip
+    left = len(log) - len(found.record)
+    if left:
+        output.note(
+            f"{left} samples are left out, in which magnets have no current by the record's mode"
+        )
     data = found.to_dict()
     write = [(out, lambda path: found.estimates[kinds[0]].save(path))]
     output.deliver(data, [_table(data, found.estimates[kinds[0]].units)], write, as_json=json)

@@ -12,6 +12,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.estimate.estimate import Status
 from ambkit.estimate.noise import FilterNoise
 from ambkit.judge.machine import errors_along
+from ambkit.simulation.sequence import Mode
 from ambkit.workflow.given import of_machine
 from ambkit.workflow.harmonics import Harmonic, harmonics
 
@@ -30,7 +31,7 @@ class MachineFiltering:
     machine : Machine
         Of which the record is.
     record : Record
-        What was filtered.
+        What was filtered: of lift-off and landing what lies between.
     estimates : mapping
         Of each kind, what it says.
     settled : int
@@ -124,14 +125,36 @@ def filter_machine(
     ]
     if lacking:
         raise AmbkitError(f"the record has no {', '.join(lacking)}, which {machine.name} gives")
+    begin, end = in_flight(record)
+    until, flown = record.between(stop=end), record.between(begin, end)
     estimates, turning = {}, {}
     for kind in kinds:
         estimator = of_machine(kind, machine, synchronous=synchronous, noise=noise)
         try:
-            estimates[kind] = estimator.smooth(record) if smooth else estimator.run(record)
+            estimates[kind] = estimator.smooth(flown) if smooth else estimator.run(flown)
         except ValueError as error:
             raise AmbkitError(str(error)) from error
-        turning[kind] = harmonics(estimator, record)
+        turning[kind] = harmonics(estimator, until)
     settled = round(settling / machine.sampling_time)
-    last = min(settled, len(record) - 2)
-    return MachineFiltering(machine, record, estimates, last, turning)
+    last = min(settled, len(flown) - 2)
+    return MachineFiltering(machine, flown, estimates, last, turning)
+
+
+def in_flight(record: Record) -> tuple[float | None, float | None]:
+    """Return from when to when the magnets have currents, in a record of lift-off and landing [s].
+
+    A rotor that lies has the backup bearings' forces, and magnets that are off, which no estimator
+    is told. None and None: a record without a ``mode``, or one that never lifts.
+
+    Parameters
+    ----------
+    record : Record
+        With the ``mode``, `ambkit.simulation.sequence.Mode`, where there is one.
+    """
+    if "mode" not in record:
+        return None, None
+    on = np.flatnonzero(np.isin(record["mode"], (Mode.LIFTING, Mode.FLYING, Mode.LANDING)))
+    if len(on) < 3:
+        return None, None
+    end = int(on[-1]) + 1
+    return float(record.t[on[0]]), float(record.t[end]) if end < len(record) else None
