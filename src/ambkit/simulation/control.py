@@ -105,9 +105,8 @@ class Controller:
 
     @property
     def down(self) -> float:
-        """Where the rotor lies [m]: on the stop to which its weight pulls it."""
-        travel = self.bearing.rotor.travel_limit
-        return travel if self.bearing.weight > 0 else -travel
+        """Where the rotor lies [m], see `lies_at`."""
+        return lies_at(self.bearing)
 
     def held(self, x: float) -> float:
         """Return the current [A] that holds the rotor: in the middle, where it lies, and the line.
@@ -214,6 +213,18 @@ class Controller:
         bias = number(self.bearing.magnet.bias_current)
         coils = [bias + told["iu"], bias - told["iu"]][: self.coils]
         return told | {"coil": np.where(told["on"][:, None] > 0, np.stack(coils, 1), number(0))}
+
+
+def lies_at(bearing: Bearing) -> float:
+    """Return where a rotor lies [m]: on the stop to which its weight pulls it.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        Whose.
+    """
+    travel = bearing.rotor.travel_limit
+    return travel if bearing.weight > 0 else -travel
 
 
 def needs_states(pid: PID) -> bool:

@@ -9,10 +9,11 @@ from ambkit.export.c.model import states
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
+    from ambkit.export.fmu.flown import Flown
     from ambkit.machine.bearing import Bearing
     from ambkit.simulation.scenario import PID
 
-Kind = Literal["estimator", "plant", "closed-loop", "controller"]
+Kind = Literal["estimator", "plant", "closed-loop", "controller", "whole-controller"]
 Role = Literal["time", "fixed", "tunable", "input", "output"]
 Limit = Literal["any", "not negative", "positive", "losable"]
 
@@ -148,11 +149,12 @@ def _variances(estimator: Estimator) -> list[Variable]:
     ]
 
 
-def of_plant(bearing: Bearing) -> tuple[Variable, ...]:
-    """Return the variables of a plant."""
+def of_plant(bearing: Bearing, place: float = 0.0) -> tuple[Variable, ...]:
+    """Return the variables of a plant that starts at this place [m]."""
     return (
         TIME,
         Variable("u", "input", "V", "control signal"),
+        Variable("on", "input", "1", "currents, that of the bias too: from 0.5 on", 1.0),
         Variable("f_d", "input", "N", "disturbance force"),
         *_noises(bearing),
         *_faults(),
@@ -165,15 +167,18 @@ def of_plant(bearing: Bearing) -> tuple[Variable, ...]:
             follows=("noise_y", "fault_y_gain", "fault_y_offset", "fault_frozen"),
         ),
         *_forced(),
-        *_rig(bearing),
+        *_rig(bearing, place),
     )
 
 
-def of_loop(estimator: Estimator, controller: PID) -> tuple[Variable, ...]:
-    """Return the variables of a closed loop."""
+def of_loop(
+    estimator: Estimator, controller: PID, flown: Flown | None = None
+) -> tuple[Variable, ...]:
+    """Return the variables of a closed loop; `flown`: the whole controller in it, if it has one."""
     return (
         TIME,
         Variable("r", "input", "m", "position that is demanded"),
+        *_wanted(flown),
         Variable("f_d", "input", "N", "disturbance force"),
         *_noises(estimator.bearing),
         *_truth(),
@@ -181,14 +186,73 @@ def of_loop(estimator: Estimator, controller: PID) -> tuple[Variable, ...]:
         Variable("u", "output", "V", "control signal", held=True),
         *_forced(),
         *_estimates("estimate.", estimator),
-        *_rig(estimator.bearing),
+        *_mode(flown),
+        *_rig(estimator.bearing, 0.0 if flown is None else flown.place),
         *_variances(estimator),
-        *_controller(estimator.bearing, controller),
+        *(_gains(controller, estimator.bearing) if flown is None else [_current(flown.current)]),
     )
 
 
+def of_whole(estimator: Estimator, flown: Flown) -> tuple[Variable, ...]:
+    """Return the variables of a whole controller."""
+    pair = flown.controller.coils == 2
+    coils = ("the coil towards +x", "the other coil") if pair else ("the coil",)
+    return (
+        TIME,
+        Variable("y", "input", "m", "measured position; NaN: lost", limit="losable"),
+        Variable("r", "input", "m", "position that is demanded", limit="losable"),
+        *_wanted(flown),
+        *(
+            Variable(f"coil_{k}", "output", "A", f"current of {coil}", held=True)
+            for k, coil in enumerate(coils)
+        ),
+        Variable("u", "output", "V", "control signal", held=True),
+        Variable("iu", "output", "A", "control current that is demanded", held=True),
+        Variable("on", "output", "1", "1 where there are currents, else 0", held=True),
+        Variable("status", "output", "", "sum of flags, of estimator and controller", held=True),
+        *_mode(flown),
+        *_estimates("estimate.", estimator),
+        *_variances(estimator),
+        _place(flown.place),
+        _current(flown.current),
+    )
+
+
+def _wanted(flown: Flown | None) -> list[Variable]:
+    if flown is None or flown.controller.sequence is None:
+        return []
+    return [Variable("fly", "input", "1", "whether it is to fly: from 0.5 on", 1.0)]
+
+
+def _mode(flown: Flown | None) -> list[Variable]:
+    if flown is None or flown.controller.sequence is None:
+        return []
+    about = "0 off, 1 waiting, 2 lifting, 3 flying, 4 landing, 5 tripped"
+    return [Variable("mode", "output", "", about, held=True)]
+
+
+def of_regulator(estimator: Estimator, current: float, integral: float) -> tuple[Variable, ...]:
+    """Return the variables of a controller of all states, that starts with these [A]."""
+    at_rest = estimator.at_rest(0.0, current=current)
+    described = zip(states(estimator.states), estimator.states, at_rest, strict=True)
+    return (
+        TIME,
+        Variable("r", "input", "m", "position that is demanded"),
+        *(
+            Variable(
+                state.field, "input", each.unit, f"estimated {each.role}", float(start),
+                limit="losable",
+            )
+            for state, each, start in described
+        ),
+        Variable("u", "output", "V", "control signal", held=True),
+        _current(current),
+        Variable("start_integral", "fixed", "A", "of the controller, in flight", integral),
+    )  # fmt: skip
+
+
 def of_controller(bearing: Bearing, controller: PID) -> tuple[Variable, ...]:
-    """Return the variables of a controller."""
+    """Return the variables of a PID."""
     fed = "estimated displacement" if controller.feedback == "estimate" else "measured position"
     return (
         TIME,
@@ -198,7 +262,7 @@ def of_controller(bearing: Bearing, controller: PID) -> tuple[Variable, ...]:
             "v", "input", "m/s", "estimated velocity, where an estimator feeds it", limit="losable"
         ),
         Variable("u", "output", "V", "control signal", held=True),
-        *_controller(bearing, controller),
+        *_gains(controller, bearing),
     )
 
 
@@ -251,10 +315,18 @@ def _forced() -> list[Variable]:
     ]
 
 
-def _rig(bearing: Bearing) -> list[Variable]:
+def _place(x: float) -> Variable:
+    return Variable("start_position", "fixed", "m", "displacement at the start", x)
+
+
+def _current(current: float) -> Variable:
+    return Variable("start_current", "fixed", "A", "demanded until the start", current)
+
+
+def _rig(bearing: Bearing, place: float = 0.0) -> list[Variable]:
     mass, constant = bearing.rotor.mass, bearing.magnet.magnet_constant
     return [
-        Variable("start_position", "fixed", "m", "displacement at the start"),
+        _place(place),
         Variable("mass", "tunable", "kg", "mass of the rotor", mass, "positive"),
         Variable(
             "magnet_constant",
@@ -267,7 +339,7 @@ def _rig(bearing: Bearing) -> list[Variable]:
     ]
 
 
-def _controller(bearing: Bearing, controller: PID) -> list[Variable]:
+def _gains(controller: PID, bearing: Bearing) -> list[Variable]:
     from ambkit.machine.hovering import hover_current
     from ambkit.machine.magnets import magnet_of
 

@@ -4,6 +4,7 @@
 amb_status amb_unit_tune(amb_unit *model, const double value[AMB_VARIABLES])
 {
   amb_rig_tune(&model->rig, value[VR_mass], value[VR_magnet_constant]);
+  model->rig.off = value[VR_on] < 0.5;
   return AMB_OK;
 }
 
@@ -48,6 +49,7 @@ void amb_unit_sample(amb_unit *model, const double value[AMB_VARIABLES])
  * glimpsed. */
 void amb_unit_part(amb_unit *model, double from, double to, const double value[AMB_VARIABLES])
 {
+  model->rig.off = value[VR_on] < 0.5;
   const amb_plant plant = amb_rig_plant(&model->rig);
   if (!(value[VR_fault_frozen] >= 0.5))
     model->frozen_y = shown(model, value);
