@@ -69,7 +69,7 @@ def export_fmu(
     precision: CPrecision = "double",
     everywhere: bool = False,
 ) -> FmuExport:
-    """Write a co-simulation FMU around the C of the library: binary and sources, no Python.
+    """Write an FMU around the C of the library: binary and sources, no Python.
 
     Bit for bit as the library. A communication step may be any: the filter takes its samples at
     whole multiples of the bearing's sampling time, and holds its estimates in between; the plant
@@ -77,6 +77,9 @@ def export_fmu(
     the step that begins there, with the inputs set there: an estimate read after the step from t to
     t + T is that of the sample at t. The plant's outputs are those at the end of the step. NaN on
     an estimator's input is a lost sensor.
+
+    FMUs are for co-simulation. A plant without a dead time is for model exchange too: its importer
+    integrates it, and its outputs follow at any time.
 
     Parameters
     ----------
@@ -177,11 +180,13 @@ def _estimator(estimator: Estimator) -> _Parts:
 
 
 def _plant(bearing: Bearing, place: float) -> _Parts:
+    told = variables.of_plant(bearing, place)
+    sizes = sources.nominals(bearing, [v.rate_of for v in told if v.rate_of])
     return _Parts(
         f"Bearing {bearing.name}: amplifier, magnet, rotor and sensor",
-        "plant",
-        variables.of_plant(bearing, place),
-        sources.data_files("plant", rig=sources.rig_data(bearing)),
+        model := "plant" if sizes else "late-plant",
+        told,
+        sources.data_files(model, rig=sources.rig_data(bearing), nominals=sizes),
         None,
     )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from importlib.metadata import distribution, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +16,7 @@ from ambkit.export.c import data
 from ambkit.export.c.data import MAGNETS, CPrecision
 from ambkit.export.c.model import LOOPS, InC, in_c
 from ambkit.export.fmu.xml import Fmi, Model
-from ambkit.machine.magnets import MagnetModel, core_module, magnet_of
+from ambkit.machine.magnets import MagnetModel, core_module, magnet_of, own_time
 from ambkit.simulation import parts
 from ambkit.simulation.scenario import PID, Scenario
 
@@ -29,7 +29,8 @@ _HERE = Path(__file__).parent
 _IN_LOOP = ("loop_model", "estimates", "filter", "rig")
 _MODELS: dict[str, tuple[str, ...]] = {
     "estimator": ("estimator_model", "filter"),
-    "plant": ("plant_model", "rig"),
+    "plant": ("plant_model", "rig", "plant_exchange", "exchange"),
+    "late-plant": ("plant_model", "rig", "plant_alone"),
     "loop-pid": (*_IN_LOOP, "loop_pid"),
     "loop-flight": (*_IN_LOOP, "loop_flight", "flight"),
     "pid": ("controller_model",),
@@ -107,8 +108,12 @@ def _sources_of(names: Iterable[str]) -> set[str]:
 
 def model_files(model: str, fmi: Fmi) -> dict[str, str]:
     """Return the hand-written C around the core, and the standard's headers."""
-    own = ["model.h", "instance.h", "instance.c", f"fmi{fmi}.c"]
-    own += [f"{stem}{ending}" for stem in _MODELS[model] for ending in (".h", ".c")]
+    stems = ["model", "instance", f"fmi{fmi}", *_MODELS[model]]
+    if "exchange" in stems:
+        stems.append(f"fmi{fmi}_exchange")
+    else:
+        stems += ["no_exchange", f"fmi{fmi}_no_exchange"]
+    own = [f"{stem}{ending}" for stem in stems for ending in (".h", ".c")]
     there = [_HERE / "c" / file for file in own if (_HERE / "c" / file).is_file()]
     texts = {file.name: file.read_text(encoding="utf-8") for file in there}
     for file in _STANDARD[fmi]:
@@ -123,7 +128,7 @@ def licences() -> dict[str, str]:
     return texts if own is None else texts | {"license.txt": own}
 
 
-_DATA = ("filter", "rig", "pid", "law", "flown", "k_ui", "K_sen")
+_DATA = ("filter", "rig", "nominals", "pid", "law", "flown", "k_ui", "K_sen")
 
 
 def data_files(model: str, **context: Any) -> dict[str, str]:
@@ -148,6 +153,7 @@ def description_files(kind: str, model: Model) -> dict[str, str]:
         "version": model.version,
         "token": model.token,
         "sampling_time": data.number(model.sampling_time, "double"),
+        "continuous_states": len(model.rates),
     }
     return {
         "description.h": rendered("description.h.j2", context),
@@ -218,6 +224,21 @@ def rig_data(bearing: Bearing) -> dict[str, Any]:
         if (coil := parts.coil_fields(bearing)) is not None:
             fields["coil"] = coil
     return magnet_data(law, "rig") | {"text": data.struct_with_arrays(fields, "double")}
+
+
+def nominals(bearing: Bearing, states: Sequence[str]) -> list[float]:
+    """Return the typical size of each state of a plant in continuous time, in its unit.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        The plant.
+    states : sequence of str
+        Their names.
+    """
+    travel = bearing.rotor.travel_limit
+    sizes = {"x": travel, "x_m": abs(bearing.sensor.gain) * travel, "v": travel / own_time(bearing)}
+    return [sizes.get(name, bearing.amplifier.current_limit) for name in states]
 
 
 def pid_data(bearing: Bearing, controller: PID) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 from ambkit.export.c.model import states
@@ -14,7 +16,7 @@ if TYPE_CHECKING:
     from ambkit.simulation.scenario import PID
 
 Kind = Literal["estimator", "plant", "closed-loop", "controller", "whole-controller"]
-Role = Literal["time", "fixed", "tunable", "input", "output"]
+Role = Literal["time", "fixed", "tunable", "input", "output", "local"]
 Limit = Literal["any", "not negative", "positive", "losable"]
 
 
@@ -26,8 +28,9 @@ class Variable:
     ----------
     name : str
         As the importer shows it.
-    role : {"time", "fixed", "tunable", "input", "output"}
-        Fixed parameters hold from the start, tunable ones can be changed between steps.
+    role : {"time", "fixed", "tunable", "input", "output", "local"}
+        Fixed parameters hold from the start, tunable ones can be changed between steps; local is
+        what only importers that integrate ask for.
     unit : str
         As in `UNITS`; empty for integers.
     about : str
@@ -40,6 +43,10 @@ class Variable:
         Inputs and parameters that an output follows at once, not with the next step.
     held : bool
         Changes only with a sample.
+    rate_of : str
+        State whose derivative it is.
+    event : bool
+        Whether an event begins where its sign changes.
     """
 
     name: str
@@ -50,6 +57,8 @@ class Variable:
     limit: Limit = "any"
     follows: tuple[str, ...] = ()
     held: bool = False
+    rate_of: str = ""
+    event: bool = False
 
     @property
     def integer(self) -> bool:
@@ -59,7 +68,7 @@ class Variable:
     @property
     def reference(self) -> str:
         """Name of its value reference in C."""
-        return "VR_" + self.name.replace(".", "_")
+        return "VR_" + re.sub(r"\W", "_", self.name)
 
 
 UNITS: dict[str, dict[str, int]] = {
@@ -68,8 +77,10 @@ UNITS: dict[str, dict[str, int]] = {
     "m": {"m": 1},
     "m2": {"m": 2},
     "m/s": {"m": 1, "s": -1},
+    "m/s2": {"m": 1, "s": -2},
     "kg": {"kg": 1},
     "A": {"A": 1},
+    "A/s": {"A": 1, "s": -1},
     "A/m": {"A": 1, "m": -1},
     "A/(m.s)": {"A": 1, "m": -1, "s": -1},
     "A.s/m": {"A": 1, "m": -1, "s": 1},
@@ -151,7 +162,8 @@ def _variances(estimator: Estimator) -> list[Variable]:
 
 def of_plant(bearing: Bearing, place: float = 0.0) -> tuple[Variable, ...]:
     """Return the variables of a plant that starts at this place [m]."""
-    return (
+    shown = ("noise_y", "fault_y_gain", "fault_y_offset", "fault_frozen")
+    known = (
         TIME,
         Variable("u", "input", "V", "control signal"),
         Variable("on", "input", "1", "currents, that of the bias too: from 0.5 on", 1.0),
@@ -159,16 +171,46 @@ def of_plant(bearing: Bearing, place: float = 0.0) -> tuple[Variable, ...]:
         *_noises(bearing),
         *_faults(),
         *_truth(),
-        Variable(
-            "y",
-            "output",
-            "m",
-            "measured position: x_m and noise_y, with the sensor's faults",
-            follows=("noise_y", "fault_y_gain", "fault_y_offset", "fault_frozen"),
-        ),
+        Variable("y", "output", "m", "measured position: x_m and noise_y, with the sensor's faults",
+                 follows=shown),
         *_forced(),
-        *_rig(bearing, place),
-    )
+    )  # fmt: skip
+    if not in_continuous_time(bearing):
+        return (*known, *_rig(bearing, place))
+    more = tuple(_continuous(bearing))
+    flowing = (each.name for each in more if each.name.startswith("i_"))
+    current = ("u", "on", "noise_u", "fault_u_gain", "fault_current", *flowing)
+    states = {"x": ("x",), "v": ("v",), "x_m": ("x_m",), "y": ("x_m",), "iu": current,
+              "f_mag": ("x", *current)}  # fmt: skip
+    with_states = (replace(v, follows=(*v.follows, *states.get(v.name, ()))) for v in known)
+    return (*with_states, *more, *_rig(bearing, place))
+
+
+def in_continuous_time(bearing: Bearing) -> bool:
+    """Say whether a plant is one of differential equations: a dead time is not.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        The plant.
+    """
+    return bearing.delay is None
+
+
+def _continuous(bearing: Bearing) -> Iterator[Variable]:
+    """Currents that are states, the rates of all states, and what begins events."""
+    amplifier = bearing.amplifier
+    states = {"x": "m/s", "v": "m/s2", "x_m": "m/s"}
+    if amplifier.bandwidth is not None:
+        pair = amplifier.voltage_limit is not None and bearing.magnet.type == "two-sided"
+        for k in range(1 + pair):
+            states[f"i_{k}"] = "A/s"
+            yield Variable(f"i_{k}", "local", "A", f"control current of coil {k}")
+    for name, unit in states.items():
+        yield Variable(f"der({name})", "local", unit, f"rate of {name}", rate_of=name)
+    for k, side in enumerate(("+x", "-x")):
+        about = f"way to the stop at {side} [m]; on a stop, what presses the rotor there"
+        yield Variable(f"event_{k}", "local", "1", about, event=True)
 
 
 def of_loop(
