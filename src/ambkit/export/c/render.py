@@ -568,7 +568,7 @@ def _configuration(
     parts += [array["text"] for array in context["arrays"]]
     if context["controlled"]:
         parts += [array["text"] for array in context["control_arrays"]]
-        parts += [repr(context["pids"]), context["kind"]]
+        parts += [repr(context[key]) for key in ("pids", "kind", "sequence", "turning")]
     for part in (*parts, *core_files.values()):
         digest.update(part.encode() + b"\0")
     return digest.hexdigest()[:16]
