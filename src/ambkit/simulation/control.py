@@ -127,7 +127,15 @@ class Controller:
         """The fields of ``amb_control`` and of what it points to, by their names."""
         e, b = self.estimator, self.bearing
         told: dict[str, Any] = dict.fromkeys(
-            ("velocity", "turning", "fed_back", "fed_back_by_speed", "fed_back_by_square")
+            (
+                "reference",
+                "velocity",
+                "turning",
+                "fed_back",
+                "fed_back_by_speed",
+                "fed_back_by_square",
+                "let_turn_motion",
+            )
         ) | {name: values.ravel().tolist() for name, values in self.law.feedback.items()}
         gain = b.sensor.gain
         at_zero = e.at_rest(0.0, 0.0)

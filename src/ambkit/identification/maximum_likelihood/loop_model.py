@@ -181,13 +181,17 @@ class LoopModel:
         u, y = (np.concatenate([one[signal] for one in corrected]) for signal in ("u", "y"))
         return float(b.amplifier.gain * np.nanmean(u)), float(np.nanmean(y) / b.sensor.gain)
 
-    def innovations(self, record: Record) -> tuple[Array, Array, NDArray[np.bool_]]:
+    def innovations(
+        self, record: Record, kalman: Estimator | None = None
+    ) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Run the filter along a record.
 
         Parameters
         ----------
         record : Record
             With ``y`` [m] and ``u`` [V], n samples.
+        kalman : Estimator, optional
+            This model's filter, where it is there already: several records need but one.
 
         Returns
         -------
@@ -198,7 +202,7 @@ class LoopModel:
         used : ndarray of bool (n,)
             Where the measurement was taken in.
         """
-        out, _, _ = self._run(record)
+        out, _, _ = self._run(record, kalman)
         every = slice(None, None, self.substeps)
         used = out["status"][every] & NOT_USED == 0
         return out["innovation"][every], out["variance"][every], used
@@ -236,13 +240,15 @@ class LoopModel:
         n = len(record) - ahead
         return np.asarray(fine[:: self.substeps][:n]) + self.position_offset
 
-    def _run(self, record: Record) -> tuple[dict[str, Any], Array, Estimator]:
+    def _run(
+        self, record: Record, kalman: Estimator | None = None
+    ) -> tuple[dict[str, Any], Array, Estimator]:
         """Run the filter with its finer steps; between two samples no measurement comes."""
         h = self.bearing.sampling_time / self.substeps
         u = delayed(lagged(self._at_steps(record["u"]), h, self.current_lag), self.delay / h)
         y = np.full(u.size, np.nan)
         y[:: self.substeps] = record["y"] - self.position_offset
-        kalman = self.kalman()
+        kalman = kalman or self.kalman()
         known = y[np.isfinite(y)]
         first = float(known[0]) if known.size else 0.0
         std = list(kalman.default_std())
@@ -354,6 +360,9 @@ def _changed(bearing: Bearing, **changes: Any) -> Bearing:
 NOT_USED = int(Status.MISSING | Status.FROZEN | Status.BAD_VARIANCE | Status.OUTLIER)
 """Flags with which a measurement was not taken in."""
 
+FAR = 9.0
+"""Standard deviations from a limit beyond which it moves no mean by more than 1e-20 of them."""
+
 
 def limited(mean: Array, std: float, low: float, high: float) -> Array:
     """Return the mean of a normal variable that is held within limits.
@@ -372,6 +381,13 @@ def limited(mean: Array, std: float, low: float, high: float) -> Array:
     """
     if not std > 0:
         return np.clip(mean, low, high)
+    near = (mean < low + FAR * std) | (mean > high - FAR * std)
+    if not near.any():
+        return mean
+    if not near.all():
+        out = mean.copy()
+        out[near] = limited(mean[near], std, low, high)
+        return out
     from scipy.special import ndtr
 
     def ramp(z: Array) -> Array:
