@@ -249,7 +249,7 @@ FAULTS = {
                                      "state->unusable > 65535U"),
     "never trips by overload": ("core/src/sequence.c", "state->limited > sequence->overloaded",
                                 "state->limited > 65535U"),
-    "lifts from the middle": ("core/src/control.c", "s->from[j] = at;", "s->from[j] = 0;"),
+    "lifts from the middle": ("core/src/control.c", "s->from[f] = at;", "s->from[f] = 0;"),
     "the load counts as it lies": ("core/src/control.c", "(share * mean[i])",
                                    "((void)share, mean[i])"),
     "a tripped one flies again": ("core/src/sequence.c", "case AMB_TRIPPED:\n    if (!fly) {",

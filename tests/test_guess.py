@@ -10,9 +10,8 @@ from scipy.signal import lfilter
 from ambkit.base.errors import RecordError
 from ambkit.data.channelmap import ChannelMap
 from ambkit.data.reading.guess import guess
-from ambkit.data.reading.levitation import bands
 from ambkit.data.reading.reader import read
-from ambkit.data.reading.rotor import estimates, gains, rotor, same_numbers, standardised
+from ambkit.data.reading.rotor import rotor, same_numbers
 from tests import disguises
 
 RIG = Path(__file__).parents[2] / "shared" / "data" / "inteco" / "closed_loop"
@@ -46,6 +45,33 @@ def test_of_200_disguises_none_is_silently_wrong(tmp_path):
     found = [judged(tmp_path / "log.mat", *each) for each in disguises.of_the_rig(RIG, 200, seed=2)]
     assert {*found} <= {"right", "refused"}
     assert found.count("right") >= 197
+
+
+@pytest.mark.long
+@needs_rig
+def test_where_no_converter_shows_nothing_is_silently_wrong(tmp_path):
+    cases = disguises.of_the_rig(RIG, 192, seed=5, steps=False)
+    found = [judged(tmp_path / "log.mat", *each) for each in cases]
+    assert {*found} <= {"right", "refused"}
+    assert found.count("right") >= 170
+
+
+@needs_rig
+@pytest.mark.parametrize("seed", [4, 6])
+def test_without_converters_steps_the_noise_tells(tmp_path, seed):
+    cases = disguises.of_the_rig(RIG, 12, seed=seed, steps=False)
+    found = [judged(tmp_path / "log.mat", *each) for each in cases]
+    assert {*found} <= {"right", "refused"}
+    assert found.count("right") >= 9
+
+
+def test_a_filter_that_is_noisier_than_its_sensor_is_not_taken_for_it():
+    """It takes out the lag of a slow sensor; which of the two is raw nothing tells."""
+    log = disguises.simulated("quiet sensor")
+    rng = np.random.default_rng(1)
+    ahead = np.gradient(log["y"]) * 3 + 1e-9 * rng.normal(size=log["y"].size)
+    found = rotor(np.array([log["y"], log["u"], log["y"] + ahead]))
+    assert found is None or found.position == 0
 
 
 @pytest.mark.parametrize("name", disguises.OTHERS)
@@ -142,14 +168,3 @@ def test_a_header_of_comments_is_read_over(tmp_path):
              *(f"{t!r},{u!r},{y!r}" for t, u, y in rows)]  # fmt: skip
     (tmp_path / "log.csv").write_text("\n".join(lines) + "\n")
     assert names_of(guess(tmp_path / "log.csv")) == {"t": "time", "y": "gap", "u": "coil"}
-
-
-def test_a_band_that_instruments_alone_reach_is_held_against_the_nearest():
-    """In a short record the slow bands have too few blocks to be listed."""
-    log = disguises.simulated("one magnet")
-    unit = standardised(np.array([log["y"], log["u"]])[:, :1000])
-    listed = list(bands(unit))
-    slowest = listed[-1].box
-    near, beyond = (gains(listed, 0, box) for box in (slowest, 10 * slowest))
-    np.testing.assert_array_equal(beyond, near)
-    assert estimates(listed, 0, 10 * slowest) == []

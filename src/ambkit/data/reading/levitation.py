@@ -43,6 +43,10 @@ the acceleration's variance explained: what is sure, and what has to do where no
 TURNS = 0.97
 """Correlation of two channels from which on one is a copy of the other, and not its cause."""
 
+OPPOSED = 0.3
+"""Correlation by which position and force oppose each other at least: in a loop that stays where it
+is the force takes back more than the displacement adds, ``b <x i> = -a <x²> - <v²>``."""
+
 TINY = float(np.finfo(np.float64).tiny)
 
 
@@ -213,6 +217,7 @@ def levitated(listed: Sequence[Band]) -> list[Levitated]:
     a, b, share = (np.array(each) for each in zip(*map(fitted, listed), strict=True))
     pole = np.sqrt(np.maximum(a, 0))
     copies = np.array([turning(band) for band in listed])
+    against = -np.sign(b) * np.array([_correlation(band) for band in listed])
     best: dict[tuple[int, int], Levitated] = {}
     apart = ~np.eye(len(a[0]), dtype=bool)
     for sure, (count, ratio, least) in zip((True, False), AGREE, strict=True):
@@ -223,6 +228,7 @@ def levitated(listed: Sequence[Band]) -> list[Levitated]:
             good = (p.min(0) > 0) & (p.max(0) <= ratio * p.min(0)) & (r.min(0) > least)
             good &= (abs(g).max(0) <= ratio * abs(g).min(0)) & (abs(np.sign(g).sum(0)) == count)
             good &= (POLE[0] < told) & (told < POLE[1]) & (copies[k] < TURNS)
+            good &= against[near].min(0) > OPPOSED
             for i, j in np.argwhere(good & apart).tolist():
                 known = best.get((i, j))
                 if known is not None and known.sure > sure:
@@ -235,6 +241,16 @@ def levitated(listed: Sequence[Band]) -> list[Levitated]:
                     )  # fmt: skip
                 best[i, j] = replace(known, evidence=before + share_here)
     return sorted(best.values(), key=lambda each: (each.sure, each.evidence), reverse=True)
+
+
+def _correlation(band: Band) -> Array:
+    """Return the correlation (m, m) of channels over all blocks, whose sizes count alike."""
+    own = np.einsum("bii->bi", band.ss)
+    usual = np.median(own, axis=0) + own
+    weight = np.divide(1.0, usual, out=np.zeros_like(usual), where=usual > TINY)[:, :, None]
+    covariance = (weight * band.ss).sum(0)
+    size = np.sqrt((weight * own[:, :, None]).sum(0) * (weight * own[:, None, :]).sum(0))
+    return np.asarray(covariance / np.maximum(size, TINY))
 
 
 def turning(band: Band) -> Array:

@@ -38,8 +38,28 @@ TRIED = 12
 CLOSE = 0.98
 """Correlation of a channel and an estimate of it, where slow bands have no noise."""
 
+DOUBT = 0.5
+"""Evidence that a channel is of the other kind, in parts of that for what it is taken for, from
+which on nothing is guessed."""
+
+LEAST = 0.5
+"""Evidence below which nothing is guessed, where no converter's steps speak for it."""
+
+CLEARLY = 1.5
+"""Ratio of the noise of a position to that of an estimate of it from which on the noise alone tells
+which is which."""
+
+WHITE = 0.1
+"""Logarithm by which the ratio of differences is off at most that white noise has."""
+
 SAME_POLE = 2.0
 """Ratio of the poles that a channel and an estimate of it tell; noise moves them."""
+
+RELATED = 0.9
+"""The same, where two positions go with one current, or two currents move one position."""
+
+SWIFT = 0.75
+"""Correlation with another one's speed in a band from which on a channel may be its velocity."""
 
 SAME_GAIN = 1.25
 """Ratio within which the gain between a channel and an estimate of it is the same in all bands."""
@@ -161,52 +181,139 @@ def rotor(channels: Array, position: int | None = None, control: int | None = No
             and position in (None, f.position) and control in (None, f.control)
         ]  # fmt: skip
 
-    found = fitting(levitated(listed))
+    plain = found = fitting(levitated(listed))
     usable = [f for f in found if f.sure or raw[f.position] or raw[f.control]]
+    swift = _swift(listed)
+    level, slow = RELATED, _without(swift, found)
+    if any(f in usable for f in slow):
+        found, usable = slow, [f for f in usable if f in slow]
     if not usable:
         tried = sorted((k for k in range(len(unit)) if k not in rates), key=lambda k: not raw[k])
-        usable = found = fitting(instrumented(unit, sorted(tried[:TRIED])))
+        found = fitting(instrumented(unit, sorted(tried[:TRIED])))
+        found = usable = _without(swift, found) or found
+        level = CLOSE
     if not usable:
         return None
-    close = np.array([turning(band) for band in listed[-3:]]).max(0) > CLOSE
+    near = {box: _families(listed, box) for box in {f.box for f in found}}
+    close = np.array([turning(band) for band in listed[-3:]]).max(0) > level
 
     def same(f: Levitated, g: Levitated) -> bool:
+        """Whether two fits are of one rotor: one position with a current and its estimate, say."""
+        alike = near[f.box] | near[g.box] | close
         return bool(
-            close[f.position, g.position] and close[f.control, g.control]
+            alike[f.position, g.position] and alike[f.control, g.control]
             and f.pole / SAME_POLE < g.pole < f.pole * SAME_POLE
         )  # fmt: skip
 
+    def worth(f: Levitated) -> float:
+        return sum(g.evidence for g in found if same(f, g))
+
     both = [f for f in usable if raw[f.position] and raw[f.control]]
-    best = max(both or usable, key=lambda f: (f.sure, sum(g.evidence for g in found if same(f, g))))
+    best = max(both or usable, key=lambda f: (f.sure, worth(f)))
+    family = near[best.box]
     motion = [best, *(f for f in found if same(best, f))]
     controls = list(dict.fromkeys(f.control for f in motion if f.control != best.position))
     positions = [f.position for f in motion if f.position not in controls]
     positions = list(dict.fromkeys(positions))
-    positions += [
-        k for k in estimates(listed, best.position, best.box)
-        if k not in {*positions, *controls, *rates}
-    ]  # fmt: skip
+    free = {*range(len(unit))} - {*positions, *controls, *rates}
+    positions += sorted(k for k in free if family[best.position, k])
+    controls += sorted(k for k in free if family[best.control, k] and k not in positions)
+    if not both and (
+        worth(best) < LEAST or any(_doubtful(fits, positions, controls) for fits in (found, plain))
+    ):
+        return None
 
-    def rawest(members: list[int], chosen: int) -> list[int]:
-        gain = gains(listed, chosen, best.box)
-        known = {position, control}
-        return sorted(
-            members, key=lambda k: (k in known, raw[k], hiss[k] / abs(gain[k])), reverse=True
-        )
+    def rawest(members: list[int], chosen: int, telling: set[int]) -> list[int]:
+        gain = gains(listed, chosen)
 
-    positions, controls = rawest(positions, best.position), rawest(controls, best.control)
+        def rank(k: int) -> tuple[bool, bool, bool, float]:
+            tells = k in telling or raw[k]
+            return k in (position, control), tells, raw[k], hiss[k] / abs(gain[k])
+
+        return sorted(members, key=rank, reverse=True)
+
+    told = [*found, *plain]
+    positions = rawest(positions, best.position, {f.position for f in told})
+    controls = rawest(controls, best.control, {f.control for f in told})
+    pair = positions[0], controls[0]
+    if {position, control} == {None} and not (raw[pair[0]] and raw[pair[1]]):
+        telling = any((f.position, f.control) == pair for f in told)
+        if not telling or not (raw[pair[0]] or _clearest(positions, unit, listed)):
+            return None
     taken = {*positions, *controls}
     others: dict[int, int] = {}
     for each in found:
         if each.sure and not taken & {each.position, each.control}:
             others.setdefault(each.position, each.control)
-    gain = best.gain * gains(listed, best.position, best.box)[positions[0]]
-    gain /= gains(listed, best.control, best.box)[controls[0]]
+    gain = best.gain * gains(listed, best.position)[positions[0]]
+    gain /= gains(listed, best.control)[controls[0]]
     gain *= channels[positions[0]].std() / channels[controls[0]].std()
     return Rotor(
         positions[0], controls[0], best, float(gain),
         tuple(positions[1:]), tuple(controls[1:]), tuple(others.items()),
     )  # fmt: skip
+
+
+def _swift(listed: Sequence[Band]) -> NDArray[np.bool_]:
+    """Tell which channels go as the speed of which others (m, m), in some band.
+
+    A filter's velocity does; and the current of a quiet loop, in fast bands, where its controller
+    answers to the speed.
+    """
+    most = np.zeros(listed[0].ss.shape[1:])
+    for band in listed:
+        own = np.einsum("bii->bi", band.ss)
+        weight = [
+            np.divide(1.0, each, out=np.zeros_like(each), where=each > TINY)
+            for each in (own + np.median(own, axis=0), band.vv + np.median(band.vv, axis=0))
+        ]
+        both = np.sqrt(weight[0])[:, :, None] * np.sqrt(weight[1])[:, None, :]
+        size = (both * own[:, :, None]).sum(0) * (both * band.vv[:, None, :]).sum(0)
+        shared = abs((both * band.vs.transpose(0, 2, 1)).sum(0))
+        most = np.maximum(most, shared / np.sqrt(np.maximum(size, TINY)))
+    return np.asarray(most > SWIFT)
+
+
+def _without(swift: NDArray[np.bool_], found: Sequence[Levitated]) -> list[Levitated]:
+    """Leave out fits of a velocity in the place of the current, or of the position."""
+    places = {f.position for f in found}
+    return [
+        f for f in found
+        if not swift[f.control, f.position] and not swift[f.position, sorted(places)].any()
+    ]  # fmt: skip
+
+
+def _clearest(members: Sequence[int], unit: Array, listed: Sequence[Band]) -> bool:
+    """Whether the first of a channel and its estimates has clearly the most noise, and a sensor's.
+
+    A filter that takes out the lag of a sensor makes more noise of it, not less; but no white one.
+    """
+    gain = gains(listed, members[0])
+    hiss = [noise(unit[k]) / abs(gain[k]) for k in members]
+    others = [each for each in hiss[1:] if each > NO_NOISE]
+    return not others or (hiss[0] > CLEARLY * max(others) and _is_white(unit[members[0]]))
+
+
+def _is_white(values: Array) -> bool:
+    """Whether the noise of a channel (n,) is white.
+
+    Its fourth differences then have 70 times its variance, its second ones 6 times.
+    """
+    second, fourth = (float(np.median(abs(np.diff(values, order)))) for order in (2, 4))
+    return second > 0 and abs(np.log(fourth**2 / second**2 * 6 / 70)) < WHITE
+
+
+def _doubtful(
+    found: Sequence[Levitated], positions: Sequence[int], controls: Sequence[int]
+) -> bool:
+    """Whether other fits speak against what is taken for the position and the control.
+
+    One channel is not both; and what moves a position is one current, or copies of it.
+    """
+    both = sum(f.evidence for f in found if f.position in positions and f.control in controls)
+    turned = sum(f.evidence for f in found if f.position in controls or f.control in positions)
+    rivals = [f.evidence for f in found if (f.position in positions) != (f.control in controls)]
+    return max([turned, *rivals]) > max(DOUBT * both, LEAST)
 
 
 def velocities(unit: Array) -> set[int]:
@@ -234,33 +341,37 @@ def _clipped(values: Array) -> Array:
     return np.asarray(np.divide(values, size, out=np.zeros_like(values), where=size > 0))
 
 
-def gains(listed: Sequence[Band], of: int, box: int) -> Array:
-    """Return how much each channel moves where one of them does, in the band nearest to `box` (m,).
+def gains(listed: Sequence[Band], of: int) -> Array:
+    """Return how much each channel moves where one of them does (m,), with signs.
 
-    Instruments tell a pair in a short record's slow bands too, which are not all among the listed.
+    In the slowest band, where noise is least, and from the sizes of both: noise on what is
+    regressed on would make a slope less.
     """
-    return _ratios(_nearest(listed, box), of)
+    band = listed[-1]
+    size = np.sqrt(np.maximum(np.median(np.einsum("bii->bi", band.ss), axis=0), TINY))
+    sign = np.where(np.median(band.ss[:, :, of], axis=0) < 0, -1.0, 1.0)
+    return np.asarray(sign * size / size[of])
 
 
 def _nearest(listed: Sequence[Band], box: int) -> Band:
     return min(listed, key=lambda band: abs(np.log(band.box / box)))
 
 
-def _ratios(band: Band, of: int) -> Array:
-    own = np.maximum(band.ss[:, of, of], TINY)
-    found = np.median(band.ss[:, :, of] / own[:, None], axis=0)
-    return np.asarray(np.where(found == 0, TINY, found))
+def _families(listed: Sequence[Band], box: int) -> NDArray[np.bool_]:
+    """Tell which channels move as one, with the same gain at all speeds around a band (m, m).
 
-
-def estimates(listed: Sequence[Band], of: int, box: int) -> list[int]:
-    """Find channels that move as one of them does, with the same gain at all speeds.
-
-    A current goes with its position too; but the faster, the more of it.
+    A current goes with its position too; but the faster, the more of it. Of two the noise of one
+    does not matter where it is regressed on the other, so one of the two slopes has to be steady.
     """
     near = [band for band in listed if box / 2 <= band.box <= 4 * box]
     near = near or [_nearest(listed, box)]
-    ratio = np.array([_ratios(band, of) for band in near])
-    steady = abs(ratio).max(0) < SAME_GAIN * abs(ratio).min(0)
-    steady &= abs(np.sign(ratio).sum(0)) == len(near)
-    close = np.array([turning(band)[of] for band in near]).max(0) > CLOSE
-    return [k for k in np.flatnonzero(steady & close).tolist() if k != of]
+    slope = np.array(
+        [
+            np.median(band.ss / np.maximum(np.einsum("bii->bi", band.ss), TINY)[:, None, :], axis=0)
+            for band in near
+        ]
+    )  # of the channel in the row on that in the column
+    steady = abs(slope).max(0) < SAME_GAIN * abs(slope).min(0)
+    steady &= abs(np.sign(slope).sum(0)) == len(near)
+    close = np.array([turning(band) for band in near]).max(0) > CLOSE
+    return np.asarray((steady | steady.T) & close) | np.eye(len(close), dtype=bool)
