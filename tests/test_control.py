@@ -22,7 +22,8 @@ from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Status
 from ambkit.export.c import CExport, export_c
 from ambkit.simulation.control import Controller
-from ambkit.simulation.run import Faults, Imposed, simulate, simulate_run
+from ambkit.simulation.imposed import Faults, Imposed
+from ambkit.simulation.run import simulate, simulate_run
 from ambkit.simulation.scenario import PID
 from ambkit.simulation.sequence import LiftOff, Mode
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from export_cases import SAME_BITS, command, program
-from machine_cases import AND_LONG, Array
+from machine_cases import AND_LONG, PRESETS, Array
 
 from ambkit import AmbkitError, Flight, KalmanFilter, Machine, Record, harmonics
 from ambkit.export.c import CExport, export_c
@@ -179,9 +180,15 @@ FLIGHTS = {
 }  # fmt: skip
 
 
+QUICKLY = [("all", "float"), ("lift-off", "double")]
+AND_OTHERS = [
+    each if each in QUICKLY else pytest.param(*each, marks=pytest.mark.long)
+    for each in product(FLIGHTS, ("float", "double"))
+]
+
+
 @compiled
-@pytest.mark.parametrize("flown", FLIGHTS)
-@pytest.mark.parametrize("precision", ["float", pytest.param("double", marks=pytest.mark.long)])
+@pytest.mark.parametrize(("flown", "precision"), AND_OTHERS)
 def test_what_flies_is_what_was_simulated(flown: str, precision: Any, tmp_path: Path) -> None:
     """Lift-off, landing, trips, and a model that follows the speed: the self-test's own flights."""
     machine = Machine.preset("tum_mlps")
@@ -235,8 +242,14 @@ def signals_of_c(made: CExport, record: Record, machine: Machine, flight: Flight
     return np.frombuffer(out).reshape(len(record), -1)
 
 
+RIGID_AND_FLEXIBLE = ["tum_mlps", "ufu_flexible"]
+
+
 @compiled
-@pytest.mark.parametrize("name", AND_LONG)
+@pytest.mark.parametrize("name", [
+    name if name in RIGID_AND_FLEXIBLE else pytest.param(name, marks=pytest.mark.long)
+    for name in PRESETS
+])  # fmt: skip
 def test_a_whole_flight_from_lift_off_over_a_run_up_to_landing(name: str, tmp_path: Path) -> None:
     """The exported controller, fed with the readings of a simulated flight: 0 samples differ."""
     machine = Machine.preset(name)

@@ -123,7 +123,7 @@ def simulate_machine(
         Whether the estimator starts where its first readings show the rotor, as an exported one
         does; by default it starts where the rotor is. With lift-off and landing it always does.
     fly : ndarray (n,), optional
-        With a sequence, whether it is told to fly, 1 or 0; by default as the sequence says.
+        With a sequence, whether it is told to fly [1]; by default as the sequence says.
     other : dict, optional
         Fields of ``amb_control`` of another value than the flight's sequence has.
 

@@ -17,7 +17,8 @@ from ambkit.estimate.batch import processors
 from ambkit.estimate.estimate import Status
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.magnets import MagnetModel, core_module
-from ambkit.simulation.run import Imposed, Loop, Run, Sampled, simulate_run
+from ambkit.simulation.imposed import Imposed
+from ambkit.simulation.run import Loop, Run, Sampled, simulate_run
 from ambkit.simulation.scenario import Scenario
 
 Array = NDArray[np.float64]

@@ -347,15 +347,19 @@ def _first(estimator: Estimator, role: str) -> int:
 
 
 def _stops(estimator: Estimator, precision: CPrecision) -> dict[str, str]:
-    """Return readings of one axis that may be a rotor on its stops, and ones that may not."""
-    if estimator.whole is not None:
-        return {}
-    shown = estimator.bearing.sensor.gain * estimator.bearing.rotor.travel_limit
-    ends = shown * np.array([-1.0, 1.0])
-    noise = np.sign(ends) * float(estimator.core.parameters["set"]["var_y"][0]) ** 0.5
-    places = {"between": ends + 3.8 * noise, "beyond": ends + 4.2 * noise}
-    read = estimator.inputs.y.numbers
-    return {name: data.array(read(at), precision, "") for name, at in places.items()}
+    """Return readings that may be a rotor on its stops, and ones that may not, on both sides."""
+    settings = estimator.core.parameters["set"]
+    gain, travel, var_y = (np.asarray(settings[k], float) for k in ("K_sen", "travel", "var_y"))
+    shown, noise = np.abs(gain) * travel, np.sqrt(var_y)
+    places = {"between": shown + 3.8 * noise, "beyond": shown + 4.2 * noise}
+    sides = {name: np.array([-each, each], float) for name, each in places.items()}
+    if estimator.whole is None:
+        read = estimator.inputs.y.numbers
+        return {name: data.array(read(at.ravel()), precision, "") for name, at in sides.items()}
+    return {
+        name: ", ".join("{" + data.array(row, precision, "") + "}" for row in at)
+        for name, at in sides.items()
+    }
 
 
 def _with_stand_ins(values: NDArray[np.float64], precision: CPrecision) -> NDArray[np.float64]:
@@ -568,7 +572,7 @@ def _configuration(
     parts += [array["text"] for array in context["arrays"]]
     if context["controlled"]:
         parts += [array["text"] for array in context["control_arrays"]]
-        parts += [repr(context["pids"]), context["kind"]]
+        parts += [repr(context[key]) for key in ("pids", "kind", "sequence", "turning")]
     for part in (*parts, *core_files.values()):
         digest.update(part.encode() + b"\0")
     return digest.hexdigest()[:16]
