@@ -236,10 +236,45 @@ class LoopModel:
         n = len(record) - ahead
         return np.asarray(fine[:: self.substeps][:n]) + self.position_offset
 
+    def predict_with(self, record: Record, ahead: int, controls: Array, past: int) -> Array:
+        """Predict the measurement some samples after each one, with controls of one's own.
+
+        Parameters
+        ----------
+        record : Record
+            With ``y`` [m] and ``u`` [V], n samples.
+        ahead : int
+            How many samples ahead.
+        controls : ndarray (m, past + f)
+            Of each of the last m samples: the control signals up to its own, and more than `ahead`
+            that follow [V].
+        past : int
+            How many the former are: more than delay and lag go back.
+
+        Returns
+        -------
+        ndarray (m,)
+            Element k is the prediction of what comes `ahead` samples after the k-th of them [m].
+        """
+        out, _, kalman = self._run(record)
+        count, every, steps = len(controls), self.substeps, ahead * self.substeps
+        first = (past - 1) * every
+        acting = self._acting(controls.ravel()).reshape(count, -1)[:, first : first + steps]
+        mean = out["mean"][::every][len(record) - count :]
+        begun = np.repeat(np.concatenate([mean, mean[-1:]]), steps, axis=0)
+        u = np.concatenate([acting.ravel(), np.zeros(steps)])
+        seen = kalman.core.forecast(np.ascontiguousarray(begun), u, steps)[::steps, 0]
+        return np.asarray(seen[:count]) + self.position_offset
+
+    def _acting(self, u: Array) -> Array:
+        """Return what acts at the filter's steps, late, of a control signal (n,) [V]."""
+        h = self.bearing.sampling_time / self.substeps
+        return delayed(lagged(self._at_steps(u), h, self.current_lag), self.delay / h)
+
     def _run(self, record: Record) -> tuple[dict[str, Any], Array, Estimator]:
         """Run the filter with its finer steps; between two samples no measurement comes."""
         h = self.bearing.sampling_time / self.substeps
-        u = delayed(lagged(self._at_steps(record["u"]), h, self.current_lag), self.delay / h)
+        u = self._acting(record["u"])
         y = np.full(u.size, np.nan)
         y[:: self.substeps] = record["y"] - self.position_offset
         kalman = self.kalman()
