@@ -21,6 +21,7 @@ namespace nb = nanobind;
 
 using Vector = nb::ndarray<const amb_real, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Matrix = nb::ndarray<const amb_real, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Places = nb::ndarray<const unsigned short, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Named = nb::typed<nb::dict, nb::str, nb::any>; // what is returned, by name
 template <typename T> using Out = nb::ndarray<nb::numpy, T>;
 

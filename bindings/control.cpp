@@ -59,6 +59,67 @@ Named run(Control &self, const Samples &y, const Samples &r, const Vector &fly, 
 
 } // namespace
 
+const amb_real *Law::numbers(const nb::dict &given, const char *name, size_t count)
+{
+  kept.push_back(nb::cast<std::vector<amb_real>>(given[name]));
+  same_length(count, kept.back().size(), name);
+  return kept.back().data();
+}
+
+const amb_real *Law::or_none(const nb::dict &given, const char *name, size_t count)
+{
+  return given[name].is_none() ? nullptr : numbers(given, name, count);
+}
+
+void Law::set(const nb::dict &given, amb_real T, size_t p, size_t seen)
+{
+  for (const auto each : nb::cast<nb::list>(given["pid"])) {
+    const auto gains = nb::cast<std::vector<amb_real>>(each);
+    same_length(8, gains.size(), "pid");
+    pid.push_back(
+        {T, gains[0], gains[1], gains[2], gains[3], gains[4], gains[5], gains[6], gains[7]});
+  }
+  const size_t q = pid.size();
+  if (q < 1 || q > AMB_CONTROLS)
+    throw std::invalid_argument("there are more controllers than a machine can have, or none");
+  law.axes = static_cast<int>(p);
+  law.states = static_cast<int>(seen);
+  law.pids = static_cast<int>(q);
+  law.pid = pid.data();
+  law.reference = or_none(given, "reference", q * p);
+  law.position = numbers(given, "position", q * seen);
+  law.velocity = or_none(given, "velocity", q * seen);
+  law.turning = or_none(given, "turning", q * seen);
+  law.spread = numbers(given, "spread", p * q);
+  law.gain[0] = or_none(given, "fed_back", p * seen);
+  law.gain[1] = or_none(given, "fed_back_by_speed", p * seen);
+  law.gain[2] = or_none(given, "fed_back_by_square", p * seen);
+  law.iu_min = numbers(given, "iu_min", p);
+  law.iu_max = numbers(given, "iu_max", p);
+  if (!given["let_turn_motion"].is_none())
+    set_let_turn(given, p, seen);
+}
+
+void Law::set_let_turn(const nb::dict &given, size_t p, size_t seen)
+{
+  const auto at = [&](const char *name) { return nb::cast<size_t>(given[name]); };
+  const size_t nodes = at("let_turn_nodes"), from = at("let_turn_from");
+  const size_t width = at("let_turn_width"), moved = at("let_turn_moved");
+  const auto step = nb::cast<amb_real>(given["let_turn_step"]);
+  if (nodes < 2 || seen > AMB_LET_TURN_STATES || from + width > seen || moved > seen ||
+      (!(step > 0) && !(step < 0)))
+    throw std::invalid_argument("a motion that is left to the rotor: there are not these states");
+  let_turn = {static_cast<int>(nodes),
+              static_cast<int>(from),
+              static_cast<int>(width),
+              static_cast<int>(moved),
+              nb::cast<amb_real>(given["let_turn_first"]),
+              step,
+              numbers(given, "let_turn_motion", nodes * moved * width),
+              numbers(given, "let_turn_current", nodes * p * width)};
+  law.let_turn = &let_turn;
+}
+
 Control::Control(Estimator &of, const nb::dict &given) : estimator(of)
 {
   const Sizes sizes = of.sizes();
@@ -70,40 +131,15 @@ Control::Control(Estimator &of, const nb::dict &given) : estimator(of)
     same_length(count, kept.back().size(), name);
     return kept.back().data();
   };
-  const auto or_none = [&](const char *name, size_t count) -> const amb_real * {
-    return given[name].is_none() ? nullptr : numbers(name, count);
-  };
-  const auto T = of.kf.set.T;
-  for (const auto each : nb::cast<nb::list>(given["pid"])) {
-    const auto gains = nb::cast<std::vector<amb_real>>(each);
-    same_length(8, gains.size(), "pid");
-    pid.push_back(
-        {T, gains[0], gains[1], gains[2], gains[3], gains[4], gains[5], gains[6], gains[7]});
-  }
-  q = pid.size();
-  if (q < 1 || q > AMB_CONTROLS)
-    throw std::invalid_argument("there are more controllers than a machine can have, or none");
   const bool fed = nb::cast<bool>(given["feedback_estimate"]);
-  const size_t seen = fed ? n : m;
-  law.axes = static_cast<int>(p);
-  law.states = static_cast<int>(seen);
-  law.pids = static_cast<int>(q);
-  law.pid = pid.data();
-  law.position = numbers("position", q * seen);
-  law.velocity = or_none("velocity", q * seen);
-  law.turning = or_none("turning", q * seen);
-  law.spread = numbers("spread", p * q);
-  law.gain[0] = or_none("fed_back", p * seen);
-  law.gain[1] = or_none("fed_back_by_speed", p * seen);
-  law.gain[2] = or_none("fed_back_by_square", p * seen);
-  law.iu_min = numbers("iu_min", p);
-  law.iu_max = numbers("iu_max", p);
+  law.set(given, of.kf.set.T, p, fed ? n : m);
+  q = static_cast<size_t>(law.law.pids);
   const bool sequenced = nb::cast<bool>(given["sequenced"]);
   if (sequenced)
     sequence = {counted(given, "waiting"), counted(given, "lost"), counted(given, "overloaded"),
                 nb::cast<amb_real>(given["rise"]), nb::cast<amb_real>(given["descent"])};
   control.estimator = &of.estimator;
-  control.law = &law;
+  control.law = &law.law;
   control.sequence = sequenced ? &sequence : nullptr;
   control.feedback_estimate = fed;
   control.settling = counted(given, "settling");
@@ -111,10 +147,10 @@ Control::Control(Estimator &of, const nb::dict &given) : estimator(of)
   control.std = numbers("std", n);
   control.start = numbers("start", n);
   control.start_by = numbers("start_by", n * m);
-  control.place = numbers("place", q * n);
-  control.down = numbers("down", q);
+  control.place = numbers("place", p * n);
+  control.down = numbers("down", p);
   control.hold = numbers("hold", q);
-  control.hold_by = numbers("hold_by", q * q);
+  control.hold_by = numbers("hold_by", q * p);
 }
 
 void bind_control(nb::module_ &m)

@@ -9,6 +9,25 @@ extern "C" {
 #include "ambkit/control.h"
 }
 
+// amb_controllers with all that it points to, from its fields by their names.
+class Law
+{
+public:
+  Law() = default;
+  Law(const Law &) = delete; // `law` points into the object
+  // Of p axes, fed by so many states or readings.
+  void set(const nb::dict &given, amb_real T, size_t p, size_t seen);
+  amb_controllers law{};
+
+private:
+  void set_let_turn(const nb::dict &given, size_t p, size_t seen);
+  const amb_real *numbers(const nb::dict &given, const char *name, size_t count);
+  const amb_real *or_none(const nb::dict &given, const char *name, size_t count);
+  std::vector<amb_pid> pid;
+  amb_let_turn let_turn{};
+  std::list<std::vector<amb_real>> kept;
+};
+
 struct Control {
   // The arrays and numbers of amb_control, amb_controllers and amb_sequence by their names.
   Control(Estimator &of, const nb::dict &given);
@@ -19,8 +38,7 @@ struct Control {
   size_t n, m, p, q;
 
 private:
-  amb_controllers law{};
+  Law law;
   amb_sequence sequence{};
-  std::vector<amb_pid> pid;
   std::list<std::vector<amb_real>> kept;
 };

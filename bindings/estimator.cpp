@@ -443,10 +443,9 @@ void bind_estimator(nb::module_ &m)
       .def_prop_ro("k_s", [](const Estimator &s) { return stiffness(s, &amb_stiffness::k_s); });
 #if defined(AMB_MODEL_LOOPS)
   m.def(
-      "stand",
-      [](Estimator &self, Model &model, const nb::dict &arrays) { self.stand(model, arrays); },
-      nb::arg("estimator"), nb::arg("model"), nb::arg("arrays"),
-      nb::sig("def stand(estimator: Estimator, model: Model, arrays: dict[str, Any]) -> None"),
+      "stand", [](Estimator &self, Model &model, const Vector &still) { self.stand(model, still); },
+      nb::arg("estimator"), nb::arg("model"), nb::arg("still"),
+      nb::sig("def stand(estimator: Estimator, model: Model, still: Any) -> None"),
       "An estimator and its model as they were before they turned.");
   m.def("run_turning", &run_turning, nb::arg("estimator"), nb::arg("y"), nb::arg("u"),
         nb::arg("speed"), nb::arg("model"), nb::kw_only(), nb::arg("covariance") = false,

@@ -10,6 +10,9 @@
 
 extern "C" {
 #include "ambkit/estimator_run.h"
+#if defined(AMB_MODEL_LOOPS)
+#include "ambkit/turning.h"
+#endif
 }
 
 // The model of a machine (ambkit/model.h), and in the build for any model the memory of its arrays.
@@ -20,26 +23,27 @@ struct Model {
 #if defined(AMB_MODEL_LOOPS)
   explicit Model(const nb::dict &arrays);
 
-  // The same machine at speeds `first`, `first` + `step` and so on [rad/s], four at least; from
-  // then on it can turn: its numbers are those of any speed in between, by cubic interpolation.
-  // `growing`: what the entries of L gain there for each rad/s^2 by which the speed grows.
-  void nodes(amb_real first, amb_real step, const nb::list &arrays_at, const nb::list &growing);
+  // What of its numbers a speed changes, at nodes (ambkit/turning.h); from then on it can turn.
+  void nodes(int lowest, amb_real step, const Vector &still, const Places &which, const Matrix &at,
+             const Places &grown, const Matrix &by_growth);
   void turn(amb_real speed, amb_real growth);
-  void stand(const nb::dict &arrays);
+  void stand(const Vector &still);
   bool turns() const
   {
-    return !at_nodes.empty();
+    return turning.nodes > 0;
   }
 
 private:
-  amb_real first_node = 0, node_step = 1;
-  std::vector<std::vector<std::vector<amb_real>>> at_nodes;
-  std::vector<std::vector<amb_real>> growing_at;
+  amb_turning turning{};
+  std::vector<unsigned short> kept_which, kept_grown;
+  std::vector<amb_real> kept_at, kept_by_growth;
   std::vector<std::vector<unsigned short>> places;
-  std::vector<std::vector<amb_real>> numbers;
+  std::vector<std::vector<amb_real>> loose; // until they are gathered
+  std::vector<amb_real> numbers;            // of L, b, B_u, h, e, r, d, c, N, rest
   std::vector<unsigned char> roles;
   amb_sparse sparse(const nb::dict &arrays, const char *name, size_t rows, size_t columns);
-  const amb_real *values(const nb::dict &arrays, const char *name, size_t count);
+  void values(const nb::dict &arrays, const char *name, size_t count);
+  void gather();
 #else
   Model(amb_real T, amb_real m, amb_real K_sen, amb_real T_sen, bool as_printed);
 #endif
@@ -189,9 +193,9 @@ struct Estimator {
     amb_model_growth(&kf.model, kf.set.var_d, kf.growth);
   }
   // The same at the speed that it was made for, to the last bit, wherever it has been since.
-  void stand(Model &model, const nb::dict &arrays)
+  void stand(Model &model, const Vector &still)
   {
-    model.stand(arrays);
+    model.stand(still);
     amb_model_growth(&kf.model, kf.set.var_d, kf.growth);
   }
 #endif

@@ -56,8 +56,8 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
     same_length(n, scale->size(), "scale");
   if (fly)
     same_length(n, fly->size(), "fly");
-  LoopOf of(magnet, T, m, f_0, K_sen, T_sen, travel, substeps, k_ui, iu_min, iu_max, kp, ki, kd,
-            T_f, T_t, weight, feedback_estimate, estimator, parts, coil, control);
+  LoopOf of(magnet, T, m, f_0, f_bias, K_sen, T_sen, travel, substeps, k_ui, iu_min, iu_max, kp, ki,
+            kd, T_f, T_t, weight, feedback_estimate, estimator, parts, coil, control);
   Elsewhere asked{elsewhere ? nb::callable(*elsewhere) : nb::callable(), {}};
   of.loop.elsewhere = elsewhere ? &Elsewhere::ask : nullptr;
   of.loop.where = &asked;
@@ -71,7 +71,6 @@ Named simulate(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_r
                              noise_u.data(),
                              noise_y.data(),
                              scale ? scale->data() : nullptr,
-                             f_bias,
                              wrong ? &wrong->to : nullptr,
                              fly ? fly->data() : nullptr};
   Fresh<amb_real> x({n}), v({n}), x_m({n}), iu({n}), force({n}), y({n}), u({n});

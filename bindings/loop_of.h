@@ -14,11 +14,11 @@ struct LoopOf {
   amb_loop loop{};
   LoopOf(const LoopOf &) = delete; // `loop` points into the object
 
-  LoopOf(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_real K_sen, amb_real T_sen,
-         amb_real travel, int substeps, amb_real k_ui, amb_real iu_min, amb_real iu_max,
-         amb_real kp, amb_real ki, amb_real kd, amb_real T_f, amb_real T_t, amb_real weight,
-         bool feedback_estimate, Estimator *estimator, const std::optional<Named> &given,
-         const Magnet *coil, Control *control)
+  LoopOf(const Magnet &magnet, amb_real T, amb_real m, amb_real f_0, amb_real f_bias,
+         amb_real K_sen, amb_real T_sen, amb_real travel, int substeps, amb_real k_ui,
+         amb_real iu_min, amb_real iu_max, amb_real kp, amb_real ki, amb_real kd, amb_real T_f,
+         amb_real T_t, amb_real weight, bool feedback_estimate, Estimator *estimator,
+         const std::optional<Named> &given, const Magnet *coil, Control *control)
   {
     if (control != nullptr && &control->estimator != estimator)
       throw std::invalid_argument("the controller has another estimator than the loop");
@@ -37,6 +37,7 @@ struct LoopOf {
             k_ui,
             iu_min,
             iu_max,
+            f_bias,
             estimator ? &estimator->estimator : nullptr,
             feedback_estimate,
             control ? &control->control : nullptr,

@@ -1,4 +1,5 @@
 // A whole machine in closed loop; only where the model is any (sim/machine.h).
+#include "control.h"
 #include "plant_parts.h"
 
 #include <list>
@@ -32,10 +33,6 @@ public:
     reals.push_back(nb::cast<std::vector<amb_real>>(given[name]));
     same_length(n, reals.back().size(), name);
     return reals.back().data();
-  }
-  const amb_real *numbers_or_none(const char *name, size_t n)
-  {
-    return given[name].is_none() ? nullptr : numbers(name, n);
   }
   const int *places(const char *name, size_t n, size_t most, int least)
   {
@@ -159,68 +156,19 @@ struct Whole {
     }
     if (loop.feedback_estimate && estimator == nullptr)
       throw std::invalid_argument("feedback from the estimate needs an estimator");
-    controllers(loop.feedback_estimate ? estimator->sizes().states : m);
+    law.set(given, loop.T, p, loop.feedback_estimate ? estimator->sizes().states : m);
+    loop.controllers = law.law;
   }
   amb_machine_loop loop{};
   size_t n, p, m;
   Arrays arrays;
 
 private:
-  void controllers(size_t states)
-  {
-    auto &to = loop.controllers;
-    for (const auto each : nb::cast<nb::list>(arrays["pid"])) {
-      const auto gains = nb::cast<std::vector<amb_real>>(each);
-      same_length(8, gains.size(), "pid");
-      pid.push_back(
-          {loop.T, gains[0], gains[1], gains[2], gains[3], gains[4], gains[5], gains[6], gains[7]});
-    }
-    const size_t q = pid.size();
-    if (q > AMB_CONTROLS)
-      throw std::invalid_argument("there are more controllers than a machine can have");
-    to.axes = static_cast<int>(p);
-    to.states = static_cast<int>(states);
-    to.pids = static_cast<int>(q);
-    to.pid = pid.data();
-    to.reference = arrays.numbers("reference", q * p);
-    to.position = arrays.numbers("position", q * states);
-    to.velocity = arrays.numbers_or_none("velocity", q * states);
-    to.turning = arrays.numbers_or_none("turning", q * states);
-    to.spread = arrays.numbers("spread", p * q);
-    to.gain[0] = arrays.numbers_or_none("fed_back", p * states);
-    to.gain[1] = arrays.numbers_or_none("fed_back_by_speed", p * states);
-    to.gain[2] = arrays.numbers_or_none("fed_back_by_square", p * states);
-    to.iu_min = arrays.numbers("iu_min", p);
-    to.iu_max = arrays.numbers("iu_max", p);
-    if (!nb::cast<nb::object>(arrays["let_turn_motion"]).is_none())
-      left(states);
-  }
-  void left(size_t states)
-  {
-    const auto at = [&](const char *name) { return static_cast<size_t>(arrays.count(name)); };
-    const size_t nodes = at("let_turn_nodes"), from = at("let_turn_from");
-    const size_t width = at("let_turn_width"), moved = at("let_turn_moved");
-    const amb_real step = arrays.number("let_turn_step");
-    if (nodes < 2 || states > AMB_LET_TURN_STATES || from + width > states || moved > states ||
-        (!(step > 0) && !(step < 0)))
-      throw std::invalid_argument("a motion that is left to the rotor: there are not these states");
-    let_turn = {static_cast<int>(nodes),
-                static_cast<int>(from),
-                static_cast<int>(width),
-                static_cast<int>(moved),
-                arrays.number("let_turn_first"),
-                step,
-                arrays.numbers("let_turn_motion", nodes * moved * width),
-                arrays.numbers("let_turn_current", nodes * p * width)};
-    loop.controllers.let_turn = &let_turn;
-  }
-
   std::vector<amb_magnet> magnets, coils;
   std::vector<amb_parts> amplifiers;
   std::vector<amb_parts> sensors;
   std::vector<amb_ring> rings;
-  std::vector<amb_pid> pid;
-  amb_let_turn let_turn{};
+  Law law;
 };
 
 // An estimator, and the model that turns with the rotor.
@@ -237,9 +185,15 @@ struct Turning {
 Named simulate_machine(const nb::dict &machine, const Samples &r, const Samples &load,
                        const Samples &base, const Vector &speed, const Samples &noise_u,
                        const Samples &noise_y, const Vector &start, const Vector &demanded,
-                       const Vector &integral, Estimator *estimator, Model *model)
+                       const Vector &integral, Estimator *estimator, Model *model, Control *control,
+                       const std::optional<Vector> &fly, bool hovers)
 {
   Whole whole(machine, estimator);
+  if (control != nullptr) {
+    if (&control->estimator != estimator)
+      throw std::invalid_argument("the controller has another estimator than the loop");
+    whole.loop.control = &control->control;
+  }
   Turning turning{estimator, model};
   if (estimator != nullptr && model != nullptr && model->turns()) {
     whole.loop.turn = &Turning::turn;
@@ -255,6 +209,8 @@ Named simulate_machine(const nb::dict &machine, const Samples &r, const Samples 
   same_length(whole.n, start.size(), "start");
   same_length(p, demanded.size(), "demanded");
   same_length(q, integral.size(), "integral");
+  if (fly)
+    same_length(n, fly->size(), "fly");
   amb_machine_state state{};
   std::copy_n(start.data(), whole.n, state.X);
   state.cosine = 1;
@@ -270,8 +226,12 @@ Named simulate_machine(const nb::dict &machine, const Samples &r, const Samples 
                                 base.data(),
                                 speed.data(),
                                 noise_u.data(),
-                                noise_y.data()};
-  amb_machine_output out{X.data, iu.data, force.data, y.data, u.data, history.to, 0, n};
+                                noise_y.data(),
+                                fly ? fly->data() : nullptr,
+                                hovers ? demanded.data() : nullptr};
+  Fresh<unsigned char> mode({control != nullptr ? n : 0});
+  amb_machine_output out{
+      X.data, iu.data, force.data, y.data, u.data, control ? mode.data : nullptr, history.to, 0, n};
   {
     nb::gil_scoped_release release;
     amb_machine_run(&whole.loop, &input, &state, integral.data(),
@@ -285,6 +245,8 @@ Named simulate_machine(const nb::dict &machine, const Samples &r, const Samples 
   d["u"] = u.array;
   d["touched"] = out.touched;
   d["first"] = out.first;
+  if (control != nullptr)
+    d["mode"] = mode.array;
   if (estimator)
     d["estimate"] = history.arrays;
   return d;
@@ -299,10 +261,14 @@ void bind_machine(nb::module_ &m)
       nb::arg("load"), nb::arg("base"), nb::arg("speed"), nb::arg("noise_u"), nb::arg("noise_y"),
       nb::arg("start"), nb::arg("demanded"), nb::arg("integral"),
       nb::arg("estimator").none() = nb::none(), nb::arg("model").none() = nb::none(),
-      nb::sig("def simulate_machine(machine: dict[str, Any], *, r: Any, load: Any, base: Any, "
-              "speed: Any, "
-              "noise_u: Any, noise_y: Any, start: Any, demanded: Any, integral: Any, estimator: "
-              "Estimator | None = None, model: Model | None = None) -> dict[str, Any]"),
+      nb::arg("control").none() = nb::none(), nb::arg("fly").none() = nb::none(),
+      nb::arg("hovers") = false,
+      nb::sig(
+          "def simulate_machine(machine: dict[str, Any], *, r: Any, load: Any, base: Any, "
+          "speed: Any, "
+          "noise_u: Any, noise_y: Any, start: Any, demanded: Any, integral: Any, estimator: "
+          "Estimator | None = None, model: Model | None = None, control: Control | None = None, "
+          "fly: Any = None, hovers: bool = False) -> dict[str, Any]"),
       "A closed-loop run of a whole machine in one call; see sim/machine.h for shapes and units.");
 }
 

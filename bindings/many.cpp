@@ -38,8 +38,8 @@ struct Plan {
        bool beside, const std::optional<Named> &parts, const Magnet *coil, size_t first,
        size_t step_from, size_t step_to, amb_real height, size_t load_from, amb_real band,
        Control *control, std::optional<Vector> flies, std::optional<amb_real> hovers)
-      : of(magnet, T, m, f_0, K_sen, T_sen, travel, substeps, k_ui, iu_min, iu_max, kp, ki, kd, T_f,
-           T_t, weight, feedback_estimate, asked, parts, coil, control),
+      : of(magnet, T, m, f_0, f_bias, K_sen, T_sen, travel, substeps, k_ui, iu_min, iu_max, kp, ki,
+           kd, T_f, T_t, weight, feedback_estimate, asked, parts, coil, control),
         estimator(asked), n(reference.size()), x_start(x), integral(integral_), r(reference),
         f_d(load), noise_u(on_u), noise_y(on_y), scale(scaled), fly(flies), hover(hovers)
   {
@@ -73,7 +73,6 @@ struct Plan {
     run.noise_u = noise_u ? noise_u->data() : nullptr;
     run.noise_y = noise_y ? noise_y->data() : nullptr;
     run.scale = scale ? scale->data() : nullptr;
-    run.f_bias = f_bias;
     run.faults = faults ? &faults->to : nullptr;
     run.fly = fly ? fly->data() : nullptr;
     run.spans = {first, step_from, step_to, height, load_from, band};

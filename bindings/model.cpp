@@ -26,16 +26,15 @@ amb_sparse Model::sparse(const nb::dict &arrays, const char *name, size_t rows, 
   const unsigned short *rows_start = places.back().data();
   places.push_back(column);
   const unsigned short *of_entries = places.back().data();
-  numbers.push_back(value);
-  return {rows_start, of_entries, numbers.back().data()};
+  loose.push_back(value);
+  return {rows_start, of_entries, nullptr}; // `gather` lets it point there
 }
 
-const amb_real *Model::values(const nb::dict &arrays, const char *name, size_t count)
+void Model::values(const nb::dict &arrays, const char *name, size_t count)
 {
   const auto value = nb::cast<std::vector<amb_real>>(arrays[name]);
   same_length(count, value.size(), name);
-  numbers.push_back(value);
-  return numbers.back().data();
+  loose.push_back(value);
 }
 
 Model::Model(const nb::dict &arrays)
@@ -59,8 +58,8 @@ Model::Model(const nb::dict &arrays)
   model.b = sparse(arrays, "b", n, p);
   model.B_u = sparse(arrays, "B_u", n, c);
   model.h = sparse(arrays, "h", p, n);
-  model.e = values(arrays, "e", model.h.start[p]);
-  model.r = values(arrays, "r", model.h.start[p]);
+  values(arrays, "e", model.h.start[p]);
+  values(arrays, "r", model.h.start[p]);
   model.d = sparse(arrays, "d", p, c);
   model.c = sparse(arrays, "c", m, n);
   model.N = sparse(arrays, "N", noises, n * (n + 1) / 2);
@@ -69,55 +68,65 @@ Model::Model(const nb::dict &arrays)
     roles.push_back(static_cast<unsigned char>(role));
   same_length(n, roles.size(), "role");
   model.role = roles.data();
+  gather();
 }
 
-void Model::nodes(amb_real first, amb_real step, const nb::list &arrays_at, const nb::list &growing)
+void Model::gather()
 {
-  const std::vector<amb_real> &L = numbers.front();
-  if (nb::len(arrays_at) < 4 || !(step > 0))
-    throw std::invalid_argument("a model turns between four speeds or more, one after the other");
-  std::vector<std::vector<std::vector<amb_real>>> found;
-  for (const auto each : arrays_at) {
-    const Model there(nb::cast<nb::dict>(each));
-    if (there.places != places)
-      throw std::invalid_argument("models at different speeds must have one pattern");
-    found.push_back(there.numbers);
+  size_t count = 0;
+  for (const auto &each : loose)
+    count += each.size();
+  numbers.reserve(count);
+  const amb_real **values[] = {&model.L.value, &model.b.value,   &model.B_u.value, &model.h.value,
+                               &model.e,       &model.r,         &model.d.value,   &model.c.value,
+                               &model.N.value, &model.rest.value};
+  for (size_t k = 0; k < loose.size(); k++) {
+    *values[k] = numbers.data() + numbers.size();
+    numbers.insert(numbers.end(), loose[k].begin(), loose[k].end());
   }
-  const auto more = nb::cast<std::vector<std::vector<amb_real>>>(growing);
-  same_length(found.size(), more.size(), "growing");
-  for (const auto &each : more)
-    same_length(L.size(), each.size(), "growing, its entries of L,");
-  growing_at = more;
-  first_node = first;
-  node_step = step;
-  at_nodes = std::move(found);
+  loose.clear();
+}
+
+void Model::nodes(int lowest, amb_real step, const Vector &still, const Places &which,
+                  const Matrix &at, const Places &grown, const Matrix &by_growth)
+{
+  same_length(numbers.size(), still.size(), "still");
+  same_length(which.size(), at.shape(1), "at, its numbers,");
+  same_length(grown.size(), by_growth.shape(1), "by_growth, its numbers,");
+  same_length(at.shape(0), by_growth.shape(0), "by_growth, its nodes,");
+  if (at.shape(0) < 4 || !(step > 0))
+    throw std::invalid_argument("a model turns between four speeds or more, one after the other");
+  for (const Places *places_of : {&which, &grown})
+    for (size_t i = 0; i < places_of->size(); i++)
+      if (places_of->data()[i] >= numbers.size())
+        throw std::invalid_argument("a number that the speed changes is none of the model's");
+  kept_which.assign(which.data(), which.data() + which.size());
+  kept_grown.assign(grown.data(), grown.data() + grown.size());
+  kept_at = {at.data(), at.data() + at.size()};
+  kept_by_growth = {by_growth.data(), by_growth.data() + by_growth.size()};
+  std::copy_n(still.data(), numbers.size(), numbers.data()); // wherever it has been before
+  turning = {static_cast<int>(at.shape(0)),
+             static_cast<int>(numbers.size()),
+             static_cast<int>(which.size()),
+             static_cast<int>(grown.size()),
+             lowest,
+             step,
+             numbers.data(),
+             kept_which.data(),
+             kept_at.data(),
+             kept_grown.data(),
+             kept_by_growth.data()};
 }
 
 void Model::turn(amb_real speed, amb_real growth)
 {
-  const auto last = static_cast<amb_real>(at_nodes.size() - 1);
-  const amb_real at = std::clamp((speed - first_node) / node_step, amb_real(0), last);
-  const auto k = static_cast<size_t>(std::clamp(at - 1, amb_real(0), last - 3));
-  const amb_real x = at - static_cast<amb_real>(k); // of the nodes 0, 1, 2, 3
-  const amb_real w[4] = {(x - 1) * (x - 2) * (3 - x) / 6, x * (x - 2) * (x - 3) / 2,
-                         x * (x - 1) * (3 - x) / 2, x * (x - 1) * (x - 2) / 6};
-  for (size_t a = 0; a < numbers.size(); a++)
-    for (size_t i = 0; i < numbers[a].size(); i++)
-      numbers[a][i] = w[0] * at_nodes[k][a][i] + w[1] * at_nodes[k + 1][a][i] +
-                      w[2] * at_nodes[k + 2][a][i] + w[3] * at_nodes[k + 3][a][i];
-  std::vector<amb_real> &L = numbers.front();
-  for (size_t i = 0; i < L.size(); i++)
-    L[i] += growth * (w[0] * growing_at[k][i] + w[1] * growing_at[k + 1][i] +
-                      w[2] * growing_at[k + 2][i] + w[3] * growing_at[k + 3][i]);
+  amb_turning_to(&turning, speed, growth, numbers.data());
 }
 
-void Model::stand(const nb::dict &arrays)
+void Model::stand(const Vector &still)
 {
-  const Model there(arrays);
-  if (there.places != places)
-    throw std::invalid_argument("a model stands as it was made: with one pattern");
-  for (size_t a = 0; a < numbers.size(); a++) // in place, as the core's model points there
-    std::copy(there.numbers[a].begin(), there.numbers[a].end(), numbers[a].begin());
+  same_length(numbers.size(), still.size(), "still");
+  std::copy_n(still.data(), numbers.size(), numbers.data()); // in place, as the core points there
 }
 
 nb::dict shown(const amb_model &)
@@ -130,12 +139,12 @@ void bind_model(nb::module_ &m)
   nb::class_<Model>(m, "Model", "Any model (ambkit/loops.h).")
       .def(nb::init<const nb::dict &>(), nb::arg("arrays"),
            nb::sig("def __init__(self, arrays: dict[str, Any]) -> None"))
-      .def("nodes", &Model::nodes, nb::arg("first"), nb::arg("step"), nb::arg("arrays"),
-           nb::arg("growing"),
-           nb::sig("def nodes(self, first: float, step: float, arrays: list[dict[str, Any]], "
-                   "growing: list[list[float]]) -> None"),
-           "The same machine at speeds one after the other [rad/s], and what the entries of L gain "
-           "there for each rad/s^2 by which the speed grows; then it can turn.")
+      .def("nodes", &Model::nodes, nb::arg("lowest"), nb::arg("step"), nb::arg("still"),
+           nb::arg("which"), nb::arg("at"), nb::arg("grown"), nb::arg("by_growth"),
+           nb::sig("def nodes(self, lowest: int, step: float, still: Any, which: Any, at: Any, "
+                   "grown: Any, by_growth: Any) -> None"),
+           "The numbers that a speed changes, at speeds one after the other, and what they gain "
+           "there by its growth (ambkit/turning.h); then the model can turn.")
       .def("turn", &Model::turn, nb::arg("speed"), nb::arg("growth"),
            "Take the numbers of a speed [rad/s] that grows [rad/s^2].");
   m.attr("MOST_STATES") = AMB_STATES;

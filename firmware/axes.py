@@ -6,7 +6,6 @@ loops over the entries of its model.
 
 from __future__ import annotations
 
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -15,6 +14,7 @@ import numpy as np
 
 from ambkit import Flight, Machine, simulate_machine
 from ambkit.export.c import export_c
+from ambkit.export.pil.emulator import emulated
 from firmware import harness
 
 SAMPLES = 300
@@ -48,15 +48,7 @@ def measure(kind: str, loops: bool, folder: Path) -> tuple[int, int, int, int]:
     u = np.column_stack([record[f"u_{axis.name}"] for axis in machine.axes])
     samples = np.hstack([y[1:], u[:-1]]).astype("<f4")
     samples.tofile(folder / "input.bin")
-    board = ("-M", "mps2-an386", "-nographic", "-icount", "shift=0")
-    outside = ("-semihosting-config", "enable=on,target=native")
-    command = [harness.QEMU, *board, *outside, "-kernel", str(firmware.elf)]
-    done = subprocess.run(
-        command, cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, text=True,
-        timeout=harness.SECONDS,
-    )  # fmt: skip
-    if done.returncode != 0:
-        raise RuntimeError(f"{kind}: the firmware ended with {done.returncode}: {done.stderr}")
+    emulated(firmware.elf, folder)
     counted = np.fromfile(folder / "instructions.bin", "<u4")[1:]
     size = harness.size(firmware)
     return int(np.median(counted)), int(counted.max()), size.code, size.constants

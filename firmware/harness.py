@@ -13,15 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import ambkit
+from ambkit.export.pil.boards import ARM, M4F, QEMU
+from ambkit.export.pil.emulator import emulated
 
 HERE = Path(__file__).resolve().parent
 BOARD = Path(ambkit.__file__).parent / "export" / "pil" / "c"
-PREFIX = "arm-none-eabi-"
-QEMU = "qemu-system-arm"
-TARGET = ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16")
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Werror")
-FLAGS = ("-std=c99", "-O3", "-fno-common", *TARGET)
-SECONDS = 300  # no run takes a tenth of this
+FLAGS = ("-std=c99", "-O3", "-fno-common", *M4F)
 
 Contraction = Literal["off", "fast"]
 
@@ -65,14 +63,14 @@ class Run(NamedTuple):
 
 def missing_tools() -> list[str]:
     """Return the programs that are needed and not there."""
-    tools = [PREFIX + name for name in ("gcc", "ld", "size", "nm")] + [QEMU]
+    tools = [ARM + name for name in ("gcc", "ld", "size", "nm")] + [QEMU]
     return [tool for tool in tools if shutil.which(tool) is None]
 
 
 def compiler() -> str:
     """Return name, version and flags of the cross compiler."""
-    version = _call(PREFIX + "gcc", "-dumpfullversion").strip()
-    return " ".join([f"{PREFIX}gcc {version}", *FLAGS, "-ffp-contract=off"])
+    version = _call(ARM + "gcc", "-dumpfullversion").strip()
+    return " ".join([f"{ARM}gcc {version}", *FLAGS, "-ffp-contract=off"])
 
 
 def build(
@@ -103,7 +101,7 @@ def build(
     into.mkdir(parents=True, exist_ok=True)
     includes = [f"-I{export / folder}" for folder in (".", "core/include", "core", "selftest")]
     flags = [*FLAGS, f"-ffp-contract={contraction}", *includes]
-    gcc = PREFIX + "gcc"
+    gcc = ARM + "gcc"
 
     sources = [*export.glob("*.c"), *export.glob("core/src/*.c")]
     objects = [into / f"{source.stem}.o" for source in sources]
@@ -112,7 +110,7 @@ def build(
         _call(gcc, *flags, *WARNINGS, *sections, "-c", source, "-o", made)
     roots = [f"-u{name}_{function}" for function in ("init", "reset", "step")]
     partial = into / "export.o"
-    _call(PREFIX + "ld", "-r", "--gc-sections", *roots, *sorted(objects), "-o", partial)
+    _call(ARM + "ld", "-r", "--gc-sections", *roots, *sorted(objects), "-o", partial)
 
     words = ["state", "estimates", "init", "reset", "step", "selftest", "selftest_result"]
     if f"{name}_step_trusted" in (export / f"{name}.h").read_text():
@@ -148,22 +146,10 @@ def run(firmware: Firmware, y: ArrayLike, u: ArrayLike) -> Run:
     samples = np.zeros((len(np.asarray(y)), 2), dtype="<f4")
     samples[:, 0] = y
     samples[1:, 1] = np.asarray(u)[:-1]
-    machine = ("-M", "mps2-an386", "-nographic", "-icount", "shift=0")
-    semihosting = ("-semihosting-config", "enable=on,target=native")
-    command = [QEMU, *machine, *semihosting, "-kernel", str(firmware.elf)]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         samples.tofile(folder / "input.bin")
-        done = subprocess.run(
-            command,
-            cwd=folder,
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            timeout=SECONDS,
-        )
-        if done.returncode != 0:
-            raise RuntimeError(f"the firmware ended with {done.returncode}: {done.stderr.strip()}")
+        text = emulated(firmware.elf, folder)
         answers = np.fromfile(folder / "output.bin", _ANSWER)
         summary = np.fromfile(folder / "summary.bin", _SUMMARY)[0]
     return Run(
@@ -176,13 +162,13 @@ def run(firmware: Firmware, y: ArrayLike, u: ArrayLike) -> Run:
         selftest=int(summary["selftest"]),
         unequal=int(summary["unequal"]),
         wrong_status=int(summary["wrong_status"]),
-        text=done.stderr,
+        text=text,
     )
 
 
 def size(firmware: Firmware) -> Size:
     """Return what the export takes of flash and of memory."""
-    listing = _call(PREFIX + "size", "-A", firmware.object)
+    listing = _call(ARM + "size", "-A", firmware.object)
     totals = {".text": 0, ".rodata": 0, ".data": 0, ".bss": 0}
     for section, count in re.findall(r"^(\.\w+)\S*\s+(\d+)\s", listing, re.MULTILINE):
         if section in totals:
@@ -192,7 +178,7 @@ def size(firmware: Firmware) -> Size:
 
 def borrowed(firmware: Firmware) -> set[str]:
     """Return what the export needs that it does not bring: functions of the compiler's library."""
-    return set(_call(PREFIX + "nm", "--undefined-only", "--just-symbols", firmware.object).split())
+    return set(_call(ARM + "nm", "--undefined-only", "--just-symbols", firmware.object).split())
 
 
 def _name_of(export: Path) -> str:

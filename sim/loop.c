@@ -65,14 +65,6 @@ static bool act(const amb_loop *loop, amb_loop_state *s, const amb_loop_sample *
   return amb_plant_advance(&loop->plant, &s->plant, loop->T, s->demanded, sample->f_d);
 }
 
-bool amb_loop_step(const amb_loop *loop, amb_loop_state *state, void *estimator,
-                   const amb_loop_sample *sample)
-{
-  const amb_real y = amb_plant_measure(&loop->plant, state->plant.x_m, sample->noise_y);
-  sense(loop, state, estimator, sample, y, y, state->u);
-  return act(loop, state, sample, 1);
-}
-
 /* A magnet whose force is another's, times a factor. Only a plant asks it. */
 typedef struct scaled_magnet {
   amb_magnet magnet;
@@ -83,6 +75,57 @@ static amb_real scaled_force(const void *self, amb_real iu, amb_real x)
 {
   const scaled_magnet *scaled = (const scaled_magnet *)self;
   return scaled->scale * scaled->magnet.methods->force(scaled->magnet.self, iu, x);
+}
+
+static const amb_magnet_methods scaled_methods = {scaled_force, NULL, NULL};
+
+/* What a loop with a scaled magnet points to. */
+typedef struct scaled_parts {
+  scaled_magnet magnet, coil;
+  amb_parts parts;
+} scaled_parts;
+
+/* A loop whose magnet can be scaled, and is not yet; it points to `of`. */
+static amb_loop scalable(const amb_loop *loop, scaled_parts *of)
+{
+  amb_loop now = *loop;
+  of->magnet = (scaled_magnet){loop->plant.magnet, 1};
+  of->coil = (scaled_magnet){loop->plant.coil, 1};
+  now.plant.magnet.methods = &scaled_methods;
+  now.plant.magnet.self = &of->magnet;
+  if (loop->plant.parts != NULL) {
+    of->parts = *loop->plant.parts;
+    now.plant.parts = &of->parts;
+  }
+  if (loop->plant.coil.methods != NULL) {
+    now.plant.coil.methods = &scaled_methods;
+    now.plant.coil.self = &of->coil;
+  }
+  return now;
+}
+
+/* The magnet's constant is `scale` times as great [1]; where it is off, it does not pull. */
+static void scale_by(const amb_loop *loop, amb_loop *now, scaled_parts *of, amb_real scale, bool on)
+{
+  const amb_real pulling = on ? scale : 0;
+  of->magnet.scale = pulling;
+  of->coil.scale = pulling;
+  if (loop->plant.parts != NULL)
+    of->parts.k = scale * loop->plant.parts->k;
+  now->plant.f_0 = loop->plant.f_0 + (pulling - 1) * loop->f_bias;
+}
+
+bool amb_loop_step(const amb_loop *loop, amb_loop_state *state, void *estimator,
+                   const amb_loop_sample *sample)
+{
+  const amb_real y = amb_plant_measure(&loop->plant, state->plant.x_m, sample->noise_y);
+  sense(loop, state, estimator, sample, y, y, state->u);
+  if (!is_whole(loop))
+    return act(loop, state, sample, 1);
+  scaled_parts of;
+  amb_loop now = scalable(loop, &of);
+  scale_by(loop, &now, &of, 1, state->flown.on);
+  return act(&now, state, sample, 1);
 }
 
 /* The measurement at sample k, as far as it has come: x_m is known up to there. */
@@ -103,24 +146,10 @@ static amb_real faulted(const amb_plant *plant, const amb_loop_faults *faults, c
 amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop_state *state,
                         void *estimator, amb_loop_output *out)
 {
-  static const amb_magnet_methods scaled_methods = {scaled_force, NULL, NULL};
   amb_status all = AMB_OK;
-  amb_loop now = *loop;
-  scaled_magnet scaled = {loop->plant.magnet, 1}, scaled_coil = {loop->plant.coil, 1};
-  amb_parts parts = {0};
+  scaled_parts of = {0};
   const bool scaling = in->scale != NULL || is_whole(loop);
-  if (scaling) {
-    now.plant.magnet.methods = &scaled_methods;
-    now.plant.magnet.self = &scaled;
-    if (loop->plant.parts != NULL) {
-      parts = *loop->plant.parts;
-      now.plant.parts = &parts;
-    }
-    if (loop->plant.coil.methods != NULL) {
-      now.plant.coil.methods = &scaled_methods;
-      now.plant.coil.self = &scaled_coil;
-    }
-  }
+  amb_loop now = scaling ? scalable(loop, &of) : *loop;
   amb_loop_state s = *state;
   out->touched = 0;
   amb_real told = s.u;
@@ -136,15 +165,9 @@ amb_status amb_loop_run(const amb_loop *loop, const amb_loop_input *in, amb_loop
         faults != NULL ? faulted(&now.plant, faults, out->x_m, in->noise_y, k) : direct;
     const bool both = faults != NULL && !faults->beside;
     sense(&now, &s, estimator, &sample, both ? y : direct, y, told);
-    if (scaling) {
-      const bool off = is_whole(loop) && !s.flown.on;
-      const amb_real of = in->scale != NULL ? in->scale[k] : 1;
-      scaled.scale = off ? 0 : of;
-      scaled_coil.scale = scaled.scale;
-      if (loop->plant.parts != NULL)
-        parts.k = of * loop->plant.parts->k;
-      now.plant.f_0 = loop->plant.f_0 + (scaled.scale - 1) * in->f_bias;
-    }
+    if (scaling)
+      scale_by(loop, &now, &of, in->scale != NULL ? in->scale[k] : 1,
+               !is_whole(loop) || s.flown.on);
     told = faults != NULL ? faults->u_times[k] * s.u + faults->u_plus[k] : s.u;
     const bool touched = act(&now, &s, &sample, faults != NULL ? faults->current[k] : 1);
     out->touched += touched ? 1U : 0U;

@@ -17,11 +17,13 @@ typedef struct amb_loop {
   amb_real T;                     /* sampling time [s] */
   amb_real k_ui;                  /* amplifier gain [A/V] */
   amb_real iu_min, iu_max;        /* its limits [A] */
+  amb_real f_bias;                /* the magnet's bias force, which the plant's f_0 holds [N] */
   const amb_estimator *estimator; /* or NULL; of one sensor and one control */
   bool feedback_estimate;     /* controller fed by the estimated position and velocity, which its
                                * model must have; else by the measurement */
   const amb_control *control; /* the whole controller of this estimator, in the place of the PID; or
-                               * NULL. Where it is off, the magnet does not pull. */
+                               * NULL. Where it is off, the magnet does not pull, with its bias
+                               * neither. */
   amb_elsewhere *elsewhere;   /* in its place; or NULL */
   void *where;
 } amb_loop;
@@ -78,7 +80,6 @@ typedef struct amb_loop_input {
   const amb_real *noise_u; /* on the control signal [V] */
   const amb_real *noise_y; /* on the measurement [m] */
   const amb_real *scale;   /* of the magnet's force, bias force and all [1]; NULL: 1 throughout */
-  amb_real f_bias; /* the magnet's bias force, which the plant's f_0 holds; where scaled [N] */
   const amb_loop_faults *faults; /* NULL: none */
   const amb_real *fly; /* whether it is to fly, 1 or 0, for a whole controller; NULL: it is */
 } amb_loop_input;

@@ -87,8 +87,8 @@ void amb_many_alone(amb_many_run *run, size_t n, amb_real *noise_u, amb_real *no
 {
   draw(run->noise_u, run, run->std_u, AMB_NOISE_CONTROL, n, noise_u);
   draw(run->noise_y, run, run->std_y, AMB_NOISE_SENSOR, n, noise_y);
-  const amb_loop_input in = {n,          run->r,      run->f_d,    noise_u, noise_y,
-                             run->scale, run->f_bias, run->faults, run->fly};
+  const amb_loop_input in = {n,       run->r,     run->f_d,    noise_u,
+                             noise_y, run->scale, run->faults, run->fly};
   memset(run->flags, 0, sizeof run->flags);
   to->at_stop = touched;
   (void)amb_loop_run(run->loop, &in, &run->state, run->estimator, to);

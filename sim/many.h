@@ -54,9 +54,8 @@ typedef struct amb_many_run {
   double std_u, std_y; /* of the white noise on control signal [V] and measurement [m]; 0: none */
   const double *noise_u, *noise_y; /* n each, in place of it; or NULL */
   const amb_real *scale;           /* as in amb_loop_input, or NULL */
-  amb_real f_bias;
-  const amb_loop_faults *faults; /* or NULL */
-  const amb_real *fly;           /* as in amb_loop_input, or NULL */
+  const amb_loop_faults *faults;   /* or NULL */
+  const amb_real *fly;             /* as in amb_loop_input, or NULL */
   amb_spans spans;
   double figures[AMB_FIGURES]; /* out */
   size_t flags[AMB_FLAGS];     /* out: samples in which the estimator said so */

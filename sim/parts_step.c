@@ -304,6 +304,16 @@ bool amb_parts_advance(const amb_plant *plant, amb_plant_state *state, amb_real 
   return touched;
 }
 
+void amb_parts_rates(const amb_plant *plant, const amb_plant_state *state, amb_real iu, amb_real g,
+                     amb_plant_state *rates)
+{
+  const amb_piece piece = piece_of(plant, state, iu, g);
+  const amb_point at = {state->x, state->v, state->x_m, {state->i[0], state->i[1]}};
+  const amb_point d = slope(&piece, &at, 0);
+  const amb_plant_state found = {.x = d.x, .v = d.v, .x_m = d.x_m, .i = {d.i[0], d.i[1]}};
+  *rates = found;
+}
+
 void amb_parts_settle(const amb_plant *plant, amb_plant_state *state, amb_real iu)
 {
   state->cosine = 1;

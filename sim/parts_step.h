@@ -6,6 +6,8 @@
 
 bool amb_parts_advance(const amb_plant *plant, amb_plant_state *state, amb_real T, amb_real iu,
                        amb_real g);
+void amb_parts_rates(const amb_plant *plant, const amb_plant_state *state, amb_real iu, amb_real g,
+                     amb_plant_state *rates);
 void amb_parts_settle(const amb_plant *plant, amb_plant_state *state, amb_real iu);
 
 /* What acts while the control current iu [A] is demanded. */

@@ -65,6 +65,22 @@ bool amb_plant_advance(const amb_plant *plant, amb_plant_state *state, amb_real 
                 : advance(plant, state, T, iu, f_d, false);
 }
 
+void amb_plant_rates(const amb_plant *plant, const amb_plant_state *state, amb_real iu,
+                     amb_real f_d, amb_plant_state *rates)
+{
+  if (plant->parts != NULL) {
+    amb_parts_rates(plant, state, iu, (plant->f_0 + f_d) / plant->m, rates);
+    return;
+  }
+  const amb_real x = amb_clamp(state->x, -plant->travel, plant->travel);
+  const amb_plant_state found = {
+      .x = state->v,
+      .v = (amb_plant_force(plant, iu, x) + f_d) / plant->m,
+      .x_m = (plant->K_sen * x - state->x_m) / plant->T_sen,
+  };
+  *rates = found;
+}
+
 void amb_plant_settle(const amb_plant *plant, amb_plant_state *state, amb_real x, amb_real iu)
 {
   const amb_plant_state settled = {.x = x, .x_m = plant->K_sen * x};

@@ -65,4 +65,10 @@ static inline amb_real amb_plant_measure(const amb_plant *plant, amb_real x_m, a
 bool amb_plant_advance(const amb_plant *plant, amb_plant_state *state, amb_real T, amb_real iu,
                        amb_real f_d);
 
+/* How fast the state changes while iu [A] is demanded, with the disturbance f_d [N], at the angle
+ * of rotation that the state has: x, v, x_m and i of `rates`, each in its unit over s. Of a rotor
+ * that no hard stop holds, and without the dead time. */
+void amb_plant_rates(const amb_plant *plant, const amb_plant_state *state, amb_real iu,
+                     amb_real f_d, amb_plant_state *rates);
+
 #endif

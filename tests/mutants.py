@@ -1,6 +1,7 @@
 """How much of an exported filter its self-test sees: faults planted one by one, and the score.
 
-    python tests/mutants.py [KIND ...] [--precision double] [--boundaries]
+    python tests/mutants.py [KIND ...] [--precision double] [--boundaries] [--sample N]
+    python tests/mutants.py --machine tum_mlps [--sample N]
 
 Constants of the data file change by a tenth; operators of the C that flies turn into others. Each
 mutant is compiled with its self-test (by tcc where it is installed) and judged exactly, and as
@@ -12,6 +13,7 @@ mutant is the original (trivial compiler equivalence, Papadakis et al. 2015).
 from __future__ import annotations
 
 import argparse
+import random
 import re
 import shutil
 import subprocess
@@ -240,6 +242,26 @@ class Bench:
             seen |= set(listed)
         return sorted(file for file in seen if not file.endswith((f"{self.name}_data.c", "crc.h")))
 
+    def linked(self) -> set[str]:
+        """Return the functions that a controller's program has of it; others do not fly."""
+        roots = [f"-Wl,-u,{self.name}_{what}" for what in ("init", "reset", "step")]
+        flags = ("-std=c99", "-w", "-O0", "-ffunction-sections", "-nostdlib", "-r")
+        made = self._work / "linked.o"
+        words = ["gcc", *flags, *INCLUDES, *self.sources, "-Wl,--gc-sections", *roots]
+        self._call([*words, "-o", str(made)], self.folder)
+        listed = self._call(["nm", "--defined-only", str(made)], self.folder).stdout
+        return {line.split()[2] for line in listed.splitlines() if line.split()[1] in "tT"}
+
+    def operators(self, *, boundaries: bool = False) -> list[Mutant]:
+        """Return a mutant of each operator that flies."""
+        linked = self.linked()
+        return [
+            mutant
+            for file in self.flying()
+            for mutant in of_operators(file, self.text(file), boundaries=boundaries)
+            if _function_at(self.text(file), mutant.start) in linked | {""}
+        ]
+
     def judge(self, mutant: Mutant) -> Verdict:
         """Compile and run it."""
         with tempfile.TemporaryDirectory(dir=self._work) as place:
@@ -303,6 +325,15 @@ class Bench:
         return subprocess.run(words, cwd=folder, check=True, capture_output=True, text=True)
 
 
+def _function_at(text: str, place: int) -> str:
+    """Return the function that a place in a C file is in; nothing before the first."""
+    begin = text.rfind("\n{", 0, place)
+    if begin < 0:
+        return ""
+    head = text[text.rfind(";", 0, begin) + 1 : begin]
+    return re.findall(r"^[A-Za-z_][\w *]*?(\w+)\(", head, re.MULTILINE)[-1]
+
+
 def explained(mutant: Mutant) -> str | None:
     """Return why a mutant makes no difference, where that is known."""
     for (file, text), reason in EQUIVALENT.items():
@@ -349,29 +380,36 @@ def main() -> None:
     """Print the score of some kinds; gains are not 1, where a product would be a quotient."""
     from export_cases import BEARING, chosen, export_c
 
+    from ambkit import Machine
+
     gained = BEARING.replace(sensor__gain=0.8, amplifier__gain=1.6)
 
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("kinds", nargs="*", default=["linear", "adaptive", "tabulated"])
     parser.add_argument("--precision", choices=["float", "double"], default="float")
     parser.add_argument("--boundaries", action="store_true", help="also < as <= and so on")
+    parser.add_argument("--machine", metavar="NAME", help="the linear filter of a preset, by loops")
+    parser.add_argument("--sample", type=int, metavar="N", help="so many of each, drawn")
     given = parser.parse_args()
-    for kind in given.kinds:
+    for kind in [given.machine] if given.machine else given.kinds:
         with tempfile.TemporaryDirectory() as place:
-            what = chosen(kind)
-            form: Any = "tabulated" if kind == "tabulated" else "exact"
-            made = export_c(
-                gained, what.magnet, Path(place) / "c", kind=what.kind, prefix="f",
-                precision=given.precision, expert_form=form,
-            )  # fmt: skip
+            to = Path(place) / "c"
+            if given.machine:
+                made = export_c(Machine.preset(kind), None, to, prefix="f", loops=True,
+                                precision=given.precision)  # fmt: skip
+            else:
+                what = chosen(kind)
+                form: Any = "tabulated" if kind == "tabulated" else "exact"
+                made = export_c(
+                    gained, what.magnet, to, kind=what.kind, prefix="f",
+                    precision=given.precision, expert_form=form,
+                )  # fmt: skip
             bench = Bench(made.folder, "f")
             constants = list(of_constants("f_data.c", bench.text("f_data.c")))
-            operators = [
-                mutant
-                for file in bench.flying()
-                for mutant in of_operators(file, bench.text(file), boundaries=given.boundaries)
-            ]
+            operators = bench.operators(boundaries=given.boundaries)
             for what, mutants in (("constants", constants), ("operators", operators)):
+                if given.sample and given.sample < len(mutants):
+                    mutants = random.Random(0).sample(mutants, given.sample)
                 found = score(bench, mutants)
                 print(f"{kind}, {what}: {found}")
                 for label, alive in zip(("exact", "loose", "without CRC"), found[1:4], strict=True):

@@ -16,11 +16,12 @@ from ambkit.judge.loop.margins import bode_integral, margins
 from ambkit.machine import presets
 from ambkit.models import axis_parts
 from ambkit.models.linear import LinearSystem, Signal, linearised
+from ambkit.simulation.imposed import Imposed
 from ambkit.simulation.linear.closed import Loop
 from ambkit.simulation.linear.control import compensator, controller
 from ambkit.simulation.linear.pieces import WorkPoint, plant
 from ambkit.simulation.linear.settled import estimator_at
-from ambkit.simulation.run import Imposed, simulate
+from ambkit.simulation.run import simulate
 from ambkit.workflow.assessing import MEASUREMENT
 
 ZITTAU = Bearing.preset("zittau_axial")

@@ -25,7 +25,7 @@ from ambkit.machine.magnets import own_time
 from ambkit.show.pages.study import report_of
 from ambkit.show.plots.study import cases_figure, matrix_figure, sweep_figure
 from ambkit.show.report.items import Axis
-from ambkit.simulation.run import Imposed
+from ambkit.simulation.imposed import Imposed
 from ambkit.workflow.comparing import compare_in_case
 
 BEARING = Bearing.preset("zittau_axial")

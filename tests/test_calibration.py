@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
+import json
 import re
 import shutil
 import subprocess
@@ -225,22 +225,34 @@ def test_addresses_come_from_the_program(made: CExport, y: Any, tmp_path: Path) 
     assert {name: int(place, 16) for name, place in found.items()} == expected
 
 
-@needs_readelf
-@pytest.mark.skipif(importlib.util.find_spec("pya2l") is None, reason="pya2l is not installed")
-def test_another_reads_the_a2l_file(made: CExport, tmp_path: Path) -> None:
-    from pya2l import DB
-    from pya2l.model import Characteristic, Measurement
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # its own
+@pytest.mark.parametrize("big_endian", [False, True])
+def test_another_reads_the_a2l_file(made: CExport, tmp_path: Path, big_endian: bool) -> None:
+    """pya2l, by its grammar of ASAP2 1.7: each parameter with its address, limits and unit."""
+    from pya2l import import_a2l, model
 
-    at = a2l.Symbol(0x20000100, 1000, big_endian=False)
-    import json
-
+    at = a2l.Symbol(0x20000100, 1000, big_endian=big_endian)
     path = tmp_path / "rig.a2l"
-    path.write_text(
-        a2l.text(json.loads((made.folder / "calibration.json").read_text()), at, "calibration")
-    )
-    session = DB().import_a2l(str(path))
-    assert session.query(Characteristic).count() == 13
-    assert session.query(Measurement).count() == 15
+    told = json.loads((made.folder / "calibration.json").read_text())
+    path.write_text(a2l.text(told, at, "calibration"))
+    session = import_a2l(str(path), in_memory=True, loglevel="ERROR")
+    wanted = {each.name: each for each in session.query(model.Characteristic)}
+    shown = {each.name: each for each in session.query(model.Measurement)}
+    methods = {each.name: each for each in session.query(model.CompuMethod)}
+    real, n = 4, len(told["parameters"])
+    for k, each in enumerate(told["parameters"]):
+        one, flies = (f"calibration.{which}.{each['name']}" for which in ("wanted", "in_use"))
+        assert wanted[one].address == at.address + k * real
+        assert (wanted[one].type, wanted[one].deposit) == ("VALUE", "Real")
+        assert (wanted[one].lowerLimit > 0) == each["above_zero"]
+        assert shown[flies].ecu_address.address == at.address + (n + k) * real
+        assert shown[flies].datatype == "FLOAT32_IEEE"
+        assert methods[wanted[one].conversion].unit == each["unit"]
+    assert wanted["calibration.request"].address == at.address + 2 * n * real
+    assert (len(wanted), len(shown)) == (n + 1, n + 3)
+    (common,) = session.query(model.ModCommon)
+    assert common.byte_order.byteOrder == ("MSB_FIRST" if big_endian else "MSB_LAST")
+    session.close()
 
 
 @needs_readelf

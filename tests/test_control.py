@@ -22,7 +22,8 @@ from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Status
 from ambkit.export.c import CExport, export_c
 from ambkit.simulation.control import Controller
-from ambkit.simulation.run import Faults, Imposed, simulate, simulate_run
+from ambkit.simulation.imposed import Faults, Imposed
+from ambkit.simulation.run import simulate, simulate_run
 from ambkit.simulation.scenario import PID
 from ambkit.simulation.sequence import LiftOff, Mode
 
@@ -249,7 +250,7 @@ FAULTS = {
                                      "state->unusable > 65535U"),
     "never trips by overload": ("core/src/sequence.c", "state->limited > sequence->overloaded",
                                 "state->limited > 65535U"),
-    "lifts from the middle": ("core/src/control.c", "s->from[j] = at;", "s->from[j] = 0;"),
+    "lifts from the middle": ("core/src/control.c", "s->from[f] = at;", "s->from[f] = 0;"),
     "the load counts as it lies": ("core/src/control.c", "(share * mean[i])",
                                    "((void)share, mean[i])"),
     "a tripped one flies again": ("core/src/sequence.c", "case AMB_TRIPPED:\n    if (!fly) {",

@@ -311,7 +311,7 @@ def test_a_closed_loop_with_parts_in_fmpy_equals_the_library(
     noise_u, noise_y = drawn(bearing, scenario, len(record.t))
     inputs = {"r": record["r"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": noise_y}
     path = export_fmu(
-        bearing, None, tmp_path / "loop.fmu", kind="closed-loop", controller=scenario.controller
+        bearing, None, tmp_path / "loop.fmu", kind="closed-loop", scenario=scenario
     ).path
     found = simulated(path, bearing.sampling_time, {}, **inputs)
     for name in ("x", "v", "x_m"):
@@ -371,7 +371,7 @@ def test_a_closed_loop_with_more_states_in_fmpy_equals_the_library(
     inputs = {"r": record["r"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": noise_y}
     made = export_fmu(
         bearing, None, tmp_path / "loop.fmu", kind="closed-loop", fmi=2, estimator="extended",
-        controller=scenario.controller,
+        scenario=scenario,
     )  # fmt: skip
     assert validate_fmu(str(made.path)) == []
     found = simulated(made.path, bearing.sampling_time, {}, **inputs)
@@ -390,7 +390,7 @@ def test_a_force_map_is_plant_and_what_the_filter_knows(tmp_path: Path) -> None:
     noise_u, noise_y = drawn(bearing, scenario, len(record.t))
     inputs = {"r": record["r"], "f_d": record["f_d"], "noise_u": noise_u, "noise_y": noise_y}
     export_fmu(bearing, None, tmp_path / "map.fmu", kind="closed-loop", estimator="extended",
-               controller=scenario.controller)  # fmt: skip
+               scenario=scenario)  # fmt: skip
     found = simulated(tmp_path / "map.fmu", bearing.sampling_time, {}, **inputs)
     for name in ("x", "v", "x_m"):
         np.testing.assert_array_equal(found[name][:-1], record[name], name)
@@ -726,7 +726,8 @@ def test_a_system_is_what_the_standard_says(tmp_path: Path) -> None:
 
     for feedback in ("estimate", "measurement"):
         path = tmp_path / f"{feedback}.ssp"
-        export_ssp(BEARING, None, path, controller=ambkit.PID(feedback=feedback), fmi=3)
+        scenario = ambkit.Scenario(controller=ambkit.PID(feedback=feedback))
+        export_ssp(BEARING, None, path, scenario=scenario, fmi=3)
         system = read_ssd(str(path)).system  # validates against the schema
         assert {element.name for element in system.elements} == {
             "plant", "estimator", "controller",
@@ -741,7 +742,12 @@ def test_a_controller_alone_is_that_of_the_loop(tmp_path: Path, fmi: Any) -> Non
     record = ambkit.simulate(BEARING, disturbed(BEARING))
     pid = ambkit.PID.for_bearing(BEARING).model_copy(update={"feedback": "measurement"})
     path = export_fmu(
-        BEARING, None, tmp_path / "c.fmu", kind="controller", fmi=fmi, controller=pid
+        BEARING,
+        None,
+        tmp_path / "c.fmu",
+        kind="controller",
+        fmi=fmi,
+        scenario=ambkit.Scenario(controller=pid),
     ).path
     assert validate_fmu(str(path)) == []
     own = ambkit.simulate(

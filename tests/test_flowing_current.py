@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
 from ambkit import Record
-from ambkit.identification.maximum_likelihood.current import flowing
+from ambkit.identification.maximum_likelihood.current import Coil, flowing, through
+from ambkit.identification.maximum_likelihood.joint import Joint
+from ambkit.identification.maximum_likelihood.likelihood import Likelihood, settling_time
+from ambkit.identification.maximum_likelihood.parameters import Coordinates, named
 from benchmarks import quiet_rig
-from benchmarks.quiet_rig import LAG, OFFSET, SENSOR, TRUTH, identified, quiet_loops
+from benchmarks.quiet_rig import (
+    DRIVE,
+    GAIN,
+    LAG,
+    OFFSET,
+    SENSOR,
+    TRUTH,
+    identified,
+    quiet_loops,
+)
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +65,59 @@ def test_what_drives_no_current_is_not_taken_for_its_control(records: list[Recor
     for control in (other, np.zeros(len(record)), np.where(other > 2, np.nan, record["control"])):
         signals = {name: record[name] for name in record} | {"control": control}
         assert flowing([Record(record.t, signals, record.units, record.meta)]) is None
+
+
+def at_the_truth(record: Record, free: tuple[str, ...] = ()) -> Joint:
+    """Coil and loop as they were simulated."""
+    lag = LAG / record.sampling_time
+    stray = (GAIN * (1 - math.exp(-1 / lag)) * DRIVE / SENSOR) ** 2
+    current = through(Coil(lag, 0.0, GAIN, -record.meta["offset"], stray), [record], 1.0)
+    model = current.driving(TRUTH.replace(current_offset=record.meta["offset"]))
+    settling = settling_time(model.bearing)
+    return Joint([record], current, model, named(free), settling, current.coil.settled)
+
+
+def test_at_the_true_coil_the_likelihood_of_both_signals_has_no_slope_that_of_one_has() -> None:
+    """The control answers to the position, and so tells what the current has done."""
+    both, alone = [], []
+    for record in quiet_loops(24, first=3000):
+        joint = at_the_truth(record)
+        _, scores, _ = joint.slopes()
+        both.append(scores.sum(axis=1))
+        coil, h = joint.current.coil, 1e-3
+        up, down = (
+            coil.predicted(record["u"], record["control"])[1][coil.settled :]
+            for coil in (Coil.at(coil.theta + side * h * np.eye(5)[2]) for side in (1, -1))
+        )
+        alone.append(-float(np.sum(up**2 - down**2)) / (4 * h))
+    assert np.all(np.abs(in_their_errors(np.array(both))) < 3.5)
+    assert in_their_errors(np.array(alone)) < -4  # a gain that is too small
+
+
+def in_their_errors(slopes: np.ndarray) -> np.ndarray:
+    return slopes.mean(axis=0) / slopes.std(axis=0, ddof=1) * math.sqrt(len(slopes))
+
+
+def test_slopes_are_those_of_the_likelihood_of_both_signals(records: list[Record]) -> None:
+    joint = at_the_truth(records[0], ("air_gap",))
+    information, scores, known = joint.slopes()
+    assert known == 0
+    for at, step in enumerate(1e-3 / np.sqrt(np.diag(information))):
+        if at == 2:
+            continue  # the delay: at a whole sample there is a kink
+        h = step * np.eye(6)[at]
+        slope = (joint.moved(h).value - joint.moved(-h).value) / (2 * step)
+        assert scores[at].sum() == pytest.approx(slope, rel=1e-2, abs=0.02 * 1e-3 / step)
+
+
+def test_an_unknown_coil_is_in_the_errors(records: list[Record]) -> None:
+    joint = at_the_truth(records[0], ("air_gap", "current_offset"))
+    coordinates = Coordinates(joint.model, joint.parameters)
+    alone = Likelihood(joint.current.records, coordinates, joint.settling).local(np.zeros(2))
+    with_coil = joint.local(alone)
+    errors, larger = (np.sqrt(np.diag(np.linalg.inv(x.information))) for x in (alone, with_coil))
+    assert np.all(larger > 1.02 * errors)
+    assert np.all(larger < 1.2 * errors)
 
 
 @pytest.mark.long

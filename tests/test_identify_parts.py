@@ -85,11 +85,12 @@ def test_what_knows_the_part_finds_it_and_the_bearing_and_what_does_not_is_wrong
                 off = (right[p.name] - p.of(truth)) / right.standard_error(p.name)
                 assert abs(off) < 3, (p.name, off)
             assert right.log_likelihood > plain.log_likelihood + 50
+            # In errors of the one that is right: those of a wrong one grow with what it misses.
             wrong = [
-                abs(plain[p.name] - p.of(truth)) / plain.standard_error(p.name)
+                abs(plain[p.name] - p.of(truth)) / right.standard_error(p.name)
                 for p in plain.parameters
             ]
-            assert max(wrong) > 3, wrong
+            assert max(wrong) > 5, wrong
 
 
 def test_what_was_found_is_in_the_bearing_that_is_written() -> None:

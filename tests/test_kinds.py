@@ -18,7 +18,8 @@ from ambkit.estimate.model import LinearModel
 from ambkit.estimate.observer import ExtendedStateObserver, SteadyStateKalmanFilter
 from ambkit.estimate.registry import KINDS, Kind, in_core_of
 from ambkit.machine.magnets import ConstantStiffness, core_module
-from ambkit.simulation.run import Imposed, simulate_run
+from ambkit.simulation.imposed import Imposed
+from ambkit.simulation.run import simulate_run
 
 BEARING = Bearing.preset("zittau_axial")
 RECORD = ambkit.simulate(

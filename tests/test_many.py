@@ -14,9 +14,10 @@ import ambkit
 from ambkit import Bearing, Planned, Scenario, Status, Step, simulate_many
 from ambkit.estimate.batch import instruction_sets
 from ambkit.estimate.registry import KINDS
+from ambkit.simulation.imposed import Faults, Imposed
 from ambkit.simulation.many import FIGURES, FLAGS, windows
 from ambkit.simulation.noise import Stream
-from ambkit.simulation.run import Faults, Imposed, Run
+from ambkit.simulation.run import Run
 
 BEARING = Bearing.preset("zittau_axial")
 PID = ambkit.PID.for_bearing(BEARING)

@@ -429,3 +429,26 @@ def test_every_parameter_moves_the_model():
     for parameter in PARAMETERS.values():
         moved = Coordinates(model, [parameter]).model_at(np.array([0.01]))
         assert parameter.of(moved) != parameter.of(model)
+
+
+def test_a_control_that_switches_within_a_sample_moves_the_rotor_as_it_would_in_finer_steps():
+    """The force's mean over the sample gives the momentum; the position is beside it."""
+    late = TRUTH.replace(
+        delay=1.4e-4, sensor__lag=5e-6, amplifier__noise_variance=1e-10, current_offset=0.0,
+        position_offset=0.0, substeps=1,
+    )  # fmt: skip
+    rng = np.random.default_rng(3)
+    n = 400
+    record = Record(
+        1e-4 * np.arange(n), {"y": np.zeros(n), "u": 0.3 * np.repeat(rng.normal(size=n // 4), 4)}
+    )
+    finer = late.replace(substeps=5)  # the switch is at an edge of these
+    coarse, exact = (model.innovations(record)[0] for model in (late, finer))
+    missed = late.misplaced(record["u"])
+    plain = coarse + missed  # as if nothing had been missed
+    assert 1e-9 < np.ptp(missed) < 1e-7
+    off, before = (np.std((one - exact)[20:]) for one in (coarse, plain))
+    assert off < 0.3 * before
+    assert np.abs(finer.misplaced(record["u"])).max() < 1e-20
+    assert not late.replace(line=True).misplaced(record["u"]).any()
+    assert not late.replace(current_lag=1e-3).misplaced(record["u"]).any()

@@ -21,6 +21,8 @@ from machine_cases import machine
 from ambkit import PID, Flight, Scenario
 from ambkit.export.c import CExport, export_c
 from ambkit.simulation.controllers import Control
+from ambkit.simulation.sequence import LiftOff
+from ambkit.simulation.waveforms import Ramp
 
 BIN = Path(sys.executable).parent
 MUST_FAIL = Path(__file__).parent / "export" / "must_fail_misra.c"
@@ -151,6 +153,9 @@ def test_a_whole_controller_keeps_the_rules_too(calibrated: bool, tmp_path: Path
 MACHINES: dict[str, dict[str, Any]] = {
     "filter": {"kind": "augmented"},
     "controllers": {"flight": Flight(feedback="estimate", control=Control(type="lqg"))},
+    "lift-off and run-up": {
+        "flight": Flight(start="rest", sequence=LiftOff(), speed=Ramp(slope=2000.0)),
+    },
 }
 
 

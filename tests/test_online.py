@@ -21,7 +21,7 @@ from ambkit.identification.online.result import OnlineResult, mean_error
 from ambkit.identification.online.side_by_side import SideBySide, learn_online
 from ambkit.show.plots.online import online_figure
 from ambkit.show.report.items import Band, Line, Rule, Span
-from ambkit.simulation.run import Imposed
+from ambkit.simulation.imposed import Imposed
 
 Array = NDArray[np.float64]
 BEARING = Bearing.preset("zittau_axial")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
 from ambkit.data.rig_units import Inputs, Scaling
 from ambkit.estimate.filter_file import FilterFile
+from ambkit.export.c import export_c
 from ambkit.export.pil import boards, build, pil
 from ambkit.export.pil.processor import Processor
 from ambkit.simulation.scenario import PID
@@ -85,10 +87,45 @@ edge: { sourcename: "x.c:p" targetname: "__indirect_call" label: "" }
     assert build.stack([path], "a", set()) is None
 
 
+ALONG = """#include "rig.h"
+#include <stdio.h>
+
+int main(void)
+{
+  static rig_state state;
+  rig_output out;
+  float in[3];
+  rig_init(&state);
+  while (fread(in, sizeof in, 1, stdin) == 1) {
+    const amb_status status = rig_step(&state, in[0], in[1], in[2] > 0.5F, &out);
+    const float told[] = {out.coil[0], out.coil[1], out.iu, out.u, out.x, out.v, out.f_d, out.x_m,
+                          (float)status, (float)out.mode};
+    (void)fwrite(told, sizeof told, 1, stdout);
+  }
+  return 0;
+}
+"""
+
+
+def along(record: Record, folder: Path) -> np.ndarray:
+    """What the exported C says of a record, compiled for this machine: (samples, numbers)."""
+    export = export_c(BEARING, None, folder / "c", prefix="rig", scenario=SCENARIO).folder
+    (folder / "along.c").write_text(ALONG)
+    sources = [str(file) for file in (folder / "along.c", *build.sources(export))]
+    includes = [f"-I{export / at}" for at in (".", "core/include", "core")]
+    words = ["gcc", "-std=c99", "-O2", "-ffp-contract=off", *includes, *sources]
+    subprocess.run([*words, "-o", str(folder / "along")], check=True)
+    given = np.column_stack([record["y"], record["r"], SEQUENCE.fly(record.t)]).astype("<f4")
+    words = [str(folder / "along")]
+    done = subprocess.run(words, input=given.tobytes(), capture_output=True, check=True)
+    return np.frombuffer(done.stdout, "<f4").reshape(len(record.t), -1)
+
+
 @pytest.mark.long
 @needs_tools
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 def test_a_record_has_the_same_bits_at_every_stage(tmp_path: Path) -> None:
-    """Flown there, written as a log, read, filtered, and run through the controller here."""
+    """Flown there, written as a log, read, filtered, and through the exported C compiled here."""
     found = pil(BEARING, scenario=SCENARIO, board="stm32f4")
     assert (found.unequal, found.unequal_flight, found.selftest) == (0, 0, 0)
     assert (found.unequal_frames, found.frames.meta["missing"]) == (0, 0)
@@ -96,14 +133,17 @@ def test_a_record_has_the_same_bits_at_every_stage(tmp_path: Path) -> None:
         "OFF", "WAITING", "LIFTING", "FLYING", "LANDING", "OFF",
     ]  # fmt: skip
     record = found.record
-    Record(record.t, {"y": record["y"], "u": record["u"]}, {"y": "m", "u": "V"}).save(
-        tmp_path / "log.csv"
-    )
+    logged = {"r": "m", "y": "m", "u": "V"}
+    Record(record.t, {name: record[name] for name in logged}, logged).save(tmp_path / "log.csv")
     read = ambkit.read(tmp_path / "log.csv").record
     np.testing.assert_array_equal(read["y"], record["y"])
     means = found.answers["mean"]
     filtered = KalmanFilter(BEARING, precision="float32").run(read)
     assert filtered.mean.astype("<f4").tobytes() == np.ascontiguousarray(means).tobytes()
+    told, answers = along(read, tmp_path), found.answers
+    there = [answers["coil"], answers["iu"], answers["u"], means, answers["status"]]
+    there += [answers["mode"]]
+    np.testing.assert_array_equal(told, np.column_stack(there).astype("<f4"))
     flying = record["mode"] == Mode.FLYING
     assert flying.sum() > 800
     assert found.worst < 0.2 * BEARING.rotor.travel_limit

@@ -8,7 +8,8 @@ import pytest
 import ambkit
 from ambkit import Bearing
 from ambkit.estimate.registry import KINDS
-from ambkit.simulation.run import Imposed, Loop, samples, simulate_run
+from ambkit.simulation.imposed import Imposed
+from ambkit.simulation.run import Loop, samples, simulate_run
 
 BEARING = Bearing.preset("zittau_axial")
 STEP = ambkit.Scenario(

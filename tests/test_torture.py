@@ -17,7 +17,8 @@ from ambkit.judge.faults.campaign import BASELINE, recovery_text
 from ambkit.judge.faults.declared import CLEAN, Channel
 from ambkit.judge.faults.flight import Flight
 from ambkit.show.plots.torture import torture_figure
-from ambkit.simulation.run import Faults, Imposed, simulate_run
+from ambkit.simulation.imposed import Faults, Imposed
+from ambkit.simulation.run import simulate_run
 from ambkit.simulation.scenario import PID
 
 PAPER = Bearing.preset("zittau_axial")

@@ -32,10 +32,10 @@ void amb_control_init(const amb_control *control, amb_control_state *state, void
 {
   for (int f = 0; f < control->law->axes; f++) {
     state->u[f] = AMB_C(0.0);
+    state->from[f] = control->down[f];
   }
   for (int j = 0; j < control->law->pids; j++) {
     amb_pid_reset(&state->pid[j], AMB_C(0.0));
-    state->from[j] = control->down[j];
   }
   amb_sequence_init(&state->sequence);
   state->limited = false;
@@ -48,10 +48,10 @@ void amb_control_hover(const amb_control *control, amb_control_state *state, con
   const amb_kalman *kf = control->estimator->kf;
   for (int f = 0; f < control->law->axes; f++) {
     state->u[f] = iu[f] / kf->set.k_ui[f];
+    state->from[f] = control->down[f];
   }
   for (int j = 0; j < control->law->pids; j++) {
     amb_pid_reset(&state->pid[j], integral[j]);
-    state->from[j] = control->down[j];
   }
   amb_sequence_hover(&state->sequence);
   state->limited = false;
@@ -65,18 +65,18 @@ void amb_control_hover(const amb_control *control, amb_control_state *state, con
 static void lift(const amb_control *c, amb_control_state *s, const amb_real mean[])
 {
   const int n = amb_states(&c->estimator->kf->model);
-  const int q = c->law->pids;
-  for (int j = 0; j < q; j++) {
+  const int p = c->law->axes;
+  for (int f = 0; f < p; f++) {
     amb_real at = AMB_C(0.0);
     for (int i = 0; i < n; i++) {
-      at += c->place[(j * n) + i] * mean[i];
+      at += c->place[(f * n) + i] * mean[i];
     }
-    s->from[j] = at;
+    s->from[f] = at;
   }
-  for (int j = 0; j < q; j++) {
+  for (int j = 0; j < c->law->pids; j++) {
     amb_real integral = c->hold[j];
-    for (int i = 0; i < q; i++) {
-      integral += c->hold_by[(j * q) + i] * s->from[i];
+    for (int f = 0; f < p; f++) {
+      integral += c->hold_by[(j * p) + f] * s->from[f];
     }
     amb_pid_reset(&s->pid[j], integral);
   }
@@ -186,8 +186,8 @@ static amb_status act(const amb_control *c, amb_control_state *s, const amb_real
   amb_real x[(AMB_STATES > AMB_SENSORS) ? AMB_STATES : AMB_SENSORS];
   amb_real to[AMB_CONTROLS];
   see(c, mean, y, way, x);
-  for (int j = 0; j < c->law->pids; j++) {
-    to[j] = (way < AMB_C(1.0)) ? (s->from[j] + (way * (r[j] - s->from[j]))) : r[j];
+  for (int f = 0; f < c->law->axes; f++) {
+    to[f] = (way < AMB_C(1.0)) ? (s->from[f] + (way * (r[f] - s->from[f]))) : r[f];
   }
   const amb_status status = amb_controllers_step(c->law, s->pid, to, x, speed, iu);
   for (int f = 0; f < c->law->axes; f++) {

@@ -76,6 +76,7 @@ if TYPE_CHECKING:
     from ambkit.workflow.designing_machine import design_machine as design_machine
     from ambkit.workflow.expert import train as train
     from ambkit.workflow.filtering import filter as filter
+    from ambkit.workflow.harmonics import harmonics as harmonics
     from ambkit.workflow.identifying import identify as identify
     from ambkit.workflow.injecting import design_injection as design_injection
     from ambkit.workflow.mode_shapes import mode_shapes as mode_shapes
@@ -150,6 +151,7 @@ _HOME = {
     "workflow.designing_machine": ["design_machine"],
     "workflow.expert": ["train"],
     "workflow.filtering": ["filter"],
+    "workflow.harmonics": ["harmonics"],
     "workflow.identifying": ["identify"],
     "workflow.injecting": ["design_injection"],
     "workflow.mode_shapes": ["mode_shapes"],

@@ -12,19 +12,19 @@ class Model:  # type: ignore[no-redef]
     """Any model (ambkit/loops.h)."""
 
     def __init__(self, arrays: dict[str, Any]) -> None: ...
-    def nodes(self, first: float, step: float, arrays: list[dict[str, Any]], growing: list[list[float]]) -> None:
+    def nodes(self, lowest: int, step: float, still: Any, which: Any, at: Any, grown: Any, by_growth: Any) -> None:
         """
-        The same machine at speeds one after the other [rad/s], and what the entries of L gain there for each rad/s^2 by which the speed grows; then it can turn.
+        The numbers that a speed changes, at speeds one after the other, and what they gain there by its growth (ambkit/turning.h); then the model can turn.
         """
 
     def turn(self, speed: float, growth: float) -> None:
         """Take the numbers of a speed [rad/s] that grows [rad/s^2]."""
 
-def stand(estimator: Estimator, model: Model, arrays: dict[str, Any]) -> None:
+def stand(estimator: Estimator, model: Model, still: Any) -> None:
     """An estimator and its model as they were before they turned."""
 
 def run_turning(estimator: Estimator, y: Any, u: Any, speed: Any, model: Model, *, covariance: bool = False) -> dict[str, Any]:
     """A whole record while the speed of rotation changes (n,) [rad/s], of its own model."""
 
-def simulate_machine(machine: dict[str, Any], *, r: Any, load: Any, base: Any, speed: Any, noise_u: Any, noise_y: Any, start: Any, demanded: Any, integral: Any, estimator: Estimator | None = None, model: Model | None = None) -> dict[str, Any]:
+def simulate_machine(machine: dict[str, Any], *, r: Any, load: Any, base: Any, speed: Any, noise_u: Any, noise_y: Any, start: Any, demanded: Any, integral: Any, estimator: Estimator | None = None, model: Model | None = None, control: Control | None = None, fly: Any = None, hovers: bool = False) -> dict[str, Any]:
     """A closed-loop run of a whole machine in one call; see sim/machine.h for shapes and units."""

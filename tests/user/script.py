@@ -166,6 +166,7 @@ def whole_machine() -> None:
     filter_ = ambkit.KalmanFilter(machine)
     run = ambkit.simulate_machine(machine, ambkit.Flight(duration=0.02), estimator=filter_)
     assert_type(run.samples_at_the_stop, int)
+    assert_type([each.std for each in ambkit.harmonics(filter_, run.record)], list[float])
     found = ambkit.judge_machine(machine, ["linear"], seeds=1, duration=0.04, settled=0.02)
     assert isinstance(found, ambkit.MachineJudgement)
     assert_type(ambkit.campbell(machine, count=3).critical, list[float])

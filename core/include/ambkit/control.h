@@ -33,16 +33,16 @@ typedef struct amb_control {
   const amb_real *std;          /* [n]: of the states at the start */
   const amb_real *start;        /* [n]: states of a rotor at rest in the middle ... */
   const amb_real *start_by;     /* n x m: and what 1 m of each reading adds */
-  const amb_real *place;        /* q x n: what the references are of */
-  const amb_real *down;         /* [q]: where the rotor lies when it has landed */
+  const amb_real *place;        /* p x n: what the references are of, places along the axes */
+  const amb_real *down;         /* [p]: where the rotor lies when it has landed [m] */
   const amb_real *hold;         /* [q]: integrals that hold a rotor at place 0 [A] ... */
-  const amb_real *hold_by;      /* q x q: and what 1 m of each place adds [A/m] */
+  const amb_real *hold_by;      /* q x p: and what 1 m of each place adds [A/m] */
 } amb_control;
 
 typedef struct amb_control_state {
   amb_pid_state pid[AMB_CONTROLS];
   amb_real u[AMB_CONTROLS];    /* control signals that act since the last sample [V] */
-  amb_real from[AMB_CONTROLS]; /* where the rotor lay, as the references have it */
+  amb_real from[AMB_CONTROLS]; /* where the rotor lay along the axes [m] */
   amb_sequence_state sequence;
   unsigned int doubted; /* samples until the estimate is settled again */
   unsigned int missed;  /* samples in a row without a reading that was used */
@@ -74,7 +74,7 @@ void amb_control_hover(const amb_control *control, amb_control_state *state, con
 void amb_control_take_over(const amb_control *control, amb_control_state *state, void *filter,
                            const amb_real y[AMB_SENSORS], const amb_real iu[]);
 
-/* One sample: readings y (m) [m], references r (q) [m], speed of rotation [rad/s], and whether it
+/* One sample: readings y (m) [m], references r (p) [m], speed of rotation [rad/s], and whether it
  * is to fly. Returns the sum of all flags. */
 amb_status amb_control_step(const amb_control *control, amb_control_state *state, void *filter,
                             const amb_real y[AMB_SENSORS], const amb_real r[], amb_real speed,

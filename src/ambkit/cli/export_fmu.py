@@ -23,6 +23,7 @@ class Kind(StrEnum):
     plant = "plant"
     closed_loop = "closed-loop"
     controller = "controller"
+    whole_controller = "whole-controller"
 
 
 class Precision(StrEnum):
@@ -51,12 +52,12 @@ def export_fmu(
         Path | None,
         typer.Option(
             metavar="FILE.toml",
-            help="Whose controller a closed loop has; the rest of a scenario is the FMU's inputs.",
+            help="Whose controller, lift-off and start it has; the rest is the FMU's inputs.",
         ),
     ] = None,
     fmi: Annotated[Version, typer.Option(help="Version of the FMI standard.")] = Version.three,
     precision: Annotated[
-        Precision, typer.Option(help="Of an estimator: float is what flies.")
+        Precision, typer.Option(help="Of estimator and whole controller: float is what flies.")
     ] = Precision.double,
     everywhere: Annotated[
         bool,
@@ -66,7 +67,7 @@ def export_fmu(
     ] = False,
     json: Json = False,
 ) -> None:
-    """Write filter, plant, closed loop or controller as a co-simulation FMU.
+    """Write filter, plant, closed loop or controller as an FMU.
 
     The library's own C in a binary for this platform, with its sources. Needs a C compiler.
 
@@ -74,30 +75,27 @@ def export_fmu(
       ambkit export fmu zittau_axial --estimator expert.json --out filter.fmu
       ambkit export fmu zittau_axial --kind plant --fmi 2 --out plant.fmu
       ambkit export fmu zittau_axial --kind closed-loop --estimator closed-law --out loop.fmu
+      ambkit export fmu zittau_axial --kind whole-controller --scenario lqg.toml --out flown.fmu
     """
     from ambkit.cli import output
     from ambkit.export import fmu
     from ambkit.simulation.scenario import Scenario
 
-    if kind in (Kind.plant, Kind.controller) and estimator is not None:
-        raise AmbkitError(
-            f"--estimator is for --kind estimator and closed-loop: a {kind.value} has none"
-        )
+    if kind is Kind.plant and estimator is not None:
+        raise AmbkitError("--estimator is for the other kinds: a plant has none")
     if kind in (Kind.estimator, Kind.plant) and scenario is not None:
         raise AmbkitError(
-            "--scenario is for --kind closed-loop and controller: only these have a controller"
+            "--scenario is for --kind closed-loop, controller and whole-controller: only these "
+            "have a controller"
         )
     model, chosen = to_export(bearing, estimator)
-    controller = None
-    if scenario is not None:
-        controller = Scenario.load(scenario).controller.completed(model)
     written = fmu.export_fmu(
         model,
         chosen.magnet,
         out,
         kind=kind.value,
         fmi=_VERSIONS[fmi],
-        controller=controller,
+        scenario=None if scenario is None else Scenario.load(scenario),
         estimator=chosen.kind,
         filter_file=chosen.file,
         precision=precision.value,
@@ -123,7 +121,7 @@ def export_ssp(
         Path | None,
         typer.Option(
             metavar="FILE.toml",
-            help="Whose controller it has; the rest of a scenario is the system's inputs.",
+            help="Whose controller and lift-off it has; what else happens is the system's inputs.",
         ),
     ] = None,
     fmi: Annotated[Version, typer.Option(help="Version of the FMI standard.")] = Version.two,
@@ -131,7 +129,7 @@ def export_ssp(
 ) -> None:
     """Write plant, estimator and controller as three FMUs, wired: a system (SSP 1.0).
 
-    Needs a C compiler.
+    With a scenario that lifts off, estimator and controller are one. Needs a C compiler.
 
     For example:
       ambkit export ssp zittau_axial --estimator closed-law --out loop.ssp
@@ -141,15 +139,12 @@ def export_ssp(
     from ambkit.simulation.scenario import Scenario
 
     model, chosen = to_export(bearing, estimator)
-    controller = None
-    if scenario is not None:
-        controller = Scenario.load(scenario).controller.completed(model)
     made = fmu.export_ssp(
         model,
         chosen.magnet,
         out,
         fmi=_VERSIONS[fmi],
-        controller=controller,
+        scenario=None if scenario is None else Scenario.load(scenario),
         estimator=chosen.kind,
         filter_file=chosen.file,
     )

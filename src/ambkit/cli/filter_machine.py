@@ -59,12 +59,18 @@ def filter_machine(
             machine, log, kinds, synchronous=synchronous, noise=noise, settling=settling,
             smooth=smooth,
         )  # fmt: skip
+    left = len(log) - len(found.record)
+    if left:
+        output.note(
+            f"{left} samples are left out, in which magnets have no current by the record's mode"
+        )
     data = found.to_dict()
     write = [(out, lambda path: found.estimates[kinds[0]].save(path))]
     output.deliver(data, [_table(data, found.estimates[kinds[0]].units)], write, as_json=json)
 
 
 def _table(data: dict[str, Any], units: Mapping[str, str]) -> Any:
+    from ambkit.cli import harmonics
     from ambkit.cli.output import table, value
 
     all_of = data["estimators"]
@@ -83,5 +89,8 @@ def _table(data: dict[str, Any], units: Mapping[str, str]) -> Any:
     for name in told[0]["rmse"]:
         errors = (value(j["rmse"][name], units[name]) for j in told)
         rows.append([f"error of {name}, rms", *errors])
+    turning = [dict(harmonics.rows(j.get("synchronous", {}))) for j in told]
+    for what in dict.fromkeys(what for each in turning for what in each):
+        rows.append([what, *(each.get(what, "–") for each in turning)])
     title = f"{data['machine']}, {data['samples']} samples"
     return table(title, ["", *all_of], rows)

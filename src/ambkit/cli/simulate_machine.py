@@ -61,6 +61,7 @@ def simulate_machine(
     from ambkit.simulation.machine import simulate_machine as fly
     from ambkit.workflow.flying import FlightSummary, flight_for
     from ambkit.workflow.given import of_machine
+    from ambkit.workflow.harmonics import harmonics
 
     refuse_of_one_axis(machine, others)
     flight = None if scenario is None else Flight.load(scenario)
@@ -76,7 +77,8 @@ def simulate_machine(
     kalman = of_machine(estimator, machine, synchronous=synchronous) if named else None
     with output.progress("simulating"):
         run = fly(machine, happening, estimator=kalman)
-    data = FlightSummary(run).to_dict()
+    turning = () if kalman is None else harmonics(kalman, run.record)
+    data = FlightSummary(run, turning).to_dict()
     output.deliver(
         data,
         [_table(data, {} if run.estimate is None else run.estimate.units)],
@@ -87,6 +89,8 @@ def simulate_machine(
         ],
         as_json=json,
     )
+    if any(each["mode"] == "tripped" for each in data.get("modes", ())):
+        output.note("it tripped: see lost and overload in the flight's [sequence]")
     touched = run.samples_at_the_stop
     if touched and happening.start != "rest":
         output.note(f"the rotor touched a backup bearing in {touched} of {len(run.record)} samples")
@@ -104,6 +108,7 @@ def _waterfall(run: MachineRun) -> Waterfall:
 
 
 def _table(data: dict[str, Any], units: Mapping[str, str]) -> Any:
+    from ambkit.cli import harmonics
     from ambkit.cli.output import table, value
 
     rows = [["duration", f"{value(data['duration'], 's')}, {data['samples']} samples"]]
@@ -112,8 +117,11 @@ def _table(data: dict[str, Any], units: Mapping[str, str]) -> Any:
         shown = ", ".join(f"{name} {value(each, unit)}" for name, each in greatest.items())
         rows.append([f"greatest {what}", shown])
     rows.append(["  in a backup bearing", f"{data['samples_at_the_stop']} samples"])
+    since = [f"{each['mode']} from {value(each['since'], 's')}" for each in data.get("modes", ())]
+    rows += [["lift-off and landing", ", ".join(since)]] if since else []
     if "rmse" in data:
         rows.append([f"{data['estimator']}: RMSE", ""])
         rows += [[f"  {name}", value(each, units[name])] for name, each in data["rmse"].items()]
         rows.append(["  mean NIS (1: consistent)", f"{data['nis']:.3f}"])
+    rows += [[f"  {what}", said] for what, said in harmonics.rows(data.get("synchronous", {}))]
     return table(f"{data['machine']}, seed {data['seed']}", ["", ""], rows)

@@ -91,7 +91,7 @@ class AdaptiveNoise(Estimator):
             raise ValueError(f"{inner.name}: its noise cannot be found, as it has a constant gain")
         self.inner = inner
         self.smooths = inner.smooths
-        self.bearing, self.whole, self.magnet = inner.bearing, inner.whole, inner.magnet
+        self.bearing, self.view, self.magnet = inner.bearing, inner.view, inner.magnet
         self.variances, self.precision = inner.variances, inner.precision
         self.name = f"{inner.name}, adaptive noise"
         share = T / memory

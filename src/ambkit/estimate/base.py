@@ -18,13 +18,13 @@ from ambkit.base.asked import of_type
 from ambkit.base.copying import Copyable
 from ambkit.data.record import Record
 from ambkit.data.rig_units import Inputs
-from ambkit.estimate.engine import Engine, core_settings
+from ambkit.estimate.engine import Engine
 from ambkit.estimate.estimate import Estimate, Status
 from ambkit.estimate.model import LinearModel
-from ambkit.estimate.noise import FilterNoise, completed
-from ambkit.estimate.starting import hovering, start_std
+from ambkit.estimate.noise import FilterNoise
+from ambkit.estimate.one_axis import OneAxis
 from ambkit.estimate.whole import Whole
-from ambkit.machine.bank import bank_of, bias_forces_of, constants_of
+from ambkit.machine.bank import bank_of, constants_of
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.machine import Machine
 from ambkit.machine.magnets import MagnetModel, Precision
@@ -115,15 +115,18 @@ class Estimator(Copyable):
         noise = noise or FilterNoise()
         of_type(FilterNoise, noise=noise)
         self.bearing: Any = bearing
-        self.whole = Whole(bearing) if isinstance(bearing, Machine) else None
+        self.view: Any = Whole(bearing) if isinstance(bearing, Machine) else OneAxis(bearing)
         self.magnet = constants_of(bearing) if magnet is None else bank_of(magnet)
         self.precision = precision
         self.engine = Engine(
             bearing, precision, as_printed=as_printed, noise=self.estimates_noise,
             synchronous=synchronous,
         )  # fmt: skip
-        known = gravity == "known"
-        settings = self._told(noise, known=known) | {
+        self.variances = self.view.variances(noise)
+        forces = self.view.known_forces(self.magnet, weight=gravity == "known")
+        told = self.view.settings(self.variances, self.states, self.engine.noises)
+        settings = told | {
+            "f_0": forces,
             "gate": gate,
             "frozen_limit": frozen_limit,
             "outlier_limit": outlier_limit,
@@ -133,16 +136,10 @@ class Estimator(Copyable):
         self.core: Any = self._build(self.engine, held, settings)
         self.reset()
 
-    def _told(self, noise: FilterNoise, *, known: bool) -> dict[str, Any]:
-        """Return what the core is told but for limits of judgement; sets `variances`."""
-        if self.whole is not None:
-            self.variances = self.whole.variances(noise)
-            told = self.whole.settings(self.variances, self.states, self.engine.noises)
-            return told | {"f_0": self.whole.known_forces(self.magnet, weight=known)}
-        self.variances = completed(self.bearing, noise)
-        weight = self.bearing.weight if known else 0.0
-        (bias,) = bias_forces_of(self.magnet, self.bearing)
-        return core_settings(self.engine, self.variances) | {"f_0": [weight + bias]}
+    @property
+    def whole(self) -> Whole | None:
+        """The machine that it is of, as it sees it; None of one axis."""
+        return self.view if isinstance(self.view, Whole) else None
 
     @cached_property
     def inputs(self) -> Inputs:
@@ -316,9 +313,8 @@ class Estimator(Copyable):
     @cached_property
     def _usual_std(self) -> tuple[float, ...]:
         """Those of its kind, for a bearing and the variances that it was made with."""
-        if self.whole is not None:
-            return self.whole.start_std(self.variances, self.states)
-        return start_std(self.bearing, self.variances, self.states)
+        found: tuple[float, ...] = self.view.start_std(self.variances, self.states)
+        return found
 
     def at_rest(
         self,
@@ -343,25 +339,10 @@ class Estimator(Copyable):
         Of a whole machine x are the rotor's coordinates (q,), 0 for all of them in the middle,
         `shown` the readings (m,) and `current` the axes' currents (p,).
         """
-        if self.whole is not None:
-            q = np.broadcast_to(np.asarray(x, float), self.whole.H.shape[1])
-            return self.whole.at_rest(self.states, self.hover, q, shown, current)
-        shown = self.bearing.sensor.gain * x if shown is None else shown
-        holding = self._holding_at(x) if current is None else current
-        by_role = {"position": x, "sensor": shown, "current": holding, "past control": holding}
-        mean = np.zeros((*np.shape(x), len(self.states)))
-        for place, state in enumerate(self.states):
-            if state.role in by_role:
-                mean[..., place] = by_role[state.role]
-        return mean
-
-    def _holding_at(self, x: float | NDArray[np.float64]) -> float | NDArray[Any]:
-        """Return the current that holds the rotor at x, in the precision of an exported filter."""
-        if self.hover == (0.0, 0.0):
-            return 0.0
-        at_centre, per_metre = np.array(self.hover, self.precision)
-        held: NDArray[Any] = at_centre + per_metre * np.asarray(x, self.precision)
-        return held
+        states: NDArray[np.float64] = self.view.at_rest(
+            self.states, self.hover, x, shown, current, self.precision
+        )
+        return states
 
     def at_first(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the states at rest at the first measurement within the travel.
@@ -376,26 +357,8 @@ class Estimator(Copyable):
         ndarray (n,) or (runs, n)
             The states, each in its unit [m, m/s, N ...].
         """
-        if self.whole is not None:
-            # In its own precision and order, as an exported filter has it.
-            constant, by_reading = self.whole.start_form(self.states, self.hover)
-            start: NDArray[Any] = constant.astype(self.precision)
-            for column, seen in zip(by_reading.T, self.whole.first(y), strict=True):
-                start = start + column.astype(self.precision) * np.dtype(self.precision).type(seen)
-            return start.astype(float)
-        gain, travel = self._settings["K_sen"][0], self._settings["travel"][0]
-        limit = gain * travel
-
-        def first(row: NDArray[np.float64]) -> float:
-            # The whole record is searched only where it must be.
-            near = row if row.size and abs(row[0]) <= limit else row[np.abs(row) <= limit]
-            return float(near[0]) if near.size else 0.0
-
-        if y.ndim == 1:
-            shown = first(y)
-            return self.at_rest(shown / gain, shown)
-        each = np.array([first(row) for row in y])
-        return self.at_rest(each / gain, each)
+        states: NDArray[np.float64] = self.view.at_first(self.states, self.hover, y, self.precision)
+        return states
 
     @cached_property
     def hover(self) -> Any:
@@ -404,9 +367,7 @@ class Estimator(Copyable):
         By what the filter knows of its magnet; 0 without a current among the states. Of a whole
         machine such a pair for each axis.
         """
-        if self.whole is not None:
-            return self.whole.hover(self.magnet, self.states)  # type: ignore[arg-type]
-        return hovering(self.bearing, self.magnet, self.states)
+        return self.view.hover(self.magnet, self.states)
 
     def predict(self, u: float) -> NDArray[np.float64]:
         """Go one sample on (eq. 9, 10).
@@ -518,9 +479,9 @@ class Estimator(Copyable):
         ndarray (n,) or None
             The speed that it follows [rad/s]; None where it is the machine's own.
         """
-        if self.whole is None:
+        own = self.view.speed
+        if own is None:
             return None
-        own = self.whole.machine.speed
         given = np.full(n, own) if speed is None else np.asarray(speed, float)
         if bool((given == own).all()):
             self.engine.stand(self.core)
@@ -607,20 +568,13 @@ class Estimator(Copyable):
             What the estimator is called there.
         """
         name = self.name if name is None else name
-        if self.whole is None:
-            return Estimate.from_core(t, history, name, self.states)
-        machine = self.whole.machine
-        return Estimate.from_core(
-            t, history, name, self.states,
-            axes=tuple(axis.name for axis in machine.axes),
-            readings=tuple(r.name for r in machine.readings),
-        )  # fmt: skip
+        return Estimate.from_core(t, history, name, self.states, **self.view.columns)
 
     def _start(self, record: Record) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Reset to the first measurement of a record within the travel; return its y and u."""
         of_type(Record, record=record)
         check_sampling(self.bearing, record)
-        y, u = (record["y"], record["u"]) if self.whole is None else self.whole.signals(record)
+        y, u = self.view.signals(record)
         self.reset(self.at_first(y))
         return y, u
 
@@ -643,9 +597,11 @@ class Estimator(Copyable):
             at k and the control signals that acted since.
         """
         mean = np.ascontiguousarray(real("estimate.mean", estimate.mean))
-        u = record["u"] if self.whole is None else self.whole.signals(record)[1]
-        y = np.asarray(self.core.forecast(mean, u, ahead, estimate.scale))
-        return y[:, 0] if self.whole is None else y
+        _, u = self.view.signals(record)
+        found: NDArray[np.float64] = self.view.forecast(
+            np.asarray(self.core.forecast(mean, u, ahead, estimate.scale))
+        )
+        return found
 
     @property
     def mean(self) -> NDArray[np.float64]:
@@ -669,12 +625,12 @@ class Estimator(Copyable):
     @property
     def innovation(self) -> Any:
         """Last measurement less its prediction [m]; of several readings (m,)."""
-        return self.core.innovation if self.whole else float(self.core.innovation)
+        return self.view.latest(self.core.innovation)
 
     @property
     def innovation_variance(self) -> Any:
         """Its variance S as the filter expects it [m^2]; of several readings (m,)."""
-        return self.core.variance if self.whole else float(self.core.variance)
+        return self.view.latest(self.core.variance)
 
     @property
     def scale(self) -> tuple[float, float] | None:

@@ -17,12 +17,12 @@ from ambkit.machine.magnets import Precision, core_module
 from ambkit.models import axis_model, axis_parts
 from ambkit.models.axis import PAPER_STATES
 from ambkit.models.machine import SYNCHRONOUS, machine_model, machine_parts
-from ambkit.models.model import Descriptor, Model, compressed_rows
+from ambkit.models.model import Model, compressed_rows
 from ambkit.models.plan import Part, Plan
 from ambkit.models.roles import ENUMERATORS, ROLES
 
 if TYPE_CHECKING:
-    from ambkit.estimate.noise import Variances
+    pass
 
 Array = NDArray[np.float64]
 
@@ -30,6 +30,33 @@ NODE = 0.02
 """Radians a sample between the speeds at which a model that turns is computed."""
 GROWTH = 1e3
 """Growth of the speed by which it is told what unbalance does across [rad/s^2]."""
+
+
+NUMBERS = ("L", "b", "B_u", "h", "e", "r", "d", "c", "N", "rest")
+"""What of a model are numbers, in the order of the core."""
+
+
+MOST_NUMBERS = 65536
+"""Numbers of a model that turns: their places are counted by 16 bits."""
+
+
+class Nodes(NamedTuple):
+    """A machine's model at speeds one after the other, for ``core/include/ambkit/turning.h``."""
+
+    lowest: int
+    """The first is at so many steps."""
+    step: float
+    """From one to the next [rad/s]."""
+    still: Array
+    """All numbers of the model (N,) at the machine's own speed."""
+    which: NDArray[np.intp]
+    """Places of those that a speed changes (c,)."""
+    at: Array
+    """These at the nodes (nodes, c)."""
+    grown: NDArray[np.intp]
+    """Places of those that its growth changes (g,)."""
+    by_growth: Array
+    """What these gain at the nodes for each rad/s^2 (nodes, g)."""
 
 
 class Engine:
@@ -65,7 +92,9 @@ class Engine:
         synchronous: Sequence[str] = (),
     ) -> None:
         self.bearing: Any = bearing
+        self.precision = precision
         self.turned = False  # whether the core's model has been at another speed
+        self._nodes: dict[int, tuple[Array, Array]] = {}  # by number of steps
         self.as_printed, self.noise, self.synchronous = as_printed, noise, tuple(synchronous)
         unknown = [name for name in synchronous if name not in SYNCHRONOUS]
         if unknown:
@@ -97,27 +126,65 @@ class Engine:
         cubics in between: what turns then keeps its phase to some 1e-8 rad a sample. What unbalance
         does across while the speed grows is linear in that growth.
         """
+        nodes = self.nodes(slowest, fastest)
+        kept = {
+            name: np.ascontiguousarray(
+                values, np.uint16 if values.dtype == np.intp else self.precision
+            )
+            for name, values in nodes._asdict().items() if isinstance(values, np.ndarray)
+        }  # fmt: skip
+        self.model_of_core.nodes(nodes.lowest, nodes.step, **kept)
+        self.turned = True
+
+    def nodes(self, slowest: float, fastest: float) -> Nodes:
+        """Return the model at the speeds between which it takes any other; see `let_turn`.
+
+        Parameters
+        ----------
+        slowest, fastest : float
+            The speeds that are met [rad/s].
+        """
         step = NODE / self.bearing.sampling_time
-        first = step * math.floor(slowest / step)
-        count = max(4, math.ceil((fastest - first) / step) + 1)
-        at, growing = [], []
-        for k in range(count):
-            there = self.bearing.model_copy(update={"speed": first + k * step})
+        lowest, highest = math.floor(slowest / step) - 1, math.floor(fastest / step) + 2
+        found = [self._node(number, step) for number in range(lowest, highest + 1)]
+        at, by_growth = (np.stack(each) for each in zip(*found, strict=True))
+        grown = np.flatnonzero(by_growth.any(axis=0))
+        changing = (at != at[0]).any(axis=0)
+        changing[grown] = True
+        which = np.flatnonzero(changing)
+        still = numbers(self.model)
+        if len(still) > MOST_NUMBERS:
+            raise ValueError(
+                f"{self.bearing.name}: a model that turns has {MOST_NUMBERS} numbers at most; has "
+                f"{len(still)}"
+            )
+        return Nodes(lowest, step, still, which, at[:, which], grown, by_growth[:, grown])
+
+    def _node(self, number: int, step: float) -> tuple[Array, Array]:
+        """Return the model's numbers at a node, and what growth of the speed does to them there.
+
+        They are kept, as one run of a campaign after the other asks for the same nodes.
+        """
+        if number not in self._nodes:
+            there = self.bearing.model_copy(update={"speed": number * step})
             still, faster = (
                 machine_model(
                     there, noise=self.noise, synchronous=self.synchronous, speeding=speeding
                 )
                 for speeding in (0.0, GROWTH)
             )
-            at.append(arrays(still))
-            growing.append((faster.L - still.L)[still.pattern["L"] > 0] / GROWTH)
-        self.model_of_core.nodes(first, step, at, [each.tolist() for each in growing])
-        self.turned = True
+            own = numbers(still)
+            by_growth = np.zeros_like(own)
+            grown = (faster.L - still.L)[still.pattern["L"] > 0] / GROWTH
+            by_growth[: len(grown)] = grown  # L is the first
+            self._nodes[number] = own, by_growth
+        return self._nodes[number]
 
     def stand(self, estimator: Any) -> None:
         """Let the core's model be of the machine's own speed again, and an estimator of it."""
         if self.turned:
-            self.core.stand(estimator, self.model_of_core, arrays(self.model))
+            still = numbers(self.model).astype(self.precision)
+            self.core.stand(estimator, self.model_of_core, still)
             self.turned = False
 
     @cached_property
@@ -150,54 +217,11 @@ def check_room(core: ModuleType, plan: Plan, name: str) -> None:
             raise ValueError(f"{name} has {count} {what}; estimators take {most} at most")
 
 
-class Sizes(NamedTuple):
-    """The most that a rotor between its stops can do, for the states' caps."""
-
-    position: float
-    velocity: float
-    force: float
-
-    @classmethod
-    def of(cls, bearing: Bearing) -> Sizes:
-        """A tenth of the travel in a sample, and the force that does that within one."""
-        T, travel = bearing.sampling_time, bearing.rotor.travel_limit
-        velocity = 0.1 * (travel / T)
-        return cls(travel, velocity, bearing.rotor.mass * (velocity / T))
-
-
-def caps(bearing: Bearing, states: Sequence[Descriptor]) -> list[float]:
-    """Return the most that each state can be (``ambkit/envelope.h``)."""
-    most, current = Sizes.of(bearing), 10 * bearing.amplifier.current_limit
-    by_role = {
-        "position": most.position,
-        "velocity": most.velocity,
-        "disturbance force": most.force,
-        "sensor": 3 * abs(bearing.sensor.gain) * most.position,
-        "current": current,
-        "past control": current,
-    }
-    return [by_role.get(state.role, 30 * state.size) for state in states]
-
-
-def core_settings(engine: Engine, variances: Variances) -> dict[str, Any]:
-    """Return what the core is told of a bearing, but for known forces and limits of judgement."""
-    bearing = engine.bearing
-    T, travel = bearing.sampling_time, bearing.rotor.travel_limit
-    return {
-        "T": T,
-        "K_sen": [bearing.sensor.gain],
-        "lag": [bearing.sensor_lag],
-        "travel": [travel],
-        "k_ui": [bearing.amplifier.gain],
-        "iu_min": [bearing.current_min],
-        "iu_max": [bearing.current_max],
-        "x_max": [travel],
-        "cap": caps(bearing, engine.states),
-        "var_u": [variances.control],
-        "var_d": variances.growth(T, engine.noises),
-        "var_y": [variances.measurement],
-        "rise": [bearing.sensor.noise_rise],
-    }
+def numbers(model: Model) -> Array:
+    """Return all numbers of a model one after the other, as the core keeps them."""
+    found = arrays(model)
+    parts = (found[name] for name in NUMBERS)
+    return np.concatenate([each[2] if isinstance(each, tuple) else each for each in parts])
 
 
 def arrays(model: Model) -> dict[str, Any]:

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from ambkit.base.asked import Given, in_si
 from ambkit.estimate.base import Estimator
-from ambkit.estimate.engine import Engine, caps
+from ambkit.estimate.engine import Engine
 from ambkit.estimate.model import LinearModel
+from ambkit.estimate.one_axis import caps
 from ambkit.estimate.starting import start_std
 from ambkit.machine.bank import alone_of
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel

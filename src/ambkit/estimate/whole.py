@@ -29,7 +29,7 @@ the speeds tell them, and not the start."""
 
 
 class Whole:
-    """A machine as its estimators see it.
+    """A machine as its estimators see it; `OneAxis` is the same of one axis.
 
     Parameters
     ----------
@@ -45,6 +45,19 @@ class Whole:
         self.C = geometry.matrix([r.line for r in machine.readings], positions)
         self.gains = np.array([r.sensor.gain for r in machine.readings])
         self.rigid = len(machine.rigid_positions)
+
+    @property
+    def speed(self) -> float:
+        """Of rotation, the machine's own [rad/s]."""
+        return self.machine.speed
+
+    @property
+    def columns(self) -> dict[str, Any]:
+        """What an estimate is told of the names of axes and readings."""
+        return {
+            "axes": tuple(axis.name for axis in self.machine.axes),
+            "readings": tuple(r.name for r in self.machine.readings),
+        }
 
     @cached_property
     def travel(self) -> Array:
@@ -206,10 +219,11 @@ class Whole:
         ]
 
     def at_rest(
-        self, states: Sequence[Descriptor], hover: list[tuple[float, float]], q: Array,
-        shown: Any = None, currents: Array | None = None,
+        self, states: Sequence[Descriptor], hover: list[tuple[float, float]], q: Any,
+        shown: Any = None, currents: Array | None = None, precision: str = "float64",
     ) -> Array:  # fmt: skip
         """Return the states (n,) of a rotor at rest at q (q,); see `Estimator.at_rest`."""
+        q = np.broadcast_to(np.asarray(q, float), self.H.shape[1])
         along = self.H @ q
         if currents is None:
             currents = np.array([i + slope * s for (i, slope), s in zip(hover, along, strict=True)])
@@ -224,6 +238,29 @@ class Whole:
             elif state.role in ("current", "past control"):
                 mean[k] = currents[self.axis_of(state)]
         return mean
+
+    def at_first(
+        self, states: Sequence[Descriptor], hover: list[tuple[float, float]], y: Array,
+        precision: str,
+    ) -> Array:  # fmt: skip
+        """Return the states (n,) at rest at the first readings (N, m) within the travel.
+
+        In the precision and the order of an exported filter.
+        """
+        number = np.dtype(precision).type
+        constant, by_reading = self.start_form(states, hover)
+        start: NDArray[Any] = constant.astype(precision)
+        for column, seen in zip(by_reading.T, self.first(y), strict=True):
+            start = start + column.astype(precision) * number(seen)
+        return start.astype(float)
+
+    def latest(self, of_readings: Any) -> Any:
+        """Return what the core says of the last readings (m,)."""
+        return of_readings
+
+    def forecast(self, of_readings: Array) -> Array:
+        """Return what it says of readings to come (N, m) [m]."""
+        return of_readings
 
     def start_form(
         self, states: Sequence[Descriptor], hover: list[tuple[float, float]]

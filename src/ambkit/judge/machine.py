@@ -355,7 +355,9 @@ def _raw(
     return found
 
 
-def errors_along(estimate: Estimate, record: Record, first: int = 0) -> dict[str, float]:
+def errors_along(
+    estimate: Estimate, record: Record, first: int = 0, end: int | None = None
+) -> dict[str, float]:
     """Return root mean square errors against the truth of a whole machine's record.
 
     Parameters
@@ -366,6 +368,8 @@ def errors_along(estimate: Estimate, record: Record, first: int = 0) -> dict[str
         With truth where simulated, see `ambkit.simulation.machine.MachineRun`.
     first : int
         Sample from which on it counts.
+    end : int, optional
+        And before which; by default the end of the record.
 
     Returns
     -------
@@ -376,7 +380,7 @@ def errors_along(estimate: Estimate, record: Record, first: int = 0) -> dict[str
         f"f_d_{axis}": f"f_d_{axis}" for axis in estimate.axes
     }
     return {
-        name: float(np.sqrt(np.mean((estimate[name] - record[of])[first:] ** 2)))
+        name: float(np.sqrt(np.mean((estimate[name] - record[of])[first:end] ** 2)))
         for name, of in truth.items()
         if of in record
     }

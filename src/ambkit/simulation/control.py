@@ -105,9 +105,8 @@ class Controller:
 
     @property
     def down(self) -> float:
-        """Where the rotor lies [m]: on the stop to which its weight pulls it."""
-        travel = self.bearing.rotor.travel_limit
-        return travel if self.bearing.weight > 0 else -travel
+        """Where the rotor lies [m], see `lies_at`."""
+        return lies_at(self.bearing)
 
     def held(self, x: float) -> float:
         """Return the current [A] that holds the rotor: in the middle, where it lies, and the line.
@@ -128,7 +127,15 @@ class Controller:
         """The fields of ``amb_control`` and of what it points to, by their names."""
         e, b = self.estimator, self.bearing
         told: dict[str, Any] = dict.fromkeys(
-            ("velocity", "turning", "fed_back", "fed_back_by_speed", "fed_back_by_square")
+            (
+                "reference",
+                "velocity",
+                "turning",
+                "fed_back",
+                "fed_back_by_speed",
+                "fed_back_by_square",
+                "let_turn_motion",
+            )
         ) | {name: values.ravel().tolist() for name, values in self.law.feedback.items()}
         gain = b.sensor.gain
         at_zero = e.at_rest(0.0, 0.0)
@@ -206,6 +213,18 @@ class Controller:
         bias = number(self.bearing.magnet.bias_current)
         coils = [bias + told["iu"], bias - told["iu"]][: self.coils]
         return told | {"coil": np.where(told["on"][:, None] > 0, np.stack(coils, 1), number(0))}
+
+
+def lies_at(bearing: Bearing) -> float:
+    """Return where a rotor lies [m]: on the stop to which its weight pulls it.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        Whose.
+    """
+    travel = bearing.rotor.travel_limit
+    return travel if bearing.weight > 0 else -travel
 
 
 def needs_states(pid: PID) -> bool:

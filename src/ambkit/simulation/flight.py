@@ -10,6 +10,7 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 from ambkit.base.config import Document, Part
 from ambkit.base.config.quantities import Quantity, SignalIn
 from ambkit.simulation.controllers import Control
+from ambkit.simulation.sequence import LiftOff
 from ambkit.simulation.waveforms import Signal
 
 
@@ -82,6 +83,9 @@ class Flight(Document):
     off: Annotated[float, Quantity("s", "0.3 s", at_least=0)] | None = None
     """From when on no magnet has any current, as where the power fails: the rotor drops into its
     backup bearings [s]."""
+    sequence: LiftOff | None = None
+    """Lift-off and landing, of all axes together, and what looks after the flight; without, it
+    flies from the start."""
     base: tuple[Base, ...] = ()
     """How the foundation moves; displacements and readings are relative to it."""
 
@@ -89,7 +93,8 @@ class Flight(Document):
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         data: dict[str, Any] = handler(self)
         lists = ("disturbance", "reference", "injection", "base")
-        return {k: each for k, each in data.items() if k not in lists or each}
+        data = {k: each for k, each in data.items() if k not in lists or each}
+        return {k: each for k, each in data.items() if k != "sequence" or each is not None}
 
     def unknown_axes(self, axes: tuple[str, ...]) -> Iterator[str]:
         """Yield what is wrong with the axes that it names.

@@ -191,44 +191,56 @@ class _Search:
 
         By the simplex of Nelder and Mead, in the logarithms of the shares.
         """
-        from scipy.optimize import minimize
-
         names = list(dict.fromkeys(axis.bearing.name for axis in self.machine.axes))
         of_axis = np.array([names.index(axis.bearing.name) for axis in self.machine.axes])
         free = 3 if len(self.slower) > 1 else 2
         shares = near[None, :]
         for bearings in (1, len(names)):
-            start = np.broadcast_to(shares, (bearings, 3))[:, :free].ravel()
-
-            def made(at: Array, bearings: int = bearings) -> tuple[PID, ...]:
-                every = np.zeros((bearings, 3))
-                every[:, :free] = at.reshape(bearings, free)
-                every = np.exp(np.clip(every, *BOUNDS))[of_axis % bearings]
-                told = zip(self.usual, alone_of(self.machine), every, strict=True)
-                return tuple(_changed(pid, alone, *map(float, each)) for pid, alone, each in told)
-
-            lowest = [math.inf]
-
-            def cost(at: Array, made: Any = made, lowest: list[float] = lowest) -> float:
-                pids = made(at)
-                peak = max(PEAK, float(margins.peaks(pids).max()))
-                if peak < lowest[0]:  # poles take longer, and are asked of the best alone
-                    if not self.loop.with_(pids).held:
-                        return UNHELD
-                    lowest[0] = peak
-                return peak
-
-            simplex = np.vstack([start, start + STRIDE * np.eye(len(start))])
-            options: Any = {"maxfev": TRIES * bearings, "xatol": 1e-2, "fatol": 1e-3}
-            options["initial_simplex"] = simplex
-            found: Any = minimize(cost, start, method="Nelder-Mead", options=options)
-            if found.fun < cost(start):
-                best = self.loop.with_(made(found.x))
+            start = np.broadcast_to(shares, (bearings, 3))[:, :free]
+            peak, least, at = self._lowest(start, of_axis % bearings, margins)
+            if least < peak:
+                best = self.loop.with_(self._shared(at, of_axis % bearings))
                 shares = np.zeros((bearings, 3))
-                shares[:, :free] = found.x.reshape(bearings, free)
-            if found.fun < ENOUGH:
+                shares[:, :free] = at
+            if least < ENOUGH:
                 break
         return best
+
+    def _lowest(
+        self, start: Array, of_axis: NDArray[np.intp], margins: Sensitivities
+    ) -> tuple[float, float, Array]:
+        """Return the peak at a start, the lowest that was found, and the logarithms there."""
+        from scipy.optimize import minimize
+
+        lowest = math.inf
+
+        def cost(at: Array) -> float:
+            nonlocal lowest
+            pids = self._shared(at.reshape(start.shape), of_axis)
+            peak = max(PEAK, float(margins.peaks(pids).max()))
+            if peak < lowest:  # poles take longer, and are asked of the best alone
+                if not self.loop.with_(pids).held:
+                    return UNHELD
+                lowest = peak
+            return peak
+
+        first = start.ravel()
+        found: Any = minimize(
+            cost, first, method="Nelder-Mead",
+            options={
+                "maxfev": TRIES * len(start), "xatol": 1e-2, "fatol": 1e-3,
+                "initial_simplex": np.vstack([first, first + STRIDE * np.eye(len(first))]),
+            },
+        )  # fmt: skip
+        return cost(first), float(found.fun), found.x.reshape(start.shape)
+
+    def _shared(self, logs: Array, of_axis: NDArray[np.intp]) -> tuple[PID, ...]:
+        """Return the usual controllers with shares of given logarithms (bearings, 2 or 3)."""
+        every = np.zeros((len(logs), 3))
+        every[:, : logs.shape[1]] = logs
+        shares = np.exp(np.clip(every, *BOUNDS))[of_axis]
+        told = zip(self.usual, alone_of(self.machine), shares, strict=True)
+        return tuple(_changed(pid, alone, *map(float, each)) for pid, alone, each in told)
 
     def calm(self, found: Holding) -> Holding:
         """Return the same with less of the references to kp, where a step overshoots by much."""

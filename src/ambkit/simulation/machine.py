@@ -20,6 +20,7 @@ from ambkit.estimate.estimate import Estimate
 from ambkit.estimate.kalman import KalmanFilter
 from ambkit.machine.magnets import core_module
 from ambkit.simulation import noise
+from ambkit.simulation.control_machine import MachineController
 from ambkit.simulation.controllers import Controllers, arrays, controllers_of
 from ambkit.simulation.holding_margins import shown_along_axes
 from ambkit.simulation.plant import Plant
@@ -46,7 +47,8 @@ class MachineRun(Drawn):
     record : Record
         Of each reading ``y_NAME`` [m], of each axis ``u_NAME`` [V], and the truth: ``s_NAME``
         displacement [m], ``iu_NAME`` current [A], ``f_mag_NAME`` magnet force [N], ``f_d_NAME``
-        load [N]; the rotor's coordinates and velocities; the speed of rotation [rad/s].
+        load [N]; the rotor's coordinates and velocities; the speed of rotation [rad/s]; with
+        lift-off and landing the ``mode``, `ambkit.simulation.sequence.Mode`.
     estimate : Estimate or None
         What the estimator said meanwhile.
     """
@@ -92,6 +94,8 @@ def simulate_machine(
     pids: Sequence[PID] | None = None,
     controllers: Controllers | None = None,
     from_readings: bool = False,
+    fly: Array | None = None,
+    other: dict[str, Any] | None = None,
 ) -> MachineRun:
     """Simulate a whole machine with its controllers.
 
@@ -117,7 +121,11 @@ def simulate_machine(
         All of them, where they are made already, as of another machine that was to be this one.
     from_readings : bool
         Whether the estimator starts where its first readings show the rotor, as an exported one
-        does; by default it starts where the rotor is.
+        does; by default it starts where the rotor is. With lift-off and landing it always does.
+    fly : ndarray (n,), optional
+        With a sequence, whether it is told to fly [1]; by default as the sequence says.
+    other : dict, optional
+        Fields of ``amb_control`` of another value than the flight's sequence has.
 
     Raises
     ------
@@ -144,7 +152,7 @@ def simulate_machine(
     loads = _of_axes(machine, [(each.axis, each.force) for each in flight.disturbance], t[:-1])
     wanted = _of_axes(machine, [(each.axis, each.position) for each in flight.reference], t[:-1])
     base = _of_base(machine, flight, t[:-1])
-    if estimator is None and flight.feedback == "estimate":
+    if estimator is None and (flight.feedback == "estimate" or flight.sequence is not None):
         estimator = KalmanFilter(machine)
     precision = "float64" if estimator is None else estimator.precision
     core = core_module(precision, any_model=True)
@@ -169,7 +177,7 @@ def simulate_machine(
         | {"T": T, "k_ui": [axis.bearing.amplifier.gain for axis in machine.axes]}
         | arrays(controllers, plant, feeding)
     )
-    follows = None
+    follows, of_flight = None, {}
 
     def flown(samples: int, **of_estimator: Any) -> dict[str, Any]:
         series = {"r": wanted, "load": loads, "base": base, "noise_u": noise_u, "noise_y": noise_y}
@@ -184,11 +192,21 @@ def simulate_machine(
     if estimator is not None:
         follows = estimator.turning(speed, n + 1)
         estimator.reset(estimator.at_rest(q, current=currents))
-        if from_readings:
+        if flight.sequence is not None:
+            whole = MachineController(
+                plant, estimator, controllers, flight.sequence, feeding is not None
+            )
+            told = flight.sequence.fly(t[:-1]) if fly is None else fly
+            of_flight = {
+                "control": whole.in_core(**(other or {})), "hovers": flight.start == "hover",
+                "fly": np.ascontiguousarray(told, precision),
+            }  # fmt: skip
+        elif from_readings:
             first = flown(1, estimator=estimator.core)["y"]
             estimator.reset(estimator.at_first(np.asarray(first, float)))
     turning = estimator.engine.model_of_core if estimator and follows is not None else None
-    out = flown(n, estimator=None if estimator is None else estimator.core, model=turning)
+    of_core = None if estimator is None else estimator.core
+    out = flown(n, estimator=of_core, model=turning, **of_flight)
     series = {"r": wanted, "f_d": loads, "speed": speed[:-1], "injected": added, "base": base}
     record = _record(plant, flight, t[:-1], out, series)
     estimate = None if estimator is None else estimator.told(t[:-1], out["estimate"])
@@ -266,6 +284,8 @@ def _record(
     signals |= {f"{at.name}": (out["X"][:, k], at.unit) for k, at in enumerate(model.states)
                 if at.role == "sensor"}  # fmt: skip
     signals["speed"] = series["speed"], "rad/s"
+    if flight.sequence is not None:
+        signals["mode"] = out["mode"].astype(float), "1"
     for way in {each.direction for each in flight.base}:
         signals[f"base_{way}"] = series["base"][:, "xyz".index(way)], "m/s^2"
     for each in flight.injection:

@@ -17,7 +17,8 @@ from ambkit.estimate.batch import processors
 from ambkit.estimate.estimate import Status
 from ambkit.machine.bearing import Bearing
 from ambkit.machine.magnets import MagnetModel, core_module
-from ambkit.simulation.run import Imposed, Loop, Run, Sampled, simulate_run
+from ambkit.simulation.imposed import Imposed
+from ambkit.simulation.run import Loop, Run, Sampled, simulate_run
 from ambkit.simulation.scenario import Scenario
 
 Array = NDArray[np.float64]
@@ -293,7 +294,6 @@ class _Engine:
         # By the identity of what a run is made of, which is kept, so that no other takes its place.
         self._plans: dict[tuple[int, ...], tuple[Planned, ModuleType, Any]] = {}
         self._signals: dict[tuple[int, float], tuple[Scenario, Sampled]] = {}
-        self._stds: dict[int, tuple[Estimator, tuple[float, ...]]] = {}
         self._last: tuple[Any, tuple[Array, Array], Windows] | None = None
 
     def ready(self, runs: Sequence[Planned]) -> Ready:
@@ -334,14 +334,6 @@ class _Engine:
                 return core, plan
             found = self._plans[known] = planned, core, plan
         return found[1:]
-
-    def _std(self, estimator: Estimator) -> tuple[float, ...]:
-        """Return with which doubt an estimator begins, which is the same for all bearings."""
-        if id(estimator) not in self._stds:
-            if len(self._stds) > MOST_PLANS:
-                self._stds.clear()
-            self._stds[id(estimator)] = estimator, estimator.default_std()
-        return self._stds[id(estimator)][1]
 
     def _sampled(self, planned: Planned) -> Sampled:
         """Return the signals of a scenario, which many bearings share."""
@@ -390,7 +382,7 @@ class _Engine:
         plan = core.Plan(
             **loop.arguments(core, given),
             mean=None if estimator is None else given(loop.start),
-            std=None if estimator is None else given(self._std(estimator)),
+            std=None if estimator is None else given(estimator.default_std()),
             seed=planned.key[0], std_u=0.0 if stds is None else stds[0],
             std_y=0.0 if stds is None else stds[1], noise_u=series[0], noise_y=series[1],
             first=at.first, step_from=start, step_to=stop, height=height,

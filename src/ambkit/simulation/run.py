@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from types import ModuleType
@@ -27,6 +27,7 @@ from ambkit.machine.hovering import hover_current
 from ambkit.machine.magnets import Law, MagnetModel, core_module, magnet_of
 from ambkit.simulation import parts
 from ambkit.simulation.control import Controller, needs_states
+from ambkit.simulation.imposed import Faults, Imposed, series_of
 from ambkit.simulation.noise import drawn, white
 from ambkit.simulation.scenario import Scenario
 
@@ -60,74 +61,6 @@ class Run:
 Elsewhere = Callable[[float, float, bool], tuple[float, float, bool, int]]
 """Measurement [m], reference [m], whether to fly: control current [A] and signal [V] that are
 demanded, whether there are currents, and the mode."""
-
-
-@dataclass(frozen=True, eq=False)
-class Faults:
-    """What is wrong between plant, controller and estimator, one value a sample, all (n,).
-
-    Parameters
-    ----------
-    late : ndarray
-        The measurement is that of so many samples ago, 0 or more; between two of them on the line
-        through both. One that grows by 1 a sample is a sensor that is stuck [samples].
-    y_times, y_plus : ndarray
-        It is then multiplied by the one [1] and added to the other [m].
-    u_times, u_plus : ndarray
-        The same for the control signal that the estimator is told [1], [V]; the amplifier gets the
-        true one.
-    current : ndarray
-        Share of the amplifier's range that is left, which nobody is told [1].
-    beside : bool
-        Whether the controller, where it is fed by the measurement, gets the true one.
-    """
-
-    late: NDArray[np.float64]
-    y_times: NDArray[np.float64]
-    y_plus: NDArray[np.float64]
-    u_times: NDArray[np.float64]
-    u_plus: NDArray[np.float64]
-    current: NDArray[np.float64]
-    beside: bool = False
-
-    @classmethod
-    def none(cls, n: int, *, beside: bool = False) -> Faults:
-        """Return n samples without a fault."""
-        zero, one = np.zeros(n), np.ones(n)
-        return cls(zero, one, zero.copy(), one.copy(), zero.copy(), one.copy(), beside=beside)
-
-    @property
-    def series(self) -> dict[str, NDArray[np.float64]]:
-        """All that has one value a sample, by name."""
-        return {name: each for name, each in vars(self).items() if name != "beside"}
-
-
-@dataclass(frozen=True, eq=False)
-class Imposed:
-    """Series that a run is given from outside, one value a sample.
-
-    Parameters
-    ----------
-    disturbance : ndarray (n,), optional
-        Force on the rotor, added to the scenario's [N].
-    sensor_noise : ndarray (n,), optional
-        Noise on the measured position, in place of all that the bearing's sensor has [m].
-    magnet_scale : ndarray (n,), optional
-        Factor on the force of the plant's magnet, such as that of a drifting magnet constant [1].
-        Where the rotor hovers at the start, it is held as if the factor were 1.
-    faults : Faults, optional
-        Faults of sensor, control signal and amplifier. The record's y and u are those that the
-        estimator gets, with NaN for infinity.
-    place : float, optional
-        Where the rotor lies at the start [m]. Neither controller nor estimator is told: they start
-        as if it hovered at the reference.
-    """
-
-    disturbance: NDArray[np.float64] | None = None
-    sensor_noise: NDArray[np.float64] | None = None
-    magnet_scale: NDArray[np.float64] | None = None
-    faults: Faults | None = None
-    place: float | None = None
 
 
 def _adds_noise(bearing: Bearing) -> bool:
@@ -319,7 +252,7 @@ class Loop:
         n = len(t)
         self._scale = self._faults = self._place = self._sensor_noise = None
         if imposed is not None:
-            for name, values in _series(imposed):
+            for name, values in series_of(imposed):
                 if real(f"imposed {name}", values).shape != (n,):
                     raise ValueError(f"imposed {name} must have {n} values, has {np.shape(values)}")
             self._faults, self._place = imposed.faults, imposed.place
@@ -540,12 +473,3 @@ class Loop:
 def _said(bearing: Bearing) -> str:
     """Return a bearing as text, which many runs of it share."""
     return bearing.to_toml()
-
-
-def _series(imposed: Imposed) -> Iterator[tuple[str, NDArray[np.float64]]]:
-    """All that has one value a sample, by name."""
-    for name in ("disturbance", "sensor_noise", "magnet_scale"):
-        if getattr(imposed, name) is not None:
-            yield name, getattr(imposed, name)
-    if imposed.faults is not None:
-        yield from ((f"fault {name}", values) for name, values in imposed.faults.series.items())

@@ -42,6 +42,8 @@ from ambkit.workflow.tuning_tasks import AHEAD, JUDGED
 if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.export.c import CExport
+    from ambkit.machine.machine import Machine
+    from ambkit.simulation.flight import Flight
 
 KINDS_TRIED = ("linear", "extended", "adaptive")
 """Who is tried where nobody says it: without, with the exact, and with a learned stiffness."""
@@ -243,19 +245,41 @@ def design(
     exported = None
     if anyway or not objections:
         note("exporting")
-        from ambkit.export.c import export_c
-
-        file = FilterFile.load(place / "filter.toml")
-        exported = export_c(
-            found, file.asked(), place / "c", filter_file=file, prefix=prefix,
-            precision="double" if precision == "double" else "float",
-        )  # fmt: skip
+        exported = exported_filter(found, place, precision, prefix)
     made = {name: what for name, what in FILES.items() if (place / name).exists()}
     note("drawing")
     record = records[-1] if records else load_filled(logs[-1], by_inputs)
     _report(place, found.name, why, (objections, notes), candidates, record, made)
     made["design.html"] = FILES["design.html"]
     return Design(place, tuple(candidates), chosen, raw, why, objections, exported, made, notes)
+
+
+def exported_filter(
+    plant: Bearing | Machine, place: Path, precision: str, prefix: str | None,
+    flight: Flight | None = None,
+) -> CExport:  # fmt: skip
+    """Return the design's filter as C, with a flight the whole controller.
+
+    Parameters
+    ----------
+    plant : Bearing or Machine
+        What it was designed for.
+    place : Path
+        The design's folder, which has ``filter.toml`` and gets ``c``.
+    precision : {"float", "double"}
+        Of the C.
+    prefix : str or None
+        Of its names.
+    flight : Flight, optional
+        Whose controllers the C carries.
+    """
+    from ambkit.export.c import export_c
+
+    file = FilterFile.load(place / "filter.toml")
+    return export_c(
+        plant, file.asked(), place / "c", filter_file=file, flight=flight, prefix=prefix,
+        precision="double" if precision == "double" else "float",
+    )  # fmt: skip
 
 
 FILES = {

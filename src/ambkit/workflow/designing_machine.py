@@ -18,6 +18,7 @@ from ambkit.simulation.flight import Flight
 from ambkit.simulation.holding import holding, overshoot_of
 from ambkit.simulation.scenario import GAINS, PID
 from ambkit.workflow.assessing import assess
+from ambkit.workflow.designing import exported_filter
 from ambkit.workflow.loop_of import ZONE_A, OutOfReachError, zone_of
 from ambkit.workflow.over_speed import assess_over_speed
 from ambkit.workflow.tuned_filter import BUDGET, RUNS, Tuned, tune
@@ -25,7 +26,6 @@ from ambkit.workflow.tuning_tasks import JUDGED
 from ambkit.workflow.verdict import write_verdict
 
 if TYPE_CHECKING:
-    from ambkit.estimate.base import Estimator
     from ambkit.export.c import CExport
     from ambkit.workflow.assessed_loop import AssessedLoop
     from ambkit.workflow.assessment import Assessment
@@ -229,7 +229,7 @@ def design_machine(
     exported = None
     if anyway or not objections:
         note("exporting")
-        exported = _exported(machine, estimator, place, flight, precision, prefix)
+        exported = exported_filter(machine, place, precision, prefix, flight)
     made = {name: what for name, what in FILES.items() if (place / name).exists()}
     return MachineDesign(
         place, machine, control, tuned, chosen, assessed, step, objections, exported, made
@@ -268,17 +268,3 @@ def _objections(loop: AssessedLoop, ceiling: float | None) -> list[str]:
     elif ceiling is not None and loop.peak >= ceiling:
         said.append(f"the peak of |S| is {loop.peak:.3g}, and is to be below {ceiling:g}")
     return said
-
-
-def _exported(
-    machine: Machine, estimator: Estimator, place: Path, flight: Flight, precision: str,
-    prefix: str | None,
-) -> CExport:  # fmt: skip
-    from ambkit.estimate.filter_file import FilterFile
-    from ambkit.export.c import export_c
-
-    file = FilterFile.load(place / "filter.toml")
-    return export_c(
-        machine, file.asked(), place / "c", filter_file=file, flight=flight, prefix=prefix,
-        precision="double" if precision == "double" else "float",
-    )  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +12,9 @@ from ambkit.base.errors import AmbkitError
 from ambkit.estimate.estimate import Status
 from ambkit.estimate.noise import FilterNoise
 from ambkit.judge.machine import errors_along
+from ambkit.simulation.sequence import Mode
 from ambkit.workflow.given import of_machine
+from ambkit.workflow.harmonics import Harmonic, harmonics
 
 if TYPE_CHECKING:
     from ambkit.data.record import Record
@@ -29,27 +31,31 @@ class MachineFiltering:
     machine : Machine
         Of which the record is.
     record : Record
-        What was filtered.
+        What was filtered: of lift-off and landing what lies between.
     estimates : mapping
         Of each kind, what it says.
     settled : int
         Sample from which on it counts.
+    turning : mapping
+        Of each kind, what it says of unbalance and runout at the end of the record.
     """
 
     machine: Machine
     record: Record
     estimates: Mapping[str, Estimate]
     settled: int
+    turning: Mapping[str, Sequence[Harmonic]] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data, in SI."""
         return {
             "machine": self.machine.name,
             "samples": len(self.record),
-            "estimators": {name: self._figures(each) for name, each in self.estimates.items()},
+            "estimators": {name: self._figures(name) for name in self.estimates},
         }
 
-    def _figures(self, estimate: Estimate) -> dict[str, Any]:
+    def _figures(self, name: str) -> dict[str, Any]:
+        estimate = self.estimates[name]
         late = slice(self.settled, None)
         used = estimate.innovation_variance[late] > 0
         flags = int(np.bitwise_or.reduce(estimate.status[late].astype(int)))
@@ -68,6 +74,9 @@ class MachineFiltering:
             "status": [flag.name for flag in Status if flag & flags],
         }
         found["rmse"] = errors_along(estimate, self.record, self.settled)
+        turning = self.turning.get(name)
+        if turning:
+            found["synchronous"] = {each.name: each.to_dict() for each in turning}
         return found
 
 
@@ -116,12 +125,36 @@ def filter_machine(
     ]
     if lacking:
         raise AmbkitError(f"the record has no {', '.join(lacking)}, which {machine.name} gives")
-    estimates = {}
+    begin, end = in_flight(record)
+    until, flown = record.between(stop=end), record.between(begin, end)
+    estimates, turning = {}, {}
     for kind in kinds:
         estimator = of_machine(kind, machine, synchronous=synchronous, noise=noise)
         try:
-            estimates[kind] = estimator.smooth(record) if smooth else estimator.run(record)
+            estimates[kind] = estimator.smooth(flown) if smooth else estimator.run(flown)
         except ValueError as error:
             raise AmbkitError(str(error)) from error
+        turning[kind] = harmonics(estimator, until)
     settled = round(settling / machine.sampling_time)
-    return MachineFiltering(machine, record, estimates, min(settled, len(record) - 2))
+    last = min(settled, len(flown) - 2)
+    return MachineFiltering(machine, flown, estimates, last, turning)
+
+
+def in_flight(record: Record) -> tuple[float | None, float | None]:
+    """Return from when to when the magnets have currents, in a record of lift-off and landing [s].
+
+    A rotor that lies has the backup bearings' forces, and magnets that are off, which no estimator
+    is told. None and None: a record without a ``mode``, or one that never lifts.
+
+    Parameters
+    ----------
+    record : Record
+        With the ``mode``, `ambkit.simulation.sequence.Mode`, where there is one.
+    """
+    if "mode" not in record:
+        return None, None
+    on = np.flatnonzero(np.isin(record["mode"], (Mode.LIFTING, Mode.FLYING, Mode.LANDING)))
+    if len(on) < 3:
+        return None, None
+    end = int(on[-1]) + 1
+    return float(record.t[on[0]]), float(record.t[end]) if end < len(record) else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,11 +13,13 @@ from ambkit.base.errors import AmbkitError
 from ambkit.data.record import Record
 from ambkit.judge.machine import errors_along
 from ambkit.simulation.flight import Flight
+from ambkit.simulation.sequence import Mode
 from ambkit.workflow.simulating import LOAD_AT
 
 if TYPE_CHECKING:
     from ambkit.machine.machine import Machine
     from ambkit.simulation.machine import MachineRun
+    from ambkit.workflow.harmonics import Harmonic
 
 
 def flight_for(
@@ -90,9 +93,12 @@ class FlightSummary:
     ----------
     run : MachineRun
         The run.
+    turning : sequence of Harmonic
+        What its estimator says of unbalance and runout at the end, where it flies then.
     """
 
     run: MachineRun
+    turning: Sequence[Harmonic] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data, in SI."""
@@ -109,6 +115,32 @@ class FlightSummary:
         }
         if estimate is not None:
             found["estimator"] = estimate.estimator
-            found["rmse"] = errors_along(estimate, record)
-            found["nis"] = float(np.mean(estimate.nis[1:]))
+            found["rmse"] = errors_along(estimate, record, *self._in_flight())
+            late = slice(*self._in_flight())
+            found["nis"] = float(np.mean(estimate.nis[late][1:]))
+        if self.turning and self._in_flight()[1] is None:
+            found["synchronous"] = {each.name: each.to_dict() for each in self.turning}
+        if "mode" in record:
+            found["modes"] = self._modes()
         return found
+
+    def _in_flight(self) -> tuple[int, int | None]:
+        """Return the first sample in which the rotor flew and the one after it last did.
+
+        A rotor that lies has the backup bearings' forces, which no estimator knows, and a filter
+        takes the magnets for switched on. 0 and None: all of the record.
+        """
+        if "mode" not in self.run.record:
+            return 0, None
+        mode = self.run.record["mode"]
+        flew = np.flatnonzero(mode == Mode.FLYING)
+        if not flew.size:
+            return 0, len(mode)
+        end = int(flew[-1]) + 1
+        return int(flew[0]), None if end == len(mode) else end
+
+    def _modes(self) -> list[dict[str, Any]]:
+        """Return what lift-off and landing did, and since when [s]."""
+        t, mode = self.run.record.t, self.run.record["mode"]
+        changed = np.flatnonzero(np.diff(mode, prepend=-1.0))
+        return [{"mode": Mode(int(mode[k])).name.lower(), "since": float(t[k])} for k in changed]

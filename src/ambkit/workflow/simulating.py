@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from ambkit.data.record import Record
     from ambkit.estimate.base import Estimator
     from ambkit.machine.magnets import MagnetModel
-    from ambkit.simulation.run import Imposed, Run
+    from ambkit.simulation.imposed import Imposed
+    from ambkit.simulation.run import Run
 
 STEP_AT, LOAD_AT = 0.1, 0.5
 """When the step of the reference and that of the load come, in lengths of the run."""

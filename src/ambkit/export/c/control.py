@@ -34,7 +34,7 @@ _CONTROL = ("start", "start_by", "place", "down", "hold", "hold_by")
 _COUNTS = ("waiting", "lost", "overloaded", "rise", "descent")
 
 
-class _Structs(NamedTuple):
+class Structs(NamedTuple):
     """The constants, by their names in C."""
 
     arrays: dict[str, NDArray[np.float64]]
@@ -44,7 +44,16 @@ class _Structs(NamedTuple):
     control: dict[str, Any]
 
 
-def _structs(controller: Controller, name: str) -> _Structs:
+def structs(controller: Controller, name: str) -> Structs:
+    """Return a controller's constants.
+
+    Parameters
+    ----------
+    controller : Controller
+        Whose.
+    name : str
+        Prefix of the estimator and of the array of its standard deviations.
+    """
     fields = controller.fields
     told = {key: fields[key] for key in (*_LAW, *_GAINS, *_CONTROL) if fields[key] is not None}
     arrays = {f"of_{key}": np.array(values, float) for key, values in told.items()}
@@ -59,17 +68,19 @@ def _structs(controller: Controller, name: str) -> _Structs:
     law |= {key: at(key) for key in _LAW}
     law["gain"] = Name("{" + ", ".join(at(key) for key in _GAINS) + "}")
     control = {
-        "estimator": Name(f"&{name}_estimator"), "law": Name("&law"), "sequence": Name("&sequence"),
+        "estimator": Name(f"&{name}_estimator"), "law": Name("&law"),
+        "sequence": Name("&sequence" if controller.sequence is not None else "NULL"),
         "feedback_estimate": fields["feedback_estimate"], "settling": fields["settling"],
         "bound": fields["bound"], "std": Name(f"{name}_std"),
     }  # fmt: skip
     control |= {key: at(key) for key in _CONTROL}
-    return _Structs(arrays, pids, law, {key: fields[key] for key in _COUNTS}, control)
+    counts = {key: fields[key] for key in _COUNTS if key in fields}
+    return Structs(arrays, pids, law, counts, control)
 
 
 def context(controller: Controller, name: str, precision: CPrecision) -> dict[str, Any]:
     """Return what the templates say of a controller."""
-    of = _structs(controller, name)
+    of = structs(controller, name)
     tested = vectors(controller)
     number = np.float32 if precision == "float" else np.float64
     quick = QUICK | {"settling": min(of.control["settling"], QUICK["settling"])}
@@ -112,7 +123,7 @@ def _said(controller: Controller) -> str:
 
 def constants(controller: Controller, name: str, crc: Constants) -> None:
     """Take the controller's constants into the CRC."""
-    of = _structs(controller, name)
+    of = structs(controller, name)
     for place, values in of.arrays.items():
         crc.array(place, values)
     for k, pid in enumerate(of.pids):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import AmbkitError
-from ambkit.estimate.engine import arrays
+from ambkit.estimate.engine import NUMBERS, Nodes, arrays
 from ambkit.export.c.data import Name
 from ambkit.models import emit
 from ambkit.models.model import Descriptor, Model
@@ -33,9 +33,12 @@ class InC(NamedTuple):
     numbers: dict[str, Any]  # fields of the struct amb_model
     arrays: dict[str, NDArray[Any]]  # that these point to, by their names
     room: dict[str, int]  # the counts that loops have room for
+    turning: dict[str, Any] | None = None  # fields of the struct amb_turning, where there is one
 
 
-def in_c(estimator: Estimator, *, loops: bool | None = None) -> InC:
+def in_c(
+    estimator: Estimator, *, loops: bool | None = None, speeds: tuple[float, float] | None = None
+) -> InC:
     """Return an estimator's model in C.
 
     Parameters
@@ -44,11 +47,15 @@ def in_c(estimator: Estimator, *, loops: bool | None = None) -> InC:
         Whose model.
     loops : bool, optional
         Loops over the model's arrays, or straight-line code; by default by the number of states.
+    speeds : tuple of float, optional
+        Slowest and fastest rotation that it follows [rad/s], for which it has loops; by default it
+        is that of the machine's own speed.
 
     Raises
     ------
     AmbkitError
-        Loops are asked of the paper's axis, whose code is built in.
+        Loops are asked of the paper's axis, whose code is built in; straight-line code of a model
+        that follows the speed.
     """
     engine = estimator.engine
     if engine.built_in:
@@ -56,6 +63,10 @@ def in_c(estimator: Estimator, *, loops: bool | None = None) -> InC:
             raise AmbkitError("the paper's axis has straight-line code; loops are for other models")
         return InC({LOOPS: None}, (), estimator.core.parameters["model"], {}, {})
     model = engine.model
+    if speeds is not None:
+        if loops is False:
+            raise AmbkitError("a model that follows the speed of rotation is computed by loops")
+        return turning(by_loops(model), engine.nodes(*speeds))
     if loops if loops is not None else len(model.states) > MOST_UNROLLED:
         return by_loops(model)
     names = emit.Names(model)
@@ -84,10 +95,39 @@ def by_loops(model: Model) -> InC:
     return InC({BUILT_IN: None}, ("src/loops.c",), fields, held, room)
 
 
+def turning(of: InC, nodes: Nodes) -> InC:
+    """Return a model by loops whose numbers stand together, and what a speed makes of them."""
+    numbers, arrays, at = dict(of.numbers), dict(of.arrays), 0
+    for name in NUMBERS:
+        plain = name in ("e", "r")
+        kept = f"model_{name}" if plain else f"model_{name}_value"
+        there = f"&model_still[{at}]"
+        if not plain:
+            there = f"{{model_{name}_start, model_{name}_column, {there}}}"
+        numbers[name] = Name(there)
+        empty = not plain and not int(arrays[f"model_{name}_start"][-1])
+        at += 0 if empty else len(arrays[kept])
+        del arrays[kept]
+    arrays |= {
+        "model_still": nodes.still, "model_which": nodes.which.astype(np.uint16),
+        "model_at": nodes.at.ravel(), "model_grown": _array(nodes.grown.tolist(), "grown"),
+        "model_by_growth": _array(nodes.by_growth.ravel().tolist(), "by_growth"),
+    }  # fmt: skip
+    turned = {
+        "nodes": len(nodes.at), "numbers": len(nodes.still), "changing": len(nodes.which),
+        "growing": len(nodes.grown), "lowest": nodes.lowest, "step": nodes.step,
+        "still": Name("model_still"), "which": Name("model_which"), "at": Name("model_at"),
+        "grown": Name("model_grown"), "by_growth": Name("model_by_growth"),
+    }  # fmt: skip
+    return of._replace(
+        sources=(*of.sources, "src/turning.c"), numbers=numbers, arrays=arrays, turning=turned
+    )
+
+
 def _array(values: Sequence[float], what: str) -> NDArray[Any]:
     """Return an array of the type that it has in C, and of one zero where there is nothing."""
-    of = {"start": np.uint16, "column": np.uint16, "role": np.uint8}.get(what, np.float64)
-    return np.array(values or [0], dtype=of)
+    places = dict.fromkeys(("start", "column", "grown"), np.uint16)
+    return np.array(values or [0], dtype=(places | {"role": np.uint8}).get(what, np.float64))
 
 
 class State(NamedTuple):

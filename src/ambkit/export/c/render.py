@@ -124,7 +124,10 @@ def render(
         inner = getattr(estimator, "inner", None)
         if inner is not None:
             needed += [f"src/{data.called(inner).source}.c"]
-    of_model = model.in_c(estimator, loops=loops)
+    speeds = None
+    if flight is not None and estimator.whole is not None:
+        speeds = machine_control.speeds_of(estimator.whole.machine, flight)
+    of_model = model.in_c(estimator, loops=loops, speeds=speeds)
     needed += [*of_model.sources, *(control.SOURCES if controller is not None else ())]
     needed += calibration.SOURCES if calibrated else ()
     needed += telemetry.SOURCES if framed else ()
@@ -132,6 +135,7 @@ def render(
     if flight is not None:
         flown = machine_control.context(estimator, flight, name, precision, bound_of(estimator))
         needed += machine_control.SOURCES
+        needed += machine_control.OF_SEQUENCE if flight.sequence is not None else ()
     found = core.closure(needed, instead=of_model.instead)
     core_files = {f"core/{file}": text for file, text in found.items()}
     c_files = tuple(file for file in core_files if file.endswith(".c"))
@@ -199,6 +203,9 @@ def render(
         "base": "" if in_core is None else in_core.base,
         **_data_context(estimator, magnet, kind, precision, of_model, editable=editable),
         "controlled": bool(flown),
+        "sequenced": flight is not None and flight.sequence is not None,
+        "turning": _turning(of_model, speeds, precision),
+        "speed_own": data.number(bearing.speed, precision) if whole else "",
         **flown,
         "editable": editable,
         "framed": framed,
@@ -272,6 +279,22 @@ def render(
     return Content(dict(sorted(texts.items())), sources, context["configuration"])
 
 
+def _turning(
+    of_model: model.InC, speeds: tuple[float, float] | None, precision: CPrecision
+) -> dict[str, Any] | None:
+    """Return what the files say of a model that follows the speed of rotation."""
+    fields = of_model.turning
+    if fields is None or speeds is None:
+        return None
+    slowest, fastest = (f"{each:.6g}" for each in speeds)
+    return {
+        "numbers": fields["numbers"],
+        "text": data.struct(fields, precision, {}),
+        "slowest": slowest,
+        "fastest": fastest,
+    }
+
+
 def _selftest_context(
     tested: vectors.Vectors, estimator: Estimator, precision: CPrecision
 ) -> dict[str, Any]:
@@ -324,15 +347,19 @@ def _first(estimator: Estimator, role: str) -> int:
 
 
 def _stops(estimator: Estimator, precision: CPrecision) -> dict[str, str]:
-    """Return readings of one axis that may be a rotor on its stops, and ones that may not."""
-    if estimator.whole is not None:
-        return {}
-    shown = estimator.bearing.sensor.gain * estimator.bearing.rotor.travel_limit
-    ends = shown * np.array([-1.0, 1.0])
-    noise = np.sign(ends) * float(estimator.core.parameters["set"]["var_y"][0]) ** 0.5
-    places = {"between": ends + 3.8 * noise, "beyond": ends + 4.2 * noise}
-    read = estimator.inputs.y.numbers
-    return {name: data.array(read(at), precision, "") for name, at in places.items()}
+    """Return readings that may be a rotor on its stops, and ones that may not, on both sides."""
+    settings = estimator.core.parameters["set"]
+    gain, travel, var_y = (np.asarray(settings[k], float) for k in ("K_sen", "travel", "var_y"))
+    shown, noise = np.abs(gain) * travel, np.sqrt(var_y)
+    places = {"between": shown + 3.8 * noise, "beyond": shown + 4.2 * noise}
+    sides = {name: np.array([-each, each], float) for name, each in places.items()}
+    if estimator.whole is None:
+        read = estimator.inputs.y.numbers
+        return {name: data.array(read(at.ravel()), precision, "") for name, at in sides.items()}
+    return {
+        name: ", ".join("{" + data.array(row, precision, "") + "}" for row in at)
+        for name, at in sides.items()
+    }
 
 
 def _with_stand_ins(values: NDArray[np.float64], precision: CPrecision) -> NDArray[np.float64]:
@@ -367,6 +394,8 @@ def _crc(
         constants.array(f"&{name}_mass", np.array([estimator.bearing.rotor.mass]))
     else:
         constants.fields(f"{name}_kalman", kalman, arrays=True)
+    if of_model.turning is not None:
+        constants.fields(f"{name}_turning", of_model.turning, arrays=False)
     constants.array(f"{name}_std", np.asarray(estimator.default_std()))
     if estimator.whole is not None:
         start, by_reading = estimator.whole.start_form(estimator.states, estimator.hover)
@@ -543,7 +572,7 @@ def _configuration(
     parts += [array["text"] for array in context["arrays"]]
     if context["controlled"]:
         parts += [array["text"] for array in context["control_arrays"]]
-        parts += [repr(context["pids"]), context["kind"]]
+        parts += [repr(context[key]) for key in ("pids", "kind", "sequence", "turning")]
     for part in (*parts, *core_files.values()):
         digest.update(part.encode() + b"\0")
     return digest.hexdigest()[:16]

@@ -210,12 +210,26 @@ def _of_machine(estimator: Estimator) -> Iterator[Scene]:
     y[60:] += 0.3 * whole.gains * whole.travel_seen  # all of them, and it stays
     y[90:, 0] = np.nan
     yield Scene("a load the other way, a jump that stays, and a sensor that is lost", y, u)
-    n = 60
-    y, u = np.full((n, len(whole.gains)), np.nan), np.zeros((n, u.shape[1]))
-    y[0] = -0.5 * whole.gains * whole.travel_seen
-    y[n - 20 :] = 0.4 * whole.gains * whole.travel_seen
-    y[n - 20 :: 2] *= 1.001
-    yield Scene("an outage", y, u)
+    every = np.ones(len(whole.gains), bool)
+    yield _outage_of_machine(estimator, every, "an outage")
+    half = np.arange(len(whole.gains)) % 2 == 0
+    yield _outage_of_machine(estimator, half, "an outage of every other sensor")
+
+
+def _outage_of_machine(estimator: Estimator, lost: NDArray[np.bool_], name: str) -> Scene:
+    """Off the middle, then nothing of some, until the filter says so; the first is back first."""
+    whole: Any = estimator.whole
+    seen = whole.gains * whole.travel_seen
+    limits = np.array([b.current_max / b.amplifier.gain for b in whole.alone])
+    n = LONGEST_OUTAGE
+    y = -0.5 * seen * (1 + 1e-3 * np.resize([1.0, -1.0, 0.5], (n, 1)))
+    u = np.tile(0.3 * limits, (n, 1))
+    y[1:, lost] = np.nan
+    held = np.flatnonzero(run(estimator, y, u)["status"].ravel() & Status.HELD)
+    until = int(held[0]) + 5 if held.size else 40
+    back = 0.4 * seen * (1 + 1e-3 * np.resize([1.0, 0.0], (20, 1)))
+    back[:3, 1:] = np.where(lost[1:], np.nan, back[:3, 1:])
+    return Scene(name, np.concatenate([y[:until], back]), u[: until + 20])
 
 
 def _hover(estimator: Estimator, sign: float) -> tuple[Array, Array]:
@@ -247,6 +261,8 @@ def _spoilt_machine(estimator: Estimator, y: Array, u: Array) -> Scene:
     limits = [2 * b.amplifier.current_limit / b.amplifier.gain for b in whole.alone]
     u[100], u[106] = limits, np.negative(limits)
     u[112, 0], u[113, -1] = np.nan, np.inf
+    most = float(np.finfo(estimator.precision).max)
+    u[116, 0], u[117, -1] = most / 4, -most / 4  # numbers, whose products are none
     return Scene("a load, with losses, freezing and saturation", y, u)
 
 

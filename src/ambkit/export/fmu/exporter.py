@@ -10,19 +10,21 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from ambkit.base.asked import of_type
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import data
 from ambkit.export.c.data import CPrecision
-from ambkit.export.fmu import archive, compiler, sources, variables, xml
+from ambkit.export.fmu import archive, compiler, flown, sources, variables, xml
 from ambkit.export.fmu.variables import Kind, Variable
 from ambkit.export.fmu.xml import Fmi, Model
-from ambkit.simulation.scenario import PID
+from ambkit.machine.bearing import Bearing
+from ambkit.simulation.control import Controller, needs_states
+from ambkit.simulation.scenario import PID, Scenario
 
 if TYPE_CHECKING:
     from ambkit.estimate.filter_file import FilterFile
-    from ambkit.machine.bearing import Bearing
     from ambkit.machine.magnets import MagnetModel
 
 
@@ -34,7 +36,7 @@ class FmuExport:
     ----------
     path : Path
         The FMU.
-    kind : {"estimator", "plant", "closed-loop", "controller"}
+    kind : {"estimator", "plant", "closed-loop", "controller", "whole-controller"}
         What it models.
     fmi : {2, 3}
         Version of the standard.
@@ -61,13 +63,13 @@ def export_fmu(
     *,
     kind: Kind = "estimator",
     fmi: Fmi = 3,
-    controller: PID | None = None,
+    scenario: Scenario | None = None,
     estimator: str | None = None,
     filter_file: FilterFile | None = None,
     precision: CPrecision = "double",
     everywhere: bool = False,
 ) -> FmuExport:
-    """Write a co-simulation FMU around the C of the library: binary and sources, no Python.
+    """Write an FMU around the C of the library: binary and sources, no Python.
 
     Bit for bit as the library. A communication step may be any: the filter takes its samples at
     whole multiples of the bearing's sampling time, and holds its estimates in between; the plant
@@ -75,6 +77,9 @@ def export_fmu(
     the step that begins there, with the inputs set there: an estimate read after the step from t to
     t + T is that of the sample at t. The plant's outputs are those at the end of the step. NaN on
     an estimator's input is a lost sensor.
+
+    FMUs are for co-simulation. A plant without a dead time is for model exchange too: its importer
+    integrates it, and its outputs follow at any time.
 
     Parameters
     ----------
@@ -84,13 +89,17 @@ def export_fmu(
         What the filter asks of its magnet; None for what its kind asks by itself.
     out : path
         The file, ``.fmu``.
-    kind : {"estimator", "plant", "closed-loop", "controller"}
-        The filter alone; magnet, rotor, amplifier and sensor; plant, controller and filter; or the
-        controller alone.
+    kind : {"estimator", "plant", "closed-loop", "controller", "whole-controller"}
+        The filter alone; magnet, rotor, amplifier and sensor; plant, controller and filter; the
+        controller alone, that an estimator elsewhere feeds; or estimator and controller in one step
+        from what the sensor shows to the currents of the coils, as :func:`export_c` has them.
     fmi : {2, 3}
         Version of the standard.
-    controller : PID, optional
-        Of the closed loop, or alone; by default tuned to the bearing, and fed by the estimator.
+    scenario : Scenario, optional
+        Whose controller it is; by default a PID, tuned to the bearing and fed by the estimator.
+        With a ``sequence`` loop and whole controller lift off and land, and they begin as
+        ``start`` says: in flight, or at power-on with the rotor on its stop. What happens
+        otherwise is the FMU's inputs. A plant begins there too, and has no controller.
     estimator : str, optional
         Kind of the estimator, by its name in :data:`ambkit.estimate.registry.KINDS`; by default the
         paper's filter, linear or adaptive by its magnet. The variances that the FMU lets change
@@ -99,8 +108,8 @@ def export_fmu(
         The filter, in the place of `estimator`; `bearing` and `magnet` are what it says. The FMU's
         inputs are in metres and volts all the same.
     precision : {"float", "double"}
-        Of the estimator alone: float is what flies on a controller without double. Plant and closed
-        loop compute in double.
+        Of an estimator or a whole controller: float is what flies on a controller without double.
+        The others compute in double.
     everywhere : bool
         Whether there is a binary for each platform that a cross compiler is installed for
         (``aarch64-linux-gnu-gcc``, ``x86_64-linux-gnu-gcc``, ``x86_64-w64-mingw32-gcc``), and not
@@ -109,26 +118,35 @@ def export_fmu(
     Raises
     ------
     AmbkitError
-        A plant or a closed loop in float.
+        A plant, a controller alone or a closed loop in float; a controller alone that
+        lifts off, or one whose estimator has not the states that it needs.
         There is no C compiler, or the file cannot be written.
     """
-    if precision == "float" and kind != "estimator":
-        raise AmbkitError(f"a {kind} computes in double; precision float is for an estimator alone")
+    of_type(Bearing, bearing=bearing)
+    if precision == "float" and kind not in ("estimator", "whole-controller"):
+        raise AmbkitError(
+            f"a {kind} computes in double; precision float is for an estimator or a "
+            "whole-controller"
+        )
     of: Any = {"precision": "float32" if precision == "float" else "float64"}
     if filter_file is not None:
         filter_ = filter_file.make(magnet=magnet, **of)
     else:
         kind_of_filter = estimator or ("linear" if magnet is None else "adaptive")
         filter_ = KINDS[kind_of_filter].make(bearing, magnet, **of)
+    what = scenario or Scenario()
+    what = what.model_copy(update={"controller": what.controller.completed(bearing)})
     match kind:
         case "estimator":
             parts = _estimator(filter_)
         case "plant":
-            parts = _plant(bearing)
+            parts = _plant(bearing, flown.starts_at(bearing, what))
         case "closed-loop":
-            parts = _loop(filter_, (controller or PID()).completed(bearing))
+            parts = _whole_loop(filter_, what) if flown.is_whole(what) else _loop(filter_, what)
         case "controller":
-            parts = _controller(bearing, (controller or PID()).completed(bearing))
+            parts = _regulator(filter_, what) if flown.is_whole(what) else _pid(bearing, what)
+        case "whole-controller":
+            parts = _whole(filter_, what)
     made = _content(bearing, kind, fmi, parts, token="")
     token = _token(made.files)
     made = _content(bearing, kind, fmi, parts, token)
@@ -145,6 +163,7 @@ class _Parts(NamedTuple):
     """What differs from kind to kind."""
 
     about: str
+    model: str  # by its name in C
     variables: tuple[Variable, ...]
     data: dict[str, str]  # the data files
     estimator: Estimator | None
@@ -153,48 +172,66 @@ class _Parts(NamedTuple):
 def _estimator(estimator: Estimator) -> _Parts:
     return _Parts(
         f"The {estimator.name} of bearing {estimator.bearing.name}",
+        "estimator",
         variables.of_estimator(estimator),
         sources.data_files("estimator", filter=sources.filter_data(estimator)),
         estimator,
     )
 
 
-def _plant(bearing: Bearing) -> _Parts:
+def _plant(bearing: Bearing, place: float) -> _Parts:
+    told = variables.of_plant(bearing, place)
+    sizes = sources.nominals(bearing, [v.rate_of for v in told if v.rate_of])
     return _Parts(
         f"Bearing {bearing.name}: amplifier, magnet, rotor and sensor",
-        variables.of_plant(bearing),
-        sources.data_files("plant", rig=sources.rig_data(bearing)),
+        model := "plant" if sizes else "late-plant",
+        told,
+        sources.data_files(model, rig=sources.rig_data(bearing), nominals=sizes),
         None,
     )
 
 
-def _controller(bearing: Bearing, controller: PID) -> _Parts:
+def _pid(bearing: Bearing, scenario: Scenario) -> _Parts:
+    controller = scenario.controller
     estimate = controller.feedback == "estimate"
     return _Parts(
         f"The PID controller of bearing {bearing.name}, fed by "
         + ("an estimator" if estimate else "the sensor"),
+        "pid",
         variables.of_controller(bearing, controller),
         sources.data_files(
-            "controller",
+            "pid",
             pid=sources.pid_data(bearing, controller),
             feedback_estimate=estimate,
-            alone={
-                "k_ui": data.number(bearing.amplifier.gain, "double"),
-                "K_sen": data.number(1.0 if estimate else bearing.sensor.gain, "double"),
-            },
+            k_ui=data.number(bearing.amplifier.gain, "double"),
+            K_sen=data.number(1.0 if estimate else bearing.sensor.gain, "double"),
         ),
         None,
     )
 
 
-def _loop(estimator: Estimator, controller: PID) -> _Parts:
+def _regulator(estimator: Estimator, scenario: Scenario) -> _Parts:
     bearing = estimator.bearing
+    controller = Controller(bearing, estimator, scenario.controller, scenario.sequence)
+    current = flown.hovers_at(bearing)
+    return _Parts(
+        f"The {_called(scenario.controller)} of bearing {bearing.name}, fed by an estimator",
+        "regulator",
+        variables.of_regulator(estimator, current, controller.integral(current, 0.0)),
+        sources.data_files("regulator", **flown.law_data(controller)),
+        None,
+    )
+
+
+def _loop(estimator: Estimator, scenario: Scenario) -> _Parts:
+    bearing, controller = estimator.bearing, scenario.controller
     feeds = f"the {estimator.name}" if controller.feedback == "estimate" else "the sensor"
     return _Parts(
         f"Bearing {bearing.name}, held by a PID controller that {feeds} feeds",
+        "loop-pid",
         variables.of_loop(estimator, controller),
         sources.data_files(
-            "closed-loop",
+            "loop-pid",
             filter=sources.filter_data(estimator),
             rig=sources.rig_data(bearing),
             pid=sources.pid_data(bearing, controller),
@@ -202,6 +239,44 @@ def _loop(estimator: Estimator, controller: PID) -> _Parts:
         ),
         estimator,
     )
+
+
+def _whole_loop(estimator: Estimator, scenario: Scenario) -> _Parts:
+    bearing, of = estimator.bearing, flown.flown(estimator, scenario)
+    return _Parts(
+        f"Bearing {bearing.name}, held by its whole controller: {estimator.name}, "
+        + _called(scenario.controller),
+        "loop-flight",
+        variables.of_loop(estimator, scenario.controller, of),
+        sources.data_files(
+            "loop-flight",
+            filter=sources.filter_data(estimator),
+            rig=sources.rig_data(bearing),
+            **flown.flown_data(of, "double"),
+        ),
+        estimator,
+    )
+
+
+def _whole(estimator: Estimator, scenario: Scenario) -> _Parts:
+    of, precision = flown.flown(estimator, scenario), sources.precision_of(estimator)
+    return _Parts(
+        f"The whole controller of bearing {estimator.bearing.name}: {estimator.name}, "
+        + _called(scenario.controller),
+        "flight",
+        variables.of_whole(estimator, of),
+        sources.data_files(
+            "flight", filter=sources.filter_data(estimator), **flown.flown_data(of, precision)
+        ),
+        estimator,
+    )
+
+
+def _called(controller: PID) -> str:
+    """Return what a controller is, in words."""
+    if controller.type == "lqg":
+        return "linear-quadratic regulator"
+    return "PID controller" + (" with feed-forward" if needs_states(controller) else "")
 
 
 class _Content(NamedTuple):
@@ -212,7 +287,7 @@ class _Content(NamedTuple):
 
 def _content(bearing: Bearing, kind: Kind, fmi: Fmi, parts: _Parts, token: str) -> _Content:
     """Return all texts of the FMU, with the token in them."""
-    fixed = sources.model_files(kind, fmi) | parts.data
+    fixed = sources.model_files(parts.model, fmi) | parts.data
     fixed |= sources.library_files(fixed, parts.estimator)
     compiled = sources.compiled_files([*fixed, "description.c"])
     model = Model(
@@ -225,7 +300,7 @@ def _content(bearing: Bearing, kind: Kind, fmi: Fmi, parts: _Parts, token: str) 
         variables=parts.variables,
         sources=compiled,
     )
-    in_sources = fixed | sources.description_files(kind, model)
+    in_sources = fixed | sources.description_files(parts.model, model)
     files = {f"sources/{name}": text for name, text in in_sources.items()}
     files["modelDescription.xml"] = xml.model_description(model, fmi)
     if fmi == 3:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from importlib.metadata import distribution, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,14 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambkit.base import escaping
-from ambkit.base.errors import AmbkitError
 from ambkit.export import core
 from ambkit.export.c import data
 from ambkit.export.c.data import MAGNETS, CPrecision
 from ambkit.export.c.model import LOOPS, InC, in_c
-from ambkit.export.fmu.variables import Kind
 from ambkit.export.fmu.xml import Fmi, Model
-from ambkit.machine.magnets import MagnetModel, core_module, magnet_of
+from ambkit.machine.magnets import MagnetModel, core_module, magnet_of, own_time
 from ambkit.simulation import parts
 from ambkit.simulation.scenario import PID, Scenario
 
@@ -28,12 +26,18 @@ if TYPE_CHECKING:
 
 _PRECISION = "include/ambkit/precision.h"
 _HERE = Path(__file__).parent
-_MODELS: dict[Kind, tuple[str, ...]] = {
+_IN_LOOP = ("loop_model", "estimates", "filter", "rig")
+_MODELS: dict[str, tuple[str, ...]] = {
     "estimator": ("estimator_model", "filter"),
-    "plant": ("plant_model", "rig"),
-    "closed-loop": ("loop_model", "filter", "rig"),
-    "controller": ("controller_model",),
+    "plant": ("plant_model", "rig", "plant_exchange", "exchange"),
+    "late-plant": ("plant_model", "rig", "plant_alone"),
+    "loop-pid": (*_IN_LOOP, "loop_pid"),
+    "loop-flight": (*_IN_LOOP, "loop_flight", "flight"),
+    "pid": ("controller_model",),
+    "regulator": ("regulator_model",),
+    "flight": ("flight_model", "estimates", "filter", "flight"),
 }
+"""What there is in C, the one that defines the model's struct first."""
 _STANDARD: dict[Fmi, tuple[str, ...]] = {
     2: ("fmi2FunctionTypes.h", "fmi2Functions.h", "fmi2TypesPlatform.h"),
     3: ("fmi3FunctionTypes.h", "fmi3Functions.h", "fmi3PlatformTypes.h"),
@@ -102,11 +106,16 @@ def _sources_of(names: Iterable[str]) -> set[str]:
     return {file for file in files if (core.folder() / file).is_file()}
 
 
-def model_files(kind: Kind, fmi: Fmi) -> dict[str, str]:
+def model_files(model: str, fmi: Fmi) -> dict[str, str]:
     """Return the hand-written C around the core, and the standard's headers."""
-    own = ["model.h", "instance.h", "instance.c", f"fmi{fmi}.c"]
-    own += [f"{stem}{ending}" for stem in _MODELS[kind] for ending in (".h", ".c")]
-    texts = {file: (_HERE / "c" / file).read_text(encoding="utf-8") for file in own}
+    stems = ["model", "instance", f"fmi{fmi}", *_MODELS[model]]
+    if "exchange" in stems:
+        stems.append(f"fmi{fmi}_exchange")
+    else:
+        stems += ["no_exchange", f"fmi{fmi}_no_exchange"]
+    own = [f"{stem}{ending}" for stem in stems for ending in (".h", ".c")]
+    there = [_HERE / "c" / file for file in own if (_HERE / "c" / file).is_file()]
+    texts = {file.name: file.read_text(encoding="utf-8") for file in there}
     for file in _STANDARD[fmi]:
         texts[file] = (_HERE / "standard" / file).read_text(encoding="utf-8")
     return texts
@@ -119,20 +128,24 @@ def licences() -> dict[str, str]:
     return texts if own is None else texts | {"license.txt": own}
 
 
-def data_files(kind: Kind, **context: Any) -> dict[str, str]:
-    """Return the files that define what the headers of this kind of model declare as data."""
-    given: dict[str, Any] = {"filter": None, "rig": None, "pid": None, "alone": None} | context
-    headers = [f"{_MODELS[kind][0]}.h"]
+_DATA = ("filter", "rig", "nominals", "pid", "law", "flown", "k_ui", "K_sen")
+
+
+def data_files(model: str, **context: Any) -> dict[str, str]:
+    """Return the files that define what the headers of this model declare as data."""
+    given: dict[str, Any] = dict.fromkeys(_DATA) | context
+    headers = [f"{stem}.h" for stem in _MODELS[model] if (_HERE / "c" / f"{stem}.h").is_file()]
     magnets = [given[part]["magnet_header"] for part in ("filter", "rig") if given[part]]
     headers += dict.fromkeys(magnets)
     known = {"version": version("ambkit"), "headers": headers}
     files = {"data.c": rendered("data.c.j2", known | given)}
     if given["filter"]:
-        files["data.h"] = rendered("data.h.j2", known | {"in_core": given["filter"]["in_core"]})
+        told = {"in_core": given["filter"]["in_core"], "flown": given["flown"]}
+        files["data.h"] = rendered("data.h.j2", known | told)
     return files
 
 
-def description_files(kind: Kind, model: Model) -> dict[str, str]:
+def description_files(kind: str, model: Model) -> dict[str, str]:
     """Return the table of the variables, in C."""
     context = {
         "kind_header": f"{_MODELS[kind][0]}.h",
@@ -140,6 +153,7 @@ def description_files(kind: Kind, model: Model) -> dict[str, str]:
         "version": model.version,
         "token": model.token,
         "sampling_time": data.number(model.sampling_time, "double"),
+        "continuous_states": len(model.rates),
     }
     return {
         "description.h": rendered("description.h.j2", context),
@@ -212,18 +226,23 @@ def rig_data(bearing: Bearing) -> dict[str, Any]:
     return magnet_data(law, "rig") | {"text": data.struct_with_arrays(fields, "double")}
 
 
-def pid_data(bearing: Bearing, controller: PID) -> str:
-    """Return a controller as an initialiser.
+def nominals(bearing: Bearing, states: Sequence[str]) -> list[float]:
+    """Return the typical size of each state of a plant in continuous time, in its unit.
 
-    Raises
-    ------
-    AmbkitError
-        It is no PID alone.
+    Parameters
+    ----------
+    bearing : Bearing
+        The plant.
+    states : sequence of str
+        Their names.
     """
-    if controller.type != "pid" or controller.feed_forward:
-        raise AmbkitError(
-            'an FMU has a PID alone: controller.type must be "pid" and controller.feed_forward 0'
-        )
+    travel = bearing.rotor.travel_limit
+    sizes = {"x": travel, "x_m": abs(bearing.sensor.gain) * travel, "v": travel / own_time(bearing)}
+    return [sizes.get(name, bearing.amplifier.current_limit) for name in states]
+
+
+def pid_data(bearing: Bearing, controller: PID) -> str:
+    """Return a PID as an initialiser."""
     fields = {
         "T": bearing.sampling_time,
         "kp": controller.kp,

@@ -10,8 +10,9 @@ from xml.etree import ElementTree
 from ambkit.base.escaping import one_line
 from ambkit.export.fmu import archive
 from ambkit.export.fmu.exporter import FmuExport, export_fmu
+from ambkit.export.fmu.variables import Kind
 from ambkit.export.fmu.xml import Fmi, written
-from ambkit.simulation.scenario import PID
+from ambkit.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing
@@ -20,14 +21,8 @@ if TYPE_CHECKING:
 _SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
 _SSC = "http://ssp-standard.org/SSP1/SystemStructureCommon"
 
-_INPUTS = {
-    "r": ("controller", "r"), "f_d": ("plant", "f_d"), "noise_u": ("plant", "noise_u"),
-    "noise_y": ("plant", "noise_y"),
-}  # fmt: skip
-_OUTPUTS = {
-    "x": ("plant", "x"), "y": ("plant", "y"), "u": ("controller", "u"),
-    "estimate_x": ("estimator", "x"), "estimate_f_d": ("estimator", "f_d"),
-}  # fmt: skip
+Wire = tuple[str, str, str, str]
+"""From an element and its output to an element and its input; an empty element is the system."""
 
 
 def export_ssp(
@@ -36,14 +31,15 @@ def export_ssp(
     out: str | Path,
     *,
     fmi: Fmi = 2,
-    controller: PID | None = None,
+    scenario: Scenario | None = None,
     **options: Any,
 ) -> tuple[FmuExport, ...]:
     """Write plant, estimator and controller, wired, as a system for importers of SSP 1.0.
 
     An importer hands values on from step to step: with a step of the sampling time the estimate
     reaches the controller one sample late and its demand the plant another, which the closed loop
-    of :func:`export_fmu` does not have.
+    of :func:`export_fmu` does not have. What lifts off and lands is one FMU with its estimator, the
+    whole controller, and switches the plant's currents.
 
     Parameters
     ----------
@@ -52,9 +48,9 @@ def export_ssp(
     out : path
         The file, ``.ssp``.
     fmi : {2, 3}
-        Of the three.
-    controller : PID, optional
-        By default tuned to the bearing, and fed by the estimator.
+        Of all of them.
+    scenario : Scenario, optional
+        Whose controller it is, as of :func:`export_fmu`.
     **options
         Of :func:`export_fmu`: estimator, filter_file.
 
@@ -63,56 +59,97 @@ def export_ssp(
     AmbkitError
         There is no C compiler, or the file cannot be written.
     """
-    pid = (controller or PID()).completed(bearing)
-    kinds: tuple[Any, ...] = ("plant", "estimator", "controller")
+    what = scenario or Scenario()
+    whole = what.sequence is not None
+    kinds: dict[str, Kind] = {"plant": "plant", "controller": "controller"}
+    kinds |= {"controller": "whole-controller"} if whole else {"estimator": "estimator"}
     with tempfile.TemporaryDirectory() as place:
-        made = tuple(
-            export_fmu(
+        made = {
+            element: export_fmu(
                 bearing,
                 magnet,
-                Path(place) / f"{kind}.fmu",
+                Path(place) / f"{element}.fmu",
                 kind=kind,
                 fmi=fmi,
-                controller=pid,
+                scenario=what,
                 **options,
             )
-            for kind in kinds
-        )
-        content = {f"resources/{one.path.name}": one.path.read_bytes() for one in made}
-    described = description(bearing.name, estimate=pid.feedback == "estimate")
-    archive.write(Path(out), content | {"SystemStructure.ssd": described.encode()})
-    return made
+            for element, kind in kinds.items()
+        }
+        content = {f"resources/{one.path.name}": one.path.read_bytes() for one in made.values()}
+    estimate = what.controller.feedback == "estimate"
+    wires = _two() if whole else _three(made["controller"], estimate=estimate)
+    content["SystemStructure.ssd"] = description(bearing.name, wires).encode()
+    archive.write(Path(out), content)
+    return tuple(made.values())
 
 
-def description(name: str, *, estimate: bool) -> str:
-    """Write ``SystemStructure.ssd``; `estimate`: the estimator feeds the controller."""
-    fed = [("estimator", "x", "controller", "x"), ("estimator", "v", "controller", "v")]
-    wires = [
+def _three(controller: FmuExport, *, estimate: bool) -> list[Wire]:
+    """Return the wires of plant, estimator and controller; `estimate`: it is what feeds it."""
+    names = controller.variables
+    states = names[names.index("r") + 1 : names.index("u")]
+    fed: list[Wire] = [("estimator", name, "controller", name) for name in states]
+    return [
         ("plant", "y", "estimator", "y"),
         ("controller", "u", "plant", "u"),
         ("controller", "u", "estimator", "u"),
         *(fed if estimate else [("plant", "y", "controller", "x")]),
+        *_outside(("r",)),
+        ("estimator", "x", "", "estimate_x"),
+        ("estimator", "f_d", "", "estimate_f_d"),
     ]
-    outside = [("", name, *inner) for name, inner in _INPUTS.items()]
-    outside += [(*inner, "", name) for name, inner in _OUTPUTS.items()]
+
+
+def _two() -> list[Wire]:
+    """Return the wires of a plant and a whole controller."""
+    return [
+        ("plant", "y", "controller", "y"),
+        ("controller", "u", "plant", "u"),
+        ("controller", "on", "plant", "on"),
+        *_outside(("r", "fly")),
+        ("controller", "mode", "", "mode"),
+        ("controller", "estimate.x", "", "estimate_x"),
+        ("controller", "estimate.f_d", "", "estimate_f_d"),
+    ]
+
+
+def _outside(to_controller: tuple[str, ...]) -> list[Wire]:
+    """Return the wires of the system's own inputs and outputs that all have."""
+    inputs = [("", name, "controller", name) for name in to_controller]
+    inputs += [("", name, "plant", name) for name in ("f_d", "noise_u", "noise_y")]
+    outputs = [("plant", "x", "", "x"), ("plant", "y", "", "y"), ("controller", "u", "", "u")]
+    return inputs + outputs
+
+
+def description(name: str, wires: list[Wire]) -> str:
+    """Write ``SystemStructure.ssd``.
+
+    Parameters
+    ----------
+    name : str
+        Of the system.
+    wires : list of (str, str, str, str)
+        From an element and its output to an element and its input; an empty element is the system.
+    """
     for prefix, uri in (("ssd", _SSD), ("ssc", _SSC)):
         ElementTree.register_namespace(prefix, uri)
     root = ElementTree.Element(
         f"{{{_SSD}}}SystemStructureDescription", {"version": "1.0", "name": one_line(name)}
     )
     system = _under(root, "System", name="system")
-    _connectors(system, {name: "input" for name in _INPUTS} | {n: "output" for n in _OUTPUTS})
+    own = {wire[1]: "input" for wire in wires if not wire[0]}
+    _connectors(system, own | {wire[3]: "output" for wire in wires if not wire[2]})
     elements = _under(system, "Elements")
-    for kind in ("plant", "controller", "estimator"):
-        ends = {wire[1]: "output" for wire in [*wires, *outside] if wire[0] == kind}
-        ends |= {wire[3]: "input" for wire in [*wires, *outside] if wire[2] == kind}
+    for element in dict.fromkeys(wire[0] for wire in wires if wire[0]):
+        ends = {wire[1]: "output" for wire in wires if wire[0] == element}
+        ends |= {wire[3]: "input" for wire in wires if wire[2] == element}
         component = _under(
-            elements, "Component", name=kind, type="application/x-fmu-sharedlibrary",
-            source=f"resources/{kind}.fmu",
+            elements, "Component", name=element, type="application/x-fmu-sharedlibrary",
+            source=f"resources/{element}.fmu",
         )  # fmt: skip
         _connectors(component, ends)
     connections = _under(system, "Connections")
-    for start, output, end, given in [*wires, *outside]:
+    for start, output, end, given in wires:
         words = {"startConnector": output, "endConnector": given}
         words |= {"startElement": start} if start else {}
         words |= {"endElement": end} if end else {}

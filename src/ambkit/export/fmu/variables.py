@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 from ambkit.export.c.model import states
 
 if TYPE_CHECKING:
     from ambkit.estimate.base import Estimator
+    from ambkit.export.fmu.flown import Flown
     from ambkit.machine.bearing import Bearing
     from ambkit.simulation.scenario import PID
 
-Kind = Literal["estimator", "plant", "closed-loop", "controller"]
-Role = Literal["time", "fixed", "tunable", "input", "output"]
+Kind = Literal["estimator", "plant", "closed-loop", "controller", "whole-controller"]
+Role = Literal["time", "fixed", "tunable", "input", "output", "local"]
 Limit = Literal["any", "not negative", "positive", "losable"]
 
 
@@ -25,8 +28,9 @@ class Variable:
     ----------
     name : str
         As the importer shows it.
-    role : {"time", "fixed", "tunable", "input", "output"}
-        Fixed parameters hold from the start, tunable ones can be changed between steps.
+    role : {"time", "fixed", "tunable", "input", "output", "local"}
+        Fixed parameters hold from the start, tunable ones can be changed between steps; local is
+        what only importers that integrate ask for.
     unit : str
         As in `UNITS`; empty for integers.
     about : str
@@ -39,6 +43,10 @@ class Variable:
         Inputs and parameters that an output follows at once, not with the next step.
     held : bool
         Changes only with a sample.
+    rate_of : str
+        State whose derivative it is.
+    event : bool
+        Whether an event begins where its sign changes.
     """
 
     name: str
@@ -49,6 +57,8 @@ class Variable:
     limit: Limit = "any"
     follows: tuple[str, ...] = ()
     held: bool = False
+    rate_of: str = ""
+    event: bool = False
 
     @property
     def integer(self) -> bool:
@@ -58,7 +68,7 @@ class Variable:
     @property
     def reference(self) -> str:
         """Name of its value reference in C."""
-        return "VR_" + self.name.replace(".", "_")
+        return "VR_" + re.sub(r"\W", "_", self.name)
 
 
 UNITS: dict[str, dict[str, int]] = {
@@ -67,8 +77,10 @@ UNITS: dict[str, dict[str, int]] = {
     "m": {"m": 1},
     "m2": {"m": 2},
     "m/s": {"m": 1, "s": -1},
+    "m/s2": {"m": 1, "s": -2},
     "kg": {"kg": 1},
     "A": {"A": 1},
+    "A/s": {"A": 1, "s": -1},
     "A/m": {"A": 1, "m": -1},
     "A/(m.s)": {"A": 1, "m": -1, "s": -1},
     "A.s/m": {"A": 1, "m": -1, "s": 1},
@@ -148,32 +160,67 @@ def _variances(estimator: Estimator) -> list[Variable]:
     ]
 
 
-def of_plant(bearing: Bearing) -> tuple[Variable, ...]:
-    """Return the variables of a plant."""
-    return (
+def of_plant(bearing: Bearing, place: float = 0.0) -> tuple[Variable, ...]:
+    """Return the variables of a plant that starts at this place [m]."""
+    shown = ("noise_y", "fault_y_gain", "fault_y_offset", "fault_frozen")
+    known = (
         TIME,
         Variable("u", "input", "V", "control signal"),
+        Variable("on", "input", "1", "currents, that of the bias too: from 0.5 on", 1.0),
         Variable("f_d", "input", "N", "disturbance force"),
         *_noises(bearing),
         *_faults(),
         *_truth(),
-        Variable(
-            "y",
-            "output",
-            "m",
-            "measured position: x_m and noise_y, with the sensor's faults",
-            follows=("noise_y", "fault_y_gain", "fault_y_offset", "fault_frozen"),
-        ),
+        Variable("y", "output", "m", "measured position: x_m and noise_y, with the sensor's faults",
+                 follows=shown),
         *_forced(),
-        *_rig(bearing),
-    )
+    )  # fmt: skip
+    if not in_continuous_time(bearing):
+        return (*known, *_rig(bearing, place))
+    more = tuple(_continuous(bearing))
+    flowing = (each.name for each in more if each.name.startswith("i_"))
+    current = ("u", "on", "noise_u", "fault_u_gain", "fault_current", *flowing)
+    states = {"x": ("x",), "v": ("v",), "x_m": ("x_m",), "y": ("x_m",), "iu": current,
+              "f_mag": ("x", *current)}  # fmt: skip
+    with_states = (replace(v, follows=(*v.follows, *states.get(v.name, ()))) for v in known)
+    return (*with_states, *more, *_rig(bearing, place))
 
 
-def of_loop(estimator: Estimator, controller: PID) -> tuple[Variable, ...]:
-    """Return the variables of a closed loop."""
+def in_continuous_time(bearing: Bearing) -> bool:
+    """Say whether a plant is one of differential equations: a dead time is not.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        The plant.
+    """
+    return bearing.delay is None
+
+
+def _continuous(bearing: Bearing) -> Iterator[Variable]:
+    """Currents that are states, the rates of all states, and what begins events."""
+    amplifier = bearing.amplifier
+    states = {"x": "m/s", "v": "m/s2", "x_m": "m/s"}
+    if amplifier.bandwidth is not None:
+        pair = amplifier.voltage_limit is not None and bearing.magnet.type == "two-sided"
+        for k in range(1 + pair):
+            states[f"i_{k}"] = "A/s"
+            yield Variable(f"i_{k}", "local", "A", f"control current of coil {k}")
+    for name, unit in states.items():
+        yield Variable(f"der({name})", "local", unit, f"rate of {name}", rate_of=name)
+    for k, side in enumerate(("+x", "-x")):
+        about = f"way to the stop at {side} [m]; on a stop, what presses the rotor there"
+        yield Variable(f"event_{k}", "local", "1", about, event=True)
+
+
+def of_loop(
+    estimator: Estimator, controller: PID, flown: Flown | None = None
+) -> tuple[Variable, ...]:
+    """Return the variables of a closed loop; `flown`: the whole controller in it, if it has one."""
     return (
         TIME,
         Variable("r", "input", "m", "position that is demanded"),
+        *_wanted(flown),
         Variable("f_d", "input", "N", "disturbance force"),
         *_noises(estimator.bearing),
         *_truth(),
@@ -181,14 +228,73 @@ def of_loop(estimator: Estimator, controller: PID) -> tuple[Variable, ...]:
         Variable("u", "output", "V", "control signal", held=True),
         *_forced(),
         *_estimates("estimate.", estimator),
-        *_rig(estimator.bearing),
+        *_mode(flown),
+        *_rig(estimator.bearing, 0.0 if flown is None else flown.place),
         *_variances(estimator),
-        *_controller(estimator.bearing, controller),
+        *(_gains(controller, estimator.bearing) if flown is None else [_current(flown.current)]),
     )
 
 
+def of_whole(estimator: Estimator, flown: Flown) -> tuple[Variable, ...]:
+    """Return the variables of a whole controller."""
+    pair = flown.controller.coils == 2
+    coils = ("the coil towards +x", "the other coil") if pair else ("the coil",)
+    return (
+        TIME,
+        Variable("y", "input", "m", "measured position; NaN: lost", limit="losable"),
+        Variable("r", "input", "m", "position that is demanded", limit="losable"),
+        *_wanted(flown),
+        *(
+            Variable(f"coil_{k}", "output", "A", f"current of {coil}", held=True)
+            for k, coil in enumerate(coils)
+        ),
+        Variable("u", "output", "V", "control signal", held=True),
+        Variable("iu", "output", "A", "control current that is demanded", held=True),
+        Variable("on", "output", "1", "1 where there are currents, else 0", held=True),
+        Variable("status", "output", "", "sum of flags, of estimator and controller", held=True),
+        *_mode(flown),
+        *_estimates("estimate.", estimator),
+        *_variances(estimator),
+        _place(flown.place),
+        _current(flown.current),
+    )
+
+
+def _wanted(flown: Flown | None) -> list[Variable]:
+    if flown is None or flown.controller.sequence is None:
+        return []
+    return [Variable("fly", "input", "1", "whether it is to fly: from 0.5 on", 1.0)]
+
+
+def _mode(flown: Flown | None) -> list[Variable]:
+    if flown is None or flown.controller.sequence is None:
+        return []
+    about = "0 off, 1 waiting, 2 lifting, 3 flying, 4 landing, 5 tripped"
+    return [Variable("mode", "output", "", about, held=True)]
+
+
+def of_regulator(estimator: Estimator, current: float, integral: float) -> tuple[Variable, ...]:
+    """Return the variables of a controller of all states, that starts with these [A]."""
+    at_rest = estimator.at_rest(0.0, current=current)
+    described = zip(states(estimator.states), estimator.states, at_rest, strict=True)
+    return (
+        TIME,
+        Variable("r", "input", "m", "position that is demanded"),
+        *(
+            Variable(
+                state.field, "input", each.unit, f"estimated {each.role}", float(start),
+                limit="losable",
+            )
+            for state, each, start in described
+        ),
+        Variable("u", "output", "V", "control signal", held=True),
+        _current(current),
+        Variable("start_integral", "fixed", "A", "of the controller, in flight", integral),
+    )  # fmt: skip
+
+
 def of_controller(bearing: Bearing, controller: PID) -> tuple[Variable, ...]:
-    """Return the variables of a controller."""
+    """Return the variables of a PID."""
     fed = "estimated displacement" if controller.feedback == "estimate" else "measured position"
     return (
         TIME,
@@ -198,7 +304,7 @@ def of_controller(bearing: Bearing, controller: PID) -> tuple[Variable, ...]:
             "v", "input", "m/s", "estimated velocity, where an estimator feeds it", limit="losable"
         ),
         Variable("u", "output", "V", "control signal", held=True),
-        *_controller(bearing, controller),
+        *_gains(controller, bearing),
     )
 
 
@@ -251,10 +357,18 @@ def _forced() -> list[Variable]:
     ]
 
 
-def _rig(bearing: Bearing) -> list[Variable]:
+def _place(x: float) -> Variable:
+    return Variable("start_position", "fixed", "m", "displacement at the start", x)
+
+
+def _current(current: float) -> Variable:
+    return Variable("start_current", "fixed", "A", "demanded until the start", current)
+
+
+def _rig(bearing: Bearing, place: float = 0.0) -> list[Variable]:
     mass, constant = bearing.rotor.mass, bearing.magnet.magnet_constant
     return [
-        Variable("start_position", "fixed", "m", "displacement at the start"),
+        _place(place),
         Variable("mass", "tunable", "kg", "mass of the rotor", mass, "positive"),
         Variable(
             "magnet_constant",
@@ -267,7 +381,7 @@ def _rig(bearing: Bearing) -> list[Variable]:
     ]
 
 
-def _controller(bearing: Bearing, controller: PID) -> list[Variable]:
+def _gains(controller: PID, bearing: Bearing) -> list[Variable]:
     from ambkit.machine.hovering import hover_current
     from ambkit.machine.magnets import magnet_of
 

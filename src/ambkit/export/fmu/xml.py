@@ -53,10 +53,21 @@ class Model:
     variables: Sequence[Variable]
     sources: Sequence[str]
 
+    @property
+    def rates(self) -> list[Variable]:
+        """Derivatives of its states, where an importer may integrate it."""
+        return [variable for variable in self.variables if variable.rate_of]
+
+    @property
+    def events(self) -> list[Variable]:
+        """What events begin with."""
+        return [variable for variable in self.variables if variable.event]
+
 
 def model_description(model: Model, fmi: Fmi) -> str:
     """Write ``modelDescription.xml``."""
     token = {2: "guid", 3: "instantiationToken"}[fmi]
+    indicators = {"numberOfEventIndicators": str(len(model.events))} if fmi == 2 else {}
     root = ElementTree.Element(
         "fmiModelDescription",
         {
@@ -66,8 +77,11 @@ def model_description(model: Model, fmi: Fmi) -> str:
             "description": model.about,
             "generationTool": f"ambkit {model.version}",
             "variableNamingConvention": "structured",
-        },
+        }
+        | (indicators if model.events else {}),
     )
+    if model.rates:
+        _interface(root, "ModelExchange", model, fmi, {})
     _co_simulation(root, model, fmi)
     _units(root, model.variables)
     categories = ElementTree.SubElement(root, "LogCategories")
@@ -77,7 +91,9 @@ def model_description(model: Model, fmi: Fmi) -> str:
     ElementTree.SubElement(root, "DefaultExperiment", startTime="0.0", stepSize=step)
     variables = ElementTree.SubElement(root, "ModelVariables")
     for reference, variable in enumerate(model.variables):
-        (_variable_2 if fmi == 2 else _variable_3)(variables, reference, variable)
+        at = _places(model.variables, 1 if fmi == 2 else 0)
+        rate = {"derivative": at[variable.rate_of]} if variable.rate_of else {}
+        (_variable_2 if fmi == 2 else _variable_3)(variables, reference, variable, rate)
     (_structure_2 if fmi == 2 else _structure_3)(root, model.variables)
     return written(root)
 
@@ -97,19 +113,25 @@ def build_description(model: Model) -> str:
 
 
 def _co_simulation(root: ElementTree.Element, model: Model, fmi: Fmi) -> None:
+    own = {"canHandleVariableCommunicationStepSize": "true"}
+    if fmi == 3:
+        own["fixedInternalStepSize"] = _text(model.sampling_time)
+    _interface(root, "CoSimulation", model, fmi, own)
+
+
+def _interface(
+    root: ElementTree.Element, name: str, model: Model, fmi: Fmi, own: Mapping[str, str]
+) -> None:
     state = "FMUstate" if fmi == 2 else "FMUState"
     attributes = {
         "modelIdentifier": model.identifier,
-        "canHandleVariableCommunicationStepSize": "true",
+        **own,
         f"canGetAndSet{state}": "true",
         f"canSerialize{state}": "true",
     }
-    attributes |= (
-        {"canNotUseMemoryManagementFunctions": "true"}
-        if fmi == 2
-        else {"fixedInternalStepSize": _text(model.sampling_time)}
-    )
-    element = ElementTree.SubElement(root, "CoSimulation", attributes)
+    if fmi == 2:
+        attributes["canNotUseMemoryManagementFunctions"] = "true"
+    element = ElementTree.SubElement(root, name, attributes)
     if fmi == 2:
         files = ElementTree.SubElement(element, "SourceFiles")
         for name in model.sources:
@@ -139,7 +161,8 @@ def _common(reference: int, variable: Variable) -> dict[str, str]:
         "causality": _CAUSALITY.get(variable.role, variable.role),
         "variability": variability,
     }
-    return attributes | ({"initial": "calculated"} if variable.role == "output" else {})
+    calculated = variable.role in ("output", "local")
+    return attributes | ({"initial": "calculated"} if calculated else {})
 
 
 def _number(variable: Variable) -> dict[str, str]:
@@ -147,48 +170,72 @@ def _number(variable: Variable) -> dict[str, str]:
     attributes = {} if variable.integer else {"unit": variable.unit}
     if variable.limit in ("not negative", "positive"):
         attributes["min"] = "0.0"
-    if variable.role not in ("time", "output"):
+    if variable.role not in ("time", "output", "local"):
         attributes["start"] = _text(variable.start)
     return attributes
 
 
-def _variable_2(parent: ElementTree.Element, reference: int, variable: Variable) -> None:
+def _variable_2(
+    parent: ElementTree.Element, reference: int, variable: Variable, rate: dict[str, str]
+) -> None:
     element = ElementTree.SubElement(parent, "ScalarVariable", _common(reference, variable))
     kind = "Integer" if variable.integer else "Real"
-    ElementTree.SubElement(element, kind, _number(variable))
+    ElementTree.SubElement(element, kind, _number(variable) | rate)
 
 
-def _variable_3(parent: ElementTree.Element, reference: int, variable: Variable) -> None:
+def _variable_3(
+    parent: ElementTree.Element, reference: int, variable: Variable, rate: dict[str, str]
+) -> None:
     kind = "Int32" if variable.integer else "Float64"
-    ElementTree.SubElement(parent, kind, _common(reference, variable) | _number(variable))
+    ElementTree.SubElement(parent, kind, _common(reference, variable) | _number(variable) | rate)
 
 
 def _places(variables: Sequence[Variable], first: int) -> Mapping[str, str]:
     return {variable.name: str(first + i) for i, variable in enumerate(variables)}
 
 
+def _asked_first(variables: Sequence[Variable]) -> list[Variable]:
+    """Return what is calculated at the start: outputs, states and their rates."""
+    return [v for v in variables if v.role == "output" or (v.role == "local" and not v.event)]
+
+
 def _structure_2(root: ElementTree.Element, variables: Sequence[Variable]) -> None:
     structure = ElementTree.SubElement(root, "ModelStructure")
     at = _places(variables, 1)
     outputs = ElementTree.SubElement(structure, "Outputs")
-    initially = ElementTree.SubElement(structure, "InitialUnknowns")
     for output in (variable for variable in variables if variable.role == "output"):
-        index, follows = at[output.name], " ".join(at[name] for name in output.follows)
-        ElementTree.SubElement(outputs, "Unknown", index=index, dependencies=follows)
-        ElementTree.SubElement(initially, "Unknown", index=index)
+        ElementTree.SubElement(
+            outputs, "Unknown", index=at[output.name], dependencies=_follows(output, at)
+        )
+    rates = [variable for variable in variables if variable.rate_of]
+    if rates:
+        derivatives = ElementTree.SubElement(structure, "Derivatives")
+        for rate in rates:
+            ElementTree.SubElement(derivatives, "Unknown", index=at[rate.name])
+    initially = ElementTree.SubElement(structure, "InitialUnknowns")
+    for variable in _asked_first(variables):
+        ElementTree.SubElement(initially, "Unknown", index=at[variable.name])
 
 
 def _structure_3(root: ElementTree.Element, variables: Sequence[Variable]) -> None:
     structure = ElementTree.SubElement(root, "ModelStructure")
     at = _places(variables, 0)
-    outputs = [variable for variable in variables if variable.role == "output"]
-    for output in outputs:
-        follows = " ".join(at[name] for name in output.follows)
-        ElementTree.SubElement(
-            structure, "Output", valueReference=at[output.name], dependencies=follows
-        )
-    for output in outputs:
-        ElementTree.SubElement(structure, "InitialUnknown", valueReference=at[output.name])
+    unknowns = {
+        "Output": [v for v in variables if v.role == "output"],
+        "ContinuousStateDerivative": [v for v in variables if v.rate_of],
+        "InitialUnknown": _asked_first(variables),
+        "EventIndicator": [v for v in variables if v.event],
+    }
+    for name, those in unknowns.items():
+        for variable in those:
+            follows = {"dependencies": _follows(variable, at)} if name == "Output" else {}
+            told = {"valueReference": at[variable.name]} | follows
+            ElementTree.SubElement(structure, name, told)
+
+
+def _follows(output: Variable, at: Mapping[str, str]) -> str:
+    """Return what an output follows at once."""
+    return " ".join(sorted((at[name] for name in output.follows), key=int))
 
 
 def _text(value: float) -> str:

@@ -21,10 +21,10 @@ class Board(NamedTuple):
 
 
 _ARM_PACKAGES = "gcc-arm-none-eabi libnewlib-arm-none-eabi"
-_M4F = ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16")
+M4F = ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16")
 
 BOARDS = {
-    "stm32f4": Board("STM32F4, Cortex-M4F", f"{ARM}gcc", (*_M4F, "-O2"), _ARM_PACKAGES),
+    "stm32f4": Board("STM32F4, Cortex-M4F", f"{ARM}gcc", (*M4F, "-O2"), _ARM_PACKAGES),
     "amdc": Board(
         "AMDC, Zynq-7000, Cortex-A9", f"{ARM}gcc",
         ("-mcpu=cortex-a9", "-mfloat-abi=hard", "-mfpu=vfpv3", "-O2"), _ARM_PACKAGES,
@@ -37,7 +37,7 @@ BOARDS = {
 }  # fmt: skip
 """Boards by name, with what their projects compile with."""
 
-QEMU_BOARD = Board("Cortex-M4F in qemu", f"{ARM}gcc", (*_M4F, "-O3"), _ARM_PACKAGES)
+QEMU_BOARD = Board("Cortex-M4F in qemu", f"{ARM}gcc", (*M4F, "-O3"), _ARM_PACKAGES)
 
 
 def check(board: Board, *, run: bool = True) -> None:

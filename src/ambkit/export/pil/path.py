@@ -20,17 +20,8 @@ from typing import NamedTuple
 
 from ambkit.base.errors import AmbkitError
 from ambkit.export.pil.boards import ARM
-from ambkit.export.pil.thumb import (
-    CONDITIONS,
-    LR,
-    PC,
-    SP,
-    Instruction,
-    State,
-    Unknown,
-    execute,
-    register,
-)
+from ambkit.export.pil.registers import LR, PC, SP, State, Unknown
+from ambkit.export.pil.thumb import CONDITIONS, Instruction, execute, register
 
 MOST_ROUNDS = 5000
 """Rounds of a loop after which it is taken for one whose end depends on data."""

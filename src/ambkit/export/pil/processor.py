@@ -14,6 +14,7 @@ import numpy as np
 
 from ambkit.base.errors import AmbkitError
 from ambkit.export.pil.boards import QEMU
+from ambkit.export.pil.emulator import command
 
 PATIENCE = 60.0
 """Seconds for an answer, which takes less than one."""
@@ -51,10 +52,8 @@ class Processor:
             os.mkfifo(folder / name)
             # For both directions: opening does not wait for the other end.
             self._pipes.append(os.open(folder / name, os.O_RDWR))
-        machine = ("-M", "mps2-an386", "-nographic", "-icount", "shift=0")
-        semihosting = ("-semihosting-config", "enable=on,target=native")
         self._process = subprocess.Popen(
-            [QEMU, *machine, *semihosting, "-kernel", str(image)], cwd=folder,
+            command(image), cwd=folder,
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
         )  # fmt: skip
         try:

@@ -13,6 +13,10 @@ control signal, the current depends on ``w`` alone, whatever made the control si
 unknown is a deviation that is forgotten within `FlowingCurrent.memory`; given the measurements it
 is a process of first order again. With it as a state of the filter along the position, the
 likelihood of both signals is exact for a coil whose time constant stands still.
+
+That of the current alone is not: a controller answers to what ``w`` has done to the rotor, and so
+the control tells of the current what its own measurements do not yet. So the coil found here is
+where the search of both begins (``joint.py``).
 """
 
 from __future__ import annotations
@@ -85,6 +89,8 @@ class FlowingCurrent:
         Time in which a deviation from it is forgotten [s].
     amplifier_gain : float
         Of the bearing: control current per control signal of the record [A/V].
+    coil : Coil
+        What these figures are of, in samples and volts.
     """
 
     records: Sequence[Record]
@@ -96,6 +102,7 @@ class FlowingCurrent:
     unknown: float
     memory: float
     amplifier_gain: float
+    coil: Coil
 
     @property
     def text(self) -> str:
@@ -170,19 +177,32 @@ def flowing(records: Sequence[Record], amplifier_gain: float = 1.0) -> FlowingCu
     )
     if not whole or sum(len(record) for record in records) < LEAST_SAMPLES:
         return None
-    T, scale = records[0].sampling_time, abs(amplifier_gain)
     pairs = [(record["u"], record[CONTROL]) for record in records]
     if not all(np.ptp(i) > 0 and np.ptp(u) > 0 for i, u in pairs):
         return None
     coil = _fitted(pairs)
     if coil is None or not _follows(coil, pairs):
         return None
-    settled = round(5 * coil.lag)
-    innovations = np.concatenate([coil.predicted(i, u)[1][settled:] for i, u in pairs])
-    if innovations.size < LEAST_SAMPLES / 2:
+    if sum(len(i) - coil.settled for i, _ in pairs) < LEAST_SAMPLES / 2:
         return None
-    sensor = float(np.mean(innovations**2)) / (coil.before + 1)
-    back = coil.back
+    return through(coil, records, amplifier_gain)
+
+
+def through(coil: Coil, records: Sequence[Record], amplifier_gain: float) -> FlowingCurrent:
+    """Return the current that flows where it follows the control through a coil.
+
+    Parameters
+    ----------
+    coil : Coil
+        What it follows through.
+    records : sequence of Record
+        With ``u``, a measured current, and ``control``.
+    amplifier_gain : float
+        Control current [A] for a ``u`` of 1 V.
+    """
+    T, scale, back = records[0].sampling_time, abs(amplifier_gain), coil.back
+    innovations = [coil.predicted(r["u"], r[CONTROL])[1][coil.settled :] for r in records]
+    sensor = float(np.mean(np.concatenate(innovations) ** 2)) / (coil.before + 1)
     unknown = (coil.before / (coil.before + 1) - back**2 * coil.before) / (1 - back**2)
     flows = [
         {name: r[name] for name in r} | {"u": coil.smoothed(r["u"], r[CONTROL])} for r in records
@@ -191,12 +211,12 @@ def flowing(records: Sequence[Record], amplifier_gain: float = 1.0) -> FlowingCu
         [Record(r.t, each, r.units, r.meta) for r, each in zip(records, flows, strict=True)],
         coil.gain * amplifier_gain, coil.zero * amplifier_gain, coil.lag * T, coil.delay * T,
         scale * math.sqrt(sensor), scale * math.sqrt(sensor * max(unknown, 0.0)),
-        -T / math.log(max(back, 1e-300)), amplifier_gain,
+        -T / math.log(max(back, 1e-300)), amplifier_gain, coil,
     )  # fmt: skip
 
 
 @dataclass(frozen=True)
-class _Coil:
+class Coil:
     """A coil with the stationary filter of its current, times in samples."""
 
     lag: float
@@ -206,8 +226,28 @@ class _Coil:
     stray: float
     """Variance of w, in parts of that of the sensor's noise."""
 
+    @classmethod
+    def at(cls, theta: Array) -> Coil:
+        """Return the coil at a point of the search, as `theta` has it."""
+        lag, strays = np.exp(np.clip(theta[[0, 4]], [-20, LEAST_STRAY], 20)).tolist()
+        delay, gain, zero = theta[1:4].tolist()  # below zero, too, or it would pull at the lag
+        return cls(min(lag, LONGEST_TIME), min(max(delay, -5.0), 50.0), gain, zero, strays)
+
+    @property
+    def theta(self) -> Array:
+        """Where it is in a search (5,): logarithms of lag and stray, delay, gain and zero."""
+        return np.array(
+            [math.log(self.lag), self.delay, self.gain, self.zero, math.log(self.stray)]
+        )
+
+    @property
+    def settled(self) -> int:
+        """Samples after which it no longer matters how the current began."""
+        return round(5 * self.lag)
+
     @property
     def keep(self) -> float:
+        """What a sample leaves of a deviation of the current."""
         return math.exp(-1 / self.lag)
 
     @property
@@ -221,6 +261,7 @@ class _Coil:
 
     @property
     def gain_of_filter(self) -> float:
+        """Gain of the stationary filter."""
         return self.before / (self.before + 1)
 
     @property
@@ -259,21 +300,16 @@ class _Coil:
         return np.append(backwards[::-1], last)
 
 
-def _fitted(pairs: Sequence[tuple[Array, Array]]) -> _Coil | None:
+def _fitted(pairs: Sequence[tuple[Array, Array]]) -> Coil | None:
     """Return the coil whose filter foretells the measured currents best; None where none does."""
     from scipy.optimize import least_squares
 
-    def coil(theta: Array) -> _Coil:
-        lag, strays = np.exp(np.clip(theta[[0, 4]], [-20, LEAST_STRAY], 20)).tolist()
-        delay, gain, zero = theta[1:4].tolist()  # below zero, too, or it would pull at the lag
-        return _Coil(min(lag, LONGEST_TIME), min(max(delay, -5.0), 50.0), gain, zero, strays)
-
     def misses(theta: Array) -> Array:
-        one = coil(theta)
+        one = Coil.at(theta)
         return np.concatenate([one.predicted(i, u)[1][1:] for i, u in pairs])
 
     def begin(lag: float, delay: float) -> Array:
-        driven = _Coil(lag, delay, 1.0, 0.0, 1e-9)  # by the control alone
+        driven = Coil(lag, delay, 1.0, 0.0, 1e-9)  # by the control alone
         current, unit = (
             np.concatenate(column)
             for column in zip(*((i, driven.predicted(i, u)[0]) for i, u in pairs), strict=True)
@@ -298,11 +334,11 @@ def _fitted(pairs: Sequence[tuple[Array, Array]]) -> _Coil | None:
         for theta in (begins[0], *others[:1])
     ]
     found = min(ends, key=lambda one: one.cost)
-    best = coil(found.x)
+    best = Coil.at(found.x)
     return best if best.gain > 0 and best.lag < 0.9 * LONGEST_TIME else None
 
 
-def _follows(coil: _Coil, pairs: Sequence[tuple[Array, Array]]) -> bool:
+def _follows(coil: Coil, pairs: Sequence[tuple[Array, Array]]) -> bool:
     """Whether the control signal foretells the current better than its own past (Schwarz 1978)."""
     from scipy.optimize import least_squares
 

@@ -8,6 +8,7 @@ noises as the restricted likelihood has them.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,7 @@ from ambkit.identification.maximum_likelihood.current import (
     too_quiet,
 )
 from ambkit.identification.maximum_likelihood.information import doubtful
+from ambkit.identification.maximum_likelihood.joint import Joint
 from ambkit.identification.maximum_likelihood.likelihood import Likelihood, settling_time
 from ambkit.identification.maximum_likelihood.lines import with_lines
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel, goes_on_a_line
@@ -121,7 +123,7 @@ def maximum_likelihood(
         settling = settling_time(given.bearing)
     _check_records(several, given, settling)
     asked, given = given, _movable(given, parameters)
-    current, remarks = None, []
+    current, measured, remarks = None, several, []
     if all(goes_on_a_line(record) for record in several):
         asked, given = (model.replace(line=True) for model in (asked, given))
         current = flowing(several, given.bearing.amplifier.gain) if use_control else None
@@ -129,7 +131,6 @@ def maximum_likelihood(
         note("the current that flows, from control and measurement")
         several = list(current.records)
         asked, given = (current.driving(model) for model in (asked, given))
-        remarks.append(current.text)
     elif given.line and too_quiet(several, settling_time(given.bearing)):
         remarks.append(TOO_QUIET)
     known = beforehand(given)
@@ -156,19 +157,31 @@ def maximum_likelihood(
             begin = (begin if missed else found.model).replace(sensor__hum=hum)
             found, told, missed = search.up(begin, parameters)
     parameters, held = told, held | missed
+    joint = None
+    if current is not None:
+        note("the coil, from current and position together")
+        joint = Joint(
+            measured, current, found.model, parameters, settling, current.coil.settled
+        ).climbed()
+        current, several = joint.current, list(joint.current.records)
+        found = climb(several, joint.model, parameters, settling)
+        remarks.append(current.text)
     note("correcting what is biased")
     model = restricted(several, found.model, found.local, parameters, settling)
     coordinates = Coordinates(model, parameters)
     local = Likelihood(several, coordinates, settling).local(np.zeros(len(parameters)))
     unit = np.outer(coordinates.unit_steps(), coordinates.unit_steps())
-    inverse = np.asarray(np.linalg.inv(local.information), float)
-    curved, robust = inverse * unit, inverse @ local.scatter @ inverse * unit
+    whole = replace(joint, model=model).local(local) if joint is not None else local
+    inverse = np.asarray(np.linalg.inv(whole.information), float)
+    curved, robust = inverse * unit, inverse @ whole.scatter @ inverse * unit
     larger = np.sqrt(np.maximum(np.diag(robust) / np.diag(curved), 1.0))
     covariance = curved * np.outer(larger, larger)
     profiles: dict[str, tuple[float, float]] = {}
     if profile:
         note("looking how far the errors hold")
-        profiles = intervals(several, model, parameters, inverse, larger, settling)
+        alone = np.asarray(np.linalg.inv(local.information), float)  # as if no coil were unknown
+        larger *= np.sqrt(np.diag(inverse) / np.diag(alone))
+        profiles = intervals(several, model, parameters, alone, larger, settling)
     if current is not None:
         searched, model = model, current.measuring(model)
         one = np.array([_relative(p, searched, model) for p in parameters])
@@ -188,7 +201,7 @@ def maximum_likelihood(
         robust_errors=np.sqrt(np.diag(robust)),
         covariance=covariance,
         correlation=covariance / np.outer(errors, errors),
-        told=np.diag(inverse @ local.told),
+        told=np.diag(inverse @ whole.told),
         profiles=profiles,
         touched=touched,
         remarks=remarks,

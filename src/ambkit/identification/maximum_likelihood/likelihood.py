@@ -89,9 +89,9 @@ class Likelihood:
         return self._of(self.coordinates.model_at(z))
 
     def _of(self, model: LoopModel) -> tuple[Array, Array, NDArray[np.bool_]]:
-        parts = []
+        parts, kalman = [], model.kalman()
         for record in self.records:
-            e, S, used = model.innovations(record)
+            e, S, used = model.innovations(record, kalman)
             used[: max(1, round(self.settling / record.sampling_time))] = False
             parts.append((e, S, used))
         e, S, used = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -143,8 +143,8 @@ class Likelihood:
             slopes_e.append((e_up - e_down) / max(above + below, STEP))
             slopes_S.append((S_up - S_down) / max(above + below, STEP))
         e, S = e[used], S[used]
-        by_e = np.array([slope[used] for slope in slopes_e]).reshape(z.size, -1) / np.sqrt(S)
-        by_S = np.array([slope[used] for slope in slopes_S]).reshape(z.size, -1) / S
+        by_e = np.array([slope[used] for slope in slopes_e]).reshape(z.size, S.size) / np.sqrt(S)
+        by_S = np.array([slope[used] for slope in slopes_S]).reshape(z.size, S.size) / S
         return e, S, by_e, by_S, used
 
     def _beside(self, z: Array, step: Array) -> tuple[Array, Array, NDArray[np.bool_], float]:
@@ -166,17 +166,16 @@ class Likelihood:
         r = e / np.sqrt(S)
         scores = -(by_e * r + 0.5 * by_S * (1 - r**2))
         model, told = self.coordinates.model_at(z), by_e @ by_e.T + 0.5 * by_S @ by_S.T
-        slope, known = self._known_beforehand(model)
-        own = settling_time(model.bearing) / model.bearing.sampling_time
+        slope, known = self.known_beforehand(model)
         return Local(
             _log_likelihood(e, S) + log_prior(model),
             scores.sum(axis=1) + slope,
             told + known,
-            _between_blocks(scores, round(BLOCK * own)) + known,
+            between_blocks(scores, model.bearing) + known,
             told,
         )
 
-    def _known_beforehand(self, model: LoopModel) -> tuple[Array, Array]:
+    def known_beforehand(self, model: LoopModel) -> tuple[Array, Array]:
         """Score (p,) and information (p, p) of what is known before any record."""
         unit = self.coordinates.unit_steps()
         slope, precision = np.zeros(unit.size), np.zeros(unit.size)
@@ -200,9 +199,10 @@ def _log_likelihood(e: Array, S: Array) -> float:
     return float(-0.5 * np.sum(np.log(2 * np.pi * S) + e**2 / S))
 
 
-def _between_blocks(scores: Array, length: int) -> Array:
-    """Covariance of the sum of scores (p, n), from their sums over blocks of so many samples."""
+def between_blocks(scores: Array, bearing: Bearing) -> Array:
+    """Covariance (p, p) of the sum of scores (p, n), from their sums over blocks of `BLOCK`."""
     n = scores.shape[1]
+    length = round(BLOCK * settling_time(bearing) / bearing.sampling_time)
     blocks = max(FEWEST_BLOCKS, n // max(length, 1))
     edges = np.linspace(0, n, min(blocks, n) + 1).astype(int)[:-1]
     sums = np.add.reduceat(scores, edges, axis=1)

@@ -21,8 +21,9 @@ from ambkit.estimate.kalman import KalmanFilter
 from ambkit.judge.comparison.spread import CERTAIN, Spread
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.magnets import magnet_of, own_time
+from ambkit.simulation.imposed import Imposed
 from ambkit.simulation.many import Planned
-from ambkit.simulation.run import Imposed, samples, simulate
+from ambkit.simulation.run import samples, simulate
 from ambkit.simulation.scenario import PID, Scenario
 from ambkit.simulation.waveforms import Constant, Sequence, Sine, Step
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.machine.magnets import ConstantStiffness, Precision, own_time
-from ambkit.simulation.run import Faults
+from ambkit.simulation.imposed import Faults
 
 if TYPE_CHECKING:
     from ambkit.machine.bearing import Bearing

@@ -14,7 +14,8 @@ from ambkit.estimate.estimate import Status
 from ambkit.judge.faults.declared import Channel, Fault, mixture
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.magnets import own_time
-from ambkit.simulation.run import Imposed, Run, simulate_run
+from ambkit.simulation.imposed import Imposed
+from ambkit.simulation.run import Run, simulate_run
 from ambkit.simulation.scenario import PID, Scenario
 from ambkit.simulation.waveforms import Sine
 

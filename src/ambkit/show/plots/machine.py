@@ -59,6 +59,8 @@ def machine_figure(run: MachineRun) -> Figure:
         f"The rotor at {rpm}; orbits over the whole run, and dark over its last {TURNS} "
         "revolutions; the circle is the backup bearing where it is near."
     )
+    if "mode" in record:
+        caption += " While it lies there are no currents, and no bias either."
     if on.stop is not None:
         caption += " The currents end where the power fails."
     return Figure(

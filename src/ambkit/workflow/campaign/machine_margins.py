@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ambkit.base.errors import AmbkitError
 from ambkit.estimate.batch import processors
 from ambkit.simulation.linear.settled import tells
-from ambkit.workflow.campaign.margins import GRID, LOWEST, REFINED, TOPS
+from ambkit.workflow.campaign.margins import GRID, LOWEST, top_of
 from ambkit.workflow.loop_of import LoopOf
 
 if TYPE_CHECKING:
@@ -95,14 +95,4 @@ def highest(loop: Loop, top: float) -> float:
     near = np.outer(own, [0.97, 1.0, 1.03]).ravel()
     grid = np.concatenate([np.geomspace(LOWEST * top, top, GRID), near])
     f = np.unique(np.clip(grid, LOWEST * top, top))
-    at = gain(np.broadcast_to(f, (len(residues), len(f))))
-    beside = np.pad(at, ((0, 0), (1, 1)), constant_values=-np.inf)
-    tops = np.where((at >= beside[:, :-2]) & (at >= beside[:, 2:]), at, -np.inf)
-    best = np.argsort(-tops, axis=1, kind="stable")[:, :TOPS]
-    low, high = f[np.maximum(best - 1, 0)], f[np.minimum(best + 1, len(f) - 1)]
-    share = (math.sqrt(5) - 1) / 2
-    for _ in range(REFINED):
-        a, b = high - share * (high - low), low + share * (high - low)
-        left = gain(a) > gain(b)
-        low, high = np.where(left, low, a), np.where(left, b, high)
-    return float(max(gain(0.5 * (low + high)).max(), at.max()))
+    return float(top_of(gain, np.broadcast_to(f, (len(residues), len(f)))).max())

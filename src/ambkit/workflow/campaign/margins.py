@@ -9,7 +9,7 @@ frequency.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -163,6 +163,19 @@ def highest(opened: Complex, closed: Complex, T: float, top: float) -> Array:
     own = np.abs(np.angle(closed)) / (2 * np.pi * T)
     common = np.broadcast_to(np.geomspace(LOWEST * top, top, GRID), (len(closed), GRID))
     f = np.sort(np.hstack([common, np.clip(own, LOWEST * top, top)]), axis=1)
+    return np.asarray(np.exp(top_of(gain, f)))
+
+
+def top_of(gain: Callable[[Array], Array], f: Array) -> Array:
+    """Return the highest of curves (n,), of each between the neighbours of its highest peaks.
+
+    Parameters
+    ----------
+    gain : callable
+        Gives each curve at frequencies of its own (n, k), (n, k).
+    f : ndarray (n, m)
+        Where each is looked at first, ascending.
+    """
     seen = gain(f)
     beside = np.pad(seen, ((0, 0), (1, 1)), constant_values=-np.inf)
     tops = np.where((seen >= beside[:, :-2]) & (seen >= beside[:, 2:]), seen, -np.inf)
@@ -175,4 +188,4 @@ def highest(opened: Complex, closed: Complex, T: float, top: float) -> Array:
         left = gain(a) > gain(b)
         low, high = np.where(left, low, a), np.where(left, b, high)
     refined = gain(0.5 * (low + high)).max(axis=1)
-    return np.asarray(np.exp(np.maximum(refined, seen.max(axis=1))))
+    return np.asarray(np.maximum(refined, seen.max(axis=1)))

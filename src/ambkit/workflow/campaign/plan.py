@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from importlib.metadata import version
 from pathlib import PurePath
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -317,12 +317,13 @@ class Plan:
 
     def with_design(self, estimator: Estimator, controller: PID | None) -> Plan:
         """Return the plan with another filter and another controller for all machines."""
-        other = Plan(self.study)
         scenario = self.scenario.model_copy(update={"controller": controller})
-        vars(other).update(
-            bearing=self.bearing, marginals=self.marginals, keys=self.keys, scenario=scenario,
-            estimators={self.study.estimator: estimator},
-        )  # fmt: skip
+        return self._remade(scenario=scenario, estimators={self.study.estimator: estimator})
+
+    def _remade(self, **made: Any) -> Self:
+        """Return the plan of the same machines, with other things made for them."""
+        other = type(self)(self.study)
+        vars(other).update(bearing=self.bearing, marginals=self.marginals, keys=self.keys, **made)
         return other
 
     def check(self) -> None:

@@ -174,12 +174,7 @@ class WholePlan(Plan):
 
     def with_design(self, estimator: Any, controller: Any) -> Plan:
         """Return the plan with another filter for all machines; controllers are the flight's."""
-        other = WholePlan(self.study)
-        vars(other).update(
-            bearing=self.bearing, marginals=self.marginals, keys=self.keys,
-            estimators={self.study.estimator: estimator},
-        )  # fmt: skip
-        return other
+        return self._remade(estimators={self.study.estimator: estimator})
 
     def check(self) -> None:
         """Make all that is made once, so that what cannot be is said before any run.

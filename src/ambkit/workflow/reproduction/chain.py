@@ -15,7 +15,8 @@ from ambkit.machine.stiffness import stiffness_map
 from ambkit.show.report.blocks import Chapter, FigureBlock, Remark, TableBlock, Text
 from ambkit.show.report.figure import Figure, Panel
 from ambkit.show.report.items import Axis, Item, Line, Rule, Span
-from ambkit.simulation.run import Imposed, Loop, Run, samples
+from ambkit.simulation.imposed import Imposed
+from ambkit.simulation.run import Loop, Run, samples
 from ambkit.simulation.scenario import Scenario
 from ambkit.simulation.waveforms import Sequence
 from ambkit.workflow.reproduction.study import (

@@ -1,4 +1,4 @@
-/* FMI 2.0 for co-simulation: the standard's functions, each handed on to instance.c. What they are
+/* FMI 2.0: the standard's functions, each handed on to instance.c. What they are
  * told and this model has no use for, such as a tolerance, stays unused. */
 #include "fmi2Functions.h"
 #include "instance.h"
@@ -70,9 +70,11 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
   if (instanceName != NULL)
     strncpy(c->name, instanceName, sizeof c->name - 1);
   bool good = amb_same_token(&c->instance, fmuGUID);
-  if (good && (fmuType != fmi2CoSimulation)) {
-    (void)refuse(c, "this model is for co-simulation only");
-    good = false;
+  if (good && (fmuType == fmi2ModelExchange)) {
+    good = amb_exchange != NULL;
+    c->instance.follow = amb_exchange;
+    if (!good)
+      (void)refuse(c, "this model is for co-simulation only");
   }
   if (!good) {
     free(c);

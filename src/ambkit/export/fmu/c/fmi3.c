@@ -1,7 +1,6 @@
-/* FMI 3.0 for co-simulation: the standard's functions, each handed on to instance.c. What they are
+/* FMI 3.0: the standard's functions, each handed on to instance.c. What they are
  * told and this model has no use for, such as a tolerance, stays unused. */
-#include "fmi3Functions.h"
-#include "instance.h"
+#include "fmi3.h"
 #include <stdlib.h>
 #include <string.h>
 
@@ -18,14 +17,14 @@ static void tell(const amb_instance *self, amb_answer answer, const char *text)
     c->logger(c->environment, (fmi3Status)answer, amb_category(answer), text);
 }
 
-static amb_instance *of(fmi3Instance instance)
+amb_instance *amb_fmi3_of(fmi3Instance instance)
 {
   return &((component *)instance)->instance;
 }
 
-static fmi3Status refuse(fmi3Instance instance, const char *text)
+fmi3Status amb_fmi3_refuse(fmi3Instance instance, const char *text)
 {
-  return (fmi3Status)amb_refuse(of(instance), AMB_ERROR, "%s", text);
+  return (fmi3Status)amb_refuse(amb_fmi3_of(instance), AMB_ERROR, "%s", text);
 }
 
 const char *fmi3GetVersion(void)
@@ -52,23 +51,29 @@ static component *make(fmi3InstanceEnvironment environment, fmi3LogMessageCallba
   return c;
 }
 
-/* Say that this kind of simulation is not provided. */
-static fmi3Instance not_provided(fmi3InstanceEnvironment environment, fmi3LogMessageCallback logger)
+fmi3Instance amb_fmi3_instance(fmi3String token, fmi3InstanceEnvironment environment,
+                               fmi3LogMessageCallback logger, bool exchange)
+{
+  component *c = make(environment, logger);
+  if ((c != NULL) && !amb_same_token(&c->instance, token)) {
+    free(c);
+    c = NULL;
+  }
+  if (c != NULL) {
+    c->instance.follow = exchange ? amb_exchange : NULL;
+    amb_reset(&c->instance);
+  }
+  return c;
+}
+
+fmi3Instance amb_fmi3_not_provided(fmi3InstanceEnvironment environment,
+                                   fmi3LogMessageCallback logger)
 {
   component *c = make(environment, logger);
   if (c != NULL)
-    (void)refuse(c, "this model is for co-simulation only, without event mode");
+    (void)amb_fmi3_refuse(c, "this model is for co-simulation only, without event mode");
   free(c);
   return NULL;
-}
-
-fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String instantiationToken,
-                                          fmi3String resourcePath, fmi3Boolean visible,
-                                          fmi3Boolean loggingOn,
-                                          fmi3InstanceEnvironment instanceEnvironment,
-                                          fmi3LogMessageCallback logMessage)
-{
-  return not_provided(instanceEnvironment, logMessage);
 }
 
 fmi3Instance fmi3InstantiateScheduledExecution(
@@ -77,7 +82,7 @@ fmi3Instance fmi3InstantiateScheduledExecution(
     fmi3LogMessageCallback logMessage, fmi3ClockUpdateCallback clockUpdate,
     fmi3LockPreemptionCallback lockPreemption, fmi3UnlockPreemptionCallback unlockPreemption)
 {
-  return not_provided(instanceEnvironment, logMessage);
+  return amb_fmi3_not_provided(instanceEnvironment, logMessage);
 }
 
 fmi3Instance fmi3InstantiateCoSimulation(
@@ -88,15 +93,8 @@ fmi3Instance fmi3InstantiateCoSimulation(
     fmi3LogMessageCallback logMessage, fmi3IntermediateUpdateCallback intermediateUpdate)
 {
   if (eventModeUsed)
-    return not_provided(instanceEnvironment, logMessage);
-  component *c = make(instanceEnvironment, logMessage);
-  if ((c != NULL) && !amb_same_token(&c->instance, instantiationToken)) {
-    free(c);
-    c = NULL;
-  }
-  if (c != NULL)
-    amb_reset(&c->instance);
-  return c;
+    return amb_fmi3_not_provided(instanceEnvironment, logMessage);
+  return amb_fmi3_instance(instantiationToken, instanceEnvironment, logMessage, false);
 }
 
 void fmi3FreeInstance(fmi3Instance instance)
@@ -110,22 +108,22 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean tolera
                                        fmi3Float64 tolerance, fmi3Float64 startTime,
                                        fmi3Boolean stopTimeDefined, fmi3Float64 stopTime)
 {
-  return (fmi3Status)amb_enter_initialization(of(instance), startTime);
+  return (fmi3Status)amb_enter_initialization(amb_fmi3_of(instance), startTime);
 }
 
 fmi3Status fmi3ExitInitializationMode(fmi3Instance instance)
 {
-  return (fmi3Status)amb_exit_initialization(of(instance));
+  return (fmi3Status)amb_exit_initialization(amb_fmi3_of(instance));
 }
 
 fmi3Status fmi3Terminate(fmi3Instance instance)
 {
-  return (fmi3Status)amb_terminate(of(instance));
+  return (fmi3Status)amb_terminate(amb_fmi3_of(instance));
 }
 
 fmi3Status fmi3Reset(fmi3Instance instance)
 {
-  amb_reset(of(instance));
+  amb_reset(amb_fmi3_of(instance));
   return fmi3OK;
 }
 
@@ -136,11 +134,11 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
                       fmi3Boolean *earlyReturn, fmi3Float64 *lastSuccessfulTime)
 {
   const amb_answer answer =
-      amb_do_step(of(instance), currentCommunicationPoint, communicationStepSize);
+      amb_do_step(amb_fmi3_of(instance), currentCommunicationPoint, communicationStepSize);
   *eventHandlingNeeded = fmi3False;
   *terminateSimulation = fmi3False;
   *earlyReturn = fmi3False;
-  *lastSuccessfulTime = amb_time(of(instance));
+  *lastSuccessfulTime = amb_time(amb_fmi3_of(instance));
   return (fmi3Status)answer;
 }
 
@@ -150,30 +148,30 @@ fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference valueR
                           size_t nValueReferences, fmi3Float64 values[], size_t nValues)
 {
   if (nValues != nValueReferences)
-    return refuse(instance, "as many values as value references are expected");
-  return (fmi3Status)amb_get_reals(of(instance), valueReferences, nValues, values);
+    return amb_fmi3_refuse(instance, "as many values as value references are expected");
+  return (fmi3Status)amb_get_reals(amb_fmi3_of(instance), valueReferences, nValues, values);
 }
 
 fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference valueReferences[],
                           size_t nValueReferences, const fmi3Float64 values[], size_t nValues)
 {
   if (nValues != nValueReferences)
-    return refuse(instance, "as many values as value references are expected");
-  return (fmi3Status)amb_set_reals(of(instance), valueReferences, nValues, values);
+    return amb_fmi3_refuse(instance, "as many values as value references are expected");
+  return (fmi3Status)amb_set_reals(amb_fmi3_of(instance), valueReferences, nValues, values);
 }
 
 fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference valueReferences[],
                         size_t nValueReferences, fmi3Int32 values[], size_t nValues)
 {
   if (nValues != nValueReferences)
-    return refuse(instance, "as many values as value references are expected");
-  return (fmi3Status)amb_get_integers(of(instance), valueReferences, nValues, values);
+    return amb_fmi3_refuse(instance, "as many values as value references are expected");
+  return (fmi3Status)amb_get_integers(amb_fmi3_of(instance), valueReferences, nValues, values);
 }
 
 /* No variables of these kinds, or none that can be set. */
 static fmi3Status none(fmi3Instance instance, size_t n, const char *text)
 {
-  return n == 0 ? fmi3OK : refuse(instance, text);
+  return n == 0 ? fmi3OK : amb_fmi3_refuse(instance, text);
 }
 
 #define NONE_TO_GET(type)                                                                          \
@@ -306,12 +304,12 @@ fmi3Status fmi3GetOutputDerivatives(fmi3Instance instance,
 
 fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState *FMUState)
 {
-  return (fmi3Status)amb_save(of(instance), (amb_point **)FMUState);
+  return (fmi3Status)amb_save(amb_fmi3_of(instance), (amb_point **)FMUState);
 }
 
 fmi3Status fmi3SetFMUState(fmi3Instance instance, fmi3FMUState FMUState)
 {
-  return (fmi3Status)amb_restore(of(instance), (const amb_point *)FMUState);
+  return (fmi3Status)amb_restore(amb_fmi3_of(instance), (const amb_point *)FMUState);
 }
 
 fmi3Status fmi3FreeFMUState(fmi3Instance instance, fmi3FMUState *FMUState)
@@ -332,30 +330,24 @@ fmi3Status fmi3SerializedFMUStateSize(fmi3Instance instance, fmi3FMUState FMUSta
 fmi3Status fmi3SerializeFMUState(fmi3Instance instance, fmi3FMUState FMUState,
                                  fmi3Byte serializedState[], size_t size)
 {
-  return (fmi3Status)amb_serialize(of(instance), (const amb_point *)FMUState, serializedState,
-                                   size);
+  return (fmi3Status)amb_serialize(amb_fmi3_of(instance), (const amb_point *)FMUState,
+                                   serializedState, size);
 }
 
 fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte serializedState[],
                                    size_t size, fmi3FMUState *FMUState)
 {
-  return (fmi3Status)amb_deserialize(of(instance), serializedState, size, (amb_point **)FMUState);
+  return (fmi3Status)amb_deserialize(amb_fmi3_of(instance), serializedState, size,
+                                     (amb_point **)FMUState);
 }
 
 /* ---- What this model does not provide, as its modelDescription.xml says ---- */
-
-#define NOT_PROVIDED "not provided by this model"
-
-fmi3Status fmi3EnterEventMode(fmi3Instance instance)
-{
-  return refuse(instance, NOT_PROVIDED);
-}
 
 fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance instance,
                                                fmi3ValueReference valueReference,
                                                size_t *nDependencies)
 {
-  return refuse(instance, NOT_PROVIDED);
+  return amb_fmi3_refuse(instance, NOT_PROVIDED);
 }
 
 fmi3Status fmi3GetVariableDependencies(fmi3Instance instance, fmi3ValueReference dependent,
@@ -364,7 +356,7 @@ fmi3Status fmi3GetVariableDependencies(fmi3Instance instance, fmi3ValueReference
                                        size_t elementIndicesOfIndependents[],
                                        fmi3DependencyKind dependencyKinds[], size_t nDependencies)
 {
-  return refuse(instance, NOT_PROVIDED);
+  return amb_fmi3_refuse(instance, NOT_PROVIDED);
 }
 
 fmi3Status fmi3GetDirectionalDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[],
@@ -372,7 +364,7 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance instance, const fmi3ValueRe
                                         size_t nKnowns, const fmi3Float64 seed[], size_t nSeed,
                                         fmi3Float64 sensitivity[], size_t nSensitivity)
 {
-  return refuse(instance, NOT_PROVIDED);
+  return amb_fmi3_refuse(instance, NOT_PROVIDED);
 }
 
 fmi3Status fmi3GetAdjointDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[],
@@ -380,98 +372,31 @@ fmi3Status fmi3GetAdjointDerivative(fmi3Instance instance, const fmi3ValueRefere
                                     size_t nKnowns, const fmi3Float64 seed[], size_t nSeed,
                                     fmi3Float64 sensitivity[], size_t nSensitivity)
 {
-  return refuse(instance, NOT_PROVIDED);
+  return amb_fmi3_refuse(instance, NOT_PROVIDED);
 }
 
 fmi3Status fmi3EnterConfigurationMode(fmi3Instance instance)
 {
-  return refuse(instance, NOT_PROVIDED);
+  return amb_fmi3_refuse(instance, NOT_PROVIDED);
 }
 
 fmi3Status fmi3ExitConfigurationMode(fmi3Instance instance)
 {
-  return refuse(instance, NOT_PROVIDED);
+  return amb_fmi3_refuse(instance, NOT_PROVIDED);
 }
 
 fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance)
 {
-  return refuse(instance, NOT_PROVIDED);
-}
-
-fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *discreteStatesNeedUpdate,
-                                    fmi3Boolean *terminateSimulation,
-                                    fmi3Boolean *nominalsOfContinuousStatesChanged,
-                                    fmi3Boolean *valuesOfContinuousStatesChanged,
-                                    fmi3Boolean *nextEventTimeDefined, fmi3Float64 *nextEventTime)
-{
-  return refuse(instance, NOT_PROVIDED);
-}
-
-fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance)
-{
-  return refuse(instance, NOT_PROVIDED);
-}
-
-fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance,
-                                       fmi3Boolean noSetFMUStatePriorToCurrentPoint,
-                                       fmi3Boolean *enterEventMode,
-                                       fmi3Boolean *terminateSimulation)
-{
-  return refuse(instance, NOT_PROVIDED);
-}
-
-fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time)
-{
-  return refuse(instance, NOT_PROVIDED);
-}
-
-fmi3Status fmi3SetContinuousStates(fmi3Instance instance, const fmi3Float64 continuousStates[],
-                                   size_t nContinuousStates)
-{
-  return refuse(instance, NOT_PROVIDED);
-}
-
-fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance instance, fmi3Float64 derivatives[],
-                                             size_t nContinuousStates)
-{
-  return refuse(instance, NOT_PROVIDED);
-}
-
-fmi3Status fmi3GetEventIndicators(fmi3Instance instance, fmi3Float64 eventIndicators[],
-                                  size_t nEventIndicators)
-{
-  return refuse(instance, NOT_PROVIDED);
-}
-
-fmi3Status fmi3GetContinuousStates(fmi3Instance instance, fmi3Float64 continuousStates[],
-                                   size_t nContinuousStates)
-{
-  return refuse(instance, NOT_PROVIDED);
-}
-
-fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance instance, fmi3Float64 nominals[],
-                                             size_t nContinuousStates)
-{
-  return refuse(instance, NOT_PROVIDED);
-}
-
-fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance instance, size_t *nEventIndicators)
-{
-  return refuse(instance, NOT_PROVIDED);
-}
-
-fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance instance, size_t *nContinuousStates)
-{
-  return refuse(instance, NOT_PROVIDED);
+  return amb_fmi3_refuse(instance, NOT_PROVIDED);
 }
 
 fmi3Status fmi3EnterStepMode(fmi3Instance instance)
 {
-  return refuse(instance, NOT_PROVIDED);
+  return amb_fmi3_refuse(instance, NOT_PROVIDED);
 }
 
 fmi3Status fmi3ActivateModelPartition(fmi3Instance instance, fmi3ValueReference clockReference,
                                       fmi3Float64 activationTime)
 {
-  return refuse(instance, NOT_PROVIDED);
+  return amb_fmi3_refuse(instance, NOT_PROVIDED);
 }

@@ -5,7 +5,8 @@
 #include <string.h>
 
 static const char *const modes[] = {"before initialization", "during initialization",
-                                    "between steps", "after termination"};
+                                    "between steps",         "after termination",
+                                    "at an event",           "in continuous time"};
 
 const char *amb_category(amb_answer answer)
 {
@@ -34,6 +35,8 @@ bool amb_same_token(const amb_instance *self, const char *token)
 
 double amb_time(const amb_instance *self)
 {
+  if (self->follow != NULL)
+    return self->now.time;
   return self->now.start + (self->now.samples + self->now.part) * amb_sampling_time;
 }
 
@@ -71,6 +74,7 @@ amb_answer amb_enter_initialization(amb_instance *self, double start_time)
   if (!is_finite(start_time))
     return amb_refuse(self, AMB_ERROR, "the start time must be finite, is %g s", start_time);
   self->now.start = start_time;
+  self->now.time = start_time;
   self->now.mode = AMB_INITIALIZING;
   return AMB_DONE;
 }
@@ -81,13 +85,18 @@ amb_answer amb_exit_initialization(amb_instance *self)
     return wrong_mode(self, "the end of initialization");
   const amb_answer answer = start(self);
   if (answer == AMB_DONE)
-    self->now.mode = AMB_STEPPING;
+    self->now.mode = (self->follow != NULL) ? AMB_EVENTS : AMB_STEPPING;
   return answer;
+}
+
+static bool is_running(amb_mode mode)
+{
+  return (mode == AMB_STEPPING) || (mode == AMB_EVENTS) || (mode == AMB_CONTINUOUS);
 }
 
 amb_answer amb_terminate(amb_instance *self)
 {
-  if (self->now.mode != AMB_STEPPING)
+  if (!is_running(self->now.mode))
     return wrong_mode(self, "termination");
   self->now.mode = AMB_TERMINATED;
   return AMB_DONE;
@@ -109,14 +118,22 @@ static amb_answer check(const amb_instance *self, const uint32_t *vr, size_t n, 
   return AMB_DONE;
 }
 
+void amb_catch_up(amb_instance *self)
+{
+  if (self->follow != NULL)
+    self->follow(&self->now.model, self->now.time - self->now.start, self->now.value);
+}
+
 /* During initialization the outputs follow what was set so far. */
 static amb_answer show(amb_instance *self)
 {
   if (self->now.mode == AMB_INSTANTIATED)
     return AMB_DONE;
   const amb_answer answer = self->now.mode == AMB_INITIALIZING ? start(self) : AMB_DONE;
-  if (answer == AMB_DONE)
+  if (answer == AMB_DONE) {
+    amb_catch_up(self);
     amb_unit_show(&self->now.model, self->now.value);
+  }
   self->now.value[VR_time] = amb_time(self);
   return answer;
 }
@@ -145,8 +162,7 @@ static bool settable(amb_causality role, amb_mode mode)
 {
   if (mode == AMB_TERMINATED)
     return false;
-  return (role == AMB_INPUT) || (role == AMB_TUNABLE) ||
-         ((role == AMB_FIXED) && (mode != AMB_STEPPING));
+  return (role == AMB_INPUT) || (role == AMB_TUNABLE) || ((role == AMB_FIXED) && !is_running(mode));
 }
 
 static amb_answer check_value(const amb_instance *self, const amb_variable *variable, double value)
@@ -179,8 +195,7 @@ amb_answer amb_set_reals(amb_instance *self, const uint32_t *vr, size_t n, const
     changed[vr[i]] = values[i];
     tuned |= amb_variables[vr[i]].role == AMB_TUNABLE;
   }
-  if (tuned && (self->now.mode == AMB_STEPPING) &&
-      (amb_unit_tune(&self->now.model, changed) != AMB_OK))
+  if (tuned && is_running(self->now.mode) && (amb_unit_tune(&self->now.model, changed) != AMB_OK))
     return amb_refuse(self, AMB_DISCARD, "the parameters are not usable together");
   memcpy(self->now.value, changed, sizeof changed);
   return AMB_DONE;

@@ -12,7 +12,14 @@
 /* The first values of fmi2Status and fmi3Status, which are the same. */
 typedef enum amb_answer { AMB_DONE, AMB_WARNING, AMB_DISCARD, AMB_ERROR } amb_answer;
 
-typedef enum amb_mode { AMB_INSTANTIATED, AMB_INITIALIZING, AMB_STEPPING, AMB_TERMINATED } amb_mode;
+typedef enum amb_mode {
+  AMB_INSTANTIATED,
+  AMB_INITIALIZING,
+  AMB_STEPPING,
+  AMB_TERMINATED,
+  AMB_EVENTS, /* these two where the importer integrates */
+  AMB_CONTINUOUS
+} amb_mode;
 
 /* All that changes. Time is start + (samples + part) times the sampling time: what adds up is less
  * than a sample, and begins anew with the next, so nothing drifts. */
@@ -21,6 +28,7 @@ typedef struct amb_point {
   double start;   /* [s] */
   double samples; /* a whole number */
   double part;    /* of a sample, 0 to less than 1 */
+  double time;    /* where the importer integrates, in the place of these two [s] */
   double value[AMB_VARIABLES];
   amb_unit model;
 } amb_point;
@@ -30,10 +38,20 @@ typedef struct amb_instance amb_instance;
 /* How a message reaches the importer. */
 typedef void (*amb_tell)(const amb_instance *self, amb_answer answer, const char *text);
 
+/* Take over time since the start [s], inputs and parameters, where the importer integrates. */
+typedef void amb_follow(amb_unit *model, double time, const double value[AMB_VARIABLES]);
+
 struct amb_instance {
   amb_point now;
   amb_tell tell;
+  amb_follow *follow; /* NULL: co-simulation */
 };
+
+/* What this model has for that; NULL: it is for co-simulation only. */
+extern amb_follow *const amb_exchange;
+
+/* With time, inputs and parameters as they are now. */
+void amb_catch_up(amb_instance *self);
 
 /* The name that the standard gives to a kind of message. */
 const char *amb_category(amb_answer answer);

@@ -15,8 +15,16 @@ typedef struct amb_unit {
   amb_glimpse between;
 } amb_unit;
 
-/* Written by the export. */
-extern const amb_pid amb_data_pid;
-extern const bool amb_data_feedback_estimate; /* what feeds it: the estimator, or the sensor */
+/* What holds the rotor: a PID (loop_pid.c), or a whole controller (loop_flight.c). Takes over the
+ * parameters among the values; ... */
+void amb_held_tune(amb_unit *model, const double value[]);
+/* ... makes itself known to the loop, for as long as `control` stays where it is; ... */
+void amb_held_by(const amb_unit *model, amb_control *control, amb_loop *loop);
+/* ... starts, where the plant is and with the current that is demanded; ... */
+void amb_held_start(const amb_loop *loop, amb_unit *model, const double value[]);
+/* ... says whether it is to fly; ... */
+bool amb_held_wanted(const double value[]);
+/* ... and writes its outputs. */
+void amb_held_show(const amb_unit *model, double value[]);
 
 #endif

@@ -16,7 +16,8 @@ typedef enum amb_causality {
   AMB_FIXED,
   AMB_TUNABLE,
   AMB_INPUT,
-  AMB_OUTPUT
+  AMB_OUTPUT,
+  AMB_LOCAL
 } amb_causality;
 
 /* Of a value that is set; AMB_LOSABLE: it may also be NaN or infinite, as of a lost sensor. */

@@ -4,6 +4,7 @@
 amb_status amb_unit_tune(amb_unit *model, const double value[AMB_VARIABLES])
 {
   amb_rig_tune(&model->rig, value[VR_mass], value[VR_magnet_constant]);
+  model->rig.off = value[VR_on] < 0.5;
   return AMB_OK;
 }
 
@@ -34,8 +35,17 @@ amb_status amb_unit_start(amb_unit *model, const double value[AMB_VARIABLES])
   amb_plant_settle(&plant, &model->state, amb_clamp(value[VR_start_position], -travel, travel),
                    model->demanded);
   model->between.share = 1;
+  model->held = 0;
   model->frozen_y = amb_plant_measure(&plant, model->state.x_m, 0);
   return status;
+}
+
+void amb_plant_demand(amb_unit *model, const double value[])
+{
+  model->rig.off = value[VR_on] < 0.5;
+  model->demanded = current(model, value);
+  if (!(value[VR_fault_frozen] >= 0.5))
+    model->frozen_y = shown(model, value);
 }
 
 void amb_unit_sample(amb_unit *model, const double value[AMB_VARIABLES])
@@ -48,6 +58,7 @@ void amb_unit_sample(amb_unit *model, const double value[AMB_VARIABLES])
  * glimpsed. */
 void amb_unit_part(amb_unit *model, double from, double to, const double value[AMB_VARIABLES])
 {
+  model->rig.off = value[VR_on] < 0.5;
   const amb_plant plant = amb_rig_plant(&model->rig);
   if (!(value[VR_fault_frozen] >= 0.5))
     model->frozen_y = shown(model, value);
@@ -76,4 +87,5 @@ void amb_unit_show(const amb_unit *model, double value[AMB_VARIABLES])
   value[VR_y] = shown(model, value);
   value[VR_iu] = amb_plant_until_now(&plant, &now, model->demanded).iu;
   value[VR_f_mag] = amb_rig_force(&model->rig, &now, model->demanded);
+  amb_plant_show_rates(model, value);
 }

@@ -10,6 +10,13 @@ typedef struct amb_unit {
   amb_real demanded;     /* control current of the sample before [A] */
   amb_real frozen_y;     /* what the sensor showed last before it froze [m] */
   amb_glimpse between;
+  int held; /* where an importer integrates it: at which stop the rotor stays, 1, -1 or 0 */
 } amb_unit;
+
+/* Take over control signal, switch and what the sensor's freezing keeps, as they are now. */
+void amb_plant_demand(amb_unit *model, const double value[]);
+
+/* Write what only importers that integrate it ask for. */
+void amb_plant_show_rates(const amb_unit *model, double value[]);
 
 #endif

@@ -7,6 +7,14 @@ static amb_real scaled_force(const void *self, amb_real iu, amb_real x)
   return rig->scale * amb_data_rig_magnet.methods->force(amb_data_rig_magnet.self, iu, x);
 }
 
+static amb_real no_force(const void *self, amb_real iu, amb_real x)
+{
+  (void)self;
+  (void)iu;
+  (void)x;
+  return 0;
+}
+
 static amb_stiffness scaled(const amb_rig *rig, amb_stiffness k)
 {
   k.k_i *= rig->scale;
@@ -28,6 +36,7 @@ static amb_stiffness scaled_tangent(const void *self, amb_real iu, amb_real x)
 
 static const amb_magnet_methods scaled_magnet = {scaled_force, scaled_through_origin,
                                                  scaled_tangent};
+static const amb_magnet_methods no_magnet = {no_force, NULL, NULL};
 
 /* By ratios: those of the exported values are 1, and these stay what they are to the last bit. */
 void amb_rig_tune(amb_rig *rig, amb_real mass, amb_real magnet_constant)
@@ -43,16 +52,17 @@ void amb_rig_tune(amb_rig *rig, amb_real mass, amb_real magnet_constant)
 
 amb_plant amb_rig_plant(const amb_rig *rig)
 {
+  const amb_magnet_methods *coil = rig->off ? &no_magnet : &amb_law_magnet;
   const amb_plant plant = {
-      .magnet = {&scaled_magnet, rig},
+      .magnet = {rig->off ? &no_magnet : &scaled_magnet, rig},
       .m = rig->m,
-      .f_0 = rig->weight + rig->bias_force,
+      .f_0 = rig->weight + (rig->off ? 0 : rig->bias_force),
       .K_sen = rig->K_sen,
       .T_sen = rig->T_sen,
       .travel = rig->travel,
       .substeps = rig->substeps,
       .parts = rig->with_parts ? &rig->parts : NULL,
-      .coil = {rig->coil.s0 > 0 ? &amb_law_magnet : NULL, &rig->coil},
+      .coil = {rig->coil.s0 > 0 ? coil : NULL, &rig->coil},
   };
   return plant;
 }
@@ -78,6 +88,8 @@ amb_plant_state amb_rig_now(const amb_glimpse *between, const amb_plant_state *a
 
 amb_real amb_rig_force(const amb_rig *rig, const amb_plant_state *state, amb_real iu)
 {
+  if (rig->off)
+    return 0;
   if (!rig->with_parts)
     return scaled_force(rig, iu, state->x) + rig->bias_force;
   const amb_plant plant = amb_rig_plant(rig);

@@ -17,6 +17,7 @@ typedef struct amb_rig {
   amb_real k_ui;         /* amplifier gain [A/V] */
   amb_real iu_min;       /* limits of the control current [A] */
   amb_real iu_max;
+  bool off;        /* no currents, not even that of the bias: the magnet does not pull */
   bool with_parts; /* else the next is idle */
   amb_parts parts;
   amb_law coil; /* one coil of a pair that each pull by their own current; else all is 0 */

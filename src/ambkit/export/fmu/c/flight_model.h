@@ -1,0 +1,16 @@
+/* The whole controller as a model: when a sample begins it takes what the sensor shows, and it
+ * holds the currents of the coils until the next. */
+#ifndef AMBKIT_FMU_FLIGHT_MODEL_H
+#define AMBKIT_FMU_FLIGHT_MODEL_H
+
+#include "flight.h"
+
+typedef struct amb_unit {
+  amb_kalman filter;
+  amb_data_state estimate;
+  amb_control_state state;
+  amb_control_output flown;
+  amb_status status; /* of the last step */
+} amb_unit;
+
+#endif

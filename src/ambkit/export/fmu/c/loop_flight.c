@@ -1,0 +1,38 @@
+#include "flight.h"
+#include "loop_model.h"
+#include "model.h"
+
+/* Its gains belong together: none can be tuned. */
+void amb_held_tune(amb_unit *model, const double value[])
+{
+  (void)model;
+  (void)value;
+}
+
+void amb_held_by(const amb_unit *model, amb_control *control, amb_loop *loop)
+{
+  (void)model;
+  *control = amb_flight_control(loop->estimator);
+  loop->control = control;
+}
+
+void amb_held_start(const amb_loop *loop, amb_unit *model, const double value[])
+{
+  amb_loop_state *s = &model->state;
+  (void)value;
+  amb_flight_start(loop->control, &s->control, &model->estimate, &s->flown, s->plant.x,
+                   s->demanded);
+}
+
+bool amb_held_wanted(const double value[])
+{
+  return amb_flight_wanted(value);
+}
+
+void amb_held_show(const amb_unit *model, double value[])
+{
+  const amb_control_output *flown = &model->state.flown;
+  if (!flown->on) /* no current, not even that of the bias */
+    value[VR_f_mag] = 0;
+  amb_flight_show(flown, value);
+}

@@ -1,0 +1,11 @@
+/* The closed loop's PID. */
+#ifndef AMBKIT_FMU_LOOP_PID_H
+#define AMBKIT_FMU_LOOP_PID_H
+
+#include "ambkit/controller.h"
+
+/* Written by the export. */
+extern const amb_pid amb_data_pid;
+extern const bool amb_data_feedback_estimate; /* what feeds it: the estimator, or the sensor */
+
+#endif

@@ -1,0 +1,3 @@
+#include "instance.h"
+
+amb_follow *const amb_exchange = NULL;

@@ -1,0 +1,166 @@
+"""What an estimator says at the end of a record of what turns with the rotor: unbalance, runout."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+    from ambkit.estimate.base import Estimator
+
+Array = NDArray[np.float64]
+
+TOLD = 0.5
+"""Of the standard deviation at the start, above which a record has told next to nothing."""
+CLEAR = 3.0
+"""Standard deviations that an amplitude has, or it is none to speak of, and has no angle."""
+
+
+@dataclass(frozen=True, eq=False)
+class Harmonic:
+    """One vector that turns with the rotor, as it stood when the rotor was where the record began.
+
+    Attributes
+    ----------
+    name : str
+        Of its states, ``U1`` for the unbalance of the first plane, ``r1_La`` for the runout of a
+        sensor at its first harmonic.
+    role : {"unbalance", "runout"}
+        What it is.
+    unit : str
+        Of cosine and sine: kg m of unbalance, m of runout.
+    cosine, sine : float
+        Of the vector, in `unit`.
+    covariance : ndarray (2, 2)
+        Of these two, in `unit` squared.
+    start : float
+        Standard deviation of each at the start, in `unit`.
+    start_share : float
+        Of the variance, the share in directions of all that turns of which the record told next to
+        nothing [1].
+    order : int
+        Turns that it makes in one of the rotor.
+    """
+
+    name: str
+    role: str
+    unit: str
+    cosine: float
+    sine: float
+    covariance: Array
+    start: float
+    start_share: float
+    order: int = 1
+
+    @property
+    def std(self) -> float:
+        """Standard deviation in the direction that is known least, in `unit`."""
+        return math.sqrt(max(float(np.linalg.eigvalsh(self.covariance)[-1]), 0.0))
+
+    @property
+    def by_start(self) -> bool:
+        """Whether the start dominates: what is not known of it is mostly what was not at the start.
+
+        So it is at a constant speed, where unbalance and runout cannot be told apart.
+        """
+        return self.start_share > 0.5
+
+    @property
+    def amplitude(self) -> tuple[float, float] | None:
+        """Amplitude and its standard deviation, in `unit`.
+
+        None where the start says more than the record, or where it is not clear of 0: then cosine,
+        sine and their covariance are all that can be said.
+        """
+        size = math.hypot(self.cosine, self.sine)
+        if self.by_start or size <= CLEAR * self.std:
+            return None
+        along = np.array([self.cosine, self.sine]) / size
+        return size, math.sqrt(float(along @ self.covariance @ along))
+
+    @property
+    def angle(self) -> tuple[float, float] | None:
+        """Angle and its standard deviation [rad]; None where there is no amplitude."""
+        size = self.amplitude
+        if size is None:
+            return None
+        across = np.array([-self.sine, self.cosine]) / size[0]
+        std = math.sqrt(float(across @ self.covariance @ across)) / size[0]
+        return math.atan2(self.sine, self.cosine), std
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data, in SI; amplitude and angle where there are."""
+        found: dict[str, Any] = {
+            "role": self.role, "order": self.order, "cosine": self.cosine, "sine": self.sine,
+            "covariance": self.covariance.tolist(), "start_std": self.start,
+            "start_share": self.start_share, "start_dominates": self.by_start,
+        }  # fmt: skip
+        if self.amplitude is not None and self.angle is not None:
+            found["amplitude"], found["amplitude_std"] = self.amplitude
+            found["angle"], found["angle_std"] = self.angle
+        return found
+
+
+def harmonics(estimator: Estimator, record: Record) -> list[Harmonic]:
+    """Return what turns with the rotor, by an estimator that has just run along a record.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        Of a whole machine, where the record ended.
+    record : Record
+        With the ``speed`` of rotation [rad/s], where it is not the machine's own.
+
+    Returns
+    -------
+    list of Harmonic
+        Of each pair of synchronous states, in their order; empty without such states.
+    """
+    mean, covariance, start = estimator.mean, estimator.covariance, estimator.default_std()
+    places = [k for k, s in enumerate(estimator.states) if s.role in ("unbalance", "runout")]
+    if not places:
+        return []
+    angle, shares = _turned(estimator, record), _start_shares(covariance, start, places)
+    found = []
+    for first, second in zip(places[::2], places[1::2], strict=True):
+        state = estimator.states[first]
+        name = state.name.rsplit("_", 1)[0]
+        order = 1 if state.role == "unbalance" else int(name.split("_", 1)[0].removeprefix("r"))
+        back = _rotation(-order * angle)
+        pair = [first, second]
+        cosine, sine = back @ mean[pair]
+        spread = back @ covariance[np.ix_(pair, pair)] @ back.T
+        found.append(
+            Harmonic(name, state.role, state.unit, float(cosine), float(sine), spread,
+                     float(start[first]), shares[first], order)
+        )  # fmt: skip
+    return found
+
+
+def _start_shares(covariance: Array, start: Sequence[float], places: list[int]) -> dict[int, float]:
+    """Return of the first of each pair what `Harmonic.start_share` says."""
+    scale = 1 / np.array(start)[places]
+    values, ways = np.linalg.eigh(scale[:, None] * covariance[np.ix_(places, places)] * scale)
+    untold = np.where(values > TOLD**2, values, 0.0)
+    share = (ways**2 @ untold).reshape(-1, 2).sum(axis=1)
+    whole = (ways**2 @ np.maximum(values, 0.0)).reshape(-1, 2).sum(axis=1)
+    found = np.divide(share, whole, out=np.zeros_like(share), where=whole > 0)
+    return dict(zip(places[::2], found.tolist(), strict=True))
+
+
+def _turned(estimator: Estimator, record: Record) -> float:
+    """Return by how much the rotor turned along a record [rad]."""
+    given = dict(record.signals).get("speed")
+    speed = np.full(len(record.t), estimator.bearing.speed) if given is None else given
+    return float(np.sum((speed[1:] + speed[:-1]) / 2 * np.diff(record.t)))
+
+
+def _rotation(angle: float) -> Array:
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, -s], [s, c]])

@@ -1,0 +1,161 @@
+"""The plant as an FMU for model exchange: integrated by FMPy with CVode, and by the library."""
+
+from __future__ import annotations
+
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import objects
+import pytest
+
+import ambkit
+from ambkit import Bearing, Scenario
+from ambkit.export.fmu import export_fmu
+from ambkit.simulation.run import simulate_run
+
+fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
+pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+
+from fmpy import read_model_description  # noqa: E402
+from fmpy.validation import validate_fmu  # noqa: E402
+from fmu_instance import unpacked  # noqa: E402
+from iron import TWO_SIDED as IRON  # noqa: E402
+from test_export_fmu import fmutool  # noqa: E402
+
+BEARING = Bearing.preset("zittau_axial")
+PARTS: dict[str, Any] = {
+    "amplifier__bandwidth": "1 kHz",
+    "speed": "6000 rpm",
+    "sensor__runout": [{"order": n, "amplitude": "3 um", "phase": "90 deg"} for n in (1, 3)],
+    "sensor__quadratic": "20 1/m",
+}
+VOLTS = {"amplifier__voltage_limit": "20 V", "amplifier__resistance": "2 ohm"}
+SOFT_STOP = {"stop": {"stiffness": "1e8 N/m^1.5", "damping": "0.3 s/m"}}
+CASES = {
+    "plain": (BEARING, 3),
+    "iron": (IRON, 3),
+    "one-sided": (Bearing.preset("inteco_ml"), 3),
+    "amplifier": (BEARING.replace(**PARTS), 4),
+    "voltage": (BEARING.replace(**PARTS, **VOLTS), 5),
+}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def same_text_compiled_once() -> Iterator[None]:
+    """The FMUs have most of their C in common."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setenv("CC", shlex.join([sys.executable, objects.__file__, "cc"]))
+        yield
+
+
+def held(t: Any, **series: Any) -> Any:
+    """Series that stay between the samples: two rows for each."""
+    T = t[1] - t[0]
+    rows = np.zeros(2 * len(t), dtype=[("time", float), *((name, float) for name in series)])
+    rows["time"] = np.column_stack([t, np.append(t[1:], t[-1] + T)]).ravel()
+    for name, values in series.items():
+        rows[name] = np.repeat(values, 2)
+    return rows
+
+
+def integrated(path: Path, t: Any, **series: Any) -> Any:
+    """What CVode makes of it, the last row at each time; events have rows of their own."""
+    T = t[1] - t[0]
+    others = dict.fromkeys(("noise_u", "noise_y", "fault_y_offset", "fault_frozen"), 0.0)
+    others |= dict.fromkeys(("on", "fault_y_gain", "fault_u_gain", "fault_current"), 1.0)
+    given = {name: np.full(len(t), value) for name, value in others.items()} | series
+    found = fmpy.simulate_fmu(
+        str(path), fmi_type="ModelExchange", solver="CVode", stop_time=len(t) * T,
+        output_interval=T, input=held(t, **given), relative_tolerance=1e-10,
+    )  # fmt: skip
+    before = np.append(np.diff(found["time"]) > 1e-9 * T, True)
+    return found[before]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_an_importer_that_integrates_it_finds_what_the_library_does(
+    name: str, tmp_path: Path
+) -> None:
+    bearing, states = CASES[name]
+    T = bearing.sampling_time
+    samples = 120 if bearing.magnet.type == "one-sided" else 250  # alone it is unstable
+    scenario = Scenario(
+        duration=samples * T, noise=False, substeps=20,
+        reference=ambkit.Step(amplitude=0.05 * bearing.rotor.travel_limit, time=20 * T),
+        disturbance=ambkit.Step(amplitude=0.3 * bearing.weight, time=60 * T),
+    )  # fmt: skip
+    record = simulate_run(bearing, scenario).record
+    fmi: Any = 2 if states == 3 else 3
+    path = export_fmu(bearing, None, tmp_path / "plant.fmu", kind="plant", fmi=fmi).path
+    assert validate_fmu(str(path)) == []
+    assert len(read_model_description(str(path)).derivatives) == states
+    found = integrated(path, record.t, u=record["u"], f_d=record["f_d"])
+    np.testing.assert_allclose(found["time"][: len(record.t)], record.t, atol=1e-9 * T)
+    for signal in ("x", "v", "x_m"):
+        reached = np.abs(record[signal]).max()
+        off = np.abs(found[signal][: len(record.t)] - record[signal]).max()
+        assert off < 2e-5 * reached, (signal, off / reached)
+    assert np.ptp(record["x"]) > 1e-6
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("changes", [{}, SOFT_STOP], ids=["hard", "soft"])
+def test_it_falls_onto_its_stop_and_is_lifted(
+    changes: dict[str, Any], fmi: Any, tmp_path: Path
+) -> None:
+    """Without currents it falls; then they come back and pull it up to the other side."""
+    bearing = BEARING.replace(rotor__travel_limit="0.3 mm", **changes)
+    T, n = bearing.sampling_time, 400
+    t = T * np.arange(n)
+    path = export_fmu(bearing, None, tmp_path / "plant.fmu", kind="plant", fmi=fmi).path
+    on = np.where((t < 0.02), 0.0, 1.0)
+    u = np.full(n, 0.9 * bearing.current_max / bearing.amplifier.gain)
+    zero = np.zeros(n)
+    found = integrated(path, t, u=u, f_d=zero, on=on)
+    signals = np.zeros(n, dtype=[("time", float), ("u", float), ("on", float)])
+    signals["time"], signals["u"], signals["on"] = t, u, on
+    stepped = fmpy.simulate_fmu(
+        str(path), fmi_type="CoSimulation", stop_time=n * T, output_interval=T, input=signals
+    )
+    down, travel = np.sign(bearing.weight), bearing.rotor.travel_limit
+    assert stepped["x"].min() <= -travel
+    assert stepped["x"].max() >= travel
+    off = np.abs(np.interp(stepped["time"], found["time"], found["x"]) - stepped["x"])
+    # The library finds a stop at the end of one of its steps, the importer between.
+    assert off.max() < np.abs(stepped["v"]).max() * T / 2
+    if not changes:
+        lying = (found["time"] > 0.015) & (found["time"] < 0.019)
+        np.testing.assert_allclose(found["x"][lying], down * travel, rtol=1e-6)
+        np.testing.assert_array_equal(found["v"][lying], 0)
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_the_tools_find_nothing(fmi: Any, tmp_path: Path) -> None:
+    path = export_fmu(CASES["voltage"][0], None, tmp_path / "p.fmu", kind="plant", fmi=fmi).path
+    said = fmutool(path)
+    assert f"No semantic error against the FMI-{fmi} standard" in said
+    assert "ERROR" not in said
+    assert "WARNING" not in said
+    sources = unpacked(path, tmp_path / "fmu") / "sources"
+    warnings = "-Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Wno-unused-parameter"
+    files = [str(file.relative_to(sources)) for file in sources.rglob("*.c")]
+    words = ["-std=c99", "-fsyntax-only", "-Werror", *warnings.split(), "-I.", *files]
+    for compiler in filter(shutil.which, ("gcc", "clang")):
+        subprocess.run([compiler, *words], cwd=sources, check=True)
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_a_dead_time_is_for_co_simulation_alone(fmi: Any, tmp_path: Path) -> None:
+    late = BEARING.replace(delay="0.12 ms")
+    path = export_fmu(late, None, tmp_path / "p.fmu", kind="plant", fmi=fmi).path
+    assert validate_fmu(str(path)) == []
+    described = read_model_description(str(path))
+    assert described.modelExchange is None
+    assert described.coSimulation is not None
+    assert not any(variable.name.startswith("der(") for variable in described.modelVariables)

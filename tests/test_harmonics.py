@@ -1,0 +1,84 @@
+"""What is said of unbalance and runout: an amplitude where a record tells it, or a covariance."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from test_machine_commands import call as call
+from test_machine_synchronous import BOTH, RUN_UP, SERVICE, spoilt, steady
+
+from ambkit import ExtendedKalmanFilter, Flight, Machine, harmonics, simulate_machine
+from ambkit.simulation.waveforms import Ramp
+from ambkit.workflow.harmonics import Harmonic
+
+TRUE = 20 / SERVICE**2
+
+
+def told(flight: Flight, **options: Any) -> dict[str, Harmonic]:
+    dirty, _ = spoilt()
+    kf = ExtendedKalmanFilter(dirty, synchronous=BOTH, **options)
+    record = simulate_machine(dirty, flight, estimator=kf).record
+    return {each.name: each for each in harmonics(kf, record)}
+
+
+def test_at_constant_speed_there_is_a_covariance_and_no_amplitude() -> None:
+    found = told(Flight(duration=0.3, seed=1))
+    assert set(found) == {"U1", "r1_La", "r1_Lb", "r1_Ra", "r1_Rb"}
+    for each in found.values():
+        assert each.by_start
+        assert each.amplitude is None
+        assert each.angle is None
+        as_data = each.to_dict()
+        assert as_data["start_dominates"]
+        assert "amplitude" not in as_data
+        np.testing.assert_array_equal(as_data["covariance"], each.covariance)
+    off = complex(found["U1"].cosine, found["U1"].sine) - TRUE * np.exp(0.6j)
+    assert abs(off) < 4 * found["U1"].std
+
+
+def test_after_a_run_up_there_is_an_amplitude_with_its_angle() -> None:
+    dirty, _ = spoilt()
+    found = told(Flight(duration=2.05, seed=1, speed=RUN_UP), noise=steady(dirty))
+    one = found["U1"]
+    assert one.amplitude is not None
+    assert one.angle is not None
+    assert abs(one.amplitude[0] - TRUE) < 4 * one.amplitude[1] < 0.1 * TRUE
+    assert abs(one.angle[0] - 0.6) < 4 * one.angle[1] < 0.1
+    assert not any(each.by_start for each in found.values())
+
+
+def test_the_errors_of_amplitude_and_angle_are_those_of_the_vector() -> None:
+    std = np.array([0.1, 0.2])
+    one = Harmonic("U1", "unbalance", "kg m", 3.0, 0.0, np.diag(std**2), 10.0, 0.0)
+    assert one.amplitude == pytest.approx((3.0, 0.1))
+    assert one.angle == pytest.approx((0.0, 0.2 / 3))
+    assert (
+        Harmonic("U1", "unbalance", "kg m", 0.3, 0.0, np.diag(std**2), 10.0, 0.0).amplitude is None
+    )
+    assert Harmonic("U1", "unbalance", "kg m", 3.0, 0.0, np.diag(std**2), 0.3, 0.9).by_start
+
+
+def test_the_commands_say_so(call: Any, tmp_path: Path) -> None:
+    dirty, _ = spoilt()
+    (tmp_path / "m.toml").write_text(dirty.to_toml())
+    both = ("--estimator", "linear", "--synchronous", "unbalance", "--synchronous", "runout")
+    for words in (
+        ("simulate", "m.toml", "--out", "r.csv"),
+        ("filter", "r.csv", "--bearing", "m.toml"),
+    ):
+        flown = ("--duration", "0.1 s") if words[0] == "simulate" else ()
+        data = call(*words, *flown, *both, "--json").json
+        data = data.get("estimators", {"linear": data})["linear"]
+        assert data["synchronous"]["U1"]["start_dominates"]
+        assert "amplitude" not in data["synchronous"]["U1"]
+        assert "the start says more" in call(*words, *flown, *both).out
+
+
+def test_without_such_states_there_is_nothing_to_say() -> None:
+    machine = Machine.preset("tum_mlps")
+    kf = ExtendedKalmanFilter(machine)
+    flight = Flight(duration=0.02, speed=Ramp(slope=100.0))
+    assert harmonics(kf, simulate_machine(machine, flight, estimator=kf).record) == []

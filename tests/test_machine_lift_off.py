@@ -1,0 +1,269 @@
+"""A whole machine lifts off its backup bearings, flies and lands; simulated, and the same as C."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from export_cases import SAME_BITS, command, program
+from machine_cases import AND_LONG, PRESETS, Array
+
+from ambkit import AmbkitError, Flight, KalmanFilter, Machine, Record, harmonics
+from ambkit.export.c import CExport, export_c
+from ambkit.simulation.controllers import Control
+from ambkit.simulation.flight import Disturbance
+from ambkit.simulation.machine import MachineRun, simulate_machine
+from ambkit.simulation.sequence import LiftOff, Mode
+from ambkit.simulation.waveforms import Ramp, Step
+from ambkit.workflow.filtering_machine import filter_machine
+from ambkit.workflow.flying import FlightSummary
+
+COMPILER = shutil.which("gcc") or shutil.which("clang")
+compiled = pytest.mark.skipif(COMPILER is None, reason="no C compiler (gcc or clang) here")
+QUICK = LiftOff(start=0.005, stop=0.25, lift=0.1, land=0.1)
+
+
+def lifted(machine: Machine, **of_flight: object) -> MachineRun:
+    keys: dict[str, Any] = {"duration": 0.42, "start": "rest", "sequence": QUICK, "seed": 3}
+    flight = Flight(**keys | of_flight)
+    return simulate_machine(machine, flight)
+
+
+def share_of_travel(run: MachineRun, late: slice) -> float:
+    machine, record = run.machine, run.record
+    return max(
+        float(np.abs(record[f"s_{axis.name}"][late]).max()) / axis.bearing.travel_limit
+        for axis in machine.axes
+    )
+
+
+@pytest.mark.parametrize("name", AND_LONG)
+@pytest.mark.parametrize("feedback", ["measurement", "estimate"])
+def test_each_preset_lifts_flies_and_lands(name: str, feedback: str) -> None:
+    run = lifted(Machine.preset(name).replace(speed=0.0), feedback=feedback)
+    record, mode = run.record, run.record["mode"]
+    order = [Mode(int(m)) for m in mode[np.flatnonzero(np.diff(mode, prepend=-1))]]
+    assert order == [Mode.OFF, Mode.WAITING, Mode.LIFTING, Mode.FLYING, Mode.LANDING, Mode.OFF]
+    flying = np.flatnonzero(mode == Mode.FLYING)
+    assert share_of_travel(run, slice(flying[len(flying) // 2], flying[-1])) < 0.2
+    off = (mode == Mode.OFF) | (mode == Mode.WAITING)
+    for axis in run.machine.axes:
+        assert not record[f"f_mag_{axis.name}"][off].any()  # the bias is off too
+        assert not record[f"u_{axis.name}"][off].any()
+    down = slice(-20, None)  # it lies where it lay
+    for axis in run.machine.axes:
+        s = record[f"s_{axis.name}"]
+        assert abs(s[down].mean() - s[0]) < 0.3 * axis.bearing.travel_limit
+
+
+def test_lift_off_is_without_a_kick() -> None:
+    """Integrals start at what holds a rotor where this one lies."""
+    run = lifted(Machine.preset("tum_mlps").replace(speed=0.0))
+    record = run.record
+    up = np.flatnonzero(record["mode"] == Mode.LIFTING)
+    limit = run.machine.bearing[0].amplifier.current_limit
+    for axis in run.machine.axes:
+        s = record[f"s_{axis.name}"][up]
+        assert np.abs(record[f"iu_{axis.name}"][up]).max() < 0.9 * limit
+        assert np.abs(s).max() < 1.15 * axis.bearing.travel_limit
+
+
+def test_a_machine_without_its_readings_trips_and_lifts_again() -> None:
+    machine = Machine.preset("tum_mlps").replace(speed=0.0)
+    sequence = LiftOff(lift=0.05, land=0.05, lost=0.01)
+    flight = Flight(duration=0.4, start="rest", sequence=sequence, noise=False)
+    n = round(0.4 / machine.sampling_time) + 1
+    readings, fly = np.zeros((n, len(machine.readings))), np.ones(n)
+    readings[2000:2400] = np.nan
+    fly[2600:2650] = 0.0
+    mode = simulate_machine(machine, flight, readings=readings, fly=fly).record["mode"]
+    assert mode[1999] == Mode.FLYING
+    assert mode[2500] == Mode.TRIPPED
+    assert mode[2625] == Mode.OFF
+    assert mode[-1] == Mode.FLYING
+
+
+def test_a_machine_that_is_overloaded_trips() -> None:
+    machine = Machine.preset("tum_mlps").replace(speed=0.0)
+    axis = machine.axes[0].name
+    push = Disturbance(axis=axis, force=Step(amplitude=500.0, time=0.2))
+    sequence = LiftOff(lift=0.05, overload=0.02)
+    flight = Flight(duration=0.4, start="rest", sequence=sequence, disturbance=(push,))
+    mode = simulate_machine(machine, flight).record["mode"]
+    assert mode[1999] == Mode.FLYING
+    assert mode[-1] == Mode.TRIPPED
+
+
+def test_from_hovering_it_flies_at_once() -> None:
+    flight = Flight(duration=0.05, sequence=LiftOff(stop=0.04, land=0.2))
+    run = simulate_machine(Machine.preset("tum_mlps"), flight)
+    assert run.record["mode"][0] == Mode.FLYING
+    assert run.record["mode"][-1] == Mode.LANDING
+    assert share_of_travel(run, slice(0, 390)) < 0.1
+
+
+def test_a_sequence_changes_nothing_of_a_flight_that_does_not_need_it() -> None:
+    """The same numbers with the estimator in the loop, from the same start."""
+    machine = Machine.preset("hindawi_2011")
+    plain = Flight(duration=0.05, feedback="estimate")
+    one, other = (
+        simulate_machine(machine, flight, estimator=KalmanFilter(machine))
+        for flight in (plain, plain.replace(sequence=LiftOff()))
+    )
+    for axis in machine.axes:
+        np.testing.assert_array_equal(one.record[f"u_{axis.name}"], other.record[f"u_{axis.name}"])
+
+
+def test_the_flight_file_says_so(tmp_path: Path) -> None:
+    text = 'duration = "0.4 s"\nstart = "rest"\n[sequence]\nlift = "0.1 s"\nstop = "0.3 s"\n'
+    (tmp_path / "flight.toml").write_text(text)
+    flight = Flight.load(tmp_path / "flight.toml")
+    assert flight.sequence == LiftOff(lift=0.1, stop=0.3)
+    assert Flight.from_toml(flight.to_toml()) == flight
+    (tmp_path / "flight.toml").write_text(text.replace("0.3 s", "0 s"))
+    with pytest.raises(AmbkitError, match=r"flight.toml.*sequence.stop.*after start"):
+        Flight.load(tmp_path / "flight.toml")
+
+
+def test_what_lies_is_left_out_of_what_is_filtered() -> None:
+    """Magnets are off there, which no filter is told: NIS would be several times too large."""
+    machine = Machine.preset("tum_mlps").replace(speed=0.0)
+    record = lifted(machine, feedback="estimate").record
+    found = filter_machine(machine, record, ("linear",))
+    on = np.isin(record["mode"], (Mode.LIFTING, Mode.FLYING, Mode.LANDING))
+    assert len(found.record) == on.sum()
+    assert found.to_dict()["estimators"]["linear"]["nis"] < 1.3
+    assert float(np.mean(KalmanFilter(machine).run(record).nis[1:])) > 1.3
+
+
+@pytest.mark.parametrize("stop", [0.25, None])
+def test_a_summary_is_of_the_flight(stop: float | None) -> None:
+    machine = Machine.preset("tum_mlps")
+    flight = Flight(
+        duration=0.35, start="rest", sequence=LiftOff(stop=stop, lift=0.05, land=0.05),
+        feedback="estimate", speed=Ramp(slope=2000.0, start=0.1),
+    )  # fmt: skip
+    kalman = KalmanFilter(machine, synchronous=("unbalance",))
+    run = simulate_machine(machine, flight, estimator=kalman)
+    found = FlightSummary(run, harmonics(kalman, run.record)).to_dict()
+    modes = [each["mode"] for each in found["modes"]]
+    assert modes[:3] == ["waiting", "lifting", "flying"]
+    assert found["rmse"]["x"] < 2e-6
+    assert ("synchronous" in found) == (stop is None)  # a rotor that lies says nothing of it
+
+
+# ---- As C ----
+
+
+def printed_by(folder: Path) -> str:
+    done = program(str(COMPILER), folder, folder / "selftest.out", flags=("-O0", *SAME_BITS[1:]))
+    assert done.returncode == 0, done.stderr
+    return subprocess.run([folder / "selftest.out"], capture_output=True, text=True).stdout
+
+
+FLIGHTS = {
+    "lift-off": Flight(start="rest", sequence=LiftOff()),
+    "by the estimate": Flight(start="rest", sequence=LiftOff(), feedback="estimate"),
+    "run-up": Flight(speed=Ramp(slope=2000.0), feedback="estimate"),
+    "all": Flight(
+        start="rest", sequence=LiftOff(), speed=Ramp(slope=2000.0, start=0.2),
+        feedback="estimate", control=Control(unbalance="force-free", cross_feedback=0.3),
+    ),
+    "lqg": Flight(
+        start="rest", sequence=LiftOff(), feedback="estimate", control=Control(type="lqg"),
+    ),
+}  # fmt: skip
+
+
+QUICKLY = [("all", "float"), ("lift-off", "double")]
+AND_OTHERS = [
+    each if each in QUICKLY else pytest.param(*each, marks=pytest.mark.long)
+    for each in product(FLIGHTS, ("float", "double"))
+]
+
+
+@compiled
+@pytest.mark.parametrize(("flown", "precision"), AND_OTHERS)
+def test_what_flies_is_what_was_simulated(flown: str, precision: Any, tmp_path: Path) -> None:
+    """Lift-off, landing, trips, and a model that follows the speed: the self-test's own flights."""
+    machine = Machine.preset("tum_mlps")
+    export_c(
+        machine, None, tmp_path / "c", precision=precision, flight=FLIGHTS[flown], prefix="f",
+        synchronous=("unbalance",),
+    )  # fmt: skip
+    said = printed_by(tmp_path / "c")
+    assert said.count("equal to the last bit") == 2, said
+
+
+MAIN = """
+#include "f_control.h"
+#include <stdio.h>
+#include <stdlib.h>
+int main(void)
+{
+  static f_control_state state;
+  static f_command now;
+  double in[AMB_SENSORS + 3];
+  f_control_init(&state);
+  for (;;) {
+    amb_real y[AMB_SENSORS], r[AMB_CONTROLS] = {0};
+    if (fread(in, sizeof in[0], AMB_SENSORS + 2, stdin) != AMB_SENSORS + 2)
+      return 0;
+    for (int s = 0; s < AMB_SENSORS; s++)
+      y[s] = (amb_real)in[s];
+    (void)f_control_step(&state, y, r, (amb_real)in[AMB_SENSORS], in[AMB_SENSORS + 1] > 0, &now);
+    const double mode = (double)now.mode;
+    for (int f = 0; f < AMB_CONTROLS; f++) {
+      const double u = (double)now.u[f];
+      fwrite(&u, sizeof u, 1, stdout);
+    }
+    fwrite(&mode, sizeof mode, 1, stdout);
+  }
+}
+"""
+
+
+def signals_of_c(made: CExport, record: Record, machine: Machine, flight: Flight) -> Array:
+    """What the exported controller gives for a record's readings: control signals, and the mode."""
+    folder = made.folder
+    (folder / "main.c").write_text(MAIN)
+    words = [*command(str(COMPILER), ("-O1", *SAME_BITS[1:])), *made.sources, "main.c", "-o", "fly"]
+    subprocess.run(words, cwd=folder, check=True, capture_output=True)
+    assert flight.sequence is not None
+    given = [record[f"y_{r.name}"] for r in machine.readings]
+    given += [record["speed"], flight.sequence.fly(record.t)]
+    told = np.ascontiguousarray(np.column_stack(given), float).tobytes()
+    out = subprocess.run([folder / "fly"], input=told, capture_output=True, check=True).stdout
+    return np.frombuffer(out).reshape(len(record), -1)
+
+
+RIGID_AND_FLEXIBLE = ["tum_mlps", "ufu_flexible"]
+
+
+@compiled
+@pytest.mark.parametrize("name", [
+    name if name in RIGID_AND_FLEXIBLE else pytest.param(name, marks=pytest.mark.long)
+    for name in PRESETS
+])  # fmt: skip
+def test_a_whole_flight_from_lift_off_over_a_run_up_to_landing(name: str, tmp_path: Path) -> None:
+    """The exported controller, fed with the readings of a simulated flight: 0 samples differ."""
+    machine = Machine.preset(name)
+    flight = Flight(
+        duration=0.5, start="rest", feedback="estimate",
+        speed=Ramp(slope=machine.speed / 0.2, start=0.12, end=0.3),
+        sequence=LiftOff(start=0.003, stop=0.4, wait=0.005, lift=0.08, land=0.08),
+    )  # fmt: skip
+    kalman = KalmanFilter(machine, synchronous=("unbalance",), precision="float32")
+    record = simulate_machine(machine, flight, estimator=kalman).record
+    assert Mode.FLYING in record["mode"]
+    made = export_c(
+        machine, None, tmp_path / "c", flight=flight, prefix="f", synchronous=("unbalance",)
+    )
+    got = signals_of_c(made, record, machine, flight)
+    flown = [record[f"u_{axis.name}"] for axis in machine.axes]
+    np.testing.assert_array_equal(got, np.column_stack([*flown, record["mode"]]))
