@@ -19,7 +19,13 @@ from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
 from ambkit.data import recordings
 from ambkit.identification.corpus.arx import ORDER, fit_arx, normal_of
-from ambkit.identification.corpus.corpus import Corpus, Foretold, identify_corpus
+from ambkit.identification.corpus.corpus import (
+    Baselines,
+    Corpus,
+    Foretold,
+    foretell,
+    identify_corpus,
+)
 from ambkit.identification.corpus.cutting import cut, flights
 from ambkit.identification.corpus.pooling import pool
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
@@ -90,14 +96,28 @@ def test_each_is_foretold_by_the_others(corpus: Corpus) -> None:
 
 def test_good_is_what_no_baseline_knows_more_of() -> None:
     errors = {
-        "error": {1: 18e-6, 10: 21e-6}, "held": {1: 24e-6, 10: 30e-6},
-        "unmodelled": {1: 19e-6, 10: 28e-6}, "arx": {1: 19e-6, 10: 27e-6},
+        "error": {1: 18e-6, 10: 21e-6}, "alone": {1: 18e-6, 10: 23e-6},
+        "held": {1: 24e-6, 10: 30e-6}, "unmodelled": {1: 19e-6, 10: 28e-6},
+        "arx": {1: 19e-6, 10: 27e-6},
     }  # fmt: skip
     well = Foretold("log", 10_000, **errors, floor=17e-6, nis=1.05, white=0.5, left=0.01)
     assert well.good  # whiteness alone does not count: in a long log little shows
     for worse in ({"nis": 1.4}, {"nis": 0.7}, {"left": 0.2}, {"arx": {1: 19e-6, 10: 20e-6}},
                   {"held": {1: 17e-6, 10: 30e-6}}):  # fmt: skip
         assert not replace(well, **worse).good
+
+
+def test_a_filter_that_knows_the_truth_loses_to_no_model_that_knows_as_much() -> None:
+    """Given later controls it does: as they answer to the motion, they lead it astray."""
+    quiet = {str(n): flown(n, duration=4.0).between(0.5, None) for n in range(4)}
+    others = Baselines.together([Baselines.of([quiet[name]]) for name in "123"])
+    truth = LoopModel(BALL, load_growth=1e-8, substeps=1)
+    told = foretell("0", [quiet["0"]], truth, others)
+    assert told.alone[1] == pytest.approx(told.error[1], rel=1e-3)
+    assert told.alone[10] < told.arx[10]
+    assert told.alone[10] < told.error[10]
+    late = foretell("0", [quiet["0"]], truth.replace(delay=-0.4e-3, line=True), others)
+    assert late.alone[10] == pytest.approx(told.alone[10], rel=0.15)
 
 
 def test_a_log_is_cut_where_it_does_not_fly() -> None:

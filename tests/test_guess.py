@@ -115,6 +115,11 @@ def test_nothing_is_guessed_where_nothing_floats(name):
     assert rotor(still()[name]) is None
 
 
+def test_a_record_too_short_for_a_band_is_no_rotor():
+    log = disguises.simulated("one magnet")
+    assert rotor(np.array([log["y"], log["u"]])[:, :150]) is None
+
+
 def test_copies_are_one_channel():
     a = np.random.default_rng(1).normal(size=(2, 500))
     rows = np.array([a[0], a[1], 3 - 2 * a[0], a[1], a[0] + 1e-3 * a[1]])

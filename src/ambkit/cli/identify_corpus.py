@@ -56,26 +56,35 @@ def by_corpus(options: Options, known: Bearing) -> None:
 
 
 def _tables(corpus: Corpus) -> list[Any]:
+    kinds = {
+        "error": "error",
+        "alone": "alone",
+        "arx": "ARX",
+        "unmodelled": "velocity",
+        "held": "held",
+    }
+    columns = [
+        (kind, k) for k in corpus.foretold[0].error for kind in kinds if k > 1 or kind != "alone"
+    ]  # a sample ahead no later control acts
     rows = [
         [
             each.name,
-            *(value(of[k], "m", 3, like=1e-5)
-              for k in each.error for of in (each.error, each.arx, each.unmodelled, each.held)),
+            *(value(getattr(each, kind)[k], "m", 3, like=1e-5) for kind, k in columns),
             f"{each.nis:.2f}", f"{100 * each.white:.0f} %", f"{100 * each.left:.1f} %",
             "yes" if each.good else "no",
         ]
         for each in corpus.foretold
     ]  # fmt: skip
-    heads = [f"{kind} {k}" for k in corpus.foretold[0].error
-             for kind in ("error", "ARX", "velocity", "held")]  # fmt: skip
+    heads = [f"{kinds[kind]} {k}" for kind, k in columns]
     shown: list[Any] = [
         output.table(
             "Each log, foretold by a model of the others",
             ["", *heads, "NIS", "white", "left", "good"], rows,
         ),
-        "Errors are rms, so many samples ahead. ARX knows past positions and controls, velocity "
-        "is a Kalman filter without a magnet; both are fitted to the other logs. Left is what of "
-        "the residuals their past foretells. Good: no baseline is better, NIS is near 1, and "
+        "Errors are rms, so many samples ahead, with the controls since. Alone is the model with "
+        "the controls that the past lets expect; ARX knows no other, velocity is a Kalman filter "
+        "without a magnet. All three are fitted to the other logs. Left is what of the residuals "
+        "their past foretells. Good: no baseline that knows as much is better, NIS is near 1, and "
         "little is left.",
         output.table(
             f"{corpus.model.bearing.name}: {len(corpus.found)} logs together",

@@ -169,6 +169,8 @@ def rotor(channels: Array, position: int | None = None, control: int | None = No
     """
     unit = standardised(channels)
     listed = list(bands(unit))
+    if not listed:
+        return None
     hiss = [noise(values) for values in unit]
     raw = [in_steps(v) and h > NO_NOISE for v, h in zip(channels, hiss, strict=True)]
     rates = velocities(unit)

@@ -38,7 +38,7 @@ class ARX:
 
     def predict(self, record: Record) -> Array:
         """Return predictions of ``y[k + ahead]`` from sample k on [m], NaN for the first ones."""
-        rows, last = _rows(record, self.ahead)
+        rows, last = regressors(record, self.ahead)
         found = np.full(len(record) - self.ahead, np.nan)
         found[ORDER - 1 :] = last + rows @ self.weights
         return found
@@ -56,7 +56,7 @@ def normal_of(records: Sequence[Record], ahead: int) -> Array:
     """
     total = np.zeros((2 * ORDER, 2 * ORDER + 1))
     for record in records:
-        rows, last = _rows(record, ahead)
+        rows, last = regressors(record, ahead)
         target = record["y"][ORDER - 1 + ahead :] - last
         total += rows.T @ np.column_stack([rows, target])
     return total
@@ -72,14 +72,39 @@ def fit_arx(normal: Array, ahead: int) -> ARX:
     ahead : int
         How many samples ahead.
     """
+    return ARX(ahead, solved(normal)[:, 0])
+
+
+def solved(normal: Array) -> Array:
+    """Solve normal equations of regressors of very different sizes.
+
+    Parameters
+    ----------
+    normal : ndarray (p, p + q)
+        Of p regressors with themselves, and with q targets.
+
+    Returns
+    -------
+    ndarray (p, q)
+        The weights of each target.
+    """
+    p = len(normal)
     scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    left, right = normal[:, :-1] / np.outer(scale, scale), normal[:, -1] / scale
+    left, right = normal[:, :p] / np.outer(scale, scale), normal[:, p:] / scale[:, None]
     weights, *_ = np.linalg.lstsq(left, right, rcond=1e-12)
-    return ARX(ahead, weights / scale)
+    return np.asarray(weights / scale[:, None])
 
 
-def _rows(record: Record, ahead: int) -> tuple[Array, Array]:
-    """Return regressors (m, 2 ORDER) and the last positions (m,), k from ORDER - 1 on."""
+def regressors(record: Record, ahead: int) -> tuple[Array, Array]:
+    """Return regressors (m, 2 ORDER) and the last positions (m,), of samples from ORDER - 1 on.
+
+    Parameters
+    ----------
+    record : Record
+        With ``y`` [m] and ``u`` [V].
+    ahead : int
+        So many samples at the end have none.
+    """
     windows = np.lib.stride_tricks.sliding_window_view
     y, u = (windows(record[name], ORDER)[: len(record) - ORDER + 1 - ahead] for name in ("y", "u"))
     last = y[:, -1]

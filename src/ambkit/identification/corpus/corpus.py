@@ -18,6 +18,7 @@ from ambkit.estimate.innovations import whiteness
 from ambkit.identification.corpus.amplitude import Weakened, weakened
 from ambkit.identification.corpus.arx import ORDER, fit_arx, normal_of
 from ambkit.identification.corpus.cutting import SMOOTHED, Stretch, cut, flights, noise_of
+from ambkit.identification.corpus.expected import fit_controls, normal_of_controls
 from ambkit.identification.corpus.pooling import Pooled, pool
 from ambkit.identification.maximum_likelihood.estimate import maximum_likelihood
 from ambkit.identification.maximum_likelihood.likelihood import settling_time
@@ -40,6 +41,10 @@ Array = NDArray[np.float64]
 AHEAD = (1, 10)
 """Samples ahead that are foretold."""
 
+SPARE = 2
+"""Controls more than these that are expected: one between whose two a line goes, one of a delay
+below zero."""
+
 LAGS = 50
 """Of the correlation of the residuals."""
 
@@ -60,9 +65,11 @@ class Foretold:
         Of the log.
     samples : int
         Measurements that count.
-    error, held, unmodelled, arx : mapping of int to float
-        Samples ahead, and the RMS error [m]: of the model; of the last measurement, held; of the
-        constant-velocity filter; of the ARX model. These two are fitted to the others as well.
+    error, alone, held, unmodelled, arx : mapping of int to float
+        Samples ahead, and the RMS error [m]: of the model, with the controls since; of the model,
+        with those that its past lets expect; of the last measurement, held; of the
+        constant-velocity filter; of the ARX model. These two, and what is to be expected, are
+        fitted to the others as well.
     floor : float
         Noise of the measurement itself, as the model has it along this log, rms [m].
     nis : float
@@ -76,6 +83,7 @@ class Foretold:
     name: str
     samples: int
     error: Mapping[int, float]
+    alone: Mapping[int, float]
     held: Mapping[int, float]
     unmodelled: Mapping[int, float]
     arx: Mapping[int, float]
@@ -89,16 +97,17 @@ class Foretold:
         """Whether nothing knows more of this log than the model.
 
         No baseline foretells it better, its noise is what the model expects, and hardly anything of
-        what is left could be foretold.
+        what is left could be foretold. The ARX model knows no later control, so it is held against
+        the model without these.
         """
-        others = (self.held, self.unmodelled, self.arx)
-        beaten = all(self.error[k] <= AS_GOOD * other[k] for k in AHEAD for other in others)
+        known = ((self.error, self.held), (self.error, self.unmodelled), (self.alone, self.arx))
+        beaten = all(own[k] <= AS_GOOD * other[k] for k in AHEAD for own, other in known)
         return beaten and as_expected(self.nis) and little_left(self.left)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as plain data, in SI."""
-        kinds = {"error": self.error, "held": self.held, "without_a_magnet": self.unmodelled,
-                 "arx": self.arx}  # fmt: skip
+        kinds = {"error": self.error, "without_later_controls": self.alone, "held": self.held,
+                 "without_a_magnet": self.unmodelled, "arx": self.arx}  # fmt: skip
         return {
             "log": self.name, "samples": self.samples,
             **{name: {str(k): v for k, v in of.items()} for name, of in kinds.items()},
@@ -333,17 +342,21 @@ class Baselines:
         Tuned by the likelihood.
     normal : mapping of int to ndarray
         Samples ahead, and the normal equations of an ARX model.
+    controls : ndarray
+        Normal equations of the controls that are to be expected.
     """
 
     naive: ConstantVelocityFilter
     normal: Mapping[int, Array]
+    controls: Array
 
     @classmethod
     def of(cls, records: Sequence[Record]) -> Baselines:
         """Fit them to the flights of one log."""
         T = records[0].sampling_time
         naive = tune([record["y"] for record in records], T)
-        return cls(naive, {k: normal_of(records, k) for k in AHEAD})
+        controls = normal_of_controls(records, AHEAD[-1] + SPARE)
+        return cls(naive, {k: normal_of(records, k) for k in AHEAD}, controls)
 
     @classmethod
     def together(cls, several: Sequence[Baselines]) -> Baselines:
@@ -353,7 +366,8 @@ class Baselines:
             for name in ("q", "R")
         )
         normal = {k: np.sum([one.normal[k] for one in several], axis=0) for k in AHEAD}
-        return cls(ConstantVelocityFilter(several[0].naive.T, q, R), normal)
+        controls = np.sum([one.controls for one in several], axis=0)
+        return cls(ConstantVelocityFilter(several[0].naive.T, q, R), normal, controls)
 
 
 def foretell(name: str, records: Sequence[Record], model: LoopModel, others: Baselines) -> Foretold:
@@ -373,10 +387,11 @@ def foretell(name: str, records: Sequence[Record], model: LoopModel, others: Bas
     naive = others.naive
     first = max(round(settling_time(model.bearing) / records[0].sampling_time) * 4, ORDER)
     misses: dict[str, dict[int, list[Array]]] = {
-        kind: {k: [] for k in AHEAD} for kind in ("model", "held", "naive", "arx")
+        kind: {k: [] for k in AHEAD} for kind in ("model", "alone", "held", "naive", "arx")
     }
     residuals, squares, variances, controls = [], [], [], []
     linear = {k: fit_arx(others.normal[k], k) for k in AHEAD}
+    expected = fit_controls(others.controls)
     for record in records:
         y = record["y"]
         e, S, used = model.innovations(record)
@@ -386,10 +401,13 @@ def foretell(name: str, records: Sequence[Record], model: LoopModel, others: Bas
         squares.append((e**2 / S)[used])
         share = 1 + model.bearing.sensor.noise_rise * (y - model.position_offset)
         variances.append(model.bearing.sensor.noise_variance * np.clip(share, 1 / 8, 8)[used] ** 2)
+        windows = expected.windows(record)
         for k in AHEAD:
             target = y[k:]
+            alone = np.full(target.size, np.nan)
+            alone[ORDER - 1 :] = model.predict_with(record, k, windows, ORDER)[: -k or None]
             for kind, guess in (
-                ("model", model.predict(record, k)), ("held", y[:-k]),
+                ("model", model.predict(record, k)), ("alone", alone), ("held", y[:-k]),
                 ("naive", naive.predict(y, k)), ("arx", linear[k].predict(record)),
             ):  # fmt: skip
                 misses[kind][k].append((target - guess)[first:])
@@ -399,7 +417,7 @@ def foretell(name: str, records: Sequence[Record], model: LoopModel, others: Bas
     }
     residual = np.concatenate(residuals)
     return Foretold(
-        name, residual.size, rms["model"], rms["held"], rms["naive"], rms["arx"],
+        name, residual.size, rms["model"], rms["alone"], rms["held"], rms["naive"], rms["arx"],
         _rms(np.sqrt(np.concatenate(variances))), float(np.mean(np.concatenate(squares))),
         whiteness(residual, LAGS).share_within,
         predictable(residual, np.concatenate(controls)),

@@ -241,14 +241,51 @@ class LoopModel:
         missed = self.misplaced(record["u"])[ahead:]
         return np.asarray(fine[:: self.substeps][:n]) + self.position_offset + missed
 
+    def predict_with(self, record: Record, ahead: int, controls: Array, past: int) -> Array:
+        """Predict the measurement some samples after each one, with controls of one's own.
+
+        Parameters
+        ----------
+        record : Record
+            With ``y`` [m] and ``u`` [V], n samples.
+        ahead : int
+            How many samples ahead.
+        controls : ndarray (m, past + f)
+            Of each of the last m samples: the control signals up to its own, and more than `ahead`
+            that follow [V].
+        past : int
+            How many the former are: more than delay and lag go back.
+
+        Returns
+        -------
+        ndarray (m,)
+            Element k is the prediction of what comes `ahead` samples after the k-th of them [m].
+        """
+        out, _, kalman = self._run(record)
+        count, every, steps = len(controls), self.substeps, ahead * self.substeps
+        first = (past - 1) * every
+        acting = self._acting(controls.ravel()).reshape(count, -1)[:, first : first + steps]
+        mean = out["mean"][::every][len(record) - count :]
+        begun = np.repeat(np.concatenate([mean, mean[-1:]]), steps, axis=0)
+        u = np.concatenate([acting.ravel(), np.zeros(steps)])
+        seen = kalman.core.forecast(np.ascontiguousarray(begun), u, steps)[::steps, 0]
+        missed = self.misplaced(record["u"])[len(record) - count :]
+        return np.asarray(seen[:count]) + self.position_offset + missed
+
+    def _acting(self, u: Array) -> Array:
+        """Return what acts at the filter's steps, late, of a control signal (n,) [V]."""
+        h = self.bearing.sampling_time / self.substeps
+        return delayed(lagged(self._at_steps(u), h, self.current_lag), self.delay / h)
+
     def misplaced(self, u: Array) -> Array:
         """Return by how much the filter's measurement is beyond the true one [m], turned around.
 
         Where a held control signal switches within a step, the force's mean gives the right
         momentum, and a position that misses ``f (1 - f)/2 h^2`` times the step of the acceleration.
         All steps before add up to the last value of the control signal, so that the position is
-        beside the filter's by as much, through the sensor's lag. It is nanometres; but a sensor of
-        half a micrometre and a control that is shaken tell, and k came out 0.5 % too small.
+        beside the filter's by as much, through the sensor's lag. It is nanometres; but a fast
+        sensor of half a micrometre and a control that is shaken tell, and k came out 0.5 % too
+        small.
 
         Parameters
         ----------
@@ -274,7 +311,7 @@ class LoopModel:
     ) -> tuple[dict[str, Any], Array, Estimator]:
         """Run the filter with its finer steps; between two samples no measurement comes."""
         h = self.bearing.sampling_time / self.substeps
-        u = delayed(lagged(self._at_steps(record["u"]), h, self.current_lag), self.delay / h)
+        u = self._acting(record["u"])
         y = np.full(u.size, np.nan)
         y[:: self.substeps] = record["y"] - self.position_offset - self.misplaced(record["u"])
         kalman = kalman or self.kalman()

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 KINDS = (
     ("error", "estimate", "model of the others"),
+    ("alone", "series 3", "model, without later controls"),
     ("arx", "series 1", "ARX"),
     ("unmodelled", "series 2", "without a magnet"),
     ("held", "constant", "last measurement held"),
@@ -100,8 +101,10 @@ def corpus_report(corpus: Corpus) -> Report:
                 TableBlock(id="foretold_errors", title="Errors, rms", headers=[
                     "log", *heads, "NIS", "white [%]", "left [%]", "good"], rows=rows,
                     caption="ARX and the filter without a magnet are fitted to the other logs. "
-                    "Left: what of the residuals their past foretells. Good: no baseline is "
-                    "better, NIS is near 1, and little is left."),
+                    "ARX knows no later control; so it is held against the model without these, "
+                    "which expects what the loops of the others would do. "
+                    "Left: what of the residuals their past foretells. Good: no baseline that "
+                    "knows as much is better, NIS is near 1, and little is left."),
                 FigureBlock(corpus_figure(corpus)),
             ]),
             Chapter("found", "What the logs say", [
