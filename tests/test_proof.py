@@ -23,25 +23,32 @@ needs_frama_c = pytest.mark.skipif(
 )
 
 
-def test_what_is_shown_of_a_kind_is_recorded_in_both_precisions() -> None:
-    shown = {name for name, left in STORED["filters"].items() if not any(left.values())}
-    assert {"Kalman, Constant, float", "Kalman, Constant, double"} <= shown
+def test_of_every_kind_it_is_recorded_in_both_precisions_that_nothing_undefined_is_left() -> None:
+    names = [prover.stored_as(kind, each) for kind in prover.NAMES for each in prover.PRECISIONS]
+    assert set(STORED["filters"]) == set(names)
+    left = {name: (found["any"], found["open"]) for name, found in STORED["filters"].items()}
+    assert set(left.values()) == {(0, 0)}, left
+    overflows = {name for name, found in STORED["filters"].items() if found["finite"]}
+    assert {name.partition(",")[0] for name in overflows} == {"UD", "MultipleModel"}
 
 
-@pytest.mark.parametrize("kind", ["linear", "adaptive"])
+def test_the_table_is_what_is_recorded() -> None:
+    """Otherwise: python -m firmware.proof."""
+    readme = Path(prover.__file__).with_name("README.md").read_text(encoding="utf-8")
+    assert prover.table() in readme
+
+
+@pytest.mark.parametrize("kind", ["linear", "ud"])
 def test_the_readme_says_what_was_recorded_and_no_more(exported: Exported, kind: str) -> None:
     made = exported(kind)
     text = (made.folder / "proof" / "README.md").read_text(encoding="utf-8")
-    magnet = "Constant" if kind == "linear" else "Fuzzy"
-    recorded = STORED["filters"].get(f"Kalman, {magnet}, float")
-    assert ("That was a whole proof." in text) == (
-        recorded is not None and not any(recorded.values())
-    )
-    assert ("this kind of filter was not analysed" in text) == (recorded is None)
-    if recorded is not None:
-        assert STORED["tool"] in text
-        assert f"| finite inputs | {recorded['finite']} | |" in text
-        assert f"| any inputs | {recorded['any']} | {recorded['open']} |" in text
+    recorded = STORED["filters"][{"linear": "Kalman, Constant", "ud": "UD, Law"}[kind] + ", float"]
+    assert STORED["tool"] in text
+    assert f"| finite inputs | {recorded['finite']} | |" in text
+    assert f"| any inputs | {recorded['any']} | {recorded['open']} |" in text
+    assert ("That was a whole proof." in text) == (kind == "linear")
+    assert ("That was a proof of less" in text) == (kind == "ud")
+    assert "was not analysed" not in text
 
 
 def test_every_output_is_asked_for(exported: Exported) -> None:
@@ -56,11 +63,10 @@ def test_every_output_is_asked_for(exported: Exported) -> None:
 
 @pytest.mark.long
 @needs_frama_c
-@pytest.mark.parametrize("precision", ["float", "double"])
-def test_what_is_recorded_of_the_linear_filter_comes_out(
-    precision: CPrecision, tmp_path: Path
-) -> None:
-    name, left, said = prover.prove("linear", precision, tmp_path / "out")
+@pytest.mark.parametrize(("kind", "precision"), [("linear", "double"), ("unscented", "float")])
+def test_what_is_recorded_comes_out(kind: str, precision: CPrecision, tmp_path: Path) -> None:
+    """Of the others: python -m firmware.proof all."""
+    name, left, said = prover.prove(kind, precision, tmp_path / "out")
     assert left == STORED["filters"][name] == {"finite": 0, "any": 0, "open": 0}, said
 
 

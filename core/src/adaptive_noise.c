@@ -1,6 +1,10 @@
 #include "ambkit/adaptive_noise.h"
 #include "kalman_step.h"
 
+/* A sum of corrections' variances below this share of the smallest growth tells nothing of it [1].
+ */
+#define TELLING (AMB_ROOT_EPSILON * AMB_ROOT_EPSILON)
+
 static const amb_adaptive_noise *own(const amb_estimator *self)
 {
   return (const amb_adaptive_noise *)self->own;
@@ -94,12 +98,19 @@ static amb_status adapt_growth(const amb_adaptive_noise *a, const amb_kalman_set
         expected += s->expected[i];
       }
     }
-    if (expected > AMB_C(0.0)) {
+    if (expected > (TELLING * (nominal->var_d[k] / a->most))) {
       status |= follow(share, square, expected, nominal->var_d[k], a->most, &s->kf.set.var_d[k]);
     }
   }
   amb_model_growth(model, s->kf.set.var_d, s->kf.growth);
   return status;
+}
+
+/* Variance of an innovation of sensor r [m^2]: at least what is left of its noise where that is the
+ * smallest (amb_noise_share). */
+static amb_real variance_of(const amb_adaptive_noise_state *s, int r, amb_real S)
+{
+  return amb_at_least(S, s->kf.set.var_y[r] / AMB_C(64.0));
 }
 
 static amb_status adapt(const amb_estimator *self, amb_adaptive_noise_state *s,
@@ -111,8 +122,8 @@ static amb_status adapt(const amb_estimator *self, amb_adaptive_noise_state *s,
   for (int r = 0; r < amb_sensors(&self->kf->model); r++) {
     const amb_real e = result->innovation[r];
     if (a->measurement && ((result->health[r] & AMB_UNTOLD) == AMB_OK)) {
-      status |= follow(s->share, e * e, result->variance[r], nominal->var_y[r], a->most,
-                       &s->kf.set.var_y[r]);
+      const amb_real S = variance_of(s, r, result->variance[r]);
+      status |= follow(s->share, e * e, S, nominal->var_y[r], a->most, &s->kf.set.var_y[r]);
     }
   }
   s->samples++;
@@ -173,8 +184,16 @@ static void add_corrections(const amb_model *model, const amb_real before[AMB_ST
         expected = variances[i] - base->cov[amb_entry(amb_states(model), i, i)];
       }
 #endif
-      s->correction[i] += base->mean[i] - before[i];
-      s->expected[i] += expected;
+      const amb_real most = AMB_BOUNDLESS * s->kf.set.cap[i];
+      const amb_real correction = s->correction[i] + (base->mean[i] - before[i]);
+      const amb_real sum = s->expected[i] + expected;
+      if (AMB_WITHIN(correction, most) && AMB_WITHIN(sum, most * most)) {
+        s->correction[i] = correction;
+        s->expected[i] = sum;
+      } else { /* no rotor's */
+        s->correction[i] = AMB_C(0.0);
+        s->expected[i] = AMB_C(0.0);
+      }
     }
   }
 }
@@ -192,11 +211,16 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
   for (int i = 0; i < amb_states(model); i++) {
     before[i] = base->mean[i];
   }
+  for (int r = 0; r < amb_sensors(model); r++) { /* as it is, were no bit in memory to flip */
+    const amb_real low = self->kf->set.var_y[r] / own(self)->most;
+    s->kf.set.var_y[r] = amb_at_least(s->kf.set.var_y[r], low);
+  }
   amb_model_variances(model, base->cov, variances);
   amb_model_shown_with(model, 0, base->cov, with_y);
   amb_status status = inner.methods->update(&inner, &s->inner, y, result);
   if (learns(self, s, status, result)) {
-    add_corrections(model, before, variances, with_y, result->variance[0], s);
+    const amb_real S = variance_of(s, 0, result->variance[0]);
+    add_corrections(model, before, variances, with_y, S, s);
     status |= adapt(self, s, result);
   }
   result->status = status;

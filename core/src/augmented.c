@@ -8,7 +8,8 @@ static const amb_augmented *own_of(const amb_estimator *self)
 
 static void copy(int n, const amb_real from[AMB_TRIANGLE], amb_real to[AMB_TRIANGLE])
 {
-  for (int i = 0; i < amb_entry(n, n - 1, n); i++) {
+  const int entries = amb_entry(n, n - 1, n);
+  for (int i = 0; i < entries; i++) {
     to[i] = from[i];
   }
 }
@@ -100,7 +101,7 @@ static void wander(int n, const amb_augmented *own, amb_augmented_state *s)
 {
   if (s->var < (own->std * own->std)) {
     const amb_real grown = s->var + own->var_k;
-    const amb_real kept = s->var / grown;
+    const amb_real kept = amb_at_most(s->var / grown, AMB_C(1.0));
     widen(n, s->cov, s->excitation.slope, kept * own->var_k, s->cov);
     for (int i = 0; i < n; i++) {
       s->excitation.slope[i] *= kept;
@@ -168,7 +169,7 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
   copy(n, s->cov, s->base.cov);
   const amb_status status = amb_step_update(kf, &s->base, r, y, noise, told);
   copy(n, s->base.cov, s->cov);
-  h->S[r] = told->variance;
+  h->S[r] = amb_at_least(told->variance, noise); /* as it is: the proof is told so */
   told->variance += h->on_y[r] * s->var * h->on_y[r];
   if ((status & AMB_RESTARTED) != 0U) {
     part_from_theta(&kf->model, s, with_y);
@@ -188,11 +189,12 @@ static void learn(const amb_model *model, const amb_augmented *own, const hearin
   amb_real theta = s->theta;
   for (int r = 0; r < amb_sensors(model); r++) {
     if ((result->health[r] & AMB_UNTOLD) == 0U) {
-      const amb_real e = result->innovation[r] - h->on_y[r] * (theta - s->theta);
-      const amb_real total = h->S[r] + h->on_y[r] * s->var * h->on_y[r];
-      const amb_real gain = (s->var * h->on_y[r]) / total;
+      const amb_real on_y = h->on_y[r];
+      const amb_real e = result->innovation[r] - on_y * (theta - s->theta);
+      const amb_real total = h->S[r] + amb_at_least(on_y * s->var * on_y, AMB_C(0.0));
+      const amb_real gain = (s->var * on_y) / total;
       theta = amb_clamp(theta + gain * e, own->min, own->max);
-      s->var *= h->S[r] / total;
+      s->var *= amb_at_most(h->S[r] / total, AMB_C(1.0));
       result->innovation[r] = e;
       result->variance[r] = total;
     }
@@ -219,6 +221,7 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
   } else {
     status |= AMB_UNEXCITED;
   }
+  amb_excitation_hold(&s->excitation, kf);
   widen(amb_states(&kf->model), s->cov, s->excitation.slope, s->var, s->base.cov);
   result->status = status;
   return status;

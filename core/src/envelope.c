@@ -94,11 +94,6 @@ void amb_envelope_place(const amb_kalman *kf, int r, amb_real y, amb_real mean[A
   place_there(kf, r, y, mean);
 }
 
-static amb_real at_most(amb_real variance, amb_real most)
-{
-  return (variance <= most) ? variance : most;
-}
-
 /* P += variance a a'. */
 static void add_square(int n, amb_real variance, const amb_real a[AMB_STATES],
                        amb_real P[AMB_TRIANGLE])
@@ -225,14 +220,14 @@ amb_status amb_envelope_hold(const amb_kalman *kf, amb_kalman_state *state)
     variance[i] = state->cov[amb_entry(n, i, i)];
     sound = sound && ((role == AMB_SHOWN) || amb_is_finite(variance[i]));
     if ((role == AMB_POSITION) && (variance[i] > kf->widest[i])) {
-      share = at_most(kf->widest[i] / variance[i], share);
+      share = amb_at_most(kf->widest[i] / variance[i], share);
     }
   }
   for (int i = 0; i < n; i++) {
     if (amb_model_role(model, i) == AMB_VELOCITY) {
       variance[i] *= share;
     }
-    variance[i] = at_most(variance[i], kf->widest[i]);
+    variance[i] = amb_at_most(variance[i], kf->widest[i]);
   }
   for (int r = 0; r < amb_sensors(model); r++) {
     if (amb_rest_sees(model, r, lost)) {
@@ -264,7 +259,7 @@ static void restart_there(const amb_kalman *kf, amb_kalman_state *state, int r, 
     const amb_role role = amb_model_role(model, i);
     variance[i] = state->cov[amb_entry(n, i, i)];
     if (role != AMB_KNOWN) {
-      variance[i] = at_most((LESS_SURE * LESS_SURE) * variance[i], kf->widest[i]);
+      variance[i] = amb_at_most((LESS_SURE * LESS_SURE) * variance[i], kf->widest[i]);
     }
     if ((role == AMB_VELOCITY) && (variance[i] > fastest)) {
       fastest = variance[i];
@@ -275,7 +270,7 @@ static void restart_there(const amb_kalman *kf, amb_kalman_state *state, int r, 
   for (int i = 0; i < n; i++) {
     const amb_role role = amb_model_role(model, i);
     if (role == AMB_POSITION) { /* at this speed it goes away from what the sensor shows */
-      variance[i] = at_most(variance[i] + (lag * lag) * fastest, kf->widest[i]);
+      variance[i] = amb_at_most(variance[i] + (lag * lag) * fastest, kf->widest[i]);
     }
     if (role != AMB_SHOWN) {
       state->cov[amb_entry(n, i, i)] = variance[i];

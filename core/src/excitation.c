@@ -44,11 +44,29 @@ void amb_excitation_predict(amb_excitation *e, const amb_model *model,
   amb_model_predict_mean(model, F, none, e->slope);
 }
 
-static void follow(amb_recent *recent, amb_real value, amb_real fresh)
+/* Begun anew where one of them is beyond what a machine comes near to, or not a number. */
+static void follow(amb_recent *recent, amb_real value, amb_real fresh, amb_real most)
 {
-  const amb_real off = value - recent->mean;
-  recent->mean += fresh * off;
-  recent->var += fresh * ((AMB_C(1.0) - fresh) * off * off - recent->var);
+  const amb_real widest = AMB_C(4.0) * most * most;
+  if (AMB_WITHIN(value, most) && AMB_WITHIN(recent->mean, most) &&
+      AMB_WITHIN(recent->var, widest)) {
+    const amb_real off = value - recent->mean;
+    recent->mean += fresh * off;
+    recent->var += fresh * ((AMB_C(1.0) - fresh) * off * off - recent->var);
+  } else {
+    recent->mean = AMB_C(0.0);
+    recent->var = AMB_C(0.0);
+  }
+}
+
+void amb_excitation_hold(amb_excitation *e, const amb_kalman *kf)
+{
+  const int n = amb_states(&kf->model);
+  for (int i = 0; i < n; i++) {
+    const amb_real most = AMB_BOUNDLESS * kf->set.cap[i];
+    const amb_real slope = e->slope[i];
+    e->slope[i] = AMB_WITHIN(slope, most) ? slope : AMB_C(0.0);
+  }
 }
 
 static bool near_a_stop(const amb_kalman *kf, const amb_real mean[AMB_STATES])
@@ -74,15 +92,17 @@ void amb_excitation_update(amb_excitation *e, const amb_model *model, int r,
 }
 
 /* Whether the magnets move more than the loads, of which the sample is told first. */
-static bool moves_more(amb_excitation *e, const amb_model *model, amb_real slowly,
+static bool moves_more(amb_excitation *e, const amb_kalman *kf, amb_real slowly,
                        const amb_real mean[AMB_STATES])
 {
+  const amb_model *model = &kf->model;
   amb_real load = AMB_C(0.0);
   amb_real answer = AMB_C(0.0);
   for (int i = 0; i < amb_states(model); i++) {
     if (amb_model_role(model, i) == AMB_LOAD) {
-      follow(&e->load[i], mean[i], slowly);
-      follow(&e->answer[i], e->slope[i], slowly);
+      const amb_real most = AMB_BOUNDLESS * kf->set.cap[i];
+      follow(&e->load[i], mean[i], slowly, most);
+      follow(&e->answer[i], e->slope[i], slowly, most);
       load += e->load[i].var;
       answer += e->answer[i].var;
     }
@@ -93,12 +113,13 @@ static bool moves_more(amb_excitation *e, const amb_model *model, amb_real slowl
 bool amb_excitation_learns(amb_excitation *e, const amb_excitation_settings *settings,
                            const amb_kalman *kf, const amb_real mean[AMB_STATES])
 {
-  e->information += settings->fresh * (e->told - e->information);
+  const amb_real before = AMB_WITHIN(e->information, AMB_REAL_ROOT) ? e->information : AMB_C(0.0);
+  e->information = before + settings->fresh * (e->told - before);
   e->told = AMB_C(0.0);
   if (near_a_stop(kf, mean)) {
     e->information = AMB_C(0.0);
   }
-  const bool moved = moves_more(e, &kf->model, settings->fresh / AMB_LOAD_WINDOWS, mean);
+  const bool moved = moves_more(e, kf, settings->fresh / AMB_LOAD_WINDOWS, mean);
   const bool settled = e->age >= AMB_SETTLED_WINDOWS;
   if (!settled) {
     e->age += settings->fresh;

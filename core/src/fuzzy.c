@@ -71,17 +71,19 @@ static sums total(const amb_fuzzy *net, const amb_fuzzy_output *output, amb_real
                   amb_real *u)
 {
   sums s = add_up(u, output->weight, net->rules);
-  if (net->normalised && (s.plain < AMB_C(1e-6))) {
+  if (net->normalised && !(s.plain >= AMB_C(1e-6))) {
     exponents(net, output->sharpness, p, q, u);
     amb_real least = u[0];
     for (int r = 1; r < net->rules; r++) {
       least = (u[r] < least) ? u[r] : least;
     }
     for (int r = 0; r < net->rules; r++) {
-      u[r] -= least;
+      const amb_real more = u[r] - least;
+      u[r] = (more > AMB_C(0.0)) ? more : AMB_C(0.0);
     }
     exponentials(u, net->rules);
     s = add_up(u, output->weight, net->rules);
+    s.plain = (s.plain > AMB_C(1.0)) ? s.plain : AMB_C(1.0); /* that of the nearest rule */
   }
   return s;
 }
@@ -123,6 +125,8 @@ static amb_stiffness fuzzy_through_origin(const void *self, amb_real iu, amb_rea
     k.k_i /= i.plain;
     k.k_s /= s.plain;
   }
+  k.k_i = amb_clamp(k.k_i, -AMB_STIFFEST, AMB_STIFFEST);
+  k.k_s = amb_clamp(k.k_s, -AMB_STIFFEST, AMB_STIFFEST);
   return k;
 }
 

@@ -2,6 +2,9 @@
 #include "ambkit/root.h"
 #include "kalman_step.h"
 
+/* An exponent that leaves nothing of a likelihood. */
+#define UNLIKELY AMB_C(1e4)
+
 static const amb_multiple_model *own_of(const amb_estimator *self)
 {
   return (const amb_multiple_model *)self->own;
@@ -32,7 +35,8 @@ static void combine(int n, int models, amb_multiple_model_state *s)
       mean[i] += s->model[j].weight * s->model[j].mean[i];
     }
   }
-  for (int i = 0; i < amb_entry(n, n - 1, n); i++) {
+  const int entries = amb_entry(n, n - 1, n);
+  for (int i = 0; i < entries; i++) {
     cov[i] = AMB_C(0.0);
   }
   for (int j = 0; j < models; j++) {
@@ -48,18 +52,30 @@ static void combine(int n, int models, amb_multiple_model_state *s)
 /* All models take the mean and the covariance of the base, whatever their scales. */
 static void agree(int n, int models, amb_multiple_model_state *s)
 {
+  const int entries = amb_entry(n, n - 1, n);
   for (int j = 0; j < models; j++) {
     amb_one_model *m = &s->model[j];
     for (int i = 0; i < n; i++) {
       m->mean[i] = s->base.mean[i];
     }
-    for (int i = 0; i < amb_entry(n, n - 1, n); i++) {
+    for (int i = 0; i < entries; i++) {
       m->cov[i] = s->base.cov[i];
     }
   }
   for (int i = 0; i < n; i++) {
     s->excitation.slope[i] = AMB_C(0.0);
   }
+}
+
+/* All models know nothing but the envelope. */
+static void begin_anew(const amb_kalman *kf, int models, amb_multiple_model_state *s)
+{
+  const int n = amb_states(&kf->model);
+  for (int i = 0; i < n; i++) {
+    s->base.mean[i] = AMB_C(0.0);
+  }
+  amb_envelope_open(kf, s->base.cov);
+  agree(n, models, s);
 }
 
 /* As amb_step_contain. */
@@ -100,7 +116,7 @@ static void mix(int n, const amb_multiple_model *own, amb_multiple_model_state *
     amb_one_model *m = &s->model[j];
     const amb_real kept = more * m->weight;
     m->weight = enter + kept;
-    const amb_real w = kept / m->weight;
+    const amb_real w = amb_at_most(kept / m->weight, AMB_C(1.0));
     amb_real d[AMB_STATES];
     for (int i = 0; i < n; i++) {
       d[i] = m->mean[i] - s->base.mean[i];
@@ -170,6 +186,10 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
       s->model[j].weight = s->trusted[j];
     }
     combine(n, own->n, s);
+    if (!amb_envelope_bounds(kf, AMB_BOUNDLESS, s->base.mean, s->base.cov)) { /* nor are models */
+      begin_anew(kf, own->n, s);
+      status |= AMB_RESTARTED;
+    }
   }
   amb_real now[AMB_FORCES];
   bool finite = true;
@@ -220,11 +240,11 @@ static amb_status take_in_by_all(const amb_kalman *kf, const amb_multiple_model 
     amb_one_model *m = &s->model[j];
     amb_real before[AMB_STATES];
     amb_real e;
-    amb_real *S = &h->S[r][j];
+    const amb_real S = amb_magnitude(amb_model_shown_variance(model, r, m->cov)) + var_y;
     amb_model_variances(model, m->cov, before);
-    *S = amb_model_shown_variance(model, r, m->cov) + var_y;
-    amb_model_update(model, r, y, *S, m->mean, m->cov, &e);
-    h->square[j] += (e / *S) * e;
+    amb_model_update(model, r, y, S, m->mean, m->cov, &e);
+    h->S[r][j] = S;
+    h->square[j] += (e / S) * e;
     if (!amb_model_sound(model, m->cov)) {
       amb_model_uncorrelated(model, before, m->cov);
       status = AMB_BAD_VARIANCE;
@@ -247,13 +267,20 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
   const amb_real shown = amb_model_shown_variance(model, r, s->base.cov);
   const amb_real least = AMB_ROOT_EPSILON * shown;
   const amb_real var_y = (least > noise) ? least : noise;
-  told->innovation = AMB_C(0.0);
-  told->variance = shown + var_y;
-  h->taken[r] = false;
+  const amb_real S = shown + var_y;
   const amb_real seen = amb_step_seen(kf, r, y);
+  const amb_real e = seen - amb_model_shown(model, r, s->base.mean);
+  told->innovation = AMB_C(0.0);
+  told->variance = AMB_C(0.0);
+  h->taken[r] = false;
+  if (!AMB_WITHIN(e, AMB_REAL_MAX) || !AMB_WITHIN(S, AMB_REAL_MAX)) { /* nor are the models */
+    begin_anew(kf, models->n, s);
+    return AMB_RESTARTED;
+  }
+  told->variance = S;
   amb_status status = amb_step_useless(kf, &s->base, r, y);
   if (status == AMB_OK) {
-    told->innovation = seen - amb_model_shown(model, r, s->base.mean);
+    told->innovation = e;
     status = amb_step_surprised(sensor, told->innovation, told->variance);
     const amb_status outlier = amb_step_outlier(kf, sensor, r, told->innovation, told->variance);
     status |= outlier;
@@ -289,11 +316,19 @@ static void weigh(const amb_model *model, const amb_multiple_model *own, const h
       }
     }
     const amb_real less = AMB_C(0.5) * (h->square[j] - h->square[best]);
-    s->model[j].weight *= amb_exp_negative(less) * amb_root(ratio);
+    const amb_real held = AMB_WITHIN(less, UNLIKELY) ? amb_at_least(less, AMB_C(0.0)) : UNLIKELY;
+    const amb_real near = AMB_WITHIN(ratio, AMB_REAL_ROOT) ? ratio : AMB_REAL_ROOT;
+    s->model[j].weight *= amb_exp_negative(held) * amb_root(near);
     sum += s->model[j].weight;
   }
-  for (int j = 0; j < own->n; j++) {
-    s->model[j].weight /= sum;
+  if (sum >= (AMB_C(1.0) / AMB_REAL_ROOT)) {
+    for (int j = 0; j < own->n; j++) {
+      s->model[j].weight = amb_at_most(s->model[j].weight / sum, AMB_C(1.0));
+    }
+  } else { /* as good as nothing is left of any */
+    for (int j = 0; j < own->n; j++) {
+      s->model[j].weight = AMB_C(1.0) / (amb_real)own->n;
+    }
   }
   if (!(s->excitation.doubt > AMB_C(0.0))) {
     for (int j = 0; j < own->n; j++) {
@@ -313,6 +348,9 @@ static amb_status update(const amb_estimator *self, void *state, const amb_real 
   h.s = s;
   for (int j = 0; j < own->n; j++) {
     h.square[j] = AMB_C(0.0);
+    for (int r = 0; r < amb_sensors(model); r++) {
+      h.S[r][j] = AMB_C(1.0);
+    }
   }
   amb_status status = amb_step_each(take_in, kf, own, &h, s->base.mean, y, result);
   bool taken = false;

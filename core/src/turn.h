@@ -36,7 +36,4 @@ AMB_INLINE void amb_turn(amb_real ampere, amb_real metre, amb_real force, amb_re
   *k_s = (along * q + across * p) / metre;
 }
 
-/* No magnet is as stiff [N/A], [N/m]: a bound for the proof, where a quotient has none. */
-#define AMB_STIFFEST AMB_C(1e9)
-
 #endif

@@ -22,8 +22,9 @@ static void multiply_out(int n, amb_ud_state *s)
 static void factor(int n, const amb_real triangle[AMB_TRIANGLE], amb_real *U, int stride,
                    amb_real D[AMB_STATES])
 {
+  const int entries = amb_entry(n, n - 1, n);
   amb_real P[AMB_TRIANGLE];
-  for (int i = 0; i < amb_entry(n, n - 1, n); i++) {
+  for (int i = 0; i < entries; i++) {
     P[i] = triangle[i];
   }
   for (int j = n - 1; j >= 0; j--) {
@@ -199,6 +200,12 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
   const amb_real S = amb_model_shown_variance(model, r, s->base.cov) + noise;
   (void)own;
   told->innovation = AMB_C(0.0);
+  told->variance = AMB_C(0.0);
+  if (!AMB_WITHIN(S, AMB_REAL_MAX)) { /* no more than the factor is; in sight, for the proof */
+    amb_envelope_open(kf, s->base.cov);
+    factor_state(amb_states(model), s);
+    return AMB_RESTARTED;
+  }
   told->variance = S;
   const amb_real seen = amb_step_seen(kf, r, y);
   amb_status status = amb_step_useless(kf, &s->base, r, y);

@@ -33,14 +33,15 @@ static amb_real spread(const amb_estimator *self, int f, const amb_kalman_state 
   const amb_unscented *own = (const amb_unscented *)self->own;
   const amb_real at = amb_model_displacement(&kf->model, f, s->mean);
   const amb_real i = amb_model_current(&kf->model, f, s->mean, iu);
-  const amb_real away = own->reach * amb_root(displacement_variance(&kf->model, f, s->cov));
+  const amb_real variance = displacement_variance(&kf->model, f, s->cov);
+  const amb_real away = own->reach * amb_root(amb_at_least(variance, AMB_C(0.0)));
   amb_real d = AMB_C(0.0);
   if (away > (AMB_ROOT_EPSILON * kf->set.x_max[f])) { /* closer, the secant is the tangent */
     amb_stiffness unused;
     const amb_real more = amb_step_force(kf, self->magnet, f, i, at + away, &unused);
     const amb_real less = amb_step_force(kf, self->magnet, f, i, at - away, &unused);
     d = ((more - force) + (less - force)) / (AMB_C(2.0) * own->reach * own->reach);
-    k->k_s = (more - less) / (AMB_C(2.0) * away);
+    k->k_s = amb_clamp((more - less) / (AMB_C(2.0) * away), -AMB_STIFFEST, AMB_STIFFEST);
   }
   return d;
 }

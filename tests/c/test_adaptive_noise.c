@@ -127,8 +127,27 @@ static void test_rubbish(const amb_estimator_methods *methods)
   }
 }
 
+/* A noise below its range is held to it, also where it is not a number. */
+static void test_a_noise_that_is_none(void)
+{
+  const amb_adaptive_noise own = around(&amb_kalman_methods);
+  const amb_estimator e = {&amb_adaptive_noise_methods, &kf, &linear, &own};
+  const amb_real y[AMB_SENSORS] = {0};
+  const amb_real odd[] = {NOT_A_NUMBER, -1, 0};
+  for (size_t i = 0; i < sizeof odd / sizeof *odd; i++) {
+    amb_adaptive_noise_state s;
+    amb_kalman_result r;
+    CHECK(e.methods->reset(&e, &s, at_rest, some) == AMB_OK);
+    s.kf.set.var_y[0] = odd[i];
+    (void)e.methods->update(&e, &s, y, &r);
+    CHECK(s.kf.set.var_y[0] >= kf.set.var_y[0] / own.most);
+    CHECK(amb_is_positive(r.variance[0]));
+  }
+}
+
 int main(void)
 {
+  test_a_noise_that_is_none();
   test_parameters();
   const amb_estimator_methods *const kinds[] = {&amb_kalman_methods, &amb_extended_methods,
                                                 &amb_ud_methods};

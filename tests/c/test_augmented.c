@@ -45,8 +45,27 @@ static void test_limits(void)
   }
 }
 
+/* A slope that no machine has is begun anew. */
+static void test_a_slope_that_is_none(void)
+{
+  const amb_kalman kf = family_filter();
+  const amb_estimator e = {&amb_augmented_methods, &kf, &closed, &own};
+  const amb_real y[AMB_SENSORS] = {0};
+  const amb_real odd[] = {NOT_A_NUMBER, -TOO_MUCH, AMB_C(1e4)}; /* beyond 1,000 m/s */
+  for (size_t i = 0; i < sizeof odd / sizeof *odd; i++) {
+    amb_augmented_state s;
+    amb_kalman_result r;
+    CHECK(e.methods->reset(&e, &s, at_rest, some) == AMB_OK);
+    s.excitation.slope[1] = odd[i];
+    (void)e.methods->update(&e, &s, y, &r);
+    CHECK(same(s.excitation.slope[1], 0));
+    CHECK(all_finite(s.base.cov, AXIS_ENTRIES) && all_finite(s.base.mean, AXIS_STATES));
+  }
+}
+
 int main(void)
 {
+  test_a_slope_that_is_none();
   test_at_rest_it_is_the_plain_filter();
   test_limits();
   family_faults(&amb_augmented_methods, &own);

@@ -69,8 +69,25 @@ static void test_at_rest_nothing_is_weighed(void)
     CHECK(same(s.model[j].weight, AMB_C(0.2)));
 }
 
+/* Means that are none are told as none, and all models begin anew. */
+static void test_models_that_are_none(void)
+{
+  const amb_kalman kf = family_filter();
+  const amb_estimator e = {&amb_multiple_model_methods, &kf, &closed, &own};
+  const amb_real y[AMB_SENSORS] = {0};
+  amb_multiple_model_state s;
+  amb_kalman_result r;
+  CHECK(e.methods->reset(&e, &s, at_rest, some) == AMB_OK);
+  s.base.mean[3] = s.model[2].mean[3] = NOT_A_NUMBER;
+  CHECK((e.methods->update(&e, &s, y, &r) & AMB_RESTARTED) == AMB_RESTARTED);
+  CHECK(same(r.variance[0], 0) && same(r.innovation[0], 0));
+  for (int j = 0; j < own.n; j++)
+    CHECK(all_finite(s.model[j].mean, AXIS_STATES) && all_finite(s.model[j].cov, AXIS_ENTRIES));
+}
+
 int main(void)
 {
+  test_models_that_are_none();
   test_equal_models_are_one();
   test_the_unlikely();
   test_at_rest_nothing_is_weighed();

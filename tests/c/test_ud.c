@@ -91,8 +91,24 @@ static void test_a_magnet_that_knows_nothing(void)
   CHECK(sound(&s));
 }
 
+/* A variance that is none is told as none, and the factor is made anew. */
+static void test_a_covariance_that_is_none(void)
+{
+  const amb_kalman kf = filter(paper.var_y[0]);
+  const amb_estimator e = {&amb_ud_methods, &kf, &closed, NULL};
+  const amb_real y[AMB_SENSORS] = {0};
+  amb_ud_state s;
+  amb_kalman_result r;
+  CHECK(e.methods->reset(&e, &s, at_rest, some) == AMB_OK);
+  s.base.cov[9] = TOO_MUCH;
+  CHECK((e.methods->update(&e, &s, y, &r) & AMB_RESTARTED) == AMB_RESTARTED);
+  CHECK(same(r.variance[0], 0) && same(r.innovation[0], 0));
+  CHECK(sound(&s));
+}
+
 int main(void)
 {
+  test_a_covariance_that_is_none();
   test_reset();
   test_beside_the_extended_filter();
   test_outages();

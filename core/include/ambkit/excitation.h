@@ -85,6 +85,9 @@ void amb_excitation_predict(amb_excitation *e, const amb_model *model,
 void amb_excitation_update(amb_excitation *e, const amb_model *model, int r,
                            const amb_real with_y[AMB_STATES], amb_real S);
 
+/* No slope of a state is beyond AMB_BOUNDLESS caps, or not a number: such a one becomes 0. */
+void amb_excitation_hold(amb_excitation *e, const amb_kalman *kf);
+
 /* After all measurements of a sample; mean: what the states are now. True where theta can be
  * learned from them. */
 bool amb_excitation_learns(amb_excitation *e, const amb_excitation_settings *settings,

@@ -23,6 +23,9 @@ typedef union amb_bits {
   uint32_t bits;
 } amb_bits;
 
+/*@ requires \is_finite(t) && t >= 0;
+  @ assigns \result \from t;
+  @ ensures \is_finite(\result) && 0 <= \result <= 1; */
 static inline float amb_exp_negative(float t)
 {
   const float held = t < 87.0F ? t : 87.0F;
@@ -43,6 +46,9 @@ typedef union amb_bits {
   uint64_t bits;
 } amb_bits;
 
+/*@ requires \is_finite(t) && t >= 0;
+  @ assigns \result \from t;
+  @ ensures \is_finite(\result) && 0 <= \result <= 1; */
 static inline double amb_exp_negative(double t)
 {
   const double held = t < 708.0 ? t : 708.0;

@@ -24,6 +24,9 @@ typedef struct amb_stiffness {
   amb_real k_s; /* [N/m] */
 } amb_stiffness;
 
+/* No magnet is as stiff [N/A], [N/m]: a bound for the proof, where a quotient has none. */
+#define AMB_STIFFEST AMB_C(1e9)
+
 /* The interface. Each implementation provides one constant of this type. */
 typedef struct amb_magnet_methods {
   amb_real (*force)(const void *self, amb_real iu, amb_real x);

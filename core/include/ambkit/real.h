@@ -74,6 +74,18 @@ static inline amb_real amb_clamp(amb_real a, amb_real low, amb_real high)
   return above > high ? high : above;
 }
 
+/* The larger one; `least` where `a` is not a number. */
+static inline amb_real amb_at_least(amb_real a, amb_real least)
+{
+  return (a > least) ? a : least;
+}
+
+/* The smaller one; `most` where `a` is not a number. */
+static inline amb_real amb_at_most(amb_real a, amb_real most)
+{
+  return (a < most) ? a : most;
+}
+
 /* Standard deviation of a sensor's noise where it shows y [m], in parts of that in the middle: it
  * changes by `rise` of it a metre [1/m], within limits, for a straight line ends below zero. */
 static inline amb_real amb_noise_share(amb_real rise, amb_real y)

@@ -10,6 +10,9 @@
 
 #include "ambkit/exponential.h"
 
+/*@ requires \is_finite(a) && a >= 0;
+  @ assigns \result \from a;
+  @ ensures \is_finite(\result) && 0 <= \result <= 1 + a; */
 static inline amb_real amb_root(amb_real a)
 {
   const amb_real half = AMB_C(0.5) * a;

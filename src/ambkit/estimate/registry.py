@@ -37,6 +37,8 @@ class InCore:
         Whether its state is more than an ``amb_kalman_state``; it has a file of its own then, too.
     base : str
         Where in such a state the members of ``amb_kalman_state`` are.
+    covariance : str
+        Where the covariance is that the others of such a state follow from; by default the base's.
     calls : tuple of str
         Files that it calls besides.
     """
@@ -45,6 +47,7 @@ class InCore:
     has_own: bool = True
     has_state: bool = False
     base: str = ""
+    covariance: str = ""
     calls: tuple[str, ...] = ()
 
     @property
@@ -272,7 +275,10 @@ KINDS = {
         Kind(
             "augmented", "augmented-state extended Kalman filter",
             "magnet_scale.AugmentedKalmanFilter",
-            InCore("Augmented", has_state=True, base="base.", calls=("excitation",)), _law,
+            InCore(
+                "Augmented", has_state=True, base="base.", covariance="cov", calls=("excitation",)
+            ),
+            _law,
             (*NOISE, Tunable("wander", "1/s", lambda _: 0.01)),
             ratios=("scale_std", "excitation", "least", "most"),
         ),

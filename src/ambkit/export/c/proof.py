@@ -23,11 +23,12 @@ if TYPE_CHECKING:
 STORED = Path(__file__).with_name("proof.json")
 
 OPTIONS = (
-    "-eva-slevel 6"
+    "-eva-slevel 6 -eva-subdivide-non-linear 8"
     " -eva-slevel-function amb_{tag}_envelope_bounds:200,rest_in_the_middle:40"
     " -eva-auto-loop-unroll 128 -eva-split-return auto -eva-widening-delay 10"
 )
-"""How finely Eva looks: loops unrolled, and the ways through the bounds kept apart."""
+"""How finely Eva looks: squares are not negative, loops unrolled, and the ways through the bounds
+kept apart."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,12 @@ class Proof:
     @property
     def whole(self) -> bool:
         """Whether nothing was left."""
-        return self.finite == self.any == self.open == 0
+        return self.contained and self.finite == 0
+
+    @property
+    def contained(self) -> bool:
+        """Whether what comes out is finite, though what is in between may not be."""
+        return self.any == self.open == 0
 
 
 def recorded(estimator: Estimator, precision: CPrecision, *, editable: bool) -> Proof | None:

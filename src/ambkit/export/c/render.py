@@ -47,6 +47,10 @@ _PROVED = (
     "overflow, no other undefined behaviour of C99; and every number in the estimates is finite. "
     "Shown by abstract interpretation (Frama-C Eva), for these constants."
 )
+_CONTAINED = _PROVED.replace(
+    "no division by zero, no overflow, no other undefined behaviour of C99",
+    "no undefined behaviour of C99 with the arithmetic of IEEE 754",
+)
 _BOUND_OF_MACHINES = "2e-2"  # in float: more is added up; a tenth is still seen
 
 
@@ -152,6 +156,7 @@ def render(
     else:
         told = control.context(controller, name, precision)
     bearing = estimator.bearing
+    base = "" if in_core is None else in_core.base
     context: dict[str, Any] = {
         "name": name,
         "guard": name.upper(),
@@ -200,7 +205,8 @@ def render(
         "shown": _first(estimator, "sensor"),
         "load": _first(estimator, "disturbance force"),
         **_stops(estimator, precision),
-        "base": "" if in_core is None else in_core.base,
+        "base": base,
+        "covariance": (in_core.covariance if in_core else "") or f"{base}cov",
         **_data_context(estimator, magnet, kind, precision, of_model, editable=editable),
         "controlled": bool(flown),
         "sequenced": flight is not None and flight.sequence is not None,
@@ -224,6 +230,7 @@ def render(
             calibrated=calibrated,
         ),
         "proof_sentence": _PROVED.replace("NAME", name),
+        "contained_sentence": _CONTAINED.replace("NAME", name),
     }
     context["proof"] = _proof(estimator, context, core_files)
     for each, si in (("y", "m"), ("u", "V")):
@@ -330,9 +337,11 @@ def _proof(
     }
     contracts = [called for called, used in uses.items() if used]
     by_contract = f" -eva-use-spec {','.join(contracts)}" if contracts else ""
+    models = estimator.core.own.get("n", 0)  # their number is data, no constant that Eva sees
+    by_model = f" -eva-min-loop-unroll {models + 1}" if models else ""
     return {
         "outputs": proof.outputs(fields, axes, sensors),
-        "options": proof.OPTIONS.format(tag=context["tag"]) + by_contract,
+        "options": proof.OPTIONS.format(tag=context["tag"]) + by_model + by_contract,
         "recorded": proof.recorded(
             estimator, context["precision"], editable=bool(context["editable"])
         ),
