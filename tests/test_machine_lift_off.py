@@ -14,6 +14,7 @@ from export_cases import SAME_BITS, command, program
 from machine_cases import AND_LONG, PRESETS, Array
 
 from ambkit import AmbkitError, Flight, KalmanFilter, Machine, Record, harmonics
+from ambkit.estimate.registry import KINDS
 from ambkit.export.c import CExport, export_c
 from ambkit.simulation.controllers import Control
 from ambkit.simulation.flight import Disturbance
@@ -267,3 +268,17 @@ def test_a_whole_flight_from_lift_off_over_a_run_up_to_landing(name: str, tmp_pa
     got = signals_of_c(made, record, machine, flight)
     flown = [record[f"u_{axis.name}"] for axis in machine.axes]
     np.testing.assert_array_equal(got, np.column_stack([*flown, record["mode"]]))
+
+
+@pytest.mark.long
+@compiled
+@pytest.mark.parametrize("kind", ["linear-adaptive-noise", "extended", "ud", "multiple-model"])
+def test_each_kind_follows_the_speed_with_the_same_bits(kind: str, tmp_path: Path) -> None:
+    machine, of = Machine.preset("tum_mlps"), KINDS[kind].magnet
+    magnet = None if of is None else of(machine)
+    flight = FLIGHTS["all"].replace(control=Control())
+    export_c(
+        machine, magnet, tmp_path / "c", kind=kind, flight=flight, prefix="f",
+        synchronous=("unbalance",),
+    )  # fmt: skip
+    assert printed_by(tmp_path / "c").count("equal to the last bit") == 2

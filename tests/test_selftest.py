@@ -16,7 +16,8 @@ import mutants
 import pytest
 from export_cases import BEARING, SAME_BITS, program
 
-from ambkit.export.c import CExport
+from ambkit import Machine
+from ambkit.export.c import CExport, export_c
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 Exported = Callable[..., CExport]
@@ -153,6 +154,47 @@ def test_the_bench_can_fail(bench: mutants.Bench) -> None:
     nothing = mutants.Mutant(file, 1, "AMB_HELD", "(AMB_HELD)", at, "")
     assert bench.judge(nothing) == (True, True, True, True)
     assert bench.is_the_same(nothing)
+
+
+MACHINE_FAULTS = {
+    "starts within, only": (
+        "f.c",
+        "((beyond <= AMB_C(0.0)) || near)",
+        "near",
+    ),
+    "starts far beyond a stop": (
+        "f.c",
+        "(AMB_C(16.0) * kf->set.var_y[r])",
+        "(AMB_C(25.0) * kf->set.var_y[r])",
+    ),
+    "HELD never told": ("core/src/envelope.c", "sound ? AMB_HELD", "sound ? AMB_OK"),
+    "a demand whose product is none": (
+        "core/src/kalman_step.h",
+        "state->last_u[c] = AMB_REAL_ROOT;",
+        "state->last_u[c] = AMB_C(0.0);",
+    ),
+    "too sure of a sensor after an outage": (
+        "core/src/envelope.c",
+        "variance * AMB_C(1.01)",
+        "variance * AMB_C(1.0)",
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def machine(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    to = tmp_path_factory.mktemp("machine") / "c"
+    return export_c(Machine.preset("heart_pump"), None, to, prefix="f", loops=True).folder
+
+
+@pytest.mark.parametrize("fault", MACHINE_FAULTS)
+def test_planted_faults_of_a_machine_are_seen(fault: str, machine: Path, tmp_path: Path) -> None:
+    file, old, new = MACHINE_FAULTS[fault]
+    shutil.copytree(machine, tmp_path / "out")
+    path = tmp_path / "out" / file
+    assert path.read_text().count(old) == 1, "the fault cannot be planted"
+    path.write_text(path.read_text().replace(old, new))
+    assert printed(tmp_path / "out", tmp_path / "a.out").startswith("FAIL")
 
 
 def test_fast_math_is_said_in_a_sentence(exported: Exported, tmp_path: Path) -> None:
