@@ -283,9 +283,8 @@ class LoopModel:
         Where a held control signal switches within a step, the force's mean gives the right
         momentum, and a position that misses ``f (1 - f)/2 h^2`` times the step of the acceleration.
         All steps before add up to the last value of the control signal, so that the position is
-        beside the filter's by as much, through the sensor's lag. It is nanometres; but a fast
-        sensor of half a micrometre and a control that is shaken tell, and k came out 0.5 % too
-        small.
+        beside the filter's by as much, through the sensor's lag. It is nanometres; but a sensor of
+        half a micrometre and a control that is shaken tell, and k came out 0.5 % too small.
 
         Parameters
         ----------
