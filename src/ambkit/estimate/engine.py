@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from functools import cached_property
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,6 @@ from ambkit.models.machine import SYNCHRONOUS, machine_model, machine_parts
 from ambkit.models.model import Model, compressed_rows
 from ambkit.models.plan import Part, Plan
 from ambkit.models.roles import ENUMERATORS, ROLES
-
-if TYPE_CHECKING:
-    pass
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import shlex
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,6 @@ from ambkit.workflow.campaign.plan import Plan
 from ambkit.workflow.campaign.statistics import Share, clopper_pearson
 from ambkit.workflow.campaign.store import RUNS, Folder, array_of
 from ambkit.workflow.campaign.varied import OneOf
-
-if TYPE_CHECKING:
-    pass
 
 Array = NDArray[np.float64]
 
