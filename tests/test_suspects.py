@@ -104,3 +104,82 @@ def test_a_rotor_that_a_load_pushed_away_and_that_came_back_does_not_lie() -> No
             disturbance=ambkit.Step(amplitude=3.0, time=0.25),
         ))  # fmt: skip
         assert of_suspects(record) == []
+
+
+RNG = np.random.default_rng(2)
+STILL = ambkit.simulate(BEARING)
+
+
+def lying(record: Record, share: float, u: Any = None) -> Record:
+    """Lay the rotor on its lower stop for the last part of a record."""
+    y, control, start = record["y"].copy(), record["u"].copy(), round((1 - share) * len(record))
+    y[start:] = -1e-3 + 9e-6 * RNG.normal(size=y.size - start)
+    if u is not None:
+        control[start:] = u + 0.01 * RNG.normal(size=y.size - start)
+    return Record(record.t, {"y": y, "u": control}, {"y": "m", "u": "V"})
+
+
+def test_a_part_that_lies_spoils_no_sign_and_no_weight() -> None:
+    """Of no problem there is one, and the end that is named is that on which the rotor lies."""
+    record = lying(STILL, 0.3, 0.45)
+    problems, remarks = evaluate_record(record, BEARING)
+    assert problems == ()
+    assert not any("pulls with gravity" in text for text in remarks)
+    assert any(text.startswith("y rests at -1 mm, the rotor's stop, in 30 %") for text in remarks)
+    assert not any("greatest" in text for text in of_suspects(record))
+    _, remarks = evaluate_record(lying(STILL, 1.0, 0.45), BEARING)
+    assert any("the rotor's stop, in 100 % of the samples" in text for text in remarks)
+
+
+def test_a_noise_that_hides_the_travel_shows_no_stop() -> None:
+    problems, remarks = evaluate_record(log(y=1e3 * RUN["y"], u=RUN["u"]), BEARING)
+    assert any("is a unit, scale or offset wrong?" in text for text in problems)
+    assert not any("stop" in text for text in remarks)
+
+
+def test_channels_that_stand_still_are_told_as_what_they_are() -> None:
+    assert of_suspects(log(y=RUN["y"], u=0 * RUN["u"])) == [
+        "u stands still throughout: is it the control signal?"
+    ]
+    _, remarks = evaluate_record(log(y=0 * RUN["y"] + 1e-4, u=RUN["u"]), BEARING)
+    assert remarks == ("y stands still at 0.1 mm: is it the sensor's?",)
+
+
+def test_a_current_at_its_limit_is_not_one_in_steps() -> None:
+    u = np.where(np.arange(len(RUN)) < len(RUN) / 2, 1.5, RUN["u"])
+    assert not any("steps of a converter" in text for text in of_suspects(log(y=RUN["y"], u=u)))
+
+
+def test_a_slow_measurement_on_a_finer_grid_is_no_reference() -> None:
+    y = np.interp(RUN.t, RUN.t[::2], RUN["y"][::2])
+    assert of_suspects(log(y=y, u=RUN["u"])) == []
+
+
+def test_a_light_low_pass_is_told_by_the_colour_of_the_noise() -> None:
+    from scipy.signal import butter, lfilter
+
+    assert check_belongs(log(y=RUN["y"], u=RUN["u"]), BEARING) == []
+    smoothed = lfilter(*butter(1, 0.3), RUN["y"])
+    (told,) = check_belongs(log(y=smoothed, u=RUN["u"]), BEARING)
+    assert (
+        "is not white, as the bearing's sensor's is: was y smoothed before it was logged?" in told
+    )
+
+
+def test_a_control_signal_too_small_to_hold_the_rotor_is_told() -> None:
+    sine = ambkit.Scenario(reference=ambkit.Sine(amplitude=0.3e-3, frequency=5.0))
+    record = ambkit.simulate(BEARING, sine)
+    assert check_belongs(log(y=record["y"], u=record["u"]), BEARING) == []
+    (told,) = check_belongs(log(y=record["y"], u=record["u"] / 10), BEARING)
+    assert told.startswith("u varies by 2")
+    assert "is the record of another rig, or a unit or a scale wrong?" in told
+
+
+def test_an_offset_that_the_weight_contradicts_is_told() -> None:
+    rig = Bearing.preset("inteco_ml")
+    record = ambkit.simulate(rig, duration=2.0)
+    away = Record(record.t, {"y": record["y"] + 7e-3, "u": record["u"]}, {"y": "m", "u": "V"})
+    (told,) = check_belongs(away, rig)
+    assert told.startswith("on its mean the magnet pulls by 3.")
+    assert "where the weight is 0.594 N" in told
+    assert "Is an offset or a scale of y or of u wrong" in told

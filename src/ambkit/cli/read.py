@@ -137,6 +137,10 @@ def _print_guess(file: Path, *, as_json: bool) -> None:
         output.deliver({"map": found}, [], as_json=True)
     else:
         print(found, end="")
+    if "\n[signals.t]\n" not in found:
+        output.note(
+            f"{file}: the map has no time: fill in its sampling_time before a log is read by it"
+        )
 
 
 def _tables(reading: Reading) -> list[Any]:

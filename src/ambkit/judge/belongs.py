@@ -13,7 +13,7 @@ from ambkit.base.units import engineering
 from ambkit.data.reading.clock import instant
 from ambkit.data.reading.faults import noise
 from ambkit.data.reading.roles import LOOKED_AT, filled
-from ambkit.data.reading.rotor import rotor
+from ambkit.data.reading.rotor import NO_NOISE, in_steps, rotor
 from ambkit.data.reading.suspects import longest_run, suspects
 from ambkit.machine.magnets import ConstantStiffness, own_time
 
@@ -39,6 +39,12 @@ _EXPLAINED = 0.5  # share of its acceleration that these must explain
 _OTHER = 3.0  # ratio to the bearing beyond which it is another rig; noise makes 2 at most
 
 _TWICE = 0.25  # how far a load may be from twice the weight
+
+_HELD = 1.0  # load in parts of the weight, that a ball below one magnet hardly has on its mean
+
+_CLEAR = 10.0  # a slow motion over what noise makes of it, from which on it tells something
+
+_WHITE = 0.5  # logarithm of the ratio that tells colour, as far as white noise never gets
 
 
 class Verdict(NamedTuple):
@@ -72,7 +78,7 @@ def evaluate_record(record: Record, bearing: Bearing) -> Verdict:
     told = suspects(record.t, record.signals, record.units)
     remarks += [*lying, *(text for text in told if not (lying and "lie on" in text))]
     if not problems:
-        remarks += _motion(record, bearing)
+        remarks += [*_motion(record, bearing)] or _balance(record, bearing)
     for wrong, text in (*_position(record, bearing), *_control(record, bearing)):
         (problems if wrong else remarks).append(text)
     return Verdict(tuple(problems), tuple(remarks))
@@ -99,6 +105,12 @@ def _position(record: Record, bearing: Bearing) -> Iterator[tuple[bool, str]]:
     farthest = float(np.abs(y).max())
     shown = f"y reaches {engineering(farthest, 'm', digits=4)}"
     gap, travel = bearing.magnet.air_gap, bearing.rotor.travel_limit
+    if np.ptp(y) == 0:
+        yield (
+            False,
+            f"y stands still at {engineering(float(y[0]), 'm', digits=4)}: is it the sensor's?",
+        )
+        return
     # One wild sample is a spike, which a filter leaves out; many are a wrong map.
     beyond = float(np.mean(np.abs(y) > gap))
     if beyond > 0.01:
@@ -107,7 +119,7 @@ def _position(record: Record, bearing: Bearing) -> Iterator[tuple[bool, str]]:
     elif farthest > travel:
         part = float(np.mean(np.abs(y) > travel))
         limit = f"beyond travel_limit, {engineering(travel, 'm')}"
-        yield False, f"{shown}, {limit}, in {100 * part:.2g} % of the samples"
+        yield False, f"{shown}, {limit}, in {_percent(part)} of the samples"
     elif np.ptp(y) < 1e-3 * travel:
         yield (
             False,
@@ -115,6 +127,8 @@ def _position(record: Record, bearing: Bearing) -> Iterator[tuple[bool, str]]:
             f"thousandth of travel_limit: is its unit wrong?",
         )
     rough, expected = noise(record["y"]), math.sqrt(bearing.sensor.noise_variance)
+    if rough < NO_NOISE * float(y.std()):
+        rough = 0.0  # what rounding leaves
     if expected > 0 and not 0.2 < rough / expected < 5:
         less = "; was y smoothed before it was logged, which a filter does better itself?"
         yield (
@@ -122,6 +136,24 @@ def _position(record: Record, bearing: Bearing) -> Iterator[tuple[bool, str]]:
             f"the noise of y is about {engineering(rough, 'm', digits=2)} rms, the bearing's "
             f"sensor has {engineering(expected, 'm', digits=2)}{less if rough < expected else ''}",
         )
+    elif expected > 0 and bearing.sensor.coloured_noise is None and _smoothed(y):
+        yield (
+            False,
+            f"the noise of y, {engineering(rough, 'm', digits=2)} rms, is not white, as the "
+            "bearing's sensor's is: was y smoothed before it was logged?",
+        )
+
+
+def _smoothed(y: Array) -> bool:
+    """Whether the noise of a position (n,) is less rough than white noise.
+
+    Of white noise the fourth differences have 70 times its variance, the second ones 6 times. What
+    repeats its values was rounded after whatever was done to it, and tells nothing.
+    """
+    if y.size < _LEAST or in_steps(y):
+        return False
+    second, fourth = (float(np.median(abs(np.diff(y, order)))) for order in (2, 4))
+    return fourth > 0 and 2 * math.log(fourth / second) < math.log(70 / 6) - _WHITE
 
 
 def _motion(record: Record, bearing: Bearing) -> Iterator[str]:
@@ -149,23 +181,74 @@ def _motion(record: Record, bearing: Bearing) -> Iterator[str]:
             )
 
 
+def _balance(record: Record, bearing: Bearing) -> Iterator[str]:
+    """Tell of a control signal that is too small to hold the bearing's rotor where it goes.
+
+    Held at rest, the rotor needs a current of k_s/k_i for each metre; moved, or held stiffly by its
+    controller, it takes more, and never less.
+    """
+    if "y" not in record or "u" not in record:
+        return
+    at_rest = ConstantStiffness.of(bearing)
+    y, u, size = _flying(record, bearing)
+    if y.size < 20 or u.std() == 0 or not y.std() > _CLEAR * noise(record["y"]) / math.sqrt(size):
+        return
+    needed = abs(at_rest.k_s / at_rest.k_i) / (bearing.amplifier.gain * bearing.sensor.gain)
+    if u.std() * _OTHER < needed * y.std():
+        spread, least = float(u.std()), needed * float(y.std())
+        moves = engineering(float(y.std()), "m", digits=3)
+        yield (
+            f"u varies by {engineering(spread, 'V', digits=3)} rms, where y does by {moves}: to hold "
+            "the bearing's rotor there takes "
+            f"{engineering(least, 'V', digits=3)}; is the record of another rig, or a unit or a "
+            "scale wrong?"
+        )
+
+
+def _flying(record: Record, bearing: Bearing) -> tuple[Array, Array, int]:
+    """Return what is slow in y and u where the rotor is on no stop, and over how many samples.
+
+    Means over half the plant's own time, without the first quarter: it may be a start.
+    """
+    size = max(1, round(0.5 * own_time(bearing) / record.sampling_time))
+    first = int(_START * len(record))
+    lies = _at_stop(record, bearing, -1) | _at_stop(record, bearing, 1)
+    y, u = (_means(np.where(lies, np.nan, record[name])[first:], size) for name in ("y", "u"))
+    there = np.isfinite(y) & np.isfinite(u)
+    return y[there], u[there], size
+
+
 def _lies(record: Record, bearing: Bearing) -> Iterator[str]:
     """Tell of a rotor that rests at a stop, longer than one that bounces off it."""
     if "y" not in record:
         return
-    y, gain, travel = record["y"], bearing.sensor.gain, bearing.rotor.travel_limit
-    near = max(_NEAR * noise(y) / gain, _AT_STOP * travel)
+    travel = bearing.rotor.travel_limit
     for side in (-1, 1):
-        there = np.abs(side * y / gain - travel) < near
+        there = _at_stop(record, bearing, side)
         start, length = longest_run(there)
         if length * record.sampling_time > _RESTS * own_time(bearing):
             first, last = (instant(record.t[k], record.sampling_time)
                            for k in (start, start + length - 1))  # fmt: skip
             yield (
                 f"y rests at {engineering(side * travel, 'm', digits=3)}, the rotor's stop, in "
-                f"{100 * float(np.mean(there)):.2g} % of the samples, from {first} to {last} at a "
+                f"{_percent(float(np.mean(there)))} of the samples, from {first} to {last} at a "
                 "stretch: no filter knows what holds a rotor that lies; is that part wanted?"
             )
+
+
+def _at_stop(record: Record, bearing: Bearing, side: int) -> NDArray[np.bool_]:
+    """Where a rotor is on the stop of a side (n,); nowhere if noise hides the travel."""
+    y, gain, travel = record["y"], bearing.sensor.gain, bearing.rotor.travel_limit
+    near = max(_NEAR * noise(y) / gain, _AT_STOP * travel)
+    if near > 0.5 * travel:
+        return np.zeros(y.size, bool)
+    found: NDArray[np.bool_] = np.abs(side * y / gain - travel) < near
+    return found
+
+
+def _percent(share: float) -> str:
+    """Two digits of a share, and 100 % where it is nearly all."""
+    return f"{100 * share:.0f} %" if share > 0.99 else f"{100 * share:.2g} %"
 
 
 def _control(record: Record, bearing: Bearing) -> Iterator[tuple[bool, str]]:
@@ -181,7 +264,7 @@ def _control(record: Record, bearing: Bearing) -> Iterator[tuple[bool, str]]:
     text = (
         f"u asks for {engineering(most, 'A', digits=3)}, the control current goes from "
         f"{engineering(low, 'A', digits=3)} to {engineering(high, 'A', digits=3)}; beyond in "
-        f"{100 * beyond:.2g} % of the samples"
+        f"{_percent(beyond)} of the samples"
     )
     wrong = beyond > 0.5
     yield wrong, f"{text}: is a unit, scale or offset wrong?" if wrong else text
@@ -213,7 +296,8 @@ def _gravity(record: Record, bearing: Bearing) -> Iterator[str]:
     first = int(_START * len(record))
     x = record["y"][first:] / bearing.sensor.gain
     iu = bearing.amplifier.gain * record["u"][first:]
-    sound = np.isfinite(iu) & (np.abs(x) < bearing.rotor.travel_limit)
+    lies = (_at_stop(record, bearing, -1) | _at_stop(record, bearing, 1))[first:]
+    sound = np.isfinite(iu) & (np.abs(x) < bearing.rotor.travel_limit) & ~lies
     if np.count_nonzero(sound) < 20:
         return
     iu = np.clip(iu[sound], bearing.current_min, bearing.current_max)
@@ -225,6 +309,13 @@ def _gravity(record: Record, bearing: Bearing) -> Iterator[str]:
             f"on its mean the magnet pulls with gravity, by {pull}: a load of {held}, about twice "
             "the weight, would have to hold the rotor. Are the signs of y and of u both swapped, "
             "or is rotor.gravity?"
+        )
+    elif bearing.magnet.type == "one-sided" and abs(load) > _HELD * abs(weight):
+        shown = (engineering(abs(each), "N", digits=3) for each in (force, weight, load))
+        yield (
+            "on its mean the magnet pulls by {} where the weight is {}: a load of {} would have to "
+            "be on the rotor. Is an offset or a scale of y or of u wrong, or the record of another "
+            "rig?".format(*shown)
         )
 
 
@@ -241,7 +332,7 @@ def mirror_correlation(record: Record, bearing: Bearing) -> float:
     Parameters
     ----------
     record : Record
-        With y and u; its first quarter does not count, it may be a start.
+        With y and u; its first quarter does not count, it may be a start, nor does what lies.
     bearing : Bearing
         Gives sqrt(m / k_s).
 
@@ -250,15 +341,10 @@ def mirror_correlation(record: Record, bearing: Bearing) -> float:
     float
         From -1, as it must be, to 1; 0 where it cannot be told.
     """
-    from ambkit.machine.magnets import own_time
-
-    size = max(1, round(0.5 * own_time(bearing) / record.sampling_time))
-    first = int(_START * len(record))
-    y, u = (_means(record[name][first:], size) for name in ("y", "u"))
-    there = np.isfinite(y) & np.isfinite(u)
-    if np.count_nonzero(there) < 20:
+    y, u, _ = _flying(record, bearing)
+    if y.size < 20:
         return 0.0
-    y, u = y[there] - y[there].mean(), u[there] - u[there].mean()
+    y, u = y - y.mean(), u - u.mean()
     scale = math.sqrt(float(y @ y) * float(u @ u))
     return float(y @ u) / scale if scale > 0 else 0.0
 

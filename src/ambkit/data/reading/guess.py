@@ -64,8 +64,26 @@ def guess(path: str | os.PathLike[str], progress: Callable[[str], object] = lamb
         raise damage
     if not any(c.role in ("y", "u", "i") and not c.estimated for c in best.found):
         raise RecordError(_refusal(os.fspath(path), best.found))
+    if (rises := _only_rises(best)) is not None:
+        raise RecordError(
+            f"{path}: refused: no channel is its time, and {rises.label}, by its name a position, "
+            f"does not move but goes from {rises.values[0]:.4g} to {rises.values[-1]:.4g} "
+            f"{rises.unit or 'of its units'} in {rises.values.size} samples, one after the other: "
+            "it holds no log of a rotor, but perhaps the calibration of a sensor, or a force map"
+        )
     others = [each for each in told if each is not best]
     return "\n".join(map(one_line, toml_lines(Path(path).name, log, best, others))) + "\n"
+
+
+def _only_rises(best: Told) -> Candidate | None:
+    """Return what is called a position and only rises, or only falls, in a log without a time."""
+    if any(c.role == "t" or c.clock for c in best.found) or best.moves is not None:
+        return None
+    for c in best.found:
+        steps = np.diff(c.values)
+        if c.role == "y" and steps.size and ((steps >= 0).all() or (steps <= 0).all()):
+            return c
+    return None
 
 
 def _refusal(path: str, found: list[Candidate]) -> str:

@@ -77,7 +77,8 @@ def toml_lines(name: str, log: Log, told: Told, others: Sequence[Told]) -> Itera
     yield "# Of each number in the log: value = sign * scale * number * unit + offset."
     for remark in log.remarks:
         yield f"# {remark[:1].upper()}{remark[1:]}."
-    chosen = _chosen(found, moves)
+    chosen = _chosen(found, moves) | _from_others(found, others)
+    everything = [*found, *(c for group in others for c in group.found)]
     array = _common_array(chosen.values())
     if array:
         yield f"array = {toml_string(array)}"
@@ -99,6 +100,16 @@ def toml_lines(name: str, log: Log, told: Told, others: Sequence[Told]) -> Itera
         yield from _comment(candidate)
         if role == "y":
             yield from _of_rotor(log, clock, chosen, moves)
+        apart = _own_time(candidate, chosen.get("t"), everything)
+        if apart is not None:
+            own = apart.label
+            if own not in clocks:
+                clocks[own] = f"t_{role}"
+                yield "# It has a clock of its own: 'ambkit read --resample' puts all on one grid."
+                yield f"[signals.{clocks[own]}]"
+                yield from _where(apart, array)
+                yield f"unit = {toml_string(apart.unit or _unit_of_time(log, apart))}"
+                yield ""
         if own and own != clock and own not in clocks:
             clocks[own] = f"t_{role}"
             yield "# It has a clock of its own: 'ambkit read --resample' puts all on one grid."
@@ -116,7 +127,6 @@ def toml_lines(name: str, log: Log, told: Told, others: Sequence[Told]) -> Itera
     if u is None:
         yield "# Nothing looks like a control signal; a filter needs u."
     taken = [id(candidate) for candidate in chosen.values()]
-    everything = [*found, *(c for group in others for c in group.found)]
     rest = [c for c in everything if id(c) not in taken and c.label not in clocks]
     if rest:
         yield ""
@@ -154,6 +164,47 @@ def _chosen(found: list[Candidate], moves: Rotor | None) -> dict[str, Candidate]
             chosen[f"{'x' if role == 'y' else role}_logged"] = logged[0]
     order = ("t", "y", "u", "r", "i", "v", "x_logged", "v_logged")
     return {_NAMES.get(role, role): chosen[role] for role in order if role in chosen}
+
+
+def _from_others(found: list[Candidate], others: Sequence[Told]) -> dict[str, Candidate]:
+    """Return y or u of another length, with a time there, where these channels have none."""
+    lacking = {
+        "y": not any(c.role == "y" and not c.estimated for c in found),
+        "u": not any(c.role in ("u", "i") and not c.estimated for c in found),
+    }
+    timed = [each.found for each in others if any(c.role == "t" for c in each.found)]
+    if not any(c.role == "t" for c in found) or all(lacking.values()):
+        return {}
+    there = {}
+    for signal, roles in (("y", ("y",)), ("u", ("u", "i"))):
+        named = [
+            c for role in roles for group in timed for c in group
+            if c.role == role and not c.estimated and "by its name" in c.why
+        ]  # fmt: skip
+        if lacking[signal] and named:
+            there[signal] = named[0]
+    return there
+
+
+def _own_time(
+    candidate: Candidate, t: Candidate | None, everything: Sequence[Candidate]
+) -> Candidate | None:
+    """Return the time of a channel that is not that of the others: of its structure, or length."""
+    if t is None or candidate.clock:
+        return None
+    times = [c for c in everything if c.role == "t" and c.values.shape == candidate.values.shape]
+    inside = [c for c in times if _structure(c) == _structure(candidate) != ""]
+    if candidate.values.shape != t.values.shape:
+        return next(iter(inside or times), None)
+    same = _structure(t) == _structure(candidate)
+    apart = [c for c in inside if not same and not np.array_equal(c.values, t.values)]
+    return next(iter(apart), None)
+
+
+def _structure(candidate: Candidate) -> str:
+    """Return the name of the structure that a channel is in; empty where it is in none."""
+    whole, dot, _ = str(candidate.where.get("array", "")).partition(".")
+    return whole if dot else ""
 
 
 def _clock_name(log: Log, chosen: dict[str, Candidate]) -> str | None:

@@ -29,6 +29,9 @@ RESTS = 6.0
 MOVED = 0.25
 """Part of its range through which a control signal goes while a rotor that lies stays."""
 
+DRIVEN = 6.0
+"""How far it goes at least, over the noise of its means: what a loop makes of noise wanders too."""
+
 LEAST = 200
 """Samples from which on the noise of a position says where it is from."""
 
@@ -37,6 +40,10 @@ SELDOM = 0.01
 
 SMOOTH = 0.05
 """Fourth differences in parts of the second ones, below which nothing but a formula is."""
+
+OFTEN = 0.9
+"""Part of the differences that are looked at: of a signal that was laid on a finer grid by straight
+lines, most second ones are 0."""
 
 DIFFERENT = 0.95
 """Different values in parts of the samples, of what was computed and not measured."""
@@ -64,10 +71,17 @@ def suspects(t: Array, signals: Mapping[str, Array], units: Mapping[str, str]) -
                 f"y and {name} hold the same numbers: is y what the sensor shows, or what was made "
                 "of it?"
             )
-    if "u" in signals:
+    if "u" in signals and _stands_still(signals["u"]) and not _stands_still(y):
+        yield "u stands still throughout: is it the control signal?"
+    elif "u" in signals:
         lying = list(_lies(t, y, signals["u"], units.get("y", "m")))
         yield from lying or _unmoved(y, signals["u"], units.get("y", "m"))
     yield from _computed(y, signals)
+
+
+def _stands_still(values: Array) -> bool:
+    there = _finite(values)
+    return bool(there.size > 1 and np.ptp(there) == 0)
 
 
 def _same(a: Array, b: Array) -> bool:
@@ -111,7 +125,8 @@ def _unmoved(y: Array, u: Array, unit: str) -> Iterator[str]:
     # away and its controller has brought it back.
     visits = np.split(u_, np.flatnonzero(np.diff(near)) + 1)[0 if near[0] else 1 :: 2]
     least = LIES * y_.size / y[there].size
-    went = max((np.ptp(np.quantile(v, [0.05, 0.95])) for v in visits if v.size >= least), default=0)
+    ways = [(float(np.ptp(np.quantile(v, [0.05, 0.95]))), v) for v in visits if v.size >= least]
+    went = max((way for way, v in ways if way > DRIVEN * noise(v)), default=0.0)
     if went > MOVED * (high - low) > 0:
         yield (
             f"y is {rests.in_words(unit)}, while u goes through "
@@ -129,7 +144,8 @@ def _computed(y: Array, signals: Mapping[str, Array]) -> Iterator[str]:
     seldom = rough == 0 and np.count_nonzero(changes) < SELDOM * changes.size
     steps = abs(changes[changes != 0])
     leaps = seldom and bool(steps.max() > 0.05 * np.ptp(there)) and _few_values(there)
-    if leaps or (not seldom and (rough < NO_NOISE * float(there.std()) or _smooth(there))):
+    bends = float(np.quantile(abs(np.diff(there, 2)), OFTEN))
+    if leaps or (not seldom and (bends < NO_NOISE * float(there.std()) or _smooth(there))):
         yield (
             "y has no noise at all: is it the controller's reference, or computed, where the "
             "measurement should be?"
@@ -137,8 +153,7 @@ def _computed(y: Array, signals: Mapping[str, Array]) -> Iterator[str]:
         return
     in_steps_too = [
         name for name, other in signals.items()
-        if name in ("u", "current", "i", "iu") and other.size >= LEAST and in_steps(_finite(other))
-        and noise(_finite(other)) > 0
+        if name in ("u", "current", "i", "iu") and _comes_in_steps(_finite(other))
     ]  # fmt: skip
     if in_steps_too and np.unique(there).size > DIFFERENT * there.size:
         yield (
@@ -150,8 +165,14 @@ def _computed(y: Array, signals: Mapping[str, Array]) -> Iterator[str]:
 
 def _smooth(values: Array) -> bool:
     """Whether a signal is computed, such as a sine: of noise the fourth differences are larger."""
-    second, fourth = (float(np.median(abs(np.diff(values, order)))) for order in (2, 4))
+    second, fourth = (float(np.quantile(abs(np.diff(values, order)), OFTEN)) for order in (2, 4))
     return fourth < SMOOTH * second
+
+
+def _comes_in_steps(values: Array) -> bool:
+    """Whether a current repeats its values, apart from where it stands still as at its limit."""
+    changing = values[1:][np.diff(values) != 0]
+    return changing.size >= LEAST and in_steps(changing) and noise(values) > 0
 
 
 def _finite(values: Array) -> Array:
