@@ -158,6 +158,18 @@ def test_a_summary_is_of_the_flight(stop: float | None) -> None:
     assert ("synchronous" in found) == (stop is None)  # a rotor that lies says nothing of it
 
 
+def test_a_summary_ends_where_the_power_fails() -> None:
+    machine = Machine.preset("tum_mlps").replace(speed=0.0)
+    whole, failing = (Flight(duration=0.2, off=off, seed=1) for off in (None, 0.1))
+    rmse = [
+        FlightSummary(simulate_machine(machine, flight, estimator=KalmanFilter(machine))).to_dict()
+        for flight in (whole, failing)
+    ]
+    assert rmse[1]["samples_at_the_stop"] > 0
+    for name, error in rmse[0]["rmse"].items():
+        assert rmse[1]["rmse"][name] < 1.5 * error, name
+
+
 # ---- As C ----
 
 

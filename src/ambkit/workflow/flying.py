@@ -128,10 +128,11 @@ class FlightSummary:
         """Return the first sample in which the rotor flew and the one after it last did.
 
         A rotor that lies has the backup bearings' forces, which no estimator knows, and a filter
-        takes the magnets for switched on. 0 and None: all of the record.
+        takes the magnets for switched on; so it is after a power failure. 0 and None: all of the
+        record.
         """
         if "mode" not in self.run.record:
-            return 0, None
+            return 0, self.run.fed.stop
         mode = self.run.record["mode"]
         flew = np.flatnonzero(mode == Mode.FLYING)
         if not flew.size:

@@ -137,21 +137,25 @@ def hold(
     """Return the model with a parameter where the user had it, and that value in words.
 
     What the search made of it means little. But where the value given is far less likely, whatever
-    the rest does, as of a noise that turned out to be next to nothing, the value found stays.
+    the rest does, as of a noise that turned out to be next to nothing, the value found stays; of a
+    lag, where it is ruled out, as `not_needed` asks no less of it.
 
     Not so of one that ran away, along a line with another or to a limit: both may have drifted far.
     So it goes back in any case, and the rest is searched from `ran_from`, too, where this search
     began.
     """
-    back = {parameter.place: parameter.of(given)}
-    model = found.model.replace(**back)
+    value = parameter.of(given)
+    model = _with(found.model, parameter, value, rest)
     if rest:
-        begins = [model] if ran_from is None else [model, ran_from.replace(**back)]
+        begins = [model]
+        if ran_from is not None:
+            begins.append(ran_from.replace(**{parameter.place: value}))
         climbed = max(
             (climb(records, begin, rest, settling) for begin in begins),
             key=lambda one: one.local.value,
         )
-        likely = climbed.local.value > found.local.value - MUCH_LESS_LIKELY
+        loss = RULED_OUT if parameter.name in LAGS else MUCH_LESS_LIKELY
+        likely = climbed.local.value > found.local.value - loss
         model = climbed.model if likely or ran_from is not None else found.model
     if model is found.model:
         why = f"as found, for {parameter.text(given)}, as given, is far less likely"
@@ -169,16 +173,28 @@ def not_needed(
     of its logarithm that looks small. So it counts as found only where none at all is ruled out.
     """
     for parameter in (p for p in parameters if p.name in LAGS):
-        lag = parameter.of(found.model)
         rest = [p for p in parameters if p is not parameter]
         if not rest:
             continue
-        without = {parameter.place: NO_LAG * found.model.bearing.sampling_time}
-        delayed = {"delay": found.model.delay + lag} if any(p.name == "delay" for p in rest) else {}
-        other = climb(records, found.model.replace(**without, **delayed), rest, settling)
+        none = NO_LAG * found.model.bearing.sampling_time
+        other = climb(records, _with(found.model, parameter, none, rest), rest, settling)
         if other.local.value > found.local.value - RULED_OUT:
             return parameter, "the records are about as likely without any"
     return None
+
+
+def _with(
+    model: LoopModel, parameter: Parameter, value: float, rest: Sequence[Parameter]
+) -> LoopModel:
+    """Return a model with another value of one parameter; what a lag gives up, the delay takes.
+
+    Together they are about as long as before, and no search of the delay has to climb over the
+    ridges at whole samples.
+    """
+    others = {parameter.place: value}
+    if parameter.name in LAGS and any(p.name == "delay" for p in rest):
+        others["delay"] = model.delay + parameter.of(model) - value
+    return model.replace(**others)
 
 
 def ran_away(found: LoopModel, parameters: Sequence[Parameter]) -> tuple[Parameter, str] | None:
