@@ -198,8 +198,8 @@ def _balance(record: Record, bearing: Bearing) -> Iterator[str]:
         spread, least = float(u.std()), needed * float(y.std())
         moves = engineering(float(y.std()), "m", digits=3)
         yield (
-            f"u varies by {engineering(spread, 'V', digits=3)} rms, where y does by {moves}: to hold "
-            "the bearing's rotor there takes "
+            f"u varies by {engineering(spread, 'V', digits=3)} rms, where y does by {moves}: to "
+            "hold the bearing's rotor there takes "
             f"{engineering(least, 'V', digits=3)}; is the record of another rig, or a unit or a "
             "scale wrong?"
         )
