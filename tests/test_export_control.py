@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,8 @@ from ambkit import AmbkitError, Flight, KalmanFilter, Machine, simulate_machine
 from ambkit.cli.app import app
 from ambkit.export.c import export_c
 from ambkit.export.c.machine_control import vectors
-from ambkit.simulation.controllers import Control
+from ambkit.simulation.controllers import Control, controllers_of
+from ambkit.simulation.plant import Plant
 
 CROSSED = Control(type="translation and tilt", cross_feedback=0.5)
 UNBALANCE = {"synchronous": ("unbalance",)}
@@ -76,7 +78,10 @@ def test_a_rotor_that_bends_is_let_turn_as_in_the_simulation(tmp_path: Path) -> 
 def test_what_is_flown_visits_limits_and_losses() -> None:
     flight, _ = FLIGHTS["cross feedback"]
     one = machine(speed=600.0)
-    tested = vectors(KalmanFilter(one, precision="float32"), flight)
+    kalman = KalmanFilter(one, precision="float32")
+    fed = kalman if flight.feedback == "estimate" else None
+    controllers = controllers_of(Plant(one), flight.control, fed, fastest=one.speed)
+    tested = vectors(kalman, flight, math.inf, controllers)
     assert tested.saturated > 20
     assert np.isnan(tested.y).any()
     assert (np.abs(np.diff(tested.r, axis=0)) > 0).any(axis=0).all()
