@@ -41,12 +41,13 @@ static int node_before(const amb_turning *turning, amb_real number)
 
 void amb_turning_to(const amb_turning *turning, amb_real speed, amb_real growth, amb_real numbers[])
 {
-  const amb_real low = (amb_real)turning->lowest;
-  const amb_real high = (amb_real)(turning->lowest + turning->nodes - 1);
-  const amb_real number = amb_clamp(speed / turning->step, low, high);
+  const int last = turning->lowest + turning->nodes - 1;
+  const amb_real number =
+      amb_clamp(speed / turning->step, (amb_real)turning->lowest, (amb_real)last);
   const int k = node_before(turning, number);
+  const int first = turning->lowest + k;
   amb_real w[4];
-  weigh(number - (amb_real)(turning->lowest + k), w);
+  weigh(number - (amb_real)first, w);
   for (int i = 0; i < turning->changing; i++) {
     numbers[turning->which[i]] =
         between(w, &turning->at[k * turning->changing], turning->changing, i);

@@ -135,11 +135,12 @@ def render(
     needed += [*of_model.sources, *(control.SOURCES if controller is not None else ())]
     needed += calibration.SOURCES if calibrated else ()
     needed += telemetry.SOURCES if framed else ()
+    sequenced = flight is not None and flight.sequence is not None
     flown = {}
     if flight is not None:
         flown = machine_control.context(estimator, flight, name, precision, bound_of(estimator))
         needed += machine_control.SOURCES
-        needed += machine_control.OF_SEQUENCE if flight.sequence is not None else ()
+        needed += machine_control.OF_SEQUENCE if sequenced else ()
     found = core.closure(needed, instead=of_model.instead)
     core_files = {f"core/{file}": text for file, text in found.items()}
     c_files = tuple(file for file in core_files if file.endswith(".c"))
@@ -171,7 +172,11 @@ def render(
         "sources": sources,
         "bit_headers": _bit_headers(core_files, alone=controller is None),
         "cast_sources": _casts(
-            kind, in_core, given, flown=controller is not None, calibrated=calibrated
+            kind,
+            in_core,
+            given,
+            calibrated=calibrated,
+            flown=controller is not None or sequenced,
         ),
         "selftest_sources": ("selftest/main.c", *selftest),
         "bound": _BOUND_OF_MACHINES if whole and precision == "float" else _BOUNDS[precision],
@@ -209,7 +214,7 @@ def render(
         "covariance": (in_core.covariance if in_core else "") or f"{base}cov",
         **_data_context(estimator, magnet, kind, precision, of_model, editable=editable),
         "controlled": bool(flown),
-        "sequenced": flight is not None and flight.sequence is not None,
+        "sequenced": sequenced,
         "turning": _turning(of_model, speeds, precision),
         "speed_own": data.number(bearing.speed, precision) if whole else "",
         **flown,
