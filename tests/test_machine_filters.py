@@ -69,13 +69,11 @@ def test_every_preset_over_a_run_up(name: str, turns: bool) -> None:
     one, load = Machine.preset(name), 0.03 if name.endswith("flexible") else 0.1
     keys = {"load": load, "speed": Ramp(slope=3 * one.speed), "duration": 0.3}
     if turns:
-        judged = judge_machine(one, ("extended",), seeds=3, synchronous=("unbalance", "runout"),
-                               balance=0.2, finer=True, **keys)  # fmt: skip
-        paired = judged.paired(
-            "extended"
-        )  # of one quantity 3 seeds may have small errors by chance
-        assert paired.mean() > 0.97
-        assert paired.min() > 0.75
+        # Of 3 seeds of the flexible one, one quantity is 0.82 by chance; of 16 none is below 0.99.
+        seeds = 16 if name == "tum_mlps_flexible" else 3
+        judged = judge_machine(one, ("extended",), seeds=seeds, balance=0.2, finer=True,
+                               synchronous=("unbalance", "runout"), **keys)  # fmt: skip
+        assert judged.paired("extended").min() > 0.95
     else:
         judged = judge_machine(one, ("extended",), seeds=10, **keys)
         assert judged.efficiency("extended").mean() > 0.95
