@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <initializer_list>
+#include <list>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -46,6 +47,29 @@ inline void same_length(size_t n, size_t other, const char *name)
     throw std::invalid_argument(std::string(name) + " has " + std::to_string(other) +
                                 " samples, expected " + std::to_string(n));
 }
+
+// What a struct of the core points to, copied out of Python and kept at its place.
+class Kept
+{
+public:
+  const amb_real *keep(nb::handle values, size_t count, const char *name)
+  {
+    reals.push_back(nb::cast<std::vector<amb_real>>(values));
+    same_length(count, reals.back().size(), name);
+    return reals.back().data();
+  }
+  const amb_real *numbers(const nb::dict &given, const char *name, size_t count)
+  {
+    return keep(given[name], count, name);
+  }
+  const amb_real *or_none(const nb::dict &given, const char *name, size_t count)
+  {
+    return given[name].is_none() ? nullptr : numbers(given, name, count);
+  }
+
+private:
+  std::list<std::vector<amb_real>> reals; // a list, as its elements never move
+};
 
 inline std::vector<amb_real> copied(const Vector &a)
 {

@@ -59,18 +59,6 @@ Named run(Control &self, const Samples &y, const Samples &r, const Vector &fly, 
 
 } // namespace
 
-const amb_real *Law::numbers(const nb::dict &given, const char *name, size_t count)
-{
-  kept.push_back(nb::cast<std::vector<amb_real>>(given[name]));
-  same_length(count, kept.back().size(), name);
-  return kept.back().data();
-}
-
-const amb_real *Law::or_none(const nb::dict &given, const char *name, size_t count)
-{
-  return given[name].is_none() ? nullptr : numbers(given, name, count);
-}
-
 void Law::set(const nb::dict &given, amb_real T, size_t p, size_t seen)
 {
   for (const auto each : nb::cast<nb::list>(given["pid"])) {
@@ -86,16 +74,16 @@ void Law::set(const nb::dict &given, amb_real T, size_t p, size_t seen)
   law.states = static_cast<int>(seen);
   law.pids = static_cast<int>(q);
   law.pid = pid.data();
-  law.reference = or_none(given, "reference", q * p);
-  law.position = numbers(given, "position", q * seen);
-  law.velocity = or_none(given, "velocity", q * seen);
-  law.turning = or_none(given, "turning", q * seen);
-  law.spread = numbers(given, "spread", p * q);
-  law.gain[0] = or_none(given, "fed_back", p * seen);
-  law.gain[1] = or_none(given, "fed_back_by_speed", p * seen);
-  law.gain[2] = or_none(given, "fed_back_by_square", p * seen);
-  law.iu_min = numbers(given, "iu_min", p);
-  law.iu_max = numbers(given, "iu_max", p);
+  law.reference = kept.or_none(given, "reference", q * p);
+  law.position = kept.numbers(given, "position", q * seen);
+  law.velocity = kept.or_none(given, "velocity", q * seen);
+  law.turning = kept.or_none(given, "turning", q * seen);
+  law.spread = kept.numbers(given, "spread", p * q);
+  law.gain[0] = kept.or_none(given, "fed_back", p * seen);
+  law.gain[1] = kept.or_none(given, "fed_back_by_speed", p * seen);
+  law.gain[2] = kept.or_none(given, "fed_back_by_square", p * seen);
+  law.iu_min = kept.numbers(given, "iu_min", p);
+  law.iu_max = kept.numbers(given, "iu_max", p);
   if (!given["let_turn_motion"].is_none())
     set_let_turn(given, p, seen);
 }
@@ -115,8 +103,8 @@ void Law::set_let_turn(const nb::dict &given, size_t p, size_t seen)
               static_cast<int>(moved),
               nb::cast<amb_real>(given["let_turn_first"]),
               step,
-              numbers(given, "let_turn_motion", nodes * moved * width),
-              numbers(given, "let_turn_current", nodes * p * width)};
+              kept.numbers(given, "let_turn_motion", nodes * moved * width),
+              kept.numbers(given, "let_turn_current", nodes * p * width)};
   law.let_turn = &let_turn;
 }
 
@@ -127,9 +115,7 @@ Control::Control(Estimator &of, const nb::dict &given) : estimator(of)
   m = sizes.sensors;
   p = sizes.controls;
   const auto numbers = [&](const char *name, size_t count) -> const amb_real * {
-    kept.push_back(nb::cast<std::vector<amb_real>>(given[name]));
-    same_length(count, kept.back().size(), name);
-    return kept.back().data();
+    return kept.numbers(given, name, count);
   };
   const bool fed = nb::cast<bool>(given["feedback_estimate"]);
   law.set(given, of.kf.set.T, p, fed ? n : m);

@@ -3,8 +3,6 @@
 
 #include "estimator.h"
 
-#include <list>
-
 extern "C" {
 #include "ambkit/control.h"
 }
@@ -21,11 +19,9 @@ public:
 
 private:
   void set_let_turn(const nb::dict &given, size_t p, size_t seen);
-  const amb_real *numbers(const nb::dict &given, const char *name, size_t count);
-  const amb_real *or_none(const nb::dict &given, const char *name, size_t count);
   std::vector<amb_pid> pid;
   amb_let_turn let_turn{};
-  std::list<std::vector<amb_real>> kept;
+  Kept kept;
 };
 
 struct Control {
@@ -40,5 +36,5 @@ struct Control {
 private:
   Law law;
   amb_sequence sequence{};
-  std::list<std::vector<amb_real>> kept;
+  Kept kept;
 };

@@ -2,8 +2,6 @@
 #include "control.h"
 #include "plant_parts.h"
 
-#include <list>
-
 #if defined(AMB_MODEL_LOOPS)
 
 extern "C" {
@@ -30,9 +28,7 @@ public:
   }
   const amb_real *numbers(const char *name, size_t n)
   {
-    reals.push_back(nb::cast<std::vector<amb_real>>(given[name]));
-    same_length(n, reals.back().size(), name);
-    return reals.back().data();
+    return reals.numbers(given, name, n);
   }
   const int *places(const char *name, size_t n, size_t most, int least)
   {
@@ -50,17 +46,16 @@ public:
     const std::vector<unsigned short> &start = shorts.back();
     shorts.push_back(nb::cast<std::vector<unsigned short>>(parts[1]));
     const std::vector<unsigned short> &column = shorts.back();
-    reals.push_back(nb::cast<std::vector<amb_real>>(parts[2]));
     same_length(rows + 1, start.size(), name);
     same_length(start.back(), column.size(), name);
-    same_length(start.back(), reals.back().size(), name);
+    const amb_real *value = reals.keep(parts[2], start.back(), name);
     for (size_t i = 0; i < rows; i++)
       if (start[i + 1] < start[i])
         throw std::invalid_argument(std::string(name) + ": rows must ascend");
     for (const unsigned short at : column)
       if (at >= columns)
         throw std::invalid_argument(std::string(name) + ": a column is out of range");
-    return {start.data(), column.data(), reals.back().data()};
+    return {start.data(), column.data(), value};
   }
   nb::handle operator[](const char *name) const
   {
@@ -71,7 +66,7 @@ public:
 private:
   nb::dict given;
   mutable std::vector<nb::object> held;
-  std::list<std::vector<amb_real>> reals;
+  Kept reals;
   std::list<std::vector<int>> ints;
   std::list<std::vector<unsigned short>> shorts;
 };
