@@ -1,9 +1,11 @@
-"""Settings of all tests, and what several of them export."""
+"""Settings of all tests, the command as several of them call it, and what they export."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pytest
 from hypothesis import settings
@@ -14,6 +16,35 @@ if TYPE_CHECKING:
 # A busy machine must not fail a test: what must be fast is measured in benchmarks/.
 settings.register_profile("ambkit", deadline=None)
 settings.load_profile("ambkit")
+
+
+class Result(NamedTuple):
+    """Exit code, stdout and stderr of a call."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def json(self) -> Any:
+        return json.loads(self.out)
+
+
+@pytest.fixture
+def call(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Callable[..., Result]:
+    """Call ambkit in this process, in an empty folder."""
+    from ambkit.cli.main import main
+
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments: object) -> Result:
+        with pytest.raises(SystemExit) as left:
+            main([str(argument) for argument in arguments])
+        return Result(int(left.value.code or 0), *capsys.readouterr())
+
+    return run
 
 
 @pytest.fixture(scope="session")

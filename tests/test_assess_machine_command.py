@@ -2,23 +2,8 @@
 
 import pytest
 from machine_cases import injected
-from test_cli import Result
 
-from ambkit.cli.main import main
 from ambkit.workflow.assessing import MEASUREMENT
-
-
-@pytest.fixture
-def call(capsys, tmp_path, monkeypatch):
-    """Call ambkit in this process, in an empty folder."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*arguments):
-        with pytest.raises(SystemExit) as left:
-            main(["assess", *arguments])
-        return Result(int(left.value.code or 0), *capsys.readouterr())
-
-    return run
 
 
 @pytest.mark.parametrize(("arguments", "said"), [
@@ -27,7 +12,7 @@ def call(capsys, tmp_path, monkeypatch):
     (["ufu_rig", "--filter", "none", "--sweep", "1 um", "--axis", "A1"], "ufu_rig A1"),
 ])  # fmt: skip
 def test_command(call, tmp_path, arguments, said):
-    done = call(*arguments, "--plot", "p.png")
+    done = call("assess", *arguments, "--plot", "p.png")
     assert done.code == 0, done.err
     assert said in done.out
     assert (tmp_path / "p.png").stat().st_size > 10_000
@@ -36,7 +21,7 @@ def test_command(call, tmp_path, arguments, said):
 def test_command_takes_a_machines_log(call):
     _, record = injected(0)
     record.save("log.csv")
-    found = call("log.csv", "--bearing", "ufu_rig", "--filter", "none", "--json").json
+    found = call("assess", "log.csv", "--bearing", "ufu_rig", "--filter", "none", "--json").json
     assert found["zone"] == "A"
     assert list(found["models"]) == [MEASUREMENT]
 
@@ -52,6 +37,6 @@ def test_command_takes_a_machines_log(call):
     (["zittau_axial", "--axis", "A1"], "--axis is of a whole machine"),
 ])  # fmt: skip
 def test_command_refuses(call, arguments, message):
-    done = call(*arguments)
+    done = call("assess", *arguments)
     assert done.code == 2
     assert message in " ".join(done.err.split())

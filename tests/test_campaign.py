@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import Result
 from scipy.stats import binomtest, norm
 
 import ambkit
 from ambkit.base.errors import AmbkitError, ConfigError
-from ambkit.cli.main import main
 from ambkit.workflow.campaign import running, store
 from ambkit.workflow.campaign.compute import compute
 from ambkit.workflow.campaign.margins import Margins
@@ -86,17 +86,10 @@ THREE = (
 
 
 @pytest.fixture
-def call(capsys: Any, tmp_path: Path, monkeypatch: Any) -> Callable[..., tuple[int, str, str]]:
+def call(call: Callable[..., Result], tmp_path: Path) -> Callable[..., Result]:
     """Call ambkit in this process, in a folder with the study."""
-    monkeypatch.chdir(tmp_path)
     (tmp_path / "s.toml").write_text(STUDY)
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as left:
-            main(list(arguments))
-        return (int(left.value.code or 0), *capsys.readouterr())
-
-    return run
+    return call
 
 
 # --- points

@@ -12,14 +12,13 @@ import sys
 import time
 from glob import glob
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pytest
+from conftest import Result
 from scipy.io import savemat
 
 import ambkit
-from ambkit.cli.main import main
 from ambkit.data import recordings
 from ambkit.data.reading.guess import guess
 from ambkit.export.pil import boards
@@ -33,31 +32,6 @@ COMMANDS = (
     "reproduce", "simulate", "excite", "read", "identify", "train", "filter", "compare",
     "assess", "torture", "pil", "presets", "check",
 )  # fmt: skip
-
-
-class Result(NamedTuple):
-    """Exit code, stdout and stderr of a call."""
-
-    code: int
-    out: str
-    err: str
-
-    @property
-    def json(self):
-        return json.loads(self.out)
-
-
-@pytest.fixture
-def call(capsys, tmp_path, monkeypatch):
-    """Call ambkit in this process, in an empty folder."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*arguments):
-        with pytest.raises(SystemExit) as left:
-            main([str(argument) for argument in arguments])
-        return Result(int(left.value.code or 0), *capsys.readouterr())
-
-    return run
 
 
 @pytest.fixture(scope="module")
@@ -1032,3 +1006,7 @@ def test_identify_replaces_what_turns_and_area_gave(call, made):
     written = ambkit.Bearing.load("found.toml").magnet
     assert written.magnet_constant == pytest.approx(k["value"], rel=1e-6)
     assert (written.turns, written.pole_area) == (None, None)
+    plain = call(
+        "identify", made / "run.csv", "--bearing", "zittau_axial", "--free", free, "--json"
+    )
+    assert plain.json["parameters"]["magnet_constant"]["value"] == pytest.approx(k["value"])

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import ambkit
-from ambkit.cli.main import main
 from ambkit.identification.late import acting, delayed
 from ambkit.identification.maximum_likelihood import maximum_likelihood
 from ambkit.identification.maximum_likelihood.loop_model import LoopModel
@@ -29,18 +28,6 @@ def made(tmp_path_factory):
     b = TRUTH.bearing
     b.replace(magnet__magnet_constant=1.2 * b.magnet.magnet_constant).save(folder / "start.toml")
     return folder
-
-
-@pytest.fixture
-def call(capsys, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-    def run(*arguments):
-        with pytest.raises(SystemExit) as left:
-            main([str(argument) for argument in arguments])
-        return int(left.value.code or 0), *capsys.readouterr()
-
-    return run
 
 
 def test_a_log_becomes_a_bearing_with_errors_and_a_report(call, made, tmp_path):

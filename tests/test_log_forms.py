@@ -10,7 +10,6 @@ from scipy.io import savemat
 
 from ambkit import read
 from ambkit.base.errors import RecordError
-from ambkit.cli.main import main
 from ambkit.data.channelmap import ChannelMap
 from ambkit.data.reading.guess import guess
 
@@ -18,19 +17,6 @@ from ambkit.data.reading.guess import guess
 @pytest.fixture(scope="module")
 def flown():
     return disguises.simulated("one magnet")
-
-
-@pytest.fixture
-def call(capsys, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-    def run(*arguments):
-        with pytest.raises(SystemExit) as left:
-            main([str(argument) for argument in arguments])
-        printed = capsys.readouterr()
-        return int(left.value.code or 0), printed.out, printed.err
-
-    return run
 
 
 def column(values):

@@ -2,30 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
-import pytest
-from test_cli import Result
-
 from ambkit import Record
-from ambkit.cli.main import main
-
-
-@pytest.fixture
-def call(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> Callable[..., Any]:
-    """Call ambkit in this process, in an empty folder."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*arguments: str) -> Any:
-        with pytest.raises(SystemExit) as left:
-            main(list(arguments))
-        return Result(int(left.value.code or 0), *capsys.readouterr())
-
-    return run
 
 
 def test_the_commands_take_a_machine(call: Any) -> None:

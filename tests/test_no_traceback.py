@@ -19,24 +19,10 @@ from pyarrow import parquet
 import ambkit
 from ambkit.base import files
 from ambkit.base.config import toml_text
-from ambkit.cli.main import main
 
 AMBKIT = f"{shlex.quote(sys.executable)} -m ambkit"
 ROWS = "".join(f"{k * 1e-4},{k % 7}e-6,0.1\n" for k in range(300))
 CSV = f"t [s],y [m],u [V]\n{ROWS}"
-
-
-@pytest.fixture
-def call(capsys, tmp_path, monkeypatch):
-    """Call ambkit in this process, in an empty folder; return exit code, stdout and stderr."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*arguments):
-        with pytest.raises(SystemExit) as left:
-            main([str(argument) for argument in arguments])
-        return int(left.value.code or 0), *capsys.readouterr()
-
-    return run
 
 
 @pytest.fixture(scope="module")

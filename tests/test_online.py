@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from conftest import Result
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 import ambkit
 from ambkit import Bearing, Constant, Record, Scenario, Sine, Step
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.main import main
 from ambkit.identification.online.augmented import AugmentedIdentifier, AugmentedResult
 from ambkit.identification.online.result import OnlineResult, mean_error
 from ambkit.identification.online.side_by_side import SideBySide, learn_online
@@ -209,20 +211,11 @@ def test_the_picture_shows_truth_bands_and_what_was_held() -> None:
 
 
 @pytest.fixture
-def call(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Any:
-    monkeypatch.chdir(tmp_path)
+def call(call: Callable[..., Result]) -> Callable[..., Result]:
+    """Identify from a run, with further arguments."""
     swing = Scenario(duration=0.4, reference=Sine(amplitude=3e-4, frequency=20.0), controller=PID)
     ambkit.simulate(BEARING, swing).save("run.csv")
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as left:
-            main(["identify", "run.csv", "--bearing", "zittau_axial", *arguments])
-        told = capsys.readouterr()
-        return int(left.value.code or 0), told.out, told.err
-
-    return run
+    return partial(call, "identify", "run.csv", "--bearing", "zittau_axial")
 
 
 def test_the_command_shows_all_three(call: Any) -> None:

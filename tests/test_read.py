@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 
 import ambkit
 from ambkit.base.errors import ConfigError, RecordError
-from ambkit.cli.main import main
 from ambkit.data import recordings
 from ambkit.data.channelmap import ChannelMap
 from ambkit.data.reading import Refused, faults, grid, read
@@ -557,19 +556,6 @@ def test_the_guess_of_a_log_that_holds_nothing(tmp_path):
 
 
 # The command and its picture
-
-
-@pytest.fixture
-def call(capsys, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-    def run(*arguments):
-        with pytest.raises(SystemExit) as left:
-            main([str(argument) for argument in arguments])
-        printed = capsys.readouterr()
-        return int(left.value.code or 0), printed.out, printed.err
-
-    return run
 
 
 def faulty(path="log.csv"):

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from ambkit.base.errors import RecordError
-from ambkit.cli.main import main
 from ambkit.data.channelmap import ChannelMap
 from ambkit.data.files.formats import read_log
 from ambkit.data.reading import read
@@ -143,19 +142,6 @@ REFUSED = {
         text("time,a,b", *(f"{t},1,2" for t in TIME)), "refused: nothing in it floats",
     ),
 }  # fmt: skip
-
-
-@pytest.fixture
-def call(capsys, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-    def run(*arguments):
-        with pytest.raises(SystemExit) as left:
-            main([str(argument) for argument in arguments])
-        printed = capsys.readouterr()
-        return int(left.value.code or 0), printed.out, printed.err
-
-    return run
 
 
 @pytest.mark.parametrize("name", REFUSED)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from ambkit.base.errors import RecordError
-from ambkit.cli.main import main
 from ambkit.data.channelmap import ChannelMap
 from ambkit.data.reading import Refused, read
 from ambkit.show import plots
@@ -112,19 +111,6 @@ def test_two_clocks_are_shown_each_with_its_channels(tmp_path):
         lines = {panel.y.label: panel.items[0] for panel in figure.panels}
         np.testing.assert_array_equal(lines["position $y$"].x, fast)
         np.testing.assert_array_equal(lines["control signal $u$"].x, slow)
-
-
-@pytest.fixture
-def call(capsys, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-    def run(*arguments):
-        with pytest.raises(SystemExit) as left:
-            main([str(argument) for argument in arguments])
-        printed = capsys.readouterr()
-        return int(left.value.code or 0), printed.out, printed.err
-
-    return run
 
 
 @pytest.mark.parametrize("ending", ["png", "html"])

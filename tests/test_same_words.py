@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import re
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,36 +12,10 @@ import pytest
 import ambkit
 from ambkit import Bearing, Estimator, Expert, Record
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.main import main
 from ambkit.judge.comparison.study import Study
 from ambkit.workflow.saved_filters import tuned_filters
 
 BEARING = Bearing.preset("zittau_axial")
-
-
-class Result(NamedTuple):
-    """Exit code, stdout and stderr of a command."""
-
-    code: int
-    out: str
-    err: str
-
-    @property
-    def json(self) -> Any:
-        return json.loads(self.out)
-
-
-@pytest.fixture
-def call(capsys: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result]:
-    """Call ambkit in this process, in an empty folder."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*arguments: str) -> Result:
-        with pytest.raises(SystemExit) as left:
-            main(list(arguments))
-        return Result(int(left.value.code or 0), *capsys.readouterr())
-
-    return run
 
 
 def force_map(path: Path) -> Path:
