@@ -122,6 +122,7 @@ def test_a_log_that_lacks_what_the_map_says(mat, old, new, message):
         ('"mm"\nsign = -1\noffset = "10 mm"', '"V"', "10: signals.y.unit: makes y a quantity in V"),
         ('"mm"', '"parsnip"', '10: signals.y.unit: "parsnip" is not a known unit'),
         ('"2 V/A"', '"2 parsnip"', "17: signals.u.scale: .* is not a known unit"),
+        ('"2 V/A"', '"0.5 A/V"', '17: signals.u.scale: .* A times A/V .* upside down: "2 V/A"'),
         ('"2 V/A"', '"V/A"', '17: signals.u.scale: "V/A" is not a number with a unit'),
         ('"2 V/A"', "0", "17: signals.u.scale: must not be 0"),
         ('"-1 V"', '"-1 A"', '18: signals.u.offset: "-1 A": A cannot be converted to V'),

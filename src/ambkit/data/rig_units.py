@@ -102,7 +102,8 @@ class Scaling(Part):
                 key = "offset"
                 units.parse(offset, si) if offset and isinstance(offset, str) else 0.0
         except ValueError as error:
-            yield key, str(error)
+            turned = _turned(unit, scale) if key == "scale" else ""
+            yield key, turned or str(error)
 
 
 class Inputs(Part):
@@ -126,6 +127,23 @@ def _scaled_unit(unit: str, scale: float | str) -> str:
     """Return the unit of number times scale."""
     match = _SCALE.fullmatch(scale) if isinstance(scale, str) else None
     return f"({unit}) * ({match[2]})" if match else unit
+
+
+def _turned(unit: str, scale: float | str) -> str:
+    """Say so where a scale is upside down: a sensor's V/mm in the place of mm/V."""
+    match = _SCALE.fullmatch(scale) if isinstance(scale, str) else None
+    if not match or match[2].count("/") != 1:
+        return ""
+    above, below = match[2].split("/")
+    try:
+        number = 1.0 / float(match[1])
+        si_unit(f"({unit}) * ({below}) / ({above})")
+    except (ValueError, ZeroDivisionError):
+        return ""
+    return (
+        f"it is what a number is multiplied by, and {unit} times {match[2]} measures nothing; is it "
+        f'upside down: "{number:.9g} {below.strip()}/{above.strip()}"?'
+    )
 
 
 def _factor(unit: str, scale: float | str, to: str) -> float:
