@@ -5,22 +5,26 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import Result
 
 import ambkit
-from ambkit import Bearing, KalmanFilter, Record, Scenario, Step
+from ambkit import Bearing, Flight, KalmanFilter, Machine, Record, Scenario, Step
 from ambkit.base.errors import AmbkitError
 from ambkit.cli.main import main
 from ambkit.data.rig_units import Inputs, Scaling
 from ambkit.estimate.filter_file import FilterFile
 from ambkit.export.c import export_c
-from ambkit.export.pil import boards, build, pil
+from ambkit.export.pil import boards, build, path, pil
 from ambkit.export.pil.processor import Processor
+from ambkit.simulation.controllers import Control
 from ambkit.simulation.scenario import PID
 from ambkit.simulation.sequence import LiftOff, Mode
+from ambkit.simulation.waveforms import Ramp
 
 BEARING = Bearing.preset("zittau_axial")
 TOOLS = (boards.QEMU_BOARD.compiler, boards.QEMU)
@@ -50,20 +54,65 @@ def test_what_is_missing_is_said_with_what_to_install(
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["tum_mlps"], "only one axis"),
+        (["tum_mlps", "--filter", "steady-state"], "it is of one axis"),
+        (["tum_mlps", "--scenario", "axis.toml"], "axis.toml"),
         (["zittau_axial", "--board", "arduino"], "must be one of stm32f4, amdc, c2000"),
         (["zittau_axial", "--board", "c2000"], "TI's C2000 code generation tools"),
     ],
 )
 def test_what_cannot_be_flown_is_said(
-    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+    words: list[str], said: str, call: Callable[..., Result], tmp_path: Path
 ) -> None:
+    (tmp_path / "axis.toml").write_text(SCENARIO.to_toml())
     if "c2000" in words and shutil.which("cl2000"):
         pytest.skip("there is a compiler for it")
-    with pytest.raises(SystemExit) as left:
-        main(["pil", *words])
-    assert left.value.code == 2
-    assert said in capsys.readouterr().err
+    told = call("pil", *words)
+    assert (told.code, told.err.count("Traceback"), told.err.count("report it")) == (2, 0, 0)
+    assert said in " ".join(told.err.split())
+
+
+TURNED = Flight(
+    duration=0.06, feedback="estimate", speed=Ramp(slope=2000.0, end=0.06),
+    sequence=LiftOff(start=2e-3, stop=0.04, wait=3e-3, lift=0.02, land=0.01),
+)  # fmt: skip
+FLOWN = {
+    "readings": (TURNED.replace(feedback="measurement", speed=None), {}),
+    "a run-up, let turn": (
+        TURNED.replace(control=Control(unbalance="force-free")), {"synchronous": ["unbalance"]},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.long
+@needs_tools
+@pytest.mark.parametrize("name", FLOWN)
+def test_a_whole_machine_is_flown_with_the_bits_of_the_simulation(
+    name: str, tmp_path: Path
+) -> None:
+    flight, options = FLOWN[name]
+    machine = Machine.preset("tum_mlps")
+    KalmanFilter(machine, **options).save(tmp_path / "filter.toml")
+    file = FilterFile.load_for(str(tmp_path / "filter.toml"), machine)
+    found = pil(machine, scenario=flight, filter_file=file)
+    assert (found.unequal, found.unequal_flight, found.unequal_frames, found.selftest) == (0,) * 4
+    assert [mode for _, mode in found.modes] == [
+        "OFF", "WAITING", "LIFTING", "FLYING", "LANDING", "OFF",
+    ]  # fmt: skip
+    assert found.stack_seen <= (found.built.stack or 0)
+    if flight.speed is None:  # what follows the speed clears memory, in loops that data end
+        assert found.bound.instructions is not None, found.bound.why
+        assert found.instructions <= found.most < found.bound.instructions
+
+
+@pytest.mark.long
+@needs_tools
+def test_other_bits_of_a_machine_would_be_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    contract = tuple(f.replace("contract=off", "contract=fast") for f in build.FLAGS)
+    monkeypatch.setattr(build, "FLAGS", contract)
+    monkeypatch.setattr(path, "bound", lambda *_, **__: path.Bound(None, "not asked for"))
+    found = pil(Machine.preset("tum_mlps"), scenario=FLOWN["readings"][0])
+    assert not found.passed
+    assert min(found.unequal, found.selftest) > 100
 
 
 def test_the_deepest_call_is_found(tmp_path: Path) -> None:
@@ -141,7 +190,7 @@ def test_a_record_has_the_same_bits_at_every_stage(tmp_path: Path) -> None:
     filtered = KalmanFilter(BEARING, precision="float32").run(read)
     assert filtered.mean.astype("<f4").tobytes() == np.ascontiguousarray(means).tobytes()
     told, answers = along(read, tmp_path), found.answers
-    there = [answers["coil"], answers["iu"], answers["u"], means, answers["status"]]
+    there = [answers["coil"][:, 0], answers["iu"], answers["u"], means, answers["status"]]
     there += [answers["mode"]]
     np.testing.assert_array_equal(told, np.column_stack(there).astype("<f4"))
     flying = record["mode"] == Mode.FLYING
@@ -201,9 +250,9 @@ def test_other_bits_would_be_seen(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_firmware_that_does_not_answer_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ambkit.export.pil.processor.PATIENCE", 2.0)  # seconds
 
-    def broken(image: Path, folder: Path) -> Processor:
+    def broken(image: Path, folder: Path, *sizes: int) -> Processor:
         image.write_bytes(b"nothing that runs")
-        return Processor(image, folder)
+        return Processor(image, folder, *sizes)
 
     monkeypatch.setattr("ambkit.export.pil.loop.Processor", broken)
     with pytest.raises(AmbkitError, match="does not answer"):

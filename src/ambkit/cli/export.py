@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ambkit.base.errors import AmbkitError
-from ambkit.cli.kinds import NAMES, estimator_option, machine_of, of_machine, to_export
-from ambkit.cli.options import BearingOrFilter, Json, Synchronous, find_machine, quantity
+from ambkit.cli.kinds import NAMES, estimator_option, to_export, whole_to_export
+from ambkit.cli.options import BearingOrFilter, Json, Synchronous, quantity
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from ambkit.cli.kinds import Chosen
     from ambkit.export.c import Cost
     from ambkit.machine.bearing import Bearing
     from ambkit.machine.machine import Machine
@@ -35,9 +34,6 @@ class Form(StrEnum):
 
     exact = "exact"
     tabulated = "tabulated"
-
-
-_CLOCK = 168e6  # Hz; of an STM32F4
 
 
 def export(context: typer.Context) -> None:
@@ -132,6 +128,7 @@ def export_c(
     """
     from ambkit.cli import output
     from ambkit.export import c
+    from ambkit.export.c.cost import CLOCK
 
     if precision is Precision.double and (cost or clock is not None):
         raise AmbkitError("--cost is for --precision float: a Cortex-M4F has no double in hardware")
@@ -141,7 +138,7 @@ def export_c(
         raise AmbkitError("--cost was measured of constants in flash, which --editable has not")
     if controller is not None and (cost or clock is not None):
         raise AmbkitError("--cost was measured of filters; of a whole controller: ambkit pil")
-    model, chosen = _machine_of(bearing, estimator) or to_export(bearing, estimator)
+    model, chosen = whole_to_export(bearing, estimator) or to_export(bearing, estimator)
     if synchronous and chosen.file is not None:
         raise AmbkitError("--synchronous: the filter's file says what it estimates")
     options = _flown(model, controller, synchronous)
@@ -180,7 +177,7 @@ def export_c(
         }
     tables = []
     if written.cost is not None and (cost or clock is not None):
-        clock = clock or _CLOCK
+        clock = clock or CLOCK
         rate = {"clock": clock, "highest_rate": written.cost.highest_rate(clock)}
         data["cost"] = asdict(written.cost) | rate
         tables.append(_cost_table(written.cost, clock))
@@ -192,16 +189,6 @@ def _scenario(path: Path) -> Scenario:
     from ambkit.simulation.scenario import Scenario
 
     return Scenario.load(path)
-
-
-def _machine_of(text: str, estimator: str | None) -> tuple[Bearing | Machine, Chosen] | None:
-    """Return a whole machine and its estimator; None where the text names something else."""
-    machine = find_machine(text)
-    if machine is None and (machine := machine_of(text)) is not None:
-        if estimator is not None:
-            raise AmbkitError(f"{text} is a filter already: leave out --estimator")
-        estimator = text
-    return None if machine is None else (machine, of_machine(estimator, machine))
 
 
 def _flown(

@@ -12,7 +12,7 @@ import typer
 
 from ambkit.base.errors import AmbkitError
 from ambkit.cli import output
-from ambkit.cli.options import find_bearing
+from ambkit.cli.options import find_bearing, find_machine
 from ambkit.estimate.registry import FILTER_SUFFIX, KINDS, check_named, kind_called, learned_magnet
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ def estimator_option(choice: Iterable[str]) -> Any:
     """Return the option that takes a file with an expert, or one of these names."""
     return typer.Option(
         "--estimator",
+        "--filter",
         metavar="FILE",
         help="A filter's file (.toml), from 'ambkit tune'; or an expert for the adaptive filter, "
         "from 'ambkit train', or a force map (.csv); or a name: "
@@ -215,6 +216,34 @@ def of_machine(estimator: str | None, machine: Machine) -> Chosen:
     law = KINDS[kind].magnet
     magnet = learned_magnet(kind, machine) if law is None else law(machine)
     return Chosen(kind, None if kind == "linear" else magnet, None)
+
+
+def whole_to_export(target: str, estimator: str | None) -> tuple[Machine, Chosen] | None:
+    """Return the whole machine and the estimator that a user wants to export.
+
+    Parameters
+    ----------
+    target : str
+        A preset or a machine's file, or that of a filter of a machine.
+    estimator : str, optional
+        See `of_machine`; with a filter's file there is none.
+
+    Returns
+    -------
+    tuple or None
+        None where the target names something else.
+
+    Raises
+    ------
+    AmbkitError
+        Both name a filter; or see `of_machine`.
+    """
+    machine = find_machine(target)
+    if machine is None and (machine := machine_of(target)) is not None:
+        if estimator is not None:
+            raise AmbkitError(f"{target} is a filter already: leave out --estimator")
+        estimator = target
+    return None if machine is None else (machine, of_machine(estimator, machine))
 
 
 def _in_file(path: str, choice: Iterable[str]) -> tuple[Bearing, Chosen]:

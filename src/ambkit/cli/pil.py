@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ambkit.base.errors import AmbkitError
-from ambkit.cli.kinds import NAMES, estimator_option, to_export
-from ambkit.cli.options import BearingOrFilter, Json, file_option, find_machine
+from ambkit.cli.kinds import NAMES, estimator_option, to_export, whole_to_export
+from ambkit.cli.options import BearingOrFilter, Json, file_option
 
 if TYPE_CHECKING:
     from ambkit.export.pil import Pil
+    from ambkit.show.report.figure import Figure
 
 
 def pil(
@@ -22,7 +22,8 @@ def pil(
         Path | None,
         typer.Option(
             metavar="FILE.toml",
-            help="What happens, and whose controller flies; a second in the middle if not given.",
+            help="What happens, and whose controller flies: a scenario, or a machine's flight; a "
+            "second in the middle if not given.",
         ),
     ] = None,
     board: Annotated[
@@ -39,7 +40,7 @@ def pil(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Fly a simulated bearing by its exported controller, on a Cortex-M4F in qemu.
+    """Fly a simulated bearing or machine by its exported controller, on a Cortex-M4F in qemu.
 
     Sample by sample the plant here, estimator and controller there. Said are whether all bits are
     Python's, instructions, stack, flash, memory, and how the rotor flew. Exit code 1 where bits
@@ -48,29 +49,37 @@ def pil(
     For example:
       ambkit pil zittau_axial
       ambkit pil filter.toml --scenario scenario.toml --board stm32f4 --report pil.html
+      ambkit pil tum_mlps --filter filter.toml --scenario flight.toml
     """
     from ambkit.cli import output
     from ambkit.export import pil as loop
+    from ambkit.machine.machine import Machine
+    from ambkit.show.pages.pil import write_pil
+    from ambkit.simulation.flight import Flight
     from ambkit.simulation.scenario import Scenario
 
-    if find_machine(bearing) is not None:
-        raise AmbkitError(f"{bearing}: only one axis can be flown by a processor in the loop")
-    model, chosen = to_export(bearing, estimator)
+    model, chosen = whole_to_export(bearing, estimator) or to_export(bearing, estimator)
+    happening = Flight if isinstance(model, Machine) else Scenario
     found = loop.pil(
         model,
         chosen.magnet,
-        scenario=None if scenario is None else Scenario.load(scenario),
+        scenario=None if scenario is None else happening.load(scenario),
         kind=chosen.kind,
         filter_file=chosen.file,
         board=board,
     )
-    rows = _rows(found)
+    rows = _rows(found, model.sampling_time)
     output.deliver(
         found.to_dict(),
         [output.table("Processor in the loop", ("", ""), rows)],
         [
             (out, found.record.save),
-            (report, lambda path: _write(path, model.name, found, rows)),
+            (
+                report,
+                lambda path: write_pil(
+                    path, model.name, found.passed, rows, found.samples, _figures(found)
+                ),
+            ),
         ],
         as_json=json,
     )
@@ -78,16 +87,22 @@ def pil(
         raise typer.Exit(1)
 
 
-def _write(path: Path, bearing: str, found: Pil, rows: list[tuple[str, str]]) -> None:
-    from ambkit.show.pages.pil import write_pil
+def _figures(found: Pil) -> list[Figure]:
+    from ambkit.show.pages.pil import axis_figure, cost_figure
+    from ambkit.show.plots.machine import machine_figure
 
     counted, most = found.answers["instructions"], found.bound.instructions
-    write_pil(path, bearing, found.passed, rows, found.record, found.frames, counted, most)
+    if found.run is None:
+        return [axis_figure(found.record, found.frames, counted, most)]
+    return [machine_figure(found.run), cost_figure(found.record.t, counted, most)]
 
 
-def _rows(found: Pil) -> list[tuple[str, str]]:
+def _rows(found: Pil, T: float) -> list[tuple[str, str]]:
     from ambkit.base.units import engineering
+    from ambkit.export.c.cost import CLOCK, CYCLES_PER_INSTRUCTION
 
+    time = found.most * CYCLES_PER_INSTRUCTION / CLOCK
+    slow = "more than" if time > T else "of"
     if found.unequal_flight is None:
         flight = "not compared: the sensor's number is rounded for the rig"
     else:
@@ -105,6 +120,11 @@ def _rows(found: Pil) -> list[tuple[str, str]]:
         ("samples on a stop in flight", f"{found.touched}"),
         ("instructions a step", f"{found.instructions}, the most seen {found.most}"),
         ("instructions a step, at most on any path", f"{bound}"),
+        (
+            f"time of the most seen at {engineering(CLOCK, 'Hz')}, {CYCLES_PER_INSTRUCTION} cycles "
+            "an instruction assumed",
+            f"{engineering(time, 's', 3)}, {slow} the {engineering(T, 's', 3)} of a sample",
+        ),
         ("stack of a step, the most seen", f"{found.stack_seen} bytes"),
         ("memory of an instance", f"{found.state} bytes"),
         ("built for", f"{found.board}: {built.compiler}"),

@@ -10,7 +10,7 @@ from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.registry import KINDS
 from ambkit.export.c import calibration, cost, folder, render
-from ambkit.export.c.cost import CYCLES_PER_INSTRUCTION, Cost
+from ambkit.export.c.cost import CLOCK, CYCLES_PER_INSTRUCTION, Cost
 from ambkit.export.c.data import CPrecision, called
 from ambkit.export.c.prefix import checked
 from ambkit.export.tabulate import MOST_NODES, TabulatedExpert, tabulate
@@ -162,7 +162,7 @@ def export_c(
     elif force_bound is not None:
         raise AmbkitError("force_bound is for an expert in tabulated form")
     if filter_file is None:
-        estimator = _made(kind, bearing, magnet, options)
+        estimator = made(kind, bearing, magnet, options)
     else:
         estimator = filter_file.make(precision=options["precision"], magnet=magnet)
         called(estimator)
@@ -203,12 +203,30 @@ def export_c(
     )
 
 
-def _made(
+def made(
     kind: str | None,
     bearing: Bearing | Machine,
     magnet: MagnetModel | None,
     options: dict[str, Any],
 ) -> Estimator:
+    """Return the estimator that is exported.
+
+    Parameters
+    ----------
+    kind : str or None
+        See `export_c`.
+    bearing : Bearing or Machine
+        What is filtered.
+    magnet : optional
+        What it asks of its magnet.
+    options : dict
+        Of the kind.
+
+    Raises
+    ------
+    AmbkitError
+        There is no such kind, or it is of one axis, or is more than the core has room for.
+    """
     if kind is None:
         kind = "linear" if magnet is None else "adaptive"
     if kind not in KINDS:
@@ -274,7 +292,7 @@ def _cost_facts(spent: Cost | None) -> dict[str, str]:
     if spent.trusted is not None:
         facts["of the step that trusts its input"] = f"{spent.trusted}"
     if spent.selftest is not None:
-        time = 1e3 * spent.selftest * CYCLES_PER_INSTRUCTION / 168e6
+        time = 1e3 * spent.selftest * CYCLES_PER_INSTRUCTION / CLOCK
         facts["self-test (Cortex-M4F, in qemu)"] = (
             f"about {spent.selftest / 1e6:.1f} million instructions: at 168 MHz, without wait "
             f"states, {time:.0f} ms"

@@ -1,6 +1,7 @@
 """Processor in the loop: the exported controller on a Cortex-M4F flies the simulated plant."""
 
 from ambkit.export.pil.boards import BOARDS
-from ambkit.export.pil.loop import Pil, pil
+from ambkit.export.pil.loop import pil
+from ambkit.export.pil.result import Pil
 
 __all__ = ["BOARDS", "Pil", "pil"]

@@ -12,6 +12,10 @@ from ambkit.export.pil.boards import ARM, Board
 
 HERE = Path(__file__).parent / "c"
 FLAGS = ("-std=c99", "-fno-common", "-ffp-contract=off", "-ffunction-sections", "-fdata-sections")
+PREFIX = "rig"
+"""Of what the loop calls."""
+AXIS_STATES = 4
+"""Of one axis, that it tells at most."""
 _CALLS = ("init", "step", "take_over")
 
 
@@ -93,15 +97,15 @@ def compiled(export: Path, board: Board, into: Path, *flags: str) -> list[Path]:
     return made
 
 
-def firmware(export: Path, name: str, means: list[str], board: Board, into: Path) -> Path:
+def firmware(export: Path, plant: str, means: list[str], board: Board, into: Path) -> Path:
     """Link an export with the loop, for qemu; returns the image.
 
     Parameters
     ----------
     export : Path
-        The folder.
-    name : str
-        Its prefix.
+        The folder; its prefix is `PREFIX`.
+    plant : {"axis", "whole"}
+        Whose controller it is: one axis's, or a whole machine's.
     means : list of str
         Fields of the estimated states in its output.
     board : Board
@@ -116,15 +120,10 @@ def firmware(export: Path, name: str, means: list[str], board: Board, into: Path
     """
     into.mkdir(parents=True, exist_ok=True)
     objects = compiled(export, board, into)
-    words = ["state", "output", "init", "step", "selftest", "selftest_result"]
-    shown = ", ".join(f"(out)->{field}" for field in means[:4]) + ", 0" * (4 - len(means[:4]))
-    words += [f"telemetry{end}" for end in ("", "_init", "_put", "_take")]
-    defines = [f"-Drig_{word}={name}_{word}" for word in words]
-    defines += [f"-DRIG_{word}={name.upper()}_{word}" for word in ("COILS", "TELEMETRY_WORDS")]
-    defines += [f'-DHEADER="{name}_selftest.h"', f'-DTELEMETRY="{name}_telemetry.h"']
-    defines += [f"-DMEANS(out)={{{shown}}}"]
+    shown = ", ".join(f"(out)->{field}" for field in means) + ", 0" * (AXIS_STATES - len(means))
+    defines = [f'-DPLANT="{plant}.h"', f"-DMEANS(out)={{{shown}}}"]
     includes = [f"-I{export / at}" for at in (".", "core/include", "core", "selftest")]
-    tests = [str(export / "selftest" / f"{name}_{part}.c") for part in ("selftest", "vectors")]
+    tests = [str(path) for path in sorted((export / "selftest").glob(f"{PREFIX}_*.c"))]
     own = [str(HERE / file) for file in ("startup.c", "semihosting.c", "loop.c")]
     image = into / "loop.elf"
     link = ("-nostartfiles", "--specs=nano.specs", f"-T{HERE / 'm.ld'}", f"-I{HERE}")

@@ -94,8 +94,8 @@ def bound(
     function : str
         Which one; whatever its arguments are.
     objects : int
-        How many arguments in core registers are pointers to objects of the caller, which do not
-        overlap; a bit for each, the lowest one for the first.
+        Which arguments are pointers to objects of the caller, which do not overlap: a bit for each,
+        the lowest one for the first; four in core registers, and then those on the stack.
     points : mapping, optional
         What is known of these objects: by argument and byte in it, the name of the constant that a
         pointer there leads to.
@@ -105,6 +105,9 @@ def bound(
     state.r[SP], state.r[LR] = _STACK, _RETURN
     for k in range(4):
         state.r[k] = _OBJECTS + _APART * k if objects >> k & 1 else None
+    for k in range(4, objects.bit_length()):
+        if objects >> k & 1:
+            state.store(_STACK + 4 * (k - 4), _OBJECTS + _APART * k)
     for (k, offset), name in (points or {}).items():
         state.store(_OBJECTS + _APART * k + offset, _place(image, name))
     (entry,) = [at for at, name in program.names.items() if name == function]

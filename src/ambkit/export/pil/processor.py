@@ -11,23 +11,39 @@ from types import TracebackType
 from typing import Self
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from ambkit.base.errors import AmbkitError
 from ambkit.export.pil.boards import QEMU
 from ambkit.export.pil.emulator import command
 
+OFTEN = 20
+"""Every so many samples instructions are counted, and wherever mode or status is another."""
+
 PATIENCE = 60.0
 """Seconds for an answer, which takes less than one."""
 
-SAMPLE = np.dtype([("y", "<f4"), ("r", "<f4"), ("fly", "<u4"), ("counted", "<u4")])
-ANSWER = np.dtype([
-    ("coil", "<f4", 2), ("iu", "<f4"), ("u", "<f4"), ("mean", "<f4", 4), ("status", "<u4"),
-    ("mode", "<u4"), ("on", "<u4"), ("usable", "<u4"), ("instructions", "<u4"), ("stack", "<u4"),
-])  # fmt: skip
 GREETING = np.dtype(
     [(name, "<u4") for name in ("unequal", "wrong_status", "wrong", "selftest", "state")]
 )
 _END = 2
+
+
+def sample_of(sensors: int, axes: int) -> np.dtype[np.void]:
+    """Return what goes to it in a sample: ``sample`` in ``c/samples.h``."""
+    return np.dtype([
+        ("y", "<f4", (sensors,)), ("r", "<f4", (axes,)), ("speed", "<f4"), ("fly", "<u4"),
+        ("counted", "<u4"),
+    ])  # fmt: skip
+
+
+def answer_of(axes: int, states: int) -> np.dtype[np.void]:
+    """Return what it says of a sample: ``answer`` in ``c/samples.h``."""
+    return np.dtype([
+        ("coil", "<f4", (axes, 2)), ("iu", "<f4", (axes,)), ("u", "<f4", (axes,)),
+        ("mean", "<f4", (states,)), ("status", "<u4"), ("mode", "<u4"), ("on", "<u4"),
+        ("usable", "<u4"), ("instructions", "<u4"), ("stack", "<u4"),
+    ])  # fmt: skip
 
 
 class Processor:
@@ -39,6 +55,8 @@ class Processor:
         What ``build.firmware`` linked.
     folder : Path
         For the pipes.
+    sensors, axes, states : int
+        What it takes in and tells.
 
     Raises
     ------
@@ -46,7 +64,9 @@ class Processor:
         It does not start, or says nothing.
     """
 
-    def __init__(self, image: Path, folder: Path) -> None:
+    def __init__(self, image: Path, folder: Path, sensors: int, axes: int, states: int) -> None:
+        self.sample, self.answer = sample_of(sensors, axes), answer_of(axes, states)
+        self._answers: list[np.void] = []
         self._pipes = []
         for name in ("samples", "answers"):
             os.mkfifo(folder / name)
@@ -62,27 +82,38 @@ class Processor:
             self.close()
             raise
 
-    def step(self, y: float, r: float, *, fly: bool, counted: bool) -> np.void:
-        """Let it take one sample, and return what it says of it (`ANSWER`).
+    def step(self, y: ArrayLike, r: ArrayLike, *, fly: bool, speed: float = 0.0) -> np.void:
+        """Let it take one sample, and return what it says of it (`answer_of`).
+
+        It counts instructions in every so many samples, and after mode or status were others.
 
         Parameters
         ----------
-        y : float
-            What the sensor shows, as the rig has it.
-        r : float
-            Reference [m].
+        y : array_like (sensors,)
+            What the sensors show, as the rig has them.
+        r : array_like (axes,)
+            References [m].
         fly : bool
             Whether it is to fly.
-        counted : bool
-            Whether it is to count the instructions of this step.
+        speed : float
+            Of rotation [rad/s].
         """
-        os.write(self._pipes[0], np.array((y, r, fly, counted), SAMPLE).tobytes())
-        return self._take(ANSWER)
+        last = self._answers[-2:]
+        new = len(last) == 2 and any(last[0][name] != last[1][name] for name in ("mode", "status"))
+        counted = new or len(self._answers) % OFTEN == 0
+        self._send(y, r, speed, fly, counted)
+        self._answers.append(self._take(self.answer))
+        return self._answers[-1]
+
+    @property
+    def answers(self) -> NDArray[np.void]:
+        """All that it said, sample by sample (n,)."""
+        return np.array(self._answers, self.answer)
 
     def close(self) -> None:
         """End it."""
         if self._process.poll() is None:
-            os.write(self._pipes[0], np.array((0, 0, 0, _END), SAMPLE).tobytes())
+            self._send(0.0, 0.0, 0.0, False, _END)
             try:
                 self._process.wait(5)
             except subprocess.TimeoutExpired:
@@ -104,6 +135,12 @@ class Processor:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+    def _send(self, y: ArrayLike, r: ArrayLike, speed: float, fly: bool, counted: int) -> None:
+        given = np.zeros((), self.sample)
+        for name, value in zip(self.sample.names or (), (y, r, speed, fly, counted), strict=True):
+            given[name] = value
+        os.write(self._pipes[0], given.tobytes())
 
     def _take(self, what: np.dtype[np.void]) -> np.void:
         got, until = b"", time.monotonic() + PATIENCE

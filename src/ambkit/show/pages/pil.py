@@ -21,13 +21,11 @@ _COUNT = Axis("instructions of a step")
 
 def write_pil(
     path: str | os.PathLike[str],
-    bearing: str,
+    name: str,
     passed: bool,
     rows: Sequence[tuple[str, str]],
-    flight: Record,
-    frames: Record,
-    instructions: NDArray[np.uint32],
-    bound: int | None,
+    samples: int,
+    figures: Sequence[Figure],
 ) -> None:
     """Write the page.
 
@@ -35,20 +33,16 @@ def write_pil(
     ----------
     path : path
         The file.
-    bearing : str
-        Its name.
+    name : str
+        Of the bearing or the machine.
     passed : bool
         Whether all bits are the same.
     rows : sequence of (str, str)
         What there is to say, and that.
-    flight : Record
-        What the plant did, n samples.
-    frames : Record
-        What the processor sent of the same samples.
-    instructions : ndarray (n,)
-        Counted of a step; 0 where they were not.
-    bound : int, optional
-        Instructions of a step at most; None where that is not known.
+    samples : int
+        How many it flew.
+    figures : sequence of Figure
+        The flight, and what it cost.
 
     Raises
     ------
@@ -63,8 +57,8 @@ def write_pil(
         else "The processor gave other numbers than Python: the table says which."
     )
     report = Report(
-        title=f"{bearing} flown by a processor",
-        subtitle=f"{flight.t.size:,} samples",
+        title=f"{name} flown by a processor",
+        subtitle=f"{samples:,} samples",
         lead="The plant was simulated; estimator, controller, lift-off and landing ran as compiled "
         "for the processor, sample by sample.",
         version=version("ambkit"),
@@ -79,27 +73,31 @@ def write_pil(
                     ),
                 ],
             ),
-            Chapter(
-                "flight", "The flight",
-                [FigureBlock(_figure(flight, frames, instructions, bound))],
-            ),
+            Chapter("flight", "The flight", [FigureBlock(figure) for figure in figures]),
         ],
     )  # fmt: skip
     write_page(report, path)
 
 
-def _figure(
+def axis_figure(
     flight: Record, frames: Record, instructions: NDArray[np.uint32], bound: int | None
 ) -> Figure:
+    """Show the flight of one axis, and its instructions.
+
+    Parameters
+    ----------
+    flight : Record
+        What the plant did, n samples.
+    frames : Record
+        What the processor sent of the same samples.
+    instructions : ndarray (n,)
+        Counted of a step; 0 where they were not.
+    bound : int, optional
+        Instructions of a step at most; None where that is not known.
+    """
     t = flight.t
     coils = [name for name in frames.signals if name.startswith("coil_")]
     looks = ("estimate", "control")
-    counted = instructions > 0
-    cost: list[Item] = [
-        Points(t[counted], instructions[counted].astype(float), signal="estimate", label="counted")
-    ]
-    if bound is not None:
-        cost.append(Rule(float(bound), signal="limit", label="at most on any path"))
     return Figure(
         id="pil",
         title="Position, currents and instructions",
@@ -122,6 +120,35 @@ def _figure(
                     for name, look in zip(coils, looks, strict=False)
                 ],
             ),
-            Panel(TIME, _COUNT, cost),
+            _cost(t, instructions, bound),
         ],
     )  # fmt: skip
+
+
+def cost_figure(
+    t: NDArray[np.float64], instructions: NDArray[np.uint32], bound: int | None
+) -> Figure:
+    """Show the instructions alone.
+
+    Parameters
+    ----------
+    t : ndarray (n,)
+        Times [s].
+    instructions : ndarray (n,)
+        Counted of a step; 0 where they were not.
+    bound : int, optional
+        At most; None where that is not known.
+    """
+    caption = "Counted in some of the samples."
+    panel = _cost(t, instructions, bound)
+    return Figure(id="cost", title="Instructions", caption=caption, panels=[panel])
+
+
+def _cost(t: NDArray[np.float64], instructions: NDArray[np.uint32], bound: int | None) -> Panel:
+    counted = instructions > 0
+    items: list[Item] = [
+        Points(t[counted], instructions[counted].astype(float), signal="estimate", label="counted")
+    ]
+    if bound is not None:
+        items.append(Rule(float(bound), signal="limit", label="at most on any path"))
+    return Panel(TIME, _COUNT, items)

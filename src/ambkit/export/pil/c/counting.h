@@ -33,7 +33,7 @@ static inline uint32_t ticks_since(uint32_t before)
 }
 
 /* Words below its caller that a call may take, and what they hold until it does. */
-#define STACK_WORDS 1024U
+#define STACK_WORDS 8192U
 #define UNUSED 0xA5A5A5A5U
 
 /* Paint what lies below the function that this stands in, which must not be inline itself; returns

@@ -1,93 +1,63 @@
 /* An exported controller on a Cortex-M4F in a loop with a plant elsewhere: sample by sample it
- * takes from one pipe what the sensor shows, and gives into another one what it demands.
+ * takes from one pipe what the sensors show, and gives into another one what it demands.
  *
- * The build says which export, with -DHEADER="\"NAME_selftest.h\"" and -Drig_step=NAME_step and so
- * on (build.py). */
-#include HEADER
-#include TELEMETRY
+ * The build says whose it is, with -DPLANT="\"axis.h\"" or "\"whole.h\"", and which fields of its
+ * estimates are the states, with -DMEANS(out) (build.py). */
+#include PLANT
 #include "counting.h"
 #include "semihosting.h"
 #include <stdint.h>
 
-#define COILS 2
 #define SENT_EVERY 10U /* samples; fewer than the ring has room for */
-
-typedef struct sample {
-  amb_real y; /* as the rig has it */
-  amb_real r; /* [m] */
-  uint32_t fly;
-  uint32_t counted; /* whether the instructions of this step are wanted; 2: the end */
-} sample;
-
-typedef struct answer {
-  amb_real coil[COILS], iu, u, mean[4];
-  uint32_t status, mode, on, usable;
-  uint32_t instructions; /* of this step, where they were wanted */
-  uint32_t stack;        /* bytes that a step has needed below its caller until now, likewise */
-} answer;
-
-typedef struct greeting {
-  uint32_t unequal, wrong_status, wrong; /* of the self-test */
-  uint32_t selftest;                     /* its instructions, in units of 40 */
-  uint32_t state;                        /* bytes of an instance */
-} greeting;
 
 static uint32_t deepest;
 static rig_telemetry frames;
 
-typedef amb_status step_function(rig_state *state, amb_real y, amb_real r, bool fly,
-                                 rig_output *out);
+typedef amb_status step_function(PARAMETERS);
 
-static amb_status nothing(rig_state *state, amb_real y, amb_real r, bool fly, rig_output *out)
+static amb_status nothing(PARAMETERS) /* of which it looks at none */
 {
-  (void)state;
-  (void)y;
-  (void)r;
-  (void)fly;
-  (void)out;
   return AMB_OK;
 }
 
-static uint32_t count(step_function *volatile step, const rig_state *state, const sample *s)
+static uint32_t count(step_function *volatile step, const controller_state *state, const sample *s)
 {
-  rig_state copy;
-  rig_output out;
+  controller_state copy;
+  controller_output out;
   step_function *const call = step;
   const uint32_t before = ticks();
   for (unsigned int i = 0; i < REPEATS; i++) {
     copy = *state;
-    (void)call(&copy, s->y, s->r, s->fly != 0U, &out);
+    (void)call(ARGUMENTS(&copy, s, &out));
   }
   return ticks_since(before);
 }
 
 /* Bytes of stack that a step needs below its caller. */
-__attribute__((noinline)) static uint32_t stack_bytes(const rig_state *state, const sample *s)
+__attribute__((noinline)) static uint32_t stack_bytes(const controller_state *state,
+                                                      const sample *s)
 {
-  rig_state copy = *state;
-  rig_output out;
+  controller_state copy = *state;
+  controller_output out;
   volatile uint32_t *const top = painted();
-  (void)rig_step(&copy, s->y, s->r, s->fly != 0U, &out);
+  (void)controller_step(ARGUMENTS(&copy, s, &out));
   return used_below(top);
 }
 
-static void look(const rig_state *state, const sample *s, answer *said)
+static void look(const controller_state *state, const sample *s, answer *said)
 {
-  said->instructions = count(rig_step, state, s) - count(nothing, state, s);
+  said->instructions = count(controller_step, state, s) - count(nothing, state, s);
   said->instructions += INSTRUCTIONS_OF_NOTHING;
   const uint32_t stack = stack_bytes(state, s);
   deepest = (stack > deepest) ? stack : deepest;
   said->stack = deepest;
 }
 
-static void tell(const rig_output *out, amb_status status, answer *said)
+static void tell(const controller_output *out, amb_status status, answer *said)
 {
-  const amb_real mean[] = MEANS(out);
-  for (int k = 0; k < RIG_COILS; k++)
-    said->coil[k] = out->coil[k];
-  said->iu = out->iu;
-  said->u = out->u;
-  for (int i = 0; i < 4; i++)
+  const amb_real mean[] = MEANS(ESTIMATES(out));
+  tell_currents(out, said);
+  for (int i = 0; i < STATES; i++)
     said->mean[i] = mean[i];
   said->status = status;
   said->mode = (uint32_t)out->mode;
@@ -108,18 +78,20 @@ static bool send(intptr_t file)
 
 static bool fly(intptr_t from, intptr_t to, intptr_t file)
 {
-  rig_state state;
-  sample s;
+  static controller_state state;
+  static sample s;
   unsigned int waiting = 0;
-  rig_init(&state);
+  controller_init(&state);
   rig_telemetry_init(&frames);
   while (semihosting_take(from, &s, sizeof s) && (s.counted < 2U)) {
-    answer said = {{0}, 0, 0, {0}, 0, 0, 0, 0, 0, 0};
-    rig_output out;
+    static answer said;
+    static controller_output out;
+    said.instructions = 0;
+    said.stack = 0;
     if (s.counted == 1U)
       look(&state, &s, &said);
-    const amb_status status = rig_step(&state, s.y, s.r, s.fly != 0U, &out);
-    (void)rig_telemetry_put(&frames, &out, status);
+    const amb_status status = controller_step(ARGUMENTS(&state, &s, &out));
+    (void)rig_telemetry_put(&frames, ESTIMATES(&out), status);
     if ((++waiting % SENT_EVERY) == 0U && !send(file))
       return false;
     tell(&out, status, &said);
@@ -131,12 +103,12 @@ static bool fly(intptr_t from, intptr_t to, intptr_t file)
 
 int main(void)
 {
-  rig_selftest_result selftest;
+  static greeting hello;
   start_ticks();
   const uint32_t before = ticks();
-  rig_selftest(&selftest);
-  const greeting hello = {selftest.unequal, selftest.wrong_status, selftest.wrong,
-                          ticks_since(before), sizeof(rig_state)};
+  self_test(&hello);
+  hello.selftest = ticks_since(before);
+  hello.state = sizeof(controller_state);
   const intptr_t from = semihosting_open("samples", false);
   const intptr_t to = semihosting_open("answers", true);
   const intptr_t file = semihosting_open("frames", true);

@@ -1,0 +1,144 @@
+"""What a processor in the loop gave: bits, cost and flight."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.export.pil import build, path
+from ambkit.simulation.sequence import Mode
+
+if TYPE_CHECKING:
+    from ambkit.data.record import Record
+    from ambkit.simulation.machine import MachineRun
+
+
+@dataclass(frozen=True)
+class Pil:
+    """What a processor in the loop gave.
+
+    Attributes
+    ----------
+    record : Record
+        The flight: what the plant did while the processor flew it.
+    answers : ndarray (n,)
+        All that the processor told, sample by sample: ``processor.answer_of``.
+    samples : int
+        How many.
+    unequal : int
+        Numbers, of all that the processor told, that are not Python's to the last bit.
+    frames : Record
+        What its telemetry sent.
+    unequal_frames : int
+        Of the same numbers, how many are others there.
+    unequal_flight : int
+        Samples whose place is not the one of the flight that `simulate` gives; None where the
+        rig's own numbers go to the processor, which round what the sensor shows.
+    selftest : int
+        What its self-test found wrong.
+    modes : tuple of (float, str)
+        When it began to do what [s].
+    worst : float
+        Largest distance from the reference while it flew, after its first tenth [m].
+    rms : float
+        Root mean square of that distance [m].
+    touched : int
+        Samples on a stop while it flew.
+    instructions, most : int
+        Of a step, in the median and the most seen.
+    bound : Bound
+        Of a step at most, along any path through what qemu runs.
+    stack_seen : int
+        Bytes that a step has used.
+    state : int
+        Bytes of an instance.
+    run : MachineRun or None
+        Of a machine, the simulation that it answered to.
+    board : str
+        What the rest is for.
+    built : Built
+        Flash, memory and the most stack of the board's build.
+    """
+
+    record: Record
+    answers: NDArray[np.void]
+    samples: int
+    unequal: int
+    frames: Record
+    unequal_frames: int
+    unequal_flight: int | None
+    selftest: int
+    modes: tuple[tuple[float, str], ...]
+    worst: float
+    rms: float
+    touched: int
+    instructions: int
+    most: int
+    bound: path.Bound
+    stack_seen: int
+    state: int
+    run: MachineRun | None
+    board: str
+    built: build.Built
+
+    @property
+    def passed(self) -> bool:
+        """Whether all bits are the same."""
+        wrong = self.unequal + self.unequal_frames + self.selftest + (self.unequal_flight or 0)
+        return wrong == 0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all but the records and the answers."""
+        left = ("record", "answers", "frames", "run")
+        told = {k: each for k, each in vars(self).items() if k not in left}
+        told |= {"passed": self.passed, "built": self.built._asdict()}
+        return told | {"bound": self.bound._asdict()}
+
+
+def others_sent(told: NDArray[np.void], frames: Record, names: list[str], coils: bool) -> int:
+    """Return how many numbers the telemetry has otherwise than the answers.
+
+    Parameters
+    ----------
+    told : ndarray (n,)
+        The answers.
+    frames : Record
+        What was sent.
+    names : list of str
+        Of the estimated states there.
+    coils : bool
+        Whether currents and modes are sent too.
+    """
+    if frames.t.size != len(told):
+        return len(told)
+    pairs = [(told["mean"][:, k], frames[name]) for k, name in enumerate(names)]
+    pairs.append((told["status"], frames["status"]))
+    if coils:
+        pairs += [(told[name].ravel(), frames[name]) for name in ("iu", "u", "mode", "usable")]
+        sent = sum(name.startswith("coil_") for name in frames.signals)
+        pairs += [(told["coil"][:, 0, k], frames[f"coil_{k}"]) for k in range(sent)]
+    return sum(int((there != sent).sum()) for there, sent in pairs)
+
+
+def modes_of(
+    mode: NDArray[np.integer[Any]], t: NDArray[np.float64]
+) -> tuple[tuple[float, str], ...]:
+    """Return when it began to do what [s]."""
+    begins = np.flatnonzero(np.diff(mode, prepend=-1))
+    return tuple((float(t[k]), Mode(mode[k]).name) for k in begins)
+
+
+def in_flight(mode: NDArray[np.integer[Any]]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the samples in which it flew, and these without their first tenth."""
+    flying = np.flatnonzero(mode == Mode.FLYING)
+    return flying, flying[len(flying) // 10 :]
+
+
+def largest_and_rms(off: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the largest of distances [m], and their root mean square; NaN where there are none."""
+    if not off.size:
+        return float("nan"), float("nan")
+    return float(np.abs(off).max()), float(np.sqrt((off**2).mean()))

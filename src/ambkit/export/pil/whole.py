@@ -1,0 +1,129 @@
+"""Processor in the loop with a whole machine."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.data.telemetry import read_telemetry
+from ambkit.export.c.exporter import export_c
+from ambkit.export.c.model import states
+from ambkit.export.pil import build, path
+from ambkit.export.pil.boards import QEMU_BOARD, Board
+from ambkit.export.pil.build import PREFIX
+from ambkit.export.pil.processor import Processor
+from ambkit.export.pil.result import Pil, in_flight, largest_and_rms, modes_of, others_sent
+from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.sequence import LiftOff
+
+if TYPE_CHECKING:
+    from ambkit.estimate.base import Estimator
+    from ambkit.machine.machine import Machine
+    from ambkit.simulation.flight import Flight
+    from ambkit.simulation.machine import MachineRun
+
+
+def fly_whole(
+    machine: Machine, estimator: Estimator, flight: Flight, board: Board, **of_filter: Any
+) -> Pil:
+    """Fly a machine by its exported controllers, on a Cortex-M4F in qemu.
+
+    The machine is simulated with the controllers here, and what its sensors show goes to the
+    processor, sample by sample. Where that answers the same bits each time, which is what is
+    judged, the machine would have moved no otherwise with the processor's own currents.
+
+    Parameters
+    ----------
+    machine : Machine
+        The plant, and what the controllers know of it.
+    estimator : Estimator
+        In single precision, as it is exported.
+    flight : Flight
+        What happens, and whose controllers fly. It begins at rest; lift-off and landing are as
+        usual where it does not say.
+    board : Board
+        For flash, memory and stack.
+    **of_filter
+        ``magnet``, ``kind`` and ``filter_file`` of :func:`ambkit.export.c.export_c`, which make
+        that estimator.
+
+    Raises
+    ------
+    AmbkitError
+        The firmware fails, or something cannot be exported.
+    """
+    sequence = flight.sequence or LiftOff()
+    flown = flight.model_copy(update={"start": "rest", "sequence": sequence})
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        export = export_c(
+            machine, out=folder / "export", prefix=PREFIX, flight=flown, telemetry=True, **of_filter
+        ).folder
+        fields = [state.field for state in states(estimator.states)]
+        image = build.firmware(export, "whole", fields, QEMU_BOARD, folder / "qemu")
+        built = build.size(export, f"{PREFIX}_control", board, folder / "board")
+        works_by = {(0, 0): f"{PREFIX}_flight"}
+        bound = path.bound(image, f"{PREFIX}_control_step", objects=0b10111, points=works_by)
+        run = simulate_machine(machine, flown, estimator=estimator)
+        y = np.column_stack([run.record[f"y_{r.name}"] for r in machine.readings])
+        r = np.column_stack([run.record[f"r_{axis.name}"] for axis in machine.axes])
+        fly, speed = sequence.fly(run.record.t) > 0, run.record["speed"]
+        (folder / "pipes").mkdir()
+        sizes = y.shape[1], r.shape[1], len(fields)
+        with Processor(image, folder / "pipes", *sizes) as processor:
+            greeting = processor.greeting
+            for k in range(len(y)):
+                processor.step(y[k], r[k], fly=bool(fly[k]), speed=speed[k])
+            told = processor.answers
+        frames = read_telemetry(folder / "pipes" / "frames", export / "telemetry.json")
+    others = _others(run, told)
+    mode = told["mode"].astype(int)
+    flying, settled = in_flight(mode)
+    s = np.column_stack([run.record[f"s_{axis.name}"] for axis in machine.axes])
+    travel = np.array([axis.bearing.travel_limit for axis in machine.axes])
+    worst, rms = largest_and_rms((s - r)[settled])
+    counted = told["instructions"][told["instructions"] > 0]
+    return Pil(
+        record=run.record,
+        answers=told,
+        samples=len(told),
+        unequal=int(others.sum()),
+        frames=frames,
+        unequal_frames=others_sent(told, frames, [s.name for s in estimator.states], coils=False),
+        unequal_flight=int((others > 0).sum()),
+        selftest=int(greeting["unequal"] + greeting["wrong_status"] + greeting["wrong"]),
+        modes=modes_of(mode, run.record.t),
+        worst=worst,
+        rms=rms,
+        touched=int((np.abs(s[flying]) >= travel).any(axis=1).sum()),
+        instructions=int(np.median(counted)),
+        most=int(counted.max()),
+        bound=bound,
+        stack_seen=int(told["stack"].max()),
+        state=int(greeting["state"]),
+        run=run,
+        board=board.about,
+        built=built,
+    )
+
+
+def _others(run: MachineRun, told: NDArray[np.void]) -> NDArray[np.intp]:
+    """Return how many numbers are others than flew here, of each sample (n,)."""
+    record, axes = run.record, run.machine.axes
+    single = np.float32
+    u = np.column_stack([record[f"u_{axis.name}"] for axis in axes])
+    gain = np.array([axis.bearing.amplifier.gain for axis in axes], single)
+    magnets = [axis.bearing.magnet for axis in axes]
+    bias = np.where(told["on"][:, None] > 0, np.array([m.bias_current for m in magnets], single), 0)
+    away = [m.type == "two-sided" for m in magnets]
+    coil = np.stack([bias + told["iu"], np.where(away, bias - told["iu"], 0)], axis=2)
+    assert run.estimate is not None
+    others = (told["mode"] != record["mode"]).astype(int)
+    others += (told["u"] != u).sum(1) + (told["u"] != told["iu"] / gain).sum(1)
+    others += (told["coil"] != coil.astype(single)).sum((1, 2))
+    others += (told["mean"] != run.estimate.mean).sum(1)
+    return np.asarray(others)
