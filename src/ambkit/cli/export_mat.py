@@ -19,6 +19,7 @@ def export_mat(
         str | None,
         typer.Option(
             "--estimator",
+            "--filter",
             metavar="FILE",
             help="A linear or adaptive filter's file (.toml), expert from 'ambkit train', or "
             "adaptive, which trains one: its rules, and its tables, go along.",

@@ -40,6 +40,8 @@ def simulate(
     estimator: Annotated[
         str,
         typer.Option(
+            "--estimator",
+            "--filter",
             callback=lambda name: name if name == "none" else one_of(name),
             metavar="NAME",
             help=f"none, {', '.join(NAMES)}; the controller is fed by it unless the scenario "
