@@ -185,3 +185,9 @@ def test_what_is_read_off_the_scale_of_y_moves_with_it():
     assert moved["r"].zero == pytest.approx(-24e-6, rel=1e-9)
     assert moved["v_logged"] == channels.signals["v_logged"]
     assert channels.with_inputs(own) == channels
+
+
+def test_a_current_whose_control_is_there_is_measured(mat):
+    driven = MAP + '\n[signals.control]\nrow = 1\nunit = "1"\n'
+    read = [ambkit.load(mat, ChannelMap.from_toml(text)) for text in (MAP, driven)]
+    assert ["measured" in record.meta for record in read] == [False, True]

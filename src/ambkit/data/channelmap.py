@@ -25,7 +25,8 @@ log to a bearing, such as the point around which the bearing is described, is da
 
 A channel that the logger wrote too late has a ``delay``, and is shifted by it. A ``u`` that is the
 current as a sensor showed it is ``measured``, and is not held between samples. What drives it is
-the channel ``control``, in any unit: identification tells the sensor's noise by it. A channel with
+the channel ``control``, in any unit: identification tells the sensor's noise by it, and a ``u``
+with a ``control`` beside it is measured. A channel with
 a clock of its own names that with ``time``; a log without times has ``sampling_time``.
 """
 
@@ -88,7 +89,7 @@ class Channel(Scaling):
     """Of times as text, how they are written, such as "%d.%m.%Y %H:%M:%S.%f"; most are known."""
     measured: Annotated[bool, Field(strict=True)] = False
     """Of u: whether it is the current as a sensor showed it, which goes on a line between two
-    samples; without it a control signal, which is held."""
+    samples, as it does where there is a ``control``; without it a control signal, which is held."""
     time: Name | None = None
     """The signal of this map that has the times of its samples, where that is not ``t``."""
 
@@ -246,10 +247,14 @@ class ChannelMap(Document):
             clock_of,
             {name: c.delay for name, c in self.signals.items() if c.delay and name in signals},
             {key: text for key, text in about.items() if text}
-            | ({"measured": ["u"]} if "u" in signals and self.signals["u"].measured else {}),
+            | ({"measured": ["u"]} if self._shows_current(signals) else {}),
             tuple(dict.fromkeys(remarks)),
         )
         return mapped, problems
+
+    def _shows_current(self, signals: Mapping[str, object]) -> bool:
+        """Whether u is a current that a sensor showed, and not the control that drives it."""
+        return "u" in signals and (self.signals["u"].measured or "control" in signals)
 
     def _of_other_clocks(
         self,

@@ -352,6 +352,7 @@ def _meaning(
     of_current = role == "u" and si_unit(unit) == "A"
     if of_current:
         yield 'scale = "1 V/A"  # the current stands for the control signal: amplifier gain 1 A/V'
+        yield "# measured = true  # if a sensor showed it: it is then not held between samples"
     elif role == "u" and si_unit(unit) == "1":
         yield 'scale = "1 V"  # volts at full duty'
     turned = signs.u if role in ("u", "current") else signs.y

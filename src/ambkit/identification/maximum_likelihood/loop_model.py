@@ -16,6 +16,7 @@ from ambkit.estimate.estimate import Status
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.noise import FilterNoise
 from ambkit.identification.late import delayed, lag_of, lagged
+from ambkit.identification.maximum_likelihood.current import CONTROL
 from ambkit.identification.maximum_likelihood.gaps import filled, run_with_gaps
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel, magnet_of
@@ -392,8 +393,11 @@ class LoopModel:
 
 
 def goes_on_a_line(record: Record) -> bool:
-    """Whether the control signal of a record is a measured current, as its channel map says."""
-    return "u" in record.meta.get("measured", ())
+    """Whether the control signal of a record is a measured current.
+
+    Its channel map says so, or what drives that current is beside it.
+    """
+    return "u" in record.meta.get("measured", ()) or CONTROL in record
 
 
 def _late(bearing: Bearing, delay: float, current_lag: float) -> Bearing:
