@@ -4,9 +4,10 @@
 simulates closed loops with a slow sensor, a fast one or one whose noise has colour, with delay,
 offsets and noise side by side, identifies from some records of a second at a time, and prints bias
 and coverage. ``quiet`` is a ball that hardly moves below one magnet, whose current is measured with
-noise (`benchmarks.quiet_rig`): one record of 8 seconds at a time. The search begins at the truth,
-which saves two thirds of the time; that it ends at the same place from a start that is far off is
-tested in ``tests/test_maximum_likelihood.py``.
+noise (`benchmarks.quiet_rig`): one record of 8 seconds at a time; ``slope [seeds] [first]`` is the
+slope of its likelihood at the truth. The search begins at the truth, which saves two thirds of the
+time; that it ends at the same place from a start that is far off is tested in
+``tests/test_maximum_likelihood.py``.
 """
 
 from __future__ import annotations
@@ -260,6 +261,12 @@ def main() -> None:
     """Print the study as a table."""
     asked = [int(argument) for argument in sys.argv[2:]]
     which = sys.argv[1] if len(sys.argv) > 1 else "slow"
+    if which == "slope":
+        from benchmarks import quiet_rig
+
+        for name, row in quiet_rig.slopes(*asked).items():
+            print(f"{name:18}{row['slope']:+8.3f} of its error{row['in_errors']:+8.2f} s.e.")
+        return
     heads = (
         "found", "mean error", "its s.e.", "in s.e.", "own unit", "95 % hold", "s.e.",
         "scatter/s.e.",

@@ -270,7 +270,7 @@ class Coil:
         return self.keep / (self.before + 1)
 
     def predicted(self, measured: Array, control: Array) -> tuple[Array, Array]:
-        """Predict a measured current (n,) from its past; with the innovations."""
+        """Predict a measured current (n,) from its past and its start; with the innovations."""
         from scipy.signal import lfilter
 
         a, K, whole = self.keep, self.gain_of_filter, math.floor(self.delay)
@@ -285,6 +285,9 @@ class Coil:
         predicted[0] = measured[0]
         start = [a * (1 - K) * measured[0]]
         predicted[1:], _ = lfilter([1.0], [1.0, -a * (1 - K)], known[:-1], zi=start)
+        # It begins not where its first measurement is, but where all do best.
+        forgets = (a * (1 - K)) ** k
+        predicted += forgets * (forgets @ (measured - predicted) / (forgets @ forgets))
         return predicted, measured - predicted
 
     def smoothed(self, measured: Array, control: Array) -> Array:

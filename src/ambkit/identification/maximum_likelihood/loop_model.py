@@ -316,16 +316,40 @@ class LoopModel:
         y[:: self.substeps] = record["y"] - self.position_offset - self.misplaced(record["u"])
         kalman = kalman or self.kalman()
         known = y[np.isfinite(y)]
-        first = float(known[0]) if known.size else 0.0
-        std = list(kalman.default_std())
-        if not math.isnan(self.load_std):
-            std[[state.name for state in kalman.states].index("f_d")] = self.load_std
-        kalman.reset(kalman.at_rest(first / self.bearing.sensor.gain, first), std)
+        self._start(kalman, float(known[0]) if known.size else 0.0, record["u"][:1])
         missing = ~np.isfinite(record["u"])
         if not missing.any():
             return kalman.core.run(y, u), u, kalman
         unknown = delayed(np.repeat(missing, self.substeps).astype(float), self.delay / h) > 0
         return run_with_gaps(kalman, self.bearing, y, u, unknown, record["u"], h), u, kalman
+
+    def _start(self, kalman: Estimator, first: float, u: Array) -> None:
+        """Start the filter at rest at a measurement [m].
+
+        A current that is a state of it starts where the record has it, with twice the variance of
+        later, as only what follows tells of it. Were it unknown, the first measurements would throw
+        it about by amperes, where the magnet is far from the line that the filter takes it for.
+
+        Parameters
+        ----------
+        kalman : Estimator
+            This model's.
+        first : float
+            The first measurement, without its offset [m].
+        u : ndarray (1,)
+            The first control signal [V].
+        """
+        b = self.bearing
+        std = dict(zip((s.name for s in kalman.states), kalman.default_std(), strict=True))
+        if not math.isnan(self.load_std):
+            std["f_d"] = self.load_std
+        current = None
+        if self.memory > 0:
+            keep = math.exp(-b.sampling_time / self.memory)
+            strays = b.amplifier.noise_variance * (1 - keep) / (1 + keep)
+            current = b.amplifier.gain * float(self._within_limits(u)[0])
+            std["i"] = abs(b.amplifier.gain) * math.sqrt(2 * strays)
+        kalman.reset(kalman.at_rest(first / b.sensor.gain, first, current), list(std.values()))
 
     def _at_steps(self, u: Array) -> Array:
         """Return what the filter is told at its steps, from a control signal (n,) [V].
