@@ -208,3 +208,11 @@ def test_no_healthy_log_holds_a_running_mean(preset: str) -> None:
                 means.append(averaged(np.convolve(y, np.ones(3) / 3, "valid")))
     assert told == [0] * len(told)
     assert means.count(3) >= 0.9 * len(means)
+
+
+def test_what_no_bearing_explains_is_told_as_that() -> None:
+    rng = np.random.default_rng(0)
+    y = -1e-3 + 9e-6 * rng.normal(size=3000)
+    lies = Record(RUN.t[:3000], {"y": y, "u": np.full(3000, 0.3)}, {"y": "m", "u": "V"})
+    with pytest.raises(ambkit.AmbkitError, match="no bearing that could be"):
+        ambkit.identify(BEARING, lies)
