@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from scipy.io import loadmat
+from scipy.signal import lfilter
 
 import ambkit
 
@@ -125,3 +126,77 @@ def simulated(name: str) -> dict[str, Array]:
 
 
 OTHERS = ("of the paper", "slow poles, 1 kHz", "one magnet", "quiet sensor", "heavy rotor")
+
+
+def other_rig(seed: int) -> tuple[Disguised, list[str]]:
+    """Simulate a rig unlike the recorded one, and hide its log; with what each row was.
+
+    Mass, gap, sampling, sensor, gravity, reference, load and controller vary, and which of
+    references, estimates, differences, filtered controls and noise are logged besides.
+    """
+    rng = np.random.default_rng(seed)
+    while (flown := _flown(rng, seed)) is None:
+        pass
+    record, bearing = flown
+    kind = ambkit.ExtendedKalmanFilter if rng.random() < 0.7 else ambkit.KalmanFilter
+    estimate = kind(bearing).run(record)
+    y, u, steps = record["y"].copy(), record["u"].copy(), rng.random()
+    if steps < 0.4:
+        step = np.sqrt(bearing.sensor.noise_variance) * 10 ** rng.uniform(-0.5, 0.8)
+        y = np.round(y / step) * step
+    if steps < 0.25:
+        step = np.ptp(u) / rng.integers(200, 4000)
+        u = np.round(u / step) * step
+    rows = {"t": record.t, "y": y, "u": u}
+    for name, share, values in (
+        ("r", 0.8, record["r"]), ("x_e", 0.8, estimate.x), ("v_e", 0.8, estimate.v),
+        ("difference", 0.3, np.gradient(y)), ("u_filtered", 0.3, lfilter([0.3], [1, -0.7], u)),
+        ("noise", 0.3, rng.normal(size=y.size)),
+    ):  # fmt: skip
+        if rng.random() < share and np.ptp(values) > 0:
+            rows[name] = values
+    about = f"seed {seed}, {bearing.name}, {bearing.rotor.mass:.3g} kg, {bearing.sampling_time:g} s"
+    hidden = disguise(np.array([*rows.values()]), rng, about, cut=y.size)
+    return hidden, [list(rows)[k] for k in hidden.order]
+
+
+def _flown(rng: np.random.Generator, seed: int) -> tuple[ambkit.Record, ambkit.Bearing] | None:
+    """Fly some bearing; None where that goes wrong."""
+    one = rng.random() < 0.3
+    bearing = ambkit.Bearing.preset("inteco_ml" if one else "zittau_axial")
+    values: dict[str, object] = {
+        "sampling_time": float(rng.choice([5e-4, 1e-3, 2e-3] if one else [5e-5, 1e-4, 2e-4, 1e-3])),
+        "sensor__noise_variance": (10 ** rng.uniform(-6 if one else -7, -4.5 if one else -5)) ** 2,
+    }
+    if not one:
+        gap = bearing.magnet.air_gap * rng.uniform(0.6, 2)
+        values |= {
+            "rotor__mass": bearing.rotor.mass * 10 ** rng.uniform(-0.5, 1),
+            "sensor__lag": bearing.sensor.lag * 10 ** rng.uniform(-1, 0),
+            "magnet__air_gap": gap, "rotor__travel_limit": 0.5 * gap,
+            "rotor__gravity": str(rng.choice(["-x", "none"])),
+        }  # fmt: skip
+    try:
+        bearing = bearing.replace(**values)
+        return _moved(rng, bearing, seed)
+    except ambkit.AmbkitError:  # too weak for its weight, or not to be held
+        return None
+
+
+def _moved(
+    rng: np.random.Generator, bearing: ambkit.Bearing, seed: int
+) -> tuple[ambkit.Record, ambkit.Bearing] | None:
+    """Move a bearing's rotor by a reference or a load; None where it touches its stop."""
+    duration = float(rng.integers(6000, 15000)) * bearing.sampling_time
+    size, often = bearing.rotor.travel_limit * rng.uniform(0.02, 0.4), rng.uniform(2, 12) / duration
+    weight = 9.81 * bearing.rotor.mass
+    moved = [
+        {}, {"reference": ambkit.Sine(amplitude=size, frequency=often)},
+        {"reference": ambkit.Step(amplitude=size, time=0.3 * duration)},
+        {"reference": ambkit.Sine(amplitude=0.3 * size, frequency=10 * often)},
+        {"disturbance": ambkit.Sine(amplitude=0.2 * weight, frequency=often)},
+    ][rng.integers(5)]  # fmt: skip
+    if rng.random() < 0.4:
+        moved["controller"] = ambkit.PID.textbook(bearing)
+    record = ambkit.simulate(bearing, ambkit.Scenario(duration=duration, seed=seed, **moved))
+    return None if record.meta.get("stop_touched", 0) > 20 else (record, bearing)

@@ -10,8 +10,17 @@ from scipy.signal import lfilter
 from ambkit.base.errors import RecordError
 from ambkit.data.channelmap import ChannelMap
 from ambkit.data.reading.guess import guess
+from ambkit.data.reading.levitation import bands
 from ambkit.data.reading.reader import read
-from ambkit.data.reading.rotor import rotor, same_numbers
+from ambkit.data.reading.relatives import (
+    filters_of_others,
+    is_formula,
+    same_numbers,
+    standardised,
+    twins,
+    velocities,
+)
+from ambkit.data.reading.rotor import rotor
 from tests import disguises
 
 RIG = Path(__file__).parents[2] / "shared" / "data" / "inteco" / "closed_loop"
@@ -63,6 +72,56 @@ def test_without_converters_steps_the_noise_tells(tmp_path, seed):
     found = [judged(tmp_path / "log.mat", *each) for each in cases]
     assert {*found} <= {"right", "refused"}
     assert found.count("right") >= 9
+
+
+def told_of_another_rig(path, seed):
+    """Say what the guess makes of a simulated log in disguise, as `judged` does."""
+    hidden, names = disguises.other_rig(seed)
+    savemat(path, {"a": hidden.rows})
+    try:
+        signals = ChannelMap.from_toml(guess(path)).signals
+    except RecordError as error:
+        return "refused" if "refused: nothing in it floats" in str(error) else str(error)
+    t, y, u = (signals[name] for name in "tyu")
+    right = [names[each.row] for each in (t, y, u)] == ["t", "y", "u"]
+    flips = hidden.signs[y.row] * hidden.signs[u.row] < 0
+    return "right" if right and (y.sign * u.sign < 0) == flips else f"wrong: {hidden.name}"
+
+
+def test_of_other_rigs_none_is_silently_wrong(tmp_path):
+    seeds = (3, 16, 1198, *range(20, 30))
+    found = [told_of_another_rig(tmp_path / "log.mat", seed) for seed in seeds]
+    assert {*found} <= {"right", "refused"}
+    assert found.count("right") >= 4
+
+
+@pytest.mark.long
+def test_of_200_other_rigs_none_is_silently_wrong(tmp_path):
+    found = [told_of_another_rig(tmp_path / "log.mat", seed) for seed in range(1000, 1200)]
+    assert {*found} <= {"right", "refused"}
+    assert found.count("right") >= 60
+
+
+def simple(n=6000):
+    """A sensor, its estimate, and what is computed of them: noise of 1, a motion of 0.6."""
+    rng = np.random.default_rng(4)
+    x = 30 * lfilter([1e-3], [1, -1.96, 0.963], rng.normal(size=n))
+    y = x + rng.normal(size=n)
+    return np.array([y, x, lfilter([0.3], [1, -0.7], y), np.diff(y, prepend=0.0), np.cumsum(y)])
+
+
+def test_what_is_made_of_others_is_known():
+    unit = standardised(simple())
+    raw = [False] * len(unit)
+    assert filters_of_others(unit, raw) == {2}  # no sum: what it is of is its difference
+    assert filters_of_others(unit, [True] * len(unit)) == set()
+    assert 3 in velocities(unit)
+    assert twins(unit, list(bands(unit)), 1, [0, 3, 4]) == [0]
+    t = np.arange(6000)
+    sine = standardised(np.array([np.sin(t / 50), np.cos(t / 50) + 1e-3 * simple()[0]]))
+    assert is_formula(sine[0])
+    assert not is_formula(sine[1])
+    assert velocities(sine) == set()  # a sine has no noise that its difference could have
 
 
 def test_a_filter_that_is_noisier_than_its_sensor_is_not_taken_for_it():

@@ -12,7 +12,7 @@ import ambkit
 from ambkit import Bearing, Record
 from ambkit.data import recordings
 from ambkit.data.reading.suspects import longest_run, suspects
-from ambkit.judge.belongs import evaluate_record
+from ambkit.judge.belongs import averaged, evaluate_record
 from ambkit.workflow.belonging import check_belongs
 from ambkit.workflow.inspection import inspect
 
@@ -183,3 +183,36 @@ def test_an_offset_that_the_weight_contradicts_is_told() -> None:
     assert told.startswith("on its mean the magnet pulls by 3.")
     assert "where the weight is 0.594 N" in told
     assert "Is an offset or a scale of y or of u wrong" in told
+
+
+@pytest.mark.parametrize("size", [3, 8])
+def test_a_running_mean_is_told_with_its_length(size: int) -> None:
+    assert check_belongs(log(y=RUN["y"], u=RUN["u"]), BEARING) == []
+    mean = np.convolve(RUN["y"], np.ones(size) / size, "same")
+    (told,) = check_belongs(log(y=mean, u=RUN["u"]), BEARING)
+    assert f"is that of means of {size} samples" in told or "was y smoothed" in told
+
+
+@pytest.mark.parametrize("preset", ["zittau_axial", "inteco_ml"])
+def test_no_healthy_log_holds_a_running_mean(preset: str) -> None:
+    told, means = [], []
+    for seed in range(3):
+        for times in (0.5, 1.0, 2.0):
+            bearing = Bearing.preset(preset)
+            bearing = bearing.replace(sampling_time=times * bearing.sampling_time)
+            for given in ({}, {"controller": ambkit.PID.textbook(bearing)}):
+                duration = 4000 * bearing.sampling_time
+                flown = ambkit.Scenario(seed=seed, duration=duration, **given)
+                y = ambkit.simulate(bearing, flown)["y"]
+                told.append(averaged(y))
+                means.append(averaged(np.convolve(y, np.ones(3) / 3, "valid")))
+    assert told == [0] * len(told)
+    assert means.count(3) >= 0.9 * len(means)
+
+
+def test_what_no_bearing_explains_is_told_as_that() -> None:
+    rng = np.random.default_rng(0)
+    y = -1e-3 + 9e-6 * rng.normal(size=3000)
+    lies = Record(RUN.t[:3000], {"y": y, "u": np.full(3000, 0.3)}, {"y": "m", "u": "V"})
+    with pytest.raises(ambkit.AmbkitError, match="no bearing that could be"):
+        ambkit.identify(BEARING, lies)

@@ -44,6 +44,8 @@ _HELD = 1.0  # load in parts of the weight, that a ball below one magnet hardly 
 
 _CLEAR = 10.0  # a slow motion over what noise makes of it, from which on it tells something
 
+_LONGEST = 30  # samples of a mean that is looked for
+
 _WHITE = 0.5  # logarithm of the ratio that tells colour, as far as white noise never gets
 
 
@@ -136,6 +138,12 @@ def _position(record: Record, bearing: Bearing) -> Iterator[tuple[bool, str]]:
             f"the noise of y is about {engineering(rough, 'm', digits=2)} rms, the bearing's "
             f"sensor has {engineering(expected, 'm', digits=2)}{less if rough < expected else ''}",
         )
+    elif expected > 0 and bearing.sensor.coloured_noise is None and (mean := averaged(y)):
+        yield (
+            False,
+            f"the noise of y, {engineering(rough, 'm', digits=2)} rms, is that of means of {mean} "
+            "samples, where the bearing's sensor's is white: was y smoothed before it was logged?",
+        )
     elif expected > 0 and bearing.sensor.coloured_noise is None and _smoothed(y):
         yield (
             False,
@@ -154,6 +162,29 @@ def _smoothed(y: Array) -> bool:
         return False
     second, fourth = (float(np.median(abs(np.diff(y, order)))) for order in (2, 4))
     return fourth > 0 and 2 * math.log(fourth / second) < math.log(70 / 6) - _WHITE
+
+
+def averaged(y: Array) -> int:
+    """Return of how many samples a position (n,) holds the running mean; 0 if of none.
+
+    Second differences of white noise go together over two samples only. Those of a mean of N are
+    ``e0 - e1 - eN + e(N+1)``, so N samples apart their correlation is -1/2, and 1/4 one before and
+    one after. What is slow, or a line, has the same sign there.
+    """
+    if y.size < _LEAST:
+        return 0
+    bend = np.diff(y, 2)
+    most = 5 * float(np.median(abs(bend)))
+    bend = np.clip(bend, -most, most)  # a spike says nothing
+    own = float(bend @ bend)
+    if own == 0:
+        return 0
+    alike = [float(bend[k:] @ bend[:-k]) / own for k in range(1, _LONGEST + 2)]
+    for n in range(3, _LONGEST + 1):
+        before, there, after = alike[n - 2 : n + 1]
+        if there < -0.3 and min(before, after) > 0.12:
+            return n
+    return 0
 
 
 def _motion(record: Record, bearing: Bearing) -> Iterator[str]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ambkit.base.asked import Given, all_of_type, in_si, of_type
-from ambkit.base.errors import AmbkitError, RecordError
+from ambkit.base.errors import AmbkitError, ConfigError, RecordError
 from ambkit.base.progress import shown_in_notebooks
 from ambkit.base.showing import Shown
 from ambkit.base.units import engineering
@@ -321,7 +321,13 @@ def identify(
             "a record is to be identified from and validated on: a model is judged on a record "
             "that it has not seen"
         )
-    found = maximum_likelihood(records, start, looked_for, lines=True, note=note)
+    try:
+        found = maximum_likelihood(records, start, looked_for, lines=True, note=note)
+    except ConfigError as error:
+        raise AmbkitError(
+            f"what is likely under these records is no bearing that could be ({error}): does the "
+            "rotor lie on a stop, or are they of another rig?"
+        ) from None
     judged_on = others or records
     names = names or [f"record {number}" for number in range(1, len(judged_on) + 1)]
     checks = [

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from ambkit.data.reading.candidates import TEXT, Candidate
 from ambkit.data.reading.faults import noise
 from ambkit.data.reading.names import by_name
-from ambkit.data.reading.rotor import Rotor, in_steps, rotor, same_numbers
+from ambkit.data.reading.relatives import same_numbers
+from ambkit.data.reading.rotor import Rotor, in_steps, rotor
 
 Array = NDArray[np.float64]
 

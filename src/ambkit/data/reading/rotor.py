@@ -17,20 +17,22 @@ from numpy.typing import NDArray
 from ambkit.data.reading.faults import noise
 from ambkit.data.reading.instruments import instrumented
 from ambkit.data.reading.levitation import TINY, Band, Levitated, bands, levitated, turning
+from ambkit.data.reading.relatives import (
+    filters_of_others,
+    is_formula,
+    is_white,
+    standardised,
+    twins,
+    velocities,
+)
 
 Array = NDArray[np.float64]
-
-SAME = 1e-6
-"""Standard deviations within which two channels, shifted and scaled, hold the same numbers."""
 
 REPEATS = 0.6
 """Different values in parts of the samples: a channel with fewer comes from a converter."""
 
 NO_NOISE = 1e-6
 """Noise in parts of the standard deviation below which a channel is computed, such as a sine."""
-
-DIFFERENCE = 0.9
-"""Correlation with another channel's difference from which on a channel is its velocity."""
 
 TRIED = 12
 """Channels that are tried with instruments, where plain regression tells nothing."""
@@ -48,9 +50,6 @@ LEAST = 0.5
 CLEARLY = 1.5
 """Ratio of the noise of a position to that of an estimate of it from which on the noise alone tells
 which is which."""
-
-WHITE = 0.1
-"""Logarithm by which the ratio of differences is off at most that white noise has."""
 
 SAME_POLE = 2.0
 """Ratio of the poles that a channel and an estimate of it tell; noise moves them."""
@@ -112,41 +111,6 @@ class Rotor:
         )  # fmt: skip
 
 
-def same_numbers(channels: Array) -> dict[int, int]:
-    """Find channels that hold another one's numbers, shifted and scaled perhaps.
-
-    Parameters
-    ----------
-    channels : ndarray (m, n)
-        Finite samples.
-
-    Returns
-    -------
-    dict
-        The row of each copy, with the first row that holds the same.
-    """
-    found: dict[int, int] = {}
-    unit = standardised(channels)
-    for k, values in enumerate(unit):
-        for first in range(k):
-            if first not in found and _same(unit[first], values):
-                found[k] = first
-                break
-    return found
-
-
-def _same(a: Array, b: Array) -> bool:
-    ends = a[0] * b[0] + a[-1] * b[-1] + a[a.size // 2] * b[a.size // 2]  # quick, for most
-    return bool(np.abs(a - (1 if ends >= 0 else -1) * b).max() < SAME)
-
-
-def standardised(channels: Array) -> Array:
-    """Return channels (m, n) with mean 0 and standard deviation 1; what is constant is 0."""
-    moved = channels - channels.mean(axis=1, keepdims=True)
-    size = moved.std(axis=1, keepdims=True)
-    return np.asarray(np.divide(moved, size, out=np.zeros_like(moved), where=size > 0))
-
-
 def in_steps(values: Array) -> bool:
     """Whether a channel (n,) repeats its values, as what a converter measured does."""
     return bool(np.unique(values).size < REPEATS * values.size)
@@ -173,13 +137,15 @@ def rotor(channels: Array, position: int | None = None, control: int | None = No
         return None
     hiss = [noise(values) for values in unit]
     raw = [in_steps(v) and h > NO_NOISE for v, h in zip(channels, hiss, strict=True)]
-    rates = velocities(unit)
+    rates = velocities(unit) | filters_of_others(unit, raw)
     rates -= {position, control}
+
+    formulas = {k for k, values in enumerate(unit) if is_formula(values)} - {control}
 
     def fitting(listed: list[Levitated]) -> list[Levitated]:
         return [
             f for f in listed
-            if not {f.position, f.control} & rates
+            if not {f.position, f.control} & rates and f.control not in formulas
             and position in (None, f.position) and control in (None, f.control)
         ]  # fmt: skip
 
@@ -191,7 +157,7 @@ def rotor(channels: Array, position: int | None = None, control: int | None = No
         found, usable = slow, [f for f in usable if f in slow]
     if not usable:
         tried = sorted((k for k in range(len(unit)) if k not in rates), key=lambda k: not raw[k])
-        found = fitting(instrumented(unit, sorted(tried[:TRIED])))
+        plain += (found := fitting(instrumented(unit, sorted(tried[:TRIED]))))
         found = usable = _without(swift, found) or found
         level = CLOSE
     if not usable:
@@ -219,6 +185,9 @@ def rotor(channels: Array, position: int | None = None, control: int | None = No
     positions = list(dict.fromkeys(positions))
     free = {*range(len(unit))} - {*positions, *controls, *rates}
     positions += sorted(k for k in free if family[best.position, k])
+    if len(positions) == 1 and not raw[best.position] and position is None:
+        unlike = sorted({*range(len(unit))} - {*positions, *controls})
+        positions += twins(unit, listed, best.position, unlike)
     controls += sorted(k for k in free if family[best.control, k] and k not in positions)
     if not both and (
         worth(best) < LEAST or any(_doubtful(fits, positions, controls) for fits in (found, plain))
@@ -238,6 +207,10 @@ def rotor(channels: Array, position: int | None = None, control: int | None = No
     positions = rawest(positions, best.position, {f.position for f in told})
     controls = rawest(controls, best.control, {f.control for f in told})
     pair = positions[0], controls[0]
+    left = {*range(len(unit))} - {*positions, *controls, *rates}
+    estimated = not raw[pair[1]] and twins(unit, listed, pair[1], [pair[0]])
+    if control is None and estimated and any(raw[k] for k in left):
+        return None  # an estimate is no current, where a converter's channel is left
     if {position, control} == {None} and not (raw[pair[0]] and raw[pair[1]]):
         telling = any((f.position, f.control) == pair for f in told)
         if not telling or not (raw[pair[0]] or _clearest(positions, unit, listed)):
@@ -293,16 +266,7 @@ def _clearest(members: Sequence[int], unit: Array, listed: Sequence[Band]) -> bo
     gain = gains(listed, members[0])
     hiss = [noise(unit[k]) / abs(gain[k]) for k in members]
     others = [each for each in hiss[1:] if each > NO_NOISE]
-    return not others or (hiss[0] > CLEARLY * max(others) and _is_white(unit[members[0]]))
-
-
-def _is_white(values: Array) -> bool:
-    """Whether the noise of a channel (n,) is white.
-
-    Its fourth differences then have 70 times its variance, its second ones 6 times.
-    """
-    second, fourth = (float(np.median(abs(np.diff(values, order)))) for order in (2, 4))
-    return second > 0 and abs(np.log(fourth**2 / second**2 * 6 / 70)) < WHITE
+    return not others or (hiss[0] > CLEARLY * max(others) and is_white(unit[members[0]]))
 
 
 def _doubtful(
@@ -316,31 +280,6 @@ def _doubtful(
     turned = sum(f.evidence for f in found if f.position in controls or f.control in positions)
     rivals = [f.evidence for f in found if (f.position in positions) != (f.control in controls)]
     return max([turned, *rivals]) > max(DOUBT * both, LEAST)
-
-
-def velocities(unit: Array) -> set[int]:
-    """Find channels that are another one's difference from sample to sample.
-
-    Parameters
-    ----------
-    unit : ndarray (m, n)
-        Channels of about unit size.
-    """
-    change, level = _clipped(np.diff(unit, axis=1)), _clipped(unit[:, 1:])
-    alike = abs(change @ level.T)
-    hiss = np.array([noise(values) for values in unit])
-    alike[hiss[:, None] >= hiss[None, :]] = 0.0  # a difference is rougher than what it is of
-    return set(np.flatnonzero((alike > DIFFERENCE).any(axis=0)).tolist())
-
-
-def _clipped(values: Array) -> Array:
-    """Cut what leaps, take the mean off, and make it of length 1."""
-    values = values - np.median(values, axis=1, keepdims=True)
-    most = np.quantile(abs(values), 0.99, axis=1, keepdims=True)
-    values = np.clip(values, -most, most)
-    values = values - values.mean(axis=1, keepdims=True)
-    size = np.linalg.norm(values, axis=1, keepdims=True)
-    return np.asarray(np.divide(values, size, out=np.zeros_like(values), where=size > 0))
 
 
 def gains(listed: Sequence[Band], of: int) -> Array:

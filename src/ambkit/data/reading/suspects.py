@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ambkit.base.units import engineering
 from ambkit.data.reading.clock import instant
 from ambkit.data.reading.faults import noise
+from ambkit.data.reading.relatives import OFTEN, is_formula
 from ambkit.data.reading.resting import NEAR, resting
 from ambkit.data.reading.roles import slow
 from ambkit.data.reading.rotor import NO_NOISE, in_steps
@@ -37,13 +38,6 @@ LEAST = 200
 
 SELDOM = 0.01
 """Part of the samples in which a reference of steps changes at most."""
-
-SMOOTH = 0.05
-"""Fourth differences in parts of the second ones, below which nothing but a formula is."""
-
-OFTEN = 0.9
-"""Part of the differences that are looked at: of a signal that was laid on a finer grid by straight
-lines, most second ones are 0."""
 
 DIFFERENT = 0.95
 """Different values in parts of the samples, of what was computed and not measured."""
@@ -145,7 +139,7 @@ def _computed(y: Array, signals: Mapping[str, Array]) -> Iterator[str]:
     steps = abs(changes[changes != 0])
     leaps = seldom and bool(steps.max() > 0.05 * np.ptp(there)) and _few_values(there)
     bends = float(np.quantile(abs(np.diff(there, 2)), OFTEN))
-    if leaps or (not seldom and (bends < NO_NOISE * float(there.std()) or _smooth(there))):
+    if leaps or (not seldom and (bends < NO_NOISE * float(there.std()) or is_formula(there))):
         yield (
             "y has no noise at all: is it the controller's reference, or computed, where the "
             "measurement should be?"
@@ -161,12 +155,6 @@ def _computed(y: Array, signals: Mapping[str, Array]) -> Iterator[str]:
             "was y filtered before it was logged? Its noise is then no sensor's; log the raw "
             "measurement"
         )
-
-
-def _smooth(values: Array) -> bool:
-    """Whether a signal is computed, such as a sine: of noise the fourth differences are larger."""
-    second, fourth = (float(np.quantile(abs(np.diff(values, order)), OFTEN)) for order in (2, 4))
-    return fourth < SMOOTH * second
 
 
 def _comes_in_steps(values: Array) -> bool:
