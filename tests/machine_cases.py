@@ -59,11 +59,11 @@ def machine(**keys: Any) -> Machine:
 
 
 def gained(name: str) -> Machine:
-    """A preset whose gains are not 1, where a product would be a quotient."""
+    """A preset whose gains are not 1, where a product would be a quotient; noisy amplifiers."""
     one = Machine.preset(name)
     bearings = [
         each.model_copy(update={"amplifier": each.amplifier.model_copy(
-            update={"gain": 1.6 * each.amplifier.gain})})
+            update={"gain": 1.6 * each.amplifier.gain, "noise_variance": 1e-3})})
         for each in one.bearing
     ]  # fmt: skip
     sensors = [each.model_copy(update={"gain": 0.8 * each.gain}) for each in one.sensor]
