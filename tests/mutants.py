@@ -98,10 +98,7 @@ _TOKENS = re.compile(
     r"|->|\+\+|--|<<=|>>=|<<|>>|[-+*/|&^]=|[<>=!]=|&&|\|\||[-+*/|&<>!=(){}\[\],;?:.~^%]",
     re.DOTALL | re.MULTILINE,
 )
-_TYPE = (
-    r"(?:amb_(?:real|status|model|kalman|estimator|magnet|stiffness|sensor|step)\w*|\w+_state"
-    r"|\w+_estimates|u?int\w*|void|bool|char|const)"
-)
+_TYPE = r"(?:amb_\w+|\w+_state|\w+_estimates|\w+_command|u?int\w*|void|bool|char|const)"
 _NUMBER = re.compile(r"-?\b\d+(?:\.\d+)?(?:e[-+]?\d+)?[FU]?\b")
 
 

@@ -73,8 +73,9 @@ def seen_by_none(bench: Any, mutant: mutants.Mutant) -> bool:
 def test_the_supervisor_is_seen_whole(bench: Any) -> None:
     first = bench("pid")
     of = [m for m in first.operators() if mutants.function_of(first, m) == "supervise"]
-    assert len(of) > 30
-    alive = [m for m in of if first.judge(m).exact]
+    assert len(of) > 20
+    unknown = [m for m in of if mutants.why(first, m, unseen.MACHINE) is None]
+    alive = [m for m in unknown if first.judge(m).exact]
     assert [str(m) for m in alive if not first.is_the_same(m)] == []
 
 
