@@ -326,8 +326,10 @@ def machine_has(estimator: Estimator, context: dict[str, Any]) -> unseen.Has:
     if not context["controlled"]:
         return plain
     gains = any(context["matrices"][f"gain_{k}"] != "NULL" for k in range(3))
+    alone = context["kind"] == "decentralised" and not gains and context["let_turn"] is None
     return plain._replace(
-        controlled=True, fed=context["fed"], gains=gains, let_turn=context["let_turn"] is not None,
+        controlled=True, alone=alone, fed=context["fed"], gains=gains,
+        let_turn=context["let_turn"] is not None,
         turning=context["matrices"]["turning"] != "NULL", tracking=context["tracking"],
     )  # fmt: skip
 

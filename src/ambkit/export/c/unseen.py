@@ -30,6 +30,7 @@ class Has(NamedTuple):
     gains: bool = False  # states are fed back besides the PIDs
     let_turn: bool = False
     turning: bool = False  # velocities of what the PIDs see have a part of the speed
+    alone: bool = False  # each axis has a PID of its own, and nothing else acts on it
     tracking: bool = False  # integrals follow what is left of a demand
 
 
@@ -124,6 +125,14 @@ NOT_RUN = (
     NotRun(
         "controllers.c", "amb_controllers_step", "speed * dot(",
         "what the PIDs see does not turn", lambda has: not has.turning,
+    ),
+    NotRun(
+        "controllers.c", "amb_controllers_step", "&c->velocity[",
+        "readings have no velocity", lambda has: not has.fed,
+    ),
+    NotRun(
+        "controllers.c", "amb_controllers_step", "status |= AMB_SATURATED",
+        "each PID has held its axis to its limits", lambda has: has.alone,
     ),
     NotRun("controllers.c", "find", "", _TURN, lambda has: not has.let_turn),
     NotRun("controllers.c", "turned", "", _TURN, lambda has: not has.let_turn),
@@ -279,6 +288,7 @@ MACHINE = (
     Unseen("loops.c", "cov[entry] * value", _UNITY, "add_row_of"),
     Unseen("loops.c", "row[j - k] * value", _UNITY, "add_row_of"),
     Unseen("loops.c", "* model->c.value[a];", _UNITY, "amb_model_shown_variance"),
+    Unseen("loops.c", "(direct > 0) &&", "of controls past the magnets: none, or below a digit"),
     Unseen("loops.c", "room.v = ", "there is nothing in that room"),
     Unseen("loops.c", "room.u = ", "there is nothing in that room"),
     Unseen("loops.c", "if (rows == 4)", "the same without a loop, which is quicker"),
