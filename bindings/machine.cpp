@@ -224,9 +224,19 @@ Named simulate_machine(const nb::dict &machine, const Samples &r, const Samples 
                                 noise_y.data(),
                                 fly ? fly->data() : nullptr,
                                 hovers ? demanded.data() : nullptr};
-  Fresh<unsigned char> mode({control != nullptr ? n : 0});
-  amb_machine_output out{
-      X.data, iu.data, force.data, y.data, u.data, control ? mode.data : nullptr, history.to, 0, n};
+  Fresh<unsigned short> status({n});
+  Fresh<unsigned char> mode({control != nullptr ? n : 0}), usable({control != nullptr ? n : 0});
+  amb_machine_output out{X.data,
+                         iu.data,
+                         force.data,
+                         y.data,
+                         u.data,
+                         status.data,
+                         control ? mode.data : nullptr,
+                         usable.data,
+                         history.to,
+                         0,
+                         n};
   {
     nb::gil_scoped_release release;
     amb_machine_run(&whole.loop, &input, &state, integral.data(),
@@ -240,8 +250,11 @@ Named simulate_machine(const nb::dict &machine, const Samples &r, const Samples 
   d["u"] = u.array;
   d["touched"] = out.touched;
   d["first"] = out.first;
-  if (control != nullptr)
+  d["status"] = status.array;
+  if (control != nullptr) {
     d["mode"] = mode.array;
+    d["usable"] = usable.array;
+  }
   if (estimator)
     d["estimate"] = history.arrays;
   return d;

@@ -246,6 +246,8 @@ typedef struct amb_machine_flown {
   amb_pid_state pid[AMB_CONTROLS];
   amb_control_state control;
   amb_kalman_result result;
+  amb_status status;
+  bool usable;
   bool off; /* whether the controller has the magnets without current */
   amb_flight_mode mode;
 } amb_machine_flown;
@@ -254,6 +256,7 @@ static void begin(const amb_machine_loop *loop, const amb_machine_input *in,
                   const amb_real integral[], void *estimator, amb_machine_flown *s)
 {
   s->result.status = AMB_OK;
+  s->usable = true;
   s->off = false;
   s->mode = AMB_FLYING;
   for (int c = 0; c < loop->controllers.pids; c++)
@@ -277,8 +280,10 @@ static void control(const amb_machine_loop *loop, const amb_machine_input *in, s
   if (loop->control != NULL) {
     amb_control_output now;
     const bool fly = (in->fly == NULL) || (in->fly[k] > 0);
-    (void)amb_control_step(loop->control, &s->control, estimator, y, r, in->speed[k], fly, &now);
+    s->status =
+        amb_control_step(loop->control, &s->control, estimator, y, r, in->speed[k], fly, &now);
     s->result = now.estimator;
+    s->usable = now.usable;
     s->off = !now.on;
     s->mode = now.mode;
     for (size_t c = 0; c < p; c++)
@@ -290,7 +295,8 @@ static void control(const amb_machine_loop *loop, const amb_machine_input *in, s
   else if (loop->estimator != NULL)
     (void)amb_estimator_step(loop->estimator, estimator, y, acted, &s->result);
   const amb_real *seen = loop->feedback_estimate ? ((const amb_kalman_state *)estimator)->mean : y;
-  (void)amb_controllers_step(&loop->controllers, s->pid, r, seen, in->speed[k], u);
+  s->status =
+      s->result.status | amb_controllers_step(&loop->controllers, s->pid, r, seen, in->speed[k], u);
   for (size_t c = 0; c < p; c++)
     u[c] /= loop->k_ui[c];
 }
@@ -318,8 +324,11 @@ void amb_machine_run(const amb_machine_loop *loop, const amb_machine_input *in,
     control(loop, in, k, &flown, estimator, y, k > 0 ? u - p : NULL, u);
     if (loop->estimator != NULL)
       amb_estimator_note(loop->estimator, estimator, &flown.result, k, &out->estimate);
-    if (out->mode != NULL)
+    out->status[k] = (unsigned short)flown.status;
+    if (out->mode != NULL) {
       out->mode[k] = (unsigned char)flown.mode;
+      out->usable[k] = flown.usable;
+    }
     state->off = flown.off || (k >= in->off);
     for (size_t c = 0; c < p; c++) {
       demanded[c] = amb_clamp(loop->k_ui[c] * (u[c] + in->noise_u[k * p + c]),

@@ -99,12 +99,14 @@ typedef struct amb_machine_input {
 } amb_machine_input;
 
 typedef struct amb_machine_output {
-  amb_real *X;         /* n x states: truth at the sample */
-  amb_real *iu;        /* n x axes: currents that act just after it [A] */
-  amb_real *force;     /* n x axes: of the magnets then [N] */
-  amb_real *y;         /* n x sensors [m] */
-  amb_real *u;         /* n x axes: control signals from this sample to the next [V] */
-  unsigned char *mode; /* n: amb_flight_mode of `control`, or NULL */
+  amb_real *X;            /* n x states: truth at the sample */
+  amb_real *iu;           /* n x axes: currents that act just after it [A] */
+  amb_real *force;        /* n x axes: of the magnets then [N] */
+  amb_real *y;            /* n x sensors [m] */
+  amb_real *u;            /* n x axes: control signals from this sample to the next [V] */
+  unsigned short *status; /* n: flags of estimator and controllers */
+  unsigned char *mode;    /* n: amb_flight_mode of `control`, or NULL ... */
+  unsigned char *usable;  /* ... and whether what feeds the controllers could be used */
   amb_kalman_history estimate;
   size_t touched; /* samples in which a backup bearing was touched */
   size_t first;   /* of these the first; n: none */

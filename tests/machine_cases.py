@@ -58,6 +58,18 @@ def machine(**keys: Any) -> Machine:
     return Machine(**data | keys)
 
 
+def gained(name: str) -> Machine:
+    """A preset whose gains are not 1, where a product would be a quotient; noisy amplifiers."""
+    one = Machine.preset(name)
+    bearings = [
+        each.model_copy(update={"amplifier": each.amplifier.model_copy(
+            update={"gain": 1.6 * each.amplifier.gain, "noise_variance": 1e-3})})
+        for each in one.bearing
+    ]  # fmt: skip
+    sensors = [each.model_copy(update={"gain": 0.8 * each.gain}) for each in one.sensor]
+    return one.model_copy(update={"bearing": tuple(bearings), "sensor": tuple(sensors)})
+
+
 def uncoupled() -> Machine:
     """Bearings in each other's centre of percussion: a push on one does not move the other."""
     m, I_t, z = 4.0, 0.16, 0.2

@@ -13,6 +13,7 @@ mutant is the original (trivial compiler equivalence, Papadakis et al. 2015).
 from __future__ import annotations
 
 import argparse
+import json
 import random
 import re
 import shutil
@@ -24,20 +25,35 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from ambkit.export.c import unseen
+
 INCLUDES = ("-I.", "-Icore/include", "-Icore", "-Iselftest")
 JUDGE = """#include "{0}_selftest.h"
 #include <stdio.h>
+#if defined(CONTROLLED)
+#include "{0}_control.h"
+#endif
 
 int main(void)
 {{
   {0}_selftest_result found;
   {0}_selftest(&found);
   const unsigned int wrong = found.wrong;
-  const bool exact = {0}_selftest_passed(&found, true);
-  const bool loose = {0}_selftest_passed(&found, false);
+  bool exact = {0}_selftest_passed(&found, true);
+  bool loose = {0}_selftest_passed(&found, false);
   found.wrong &= ~{1}_WRONG_CONSTANTS;
-  (void)printf("%d %d %d %d %u %u %u", exact, loose, {0}_selftest_passed(&found, true),
-               {0}_selftest_passed(&found, false), wrong, found.wrong_status, found.unequal);
+  bool exact_without = {0}_selftest_passed(&found, true);
+  const bool loose_without = {0}_selftest_passed(&found, false);
+#if defined(CONTROLLED)
+  amb_real off;
+  const unsigned int unlike = {0}_control_selftest(&off);
+  const unsigned int by_crc = ({0}_control_crc() == {1}_CONTROL_CRC) ? 0U : 1U;
+  exact = exact && (unlike == 0U);
+  exact_without = exact_without && (unlike == by_crc);
+  loose = loose && (off <= AMB_C({2}));
+#endif
+  (void)printf("%d %d %d %d %u %u %u", exact, loose, exact_without, loose_without, wrong,
+               found.wrong_status, found.unequal);
   return 0;
 }}
 """
@@ -82,63 +98,7 @@ _TOKENS = re.compile(
     r"|->|\+\+|--|<<=|>>=|<<|>>|[-+*/|&^]=|[<>=!]=|&&|\|\||[-+*/|&<>!=(){}\[\],;?:.~^%]",
     re.DOTALL | re.MULTILINE,
 )
-EQUIVALENT = {
-    # In float, what the disturbance's growth adds to a position is below half of its last digit.
-    ("axial.h", "G00"): "below the last digit in float",
-    ("axial.h", "G03"): "below the last digit in float",
-    ("axial.h", "G33"): "below the last digit in float",
-    # Numbers of the data file, and means that are computed from good ones: none fails the check.
-    ("real.h", "(a > AMB_C(0.0)) && (a <= AMB_REAL_MAX)"): "asked of constants alone, all good",
-    ("kalman.c", "!amb_is_finite(mean[i]) ||"): "asked of constants alone, all good",
-    ("kalman.c", "for (int i = 0; i < n; i++) {"): "a loop over that check, or killed",
-    ("kalman.c", "near && (std != NULL)"): "a start between the stops is near, and has a std",
-    # One position, one velocity, one sensor: whose roles are given.
-    ("at_rest.c", "amb_magnitude(states[i]) > amb_magnitude(states[most])"): "one position",
-    ("at_rest.c", "(position >= 0) && these[position]"): "a velocity has a position",
-    ("at_rest.c", "if (these[i] && (amb_model_role(model, i) == AMB_POSITION))"): "one position",
-    ("at_rest.c", "these[j] || ((amb_model_role(model, j) == AMB_SHOWN)"): "one sensor",
-    # After an outage the gate is wider than any jump between the stops: the residual is not asked.
-    ("at_rest.c", "bool seen = false;"): "the residual after an outage is not asked",
-    ("at_rest.c", "for (int i = 0; i < amb_states(model); i++) {"): "as the residual, or killed",
-    ("at_rest.c", "seen = seen ||"): "the residual after an outage is not asked",
-    ("envelope.c", "for (int r = 0; r < amb_sensors(model); r++) {"): "as the residual",
-    # The row is zero already: `forget` has cleared it.
-    ("envelope.c", "for (int j = 0; j < n; j++) {"): "clears what is clear, or killed",
-    ("envelope.c", "if (j != s) {"): "clears what is clear, or killed",
-    # What amb_envelope_lost returns, only whole machines ask for.
-    ("envelope.c", "bool some = false;"): "the return value is not asked",
-    ("envelope.c", "for (int i = 0; i < n; i++) {"): "the return value is not asked, or killed",
-    ("envelope.c", "some = some ||"): "the return value is not asked",
-    # Where it is held, position and velocity are lost both, and no load is.
-    ("envelope.c", "(moves && lost[i])"): "both are lost, or none",
-    (
-        "envelope.c",
-        "lost[i] && (amb_model_role(model, i) == AMB_SHOWN)",
-    ): "rest is the mean elsewhere",
-    # A variance that is no number makes that of the sensor none within the same prediction.
-    ("envelope.c", "(role == AMB_SHOWN) || amb_is_finite(variance[i])"): "all are finite, or none",
-    # Three steps are all digits that there are: the correction moves the last one.
-    (
-        "root.h",
-        "(AMB_C(0.5) * inverse) * (a - root * root)",
-    ): "within the root's own rounding",
-    # An infinite variance of the innovation starts the filter anew, whatever the step makes of it.
-    ("kalman_step.h", "!sharp || amb_is_finite(e->variance)"): "the supervisor starts anew",
-    # The covariance is held within bounds, and with it the innovation's variance is a number: the
-    # supervisor asks all the same, for bits that flip in memory.
-    (".c", "finite = finite && amb_is_finite(result->variance[r])"): "for bits that flip in memory",
-    # Where the variance alone is bad: a covariance that rounding has left without a root. No vector
-    # gets there. The same text once more, for all other samples, is killed.
-    (".c", "} else if (used && (state->doubted > 0U)) {"): "not visited, or killed",
-    (".c", "state->doubted--;"): "not visited, or killed",
-}
-"""Mutants of the linear filter in float that make no difference, by file and text, and why. Of a
-text that stands more than once the others are killed, which the score shows."""
-
-_TYPE = (
-    r"(?:amb_(?:real|status|model|kalman|estimator|magnet|stiffness|sensor|step)\w*|\w+_state"
-    r"|\w+_estimates|u?int\w*|void|bool|char|const)"
-)
+_TYPE = r"(?:amb_\w+|\w+_state|\w+_estimates|\w+_command|u?int\w*|void|bool|char|const)"
 _NUMBER = re.compile(r"-?\b\d+(?:\.\d+)?(?:e[-+]?\d+)?[FU]?\b")
 
 
@@ -212,12 +172,20 @@ class Bench:
     def __init__(self, folder: Path, name: str) -> None:
         self.folder, self.name = folder, name
         self.compiler = shutil.which("tcc") or "gcc"
-        selftest = [f"selftest/{name}_selftest.c", f"selftest/{name}_vectors.c"]
-        sources = [folder / f"{name}.c", folder / f"{name}_data.c", *folder.glob("core/src/*.c")]
+        sources = [*folder.glob(f"{name}*.c"), *folder.glob("core/src/*.c")]
         self.sources = sorted(str(file.relative_to(folder)) for file in sources)
+        selftest = sorted(
+            str(file.relative_to(folder)) for file in folder.glob(f"selftest/{name}_*.c")
+        )
         self.selftest = selftest
+        self.controlled = (folder / f"{name}_control.c").exists()
+        if self.controlled:
+            self._flags = (*self._flags, "-DCONTROLLED")
         self._work = Path(tempfile.mkdtemp(prefix="mutants"))
-        (self._work / "judge.c").write_text(JUDGE.format(name, name.upper()))
+        # By how much a current may be off where a compiler rounds otherwise.
+        bound = re.search(r"off <= AMB_C\((.+?)\)", self.text("selftest/main.c"))
+        judge = JUDGE.format(name, name.upper(), bound[1] if bound else "")
+        (self._work / "judge.c").write_text(judge)
         self._objects: dict[str, Path] = {}
         for file in [*self.sources, *selftest, str(self._work / "judge.c")]:
             made = self._work / (Path(file).stem + ".o")
@@ -244,13 +212,22 @@ class Bench:
 
     def linked(self) -> set[str]:
         """Return the functions that a controller's program has of it; others do not fly."""
-        roots = [f"-Wl,-u,{self.name}_{what}" for what in ("init", "reset", "step")]
-        flags = ("-std=c99", "-w", "-O0", "-ffunction-sections", "-nostdlib", "-r")
+        called = ["init", "reset", "step"]
+        if self.controlled:
+            called += ["control_init", "control_step"]
+            called += ["control_take_over"] * ("_take_over(" in self.text(f"{self.name}_control.h"))
+        roots = [f"-Wl,-u,{self.name}_{what}" for what in called]
+        sections = ("-ffunction-sections", "-fdata-sections")
+        flags = ("-std=c99", "-w", "-O0", *sections, "-nostdlib", "-r")
         made = self._work / "linked.o"
         words = ["gcc", *flags, *INCLUDES, *self.sources, "-Wl,--gc-sections", *roots]
         self._call([*words, "-o", str(made)], self.folder)
         listed = self._call(["nm", "--defined-only", str(made)], self.folder).stdout
-        return {line.split()[2] for line in listed.splitlines() if line.split()[1] in "tT"}
+        # The core's names are others to the linker (core/include/ambkit/precision.h).
+        renamed = self.text("core/include/ambkit/precision.h")
+        own = {new: old for old, new in re.findall(r"^#define (\w+) (amb_\w+)$", renamed, re.M)}
+        found = {line.split()[2] for line in listed.splitlines() if line.split()[1] in "tT"}
+        return {own.get(name, name) for name in found}
 
     def operators(self, *, boundaries: bool = False) -> list[Mutant]:
         """Return a mutant of each operator that flies."""
@@ -261,6 +238,28 @@ class Bench:
             for mutant in of_operators(file, self.text(file), boundaries=boundaries)
             if _function_at(self.text(file), mutant.start) in linked | {""}
         ]
+
+    def never_run(self) -> set[tuple[str, int]]:
+        """Return the lines, by file and number, at which the self-test never comes by."""
+        made = self._work / "covered"
+        made.mkdir(exist_ok=True)
+        judge = str(self._work / "judge.c")
+        files = [str(self.folder / file) for file in (*self.sources, *self.selftest)]
+        includes = [f"-I{self.folder / flag[2:]}" for flag in INCLUDES]
+        words = ["gcc", *(flag for flag in self._flags if flag not in INCLUDES), *includes]
+        self._call([*words, "--coverage", *files, judge, "-o", "covered"], made)
+        self._call(["./covered"], made)
+        notes = sorted(path.name for path in made.glob("*.gcda"))
+        said = self._call(["gcov", "--json-format", "--stdout", *notes], made).stdout
+        counts: dict[tuple[str, int], int] = {}
+        for line in said.splitlines():
+            for file in json.loads(line)["files"]:
+                path = Path(file["file"])
+                name = str(path.relative_to(self.folder)) if self.folder in path.parents else ""
+                for each in file["lines"]:
+                    at = name, each["line_number"]
+                    counts[at] = counts.get(at, 0) + each["count"]
+        return {at for at, count in counts.items() if count == 0}
 
     def judge(self, mutant: Mutant) -> Verdict:
         """Compile and run it."""
@@ -310,6 +309,7 @@ class Bench:
         sections = ("-ffunction-sections", "-fdata-sections", "-Wl,--gc-sections", "-s")
         selftest = [str(self.folder / file) for file in self.selftest]
         flags = ("-std=c99", "-w", "-O2", "-ffp-contract=off", *sections, "-Wl,--build-id=none")
+        flags += ("-DCONTROLLED",) * self.controlled
         files = (*self.sources, *selftest, str(self._work / "judge.c"))
         words = ["gcc", *flags, *INCLUDES, *files, "-o", "same"]
         done = subprocess.run(words, cwd=folder, capture_output=True, text=True)
@@ -334,11 +334,20 @@ def _function_at(text: str, place: int) -> str:
     return re.findall(r"^[A-Za-z_][\w *]*?(\w+)\(", head, re.MULTILINE)[-1]
 
 
-def explained(mutant: Mutant) -> str | None:
+def function_of(bench: Bench, mutant: Mutant) -> str:
+    """Return the function that a mutant is in."""
+    return _function_at(bench.text(mutant.file), mutant.start)
+
+
+def why(bench: Bench, mutant: Mutant, known: tuple[unseen.Unseen, ...]) -> str | None:
     """Return why a mutant makes no difference, where that is known."""
-    for (file, text), reason in EQUIVALENT.items():
-        if mutant.file.endswith(file) and text in mutant.text:
-            return reason
+    for each in known:
+        if (
+            mutant.file.endswith(each.file)
+            and each.text in mutant.text
+            and each.function in ("", function_of(bench, mutant))
+        ):
+            return each.why
     return None
 
 
@@ -405,6 +414,7 @@ def main() -> None:
                     precision=given.precision, expert_form=form,
                 )  # fmt: skip
             bench = Bench(made.folder, "f")
+            known = unseen.MACHINE if given.machine else unseen.FILTER
             constants = list(of_constants("f_data.c", bench.text("f_data.c")))
             operators = bench.operators(boundaries=given.boundaries)
             for what, mutants in (("constants", constants), ("operators", operators)):
@@ -414,9 +424,9 @@ def main() -> None:
                 print(f"{kind}, {what}: {found}")
                 for label, alive in zip(("exact", "loose", "without CRC"), found[1:4], strict=True):
                     for mutant in alive:
-                        reason = explained(mutant)
+                        reason = why(bench, mutant, known)
                         print(f"  {label}: {mutant}" + (f" [{reason}]" if reason else ""))
-                unexplained = [m for m in found.exact if explained(m) is None]
+                unexplained = [m for m in found.exact if why(bench, m, known) is None]
                 print(f"  exact, neither killed nor explained: {len(unexplained)}")
                 sys.stdout.flush()
             bench.close()

@@ -20,7 +20,7 @@ from ambkit.cli.main import main
 from ambkit.data.rig_units import Inputs, Scaling
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Status
-from ambkit.export.c import CExport, export_c
+from ambkit.export.c import CExport, export_c, unseen
 from ambkit.simulation.control import Controller
 from ambkit.simulation.imposed import Faults, Imposed
 from ambkit.simulation.run import simulate, simulate_run
@@ -293,28 +293,6 @@ def test_a_tenth_of_any_constant_is_seen(benches: dict[str, mutants.Bench]) -> N
     assert alive == []
 
 
-# Text of mutants that make no difference to one axis, or ever, and why.
-EXPLAINED = {
-    "out->usable = true;": "with a sequence the supervisor says it",
-    "state->limited = false;": "counted only where there were currents, and set by each such step",
-    "told |= AMB_RESTARTED;": "the envelope in the core has said so already",
-    "for (int f = 0; f < control->law->axes; f++) {": "a step sets what acts, where it is off",
-    "for (int j = 0; j < control->law->pids; j++) {": "set again as it lifts",
-    "j * n": "one PID", "j * c->axes": "one PID", "axis * c->states": "one axis",
-    "turning": "a machine's", "c->spread[(f * c->pids) + j]": "one axis",
-    "power *= speed": "a machine's",
-    "turn->": "a machine's that is let turn", "where->": "likewise", "turned(": "likewise",
-    "others": "likewise", "i < c->states": "likewise", "sum += (one[j]": "likewise",
-    "at > AMB_C(0.0)": "likewise", "int node = (int)at": "likewise",
-    "for (int k = 0; k < 3; k++)": "a machine's second and third",
-    "else if (!saturated)": "without a tracking time", "pid->T * pid->ki * error;": "likewise",
-    "state->started = false;": "a first sample after another, of a PID that is fed by readings",
-    "default:": "no mode is another",
-    "amb_is_finite(*velocity)": "estimates are finite",
-    "status |= AMB_MISSING;": "the estimator has said so",
-}  # fmt: skip
-
-
 STEMS = ("control", "controllers", "controller", "sequence")
 FLYING = [*(f"core/src/{stem}.c" for stem in STEMS), "rig.c"]
 
@@ -322,7 +300,7 @@ FLYING = [*(f"core/src/{stem}.c" for stem in STEMS), "rig.c"]
 def test_what_is_explained_stands_in_the_sources(folders: dict[str, CExport]) -> None:
     """What explains nothing any more hides nothing, and the mutants it was for come back."""
     texts = [(folders["pid"].folder / file).read_text() for file in FLYING]
-    assert [old for old in EXPLAINED if not any(old in text for text in texts)] == []
+    assert [u for u in unseen.CONTROL if not any(u.text in text for text in texts)] == []
 
 
 @pytest.mark.long
@@ -333,7 +311,7 @@ def test_operators_that_became_others_are_seen(benches: dict[str, mutants.Bench]
     some = random.Random(0).sample(found, 60)
     alive = []
     for mutant in some:
-        if any(text in mutant.text for text in EXPLAINED):
+        if mutants.why(one, mutant, unseen.CONTROL):
             continue
         if all(bench.judge(mutant).exact for bench in benches.values()):
             alive += [] if one.is_the_same(mutant) else [str(mutant)]

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 from ambkit import AmbkitError, Flight, KalmanFilter, Machine, simulate_machine
 from ambkit.cli.app import app
 from ambkit.export.c import export_c
-from ambkit.export.c.machine_control import vectors
+from ambkit.export.c.machine_scenes import vectors
 from ambkit.simulation.controllers import Control, controllers_of
 from ambkit.simulation.plant import Plant
 

@@ -17,7 +17,7 @@ import pytest
 from export_cases import BEARING, SAME_BITS, program
 
 from ambkit import Machine
-from ambkit.export.c import CExport, export_c
+from ambkit.export.c import CExport, export_c, unseen
 
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 Exported = Callable[..., CExport]
@@ -130,18 +130,17 @@ def test_operators_that_became_others_are_seen(bench: mutants.Bench) -> None:
     alive = [m for m in some if bench.judge(m).exact]
     gain_of_one = ("K_sen", "k_ui")  # a product with 1 is the quotient
     known = [m for m in alive if any(word in m.text for word in gain_of_one)]
-    left = [m for m in alive if m not in known and mutants.explained(m) is None]
+    left = [m for m in alive if m not in known and mutants.why(bench, m, unseen.FILTER) is None]
     assert [str(m) for m in left if not bench.is_the_same(m)] == []
 
 
 def test_what_is_explained_stands_in_the_sources(exported: Exported) -> None:
     folder = exported("linear").folder
     texts = {path.name: path.read_text() for path in folder.rglob("*.[ch]")}
-    known = mutants.EQUIVALENT
     gone = [
-        (file, old)
-        for file, old in known
-        if not any(old in text for name, text in texts.items() if name.endswith(file))
+        each
+        for each in unseen.FILTER
+        if not any(each.text in text for name, text in texts.items() if name.endswith(each.file))
     ]
     assert gone == []
 

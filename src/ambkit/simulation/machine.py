@@ -51,11 +51,17 @@ class MachineRun(Drawn):
         lift-off and landing the ``mode``, `ambkit.simulation.sequence.Mode`.
     estimate : Estimate or None
         What the estimator said meanwhile.
+    status : ndarray (n,)
+        The sum of the flags of estimator and controllers, `Status`.
+    usable : ndarray (n,) or None
+        With lift-off and landing, whether what feeds the controllers could be used.
     """
 
     machine: Machine
     record: Record
-    estimate: Estimate | None = None
+    estimate: Estimate | None
+    status: NDArray[np.uint16]
+    usable: NDArray[np.bool_] | None
 
     def figure(self) -> Any:
         """Return orbits, displacements and currents."""
@@ -91,6 +97,7 @@ def simulate_machine(
     estimator: Estimator | None = None,
     disturbance: Array | None = None,
     readings: Array | None = None,
+    references: Array | None = None,
     pids: Sequence[PID] | None = None,
     controllers: Controllers | None = None,
     from_readings: bool = False,
@@ -115,6 +122,8 @@ def simulate_machine(
         Forces along the axes, sample by sample, added to the flight's [N].
     readings : ndarray (n, m), optional
         Added to the readings, sample by sample [m]; NaN: lost.
+    references : ndarray (n, p), optional
+        Added to the references of the axes, sample by sample [m]; NaN: none.
     pids : sequence of PID (p,), optional
         Of each axis, where each has its own; by default they are tuned to the axes alone.
     controllers : Controllers, optional
@@ -130,7 +139,7 @@ def simulate_machine(
     Raises
     ------
     ValueError
-        `disturbance` or `readings` have not a row a sample.
+        `disturbance`, `readings` or `references` have not a row a sample.
     AmbkitError
         A load or a reference is of an axis that the machine has not; a run-up is too fast for the
         sampling time.
@@ -160,6 +169,7 @@ def simulate_machine(
     q, currents = plant.hovering(wanted[0], loads[0])
     known = None if estimator is None else estimator.at_rest(q, current=currents)
     held = currents, wanted[0], known
+    wanted = _added("references", wanted, references)
     if flight.start == "rest":
         q, currents = plant.resting(), np.zeros(len(machine.axes))
         if flight.control.type != "lqg":  # whose integrals are all that knows of the weight
@@ -210,7 +220,8 @@ def simulate_machine(
     series = {"r": wanted, "f_d": loads, "speed": speed[:-1], "injected": added, "base": base}
     record = _record(plant, flight, t[:-1], out, series)
     estimate = None if estimator is None else estimator.told(t[:-1], out["estimate"])
-    return MachineRun(machine, record, estimate)
+    usable = out["usable"].astype(bool) if "usable" in out else None
+    return MachineRun(machine, record, estimate, out["status"], usable)
 
 
 def _of_base(machine: Machine, flight: Flight, t: Array) -> Array:

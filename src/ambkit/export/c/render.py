@@ -20,9 +20,11 @@ from ambkit.export.c import (
     control,
     data,
     machine_control,
+    machine_scenes,
     model,
     proof,
     telemetry,
+    unseen,
     vectors,
 )
 from ambkit.export.c.crc import Constants, Crc
@@ -130,7 +132,7 @@ def render(
             needed += [f"src/{data.called(inner).source}.c"]
     speeds = None
     if flight is not None and estimator.whole is not None:
-        speeds = machine_control.speeds_of(estimator.whole.machine, flight)
+        speeds = machine_scenes.speeds_of(estimator.whole.machine, flight)
     of_model = model.in_c(estimator, loops=loops, speeds=speeds)
     needed += [*of_model.sources, *(control.SOURCES if controller is not None else ())]
     needed += calibration.SOURCES if calibrated else ()
@@ -209,6 +211,7 @@ def render(
         "diagonal": vectors.diagonal(len(estimator.states)),
         "shown": _first(estimator, "sensor"),
         "load": _first(estimator, "disturbance force"),
+        **_of_roles(estimator),
         **_stops(estimator, precision),
         "base": base,
         "covariance": (in_core.covariance if in_core else "") or f"{base}cov",
@@ -259,7 +262,6 @@ def render(
         f"selftest/{name}_selftest.c": "selftest.c",
         f"selftest/{name}_vectors.c": "vectors.c",
         "selftest/main.c": "main.c",
-        "selftest/COVERAGE.md": "COVERAGE.md",
         f"proof/{name}_proof.c": "proof.c",
         "proof/prove.sh": "prove.sh",
         "proof/README.md": "PROOF.md",
@@ -288,7 +290,48 @@ def render(
         file: templates.get_template(f"{template}.j2").render(context)
         for file, template in made.items()
     }
+    visited = templates.get_template("COVERAGE.md.j2")
+    texts["selftest/COVERAGE.md"] = visited.render(context | _unseen(estimator, context, texts))
     return Content(dict(sorted(texts.items())), sources, context["configuration"])
+
+
+def _unseen(
+    estimator: Estimator, context: dict[str, Any], texts: dict[str, str]
+) -> dict[str, list[tuple[str, str]]]:
+    """Return what the self-test is known not to see, and not to run; of the linear filter alone."""
+    if not estimator.name.startswith("linear"):
+        return {"unseen": [], "not_run": []}
+    flying = {name: text for name, text in texts.items() if not name.startswith(("self", "proof"))}
+    one, controlled = estimator.whole is None, context["flown"] is not None
+    said = unseen.told(flying, unseen.lists(not one, controlled))
+    has = None if one else machine_has(estimator, context)
+    return {"unseen": said, "not_run": [] if has is None else unseen.not_run(flying, has)}
+
+
+def machine_has(estimator: Estimator, context: dict[str, Any]) -> unseen.Has:
+    """Return what decides which lines of a machine's export run.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        Of a whole machine.
+    context : dict
+        What the templates say.
+    """
+    direct = any(array["name"] == "model_B_u_column" for array in context["arrays"]) and bool(
+        estimator.engine.model.B_u.any()
+    )
+    rising = bool(np.any(estimator.core.parameters["set"]["rise"]))
+    plain = unseen.Has(len(estimator.states), direct, rising)
+    if not context["controlled"]:
+        return plain
+    gains = any(context["matrices"][f"gain_{k}"] != "NULL" for k in range(3))
+    alone = context["kind"] == "decentralised" and not gains and context["let_turn"] is None
+    return plain._replace(
+        controlled=True, alone=alone, fed=context["fed"], gains=gains,
+        let_turn=context["let_turn"] is not None,
+        turning=context["matrices"]["turning"] != "NULL", tracking=context["tracking"],
+    )  # fmt: skip
 
 
 def _turning(
@@ -352,6 +395,23 @@ def _proof(
         ),
         "uses_exponential": uses["amb_exp_negative"],
         "uses_root": uses["amb_root"],
+    }
+
+
+def _of_roles(estimator: Estimator) -> dict[str, Any]:
+    """Return which states the self-test of a machine asks for.
+
+    `plain`: its state is the Kalman filter's own, whose covariance the self-test can spoil.
+    """
+    roles = [state.role for state in estimator.states]
+    return {
+        "plain": estimator.whole is not None and estimator.name.startswith("linear"),
+        "positions": [i for i, role in enumerate(roles) if role == "position"],
+        "moving": [
+            str(role in ("position", "velocity", "disturbance force")).lower() for role in roles
+        ],
+        "reads": [str(role == "sensor").lower() for role in roles],
+        "loads": [str(role == "disturbance force").lower() for role in roles],
     }
 
 

@@ -54,7 +54,8 @@ def of(estimator: Estimator, magnets: list[Magnet], settling: int) -> list[Scene
         Samples after a start until the exported filter says that it may be fed back.
     """
     if estimator.whole is not None:
-        return list(_of_machine(estimator))
+        settled = [_settled_machine(estimator, settling)] if settling <= MOST_SETTLING else []
+        return [*_of_machine(estimator), *settled]
     return [*_of_axis(estimator, settling), *_box(estimator, magnets[0])]
 
 
@@ -209,11 +210,26 @@ def _of_machine(estimator: Estimator) -> Iterator[Scene]:
     y, u = _hover(estimator, -1.0)
     y[60:] += 0.3 * whole.gains * whole.travel_seen  # all of them, and it stays
     y[90:, 0] = np.nan
+    u[0, 0] = np.nan  # before any was good
     yield Scene("a load the other way, a jump that stays, and a sensor that is lost", y, u)
     every = np.ones(len(whole.gains), bool)
     yield _outage_of_machine(estimator, every, "an outage")
     half = np.arange(len(whole.gains)) % 2 == 0
     yield _outage_of_machine(estimator, half, "an outage of every other sensor")
+
+
+def _settled_machine(estimator: Estimator, settling: int) -> Scene:
+    """At rest until it may be fed back, with readings that are of no use; then nothing."""
+    whole: Any = estimator.whole
+    seen = whole.gains * whole.travel_seen
+    frozen = int(estimator.core.parameters["set"]["frozen_limit"])
+    n = settling + frozen + 30
+    y = 1e-2 * seen * np.resize([1.0, -1.0, 0.5], (2 * n, 1))
+    y[6:9] = np.nan
+    y[12 : 15 + frozen] = y[12]
+    y[18 + frozen] = 5 * seen
+    y[n:] = np.nan
+    return Scene("settled, and then nothing", y, np.zeros((2 * n, len(whole.alone))))
 
 
 def _outage_of_machine(estimator: Estimator, lost: NDArray[np.bool_], name: str) -> Scene:

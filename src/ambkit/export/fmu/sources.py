@@ -33,8 +33,8 @@ _MODELS: dict[str, tuple[str, ...]] = {
     "late-plant": ("plant_model", "rig", "plant_alone"),
     "loop-pid": (*_IN_LOOP, "loop_pid"),
     "loop-flight": (*_IN_LOOP, "loop_flight", "flight"),
-    "pid": ("controller_model",),
-    "regulator": ("regulator_model",),
+    "pid": ("controller_model", "demand"),
+    "regulator": ("regulator_model", "demand"),
     "flight": ("flight_model", "estimates", "filter", "flight"),
 }
 """What there is in C, the one that defines the model's struct first."""

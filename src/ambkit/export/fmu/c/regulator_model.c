@@ -24,15 +24,3 @@ void amb_unit_sample(amb_unit *model, const double value[AMB_VARIABLES])
   (void)amb_controllers_step(&amb_data_law, &model->pid, &value[VR_r], states, 0, &iu);
   model->u = iu / amb_data_k_ui;
 }
-
-void amb_unit_part(amb_unit *model, double from, double to, const double value[AMB_VARIABLES])
-{
-  (void)to;
-  if (!(from > 0))
-    amb_unit_sample(model, value);
-}
-
-void amb_unit_show(const amb_unit *model, double value[AMB_VARIABLES])
-{
-  value[VR_u] = model->u;
-}

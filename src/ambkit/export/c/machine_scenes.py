@@ -1,0 +1,290 @@
+"""What the self-test of a machine's controllers lives through, as the simulation flies it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.estimate.engine import NODE
+from ambkit.export.c.control_scenes import QUICK
+from ambkit.export.c.vectors import within
+from ambkit.simulation.control import settling_of
+from ambkit.simulation.control_machine import MachineController
+from ambkit.simulation.flight import Disturbance, Flight, Reference
+from ambkit.simulation.machine import simulate_machine
+from ambkit.simulation.plant import Plant
+from ambkit.simulation.sequence import Mode
+from ambkit.simulation.waveforms import Constant, Ramp, Step, Sum
+
+if TYPE_CHECKING:
+    from ambkit.estimate.base import Estimator
+    from ambkit.machine.machine import Machine
+    from ambkit.simulation.controllers import Controllers
+
+Array = NDArray[np.float64]
+
+FLIGHT, LIFTED = 150, 300
+"""Samples of a flight in the self-test, and of one with lift-off and landing."""
+TAKEN = 40
+"""Samples of a flight that is taken over."""
+PUSH, PULL = 0.2, 3.0
+"""Loads of the flights, in what an axis can pull with its greatest current."""
+
+
+class Vectors(NamedTuple):
+    """Flights one after the other, N samples."""
+
+    y: Array  # (N, readings) [m]
+    r: Array  # (N, axes) [m]
+    u: Array  # (N, axes): what the controllers gave [V]
+    speed: Array  # (N,) [rad/s]
+    mode: NDArray[np.uint8]  # (N,): what they were doing; all 0 without lift-off
+    fly: NDArray[np.bool_]  # (N,): whether they were told to fly
+    status: NDArray[np.uint16]  # (N,): flags of filter and controllers
+    usable: NDArray[np.bool_]  # (N,): whether the estimate could be used; all False likewise
+    mean: Array  # (N, states), each in its unit
+    starts: list[int]  # where flights begin at power-on ...
+    taken: list[int]  # ... and where those do that are taken over, ...
+    taken_with: Array  # ... with these currents (axes,) [A]
+    saturated: int  # samples in which a current was at its limit
+
+
+def speeds_of(machine: Machine, flight: Flight) -> tuple[float, float] | None:
+    """Return the slowest and the fastest rotation of a flight [rad/s]; None at the machine's own.
+
+    Parameters
+    ----------
+    machine : Machine
+        What flies.
+    flight : Flight
+        What happens to it.
+    """
+    if flight.speed is None:
+        return None
+    n = max(2, round(flight.duration / machine.sampling_time) + 1)
+    speed = flight.speed.sample(machine.sampling_time * np.arange(n + 1, dtype=float))
+    if bool((speed == machine.speed).all()):
+        return None
+    return float(speed.min()), float(speed.max())
+
+
+def vectors(
+    estimator: Estimator, flight: Flight, bound: float, controllers: Controllers
+) -> Vectors:
+    """Fly what the self-test flies, with the plant of the simulation.
+
+    A step of the reference with a load, and loads beyond what the magnets hold with readings lost
+    and far away, and references that are none; on all axes in turn, and where the flight's speed
+    changes up and down with it. With lift-off these are longer flights, from where the rotor lies
+    to where it lies again, some of which trip; and a rotor in flight is taken over.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        Beside the controllers, or feeding them.
+    flight : Flight
+        Its start, speeds, feedback and controllers are flown.
+    bound : float
+        Caps beyond which the exported filter starts anew, which the simulation does not without
+        lift-off: a flight ends before that.
+    controllers : Controllers
+        The controllers.
+    """
+    assert estimator.whole is not None
+    machine = estimator.whole.machine
+    parts = []
+    for scene in _scenes(machine, flight):
+        run = simulate_machine(
+            machine, scene.flight, estimator=estimator, controllers=controllers,
+            readings=scene.readings, references=scene.references, from_readings=True,
+            fly=scene.fly,
+            other=None if flight.sequence is None else _quick(estimator),
+        )  # fmt: skip
+        record = run.record
+        y = np.column_stack([record[f"y_{r.name}"] for r in machine.readings])
+        r, u = (
+            np.column_stack([record[f"{which}_{axis.name}"] for axis in machine.axes])
+            for which in "ru"
+        )
+        assert run.estimate is not None
+        sequenced = flight.sequence is not None
+        n = len(y) if sequenced else within(estimator, run.estimate.mean, bound)
+        mode = record["mode"].astype(np.uint8) if sequenced else np.zeros(len(y), np.uint8)
+        usable = np.zeros(len(y), bool) if run.usable is None else run.usable
+        each = (y, r, u, record["speed"], mode, scene.fly > 0, run.status, usable,
+                run.estimate.mean)  # fmt: skip
+        parts.append(tuple(values[:n] for values in each))
+    flown = len(parts)
+    taken_with = np.zeros(len(machine.axes))
+    # Of a model that turns the core's controller alone follows no speed.
+    if flight.sequence is not None and speeds_of(machine, flight) is None:
+        over, taken_with = _taken_over(estimator, flight, controllers, parts[0])
+        parts += over
+    starts = np.cumsum([0, *(len(each[0]) for each in parts[:-1])]).tolist()
+    estimator.turning(None, 1)  # what is written of the filter is of the machine's own speed
+    y, r, u, speed, mode, fly, status, usable, mean = (
+        np.concatenate(each) for each in zip(*parts, strict=True)
+    )
+    gain = np.array([axis.bearing.amplifier.gain for axis in machine.axes])
+    low, high = (
+        np.array([getattr(alone, f"current_{end}") for alone in Plant(machine).alone])
+        for end in ("min", "max")
+    )
+    full = ((u * gain >= high * (1 - 1e-6)) | (u * gain <= low * (1 - 1e-6))).any(axis=1)
+    return Vectors(
+        y, r, u, speed, mode, fly, status, usable, mean, starts[:flown], starts[flown:],
+        taken_with, int(full.sum()),
+    )  # fmt: skip
+
+
+def _taken_over(
+    estimator: Estimator, flight: Flight, controllers: Controllers, flown: tuple[Any, ...]
+) -> tuple[list[tuple[Any, ...]], Array]:
+    """Return flights that are taken over, as `vectors` has them, and the currents that acted then.
+
+    The readings are those of a flight at that time, and go on whatever is demanded now: it lands,
+    and it is overloaded from the first sample on.
+    """
+    assert estimator.whole is not None
+    assert flight.sequence is not None
+    y, r, u, speed, mode, *_ = flown
+    at = int(np.flatnonzero(mode == Mode.FLYING)[10])
+    y, r, speed = y[at : at + TAKEN], r[at : at + TAKEN], np.full(TAKEN, speed[at])
+    gain = np.array([axis.bearing.amplifier.gain for axis in estimator.whole.machine.axes])
+    number = np.dtype(estimator.precision).type
+    taken_with = (gain * u[at - 1]).astype(number)
+    fed = flight.feedback == "estimate"
+    plant = Plant(estimator.whole.machine)
+    whole = MachineController(plant, estimator, controllers, flight.sequence, fed)
+    core = whole.in_core(**_quick(estimator))
+    landing, staying = np.where(np.arange(TAKEN) < TAKEN // 2, 1.0, 0.0), np.ones(TAKEN)
+    far = 60 * max(each.travel_limit for each in estimator.whole.machine.bearing)
+    over = []
+    for wanted, fly in ((r, landing), (r + far, staying)):
+        given = (np.ascontiguousarray(each, number) for each in (y, wanted, fly))
+        told = core.run(*given, float(speed[0]), taken_with)
+        over.append((y, wanted, told["u"], speed, told["mode"], fly > 0, told["status"],
+                     told["usable"] > 0, told["mean"]))  # fmt: skip
+    return over, taken_with
+
+
+def _quick(estimator: Estimator) -> dict[str, Any]:
+    """Return fields of a sequence that firmware need not hold seconds of."""
+    return QUICK | {"settling": min(settling_of(estimator), QUICK["settling"])}
+
+
+class Scene(NamedTuple):
+    """One flight of the self-test, n samples."""
+
+    flight: Flight
+    readings: Array  # (n, readings): what is added to them [m]; NaN: lost
+    references: Array  # (n, axes): what is added to the references [m]; NaN: none
+    fly: Array  # (n,): whether it is told to fly, 1 or 0
+
+
+def _scenes(machine: Machine, flight: Flight) -> Iterator[Scene]:
+    if flight.sequence is None:
+        for sign, share in ((1.0, PUSH), (-1.0, PULL)):
+            happening = _happening(machine, flight, sign, share, FLIGHT)
+            spoilt = _spoilt(machine, sign < 0, FLIGHT)
+            yield Scene(happening, spoilt, _unwanted(machine, FLIGHT, 60), np.ones(FLIGHT))
+        return
+    fly = np.ones(LIFTED)
+    fly[:8], fly[100:106], fly[230:] = 0.0, 0.0, 0.0  # on the way up it is called back, and lands
+    happening = _happening(machine, flight, 1.0, PUSH, LIFTED, 130)
+    none = _unwanted(machine, LIFTED, 190)
+    yield Scene(happening, _spoilt(machine, True, LIFTED, 150), none, fly)
+    fly = np.ones(LIFTED)
+    fly[200:210] = 0.0  # it has tripped by then, and lifts again
+    pulled = _happening(machine, flight, -1.0, PULL, LIFTED, 130)
+    yield Scene(pulled, _lost(machine), np.zeros_like(none), fly)
+    well = np.zeros((LIFTED, len(machine.readings)))  # a current at its limit trips it
+    none = np.zeros_like(none)
+    none[180::3] = np.nan
+    yield Scene(pulled, well, none, np.ones(LIFTED))
+
+
+def _happening(
+    machine: Machine, flight: Flight, sign: float, share: float, n: int, after: int = 0
+) -> Flight:
+    """Return a flight on all axes in turn: references of a twentieth of the travel, and loads."""
+    T = machine.sampling_time
+    references, loads = [], []
+    for k, axis in enumerate(machine.axes):
+        way = sign * (-1.0 if k % 2 else 1.0)
+        law = axis.bearing.magnet
+        most = 4 * law.magnet_constant * law.bias_current * axis.bearing.amplifier.current_limit
+        force, late = way * share * most / law.air_gap**2, after + 8 * k
+        push = Step(amplitude=force, time=(50 + late) * T)
+        wanted = Step(amplitude=0.05 * way * axis.bearing.travel_limit, time=(12 + late) * T)
+        references.append(Reference(axis=axis.name, position=wanted))
+        loads.append(Disturbance(axis=axis.name, force=push))
+    return Flight(
+        duration=(n - 1) * T, start=flight.start, feedback=flight.feedback,
+        control=flight.control, reference=tuple(references), disturbance=tuple(loads),
+        seed=flight.seed, speed=_speed(machine, flight, sign, n), sequence=flight.sequence,
+    )  # fmt: skip
+
+
+def _speed(machine: Machine, flight: Flight, sign: float, n: int) -> Sum | None:
+    """Return a speed that grows over two nodes of the model, or falls, within those of a flight."""
+    speeds = speeds_of(machine, flight)
+    if speeds is None:
+        return None
+    low, high = speeds
+    by = min(2 * NODE / machine.sampling_time, high - low)
+    first = low + 0.3 * (high - low - by) if sign > 0 else high - 0.1 * (high - low - by)
+    turned = Ramp(slope=sign * by / (n * machine.sampling_time))
+    return Sum(parts=(Constant(value=first), turned))
+
+
+def _spoilt(machine: Machine, spoil: bool, n: int, after: int = 0) -> Array:
+    """Return what is added to the readings: nothing, or losses and readings far away."""
+    m = len(machine.readings)
+    added = np.zeros((n, m))
+    if spoil:
+        travel = min(each.travel_limit for each in machine.bearing)
+        added[after + 20 : after + 24, 0], added[after + 28, :] = np.nan, np.nan
+        added[after + 34, m - 1], added[after + 38, 0] = 3 * travel, -3 * travel
+    return added
+
+
+def _unwanted(machine: Machine, n: int, at: int) -> Array:
+    """Return what is added to the references: nothing, and three that are no numbers."""
+    added = np.zeros((n, len(machine.axes)))
+    added[at, 0], added[at + 3, -1], added[at + 6, :] = np.nan, np.nan, np.nan
+    return added
+
+
+def in_turn(mean: Array) -> Array:
+    """Return of each sample one state (N,), the next one each time."""
+    k = np.arange(len(mean))
+    return np.asarray(mean[k, k % mean.shape[1]])
+
+
+def also_infinite(values: Array) -> Array:
+    """Return the numbers, of which those that are none are infinite in turn: it is all the same."""
+    found = values.copy()
+    none = np.flatnonzero(np.isnan(values))
+    found.flat[none[1::3]], found.flat[none[2::3]] = np.inf, -np.inf
+    return found
+
+
+def _lost(machine: Machine) -> Array:
+    """Return readings that begin far away, and of which all are lost until it trips."""
+    added = np.zeros((LIFTED, len(machine.readings)))
+    travel = max(each.travel_limit for each in machine.bearing)
+    added[0], added[1] = 30 * travel, 3 * travel
+    added[145:180] = np.nan
+    return added
+
+
+def marks_of(tested: Vectors) -> NDArray[np.uint8]:
+    """Return the mode of each sample and the marks that the template of the self-test has (N,)."""
+    found = tested.mode + 8 * tested.fly.astype(np.uint8) + 32 * tested.usable.astype(np.uint8)
+    found[tested.starts] += 16
+    found[tested.taken] += 64
+    return found.astype(np.uint8)

@@ -1,0 +1,116 @@
+"""What self-tests of whole machines do not see is known, with its reason: mutants, and lines."""
+
+from __future__ import annotations
+
+import random
+import shutil
+from collections.abc import Iterator
+from functools import cache
+from typing import Any
+
+import mutants
+import pytest
+from machine_cases import gained
+
+from ambkit import Flight
+from ambkit.export.c import export_c, unseen
+from ambkit.simulation.controllers import Control
+from ambkit.simulation.sequence import LiftOff
+
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed"),
+]
+
+LIFTING: dict[str, Any] = {"start": "rest", "sequence": LiftOff()}
+CROSSED = Control(type="translation and tilt", cross_feedback=0.5)
+FLOWN: dict[str, tuple[str, Flight | None]] = {
+    "pid": ("tum_mlps", Flight(feedback="estimate", control=CROSSED, **LIFTING)),
+    "lqg": ("tum_mlps", Flight(feedback="estimate", control=Control(type="lqg"), **LIFTING)),
+    "measured": ("tum_mlps", Flight(**LIFTING)),
+    "late": ("compressor", None),
+}
+"""Machines by what flies them; the last one has slow amplifiers and delays."""
+SAMPLE = 60
+"""Mutants, which are judged in minutes; ``tests/mutants.py --machine`` judges all."""
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    made: dict[str, mutants.Bench] = {}
+
+    @cache
+    def of(name: str) -> mutants.Bench:
+        preset, flight = FLOWN[name]
+        machine = gained(preset)
+        to = tmp_path_factory.mktemp(name) / "c"
+        made[name] = mutants.Bench(
+            export_c(machine, None, to, prefix="f", loops=True, flight=flight).folder, "f"
+        )
+        return made[name]
+
+    yield of
+    for each in made.values():
+        each.close()
+
+
+def test_operators_that_became_others_are_seen(bench: Any) -> None:
+    """A sample of all of the first machine, the core's by the others too."""
+    first = bench("pid")
+    some = random.Random(0).sample(first.operators(), SAMPLE)
+    unknown = [m for m in some if mutants.why(first, m, unseen.MACHINE) is None]
+    alive = [m for m in unknown if seen_by_none(bench, m)]
+    assert [str(m) for m in alive if not first.is_the_same(m)] == []
+
+
+def seen_by_none(bench: Any, mutant: mutants.Mutant) -> bool:
+    names = list(FLOWN) if mutant.file.startswith("core/") else ["pid"]
+    return all(
+        mutant.file not in bench(name).flying() or bench(name).judge(mutant).exact for name in names
+    )
+
+
+def test_the_supervisor_is_seen_whole(bench: Any) -> None:
+    first = bench("pid")
+    of = [m for m in first.operators() if mutants.function_of(first, m) == "supervise"]
+    assert len(of) > 20
+    unknown = [m for m in of if mutants.why(first, m, unseen.MACHINE) is None]
+    alive = [m for m in unknown if first.judge(m).exact]
+    assert [str(m) for m in alive if not first.is_the_same(m)] == []
+
+
+@pytest.mark.parametrize("name", FLOWN)
+def test_what_does_not_run_is_known(name: str, bench: Any) -> None:
+    """Each line with an operator that never runs is told in the report, with its reason."""
+    one = bench(name)
+    told = (one.folder / "selftest" / "COVERAGE.md").read_text().split("## What does not run")[1]
+    entries = [
+        each
+        for each in unseen.NOT_RUN
+        if f"- `{each.function}{': ' + each.text if each.text else ''}`: {each.why}" in told
+    ]
+    never = one.never_run()
+    left = [
+        str(m)
+        for m in one.operators()
+        if (m.file, m.line) in never
+        and not any(
+            m.file.endswith(e.file) and mutants.function_of(one, m) == e.function
+            and e.text in m.text
+            for e in entries
+        )
+    ]  # fmt: skip
+    assert left == []
+
+
+def test_what_is_explained_stands_in_the_sources(bench: Any) -> None:
+    """What explains nothing any more hides nothing."""
+    texts = {file: bench("pid").text(file) for file in bench("pid").flying()}
+    gone = [
+        known
+        for known in unseen.MACHINE
+        if not any(f.endswith(known.file) and known.text in text for f, text in texts.items())
+    ]
+    assert gone == []
+    told = (bench("pid").folder / "selftest" / "COVERAGE.md").read_text()
+    assert all(f"{u.text}`: {u.why}." in told for u in unseen.MACHINE)
