@@ -41,8 +41,8 @@ AMB_INLINE void factor(int n, const amb_real triangle[AMB_TRIANGLE], const amb_k
   for (int j = n - 1; j >= 0; j--) {
     const bool bounded = bounds != NULL;
     const amb_real least = bounded ? (NOTHING * bounds->widest[j]) : AMB_C(0.0);
-    const amb_real all = P[amb_entry(n, j, j)];
-    const amb_real last = bounded ? amb_at_most(all, bounds->most[amb_entry(n, j, j)]) : all;
+    const amb_real rest = P[amb_entry(n, j, j)];
+    const amb_real last = bounded ? amb_at_most(rest, bounds->most[amb_entry(n, j, j)]) : rest;
     const amb_real most = bounded ? ((PART * MOST_SHARE) / bounds->set.cap[j]) : AMB_C(0.0);
     D[j] = (last > least) ? last : AMB_C(0.0);
     for (int i = 0; i < j; i++) {
