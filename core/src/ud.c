@@ -4,8 +4,13 @@
 /* Bounds of the factors, far beyond those of any run: with them no step overflows, whatever its
  * input. An entry U[i][j] is held to so many caps of i a cap of j, and what remains of a variance
  * to AMB_BOUNDLESS caps squared; of a cap squared, less than NOTHING tells of no other state. */
+#if defined(AMB_MODEL_LOOPS) /* of many states some are known but for rounding: no bounds */
+#define MOST_SHARE AMB_REAL_MAX
+#define NOTHING AMB_C(0.0)
+#else
 #define MOST_SHARE AMB_C(1e4)
 #define NOTHING AMB_C(1e-20)
+#endif
 
 /* A power of two and its inverse: a quotient computed in parts of it has the same digits. */
 #define PART AMB_C(9.094947017729282e-13)
@@ -112,7 +117,7 @@ AMB_INLINE void sweep(const amb_kalman *kf, int j, int first, int beyond,
     }
   }
   amb_real part = AMB_C(0.0);
-  if (square >= (NOTHING * kf->widest[j])) {
+  if (square > (NOTHING * kf->widest[j])) {
     part = PART / square;
     s->D[j] = amb_at_most(square, most);
   } else { /* a fault in memory is no number, and nothing is known then */
