@@ -18,6 +18,8 @@ from firmware import proof as prover
 Exported = Callable[..., CExport]
 STORED = json.loads(proof.STORED.read_text(encoding="utf-8"))
 
+OF = {"linear": "Kalman, Constant", "multiple-model": "MultipleModel, 5 models, Law"}
+
 needs_frama_c = pytest.mark.skipif(
     shutil.which("frama-c") is None, reason="Frama-C (frama-c-base) is not installed"
 )
@@ -29,7 +31,7 @@ def test_of_every_kind_it_is_recorded_in_both_precisions_that_nothing_undefined_
     left = {name: (found["any"], found["open"]) for name, found in STORED["filters"].items()}
     assert set(left.values()) == {(0, 0)}, left
     overflows = {name for name, found in STORED["filters"].items() if found["finite"]}
-    assert {name.partition(",")[0] for name in overflows} == {"UD", "MultipleModel"}
+    assert {name.partition(",")[0] for name in overflows} == {"MultipleModel"}
 
 
 def test_the_table_is_what_is_recorded() -> None:
@@ -38,16 +40,16 @@ def test_the_table_is_what_is_recorded() -> None:
     assert prover.table() in readme
 
 
-@pytest.mark.parametrize("kind", ["linear", "ud"])
+@pytest.mark.parametrize("kind", ["linear", "multiple-model"])
 def test_the_readme_says_what_was_recorded_and_no_more(exported: Exported, kind: str) -> None:
     made = exported(kind)
     text = (made.folder / "proof" / "README.md").read_text(encoding="utf-8")
-    recorded = STORED["filters"][{"linear": "Kalman, Constant", "ud": "UD, Law"}[kind] + ", float"]
+    recorded = STORED["filters"][OF[kind] + ", float"]
     assert STORED["tool"] in text
     assert f"| finite inputs | {recorded['finite']} | |" in text
     assert f"| any inputs | {recorded['any']} | {recorded['open']} |" in text
     assert ("That was a whole proof." in text) == (kind == "linear")
-    assert ("That was a proof of less" in text) == (kind == "ud")
+    assert ("That was a proof of less" in text) == (kind == "multiple-model")
     assert "was not analysed" not in text
 
 

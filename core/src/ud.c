@@ -1,6 +1,21 @@
 #include "ambkit/ud.h"
 #include "kalman_step.h"
 
+/* Bounds of the factors, far beyond those of any run: with them no step overflows, whatever its
+ * input. An entry U[i][j] is held to so many caps of i a cap of j, and what remains of a variance
+ * to AMB_BOUNDLESS caps squared; of a cap squared, less than NOTHING tells of no other state. */
+#if defined(AMB_MODEL_LOOPS) /* of many states some are known but for rounding: no bounds */
+#define MOST_SHARE AMB_REAL_MAX
+#define NOTHING AMB_C(0.0)
+#else
+#define MOST_SHARE AMB_C(1e4)
+#define NOTHING AMB_C(1e-20)
+#endif
+
+/* A power of two and its inverse: a quotient computed in parts of it has the same digits. */
+#define PART AMB_C(9.094947017729282e-13)
+#define WHOLE AMB_C(1099511627776.0)
+
 /* P = U D U' for those who ask for it. */
 static void multiply_out(int n, amb_ud_state *s)
 {
@@ -18,9 +33,10 @@ static void multiply_out(int n, amb_ud_state *s)
 }
 
 /* Factors U and D of a covariance, row i of U from U[i] on, `stride` apart. Where it is singular
- * but for rounding, the rest is 0. */
-static void factor(int n, const amb_real triangle[AMB_TRIANGLE], amb_real *U, int stride,
-                   amb_real D[AMB_STATES])
+ * but for rounding, the rest is 0. What a filter has come to is held to `bounds`; NULL: constants.
+ */
+AMB_INLINE void factor(int n, const amb_real triangle[AMB_TRIANGLE], const amb_kalman *bounds,
+                       amb_real *U, int stride, amb_real D[AMB_STATES])
 {
   const int entries = amb_entry(n, n - 1, n);
   amb_real P[AMB_TRIANGLE];
@@ -28,12 +44,24 @@ static void factor(int n, const amb_real triangle[AMB_TRIANGLE], amb_real *U, in
     P[i] = triangle[i];
   }
   for (int j = n - 1; j >= 0; j--) {
-    const amb_real last = P[amb_entry(n, j, j)];
-    const bool there = last > AMB_C(0.0);
-    D[j] = there ? last : AMB_C(0.0);
-    for (int i = 0; i < n; i++) {
-      const bool above = there && (i < j);
-      U[i * stride + j] = above ? (P[amb_entry(n, i, j)] / last) : AMB_C(0.0);
+    const bool bounded = bounds != NULL;
+    const amb_real least = bounded ? (NOTHING * bounds->widest[j]) : AMB_C(0.0);
+    const amb_real rest = P[amb_entry(n, j, j)];
+    const amb_real last = bounded ? amb_at_most(rest, bounds->most[amb_entry(n, j, j)]) : rest;
+    const amb_real most = bounded ? ((PART * MOST_SHARE) / bounds->set.cap[j]) : AMB_C(0.0);
+    D[j] = (last > least) ? last : AMB_C(0.0);
+    for (int i = 0; i < j; i++) {
+      amb_real share = AMB_C(0.0);
+      if (last > least) {
+        share = bounded ? (P[amb_entry(n, i, j)] / (last * WHOLE)) : (P[amb_entry(n, i, j)] / last);
+      }
+      if (bounded) {
+        share = AMB_WITHIN(share, most * bounds->set.cap[i]) ? (share * WHOLE) : AMB_C(0.0);
+      }
+      U[i * stride + j] = share;
+    }
+    for (int i = j + 1; i < n; i++) {
+      U[i * stride + j] = AMB_C(0.0);
     }
     U[j * stride + j] = AMB_C(1.0);
     for (int i = 0; i < j; i++) {
@@ -44,9 +72,9 @@ static void factor(int n, const amb_real triangle[AMB_TRIANGLE], amb_real *U, in
   }
 }
 
-static void factor_state(int n, amb_ud_state *s)
+static void factor_state(const amb_kalman *kf, amb_ud_state *s)
 {
-  factor(n, s->base.cov, &s->U[0][0], AMB_STATES, s->D);
+  factor(amb_states(&kf->model), s->base.cov, kf, &s->U[0][0], AMB_STATES, s->D);
 }
 
 static amb_status reset(const amb_estimator *self, void *state, const amb_real mean[AMB_STATES],
@@ -55,7 +83,7 @@ static amb_status reset(const amb_estimator *self, void *state, const amb_real m
   amb_ud_state *s = (amb_ud_state *)state;
   const amb_status status = amb_kalman_reset(self->kf, &s->base, mean, std);
   if (status == AMB_OK) {
-    factor_state(amb_states(&self->kf->model), s);
+    factor_state(self->kf, s);
   }
   return status;
 }
@@ -65,36 +93,65 @@ static amb_status contain(const amb_kalman *kf, amb_ud_state *s)
 {
   const amb_status status = amb_step_contain(kf, &s->base);
   if (status != AMB_OK) {
-    factor_state(amb_states(&kf->model), s);
+    factor_state(kf, s);
   }
   return status;
 }
 
-/* The rows of W under the weights `weight`, made orthogonal from the last to the first: W weight W'
- * is then U D U'. */
-static void orthogonalise(int n, int columns, const amb_real weight[AMB_UD_COLUMNS],
-                          amb_ud_state *s)
+/* Row j of W made orthogonal to those before it, under the weights `weight`: its entry of D, and
+ * its column of U. From column `first` to `beyond` all of these rows have nothing. What two rows
+ * share beyond all bounds is left out; their variances stay. */
+AMB_INLINE void sweep(const amb_kalman *kf, int j, int first, int beyond,
+                      const amb_real weight[AMB_UD_COLUMNS], amb_ud_state *s)
 {
-  for (int j = n - 1; j >= 0; j--) {
-    amb_real weighted[AMB_UD_COLUMNS];
-    amb_real square = AMB_C(0.0);
-    for (int c = 0; c < columns; c++) {
+  const int n = amb_states(&kf->model);
+  const int columns = 2 * n + amb_controls(&kf->model);
+  const amb_real bound = (PART * MOST_SHARE) / kf->set.cap[j]; /* for each cap of the other's */
+  const amb_real most = kf->most[amb_entry(n, j, j)];
+  amb_real weighted[AMB_UD_COLUMNS];
+  amb_real square = AMB_C(0.0);
+  for (int c = 0; c < columns; c++) {
+    if ((c < first) || (c >= beyond)) {
       weighted[c] = s->W[j][c] * weight[c];
-      square += s->W[j][c] * weighted[c];
+      square += s->W[j][c] * (s->W[j][c] * weight[c]); /* as it is: a square, the proof sees */
     }
-    const amb_real inverse = (square > AMB_C(0.0)) ? (AMB_C(1.0) / square) : AMB_C(0.0);
-    s->D[j] = square;
-    for (int i = 0; i < j; i++) {
-      amb_real product = AMB_C(0.0);
-      for (int c = 0; c < columns; c++) {
+  }
+  amb_real part = AMB_C(0.0);
+  if (square > (NOTHING * kf->widest[j])) {
+    part = PART / square;
+    s->D[j] = amb_at_most(square, most);
+  } else { /* a fault in memory is no number, and nothing is known then */
+    s->D[j] = (square >= AMB_C(0.0)) ? AMB_C(0.0) : most;
+  }
+  for (int i = 0; i < j; i++) {
+    amb_real product = AMB_C(0.0);
+    for (int c = 0; c < columns; c++) {
+      if ((c < first) || (c >= beyond)) {
         product += s->W[i][c] * weighted[c];
       }
-      const amb_real share = product * inverse;
-      s->U[i][j] = share;
-      for (int c = 0; c < columns; c++) {
+    }
+    const amb_real in_parts = product * part;
+    const amb_real within = bound * kf->set.cap[i];
+    const amb_real share = AMB_WITHIN(in_parts, within) ? (in_parts * WHOLE) : AMB_C(0.0);
+    s->U[i][j] = share;
+    for (int c = 0; c < columns; c++) {
+      if ((c < first) || (c >= beyond)) {
         s->W[i][c] -= share * s->W[j][c];
       }
     }
+  }
+}
+
+/* The rows of W made orthogonal from the last to the first: W weight W' is then U D U'. Of its last
+ * n columns, a factor of the growth, the last row has but the last. */
+static void orthogonalise(const amb_kalman *kf, const amb_real weight[AMB_UD_COLUMNS],
+                          amb_ud_state *s)
+{
+  const int n = amb_states(&kf->model);
+  const int growth = n + amb_controls(&kf->model);
+  sweep(kf, n - 1, growth, growth + (n - 1), weight, s);
+  for (int j = n - 2; j >= 0; j--) {
+    sweep(kf, j, growth, growth, weight, s);
   }
 }
 
@@ -124,7 +181,10 @@ static void predict_factor(const amb_kalman *kf, const amb_stiffness k[AMB_FORCE
       iu[c] = (c == (j - n)) ? kf->set.k_ui[c] : AMB_C(0.0);
     }
     for (int i = 0; i < n; i++) {
-      column[i] = (j < n) ? s->U[i][j] : AMB_C(0.0);
+      column[i] = (i == j) ? AMB_C(1.0) : AMB_C(0.0);
+      if ((i < j) && (j < n)) {
+        column[i] = s->U[i][j];
+      }
     }
     carry(model, k, iu, column);
     for (int i = 0; i < n; i++) {
@@ -132,8 +192,8 @@ static void predict_factor(const amb_kalman *kf, const amb_stiffness k[AMB_FORCE
     }
     weight[j] = (j < n) ? s->D[j] : kf->set.var_u[j - n];
   }
-  factor(n, kf->growth, &s->W[0][n + controls], AMB_UD_COLUMNS, &weight[n + controls]);
-  orthogonalise(n, 2 * n + controls, weight, s);
+  factor(n, kf->growth, NULL, &s->W[0][n + controls], AMB_UD_COLUMNS, &weight[n + controls]);
+  orthogonalise(kf, weight, s);
 }
 
 static amb_status predict(const amb_estimator *self, void *state, const amb_real u[AMB_CONTROLS],
@@ -148,7 +208,8 @@ static amb_status predict(const amb_estimator *self, void *state, const amb_real
   bool finite = true;
   for (int f = 0; f < amb_forces(&kf->model); f++) {
     const amb_stiffness k = result->stiffness[f];
-    finite = finite && amb_is_finite(F[f]) && amb_is_finite(k.k_i) && amb_is_finite(k.k_s);
+    finite =
+        finite && AMB_WITHIN(F[f], AMB_REAL_ROOT) && amb_is_finite(k.k_i) && amb_is_finite(k.k_s);
     F[f] += kf->set.f_0[f];
   }
   if (!finite) {
@@ -175,17 +236,20 @@ static void correct(const amb_kalman *kf, amb_ud_state *s, int r, amb_real e, am
     for (int i = 0; i < n; i++) {
       column[i] = s->U[i][j];
     }
+    gain[j] = AMB_C(0.0);
     const amb_real shown = amb_model_shown(model, r, column); /* of U' c' */
-    const amb_real weighted = s->D[j] * shown;
-    const amb_real before = alpha;
-    alpha += shown * weighted;
-    s->D[j] *= before / alpha;
-    for (int i = 0; i < j; i++) {
-      const amb_real u = s->U[i][j];
-      s->U[i][j] = u - gain[i] * (shown / before);
-      gain[i] += u * weighted;
+    if ((shown < AMB_C(0.0)) || (shown > AMB_C(0.0))) {
+      const amb_real weighted = s->D[j] * shown;
+      const amb_real before = alpha;
+      alpha += shown * (s->D[j] * shown); /* as it is: not negative, the proof sees */
+      s->D[j] *= amb_at_most(before / alpha, AMB_C(1.0));
+      for (int i = 0; i < j; i++) {
+        const amb_real u = s->U[i][j];
+        s->U[i][j] = u - gain[i] * (shown / before);
+        gain[i] += u * weighted;
+      }
+      gain[j] = weighted;
     }
-    gain[j] = weighted;
   }
   for (int i = 0; i < n; i++) {
     s->base.mean[i] += (gain[i] / alpha) * e;
@@ -200,12 +264,6 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
   const amb_real S = amb_model_shown_variance(model, r, s->base.cov) + noise;
   (void)own;
   told->innovation = AMB_C(0.0);
-  told->variance = AMB_C(0.0);
-  if (!AMB_WITHIN(S, AMB_REAL_MAX)) { /* no more than the factor is; in sight, for the proof */
-    amb_envelope_open(kf, s->base.cov);
-    factor_state(amb_states(model), s);
-    return AMB_RESTARTED;
-  }
   told->variance = S;
   const amb_real seen = amb_step_seen(kf, r, y);
   amb_status status = amb_step_useless(kf, &s->base, r, y);
@@ -217,7 +275,7 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
     status |= outlier;
     if (outlier == AMB_RESTARTED) {
       amb_envelope_restart(kf, &s->base, r, seen);
-      factor_state(amb_states(model), s);
+      factor_state(kf, s);
     } else if (outlier == AMB_OK) {
       correct(kf, s, r, e, noise);
       s->base.sensor[r].residual = seen - amb_model_shown(model, r, s->base.mean);
