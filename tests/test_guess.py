@@ -189,6 +189,18 @@ def names_of(text):
     return {k: c.array or c.column for k, c in ChannelMap.from_toml(text).signals.items()}
 
 
+@pytest.mark.parametrize("digits", ["%.17g", "%.9g", "%.6g"])
+def test_a_reference_that_is_named_a_command_is_no_control(tmp_path, digits):
+    """Written with few digits it repeats its values, as what a converter measured does."""
+    log = disguises.simulated("of the paper")
+    time = np.arange(log["y"].size) * np.diff(log["t"]).mean()
+    columns = (time, log["y"], log["u"], log["r"])
+    np.savetxt(tmp_path / "log.csv", np.stack(columns, axis=1), digits, ",", comments="",
+               header="time,AI0,AO0,CMD")  # fmt: skip
+    found = names_of(guess(tmp_path / "log.csv"))
+    assert found == {"t": "time", "y": "AI0", "u": "AO0", "r": "CMD"}
+
+
 def test_of_arrays_of_several_lengths_all_are_considered(tmp_path):
     log = disguises.simulated("one magnet")
     rng = np.random.default_rng(4)

@@ -45,7 +45,7 @@ from ambkit.data.files import timestamps
 from ambkit.data.files.log import Log
 from ambkit.data.files.time_layouts import pattern
 from ambkit.data.rig_units import Inputs, Scaling
-from ambkit.data.signals import UNITS
+from ambkit.data.signals import CONTROL, UNITS
 
 Array = NDArray[np.float64]
 Index = Annotated[int, Field(ge=0, strict=True)]
@@ -254,7 +254,7 @@ class ChannelMap(Document):
 
     def _shows_current(self, signals: Mapping[str, object]) -> bool:
         """Whether u is a current that a sensor showed, and not the control that drives it."""
-        return "u" in signals and (self.signals["u"].measured or "control" in signals)
+        return "u" in signals and (self.signals["u"].measured or CONTROL in signals)
 
     def _of_other_clocks(
         self,

@@ -7,6 +7,7 @@ do, just as an unstable plant and its current would by chance.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -118,6 +119,11 @@ def is_white(values: Array) -> bool:
     """
     second, fourth = (float(np.median(abs(np.diff(values, order)))) for order in (2, 4))
     return second > 0 and abs(np.log(fourth**2 / second**2 * 6 / 70)) < WHITE
+
+
+def rough(values: Array) -> float:
+    """Return the noise of a signal (n,) by fourth differences, in which no slow sine is left."""
+    return noise(np.diff(values, 2)) * math.sqrt(6 / 70)
 
 
 def is_formula(values: Array) -> bool:

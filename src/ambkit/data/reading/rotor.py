@@ -21,6 +21,7 @@ from ambkit.data.reading.relatives import (
     filters_of_others,
     is_formula,
     is_white,
+    rough,
     standardised,
     twins,
     velocities,
@@ -30,6 +31,10 @@ Array = NDArray[np.float64]
 
 REPEATS = 0.6
 """Different values in parts of the samples: a channel with fewer comes from a converter."""
+
+SIX_DIGITS = 1e-5
+"""Noise in parts of the standard deviation that six digits leave of a signal at most: one that has
+no more and repeats its values may be a reference that comes again, and no converter's."""
 
 NO_NOISE = 1e-6
 """Noise in parts of the standard deviation below which a channel is computed, such as a sine."""
@@ -136,7 +141,7 @@ def rotor(channels: Array, position: int | None = None, control: int | None = No
     if not listed:
         return None
     hiss = [noise(values) for values in unit]
-    raw = [in_steps(v) and h > NO_NOISE for v, h in zip(channels, hiss, strict=True)]
+    raw = [in_steps(v) and rough(u) > SIX_DIGITS for v, u in zip(channels, unit, strict=True)]
     rates = velocities(unit) | filters_of_others(unit, raw)
     rates -= {position, control}
 

@@ -31,14 +31,12 @@ from numpy.typing import NDArray
 
 from ambkit.base.units import engineering
 from ambkit.data.record import Record
+from ambkit.data.signals import CONTROL
 
 if TYPE_CHECKING:
     from ambkit.identification.maximum_likelihood.loop_model import LoopModel
 
 Array = NDArray[np.float64]
-
-CONTROL = "control"
-"""The signal that drives the measured current, by its name in a record."""
 
 LAGS, DELAYS = (3.0, 10.0, 30.0, 100.0), (-0.5, 0.3, 1.5, 2.5, 3.5, 5.5)
 """Samples from which the search may begin."""

@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.base.errors import ConfigError
+from ambkit.data.signals import CONTROL
 from ambkit.identification.maximum_likelihood.current import (
-    CONTROL,
     Coil,
     FlowingCurrent,
     through,

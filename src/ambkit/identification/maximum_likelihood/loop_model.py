@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambkit.data.record import Record
+from ambkit.data.signals import CONTROL
 from ambkit.estimate.base import Estimator
 from ambkit.estimate.estimate import Status
 from ambkit.estimate.kalman import ExtendedKalmanFilter
 from ambkit.estimate.noise import FilterNoise
 from ambkit.identification.late import delayed, lag_of, lagged
-from ambkit.identification.maximum_likelihood.current import CONTROL
 from ambkit.identification.maximum_likelihood.gaps import filled, run_with_gaps
 from ambkit.machine.bearing import GRAVITY
 from ambkit.machine.magnets import ConstantStiffness, MagnetModel, magnet_of
