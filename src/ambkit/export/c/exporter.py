@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
 from ambkit.estimate.registry import KINDS
-from ambkit.export.c import calibration, cost, folder, render
+from ambkit.export.c import calibration, cost, data_file, folder, render
 from ambkit.export.c.cost import CLOCK, CYCLES_PER_INSTRUCTION, Cost
 from ambkit.export.c.data import CPrecision, called
 from ambkit.export.c.prefix import checked
@@ -271,7 +271,7 @@ def _facts(magnet: MagnetModel | None, precision: CPrecision) -> dict[str, str]:
 
 def _check_nodes(estimator: Estimator) -> None:
     """Refuse a table whose nodes an int of 16 bits cannot count."""
-    for magnet in render.magnets_of(estimator):
+    for magnet in data_file.magnets_of(estimator):
         rows, columns = (magnet.parameters.get(key, 0) for key in ("rows", "columns"))
         if rows * columns > MOST_NODES:
             raise AmbkitError(

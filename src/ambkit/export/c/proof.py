@@ -93,3 +93,38 @@ def outputs(states: list[str], axes: int, sensors: int) -> list[str]:
 def _stored() -> dict[str, Any]:
     read: dict[str, Any] = json.loads(STORED.read_text(encoding="utf-8"))
     return read
+
+
+def context(
+    estimator: Estimator, context: dict[str, Any], core_files: dict[str, str]
+) -> dict[str, Any]:
+    """Return what the files of the proof say.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        What is exported.
+    context : dict
+        What the templates say.
+    core_files : dict
+        The core's files of the export, by their names.
+    """
+    several = context["several"]
+    axes, sensors = (len(several["axes"]), len(several["readings"])) if several else (0, 0)
+    fields = [state.field for state in context["states"]]
+    asked = {name: text for name, text in core_files.items() if name.endswith(".c")}
+    uses = {
+        called: any(f"{called}(" in text for text in asked.values())
+        for called in ("amb_exp_negative", "amb_root")
+    }
+    contracts = [called for called, used in uses.items() if used]
+    by_contract = f" -eva-use-spec {','.join(contracts)}" if contracts else ""
+    models = estimator.core.own.get("n", 0)  # their number is data, no constant that Eva sees
+    by_model = f" -eva-min-loop-unroll {models + 1}" if models else ""
+    return {
+        "outputs": outputs(fields, axes, sensors),
+        "options": OPTIONS.format(tag=context["tag"]) + by_model + by_contract,
+        "recorded": recorded(estimator, context["precision"], editable=bool(context["editable"])),
+        "uses_exponential": uses["amb_exp_negative"],
+        "uses_root": uses["amb_root"],
+    }

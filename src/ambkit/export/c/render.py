@@ -7,9 +7,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ambkit.base import escaping
 from ambkit.base.errors import AmbkitError
 from ambkit.base.units import engineering
@@ -19,24 +16,21 @@ from ambkit.export.c import (
     calibration,
     control,
     data,
+    data_file,
     machine_control,
     machine_scenes,
     model,
     proof,
+    selftest,
     telemetry,
-    unseen,
     vectors,
 )
-from ambkit.export.c.crc import Constants, Crc
 from ambkit.export.c.data import MAGNETS, CPrecision, Kind
 from ambkit.machine.bearing import FILES
 from ambkit.machine.machine import Machine
-from ambkit.machine.magnets import core_module
 from ambkit.simulation.control import bound_of, settling_of
 
 if TYPE_CHECKING:
-    from ambkit._core import Magnet
-    from ambkit.data.rig_units import Scaling
     from ambkit.estimate.base import Estimator
     from ambkit.machine.bearing import Bearing
     from ambkit.simulation.control import Controller
@@ -113,7 +107,7 @@ def render(
             "editable is for the paper's axis: of other models C has the matrices, and not what "
             "they were made from"
         )
-    magnets = magnets_of(estimator)
+    magnets = data_file.magnets_of(estimator)
     magnet, kinds = magnets[0], [MAGNETS[type(each).__name__] for each in magnets]
     kind = kinds[0]
     called = data.called(estimator)
@@ -151,11 +145,11 @@ def render(
     changed = ("_calibration",) if calibrated else ()
     sources = (*(f"{name}{file}.c" for file in ("", *changed, "_data", *more)), *c_files)
     of_test = ("selftest", "vectors", *(("control_selftest",) if flown else ()))
-    selftest = tuple(f"selftest/{name}_{file}.c" for file in of_test)
+    tests = tuple(f"selftest/{name}_{file}.c" for file in of_test)
     settling, bound = settling_of(estimator), bound_of(estimator)
     if controller is None:
         tested = vectors.make(estimator, magnets, settling=settling, bound=bound)
-        told = _selftest_context(tested, estimator, precision)
+        told = selftest.context(tested, estimator, precision)
     else:
         told = control.context(controller, name, precision)
     bearing = estimator.bearing
@@ -168,7 +162,7 @@ def render(
         "version": version("ambkit"),
         "precision": precision,
         "sampling_time": engineering(bearing.sampling_time, "s"),
-        "several": _several(estimator, magnets, kinds, precision) if whole else None,
+        "several": data_file.several(estimator, magnets, kinds, precision) if whole else None,
         "y_given": "const amb_real y[AMB_SENSORS]" if whole else "amb_real y",
         "u_given": "const amb_real u[AMB_CONTROLS]" if whole else "amb_real u",
         "sources": sources,
@@ -180,7 +174,7 @@ def render(
             calibrated=calibrated,
             flown=controller is not None or sequenced,
         ),
-        "selftest_sources": ("selftest/main.c", *selftest),
+        "selftest_sources": ("selftest/main.c", *tests),
         "bound": _BOUND_OF_MACHINES if whole and precision == "float" else _BOUNDS[precision],
         **{key: told[key] for key in told if key != "arrays"},
         "flown": told if controller is not None else None,
@@ -195,8 +189,8 @@ def render(
         "sampled": _sampled(estimator),
         "assumed": _assumed(estimator),
         "inputs": {
-            "y": _raw("y", estimator.inputs.y, precision),
-            "u": _raw("u", estimator.inputs.u, precision),
+            "y": data_file.raw("y", estimator.inputs.y, precision),
+            "u": data_file.raw("u", estimator.inputs.u, precision),
         },
         "facts": {
             **_assumed(estimator),
@@ -207,15 +201,17 @@ def render(
         "room": of_model.room,
         "symbols": core.external_names(),
         "tag": precision[0] + core.hashed(*map(str, of_model.instead.values()), str(of_model.room)),
-        "states": model.states(estimator.states, "" if whole else _hover(estimator, precision)),
+        "states": model.states(
+            estimator.states, "" if whole else data_file.hover(estimator, precision)
+        ),
         "diagonal": vectors.diagonal(len(estimator.states)),
-        "shown": _first(estimator, "sensor"),
-        "load": _first(estimator, "disturbance force"),
-        **_of_roles(estimator),
-        **_stops(estimator, precision),
+        "shown": selftest.first(estimator, "sensor"),
+        "load": selftest.first(estimator, "disturbance force"),
+        **selftest.of_roles(estimator),
+        **selftest.stops(estimator, precision),
         "base": base,
         "covariance": (in_core.covariance if in_core else "") or f"{base}cov",
-        **_data_context(estimator, magnet, kind, precision, of_model, editable=editable),
+        **data_file.data_context(estimator, magnet, kind, precision, of_model, editable=editable),
         "controlled": bool(flown),
         "sequenced": sequenced,
         "turning": _turning(of_model, speeds, precision),
@@ -228,7 +224,7 @@ def render(
         "own": "" if in_core is None else data.own(estimator, precision),
         "settling": settling,
         "bound_of_output": f"{bound:.1f}",
-        "crc": _crc(
+        "crc": data_file.crc(
             estimator,
             name,
             precision,
@@ -240,7 +236,7 @@ def render(
         "proof_sentence": _PROVED.replace("NAME", name),
         "contained_sentence": _CONTAINED.replace("NAME", name),
     }
-    context["proof"] = _proof(estimator, context, core_files)
+    context["proof"] = proof.context(estimator, context, core_files)
     for each, si in (("y", "m"), ("u", "V")):
         context[f"{each}_unit"] = context["inputs"][each]["unit"] if context["inputs"][each] else si
     context["inputs_text"] = repr(context["inputs"])
@@ -291,47 +287,10 @@ def render(
         for file, template in made.items()
     }
     visited = templates.get_template("COVERAGE.md.j2")
-    texts["selftest/COVERAGE.md"] = visited.render(context | _unseen(estimator, context, texts))
-    return Content(dict(sorted(texts.items())), sources, context["configuration"])
-
-
-def _unseen(
-    estimator: Estimator, context: dict[str, Any], texts: dict[str, str]
-) -> dict[str, list[tuple[str, str]]]:
-    """Return what the self-test is known not to see, and not to run; of the linear filter alone."""
-    if not estimator.name.startswith("linear"):
-        return {"unseen": [], "not_run": []}
-    flying = {name: text for name, text in texts.items() if not name.startswith(("self", "proof"))}
-    one, controlled = estimator.whole is None, context["flown"] is not None
-    said = unseen.told(flying, unseen.lists(not one, controlled))
-    has = None if one else machine_has(estimator, context)
-    return {"unseen": said, "not_run": [] if has is None else unseen.not_run(flying, has)}
-
-
-def machine_has(estimator: Estimator, context: dict[str, Any]) -> unseen.Has:
-    """Return what decides which lines of a machine's export run.
-
-    Parameters
-    ----------
-    estimator : Estimator
-        Of a whole machine.
-    context : dict
-        What the templates say.
-    """
-    direct = any(array["name"] == "model_B_u_column" for array in context["arrays"]) and bool(
-        estimator.engine.model.B_u.any()
+    texts["selftest/COVERAGE.md"] = visited.render(
+        context | selftest.blind(estimator, context, texts)
     )
-    rising = bool(np.any(estimator.core.parameters["set"]["rise"]))
-    plain = unseen.Has(len(estimator.states), direct, rising)
-    if not context["controlled"]:
-        return plain
-    gains = any(context["matrices"][f"gain_{k}"] != "NULL" for k in range(3))
-    alone = context["kind"] == "decentralised" and not gains and context["let_turn"] is None
-    return plain._replace(
-        controlled=True, alone=alone, fed=context["fed"], gains=gains,
-        let_turn=context["let_turn"] is not None,
-        turning=context["matrices"]["turning"] != "NULL", tracking=context["tracking"],
-    )  # fmt: skip
+    return Content(dict(sorted(texts.items())), sources, context["configuration"])
 
 
 def _turning(
@@ -348,147 +307,6 @@ def _turning(
         "slowest": slowest,
         "fastest": fastest,
     }
-
-
-def _selftest_context(
-    tested: vectors.Vectors, estimator: Estimator, precision: CPrecision
-) -> dict[str, Any]:
-    """Return what the self-test's files say."""
-    starts = tested.starts.tolist()
-    marks = tested.feed_back.copy()
-    marks[starts] += 2
-    return {
-        "steps": len(tested.y),
-        "columns": tested.expected.shape[1],
-        "y": data.array(_with_stand_ins(tested.y, precision), precision),
-        "u": data.array(_with_stand_ins(tested.u, precision), precision),
-        "told": data.array(tested.expected, precision),
-        "status": data.array(tested.status, precision),
-        "health": data.array(tested.health, precision),
-        "marks": data.array(marks, precision),
-        "runs": list(zip(tested.runs, np.diff([*starts, len(tested.y)]).tolist(), strict=True)),
-        "coverage": vectors.coverage(tested, estimator),
-    }
-
-
-def _proof(
-    estimator: Estimator, context: dict[str, Any], core_files: dict[str, str]
-) -> dict[str, Any]:
-    """Return what the files of the proof say."""
-    several = context["several"]
-    axes, sensors = (len(several["axes"]), len(several["readings"])) if several else (0, 0)
-    fields = [state.field for state in context["states"]]
-    asked = {name: text for name, text in core_files.items() if name.endswith(".c")}
-    uses = {
-        called: any(f"{called}(" in text for text in asked.values())
-        for called in ("amb_exp_negative", "amb_root")
-    }
-    contracts = [called for called, used in uses.items() if used]
-    by_contract = f" -eva-use-spec {','.join(contracts)}" if contracts else ""
-    models = estimator.core.own.get("n", 0)  # their number is data, no constant that Eva sees
-    by_model = f" -eva-min-loop-unroll {models + 1}" if models else ""
-    return {
-        "outputs": proof.outputs(fields, axes, sensors),
-        "options": proof.OPTIONS.format(tag=context["tag"]) + by_model + by_contract,
-        "recorded": proof.recorded(
-            estimator, context["precision"], editable=bool(context["editable"])
-        ),
-        "uses_exponential": uses["amb_exp_negative"],
-        "uses_root": uses["amb_root"],
-    }
-
-
-def _of_roles(estimator: Estimator) -> dict[str, Any]:
-    """Return which states the self-test of a machine asks for.
-
-    `plain`: its state is the Kalman filter's own, whose covariance the self-test can spoil.
-    """
-    roles = [state.role for state in estimator.states]
-    return {
-        "plain": estimator.whole is not None and estimator.name.startswith("linear"),
-        "positions": [i for i, role in enumerate(roles) if role == "position"],
-        "moving": [
-            str(role in ("position", "velocity", "disturbance force")).lower() for role in roles
-        ],
-        "reads": [str(role == "sensor").lower() for role in roles],
-        "loads": [str(role == "disturbance force").lower() for role in roles],
-    }
-
-
-def _first(estimator: Estimator, role: str) -> int:
-    """Return the place of the first state of a role; -1 where there is none."""
-    return next((i for i, state in enumerate(estimator.states) if state.role == role), -1)
-
-
-def _stops(estimator: Estimator, precision: CPrecision) -> dict[str, str]:
-    """Return readings that may be a rotor on its stops, and ones that may not, on both sides."""
-    settings = estimator.core.parameters["set"]
-    gain, travel, var_y = (np.asarray(settings[k], float) for k in ("K_sen", "travel", "var_y"))
-    shown, noise = np.abs(gain) * travel, np.sqrt(var_y)
-    places = {"between": shown + 3.8 * noise, "beyond": shown + 4.2 * noise}
-    sides = {name: np.array([-each, each], float) for name, each in places.items()}
-    if estimator.whole is None:
-        read = estimator.inputs.y.numbers
-        return {name: data.array(read(at.ravel()), precision, "") for name, at in sides.items()}
-    return {
-        name: ", ".join("{" + data.array(row, precision, "") + "}" for row in at)
-        for name, at in sides.items()
-    }
-
-
-def _with_stand_ins(values: NDArray[np.float64], precision: CPrecision) -> NDArray[np.float64]:
-    """Return numbers, and what the vectors have in the place of what C has no literal for."""
-    most = float(np.finfo(np.float32 if precision == "float" else np.float64).max)
-    return np.nan_to_num(values, nan=most, posinf=most / 2, neginf=-most / 2)
-
-
-def _crc(
-    estimator: Estimator,
-    name: str,
-    precision: CPrecision,
-    of_model: model.InC,
-    *,
-    editable: bool,
-    flown: Controller | None,
-    calibrated: bool,
-) -> Crc:
-    """Return the CRC of the data file, with its names."""
-    constants = Constants(precision)
-    several = estimator.whole is not None
-    for path, values in of_model.arrays.items():
-        constants.array(path, values)
-    magnets = magnets_of(estimator)
-    for k, magnet in enumerate(magnets):
-        names = _names(magnet, k if several else None)
-        for path, values in data.arrays_of(magnet.parameters).items():
-            constants.array(names[path], values)
-    kalman = estimator.core.parameters | {"model": of_model.numbers}
-    if editable:
-        constants.fields(f"{name}_settings", kalman["set"], arrays=True)
-        constants.array(f"&{name}_mass", np.array([estimator.bearing.rotor.mass]))
-    else:
-        constants.fields(f"{name}_kalman", kalman, arrays=True)
-    if of_model.turning is not None:
-        constants.fields(f"{name}_turning", of_model.turning, arrays=False)
-    constants.array(f"{name}_std", np.asarray(estimator.default_std()))
-    if estimator.whole is not None:
-        start, by_reading = estimator.whole.start_form(estimator.states, estimator.hover)
-        constants.array(f"{name}_start", start)
-        constants.array(f"{name}_start_by", by_reading.ravel())
-        for k, magnet in enumerate(magnets):
-            constants.fields(f"magnet_{k}", magnet.parameters, arrays=False)
-    else:
-        (magnet,) = magnets
-        paper = data.called(estimator) is PAPER and flown is None
-        given = paper and type(magnet).__name__ == "Constant"
-        place = f"{name}_stiffness" if given else "magnet"
-        constants.fields(place, magnet.parameters, arrays=False)
-    constants.fields("own", estimator.core.own, arrays=True)
-    if flown is not None:
-        control.constants(flown, name, constants)
-        if calibrated:
-            calibration.constants(flown, name, constants)
-    return constants.crc()
 
 
 def _sampled(estimator: Estimator) -> str:
@@ -517,97 +335,8 @@ def _assumed(estimator: Estimator) -> dict[str, str]:
     return said
 
 
-def _raw(name: str, reading: Scaling, precision: CPrecision) -> dict[str, str] | None:
-    """Return what is done with a raw input; None where it comes in SI."""
-    if reading.gain == 1.0 and not reading.zero:
-        return None
-    sign = "-" if reading.zero < 0 else "+"
-    zero = f" {sign} {abs(reading.zero):.9g}" if reading.zero else ""
-    value = f"{reading.gain:.9g} * number{zero}"
-    return {
-        "gain": data.number(reading.gain, precision),
-        "zero": data.number(reading.zero, precision),
-        "unit": reading.unit,
-        "said": f"{name} [{reading.si_unit}] = {value}, number in {reading.unit}",
-    }
-
-
-def _data_context(
-    estimator: Estimator,
-    magnet: Magnet,
-    kind: Kind,
-    precision: CPrecision,
-    of_model: model.InC,
-    *,
-    editable: bool,
-) -> dict[str, Any]:
-    """Return what the data file says: the structs that the core holds, as initialisers."""
-    fields = magnet.parameters
-    arrays = data.arrays_of(fields)
-    names = _names(magnet, None)
-    named = of_model.arrays | {names[path]: values for path, values in arrays.items()}
-    if estimator.whole is not None:
-        named = dict(of_model.arrays)
-        for k, each in enumerate(magnets_of(estimator)):
-            own = data.arrays_of(each.parameters)
-            named |= {_names(each, k)[path]: values for path, values in own.items()}
-    kalman = estimator.core.parameters | {"model": of_model.numbers}
-    if editable:
-        kalman = kalman["set"]
-    return {
-        "kalman": data.struct_with_arrays(kalman, precision),
-        "std": data.array(np.asarray(estimator.default_std()), precision),
-        "magnet": data.struct(fields, precision, names),
-        "magnet_type": kind.type,
-        "magnet_methods": kind.methods,
-        "arrays": data.declared(named, precision),
-    }
-
-
-def magnets_of(estimator: Estimator) -> list[Magnet]:
-    """Return the core's magnets that an estimator asks, one for each axis."""
-    held = estimator.magnet.in_core(core_module(estimator.precision))
-    return held if isinstance(held, list) else [held]
-
-
 def _about(kinds: list[Kind]) -> str:
     return ", ".join(dict.fromkeys(kind.about for kind in kinds))
-
-
-def _several(
-    estimator: Estimator, magnets: list[Magnet], kinds: list[Kind], precision: CPrecision
-) -> dict[str, Any]:
-    """Return what only the export of a whole machine has."""
-    whole = estimator.whole
-    assert whole is not None
-    constant, by_reading = whole.start_form(estimator.states, estimator.hover)
-    return {
-        "axes": [axis.name for axis in whole.machine.axes],
-        "readings": [r.name for r in whole.machine.readings],
-        "headers": sorted({f"{kind.source}.h" for kind in kinds}),
-        "start": data.array(constant, precision),
-        "start_by": data.array(by_reading.ravel(), precision),
-        "magnets": [
-            {
-                "type": kind.type,
-                "methods": kind.methods,
-                "text": data.struct(each.parameters, precision, _names(each, k)),
-            }
-            for k, (each, kind) in enumerate(zip(magnets, kinds, strict=True))
-        ],
-    }
-
-
-def _names(magnet: Magnet, k: int | None) -> dict[str, str]:
-    """Return the C names of the arrays of the k-th magnet, by the paths of their fields."""
-    of = "" if k is None else f"of_{k}_"
-    return {path: of + path.replace(".", "_") for path in data.arrays_of(magnet.parameters)}
-
-
-def _hover(estimator: Estimator, precision: CPrecision) -> str:
-    """Return the current that holds the rotor at x, as `Estimator.at_rest` has it."""
-    middle, per_metre = (data.number(value, precision) for value in estimator.hover)
-    return f"{middle} + {per_metre} * x"
 
 
 def _casts(

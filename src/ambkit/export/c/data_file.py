@@ -1,0 +1,227 @@
+"""What an export's data file says: the structs and arrays of the core, and their CRC."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ambkit.estimate.registry import PAPER
+from ambkit.export.c import calibration, control, data, model
+from ambkit.export.c.crc import Constants, Crc
+from ambkit.export.c.data import CPrecision, Kind
+from ambkit.machine.magnets import core_module
+
+if TYPE_CHECKING:
+    from ambkit._core import Magnet
+    from ambkit.data.rig_units import Scaling
+    from ambkit.estimate.base import Estimator
+    from ambkit.simulation.control import Controller
+
+
+def data_context(
+    estimator: Estimator,
+    magnet: Magnet,
+    kind: Kind,
+    precision: CPrecision,
+    of_model: model.InC,
+    *,
+    editable: bool,
+) -> dict[str, Any]:
+    """Return what the data file says: the structs that the core holds, as initialisers.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        What is exported.
+    magnet : Magnet
+        The core's, that it asks; of a machine the first.
+    kind : Kind
+        What that is in C.
+    precision : {"float", "double"}
+        Of the numbers.
+    of_model : InC
+        The model.
+    editable : bool
+        Whether each number stands there once, and the rest is computed at init.
+    """
+    fields = magnet.parameters
+    arrays = data.arrays_of(fields)
+    names = _names(magnet, None)
+    named = of_model.arrays | {names[path]: values for path, values in arrays.items()}
+    if estimator.whole is not None:
+        named = dict(of_model.arrays)
+        for k, each in enumerate(magnets_of(estimator)):
+            own = data.arrays_of(each.parameters)
+            named |= {_names(each, k)[path]: values for path, values in own.items()}
+    kalman = estimator.core.parameters | {"model": of_model.numbers}
+    if editable:
+        kalman = kalman["set"]
+    return {
+        "kalman": data.struct_with_arrays(kalman, precision),
+        "std": data.array(np.asarray(estimator.default_std()), precision),
+        "magnet": data.struct(fields, precision, names),
+        "magnet_type": kind.type,
+        "magnet_methods": kind.methods,
+        "arrays": data.declared(named, precision),
+    }
+
+
+def several(
+    estimator: Estimator, magnets: list[Magnet], kinds: list[Kind], precision: CPrecision
+) -> dict[str, Any]:
+    """Return what only the export of a whole machine has.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        What is exported.
+    magnets : list of Magnet
+        The core's, one for each axis.
+    kinds : list of Kind
+        What each is in C.
+    precision : {"float", "double"}
+        Of the numbers.
+    """
+    whole = estimator.whole
+    assert whole is not None
+    constant, by_reading = whole.start_form(estimator.states, estimator.hover)
+    return {
+        "axes": [axis.name for axis in whole.machine.axes],
+        "readings": [r.name for r in whole.machine.readings],
+        "headers": sorted({f"{kind.source}.h" for kind in kinds}),
+        "start": data.array(constant, precision),
+        "start_by": data.array(by_reading.ravel(), precision),
+        "magnets": [
+            {
+                "type": kind.type,
+                "methods": kind.methods,
+                "text": data.struct(each.parameters, precision, _names(each, k)),
+            }
+            for k, (each, kind) in enumerate(zip(magnets, kinds, strict=True))
+        ],
+    }
+
+
+def raw(name: str, reading: Scaling, precision: CPrecision) -> dict[str, str] | None:
+    """Return what is done with a raw input; None where it comes in SI.
+
+    Parameters
+    ----------
+    name : str
+        Of the input.
+    reading : Scaling
+        What its numbers mean.
+    precision : {"float", "double"}
+        Of the numbers.
+    """
+    if reading.gain == 1.0 and not reading.zero:
+        return None
+    sign = "-" if reading.zero < 0 else "+"
+    zero = f" {sign} {abs(reading.zero):.9g}" if reading.zero else ""
+    value = f"{reading.gain:.9g} * number{zero}"
+    return {
+        "gain": data.number(reading.gain, precision),
+        "zero": data.number(reading.zero, precision),
+        "unit": reading.unit,
+        "said": f"{name} [{reading.si_unit}] = {value}, number in {reading.unit}",
+    }
+
+
+def hover(estimator: Estimator, precision: CPrecision) -> str:
+    """Return the current that holds the rotor at x, as `Estimator.at_rest` has it.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        What is exported.
+    precision : {"float", "double"}
+        Of the numbers.
+    """
+    middle, per_metre = (data.number(value, precision) for value in estimator.hover)
+    return f"{middle} + {per_metre} * x"
+
+
+def magnets_of(estimator: Estimator) -> list[Magnet]:
+    """Return the core's magnets that an estimator asks, one for each axis.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        What is exported.
+    """
+    held = estimator.magnet.in_core(core_module(estimator.precision))
+    return held if isinstance(held, list) else [held]
+
+
+def _names(magnet: Magnet, k: int | None) -> dict[str, str]:
+    """Return the C names of the arrays of the k-th magnet, by the paths of their fields."""
+    of = "" if k is None else f"of_{k}_"
+    return {path: of + path.replace(".", "_") for path in data.arrays_of(magnet.parameters)}
+
+
+def crc(
+    estimator: Estimator,
+    name: str,
+    precision: CPrecision,
+    of_model: model.InC,
+    *,
+    editable: bool,
+    flown: Controller | None,
+    calibrated: bool,
+) -> Crc:
+    """Return the CRC of the data file, with its names.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        What is exported.
+    name : str
+        Prefix.
+    precision : {"float", "double"}
+        Of the numbers.
+    of_model : InC
+        The model.
+    editable : bool
+        As of `data_context`.
+    flown : Controller or None
+        That flies the estimator.
+    calibrated : bool
+        Whether its numbers can be changed while it runs.
+    """
+    constants = Constants(precision)
+    whole = estimator.whole is not None
+    for path, values in of_model.arrays.items():
+        constants.array(path, values)
+    magnets = magnets_of(estimator)
+    for k, magnet in enumerate(magnets):
+        names = _names(magnet, k if whole else None)
+        for path, values in data.arrays_of(magnet.parameters).items():
+            constants.array(names[path], values)
+    kalman = estimator.core.parameters | {"model": of_model.numbers}
+    if editable:
+        constants.fields(f"{name}_settings", kalman["set"], arrays=True)
+        constants.array(f"&{name}_mass", np.array([estimator.bearing.rotor.mass]))
+    else:
+        constants.fields(f"{name}_kalman", kalman, arrays=True)
+    if of_model.turning is not None:
+        constants.fields(f"{name}_turning", of_model.turning, arrays=False)
+    constants.array(f"{name}_std", np.asarray(estimator.default_std()))
+    if estimator.whole is not None:
+        start, by_reading = estimator.whole.start_form(estimator.states, estimator.hover)
+        constants.array(f"{name}_start", start)
+        constants.array(f"{name}_start_by", by_reading.ravel())
+        for k, magnet in enumerate(magnets):
+            constants.fields(f"magnet_{k}", magnet.parameters, arrays=False)
+    else:
+        (magnet,) = magnets
+        paper = data.called(estimator) is PAPER and flown is None
+        given = paper and type(magnet).__name__ == "Constant"
+        place = f"{name}_stiffness" if given else "magnet"
+        constants.fields(place, magnet.parameters, arrays=False)
+    constants.fields("own", estimator.core.own, arrays=True)
+    if flown is not None:
+        control.constants(flown, name, constants)
+        if calibrated:
+            calibration.constants(flown, name, constants)
+    return constants.crc()

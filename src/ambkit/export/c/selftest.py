@@ -1,0 +1,157 @@
+"""What the self-test's files say: vectors, what it asks of which states, and what it cannot see."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambkit.export.c import data, unseen, vectors
+from ambkit.export.c.data import CPrecision
+
+if TYPE_CHECKING:
+    from ambkit.estimate.base import Estimator
+
+
+def context(tested: vectors.Vectors, estimator: Estimator, precision: CPrecision) -> dict[str, Any]:
+    """Return what the self-test's files say.
+
+    Parameters
+    ----------
+    tested : Vectors
+        What goes through it.
+    estimator : Estimator
+        What is exported.
+    precision : {"float", "double"}
+        Of the numbers.
+    """
+    starts = tested.starts.tolist()
+    marks = tested.feed_back.copy()
+    marks[starts] += 2
+    return {
+        "steps": len(tested.y),
+        "columns": tested.expected.shape[1],
+        "y": data.array(_with_stand_ins(tested.y, precision), precision),
+        "u": data.array(_with_stand_ins(tested.u, precision), precision),
+        "told": data.array(tested.expected, precision),
+        "status": data.array(tested.status, precision),
+        "health": data.array(tested.health, precision),
+        "marks": data.array(marks, precision),
+        "runs": list(zip(tested.runs, np.diff([*starts, len(tested.y)]).tolist(), strict=True)),
+        "coverage": vectors.coverage(tested, estimator),
+    }
+
+
+def _with_stand_ins(values: NDArray[np.float64], precision: CPrecision) -> NDArray[np.float64]:
+    """Return numbers, and what the vectors have in the place of what C has no literal for."""
+    most = float(np.finfo(np.float32 if precision == "float" else np.float64).max)
+    return np.nan_to_num(values, nan=most, posinf=most / 2, neginf=-most / 2)
+
+
+def of_roles(estimator: Estimator) -> dict[str, Any]:
+    """Return which states the self-test of a machine asks for.
+
+    `plain`: its state is the Kalman filter's own, whose covariance the self-test can spoil.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        What is exported.
+    """
+    roles = [state.role for state in estimator.states]
+    return {
+        "plain": estimator.whole is not None and estimator.name.startswith("linear"),
+        "positions": [i for i, role in enumerate(roles) if role == "position"],
+        "moving": [
+            str(role in ("position", "velocity", "disturbance force")).lower() for role in roles
+        ],
+        "reads": [str(role == "sensor").lower() for role in roles],
+        "loads": [str(role == "disturbance force").lower() for role in roles],
+    }
+
+
+def first(estimator: Estimator, role: str) -> int:
+    """Return the place of the first state of a role; -1 where there is none.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        What is exported.
+    role : str
+        Of states.
+    """
+    return next((i for i, state in enumerate(estimator.states) if state.role == role), -1)
+
+
+def stops(estimator: Estimator, precision: CPrecision) -> dict[str, str]:
+    """Return readings that may be a rotor on its stops, and ones that may not, on both sides.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        What is exported.
+    precision : {"float", "double"}
+        Of the numbers.
+    """
+    settings = estimator.core.parameters["set"]
+    gain, travel, var_y = (np.asarray(settings[k], float) for k in ("K_sen", "travel", "var_y"))
+    shown, noise = np.abs(gain) * travel, np.sqrt(var_y)
+    places = {"between": shown + 3.8 * noise, "beyond": shown + 4.2 * noise}
+    sides = {name: np.array([-each, each], float) for name, each in places.items()}
+    if estimator.whole is None:
+        read = estimator.inputs.y.numbers
+        return {name: data.array(read(at.ravel()), precision, "") for name, at in sides.items()}
+    return {
+        name: ", ".join("{" + data.array(row, precision, "") + "}" for row in at)
+        for name, at in sides.items()
+    }
+
+
+def blind(
+    estimator: Estimator, context: dict[str, Any], texts: dict[str, str]
+) -> dict[str, list[tuple[str, str]]]:
+    """Return what the self-test is known not to see, and not to run; of the linear filter alone.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        What is exported.
+    context : dict
+        What the templates say.
+    texts : dict
+        All files of the export by their names.
+    """
+    if not estimator.name.startswith("linear"):
+        return {"unseen": [], "not_run": []}
+    flying = {name: text for name, text in texts.items() if not name.startswith(("self", "proof"))}
+    one, controlled = estimator.whole is None, context["flown"] is not None
+    said = unseen.told(flying, unseen.lists(not one, controlled))
+    has = None if one else machine_has(estimator, context)
+    return {"unseen": said, "not_run": [] if has is None else unseen.not_run(flying, has)}
+
+
+def machine_has(estimator: Estimator, context: dict[str, Any]) -> unseen.Has:
+    """Return what decides which lines of a machine's export run.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        Of a whole machine.
+    context : dict
+        What the templates say.
+    """
+    direct = any(array["name"] == "model_B_u_column" for array in context["arrays"]) and bool(
+        estimator.engine.model.B_u.any()
+    )
+    rising = bool(np.any(estimator.core.parameters["set"]["rise"]))
+    plain = unseen.Has(len(estimator.states), direct, rising)
+    if not context["controlled"]:
+        return plain
+    gains = any(context["matrices"][f"gain_{k}"] != "NULL" for k in range(3))
+    alone = context["kind"] == "decentralised" and not gains and context["let_turn"] is None
+    return plain._replace(
+        controlled=True, alone=alone, fed=context["fed"], gains=gains,
+        let_turn=context["let_turn"] is not None,
+        turning=context["matrices"]["turning"] != "NULL", tracking=context["tracking"],
+    )  # fmt: skip
