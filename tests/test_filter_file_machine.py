@@ -153,7 +153,6 @@ def test_assess_takes_it(arguments, folder, capsys, monkeypatch):
     (["export", "c", "f.toml", "--out", "c", "--controller", "flight.toml"], 0, "wrote c"),
     (["export", "mat", "f.toml", "--out", "f.mat"], 2, "is the filter of a whole machine"),
     (["export", "fmu", "f.toml", "--out", "f.fmu"], 2, "is the filter of a whole machine"),
-    (["pil", "f.toml"], 2, "is the filter of a whole machine"),
     (["tune", "tum_mlps", "--estimator", "linear", "--evaluations", "2", "--runs", "1",
       "--out", "g.toml"], 0, "wrote g.toml"),
 ])  # fmt: skip

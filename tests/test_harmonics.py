@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_machine_commands import call as call
 from test_machine_synchronous import BOTH, RUN_UP, SERVICE, spoilt, steady
 
 from ambkit import ExtendedKalmanFilter, Flight, Machine, harmonics, simulate_machine

@@ -264,6 +264,12 @@ static amb_status take_in(const amb_kalman *kf, const void *own, void *of, int r
   const amb_real S = amb_model_shown_variance(model, r, s->base.cov) + noise;
   (void)own;
   told->innovation = AMB_C(0.0);
+  told->variance = AMB_C(0.0);
+  if (!AMB_WITHIN(S, AMB_REAL_MAX)) { /* no more than the factor is; in sight, for the proof */
+    amb_envelope_open(kf, s->base.cov);
+    factor_state(kf, s);
+    return AMB_RESTARTED;
+  }
   told->variance = S;
   const amb_real seen = amb_step_seen(kf, r, y);
   amb_status status = amb_step_useless(kf, &s->base, r, y);

@@ -49,7 +49,7 @@ def pil(
     For example:
       ambkit pil zittau_axial
       ambkit pil filter.toml --scenario scenario.toml --board stm32f4 --report pil.html
-      ambkit pil tum_mlps --filter filter.toml --scenario flight.toml
+      ambkit pil tum_mlps --scenario flight.toml
     """
     from ambkit.cli import output
     from ambkit.export import pil as loop

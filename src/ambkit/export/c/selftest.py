@@ -49,19 +49,32 @@ def _with_stand_ins(values: NDArray[np.float64], precision: CPrecision) -> NDArr
     return np.nan_to_num(values, nan=most, posinf=most / 2, neginf=-most / 2)
 
 
-def of_roles(estimator: Estimator) -> dict[str, Any]:
-    """Return which states the self-test of a machine asks for.
-
-    `plain`: its state is the Kalman filter's own, whose covariance the self-test can spoil.
+def is_plain(estimator: Estimator) -> bool:
+    """Whether it is the linear filter, and nothing else with its name in front.
 
     Parameters
     ----------
     estimator : Estimator
         What is exported.
     """
-    roles = [state.role for state in estimator.states]
+    return estimator.name.startswith("linear") and not data.called(estimator).base
+
+
+def of_roles(estimator: Estimator) -> dict[str, Any]:
+    """Return which states the self-test of a machine asks for.
+
+    `plain`: its state is the Kalman filter's own, whose covariance the self-test can spoil.
+    `bends`: the rotor has modes besides those of a rigid body.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        What is exported.
+    """
+    roles, whole = [state.role for state in estimator.states], estimator.whole
     return {
-        "plain": estimator.whole is not None and estimator.name.startswith("linear"),
+        "plain": whole is not None and is_plain(estimator),
+        "bends": whole is not None and whole.H.shape[1] > whole.rigid,
         "positions": [i for i, role in enumerate(roles) if role == "position"],
         "moving": [
             str(role in ("position", "velocity", "disturbance force")).lower() for role in roles
@@ -122,7 +135,7 @@ def blind(
     texts : dict
         All files of the export by their names.
     """
-    if not estimator.name.startswith("linear"):
+    if not is_plain(estimator):
         return {"unseen": [], "not_run": []}
     flying = {name: text for name, text in texts.items() if not name.startswith(("self", "proof"))}
     one, controlled = estimator.whole is None, context["flown"] is not None
