@@ -63,8 +63,8 @@ def is_plain(estimator: Estimator) -> bool:
 def of_roles(estimator: Estimator) -> dict[str, Any]:
     """Return which states the self-test of a machine asks for.
 
-    `plain`: its state is the Kalman filter's own, whose covariance the self-test can spoil.
-    `bends`: the rotor has modes besides those of a rigid body.
+    `plain`: its state is the Kalman filter's own, whose covariance the self-test can spoil, and the
+    rotor is rigid: a mode may go beyond its bound, or back, within a sample.
 
     Parameters
     ----------
@@ -73,8 +73,7 @@ def of_roles(estimator: Estimator) -> dict[str, Any]:
     """
     roles, whole = [state.role for state in estimator.states], estimator.whole
     return {
-        "plain": whole is not None and is_plain(estimator),
-        "bends": whole is not None and whole.H.shape[1] > whole.rigid,
+        "plain": whole is not None and is_plain(estimator) and whole.H.shape[1] == whole.rigid,
         "positions": [i for i, role in enumerate(roles) if role == "position"],
         "moving": [
             str(role in ("position", "velocity", "disturbance force")).lower() for role in roles
