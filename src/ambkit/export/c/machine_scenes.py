@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from copy import deepcopy
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -97,8 +98,9 @@ def vectors(
     machine = estimator.whole.machine
     parts = []
     for scene in _scenes(machine, flight):
+        fresh = deepcopy(estimator)  # what has followed another speed may keep a trace of it
         run = simulate_machine(
-            machine, scene.flight, estimator=estimator, controllers=controllers,
+            machine, scene.flight, estimator=fresh, controllers=controllers,
             readings=scene.readings, references=scene.references, from_readings=True,
             fly=scene.fly,
             other=None if flight.sequence is None else _quick(estimator),
