@@ -81,7 +81,7 @@ def test_the_supervisor_is_seen_whole(bench: Any) -> None:
     assert [str(m) for m in alive if not first.is_the_same(m)] == []
 
 
-@pytest.mark.parametrize("name", FLOWN)
+@pytest.mark.parametrize("name", ["pid", "lqg", "measured"])  # of rotors that do not bend
 def test_what_does_not_run_is_known(name: str, bench: Any) -> None:
     """Each line with an operator that never runs is told in the report, with its reason."""
     one = bench(name)

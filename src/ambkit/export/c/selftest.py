@@ -50,14 +50,16 @@ def _with_stand_ins(values: NDArray[np.float64], precision: CPrecision) -> NDArr
 
 
 def is_plain(estimator: Estimator) -> bool:
-    """Whether it is the linear filter, and nothing else with its name in front.
+    """Whether it is the linear filter, of one axis or of a rotor that does not bend.
 
     Parameters
     ----------
     estimator : Estimator
         What is exported.
     """
-    return estimator.name.startswith("linear") and not data.called(estimator).base
+    whole = estimator.whole
+    bends = whole is not None and whole.H.shape[1] > whole.rigid
+    return estimator.name.startswith("linear") and not data.called(estimator).base and not bends
 
 
 def of_roles(estimator: Estimator) -> dict[str, Any]:
@@ -73,7 +75,7 @@ def of_roles(estimator: Estimator) -> dict[str, Any]:
     """
     roles, whole = [state.role for state in estimator.states], estimator.whole
     return {
-        "plain": whole is not None and is_plain(estimator) and whole.H.shape[1] == whole.rigid,
+        "plain": whole is not None and is_plain(estimator),
         "positions": [i for i, role in enumerate(roles) if role == "position"],
         "moving": [
             str(role in ("position", "velocity", "disturbance force")).lower() for role in roles
@@ -123,7 +125,7 @@ def stops(estimator: Estimator, precision: CPrecision) -> dict[str, str]:
 def blind(
     estimator: Estimator, context: dict[str, Any], texts: dict[str, str]
 ) -> dict[str, list[tuple[str, str]]]:
-    """Return what the self-test is known not to see, and not to run; of the linear filter alone.
+    """Return what the self-test is known not to see, and not to run; of `is_plain` alone.
 
     Parameters
     ----------
