@@ -98,6 +98,7 @@ def test_an_axis_is_looked_at_where_its_controller_takes_its_position():
     assert found == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
+@pytest.mark.long
 def test_no_loop_of_a_machine_is_below_the_bound():
     for name in PRESETS:
         found = ambkit.assess(Machine.preset(name), "linear")

@@ -140,6 +140,7 @@ def test_a_log_is_cut_where_it_does_not_fly() -> None:
     assert all(a.end == b.begin for a, b in pairwise(stretches))
 
 
+@pytest.mark.long
 def test_pooling_finds_the_scatter_between_logs_and_its_error() -> None:
     """Truth: logs scatter by 0.2 about 1, each known to 0.05; 200 times 8 logs."""
     parameters = named(["magnet_constant", "delay"])

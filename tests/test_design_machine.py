@@ -50,6 +50,7 @@ def test_what_is_written_reads_back_as_the_loop_that_was_chosen(designed):
     assert "Fly the linear filter" in card.html()
 
 
+@pytest.mark.long
 def test_what_is_beyond_the_ceiling_is_said_and_not_exported(tmp_path):
     found = design_machine(
         TUM, [], tmp_path / "d", kinds=["linear"], max_sensitivity=1.5, runs=1, budget=2

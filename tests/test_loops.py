@@ -36,6 +36,7 @@ def gcc(*arguments: str | Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("precision", ["-DAMB_DOUBLE", "-DAMB_FLOAT"])
 def test_the_axis_by_loops_is_the_axis_built_in_to_the_last_bit(
     precision: str, tmp_path: Path

@@ -279,6 +279,7 @@ def test_what_a_record_does_not_depend_on_is_held(records):
     assert found.bearing.amplifier.noise_variance > 1e-6 or "control_noise" in found.held
 
 
+@pytest.mark.long
 def test_two_records_tell_more_than_one(records):
     one = maximum_likelihood(records[0], TRUTH, improve_start=False)
     both = maximum_likelihood(records[:2], TRUTH, improve_start=False)
@@ -308,6 +309,7 @@ def test_stiffness_with_its_error_follows_from_the_law(found):
         assert 0.6 < z.std() < 1.5
 
 
+@pytest.mark.long
 def test_a_missing_stretch_is_not_counted(records):
     y = records[0]["y"].copy()
     y[4000:4100] = np.nan
